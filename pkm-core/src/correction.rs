@@ -1,0 +1,319 @@
+//! Corrected stiffness from a fitted table (paper, Eqs. 10-12; spec: model.md 3).
+//!
+//! The coefficients are polynomials of the pose in scaled variables t = (x − centre) / half width, each in
+//! −1…1 over the box that the table was fitted on. Two forms:
+//!
+//! * *diagonal*, the paper's: k_ii of K_m is c_ii·k_ii of K_p. The paper gives no couplings; here the whole
+//!   matrix is √C K_p √C, which has these diagonals. It is wrong for loads, see `docs/theory.md`.
+//! * *factor*: with K_p = L Lᵀ, K_m = (L G)(L G)ᵀ, G lower triangular with 21 polynomial entries. Positive
+//!   definite wherever the diagonal of G is positive, and already factored.
+
+use core::fmt;
+
+use crate::linalg;
+use crate::machine::Machine;
+use crate::scalar::Scalar;
+use crate::stiffness::{StiffnessError, StiffnessFactor};
+use crate::types::{Domain, Pose};
+
+/// Most terms a table may have.
+pub const MAX_TERMS: usize = 40;
+/// Greatest exponent in a term.
+pub const MAX_EXPONENT: u8 = 6;
+/// Entries of the factor form: a lower triangle, row by row.
+pub const FACTOR_ENTRIES: usize = 21;
+
+/// Why a table was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum TableError {
+    /// No terms, or more than [`MAX_TERMS`].
+    TermCount,
+    /// An exponent above [`MAX_EXPONENT`].
+    Exponent,
+    /// The coefficients are not 6 (21 for the factor form) rows of one number a term.
+    CoefficientCount,
+    /// A number is NaN or infinite.
+    NotFinite,
+    /// A half width is not above 0.
+    EmptyBox,
+}
+
+impl fmt::Display for TableError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::TermCount => "a table needs 1 to 40 terms",
+            Self::Exponent => "an exponent is above 6",
+            Self::CoefficientCount => "the number of coefficients is not rows times terms",
+            Self::NotFinite => "a number of the table is not finite",
+            Self::EmptyBox => "a half width of the box is not above 0",
+        })
+    }
+}
+
+impl core::error::Error for TableError {}
+
+/// Why there is no corrected stiffness for a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum CorrectionError {
+    /// The basic stiffness failed.
+    Stiffness(StiffnessError),
+    /// The table was fitted on principal stiffnesses alone and has no factor form.
+    NoFactorForm,
+    /// A coefficient that must be positive is not, at this pose. Only an extrapolation can do this: the fit
+    /// refuses a table that does it inside its box.
+    NotPositive {
+        /// Row of the coefficient, from 1.
+        row: u8,
+    },
+}
+
+impl fmt::Display for CorrectionError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stiffness(e) => e.fmt(f),
+            Self::NoFactorForm => f.write_str("the table has no factor form"),
+            Self::NotPositive { row } => write!(f, "the correction of row {row} is not positive at this pose"),
+        }
+    }
+}
+
+impl core::error::Error for CorrectionError {}
+
+impl<E: Into<StiffnessError>> From<E> for CorrectionError {
+    fn from(e: E) -> Self {
+        Self::Stiffness(e.into())
+    }
+}
+
+/// Monomials of the pose in scaled variables, and the box in which they are scaled to −1…1.
+#[derive(Clone, Copy, Debug)]
+pub struct Basis<'a, T> {
+    centre: [T; 3],
+    half_width: [T; 3],
+    terms: &'a [[u8; 3]],
+}
+
+impl<T: Scalar> Basis<'_, T> {
+    /// Where a pose stands to the box. A pose that is not finite is outside.
+    pub fn domain(&self, pose: &Pose<T>) -> Domain {
+        let edge = T::ONE + T::SLACK;
+        if self.scaled(pose).into_iter().all(|t| t.abs() <= edge) { Domain::Inside } else { Domain::Outside }
+    }
+
+    /// The terms' values at a pose, in their order; zeros behind the last.
+    pub fn monomials(&self, pose: &Pose<T>) -> [T; MAX_TERMS] {
+        let t = self.scaled(pose);
+        let power = |x: T, n: u8| (0..n).fold(T::ONE, |p, _| p * x);
+        let mut monomials = [T::ZERO; MAX_TERMS];
+        for (monomial, [p, r, s]) in monomials.iter_mut().zip(self.terms) {
+            *monomial = power(t[0], *p) * power(t[1], *r) * power(t[2], *s);
+        }
+        monomials
+    }
+
+    fn scaled(&self, pose: &Pose<T>) -> [T; 3] {
+        let [c, h] = [self.centre, self.half_width];
+        [(pose.theta_rad - c[0]) / h[0], (pose.sigma_rad - c[1]) / h[1], (pose.z0_m - c[2]) / h[2]]
+    }
+}
+
+/// A correction table: box, terms, coefficients. Borrows its numbers, which on a controller are in flash.
+#[derive(Clone, Copy, Debug)]
+pub struct CorrectionTable<'a, T> {
+    basis: Basis<'a, T>,
+    diagonal: &'a [T],
+    factor: Option<&'a [T]>,
+}
+
+macro_rules! table {
+    ($t:ty) => {
+        impl<'a> Basis<'a, $t> {
+            /// Checks a basis. Works in a `const`.
+            ///
+            /// # Arguments
+            /// * `centre`, `half_width`: of the box in θ, σ (rad) and Z0 (m).
+            /// * `terms`: exponents of the scaled θ, σ, Z0.
+            ///
+            /// # Errors
+            /// What is wrong, see [`TableError`].
+            pub const fn new(
+                centre: [$t; 3],
+                half_width: [$t; 3],
+                terms: &'a [[u8; 3]],
+            ) -> Result<Self, TableError> {
+                if terms.is_empty() || terms.len() > MAX_TERMS {
+                    return Err(TableError::TermCount);
+                }
+                let mut i = 0;
+                while i < terms.len() {
+                    let [p, r, s] = terms[i];
+                    if p > MAX_EXPONENT || r > MAX_EXPONENT || s > MAX_EXPONENT {
+                        return Err(TableError::Exponent);
+                    }
+                    i += 1;
+                }
+                let mut i = 0;
+                while i < 3 {
+                    if !(centre[i].is_finite() && half_width[i].is_finite()) {
+                        return Err(TableError::NotFinite);
+                    }
+                    if !(half_width[i] > 0.0) {
+                        return Err(TableError::EmptyBox);
+                    }
+                    i += 1;
+                }
+                Ok(Self { centre, half_width, terms })
+            }
+        }
+
+        impl<'a> CorrectionTable<'a, $t> {
+            /// Checks a table. Works in a `const`.
+            ///
+            /// # Arguments
+            /// * `diagonal`: six rows of one coefficient a term, c11…c66.
+            /// * `factor`: 21 rows, the lower triangle of G row by row; absent when the data had no couplings.
+            ///
+            /// # Errors
+            /// What is wrong, see [`TableError`].
+            pub const fn new(
+                basis: Basis<'a, $t>,
+                diagonal: &'a [$t],
+                factor: Option<&'a [$t]>,
+            ) -> Result<Self, TableError> {
+                const fn check(values: &[$t], count: usize) -> Result<(), TableError> {
+                    if values.len() != count {
+                        return Err(TableError::CoefficientCount);
+                    }
+                    let mut i = 0;
+                    while i < values.len() {
+                        if !values[i].is_finite() {
+                            return Err(TableError::NotFinite);
+                        }
+                        i += 1;
+                    }
+                    Ok(())
+                }
+                if let Err(e) = check(diagonal, 6 * basis.terms.len()) {
+                    return Err(e);
+                }
+                if let Some(factor) = factor {
+                    if let Err(e) = check(factor, FACTOR_ENTRIES * basis.terms.len()) {
+                        return Err(e);
+                    }
+                }
+                Ok(Self { basis, diagonal, factor })
+            }
+        }
+    };
+}
+
+table!(f32);
+table!(f64);
+
+/// A corrected stiffness and where its pose stands to the table's box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Corrected<T> {
+    /// Cholesky factor of K_m at A in A-uvw: ask it for the stiffness or for deflections.
+    pub factor: StiffnessFactor<T>,
+    /// Whether the table may be trusted here.
+    pub domain: Domain,
+}
+
+impl<T: Scalar> CorrectionTable<'_, T> {
+    /// Where a pose stands to the box that the table was fitted on.
+    pub fn domain(&self, pose: &Pose<T>) -> Domain {
+        self.basis.domain(pose)
+    }
+
+    /// Whether the table has the factor form.
+    pub fn has_factor_form(&self) -> bool {
+        self.factor.is_some()
+    }
+
+    /// The paper's correction coefficients c11…c66 at a pose (Eq. 11).
+    pub fn coefficients(&self, pose: &Pose<T>) -> [T; 6] {
+        self.evaluate(self.diagonal, pose)
+    }
+
+    /// K_m in the diagonal form, √C K_p √C: principal stiffnesses as Eq. 10 has them.
+    ///
+    /// # Errors
+    /// Those of [`Machine::stiffness`], and a coefficient that is not positive.
+    pub fn diagonal_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
+        let mut lower = machine.stiffness(pose)?.factor()?.lower;
+        let mut row = 0;
+        for (line, c) in lower.iter_mut().zip(self.coefficients(pose)) {
+            row += 1;
+            if !(c > T::ZERO) {
+                return Err(CorrectionError::NotPositive { row });
+            }
+            let root = c.sqrt();
+            for entry in line {
+                *entry *= root;
+            }
+        }
+        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
+    }
+
+    /// K_m in the factor form, (L G)(L G)ᵀ with K_p = L Lᵀ.
+    ///
+    /// # Errors
+    /// Those of [`Machine::stiffness`], no factor form, and a diagonal entry of G that is not positive.
+    pub fn factor_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
+        let rows = self.factor.ok_or(CorrectionError::NoFactorForm)?;
+        let basic = machine.stiffness(pose)?.factor()?.lower;
+        let entries: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
+        let mut g = linalg::zero();
+        let mut next = entries.into_iter();
+        for (i, line) in g.iter_mut().enumerate() {
+            for (entry, value) in line.iter_mut().take(i + 1).zip(&mut next) {
+                *entry = value;
+            }
+        }
+        let diagonal = [g[0][0], g[1][1], g[2][2], g[3][3], g[4][4], g[5][5]];
+        for (row, d) in (1..).zip(diagonal) {
+            if !(d > T::ZERO) {
+                return Err(CorrectionError::NotPositive { row });
+            }
+        }
+        let lower = linalg::product(&basic, &g);
+        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
+    }
+
+    /// `ROWS` polynomials with the table's terms at a pose.
+    fn evaluate<const ROWS: usize>(&self, coefficients: &[T], pose: &Pose<T>) -> [T; ROWS] {
+        let monomials = self.basis.monomials(pose);
+        let mut values = [T::ZERO; ROWS];
+        for (value, row) in values.iter_mut().zip(coefficients.chunks_exact(self.basis.terms.len().max(1))) {
+            for (c, monomial) in row.iter().zip(&monomials) {
+                *value += *c * *monomial;
+            }
+        }
+        values
+    }
+}
+
+/// Checksum (FNV-1a, 64 bit) over the bits of `values`, for a generated table to check itself at compile time.
+/// Chain several slices by passing the last result as `start`, the first time [`CHECKSUM_START`].
+pub const fn checksum(start: u64, values: &[f64]) -> u64 {
+    let mut hash = start;
+    let mut i = 0;
+    while i < values.len() {
+        let bytes = values[i].to_bits().to_le_bytes();
+        let mut b = 0;
+        while b < 8 {
+            hash = (hash ^ bytes[b] as u64).wrapping_mul(0x0000_0100_0000_01b3);
+            b += 1;
+        }
+        i += 1;
+    }
+    hash
+}
+
+/// Start value of [`checksum`].
+pub const CHECKSUM_START: u64 = 0xcbf2_9ce4_8422_2325;

@@ -1,0 +1,259 @@
+//! Inverse and forward kinematics of the parallel mechanism (paper, Eqs. 3-6; spec: model.md 1).
+//!
+//! With L = |AB| = Z0/cos θ the mechanism is two plane problems: limbs 1 and 2 set (L, σ), limb 3 then sets θ.
+
+use core::fmt;
+
+use crate::machine::Machine;
+use crate::scalar::Scalar;
+use crate::types::{Pose, ScrewLengths};
+
+/// Least [`SingularityDistance`] at which a pose is accepted.
+pub const SINGULARITY_MARGIN: f64 = 1e-3;
+
+/// Why there are no screw lengths for a pose, or no pose for screw lengths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum KinematicsError {
+    /// An input is NaN or infinite.
+    NotFinite,
+    /// No assembly exists in the working mode: an angle beyond ±90°, Z0 not above 0, the far side of a
+    /// singularity, or lengths that don't close.
+    Unreachable,
+    /// Nearer to a direct singularity than [`SINGULARITY_MARGIN`].
+    Singular,
+    /// A screw would leave its travel. Limbs count from 1.
+    OutOfTravel {
+        /// The limb that leaves its travel furthest.
+        limb: u8,
+    },
+}
+
+impl fmt::Display for KinematicsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite => f.write_str("an input is not a finite number"),
+            Self::Unreachable => f.write_str("no assembly exists in the working mode"),
+            Self::Singular => f.write_str("too near to a direct singularity"),
+            Self::OutOfTravel { limb } => write!(f, "the screw of limb {limb} would leave its travel"),
+        }
+    }
+}
+
+impl core::error::Error for KinematicsError {}
+
+/// How far a posture is from the two direct singularities, dimensionless: 0 there, positive in the working
+/// mode, 1 at the most. The determinant of the Jacobian vanishes with either.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SingularityDistance<T> {
+    /// (L² cos σ − a1 b1 sin² σ) / (L² + a1 b1): limbs 1 and 2.
+    pub limbs_1_2: T,
+    /// (L cos θ − a2 sin θ) / √(L² + a2²): limb 3 square to B3–A3 when 1, in line with B–A3 when 0.
+    pub limb_3: T,
+}
+
+/// Everything about a pose that both kinematics and stiffness use.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Posture<T> {
+    pub sin_theta: T,
+    pub cos_theta: T,
+    pub sin_sigma: T,
+    pub cos_sigma: T,
+    /// |AB|, m.
+    pub l: T,
+    /// Components of B_i→A_i for limbs 1, 2 along y of B and along n = BA/|BA|, m.
+    pub along_y: [T; 2],
+    pub along_n: [T; 2],
+    /// Components of B_3→A_3 along u and along n, m.
+    pub limb_3: [T; 2],
+    pub q: [T; 3],
+}
+
+impl<T: Scalar> Posture<T> {
+    fn singularity_distance(&self, machine: &Machine<T>) -> SingularityDistance<T> {
+        let l2 = self.l * self.l;
+        let ab = machine.a1 * machine.b1;
+        let n2 = l2 + machine.a2 * machine.a2;
+        SingularityDistance {
+            limbs_1_2: (l2 * self.cos_sigma - ab * self.sin_sigma * self.sin_sigma) / (l2 + ab),
+            limb_3: (self.l * self.cos_theta - machine.a2 * self.sin_theta) / n2.sqrt(),
+        }
+    }
+}
+
+impl<T: Scalar> SingularityDistance<T> {
+    fn check(&self) -> Result<(), KinematicsError> {
+        let least = if self.limbs_1_2 < self.limb_3 { self.limbs_1_2 } else { self.limb_3 };
+        let margin = T::from_f64(SINGULARITY_MARGIN);
+        if least >= margin {
+            Ok(())
+        } else if least > -margin {
+            Err(KinematicsError::Singular)
+        } else {
+            Err(KinematicsError::Unreachable)
+        }
+    }
+}
+
+impl<T: Scalar> Machine<T> {
+    /// Screw lengths for a pose: q1,2² = (L ∓ a1 sin σ)² + (b1 − a1 cos σ)²,
+    /// q3² = L² + a2² + b2² − 2 b2 (L sin θ + a2 cos θ).
+    ///
+    /// Accuracy: [`forward`](Self::forward) of it returns the pose to 1e-12 (f64, relative to 1 rad and to L)
+    /// for every machine and pose with a singularity distance of at least 0.05.
+    ///
+    /// # Errors
+    /// In this order: not finite, unreachable, singular, out of travel.
+    ///
+    /// ```
+    /// use pkm_core::{KinematicsError, Pose, tables::reference};
+    /// let machine = &reference::MACHINE_F64;
+    /// let q = machine.inverse(&Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 })?;
+    /// assert!((q.q_m[0] - 0.571).abs() < 1e-3);
+    /// let far = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.9 };
+    /// assert_eq!(machine.inverse(&far), Err(KinematicsError::OutOfTravel { limb: 1 }));
+    /// # Ok::<(), KinematicsError>(())
+    /// ```
+    pub fn inverse(&self, pose: &Pose<T>) -> Result<ScrewLengths<T>, KinematicsError> {
+        Ok(ScrewLengths { q_m: self.posture(pose)?.q })
+    }
+
+    /// The pose in the working mode for screw lengths, in closed form (spec: model.md 1): the root of a cubic
+    /// for cos σ, then θ. Two Newton steps on the cubic restore the digits that its cosine form loses.
+    ///
+    /// # Errors
+    /// In this order: not finite, out of travel, unreachable, singular.
+    pub fn forward(&self, lengths: &ScrewLengths<T>) -> Result<Pose<T>, KinematicsError> {
+        let [q1, q2, q3] = lengths.q_m;
+        if !(q1.is_finite() && q2.is_finite() && q3.is_finite()) {
+            return Err(KinematicsError::NotFinite);
+        }
+        self.check_travel(lengths)?;
+        let (two, three) = (T::from_f64(2.0), T::from_f64(3.0));
+        let half = T::from_f64(0.5);
+        let (a1, b1, a2, b2) = (self.a1, self.b1, self.a2, self.b2);
+
+        // In x = 1 − cos σ the cubic reads x (x − 2) (x − m) = d; the working mode is its smallest root.
+        let k = two * a1 * b1;
+        let gap = b1 - a1;
+        let m = ((q1 * q1 + q2 * q2) * half - gap * gap) / k;
+        let a1_l_sin_sigma = (q2 - q1) * (q2 + q1) * T::from_f64(0.25);
+        let d = a1_l_sin_sigma * a1_l_sin_sigma / (a1 * a1 * k);
+        let centre = (m + two) / three;
+        let radius = (m * m - two * m + T::from_f64(4.0)).sqrt() / three;
+        let at_centre = centre * (centre - two) * (centre - m) - d;
+        let ratio = -at_centre / (two * radius * radius * radius);
+        if !(m > T::ZERO && ratio <= T::ONE) {
+            return Err(KinematicsError::Unreachable);
+        }
+        let third_angle = if ratio > -T::ONE { ratio.acos() / three } else { T::from_f64(core::f64::consts::PI / 3.0) };
+        let mut x = centre + two * radius * (third_angle + T::from_f64(2.0 * core::f64::consts::PI / 3.0)).cos();
+        for _ in 0..2 {
+            let slope = three * x * x - two * (m + two) * x + two * m;
+            if slope > T::ZERO {
+                x -= (x * (x - two) * (x - m) - d) / slope;
+            }
+        }
+        let l2 = k * (m - x);
+        if !(l2 > T::ZERO) {
+            return Err(KinematicsError::Unreachable);
+        }
+        let l = l2.sqrt();
+        let sin_sigma = a1_l_sin_sigma / (a1 * l);
+        let cos_sigma = T::ONE - x;
+
+        // L sin θ + a2 cos θ = along, L cos θ − a2 sin θ = across > 0
+        let n2 = l2 + a2 * a2;
+        let along = (n2 + b2 * b2 - q3 * q3) / (two * b2);
+        let across2 = n2 - along * along;
+        if !(across2 >= T::ZERO) {
+            return Err(KinematicsError::Unreachable);
+        }
+        let across = across2.sqrt();
+        let n2_cos_theta = a2 * along + l * across;
+        let distance = SingularityDistance {
+            limbs_1_2: (l2 * cos_sigma - a1 * b1 * sin_sigma * sin_sigma) / (l2 + a1 * b1),
+            limb_3: across / n2.sqrt(),
+        };
+        distance.check()?;
+        if !(n2_cos_theta > T::ZERO) {
+            return Err(KinematicsError::Unreachable);
+        }
+        Ok(Pose {
+            theta_rad: (l * along - a2 * across).atan2(n2_cos_theta),
+            sigma_rad: sin_sigma.atan2(cos_sigma),
+            z0_m: l * n2_cos_theta / n2,
+        })
+    }
+
+    /// ∂q/∂(θ, σ, Z0): row i for limb i+1, columns in m/rad, m/rad, m/m.
+    ///
+    /// # Errors
+    /// Those of [`inverse`](Self::inverse).
+    pub fn jacobian(&self, pose: &Pose<T>) -> Result<[[T; 3]; 3], KinematicsError> {
+        let p = self.posture(pose)?;
+        let (dl_dz0, dl_dtheta) = (T::ONE / p.cos_theta, p.l * p.sin_theta / p.cos_theta);
+        let mut rows = [[T::ZERO; 3]; 3];
+        for (i, side) in [-T::ONE, T::ONE].into_iter().enumerate() {
+            let dq_dl = p.along_n[i] / p.q[i];
+            let dq_dsigma = self.a1 * (self.b1 * p.sin_sigma + side * p.l * p.cos_sigma) / p.q[i];
+            rows[i] = [dq_dl * dl_dtheta, dq_dsigma, dq_dl * dl_dz0];
+        }
+        let dq_dl = p.limb_3[1] / p.q[2];
+        let across = p.l * p.cos_theta - self.a2 * p.sin_theta;
+        rows[2] = [dq_dl * dl_dtheta - self.b2 * across / p.q[2], T::ZERO, dq_dl * dl_dz0];
+        Ok(rows)
+    }
+
+    /// How far a pose is from the direct singularities.
+    ///
+    /// # Errors
+    /// Those of [`inverse`](Self::inverse).
+    pub fn singularity_distance(&self, pose: &Pose<T>) -> Result<SingularityDistance<T>, KinematicsError> {
+        Ok(self.posture(pose)?.singularity_distance(self))
+    }
+
+    pub(crate) fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
+        if !pose.is_finite() {
+            return Err(KinematicsError::NotFinite);
+        }
+        let right_angle = T::from_f64(core::f64::consts::FRAC_PI_2);
+        if !(pose.theta_rad.abs() < right_angle && pose.sigma_rad.abs() < right_angle && pose.z0_m > T::ZERO) {
+            return Err(KinematicsError::Unreachable);
+        }
+        let (sin_theta, cos_theta) = pose.theta_rad.sin_cos();
+        let (sin_sigma, cos_sigma) = pose.sigma_rad.sin_cos();
+        let l = pose.z0_m / cos_theta;
+        let (a1_sin, a1_cos) = (self.a1 * sin_sigma, self.a1 * cos_sigma);
+        let narrowing = self.b1 - a1_cos;
+        let along_n = [l - a1_sin, l + a1_sin];
+        let limb_3 = [self.a2 - self.b2 * cos_theta, l - self.b2 * sin_theta];
+        let length = |x: T, y: T| (x * x + y * y).sqrt();
+        let posture = Posture {
+            sin_theta,
+            cos_theta,
+            sin_sigma,
+            cos_sigma,
+            l,
+            along_y: [narrowing, -narrowing],
+            along_n,
+            limb_3,
+            q: [length(narrowing, along_n[0]), length(narrowing, along_n[1]), length(limb_3[0], limb_3[1])],
+        };
+        posture.singularity_distance(self).check()?;
+        self.check_travel(&ScrewLengths { q_m: posture.q })?;
+        Ok(posture)
+    }
+
+    fn check_travel(&self, lengths: &ScrewLengths<T>) -> Result<(), KinematicsError> {
+        let (margin, limb) = self.travel_margin_m(lengths);
+        // a pose that came from lengths on the very end of travel must not be refused for its rounding
+        if margin >= -T::SLACK * self.q_max[0] {
+            Ok(())
+        } else {
+            Err(KinematicsError::OutOfTravel { limb: limb as u8 + 1 })
+        }
+    }
+}

@@ -1,0 +1,378 @@
+//! What the model knows of one machine: geometry, travel, and the stiffness of joints and bodies.
+//!
+//! [`MachineParameters`] is plain data that a generated table can hold as a `const`.
+//! [`Machine::new`] checks it and turns it into what the formulas need; both work at compile time.
+
+use crate::scalar::Scalar;
+
+/// The numbers of one machine, SI, unchecked. The limbs are in the order of the paper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MachineParameters {
+    /// Sizes of the two platforms.
+    pub geometry: Geometry,
+    /// Limits of the screws.
+    pub travel: Travel,
+    /// Joints and body of each limb.
+    pub limbs: [LimbParameters; 3],
+}
+
+/// Platform sizes (paper, Section 2): a1 = |A A2|, a2 = |A A3|, b1 = |B B2|, b2 = |B B3|, in m, all above 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// Half distance of A1 and A2.
+    pub a1_m: f64,
+    /// Distance of A3 from A.
+    pub a2_m: f64,
+    /// Half distance of B1 and B2.
+    pub b1_m: f64,
+    /// Distance of B3 from B.
+    pub b2_m: f64,
+}
+
+/// Least and greatest screw lengths of limbs 1, 2, 3 in m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Travel {
+    /// Least lengths, above 0.
+    pub min_m: [f64; 3],
+    /// Greatest lengths.
+    pub max_m: [f64; 3],
+}
+
+/// One limb as a chain: base joint, body, platform joint (paper, Eq. 7).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimbParameters {
+    /// U joint of limbs 1 and 2, R joint of limb 3.
+    pub base_joint: Joint,
+    /// R joint of limbs 1 and 2, S joint of limb 3.
+    pub platform_joint: Joint,
+    /// Rod and lead screw.
+    pub body: Body,
+}
+
+/// Stiffness of a joint along and about the axes of its frame (spec: model.md 2). Released directions are 0.
+///
+/// | joint | axes | released |
+/// |---|---|---|
+/// | U, limbs 1, 2 at B_i | u, y of B, u × y | about 1st and 2nd |
+/// | R, limbs 1, 2 at A_i | u, z × u, z along B_i→A_i | about 1st |
+/// | R, limb 3 at B3 | y of B, z × y, z along B_3→A_3 | about 1st |
+/// | S, limb 3 at A3 | the same | about all |
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Joint {
+    /// Along the axes, N/m.
+    pub linear_n_per_m: [f64; 3],
+    /// About the axes, N·m/rad.
+    pub angular_nm_per_rad: [f64; 3],
+}
+
+/// Rod and lead screw side by side, clamped at B_i, of the length of the limb.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// How the cantilever's stiffness is written down.
+    pub kind: BodyKind,
+    /// The tube that guides.
+    pub rod: Tube,
+    /// The screw that drives.
+    pub screw: Tube,
+}
+
+/// The two readings of the paper's Eq. 7.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodyKind {
+    /// Euler–Bernoulli cantilever with its coupling of translation and rotation.
+    Beam,
+    /// The paper's diagonal taken literally: 3EI/q³, EI/q, EA/q, GJ/q, no coupling.
+    Diagonal,
+}
+
+/// A round bar or tube.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tube {
+    /// Young's modulus, Pa.
+    pub young_pa: f64,
+    /// Shear modulus, Pa.
+    pub shear_pa: f64,
+    /// Outer diameter, m.
+    pub outer_m: f64,
+    /// Inner diameter, m; 0 for a bar.
+    pub inner_m: f64,
+}
+
+impl Tube {
+    const fn area_m2(&self) -> f64 {
+        let (d, i) = (self.outer_m, self.inner_m);
+        core::f64::consts::PI / 4.0 * (d - i) * (d + i)
+    }
+
+    /// About a diameter; twice this about the axis.
+    const fn second_moment_m4(&self) -> f64 {
+        let (d, i) = (self.outer_m, self.inner_m);
+        core::f64::consts::PI / 64.0 * (d * d - i * i) * (d * d + i * i)
+    }
+}
+
+/// Which number of [`MachineParameters`] an error is about. Limbs count from 1, axes from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[allow(missing_docs)] // the variants are the fields' own names
+pub enum Parameter {
+    A1,
+    A2,
+    B1,
+    B2,
+    TravelMin { limb: u8 },
+    TravelMax { limb: u8 },
+    JointLinear { limb: u8, end: End, axis: u8 },
+    JointAngular { limb: u8, end: End, axis: u8 },
+    Young { limb: u8, member: Member },
+    Shear { limb: u8, member: Member },
+    Outer { limb: u8, member: Member },
+    Inner { limb: u8, member: Member },
+}
+
+/// An end of a limb.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum End {
+    /// At B_i.
+    Base,
+    /// At A_i.
+    Platform,
+}
+
+/// A part of a limb's body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Member {
+    /// The tube that guides.
+    Rod,
+    /// The screw that drives.
+    Screw,
+}
+
+/// What is wrong with a number of [`MachineParameters`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Problem {
+    /// NaN or infinite.
+    NotFinite,
+    /// Zero or negative where only a positive number has a meaning, or too large or small to compute with.
+    NotPositive,
+    /// A released direction of a joint must have stiffness 0.
+    NotReleased,
+    /// The greatest screw length is not above the least.
+    Reversed,
+    /// The bore is negative or not smaller than the outer diameter.
+    Bore,
+}
+
+/// Why [`Machine::new`] refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MachineError {
+    /// The number.
+    pub parameter: Parameter,
+    /// What is wrong with it.
+    pub problem: Problem,
+}
+
+/// A checked machine, ready for kinematics and stiffness in `f32` or `f64`.
+///
+/// Every division by a stiffness is done here, once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Machine<T> {
+    pub(crate) a1: T,
+    pub(crate) a2: T,
+    pub(crate) b1: T,
+    pub(crate) b2: T,
+    pub(crate) q_min: [T; 3],
+    pub(crate) q_max: [T; 3],
+    pub(crate) limbs: [LimbCompliance<T>; 3],
+}
+
+/// Compliances of one limb. An entry of a released direction is 0 and never asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LimbCompliance<T> {
+    pub base_linear: [T; 3],
+    pub base_angular: [T; 3],
+    pub platform_linear: [T; 3],
+    pub platform_angular: [T; 3],
+    /// 1/EA.
+    pub axial: T,
+    /// 1/EI.
+    pub bending: T,
+    /// 1/GJ.
+    pub torsion: T,
+    /// Whether the cantilever couples translation and rotation ([`BodyKind::Beam`]).
+    pub coupled: bool,
+}
+
+/// Directions that a joint releases, as a mask over its three angular axes.
+const fn released(limb: usize, end: End) -> [bool; 3] {
+    match (limb, end) {
+        (2, End::Base) => [true, false, false],
+        (2, End::Platform) => [true, true, true],
+        (_, End::Base) => [true, true, false],
+        (_, End::Platform) => [true, false, false],
+    }
+}
+
+const fn check_positive(value: f64, parameter: Parameter) -> Result<(), MachineError> {
+    let problem = if !value.is_finite() {
+        Problem::NotFinite
+    } else if value <= 1e-30 || value >= 1e30 {
+        // f32 overflows beyond, and no length, modulus or stiffness of a machine is there
+        Problem::NotPositive
+    } else {
+        return Ok(());
+    };
+    Err(MachineError { parameter, problem })
+}
+
+/// `?` does not work in a `const fn`.
+macro_rules! check {
+    ($e:expr) => {
+        if let Err(error) = $e {
+            return Err(error);
+        }
+    };
+}
+
+const fn check_joint(joint: &Joint, limb: usize, end: End) -> Result<(), MachineError> {
+    let free = released(limb, end);
+    let limb = limb as u8 + 1;
+    let mut i = 0;
+    while i < 3 {
+        let axis = i as u8;
+        check!(check_positive(joint.linear_n_per_m[i], Parameter::JointLinear { limb, end, axis }));
+        let angular = Parameter::JointAngular { limb, end, axis };
+        if !free[i] {
+            check!(check_positive(joint.angular_nm_per_rad[i], angular));
+        } else if joint.angular_nm_per_rad[i] != 0.0 {
+            return Err(MachineError { parameter: angular, problem: Problem::NotReleased });
+        }
+        i += 1;
+    }
+    Ok(())
+}
+
+const fn check_tube(tube: &Tube, limb: usize, member: Member) -> Result<(), MachineError> {
+    let limb = limb as u8 + 1;
+    check!(check_positive(tube.young_pa, Parameter::Young { limb, member }));
+    check!(check_positive(tube.shear_pa, Parameter::Shear { limb, member }));
+    check!(check_positive(tube.outer_m, Parameter::Outer { limb, member }));
+    let parameter = Parameter::Inner { limb, member };
+    if !tube.inner_m.is_finite() {
+        return Err(MachineError { parameter, problem: Problem::NotFinite });
+    }
+    if tube.inner_m < 0.0 || tube.inner_m >= tube.outer_m {
+        return Err(MachineError { parameter, problem: Problem::Bore });
+    }
+    Ok(())
+}
+
+impl MachineParameters {
+    /// Checks every number: finite, positive where it must be, released directions 0, travel not reversed.
+    ///
+    /// # Errors
+    /// The first number that fails, and why.
+    pub const fn check(&self) -> Result<(), MachineError> {
+        let g = &self.geometry;
+        check!(check_positive(g.a1_m, Parameter::A1));
+        check!(check_positive(g.a2_m, Parameter::A2));
+        check!(check_positive(g.b1_m, Parameter::B1));
+        check!(check_positive(g.b2_m, Parameter::B2));
+        let mut i = 0;
+        while i < 3 {
+            let limb = i as u8 + 1;
+            check!(check_positive(self.travel.min_m[i], Parameter::TravelMin { limb }));
+            check!(check_positive(self.travel.max_m[i], Parameter::TravelMax { limb }));
+            if self.travel.max_m[i] <= self.travel.min_m[i] {
+                return Err(MachineError { parameter: Parameter::TravelMax { limb }, problem: Problem::Reversed });
+            }
+            let l = &self.limbs[i];
+            check!(check_joint(&l.base_joint, i, End::Base));
+            check!(check_joint(&l.platform_joint, i, End::Platform));
+            check!(check_tube(&l.body.rod, i, Member::Rod));
+            check!(check_tube(&l.body.screw, i, Member::Screw));
+            i += 1;
+        }
+        Ok(())
+    }
+}
+
+macro_rules! machine {
+    ($t:ty) => {
+        impl Machine<$t> {
+            /// Checks the parameters and prepares them. Works in a `const`, so that a generated table
+            /// with a bad number does not compile.
+            ///
+            /// # Errors
+            /// The first number that [`MachineParameters::check`] refuses.
+            pub const fn new(parameters: &MachineParameters) -> Result<Self, MachineError> {
+                /// 1/k, and 0 for a released direction.
+                const fn inverted(k: [f64; 3]) -> [$t; 3] {
+                    let mut c = [0.0; 3];
+                    let mut i = 0;
+                    while i < 3 {
+                        if k[i] != 0.0 {
+                            c[i] = (1.0 / k[i]) as $t;
+                        }
+                        i += 1;
+                    }
+                    c
+                }
+                const fn compliance(limb: &LimbParameters) -> LimbCompliance<$t> {
+                    let (rod, screw) = (&limb.body.rod, &limb.body.screw);
+                    let ea = rod.young_pa * rod.area_m2() + screw.young_pa * screw.area_m2();
+                    let ei = rod.young_pa * rod.second_moment_m4() + screw.young_pa * screw.second_moment_m4();
+                    let gj =
+                        2.0 * (rod.shear_pa * rod.second_moment_m4() + screw.shear_pa * screw.second_moment_m4());
+                    LimbCompliance {
+                        base_linear: inverted(limb.base_joint.linear_n_per_m),
+                        base_angular: inverted(limb.base_joint.angular_nm_per_rad),
+                        platform_linear: inverted(limb.platform_joint.linear_n_per_m),
+                        platform_angular: inverted(limb.platform_joint.angular_nm_per_rad),
+                        axial: (1.0 / ea) as $t,
+                        bending: (1.0 / ei) as $t,
+                        torsion: (1.0 / gj) as $t,
+                        coupled: matches!(limb.body.kind, BodyKind::Beam),
+                    }
+                }
+                const fn narrow(v: [f64; 3]) -> [$t; 3] {
+                    [v[0] as $t, v[1] as $t, v[2] as $t]
+                }
+                check!(parameters.check());
+                let g = &parameters.geometry;
+                let l = &parameters.limbs;
+                Ok(Self {
+                    a1: g.a1_m as $t,
+                    a2: g.a2_m as $t,
+                    b1: g.b1_m as $t,
+                    b2: g.b2_m as $t,
+                    q_min: narrow(parameters.travel.min_m),
+                    q_max: narrow(parameters.travel.max_m),
+                    limbs: [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])],
+                })
+            }
+        }
+    };
+}
+
+machine!(f32);
+machine!(f64);
+
+impl<T: Scalar> Machine<T> {
+    /// How far the lengths are from the nearest end of travel, in m; negative outside. With the limb, 0…2.
+    pub fn travel_margin_m(&self, lengths: &crate::ScrewLengths<T>) -> (T, usize) {
+        let mut least = (lengths.q_m[0] - self.q_min[0], 0);
+        for (limb, ((q, lo), hi)) in lengths.q_m.into_iter().zip(self.q_min).zip(self.q_max).enumerate() {
+            for margin in [q - lo, hi - q] {
+                if margin < least.0 {
+                    least = (margin, limb);
+                }
+            }
+        }
+        least
+    }
+}

@@ -1,0 +1,103 @@
+//! The quantities that cross the border of this crate.
+//!
+//! Frames (spec: model.md 1). *B-xyz* sits on the fixed platform: x from B to B3, y from B to B2.
+//! *A-uvw* sits on the moving platform: u from A to A3, v from A to A2. Six-vectors are ordered
+//! `[x, y, z, about x, about y, about z]`, forces before moments, translations before rotations.
+//! Everything is SI: m, rad, N, N·m, N/m, N·m/rad.
+
+use crate::scalar::Scalar;
+
+/// Where the moving platform stands: the paper's end variables θ, σ, Z0 (Eq. 3).
+///
+/// φ = 0, Y0 = 0 and X0 = Z0·tan θ follow. The orientation is R_y(θ)·R_x(σ).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Pose<T> {
+    /// θ, about y of B, rad, within ±π/2.
+    pub theta_rad: T,
+    /// σ, about u, rad, within ±π/2.
+    pub sigma_rad: T,
+    /// Z0, height of A over B along z of B, m, above 0.
+    pub z0_m: T,
+}
+
+impl<T: Scalar> Pose<T> {
+    pub(crate) fn is_finite(&self) -> bool {
+        self.theta_rad.is_finite() && self.sigma_rad.is_finite() && self.z0_m.is_finite()
+    }
+}
+
+/// Lengths |A_i B_i| of limbs 1, 2, 3 in m: what the three screws set.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ScrewLengths<T> {
+    /// q1, q2, q3.
+    pub q_m: [T; 3],
+}
+
+/// A load on the moving platform at A, in A-uvw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Wrench<T> {
+    /// Force along u, v, w in N.
+    pub force_n: [T; 3],
+    /// Moment about A, around u, v, w, in N·m.
+    pub moment_nm: [T; 3],
+}
+
+/// Displacement of the moving platform at A under a [`Wrench`], in A-uvw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Deflection<T> {
+    /// Translation of A along u, v, w in m.
+    pub translation_m: [T; 3],
+    /// Rotation about u, v, w in rad.
+    pub rotation_rad: [T; 3],
+}
+
+impl<T: Scalar> Wrench<T> {
+    /// The same load, given at the point `at_m` (A-uvw, m), as a load at A.
+    pub fn moved_to_a(&self, at_m: [T; 3]) -> Self {
+        let lever = cross(at_m, self.force_n);
+        Self { force_n: self.force_n, moment_nm: add(self.moment_nm, lever) }
+    }
+
+    pub(crate) fn to_array(self) -> [T; 6] {
+        join(self.force_n, self.moment_nm)
+    }
+}
+
+impl<T: Scalar> Deflection<T> {
+    /// The displacement of the point `at_m` (A-uvw, m) of the moving platform.
+    pub fn seen_at(&self, at_m: [T; 3]) -> Self {
+        let swing = cross(self.rotation_rad, at_m);
+        Self { translation_m: add(self.translation_m, swing), rotation_rad: self.rotation_rad }
+    }
+
+    pub(crate) fn from_array(v: [T; 6]) -> Self {
+        Self { translation_m: [v[0], v[1], v[2]], rotation_rad: [v[3], v[4], v[5]] }
+    }
+}
+
+/// Where a pose stands to the box that a correction table was fitted on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use]
+pub enum Domain {
+    /// In the box or on its edge: the table's stated errors hold.
+    Inside,
+    /// Outside: the value is an extrapolation for which nobody has vouched.
+    Outside,
+}
+
+pub(crate) fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn add<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+fn join<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 6] {
+    [a[0], a[1], a[2], b[0], b[1], b[2]]
+}

@@ -1,0 +1,94 @@
+//! Basic stiffness against the dense 24×24 of Eq. 8.
+
+use pkm_core::machine::BodyKind;
+use pkm_core::{KinematicsError, Machine, Pose, Stiffness, StiffnessError, Wrench};
+use pkm_tests::{random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
+
+#[test]
+fn transmitted_wrenches_equal_the_structural_matrix() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for n in 0..10_000 {
+        let kind = if n % 2 == 0 { BodyKind::Beam } else { BodyKind::Diagonal };
+        let parameters = random_parameters(&mut rng, kind);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
+        let k = machine.stiffness(&pose).unwrap();
+        let reference = structural_stiffness(&parameters, &pose);
+        worst = worst.max(scaled_difference(&k.matrix(), &reference));
+        assert!(k.factor().is_ok(), "not positive definite at {pose:?} of {parameters:?}");
+        assert!(worst <= 1e-10, "{worst:e} at {pose:?} of {parameters:?}");
+    }
+    println!("K_p against 24x24: {worst:.1e}");
+}
+
+#[test]
+fn single_precision_stays_near_double() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for n in 0..10_000 {
+        let kind = if n % 2 == 0 { BodyKind::Beam } else { BodyKind::Diagonal };
+        let parameters = random_parameters(&mut rng, kind);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
+        let narrow = Pose {
+            theta_rad: pose.theta_rad as f32,
+            sigma_rad: pose.sigma_rad as f32,
+            z0_m: pose.z0_m as f32,
+        };
+        let k = Machine::<f32>::new(&parameters).unwrap().stiffness(&narrow).unwrap().matrix();
+        let k = k.map(|row| row.map(f64::from));
+        worst = worst.max(scaled_difference(&k, &machine.stiffness(&pose).unwrap().matrix()));
+    }
+    println!("f32 K_p against f64: {worst:.1e}");
+    assert!(worst <= 1e-4, "{worst:e}");
+}
+
+#[test]
+fn deflection_solves_the_stiffness() {
+    let mut rng = seeded();
+    for _ in 0..1000 {
+        let parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.1);
+        let k = machine.stiffness(&pose).unwrap();
+        let wrench = Wrench { force_n: [100.0, -50.0, 700.0], moment_nm: [3.0, 20.0, -8.0] };
+        let d = k.factor().unwrap().deflection(&wrench).unwrap();
+        let x = [d.translation_m, d.rotation_rad].concat();
+        let load = [wrench.force_n, wrench.moment_nm].concat();
+        for (row, f) in k.matrix().iter().zip(load) {
+            let sum: f64 = row.iter().zip(&x).map(|(k, x)| k * x).sum();
+            let size: f64 = row.iter().zip(&x).map(|(k, x)| (k * x).abs()).sum();
+            assert!((sum - f).abs() <= 1e-12 * size, "{sum} instead of {f}");
+        }
+        // by virtual work, whatever point the load is given at
+        let at = [0.1, -0.2, 0.3];
+        let seen = d.seen_at(at);
+        let moved = wrench.moved_to_a(at);
+        let work = |w: &Wrench<f64>, t: [f64; 3], r: [f64; 3]| -> f64 {
+            (0..3).map(|i| w.force_n[i] * t[i] + w.moment_nm[i] * r[i]).sum()
+        };
+        let (there, here) =
+            (work(&wrench, seen.translation_m, seen.rotation_rad), work(&moved, d.translation_m, d.rotation_rad));
+        assert!((there - here).abs() <= 1e-9 * there.abs().max(here.abs()), "{there} {here}");
+    }
+}
+
+#[test]
+fn failures_are_typed() {
+    let mut k = [[0.0; 6]; 6];
+    for i in 0..6 {
+        k[i][i] = 1.0;
+    }
+    let factor = Stiffness::from_lower(&k).factor().unwrap();
+    let wrench = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
+    assert_eq!(factor.deflection(&wrench), Err(StiffnessError::Kinematics(KinematicsError::NotFinite)));
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let mut indefinite = k;
+        indefinite[4][4] = bad;
+        let result = Stiffness::from_lower(&indefinite).factor();
+        assert_eq!(result, Err(StiffnessError::NotPositiveDefinite), "{bad}");
+    }
+    k[5][0] = 2.0;
+    assert_eq!(Stiffness::from_lower(&k).factor(), Err(StiffnessError::NotPositiveDefinite));
+}
