@@ -17,7 +17,7 @@ use crate::stiffness::{StiffnessError, StiffnessFactor};
 use crate::types::{Domain, Pose};
 
 /// Most terms a table may have.
-pub const MAX_TERMS: usize = 40;
+pub const MAX_TERMS: usize = 64;
 /// Greatest exponent in a term.
 pub const MAX_EXPONENT: u8 = 6;
 /// Entries of the factor form: a lower triangle, row by row.
@@ -43,7 +43,7 @@ pub enum TableError {
 impl fmt::Display for TableError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::TermCount => "a table needs 1 to 40 terms",
+            Self::TermCount => "a table needs 1 to 64 terms",
             Self::Exponent => "an exponent is above 6",
             Self::CoefficientCount => "the number of coefficients is not rows times terms",
             Self::NotFinite => "a number of the table is not finite",
@@ -140,11 +140,7 @@ macro_rules! table {
             ///
             /// # Errors
             /// What is wrong, see [`TableError`].
-            pub const fn new(
-                centre: [$t; 3],
-                half_width: [$t; 3],
-                terms: &'a [[u8; 3]],
-            ) -> Result<Self, TableError> {
+            pub const fn new(centre: [$t; 3], half_width: [$t; 3], terms: &'a [[u8; 3]]) -> Result<Self, TableError> {
                 if terms.is_empty() || terms.len() > MAX_TERMS {
                     return Err(TableError::TermCount);
                 }
@@ -246,9 +242,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// Those of [`Machine::stiffness`], and a coefficient that is not positive.
     pub fn diagonal_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
         let mut lower = machine.stiffness(pose)?.factor()?.lower;
-        let mut row = 0;
-        for (line, c) in lower.iter_mut().zip(self.coefficients(pose)) {
-            row += 1;
+        for (row, (line, c)) in (1..).zip(lower.iter_mut().zip(self.coefficients(pose))) {
             if !(c > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
             }
@@ -298,22 +292,49 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     }
 }
 
-/// Checksum (FNV-1a, 64 bit) over the bits of `values`, for a generated table to check itself at compile time.
-/// Chain several slices by passing the last result as `start`, the first time [`CHECKSUM_START`].
-pub const fn checksum(start: u64, values: &[f64]) -> u64 {
-    let mut hash = start;
-    let mut i = 0;
-    while i < values.len() {
-        let bytes = values[i].to_bits().to_le_bytes();
-        let mut b = 0;
-        while b < 8 {
-            hash = (hash ^ bytes[b] as u64).wrapping_mul(0x0000_0100_0000_01b3);
-            b += 1;
+impl CorrectionTable<'_, f64> {
+    /// Checksum (FNV-1a, 64 bit) over the bits of box, terms and coefficients in the order of the constructors:
+    /// a generated table checks itself with it when it is compiled, a controller can report it.
+    pub const fn checksum(&self) -> u64 {
+        const fn over_byte(hash: u64, byte: u8) -> u64 {
+            (hash ^ byte as u64).wrapping_mul(0x0000_0100_0000_01b3)
         }
-        i += 1;
+        const fn over_numbers(mut hash: u64, values: &[f64]) -> u64 {
+            let mut i = 0;
+            while i < values.len() {
+                let bytes = values[i].to_bits().to_le_bytes();
+                let mut b = 0;
+                while b < 8 {
+                    hash = over_byte(hash, bytes[b]);
+                    b += 1;
+                }
+                i += 1;
+            }
+            hash
+        }
+        let mut hash = over_numbers(0xcbf2_9ce4_8422_2325, &self.basis.centre);
+        hash = over_numbers(hash, &self.basis.half_width);
+        let mut i = 0;
+        while i < self.basis.terms.len() {
+            let [p, r, s] = self.basis.terms[i];
+            hash = over_byte(over_byte(over_byte(hash, p), r), s);
+            i += 1;
+        }
+        hash = over_numbers(hash, self.diagonal);
+        match self.factor {
+            Some(factor) => over_numbers(hash, factor),
+            None => hash,
+        }
     }
-    hash
 }
 
-/// Start value of [`checksum`].
-pub const CHECKSUM_START: u64 = 0xcbf2_9ce4_8422_2325;
+/// The same numbers in `f32`, for the `f32` side of a generated table.
+pub const fn narrow<const N: usize>(values: &[f64; N]) -> [f32; N] {
+    let mut narrow = [0.0; N];
+    let mut i = 0;
+    while i < N {
+        narrow[i] = values[i] as f32;
+        i += 1;
+    }
+    narrow
+}

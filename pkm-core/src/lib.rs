@@ -29,8 +29,6 @@
 #![no_std]
 #![forbid(unsafe_code)]
 #![warn(clippy::unwrap_used, clippy::expect_used, clippy::std_instead_of_core)]
-// `!(x > 0)` is how a NaN is caught; loops over two triangles read better with indices.
-#![allow(clippy::neg_cmp_op_on_partial_ord, clippy::needless_range_loop)]
 
 // Generated tables name this crate, so that the same file compiles here and in a firmware.
 #[allow(unused_extern_crates)]
@@ -42,6 +40,7 @@ mod linalg;
 pub mod machine;
 pub mod scalar;
 pub mod stiffness;
+pub mod tables;
 pub mod types;
 
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};

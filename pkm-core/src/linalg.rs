@@ -38,13 +38,13 @@ pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &[T; 6]) -> [T; 6] {
     let mut x = *b;
     for i in 0..6 {
         for k in 0..i {
-            x[i] = x[i] - l[i][k] * x[k];
+            x[i] -= l[i][k] * x[k];
         }
         x[i] = x[i] / l[i][i];
     }
     for i in (0..6).rev() {
         for k in i + 1..6 {
-            x[i] = x[i] - l[k][i] * x[k];
+            x[i] -= l[k][i] * x[k];
         }
         x[i] = x[i] / l[i][i];
     }

@@ -326,8 +326,7 @@ macro_rules! machine {
                     let (rod, screw) = (&limb.body.rod, &limb.body.screw);
                     let ea = rod.young_pa * rod.area_m2() + screw.young_pa * screw.area_m2();
                     let ei = rod.young_pa * rod.second_moment_m4() + screw.young_pa * screw.second_moment_m4();
-                    let gj =
-                        2.0 * (rod.shear_pa * rod.second_moment_m4() + screw.shear_pa * screw.second_moment_m4());
+                    let gj = 2.0 * (rod.shear_pa * rod.second_moment_m4() + screw.shear_pa * screw.second_moment_m4());
                     LimbCompliance {
                         base_linear: inverted(limb.base_joint.linear_n_per_m),
                         base_angular: inverted(limb.base_joint.angular_nm_per_rad),

@@ -138,10 +138,10 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
             for i in j + 1..N {
                 let ratio = d[i][j] * spring;
                 for m in j + 1..=i {
-                    d[i][m] = d[i][m] - ratio * d[m][j];
+                    d[i][m] -= ratio * d[m][j];
                 }
                 for c in 0..6 {
-                    y[i][c] = y[i][c] - ratio * y[j][c];
+                    y[i][c] -= ratio * y[j][c];
                 }
             }
             for r in 0..6 {
@@ -197,8 +197,7 @@ impl<T: Scalar> Machine<T> {
         let tilt = c.platform_angular[1];
         let (zy2, zn2) = (zy * zy, zn * zn);
         let axial = zy2 * c.base_linear[1] + zn2 * c.base_linear[2] + q * c.axial + c.platform_linear[2];
-        let force =
-            c.base_linear[0] + c.platform_linear[0] + q * q * (T::from_f64(force_share) * bend + tilt);
+        let force = c.base_linear[0] + c.platform_linear[0] + q * q * (T::from_f64(force_share) * bend + tilt);
         let mixed = zy * q * (T::from_f64(mixed_share) * bend + tilt);
         let couple = c.base_angular[2] + zy2 * (bend + tilt) + zn2 * (q * c.torsion + c.platform_angular[2]);
         Chain { wrenches, compliance: [[axial, o, o], [o, force, o], [o, mixed, couple]] }

@@ -1,2 +1,172 @@
-//! x
-fn main(){}
+//! Reads the command line and calls the library. See `--help`.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{Args, Parser, Subcommand};
+use pkm_host::commands::{self, Form, Output};
+use pkm_host::error::{Failure, Result};
+use pkm_host::fit::TermChoice;
+use pkm_host::machine_file::PoseBox;
+
+/// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
+/// that a controller compiles in.
+///
+/// Every command takes --json (one document on stdout) and --machine (default: the reference machine).
+/// Exit 0: success; 2: bad usage, bad input or a refused pose; 1: anything else.
+#[derive(Parser)]
+#[command(version, allow_negative_numbers = true)]
+struct Cli {
+    /// One JSON document on stdout, messages on stderr.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Machine file (TOML); default: the reference machine.
+    #[arg(long, global = true, value_name = "FILE")]
+    machine: Option<PathBuf>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Screw lengths of a pose.
+    #[command(allow_negative_numbers = true)]
+    Ik {
+        /// θ, about y of B.
+        #[arg(long, value_parser = finite)]
+        theta_deg: f64,
+        /// σ, about u.
+        #[arg(long, value_parser = finite)]
+        sigma_deg: f64,
+        /// Height of A over B.
+        #[arg(long, value_parser = finite)]
+        z0_mm: f64,
+    },
+    /// Pose of three screw lengths.
+    Fk {
+        /// q1,q2,q3.
+        #[arg(long, value_parser = list::<3>, allow_hyphen_values = true, value_name = "A,B,C")]
+        q_mm: [f64; 3],
+    },
+    /// Terminal stiffness at poses: basic, or corrected by a table.
+    Stiffness {
+        /// CSV with pose,theta_deg,sigma_deg,z0_mm or pose,q1_mm,q2_mm,q3_mm.
+        #[arg(long, value_name = "CSV")]
+        poses: PathBuf,
+        #[command(flatten)]
+        table: TableArgs,
+        /// Stiffness CSV to write, 21 columns.
+        #[arg(long, value_name = "CSV")]
+        out: Option<PathBuf>,
+    },
+    /// Measured data with the model's deflections in place of the readings.
+    Predict {
+        /// CSV with poses and wrenches.
+        #[arg(long, value_name = "CSV")]
+        data: PathBuf,
+        #[command(flatten)]
+        table: TableArgs,
+        /// CSV to write.
+        #[arg(long, value_name = "CSV")]
+        out: PathBuf,
+    },
+    /// Poses to measure or to compute finite elements at.
+    Plan {
+        /// l49, l49-balanced, levels N, or verify.
+        #[arg(long, num_args = 1..=2, required = true, value_name = "KIND")]
+        kind: Vec<String>,
+        /// θ, σ in ° and Z0 in mm, least and greatest of each; default: the machine's box.
+        #[arg(long = "box", value_parser = list::<6>, allow_hyphen_values = true, value_name = "T0,T1,S0,S1,Z0,Z1")]
+        pose_box: Option<[f64; 6]>,
+        /// CSV to write.
+        #[arg(long, value_name = "CSV")]
+        out: PathBuf,
+    },
+    /// Correction tables from stiffness data (Eqs. 10-14).
+    Fit {
+        /// Stiffness CSV to fit; default: finite elements of the reference machine at 49 poses.
+        #[arg(long, value_name = "CSV")]
+        data: Option<PathBuf>,
+        /// Stiffness CSV to judge by; default: 25 other poses when --data is not given.
+        #[arg(long, value_name = "CSV")]
+        verify: Option<PathBuf>,
+        /// Which terms the polynomials get.
+        #[arg(long, value_enum, default_value = "paper")]
+        terms: TermChoice,
+        /// Folder for coefficients.rs, coefficients.json, fit.json and report.html.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+}
+
+#[derive(Args)]
+struct TableArgs {
+    /// coefficients.json of `fit`; without it the basic model.
+    #[arg(long, value_name = "JSON")]
+    table: Option<PathBuf>,
+    /// How the table is applied.
+    #[arg(long, value_enum, default_value = "auto")]
+    form: Form,
+}
+
+fn finite(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() => Ok(v),
+        _ => Err("expected a finite number".into()),
+    }
+}
+
+fn list<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
+    let values = text.split(',').map(|t| finite(t.trim())).collect::<std::result::Result<Vec<_>, _>>()?;
+    values.try_into().map_err(|v: Vec<f64>| format!("expected {N} numbers with commas between, found {}", v.len()))
+}
+
+fn run(cli: &Cli) -> Result<Output> {
+    let machine = cli.machine.as_deref();
+    match &cli.command {
+        Command::Ik { theta_deg, sigma_deg, z0_mm } => commands::ik(machine, *theta_deg, *sigma_deg, *z0_mm),
+        Command::Fk { q_mm } => commands::fk(machine, *q_mm),
+        Command::Stiffness { poses, table, out } => {
+            commands::stiffness(machine, poses, table.table.as_deref(), table.form, out.as_deref())
+        }
+        Command::Predict { data, table, out } => {
+            commands::predict(machine, data, table.table.as_deref(), table.form, out)
+        }
+        Command::Plan { kind, pose_box, out } => {
+            let pose_box = pose_box.map(|b| PoseBox([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
+            if let Some(b) = pose_box.filter(|b| b.0.iter().any(|[low, high]| low >= high)) {
+                return Err(Failure::usage(format!("--box: expected least,greatest of each, found {:?}", b.0)));
+            }
+            commands::plan(machine, kind, pose_box, out)
+        }
+        Command::Fit { data, verify, terms, out } => {
+            commands::fit(machine, data.as_deref(), verify.as_deref(), *terms, out)
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let wants_json = std::env::args_os().any(|a| a == "--json");
+    let result = match Cli::try_parse() {
+        Ok(cli) => run(&cli),
+        Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => e.exit(),
+        Err(e) if !wants_json => e.exit(),
+        Err(e) => Err(Failure::usage(e.to_string().trim_end().to_owned())),
+    };
+    // a reader that closes the pipe early is no failure
+    let print = |text: &str| drop(std::io::stdout().lock().write_all(text.as_bytes()));
+    match result {
+        Ok(output) if wants_json => print(&format!("{}\n", output.json)),
+        Ok(output) => print(&output.text),
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            if wants_json {
+                print(&format!("{}\n", failure.to_json()));
+            }
+            return ExitCode::from(failure.exit_code());
+        }
+    }
+    ExitCode::SUCCESS
+}

@@ -25,8 +25,7 @@ fn log_between(rng: &mut Rng, low: f64, high: f64) -> f64 {
 pub fn random_parameters(rng: &mut Rng, kind: BodyKind) -> MachineParameters {
     let size = log_between(rng, 0.1, 1.0);
     let mut part = |low: f64, high: f64| size * between(rng, low, high);
-    let geometry =
-        Geometry { a1_m: part(0.1, 0.8), a2_m: part(0.1, 0.8), b1_m: part(0.2, 1.0), b2_m: part(0.2, 1.0) };
+    let geometry = Geometry { a1_m: part(0.1, 0.8), a2_m: part(0.1, 0.8), b1_m: part(0.2, 1.0), b2_m: part(0.2, 1.0) };
     let mut tube = |bore: f64| {
         let outer_m = size * between(rng, 0.05, 0.15);
         Tube {
@@ -57,10 +56,11 @@ pub fn random_pose(rng: &mut Rng, machine: &Machine<f64>, size: f64, margin: f64
             sigma_rad: between(rng, -1.2, 1.2),
             z0_m: size * between(rng, 0.1, 3.0),
         };
-        if let Ok(d) = machine.singularity_distance(&pose) {
-            if d.limbs_1_2 >= margin && d.limb_3 >= margin {
-                return pose;
-            }
+        if let Ok(d) = machine.singularity_distance(&pose)
+            && d.limbs_1_2 >= margin
+            && d.limb_3 >= margin
+        {
+            return pose;
         }
     }
 }
@@ -110,9 +110,8 @@ pub fn space(g: &Geometry, pose: &Pose<f64>) -> Space {
     let rotation = about_y * about_x;
     let z0 = real(pose.z0_m);
     let a = Vec3::new(over(z0 * st, ct), o, z0);
-    let triangle = |half: f64, far: f64| {
-        [Vec3::new(o, real(-half), o), Vec3::new(o, real(half), o), Vec3::new(real(far), o, o)]
-    };
+    let triangle =
+        |half: f64, far: f64| [Vec3::new(o, real(-half), o), Vec3::new(o, real(half), o), Vec3::new(real(far), o, o)];
     let platform = triangle(g.a1_m, g.a2_m).map(|p| a + rotation * p);
     Space { a, rotation, platform, base: triangle(g.b1_m, g.b2_m) }
 }

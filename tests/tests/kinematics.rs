@@ -24,11 +24,7 @@ fn forward_and_inverse_undo_each_other_on_random_machines() {
         // the working mode for every one: another assembly would be far from `pose`
         let back = machine.forward(&lengths).unwrap_or_else(|e| panic!("{e} at {pose:?} of {parameters:?}"));
         let l = pose.z0_m / pose.theta_rad.cos();
-        for error in [
-            back.theta_rad - pose.theta_rad,
-            back.sigma_rad - pose.sigma_rad,
-            (back.z0_m - pose.z0_m) / l,
-        ] {
+        for error in [back.theta_rad - pose.theta_rad, back.sigma_rad - pose.sigma_rad, (back.z0_m - pose.z0_m) / l] {
             worst_pose = worst_pose.max(error.abs());
         }
         let again = machine.inverse(&back).unwrap();
@@ -102,8 +98,7 @@ fn jacobian_is_the_derivative_of_inverse() {
 #[test]
 fn refusals_are_typed() {
     let mut parameters = random_parameters(&mut fastrand::Rng::with_seed(1), BodyKind::Beam);
-    parameters.geometry =
-        pkm_core::machine::Geometry { a1_m: 0.18, a2_m: 0.22, b1_m: 0.35, b2_m: 0.38 };
+    parameters.geometry = pkm_core::machine::Geometry { a1_m: 0.18, a2_m: 0.22, b1_m: 0.35, b2_m: 0.38 };
     let wide = Machine::<f64>::new(&parameters).unwrap();
     parameters.travel = pkm_core::machine::Travel { min_m: [0.42; 3], max_m: [0.77; 3] };
     let machine = Machine::<f64>::new(&parameters).unwrap();

@@ -31,11 +31,8 @@ fn single_precision_stays_near_double() {
         let parameters = random_parameters(&mut rng, kind);
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
-        let narrow = Pose {
-            theta_rad: pose.theta_rad as f32,
-            sigma_rad: pose.sigma_rad as f32,
-            z0_m: pose.z0_m as f32,
-        };
+        let narrow =
+            Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
         let k = Machine::<f32>::new(&parameters).unwrap().stiffness(&narrow).unwrap().matrix();
         let k = k.map(|row| row.map(f64::from));
         worst = worst.max(scaled_difference(&k, &machine.stiffness(&pose).unwrap().matrix()));

@@ -1,0 +1,18 @@
+//! Puts the board's memory and the machine's table where the build finds them.
+
+use std::path::PathBuf;
+use std::{env, fs};
+
+fn main() {
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    // PKM_COEFFICIENTS names a `coefficients.rs` of one's own; relative to this folder
+    let table = env::var("PKM_COEFFICIENTS").unwrap_or("../pkm-core/src/tables/reference.rs".into());
+    for (from, to) in [("../memory.x", "memory.x"), (table.as_str(), "coefficients.rs")] {
+        if let Err(e) = fs::copy(from, out.join(to)) {
+            panic!("cannot copy {from}: {e}");
+        }
+        println!("cargo:rerun-if-changed={from}");
+    }
+    println!("cargo:rustc-link-search={}", out.display());
+    println!("cargo:rerun-if-env-changed=PKM_COEFFICIENTS");
+}

@@ -1,0 +1,151 @@
+//! Prints what the core computes on a Cortex-M, bit for bit, for `cargo xtask qemu` to hold against the host.
+//!
+//! One JSON object a line over semihosting: a pose, in `f64` and `f32`, with screw lengths, K_p, K_m in both
+//! forms, and the deflection under a wrench. Numbers are the bits of their `f64` value. The machine and its
+//! table are the `coefficients.rs` that `build.rs` was given.
+
+#![no_std]
+#![no_main]
+
+use core::fmt::Write;
+
+use cortex_m_rt::entry;
+use cortex_m_semihosting::{debug, hio};
+use heapless::Vec;
+use pkm_core::{CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, Wrench};
+use serde::Serialize;
+
+#[allow(dead_code)]
+mod coefficients {
+    include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
+}
+
+/// Longest line: 72 numbers of 20 digits and their commas.
+const LINE: usize = 2048;
+
+#[derive(Serialize)]
+struct Line {
+    float_bits: u8,
+    /// θ, σ in rad, Z0 in m.
+    pose: [u64; 3],
+    error: Option<&'static str>,
+    inside: bool,
+    q: Vec<u64, 3>,
+    k_p: Vec<u64, 21>,
+    k_m_diagonal: Vec<u64, 21>,
+    k_m_factor: Vec<u64, 21>,
+    deflection: Vec<u64, 6>,
+}
+
+fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item = T>) -> Vec<u64, N> {
+    values.into_iter().map(|v| v.to_f64().to_bits()).collect()
+}
+
+fn lower<T: Scalar>(k: &Stiffness<T>) -> Vec<u64, 21> {
+    bits(k.matrix().into_iter().enumerate().flat_map(|(i, row)| row.into_iter().take(i + 1)))
+}
+
+impl Line {
+    fn new<T: Scalar>(
+        float_bits: u8,
+        machine: &Machine<T>,
+        table: &CorrectionTable<'_, T>,
+        [theta, sigma, z0]: [f64; 3],
+    ) -> Self {
+        let pose =
+            Pose { theta_rad: T::from_f64(theta), sigma_rad: T::from_f64(sigma), z0_m: T::from_f64(z0) };
+        let mut line = Self {
+            float_bits,
+            pose: [theta, sigma, z0].map(f64::to_bits),
+            error: None,
+            inside: table.domain(&pose) == Domain::Inside,
+            q: Vec::new(),
+            k_p: Vec::new(),
+            k_m_diagonal: Vec::new(),
+            k_m_factor: Vec::new(),
+            deflection: Vec::new(),
+        };
+        if let Err(error) = line.compute(machine, table, &pose) {
+            line.error = Some(match error {
+                CorrectionError::Stiffness(_) => "stiffness",
+                CorrectionError::NotPositive { .. } => "not_positive",
+                _ => "other",
+            });
+        }
+        line
+    }
+
+    fn compute<T: Scalar>(
+        &mut self,
+        machine: &Machine<T>,
+        table: &CorrectionTable<'_, T>,
+        pose: &Pose<T>,
+    ) -> Result<(), CorrectionError> {
+        let wrench = Wrench {
+            force_n: [100.0, -50.0, -400.0].map(T::from_f64),
+            moment_nm: [2.0, -8.0, 5.0].map(T::from_f64),
+        };
+        self.q = bits(machine.inverse(pose)?.q_m);
+        self.k_p = lower(&machine.stiffness(pose)?);
+        self.k_m_diagonal = lower(&table.diagonal_form(machine, pose)?.factor.stiffness());
+        let corrected = if table.has_factor_form() {
+            table.factor_form(machine, pose)?
+        } else {
+            table.diagonal_form(machine, pose)?
+        };
+        self.k_m_factor = lower(&corrected.factor.stiffness());
+        let d = corrected.factor.deflection(&wrench)?;
+        self.deflection = bits(d.translation_m.into_iter().chain(d.rotation_rad));
+        Ok(())
+    }
+}
+
+fn print(line: &Line, out: &mut hio::HostStream) -> Result<(), ()> {
+    let text = serde_json_core::to_string::<_, LINE>(line).map_err(drop)?;
+    writeln!(out, "{text}").map_err(drop)
+}
+
+fn print_all() -> Result<(), ()> {
+    let mut out = hio::hstdout()?;
+    // a grid over the reference machine's box and a quarter beyond, in ° and mm
+    let (angles, heights) = ([-18.75, -15.0, -7.3, 0.0, 4.1, 15.0, 18.75], [492.5, 500.0, 531.7, 560.0, 567.5]);
+    let grid = angles.into_iter().flat_map(|t| {
+        angles.into_iter().flat_map(move |s| heights.into_iter().map(move |z| (t, s, z)))
+    });
+    let poses = grid.map(|(t, s, z): (f64, f64, f64)| [t.to_radians(), s.to_radians(), z / 1e3]);
+    // the paper's Table 5, X0 and Z0 in mm: all outside its own box
+    let table_5 = [
+        (-307.38, 363.45),
+        (-232.79, 375.90),
+        (-263.39, 315.72),
+        (-338.00, 300.14),
+        (-156.24, 433.25),
+        (-184.17, 447.83),
+        (-206.45, 458.46),
+    ];
+    let table_5 = table_5.map(|(x0, z0): (f64, f64)| [Scalar::atan2(x0, z0), 0.0, z0 / 1e3]);
+    // refusals: a NaN, too high, beyond a right angle
+    let refused = [[f64::NAN, 0.0, 0.5], [0.0, 0.0, 0.9], [1.6, 0.0, 0.5]];
+    for pose in poses.chain(table_5).chain(refused) {
+        print(&Line::new(64, &coefficients::MACHINE_F64, &coefficients::TABLE_F64, pose), &mut out)?;
+        print(&Line::new(32, &coefficients::MACHINE_F32, &coefficients::TABLE_F32, pose), &mut out)?;
+    }
+    Ok(())
+}
+
+#[entry]
+fn main() -> ! {
+    let status = if print_all().is_ok() { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE };
+    debug::exit(status);
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    debug::exit(debug::EXIT_FAILURE);
+    loop {
+        cortex_m::asm::wfi();
+    }
+}

@@ -1,0 +1,396 @@
+//! The commands: read, compute, write, and the document for `--json`.
+
+use std::path::Path;
+
+use pkm_core::{Domain, KinematicsError, Machine, Pose, ScrewLengths, StiffnessFactor, Wrench};
+use serde_json::{Value, json};
+
+use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, file_units, pose_of, stiffness_columns};
+use crate::error::{Failure, Result};
+use crate::export::{Provenance, rust_source};
+use crate::fit::{self, Fit, TermChoice};
+use crate::machine_file::{MachineFile, PoseBox, status};
+use crate::plan::{self, PlanKind};
+use crate::report;
+use crate::source::{self, Source, fixtures};
+use crate::table_file::{DiagonalForm, FactorForm, TableFile, TableNumbers};
+
+/// What a command prints: text for people, or a document for programs.
+pub struct Output {
+    /// Without `--json`.
+    pub text: String,
+    /// With `--json`.
+    pub json: Value,
+}
+
+fn machine_file(path: Option<&Path>) -> Result<MachineFile> {
+    MachineFile::parse(Source::read_or(path, fixtures::machine)?)
+}
+
+fn refused(e: KinematicsError, what: &str) -> Failure {
+    Failure::refused(status(e), format!("{what}: {e}"))
+}
+
+/// `ik`: screw lengths of a pose.
+///
+/// # Errors
+/// A pose that the machine cannot take.
+pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Result<Output> {
+    let machine = machine_file(machine)?.machine;
+    let pose = pose_of(theta_deg, sigma_deg, z0_mm);
+    let what = format!("θ = {theta_deg}°, σ = {sigma_deg}°, Z0 = {z0_mm} mm");
+    let lengths = machine.inverse(&pose).map_err(|e| refused(e, &what))?;
+    let q_mm = lengths.q_m.map(|q| q * 1e3);
+    let (mut json, margins) = margins(&machine, &pose, &lengths)?;
+    json["status"] = "ok".into();
+    json["q_mm"] = json!(q_mm);
+    Ok(Output { text: format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), json })
+}
+
+/// `fk`: pose of screw lengths.
+///
+/// # Errors
+/// Lengths out of travel, or that don't assemble.
+pub fn fk(machine: Option<&Path>, q_mm: [f64; 3]) -> Result<Output> {
+    let machine = machine_file(machine)?.machine;
+    let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
+    let what = format!("q = {}, {}, {} mm", q_mm[0], q_mm[1], q_mm[2]);
+    let pose = machine.forward(&lengths).map_err(|e| refused(e, &what))?;
+    let [theta_deg, sigma_deg, z0_mm] = file_units(&pose);
+    let (mut json, margins) = margins(&machine, &pose, &lengths)?;
+    json["status"] = "ok".into();
+    json["theta_deg"] = theta_deg.into();
+    json["sigma_deg"] = sigma_deg.into();
+    json["z0_mm"] = z0_mm.into();
+    Ok(Output { text: format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}"), json })
+}
+
+/// What the engineer wants to know besides: how far travel and singularities are.
+fn margins(machine: &Machine<f64>, pose: &Pose<f64>, lengths: &ScrewLengths<f64>) -> Result<(Value, String)> {
+    let (margin_m, limb) = machine.travel_margin_m(lengths);
+    let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
+    let json = json!({
+        "travel_margin_mm": margin_m * 1e3,
+        "travel_margin_limb": limb + 1,
+        "singularity_distance": { "limbs_1_2": distance.limbs_1_2, "limb_3": distance.limb_3 },
+    });
+    let text = format!(
+        "travel left: {:.3} mm (limb {}); distance to singularity (0…1): limbs 1 and 2 {:.3}, limb 3 {:.3}\n",
+        margin_m * 1e3,
+        limb + 1,
+        distance.limbs_1_2,
+        distance.limb_3
+    );
+    Ok((json, text))
+}
+
+/// Which model gives the stiffness.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Form {
+    /// Factor if the table has it, else diagonal.
+    Auto,
+    /// The paper's.
+    Diagonal,
+    /// Ours.
+    Factor,
+}
+
+/// A machine, with a table or without.
+struct Model {
+    machine: MachineFile,
+    table: Option<(TableNumbers, Form)>,
+}
+
+/// A stiffness ready for loads, and where its pose stands to the table's box (`None` without a table).
+struct Solved {
+    factor: StiffnessFactor<f64>,
+    domain: Option<Domain>,
+}
+
+impl Model {
+    fn read(machine: Option<&Path>, table: Option<&Path>, form: Form) -> Result<Self> {
+        let machine = machine_file(machine)?;
+        let Some(path) = table else {
+            if form != Form::Auto {
+                return Err(Failure::usage("--form says how a table is applied: give --table as well"));
+            }
+            return Ok(Self { machine, table: None });
+        };
+        let source = Source::read(path)?;
+        let file = TableFile::parse(&source)?;
+        if file.machine_sha256 != machine.source.sha256() {
+            eprintln!(
+                "warning: {} was fitted for machine `{}` from another machine file than {}",
+                source.name, file.machine, machine.source.name
+            );
+        }
+        let form = match (form, &file.factor) {
+            (Form::Factor, None) => {
+                let message = "has no factor form (its data had no couplings): use --form diagonal";
+                return Err(Failure::input(message).in_file(source.name).at_column("factor"));
+            }
+            (Form::Auto, None) => Form::Diagonal,
+            (Form::Auto, Some(_)) => Form::Factor,
+            (form, _) => form,
+        };
+        Ok(Self { machine, table: Some((file.numbers(), form)) })
+    }
+
+    /// Stiffness at every pose.
+    fn solve<'a>(&self, poses: impl IntoIterator<Item = &'a NamedPose>) -> Result<Vec<Solved>> {
+        let machine = &self.machine.machine;
+        let table = self.table.as_ref().map(|(numbers, form)| Ok((numbers.table()?, *form))).transpose()?;
+        poses
+            .into_iter()
+            .map(|p| {
+                let corrected = match &table {
+                    None => {
+                        return machine
+                            .stiffness(&p.pose)
+                            .and_then(|k| k.factor())
+                            .map(|factor| Solved { factor, domain: None })
+                            .map_err(|e| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line));
+                    }
+                    Some((table, Form::Diagonal)) => table.diagonal_form(machine, &p.pose),
+                    Some((table, _)) => table.factor_form(machine, &p.pose),
+                };
+                corrected
+                    .map(|c| Solved { factor: c.factor, domain: Some(c.domain) })
+                    .map_err(|e| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line))
+            })
+            .collect()
+    }
+}
+
+fn warn_outside(solved: &[Solved]) {
+    let outside = solved.iter().filter(|s| s.domain == Some(Domain::Outside)).count();
+    if outside > 0 {
+        eprintln!("warning: {outside} of {} poses lie outside the table's box: extrapolated", solved.len());
+    }
+}
+
+/// `stiffness`: the 6×6 at poses.
+///
+/// # Errors
+/// Bad files, poses that the machine cannot take, an unwritable file.
+pub fn stiffness(
+    machine: Option<&Path>,
+    poses: &Path,
+    table: Option<&Path>,
+    form: Form,
+    out: Option<&Path>,
+) -> Result<Output> {
+    let model = Model::read(machine, table, form)?;
+    let source = Source::read(poses)?;
+    let file = source.name.clone();
+    let poses = dataset::read_poses(source, &model.machine.machine)?;
+    let solved = model.solve(&poses).map_err(|f| f.in_file(file))?;
+    warn_outside(&solved);
+
+    let mut header: Vec<String> = POSE_COLUMNS.map(str::to_owned).to_vec();
+    header.extend(stiffness_columns().map(|(_, _, name)| name));
+    let mut rows = Vec::new();
+    let mut documents = Vec::new();
+    for (p, s) in poses.iter().zip(&solved) {
+        let k = s.factor.stiffness().matrix();
+        let mut row = vec![p.id.clone()];
+        row.extend(file_units(&p.pose).map(|v| v.to_string()));
+        row.extend(stiffness_columns().map(|(i, j, _)| k[i][j].to_string()));
+        rows.push(row);
+        documents.push(json!({
+            "pose": p.id,
+            "k": k,
+            "status": if s.domain == Some(Domain::Outside) { "outside_box" } else { "ok" },
+            "inside_domain": s.domain.map(|d| d == Domain::Inside),
+        }));
+    }
+    let mut text = format!(
+        "{:>10} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11}\n",
+        "pose", "k11 N/m", "k22 N/m", "k33 N/m", "k44 Nm/rad", "k55 Nm/rad", "k66 Nm/rad"
+    );
+    for (p, s) in poses.iter().zip(&solved) {
+        let k = s.factor.stiffness().principal().map(|k| format!("{k:>11.4e}")).join(" ");
+        let mark = if s.domain == Some(Domain::Outside) { "  outside the box" } else { "" };
+        text.push_str(&format!("{:>10} {k}{mark}\n", p.id));
+    }
+    if let Some(out) = out {
+        source::write(out, dataset::to_csv(&header, rows))?;
+        text.push_str(&format!("wrote {}\n", out.display()));
+    }
+    Ok(Output { text, json: json!({ "poses": documents }) })
+}
+
+/// `predict`: measured data with the deflections of the model in place of the readings.
+///
+/// # Errors
+/// Bad files, poses that the machine cannot take, an unwritable file.
+pub fn predict(machine: Option<&Path>, data: &Path, table: Option<&Path>, form: Form, out: &Path) -> Result<Output> {
+    let model = Model::read(machine, table, form)?;
+    let source = Source::read(data)?;
+    let file = source.name.clone();
+    let (sheet, cases) = dataset::read_load_cases(source, &model.machine.machine)?;
+    let solved = model.solve(cases.iter().map(|c| &c.pose)).map_err(|f| f.in_file(&file))?;
+    warn_outside(&solved);
+
+    let mut header = sheet.header.clone();
+    header.extend(DEFLECTION_COLUMNS.iter().filter(|c| !sheet.header.iter().any(|h| h == *c)).map(|c| c.to_string()));
+    let columns: Vec<usize> = DEFLECTION_COLUMNS.iter().filter_map(|c| header.iter().position(|h| h == c)).collect();
+    let mut rows = Vec::new();
+    for ((row, case), solved) in sheet.rows.iter().zip(&cases).zip(&solved) {
+        let at_a: Wrench<f64> = case.wrench.moved_to_a(case.point_m);
+        let deflection = solved.factor.deflection(&at_a).map_err(|e| {
+            Failure::input(format!("the deflection is not finite: {e}")).in_file(&file).at_line(row.line)
+        })?;
+        let seen = deflection.seen_at(case.point_m);
+        let mut cells = row.cells.clone();
+        cells.resize(header.len(), String::new());
+        let micro = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6);
+        for (column, value) in columns.iter().zip(micro) {
+            cells[*column] = value.to_string();
+        }
+        rows.push(cells);
+    }
+    let count = rows.len();
+    source::write(out, dataset::to_csv(&header, rows))?;
+    let outside = solved.iter().filter(|s| s.domain == Some(Domain::Outside)).count();
+    Ok(Output {
+        text: format!("wrote {} rows to {}\n", count, out.display()),
+        json: json!({ "rows": count, "outside_box": outside, "out": out.display().to_string() }),
+    })
+}
+
+/// `plan`: poses to measure or compute at.
+///
+/// # Errors
+/// Bad options, poses that the machine cannot take, an unwritable file.
+pub fn plan(machine: Option<&Path>, kind: &[String], pose_box: Option<PoseBox>, out: &Path) -> Result<Output> {
+    let kind = PlanKind::parse(kind)?;
+    let machine = machine_file(machine)?;
+    let poses = plan::plan(kind, &pose_box.unwrap_or(machine.pose_box), &machine.machine)?;
+    let header = POSE_COLUMNS.map(str::to_owned);
+    let tidy = |v: f64| ((v * 1e9).round() / 1e9).to_string();
+    let rows = poses.iter().map(|p| {
+        let [theta, sigma, z0] = file_units(&p.pose).map(tidy);
+        [p.id.clone(), theta, sigma, z0]
+    });
+    source::write(out, dataset::to_csv(&header, rows))?;
+    Ok(Output {
+        text: format!("wrote {} poses to {}\n", poses.len(), out.display()),
+        json: json!({ "poses": poses.len(), "out": out.display().to_string() }),
+    })
+}
+
+/// `fit`: correction tables from stiffness data.
+///
+/// # Errors
+/// Bad files, poses that don't determine the terms, a correction that is not positive, an unwritable folder.
+pub fn fit(
+    machine: Option<&Path>,
+    data: Option<&Path>,
+    verify: Option<&Path>,
+    choice: TermChoice,
+    out: &Path,
+) -> Result<Output> {
+    let machine = machine_file(machine)?;
+    let training = dataset::read_stiffness(Source::read_or(data, fixtures::training)?, &machine.machine)?;
+    // the fixture's verification poses go with the fixture's training poses
+    let verification = match (verify, data) {
+        (Some(path), _) => Some(Source::read(path)?),
+        (None, None) => Some(fixtures::verification()),
+        (None, Some(_)) => None,
+    };
+    let verification = verification.map(|s| dataset::read_stiffness(s, &machine.machine)).transpose()?;
+
+    let data_source = training.source.clone();
+    let in_data = |f: Failure| if f.file.is_none() { f.in_file(&data_source.name) } else { f };
+    let verification_source = verification.as_ref().map(|v| v.source.clone());
+    let training = fit::samples(&machine.machine, training)?;
+    let verification = verification.map(|v| fit::samples(&machine.machine, v)).transpose()?;
+    let fit = fit::fit(training, verification, choice).map_err(in_data)?;
+    let trained = fit::evaluate(&fit.training, &machine.machine, &fit.numbers).map_err(in_data)?;
+    let verified = match (&fit.verification, &verification_source) {
+        (Some(samples), Some(source)) => {
+            Some(fit::evaluate(samples, &machine.machine, &fit.numbers).map_err(|f| f.in_file(&source.name))?)
+        }
+        _ => None,
+    };
+
+    let rows = |n: &[f64]| n.chunks(fit.numbers.terms.len()).map(<[f64]>::to_vec).collect::<Vec<_>>();
+    let file = TableFile {
+        format: 1,
+        machine: machine.name.clone(),
+        machine_sha256: machine.source.sha256(),
+        data: data_source.file_name().to_owned(),
+        data_sha256: data_source.sha256(),
+        extent: fit.extent.into(),
+        center: fit.center,
+        scale: fit.scale,
+        terms: fit.numbers.terms.clone(),
+        diagonal: DiagonalForm { coefficients: rows(&fit.numbers.diagonal), paper_e: fit.paper_e.clone() },
+        factor: fit.numbers.factor.as_deref().map(|f| FactorForm { coefficients: rows(f) }),
+    };
+    let choice_name = match choice {
+        TermChoice::Paper => "paper",
+        TermChoice::Full => "full",
+        TermChoice::Select => "select",
+    };
+    let mut command =
+        format!("pkm-host fit --machine {} --data {}", machine.source.file_name(), data_source.file_name());
+    let verification_name = verification_source.as_ref().map(|s| (s.file_name(), s.sha256()));
+    if let Some((name, _)) = &verification_name {
+        command.push_str(&format!(" --verify {name}"));
+    }
+    command.push_str(&format!(" --terms {choice_name}"));
+    let provenance = Provenance {
+        command: &command,
+        file: &file,
+        verification: verification_name.as_ref().map(|(name, sha)| (*name, sha.as_str())),
+        training: &trained,
+        verified: verified.as_ref(),
+    };
+    let rust = rust_source(&provenance, &fit, &machine.parameters)?;
+    let document = fit_document(&fit, choice_name, &trained, verified.as_ref());
+    let summary = report::summary(&fit, &trained, verified.as_ref());
+    let html = report::fit_report(&provenance, &fit)?;
+    let pretty = |v: &Value| format!("{v:#}\n");
+    let table_json = serde_json::to_value(&file).map_err(|e| Failure::other(e.to_string()))?;
+    source::write_all(
+        out,
+        &[
+            ("coefficients.rs", rust),
+            ("coefficients.json", pretty(&table_json)),
+            ("fit.json", pretty(&document)),
+            ("report.html", html),
+        ],
+    )?;
+    let text =
+        format!("{summary}\nwrote coefficients.rs, coefficients.json, fit.json and report.html to {}\n", out.display());
+    Ok(Output { text, json: document })
+}
+
+fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Option<&fit::Evaluation>) -> Value {
+    let polynomials: Vec<Value> = fit
+        .polynomials
+        .iter()
+        .map(|p| {
+            let terms: Vec<_> =
+                fit.numbers.terms.iter().zip(&p.used).filter_map(|(t, used)| used.then_some(*t)).collect();
+            json!({
+                "name": p.name,
+                "terms": terms,
+                "coefficients": p.coefficients,
+                "standard_errors": p.standard_errors,
+                "leave_one_out_rms": p.loo_rms,
+                "leave_one_out_rms_paper_terms": p.paper_loo_rms,
+            })
+        })
+        .collect();
+    json!({
+        "train": trained,
+        "verify": verified,
+        "condition": fit.condition,
+        "terms": fit.numbers.terms,
+        "term_choice": choice,
+        "selected": polynomials,
+    })
+}

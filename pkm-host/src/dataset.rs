@@ -1,0 +1,362 @@
+//! CSV files: poses, stiffness, measured readings (`formats.md`, "Data files").
+
+use std::collections::HashMap;
+
+use pkm_core::{Machine, Pose, ScrewLengths, Stiffness};
+
+use crate::error::{Failure, Result};
+use crate::machine_file::status;
+use crate::source::Source;
+
+/// The pose columns, in the order in which they are written.
+pub const POSE_COLUMNS: [&str; 4] = ["pose", "theta_deg", "sigma_deg", "z0_mm"];
+const LENGTH_COLUMNS: [&str; 3] = ["q1_mm", "q2_mm", "q3_mm"];
+/// The wrench on the platform.
+pub const WRENCH_COLUMNS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
+/// The deflection, loaded minus unloaded.
+pub const DEFLECTION_COLUMNS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
+const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
+const OTHER_MEASURED: [&str; 6] =
+    ["series", "repeat", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
+
+/// Column of the stiffness k_ij, i ≤ j, from 1.
+fn stiffness_column(i: usize, j: usize) -> String {
+    format!("k{}{}", i.min(j) + 1, i.max(j) + 1)
+}
+
+/// The 21 stiffness columns in the order of the format: the upper triangle row by row.
+pub fn stiffness_columns() -> impl Iterator<Item = (usize, usize, String)> {
+    (0..6).flat_map(|i| (i..6).map(move |j| (i, j, stiffness_column(i, j))))
+}
+
+/// A CSV as cells, checked for shape: one header, no doubled column, every row as wide as the header.
+pub struct Sheet {
+    source: Source,
+    /// Names of the columns.
+    pub header: Vec<String>,
+    /// Rows in the file's order.
+    pub rows: Vec<Row>,
+    header_line: u64,
+    decimal_comma: bool,
+    columns: HashMap<String, usize>,
+}
+
+/// A line of a [`Sheet`].
+pub struct Row {
+    /// Line in the file, from 1.
+    pub line: u64,
+    /// Cells without the spaces around them.
+    pub cells: Vec<String>,
+}
+
+impl Sheet {
+    /// Reads a CSV and holds its header against the `known` columns.
+    ///
+    /// # Errors
+    /// The line and column that are wrong; a column that looks like a misspelt known one.
+    pub fn parse(source: Source, known: &[&str]) -> Result<Self> {
+        let text = source.text()?;
+        let fail = |line: u64, message: String| Failure::input(message).in_file(&source.name).at_line(line);
+        let header_line = text.lines().find(|l| !l.trim().is_empty() && !l.starts_with('#'));
+        let Some(header_line) = header_line else {
+            return Err(fail(1, "expected a header line with column names, found nothing".into()));
+        };
+        let semicolons = header_line.contains(';');
+        let mut reader = csv::ReaderBuilder::new()
+            .delimiter(if semicolons { b';' } else { b',' })
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .flexible(true)
+            .from_reader(text.as_bytes());
+        let line_of = |p: Option<&csv::Position>| p.map_or(1, csv::Position::line);
+        let read = |e: csv::Error| fail(line_of(e.position()), format!("not a CSV line: {e}"));
+
+        let header = reader.headers().map_err(read)?.clone();
+        let at = line_of(header.position());
+        let header: Vec<String> = header.iter().map(str::to_owned).collect();
+        let mut columns = HashMap::new();
+        for (i, name) in header.iter().enumerate() {
+            if name.is_empty() {
+                return Err(fail(at, format!("column {} of the header has no name", i + 1)));
+            }
+            if columns.insert(name.clone(), i).is_some() {
+                return Err(fail(at, "this column stands twice in the header".into()).at_column(name));
+            }
+        }
+        let missing = |name: &&&str| !columns.contains_key(**name);
+        for name in header.iter().filter(|n| !known.contains(&n.as_str())) {
+            if let Some(meant) = known.iter().filter(missing).find(|k| looks_like(name, k)) {
+                return Err(fail(at, format!("unknown column: did you mean `{meant}`?")).at_column(name));
+            }
+            eprintln!("warning: {}:{at}: column `{name}` is not used", source.name);
+        }
+
+        let mut rows = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(read)?;
+            let line = line_of(record.position());
+            if record.len() != header.len() {
+                let (found, wide) = (record.len(), header.len());
+                return Err(fail(line, format!("expected {wide} cells as in the header, found {found}")));
+            }
+            rows.push(Row { line, cells: record.iter().map(str::to_owned).collect() });
+        }
+        if rows.is_empty() {
+            return Err(fail(at, "expected rows of data below the header, found none".into()));
+        }
+        Ok(Self { header, header_line: at, rows, decimal_comma: semicolons, columns, source })
+    }
+
+    fn has(&self, column: &str) -> bool {
+        self.columns.contains_key(column)
+    }
+
+    fn failure(&self, row: &Row, message: impl Into<String>) -> Failure {
+        Failure::input(message).in_file(&self.source.name).at_line(row.line)
+    }
+
+    /// A failure at the header, about a column that is not there.
+    fn missing(&self, column: &str, why: &str) -> Failure {
+        let failure = Failure::input(format!("missing column{why}")).in_file(&self.source.name);
+        failure.at_line(self.header_line).at_column(column)
+    }
+
+    fn require(&self, columns: &[&str]) -> Result<()> {
+        columns.iter().find(|c| !self.has(c)).map_or(Ok(()), |c| Err(self.missing(c, "")))
+    }
+
+    fn cell<'a>(&self, row: &'a Row, column: &str) -> Result<&'a str> {
+        let index = self.columns.get(column).ok_or_else(|| self.missing(column, ""))?;
+        Ok(&row.cells[*index])
+    }
+
+    /// A finite number. With semicolons between cells a decimal comma is as good as a point.
+    fn number(&self, row: &Row, column: &str) -> Result<f64> {
+        let cell = self.cell(row, column)?;
+        let text = if self.decimal_comma { cell.replace(',', ".") } else { cell.to_owned() };
+        let digits = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
+        match text.parse::<f64>() {
+            Ok(value) if digits && value.is_finite() => Ok(value),
+            _ => {
+                let shown: String = cell.chars().take(40).collect();
+                Err(self.failure(row, format!("expected a finite number, found `{shown}`")).at_column(column))
+            }
+        }
+    }
+
+    fn numbers<const N: usize>(&self, row: &Row, columns: [&str; N]) -> Result<[f64; N]> {
+        let mut values = [0.0; N];
+        for (value, column) in values.iter_mut().zip(columns) {
+            *value = self.number(row, column)?;
+        }
+        Ok(values)
+    }
+
+    /// The pose of every row, each within the machine's reach.
+    ///
+    /// # Errors
+    /// Missing columns, cells that are no numbers, and poses that the machine cannot take.
+    pub fn poses(&self, machine: &Machine<f64>) -> Result<Vec<NamedPose>> {
+        self.require(&["pose"])?;
+        let angles = POSE_COLUMNS[1..].iter().any(|c| self.has(c));
+        let lengths = LENGTH_COLUMNS.iter().any(|c| self.has(c));
+        if angles && lengths {
+            let column = LENGTH_COLUMNS.iter().find(|c| self.has(c)).expect("one is there");
+            let message = "give the pose as theta_deg, sigma_deg, z0_mm or as q1_mm, q2_mm, q3_mm, not both";
+            let failure = Failure::input(message).in_file(&self.source.name);
+            return Err(failure.at_line(self.header_line).at_column(*column));
+        }
+        self.require(if lengths { &LENGTH_COLUMNS } else { &POSE_COLUMNS[1..] })?;
+        self.rows
+            .iter()
+            .map(|row| {
+                let id = self.cell(row, "pose")?.to_owned();
+                let solved = if lengths {
+                    let q_m = self.numbers(row, LENGTH_COLUMNS)?.map(|mm| mm / 1e3);
+                    machine.forward(&ScrewLengths { q_m })
+                } else {
+                    let [theta, sigma, z0] = self.numbers(row, ["theta_deg", "sigma_deg", "z0_mm"])?;
+                    let pose = pose_of(theta, sigma, z0);
+                    machine.inverse(&pose).map(|_| pose)
+                };
+                let pose = solved.map_err(|e| {
+                    let failure = Failure::refused(status(e), format!("pose `{id}`: {e}"));
+                    failure.in_file(&self.source.name).at_line(row.line).at_column(if lengths {
+                        "q1_mm"
+                    } else {
+                        "theta_deg"
+                    })
+                })?;
+                Ok(NamedPose { id, line: row.line, pose })
+            })
+            .collect()
+    }
+}
+
+/// A pose from a file.
+#[derive(Clone, Debug)]
+pub struct NamedPose {
+    /// Any text.
+    pub id: String,
+    /// Line in the file, from 1.
+    pub line: u64,
+    /// The pose.
+    pub pose: Pose<f64>,
+}
+
+/// A pose from the units of files: °, °, mm.
+pub fn pose_of(theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Pose<f64> {
+    Pose { theta_rad: theta_deg.to_radians(), sigma_rad: sigma_deg.to_radians(), z0_m: z0_mm / 1e3 }
+}
+
+/// A pose in the units of files: °, °, mm.
+pub fn file_units(pose: &Pose<f64>) -> [f64; 3] {
+    [pose.theta_rad.to_degrees(), pose.sigma_rad.to_degrees(), pose.z0_m * 1e3]
+}
+
+/// Whether an unknown name is probably a slip for a known one: another case, another unit, a letter or two.
+fn looks_like(name: &str, known: &str) -> bool {
+    let plain = |s: &str| s.to_lowercase().replace(['_', '-', ' '], "");
+    let stem = |s: &str| s.rsplit_once('_').map(|(stem, _)| stem.to_lowercase());
+    let allowed = if known.len() <= 4 { 1 } else { 2 };
+    plain(name) == plain(known)
+        || (stem(known).is_some() && (stem(name) == stem(known) || stem(known) == Some(name.to_lowercase())))
+        || strsim::osa_distance(&name.to_lowercase(), known) <= allowed
+}
+
+fn refuse_doubled_ids(sheet: &Sheet, poses: &[NamedPose]) -> Result<()> {
+    let mut seen: HashMap<&str, u64> = HashMap::new();
+    for pose in poses {
+        if let Some(first) = seen.insert(&pose.id, pose.line) {
+            let message = format!("pose `{}` stands twice, first in line {first}", pose.id);
+            let failure = Failure::input(message).in_file(&sheet.source.name).at_line(pose.line);
+            return Err(failure.at_column("pose"));
+        }
+    }
+    Ok(())
+}
+
+/// Reads a list of poses.
+///
+/// # Errors
+/// See [`Sheet`]; a doubled pose id.
+pub fn read_poses(source: Source, machine: &Machine<f64>) -> Result<Vec<NamedPose>> {
+    let known = [&POSE_COLUMNS[..], &LENGTH_COLUMNS].concat();
+    let sheet = Sheet::parse(source, &known)?;
+    let poses = sheet.poses(machine)?;
+    refuse_doubled_ids(&sheet, &poses)?;
+    Ok(poses)
+}
+
+/// What a stiffness file says of one pose.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// k11…k66.
+    pub principal: [f64; 6],
+    /// The whole matrix, when the file has the couplings.
+    pub full: Option<Stiffness<f64>>,
+}
+
+/// Stiffness at poses: the paper's K_a.
+pub struct StiffnessData {
+    /// File, as the user named it.
+    pub source: Source,
+    /// Poses in the file's order.
+    pub poses: Vec<NamedPose>,
+    /// Stiffness at each.
+    pub targets: Vec<Target>,
+}
+
+/// Reads a stiffness file.
+///
+/// # Errors
+/// See [`Sheet`]; a doubled pose id; some but not all couplings; a matrix that is not positive definite.
+pub fn read_stiffness(source: Source, machine: &Machine<f64>) -> Result<StiffnessData> {
+    let all: Vec<_> = stiffness_columns().collect();
+    let mut known = [&POSE_COLUMNS[..], &LENGTH_COLUMNS].concat();
+    known.extend(all.iter().map(|(_, _, name)| name.as_str()));
+    let sheet = Sheet::parse(source, &known)?;
+    let poses = sheet.poses(machine)?;
+    refuse_doubled_ids(&sheet, &poses)?;
+
+    let diagonal: [String; 6] = std::array::from_fn(|i| stiffness_column(i, i));
+    let diagonal: [&str; 6] = std::array::from_fn(|i| diagonal[i].as_str());
+    sheet.require(&diagonal)?;
+    let full = all.iter().any(|(i, j, name)| i != j && sheet.has(name));
+    if let Some((_, _, name)) = all.iter().find(|(_, _, name)| full && !sheet.has(name)) {
+        return Err(sheet.missing(name, ": give all 15 couplings or none"));
+    }
+    let read = |row: &Row| {
+        let principal = sheet.numbers(row, diagonal)?;
+        if let Some(i) = principal.iter().position(|k| *k <= 0.0) {
+            let message = format!("expected a stiffness above 0, found {}", principal[i]);
+            return Err(sheet.failure(row, message).at_column(diagonal[i]));
+        }
+        if !full {
+            return Ok(Target { principal, full: None });
+        }
+        let mut lower = [[0.0; 6]; 6];
+        for (i, j, name) in &all {
+            lower[*j][*i] = sheet.number(row, name)?;
+        }
+        let k = Stiffness::from_lower(&lower);
+        match k.factor() {
+            Ok(_) => Ok(Target { principal, full: Some(k) }),
+            Err(_) => Err(sheet
+                .failure(row, "expected a symmetric positive definite matrix, found an indefinite one")
+                .at_column("k11…k66")),
+        }
+    };
+    let targets = sheet.rows.iter().map(read).collect::<Result<Vec<_>>>()?;
+    Ok(StiffnessData { poses, targets, source: sheet.source })
+}
+
+/// A load case of a measured file.
+pub struct LoadCase {
+    /// Commanded pose.
+    pub pose: NamedPose,
+    /// Force in N and moment in N·m on the platform, at `point_m`, in A-uvw.
+    pub wrench: pkm_core::Wrench<f64>,
+    /// Where wrench and deflection are given, in A-uvw.
+    pub point_m: [f64; 3],
+}
+
+/// Reads poses and wrenches of a measured file, and its cells as they stand.
+///
+/// # Errors
+/// See [`Sheet`].
+pub fn read_load_cases(source: Source, machine: &Machine<f64>) -> Result<(Sheet, Vec<LoadCase>)> {
+    let known =
+        [&POSE_COLUMNS[..], &LENGTH_COLUMNS, &WRENCH_COLUMNS, &DEFLECTION_COLUMNS, &POINT_COLUMNS, &OTHER_MEASURED]
+            .concat();
+    let sheet = Sheet::parse(source, &known)?;
+    sheet.require(&WRENCH_COLUMNS)?;
+    let elsewhere = POINT_COLUMNS.iter().any(|c| sheet.has(c));
+    if elsewhere {
+        sheet.require(&POINT_COLUMNS)?;
+    }
+    let poses = sheet.poses(machine)?;
+    let cases = sheet
+        .rows
+        .iter()
+        .zip(poses)
+        .map(|(row, pose)| {
+            let [fx, fy, fz, mx, my, mz] = sheet.numbers(row, WRENCH_COLUMNS)?;
+            let point_m = if elsewhere { sheet.numbers(row, POINT_COLUMNS)?.map(|mm| mm / 1e3) } else { [0.0; 3] };
+            let wrench = pkm_core::Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
+            Ok(LoadCase { pose, wrench, point_m })
+        })
+        .collect::<Result<Vec<_>>>()?;
+    Ok((sheet, cases))
+}
+
+/// CSV text with commas.
+pub fn to_csv<R: AsRef<[String]>>(header: &[String], rows: impl IntoIterator<Item = R>) -> String {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut write = |cells: &[String]| writer.write_record(cells).expect("writing to memory");
+    write(header);
+    for row in rows {
+        write(row.as_ref());
+    }
+    String::from_utf8(writer.into_inner().expect("writing to memory")).expect("cells are UTF-8")
+}

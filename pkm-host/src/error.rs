@@ -1,0 +1,129 @@
+//! One kind of failure for the whole program: a message, where it applies, and the exit code.
+
+use std::fmt;
+use std::path::Path;
+
+/// Whose fault it is; sets the exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Bad options. Exit 2.
+    Usage,
+    /// Bad file. Exit 2.
+    Input,
+    /// A pose that the machine cannot take; carries the status of `formats.md`. Exit 2.
+    Refused(&'static str),
+    /// Anything else, such as an unwritable folder. Exit 1.
+    Other,
+}
+
+impl Kind {
+    /// As `error.kind` in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Usage => "usage",
+            Self::Input => "input",
+            Self::Refused(status) => status,
+            Self::Other => "other",
+        }
+    }
+}
+
+/// A failed command: one message that says what to mend, and where.
+#[derive(Clone, Debug)]
+pub struct Failure {
+    /// Whose fault.
+    pub kind: Kind,
+    /// What happened and what was expected.
+    pub message: String,
+    /// File, as the user named it.
+    pub file: Option<String>,
+    /// Line, from 1.
+    pub line: Option<u64>,
+    /// Column name of a CSV, key of a TOML or JSON.
+    pub column: Option<String>,
+}
+
+/// What every function here returns.
+pub type Result<T> = std::result::Result<T, Failure>;
+
+impl Failure {
+    fn new(kind: Kind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into(), file: None, line: None, column: None }
+    }
+
+    /// Bad options.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self::new(Kind::Usage, message)
+    }
+
+    /// Bad file.
+    pub fn input(message: impl Into<String>) -> Self {
+        Self::new(Kind::Input, message)
+    }
+
+    /// A pose that the machine cannot take.
+    pub fn refused(status: &'static str, message: impl Into<String>) -> Self {
+        Self::new(Kind::Refused(status), message)
+    }
+
+    /// Anything else.
+    pub fn other(message: impl Into<String>) -> Self {
+        Self::new(Kind::Other, message)
+    }
+
+    /// Names the file.
+    pub fn in_file(mut self, file: impl Into<String>) -> Self {
+        self.file = Some(file.into());
+        self
+    }
+
+    /// Names the line.
+    pub fn at_line(mut self, line: u64) -> Self {
+        self.line = Some(line);
+        self
+    }
+
+    /// Names the column or key.
+    pub fn at_column(mut self, column: impl Into<String>) -> Self {
+        self.column = Some(column.into());
+        self
+    }
+
+    /// An operating system's error on a path.
+    pub fn io(action: &str, path: &Path, error: &std::io::Error) -> Self {
+        Self::other(format!("cannot {action}: {error}")).in_file(path.display().to_string())
+    }
+
+    /// 2 for what the user can mend in the call or its files, else 1.
+    pub fn exit_code(&self) -> u8 {
+        if self.kind == Kind::Other { 1 } else { 2 }
+    }
+
+    /// The document of `--json`.
+    pub fn to_json(&self) -> serde_json::Value {
+        let mut document = serde_json::json!({ "error": {
+            "kind": self.kind.name(), "message": self.to_string(),
+            "file": self.file, "line": self.line, "column": self.column,
+        }});
+        if let Kind::Refused(status) = self.kind {
+            document["status"] = status.into();
+        }
+        document
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(file) = &self.file {
+            write!(f, "{file}:")?;
+            if let Some(line) = self.line {
+                write!(f, "{line}:")?;
+            }
+            f.write_str(" ")?;
+        }
+        if let Some(column) = &self.column {
+            write!(f, "{column}: ")?;
+        }
+        f.write_str(&self.message)
+    }
+}

@@ -1,0 +1,596 @@
+//! Fitting correction tables to stiffness data (paper, Eqs. 10-14; spec: model.md 3).
+
+use std::collections::BTreeSet;
+
+use nalgebra::{DMatrix, DVector, Matrix6};
+use pkm_core::correction::{FACTOR_ENTRIES, MAX_TERMS};
+use pkm_core::{Basis, Machine, Stiffness, Wrench};
+use serde::Serialize;
+
+use crate::dataset::{NamedPose, StiffnessData, Target, file_units};
+use crate::error::{Failure, Result};
+use crate::machine_file::PoseBox;
+use crate::table_file::{TableNumbers, core_units};
+
+/// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
+pub const EQ_11: [[u8; 3]; 9] =
+    [[2, 0, 0], [1, 0, 0], [0, 2, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [0, 0, 0]];
+
+/// Which of them Eq. 12 gives to c11…c66.
+const EQ_12: [[bool; 9]; 6] = {
+    const fn with(cross: Option<usize>) -> [bool; 9] {
+        let mut used = [true, true, true, true, true, false, false, false, true];
+        if let Some(i) = cross {
+            used[i] = true;
+        }
+        used
+    }
+    const THETA_Z0: usize = 6;
+    const SIGMA_Z0: usize = 7;
+    [
+        with(Some(THETA_Z0)),
+        with(Some(SIGMA_Z0)),
+        with(Some(SIGMA_Z0)),
+        with(Some(THETA_Z0)),
+        with(None),
+        with(Some(SIGMA_Z0)),
+    ]
+};
+
+/// Length that makes a rotation comparable with a translation in deflection errors.
+pub const ROTATION_ARM_M: f64 = 0.2;
+
+/// Which terms the polynomials get.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum TermChoice {
+    /// Eq. 12 for the diagonal form, Eq. 11's nine for the factor form.
+    Paper,
+    /// Eq. 11's nine for both.
+    Full,
+    /// Picked for each coefficient by leave-one-out prediction of the training poses.
+    Select,
+}
+
+/// A fitted table with all that is reported about it.
+pub struct Fit {
+    /// What was fitted on, with K_p beside it.
+    pub training: Vec<Sample>,
+    /// Poses that had no part in the fit.
+    pub verification: Option<Vec<Sample>>,
+    /// Middle and half widths of the box in ° and mm.
+    pub center: [f64; 3],
+    /// See `center`.
+    pub scale: [f64; 3],
+    /// Extent of the training poses.
+    pub extent: PoseBox,
+    /// The table.
+    pub numbers: TableNumbers,
+    /// Of the diagonal form, then of the factor form.
+    pub polynomials: Vec<Polynomial>,
+    /// The paper's e_ij in ° and mm.
+    pub paper_e: Option<Vec<[f64; 9]>>,
+    /// Worst condition number of the polynomials' design matrices, scaled variables.
+    pub condition: f64,
+}
+
+/// One fitted polynomial over all terms of the table; 0 where it does not use one.
+pub struct Polynomial {
+    /// `c11`, or `g21`.
+    pub name: String,
+    /// By term.
+    pub coefficients: Vec<f64>,
+    /// Standard errors, by term: square roots of the diagonal of s²(XᵀX)⁻¹.
+    pub standard_errors: Vec<f64>,
+    /// Terms it uses.
+    pub used: Vec<bool>,
+    /// Root mean square of leave-one-out prediction errors.
+    pub loo_rms: f64,
+    /// The same with the terms that `paper` would give it.
+    pub paper_loo_rms: f64,
+}
+
+/// A pose with its basic and its target stiffness.
+pub struct Sample {
+    /// The pose.
+    pub pose: NamedPose,
+    /// K_p of the machine.
+    pub basic: Stiffness<f64>,
+    /// K_a of the data.
+    pub target: Target,
+}
+
+impl Sample {
+    /// c_ii = k_a / k_p.
+    pub fn ratios(&self) -> [f64; 6] {
+        let (a, p) = (self.target.principal, self.basic.principal());
+        std::array::from_fn(|i| a[i] / p[i])
+    }
+
+    /// Lower triangle, row by row, of G = chol(L⁻¹ K_a L⁻ᵀ), K_p = L Lᵀ.
+    fn factor_entries(&self) -> Option<[f64; FACTOR_ENTRIES]> {
+        let l = Matrix6::from(self.basic.factor().ok()?.lower()).transpose();
+        let target = Matrix6::from(self.target.full?.matrix());
+        let half = l.solve_lower_triangular(&target)?;
+        let inner = l.solve_lower_triangular(&half.transpose())?;
+        let g = ((inner + inner.transpose()) * 0.5).cholesky()?.l();
+        let mut entries = (0..6).flat_map(|i| (0..=i).map(move |j| g[(i, j)]));
+        Some(std::array::from_fn(|_| entries.next().unwrap_or(f64::NAN)))
+    }
+}
+
+/// Computes K_p beside every target.
+///
+/// # Errors
+/// A pose at which the core gives none.
+pub fn samples(machine: &Machine<f64>, data: StiffnessData) -> Result<Vec<Sample>> {
+    let file = data.source.name;
+    data.poses
+        .into_iter()
+        .zip(data.targets)
+        .map(|(pose, target)| match machine.stiffness(&pose.pose) {
+            Ok(basic) => Ok(Sample { pose, basic, target }),
+            Err(e) => Err(Failure::input(e.to_string()).in_file(&file).at_line(pose.line)),
+        })
+        .collect()
+}
+
+/// Fits both forms (the factor form when the data are whole matrices).
+///
+/// # Errors
+/// Poses that cannot determine the terms; a correction that is not positive somewhere in its box.
+pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: TermChoice) -> Result<Fit> {
+    let extent = extent(&training);
+    let center = extent.0.map(|[low, high]| (low + high) / 2.0);
+    // a variable that does not vary gets width 1, so that its terms are 0 and the rank check names them
+    let scale = extent.0.map(|[low, high]| if high > low { (high - low) / 2.0 } else { 1.0 });
+    let centre = core_units(center);
+    let half_width = core_units(scale);
+
+    let mut responses: Vec<(String, Vec<f64>)> =
+        (0..6).map(|i| (format!("c{0}{0}", i + 1), training.iter().map(|s| s.ratios()[i]).collect())).collect();
+    let entries: Option<Vec<_>> = training.iter().map(Sample::factor_entries).collect();
+    if let Some(entries) = &entries {
+        let names = (1..=6).flat_map(|i| (1..=i).map(move |j| format!("g{i}{j}")));
+        responses.extend(names.enumerate().map(|(n, name)| (name, entries.iter().map(|e| e[n]).collect())));
+    }
+    let paper_mask = |row: usize| EQ_12.get(row).map_or([true; 9], |mask| *mask);
+
+    let design_of = |terms: &[[u8; 3]]| -> Result<DMatrix<f64>> {
+        let basis = Basis::<f64>::new(centre, half_width, terms).map_err(|e| Failure::other(e.to_string()))?;
+        let monomials: Vec<_> = training.iter().map(|s| basis.monomials(&s.pose.pose)).collect();
+        Ok(DMatrix::from_fn(monomials.len(), terms.len(), |i, j| monomials[i][j]))
+    };
+    let paper_design = design_of(&EQ_11)?;
+    // The nine terms are in every choice: what the poses can't tell apart is refused before anything is fitted.
+    let needed: Vec<bool> = (0..9).map(|t| choice == TermChoice::Full || entries.is_some() || t != 5).collect();
+    refuse_rank_deficiency(&paper_design, &needed)?;
+
+    let candidates = candidate_terms();
+    let (terms, masks): (Vec<[u8; 3]>, Vec<Vec<bool>>) = match choice {
+        TermChoice::Paper => (EQ_11.to_vec(), (0..responses.len()).map(|r| paper_mask(r).to_vec()).collect()),
+        TermChoice::Full => (EQ_11.to_vec(), vec![vec![true; 9]; responses.len()]),
+        TermChoice::Select => {
+            let design = design_of(&candidates)?;
+            let chosen: Vec<BTreeSet<usize>> = responses.iter().map(|(_, y)| select(&design, y)).collect();
+            let union: Vec<usize> = chosen.iter().flatten().copied().collect::<BTreeSet<_>>().into_iter().collect();
+            let masks = chosen.iter().map(|set| union.iter().map(|t| set.contains(t)).collect()).collect();
+            (union.iter().map(|t| candidates[*t]).collect(), masks)
+        }
+    };
+    let design = design_of(&terms)?;
+
+    let mut polynomials = Vec::new();
+    for (row, ((name, y), used)) in responses.into_iter().zip(masks).enumerate() {
+        let y = DVector::from_vec(y);
+        let own = Regression::new(&design, &used, &y)?;
+        let paper = Regression::new(&paper_design, &paper_mask(row), &y)?;
+        polynomials.push(Polynomial {
+            coefficients: spread(&own.coefficients, &used),
+            standard_errors: spread(&own.standard_errors, &used),
+            loo_rms: own.loo_rms,
+            paper_loo_rms: paper.loo_rms,
+            used,
+            name,
+        });
+    }
+    let (diagonal, factor) = polynomials.split_at(6);
+    let flat = |rows: &[Polynomial]| rows.iter().flat_map(|p| p.coefficients.iter().copied()).collect::<Vec<_>>();
+    let numbers = TableNumbers {
+        centre,
+        half_width,
+        terms: terms.clone(),
+        diagonal: flat(diagonal),
+        factor: entries.is_some().then(|| flat(factor)),
+    };
+    let paper_e = diagonal.iter().map(|p| paper_coefficients(&p.coefficients, &terms, center, scale)).collect();
+
+    let must_be_positive = diagonal.iter().chain(factor.iter().enumerate().filter_map(|(n, p)| {
+        // diagonal entries of a lower triangle stand at 0, 2, 5, 9, 14, 20
+        [0, 2, 5, 9, 14, 20].contains(&n).then_some(p)
+    }));
+    for p in must_be_positive {
+        if let Err(t) = positive_in_box(&p.coefficients, &terms) {
+            let [theta, sigma, z0]: [f64; 3] = std::array::from_fn(|i| center[i] + scale[i] * t[i]);
+            return Err(Failure::input(format!(
+                "the correction {} is not positive at θ = {theta:.2}°, σ = {sigma:.2}°, Z0 = {z0:.1} mm, inside the \
+                 data's box: use more poses there, or other terms",
+                p.name
+            )));
+        }
+    }
+    let condition = polynomials.iter().map(|p| condition(&columns(&design, &p.used))).fold(1.0, f64::max);
+    Ok(Fit { training, verification, center, scale, extent, numbers, polynomials, paper_e, condition })
+}
+
+fn extent(samples: &[Sample]) -> PoseBox {
+    let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    for sample in samples {
+        for (range, value) in extent.iter_mut().zip(file_units(&sample.pose.pose)) {
+            // ° and mm as they were written: the way through rad and m costs the last digit
+            let value = (value * 1e9).round() / 1e9;
+            *range = [range[0].min(value), range[1].max(value)];
+        }
+    }
+    PoseBox(extent)
+}
+
+/// What `select` may pick, the constant first: products up to the fourth order (second in Z0), and single
+/// powers of θ and σ to the sixth, since c66 bends faster with σ than four orders follow.
+fn candidate_terms() -> Vec<[u8; 3]> {
+    let mut terms: Vec<[u8; 3]> = (0..=2)
+        .flat_map(|s| (0..=4).flat_map(move |p| (0..=4).map(move |r| [p, r, s])))
+        .filter(|t| t.iter().sum::<u8>() <= 4)
+        .collect();
+    terms.extend([[5, 0, 0], [6, 0, 0], [0, 5, 0], [0, 6, 0]]);
+    terms.sort_by_key(|t| (t.iter().sum::<u8>(), std::cmp::Reverse(*t)));
+    terms
+}
+
+/// Values by used term, spread over all terms.
+fn spread(values: &DVector<f64>, used: &[bool]) -> Vec<f64> {
+    let mut next = values.iter();
+    used.iter().map(|u| if *u { next.next().copied().unwrap_or(0.0) } else { 0.0 }).collect()
+}
+
+fn columns(design: &DMatrix<f64>, used: &[bool]) -> DMatrix<f64> {
+    let picked: Vec<usize> = (0..design.ncols()).filter(|j| used[*j]).collect();
+    design.select_columns(&picked)
+}
+
+fn condition(design: &DMatrix<f64>) -> f64 {
+    let values = design.singular_values();
+    values.max() / values.min()
+}
+
+/// Names the terms that the poses leave undetermined.
+fn refuse_rank_deficiency(design: &DMatrix<f64>, used: &[bool]) -> Result<()> {
+    let names = ["θ²", "θ", "σ²", "σ", "Z0", "θσ", "θZ0", "σZ0", "1"];
+    let names: Vec<&str> = names.into_iter().zip(used).filter_map(|(n, u)| u.then_some(n)).collect();
+    let x = columns(design, used);
+    if x.nrows() <= x.ncols() {
+        let (found, needed) = (x.nrows(), x.ncols() + 1);
+        return Err(Failure::input(format!(
+            "{found} poses cannot determine the {} terms {}: at least {needed} are needed",
+            x.ncols(),
+            names.join(", ")
+        )));
+    }
+    let svd = x.svd(false, true);
+    let Some(v_t) = svd.v_t else { return Err(Failure::other("no singular value decomposition")) };
+    let limit = 1e-8 * svd.singular_values.max();
+    let mut undetermined = BTreeSet::new();
+    for (k, value) in svd.singular_values.iter().enumerate() {
+        if *value <= limit {
+            undetermined.extend((0..names.len()).filter(|j| v_t[(k, *j)].abs() > 0.1));
+        }
+    }
+    if undetermined.is_empty() {
+        return Ok(());
+    }
+    let list: Vec<&str> = undetermined.into_iter().map(|j| names[j]).collect();
+    Err(Failure::input(format!(
+        "these poses cannot determine the terms {}: vary θ, σ and Z0 independently (`pkm-host plan` lays such poses)",
+        list.join(", ")
+    )))
+}
+
+/// A least-squares fit by singular values.
+struct Regression {
+    coefficients: DVector<f64>,
+    standard_errors: DVector<f64>,
+    loo_rms: f64,
+}
+
+impl Regression {
+    fn new(design: &DMatrix<f64>, used: &[bool], y: &DVector<f64>) -> Result<Self> {
+        let x = columns(design, used);
+        let (n, k) = x.shape();
+        let svd = x.clone().svd(true, true);
+        let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
+            return Err(Failure::other("no singular value decomposition"));
+        };
+        let coefficients = v_t.tr_mul(&(u.tr_mul(y)).component_div(&svd.singular_values));
+        let residuals = y - &x * &coefficients;
+        let variance = residuals.norm_squared() / n.saturating_sub(k).max(1) as f64;
+        let standard_errors = DVector::from_fn(k, |j, _| {
+            let sum: f64 = (0..k).map(|i| (v_t[(i, j)] / svd.singular_values[i]).powi(2)).sum();
+            (variance * sum).sqrt()
+        });
+        // leave-one-out residual: r / (1 − leverage)
+        let loo: f64 = (0..n).map(|i| (residuals[i] / (1.0 - u.row(i).norm_squared()).max(f64::EPSILON)).powi(2)).sum();
+        Ok(Self { coefficients, standard_errors, loo_rms: (loo / n as f64).sqrt() })
+    }
+}
+
+/// Forward selection: add the term that lowers the leave-one-out error most, as long as one lowers it by 5 %.
+fn select(design: &DMatrix<f64>, y: &[f64]) -> BTreeSet<usize> {
+    const LEAST_GAIN: f64 = 0.05;
+    let y = DVector::from_column_slice(y);
+    let error = |set: &BTreeSet<usize>| {
+        let used: Vec<bool> = (0..design.ncols()).map(|j| set.contains(&j)).collect();
+        Regression::new(design, &used, &y).map_or(f64::INFINITY, |r| r.loo_rms)
+    };
+    // the first candidate is the constant
+    let mut chosen = BTreeSet::from([0]);
+    let mut best = error(&chosen);
+    let most_terms = (y.len() / 3).min(MAX_TERMS);
+    while chosen.len() < most_terms {
+        let with = |j: usize| chosen.iter().copied().chain([j]).collect::<BTreeSet<_>>();
+        let trials = (0..design.ncols()).filter(|j| !chosen.contains(j)).map(|j| (error(&with(j)), j));
+        let Some((least, j)) = trials.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        if !(least < (1.0 - LEAST_GAIN) * best) {
+            break;
+        }
+        best = least;
+        chosen.insert(j);
+    }
+    chosen
+}
+
+/// e_i1…e_i9 of Eq. 11 in ° and mm, from coefficients of scaled terms. `None` when other terms come in.
+fn paper_coefficients(c: &[f64], terms: &[[u8; 3]], center: [f64; 3], scale: [f64; 3]) -> Option<[f64; 9]> {
+    let mut e = [0.0; 9];
+    for (c, term) in c.iter().zip(terms).filter(|(c, _)| **c != 0.0) {
+        // each factor ((x − centre)/scale)^n as coefficients of x⁰…xⁿ
+        let powers: [Vec<f64>; 3] = std::array::from_fn(|i| {
+            (0..term[i]).fold(vec![1.0], |p, _| {
+                let mut next = vec![0.0; p.len() + 1];
+                for (k, a) in p.iter().enumerate() {
+                    next[k] -= a * center[i] / scale[i];
+                    next[k + 1] += a / scale[i];
+                }
+                next
+            })
+        });
+        for (p, a) in (0..).zip(&powers[0]) {
+            for (r, b) in (0..).zip(&powers[1]) {
+                for (s, d) in (0..).zip(&powers[2]) {
+                    let value = c * a * b * d;
+                    if value != 0.0 {
+                        e[EQ_11.iter().position(|t| *t == [p, r, s])?] += value;
+                    }
+                }
+            }
+        }
+    }
+    Some(e)
+}
+
+/// Proves that a polynomial is positive on [−1, 1]³ by dividing the box until a slope bound decides.
+/// `Err` holds a point where it is not, or where a million boxes did not decide.
+fn positive_in_box(c: &[f64], terms: &[[u8; 3]]) -> std::result::Result<(), [f64; 3]> {
+    let value = |t: [f64; 3]| -> f64 {
+        c.iter().zip(terms).map(|(c, n)| c * (0..3).map(|i| t[i].powi(n[i].into())).product::<f64>()).sum()
+    };
+    let slope: [f64; 3] = std::array::from_fn(|i| c.iter().zip(terms).map(|(c, n)| c.abs() * f64::from(n[i])).sum());
+    let mut boxes = vec![([0.0; 3], [1.0; 3])];
+    let mut count = 0;
+    while let Some((middle, half)) = boxes.pop() {
+        let here = value(middle);
+        count += 1;
+        if !(here > 0.0) || count > 1_000_000 {
+            return Err(middle);
+        }
+        let drop: [f64; 3] = std::array::from_fn(|i| slope[i] * half[i]);
+        if here > drop.iter().sum() {
+            continue;
+        }
+        let widest = if drop[0] >= drop[1] && drop[0] >= drop[2] {
+            0
+        } else if drop[1] >= drop[2] {
+            1
+        } else {
+            2
+        };
+        let mut narrower = half;
+        narrower[widest] /= 2.0;
+        for side in [-1.0, 1.0] {
+            let mut moved = middle;
+            moved[widest] += side * narrower[widest];
+            boxes.push((moved, narrower));
+        }
+    }
+    Ok(())
+}
+
+/// Mean, standard deviation (n − 1), greatest and least of six quantities.
+#[derive(Clone, Debug, Serialize)]
+pub struct Statistics {
+    /// By stiffness 11…66, like the others.
+    pub mean: [f64; 6],
+    /// NaN (null) for a single pose.
+    pub stdev: [f64; 6],
+    /// Greatest.
+    pub max: [f64; 6],
+    /// Least.
+    pub min: [f64; 6],
+}
+
+impl Statistics {
+    fn new(values: &[[f64; 6]]) -> Self {
+        let n = values.len() as f64;
+        let over = |f: &dyn Fn(&mut dyn Iterator<Item = f64>) -> f64| -> [f64; 6] {
+            std::array::from_fn(|i| f(&mut values.iter().map(|v| v[i])))
+        };
+        let mean = over(&|v| v.sum::<f64>() / n);
+        let stdev = std::array::from_fn(|i| {
+            let squares: f64 = values.iter().map(|v| (v[i] - mean[i]).powi(2)).sum();
+            (squares / (n - 1.0)).sqrt()
+        });
+        let max = over(&|v| v.fold(f64::NEG_INFINITY, f64::max));
+        let min = over(&|v| v.fold(f64::INFINITY, f64::min));
+        Self { mean, stdev, max, min }
+    }
+}
+
+/// Statistics of me (Eq. 13) with the paper's bands.
+#[derive(Clone, Debug, Serialize)]
+pub struct CorrectionEffect {
+    /// Of me.
+    #[serde(flatten)]
+    pub statistics: Statistics,
+    /// Poses with me at least 0.9, 0.6-0.9, 0-0.6, below 0.
+    pub bands: [[usize; 4]; 6],
+}
+
+/// Mean and greatest deflection error under each of the six unit loads, in %.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeflectionError {
+    /// By load.
+    pub mean: [f64; 6],
+    /// By load.
+    pub max: [f64; 6],
+}
+
+/// Errors of the improved model (diagonal form) on k_ii.
+#[derive(Clone, Debug, Serialize)]
+pub struct Improved {
+    /// Eq. 14.
+    pub re_percent: Statistics,
+    /// Eq. 13 with absolute values.
+    pub me: CorrectionEffect,
+}
+
+/// Errors of the basic model on k_ii.
+#[derive(Clone, Debug, Serialize)]
+pub struct Basic {
+    /// Eq. 14 with K_p in place of K_m.
+    pub re_percent: Statistics,
+}
+
+/// Deflection errors of every form of the model; null where the data or the table lack the couplings.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeflectionErrors {
+    /// K_p.
+    pub basic: Option<DeflectionError>,
+    /// √C K_p √C.
+    pub diagonal: Option<DeflectionError>,
+    /// Eq. 10 to the letter: the diagonal alone.
+    pub diagonal_literal: Option<DeflectionError>,
+    /// (L G)(L G)ᵀ.
+    pub factor: Option<DeflectionError>,
+}
+
+/// How the models compare with data.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// Poses.
+    pub poses: usize,
+    /// Diagonal form.
+    pub improved: Improved,
+    /// K_p.
+    pub basic: Basic,
+    /// Factor form on k_ii; null without it.
+    pub factor: Option<Basic>,
+    /// All forms under load.
+    pub deflection_percent: DeflectionErrors,
+}
+
+/// Displacements under the six unit loads at A, rotations times [`ROTATION_ARM_M`].
+fn unit_deflections(k: &Stiffness<f64>) -> Option<[[f64; 6]; 6]> {
+    let factor = k.factor().ok()?;
+    let mut columns = [[0.0; 6]; 6];
+    for (i, column) in columns.iter_mut().enumerate() {
+        let unit: [f64; 6] = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
+        let wrench = Wrench { force_n: [unit[0], unit[1], unit[2]], moment_nm: [unit[3], unit[4], unit[5]] };
+        let d = factor.deflection(&wrench).ok()?;
+        let r = d.rotation_rad.map(|r| r * ROTATION_ARM_M);
+        *column = [d.translation_m[0], d.translation_m[1], d.translation_m[2], r[0], r[1], r[2]];
+    }
+    Some(columns)
+}
+
+fn deflection_error(samples: &[Sample], model: impl Fn(&Sample) -> Option<Stiffness<f64>>) -> Option<DeflectionError> {
+    let errors = samples
+        .iter()
+        .map(|sample| {
+            let expected = unit_deflections(&sample.target.full?)?;
+            let found = unit_deflections(&model(sample)?)?;
+            let norm = |v: &[f64; 6]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+            Some(std::array::from_fn(|load| {
+                let difference = std::array::from_fn(|i| found[load][i] - expected[load][i]);
+                100.0 * norm(&difference) / norm(&expected[load])
+            }))
+        })
+        .collect::<Option<Vec<[f64; 6]>>>()?;
+    let statistics = Statistics::new(&errors);
+    Some(DeflectionError { mean: statistics.mean, max: statistics.max })
+}
+
+/// Holds basic and corrected model against data.
+///
+/// # Errors
+/// A corrected stiffness that the core refuses, outside the box.
+pub fn evaluate(samples: &[Sample], machine: &Machine<f64>, numbers: &TableNumbers) -> Result<Evaluation> {
+    let table = numbers.table()?;
+    let corrected = |sample: &Sample| table.diagonal_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
+    let factored = |sample: &Sample| table.factor_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
+    let relative =
+        |k: [f64; 6], a: [f64; 6]| -> [f64; 6] { std::array::from_fn(|i| 100.0 * (k[i] - a[i]).abs() / a[i]) };
+    let (mut improved, mut basic, mut factor, mut me) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for sample in samples {
+        let refused = |e: pkm_core::CorrectionError| {
+            Failure::input(format!("pose `{}`, outside the table's box: {e}", sample.pose.id))
+        };
+        let m = corrected(sample).map_err(refused)?.principal();
+        let (p, a) = (sample.basic.principal(), sample.target.principal);
+        improved.push(relative(m, a));
+        basic.push(relative(p, a));
+        me.push(std::array::from_fn(|i| 1.0 - (m[i] - a[i]).abs() / (p[i] - a[i]).abs()));
+        if table.has_factor_form() {
+            factor.push(relative(factored(sample).map_err(refused)?.principal(), a));
+        }
+    }
+    let band = |me: f64| match me {
+        me if me >= 0.9 => 0,
+        me if me >= 0.6 => 1,
+        me if me >= 0.0 => 2,
+        _ => 3,
+    };
+    let mut bands = [[0; 4]; 6];
+    for values in &me {
+        for (counts, value) in bands.iter_mut().zip(values) {
+            counts[band(*value)] += 1;
+        }
+    }
+    let literal = |sample: &Sample| {
+        let k = corrected(sample).ok()?.principal();
+        let diagonal = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { k[i] } else { 0.0 }));
+        Some(Stiffness::from_lower(&diagonal))
+    };
+    Ok(Evaluation {
+        poses: samples.len(),
+        improved: Improved {
+            re_percent: Statistics::new(&improved),
+            me: CorrectionEffect { statistics: Statistics::new(&me), bands },
+        },
+        basic: Basic { re_percent: Statistics::new(&basic) },
+        factor: table.has_factor_form().then(|| Basic { re_percent: Statistics::new(&factor) }),
+        deflection_percent: DeflectionErrors {
+            basic: deflection_error(samples, |s| Some(s.basic)),
+            diagonal: deflection_error(samples, |s| corrected(s).ok()),
+            diagonal_literal: deflection_error(samples, literal),
+            factor: deflection_error(samples, |s| factored(s).ok()),
+        },
+    })
+}

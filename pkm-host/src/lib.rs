@@ -1,0 +1,15 @@
+//! What an engineer runs beside the controller: `pkm-host`.
+//!
+//! Data flows one way: [`source`] (bytes) → [`machine_file`], [`dataset`], [`table_file`] (checked) → [`fit`]
+//! (model) → [`export`], [`report`] (result). [`commands`] puts them together.
+
+pub mod commands;
+pub mod dataset;
+pub mod error;
+pub mod export;
+pub mod fit;
+pub mod machine_file;
+pub mod plan;
+pub mod report;
+pub mod source;
+pub mod table_file;

@@ -1,0 +1,386 @@
+//! The machine file (TOML): reading, checking, and turning it into the core's parameters.
+
+use std::ops::Range;
+
+use pkm_core::machine::{
+    Body, BodyKind, End, Geometry, Joint, LimbParameters, MachineError, Member, Parameter, Problem, Travel, Tube,
+};
+use pkm_core::{KinematicsError, Machine, MachineParameters, ScrewLengths};
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::error::{Failure, Result};
+use crate::source::Source;
+
+/// A checked machine file.
+pub struct MachineFile {
+    /// Its `name`.
+    pub name: String,
+    /// Where it came from.
+    pub source: Source,
+    /// SI numbers for the core and for generated tables.
+    pub parameters: MachineParameters,
+    /// The core's machine made of them.
+    pub machine: Machine<f64>,
+    /// Where plans are laid.
+    pub pose_box: PoseBox,
+}
+
+/// A box of poses in the units of files: θ in °, σ in °, Z0 in mm, each least and greatest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseBox(pub [[f64; 2]; 3]);
+
+impl Default for PoseBox {
+    /// The paper's Table 2.
+    fn default() -> Self {
+        Self([[-15.0, 15.0], [-15.0, 15.0], [500.0, 560.0]])
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawMachine {
+    format: Spanned<i64>,
+    name: String,
+    geometry: RawGeometry,
+    travel: RawTravel,
+    #[serde(rename = "box")]
+    pose_box: Option<RawBox>,
+    wrist: Option<RawWrist>,
+    uncertainty: Option<RawUncertainty>,
+    limb: Spanned<Vec<RawLimb>>,
+    #[serde(default)]
+    effect: Vec<RawEffect>,
+}
+
+type Number = Spanned<f64>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawGeometry {
+    a1_mm: Number,
+    a2_mm: Number,
+    b1_mm: Number,
+    b2_mm: Number,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawTravel {
+    min_mm: Spanned<[f64; 3]>,
+    max_mm: Spanned<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawBox {
+    theta_deg: Spanned<[f64; 2]>,
+    sigma_deg: Spanned<[f64; 2]>,
+    z0_mm: Spanned<[f64; 2]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawWrist {
+    offset_mm: Option<Number>,
+    first: Option<RawWristJoint>,
+    second: Option<RawWristJoint>,
+    flange_mm: Option<Number>,
+    singularity_margin: Option<Number>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawWristJoint {
+    d_mm: Option<Number>,
+    b_mm: Number,
+    min_deg: Number,
+    max_deg: Number,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawUncertainty {
+    stiffness: Option<Number>,
+    load_direction_mrad: Option<Number>,
+    load_gain: Option<Number>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawLimb {
+    base_joint: RawJoint,
+    platform_joint: RawJoint,
+    body: RawBody,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawJoint {
+    linear_n_per_m: Spanned<[f64; 3]>,
+    angular_nm_per_rad: Spanned<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawBody {
+    kind: RawBodyKind,
+    rod: RawTube,
+    screw: RawTube,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum RawBodyKind {
+    Beam,
+    Diagonal,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawTube {
+    young_gpa: Number,
+    shear_gpa: Number,
+    outer_mm: Number,
+    inner_mm: Number,
+}
+
+#[derive(Deserialize)]
+struct RawEffect {
+    id: Spanned<String>,
+}
+
+impl MachineFile {
+    /// Reads and checks a machine file.
+    ///
+    /// # Errors
+    /// One message with file, line and key: syntax, an unknown or missing key, a number out of its range, a
+    /// geometry that no lengths within travel can assemble.
+    pub fn parse(source: Source) -> Result<Self> {
+        let text = source.text()?;
+        let fail = |range: Option<Range<usize>>, key: &str, message: String| {
+            let mut failure = Failure::input(message).in_file(&source.name);
+            if let Some(range) = range {
+                failure = failure.at_line(source.line_at(range.start));
+            }
+            if key.is_empty() { failure } else { failure.at_column(key) }
+        };
+        let raw: RawMachine = toml::from_str(text).map_err(|e| fail(e.span(), "", e.message().replace('\n', " ")))?;
+
+        if *raw.format.get_ref() != 1 {
+            let found = raw.format.get_ref();
+            return Err(fail(Some(raw.format.span()), "format", format!("expected 1, found {found}")));
+        }
+        let Ok([limb_1, limb_2, limb_3]) = <&[RawLimb; 3]>::try_from(raw.limb.get_ref().as_slice()) else {
+            let found = raw.limb.get_ref().len();
+            return Err(fail(Some(raw.limb.span()), "limb", format!("expected three [[limb]] tables, found {found}")));
+        };
+        if let Some(effect) = raw.effect.first() {
+            let message = format!("unknown effect `{}`: this version of the model knows none", effect.id.get_ref());
+            return Err(fail(Some(effect.id.span()), "effect.id", message));
+        }
+        check_ranges(&raw).map_err(|(key, span, message)| fail(Some(span), key, message))?;
+
+        let g = &raw.geometry;
+        let parameters = MachineParameters {
+            geometry: Geometry {
+                a1_m: metres(*g.a1_mm.get_ref()),
+                a2_m: metres(*g.a2_mm.get_ref()),
+                b1_m: metres(*g.b1_mm.get_ref()),
+                b2_m: metres(*g.b2_mm.get_ref()),
+            },
+            travel: Travel {
+                min_m: raw.travel.min_mm.get_ref().map(metres),
+                max_m: raw.travel.max_mm.get_ref().map(metres),
+            },
+            limbs: [limb_1, limb_2, limb_3].map(RawLimb::parameters),
+        };
+        let machine = Machine::<f64>::new(&parameters).map_err(|e| {
+            let (key, span, value) = raw.locate(e);
+            fail(Some(span), &key, format!("expected {}, found {value}", expected(e.problem)))
+        })?;
+        if !can_assemble(&machine, &parameters.travel) {
+            let message = "impossible machine: no screw lengths within travel assemble these platforms".to_owned();
+            return Err(fail(Some(raw.travel.min_mm.span()), "travel", message));
+        }
+        let pose_box = raw
+            .pose_box
+            .map_or_else(PoseBox::default, |b| PoseBox([b.theta_deg, b.sigma_deg, b.z0_mm].map(Spanned::into_inner)));
+        let name = raw.name;
+        Ok(Self { name, parameters, machine, pose_box, source })
+    }
+}
+
+fn metres(mm: f64) -> f64 {
+    mm / 1e3
+}
+
+impl RawJoint {
+    fn parameters(&self) -> Joint {
+        Joint { linear_n_per_m: *self.linear_n_per_m.get_ref(), angular_nm_per_rad: *self.angular_nm_per_rad.get_ref() }
+    }
+}
+
+impl RawTube {
+    fn parameters(&self) -> Tube {
+        Tube {
+            young_pa: self.young_gpa.get_ref() * 1e9,
+            shear_pa: self.shear_gpa.get_ref() * 1e9,
+            outer_m: metres(*self.outer_mm.get_ref()),
+            inner_m: metres(*self.inner_mm.get_ref()),
+        }
+    }
+}
+
+impl RawLimb {
+    fn parameters(&self) -> LimbParameters {
+        let kind = match self.body.kind {
+            RawBodyKind::Beam => BodyKind::Beam,
+            RawBodyKind::Diagonal => BodyKind::Diagonal,
+        };
+        LimbParameters {
+            base_joint: self.base_joint.parameters(),
+            platform_joint: self.platform_joint.parameters(),
+            body: Body { kind, rod: self.body.rod.parameters(), screw: self.body.screw.parameters() },
+        }
+    }
+}
+
+/// A span, the key's name and the value that it holds.
+type Place = (String, Range<usize>, f64);
+
+impl RawMachine {
+    fn locate(&self, error: MachineError) -> Place {
+        let number = |key: String, n: &Number| (key, n.span(), *n.get_ref());
+        let entry = |key: String, a: &Spanned<[f64; 3]>, i: usize| (format!("{key}[{i}]"), a.span(), a.get_ref()[i]);
+        let limb = |i: u8| &self.limb.get_ref()[usize::from(i) - 1];
+        let joint = |i: u8, end: End| match end {
+            End::Base => (format!("limb.{i}.base_joint"), &limb(i).base_joint),
+            End::Platform => (format!("limb.{i}.platform_joint"), &limb(i).platform_joint),
+        };
+        let tube = |i: u8, member: Member| match member {
+            Member::Rod => (format!("limb.{i}.body.rod"), &limb(i).body.rod),
+            Member::Screw => (format!("limb.{i}.body.screw"), &limb(i).body.screw),
+        };
+        match error.parameter {
+            Parameter::A1 => number("geometry.a1_mm".into(), &self.geometry.a1_mm),
+            Parameter::A2 => number("geometry.a2_mm".into(), &self.geometry.a2_mm),
+            Parameter::B1 => number("geometry.b1_mm".into(), &self.geometry.b1_mm),
+            Parameter::B2 => number("geometry.b2_mm".into(), &self.geometry.b2_mm),
+            Parameter::TravelMin { limb } => entry("travel.min_mm".into(), &self.travel.min_mm, usize::from(limb) - 1),
+            Parameter::TravelMax { limb } => entry("travel.max_mm".into(), &self.travel.max_mm, usize::from(limb) - 1),
+            Parameter::JointLinear { limb, end, axis } => {
+                let (key, joint) = joint(limb, end);
+                entry(format!("{key}.linear_n_per_m"), &joint.linear_n_per_m, axis.into())
+            }
+            Parameter::JointAngular { limb, end, axis } => {
+                let (key, joint) = joint(limb, end);
+                entry(format!("{key}.angular_nm_per_rad"), &joint.angular_nm_per_rad, axis.into())
+            }
+            Parameter::Young { limb, member } => {
+                let (key, tube) = tube(limb, member);
+                number(format!("{key}.young_gpa"), &tube.young_gpa)
+            }
+            Parameter::Shear { limb, member } => {
+                let (key, tube) = tube(limb, member);
+                number(format!("{key}.shear_gpa"), &tube.shear_gpa)
+            }
+            Parameter::Outer { limb, member } => {
+                let (key, tube) = tube(limb, member);
+                number(format!("{key}.outer_mm"), &tube.outer_mm)
+            }
+            Parameter::Inner { limb, member } => {
+                let (key, tube) = tube(limb, member);
+                number(format!("{key}.inner_mm"), &tube.inner_mm)
+            }
+        }
+    }
+}
+
+fn expected(problem: Problem) -> &'static str {
+    match problem {
+        Problem::NotFinite => "a finite number",
+        Problem::NotPositive => "a number above 0 of a sensible size",
+        Problem::NotReleased => "0, since this joint releases that direction",
+        Problem::Reversed => "a greatest length above the least",
+        Problem::Bore => "a bore of at least 0 and below the outer diameter",
+    }
+}
+
+type Misplaced = (&'static str, Range<usize>, String);
+
+/// What the core does not know of: box, wrist, uncertainty.
+fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplaced> {
+    if let Some(b) = &raw.pose_box {
+        for (key, limits) in [("box.theta_deg", &b.theta_deg), ("box.sigma_deg", &b.sigma_deg), ("box.z0_mm", &b.z0_mm)]
+        {
+            let [low, high] = *limits.get_ref();
+            if !(low.is_finite() && high.is_finite() && low < high) {
+                return Err((key, limits.span(), format!("expected [least, greatest], found [{low}, {high}]")));
+            }
+        }
+    }
+    let mut numbers: Vec<(&'static str, &Number, bool)> = Vec::new();
+    if let Some(w) = &raw.wrist {
+        let optional = |key, n: &Option<Number>, positive| {
+            if let Some(n) = n {
+                let finite = n.get_ref().is_finite();
+                if !finite || (positive && *n.get_ref() <= 0.0) {
+                    let kind = if positive { "a number above 0" } else { "a finite number" };
+                    return Err((key, n.span(), format!("expected {kind}, found {}", n.get_ref())));
+                }
+            }
+            Ok(())
+        };
+        optional("wrist.offset_mm", &w.offset_mm, false)?;
+        optional("wrist.flange_mm", &w.flange_mm, false)?;
+        optional("wrist.singularity_margin", &w.singularity_margin, true)?;
+        for (key, joint) in [("wrist.first", &w.first), ("wrist.second", &w.second)] {
+            let Some(joint) = joint else { continue };
+            if let Some(d) = &joint.d_mm {
+                numbers.push((key, d, false));
+            }
+            numbers.extend([(key, &joint.b_mm, false), (key, &joint.min_deg, false), (key, &joint.max_deg, false)]);
+            if joint.min_deg.get_ref() >= joint.max_deg.get_ref() {
+                return Err((key, joint.max_deg.span(), "expected max_deg above min_deg".into()));
+            }
+        }
+    }
+    if let Some(u) = &raw.uncertainty {
+        let keys = ["uncertainty.stiffness", "uncertainty.load_direction_mrad", "uncertainty.load_gain"];
+        for (key, n) in keys.into_iter().zip([&u.stiffness, &u.load_direction_mrad, &u.load_gain]) {
+            numbers.extend(n.as_ref().map(|n| (key, n, true)));
+        }
+    }
+    for (key, n, not_negative) in numbers {
+        let value = *n.get_ref();
+        if !value.is_finite() || (not_negative && value < 0.0) {
+            let kind = if not_negative { "a number of at least 0" } else { "a finite number" };
+            return Err((key, n.span(), format!("expected {kind}, found {value}")));
+        }
+    }
+    Ok(())
+}
+
+/// Whether any lengths of a grid over travel close to a posture.
+fn can_assemble(machine: &Machine<f64>, travel: &Travel) -> bool {
+    const STEPS: usize = 16;
+    let length = |limb: usize, step: usize| {
+        let (low, high) = (travel.min_m[limb], travel.max_m[limb]);
+        low + (high - low) * step as f64 / STEPS as f64
+    };
+    (0..(STEPS + 1).pow(3)).any(|n| {
+        let steps = [n % (STEPS + 1), n / (STEPS + 1) % (STEPS + 1), n / (STEPS + 1).pow(2)];
+        machine.forward(&ScrewLengths { q_m: std::array::from_fn(|i| length(i, steps[i])) }).is_ok()
+    })
+}
+
+/// The status of `formats.md` for a refusal by the kinematics.
+pub fn status(error: KinematicsError) -> &'static str {
+    match error {
+        KinematicsError::Unreachable => "unreachable",
+        KinematicsError::Singular => "singular",
+        KinematicsError::OutOfTravel { .. } => "out_of_travel",
+        _ => "not_finite",
+    }
+}

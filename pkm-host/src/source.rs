@@ -1,0 +1,136 @@
+//! Text that came from a file or from the embedded fixtures, and files that are written whole or not at all.
+
+use std::io::Write;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use crate::error::{Failure, Result};
+
+/// A named text.
+#[derive(Clone)]
+pub struct Source {
+    /// Path as the user gave it, or the fixture's path in the repository.
+    pub name: String,
+    bytes: Vec<u8>,
+}
+
+/// The fixtures that stand in where a command is not given a file.
+pub mod fixtures {
+    use super::Source;
+
+    fn embedded(name: &str, text: &str) -> Source {
+        Source { name: name.to_owned(), bytes: text.as_bytes().to_vec() }
+    }
+
+    /// The reference machine.
+    pub fn machine() -> Source {
+        embedded("fixtures/machines/reference.toml", include_str!("../../fixtures/machines/reference.toml"))
+    }
+
+    /// Its stiffness by finite elements at the 49 poses of L49.
+    pub fn training() -> Source {
+        embedded("fixtures/stiffness/fe-l49.csv", include_str!("../../fixtures/stiffness/fe-l49.csv"))
+    }
+
+    /// The same at 25 other poses.
+    pub fn verification() -> Source {
+        embedded("fixtures/stiffness/fe-verify.csv", include_str!("../../fixtures/stiffness/fe-verify.csv"))
+    }
+}
+
+impl Source {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// An input failure when it can't be read.
+    pub fn read(path: &Path) -> Result<Self> {
+        let name = path.display().to_string();
+        match std::fs::read(path) {
+            Ok(bytes) => Ok(Self { name, bytes }),
+            Err(e) => Err(Failure::input(format!("cannot read: {e}")).in_file(name)),
+        }
+    }
+
+    /// A file, or a fixture when none is named.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read).
+    pub fn read_or(path: Option<&Path>, fixture: fn() -> Self) -> Result<Self> {
+        path.map_or_else(|| Ok(fixture()), Self::read)
+    }
+
+    /// The text without byte-order mark.
+    ///
+    /// # Errors
+    /// The line that is not UTF-8.
+    pub fn text(&self) -> Result<&str> {
+        let text = std::str::from_utf8(&self.bytes).map_err(|e| {
+            let line = 1 + self.bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u64;
+            Failure::input("not UTF-8 text: save the file as UTF-8").in_file(&self.name).at_line(line)
+        })?;
+        Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+    }
+
+    /// Line, from 1, of a byte of the text.
+    pub fn line_at(&self, byte: usize) -> u64 {
+        1 + self.bytes.iter().take(byte).filter(|b| **b == b'\n').count() as u64
+    }
+
+    /// SHA-256 of the bytes, hexadecimal.
+    pub fn sha256(&self) -> String {
+        Sha256::digest(&self.bytes).iter().map(|b| format!("{b:02x}")).collect()
+    }
+
+    /// The last part of the name: what a table records, the same wherever the file lies.
+    pub fn file_name(&self) -> &str {
+        self.name.rsplit(['/', '\\']).next().unwrap_or(&self.name)
+    }
+}
+
+/// Writes files so that each is there whole or not at all, and none before all could be written.
+///
+/// # Errors
+/// What the operating system says, with the path.
+pub fn write_all(folder: &Path, files: &[(&str, String)]) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
+    let mut ready = Vec::new();
+    for (name, content) in files {
+        let path = folder.join(name);
+        let written = temporary_in(folder).and_then(|mut file| {
+            file.write_all(content.as_bytes())?;
+            file.as_file().sync_all()?;
+            Ok(file)
+        });
+        match written {
+            Ok(file) => ready.push((file, path)),
+            Err(e) => return Err(Failure::io("write", &path, &e)),
+        }
+    }
+    for (file, path) in ready {
+        file.persist(&path).map_err(|e| Failure::io("write", &path, &e.error))?;
+    }
+    Ok(())
+}
+
+/// Writes one file, see [`write_all`].
+///
+/// # Errors
+/// What the operating system says, with the path.
+pub fn write(path: &Path, content: String) -> Result<()> {
+    let name = path.file_name().and_then(|n| n.to_str());
+    let name = name.ok_or_else(|| Failure::usage("expected a file name").in_file(path.display().to_string()))?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    write_all(folder, &[(name, content)])
+}
+
+/// A temporary file with the permissions of an ordinary one.
+fn temporary_in(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder)
+}
