@@ -1,0 +1,86 @@
+//! Instructions of the core's functions on x86-64, by callgrind: the project's measure of speed.
+//!
+//! `cargo bench -p pkm-tests --bench instructions` (needs valgrind and `cargo install gungraun-runner`).
+//! A count above its limit fails the run.
+
+#![allow(missing_docs)] // the macros make items without any
+
+use std::hint::black_box;
+
+use gungraun::prelude::*;
+use gungraun::{Callgrind, EventKind};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
+use pkm_core::{Corrected, Deflection, Machine, Pose, Scalar, ScrewLengths, Stiffness, Wrench};
+
+fn pose<T: Scalar>() -> Pose<T> {
+    Pose { theta_rad: T::from_f64(0.1), sigma_rad: T::from_f64(-0.05), z0_m: T::from_f64(0.53) }
+}
+
+fn lengths<T: Scalar>(machine: &Machine<T>) -> ScrewLengths<T> {
+    machine.inverse(&pose()).unwrap()
+}
+
+fn wrench<T: Scalar>() -> Wrench<T> {
+    Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) }
+}
+
+macro_rules! counts {
+    ($t:ty, $machine:ident, $table:ident, $ik:ident, $fk:ident, $k_p:ident, $k_m:ident, $load:ident) => {
+        #[library_benchmark]
+        #[bench::reference(pose())]
+        fn $ik(p: Pose<$t>) -> ScrewLengths<$t> {
+            black_box($machine.inverse(&black_box(p))).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(lengths(&$machine))]
+        fn $fk(q: ScrewLengths<$t>) -> Pose<$t> {
+            black_box($machine.forward(&black_box(q))).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(pose())]
+        fn $k_p(p: Pose<$t>) -> Stiffness<$t> {
+            black_box($machine.stiffness(&black_box(p))).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(pose())]
+        fn $k_m(p: Pose<$t>) -> Corrected<$t> {
+            black_box($table.factor_form(&$machine, &black_box(p))).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(pose())]
+        fn $load(p: Pose<$t>) -> Deflection<$t> {
+            let corrected = $table.factor_form(&$machine, &black_box(p)).unwrap();
+            black_box(corrected.factor.deflection(&wrench())).unwrap()
+        }
+    };
+}
+
+counts!(f64, MACHINE_F64, TABLE_F64, ik_f64, fk_f64, k_p_f64, k_m_f64, k_m_and_deflection_f64);
+counts!(f32, MACHINE_F32, TABLE_F32, ik_f32, fk_f32, k_p_f32, k_m_f32, k_m_and_deflection_f32);
+
+// The paper's way has to invert a dense matrix of 24 rows.
+#[library_benchmark]
+#[bench::well_conditioned(nalgebra::SMatrix::<f64, 24, 24>::from_fn(|i, j| if i == j { 30.0 } else { 1.0 / (1 + i + j) as f64 }))]
+fn dense_24x24_inverse_nalgebra(k: nalgebra::SMatrix<f64, 24, 24>) -> nalgebra::SMatrix<f64, 24, 24> {
+    black_box(black_box(k).try_inverse()).unwrap()
+}
+
+fn at_most(instructions: u64) -> LibraryBenchmarkConfig {
+    LibraryBenchmarkConfig::default()
+        .tool(Callgrind::default().hard_limits([(EventKind::Ir, instructions)]))
+        .clone()
+}
+
+library_benchmark_group!(name = inverse, config = at_most(400), benchmarks = [ik_f64, ik_f32]);
+library_benchmark_group!(name = forward, config = at_most(900), benchmarks = [fk_f64, fk_f32]);
+library_benchmark_group!(name = basic, config = at_most(6000), benchmarks = [k_p_f64, k_p_f32]);
+library_benchmark_group!(
+    name = corrected,
+    benchmarks = [k_m_f64, k_m_f32, k_m_and_deflection_f64, k_m_and_deflection_f32]
+);
+library_benchmark_group!(name = peer, benchmarks = [dense_24x24_inverse_nalgebra]);
+main!(library_benchmark_groups = [inverse, forward, basic, corrected, peer]);

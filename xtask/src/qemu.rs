@@ -1,0 +1,162 @@
+//! The firmware in QEMU, held against the host bit for bit.
+//!
+//! The firmware runs with the `coefficients.rs` of a fit; the host computes the same poses from the machine
+//! file and the `coefficients.json` of that fit. So the generated source, the compiler and the target's
+//! arithmetic are all in the comparison.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use pkm_core::{Basis, CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, Wrench};
+use pkm_host::machine_file::MachineFile;
+use pkm_host::source::{Source, fixtures};
+use pkm_host::table_file::TableFile;
+use serde_json::Value;
+
+use crate::{Outcome, fit_fixtures, root};
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Machine of QEMU, processor, and the `target-cpu` to build for (f64 in hardware needs the M7's).
+const RUNS: [(&str, &str, Option<&str>); 3] = [
+    ("mps2-an386", "Cortex-M4F", None),
+    ("mps2-an500", "Cortex-M7", None),
+    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7")),
+];
+
+pub fn run() -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    fit_fixtures(folder.path())?;
+    let source = Source::read(&folder.path().join("coefficients.json")).map_err(|e| e.to_string())?;
+    let table = TableFile::parse(&source).map_err(|e| e.to_string())?;
+    let machine = MachineFile::parse(fixtures::machine()).map_err(|e| e.to_string())?;
+    for (board, processor, cpu) in RUNS {
+        let elf = build(&folder.path().join("coefficients.rs"), cpu)?;
+        let text = boot(board, &elf)?;
+        let lines = compare(&text, &machine, &table)?;
+        println!("{processor} ({board}): {lines} lines, every bit as on the host");
+    }
+    Ok(())
+}
+
+fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
+    let folder = root().join("pkm-fw");
+    let target_dir = folder.join("target").join(cpu.unwrap_or("plain"));
+    let mut command = Command::new("cargo");
+    command.current_dir(&folder).args(["build", "--release", "--locked", "--quiet"]);
+    command.arg("--target-dir").arg(&target_dir).env("PKM_COEFFICIENTS", coefficients);
+    if let Some(cpu) = cpu {
+        command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
+    }
+    let status = command.status().map_err(|e| format!("cargo: {e}"))?;
+    if !status.success() {
+        return Err(format!(
+            "the firmware does not build; if rustc lacks its target, run `rustup toolchain install --no-self-update` \
+             ({TARGET} stands in rust-toolchain.toml)"
+        ));
+    }
+    Ok(target_dir.join(TARGET).join("release/pkm-fw"))
+}
+
+fn boot(board: &str, elf: &Path) -> Result<String, String> {
+    let output = Command::new("qemu-system-arm")
+        .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"])
+        .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
+        .arg(elf)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|e| format!("qemu-system-arm: {e} (Debian: apt-get install qemu-system-arm)"))?;
+    if !output.status.success() {
+        return Err(format!("{board}: QEMU ended with {}: {}", output.status, String::from_utf8_lossy(&output.stderr)));
+    }
+    String::from_utf8(output.stdout).map_err(|e| format!("{board}: {e}"))
+}
+
+/// Checks every line; returns their number.
+fn compare(text: &str, machine: &MachineFile, table: &TableFile) -> Result<usize, String> {
+    let numbers = table.numbers();
+    let double = numbers.table().map_err(|e| e.to_string())?;
+    let single_machine = Machine::<f32>::new(&machine.parameters).map_err(|e| format!("{e:?}"))?;
+    let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect::<Vec<_>>();
+    let (diagonal, factor) = (narrow(&numbers.diagonal), numbers.factor.as_deref().map(narrow));
+    let single =
+        Basis::<f32>::new(numbers.centre.map(|v| v as f32), numbers.half_width.map(|v| v as f32), &numbers.terms)
+            .and_then(|basis| CorrectionTable::<f32>::new(basis, &diagonal, factor.as_deref()))
+            .map_err(|e| e.to_string())?;
+
+    let (mut lines, mut outside, mut refused) = (0, 0, 0);
+    for text in text.lines() {
+        let line: Value = serde_json::from_str(text).map_err(|e| format!("not a line of the firmware: {e}: {text}"))?;
+        let pose = bits(&line["pose"])?;
+        let expected = match line["float_bits"].as_u64() {
+            Some(64) => expected(&machine.machine, &double, &pose),
+            Some(32) => expected(&single_machine, &single, &pose),
+            other => return Err(format!("unknown width {other:?}")),
+        };
+        let found = |key: &str| bits(&line[key]);
+        if expected.error != line["error"].is_string() || Some(expected.inside) != line["inside"].as_bool() {
+            return Err(format!("another status than on the host: {text}"));
+        }
+        refused += usize::from(expected.error);
+        outside += usize::from(!expected.inside && !expected.error);
+        if !expected.error {
+            for (key, values) in expected.values {
+                if found(key)? != values {
+                    return Err(format!("{key} differs from the host's {values:?}: {text}"));
+                }
+            }
+        }
+        lines += 1;
+    }
+    if lines < 500 || outside < 100 || refused < 6 {
+        return Err(format!("the firmware stopped early: {lines} lines, {outside} outside, {refused} refused"));
+    }
+    Ok(lines)
+}
+
+fn bits(value: &Value) -> Result<Vec<u64>, String> {
+    let numbers = value.as_array().and_then(|a| a.iter().map(Value::as_u64).collect());
+    numbers.ok_or_else(|| format!("expected bits, found {value}"))
+}
+
+struct Expected {
+    error: bool,
+    inside: bool,
+    values: Vec<(&'static str, Vec<u64>)>,
+}
+
+fn expected<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, pose: &[u64]) -> Expected {
+    let at = |i: usize| T::from_f64(f64::from_bits(pose[i]));
+    let pose = Pose { theta_rad: at(0), sigma_rad: at(1), z0_m: at(2) };
+    let values = values(machine, table, &pose);
+    Expected {
+        error: values.is_err(),
+        inside: table.domain(&pose) == Domain::Inside,
+        values: values.unwrap_or_default(),
+    }
+}
+
+fn values<T: Scalar>(
+    machine: &Machine<T>,
+    table: &CorrectionTable<'_, T>,
+    pose: &Pose<T>,
+) -> Result<Vec<(&'static str, Vec<u64>)>, CorrectionError> {
+    let bits = |values: &[T]| values.iter().map(|v| v.to_f64().to_bits()).collect::<Vec<_>>();
+    let lower = |k: &Stiffness<T>| {
+        let k = k.matrix();
+        bits(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
+    };
+    // the load that pkm-fw/src/main.rs applies
+    let wrench =
+        Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+    let diagonal = table.diagonal_form(machine, pose)?;
+    let factor = table.factor_form(machine, pose)?;
+    let d = factor.factor.deflection(&wrench)?;
+    Ok(vec![
+        ("q", bits(&machine.inverse(pose)?.q_m)),
+        ("k_p", lower(&machine.stiffness(pose)?)),
+        ("k_m_diagonal", lower(&diagonal.factor.stiffness())),
+        ("k_m_factor", lower(&factor.factor.stiffness())),
+        ("deflection", bits(&[d.translation_m, d.rotation_rad].concat())),
+    ])
+}
