@@ -68,7 +68,13 @@ impl Sheet {
             .trim(csv::Trim::All)
             .flexible(true)
             .from_reader(text.as_bytes());
-        let line_of = |p: Option<&csv::Position>| p.map_or(1, csv::Position::line);
+        // the reader's position is where it began to look: comments and empty lines may come first
+        let line_of = |position: Option<&csv::Position>| {
+            let Some(p) = position else { return 1 };
+            let rest = text.get(usize::try_from(p.byte()).unwrap_or(usize::MAX)..).unwrap_or("");
+            let skipped = rest.lines().take_while(|l| l.trim().is_empty() || l.starts_with('#')).count();
+            p.line() + skipped as u64
+        };
         let read = |e: csv::Error| fail(line_of(e.position()), format!("not a CSV line: {e}"));
 
         let header = reader.headers().map_err(read)?.clone();

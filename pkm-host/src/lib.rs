@@ -10,6 +10,7 @@ pub mod export;
 pub mod fit;
 pub mod machine_file;
 pub mod plan;
+pub mod plot;
 pub mod report;
 pub mod source;
 pub mod table_file;

@@ -161,11 +161,15 @@ impl MachineFile {
         let fail = |range: Option<Range<usize>>, key: &str, message: String| {
             let mut failure = Failure::input(message).in_file(&source.name);
             if let Some(range) = range {
-                failure = failure.at_line(source.line_at(range.start));
+                failure = failure.at_line(line_at(text, range.start) as u64);
             }
             if key.is_empty() { failure } else { failure.at_column(key) }
         };
-        let raw: RawMachine = toml::from_str(text).map_err(|e| fail(e.span(), "", e.message().replace('\n', " ")))?;
+        let raw: RawMachine = toml::from_str(text).map_err(|e| {
+            let line =
+                text.lines().nth(e.span().map_or(0, |range| line_at(text, range.start) - 1)).unwrap_or("").trim();
+            fail(e.span(), "", format!("{} (in `{line}`)", e.message().replace('\n', " ")))
+        })?;
 
         if *raw.format.get_ref() != 1 {
             let found = raw.format.get_ref();
@@ -209,6 +213,11 @@ impl MachineFile {
         let name = raw.name;
         Ok(Self { name, parameters, machine, pose_box, source })
     }
+}
+
+/// Line, from 1, of a byte.
+fn line_at(text: &str, byte: usize) -> usize {
+    1 + text.bytes().take(byte).filter(|b| *b == b'\n').count()
 }
 
 fn metres(mm: f64) -> f64 {

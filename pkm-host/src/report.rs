@@ -1,47 +1,378 @@
 //! What people read after a fit: tables like the paper's 3 and 4, and `report.html`.
 
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use crate::dataset::file_units;
 use crate::error::Result;
 use crate::export::Provenance;
-use crate::fit::{Evaluation, Fit};
+use crate::fit::{DeflectionErrors, EQ_11, Evaluation, Fit, ROTATION_ARM_M, Sample};
+use crate::plot::{self, Mark, Panel, Series};
+
+const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
+const LOADS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+const VARIABLES: [&str; 3] = ["θ in °", "σ in °", "Z0 in mm"];
 
 /// Tables for the terminal.
 pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> String {
     let mut text = String::new();
-    let mut line = |label: &str, values: &[f64; 6], digits: usize| {
-        let cells = values.map(|v| format!("{v:>9.digits$}")).join("");
-        text.push_str(&format!("  {label:<34}{cells}\n"));
+    let mut line = |label: &str, cells: [String; 6]| {
+        let cells = cells.map(|c| format!("{c:>9}")).concat();
+        let _ = writeln!(text, "  {label:<36}{cells}");
     };
+    let numbers = |values: &[f64; 6], digits: usize| values.map(|v| format!("{v:.digits$}"));
     for (name, e) in [("training", Some(trained)), ("verification", verified)] {
         let Some(e) = e else { continue };
-        line(&format!("{name}, {} poses", e.poses), &[11.0, 22.0, 33.0, 44.0, 55.0, 66.0], 0);
-        line("re %, basic K_p: mean", &e.basic.re_percent.mean, 2);
+        line(&format!("{name}, {} poses", e.poses), STIFFNESSES.map(|s| format!("k{s}")));
+        line("error of K_p in %, mean", numbers(&e.basic.re_percent.mean, 2));
         let re = &e.improved.re_percent;
-        line("re %, diagonal form: mean", &re.mean, 2);
-        line("  standard deviation", &re.stdev, 2);
-        line("  max", &re.max, 2);
-        line("  min", &re.min, 2);
+        line("error of the diagonal form in %, mean", numbers(&re.mean, 2));
+        line("  standard deviation", numbers(&re.stdev, 2));
+        line("  max", numbers(&re.max, 2));
+        line("  min", numbers(&re.min, 2));
         if let Some(f) = &e.factor {
-            line("re %, factor form: mean", &f.re_percent.mean, 2);
+            line("error of the factor form in %, mean", numbers(&f.re_percent.mean, 2));
         }
-        line("me, diagonal form: mean", &e.improved.me.statistics.mean, 3);
-        line("  min", &e.improved.me.statistics.min, 3);
-        let d = &e.deflection_percent;
-        for (name, d) in [
-            ("deflection %, K_p: mean", &d.basic),
-            ("  Eq. 10 to the letter", &d.diagonal_literal),
-            ("  diagonal form", &d.diagonal),
-            ("  factor form", &d.factor),
-        ] {
-            if let Some(d) = d {
-                line(name, &d.mean, 2);
-            }
+        line("correction effect me, mean", numbers(&e.improved.me.statistics.mean, 3));
+        for (i, band) in ["≥ 0.9", "0.6-0.9", "0-0.6", "< 0"].iter().enumerate() {
+            line(&format!("  poses with me {band}"), e.improved.me.bands.map(|b| b[i].to_string()));
+        }
+        if e.deflection_percent.basic.is_some() {
+            line("deflection error in % under", LOADS.map(str::to_owned));
+        }
+        for (name, errors) in forms(&e.deflection_percent) {
+            line(&format!("  {name}, mean"), numbers(&errors, 2));
         }
     }
-    text.push_str(&format!("  condition number of the fit {:.1}, {} terms\n", fit.condition, fit.numbers.terms.len()));
+    let _ = writeln!(text, "  {} terms, condition number of the fit {:.1}", fit.numbers.terms.len(), fit.condition);
     text
 }
 
-/// x
-pub fn fit_report(_p: &Provenance<'_>, _fit: &Fit) -> Result<String> {
-    Ok(String::new())
+/// Mean deflection errors of the models that there are.
+fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
+    let all = [
+        ("K_p", &d.basic),
+        ("Eq. 10 to the letter", &d.diagonal_literal),
+        ("diagonal form", &d.diagonal),
+        ("factor form", &d.factor),
+    ];
+    all.into_iter().filter_map(|(name, e)| e.as_ref().map(|e| (name, e.mean))).collect()
+}
+
+/// What the fit is worth, in sentences.
+fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<String> {
+    let (e, on) = match verified {
+        Some(v) => (v, "the verification poses, which had no part in the fit"),
+        None => (trained, "the training poses themselves: give --verify to judge the table by others"),
+    };
+    let worst = |v: &[f64; 6]| v.iter().copied().fold(0.0, f64::max);
+    let mut sentences = vec![format!(
+        "Principal stiffnesses: mean error at most {:.2} % with the table (diagonal form), up to {:.1} % without, on {on}.",
+        worst(&e.improved.re_percent.mean),
+        worst(&e.basic.re_percent.mean)
+    )];
+    let forms = forms(&e.deflection_percent);
+    if let Some((_, basic)) = forms.first() {
+        for (name, errors) in &forms[1..] {
+            let worse = (0..6).filter(|i| errors[*i] > basic[*i]).map(|i| LOADS[i]).collect::<Vec<_>>();
+            sentences.push(if worse.is_empty() {
+                format!(
+                    "Under load, {name}: mean deflection error at most {:.2} %, where K_p is wrong by up to {:.1} %.",
+                    worst(errors),
+                    worst(basic)
+                )
+            } else {
+                format!(
+                    "Under load, {name}: WORSE than K_p under {} (up to {:.0} % against {:.0} %). Don't predict \
+                     deflections with it.",
+                    worse.join(", "),
+                    worst(errors),
+                    worst(basic)
+                )
+            });
+        }
+    } else {
+        sentences.push(
+            "The data hold principal stiffnesses alone: there is no factor form, and nothing can be said about \
+             deflections under load."
+                .into(),
+        );
+    }
+    sentences
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+fn table(caption: &str, head: &[&str], rows: &[(String, Vec<String>)]) -> String {
+    let mut html = format!("<table><caption>{}</caption><tr><th></th>", escape(caption));
+    for h in head {
+        let _ = write!(html, "<th>{}</th>", escape(h));
+    }
+    html.push_str("</tr>\n");
+    for (name, cells) in rows {
+        let _ = write!(html, "<tr><th>{}</th>", escape(name));
+        for cell in cells {
+            let _ = write!(html, "<td>{}</td>", escape(cell));
+        }
+        html.push_str("</tr>\n");
+    }
+    html.push_str("</table>\n");
+    html
+}
+
+fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> String {
+    let sets =
+        || [("training", Some(trained)), ("verification", verified)].into_iter().filter_map(|(n, e)| Some((n, e?)));
+    let cells = |values: &[f64; 6], digits: usize| values.map(|v| format!("{v:.digits$}")).to_vec();
+    let mut effect = Vec::new();
+    let mut error = Vec::new();
+    let mut load = Vec::new();
+    for (set, e) in sets() {
+        let me = &e.improved.me;
+        for (name, values) in [
+            ("mean", &me.statistics.mean),
+            ("stdev", &me.statistics.stdev),
+            ("max", &me.statistics.max),
+            ("min", &me.statistics.min),
+        ] {
+            effect.push((format!("{set}: {name}"), cells(values, 3)));
+        }
+        let bands = me.bands.map(|b| b.map(|n| n.to_string()).join(" / ")).to_vec();
+        effect.push((format!("{set}: poses ≥ 0.9 / 0.6-0.9 / 0-0.6 / < 0"), bands));
+        let models = [("K_p", Some(&e.basic.re_percent)), ("diagonal form", Some(&e.improved.re_percent))];
+        for (model, s) in models.into_iter().chain([("factor form", e.factor.as_ref().map(|f| &f.re_percent))]) {
+            let Some(s) = s else { continue };
+            for (name, values) in [("mean", &s.mean), ("stdev", &s.stdev), ("max", &s.max), ("min", &s.min)] {
+                error.push((format!("{set}, {model}: {name}"), cells(values, 2)));
+            }
+        }
+        load.extend(forms(&e.deflection_percent).into_iter().map(|(n, v)| (format!("{set}, {n}: mean"), cells(&v, 2))));
+    }
+    let heads = STIFFNESSES.map(|s| format!("k{s}"));
+    let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+    let mut html = table(
+        "Correction effect me of the diagonal form (paper, Table 3, Eq. 13 with absolute values)",
+        &heads,
+        &effect,
+    );
+    html.push_str(&table("Relative error of principal stiffnesses in % (paper, Table 4, Eq. 14)", &heads, &error));
+    if !load.is_empty() {
+        let caption =
+            format!("Deflection error under the six unit loads at A in %, rotations times {ROTATION_ARM_M} m");
+        html.push_str(&table(&caption, &LOADS, &load));
+    }
+    html
+}
+
+/// Poses with about the same value of a variable: by value when there are few, else in seven bins.
+fn levels(samples: &[Sample], variable: usize) -> BTreeMap<i64, (f64, Vec<usize>)> {
+    let values: Vec<f64> = samples.iter().map(|s| file_units(&s.pose.pose)[variable]).collect();
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let group = |step: f64| {
+        let mut groups: BTreeMap<i64, (f64, Vec<usize>)> = BTreeMap::new();
+        for (i, v) in values.iter().enumerate() {
+            groups.entry(((v - low) / step).round() as i64).or_default().1.push(i);
+        }
+        for (mean, members) in groups.values_mut() {
+            *mean = members.iter().map(|i| values[*i]).sum::<f64>() / members.len() as f64;
+        }
+        groups
+    };
+    let exact = group(1e-6);
+    if exact.len() <= 12 { exact } else { group((high - low) / 7.0) }
+}
+
+/// Fig. 5: mean of a coefficient over the levels of each variable.
+fn tendencies(samples: &[Sample], i: usize) -> Result<String> {
+    let panels = [0, 1, 2].map(|v| Panel {
+        title: format!("mean of c{} over {}", STIFFNESSES[i], VARIABLES[v]),
+        x_label: VARIABLES[v].into(),
+        y_label: format!("mean of c{}", STIFFNESSES[i]),
+        series: vec![Series {
+            name: String::new(),
+            points: levels(samples, v)
+                .values()
+                .map(|(x, members)| {
+                    (*x, members.iter().map(|m| samples[*m].ratios()[i]).sum::<f64>() / members.len() as f64)
+                })
+                .collect(),
+            mark: Mark::Line,
+        }],
+    });
+    plot::panels(&panels)
+}
+
+/// Fig. 6: a coefficient over one variable, marked by another.
+fn combinations(samples: &[Sample], i: usize) -> Result<String> {
+    let panels = [(0, 2), (1, 2), (1, 0)].map(|(x, by)| Panel {
+        title: format!("c{} over {}, by {}", STIFFNESSES[i], VARIABLES[x], VARIABLES[by]),
+        x_label: VARIABLES[x].into(),
+        y_label: format!("c{}", STIFFNESSES[i]),
+        series: levels(samples, by)
+            .values()
+            .map(|(level, members)| {
+                let mut points: Vec<(f64, f64)> =
+                    members.iter().map(|m| (file_units(&samples[*m].pose.pose)[x], samples[*m].ratios()[i])).collect();
+                points.sort_by(|a, b| a.0.total_cmp(&b.0));
+                Series { name: ((level * 100.0).round() / 100.0).to_string(), points, mark: Mark::Line }
+            })
+            .collect(),
+    });
+    plot::panels(&panels)
+}
+
+/// Residuals of a fitted coefficient over each variable, at both sets of poses.
+fn residuals(fit: &Fit, i: usize) -> Result<String> {
+    let table = fit.numbers.table()?;
+    let relative = |s: &Sample| {
+        let measured = s.ratios()[i];
+        100.0 * (table.coefficients(&s.pose.pose)[i] - measured) / measured
+    };
+    let panels = [0, 1, 2].map(|v| {
+        let series = |name: &str, samples: &[Sample], mark| Series {
+            name: name.into(),
+            points: samples.iter().map(|s| (file_units(&s.pose.pose)[v], relative(s))).collect(),
+            mark,
+        };
+        let mut all = vec![series("training", &fit.training, Mark::Dot)];
+        all.extend(fit.verification.as_ref().map(|s| series("verification", s, Mark::Cross)));
+        Panel {
+            title: format!("k{} after correction, error over {}", STIFFNESSES[i], VARIABLES[v]),
+            x_label: VARIABLES[v].into(),
+            y_label: "error in %".into(),
+            series: all,
+        }
+    });
+    plot::panels(&panels)
+}
+
+fn coefficient_tables(fit: &Fit) -> String {
+    let names = |t: &[u8; 3]| {
+        let mut name = String::new();
+        for (symbol, n) in ["θ", "σ", "Z0"].iter().zip(t) {
+            match n {
+                0 => {}
+                1 => name.push_str(symbol),
+                n => name.push_str(&format!("{symbol}^{n}")),
+            }
+            if *n > 0 {
+                name.push(' ');
+            }
+        }
+        if name.is_empty() { "1".to_owned() } else { name.trim_end().to_owned() }
+    };
+    let heads: Vec<String> = fit.numbers.terms.iter().map(names).collect();
+    let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+    let rows: Vec<(String, Vec<String>)> = fit
+        .polynomials
+        .iter()
+        .map(|p| {
+            let cell = |((c, e), used): ((&f64, &f64), &bool)| {
+                if *used { format!("{c:.4e} ± {e:.0e}") } else { "-".to_owned() }
+            };
+            let cells = p.coefficients.iter().zip(&p.standard_errors).zip(&p.used).map(cell).collect();
+            (p.name.clone(), cells)
+        })
+        .collect();
+    let mut html = table("Coefficients in scaled variables, ± one standard error", &heads, &rows);
+    if let Some(e) = &fit.paper_e {
+        let heads: Vec<String> = EQ_11.iter().map(names).collect();
+        let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+        let rows: Vec<_> = e
+            .iter()
+            .zip(1..)
+            .map(|(row, i)| (format!("e{i}j"), row.iter().map(|v| format!("{v:.6e}")).collect()))
+            .collect();
+        html.push_str(&table("The paper's e_ij of Eq. 12, θ and σ in °, Z0 in mm", &heads, &rows));
+    }
+    let rows: Vec<_> = fit
+        .polynomials
+        .iter()
+        .map(|p| {
+            let gain = 100.0 * (1.0 - p.loo_rms / p.paper_loo_rms);
+            let cells = vec![
+                p.used.iter().filter(|u| **u).count().to_string(),
+                format!("{:.2e}", p.loo_rms),
+                format!("{:.2e}", p.paper_loo_rms),
+                format!("{gain:.0} %"),
+            ];
+            (p.name.clone(), cells)
+        })
+        .collect();
+    html.push_str(&table(
+        "Leave-one-out error of each polynomial on the training poses (rms), and what its terms gain over the paper's",
+        &["terms", "rms", "rms with the paper's terms", "gain"],
+        &rows,
+    ));
+    html
+}
+
+const STYLE: &str = "\
+body{font:16px/1.5 sans-serif;max-width:80rem;margin:1rem auto;padding:0 1rem;color:#111;background:#fff}
+h1{font-size:1.5rem}h2{font-size:1.2rem;margin-top:2rem}
+table{border-collapse:collapse;margin:1rem 0;font-size:.85rem;display:block;overflow-x:auto}
+caption{text-align:left;font-weight:bold;padding:.3rem 0;white-space:nowrap}
+td,th{border:1px solid #bbb;padding:.15rem .5rem;text-align:right;white-space:nowrap}
+tr>th:first-child{text-align:left}
+svg{width:100%;height:auto}details{margin:.5rem 0}summary{cursor:pointer}
+.worse{color:#a00;font-weight:bold}dt{font-weight:bold}dd{margin:0 0 .3rem 1rem;overflow-wrap:anywhere}";
+
+/// The self-contained `report.html` of a fit.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn fit_report(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
+    let mut body = String::new();
+    let mut add = |html: &str| {
+        body.push_str(html);
+        body.push('\n');
+    };
+    let title = format!("Stiffness table of {}", escape(&p.file.machine));
+    add(&format!("<h1>{title}</h1>"));
+    add("<ul>");
+    for sentence in conclusion(p.training, p.verified) {
+        let class = if sentence.contains("WORSE") { " class=\"worse\"" } else { "" };
+        add(&format!("<li{class}>{}</li>", escape(&sentence)));
+    }
+    add("</ul>");
+    let shown = p.verified.unwrap_or(p.training);
+    let on = if p.verified.is_some() { "verification" } else { "training" };
+    let bars = forms(&shown.deflection_percent);
+    if !bars.is_empty() {
+        add(&plot::bars(&format!("Deflection error under unit loads, {on} poses, mean"), "error in %", &LOADS, &bars)?);
+    }
+    add("<h2>Errors</h2>");
+    add(&error_tables(p.training, p.verified));
+    add("<h2>Correction coefficients over the pose (paper, Figs. 5 and 6) and residuals</h2>");
+    for i in 0..6 {
+        let open = if i == 0 { " open" } else { "" };
+        add(&format!("<details{open}><summary>c{0} and k{0}</summary>", STIFFNESSES[i]));
+        add(&tendencies(&fit.training, i)?);
+        add(&combinations(&fit.training, i)?);
+        add(&residuals(fit, i)?);
+        add("</details>");
+    }
+    add("<h2>Coefficients</h2>");
+    add(&coefficient_tables(fit));
+    add("<h2>Where this comes from</h2><dl>");
+    let [theta, sigma, z0] = fit.extent.0;
+    let facts = [
+        ("Command", p.command.to_owned()),
+        ("Tool", format!("pkm-host {}", env!("CARGO_PKG_VERSION"))),
+        ("Machine file, SHA-256", p.file.machine_sha256.clone()),
+        ("Data", format!("{}, {} poses, SHA-256 {}", p.file.data, fit.training.len(), p.file.data_sha256)),
+        ("Verification", p.verification.map_or("none".into(), |(name, sha)| format!("{name}, SHA-256 {sha}"))),
+        ("Box, outside which the controller gets a status", format!("θ {theta:?}°, σ {sigma:?}°, Z0 {z0:?} mm")),
+        ("Condition number of the fit", format!("{:.1}", fit.condition)),
+    ];
+    for (name, value) in facts {
+        add(&format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(&value)));
+    }
+    add("</dl>");
+    Ok(format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"viewport\" \
+         content=\"width=device-width\">\n<title>{title}</title>\n<style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
+    ))
 }

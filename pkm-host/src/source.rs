@@ -72,11 +72,6 @@ impl Source {
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
     }
 
-    /// Line, from 1, of a byte of the text.
-    pub fn line_at(&self, byte: usize) -> u64 {
-        1 + self.bytes.iter().take(byte).filter(|b| **b == b'\n').count() as u64
-    }
-
     /// SHA-256 of the bytes, hexadecimal.
     pub fn sha256(&self) -> String {
         Sha256::digest(&self.bytes).iter().map(|b| format!("{b:02x}")).collect()

@@ -70,9 +70,7 @@ fn dense_24x24_inverse_nalgebra(k: nalgebra::SMatrix<f64, 24, 24>) -> nalgebra::
 }
 
 fn at_most(instructions: u64) -> LibraryBenchmarkConfig {
-    LibraryBenchmarkConfig::default()
-        .tool(Callgrind::default().hard_limits([(EventKind::Ir, instructions)]))
-        .clone()
+    LibraryBenchmarkConfig::default().tool(Callgrind::default().hard_limits([(EventKind::Ir, instructions)])).clone()
 }
 
 library_benchmark_group!(name = inverse, config = at_most(400), benchmarks = [ik_f64, ik_f32]);

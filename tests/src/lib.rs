@@ -1,7 +1,7 @@
 //! References that share no formula with `pkm-core`, and random machines to hold it against.
 
 use fastrand::Rng;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};
 use pkm_core::{Machine, Pose};
 use twofloat::TwoFloat;
@@ -269,4 +269,39 @@ pub fn scaled_difference(a: &[[f64; 6]; 6], b: &[[f64; 6]; 6]) -> f64 {
         }
     }
     worst
+}
+
+/// The wrenches on the platform, at A in B-xyz, that the limbs transmit with their screws held or free: for each
+/// limb the null space of the twists of its joints. A column a wrench, lengths scaled by a1 + b1.
+pub fn transmitted(parameters: &MachineParameters, pose: &Pose<f64>, screws_held: bool) -> DMatrix<f64> {
+    let g = space(&parameters.geometry, pose);
+    let vector = |v: &Vec3| Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z));
+    let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+    let a = vector(&g.a);
+    let u = vector(&g.rotation.column(0).into());
+    let y = Vector3::y();
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    for i in 0..3 {
+        let (platform, base) = (vector(&g.platform[i]), vector(&g.base[i]));
+        let revolute =
+            |axis: Vector3<f64>, at: Vector3<f64>| -> [Vector3<f64>; 2] { [axis.cross(&((a - at) / size)), axis] };
+        let mut twists = if i == 2 {
+            let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+            let mut twists = axes.map(|axis| revolute(axis, platform)).to_vec();
+            twists.push(revolute(y, base));
+            twists
+        } else {
+            vec![revolute(u, base), revolute(y, base), revolute(u, platform)]
+        };
+        if !screws_held {
+            twists.push([(platform - base).normalize(), Vector3::zeros()]);
+        }
+        // virtual work of [F, M/size] on [v, ω]
+        let rows = DMatrix::from_fn(6, 6, |r, c| twists.get(r).map_or(0.0, |t| t[c / 3][c % 3]));
+        let svd = rows.svd(false, true);
+        let v_t = svd.v_t.expect("asked for");
+        let null = (0..6).filter(|k| svd.singular_values[*k] < 1e-9);
+        columns.extend(null.map(|k| v_t.row(k).transpose()));
+    }
+    DMatrix::from_columns(&columns)
 }

@@ -1,0 +1,198 @@
+//! Charts as SVG text.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use crate::error::{Failure, Result};
+
+/// Colours that a colour-blind reader can tell apart (Okabe and Ito).
+const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(90, 90, 90),
+    RGBColor(148, 103, 40),
+];
+
+/// How the points of a series are drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    /// Filled circles.
+    Dot,
+    /// Crosses.
+    Cross,
+    /// Filled circles on a line.
+    Line,
+}
+
+/// Points with a name for the legend.
+pub struct Series {
+    /// In the legend.
+    pub name: String,
+    /// x, y.
+    pub points: Vec<(f64, f64)>,
+    /// How they are drawn.
+    pub mark: Mark,
+}
+
+/// One chart.
+pub struct Panel {
+    /// Above it.
+    pub title: String,
+    /// With unit.
+    pub x_label: String,
+    /// With unit.
+    pub y_label: String,
+    /// In the legend's order.
+    pub series: Vec<Series>,
+}
+
+fn failed(e: impl std::fmt::Display) -> Failure {
+    Failure::other(format!("cannot draw a plot: {e}"))
+}
+
+fn svg(size: (u32, u32), draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<()>) -> Result<String> {
+    let mut text = String::new();
+    {
+        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        area.fill(&WHITE).map_err(failed)?;
+        draw(&area)?;
+        area.present().map_err(failed)?;
+    }
+    // numbers for a screen: a fixed size would not fit a narrow one
+    let fixed = format!("width=\"{}\" height=\"{}\" ", size.0, size.1);
+    Ok(text.replacen(&fixed, "", 1))
+}
+
+/// Range of values with a margin, never empty.
+fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let margin = if high > low { 0.06 * (high - low) } else { 0.05 * high.abs().max(1e-3) };
+    low - margin..high + margin
+}
+
+/// Charts side by side.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn panels(panels: &[Panel]) -> Result<String> {
+    svg((420 * panels.len() as u32, 300), |area| {
+        for (cell, panel) in area.split_evenly((1, panels.len())).iter().zip(panels) {
+            draw(cell, panel)?;
+        }
+        Ok(())
+    })
+}
+
+fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> Result<()> {
+    let points = || panel.series.iter().flat_map(|s| s.points.iter());
+    let mut x_range = range(points().map(|p| p.0));
+    if panel.series.len() > 1 {
+        // room for the legend
+        x_range.end += 0.3 * (x_range.end - x_range.start);
+    }
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, ("sans-serif", 16))
+        .margin(8)
+        .x_label_area_size(38)
+        .y_label_area_size(62)
+        .build_cartesian_2d(x_range, range(points().map(|p| p.1)))
+        .map_err(failed)?;
+    chart
+        .configure_mesh()
+        .x_desc(&panel.x_label)
+        .y_desc(&panel.y_label)
+        .x_labels(7)
+        .y_labels(6)
+        .label_style(("sans-serif", 12))
+        .axis_desc_style(("sans-serif", 13))
+        .light_line_style(TRANSPARENT)
+        .draw()
+        .map_err(failed)?;
+    for (i, series) in panel.series.iter().enumerate() {
+        let colour = COLOURS[i % COLOURS.len()];
+        let points = series.points.iter().copied();
+        let drawn = match series.mark {
+            Mark::Dot => chart.draw_series(points.map(|p| Circle::new(p, 3, colour.filled()).into_dyn())),
+            Mark::Cross => chart.draw_series(points.map(|p| Cross::new(p, 4, colour.stroke_width(2)).into_dyn())),
+            Mark::Line => {
+                chart.draw_series(LineSeries::new(points.clone(), colour.stroke_width(2))).map_err(failed)?;
+                chart.draw_series(points.map(|p| Circle::new(p, 3, colour.filled()).into_dyn()))
+            }
+        };
+        drawn.map_err(failed)?.label(&series.name).legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
+    }
+    if panel.series.len() > 1 {
+        chart
+            .configure_series_labels()
+            .background_style(WHITE.mix(0.85))
+            .border_style(RGBColor(190, 190, 190))
+            .label_font(("sans-serif", 11))
+            .draw()
+            .map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// Groups of bars on a logarithmic axis: a group a label, a bar a series.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, [f64; 6])]) -> Result<String> {
+    svg((900, 380), |area| {
+        let values = || series.iter().flat_map(|(_, v)| v.iter().copied().filter(|v| *v > 0.0));
+        let low = 10_f64.powf(values().fold(f64::INFINITY, f64::min).log10().floor());
+        // a decade above the highest bar for the legend
+        let high = 10.0 * 10_f64.powf(values().fold(low * 10.0, f64::max).log10().ceil());
+        let mut chart = ChartBuilder::on(area)
+            .caption(title, ("sans-serif", 18))
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(70)
+            .build_cartesian_2d(0.0..labels.len() as f64, (low..high).log_scale())
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .disable_x_mesh()
+            .disable_x_axis()
+            .y_desc(y_label)
+            .y_label_formatter(&|v| format!("{v}"))
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 14))
+            .draw()
+            .map_err(failed)?;
+        let width = 0.8 / series.len() as f64;
+        for (i, (name, values)) in series.iter().enumerate() {
+            let colour = COLOURS[i % COLOURS.len()];
+            let bar = |(group, value): (usize, &f64)| {
+                let left = group as f64 + 0.1 + width * i as f64;
+                Rectangle::new([(left, low), (left + 0.92 * width, value.max(low))], colour.filled())
+            };
+            chart
+                .draw_series(values.iter().enumerate().map(bar))
+                .map_err(failed)?
+                .label(*name)
+                .legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 14, y + 5)], colour.filled()));
+        }
+        for (group, label) in labels.iter().enumerate() {
+            let middle = chart.backend_coord(&(group as f64 + 0.5, low));
+            let style =
+                ("sans-serif", 14).into_font().into_text_style(area).pos(plotters::style::text_anchor::Pos::new(
+                    plotters::style::text_anchor::HPos::Center,
+                    plotters::style::text_anchor::VPos::Top,
+                ));
+            area.draw_text(label, &style, (middle.0, middle.1 + 8)).map_err(failed)?;
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .background_style(WHITE.mix(0.85))
+            .border_style(RGBColor(190, 190, 190))
+            .label_font(("sans-serif", 13))
+            .draw()
+            .map_err(failed)
+    })
+}

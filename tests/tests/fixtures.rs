@@ -1,0 +1,89 @@
+//! The machines of `fixtures/` against published facts.
+
+use std::path::Path;
+
+use pkm_core::tables::reference;
+use pkm_core::{CorrectionTable, Domain, Machine, Pose, Scalar};
+use pkm_host::machine_file::MachineFile;
+use pkm_host::source::Source;
+
+fn machine(name: &str) -> MachineFile {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/machines").join(name);
+    MachineFile::parse(Source::read(&path).unwrap()).unwrap()
+}
+
+#[test]
+fn x150_reaches_its_published_check_points() {
+    let x150 = machine("x150.toml").machine;
+    // model.md 1: L = 259.5 mm upright; the tool 90.5 mm beyond A at (100, 330) mm
+    let tilt = (100.0_f64 / 330.0).atan();
+    let l = 100.0_f64.hypot(330.0) - 90.5;
+    for (theta_rad, l_mm, expected_mm) in [(0.0, 259.5, [259.5, 259.5, 276.0]), (tilt, l, [254.319, 254.319, 219.757])]
+    {
+        let pose = Pose { theta_rad, sigma_rad: 0.0, z0_m: l_mm / 1e3 * theta_rad.cos() };
+        let q_mm = x150.inverse(&pose).unwrap().q_m.map(|q| q * 1e3);
+        for i in 0..3 {
+            let digits = if theta_rad == 0.0 { 0.05 } else { 0.0005 };
+            assert!((q_mm[i] - expected_mm[i]).abs() <= digits, "{q_mm:?} instead of {expected_mm:?}");
+        }
+    }
+}
+
+#[test]
+fn boxes_lie_within_travel() {
+    for name in ["reference.toml", "x150.toml"] {
+        let file = machine(name);
+        let [theta, sigma, z0] = file.pose_box.0;
+        for corner in 0..8 {
+            let pick = |range: [f64; 2], bit: usize| range[corner >> bit & 1];
+            let pose = pkm_host::dataset::pose_of(pick(theta, 0), pick(sigma, 1), pick(z0, 2));
+            assert!(file.machine.inverse(&pose).is_ok(), "{name}: {pose:?}");
+        }
+    }
+}
+
+/// X0 and Z0 of the paper's Table 5 in mm.
+const TABLE_5: [(f64, f64); 7] = [
+    (-307.38, 363.45),
+    (-232.79, 375.90),
+    (-263.39, 315.72),
+    (-338.00, 300.14),
+    (-156.24, 433.25),
+    (-184.17, 447.83),
+    (-206.45, 458.46),
+];
+
+#[test]
+fn the_core_reports_table_5_outside_the_box() {
+    fn check<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>) {
+        for (x0, z0) in TABLE_5 {
+            let pose =
+                Pose { theta_rad: T::from_f64((x0 / z0).atan()), sigma_rad: T::ZERO, z0_m: T::from_f64(z0 / 1e3) };
+            assert_eq!(table.domain(&pose), Domain::Outside);
+            let corrected = table.diagonal_form(machine, &pose).unwrap();
+            assert_eq!(corrected.domain, Domain::Outside, "the value must carry the status");
+        }
+    }
+    check(&reference::MACHINE_F64, &reference::TABLE_F64);
+    check(&reference::MACHINE_F32, &reference::TABLE_F32);
+}
+
+/// Eq. 1 counts one freedom; the rank of what the limbs transmit says three.
+#[test]
+fn mobility_is_one_by_formula_and_three_by_rank() {
+    let (bodies, joints) = (8, 9);
+    // U, P, R twice and R, P, S
+    let freedoms: i32 = [2, 1, 1, 2, 1, 1, 1, 1, 3].iter().sum();
+    assert_eq!(6 * (bodies - joints - 1) + freedoms, 1);
+
+    // Wrenches that a limb with a free screw transmits are reciprocal to the twists of all its joints.
+    let file = machine("reference.toml");
+    let pose = pkm_host::dataset::pose_of(7.0, -4.0, 530.0);
+    let (locked, free) =
+        (pkm_tests::transmitted(&file.parameters, &pose, true), pkm_tests::transmitted(&file.parameters, &pose, false));
+    let rank = |m: &nalgebra::DMatrix<f64>| m.rank(1e-9);
+    // with the screws held: 8 wrenches, 6 independent; with the screws free 5 remain, of which 3 are independent
+    assert_eq!((locked.ncols(), rank(&locked)), (8, 6));
+    assert_eq!((free.ncols(), rank(&free)), (5, 3));
+    assert_eq!(6 - rank(&free), 3);
+}
