@@ -305,3 +305,8 @@ pub fn transmitted(parameters: &MachineParameters, pose: &Pose<f64>, screws_held
     }
     DMatrix::from_columns(&columns)
 }
+
+/// The README's example is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct Readme;

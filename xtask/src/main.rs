@@ -3,7 +3,7 @@
 mod qemu;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 
 use pkm_host::commands;
 use pkm_host::fit::TermChoice;
@@ -13,14 +13,16 @@ pub type Outcome = Result<(), String>;
 
 const USAGE: &str = "\
 cargo xtask <chore>
-  regenerate   fit the fixtures and commit the result as pkm-core/src/tables/reference.rs
-  qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host";
+  regenerate   fit the fixtures; write pkm-core/src/tables/reference.rs and docs/deflection-error.svg
+  qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host
+  no-panic     link the core so that a reachable panic is a link error, and check that a planted one is";
 
 fn main() -> ExitCode {
     let chore = std::env::args().nth(1);
     let outcome = match chore.as_deref() {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
+        Some("no-panic") => no_panic(),
         _ => Err(USAGE.to_owned()),
     };
     match outcome {
@@ -45,8 +47,40 @@ pub fn fit_fixtures(out: &Path) -> Outcome {
 fn regenerate() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     fit_fixtures(folder.path())?;
-    let table = root().join("pkm-core/src/tables/reference.rs");
-    std::fs::copy(folder.path().join("coefficients.rs"), &table).map_err(|e| format!("{}: {e}", table.display()))?;
-    println!("wrote {}", table.display());
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).map_err(|e| format!("{name}: {e}"));
+    let report = read("report.html")?;
+    let picture = report.find("<svg").zip(report.find("</svg>")).map(|(from, to)| &report[from..to + 6]);
+    let picture = picture.ok_or("the report has no picture")?;
+    for (name, content) in
+        [("pkm-core/src/tables/reference.rs", read("coefficients.rs")?), ("docs/deflection-error.svg", picture.into())]
+    {
+        std::fs::write(root().join(name), content).map_err(|e| format!("{name}: {e}"))?;
+        println!("wrote {name}");
+    }
+    Ok(())
+}
+
+/// A release build in the firmware's workspace, to be completed.
+pub fn firmware_build() -> Command {
+    let mut command = Command::new("cargo");
+    command.current_dir(root().join("pkm-fw")).args(["build", "--release", "--locked", "--quiet"]);
+    command
+}
+
+fn no_panic() -> Outcome {
+    let build = |features: &[&str]| {
+        let mut command = firmware_build();
+        command.args(["--bin", "no_panic"]).args(features).output().map_err(|e| format!("cargo: {e}"))
+    };
+    let proof = build(&[])?;
+    if !proof.status.success() {
+        return Err(format!("the core has a reachable panic:\n{}", String::from_utf8_lossy(&proof.stderr)));
+    }
+    let planted = build(&["--features", "planted-panic"])?;
+    let message = String::from_utf8_lossy(&planted.stderr);
+    if planted.status.success() || !message.contains("a_panic_is_reachable") {
+        return Err(format!("a planted panic was not caught:\n{message}"));
+    }
+    println!("no panic is reachable from the core's public functions, f64 and f32; a planted one is caught");
     Ok(())
 }

@@ -13,7 +13,7 @@ use pkm_host::source::{Source, fixtures};
 use pkm_host::table_file::TableFile;
 use serde_json::Value;
 
-use crate::{Outcome, fit_fixtures, root};
+use crate::{Outcome, firmware_build, fit_fixtures, root};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -40,11 +40,9 @@ pub fn run() -> Outcome {
 }
 
 fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
-    let folder = root().join("pkm-fw");
-    let target_dir = folder.join("target").join(cpu.unwrap_or("plain"));
-    let mut command = Command::new("cargo");
-    command.current_dir(&folder).args(["build", "--release", "--locked", "--quiet"]);
-    command.arg("--target-dir").arg(&target_dir).env("PKM_COEFFICIENTS", coefficients);
+    let target_dir = root().join("pkm-fw/target").join(cpu.unwrap_or("plain"));
+    let mut command = firmware_build();
+    command.args(["--bin", "parity", "--target-dir"]).arg(&target_dir).env("PKM_COEFFICIENTS", coefficients);
     if let Some(cpu) = cpu {
         command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
     }
@@ -55,7 +53,7 @@ fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
              ({TARGET} stands in rust-toolchain.toml)"
         ));
     }
-    Ok(target_dir.join(TARGET).join("release/pkm-fw"))
+    Ok(target_dir.join(TARGET).join("release/parity"))
 }
 
 fn boot(board: &str, elf: &Path) -> Result<String, String> {
@@ -146,7 +144,7 @@ fn values<T: Scalar>(
         let k = k.matrix();
         bits(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
     };
-    // the load that pkm-fw/src/main.rs applies
+    // the load that pkm-fw/src/bin/parity.rs applies
     let wrench =
         Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
     let diagonal = table.diagonal_form(machine, pose)?;

@@ -52,8 +52,7 @@ impl Line {
         table: &CorrectionTable<'_, T>,
         [theta, sigma, z0]: [f64; 3],
     ) -> Self {
-        let pose =
-            Pose { theta_rad: T::from_f64(theta), sigma_rad: T::from_f64(sigma), z0_m: T::from_f64(z0) };
+        let pose = Pose { theta_rad: T::from_f64(theta), sigma_rad: T::from_f64(sigma), z0_m: T::from_f64(z0) };
         let mut line = Self {
             float_bits,
             pose: [theta, sigma, z0].map(f64::to_bits),
@@ -81,10 +80,8 @@ impl Line {
         table: &CorrectionTable<'_, T>,
         pose: &Pose<T>,
     ) -> Result<(), CorrectionError> {
-        let wrench = Wrench {
-            force_n: [100.0, -50.0, -400.0].map(T::from_f64),
-            moment_nm: [2.0, -8.0, 5.0].map(T::from_f64),
-        };
+        let wrench =
+            Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
         self.q = bits(machine.inverse(pose)?.q_m);
         self.k_p = lower(&machine.stiffness(pose)?);
         self.k_m_diagonal = lower(&table.diagonal_form(machine, pose)?.factor.stiffness());
@@ -109,9 +106,9 @@ fn print_all() -> Result<(), ()> {
     let mut out = hio::hstdout()?;
     // a grid over the reference machine's box and a quarter beyond, in ° and mm
     let (angles, heights) = ([-18.75, -15.0, -7.3, 0.0, 4.1, 15.0, 18.75], [492.5, 500.0, 531.7, 560.0, 567.5]);
-    let grid = angles.into_iter().flat_map(|t| {
-        angles.into_iter().flat_map(move |s| heights.into_iter().map(move |z| (t, s, z)))
-    });
+    let grid = angles
+        .into_iter()
+        .flat_map(|t| angles.into_iter().flat_map(move |s| heights.into_iter().map(move |z| (t, s, z))));
     let poses = grid.map(|(t, s, z): (f64, f64, f64)| [t.to_radians(), s.to_radians(), z / 1e3]);
     // the paper's Table 5, X0 and Z0 in mm: all outside its own box
     let table_5 = [

@@ -1,0 +1,74 @@
+//! Proof that the core has no reachable panic: this image links only if the optimiser removed every one.
+//!
+//! The panic handler calls a function that does not exist. Every public function of the core is called in `f64`
+//! and `f32` with values that the compiler can't know. With the feature `planted-panic` the link must fail:
+//! the test of the test. `cargo xtask no-panic` does both.
+
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+
+use cortex_m as _;
+use cortex_m_rt::entry;
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
+use pkm_core::{Basis, CorrectionTable, Machine, Pose, Scalar, ScrewLengths, Stiffness, Wrench};
+
+fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>) {
+    let [a, b, c] = black_box([T::ONE; 3]);
+    let pose = black_box(Pose { theta_rad: a, sigma_rad: b, z0_m: c });
+    let lengths = black_box(ScrewLengths { q_m: [a, b, c] });
+    let wrench = black_box(Wrench { force_n: [a, b, c], moment_nm: [c, b, a] }).moved_to_a([a, b, c]);
+    black_box(machine.inverse(&pose)).ok();
+    black_box(machine.forward(&lengths)).ok();
+    black_box(machine.jacobian(&pose)).ok();
+    black_box(machine.singularity_distance(&pose)).ok();
+    black_box(machine.travel_margin_m(&lengths));
+    black_box(machine.stiffness(&pose)).ok();
+    let matrix = black_box([[a; 6]; 6]);
+    let stiffness = Stiffness::from_lower(&matrix);
+    black_box((stiffness.matrix(), stiffness.principal()));
+    if let Ok(factor) = stiffness.factor() {
+        black_box((factor.stiffness(), factor.lower()));
+        if let Ok(deflection) = factor.deflection(&wrench) {
+            black_box(deflection.seen_at([a, b, c]));
+        }
+    }
+    let _ = black_box(table.domain(&pose));
+    black_box((table.coefficients(&pose), table.has_factor_form()));
+    black_box(table.diagonal_form(machine, &pose)).ok();
+    black_box(table.factor_form(machine, &pose)).ok();
+}
+
+#[entry]
+fn main() -> ! {
+    call_everything(black_box(&MACHINE_F64), black_box(&TABLE_F64));
+    call_everything(black_box(&MACHINE_F32), black_box(&TABLE_F32));
+    let parameters = black_box(PARAMETERS);
+    black_box((Machine::<f64>::new(&parameters), Machine::<f32>::new(&parameters))).0.ok();
+    let (numbers, terms) = black_box(([1.0_f64; 64], [[1_u8; 3]; 4]));
+    if let Ok(basis) = Basis::<f64>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
+        if let Ok(table) = CorrectionTable::<f64>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..]))) {
+            black_box(table.checksum());
+            call_everything(&MACHINE_F64, &table);
+        }
+    }
+    let (numbers, terms) = black_box(([1.0_f32; 64], [[1_u8; 3]; 4]));
+    if let Ok(basis) = Basis::<f32>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
+        if let Ok(table) = CorrectionTable::<f32>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..]))) {
+            call_everything(&MACHINE_F32, &table);
+        }
+    }
+    #[cfg(feature = "planted-panic")]
+    black_box([0_u8; 4][black_box(5)]);
+    loop {}
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    unsafe extern "C" {
+        fn a_panic_is_reachable() -> !;
+    }
+    // SAFETY: never runs, since an image with this call does not link
+    unsafe { a_panic_is_reachable() }
+}
