@@ -6,8 +6,8 @@
 //!
 //! > K_p = Σ H_i D_i⁻¹ H_iᵀ.
 //!
-//! [`Chain`] holds H_i and D_i. Whatever else is elastic between B_i and A adds its Hᵀ C H to D_i before
-//! [`Chain::add_stiffness_to`]; nothing else changes.
+//! A `Chain` holds H_i and D_i. Whatever else is elastic between B_i and A adds its Hᵀ C H to D_i before
+//! `Chain::add_stiffness_to`; nothing else changes.
 
 use core::fmt;
 

@@ -47,21 +47,23 @@ fn main() -> ! {
     let parameters = black_box(PARAMETERS);
     black_box((Machine::<f64>::new(&parameters), Machine::<f32>::new(&parameters))).0.ok();
     let (numbers, terms) = black_box(([1.0_f64; 64], [[1_u8; 3]; 4]));
-    if let Ok(basis) = Basis::<f64>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
-        if let Ok(table) = CorrectionTable::<f64>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..]))) {
-            black_box(table.checksum());
-            call_everything(&MACHINE_F64, &table);
-        }
+    if let Ok(basis) = Basis::<f64>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..]))
+        && let Ok(table) = CorrectionTable::<f64>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..])))
+    {
+        black_box(table.checksum());
+        call_everything(&MACHINE_F64, &table);
     }
     let (numbers, terms) = black_box(([1.0_f32; 64], [[1_u8; 3]; 4]));
-    if let Ok(basis) = Basis::<f32>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
-        if let Ok(table) = CorrectionTable::<f32>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..]))) {
-            call_everything(&MACHINE_F32, &table);
-        }
+    if let Ok(basis) = Basis::<f32>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..]))
+        && let Ok(table) = CorrectionTable::<f32>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..])))
+    {
+        call_everything(&MACHINE_F32, &table);
     }
     #[cfg(feature = "planted-panic")]
     black_box([0_u8; 4][black_box(5)]);
-    loop {}
+    loop {
+        cortex_m::asm::wfi();
+    }
 }
 
 #[panic_handler]
