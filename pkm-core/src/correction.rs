@@ -241,7 +241,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// # Errors
     /// Those of [`Machine::stiffness`], and a coefficient that is not positive.
     pub fn diagonal_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
-        let mut lower = machine.stiffness(pose)?.factor()?.lower;
+        let mut lower = machine.stiffness_below_tool(pose)?.factor()?.lower;
         for (row, (line, c)) in (1..).zip(lower.iter_mut().zip(self.coefficients(pose))) {
             if !(c > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
@@ -251,7 +251,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
                 *entry *= root;
             }
         }
-        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
+        self.finish(machine, pose, StiffnessFactor { lower })
     }
 
     /// K_m in the factor form, (L G)(L G)ᵀ with K_p = L Lᵀ.
@@ -260,7 +260,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// Those of [`Machine::stiffness`], no factor form, and a diagonal entry of G that is not positive.
     pub fn factor_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
         let rows = self.factor.ok_or(CorrectionError::NoFactorForm)?;
-        let basic = machine.stiffness(pose)?.factor()?.lower;
+        let basic = machine.stiffness_below_tool(pose)?.factor()?.lower;
         let entries: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
         let mut g = linalg::zero();
         let mut next = entries.into_iter();
@@ -276,7 +276,23 @@ impl<T: Scalar> CorrectionTable<'_, T> {
             }
         }
         let lower = linalg::product(&basic, &g);
-        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
+        self.finish(machine, pose, StiffnessFactor { lower })
+    }
+
+    /// Adds what lies behind A, which is not in the table.
+    fn finish(
+        &self,
+        machine: &Machine<T>,
+        pose: &Pose<T>,
+        factor: StiffnessFactor<T>,
+    ) -> Result<Corrected<T>, CorrectionError> {
+        let domain = self.domain(pose);
+        if !machine.effects.any() {
+            return Ok(Corrected { factor, domain });
+        }
+        let mut stiffness = factor.stiffness();
+        let factor = if machine.add_tool_compliance(&mut stiffness) { stiffness.factor()? } else { factor };
+        Ok(Corrected { factor, domain })
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.

@@ -72,6 +72,21 @@ pub(crate) struct Posture<T> {
 }
 
 impl<T: Scalar> Posture<T> {
+    /// x of B in A-uvw.
+    pub fn x(&self) -> [T; 3] {
+        [self.cos_theta, self.sin_sigma * self.sin_theta, self.cos_sigma * self.sin_theta]
+    }
+
+    /// y of B in A-uvw.
+    pub fn y(&self) -> [T; 3] {
+        [T::ZERO, self.cos_sigma, -self.sin_sigma]
+    }
+
+    /// Direction from B to A in A-uvw.
+    pub fn n(&self) -> [T; 3] {
+        [T::ZERO, self.sin_sigma, self.cos_sigma]
+    }
+
     fn singularity_distance(&self, machine: &Machine<T>) -> SingularityDistance<T> {
         let l2 = self.l * self.l;
         let ab = machine.a1 * machine.b1;

@@ -8,6 +8,7 @@
 //! 2. [`kinematics`]: [`Machine::inverse`], [`Machine::forward`], [`Machine::jacobian`], distances to
 //!    singularities and to the ends of travel.
 //! 3. [`stiffness`]: the 6×6 terminal stiffness K_p, its Cholesky factor, deflection under a [`Wrench`].
+//!    [`effects`] hold the physics beyond the paper's model.
 //! 4. [`correction`]: K_m from a [`CorrectionTable`] fitted by `pkm-host`, with the status of the table's box.
 //! 5. [`tables`]: generated tables.
 //!
@@ -35,6 +36,7 @@
 extern crate self as pkm_core;
 
 pub mod correction;
+pub mod effects;
 pub mod kinematics;
 mod linalg;
 pub mod machine;

@@ -3,6 +3,7 @@
 //! [`MachineParameters`] is plain data that a generated table can hold as a `const`.
 //! [`Machine::new`] checks it and turns it into what the formulas need; both work at compile time.
 
+use crate::effects::{self, ActiveEffects, Effects};
 use crate::scalar::Scalar;
 
 /// The numbers of one machine, SI, unchecked. The limbs are in the order of the paper.
@@ -14,6 +15,8 @@ pub struct MachineParameters {
     pub travel: Travel,
     /// Joints and body of each limb.
     pub limbs: [LimbParameters; 3],
+    /// Physics beyond the basic model.
+    pub effects: Effects,
 }
 
 /// Platform sizes (paper, Section 2): a1 = |A A2|, a2 = |A A3|, b1 = |B B2|, b2 = |B B3|, in m, all above 0.
@@ -128,6 +131,7 @@ pub enum Parameter {
     Shear { limb: u8, member: Member },
     Outer { limb: u8, member: Member },
     Inner { limb: u8, member: Member },
+    Effect { effect: u8, parameter: u8 },
 }
 
 /// An end of a limb.
@@ -162,6 +166,8 @@ pub enum Problem {
     NotReleased,
     /// The greatest screw length is not above the least.
     Reversed,
+    /// Negative where only a number of at least 0 has a meaning.
+    Negative,
     /// The bore is negative or not smaller than the outer diameter.
     Bore,
 }
@@ -188,6 +194,7 @@ pub struct Machine<T> {
     pub(crate) q_min: [T; 3],
     pub(crate) q_max: [T; 3],
     pub(crate) limbs: [LimbCompliance<T>; 3],
+    pub(crate) effects: ActiveEffects<T>,
 }
 
 /// Compliances of one limb. An entry of a released direction is 0 and never asked for.
@@ -297,6 +304,19 @@ impl MachineParameters {
             check!(check_tube(&l.body.screw, i, Member::Screw));
             i += 1;
         }
+        let mut i = 0;
+        while i < effects::COUNT * effects::MAX_PARAMETERS {
+            let (effect, parameter) = (i / effects::MAX_PARAMETERS, i % effects::MAX_PARAMETERS);
+            let value = self.effects.parameters[effect][parameter];
+            let parameter = Parameter::Effect { effect: effect as u8, parameter: parameter as u8 };
+            if !value.is_finite() {
+                return Err(MachineError { parameter, problem: Problem::NotFinite });
+            }
+            if value < 0.0 {
+                return Err(MachineError { parameter, problem: Problem::Negative });
+            }
+            i += 1;
+        }
         Ok(())
     }
 }
@@ -352,6 +372,7 @@ macro_rules! machine {
                     q_min: narrow(parameters.travel.min_m),
                     q_max: narrow(parameters.travel.max_m),
                     limbs: [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])],
+                    effects: ActiveEffects::<$t>::new(&parameters.effects),
                 })
             }
         }

@@ -6,16 +6,17 @@
 //!
 //! > K_p = Σ H_i D_i⁻¹ H_iᵀ.
 //!
-//! A `Chain` holds H_i and D_i. Whatever else is elastic between B_i and A adds its Hᵀ C H to D_i before
-//! `Chain::add_stiffness_to`; nothing else changes.
+//! A `Chain` holds H_i and D_i. Whatever else is elastic between B_i and A ([`effects`](crate::effects)) adds its
+//! Hᵀ C H to D_i; what is elastic under B or behind A is in series with the sum.
 
 use core::fmt;
 
+use crate::effects::{Limb, Series};
 use crate::kinematics::{KinematicsError, Posture};
 use crate::linalg::{self, Lower};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::types::{Deflection, Pose, Wrench};
+use crate::types::{Deflection, Pose, Wrench, cross};
 
 /// Why there is no stiffness for a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,13 +121,58 @@ impl<T: Scalar> StiffnessFactor<T> {
 }
 
 /// One limb: the `N` wrenches it transmits, at A in A-uvw, and the compliance they meet.
-struct Chain<T, const N: usize> {
+pub(crate) struct Chain<T, const N: usize> {
     wrenches: [[T; 6]; N],
     /// Hᵀ C H, lower triangle.
     compliance: [[T; N]; N],
 }
 
 impl<T: Scalar, const N: usize> Chain<T, N> {
+    /// Something that gives at a point, along and about three axes. All in A-uvw.
+    pub fn add_joint(&mut self, at: [T; 3], axes: &[[T; 3]; 3], compliance: [T; 6]) {
+        let mut seen = [[T::ZERO; 6]; N];
+        for (seen, wrench) in seen.iter_mut().zip(&self.wrenches) {
+            let (force, moment) = (force(wrench), moment_at(wrench, at));
+            let [x, y, z] = axes;
+            *seen = [dot(force, *x), dot(force, *y), dot(force, *z), dot(moment, *x), dot(moment, *y), dot(moment, *z)];
+        }
+        for i in 0..N {
+            for j in 0..=i {
+                for c in 0..6 {
+                    self.compliance[i][j] += compliance[c] * seen[i][c] * seen[j][c];
+                }
+            }
+        }
+    }
+
+    /// A beam from one point to another that carries the limb's wrenches. `second` is a direction off its axis,
+    /// `compliance` 1/EA, 1/EI about the beam's second and its third axis, 1/GJ. All in A-uvw.
+    pub fn add_beam(&mut self, from: [T; 3], to: [T; 3], second: [T; 3], compliance: [T; 4]) {
+        let along = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+        let length = dot(along, along).sqrt();
+        let x = along.map(|c| c / length);
+        let z = cross(x, second);
+        let z = z.map(|c| c / dot(z, z).sqrt());
+        let y = cross(z, x);
+        // axial force, torque, and the bending moments at both ends: they run linearly between
+        let mut seen = [[T::ZERO; 6]; N];
+        for (seen, wrench) in seen.iter_mut().zip(&self.wrenches) {
+            let (start, end) = (moment_at(wrench, from), moment_at(wrench, to));
+            *seen = [dot(force(wrench), x), dot(start, x), dot(start, y), dot(end, y), dot(start, z), dot(end, z)];
+        }
+        let [axial, about_y, about_z, torsion] = compliance.map(|c| c * length);
+        let (two, sixth) = (T::from_f64(2.0), T::from_f64(1.0 / 6.0));
+        for i in 0..N {
+            for j in 0..=i {
+                let (a, b) = (&seen[i], &seen[j]);
+                let bending =
+                    |s: usize, e: usize| sixth * (two * (a[s] * b[s] + a[e] * b[e]) + a[s] * b[e] + a[e] * b[s]);
+                self.compliance[i][j] +=
+                    axial * a[0] * b[0] + torsion * a[1] * b[1] + about_y * bending(2, 3) + about_z * bending(4, 5);
+            }
+        }
+    }
+
     /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel.
     fn add_stiffness_to(mut self, k: &mut Lower<T>) -> Result<(), StiffnessError> {
         let (d, y) = (&mut self.compliance, &mut self.wrenches);
@@ -155,8 +201,22 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
     }
 }
 
+fn force<T: Scalar>(wrench: &[T; 6]) -> [T; 3] {
+    [wrench[0], wrench[1], wrench[2]]
+}
+
+/// Moment of a wrench at A about another point.
+fn moment_at<T: Scalar>(wrench: &[T; 6], at: [T; 3]) -> [T; 3] {
+    let lever = cross(at, force(wrench));
+    [wrench[3] - lever[0], wrench[4] - lever[1], wrench[5] - lever[2]]
+}
+
+fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
 impl<T: Scalar> Machine<T> {
-    /// Basic terminal stiffness K_p at A in A-uvw (Eqs. 7-9).
+    /// Terminal stiffness K_p at A in A-uvw (Eqs. 7-9), with the machine's effects.
     ///
     /// Accuracy: equals the dense 24×24 structural matrix of Eq. 8 to 1e-13 of √(k_ii k_jj) in f64. In f32 it is
     /// within 2e-5 of f64 in the same measure, without any scaling inside: K_p is a sum of positive springs, in
@@ -166,12 +226,90 @@ impl<T: Scalar> Machine<T> {
     /// Those of [`inverse`](Self::inverse), and [`StiffnessError::NotPositiveDefinite`] when rounding leaves a
     /// limb without compliance.
     pub fn stiffness(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
+        let mut stiffness = self.stiffness_below_tool(pose)?;
+        self.add_tool_compliance(&mut stiffness);
+        Ok(stiffness)
+    }
+
+    /// K_p without what is elastic between A and the tool: what correction tables apply to.
+    pub(crate) fn stiffness_below_tool(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
         let p = self.posture(pose)?;
+        // two copies of one assembly, so that a machine without effects doesn't pay for them
+        if self.effects.any() { self.assemble::<true>(&p) } else { self.assemble::<false>(&p) }
+    }
+
+    fn assemble<const EFFECTS: bool>(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
         let mut lower = linalg::zero();
-        self.chain_1_2::<0>(&p).add_stiffness_to(&mut lower)?;
-        self.chain_1_2::<1>(&p).add_stiffness_to(&mut lower)?;
-        self.chain_3(&p).add_stiffness_to(&mut lower)?;
+        let mut chain_1 = self.chain_1_2::<0>(p);
+        if EFFECTS {
+            self.add_effects_1_2::<0>(p, &mut chain_1);
+        }
+        chain_1.add_stiffness_to(&mut lower)?;
+        let mut chain_2 = self.chain_1_2::<1>(p);
+        if EFFECTS {
+            self.add_effects_1_2::<1>(p, &mut chain_2);
+        }
+        chain_2.add_stiffness_to(&mut lower)?;
+        let mut chain_3 = self.chain_3(p);
+        if EFFECTS {
+            self.add_effects_3(p, &mut chain_3);
+        }
+        chain_3.add_stiffness_to(&mut lower)?;
+        if EFFECTS {
+            let (n, x, y) = (p.n(), p.x(), p.y());
+            let at = n.map(|c| -p.l * c);
+            let axes = [x, y, cross(x, y)];
+            self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(&mut lower));
+        }
         Ok(Stiffness { lower })
+    }
+
+    /// Whether anything between A and the tool is elastic.
+    pub(crate) fn add_tool_compliance(&self, stiffness: &mut Stiffness<T>) -> bool {
+        let (o, i) = (T::ZERO, T::ONE);
+        let mut any = false;
+        if self.effects.any() {
+            self.effects.at_tool(|compliance| {
+                any = true;
+                Series { at: [o; 3], axes: [[i, o, o], [o, i, o], [o, o, i]], compliance }.soften(&mut stiffness.lower);
+            });
+        }
+        any
+    }
+
+    fn add_effects_1_2<const LIMB: usize>(&self, p: &Posture<T>, chain: &mut Chain<T, 3>) {
+        let (y, n, u) = (p.y(), p.n(), [T::ONE, T::ZERO, T::ZERO]);
+        let side = if LIMB == 0 { -T::ONE } else { T::ONE };
+        let (zy, zn) = (p.along_y[LIMB] / p.q[LIMB], p.along_n[LIMB] / p.q[LIMB]);
+        let mix = |a: T, b: T| [a * y[0] + b * n[0], a * y[1] + b * n[1], a * y[2] + b * n[2]];
+        let z = mix(zy, zn);
+        self.effects.in_limb(&mut Limb {
+            index: LIMB,
+            q: p.q[LIMB],
+            base: mix(side * self.b1, -p.l),
+            platform: [T::ZERO, side * self.a1, T::ZERO],
+            axes: [u, cross(z, u), z],
+            base_axes: [u, y, cross(u, y)],
+            chain,
+        });
+    }
+
+    fn add_effects_3(&self, p: &Posture<T>, chain: &mut Chain<T, 2>) {
+        let (y, n) = (p.y(), p.n());
+        let [zu, zn] = p.limb_3.map(|c| c / p.q[2]);
+        let z = [zu, zn * n[1], zn * n[2]];
+        let axes = [y, cross(z, y), z];
+        let platform = [self.a2, T::ZERO, T::ZERO];
+        let q = p.q[2];
+        self.effects.in_limb(&mut Limb {
+            index: 2,
+            q,
+            base: [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]],
+            platform,
+            axes,
+            base_axes: axes,
+            chain,
+        });
     }
 
     /// Limb 1 (`LIMB` = 0) or 2. All of it lies in the plane of y of B and n = BA/|BA|, square to u. The wrenches are the

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pkm_core::{Domain, KinematicsError, Machine, Pose, ScrewLengths, StiffnessFactor, Wrench};
+use pkm_core::{Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, StiffnessFactor, Wrench};
 use serde_json::{Value, json};
 
 use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, file_units, pose_of, stiffness_columns};
@@ -291,7 +291,10 @@ pub fn fit(
     choice: TermChoice,
     out: &Path,
 ) -> Result<Output> {
-    let machine = machine_file(machine)?;
+    let mut machine = machine_file(machine)?;
+    // the data are the mechanism's at A; what sits on A comes after the table
+    let below_tool = MachineParameters { effects: machine.parameters.effects.below_tool(), ..machine.parameters };
+    machine.machine = Machine::<f64>::new(&below_tool).map_err(|e| Failure::other(format!("{e:?}")))?;
     let training = dataset::read_stiffness(Source::read_or(data, fixtures::training)?, &machine.machine)?;
     // the fixture's verification poses go with the fixture's training poses
     let verification = match (verify, data) {

@@ -5,6 +5,7 @@
 use std::fmt::Write;
 
 use pkm_core::MachineParameters;
+use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{Body, BodyKind, Joint, LimbParameters, Tube};
 
 use crate::error::Result;
@@ -63,6 +64,7 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, parameters: &MachineParameters
     line("use pkm_core::correction::{Basis, CorrectionTable, narrow};");
     line("use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};");
     line("use pkm_core::Machine;");
+    line("use pkm_core::effects::Effects;");
     line("");
     line("/// The machine that the table was fitted for.");
     line(&format!("pub const PARAMETERS: MachineParameters = {};", parameters_literal(parameters)));
@@ -159,6 +161,17 @@ fn parameters_literal(p: &MachineParameters) -> String {
         add("    },".into());
     }
     add("],".into());
+    if p.effects == Effects::NONE {
+        add("effects: Effects::NONE,".into());
+    } else {
+        add("effects: Effects {".into());
+        add("    parameters: [".into());
+        for (info, parameters) in EFFECTS.iter().zip(p.effects.parameters) {
+            add(format!("        {parameters:?}, // {}", info.id));
+        }
+        add("    ],".into());
+        add("},".into());
+    }
     out.push('}');
     out
 }

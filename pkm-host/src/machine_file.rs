@@ -1,7 +1,9 @@
 //! The machine file (TOML): reading, checking, and turning it into the core's parameters.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
+use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{
     Body, BodyKind, End, Geometry, Joint, LimbParameters, MachineError, Member, Parameter, Problem, Travel, Tube,
 };
@@ -50,7 +52,7 @@ struct RawMachine {
     uncertainty: Option<RawUncertainty>,
     limb: Spanned<Vec<RawLimb>>,
     #[serde(default)]
-    effect: Vec<RawEffect>,
+    effect: Vec<Spanned<RawEffect>>,
 }
 
 type Number = Spanned<f64>;
@@ -148,6 +150,8 @@ struct RawTube {
 #[derive(Deserialize)]
 struct RawEffect {
     id: Spanned<String>,
+    #[serde(flatten)]
+    parameters: BTreeMap<String, f64>,
 }
 
 impl MachineFile {
@@ -179,10 +183,7 @@ impl MachineFile {
             let found = raw.limb.get_ref().len();
             return Err(fail(Some(raw.limb.span()), "limb", format!("expected three [[limb]] tables, found {found}")));
         };
-        if let Some(effect) = raw.effect.first() {
-            let message = format!("unknown effect `{}`: this version of the model knows none", effect.id.get_ref());
-            return Err(fail(Some(effect.id.span()), "effect.id", message));
-        }
+        let effects = effects(&raw.effect).map_err(|(key, span, message)| fail(Some(span), &key, message))?;
         check_ranges(&raw).map_err(|(key, span, message)| fail(Some(span), key, message))?;
 
         let g = &raw.geometry;
@@ -198,6 +199,7 @@ impl MachineFile {
                 max_m: raw.travel.max_mm.get_ref().map(metres),
             },
             limbs: [limb_1, limb_2, limb_3].map(RawLimb::parameters),
+            effects,
         };
         let machine = Machine::<f64>::new(&parameters).map_err(|e| {
             let (key, span, value) = raw.locate(e);
@@ -255,6 +257,36 @@ impl RawLimb {
     }
 }
 
+/// Parameters of the `[[effect]]` tables.
+fn effects(raw: &[Spanned<RawEffect>]) -> std::result::Result<Effects, (String, Range<usize>, String)> {
+    let mut effects = Effects::NONE;
+    let mut seen = BTreeSet::new();
+    for effect in raw {
+        let RawEffect { id, parameters } = effect.get_ref();
+        let fail = |key: &str, span: Range<usize>, message: String| Err((format!("effect.{key}"), span, message));
+        let Some(index) = EFFECTS.iter().position(|e| e.id == id.get_ref()) else {
+            let known = EFFECTS.map(|e| e.id).join(", ");
+            return fail("id", id.span(), format!("unknown effect `{}`; known are {known}", id.get_ref()));
+        };
+        if !seen.insert(index) {
+            return fail("id", id.span(), format!("the effect `{}` stands twice", id.get_ref()));
+        }
+        for (name, value) in parameters {
+            let key = format!("{}.{name}", id.get_ref());
+            let known = EFFECTS[index].parameters;
+            let Some(parameter) = known.iter().position(|p| p == name) else {
+                return fail(&key, effect.span(), format!("unknown parameter; known are {}", known.join(", ")));
+            };
+            effects.parameters[index][parameter] = *value;
+        }
+        if parameters.is_empty() {
+            let known = EFFECTS[index].parameters.join(", ");
+            return fail(id.get_ref(), id.span(), format!("expected at least one of the parameters {known}"));
+        }
+    }
+    Ok(effects)
+}
+
 /// A span, the key's name and the value that it holds.
 type Place = (String, Range<usize>, f64);
 
@@ -298,6 +330,14 @@ impl RawMachine {
                 let (key, tube) = tube(limb, member);
                 number(format!("{key}.outer_mm"), &tube.outer_mm)
             }
+            Parameter::Effect { effect, parameter } => {
+                let info = EFFECTS[usize::from(effect)];
+                let name = info.parameters[usize::from(parameter)];
+                let raw = self.effect.iter().find(|e| e.get_ref().id.get_ref() == info.id);
+                let (span, value) = raw
+                    .map_or((0..0, f64::NAN), |e| (e.span(), e.get_ref().parameters.get(name).copied().unwrap_or(0.0)));
+                (format!("effect.{}.{name}", info.id), span, value)
+            }
             Parameter::Inner { limb, member } => {
                 let (key, tube) = tube(limb, member);
                 number(format!("{key}.inner_mm"), &tube.inner_mm)
@@ -312,6 +352,7 @@ fn expected(problem: Problem) -> &'static str {
         Problem::NotPositive => "a number above 0 of a sensible size",
         Problem::NotReleased => "0, since this joint releases that direction",
         Problem::Reversed => "a greatest length above the least",
+        Problem::Negative => "a number of at least 0",
         Problem::Bore => "a bore of at least 0 and below the outer diameter",
     }
 }

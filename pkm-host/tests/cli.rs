@@ -310,6 +310,27 @@ fn stiffness_files_go_round() {
 }
 
 #[test]
+fn effects_soften_the_machine_and_reach_the_generated_source() {
+    let folder = Folder::new();
+    let text = format!(
+        "{}\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1e-9\n\n[[effect]]\nid = \"limb-2-axial\"\naxial_m_per_n = 2e-9\n",
+        reference_machine()
+    );
+    let machine = folder.write("soft.toml", &text);
+    let poses = fixture("poses/table5.csv").display().to_string();
+    let soft = json(&["stiffness", "--machine", &machine, "--poses", &poses]);
+    let stiff = json(&["stiffness", "--poses", &poses]);
+    for i in 0..6 {
+        let k = |document: &Value| document["poses"][0]["k"][i][i].as_f64().unwrap();
+        assert!(k(&soft) < k(&stiff), "k{0}{0}", i + 1);
+    }
+    json(&["fit", "--machine", &machine, "--out", &folder.path("fit")]);
+    let source = folder.read("fit/coefficients.rs");
+    assert!(source.contains("[2e-9, 0.0, 0.0], // limb-2-axial"), "{source}");
+    assert!(source.contains("[1e-9, 0.0, 0.0], // wrist-compliance"), "{source}");
+}
+
+#[test]
 fn predict_fills_deflections_and_keeps_the_rest() {
     let folder = Folder::new();
     let text = "\u{feff}# from a spreadsheet\r\npose;theta_deg;sigma_deg;z0_mm;fx_n;fy_n;fz_n;mx_nm;my_nm;mz_nm;\
@@ -400,13 +421,23 @@ fn bad_machine_files_are_named() {
         refuse(&["fit", "--machine", &machine, "--out", &folder.path("out")], words, line, &folder);
     }
     let folder = Folder::new();
-    let effect = folder.write("m.toml", &format!("{good}\n[[effect]]\nid = \"friction\"\n"));
-    refuse(
-        &["plan", "--kind", "l49", "--machine", &effect, "--out", &folder.path("o.csv")],
-        "friction",
-        Some(69),
-        &folder,
-    );
+    let effects = [
+        ("id = \"moon-phase\"", "moon-phase|known are|wrist-compliance", 69),
+        ("id = \"wrist-compliance\"", "at least one of|linear_m_per_n", 69),
+        ("id = \"wrist-compliance\"\nlinear_um_per_n = 1.0", "linear_um_per_n|known are|linear_m_per_n", 68),
+        ("id = \"wrist-compliance\"\nlinear_m_per_n = -1e-9", "wrist-compliance.linear_m_per_n|at least 0", 68),
+        ("linear_m_per_n = 1e-9", "missing field `id`", 68),
+        (
+            "id = \"wrist-compliance\"\nlinear_m_per_n = 1\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1",
+            "twice",
+            72,
+        ),
+    ];
+    for (text, words, line) in effects {
+        let machine = folder.write("m.toml", &format!("{good}\n[[effect]]\n{text}\n"));
+        let out = folder.path("o.csv");
+        refuse(&["plan", "--kind", "l49", "--machine", &machine, "--out", &out], words, Some(line), &folder);
+    }
     let two = good.rsplit_once("[[limb]]").unwrap().0;
     let two = folder.write("m.toml", two);
     refuse(

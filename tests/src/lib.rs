@@ -2,6 +2,7 @@
 
 use fastrand::Rng;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+use pkm_core::effects::Effects;
 use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};
 use pkm_core::{Machine, Pose};
 use twofloat::TwoFloat;
@@ -45,7 +46,8 @@ pub fn random_parameters(rng: &mut Rng, kind: BodyKind) -> MachineParameters {
         platform_joint: joint(if i == 2 { [true; 3] } else { [true, false, false] }),
         body: bodies[i],
     });
-    MachineParameters { geometry, travel: Travel { min_m: [1e-6; 3], max_m: [1e3; 3] }, limbs }
+    let travel = Travel { min_m: [1e-6; 3], max_m: [1e3; 3] };
+    MachineParameters { geometry, travel, limbs, effects: Effects::NONE }
 }
 
 /// A pose of the machine in its working mode, at least `margin` away from the singularities.

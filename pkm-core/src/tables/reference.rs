@@ -18,6 +18,7 @@
 use pkm_core::correction::{Basis, CorrectionTable, narrow};
 use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};
 use pkm_core::Machine;
+use pkm_core::effects::Effects;
 
 /// The machine that the table was fitted for.
 pub const PARAMETERS: MachineParameters = MachineParameters {
@@ -52,6 +53,7 @@ pub const PARAMETERS: MachineParameters = MachineParameters {
             },
         },
     ],
+    effects: Effects::NONE,
 };
 
 /// The machine, checked when this file is compiled, in `f64`.

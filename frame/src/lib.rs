@@ -1,0 +1,224 @@
+//! A dense frame solver: nodes of six freedoms, Euler–Bernoulli beams, joints as springs, rigid bodies.
+//!
+//! It is the tests' truth and shares nothing with `pkm-core`: no formula, no type, no dependency. Positions,
+//! forces and stiffnesses are SI in one fixed frame; six-vectors are [x, y, z, about x, about y, about z].
+
+use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector3};
+
+/// A rigid body, or a point where beams meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Node(usize);
+
+/// Section of a beam. The second axis given to [`Frame::beam`] is the one that `ei_nm2.0` bends about.
+#[derive(Clone, Copy, Debug)]
+pub struct Section {
+    /// Young's modulus times area, N.
+    pub ea_n: f64,
+    /// Bending stiffness about the second and the third axis, N·m².
+    pub ei_nm2: (f64, f64),
+    /// Torsional stiffness, N·m².
+    pub gj_nm2: f64,
+}
+
+/// A structure under assembly. The ground is where [`Frame::GROUND`] is.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    positions: Vec<Vector3<f64>>,
+    /// Of all nodes, the ground first.
+    stiffness: DMatrix<f64>,
+    /// Freedoms that follow another: (follower, leader).
+    ties: Vec<(usize, usize)>,
+    /// Nodes that share a place and turn against each other about two axes: (follower, leader, axes).
+    hinges: Vec<(Node, Node, [Vector3<f64>; 2])>,
+}
+
+/// Displacement of the point `r` beyond the node that moves with it.
+fn carried(r: Vector3<f64>) -> Matrix6<f64> {
+    let mut m = Matrix6::identity();
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&-r.cross_matrix());
+    m
+}
+
+fn both(axes: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(axes);
+    m.fixed_view_mut::<3, 3>(3, 3).copy_from(axes);
+    m
+}
+
+impl Frame {
+    /// The node that never moves, at the origin.
+    pub const GROUND: Node = Node(0);
+
+    /// Only the ground.
+    #[allow(clippy::new_without_default)] // a frame without ground is no default of anything
+    pub fn new() -> Self {
+        Self {
+            positions: vec![Vector3::zeros()],
+            stiffness: DMatrix::zeros(6, 6),
+            ties: Vec::new(),
+            hinges: Vec::new(),
+        }
+    }
+
+    /// A node, free until something holds it.
+    pub fn node(&mut self, position: Vector3<f64>) -> Node {
+        self.positions.push(position);
+        let size = 6 * self.positions.len();
+        self.stiffness.resize_mut(size, size, 0.0);
+        Node(self.positions.len() - 1)
+    }
+
+    fn add(&mut self, a: Node, b: Node, matrix: &SMatrix<f64, 12, 12>) {
+        for (row, i) in [(0, a), (6, b)] {
+            for (column, j) in [(0, a), (6, b)] {
+                let block = matrix.fixed_view::<6, 6>(row, column);
+                let mut place = self.stiffness.fixed_view_mut::<6, 6>(6 * i.0, 6 * j.0);
+                place += block;
+            }
+        }
+    }
+
+    /// A joint at a point between two bodies: stiffnesses along and about three axes (columns), 0 where it is free.
+    pub fn joint(&mut self, a: Node, b: Node, at: Vector3<f64>, axes: &Matrix3<f64>, stiffness: [f64; 6]) {
+        let k = both(axes) * Matrix6::from_diagonal(&stiffness.into()) * both(axes).transpose();
+        self.spring(a, b, at, &k);
+    }
+
+    /// A spring at a point between two bodies.
+    pub fn spring(&mut self, a: Node, b: Node, at: Vector3<f64>, k: &Matrix6<f64>) {
+        let mut relative = SMatrix::<f64, 6, 12>::zeros();
+        relative.fixed_view_mut::<6, 6>(0, 0).copy_from(&-carried(at - self.positions[a.0]));
+        relative.fixed_view_mut::<6, 6>(0, 6).copy_from(&carried(at - self.positions[b.0]));
+        self.add(a, b, &(relative.transpose() * k * relative));
+    }
+
+    /// Ties a translation (0, 1, 2) of one node to the same of another: something rigid in that direction alone.
+    pub fn tie(&mut self, follower: Node, leader: Node, axis: usize) {
+        self.ties.push((6 * follower.0 + axis, 6 * leader.0 + axis));
+    }
+
+    /// Lets two nodes at one place turn against each other about two axes only. A spring there is a joint of its own.
+    pub fn hinge(&mut self, follower: Node, leader: Node, axes: [Vector3<f64>; 2]) {
+        (0..3).for_each(|axis| self.tie(follower, leader, axis));
+        self.hinges.push((follower, leader, axes));
+    }
+
+    /// A beam between two nodes. `second` is any direction off its axis; it is made square to it.
+    pub fn beam(&mut self, a: Node, b: Node, second: Vector3<f64>, section: &Section) {
+        let along = self.positions[b.0] - self.positions[a.0];
+        let length = along.norm();
+        let x = along / length;
+        let y = (second - x * x.dot(&second)).normalize();
+        let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
+        let mut k = SMatrix::<f64, 12, 12>::zeros();
+        let mut pair = |i: usize, j: usize, v: f64| {
+            k[(i, j)] = v;
+            k[(j, i)] = v;
+        };
+        for (dof, s) in [(0, section.ea_n / length), (3, section.gj_nm2 / length)] {
+            pair(dof, dof, s);
+            pair(dof + 6, dof + 6, s);
+            pair(dof, dof + 6, -s);
+        }
+        // deflection along y with rotation about z, and along z with rotation about y
+        let (about_y, about_z) = section.ei_nm2;
+        for (w, r, sign, ei) in [(1, 5, 1.0, about_z), (2, 4, -1.0, about_y)] {
+            let (k3, k2, k1) = (12.0 * ei / length.powi(3), sign * 6.0 * ei / length.powi(2), 2.0 * ei / length);
+            pair(w, w, k3);
+            pair(w + 6, w + 6, k3);
+            pair(w, w + 6, -k3);
+            pair(r, r, 2.0 * k1);
+            pair(r + 6, r + 6, 2.0 * k1);
+            pair(r, r + 6, k1);
+            pair(w, r, k2);
+            pair(w, r + 6, k2);
+            pair(w + 6, r, -k2);
+            pair(w + 6, r + 6, -k2);
+        }
+        let mut turn = SMatrix::<f64, 12, 12>::zeros();
+        turn.fixed_view_mut::<6, 6>(0, 0).copy_from(&both(&axes));
+        turn.fixed_view_mut::<6, 6>(6, 6).copy_from(&both(&axes));
+        self.add(a, b, &(turn * k * turn.transpose()));
+    }
+
+    /// 6×6 compliance at a node: its displacement under unit loads. `None` when the structure can move freely.
+    pub fn compliance(&self, node: Node) -> Option<Matrix6<f64>> {
+        // freedoms in terms of independent ones; a hinge's follower keeps its relative angles in two of its own
+        let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
+        let mut dependent: Vec<usize> = (0..6).collect();
+        for (follower, leader) in &self.ties {
+            let row = expand.row(*leader).clone_owned();
+            expand.set_row(*follower, &row);
+            dependent.push(*follower);
+        }
+        for (follower, leader, axes) in &self.hinges {
+            let first = 6 * follower.0 + 3;
+            for i in 0..3 {
+                let mut row = expand.row(6 * leader.0 + 3 + i).clone_owned();
+                row[first] += axes[0][i];
+                row[first + 1] += axes[1][i];
+                expand.set_row(first + i, &row);
+            }
+            dependent.push(first + 2);
+        }
+        dependent.sort_unstable();
+        let expand = expand.remove_columns_at(&dependent);
+        let k = expand.tr_mul(&self.stiffness) * &expand;
+        // unit diagonal: newtons and newton metres side by side cost digits
+        let scale = DMatrix::from_diagonal(&k.diagonal().map(|v| 1.0 / v.sqrt()));
+        let factor = (&scale * k * &scale).cholesky()?;
+        let loads = &scale * expand.rows(6 * node.0, 6).transpose();
+        let displacements = expand * (&scale * factor.solve(&loads));
+        Some(displacements.fixed_view::<6, 6>(6 * node.0, 0).into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECTION: Section = Section { ea_n: 3e8, ei_nm2: (2e5, 5e5), gj_nm2: 1e5 };
+
+    #[test]
+    fn a_cantilever_bends_by_the_textbook() {
+        let length = 0.7;
+        let mut frame = Frame::new();
+        let tip = frame.node(Vector3::new(0.0, 0.0, length));
+        frame.beam(Frame::GROUND, tip, Vector3::x(), &SECTION);
+        // x of the beam is z here, its second axis x, its third y
+        let c = frame.compliance(tip).unwrap();
+        let expected = [
+            ((0, 0), length.powi(3) / (3.0 * 5e5)),
+            ((1, 1), length.powi(3) / (3.0 * 2e5)),
+            ((2, 2), length / 3e8),
+            ((0, 4), length.powi(2) / (2.0 * 5e5)),
+            ((1, 3), -length.powi(2) / (2.0 * 2e5)),
+            ((5, 5), length / 1e5),
+        ];
+        for ((i, j), value) in expected {
+            assert!((c[(i, j)] / value - 1.0).abs() < 1e-12, "{i}{j}: {} instead of {value}", c[(i, j)]);
+        }
+    }
+
+    #[test]
+    fn springs_in_a_row_add_their_compliance() {
+        let mut frame = Frame::new();
+        let (middle, end) = (frame.node(Vector3::new(0.1, 0.2, 0.3)), frame.node(Vector3::new(-0.1, 0.4, 0.2)));
+        let at = Vector3::new(0.3, 0.3, 0.3);
+        frame.joint(Frame::GROUND, middle, at, &Matrix3::identity(), [1e6, 2e6, 3e6, 4e4, 5e4, 6e4]);
+        frame.joint(middle, end, at, &Matrix3::identity(), [1e6, 2e6, 3e6, 4e4, 5e4, 6e4]);
+        let to_end = carried(Vector3::new(-0.1, 0.4, 0.2) - at);
+        let one = Matrix6::from_diagonal(&[1e-6, 0.5e-6, 1e-6 / 3.0, 0.25e-4, 0.2e-4, 1e-4 / 6.0].into());
+        let expected = to_end * (one * 2.0) * to_end.transpose();
+        assert!((frame.compliance(end).unwrap() - expected).norm() < 1e-12 * expected.norm());
+    }
+
+    #[test]
+    fn a_mechanism_is_refused() {
+        let mut frame = Frame::new();
+        let end = frame.node(Vector3::x());
+        frame.joint(Frame::GROUND, end, Vector3::zeros(), &Matrix3::identity(), [1e6, 1e6, 1e6, 0.0, 1e4, 1e4]);
+        assert!(frame.compliance(end).is_none());
+    }
+}

@@ -1,0 +1,212 @@
+//! Physics beyond the basic model, by the ids of spec: diagnosis.md.
+//!
+//! An effect is a file here and a line in [`effects!`]. Its parameters are amplitudes, mostly compliances: all
+//! zero is the basic model. What is elastic inside a limb adds to the limb's compliance
+//! ([`Limb`]), what is in series with the whole adds at an end ([`Series`]).
+
+use crate::linalg::Lower;
+use crate::scalar::Scalar;
+use crate::stiffness::Chain;
+use crate::types::cross;
+
+/// Most parameters that an effect has.
+pub const MAX_PARAMETERS: usize = 3;
+
+/// What is known of an effect without a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EffectInfo {
+    /// As in files.
+    pub id: &'static str,
+    /// Names with units, as in files.
+    pub parameters: &'static [&'static str],
+}
+
+/// A limb as effects see it. Points and axes are in A-uvw, with A as the origin.
+pub(crate) struct Limb<'a, T, const N: usize> {
+    /// 0, 1, 2.
+    pub index: usize,
+    /// Length, m.
+    pub q: T,
+    /// B_i and A_i, m.
+    pub base: [T; 3],
+    /// See `base`.
+    pub platform: [T; 3],
+    /// Axes of body and platform joint: x, y, z along the limb.
+    pub axes: [[T; 3]; 3],
+    /// Axes of the base joint.
+    pub base_axes: [[T; 3]; 3],
+    /// Where compliance is added.
+    pub chain: &'a mut Chain<T, N>,
+}
+
+/// Compliance between ground or tool and the whole mechanism, at a point with axes, both in A-uvw.
+pub(crate) struct Series<T> {
+    /// m.
+    pub at: [T; 3],
+    /// Three unit vectors.
+    pub axes: [[T; 3]; 3],
+    /// Along and about the axes, m/N and rad/(N·m).
+    pub compliance: [T; 6],
+}
+
+impl<T: Scalar> Series<T> {
+    /// K := (K⁻¹ + C)⁻¹, a direction at a time (Sherman and Morrison). Lower triangle.
+    pub fn soften(&self, k: &mut Lower<T>) {
+        let o = T::ZERO;
+        for (axis, (linear, angular)) in
+            self.axes.iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
+        {
+            let [x, y, z] = *axis;
+            let [rx, ry, rz] = cross(self.at, *axis);
+            // displacement of A when the spring gives by one unit
+            for (compliance, motion) in [(*linear, [x, y, z, o, o, o]), (*angular, [rx, ry, rz, x, y, z])] {
+                if !(compliance > o) {
+                    continue;
+                }
+                let mut force = [o; 6];
+                for i in 0..6 {
+                    for j in 0..6 {
+                        force[i] += if j <= i { k[i][j] } else { k[j][i] } * motion[j];
+                    }
+                }
+                let mut work = o;
+                for i in 0..6 {
+                    work += force[i] * motion[i];
+                }
+                let share = compliance / (T::ONE + compliance * work);
+                for i in 0..6 {
+                    for j in 0..=i {
+                        k[i][j] -= share * force[i] * force[j];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// How an effect changes the model. Every method has a default that changes nothing.
+pub(crate) trait Effect {
+    const INFO: EffectInfo;
+
+    /// Adds compliance inside a limb.
+    fn in_limb<T: Scalar, const N: usize>(_parameters: &[T; MAX_PARAMETERS], _limb: &mut Limb<'_, T, N>) {}
+
+    /// Compliance between the ground and the mechanism: at B with the axes of B, both given in A-uvw.
+    fn at_base<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
+        None
+    }
+
+    /// Compliance between A and the tool, along and about u, v, w. Comes after the correction table.
+    fn at_tool<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
+        None
+    }
+}
+
+/// The effects of one machine, ready to be applied.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ActiveEffects<T> {
+    /// A bit an effect that has a parameter other than 0.
+    active: u32,
+    parameters: [[T; MAX_PARAMETERS]; COUNT],
+}
+
+impl<T: Scalar> ActiveEffects<T> {
+    /// True when any effect is on.
+    #[inline]
+    pub fn any(&self) -> bool {
+        self.active != 0
+    }
+}
+
+macro_rules! active_effects {
+    ($t:ty) => {
+        impl ActiveEffects<$t> {
+            pub const fn new(effects: &Effects) -> Self {
+                let mut new = Self { active: 0, parameters: [[0.0; MAX_PARAMETERS]; COUNT] };
+                let mut i = 0;
+                while i < COUNT * MAX_PARAMETERS {
+                    let (effect, parameter) = (i / MAX_PARAMETERS, i % MAX_PARAMETERS);
+                    let value = effects.parameters[effect][parameter];
+                    new.parameters[effect][parameter] = value as $t;
+                    if value != 0.0 {
+                        new.active |= 1 << effect;
+                    }
+                    i += 1;
+                }
+                new
+            }
+        }
+    };
+}
+
+active_effects!(f32);
+active_effects!(f64);
+
+/// Parameters of every effect of a machine, SI: by effect in the order of [`EFFECTS`], then in the order of its
+/// parameters. An effect with all parameters 0 is off and costs one comparison for all together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effects {
+    /// Amplitudes, at least 0.
+    pub parameters: [[f64; MAX_PARAMETERS]; COUNT],
+}
+
+impl Effects {
+    /// The basic model.
+    pub const NONE: Self = Self { parameters: [[0.0; MAX_PARAMETERS]; COUNT] };
+
+    /// The same without what lies between A and the tool: what correction tables are fitted with, since they
+    /// apply before it.
+    pub const fn below_tool(mut self) -> Self {
+        self.parameters[Index::WristCompliance as usize] = [0.0; MAX_PARAMETERS];
+        self
+    }
+}
+
+macro_rules! effects {
+    ($($module:ident :: { $($name:ident),+ }),+ $(,)?) => {
+        $(mod $module;)+
+
+        /// Position of each effect in [`EFFECTS`].
+        enum Index { $($($name,)+)+ Count }
+
+        /// Number of effects.
+        pub const COUNT: usize = Index::Count as usize;
+
+        /// Every effect.
+        pub const EFFECTS: [EffectInfo; COUNT] = [$($(<$module::$name as Effect>::INFO),+),+];
+
+        impl<T: Scalar> ActiveEffects<T> {
+            /// Adds what every active effect has inside a limb.
+            pub(crate) fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    $module::$name::in_limb(&self.parameters[Index::$name as usize], limb);
+                })+)+
+            }
+
+            /// Calls `add` with the compliance at B of every active effect that has one.
+            pub(crate) fn at_base(&self, mut add: impl FnMut([T; 6])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::at_base(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+            }
+
+            /// Calls `add` with the compliance at A of every active effect that has one.
+            pub(crate) fn at_tool(&self, mut add: impl FnMut([T; 6])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::at_tool(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+            }
+        }
+    };
+}
+
+effects! {
+    moving_platform::{MovingPlatformCompliance},
+    base::{BaseCompliance},
+    telescopic::{TelescopicLimb},
+    drive::{ScrewPosition, Limb1Axial, Limb2Axial, Limb3Axial},
+    joints::{UniversalJoint, RevoluteJoint, SphericalJoint, Revolute3Joint},
+    wrist::{WristCompliance},
+}
