@@ -88,17 +88,21 @@ impl<T: Scalar> Posture<T> {
     }
 
     fn singularity_distance(&self, machine: &Machine<T>) -> SingularityDistance<T> {
-        let l2 = self.l * self.l;
-        let ab = machine.a1 * machine.b1;
-        let n2 = l2 + machine.a2 * machine.a2;
-        SingularityDistance {
-            limbs_1_2: (l2 * self.cos_sigma - ab * self.sin_sigma * self.sin_sigma) / (l2 + ab),
-            limb_3: (self.l * self.cos_theta - machine.a2 * self.sin_theta) / n2.sqrt(),
-        }
+        let across = self.l * self.cos_theta - machine.a2 * self.sin_theta;
+        SingularityDistance::new(machine, self.l * self.l, self.sin_sigma, self.cos_sigma, across)
     }
 }
 
 impl<T: Scalar> SingularityDistance<T> {
+    /// `across` is L cos θ − a2 sin θ.
+    fn new(machine: &Machine<T>, l2: T, sin_sigma: T, cos_sigma: T, across: T) -> Self {
+        let ab = machine.a1 * machine.b1;
+        Self {
+            limbs_1_2: (l2 * cos_sigma - ab * sin_sigma * sin_sigma) / (l2 + ab),
+            limb_3: across / (l2 + machine.a2 * machine.a2).sqrt(),
+        }
+    }
+
     fn check(&self) -> Result<(), KinematicsError> {
         let least = if self.limbs_1_2 < self.limb_3 { self.limbs_1_2 } else { self.limb_3 };
         let margin = T::from_f64(SINGULARITY_MARGIN);
@@ -188,11 +192,7 @@ impl<T: Scalar> Machine<T> {
         }
         let across = across2.sqrt();
         let n2_cos_theta = a2 * along + l * across;
-        let distance = SingularityDistance {
-            limbs_1_2: (l2 * cos_sigma - a1 * b1 * sin_sigma * sin_sigma) / (l2 + a1 * b1),
-            limb_3: across / n2.sqrt(),
-        };
-        distance.check()?;
+        SingularityDistance::new(self, l2, sin_sigma, cos_sigma, across).check()?;
         if !(n2_cos_theta > T::ZERO) {
             return Err(KinematicsError::Unreachable);
         }

@@ -27,6 +27,8 @@ pub enum StiffnessError {
     Kinematics(KinematicsError),
     /// The 6×6 is not positive definite in this number type.
     NotPositiveDefinite,
+    /// A wrench or a deflection is NaN or infinite.
+    NotFinite,
 }
 
 impl fmt::Display for StiffnessError {
@@ -34,6 +36,7 @@ impl fmt::Display for StiffnessError {
         match self {
             Self::Kinematics(e) => e.fmt(f),
             Self::NotPositiveDefinite => f.write_str("the stiffness matrix is not positive definite"),
+            Self::NotFinite => f.write_str("the wrench or the deflection is not finite"),
         }
     }
 }
@@ -104,14 +107,10 @@ impl<T: Scalar> StiffnessFactor<T> {
     /// Displacement of A under a wrench at A, by two triangular solves.
     ///
     /// # Errors
-    /// [`KinematicsError::NotFinite`] when the wrench or the result is not finite.
+    /// [`StiffnessError::NotFinite`] when the wrench or the result is not finite.
     pub fn deflection(&self, wrench: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
         let x = linalg::solve(&self.lower, &wrench.to_array());
-        if x.iter().all(|v| v.is_finite()) {
-            Ok(Deflection::from_array(x))
-        } else {
-            Err(KinematicsError::NotFinite.into())
-        }
+        if x.iter().all(|v| v.is_finite()) { Ok(Deflection::from_array(x)) } else { Err(StiffnessError::NotFinite) }
     }
 
     /// The factor's entries; above the diagonal they are 0.

@@ -1,5 +1,6 @@
 //! The commands: read, compute, write, and the document for `--json`.
 
+use std::ffi::OsStr;
 use std::path::Path;
 
 use pkm_core::{Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, StiffnessFactor, Wrench};
@@ -36,10 +37,13 @@ fn refused(e: KinematicsError, what: &str) -> Failure {
 /// # Errors
 /// A pose that the machine cannot take.
 pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Result<Output> {
-    let machine = machine_file(machine)?.machine;
+    let file = machine_file(machine)?;
+    let machine = file.machine;
     let pose = pose_of(theta_deg, sigma_deg, z0_mm);
-    let what = format!("θ = {theta_deg}°, σ = {sigma_deg}°, Z0 = {z0_mm} mm");
-    let lengths = machine.inverse(&pose).map_err(|e| refused(e, &what))?;
+    let lengths = machine.inverse(&pose).map_err(|e| {
+        let why = file.refusal(e, &pose);
+        Failure::refused(status(e), format!("θ = {theta_deg}°, σ = {sigma_deg}°, Z0 = {z0_mm} mm: {why}"))
+    })?;
     let q_mm = lengths.q_m.map(|q| q * 1e3);
     let (mut json, margins) = margins(&machine, &pose, &lengths)?;
     json["status"] = "ok".into();
@@ -52,10 +56,18 @@ pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
 /// # Errors
 /// Lengths out of travel, or that don't assemble.
 pub fn fk(machine: Option<&Path>, q_mm: [f64; 3]) -> Result<Output> {
-    let machine = machine_file(machine)?.machine;
+    let file = machine_file(machine)?;
+    let machine = file.machine;
     let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
     let what = format!("q = {}, {}, {} mm", q_mm[0], q_mm[1], q_mm[2]);
-    let pose = machine.forward(&lengths).map_err(|e| refused(e, &what))?;
+    let pose = machine.forward(&lengths).map_err(|e| match e {
+        KinematicsError::OutOfTravel { limb } => {
+            let travel = file.parameters.travel;
+            let [low, high] = [travel.min_m, travel.max_m].map(|end| end[usize::from(limb) - 1] * 1e3);
+            Failure::refused(status(e), format!("{what}: the travel of screw {limb} is {low} to {high} mm"))
+        }
+        e => refused(e, &what),
+    })?;
     let [theta_deg, sigma_deg, z0_mm] = file_units(&pose);
     let (mut json, margins) = margins(&machine, &pose, &lengths)?;
     json["status"] = "ok".into();
@@ -154,9 +166,15 @@ impl Model {
                     Some((table, Form::Diagonal)) => table.diagonal_form(machine, &p.pose),
                     Some((table, _)) => table.factor_form(machine, &p.pose),
                 };
-                corrected
+                let solved = corrected
                     .map(|c| Solved { factor: c.factor, domain: Some(c.domain) })
-                    .map_err(|e| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line))
+                    .map_err(|e| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line))?;
+                if solved.factor.stiffness().matrix().as_flattened().iter().all(|k| k.is_finite()) {
+                    Ok(solved)
+                } else {
+                    let message = format!("pose `{}`: the table gives a stiffness that is not finite", p.id);
+                    Err(Failure::input(message).at_line(p.line))
+                }
             })
             .collect()
     }
@@ -183,7 +201,7 @@ pub fn stiffness(
     let model = Model::read(machine, table, form)?;
     let source = Source::read(poses)?;
     let file = source.name.clone();
-    let poses = dataset::read_poses(source, &model.machine.machine)?;
+    let poses = dataset::read_poses(source, &model.machine)?;
     let solved = model.solve(&poses).map_err(|f| f.in_file(file))?;
     warn_outside(&solved);
 
@@ -214,7 +232,7 @@ pub fn stiffness(
         text.push_str(&format!("{:>10} {k}{mark}\n", p.id));
     }
     if let Some(out) = out {
-        source::write(out, dataset::to_csv(&header, rows))?;
+        source::write(out, dataset::to_csv(b',', &header, rows))?;
         text.push_str(&format!("wrote {}\n", out.display()));
     }
     Ok(Output { text, json: json!({ "poses": documents }) })
@@ -224,11 +242,17 @@ pub fn stiffness(
 ///
 /// # Errors
 /// Bad files, poses that the machine cannot take, an unwritable file.
-pub fn predict(machine: Option<&Path>, data: &Path, table: Option<&Path>, form: Form, out: &Path) -> Result<Output> {
+pub fn predict(
+    machine: Option<&Path>,
+    data: Option<&Path>,
+    table: Option<&Path>,
+    form: Form,
+    out: &Path,
+) -> Result<Output> {
     let model = Model::read(machine, table, form)?;
-    let source = Source::read(data)?;
+    let source = Source::read_or(data, fixtures::measured)?;
     let file = source.name.clone();
-    let (sheet, cases) = dataset::read_load_cases(source, &model.machine.machine)?;
+    let (sheet, cases) = dataset::read_load_cases(source, &model.machine)?;
     let solved = model.solve(cases.iter().map(|c| &c.pose)).map_err(|f| f.in_file(&file))?;
     warn_outside(&solved);
 
@@ -251,7 +275,7 @@ pub fn predict(machine: Option<&Path>, data: &Path, table: Option<&Path>, form: 
         rows.push(cells);
     }
     let count = rows.len();
-    source::write(out, dataset::to_csv(&header, rows))?;
+    source::write(out, dataset::to_csv(if sheet.semicolons { b';' } else { b',' }, &header, rows))?;
     let outside = solved.iter().filter(|s| s.domain == Some(Domain::Outside)).count();
     Ok(Output {
         text: format!("wrote {} rows to {}\n", count, out.display()),
@@ -266,14 +290,14 @@ pub fn predict(machine: Option<&Path>, data: &Path, table: Option<&Path>, form: 
 pub fn plan(machine: Option<&Path>, kind: &[String], pose_box: Option<PoseBox>, out: &Path) -> Result<Output> {
     let kind = PlanKind::parse(kind)?;
     let machine = machine_file(machine)?;
-    let poses = plan::plan(kind, &pose_box.unwrap_or(machine.pose_box), &machine.machine)?;
+    let poses = plan::plan(kind, &pose_box.unwrap_or(machine.pose_box), &machine)?;
     let header = POSE_COLUMNS.map(str::to_owned);
     let tidy = |v: f64| ((v * 1e9).round() / 1e9).to_string();
     let rows = poses.iter().map(|p| {
         let [theta, sigma, z0] = file_units(&p.pose).map(tidy);
         [p.id.clone(), theta, sigma, z0]
     });
-    source::write(out, dataset::to_csv(&header, rows))?;
+    source::write(out, dataset::to_csv(b',', &header, rows))?;
     Ok(Output {
         text: format!("wrote {} poses to {}\n", poses.len(), out.display()),
         json: json!({ "poses": poses.len(), "out": out.display().to_string() }),
@@ -295,14 +319,14 @@ pub fn fit(
     // the data are the mechanism's at A; what sits on A comes after the table
     let below_tool = MachineParameters { effects: machine.parameters.effects.below_tool(), ..machine.parameters };
     machine.machine = Machine::<f64>::new(&below_tool).map_err(|e| Failure::other(format!("{e:?}")))?;
-    let training = dataset::read_stiffness(Source::read_or(data, fixtures::training)?, &machine.machine)?;
+    let training = dataset::read_stiffness(Source::read_or(data, fixtures::training)?, &machine)?;
     // the fixture's verification poses go with the fixture's training poses
     let verification = match (verify, data) {
         (Some(path), _) => Some(Source::read(path)?),
         (None, None) => Some(fixtures::verification()),
         (None, Some(_)) => None,
     };
-    let verification = verification.map(|s| dataset::read_stiffness(s, &machine.machine)).transpose()?;
+    let verification = verification.map(|s| dataset::read_stiffness(s, &machine)).transpose()?;
 
     let data_source = training.source.clone();
     let in_data = |f: Failure| if f.file.is_none() { f.in_file(&data_source.name) } else { f };
@@ -310,26 +334,39 @@ pub fn fit(
     let training = fit::samples(&machine.machine, training)?;
     let verification = verification.map(|v| fit::samples(&machine.machine, v)).transpose()?;
     let fit = fit::fit(training, verification, choice).map_err(in_data)?;
-    let trained = fit::evaluate(&fit.training, &machine.machine, &fit.numbers).map_err(in_data)?;
+    let trained = fit::evaluate(&fit.training, &machine, &fit.numbers).map_err(in_data)?;
     let verified = match (&fit.verification, &verification_source) {
         (Some(samples), Some(source)) => {
-            Some(fit::evaluate(samples, &machine.machine, &fit.numbers).map_err(|f| f.in_file(&source.name))?)
+            Some(fit::evaluate(samples, &machine, &fit.numbers).map_err(|f| f.in_file(&source.name))?)
         }
         _ => None,
     };
+
+    if let Some(v) = verified.as_ref().filter(|v| v.outside_box > 0) {
+        eprintln!(
+            "warning: {} of {} verification poses lie outside the table's box: extrapolated",
+            v.outside_box, v.poses
+        );
+    }
+    if let Some(ratio) = fit::suspicious_ratio(&fit.training) {
+        eprintln!(
+            "warning: {}: the stiffnesses are {ratio:.1e} times the model's: are they in N/m and N·m/rad?",
+            data_source.name
+        );
+    }
 
     let rows = |n: &[f64]| n.chunks(fit.numbers.terms.len()).map(<[f64]>::to_vec).collect::<Vec<_>>();
     let file = TableFile {
         format: 1,
         machine: machine.name.clone(),
         machine_sha256: machine.source.sha256(),
-        data: data_source.file_name().to_owned(),
+        data: data_source.file_name(),
         data_sha256: data_source.sha256(),
         extent: fit.extent.into(),
         center: fit.center,
         scale: fit.scale,
         terms: fit.numbers.terms.clone(),
-        diagonal: DiagonalForm { coefficients: rows(&fit.numbers.diagonal), paper_e: fit.paper_e.clone() },
+        diagonal: DiagonalForm { coefficients: rows(&fit.numbers.diagonal), paper_e: fit.paper_e },
         factor: fit.numbers.factor.as_deref().map(|f| FactorForm { coefficients: rows(f) }),
     };
     let choice_name = match choice {
@@ -347,7 +384,7 @@ pub fn fit(
     let provenance = Provenance {
         command: &command,
         file: &file,
-        verification: verification_name.as_ref().map(|(name, sha)| (*name, sha.as_str())),
+        verification: verification_name.as_ref().map(|(name, sha)| (name.as_str(), sha.as_str())),
         training: &trained,
         verified: verified.as_ref(),
     };
@@ -360,10 +397,10 @@ pub fn fit(
     source::write_all(
         out,
         &[
-            ("coefficients.rs", rust),
-            ("coefficients.json", pretty(&table_json)),
-            ("fit.json", pretty(&document)),
-            ("report.html", html),
+            (OsStr::new("coefficients.rs"), rust),
+            (OsStr::new("coefficients.json"), pretty(&table_json)),
+            (OsStr::new("fit.json"), pretty(&document)),
+            (OsStr::new("report.html"), html),
         ],
     )?;
     let text =

@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
-use pkm_core::{Machine, Pose, ScrewLengths, Stiffness};
+use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
-use crate::error::{Failure, Result};
-use crate::machine_file::status;
+use crate::error::{Failure, Result, printable};
+use crate::machine_file::{MachineFile, status};
 use crate::source::Source;
 
 /// The pose columns, in the order in which they are written.
@@ -37,7 +37,8 @@ pub struct Sheet {
     /// Rows in the file's order.
     pub rows: Vec<Row>,
     header_line: u64,
-    decimal_comma: bool,
+    /// Semicolons between cells: a decimal comma is as good as a point.
+    pub semicolons: bool,
     columns: HashMap<String, usize>,
 }
 
@@ -57,29 +58,41 @@ impl Sheet {
     pub fn parse(source: Source, known: &[&str]) -> Result<Self> {
         let text = source.text()?;
         let fail = |line: u64, message: String| Failure::input(message).in_file(&source.name).at_line(line);
-        let header_line = text.lines().find(|l| !l.trim().is_empty() && !l.starts_with('#'));
-        let Some(header_line) = header_line else {
+        // what is no line of data, here and below
+        let is_skipped = |line: &str| line.trim().is_empty() || line.starts_with('#');
+        let Some(header_line) = text.lines().find(|l| !is_skipped(l)) else {
             return Err(fail(1, "expected a header line with column names, found nothing".into()));
         };
-        let semicolons = header_line.contains(';');
+        let unquoted: String = header_line.split('"').step_by(2).collect();
+        let semicolons = unquoted.contains(';');
+        if !semicolons && !unquoted.contains(',') && unquoted.contains('\t') {
+            return Err(fail(1, "the cells are separated by tabs: save the file with commas or semicolons".into()));
+        }
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(if semicolons { b';' } else { b',' })
             .comment(Some(b'#'))
-            .trim(csv::Trim::All)
+            .has_headers(false)
             .flexible(true)
             .from_reader(text.as_bytes());
         // the reader's position is where it began to look: comments and empty lines may come first
         let line_of = |position: Option<&csv::Position>| {
             let Some(p) = position else { return 1 };
             let rest = text.get(usize::try_from(p.byte()).unwrap_or(usize::MAX)..).unwrap_or("");
-            let skipped = rest.lines().take_while(|l| l.trim().is_empty() || l.starts_with('#')).count();
-            p.line() + skipped as u64
+            p.line() + rest.lines().take_while(|l| l.is_empty() || l.starts_with('#')).count() as u64
         };
         let read = |e: csv::Error| fail(line_of(e.position()), format!("not a CSV line: {e}"));
-
-        let header = reader.headers().map_err(read)?.clone();
+        // spaces around a cell, and quotes that came behind a space
+        let tidy = |cell: &str| {
+            let cell = cell.trim();
+            let inner = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"'));
+            inner.unwrap_or(cell).trim().to_owned()
+        };
+        let mut records =
+            reader.records().filter(|r| !r.as_ref().is_ok_and(|r| r.len() == 1 && r[0].trim().is_empty()));
+        let Some(header) = records.next() else { return Err(fail(1, "expected a header line, found none".into())) };
+        let header = header.map_err(read)?;
         let at = line_of(header.position());
-        let header: Vec<String> = header.iter().map(str::to_owned).collect();
+        let header: Vec<String> = header.iter().map(tidy).collect();
         let mut columns = HashMap::new();
         for (i, name) in header.iter().enumerate() {
             if name.is_empty() {
@@ -89,28 +102,40 @@ impl Sheet {
                 return Err(fail(at, "this column stands twice in the header".into()).at_column(name));
             }
         }
-        let missing = |name: &&&str| !columns.contains_key(**name);
+        // a file with the pose in one form needs no column of the other
+        let has_any = |names: &[&str]| names.iter().any(|n| columns.contains_key(*n));
+        let (angles, lengths) = (has_any(&POSE_COLUMNS[1..]), has_any(&LENGTH_COLUMNS));
+        let of_other_form = |name: &str| {
+            (angles && LENGTH_COLUMNS.contains(&name)) || (lengths && !angles && POSE_COLUMNS[1..].contains(&name))
+        };
+        let mut unused = Vec::new();
         for name in header.iter().filter(|n| !known.contains(&n.as_str())) {
-            if let Some(meant) = known.iter().filter(missing).find(|k| looks_like(name, k)) {
+            let meant = known.iter().filter(|k| {
+                looks_the_same(name, k) || (!columns.contains_key(**k) && !of_other_form(k) && looks_like(name, k))
+            });
+            if let Some(meant) = meant.min_by_key(|k| strsim::osa_distance(name, k)) {
                 return Err(fail(at, format!("unknown column: did you mean `{meant}`?")).at_column(name));
             }
-            eprintln!("warning: {}:{at}: column `{name}` is not used", source.name);
+            unused.push(name.as_str());
+        }
+        if !unused.is_empty() {
+            eprintln!("warning: {}:{at}: not used: {}", printable(&source.name), printable(&unused.join(", ")));
         }
 
         let mut rows = Vec::new();
-        for record in reader.records() {
+        for record in records {
             let record = record.map_err(read)?;
             let line = line_of(record.position());
             if record.len() != header.len() {
                 let (found, wide) = (record.len(), header.len());
                 return Err(fail(line, format!("expected {wide} cells as in the header, found {found}")));
             }
-            rows.push(Row { line, cells: record.iter().map(str::to_owned).collect() });
+            rows.push(Row { line, cells: record.iter().map(tidy).collect() });
         }
         if rows.is_empty() {
             return Err(fail(at, "expected rows of data below the header, found none".into()));
         }
-        Ok(Self { header, header_line: at, rows, decimal_comma: semicolons, columns, source })
+        Ok(Self { header, header_line: at, rows, semicolons, columns, source })
     }
 
     fn has(&self, column: &str) -> bool {
@@ -139,7 +164,7 @@ impl Sheet {
     /// A finite number. With semicolons between cells a decimal comma is as good as a point.
     fn number(&self, row: &Row, column: &str) -> Result<f64> {
         let cell = self.cell(row, column)?;
-        let text = if self.decimal_comma { cell.replace(',', ".") } else { cell.to_owned() };
+        let text = if self.semicolons { cell.replace(',', ".") } else { cell.to_owned() };
         let digits = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
         match text.parse::<f64>() {
             Ok(value) if digits && value.is_finite() => Ok(value),
@@ -162,7 +187,7 @@ impl Sheet {
     ///
     /// # Errors
     /// Missing columns, cells that are no numbers, and poses that the machine cannot take.
-    pub fn poses(&self, machine: &Machine<f64>) -> Result<Vec<NamedPose>> {
+    pub fn poses(&self, machine: &MachineFile) -> Result<Vec<NamedPose>> {
         self.require(&["pose"])?;
         let angles = POSE_COLUMNS[1..].iter().any(|c| self.has(c));
         let lengths = LENGTH_COLUMNS.iter().any(|c| self.has(c));
@@ -177,22 +202,24 @@ impl Sheet {
             .iter()
             .map(|row| {
                 let id = self.cell(row, "pose")?.to_owned();
-                let solved = if lengths {
+                let refused = |e: KinematicsError, message: String| {
+                    let column = match e {
+                        KinematicsError::OutOfTravel { limb } if lengths => format!("q{limb}_mm"),
+                        _ => "pose".to_owned(),
+                    };
+                    let failure = Failure::refused(status(e), format!("pose `{id}`: {message}"));
+                    failure.in_file(&self.source.name).at_line(row.line).at_column(column)
+                };
+                let pose = if lengths {
                     let q_m = self.numbers(row, LENGTH_COLUMNS)?.map(|mm| mm / 1e3);
-                    machine.forward(&ScrewLengths { q_m })
+                    let forward = machine.machine.forward(&ScrewLengths { q_m });
+                    forward.map_err(|e| refused(e, e.to_string()))?
                 } else {
                     let [theta, sigma, z0] = self.numbers(row, ["theta_deg", "sigma_deg", "z0_mm"])?;
                     let pose = pose_of(theta, sigma, z0);
-                    machine.inverse(&pose).map(|_| pose)
+                    machine.machine.inverse(&pose).map_err(|e| refused(e, machine.refusal(e, &pose)))?;
+                    pose
                 };
-                let pose = solved.map_err(|e| {
-                    let failure = Failure::refused(status(e), format!("pose `{id}`: {e}"));
-                    failure.in_file(&self.source.name).at_line(row.line).at_column(if lengths {
-                        "q1_mm"
-                    } else {
-                        "theta_deg"
-                    })
-                })?;
                 Ok(NamedPose { id, line: row.line, pose })
             })
             .collect()
@@ -220,14 +247,22 @@ pub fn file_units(pose: &Pose<f64>) -> [f64; 3] {
     [pose.theta_rad.to_degrees(), pose.sigma_rad.to_degrees(), pose.z0_m * 1e3]
 }
 
-/// Whether an unknown name is probably a slip for a known one: another case, another unit, a letter or two.
-fn looks_like(name: &str, known: &str) -> bool {
+/// Whether two names differ in case, spaces and underscores alone.
+fn looks_the_same(name: &str, known: &str) -> bool {
     let plain = |s: &str| s.to_lowercase().replace(['_', '-', ' '], "");
-    let stem = |s: &str| s.rsplit_once('_').map(|(stem, _)| stem.to_lowercase());
-    let allowed = if known.len() <= 4 { 1 } else { 2 };
     plain(name) == plain(known)
-        || (stem(known).is_some() && (stem(name) == stem(known) || stem(known) == Some(name.to_lowercase())))
-        || strsim::osa_distance(&name.to_lowercase(), known) <= allowed
+}
+
+/// Whether an unknown name is probably a slip for a known one: another unit, a letter, in long names two.
+fn looks_like(name: &str, known: &str) -> bool {
+    let stem = |s: &str| s.rsplit_once('_').map(|(stem, _)| stem.to_lowercase());
+    let allowed = if known.len() < 7 { 1 } else { 2 };
+    let other_number = |a: &str, b: &str| {
+        let letters = |s: &str| s.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
+        letters(a) == letters(b) && a.len() == b.len()
+    };
+    (stem(known).is_some() && (stem(name) == stem(known) || stem(known) == Some(name.to_lowercase())))
+        || (strsim::osa_distance(&name.to_lowercase(), known) <= allowed && !other_number(name, known))
 }
 
 fn refuse_doubled_ids(sheet: &Sheet, poses: &[NamedPose]) -> Result<()> {
@@ -242,16 +277,13 @@ fn refuse_doubled_ids(sheet: &Sheet, poses: &[NamedPose]) -> Result<()> {
     Ok(())
 }
 
-/// Reads a list of poses.
+/// Reads a list of poses. Ids may repeat, as in a measured file.
 ///
 /// # Errors
-/// See [`Sheet`]; a doubled pose id.
-pub fn read_poses(source: Source, machine: &Machine<f64>) -> Result<Vec<NamedPose>> {
+/// See [`Sheet`].
+pub fn read_poses(source: Source, machine: &MachineFile) -> Result<Vec<NamedPose>> {
     let known = [&POSE_COLUMNS[..], &LENGTH_COLUMNS].concat();
-    let sheet = Sheet::parse(source, &known)?;
-    let poses = sheet.poses(machine)?;
-    refuse_doubled_ids(&sheet, &poses)?;
-    Ok(poses)
+    Sheet::parse(source, &known)?.poses(machine)
 }
 
 /// What a stiffness file says of one pose.
@@ -277,10 +309,13 @@ pub struct StiffnessData {
 ///
 /// # Errors
 /// See [`Sheet`]; a doubled pose id; some but not all couplings; a matrix that is not positive definite.
-pub fn read_stiffness(source: Source, machine: &Machine<f64>) -> Result<StiffnessData> {
+pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<StiffnessData> {
     let all: Vec<_> = stiffness_columns().collect();
     let mut known = [&POSE_COLUMNS[..], &LENGTH_COLUMNS].concat();
     known.extend(all.iter().map(|(_, _, name)| name.as_str()));
+    let mirrored: Vec<(usize, usize, String)> =
+        (0..6).flat_map(|i| (0..i).map(move |j| (i, j, format!("k{}{}", i + 1, j + 1)))).collect();
+    known.extend(mirrored.iter().map(|(_, _, name)| name.as_str()));
     let sheet = Sheet::parse(source, &known)?;
     let poses = sheet.poses(machine)?;
     refuse_doubled_ids(&sheet, &poses)?;
@@ -294,8 +329,8 @@ pub fn read_stiffness(source: Source, machine: &Machine<f64>) -> Result<Stiffnes
     }
     let read = |row: &Row| {
         let principal = sheet.numbers(row, diagonal)?;
-        if let Some(i) = principal.iter().position(|k| *k <= 0.0) {
-            let message = format!("expected a stiffness above 0, found {}", principal[i]);
+        if let Some(i) = principal.iter().position(|k| !(1.0..=1e15).contains(k)) {
+            let message = format!("expected a stiffness from 1 to 1e15 N/m or N·m/rad, found {:e}", principal[i]);
             return Err(sheet.failure(row, message).at_column(diagonal[i]));
         }
         if !full {
@@ -304,6 +339,14 @@ pub fn read_stiffness(source: Source, machine: &Machine<f64>) -> Result<Stiffnes
         let mut lower = [[0.0; 6]; 6];
         for (i, j, name) in &all {
             lower[*j][*i] = sheet.number(row, name)?;
+        }
+        for (i, j, name) in mirrored.iter().filter(|(_, _, name)| sheet.has(name)) {
+            let (above, below) = (lower[*i][*j], sheet.number(row, name)?);
+            if (above - below).abs() > 1e-6 * (principal[*i] * principal[*j]).sqrt() {
+                let message =
+                    format!("expected a symmetric matrix, found {below} here and {above} in k{}{}", j + 1, i + 1);
+                return Err(sheet.failure(row, message).at_column(name));
+            }
         }
         let k = Stiffness::from_lower(&lower);
         match k.factor() {
@@ -331,7 +374,7 @@ pub struct LoadCase {
 ///
 /// # Errors
 /// See [`Sheet`].
-pub fn read_load_cases(source: Source, machine: &Machine<f64>) -> Result<(Sheet, Vec<LoadCase>)> {
+pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, Vec<LoadCase>)> {
     let known =
         [&POSE_COLUMNS[..], &LENGTH_COLUMNS, &WRENCH_COLUMNS, &DEFLECTION_COLUMNS, &POINT_COLUMNS, &OTHER_MEASURED]
             .concat();
@@ -342,6 +385,15 @@ pub fn read_load_cases(source: Source, machine: &Machine<f64>) -> Result<(Sheet,
         sheet.require(&POINT_COLUMNS)?;
     }
     let poses = sheet.poses(machine)?;
+    let numeric = DEFLECTION_COLUMNS.iter().chain(&["temperature_c", "sigma_linear_um", "sigma_angular_urad"]);
+    for column in numeric.filter(|c| sheet.has(c)) {
+        for row in sheet.rows.iter() {
+            // a blank cell is a channel that was not measured
+            if !sheet.cell(row, column)?.is_empty() {
+                sheet.number(row, column)?;
+            }
+        }
+    }
     let cases = sheet
         .rows
         .iter()
@@ -356,9 +408,9 @@ pub fn read_load_cases(source: Source, machine: &Machine<f64>) -> Result<(Sheet,
     Ok((sheet, cases))
 }
 
-/// CSV text with commas.
-pub fn to_csv<R: AsRef<[String]>>(header: &[String], rows: impl IntoIterator<Item = R>) -> String {
-    let mut writer = csv::Writer::from_writer(Vec::new());
+/// CSV text. An id that starts with `#` is quoted, so that it is not read back as a comment.
+pub fn to_csv<R: AsRef<[String]>>(delimiter: u8, header: &[String], rows: impl IntoIterator<Item = R>) -> String {
+    let mut writer = csv::WriterBuilder::new().delimiter(delimiter).comment(Some(b'#')).from_writer(Vec::new());
     let mut write = |cells: &[String]| writer.write_record(cells).expect("writing to memory");
     write(header);
     for row in rows {

@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 
 use nalgebra::{DMatrix, DVector, Matrix6};
 use pkm_core::correction::{FACTOR_ENTRIES, MAX_TERMS};
-use pkm_core::{Basis, Machine, Stiffness, Wrench};
+use pkm_core::{Basis, Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
 use crate::dataset::{NamedPose, StiffnessData, Target, file_units};
 use crate::error::{Failure, Result};
-use crate::machine_file::PoseBox;
-use crate::table_file::{TableNumbers, core_units};
+use crate::machine_file::{MachineFile, PoseBox};
+use crate::table_file::{TableNumbers, core_units, refuse_not_positive};
 
 /// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
 pub const EQ_11: [[u8; 3]; 9] =
@@ -40,6 +40,9 @@ const EQ_12: [[bool; 9]; 6] = {
 /// Length that makes a rotation comparable with a translation in deflection errors.
 pub const ROTATION_ARM_M: f64 = 0.2;
 
+/// Least ratio of singular values at which terms count as determined.
+const RANK_LIMIT: f64 = 1e-8;
+
 /// Which terms the polynomials get.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum TermChoice {
@@ -68,7 +71,7 @@ pub struct Fit {
     /// Of the diagonal form, then of the factor form.
     pub polynomials: Vec<Polynomial>,
     /// The paper's e_ij in ° and mm.
-    pub paper_e: Option<Vec<[f64; 9]>>,
+    pub paper_e: [[f64; 9]; 6],
     /// Worst condition number of the polynomials' design matrices, scaled variables.
     pub condition: f64,
 }
@@ -161,8 +164,9 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
         Ok(DMatrix::from_fn(monomials.len(), terms.len(), |i, j| monomials[i][j]))
     };
     let paper_design = design_of(&EQ_11)?;
-    // The nine terms are in every choice: what the poses can't tell apart is refused before anything is fitted.
-    let needed: Vec<bool> = (0..9).map(|t| choice == TermChoice::Full || entries.is_some() || t != 5).collect();
+    // Eq. 12 is fitted for every choice, and Eq. 11's θσ where nine terms are asked for.
+    let all_nine = choice == TermChoice::Full || entries.is_some();
+    let needed: Vec<bool> = EQ_11.iter().map(|t| all_nine || *t != [1, 1, 0]).collect();
     refuse_rank_deficiency(&paper_design, &needed)?;
 
     let candidates = candidate_terms();
@@ -180,10 +184,17 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     let design = design_of(&terms)?;
 
     let mut polynomials = Vec::new();
+    let mut paper_e = [[0.0; 9]; 6];
     for (row, ((name, y), used)) in responses.into_iter().zip(masks).enumerate() {
         let y = DVector::from_vec(y);
         let own = Regression::new(&design, &used, &y)?;
         let paper = Regression::new(&paper_design, &paper_mask(row), &y)?;
+        if let Some(e) = paper_e.get_mut(row) {
+            // the nine terms whichever were asked for, else Eq. 12's
+            let nine = if choice == TermChoice::Full { &own } else { &paper };
+            let mask = if choice == TermChoice::Full { [true; 9] } else { paper_mask(row) };
+            *e = paper_coefficients(&spread(&nine.coefficients, &mask), center, scale);
+        }
         polynomials.push(Polynomial {
             coefficients: spread(&own.coefficients, &used),
             standard_errors: spread(&own.standard_errors, &used),
@@ -202,21 +213,9 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
         diagonal: flat(diagonal),
         factor: entries.is_some().then(|| flat(factor)),
     };
-    let paper_e = diagonal.iter().map(|p| paper_coefficients(&p.coefficients, &terms, center, scale)).collect();
 
-    let must_be_positive = diagonal.iter().chain(factor.iter().enumerate().filter_map(|(n, p)| {
-        // diagonal entries of a lower triangle stand at 0, 2, 5, 9, 14, 20
-        [0, 2, 5, 9, 14, 20].contains(&n).then_some(p)
-    }));
-    for p in must_be_positive {
-        if let Err(t) = positive_in_box(&p.coefficients, &terms) {
-            let [theta, sigma, z0]: [f64; 3] = std::array::from_fn(|i| center[i] + scale[i] * t[i]);
-            return Err(Failure::input(format!(
-                "the correction {} is not positive at θ = {theta:.2}°, σ = {sigma:.2}°, Z0 = {z0:.1} mm, inside the \
-                 data's box: use more poses there, or other terms",
-                p.name
-            )));
-        }
+    for (name, row) in numbers.positive_rows() {
+        refuse_not_positive(&name, row, &terms, (center, scale))?;
     }
     let condition = polynomials.iter().map(|p| condition(&columns(&design, &p.used))).fold(1.0, f64::max);
     Ok(Fit { training, verification, center, scale, extent, numbers, polynomials, paper_e, condition })
@@ -277,7 +276,7 @@ fn refuse_rank_deficiency(design: &DMatrix<f64>, used: &[bool]) -> Result<()> {
     }
     let svd = x.svd(false, true);
     let Some(v_t) = svd.v_t else { return Err(Failure::other("no singular value decomposition")) };
-    let limit = 1e-8 * svd.singular_values.max();
+    let limit = RANK_LIMIT * svd.singular_values.max();
     let mut undetermined = BTreeSet::new();
     for (k, value) in svd.singular_values.iter().enumerate() {
         if *value <= limit {
@@ -309,6 +308,9 @@ impl Regression {
         let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
             return Err(Failure::other("no singular value decomposition"));
         };
+        if svd.singular_values.min() <= RANK_LIMIT * svd.singular_values.max() {
+            return Err(Failure::input("the poses cannot determine the terms"));
+        }
         let coefficients = v_t.tr_mul(&(u.tr_mul(y)).component_div(&svd.singular_values));
         let residuals = y - &x * &coefficients;
         let variance = residuals.norm_squared() / n.saturating_sub(k).max(1) as f64;
@@ -347,10 +349,10 @@ fn select(design: &DMatrix<f64>, y: &[f64]) -> BTreeSet<usize> {
     chosen
 }
 
-/// e_i1…e_i9 of Eq. 11 in ° and mm, from coefficients of scaled terms. `None` when other terms come in.
-fn paper_coefficients(c: &[f64], terms: &[[u8; 3]], center: [f64; 3], scale: [f64; 3]) -> Option<[f64; 9]> {
+/// e_i1…e_i9 of Eq. 11 in ° and mm, from coefficients of its scaled terms.
+fn paper_coefficients(c: &[f64], center: [f64; 3], scale: [f64; 3]) -> [f64; 9] {
     let mut e = [0.0; 9];
-    for (c, term) in c.iter().zip(terms).filter(|(c, _)| **c != 0.0) {
+    for (c, term) in c.iter().zip(EQ_11) {
         // each factor ((x − centre)/scale)^n as coefficients of x⁰…xⁿ
         let powers: [Vec<f64>; 3] = std::array::from_fn(|i| {
             (0..term[i]).fold(vec![1.0], |p, _| {
@@ -362,55 +364,19 @@ fn paper_coefficients(c: &[f64], terms: &[[u8; 3]], center: [f64; 3], scale: [f6
                 next
             })
         });
-        for (p, a) in (0..).zip(&powers[0]) {
-            for (r, b) in (0..).zip(&powers[1]) {
-                for (s, d) in (0..).zip(&powers[2]) {
-                    let value = c * a * b * d;
-                    if value != 0.0 {
-                        e[EQ_11.iter().position(|t| *t == [p, r, s])?] += value;
-                    }
-                }
-            }
+        for (j, [p, r, s]) in EQ_11.iter().enumerate() {
+            let factor = |i: usize, n: &u8| powers[i].get(usize::from(*n)).copied().unwrap_or(0.0);
+            e[j] += c * factor(0, p) * factor(1, r) * factor(2, s);
         }
     }
-    Some(e)
+    e
 }
 
-/// Proves that a polynomial is positive on [−1, 1]³ by dividing the box until a slope bound decides.
-/// `Err` holds a point where it is not, or where a million boxes did not decide.
-fn positive_in_box(c: &[f64], terms: &[[u8; 3]]) -> std::result::Result<(), [f64; 3]> {
-    let value = |t: [f64; 3]| -> f64 {
-        c.iter().zip(terms).map(|(c, n)| c * (0..3).map(|i| t[i].powi(n[i].into())).product::<f64>()).sum()
-    };
-    let slope: [f64; 3] = std::array::from_fn(|i| c.iter().zip(terms).map(|(c, n)| c.abs() * f64::from(n[i])).sum());
-    let mut boxes = vec![([0.0; 3], [1.0; 3])];
-    let mut count = 0;
-    while let Some((middle, half)) = boxes.pop() {
-        let here = value(middle);
-        count += 1;
-        if !(here > 0.0) || count > 1_000_000 {
-            return Err(middle);
-        }
-        let drop: [f64; 3] = std::array::from_fn(|i| slope[i] * half[i]);
-        if here > drop.iter().sum() {
-            continue;
-        }
-        let widest = if drop[0] >= drop[1] && drop[0] >= drop[2] {
-            0
-        } else if drop[1] >= drop[2] {
-            1
-        } else {
-            2
-        };
-        let mut narrower = half;
-        narrower[widest] /= 2.0;
-        for side in [-1.0, 1.0] {
-            let mut moved = middle;
-            moved[widest] += side * narrower[widest];
-            boxes.push((moved, narrower));
-        }
-    }
-    Ok(())
+/// How far the data are from the model, when it is so far that the units are in doubt.
+pub fn suspicious_ratio(samples: &[Sample]) -> Option<f64> {
+    let logs: Vec<f64> = samples.iter().flat_map(|s| s.ratios()).map(f64::ln).collect();
+    let ratio = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
+    (!(0.02..=50.0).contains(&ratio)).then_some(ratio)
 }
 
 /// Mean, standard deviation (n − 1), greatest and least of six quantities.
@@ -496,36 +462,44 @@ pub struct DeflectionErrors {
 pub struct Evaluation {
     /// Poses.
     pub poses: usize,
+    /// Of them outside the table's box.
+    pub outside_box: usize,
     /// Diagonal form.
     pub improved: Improved,
     /// K_p.
     pub basic: Basic,
     /// Factor form on k_ii; null without it.
     pub factor: Option<Basic>,
-    /// All forms under load.
+    /// All forms under unit loads at A.
     pub deflection_percent: DeflectionErrors,
+    /// All forms under unit loads at the tool's tip, seen there, wrist joints at 0.
+    pub tip_deflection_percent: DeflectionErrors,
 }
 
-/// Displacements under the six unit loads at A, rotations times [`ROTATION_ARM_M`].
-fn unit_deflections(k: &Stiffness<f64>) -> Option<[[f64; 6]; 6]> {
+/// Displacements of a point under the six unit loads there, rotations times [`ROTATION_ARM_M`].
+fn unit_deflections(k: &Stiffness<f64>, at_m: [f64; 3]) -> Option<[[f64; 6]; 6]> {
     let factor = k.factor().ok()?;
     let mut columns = [[0.0; 6]; 6];
     for (i, column) in columns.iter_mut().enumerate() {
         let unit: [f64; 6] = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
         let wrench = Wrench { force_n: [unit[0], unit[1], unit[2]], moment_nm: [unit[3], unit[4], unit[5]] };
-        let d = factor.deflection(&wrench).ok()?;
+        let d = factor.deflection(&wrench.moved_to_a(at_m)).ok()?.seen_at(at_m);
         let r = d.rotation_rad.map(|r| r * ROTATION_ARM_M);
         *column = [d.translation_m[0], d.translation_m[1], d.translation_m[2], r[0], r[1], r[2]];
     }
     Some(columns)
 }
 
-fn deflection_error(samples: &[Sample], model: impl Fn(&Sample) -> Option<Stiffness<f64>>) -> Option<DeflectionError> {
+fn deflection_error(
+    samples: &[Sample],
+    at_m: [f64; 3],
+    model: impl Fn(&Sample) -> Option<Stiffness<f64>>,
+) -> Option<DeflectionError> {
     let errors = samples
         .iter()
         .map(|sample| {
-            let expected = unit_deflections(&sample.target.full?)?;
-            let found = unit_deflections(&model(sample)?)?;
+            let expected = unit_deflections(&sample.target.full?, at_m)?;
+            let found = unit_deflections(&model(sample)?, at_m)?;
             let norm = |v: &[f64; 6]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
             Some(std::array::from_fn(|load| {
                 let difference = std::array::from_fn(|i| found[load][i] - expected[load][i]);
@@ -541,8 +515,9 @@ fn deflection_error(samples: &[Sample], model: impl Fn(&Sample) -> Option<Stiffn
 ///
 /// # Errors
 /// A corrected stiffness that the core refuses, outside the box.
-pub fn evaluate(samples: &[Sample], machine: &Machine<f64>, numbers: &TableNumbers) -> Result<Evaluation> {
+pub fn evaluate(samples: &[Sample], file: &MachineFile, numbers: &TableNumbers) -> Result<Evaluation> {
     let table = numbers.table()?;
+    let machine = &file.machine;
     let corrected = |sample: &Sample| table.diagonal_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let factored = |sample: &Sample| table.factor_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let relative =
@@ -550,13 +525,17 @@ pub fn evaluate(samples: &[Sample], machine: &Machine<f64>, numbers: &TableNumbe
     let (mut improved, mut basic, mut factor, mut me) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for sample in samples {
         let refused = |e: pkm_core::CorrectionError| {
-            Failure::input(format!("pose `{}`, outside the table's box: {e}", sample.pose.id))
+            Failure::input(format!("pose `{}`: {e}", sample.pose.id)).at_line(sample.pose.line)
         };
         let m = corrected(sample).map_err(refused)?.principal();
         let (p, a) = (sample.basic.principal(), sample.target.principal);
         improved.push(relative(m, a));
         basic.push(relative(p, a));
-        me.push(std::array::from_fn(|i| 1.0 - (m[i] - a[i]).abs() / (p[i] - a[i]).abs()));
+        me.push(std::array::from_fn(|i| {
+            let (improved, basic) = ((m[i] - a[i]).abs(), (p[i] - a[i]).abs());
+            // nothing to correct, and nothing spoilt
+            if improved.max(basic) <= 1e-12 * a[i] { 1.0 } else { 1.0 - improved / basic }
+        }));
         if table.has_factor_form() {
             factor.push(relative(factored(sample).map_err(refused)?.principal(), a));
         }
@@ -578,19 +557,23 @@ pub fn evaluate(samples: &[Sample], machine: &Machine<f64>, numbers: &TableNumbe
         let diagonal = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { k[i] } else { 0.0 }));
         Some(Stiffness::from_lower(&diagonal))
     };
+    let under_load = |at_m: [f64; 3]| DeflectionErrors {
+        basic: deflection_error(samples, at_m, |s| Some(s.basic)),
+        diagonal: deflection_error(samples, at_m, |s| corrected(s).ok()),
+        diagonal_literal: deflection_error(samples, at_m, literal),
+        factor: deflection_error(samples, at_m, |s| factored(s).ok()),
+    };
+    let outside_box = samples.iter().filter(|s| table.domain(&s.pose.pose) == Domain::Outside).count();
     Ok(Evaluation {
         poses: samples.len(),
+        outside_box,
         improved: Improved {
             re_percent: Statistics::new(&improved),
             me: CorrectionEffect { statistics: Statistics::new(&me), bands },
         },
         basic: Basic { re_percent: Statistics::new(&basic) },
         factor: table.has_factor_form().then(|| Basic { re_percent: Statistics::new(&factor) }),
-        deflection_percent: DeflectionErrors {
-            basic: deflection_error(samples, |s| Some(s.basic)),
-            diagonal: deflection_error(samples, |s| corrected(s).ok()),
-            diagonal_literal: deflection_error(samples, literal),
-            factor: deflection_error(samples, |s| factored(s).ok()),
-        },
+        deflection_percent: under_load([0.0; 3]),
+        tip_deflection_percent: under_load(file.tip_m),
     })
 }

@@ -7,11 +7,12 @@ use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{
     Body, BodyKind, End, Geometry, Joint, LimbParameters, MachineError, Member, Parameter, Problem, Travel, Tube,
 };
-use pkm_core::{KinematicsError, Machine, MachineParameters, ScrewLengths};
+use pkm_core::{KinematicsError, Machine, MachineParameters, Pose, ScrewLengths};
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::error::{Failure, Result};
+use crate::dataset::pose_of;
+use crate::error::{Failure, Result, printable};
 use crate::source::Source;
 
 /// A checked machine file.
@@ -26,6 +27,8 @@ pub struct MachineFile {
     pub machine: Machine<f64>,
     /// Where plans are laid.
     pub pose_box: PoseBox,
+    /// The tool's tip in A-uvw, m, with both wrist joints at 0 (Table 1).
+    pub tip_m: [f64; 3],
 }
 
 /// A box of poses in the units of files: θ in °, σ in °, Z0 in mm, each least and greatest.
@@ -43,7 +46,7 @@ impl Default for PoseBox {
 #[serde(deny_unknown_fields)]
 struct RawMachine {
     format: Spanned<i64>,
-    name: String,
+    name: Spanned<String>,
     geometry: RawGeometry,
     travel: RawTravel,
     #[serde(rename = "box")]
@@ -57,6 +60,19 @@ struct RawMachine {
 
 type Number = Spanned<f64>;
 
+/// An array of just so many numbers: serde's own would leave out what is too much.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(try_from = "Vec<f64>")]
+struct Numbers<const N: usize>([f64; N]);
+
+impl<const N: usize> TryFrom<Vec<f64>> for Numbers<N> {
+    type Error = String;
+
+    fn try_from(values: Vec<f64>) -> std::result::Result<Self, String> {
+        values.try_into().map(Self).map_err(|v: Vec<f64>| format!("expected {N} numbers, found {}", v.len()))
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawGeometry {
@@ -69,32 +85,40 @@ struct RawGeometry {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawTravel {
-    min_mm: Spanned<[f64; 3]>,
-    max_mm: Spanned<[f64; 3]>,
+    min_mm: Spanned<Numbers<3>>,
+    max_mm: Spanned<Numbers<3>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawBox {
-    theta_deg: Spanned<[f64; 2]>,
-    sigma_deg: Spanned<[f64; 2]>,
-    z0_mm: Spanned<[f64; 2]>,
+    theta_deg: Spanned<Numbers<2>>,
+    sigma_deg: Spanned<Numbers<2>>,
+    z0_mm: Spanned<Numbers<2>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawWrist {
     offset_mm: Option<Number>,
-    first: Option<RawWristJoint>,
-    second: Option<RawWristJoint>,
+    first: Option<RawFirstJoint>,
+    second: Option<RawSecondJoint>,
     flange_mm: Option<Number>,
     singularity_margin: Option<Number>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RawWristJoint {
-    d_mm: Option<Number>,
+struct RawFirstJoint {
+    d_mm: Number,
+    b_mm: Number,
+    min_deg: Number,
+    max_deg: Number,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawSecondJoint {
     b_mm: Number,
     min_deg: Number,
     max_deg: Number,
@@ -119,8 +143,8 @@ struct RawLimb {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawJoint {
-    linear_n_per_m: Spanned<[f64; 3]>,
-    angular_nm_per_rad: Spanned<[f64; 3]>,
+    linear_n_per_m: Spanned<Numbers<3>>,
+    angular_nm_per_rad: Spanned<Numbers<3>>,
 }
 
 #[derive(Deserialize)]
@@ -170,9 +194,13 @@ impl MachineFile {
             if key.is_empty() { failure } else { failure.at_column(key) }
         };
         let raw: RawMachine = toml::from_str(text).map_err(|e| {
-            let line =
-                text.lines().nth(e.span().map_or(0, |range| line_at(text, range.start) - 1)).unwrap_or("").trim();
-            fail(e.span(), "", format!("{} (in `{line}`)", e.message().replace('\n', " ")))
+            let line = e.span().map_or(0, |range| line_at(text, range.start) - 1);
+            let line = text.lines().nth(line).unwrap_or("").trim();
+            let message = plain(e.message());
+            // the key is what the message quotes, else what the line starts with
+            let quoted = message.split('`').nth(1).filter(|_| message.contains("key"));
+            let written = line.split_once('=').map(|(key, _)| key.trim()).filter(|key| !key.is_empty());
+            fail(e.span(), quoted.or(written).unwrap_or(""), format!("{message} (in `{line}`)"))
         })?;
 
         if *raw.format.get_ref() != 1 {
@@ -183,6 +211,10 @@ impl MachineFile {
             let found = raw.limb.get_ref().len();
             return Err(fail(Some(raw.limb.span()), "limb", format!("expected three [[limb]] tables, found {found}")));
         };
+        if raw.name.get_ref().is_empty() || printable(raw.name.get_ref()) != *raw.name.get_ref() {
+            let message = "expected a name of one line of ordinary text".to_owned();
+            return Err(fail(Some(raw.name.span()), "name", message));
+        }
         let effects = effects(&raw.effect).map_err(|(key, span, message)| fail(Some(span), &key, message))?;
         check_ranges(&raw).map_err(|(key, span, message)| fail(Some(span), key, message))?;
 
@@ -195,8 +227,8 @@ impl MachineFile {
                 b2_m: metres(*g.b2_mm.get_ref()),
             },
             travel: Travel {
-                min_m: raw.travel.min_mm.get_ref().map(metres),
-                max_m: raw.travel.max_mm.get_ref().map(metres),
+                min_m: raw.travel.min_mm.get_ref().0.map(metres),
+                max_m: raw.travel.max_mm.get_ref().0.map(metres),
             },
             limbs: [limb_1, limb_2, limb_3].map(RawLimb::parameters),
             effects,
@@ -205,16 +237,59 @@ impl MachineFile {
             let (key, span, value) = raw.locate(e);
             fail(Some(span), &key, format!("expected {}, found {value}", expected(e.problem)))
         })?;
-        if !can_assemble(&machine, &parameters.travel) {
+        let pose_box = raw.pose_box.as_ref().map_or_else(PoseBox::default, |b| {
+            PoseBox([&b.theta_deg, &b.sigma_deg, &b.z0_mm].map(|range| range.get_ref().0))
+        });
+        if !can_assemble(&machine, &parameters.travel, &pose_box) {
             let message = "impossible machine: no screw lengths within travel assemble these platforms".to_owned();
             return Err(fail(Some(raw.travel.min_mm.span()), "travel", message));
         }
-        let pose_box = raw
-            .pose_box
-            .map_or_else(PoseBox::default, |b| PoseBox([b.theta_deg, b.sigma_deg, b.z0_mm].map(Spanned::into_inner)));
-        let name = raw.name;
-        Ok(Self { name, parameters, machine, pose_box, source })
+        let name = raw.name.into_inner();
+        let tip_m = tip_m(raw.wrist.as_ref());
+        Ok(Self { name, parameters, machine, pose_box, tip_m, source })
     }
+
+    /// Why the machine can't take a pose, with the numbers that say what to change.
+    pub fn refusal(&self, error: KinematicsError, pose: &Pose<f64>) -> String {
+        let free = Travel { min_m: [1e-9; 3], max_m: [1e9; 3] };
+        let free = Machine::<f64>::new(&MachineParameters { travel: free, ..self.parameters });
+        let lengths = free.ok().and_then(|m| m.inverse(pose).ok());
+        match (error, lengths) {
+            (KinematicsError::OutOfTravel { limb }, Some(lengths)) => {
+                let i = usize::from(limb) - 1;
+                let mm = |m: f64| (m * 1e6).round() / 1e3;
+                let (q, low, high) = (lengths.q_m[i], self.parameters.travel.min_m[i], self.parameters.travel.max_m[i]);
+                format!("{error}: it would be {} mm long, its travel is {} to {} mm", mm(q), mm(low), mm(high))
+            }
+            _ if pose.z0_m < 0.005 => format!("{error}: Z0 is {} mm; are lengths in mm?", pose.z0_m * 1e3),
+            _ => error.to_string(),
+        }
+    }
+}
+
+/// Table 1 with β1 = β2 = 0; what the file leaves out has the paper's values.
+fn tip_m(wrist: Option<&RawWrist>) -> [f64; 3] {
+    let or = |n: Option<&Number>, paper: f64| n.map_or(paper, |n| *n.get_ref());
+    let offset = or(wrist.and_then(|w| w.offset_mm.as_ref()), -20.0);
+    let flange = or(wrist.and_then(|w| w.flange_mm.as_ref()), 190.0);
+    let first = wrist.and_then(|w| w.first.as_ref());
+    let second = wrist.and_then(|w| w.second.as_ref());
+    let (d1, b1) = (or(first.map(|j| &j.d_mm), 417.0), or(first.map(|j| &j.b_mm), -35.0));
+    let b2 = or(second.map(|j| &j.b_mm), -150.0);
+    [metres(offset + b1 + b2), 0.0, metres(d1 + flange)]
+}
+
+/// The TOML reader's message in words that don't need its source code.
+fn plain(message: &str) -> String {
+    let words = [
+        ("invalid type: ", "expected another kind of value: found "),
+        (", expected f64", " where a number stands"),
+        (", expected i64", " where a whole number stands"),
+        ("a sequence", "an array"),
+        ("field", "key"),
+        ("\n", " "),
+    ];
+    words.iter().fold(message.to_owned(), |text, (from, to)| text.replace(from, to))
 }
 
 /// Line, from 1, of a byte.
@@ -228,7 +303,10 @@ fn metres(mm: f64) -> f64 {
 
 impl RawJoint {
     fn parameters(&self) -> Joint {
-        Joint { linear_n_per_m: *self.linear_n_per_m.get_ref(), angular_nm_per_rad: *self.angular_nm_per_rad.get_ref() }
+        Joint {
+            linear_n_per_m: self.linear_n_per_m.get_ref().0,
+            angular_nm_per_rad: self.angular_nm_per_rad.get_ref().0,
+        }
     }
 }
 
@@ -293,7 +371,8 @@ type Place = (String, Range<usize>, f64);
 impl RawMachine {
     fn locate(&self, error: MachineError) -> Place {
         let number = |key: String, n: &Number| (key, n.span(), *n.get_ref());
-        let entry = |key: String, a: &Spanned<[f64; 3]>, i: usize| (format!("{key}[{i}]"), a.span(), a.get_ref()[i]);
+        let entry =
+            |key: String, a: &Spanned<Numbers<3>>, i: usize| (format!("{key}[{i}]"), a.span(), a.get_ref().0[i]);
         let limb = |i: u8| &self.limb.get_ref()[usize::from(i) - 1];
         let joint = |i: u8, end: End| match end {
             End::Base => (format!("limb.{i}.base_joint"), &limb(i).base_joint),
@@ -364,35 +443,36 @@ fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplaced> {
     if let Some(b) = &raw.pose_box {
         for (key, limits) in [("box.theta_deg", &b.theta_deg), ("box.sigma_deg", &b.sigma_deg), ("box.z0_mm", &b.z0_mm)]
         {
-            let [low, high] = *limits.get_ref();
+            let [low, high] = limits.get_ref().0;
             if !(low.is_finite() && high.is_finite() && low < high) {
                 return Err((key, limits.span(), format!("expected [least, greatest], found [{low}, {high}]")));
+            }
+            let possible = if key == "box.z0_mm" { low > 0.0 } else { low > -90.0 && high < 90.0 };
+            if !possible {
+                let message = "expected angles between -90 and 90, heights above 0".to_owned();
+                return Err((key, limits.span(), format!("{message}, found [{low}, {high}]")));
             }
         }
     }
     let mut numbers: Vec<(&'static str, &Number, bool)> = Vec::new();
     if let Some(w) = &raw.wrist {
-        let optional = |key, n: &Option<Number>, positive| {
-            if let Some(n) = n {
-                let finite = n.get_ref().is_finite();
-                if !finite || (positive && *n.get_ref() <= 0.0) {
-                    let kind = if positive { "a number above 0" } else { "a finite number" };
-                    return Err((key, n.span(), format!("expected {kind}, found {}", n.get_ref())));
-                }
-            }
-            Ok(())
-        };
-        optional("wrist.offset_mm", &w.offset_mm, false)?;
-        optional("wrist.flange_mm", &w.flange_mm, false)?;
-        optional("wrist.singularity_margin", &w.singularity_margin, true)?;
-        for (key, joint) in [("wrist.first", &w.first), ("wrist.second", &w.second)] {
-            let Some(joint) = joint else { continue };
-            if let Some(d) = &joint.d_mm {
-                numbers.push((key, d, false));
-            }
-            numbers.extend([(key, &joint.b_mm, false), (key, &joint.min_deg, false), (key, &joint.max_deg, false)]);
-            if joint.min_deg.get_ref() >= joint.max_deg.get_ref() {
-                return Err((key, joint.max_deg.span(), "expected max_deg above min_deg".into()));
+        numbers.extend(w.offset_mm.iter().map(|n| ("wrist.offset_mm", n, false)));
+        numbers.extend(w.flange_mm.iter().map(|n| ("wrist.flange_mm", n, true)));
+        numbers.extend(w.singularity_margin.iter().map(|n| ("wrist.singularity_margin", n, true)));
+        let mut limits = Vec::new();
+        if let Some(j) = &w.first {
+            numbers.extend([("wrist.first.d_mm", &j.d_mm, false), ("wrist.first.b_mm", &j.b_mm, false)]);
+            limits.push(("wrist.first.min_deg", &j.min_deg, "wrist.first.max_deg", &j.max_deg));
+        }
+        if let Some(j) = &w.second {
+            numbers.push(("wrist.second.b_mm", &j.b_mm, false));
+            limits.push(("wrist.second.min_deg", &j.min_deg, "wrist.second.max_deg", &j.max_deg));
+        }
+        for (min_key, min, max_key, max) in limits {
+            numbers.extend([(min_key, min, false), (max_key, max, false)]);
+            if min.get_ref() >= max.get_ref() {
+                let message = format!("expected a limit above {}, found {}", min.get_ref(), max.get_ref());
+                return Err((max_key, max.span(), message));
             }
         }
     }
@@ -412,9 +492,13 @@ fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplaced> {
     Ok(())
 }
 
-/// Whether any lengths of a grid over travel close to a posture.
-fn can_assemble(machine: &Machine<f64>, travel: &Travel) -> bool {
+/// Whether the middle of the box, or any lengths of a grid over travel, close to a posture.
+fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> bool {
     const STEPS: usize = 16;
+    let [theta, sigma, z0] = pose_box.0.map(|[low, high]| (low + high) / 2.0);
+    if machine.inverse(&pose_of(theta, sigma, z0)).is_ok() {
+        return true;
+    }
     let length = |limb: usize, step: usize| {
         let (low, high) = (travel.min_m[limb], travel.max_m[limb]);
         low + (high - low) * step as f64 / STEPS as f64

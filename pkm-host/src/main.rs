@@ -17,7 +17,7 @@ use pkm_host::machine_file::PoseBox;
 /// Every command takes --json (one document on stdout) and --machine (default: the reference machine).
 /// Exit 0: success; 2: bad usage, bad input or a refused pose; 1: anything else.
 #[derive(Parser)]
-#[command(version, allow_negative_numbers = true)]
+#[command(version)]
 struct Cli {
     /// One JSON document on stdout, messages on stderr.
     #[arg(long, global = true)]
@@ -32,21 +32,20 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Screw lengths of a pose.
-    #[command(allow_negative_numbers = true)]
     Ik {
-        /// θ, about y of B.
-        #[arg(long, value_parser = finite)]
+        /// θ in °, about y of B, within ±90.
+        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
         theta_deg: f64,
-        /// σ, about u.
-        #[arg(long, value_parser = finite)]
+        /// σ in °, about u, within ±90.
+        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
         sigma_deg: f64,
-        /// Height of A over B.
-        #[arg(long, value_parser = finite)]
+        /// Height of A over B in mm, above 0.
+        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
         z0_mm: f64,
     },
     /// Pose of three screw lengths.
     Fk {
-        /// q1,q2,q3.
+        /// q1,q2,q3 in mm.
         #[arg(long, value_parser = list::<3>, allow_hyphen_values = true, value_name = "A,B,C")]
         q_mm: [f64; 3],
     },
@@ -63,9 +62,9 @@ enum Command {
     },
     /// Measured data with the model's deflections in place of the readings.
     Predict {
-        /// CSV with poses and wrenches.
+        /// CSV with poses and wrenches; default: simulated readings of the reference machine.
         #[arg(long, value_name = "CSV")]
-        data: PathBuf,
+        data: Option<PathBuf>,
         #[command(flatten)]
         table: TableArgs,
         /// CSV to write.
@@ -74,8 +73,8 @@ enum Command {
     },
     /// Poses to measure or to compute finite elements at.
     Plan {
-        /// l49, l49-balanced, levels N, or verify.
-        #[arg(long, num_args = 1..=2, required = true, value_name = "KIND")]
+        /// l49, l49-balanced, verify, or levels N (N² poses, N from 4 to 50).
+        #[arg(long, num_args = 1..=2, required = true, allow_negative_numbers = true, value_name = "KIND")]
         kind: Vec<String>,
         /// θ, σ in ° and Z0 in mm, least and greatest of each; default: the machine's box.
         #[arg(long = "box", value_parser = list::<6>, allow_hyphen_values = true, value_name = "T0,T1,S0,S1,Z0,Z1")]
@@ -132,7 +131,7 @@ fn run(cli: &Cli) -> Result<Output> {
             commands::stiffness(machine, poses, table.table.as_deref(), table.form, out.as_deref())
         }
         Command::Predict { data, table, out } => {
-            commands::predict(machine, data, table.table.as_deref(), table.form, out)
+            commands::predict(machine, data.as_deref(), table.table.as_deref(), table.form, out)
         }
         Command::Plan { kind, pose_box, out } => {
             let pose_box = pose_box.map(|b| PoseBox([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
@@ -153,20 +152,29 @@ fn main() -> ExitCode {
         Ok(cli) => run(&cli),
         Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => e.exit(),
         Err(e) if !wants_json => e.exit(),
-        Err(e) => Err(Failure::usage(e.to_string().trim_end().to_owned())),
-    };
-    // a reader that closes the pipe early is no failure
-    let print = |text: &str| drop(std::io::stdout().lock().write_all(text.as_bytes()));
-    match result {
-        Ok(output) if wants_json => print(&format!("{}\n", output.json)),
-        Ok(output) => print(&output.text),
-        Err(failure) => {
-            eprintln!("error: {failure}");
-            if wants_json {
-                print(&format!("{}\n", failure.to_json()));
-            }
-            return ExitCode::from(failure.exit_code());
+        Err(e) => {
+            let text = e.to_string();
+            let first = text.split("\n\n").next().unwrap_or("").trim_start_matches("error: ");
+            Err(Failure::usage(first.split_whitespace().collect::<Vec<_>>().join(" ")))
         }
+    };
+    let printed = result.and_then(|output| {
+        let text = if wants_json { format!("{}\n", output.json) } else { output.text };
+        match std::io::stdout().lock().write_all(text.as_bytes()) {
+            // a reader that closes the pipe early is no failure
+            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+                Err(Failure::other(format!("standard output: {e}")))
+            }
+            _ => Ok(()),
+        }
+    });
+    if let Err(failure) = printed {
+        eprintln!("error: {failure}");
+        if wants_json {
+            // nothing is left to tell when standard output itself failed
+            drop(writeln!(std::io::stdout().lock(), "{}", failure.to_json()));
+        }
+        return ExitCode::from(failure.exit_code());
     }
     ExitCode::SUCCESS
 }

@@ -1,11 +1,9 @@
 //! Where to measure or to compute (paper, Section 4.2; spec: model.md 3).
 
-use pkm_core::Machine;
-
 use crate::dataset::{NamedPose, pose_of};
 use crate::error::{Failure, Result};
 use crate::fit::EQ_11;
-use crate::machine_file::{PoseBox, status};
+use crate::machine_file::{MachineFile, PoseBox, status};
 
 /// Kinds of plans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +22,7 @@ impl PlanKind {
     /// From the words behind `--kind`.
     ///
     /// # Errors
-    /// An unknown word, or a number of levels that is missing or not 3…50.
+    /// An unknown word, or a number of levels that is missing or not 4…50.
     pub fn parse(words: &[String]) -> Result<Self> {
         let words: Vec<&str> = words.iter().map(String::as_str).collect();
         match words.as_slice() {
@@ -32,8 +30,8 @@ impl PlanKind {
             ["l49-balanced"] => Ok(Self::L49Balanced),
             ["verify"] => Ok(Self::Verify),
             ["levels", n] => match n.parse() {
-                Ok(n @ 3..=50) => Ok(Self::Levels(n)),
-                _ => Err(Failure::usage(format!("--kind levels: expected a whole number from 3 to 50, found `{n}`"))),
+                Ok(n @ 4..=50) => Ok(Self::Levels(n)),
+                _ => Err(Failure::usage(format!("--kind levels: expected a whole number from 4 to 50, found `{n}`"))),
             },
             ["levels"] => Err(Failure::usage("--kind levels: expected the number of levels behind it")),
             other => Err(Failure::usage(format!(
@@ -48,7 +46,7 @@ impl PlanKind {
 ///
 /// # Errors
 /// A pose that the machine cannot take.
-pub fn plan(kind: PlanKind, pose_box: &PoseBox, machine: &Machine<f64>) -> Result<Vec<NamedPose>> {
+pub fn plan(kind: PlanKind, pose_box: &PoseBox, machine: &MachineFile) -> Result<Vec<NamedPose>> {
     let (letter, points) = match kind {
         PlanKind::L49 => ('O', latin(7, 1)),
         PlanKind::L49Balanced => ('O', latin(7, 3)),
@@ -68,11 +66,10 @@ pub fn plan(kind: PlanKind, pose_box: &PoseBox, machine: &Machine<f64>) -> Resul
             let id = format!("{letter}{:0width$}", n + 1);
             let [theta, sigma, z0] = std::array::from_fn(|i| at(i, t[i]));
             let pose = pose_of(theta, sigma, z0);
-            machine.inverse(&pose).map_err(|e| {
-                Failure::refused(
-                    status(e),
-                    format!("pose {id} (θ {theta}°, σ {sigma}°, Z0 {z0} mm) of the plan: {e}; choose another box"),
-                )
+            machine.machine.inverse(&pose).map_err(|e| {
+                let why = machine.refusal(e, &pose);
+                let message = format!("pose {id} of the plan (θ {theta}°, σ {sigma}°, Z0 {z0} mm): {why}");
+                Failure::refused(status(e), format!("{message}; choose another box"))
             })?;
             Ok(NamedPose { id, line: n as u64 + 1, pose })
         })

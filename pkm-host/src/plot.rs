@@ -123,7 +123,14 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> Result<()> 
                 chart.draw_series(points.map(|p| Circle::new(p, 3, colour.filled()).into_dyn()))
             }
         };
-        drawn.map_err(failed)?.label(&series.name).legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
+        let cross = series.mark == Mark::Cross;
+        drawn.map_err(failed)?.label(&series.name).legend(move |(x, y)| {
+            if cross {
+                Cross::new((x + 8, y), 4, colour.stroke_width(2)).into_dyn()
+            } else {
+                Circle::new((x + 8, y), 4, colour.filled()).into_dyn()
+            }
+        });
     }
     if panel.series.len() > 1 {
         chart

@@ -17,7 +17,7 @@ const VARIABLES: [&str; 3] = ["θ in °", "σ in °", "Z0 in mm"];
 pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> String {
     let mut text = String::new();
     let mut line = |label: &str, cells: [String; 6]| {
-        let cells = cells.map(|c| format!("{c:>9}")).concat();
+        let cells = cells.map(|c| format!(" {c:>9}")).concat();
         let _ = writeln!(text, "  {label:<36}{cells}");
     };
     let numbers = |values: &[f64; 6], digits: usize| values.map(|v| format!("{v:.digits$}"));
@@ -37,14 +37,19 @@ pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -
         for (i, band) in ["≥ 0.9", "0.6-0.9", "0-0.6", "< 0"].iter().enumerate() {
             line(&format!("  poses with me {band}"), e.improved.me.bands.map(|b| b[i].to_string()));
         }
-        if e.deflection_percent.basic.is_some() {
-            line("deflection error in % under", LOADS.map(str::to_owned));
-        }
-        for (name, errors) in forms(&e.deflection_percent) {
-            line(&format!("  {name}, mean"), numbers(&errors, 2));
+        for (place, errors) in [("at A", &e.deflection_percent), ("at the tip", &e.tip_deflection_percent)] {
+            if errors.basic.is_some() {
+                line(&format!("deflection error {place} in % under"), LOADS.map(str::to_owned));
+            }
+            for (name, errors) in forms(errors) {
+                line(&format!("  {name}, mean"), numbers(&errors, 2));
+            }
         }
     }
     let _ = writeln!(text, "  {} terms, condition number of the fit {:.1}", fit.numbers.terms.len(), fit.condition);
+    for sentence in conclusion(trained, verified) {
+        let _ = writeln!(text, "- {sentence}");
+    }
     text
 }
 
@@ -148,7 +153,10 @@ fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> String {
                 error.push((format!("{set}, {model}: {name}"), cells(values, 2)));
             }
         }
-        load.extend(forms(&e.deflection_percent).into_iter().map(|(n, v)| (format!("{set}, {n}: mean"), cells(&v, 2))));
+        for (place, errors) in [("A", &e.deflection_percent), ("tip", &e.tip_deflection_percent)] {
+            let row = |(n, v): (&str, [f64; 6])| (format!("{set}, at {place}, {n}: mean"), cells(&v, 2));
+            load.extend(forms(errors).into_iter().map(row));
+        }
     }
     let heads = STIFFNESSES.map(|s| format!("k{s}"));
     let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
@@ -159,8 +167,10 @@ fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> String {
     );
     html.push_str(&table("Relative error of principal stiffnesses in % (paper, Table 4, Eq. 14)", &heads, &error));
     if !load.is_empty() {
-        let caption =
-            format!("Deflection error under the six unit loads at A in %, rotations times {ROTATION_ARM_M} m");
+        let caption = format!(
+            "Deflection error in % under the six unit loads at A and at the tool's tip (wrist joints at 0), rotations \
+             times {ROTATION_ARM_M} m"
+        );
         html.push_str(&table(&caption, &LOADS, &load));
     }
     html
@@ -277,16 +287,14 @@ fn coefficient_tables(fit: &Fit) -> String {
         })
         .collect();
     let mut html = table("Coefficients in scaled variables, ± one standard error", &heads, &rows);
-    if let Some(e) = &fit.paper_e {
-        let heads: Vec<String> = EQ_11.iter().map(names).collect();
-        let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
-        let rows: Vec<_> = e
-            .iter()
-            .zip(1..)
-            .map(|(row, i)| (format!("e{i}j"), row.iter().map(|v| format!("{v:.6e}")).collect()))
-            .collect();
-        html.push_str(&table("The paper's e_ij of Eq. 12, θ and σ in °, Z0 in mm", &heads, &rows));
-    }
+    let paper_heads = EQ_11.map(|t| names(&t));
+    let rows: Vec<_> =
+        (1..).zip(fit.paper_e).map(|(i, row)| (format!("e{i}j"), row.map(|v| format!("{v:.6e}")).to_vec())).collect();
+    html.push_str(&table(
+        "The paper's e_ij of Eq. 11 in ° and mm (with selected terms: those of Eq. 12 on the same data)",
+        &paper_heads.each_ref().map(String::as_str),
+        &rows,
+    ));
     let rows: Vec<_> = fit
         .polynomials
         .iter()

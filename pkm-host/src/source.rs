@@ -1,11 +1,12 @@
 //! Text that came from a file or from the embedded fixtures, and files that are written whole or not at all.
 
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, printable};
 
 /// A named text.
 #[derive(Clone)]
@@ -31,6 +32,11 @@ pub mod fixtures {
     /// Its stiffness by finite elements at the 49 poses of L49.
     pub fn training() -> Source {
         embedded("fixtures/stiffness/fe-l49.csv", include_str!("../../fixtures/stiffness/fe-l49.csv"))
+    }
+
+    /// Readings under load, without any effect but scatter of the declared stiffnesses.
+    pub fn measured() -> Source {
+        embedded("fixtures/measured/p01/measured.csv", include_str!("../../fixtures/measured/p01/measured.csv"))
     }
 
     /// The same at 25 other poses.
@@ -77,9 +83,9 @@ impl Source {
         Sha256::digest(&self.bytes).iter().map(|b| format!("{b:02x}")).collect()
     }
 
-    /// The last part of the name: what a table records, the same wherever the file lies.
-    pub fn file_name(&self) -> &str {
-        self.name.rsplit(['/', '\\']).next().unwrap_or(&self.name)
+    /// The last part of the name, fit for a comment: what a table records, the same wherever the file lies.
+    pub fn file_name(&self) -> String {
+        printable(self.name.rsplit(['/', '\\']).next().unwrap_or(&self.name))
     }
 }
 
@@ -87,18 +93,25 @@ impl Source {
 ///
 /// # Errors
 /// What the operating system says, with the path.
-pub fn write_all(folder: &Path, files: &[(&str, String)]) -> Result<()> {
+pub fn write_all(folder: &Path, files: &[(&OsStr, String)]) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
     let mut ready = Vec::new();
     for (name, content) in files {
         let path = folder.join(name);
-        let written = temporary_in(folder).and_then(|mut file| {
-            file.write_all(content.as_bytes())?;
-            file.as_file().sync_all()?;
-            Ok(file)
-        });
+        // a link keeps pointing, a device or a pipe is written to and not replaced
+        let path = std::fs::canonicalize(&path).unwrap_or(path);
+        let written = match std::fs::metadata(&path) {
+            Ok(there) if there.is_dir() => Err(std::io::Error::other("a folder of this name is in the way")),
+            Ok(there) if !there.is_file() => std::fs::write(&path, content).map(|()| None),
+            Ok(there) if there.permissions().readonly() => Err(std::io::Error::other("the file is write-protected")),
+            _ => temporary_in(path.parent().unwrap_or(folder)).and_then(|mut file| {
+                file.write_all(content.as_bytes())?;
+                file.as_file().sync_all()?;
+                Ok(Some(file))
+            }),
+        };
         match written {
-            Ok(file) => ready.push((file, path)),
+            Ok(file) => ready.extend(file.map(|f| (f, path))),
             Err(e) => return Err(Failure::io("write", &path, &e)),
         }
     }
@@ -113,7 +126,7 @@ pub fn write_all(folder: &Path, files: &[(&str, String)]) -> Result<()> {
 /// # Errors
 /// What the operating system says, with the path.
 pub fn write(path: &Path, content: String) -> Result<()> {
-    let name = path.file_name().and_then(|n| n.to_str());
+    let name = path.file_name().filter(|_| !path.as_os_str().as_encoded_bytes().ends_with(b"/"));
     let name = name.ok_or_else(|| Failure::usage("expected a file name").in_file(path.display().to_string()))?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     write_all(folder, &[(name, content)])

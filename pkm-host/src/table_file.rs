@@ -1,5 +1,6 @@
 //! A correction table that owns its numbers: as the fit makes it, as JSON, and as the core's view of it.
 
+use pkm_core::correction::FACTOR_ENTRIES;
 use pkm_core::{Basis, CorrectionTable};
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +10,7 @@ use crate::source::Source;
 
 /// `coefficients.json`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TableFile {
     /// 1.
     pub format: u32,
@@ -37,6 +39,7 @@ pub struct TableFile {
 
 /// A box of poses in the units of files.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Extent {
     /// θ, least and greatest.
     pub theta_deg: [f64; 2],
@@ -55,15 +58,18 @@ impl From<PoseBox> for Extent {
 
 /// Rows c11…c66.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct DiagonalForm {
     /// One coefficient a term.
     pub coefficients: Vec<Vec<f64>>,
-    /// The paper's e_ij of Eq. 11 in ° and mm; null when the terms are not among its nine.
-    pub paper_e: Option<Vec<[f64; 9]>>,
+    /// The paper's e_ij of Eq. 11 in ° and mm. With selected terms, which the paper has not, those of Eq. 12 fitted
+    /// to the same data.
+    pub paper_e: [[f64; 9]; 6],
 }
 
 /// Rows of the lower triangle of G.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FactorForm {
     /// One coefficient a term.
     pub coefficients: Vec<Vec<f64>>,
@@ -85,6 +91,19 @@ pub struct TableNumbers {
 }
 
 impl TableNumbers {
+    /// The polynomials that must be positive: c_ii, and the diagonal of G.
+    pub fn positive_rows(&self) -> Vec<(String, &[f64])> {
+        let n = self.terms.len();
+        let diagonal = (0..6).map(|i| (format!("c{0}{0}", i + 1), &self.diagonal[i * n..(i + 1) * n]));
+        let factor = self.factor.iter().flat_map(|f| {
+            (0..6).map(move |i| {
+                let row = i * (i + 3) / 2;
+                (format!("g{0}{0}", i + 1), &f[row * n..(row + 1) * n])
+            })
+        });
+        diagonal.chain(factor).collect()
+    }
+
     /// The core's table.
     ///
     /// # Errors
@@ -115,8 +134,38 @@ impl TableFile {
             let message = format!("expected 1, found {}", table.format);
             return Err(in_file(Failure::input(message)).at_column("format"));
         }
-        table.numbers().table().map_err(in_file)?;
+        table.check().map_err(in_file)?;
         Ok(table)
+    }
+
+    /// What the core can't see: the shape of the rows, the box, and a correction that is positive in it.
+    fn check(&self) -> Result<()> {
+        let fail = |key: &str, message: String| Err(Failure::input(message).at_column(key));
+        let forms = [
+            ("diagonal.coefficients", Some(&self.diagonal.coefficients), 6),
+            ("factor.coefficients", self.factor.as_ref().map(|f| &f.coefficients), FACTOR_ENTRIES),
+        ];
+        for (key, rows, count) in forms {
+            let Some(rows) = rows else { continue };
+            let n = self.terms.len();
+            if rows.len() != count || rows.iter().any(|r| r.len() != n) {
+                return fail(key, format!("expected {count} rows of {n} coefficients, one for each of the terms"));
+            }
+        }
+        if (1..self.terms.len()).any(|i| self.terms[..i].contains(&self.terms[i])) {
+            return fail("terms", "expected different terms, found one twice".into());
+        }
+        let ranges = [self.extent.theta_deg, self.extent.sigma_deg, self.extent.z0_mm];
+        for ((range, center), scale) in ranges.iter().zip(self.center).zip(self.scale) {
+            if (range[0] - center + scale).abs().max((range[1] - center - scale).abs()) > 1e-6 * scale.abs() {
+                return fail("box", format!("expected center ± scale, found {range:?} for {center} ± {scale}"));
+            }
+        }
+        let numbers = self.numbers();
+        numbers.table()?;
+        let center_scale = (self.center, self.scale);
+        let rows = numbers.positive_rows();
+        rows.into_iter().try_for_each(|(name, row)| refuse_not_positive(&name, row, &self.terms, center_scale))
     }
 
     /// What the core needs of it.
@@ -129,4 +178,60 @@ impl TableFile {
             factor: self.factor.as_ref().map(|f| f.coefficients.concat()),
         }
     }
+}
+
+/// Refuses a correction that is not positive somewhere in its box.
+///
+/// # Errors
+/// A place in the box, in ° and mm.
+pub fn refuse_not_positive(
+    name: &str,
+    coefficients: &[f64],
+    terms: &[[u8; 3]],
+    (center, scale): ([f64; 3], [f64; 3]),
+) -> Result<()> {
+    positive_in_box(coefficients, terms).map_err(|t| {
+        let [theta, sigma, z0]: [f64; 3] = std::array::from_fn(|i| center[i] + scale[i] * t[i]);
+        Failure::input(format!(
+            "the correction {name} is not positive at θ = {theta:.2}°, σ = {sigma:.2}°, Z0 = {z0:.1} mm, inside its box: \
+             fit with more poses there, or with other terms"
+        ))
+    })
+}
+
+/// Proves that a polynomial is positive on [−1, 1]³ by dividing the box until a slope bound decides.
+/// `Err` holds a point where it is not, or where a million boxes did not decide.
+fn positive_in_box(c: &[f64], terms: &[[u8; 3]]) -> std::result::Result<(), [f64; 3]> {
+    let value = |t: [f64; 3]| -> f64 {
+        c.iter().zip(terms).map(|(c, n)| c * (0..3).map(|i| t[i].powi(n[i].into())).product::<f64>()).sum()
+    };
+    let slope: [f64; 3] = std::array::from_fn(|i| c.iter().zip(terms).map(|(c, n)| c.abs() * f64::from(n[i])).sum());
+    let mut boxes = vec![([0.0; 3], [1.0; 3])];
+    let mut count = 0;
+    while let Some((middle, half)) = boxes.pop() {
+        let here = value(middle);
+        count += 1;
+        if !(here > 0.0) || count > 1_000_000 {
+            return Err(middle);
+        }
+        let drop: [f64; 3] = std::array::from_fn(|i| slope[i] * half[i]);
+        if here > drop.iter().sum() {
+            continue;
+        }
+        let widest = if drop[0] >= drop[1] && drop[0] >= drop[2] {
+            0
+        } else if drop[1] >= drop[2] {
+            1
+        } else {
+            2
+        };
+        let mut narrower = half;
+        narrower[widest] /= 2.0;
+        for side in [-1.0, 1.0] {
+            let mut moved = middle;
+            moved[widest] += side * narrower[widest];
+            boxes.push((moved, narrower));
+        }
+    }
+    Ok(())
 }

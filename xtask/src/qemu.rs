@@ -150,8 +150,12 @@ fn values<T: Scalar>(
     let diagonal = table.diagonal_form(machine, pose)?;
     let factor = table.factor_form(machine, pose)?;
     let d = factor.factor.deflection(&wrench)?;
+    let lengths = machine.inverse(pose)?;
+    let forward = machine.forward(&lengths)?;
     Ok(vec![
-        ("q", bits(&machine.inverse(pose)?.q_m)),
+        ("q", bits(&lengths.q_m)),
+        ("forward", bits(&[forward.theta_rad, forward.sigma_rad, forward.z0_m])),
+        ("jacobian", bits(machine.jacobian(pose)?.as_flattened())),
         ("k_p", lower(&machine.stiffness(pose)?)),
         ("k_m_diagonal", lower(&diagonal.factor.stiffness())),
         ("k_m_factor", lower(&factor.factor.stiffness())),

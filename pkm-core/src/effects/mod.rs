@@ -1,8 +1,8 @@
 //! Physics beyond the basic model, by the ids of spec: diagnosis.md.
 //!
-//! An effect is a file here and a line in [`effects!`]. Its parameters are amplitudes, mostly compliances: all
-//! zero is the basic model. What is elastic inside a limb adds to the limb's compliance
-//! ([`Limb`]), what is in series with the whole adds at an end ([`Series`]).
+//! An effect is a file here and a line in the macro call below. Its parameters are amplitudes, mostly
+//! compliances: all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
+//! series with the whole adds at an end.
 
 use crate::linalg::Lower;
 use crate::scalar::Scalar;
@@ -202,6 +202,7 @@ macro_rules! effects {
     };
 }
 
+// The register: module and types.
 effects! {
     moving_platform::{MovingPlatformCompliance},
     base::{BaseCompliance},

@@ -20,7 +20,7 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 72 numbers of 20 digits and their commas.
+/// Longest line: 87 numbers of 20 digits and their commas.
 const LINE: usize = 2048;
 
 #[derive(Serialize)]
@@ -31,6 +31,9 @@ struct Line {
     error: Option<&'static str>,
     inside: bool,
     q: Vec<u64, 3>,
+    /// Pose of `q`, and the Jacobian there.
+    forward: Vec<u64, 3>,
+    jacobian: Vec<u64, 9>,
     k_p: Vec<u64, 21>,
     k_m_diagonal: Vec<u64, 21>,
     k_m_factor: Vec<u64, 21>,
@@ -59,6 +62,8 @@ impl Line {
             error: None,
             inside: table.domain(&pose) == Domain::Inside,
             q: Vec::new(),
+            forward: Vec::new(),
+            jacobian: Vec::new(),
             k_p: Vec::new(),
             k_m_diagonal: Vec::new(),
             k_m_factor: Vec::new(),
@@ -82,7 +87,11 @@ impl Line {
     ) -> Result<(), CorrectionError> {
         let wrench =
             Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
-        self.q = bits(machine.inverse(pose)?.q_m);
+        let lengths = machine.inverse(pose)?;
+        self.q = bits(lengths.q_m);
+        let forward = machine.forward(&lengths)?;
+        self.forward = bits([forward.theta_rad, forward.sigma_rad, forward.z0_m]);
+        self.jacobian = bits(machine.jacobian(pose)?.into_iter().flatten());
         self.k_p = lower(&machine.stiffness(pose)?);
         self.k_m_diagonal = lower(&table.diagonal_form(machine, pose)?.factor.stiffness());
         let corrected = if table.has_factor_form() {
