@@ -10,6 +10,7 @@
 
 use core::fmt;
 
+use crate::checksum::{START, over_byte, over_numbers};
 use crate::linalg;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
@@ -312,23 +313,7 @@ impl CorrectionTable<'_, f64> {
     /// Checksum (FNV-1a, 64 bit) over the bits of box, terms and coefficients in the order of the constructors:
     /// a generated table checks itself with it when it is compiled, a controller can report it.
     pub const fn checksum(&self) -> u64 {
-        const fn over_byte(hash: u64, byte: u8) -> u64 {
-            (hash ^ byte as u64).wrapping_mul(0x0000_0100_0000_01b3)
-        }
-        const fn over_numbers(mut hash: u64, values: &[f64]) -> u64 {
-            let mut i = 0;
-            while i < values.len() {
-                let bytes = values[i].to_bits().to_le_bytes();
-                let mut b = 0;
-                while b < 8 {
-                    hash = over_byte(hash, bytes[b]);
-                    b += 1;
-                }
-                i += 1;
-            }
-            hash
-        }
-        let mut hash = over_numbers(0xcbf2_9ce4_8422_2325, &self.basis.centre);
+        let mut hash = over_numbers(START, &self.basis.centre);
         hash = over_numbers(hash, &self.basis.half_width);
         let mut i = 0;
         while i < self.basis.terms.len() {

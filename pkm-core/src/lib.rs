@@ -35,6 +35,7 @@
 #[allow(unused_extern_crates)]
 extern crate self as pkm_core;
 
+mod checksum;
 pub mod correction;
 pub mod effects;
 pub mod kinematics;

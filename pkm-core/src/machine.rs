@@ -3,6 +3,7 @@
 //! [`MachineParameters`] is plain data that a generated table can hold as a `const`.
 //! [`Machine::new`] checks it and turns it into what the formulas need; both work at compile time.
 
+use crate::checksum::{START, over_byte, over_numbers};
 use crate::effects::{self, ActiveEffects, Effects};
 use crate::scalar::Scalar;
 
@@ -318,6 +319,36 @@ impl MachineParameters {
             i += 1;
         }
         Ok(())
+    }
+}
+
+impl MachineParameters {
+    /// Checksum (FNV-1a, 64 bit) over the bits of all numbers: a generated machine checks itself with it when it is
+    /// compiled.
+    pub const fn checksum(&self) -> u64 {
+        const fn over_tube(hash: u64, t: &Tube) -> u64 {
+            over_numbers(hash, &[t.young_pa, t.shear_pa, t.outer_m, t.inner_m])
+        }
+        const fn over_joint(hash: u64, j: &Joint) -> u64 {
+            over_numbers(over_numbers(hash, &j.linear_n_per_m), &j.angular_nm_per_rad)
+        }
+        let g = &self.geometry;
+        let mut hash = over_numbers(START, &[g.a1_m, g.a2_m, g.b1_m, g.b2_m]);
+        hash = over_numbers(over_numbers(hash, &self.travel.min_m), &self.travel.max_m);
+        let mut i = 0;
+        while i < 3 {
+            let limb = &self.limbs[i];
+            hash = over_joint(over_joint(hash, &limb.base_joint), &limb.platform_joint);
+            hash = over_byte(hash, limb.body.kind as u8);
+            hash = over_tube(over_tube(hash, &limb.body.rod), &limb.body.screw);
+            i += 1;
+        }
+        let mut i = 0;
+        while i < effects::COUNT {
+            hash = over_numbers(hash, &self.effects.parameters[i]);
+            i += 1;
+        }
+        hash
     }
 }
 

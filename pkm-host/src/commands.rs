@@ -202,6 +202,10 @@ pub fn stiffness(
     let source = Source::read(poses)?;
     let file = source.name.clone();
     let poses = dataset::read_poses(source, &model.machine)?;
+    if out.is_some() {
+        // a stiffness file has one line a pose
+        dataset::refuse_doubled_ids(&file, &poses)?;
+    }
     let solved = model.solve(&poses).map_err(|f| f.in_file(file))?;
     warn_outside(&solved);
 

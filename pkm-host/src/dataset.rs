@@ -265,13 +265,16 @@ fn looks_like(name: &str, known: &str) -> bool {
         || (strsim::osa_distance(&name.to_lowercase(), known) <= allowed && !other_number(name, known))
 }
 
-fn refuse_doubled_ids(sheet: &Sheet, poses: &[NamedPose]) -> Result<()> {
+/// Refuses two poses with one id, where the id has to tell them apart.
+///
+/// # Errors
+/// The second of the two.
+pub fn refuse_doubled_ids(file: &str, poses: &[NamedPose]) -> Result<()> {
     let mut seen: HashMap<&str, u64> = HashMap::new();
     for pose in poses {
         if let Some(first) = seen.insert(&pose.id, pose.line) {
             let message = format!("pose `{}` stands twice, first in line {first}", pose.id);
-            let failure = Failure::input(message).in_file(&sheet.source.name).at_line(pose.line);
-            return Err(failure.at_column("pose"));
+            return Err(Failure::input(message).in_file(file).at_line(pose.line).at_column("pose"));
         }
     }
     Ok(())
@@ -318,7 +321,7 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
     known.extend(mirrored.iter().map(|(_, _, name)| name.as_str()));
     let sheet = Sheet::parse(source, &known)?;
     let poses = sheet.poses(machine)?;
-    refuse_doubled_ids(&sheet, &poses)?;
+    refuse_doubled_ids(&sheet.source.name, &poses)?;
 
     let diagonal: [String; 6] = std::array::from_fn(|i| stiffness_column(i, i));
     let diagonal: [&str; 6] = std::array::from_fn(|i| diagonal[i].as_str());

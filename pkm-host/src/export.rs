@@ -68,6 +68,10 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, parameters: &MachineParameters
     line("");
     line("/// The machine that the table was fitted for.");
     line(&format!("pub const PARAMETERS: MachineParameters = {};", parameters_literal(parameters)));
+    line(&format!(
+        "const _: () = assert!(PARAMETERS.checksum() == 0x{:016x}, \"the machine was changed by hand\");",
+        parameters.checksum()
+    ));
     line("");
     for (bits, kind) in [("64", "f64"), ("32", "f32")] {
         line(&format!("/// The machine, checked when this file is compiled, in `{kind}`."));

@@ -55,6 +55,7 @@ pub const PARAMETERS: MachineParameters = MachineParameters {
     ],
     effects: Effects::NONE,
 };
+const _: () = assert!(PARAMETERS.checksum() == 0x4e076f851d126eb2, "the machine was changed by hand");
 
 /// The machine, checked when this file is compiled, in `f64`.
 pub static MACHINE_F64: Machine<f64> = match Machine::<f64>::new(&PARAMETERS) {
