@@ -30,6 +30,16 @@ pub struct Frame {
     ties: Vec<(usize, usize)>,
     /// Nodes that share a place and turn against each other about two axes: (follower, leader, axes).
     hinges: Vec<(Node, Node, [Vector3<f64>; 2])>,
+    /// Groups of nodes that a body carries on springs of their own.
+    modes: Vec<Modes>,
+}
+
+/// See [`Frame::modes`].
+#[derive(Clone, Debug)]
+struct Modes {
+    body: Node,
+    nodes: Vec<Node>,
+    shapes: Vec<(Vec<Vector3<f64>>, f64)>,
 }
 
 /// Displacement of the point `r` beyond the node that moves with it.
@@ -58,6 +68,7 @@ impl Frame {
             stiffness: DMatrix::zeros(6, 6),
             ties: Vec::new(),
             hinges: Vec::new(),
+            modes: Vec::new(),
         }
     }
 
@@ -102,6 +113,12 @@ impl Frame {
     pub fn hinge(&mut self, follower: Node, leader: Node, axes: [Vector3<f64>; 2]) {
         (0..3).for_each(|axis| self.tie(follower, leader, axis));
         self.hinges.push((follower, leader, axes));
+    }
+
+    /// Nodes that a body carries elastically: they move with it, and by shapes of their own, each a direction for
+    /// every node and the stiffness of its spring. They must not follow anything else.
+    pub fn modes(&mut self, body: Node, nodes: &[Node], shapes: &[(Vec<Vector3<f64>>, f64)]) {
+        self.modes.push(Modes { body, nodes: nodes.to_vec(), shapes: shapes.to_vec() });
     }
 
     /// A beam between two nodes. `second` is any direction off its axis; it is made square to it.
@@ -162,9 +179,31 @@ impl Frame {
             }
             dependent.push(first + 2);
         }
+        let mut stiffness = self.stiffness.clone();
+        for Modes { body, nodes, shapes } in &self.modes {
+            // the shapes' amounts are kept in the first node's first freedoms
+            let amount = |shape: usize| 6 * nodes[0].0 + shape;
+            let carrier = expand.rows(6 * body.0, 6).clone_owned();
+            for (n, node) in nodes.iter().enumerate() {
+                let mut rows = carried(self.positions[node.0] - self.positions[body.0]) * &carrier;
+                for (shape, (directions, _)) in shapes.iter().enumerate() {
+                    (0..3).for_each(|i| rows[(i, amount(shape))] += directions[n][i]);
+                }
+                expand.rows_mut(6 * node.0, 6).copy_from(&rows);
+                let kept = amount(0)..amount(shapes.len());
+                dependent.extend((6 * node.0..6 * node.0 + 6).filter(|i| !kept.contains(i)));
+            }
+            for (shape, (_, spring)) in shapes.iter().enumerate() {
+                let row = expand.nrows();
+                expand = expand.insert_row(row, 0.0);
+                expand[(row, amount(shape))] = 1.0;
+                stiffness = stiffness.resize(row + 1, row + 1, 0.0);
+                stiffness[(row, row)] = *spring;
+            }
+        }
         dependent.sort_unstable();
         let expand = expand.remove_columns_at(&dependent);
-        let k = expand.tr_mul(&self.stiffness) * &expand;
+        let k = expand.tr_mul(&stiffness) * &expand;
         // unit diagonal: newtons and newton metres side by side cost digits
         let scale = DMatrix::from_diagonal(&k.diagonal().map(|v| 1.0 / v.sqrt()));
         let factor = (&scale * k * &scale).cholesky()?;

@@ -345,7 +345,17 @@ impl MachineParameters {
         }
         let mut i = 0;
         while i < effects::COUNT {
-            hash = over_numbers(hash, &self.effects.parameters[i]);
+            let [a, b, c] = self.effects.parameters[i];
+            // an effect that is off leaves no trace, so that a later version with more effects gives the same sum
+            if a != 0.0 || b != 0.0 || c != 0.0 {
+                let id = effects::EFFECTS[i].id.as_bytes();
+                let mut n = 0;
+                while n < id.len() {
+                    hash = over_byte(hash, id[n]);
+                    n += 1;
+                }
+                hash = over_numbers(hash, &[a, b, c]);
+            }
             i += 1;
         }
         hash

@@ -126,6 +126,36 @@ pub(crate) struct Chain<T, const N: usize> {
     compliance: [[T; N]; N],
 }
 
+impl<T: Scalar> Chain<T, 6> {
+    /// Two limbs side by side, for what couples them.
+    fn pair(first: Chain<T, 3>, second: Chain<T, 3>) -> Self {
+        let mut pair = Self { wrenches: [[T::ZERO; 6]; 6], compliance: [[T::ZERO; 6]; 6] };
+        for i in 0..3 {
+            pair.wrenches[i] = first.wrenches[i];
+            pair.wrenches[i + 3] = second.wrenches[i];
+            for j in 0..=i {
+                pair.compliance[i][j] = first.compliance[i][j];
+                pair.compliance[i + 3][j + 3] = second.compliance[i][j];
+            }
+        }
+        pair
+    }
+
+    /// Both limbs' bases move along an axis by `compliance` times the sum of their forces along it, the second
+    /// limb's taken with the sign.
+    fn add_mode(&mut self, axis: [T; 3], sign: T, compliance: T) {
+        let mut forces = [T::ZERO; 6];
+        for (i, (seen, wrench)) in forces.iter_mut().zip(&self.wrenches).enumerate() {
+            *seen = dot(force(wrench), axis) * if i < 3 { T::ONE } else { sign };
+        }
+        for i in 0..6 {
+            for j in 0..=i {
+                self.compliance[i][j] += compliance * forces[i] * forces[j];
+            }
+        }
+    }
+}
+
 impl<T: Scalar, const N: usize> Chain<T, N> {
     /// Something that gives at a point, along and about three axes. All in A-uvw.
     pub fn add_joint(&mut self, at: [T; 3], axes: &[[T; 3]; 3], compliance: [T; 6]) {
@@ -239,16 +269,21 @@ impl<T: Scalar> Machine<T> {
 
     fn assemble<const EFFECTS: bool>(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
         let mut lower = linalg::zero();
-        let mut chain_1 = self.chain_1_2::<0>(p);
         if EFFECTS {
+            let (mut chain_1, mut chain_2) = (self.chain_1_2::<0>(p), self.chain_1_2::<1>(p));
             self.add_effects_1_2::<0>(p, &mut chain_1);
-        }
-        chain_1.add_stiffness_to(&mut lower)?;
-        let mut chain_2 = self.chain_1_2::<1>(p);
-        if EFFECTS {
             self.add_effects_1_2::<1>(p, &mut chain_2);
+            let mut pair = Chain::pair(chain_1, chain_2);
+            let z = cross(p.x(), p.y());
+            self.effects.between_bases_1_2(|[together, opposed]| {
+                pair.add_mode(z, T::ONE, together);
+                pair.add_mode(z, -T::ONE, opposed);
+            });
+            pair.add_stiffness_to(&mut lower)?;
+        } else {
+            self.chain_1_2::<0>(p).add_stiffness_to(&mut lower)?;
+            self.chain_1_2::<1>(p).add_stiffness_to(&mut lower)?;
         }
-        chain_2.add_stiffness_to(&mut lower)?;
         let mut chain_3 = self.chain_3(p);
         if EFFECTS {
             self.add_effects_3(p, &mut chain_3);

@@ -5,7 +5,7 @@
 use std::fmt::Write;
 
 use pkm_core::MachineParameters;
-use pkm_core::effects::{EFFECTS, Effects};
+use pkm_core::effects::{EFFECTS, MAX_PARAMETERS};
 use pkm_core::machine::{Body, BodyKind, Joint, LimbParameters, Tube};
 
 use crate::error::Result;
@@ -65,6 +65,22 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, parameters: &MachineParameters
     line("use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};");
     line("use pkm_core::Machine;");
     line("use pkm_core::effects::Effects;");
+    line("");
+    let active: Vec<_> =
+        EFFECTS.iter().zip(parameters.effects.parameters).filter(|(_, v)| *v != [0.0; MAX_PARAMETERS]).collect();
+    if active.is_empty() {
+        line("const EFFECTS: Effects = Effects::NONE;");
+    } else {
+        line("const EFFECTS: Effects = {");
+        line("    let effects = Effects::NONE;");
+        for (info, values) in active {
+            line(&format!("    let Some(effects) = effects.with({:?}, {values:?}) else {{", info.id));
+            line("        panic!(\"an effect that this version of pkm-core does not know\")");
+            line("    };");
+        }
+        line("    effects");
+        line("};");
+    }
     line("");
     line("/// The machine that the table was fitted for.");
     line(&format!("pub const PARAMETERS: MachineParameters = {};", parameters_literal(parameters)));
@@ -165,17 +181,7 @@ fn parameters_literal(p: &MachineParameters) -> String {
         add("    },".into());
     }
     add("],".into());
-    if p.effects == Effects::NONE {
-        add("effects: Effects::NONE,".into());
-    } else {
-        add("effects: Effects {".into());
-        add("    parameters: [".into());
-        for (info, parameters) in EFFECTS.iter().zip(p.effects.parameters) {
-            add(format!("        {parameters:?}, // {}", info.id));
-        }
-        add("    ],".into());
-        add("},".into());
-    }
+    add("effects: EFFECTS,".into());
     out.push('}');
     out
 }

@@ -24,7 +24,7 @@ impl PlanKind {
     /// # Errors
     /// An unknown word, or a number of levels that is missing or not 4…50.
     pub fn parse(words: &[String]) -> Result<Self> {
-        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let words: Vec<&str> = words.iter().flat_map(|w| w.split_whitespace()).collect();
         match words.as_slice() {
             ["l49"] => Ok(Self::L49),
             ["l49-balanced"] => Ok(Self::L49Balanced),

@@ -45,6 +45,17 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>) -> (Frame, Node) {
     } else {
         Frame::GROUND
     };
+    // what limbs 1 and 2 stand on: carried by the mount, moving along z of B together and against each other
+    let stands = if p("limb-coupling", "together_m_per_n") > 0.0 {
+        let z_b = x_b.cross(&y_b);
+        let stands = [frame.node(base[0]), frame.node(base[1])];
+        let spring = |name: &str| 1.0 / p("limb-coupling", name);
+        let shapes = [(vec![z_b, z_b], spring("together_m_per_n")), (vec![z_b, -z_b], spring("opposed_m_per_n"))];
+        frame.modes(mount, &stands, &shapes);
+        stands
+    } else {
+        [mount; 2]
+    };
     let centre = frame.node(Vector3::zeros());
     let arm = "moving-platform-compliance";
     let elastic_arms = p(arm, "bending_per_nm2") > 0.0;
@@ -64,7 +75,8 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>) -> (Frame, Node) {
         let [kx, ky, kz] = limb.base_joint.linear_n_per_m.map(|k| softened(k, radial));
         let [ku, kv, kw] = limb.base_joint.angular_nm_per_rad.map(|k| softened(k, tilting));
         let foot = frame.node(base[i]);
-        frame.joint(mount, foot, base[i], &base_axes, [kx, ky, kz, ku, kv, kw]);
+        let stand = stands.get(i).copied().unwrap_or(mount);
+        frame.joint(stand, foot, base[i], &base_axes, [kx, ky, kz, ku, kv, kw]);
 
         let (mut ea, mut ei, mut gj) = (0.0, 0.0, 0.0);
         for t in [&limb.body.rod, &limb.body.screw] {

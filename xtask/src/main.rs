@@ -39,14 +39,14 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the repository").to_owned()
 }
 
-/// Fits the fixtures into a folder.
-pub fn fit_fixtures(out: &Path) -> Outcome {
-    commands::fit(None, None, None, TermChoice::Paper, out).map(drop).map_err(|e| e.to_string())
+/// Fits the fixtures' data into a folder, for the reference machine or another.
+pub fn fit_fixtures(machine: Option<&Path>, out: &Path) -> Outcome {
+    commands::fit(machine, None, None, TermChoice::Paper, out).map(drop).map_err(|e| e.to_string())
 }
 
 fn regenerate() -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-    fit_fixtures(folder.path())?;
+    fit_fixtures(None, folder.path())?;
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).map_err(|e| format!("{name}: {e}"));
     let report = read("report.html")?;
     let picture = report.find("<svg").zip(report.find("</svg>")).map(|(from, to)| &report[from..to + 6]);

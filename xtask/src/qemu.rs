@@ -7,6 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use pkm_core::effects::{EFFECTS, EffectInfo};
 use pkm_core::{Basis, CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, Wrench};
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
@@ -17,26 +18,47 @@ use crate::{Outcome, firmware_build, fit_fixtures, root};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Machine of QEMU, processor, and the `target-cpu` to build for (f64 in hardware needs the M7's).
-const RUNS: [(&str, &str, Option<&str>); 3] = [
-    ("mps2-an386", "Cortex-M4F", None),
-    ("mps2-an500", "Cortex-M7", None),
-    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7")),
+/// Machine of QEMU, processor, the `target-cpu` to build for (f64 in hardware needs the M7's), and whether the
+/// machine has effects.
+const RUNS: [(&str, &str, Option<&str>, bool); 4] = [
+    ("mps2-an386", "Cortex-M4F", None, false),
+    ("mps2-an386", "Cortex-M4F", None, true),
+    ("mps2-an500", "Cortex-M7", None, false),
+    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), false),
 ];
 
 pub fn run() -> Outcome {
-    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-    fit_fixtures(folder.path())?;
-    let source = Source::read(&folder.path().join("coefficients.json")).map_err(|e| e.to_string())?;
-    let table = TableFile::parse(&source).map_err(|e| e.to_string())?;
-    let machine = MachineFile::parse(fixtures::machine()).map_err(|e| e.to_string())?;
-    for (board, processor, cpu) in RUNS {
+    for (board, processor, cpu, effects) in RUNS {
+        let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let path = folder.path().join("machine.toml");
+        let mut text = fixtures::machine().text().map_err(|e| e.to_string())?.to_owned();
+        if effects {
+            text.extend(EFFECTS.iter().map(one_of));
+        }
+        std::fs::write(&path, text).map_err(|e| e.to_string())?;
+        fit_fixtures(Some(&path), folder.path())?;
+        let read = |name: &str| Source::read(&folder.path().join(name)).map_err(|e| e.to_string());
+        let table = TableFile::parse(&read("coefficients.json")?).map_err(|e| e.to_string())?;
+        let machine = MachineFile::parse(read("machine.toml")?).map_err(|e| e.to_string())?;
+
         let elf = build(&folder.path().join("coefficients.rs"), cpu)?;
-        let text = boot(board, &elf)?;
-        let lines = compare(&text, &machine, &table)?;
-        println!("{processor} ({board}): {lines} lines, every bit as on the host");
+        let lines = compare(&boot(board, &elf)?, &machine, &table)?;
+        let with = if effects { ", every effect on" } else { "" };
+        println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
     }
     Ok(())
+}
+
+/// An `[[effect]]` of modest size.
+fn one_of(effect: &EffectInfo) -> String {
+    let value = |name: &str| match name {
+        "tube_m" => 0.3,
+        name if name.ends_with("rad_per_nm") => 1e-7,
+        name if name.ends_with("per_nm2") => 1e-6,
+        _ => 1e-10,
+    };
+    let values: String = effect.parameters.iter().map(|p| format!("{p} = {:e}\n", value(p))).collect();
+    format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
 }
 
 fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {

@@ -91,6 +91,11 @@ pub(crate) trait Effect {
     /// Adds compliance inside a limb.
     fn in_limb<T: Scalar, const N: usize>(_parameters: &[T; MAX_PARAMETERS], _limb: &mut Limb<'_, T, N>) {}
 
+    /// Compliance, m/N, of B_1 and B_2 along z of B when they move together, and when they move against each other.
+    fn between_bases_1_2<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 2]> {
+        None
+    }
+
     /// Compliance between the ground and the mechanism: at B with the axes of B, both given in A-uvw.
     fn at_base<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
         None
@@ -154,12 +159,40 @@ impl Effects {
     /// The basic model.
     pub const NONE: Self = Self { parameters: [[0.0; MAX_PARAMETERS]; COUNT] };
 
+    /// The same with an effect, by its id, whatever the order of the effects in this version. `None` for an unknown id.
+    pub const fn with(mut self, id: &str, parameters: [f64; MAX_PARAMETERS]) -> Option<Self> {
+        let mut i = 0;
+        while i < COUNT {
+            if same(EFFECTS[i].id.as_bytes(), id.as_bytes()) {
+                self.parameters[i] = parameters;
+                return Some(self);
+            }
+            i += 1;
+        }
+        None
+    }
+
     /// The same without what lies between A and the tool: what correction tables are fitted with, since they
     /// apply before it.
     pub const fn below_tool(mut self) -> Self {
         self.parameters[Index::WristCompliance as usize] = [0.0; MAX_PARAMETERS];
         self
     }
+}
+
+/// `==` of slices does not work in a `const fn`.
+const fn same(a: &[u8], b: &[u8]) -> bool {
+    if a.len() != b.len() {
+        return false;
+    }
+    let mut i = 0;
+    while i < a.len() {
+        if a[i] != b[i] {
+            return false;
+        }
+        i += 1;
+    }
+    true
 }
 
 macro_rules! effects {
@@ -180,6 +213,14 @@ macro_rules! effects {
             pub(crate) fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
                 $($(if self.active & (1 << Index::$name as u32) != 0 {
                     $module::$name::in_limb(&self.parameters[Index::$name as usize], limb);
+                })+)+
+            }
+
+            /// Calls `add` with the coupling of B_1 and B_2 of every active effect that has one.
+            pub(crate) fn between_bases_1_2(&self, mut add: impl FnMut([T; 2])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::between_bases_1_2(&self.parameters[Index::$name as usize]) {
+                    add(c);
                 })+)+
             }
 
@@ -210,4 +251,5 @@ effects! {
     drive::{ScrewPosition, Limb1Axial, Limb2Axial, Limb3Axial},
     joints::{UniversalJoint, RevoluteJoint, SphericalJoint, Revolute3Joint},
     wrist::{WristCompliance},
+    coupling::{LimbCoupling},
 }
