@@ -161,6 +161,21 @@ impl Frame {
 
     /// 6×6 compliance at a node: its displacement under unit loads. `None` when the structure can move freely.
     pub fn compliance(&self, node: Node) -> Option<Matrix6<f64>> {
+        let all = self.solve(node, &DMatrix::identity(6, 6))?;
+        Some(all.fixed_view::<6, 6>(6 * node.0, 0).into())
+    }
+
+    /// Displacement of every node under a load on one: ask with [`of`](Self::of). `None` when it can move freely.
+    pub fn displacements(&self, loaded: Node, load: [f64; 6]) -> Option<DMatrix<f64>> {
+        self.solve(loaded, &DMatrix::from_column_slice(6, 1, &load))
+    }
+
+    /// A node's translation in the result of [`displacements`](Self::displacements).
+    pub fn of(displacements: &DMatrix<f64>, node: Node) -> Vector3<f64> {
+        displacements.fixed_view::<3, 1>(6 * node.0, 0).into()
+    }
+
+    fn solve(&self, loaded: Node, loads: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         // freedoms in terms of independent ones; a hinge's follower keeps its relative angles in two of its own
         let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
         let mut dependent: Vec<usize> = (0..6).collect();
@@ -207,9 +222,8 @@ impl Frame {
         // unit diagonal: newtons and newton metres side by side cost digits
         let scale = DMatrix::from_diagonal(&k.diagonal().map(|v| 1.0 / v.sqrt()));
         let factor = (&scale * k * &scale).cholesky()?;
-        let loads = &scale * expand.rows(6 * node.0, 6).transpose();
-        let displacements = expand * (&scale * factor.solve(&loads));
-        Some(displacements.fixed_view::<6, 6>(6 * node.0, 0).into())
+        let loads = &scale * expand.rows(6 * loaded.0, 6).transpose() * loads;
+        Some(expand * (&scale * factor.solve(&loads)))
     }
 }
 

@@ -48,6 +48,8 @@ pub trait Scalar:
     fn abs(self) -> Self;
     /// Square root; NaN below zero.
     fn sqrt(self) -> Self;
+    /// Cube root.
+    fn cbrt(self) -> Self;
     /// Sine and cosine of an angle in rad.
     fn sin_cos(self) -> (Self, Self);
     /// Cosine of an angle in rad.
@@ -59,7 +61,7 @@ pub trait Scalar:
 }
 
 macro_rules! scalar {
-    ($t:ty, $slack:expr, $sqrt:path, $sincos:path, $cos:path, $acos:path, $atan2:path) => {
+    ($t:ty, $slack:expr, $sqrt:path, $cbrt:path, $sincos:path, $cos:path, $acos:path, $atan2:path) => {
         impl Scalar for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -86,6 +88,10 @@ macro_rules! scalar {
                 $sqrt(self)
             }
             #[inline]
+            fn cbrt(self) -> Self {
+                $cbrt(self)
+            }
+            #[inline]
             fn sin_cos(self) -> (Self, Self) {
                 $sincos(self)
             }
@@ -105,5 +111,5 @@ macro_rules! scalar {
     };
 }
 
-scalar!(f32, 1e-5, libm::sqrtf, libm::sincosf, libm::cosf, libm::acosf, libm::atan2f);
-scalar!(f64, 1e-9, libm::sqrt, libm::sincos, libm::cos, libm::acos, libm::atan2);
+scalar!(f32, 1e-5, libm::sqrtf, libm::cbrtf, libm::sincosf, libm::cosf, libm::acosf, libm::atan2f);
+scalar!(f64, 1e-9, libm::sqrt, libm::cbrt, libm::sincos, libm::cos, libm::acos, libm::atan2);

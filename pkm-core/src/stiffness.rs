@@ -29,6 +29,8 @@ pub enum StiffnessError {
     NotPositiveDefinite,
     /// A wrench or a deflection is NaN or infinite.
     NotFinite,
+    /// The limb forces under load-dependent effects were not found.
+    NotConverged,
 }
 
 impl fmt::Display for StiffnessError {
@@ -37,6 +39,7 @@ impl fmt::Display for StiffnessError {
             Self::Kinematics(e) => e.fmt(f),
             Self::NotPositiveDefinite => f.write_str("the stiffness matrix is not positive definite"),
             Self::NotFinite => f.write_str("the wrench or the deflection is not finite"),
+            Self::NotConverged => f.write_str("the limb forces under load-dependent effects were not found"),
         }
     }
 }
@@ -202,6 +205,45 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
         }
     }
 
+    /// D⁻¹ times the unit vector of one wrench: what all wrenches of the limb grow by when the limb alone gets
+    /// longer in the sense of that one by one unit, the platform held.
+    fn response(&self, wrench: usize) -> [T; N] {
+        let mut d = self.compliance;
+        let mut x = [T::ZERO; N];
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = if i == wrench { T::ONE } else { T::ZERO };
+        }
+        let mut ratios = [[T::ZERO; N]; N];
+        for j in 0..N {
+            for i in j + 1..N {
+                let ratio = d[i][j] / d[j][j];
+                for m in j + 1..=i {
+                    d[i][m] -= ratio * d[m][j];
+                }
+                x[i] -= ratio * x[j];
+                ratios[i][j] = ratio;
+            }
+        }
+        for j in (0..N).rev() {
+            x[j] = x[j] / d[j][j];
+            for i in j + 1..N {
+                x[j] -= ratios[i][j] * x[i];
+            }
+        }
+        x
+    }
+
+    /// Sum of the wrenches, each times a factor.
+    fn combined(&self, factors: &[T; N]) -> [T; 6] {
+        let mut sum = [T::ZERO; 6];
+        for (wrench, factor) in self.wrenches.iter().zip(factors) {
+            for (sum, c) in sum.iter_mut().zip(wrench) {
+                *sum += *factor * *c;
+            }
+        }
+        sum
+    }
+
     /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel.
     fn add_stiffness_to(mut self, k: &mut Lower<T>) -> Result<(), StiffnessError> {
         let (d, y) = (&mut self.compliance, &mut self.wrenches);
@@ -228,6 +270,61 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
         }
         Ok(())
     }
+}
+
+/// Most Newton steps that a load-dependent deflection takes.
+pub const MAX_STEPS: usize = 30;
+
+/// N with N + M ε(N) = N₀, by Newton steps that are halved while they don't bring it nearer. M is positive
+/// semidefinite and ε grows, so that there is one solution.
+fn tensions<T: Scalar>(
+    m: &[[T; 3]; 3],
+    linear: &[T; 3],
+    elongation: impl Fn(T) -> (T, T),
+) -> Result<[T; 3], StiffnessError> {
+    let residual = |n: &[T; 3]| {
+        let e = n.map(|n| elongation(n).0);
+        let mut g = [T::ZERO; 3];
+        for i in 0..3 {
+            g[i] = n[i] - linear[i] + dot(m[i], e);
+        }
+        g
+    };
+    let size = dot(*linear, *linear).sqrt();
+    let enough = T::SLACK * (size + T::ONE);
+    let mut n = *linear;
+    let mut g = residual(&n);
+    for _ in 0..MAX_STEPS {
+        let error = dot(g, g).sqrt();
+        if error <= enough {
+            return Ok(n);
+        }
+        let slope = n.map(|n| elongation(n).1);
+        let mut a = [[T::ZERO; 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                a[i][j] = m[i][j] * slope[j] + if i == j { T::ONE } else { T::ZERO };
+            }
+        }
+        // Cramer's rule: the determinant is at least 1
+        let (c0, c1, c2) = (cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
+        let determinant = dot(a[0], c0);
+        let mut step = [T::ZERO; 3];
+        for i in 0..3 {
+            step[i] = (c0[i] * g[0] + c1[i] * g[1] + c2[i] * g[2]) / determinant;
+        }
+        let mut share = T::ONE;
+        for _ in 0..8 {
+            let trial = [n[0] - share * step[0], n[1] - share * step[1], n[2] - share * step[2]];
+            let there = residual(&trial);
+            if dot(there, there).sqrt() < error {
+                (n, g) = (trial, there);
+                break;
+            }
+            share *= T::from_f64(0.5);
+        }
+    }
+    Err(StiffnessError::NotConverged)
 }
 
 fn force<T: Scalar>(wrench: &[T; 6]) -> [T; 3] {
@@ -270,32 +367,85 @@ impl<T: Scalar> Machine<T> {
     fn assemble<const EFFECTS: bool>(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
         let mut lower = linalg::zero();
         if EFFECTS {
-            let (mut chain_1, mut chain_2) = (self.chain_1_2::<0>(p), self.chain_1_2::<1>(p));
-            self.add_effects_1_2::<0>(p, &mut chain_1);
-            self.add_effects_1_2::<1>(p, &mut chain_2);
-            let mut pair = Chain::pair(chain_1, chain_2);
-            let z = cross(p.x(), p.y());
-            self.effects.between_bases_1_2(|[together, opposed]| {
-                pair.add_mode(z, T::ONE, together);
-                pair.add_mode(z, -T::ONE, opposed);
-            });
+            let (pair, third) = self.chains_with_effects(p);
             pair.add_stiffness_to(&mut lower)?;
-        } else {
-            self.chain_1_2::<0>(p).add_stiffness_to(&mut lower)?;
-            self.chain_1_2::<1>(p).add_stiffness_to(&mut lower)?;
-        }
-        let mut chain_3 = self.chain_3(p);
-        if EFFECTS {
-            self.add_effects_3(p, &mut chain_3);
-        }
-        chain_3.add_stiffness_to(&mut lower)?;
-        if EFFECTS {
+            third.add_stiffness_to(&mut lower)?;
             let (n, x, y) = (p.n(), p.x(), p.y());
             let at = n.map(|c| -p.l * c);
             let axes = [x, y, cross(x, y)];
             self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(&mut lower));
+        } else {
+            self.chain_1_2::<0>(p).add_stiffness_to(&mut lower)?;
+            self.chain_1_2::<1>(p).add_stiffness_to(&mut lower)?;
+            self.chain_3(p).add_stiffness_to(&mut lower)?;
         }
         Ok(Stiffness { lower })
+    }
+
+    /// Limbs 1 and 2 together, and limb 3, with what effects add inside them.
+    fn chains_with_effects(&self, p: &Posture<T>) -> (Chain<T, 6>, Chain<T, 2>) {
+        let (mut first, mut second, mut third) = (self.chain_1_2::<0>(p), self.chain_1_2::<1>(p), self.chain_3(p));
+        self.add_effects_1_2::<0>(p, &mut first);
+        self.add_effects_1_2::<1>(p, &mut second);
+        self.add_effects_3(p, &mut third);
+        let mut pair = Chain::pair(first, second);
+        let z = cross(p.x(), p.y());
+        self.effects.between_bases_1_2(|[together, opposed]| {
+            pair.add_mode(z, T::ONE, together);
+            pair.add_mode(z, -T::ONE, opposed);
+        });
+        (pair, third)
+    }
+
+    /// What load-dependent effects add to the displacement of A under a wrench, on top of the linear deflection (of
+    /// K_p or of a corrected K_m). Zero, and next to no work, when the machine has none.
+    ///
+    /// The tensions N of the three limbs solve N + M ε(N) = N₀, N₀ those of the linear model, by at most
+    /// [`MAX_STEPS`] Newton steps (spec: diagnosis.md).
+    ///
+    /// # Errors
+    /// Those of [`stiffness`](Self::stiffness); a wrench that is not finite; [`StiffnessError::NotConverged`].
+    pub fn load_dependent_deflection(
+        &self,
+        pose: &Pose<T>,
+        wrench: &Wrench<T>,
+    ) -> Result<Deflection<T>, StiffnessError> {
+        let posture = self.posture(pose)?;
+        let load = wrench.to_array();
+        if !load.iter().all(|f| f.is_finite()) {
+            return Err(StiffnessError::NotFinite);
+        }
+        if !self.effects.depend_on_load() {
+            return Ok(Deflection::from_array([T::ZERO; 6]));
+        }
+        let (pair, third) = self.chains_with_effects(&posture);
+        // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
+        let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
+        let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
+        let o = T::ZERO;
+        let own = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
+        let mut lower = linalg::zero();
+        pair.add_stiffness_to(&mut lower)?;
+        third.add_stiffness_to(&mut lower)?;
+        let factor = linalg::cholesky(&lower).ok_or(StiffnessError::NotPositiveDefinite)?;
+        let moved = [linalg::solve(&factor, &v[0]), linalg::solve(&factor, &v[1]), linalg::solve(&factor, &v[2])];
+        let product = |a: &[T; 6], b: &[T; 6]| a.iter().zip(b).fold(o, |sum, (a, b)| sum + *a * *b);
+        let mut m = [[o; 3]; 3];
+        let mut linear = [o; 3];
+        for i in 0..3 {
+            linear[i] = product(&moved[i], &load);
+            for j in 0..3 {
+                m[i][j] = own[i][j] - product(&v[i], &moved[j]);
+            }
+        }
+        let elongations = tensions(&m, &linear, |n| self.effects.elongation(n))?.map(|n| self.effects.elongation(n).0);
+        let mut d = [o; 6];
+        for (moved, e) in moved.iter().zip(elongations) {
+            for (d, c) in d.iter_mut().zip(moved) {
+                *d += e * *c;
+            }
+        }
+        Ok(Deflection::from_array(d))
     }
 
     /// Whether anything between A and the tool is elastic.

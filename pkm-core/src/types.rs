@@ -74,6 +74,14 @@ impl<T: Scalar> Deflection<T> {
         Self { translation_m: add(self.translation_m, swing), rotation_rad: self.rotation_rad }
     }
 
+    /// Both together.
+    pub fn plus(&self, other: &Self) -> Self {
+        Self {
+            translation_m: add(self.translation_m, other.translation_m),
+            rotation_rad: add(self.rotation_rad, other.rotation_rad),
+        }
+    }
+
     pub(crate) fn from_array(v: [T; 6]) -> Self {
         Self { translation_m: [v[0], v[1], v[2]], rotation_rad: [v[3], v[4], v[5]] }
     }

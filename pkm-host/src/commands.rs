@@ -3,7 +3,9 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
-use pkm_core::{Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, StiffnessFactor, Wrench};
+use pkm_core::{
+    Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, StiffnessError, StiffnessFactor, Wrench,
+};
 use serde_json::{Value, json};
 
 use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, file_units, pose_of, stiffness_columns};
@@ -266,9 +268,10 @@ pub fn predict(
     let mut rows = Vec::new();
     for ((row, case), solved) in sheet.rows.iter().zip(&cases).zip(&solved) {
         let at_a: Wrench<f64> = case.wrench.moved_to_a(case.point_m);
-        let deflection = solved.factor.deflection(&at_a).map_err(|e| {
-            Failure::input(format!("the deflection is not finite: {e}")).in_file(&file).at_line(row.line)
-        })?;
+        let linear = solved.factor.deflection(&at_a);
+        let extra = model.machine.machine.load_dependent_deflection(&case.pose.pose, &at_a);
+        let failed = |e: StiffnessError| Failure::input(format!("no deflection: {e}")).in_file(&file).at_line(row.line);
+        let deflection = linear.map_err(failed)?.plus(&extra.map_err(failed)?);
         let seen = deflection.seen_at(case.point_m);
         let mut cells = row.cells.clone();
         cells.resize(header.len(), String::new());

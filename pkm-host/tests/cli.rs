@@ -343,6 +343,27 @@ fn effects_soften_the_machine_and_reach_the_generated_source() {
 }
 
 #[test]
+fn predict_knows_load_dependent_effects() {
+    let folder = Folder::new();
+    let play = format!("{}\n[[effect]]\nid = \"clearance\"\nplay_m = 2e-5\ntaken_up_n = 20\n", reference_machine());
+    let play = folder.write("play.toml", &play);
+    let mut data = String::from("pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n");
+    for force in [10, 100, 1000] {
+        data.push_str(&format!("a,0,0,530,0,0,{force},0,0,0\n"));
+    }
+    let data = folder.write("d.csv", &data);
+    let dz = |machine: &[&str], out: &str| -> Vec<f64> {
+        json(&[&["predict", "--data", &data, "--out", &folder.path(out)], machine].concat());
+        folder.read(out).lines().skip(1).map(|l| l.split(',').nth(12).unwrap().parse().unwrap()).collect()
+    };
+    let (without, with) = (dz(&[], "a.csv"), dz(&["--machine", &play], "b.csv"));
+    let extra: Vec<f64> = with.iter().zip(&without).map(|(a, b)| a - b).collect();
+    // it grows with the load, but by no means as much
+    assert!(0.0 < extra[0] && extra[0] < extra[1] && extra[1] < extra[2] && extra[2] < 20.0, "{extra:?}");
+    assert!(extra[2] / extra[0] < 20.0, "{extra:?}");
+}
+
+#[test]
 fn predict_fills_deflections_and_keeps_the_rest() {
     let folder = Folder::new();
     let text = "\u{feff}# from a spreadsheet\r\npose;theta_deg;sigma_deg;z0_mm;fx_n;fy_n;fz_n;mx_nm;my_nm;mz_nm;\

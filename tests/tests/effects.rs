@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use pkm_core::effects::{COUNT, EFFECTS};
 use pkm_core::machine::{BodyKind, MachineParameters};
-use pkm_core::{Machine, Pose};
+use pkm_core::{Machine, Pose, StiffnessError, Wrench};
 use pkm_frame::{Frame, Node, Section};
 use pkm_tests::{random_parameters, random_pose, scaled_difference, seeded};
 
@@ -18,8 +18,19 @@ fn softened(stiffness: f64, compliance: f64) -> f64 {
     if stiffness == 0.0 { 0.0 } else { 1.0 / (1.0 / stiffness + compliance) }
 }
 
-/// The machine with its effects as a frame in A-uvw, A at the origin. Returns the node that the tool sits on.
-fn assemble(m: &MachineParameters, pose: &Pose<f64>) -> (Frame, Node) {
+/// A machine as a frame in A-uvw, A at the origin.
+struct Assembled {
+    frame: Frame,
+    /// What the tool sits on.
+    tool: Node,
+    /// Ends of the limbs' bodies, their directions and EA/q.
+    limbs: Vec<(Node, Node, Vector3<f64>, f64)>,
+}
+
+/// The machine with its effects, and with more compliance along each limb.
+fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembled {
+    let more_along = along;
+    let mut limbs = Vec::new();
     let p = |id: &str, name: &str| amplitude(m, id, name);
     let g = &m.geometry;
     // B-xyz as seen from A-uvw
@@ -104,7 +115,9 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>) -> (Frame, Node) {
         let extra = p(at_platform, "radial_m_per_n");
         let tilting = if i == 2 { 0.0 } else { p(at_platform, "tilting_rad_per_nm") };
         let drive = p(["limb-1-axial", "limb-2-axial", "limb-3-axial"][i], "axial_m_per_n")
-            + p("screw-position", "axial_per_n") * q;
+            + p("screw-position", "axial_per_n") * q
+            + more_along[i];
+        limbs.push((foot, head, z, ea / q));
         let [kx, ky, kz] = limb.platform_joint.linear_n_per_m;
         let [ku, kv, kw] = limb.platform_joint.angular_nm_per_rad.map(|k| softened(k, tilting));
         let stiffness = [softened(kx, extra), softened(ky, extra), softened(kz, extra + drive), ku, kv, kw];
@@ -123,14 +136,14 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>) -> (Frame, Node) {
         }
     }
     if p("wrist-compliance", "linear_m_per_n") == 0.0 {
-        return (frame, centre);
+        return Assembled { frame, tool: centre, limbs };
     }
     let tool = frame.node(Vector3::zeros());
     let (linear, angular) =
         (1.0 / p("wrist-compliance", "linear_m_per_n"), 1.0 / p("wrist-compliance", "angular_rad_per_nm"));
     let stiffness = [linear, linear, linear, angular, angular, angular];
     frame.joint(centre, tool, Vector3::zeros(), &Matrix3::identity(), stiffness);
-    (frame, tool)
+    Assembled { frame, tool, limbs }
 }
 
 #[test]
@@ -147,6 +160,10 @@ fn every_linear_effect_equals_the_frame_solver() {
                 continue;
             }
             for (j, name) in effect.parameters.iter().enumerate() {
+                // load-dependent ones have no part in K
+                if ["clearance", "contact-stiffening"].contains(&effect.id) {
+                    continue;
+                }
                 let share = 0.1 + rng.f64();
                 parameters.effects.parameters[i][j] = share
                     * match name.rsplit_once('_').map(|(_, unit)| unit) {
@@ -159,7 +176,7 @@ fn every_linear_effect_equals_the_frame_solver() {
         }
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, size, 0.2);
-        let (frame, tool) = assemble(&parameters, &pose);
+        let Assembled { frame, tool, .. } = assemble(&parameters, &pose, [0.0; 3]);
         let compliance = frame.compliance(tool).unwrap_or_else(|| panic!("a mechanism: {which}"));
         let reference: Matrix6<f64> = compliance.try_inverse().unwrap();
         let k = machine.stiffness(&pose).unwrap().matrix();
@@ -172,4 +189,97 @@ fn every_linear_effect_equals_the_frame_solver() {
     for error in worst {
         assert!(error <= 1e-8, "{error:e}");
     }
+}
+
+/// ε(N) of the load-dependent effects, from their definitions.
+fn elongation(m: &MachineParameters, n: f64) -> f64 {
+    let p = |id: &str, name: &str| amplitude(m, id, name);
+    let play = 0.5 * p("clearance", "play_m") * n / n.hypot(p("clearance", "taken_up_n"));
+    let x = n / p("contact-stiffening", "reference_n");
+    play + p("contact-stiffening", "unloaded_m_per_n") * n * (1.0 + x * x).powf(-1.0 / 6.0)
+}
+
+/// The same by secants: every limb gets the compliance ε(N)/N of the force found last, until nothing moves.
+#[test]
+fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    let mut share = (f64::INFINITY, 0.0_f64);
+    for n in 0..40 {
+        let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let mut set = |id: &str, values: [f64; 3]| {
+            parameters.effects = parameters.effects.with(id, values).unwrap();
+        };
+        // others beside them in every second machine
+        if n % 2 == 0 {
+            set("limb-coupling", [1e-9, 2e-9, 0.0]);
+            set("base-compliance", [1e-9, 1e-7, 1e-9]);
+            set("limb-2-axial", [1e-9, 0.0, 0.0]);
+        }
+        set("clearance", [20e-6 * rng.f64(), 5.0 + 50.0 * rng.f64(), 0.0]);
+        set("contact-stiffening", [5e-9 * rng.f64(), 20.0 + 500.0 * rng.f64(), 0.0]);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, size, 0.2);
+        let mut between = |limit: f64| limit * (2.0 * rng.f64() - 1.0);
+        let load: [f64; 6] = std::array::from_fn(|i| between(if i < 3 { 1000.0 } else { 200.0 * size }));
+        let wrench = Wrench { force_n: [load[0], load[1], load[2]], moment_nm: [load[3], load[4], load[5]] };
+
+        let mut secants = [0.0; 3];
+        let mut found = Vector3::zeros();
+        for _ in 0..2000 {
+            let a = assemble(&parameters, &pose, secants);
+            let u = a.frame.displacements(a.tool, load).unwrap();
+            let tensions: Vec<f64> = a
+                .limbs
+                .iter()
+                .map(|(foot, head, z, k)| z.dot(&(Frame::of(&u, *head) - Frame::of(&u, *foot))) * k)
+                .collect();
+            let next: [f64; 3] = std::array::from_fn(|i| {
+                let n = if tensions[i].abs() < 1e-9 { 1e-9 } else { tensions[i] };
+                0.5 * (secants[i] + elongation(&parameters, n) / n)
+            });
+            let change = (0..3).map(|i| (next[i] - secants[i]).abs() / next[i]).fold(0.0, f64::max);
+            (secants, found) = (next, Frame::of(&u, a.tool));
+            if change < 1e-13 {
+                break;
+            }
+        }
+        let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
+        let extra = machine.load_dependent_deflection(&pose, &wrench).unwrap();
+        let sum = Vector3::from(linear.translation_m) + Vector3::from(extra.translation_m);
+        worst = worst.max((sum - found).norm() / found.norm());
+        let part = Vector3::from(extra.translation_m).norm() / found.norm();
+        share = (share.0.min(part), share.1.max(part));
+    }
+    println!("load-dependent: {worst:.1e}; they make {:.2} to {:.2} of the deflection", share.0, share.1);
+    assert!(worst <= 1e-8, "{worst:e}");
+    assert!(share.1 > 0.1, "nothing to see");
+}
+
+#[test]
+fn load_dependent_deflection_in_single_precision_and_its_refusals() {
+    let mut parameters = random_parameters(&mut seeded(), BodyKind::Beam);
+    let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+    let effects = parameters.effects.with("clearance", [20e-6, 10.0, 0.0]).unwrap();
+    parameters.effects = effects.with("contact-stiffening", [5e-9, 100.0, 0.0]).unwrap();
+    let (double, single) = (Machine::<f64>::new(&parameters).unwrap(), Machine::<f32>::new(&parameters).unwrap());
+    let mut worst = 0.0_f64;
+    let mut rng = seeded();
+    for _ in 0..1000 {
+        let pose = random_pose(&mut rng, &double, size, 0.2);
+        let narrow =
+            Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
+        let force_n: [f64; 3] = std::array::from_fn(|_| 1000.0 * (2.0 * rng.f64() - 1.0));
+        let wide = Wrench { force_n, moment_nm: [0.0; 3] };
+        let slim = Wrench { force_n: force_n.map(|f| f as f32), moment_nm: [0.0; 3] };
+        let expected = Vector3::from(double.load_dependent_deflection(&pose, &wide).unwrap().translation_m);
+        let found = single.load_dependent_deflection(&narrow, &slim).unwrap().translation_m.map(f64::from);
+        worst = worst.max((Vector3::from(found) - expected).norm() / expected.norm());
+    }
+    println!("f32 load-dependent: {worst:.1e}");
+    assert!(worst <= 1e-2, "{worst:e}");
+    let pose = random_pose(&mut rng, &double, size, 0.2);
+    let bad = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
+    assert_eq!(double.load_dependent_deflection(&pose, &bad), Err(StiffnessError::NotFinite));
 }

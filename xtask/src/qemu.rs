@@ -53,6 +53,8 @@ pub fn run() -> Outcome {
 fn one_of(effect: &EffectInfo) -> String {
     let value = |name: &str| match name {
         "tube_m" => 0.3,
+        "play_m" => 1e-5,
+        "taken_up_n" | "reference_n" => 50.0,
         name if name.ends_with("rad_per_nm") => 1e-7,
         name if name.ends_with("per_nm2") => 1e-6,
         _ => 1e-10,
@@ -171,7 +173,7 @@ fn values<T: Scalar>(
         Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
     let diagonal = table.diagonal_form(machine, pose)?;
     let factor = table.factor_form(machine, pose)?;
-    let d = factor.factor.deflection(&wrench)?;
+    let d = factor.factor.deflection(&wrench)?.plus(&machine.load_dependent_deflection(pose, &wrench)?);
     let lengths = machine.inverse(pose)?;
     let forward = machine.forward(&lengths)?;
     Ok(vec![

@@ -91,6 +91,15 @@ pub(crate) trait Effect {
     /// Adds compliance inside a limb.
     fn in_limb<T: Scalar, const N: usize>(_parameters: &[T; MAX_PARAMETERS], _limb: &mut Limb<'_, T, N>) {}
 
+    /// Whether [`elongation`](Self::elongation) does anything.
+    const DEPENDS_ON_LOAD: bool = false;
+
+    /// How much longer a limb gets under a tension in N than its linear compliance says, in m, and the derivative of
+    /// that in m/N, which must not be negative.
+    fn elongation<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _tension: T) -> (T, T) {
+        (T::ZERO, T::ZERO)
+    }
+
     /// Compliance, m/N, of B_1 and B_2 along z of B when they move together, and when they move against each other.
     fn between_bases_1_2<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 2]> {
         None
@@ -216,6 +225,23 @@ macro_rules! effects {
                 })+)+
             }
 
+            /// Whether anything active depends on the load.
+            pub(crate) fn depend_on_load(&self) -> bool {
+                const MASK: u32 =
+                    0 $($(| if <$module::$name as Effect>::DEPENDS_ON_LOAD { 1 << Index::$name as u32 } else { 0 })+)+;
+                self.active & MASK != 0
+            }
+
+            /// Elongation of a limb under tension beyond the linear one, and its derivative.
+            pub(crate) fn elongation(&self, tension: T) -> (T, T) {
+                let mut sum = (T::ZERO, T::ZERO);
+                $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
+                    let (e, slope) = $module::$name::elongation(&self.parameters[Index::$name as usize], tension);
+                    sum = (sum.0 + e, sum.1 + slope);
+                })+)+
+                sum
+            }
+
             /// Calls `add` with the coupling of B_1 and B_2 of every active effect that has one.
             pub(crate) fn between_bases_1_2(&self, mut add: impl FnMut([T; 2])) {
                 $($(if self.active & (1 << Index::$name as u32) != 0
@@ -252,4 +278,5 @@ effects! {
     joints::{UniversalJoint, RevoluteJoint, SphericalJoint, Revolute3Joint},
     wrist::{WristCompliance},
     coupling::{LimbCoupling},
+    load_dependent::{Clearance, ContactStiffening},
 }

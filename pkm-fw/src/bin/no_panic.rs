@@ -42,13 +42,14 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     black_box(machine.singularity_distance(&pose)).ok();
     black_box(machine.travel_margin_m(&lengths));
     black_box(machine.stiffness(&pose)).ok();
+    black_box(machine.load_dependent_deflection(&pose, &wrench)).ok();
     let matrix = black_box([[a; 6]; 6]);
     let stiffness = Stiffness::from_lower(&matrix);
     black_box((stiffness.matrix(), stiffness.principal()));
     if let Ok(factor) = stiffness.factor() {
         black_box((factor.stiffness(), factor.lower()));
         if let Ok(deflection) = factor.deflection(&wrench) {
-            black_box(deflection.seen_at([a, b, c]));
+            black_box(deflection.plus(&deflection).seen_at([a, b, c]));
         }
     }
     let _ = black_box(table.domain(&pose));

@@ -100,7 +100,8 @@ impl Line {
             table.diagonal_form(machine, pose)?
         };
         self.k_m_factor = lower(&corrected.factor.stiffness());
-        let d = corrected.factor.deflection(&wrench)?;
+        let extra = machine.load_dependent_deflection(pose, &wrench)?;
+        let d = corrected.factor.deflection(&wrench)?.plus(&extra);
         self.deflection = bits(d.translation_m.into_iter().chain(d.rotation_rad));
         Ok(())
     }
