@@ -217,8 +217,8 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
             set("base-compliance", [1e-9, 1e-7, 1e-9]);
             set("limb-2-axial", [1e-9, 0.0, 0.0]);
         }
-        set("clearance", [20e-6 * rng.f64(), 5.0 + 50.0 * rng.f64(), 0.0]);
-        set("contact-stiffening", [5e-9 * rng.f64(), 20.0 + 500.0 * rng.f64(), 0.0]);
+        set("clearance", [60e-6 * rng.f64(), 5.0 + 50.0 * rng.f64(), 0.0]);
+        set("contact-stiffening", [2e-8 * rng.f64(), 20.0 + 500.0 * rng.f64(), 0.0]);
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, size, 0.2);
         let mut between = |limit: f64| limit * (2.0 * rng.f64() - 1.0);
@@ -254,7 +254,7 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
     }
     println!("load-dependent: {worst:.1e}; they make {:.2} to {:.2} of the deflection", share.0, share.1);
     assert!(worst <= 1e-8, "{worst:e}");
-    assert!(share.1 > 0.1, "nothing to see");
+    assert!(share.1 > 0.05, "nothing to see");
 }
 
 #[test]
