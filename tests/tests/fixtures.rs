@@ -4,12 +4,16 @@ use std::path::Path;
 
 use pkm_core::tables::reference;
 use pkm_core::{CorrectionTable, Domain, Machine, Pose, Scalar};
+use pkm_host::dataset::{NamedPose, read_poses};
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::Source;
 
+fn fixture(path: &str) -> Source {
+    Source::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures").join(path)).unwrap()
+}
+
 fn machine(name: &str) -> MachineFile {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/machines").join(name);
-    MachineFile::parse(Source::read(&path).unwrap()).unwrap()
+    MachineFile::parse(fixture(&format!("machines/{name}"))).unwrap()
 }
 
 #[test]
@@ -42,30 +46,24 @@ fn boxes_lie_within_travel() {
     }
 }
 
-/// X0 and Z0 of the paper's Table 5 in mm.
-const TABLE_5: [(f64, f64); 7] = [
-    (-307.38, 363.45),
-    (-232.79, 375.90),
-    (-263.39, 315.72),
-    (-338.00, 300.14),
-    (-156.24, 433.25),
-    (-184.17, 447.83),
-    (-206.45, 458.46),
-];
-
 #[test]
 fn the_core_reports_table_5_outside_the_box() {
-    fn check<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>) {
-        for (x0, z0) in TABLE_5 {
-            let pose =
-                Pose { theta_rad: T::from_f64((x0 / z0).atan()), sigma_rad: T::ZERO, z0_m: T::from_f64(z0 / 1e3) };
-            assert_eq!(table.domain(&pose), Domain::Outside);
-            let corrected = table.diagonal_form(machine, &pose).unwrap();
-            assert_eq!(corrected.domain, Domain::Outside, "the value must carry the status");
-        }
+    fn check<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, pose: &Pose<f64>) {
+        let pose = Pose {
+            theta_rad: T::from_f64(pose.theta_rad),
+            sigma_rad: T::from_f64(pose.sigma_rad),
+            z0_m: T::from_f64(pose.z0_m),
+        };
+        assert_eq!(table.domain(&pose), Domain::Outside);
+        let corrected = table.diagonal_form(machine, &pose).unwrap();
+        assert_eq!(corrected.domain, Domain::Outside, "the value must carry the status");
     }
-    check(&reference::MACHINE_F64, &reference::TABLE_F64);
-    check(&reference::MACHINE_F32, &reference::TABLE_F32);
+    let poses = read_poses(fixture("poses/table5.csv"), &machine("reference.toml")).unwrap();
+    assert_eq!(poses.len(), 7);
+    for NamedPose { pose, .. } in &poses {
+        check(&reference::MACHINE_F64, &reference::TABLE_F64, pose);
+        check(&reference::MACHINE_F32, &reference::TABLE_F32, pose);
+    }
 }
 
 /// Eq. 1 counts one freedom; the rank of what the limbs transmit says three.
