@@ -292,7 +292,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
             return Ok(Corrected { factor, domain });
         }
         let mut stiffness = factor.stiffness();
-        let factor = if machine.add_tool_compliance(&mut stiffness) { stiffness.factor()? } else { factor };
+        let factor = if machine.add_tool_compliance(&mut stiffness)? { stiffness.factor()? } else { factor };
         Ok(Corrected { factor, domain })
     }
 

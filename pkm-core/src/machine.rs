@@ -169,6 +169,8 @@ pub enum Problem {
     Reversed,
     /// Negative where only a number of at least 0 has a meaning.
     Negative,
+    /// Beyond what any machine has, see [`EffectInfo::limit`](effects::EffectInfo::limit).
+    TooLarge,
     /// The bore is negative or not smaller than the outer diameter.
     Bore,
 }
@@ -309,12 +311,17 @@ impl MachineParameters {
         while i < effects::COUNT * effects::MAX_PARAMETERS {
             let (effect, parameter) = (i / effects::MAX_PARAMETERS, i % effects::MAX_PARAMETERS);
             let value = self.effects.parameters[effect][parameter];
+            let info = effects::EFFECTS[effect];
+            let too_large = parameter < info.parameters.len() && value >= info.limit(parameter);
             let parameter = Parameter::Effect { effect: effect as u8, parameter: parameter as u8 };
             if !value.is_finite() {
                 return Err(MachineError { parameter, problem: Problem::NotFinite });
             }
             if value < 0.0 {
                 return Err(MachineError { parameter, problem: Problem::Negative });
+            }
+            if too_large {
+                return Err(MachineError { parameter, problem: Problem::TooLarge });
             }
             i += 1;
         }

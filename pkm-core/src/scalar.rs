@@ -35,7 +35,8 @@ pub trait Scalar:
     /// One.
     const ONE: Self;
     /// What rounding may add at a limit before the limit counts as passed: 1e-9 in `f64`, 1e-5 in `f32`,
-    /// relative to screw length 1 for travel, to half its width for a table's box.
+    /// relative to screw length 1 for travel, to half its width for a table's box. Also where a solve on limb tensions
+    /// stops, relative to them.
     const SLACK: Self;
 
     /// The nearest value of this type.

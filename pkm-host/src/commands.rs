@@ -64,9 +64,7 @@ pub fn fk(machine: Option<&Path>, q_mm: [f64; 3]) -> Result<Output> {
     let what = format!("q = {}, {}, {} mm", q_mm[0], q_mm[1], q_mm[2]);
     let pose = machine.forward(&lengths).map_err(|e| match e {
         KinematicsError::OutOfTravel { limb } => {
-            let travel = file.parameters.travel;
-            let [low, high] = [travel.min_m, travel.max_m].map(|end| end[usize::from(limb) - 1] * 1e3);
-            Failure::refused(status(e), format!("{what}: the travel of screw {limb} is {low} to {high} mm"))
+            Failure::refused(status(e), format!("{what}: {e}: {}", file.travel_of(limb, &lengths)))
         }
         e => refused(e, &what),
     })?;

@@ -66,7 +66,8 @@ impl Sheet {
         let unquoted: String = header_line.split('"').step_by(2).collect();
         let semicolons = unquoted.contains(';');
         if !semicolons && !unquoted.contains(',') && unquoted.contains('\t') {
-            return Err(fail(1, "the cells are separated by tabs: save the file with commas or semicolons".into()));
+            let line = 1 + text.lines().take_while(|l| is_skipped(l)).count() as u64;
+            return Err(fail(line, "the cells are separated by tabs: save the file with commas or semicolons".into()));
         }
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(if semicolons { b';' } else { b',' })
@@ -213,7 +214,12 @@ impl Sheet {
                 let pose = if lengths {
                     let q_m = self.numbers(row, LENGTH_COLUMNS)?.map(|mm| mm / 1e3);
                     let forward = machine.machine.forward(&ScrewLengths { q_m });
-                    forward.map_err(|e| refused(e, e.to_string()))?
+                    forward.map_err(|e| match e {
+                        KinematicsError::OutOfTravel { limb } => {
+                            refused(e, format!("{e}: {}", machine.travel_of(limb, &ScrewLengths { q_m })))
+                        }
+                        e => refused(e, e.to_string()),
+                    })?
                 } else {
                     let [theta, sigma, z0] = self.numbers(row, ["theta_deg", "sigma_deg", "z0_mm"])?;
                     let pose = pose_of(theta, sigma, z0);
@@ -393,8 +399,19 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         for row in sheet.rows.iter() {
             // a blank cell is a channel that was not measured
             if !sheet.cell(row, column)?.is_empty() {
-                sheet.number(row, column)?;
+                let value = sheet.number(row, column)?;
+                if column.starts_with("sigma_") && value < 0.0 {
+                    let message = format!("expected a standard deviation of at least 0, found {value}");
+                    return Err(sheet.failure(row, message).at_column(*column));
+                }
             }
+        }
+    }
+    for row in sheet.rows.iter().filter(|_| sheet.has("direction")) {
+        let direction = sheet.cell(row, "direction")?;
+        if !["", "load", "unload"].contains(&direction) {
+            let message = format!("expected `load` or `unload`, found `{direction}`");
+            return Err(sheet.failure(row, message).at_column("direction"));
         }
     }
     let cases = sheet

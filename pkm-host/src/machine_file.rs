@@ -175,7 +175,7 @@ struct RawTube {
 struct RawEffect {
     id: Spanned<String>,
     #[serde(flatten)]
-    parameters: BTreeMap<String, f64>,
+    parameters: BTreeMap<String, toml::Value>,
 }
 
 impl MachineFile {
@@ -215,7 +215,7 @@ impl MachineFile {
             let message = "expected a name of one line of ordinary text".to_owned();
             return Err(fail(Some(raw.name.span()), "name", message));
         }
-        let effects = effects(&raw.effect).map_err(|(key, span, message)| fail(Some(span), &key, message))?;
+        let effects = effects(text, &raw.effect).map_err(|(key, span, message)| fail(Some(span), &key, message))?;
         check_ranges(&raw).map_err(|(key, span, message)| fail(Some(span), key, message))?;
 
         let g = &raw.geometry;
@@ -234,7 +234,7 @@ impl MachineFile {
             effects,
         };
         let machine = Machine::<f64>::new(&parameters).map_err(|e| {
-            let (key, span, value) = raw.locate(e);
+            let (key, span, value) = raw.locate(text, e);
             fail(Some(span), &key, format!("expected {}, found {value}", expected(e.problem)))
         })?;
         let pose_box = raw.pose_box.as_ref().map_or_else(PoseBox::default, |b| {
@@ -249,6 +249,14 @@ impl MachineFile {
         Ok(Self { name, parameters, machine, pose_box, tip_m, source })
     }
 
+    /// A screw's length beside its travel. Limbs count from 1.
+    pub fn travel_of(&self, limb: u8, lengths: &ScrewLengths<f64>) -> String {
+        let i = usize::from(limb) - 1;
+        let mm = |m: f64| (m * 1e6).round() / 1e3;
+        let travel = &self.parameters.travel;
+        format!("{} mm long, travel {} to {} mm", mm(lengths.q_m[i]), mm(travel.min_m[i]), mm(travel.max_m[i]))
+    }
+
     /// Why the machine can't take a pose, with the numbers that say what to change.
     pub fn refusal(&self, error: KinematicsError, pose: &Pose<f64>) -> String {
         let free = Travel { min_m: [1e-9; 3], max_m: [1e9; 3] };
@@ -256,12 +264,11 @@ impl MachineFile {
         let lengths = free.ok().and_then(|m| m.inverse(pose).ok());
         match (error, lengths) {
             (KinematicsError::OutOfTravel { limb }, Some(lengths)) => {
-                let i = usize::from(limb) - 1;
-                let mm = |m: f64| (m * 1e6).round() / 1e3;
-                let (q, low, high) = (lengths.q_m[i], self.parameters.travel.min_m[i], self.parameters.travel.max_m[i]);
-                format!("{error}: it would be {} mm long, its travel is {} to {} mm", mm(q), mm(low), mm(high))
+                format!("{error}: {}", self.travel_of(limb, &lengths))
             }
-            _ if pose.z0_m < 0.005 => format!("{error}: Z0 is {} mm; are lengths in mm?", pose.z0_m * 1e3),
+            _ if pose.z0_m > 0.0 && pose.z0_m < 0.005 => {
+                format!("{error}: Z0 is {} mm; are lengths in mm?", pose.z0_m * 1e3)
+            }
             _ => error.to_string(),
         }
     }
@@ -336,7 +343,7 @@ impl RawLimb {
 }
 
 /// Parameters of the `[[effect]]` tables.
-fn effects(raw: &[Spanned<RawEffect>]) -> std::result::Result<Effects, (String, Range<usize>, String)> {
+fn effects(text: &str, raw: &[Spanned<RawEffect>]) -> std::result::Result<Effects, (String, Range<usize>, String)> {
     let mut effects = Effects::NONE;
     let mut seen = BTreeSet::new();
     for effect in raw {
@@ -352,10 +359,14 @@ fn effects(raw: &[Spanned<RawEffect>]) -> std::result::Result<Effects, (String, 
         for (name, value) in parameters {
             let key = format!("{}.{name}", id.get_ref());
             let known = EFFECTS[index].parameters;
+            let span = place_of(text, effect, name);
             let Some(parameter) = known.iter().position(|p| p == name) else {
-                return fail(&key, effect.span(), format!("unknown parameter; known are {}", known.join(", ")));
+                return fail(&key, span, format!("unknown parameter; known are {}", known.join(", ")));
             };
-            effects.parameters[index][parameter] = *value;
+            let Some(number) = float(value) else {
+                return fail(&key, span, format!("expected a number, found {value}"));
+            };
+            effects.parameters[index][parameter] = number;
         }
         if parameters.is_empty() {
             let known = EFFECTS[index].parameters.join(", ");
@@ -365,11 +376,29 @@ fn effects(raw: &[Spanned<RawEffect>]) -> std::result::Result<Effects, (String, 
     Ok(effects)
 }
 
+/// A TOML number, whole or not.
+fn float(value: &toml::Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
+}
+
+/// Where a key of an `[[effect]]` is written: the parameters' own spans are lost with their names free to choose.
+fn place_of(text: &str, effect: &Spanned<RawEffect>, name: &str) -> Range<usize> {
+    let start = effect.span().start;
+    let mut at = start;
+    for line in text.get(start..).unwrap_or("").split_inclusive('\n') {
+        if line.split('=').next().is_some_and(|key| key.trim() == name) {
+            return at..at + line.len();
+        }
+        at += line.len();
+    }
+    effect.span()
+}
+
 /// A span, the key's name and the value that it holds.
 type Place = (String, Range<usize>, f64);
 
 impl RawMachine {
-    fn locate(&self, error: MachineError) -> Place {
+    fn locate(&self, text: &str, error: MachineError) -> Place {
         let number = |key: String, n: &Number| (key, n.span(), *n.get_ref());
         let entry =
             |key: String, a: &Spanned<Numbers<3>>, i: usize| (format!("{key}[{i}]"), a.span(), a.get_ref().0[i]);
@@ -413,8 +442,10 @@ impl RawMachine {
                 let info = EFFECTS[usize::from(effect)];
                 let name = info.parameters[usize::from(parameter)];
                 let raw = self.effect.iter().find(|e| e.get_ref().id.get_ref() == info.id);
-                let (span, value) = raw
-                    .map_or((0..0, f64::NAN), |e| (e.span(), e.get_ref().parameters.get(name).copied().unwrap_or(0.0)));
+                let (span, value) = raw.map_or((0..0, f64::NAN), |e| {
+                    let value = e.get_ref().parameters.get(name).and_then(float).unwrap_or(0.0);
+                    (place_of(text, e, name), value)
+                });
                 (format!("effect.{}.{name}", info.id), span, value)
             }
             Parameter::Inner { limb, member } => {
@@ -432,6 +463,7 @@ fn expected(problem: Problem) -> &'static str {
         Problem::NotReleased => "0, since this joint releases that direction",
         Problem::Reversed => "a greatest length above the least",
         Problem::Negative => "a number of at least 0",
+        Problem::TooLarge => "a smaller number (are the units m, N, N·m and rad?)",
         Problem::Bore => "a bore of at least 0 and below the outer diameter",
     }
 }

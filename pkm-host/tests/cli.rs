@@ -470,11 +470,13 @@ fn bad_machine_files_are_named() {
     let effects = [
         ("id = \"moon-phase\"", "moon-phase|known are|wrist-compliance", 69),
         ("id = \"wrist-compliance\"", "at least one of|linear_m_per_n", 69),
-        ("id = \"wrist-compliance\"\nlinear_um_per_n = 1.0", "linear_um_per_n|known are|linear_m_per_n", 68),
-        ("id = \"wrist-compliance\"\nlinear_m_per_n = -1e-9", "wrist-compliance.linear_m_per_n|at least 0", 68),
+        ("id = \"wrist-compliance\"\nlinear_um_per_n = 1.0", "linear_um_per_n|known are|linear_m_per_n", 70),
+        ("id = \"wrist-compliance\"\nlinear_m_per_n = -1e-9", "wrist-compliance.linear_m_per_n|at least 0", 70),
+        ("id = \"wrist-compliance\"\nlinear_m_per_n = \"x\"", "wrist-compliance.linear_m_per_n|expected a number", 70),
+        ("id = \"base-compliance\"\nmount_m_per_n = 1e305", "base-compliance.mount_m_per_n|smaller number", 70),
         ("linear_m_per_n = 1e-9", "missing key `id`", 68),
         (
-            "id = \"wrist-compliance\"\nlinear_m_per_n = 1\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1",
+            "id = \"wrist-compliance\"\nlinear_m_per_n = 1e-9\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1",
             "twice",
             72,
         ),

@@ -260,14 +260,19 @@ pub fn structural_stiffness(parameters: &MachineParameters, pose: &Pose<f64>) ->
     std::array::from_fn(|i| std::array::from_fn(|j| f64::from(terminal[(i, j)])))
 }
 
+/// Keeps the greater of two errors, and a NaN for good: `f64::max` would drop it.
+pub fn keep_worst(worst: &mut f64, error: f64) {
+    if error > *worst || error.is_nan() {
+        *worst = error;
+    }
+}
+
 /// Greatest |a_ij − b_ij| / √(b_ii b_jj).
 pub fn scaled_difference(a: &[[f64; 6]; 6], b: &[[f64; 6]; 6]) -> f64 {
     let mut worst = 0.0_f64;
     for i in 0..6 {
         for j in 0..6 {
-            let error = (a[i][j] - b[i][j]).abs() / (b[i][i] * b[j][j]).sqrt();
-            // a NaN must not hide
-            worst = if error > worst || error.is_nan() { error } else { worst };
+            keep_worst(&mut worst, (a[i][j] - b[i][j]).abs() / (b[i][i] * b[j][j]).sqrt());
         }
     }
     worst

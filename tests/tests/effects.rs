@@ -3,9 +3,10 @@
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use pkm_core::effects::{COUNT, EFFECTS};
 use pkm_core::machine::{BodyKind, MachineParameters};
+use pkm_core::tables::reference;
 use pkm_core::{Machine, Pose, StiffnessError, Wrench};
 use pkm_frame::{Frame, Node, Section};
-use pkm_tests::{random_parameters, random_pose, scaled_difference, seeded};
+use pkm_tests::{keep_worst, random_parameters, random_pose, scaled_difference, seeded};
 
 /// A parameter of an effect, by its names in files.
 fn amplitude(parameters: &MachineParameters, id: &str, name: &str) -> f64 {
@@ -175,12 +176,13 @@ fn every_linear_effect_equals_the_frame_solver() {
             }
         }
         let machine = Machine::<f64>::new(&parameters).unwrap();
-        let pose = random_pose(&mut rng, &machine, size, 0.2);
+        // nearer to a singularity the frame solver itself is no better than 1e-8
+        let pose = random_pose(&mut rng, &machine, size, 0.3);
         let Assembled { frame, tool, .. } = assemble(&parameters, &pose, [0.0; 3]);
         let compliance = frame.compliance(tool).unwrap_or_else(|| panic!("a mechanism: {which}"));
         let reference: Matrix6<f64> = compliance.try_inverse().unwrap();
         let k = machine.stiffness(&pose).unwrap().matrix();
-        worst[which] = worst[which].max(scaled_difference(&k, &reference.into()));
+        keep_worst(&mut worst[which], scaled_difference(&k, &reference.into()));
     }
     for (which, error) in worst.iter().enumerate() {
         let name = which.checked_sub(1).and_then(|i| EFFECTS.get(i)).map_or("none or all", |e| e.id);
@@ -248,7 +250,7 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
         let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
         let extra = machine.load_dependent_deflection(&pose, &wrench).unwrap();
         let sum = Vector3::from(linear.translation_m) + Vector3::from(extra.translation_m);
-        worst = worst.max((sum - found).norm() / found.norm());
+        keep_worst(&mut worst, (sum - found).norm() / found.norm());
         let part = Vector3::from(extra.translation_m).norm() / found.norm();
         share = (share.0.min(part), share.1.max(part));
     }
@@ -259,27 +261,31 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
 
 #[test]
 fn load_dependent_deflection_in_single_precision_and_its_refusals() {
-    let mut parameters = random_parameters(&mut seeded(), BodyKind::Beam);
-    let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
-    let effects = parameters.effects.with("clearance", [20e-6, 10.0, 0.0]).unwrap();
-    parameters.effects = effects.with("contact-stiffening", [5e-9, 100.0, 0.0]).unwrap();
+    let effects = reference::PARAMETERS.effects.with("clearance", [20e-6, 10.0, 0.0]).unwrap();
+    let effects = effects.with("contact-stiffening", [5e-9, 100.0, 0.0]).unwrap();
+    let parameters = MachineParameters { effects, ..reference::PARAMETERS };
     let (double, single) = (Machine::<f64>::new(&parameters).unwrap(), Machine::<f32>::new(&parameters).unwrap());
     let mut worst = 0.0_f64;
     let mut rng = seeded();
+    let mut within = |middle: f64, half: f64| middle + half * (2.0 * rng.f64() - 1.0);
     for _ in 0..1000 {
-        let pose = random_pose(&mut rng, &double, size, 0.2);
+        let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
         let narrow =
             Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
-        let force_n: [f64; 3] = std::array::from_fn(|_| 1000.0 * (2.0 * rng.f64() - 1.0));
+        let force_n: [f64; 3] = std::array::from_fn(|_| within(0.0, 1000.0));
         let wide = Wrench { force_n, moment_nm: [0.0; 3] };
         let slim = Wrench { force_n: force_n.map(|f| f as f32), moment_nm: [0.0; 3] };
-        let expected = Vector3::from(double.load_dependent_deflection(&pose, &wide).unwrap().translation_m);
-        let found = single.load_dependent_deflection(&narrow, &slim).unwrap().translation_m.map(f64::from);
-        worst = worst.max((Vector3::from(found) - expected).norm() / expected.norm());
+        let whole = |k: pkm_core::Stiffness<f64>| k.factor().unwrap().deflection(&wide).unwrap();
+        let extra = double.load_dependent_deflection(&pose, &wide).unwrap();
+        let expected = Vector3::from(whole(double.stiffness(&pose).unwrap()).plus(&extra).translation_m);
+        let linear = single.stiffness(&narrow).unwrap().factor().unwrap().deflection(&slim).unwrap();
+        let extra = single.load_dependent_deflection(&narrow, &slim).unwrap();
+        let found = linear.plus(&extra).translation_m.map(f64::from);
+        keep_worst(&mut worst, (Vector3::from(found) - expected).norm() / expected.norm());
     }
     println!("f32 load-dependent: {worst:.1e}");
-    assert!(worst <= 1e-2, "{worst:e}");
-    let pose = random_pose(&mut rng, &double, size, 0.2);
+    assert!(worst <= 1e-4, "{worst:e}");
+    let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
     let bad = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
     assert_eq!(double.load_dependent_deflection(&pose, &bad), Err(StiffnessError::NotFinite));
 }

@@ -2,7 +2,7 @@
 
 use pkm_core::machine::BodyKind;
 use pkm_core::{KinematicsError, Machine, Pose, ScrewLengths};
-use pkm_tests::{distance, random_parameters, random_pose, seeded, space};
+use pkm_tests::{distance, keep_worst, random_parameters, random_pose, seeded, space};
 
 const MACHINES: usize = 100_000;
 
@@ -19,17 +19,17 @@ fn forward_and_inverse_undo_each_other_on_random_machines() {
         let points = space(&parameters.geometry, &pose);
         for i in 0..3 {
             let q = f64::from(distance(&points.platform[i], &points.base[i]));
-            worst_geometry = worst_geometry.max((lengths.q_m[i] / q - 1.0).abs());
+            keep_worst(&mut worst_geometry, (lengths.q_m[i] / q - 1.0).abs());
         }
         // the working mode for every one: another assembly would be far from `pose`
         let back = machine.forward(&lengths).unwrap_or_else(|e| panic!("{e} at {pose:?} of {parameters:?}"));
         let l = pose.z0_m / pose.theta_rad.cos();
         for error in [back.theta_rad - pose.theta_rad, back.sigma_rad - pose.sigma_rad, (back.z0_m - pose.z0_m) / l] {
-            worst_pose = worst_pose.max(error.abs());
+            keep_worst(&mut worst_pose, error.abs());
         }
         let again = machine.inverse(&back).unwrap();
         for i in 0..3 {
-            worst_lengths = worst_lengths.max((again.q_m[i] / lengths.q_m[i] - 1.0).abs());
+            keep_worst(&mut worst_lengths, (again.q_m[i] / lengths.q_m[i] - 1.0).abs());
         }
     }
     println!("FK(IK) {worst_pose:.1e}, IK(FK) {worst_lengths:.1e}, IK against space {worst_geometry:.1e}");
@@ -49,9 +49,9 @@ fn forward_in_f32_returns_the_pose() {
         let narrow = Machine::<f32>::new(&parameters).unwrap();
         let q = machine.inverse(&pose).unwrap().q_m.map(|q| q as f32);
         let back = narrow.forward(&ScrewLengths { q_m: q }).unwrap();
-        worst = worst.max((f64::from(back.theta_rad) - pose.theta_rad).abs());
-        worst = worst.max((f64::from(back.sigma_rad) - pose.sigma_rad).abs());
-        worst = worst.max((f64::from(back.z0_m) - pose.z0_m).abs() * pose.theta_rad.cos() / pose.z0_m);
+        keep_worst(&mut worst, (f64::from(back.theta_rad) - pose.theta_rad).abs());
+        keep_worst(&mut worst, (f64::from(back.sigma_rad) - pose.sigma_rad).abs());
+        keep_worst(&mut worst, (f64::from(back.z0_m) - pose.z0_m).abs() * pose.theta_rad.cos() / pose.z0_m);
     }
     println!("f32 FK {worst:.1e}");
     assert!(worst <= 1e-4, "f32 FK differs by {worst:e}");
@@ -79,7 +79,7 @@ fn jacobian_is_the_derivative_of_inverse() {
             for limb in 0..3 {
                 let numeric = (ahead[limb] - behind[limb]) / (2.0 * step);
                 let unit = if column == 2 { 1.0 } else { l };
-                worst = worst.max((jacobian[limb][column] - numeric).abs() / unit);
+                keep_worst(&mut worst, (jacobian[limb][column] - numeric).abs() / unit);
             }
         }
         // the determinant of model.md 1, for (θ, σ, L), L = Z0 / cos θ

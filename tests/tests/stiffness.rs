@@ -1,8 +1,9 @@
 //! Basic stiffness against the dense 24×24 of Eq. 8.
 
-use pkm_core::machine::BodyKind;
+use pkm_core::effects::Effects;
+use pkm_core::machine::{BodyKind, MachineParameters};
 use pkm_core::{Machine, Pose, Stiffness, StiffnessError, Wrench};
-use pkm_tests::{random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
+use pkm_tests::{keep_worst, random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
 
 #[test]
 fn transmitted_wrenches_equal_the_structural_matrix() {
@@ -15,30 +16,40 @@ fn transmitted_wrenches_equal_the_structural_matrix() {
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
         let k = machine.stiffness(&pose).unwrap();
         let reference = structural_stiffness(&parameters, &pose);
-        worst = worst.max(scaled_difference(&k.matrix(), &reference));
+        keep_worst(&mut worst, scaled_difference(&k.matrix(), &reference));
         assert!(k.factor().is_ok(), "not positive definite at {pose:?} of {parameters:?}");
         assert!(worst <= 1e-13, "{worst:e} at {pose:?} of {parameters:?}");
     }
     println!("K_p against 24x24: {worst:.1e}");
 }
 
-#[test]
-fn single_precision_stays_near_double() {
+/// Worst scaled difference of f32 from f64 over random machines with the given effects.
+fn single_precision(effects: Effects) -> f64 {
     let mut rng = seeded();
     let mut worst = 0.0_f64;
     for n in 0..10_000 {
         let kind = if n % 2 == 0 { BodyKind::Beam } else { BodyKind::Diagonal };
-        let parameters = random_parameters(&mut rng, kind);
+        let parameters = MachineParameters { effects, ..random_parameters(&mut rng, kind) };
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
         let narrow =
             Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
         let k = Machine::<f32>::new(&parameters).unwrap().stiffness(&narrow).unwrap().matrix();
         let k = k.map(|row| row.map(f64::from));
-        worst = worst.max(scaled_difference(&k, &machine.stiffness(&pose).unwrap().matrix()));
+        keep_worst(&mut worst, scaled_difference(&k, &machine.stiffness(&pose).unwrap().matrix()));
     }
-    println!("f32 K_p against f64: {worst:.1e}");
-    assert!(worst <= 2e-5, "{worst:e}");
+    worst
+}
+
+#[test]
+fn single_precision_stays_near_double() {
+    let basic = single_precision(Effects::NONE);
+    let in_series = Effects::NONE.with("base-compliance", [1e-9, 1e-6, 1e-9]);
+    let in_series = in_series.and_then(|e| e.with("wrist-compliance", [1e-9, 1e-6, 0.0])).unwrap();
+    let in_series = single_precision(in_series);
+    println!("f32 K_p against f64: {basic:.1e}, with effects in series {in_series:.1e}");
+    assert!(basic <= 2e-5, "{basic:e}");
+    assert!(in_series <= 1e-3, "{in_series:e}");
 }
 
 #[test]

@@ -21,6 +21,28 @@ pub struct EffectInfo {
     pub parameters: &'static [&'static str],
 }
 
+impl EffectInfo {
+    /// Least value of a parameter that is refused: far beyond any machine, and near where `f32` fails.
+    pub const fn limit(&self, parameter: usize) -> f64 {
+        let name = self.parameters[parameter].as_bytes();
+        if ends_with(name, b"per_nm2") {
+            1e3
+        } else if ends_with(name, b"per_n") || ends_with(name, b"per_nm") {
+            1e-3
+        } else {
+            1e6
+        }
+    }
+}
+
+const fn ends_with(text: &[u8], end: &[u8]) -> bool {
+    if text.len() < end.len() {
+        return false;
+    }
+    let (_, tail) = text.split_at(text.len() - end.len());
+    same(tail, end)
+}
+
 /// A limb as effects see it. Points and axes are in A-uvw, with A as the origin.
 pub(crate) struct Limb<'a, T, const N: usize> {
     /// 0, 1, 2.
@@ -73,7 +95,7 @@ impl<T: Scalar> Series<T> {
                 for i in 0..6 {
                     work += force[i] * motion[i];
                 }
-                let share = compliance / (T::ONE + compliance * work);
+                let share = T::ONE / (T::ONE / compliance + work);
                 for i in 0..6 {
                     for j in 0..=i {
                         k[i][j] -= share * force[i] * force[j];
@@ -100,7 +122,8 @@ pub(crate) trait Effect {
         (T::ZERO, T::ZERO)
     }
 
-    /// Compliance, m/N, of B_1 and B_2 along z of B when they move together, and when they move against each other.
+    /// Compliances c, m/N, by which B_1 and B_2 both move along z of B by c (F_1 + F_2) of the forces there, and by
+    /// ± c (F_1 − F_2).
     fn between_bases_1_2<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 2]> {
         None
     }
@@ -110,7 +133,10 @@ pub(crate) trait Effect {
         None
     }
 
-    /// Compliance between A and the tool, along and about u, v, w. Comes after the correction table.
+    /// Whether it lies between A and the tool, and so comes after the correction table.
+    const AT_TOOL: bool = false;
+
+    /// Compliance between A and the tool, along and about u, v, w.
     fn at_tool<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
         None
     }
@@ -184,7 +210,13 @@ impl Effects {
     /// The same without what lies between A and the tool: what correction tables are fitted with, since they
     /// apply before it.
     pub const fn below_tool(mut self) -> Self {
-        self.parameters[Index::WristCompliance as usize] = [0.0; MAX_PARAMETERS];
+        let mut i = 0;
+        while i < COUNT {
+            if AT_TOOL[i] {
+                self.parameters[i] = [0.0; MAX_PARAMETERS];
+            }
+            i += 1;
+        }
         self
     }
 }
@@ -216,6 +248,8 @@ macro_rules! effects {
 
         /// Every effect.
         pub const EFFECTS: [EffectInfo; COUNT] = [$($(<$module::$name as Effect>::INFO),+),+];
+
+        const AT_TOOL: [bool; COUNT] = [$($(<$module::$name as Effect>::AT_TOOL),+),+];
 
         impl<T: Scalar> ActiveEffects<T> {
             /// Adds what every active effect has inside a limb.
