@@ -169,7 +169,7 @@ pub enum Problem {
     Reversed,
     /// Negative where only a number of at least 0 has a meaning.
     Negative,
-    /// Beyond what any machine has, see [`EffectInfo::limit`](effects::EffectInfo::limit).
+    /// An effect's parameter far beyond what any machine has: 1e-3 m/N or rad/(N·m), 1e3 /(N·m²), 1e6 otherwise.
     TooLarge,
     /// The bore is negative or not smaller than the outer diameter.
     Bore,
@@ -311,8 +311,7 @@ impl MachineParameters {
         while i < effects::COUNT * effects::MAX_PARAMETERS {
             let (effect, parameter) = (i / effects::MAX_PARAMETERS, i % effects::MAX_PARAMETERS);
             let value = self.effects.parameters[effect][parameter];
-            let info = effects::EFFECTS[effect];
-            let too_large = parameter < info.parameters.len() && value >= info.limit(parameter);
+            let too_large = value >= effects::LIMITS[effect][parameter];
             let parameter = Parameter::Effect { effect: effect as u8, parameter: parameter as u8 };
             if !value.is_finite() {
                 return Err(MachineError { parameter, problem: Problem::NotFinite });

@@ -21,19 +21,28 @@ pub struct EffectInfo {
     pub parameters: &'static [&'static str],
 }
 
-impl EffectInfo {
-    /// Least value of a parameter that is refused: far beyond any machine, and near where `f32` fails.
-    pub const fn limit(&self, parameter: usize) -> f64 {
-        let name = self.parameters[parameter].as_bytes();
-        if ends_with(name, b"per_nm2") {
-            1e3
-        } else if ends_with(name, b"per_n") || ends_with(name, b"per_nm") {
-            1e-3
-        } else {
-            1e6
+/// Least values that are refused: far beyond any machine, and near where `f32` fails. By the unit in the name.
+pub(crate) const LIMITS: [[f64; MAX_PARAMETERS]; COUNT] = {
+    let mut limits = [[f64::INFINITY; MAX_PARAMETERS]; COUNT];
+    let mut effect = 0;
+    while effect < COUNT {
+        let names = EFFECTS[effect].parameters;
+        let mut i = 0;
+        while i < names.len() {
+            let name = names[i].as_bytes();
+            limits[effect][i] = if ends_with(name, b"per_nm2") {
+                1e3
+            } else if ends_with(name, b"per_n") || ends_with(name, b"per_nm") {
+                1e-3
+            } else {
+                1e6
+            };
+            i += 1;
         }
+        effect += 1;
     }
-}
+    limits
+};
 
 const fn ends_with(text: &[u8], end: &[u8]) -> bool {
     if text.len() < end.len() {
