@@ -92,7 +92,7 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> Result<()> 
     let mut x_range = range(points().map(|p| p.0));
     if panel.series.len() > 1 {
         // room for the legend
-        x_range.end += 0.3 * (x_range.end - x_range.start);
+        x_range.end += 0.45 * (x_range.end - x_range.start);
     }
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, ("sans-serif", 16))

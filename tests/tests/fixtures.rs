@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use pkm_core::machine::Joint;
 use pkm_core::tables::reference;
 use pkm_core::{CorrectionTable, Domain, Machine, Pose, Scalar};
 use pkm_host::dataset::{NamedPose, read_poses};
@@ -69,13 +70,15 @@ fn the_core_reports_table_5_outside_the_box() {
 /// Eq. 1 counts one freedom; the rank of what the limbs transmit says three.
 #[test]
 fn mobility_is_one_by_formula_and_three_by_rank() {
-    let (bodies, joints) = (8, 9);
-    // U, P, R twice and R, P, S
-    let freedoms: i32 = [2, 1, 1, 2, 1, 1, 1, 1, 3].iter().sum();
+    let file = machine("reference.toml");
+    // two platforms, two bodies a limb; two joints and a screw a limb; what a joint releases has stiffness 0
+    let (bodies, joints) = (2 + 2 * 3, 3 * 3);
+    let released = |joint: &Joint| joint.angular_nm_per_rad.iter().filter(|k| **k == 0.0).count() as i32;
+    let freedoms: i32 =
+        file.parameters.limbs.iter().map(|l| released(&l.base_joint) + 1 + released(&l.platform_joint)).sum();
     assert_eq!(6 * (bodies - joints - 1) + freedoms, 1);
 
     // Wrenches that a limb with a free screw transmits are reciprocal to the twists of all its joints.
-    let file = machine("reference.toml");
     let pose = pkm_host::dataset::pose_of(7.0, -4.0, 530.0);
     let (locked, free) =
         (pkm_tests::transmitted(&file.parameters, &pose, true), pkm_tests::transmitted(&file.parameters, &pose, false));
