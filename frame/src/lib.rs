@@ -26,8 +26,8 @@ pub struct Frame {
     positions: Vec<Vector3<f64>>,
     /// Of all nodes, the ground first.
     stiffness: DMatrix<f64>,
-    /// Freedoms that follow another: (follower, leader).
-    ties: Vec<(usize, usize)>,
+    /// Nodes of which the translation along a direction follows another's: (follower, leader, direction).
+    ties: Vec<(Node, Node, Vector3<f64>)>,
     /// Nodes that share a place and turn against each other about two axes: (follower, leader, axes).
     hinges: Vec<(Node, Node, [Vector3<f64>; 2])>,
     /// Groups of nodes that a body carries on springs of their own.
@@ -104,14 +104,15 @@ impl Frame {
         self.add(a, b, &(relative.transpose() * k * relative));
     }
 
-    /// Ties a translation (0, 1, 2) of one node to the same of another: something rigid in that direction alone.
-    pub fn tie(&mut self, follower: Node, leader: Node, axis: usize) {
-        self.ties.push((6 * follower.0 + axis, 6 * leader.0 + axis));
+    /// Ties the translation of one node along a direction to the same of another: something rigid in that direction
+    /// alone.
+    pub fn tie(&mut self, follower: Node, leader: Node, direction: Vector3<f64>) {
+        self.ties.push((follower, leader, direction));
     }
 
     /// Lets two nodes at one place turn against each other about two axes only. A spring there is a joint of its own.
     pub fn hinge(&mut self, follower: Node, leader: Node, axes: [Vector3<f64>; 2]) {
-        (0..3).for_each(|axis| self.tie(follower, leader, axis));
+        (0..3).for_each(|axis| self.tie(follower, leader, Vector3::ith(axis, 1.0)));
         self.hinges.push((follower, leader, axes));
     }
 
@@ -179,10 +180,15 @@ impl Frame {
         // freedoms in terms of independent ones; a hinge's follower keeps its relative angles in two of its own
         let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
         let mut dependent: Vec<usize> = (0..6).collect();
-        for (follower, leader) in &self.ties {
-            let row = expand.row(*leader).clone_owned();
-            expand.set_row(*follower, &row);
-            dependent.push(*follower);
+        for (follower, leader, d) in &self.ties {
+            // the greatest component gives way to the other two
+            let kept = d.iamax();
+            let mut row = expand.rows(6 * leader.0, 3).tr_mul(d).transpose();
+            for i in (0..3).filter(|i| *i != kept) {
+                row -= expand.row(6 * follower.0 + i) * d[i];
+            }
+            expand.set_row(6 * follower.0 + kept, &(row / d[kept]));
+            dependent.push(6 * follower.0 + kept);
         }
         for (follower, leader, axes) in &self.hinges {
             let first = 6 * follower.0 + 3;

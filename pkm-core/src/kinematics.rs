@@ -4,9 +4,10 @@
 
 use core::fmt;
 
-use crate::machine::Machine;
+use crate::linalg::Lower;
+use crate::machine::{Machine, Sizes};
 use crate::scalar::Scalar;
-use crate::types::{Pose, ScrewLengths};
+use crate::types::{Pose, ScrewLengths, cross};
 
 /// Least [`SingularityDistance`] at which a pose is accepted.
 pub const SINGULARITY_MARGIN: f64 = 1e-3;
@@ -87,19 +88,83 @@ impl<T: Scalar> Posture<T> {
         [T::ZERO, self.sin_sigma, self.cos_sigma]
     }
 
-    fn singularity_distance(&self, machine: &Machine<T>) -> SingularityDistance<T> {
-        let across = self.l * self.cos_theta - machine.a2 * self.sin_theta;
-        SingularityDistance::new(machine, self.l * self.l, self.sin_sigma, self.cos_sigma, across)
+    fn singularity_distance(&self, sizes: &Sizes<T>) -> SingularityDistance<T> {
+        let across = self.l * self.cos_theta - sizes.a2 * self.sin_theta;
+        SingularityDistance::new(sizes, self.l * self.l, self.sin_sigma, self.cos_sigma, across)
+    }
+
+    /// Moves A_1 and A_2 along w, A_3 along n by the second amount times cos σ, the pose held.
+    pub fn offset(&mut self, [limbs_1_2, limb_3]: [T; 2]) {
+        for (y, n) in self.along_y.iter_mut().zip(&mut self.along_n) {
+            *y -= self.sin_sigma * limbs_1_2;
+            *n += self.cos_sigma * limbs_1_2;
+        }
+        self.limb_3[1] += self.cos_sigma * limb_3;
+        let [[y1, y2], [n1, n2], [u3, n3]] = [self.along_y, self.along_n, self.limb_3];
+        self.q = [(y1, n1), (y2, n2), (u3, n3)].map(|(x, y)| (x * x + y * y).sqrt());
+    }
+}
+
+/// The actual posture at a commanded pose.
+pub(crate) struct Actual<T> {
+    pub posture: Posture<T>,
+    /// R_actualᵀ R_commanded, from commanded A-uvw into the actual one; `None` when they are the same.
+    turn: Option<[[T; 3]; 3]>,
+}
+
+impl<T: Scalar> Actual<T> {
+    /// A six-vector in commanded A-uvw as seen in the actual one.
+    pub fn seen(&self, v: [T; 6]) -> [T; 6] {
+        let Some([x, y, z]) = self.turn else { return v };
+        let [a, b, c, d, e, f] = v;
+        let row = |r: [T; 3], a, b, c| r[0] * a + r[1] * b + r[2] * c;
+        [row(x, a, b, c), row(y, a, b, c), row(z, a, b, c), row(x, d, e, f), row(y, d, e, f), row(z, d, e, f)]
+    }
+
+    /// A six-vector in the actual A-uvw as seen in the commanded one.
+    pub fn given_back(&self, v: [T; 6]) -> [T; 6] {
+        let Some([x, y, z]) = self.turn else { return v };
+        let [a, b, c, d, e, f] = v;
+        let column = |i: usize, a, b, c| x[i] * a + y[i] * b + z[i] * c;
+        [
+            column(0, a, b, c),
+            column(1, a, b, c),
+            column(2, a, b, c),
+            column(0, d, e, f),
+            column(1, d, e, f),
+            column(2, d, e, f),
+        ]
+    }
+
+    /// A symmetric matrix in the actual A-uvw, lower triangle, as seen in the commanded one.
+    pub fn given_back_matrix(&self, lower: &mut Lower<T>) {
+        if self.turn.is_none() {
+            return;
+        }
+        // Kᵀ = K, so that turning the rows, twice with a transposition between, turns both sides
+        let mut k = *lower;
+        for i in 0..6 {
+            for j in 0..i {
+                k[j][i] = k[i][j];
+            }
+        }
+        let half = k.map(|row| self.given_back(row));
+        for i in 0..6 {
+            for j in 0..6 {
+                k[i][j] = half[j][i];
+            }
+        }
+        *lower = k.map(|row| self.given_back(row));
     }
 }
 
 impl<T: Scalar> SingularityDistance<T> {
     /// `across` is L cos θ − a2 sin θ.
-    fn new(machine: &Machine<T>, l2: T, sin_sigma: T, cos_sigma: T, across: T) -> Self {
-        let ab = machine.a1 * machine.b1;
+    fn new(sizes: &Sizes<T>, l2: T, sin_sigma: T, cos_sigma: T, across: T) -> Self {
+        let ab = sizes.a1 * sizes.b1;
         Self {
             limbs_1_2: (l2 * cos_sigma - ab * sin_sigma * sin_sigma) / (l2 + ab),
-            limb_3: across / (l2 + machine.a2 * machine.a2).sqrt(),
+            limb_3: across / (l2 + sizes.a2 * sizes.a2).sqrt(),
         }
     }
 
@@ -145,11 +210,82 @@ impl<T: Scalar> Machine<T> {
     /// # Errors
     /// In this order: not finite, out of travel, unreachable, singular.
     pub fn forward(&self, lengths: &ScrewLengths<T>) -> Result<Pose<T>, KinematicsError> {
-        let [q1, q2, q3] = lengths.q_m;
-        if !(q1.is_finite() && q2.is_finite() && q3.is_finite()) {
+        if !lengths.q_m.iter().all(|q| q.is_finite()) {
             return Err(KinematicsError::NotFinite);
         }
         self.check_travel(lengths)?;
+        self.declared.forward(lengths)
+    }
+
+    /// ∂q/∂(θ, σ, Z0): row i for limb i+1, columns in m/rad, m/rad, m/m.
+    ///
+    /// # Errors
+    /// Those of [`inverse`](Self::inverse).
+    pub fn jacobian(&self, pose: &Pose<T>) -> Result<[[T; 3]; 3], KinematicsError> {
+        let p = self.posture(pose)?;
+        let (dl_dz0, dl_dtheta) = (T::ONE / p.cos_theta, p.l * p.sin_theta / p.cos_theta);
+        let mut rows = [[T::ZERO; 3]; 3];
+        for (i, side) in [-T::ONE, T::ONE].into_iter().enumerate() {
+            let dq_dl = p.along_n[i] / p.q[i];
+            let dq_dsigma = self.declared.a1 * (self.declared.b1 * p.sin_sigma + side * p.l * p.cos_sigma) / p.q[i];
+            rows[i] = [dq_dl * dl_dtheta, dq_dsigma, dq_dl * dl_dz0];
+        }
+        let dq_dl = p.limb_3[1] / p.q[2];
+        let across = p.l * p.cos_theta - self.declared.a2 * p.sin_theta;
+        rows[2] = [dq_dl * dl_dtheta - self.declared.b2 * across / p.q[2], T::ZERO, dq_dl * dl_dz0];
+        Ok(rows)
+    }
+
+    /// How far a pose is from the direct singularities.
+    ///
+    /// # Errors
+    /// Those of [`inverse`](Self::inverse).
+    pub fn singularity_distance(&self, pose: &Pose<T>) -> Result<SingularityDistance<T>, KinematicsError> {
+        Ok(self.posture(pose)?.singularity_distance(&self.declared))
+    }
+
+    pub(crate) fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
+        let posture = self.declared.posture(pose)?;
+        self.check_travel(&ScrewLengths { q_m: posture.q })?;
+        Ok(posture)
+    }
+
+    /// Where the mechanism stands when it is told to take a posture: the lengths are those of the declared sizes, the
+    /// rest follows from the actual ones.
+    pub(crate) fn actual(&self, commanded: Posture<T>) -> Result<Actual<T>, KinematicsError> {
+        if self.actual == self.declared {
+            return Ok(Actual { posture: commanded, turn: None });
+        }
+        let pose = self.actual.forward(&ScrewLengths { q_m: commanded.q })?;
+        let posture = self.actual.posture(&pose)?;
+        let axes = |p: &Posture<T>| [p.x(), p.y(), cross(p.x(), p.y())];
+        let (there, here) = (axes(&posture), axes(&commanded));
+        let mut turn = [[T::ZERO; 3]; 3];
+        for (there, here) in there.iter().zip(&here) {
+            for (row, t) in turn.iter_mut().zip(there) {
+                for (entry, h) in row.iter_mut().zip(here) {
+                    *entry += *t * *h;
+                }
+            }
+        }
+        Ok(Actual { posture, turn: Some(turn) })
+    }
+
+    fn check_travel(&self, lengths: &ScrewLengths<T>) -> Result<(), KinematicsError> {
+        let (margin, limb) = self.travel_margin_m(lengths);
+        // a pose that came from lengths on the very end of travel must not be refused for its rounding
+        if margin >= -T::SLACK * self.q_max[0] {
+            Ok(())
+        } else {
+            Err(KinematicsError::OutOfTravel { limb: limb as u8 + 1 })
+        }
+    }
+}
+
+impl<T: Scalar> Sizes<T> {
+    /// See [`Machine::forward`]; whatever the travel.
+    fn forward(&self, lengths: &ScrewLengths<T>) -> Result<Pose<T>, KinematicsError> {
+        let [q1, q2, q3] = lengths.q_m;
         let (two, three) = (T::from_f64(2.0), T::from_f64(3.0));
         let half = T::from_f64(0.5);
         let (a1, b1, a2, b2) = (self.a1, self.b1, self.a2, self.b2);
@@ -203,34 +339,8 @@ impl<T: Scalar> Machine<T> {
         })
     }
 
-    /// ∂q/∂(θ, σ, Z0): row i for limb i+1, columns in m/rad, m/rad, m/m.
-    ///
-    /// # Errors
-    /// Those of [`inverse`](Self::inverse).
-    pub fn jacobian(&self, pose: &Pose<T>) -> Result<[[T; 3]; 3], KinematicsError> {
-        let p = self.posture(pose)?;
-        let (dl_dz0, dl_dtheta) = (T::ONE / p.cos_theta, p.l * p.sin_theta / p.cos_theta);
-        let mut rows = [[T::ZERO; 3]; 3];
-        for (i, side) in [-T::ONE, T::ONE].into_iter().enumerate() {
-            let dq_dl = p.along_n[i] / p.q[i];
-            let dq_dsigma = self.a1 * (self.b1 * p.sin_sigma + side * p.l * p.cos_sigma) / p.q[i];
-            rows[i] = [dq_dl * dl_dtheta, dq_dsigma, dq_dl * dl_dz0];
-        }
-        let dq_dl = p.limb_3[1] / p.q[2];
-        let across = p.l * p.cos_theta - self.a2 * p.sin_theta;
-        rows[2] = [dq_dl * dl_dtheta - self.b2 * across / p.q[2], T::ZERO, dq_dl * dl_dz0];
-        Ok(rows)
-    }
-
-    /// How far a pose is from the direct singularities.
-    ///
-    /// # Errors
-    /// Those of [`inverse`](Self::inverse).
-    pub fn singularity_distance(&self, pose: &Pose<T>) -> Result<SingularityDistance<T>, KinematicsError> {
-        Ok(self.posture(pose)?.singularity_distance(self))
-    }
-
-    pub(crate) fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
+    /// See [`Machine::inverse`]; whatever the travel.
+    fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
         if !pose.is_finite() {
             return Err(KinematicsError::NotFinite);
         }
@@ -258,17 +368,6 @@ impl<T: Scalar> Machine<T> {
             q: [length(narrowing, along_n[0]), length(narrowing, along_n[1]), length(limb_3[0], limb_3[1])],
         };
         posture.singularity_distance(self).check()?;
-        self.check_travel(&ScrewLengths { q_m: posture.q })?;
         Ok(posture)
-    }
-
-    fn check_travel(&self, lengths: &ScrewLengths<T>) -> Result<(), KinematicsError> {
-        let (margin, limb) = self.travel_margin_m(lengths);
-        // a pose that came from lengths on the very end of travel must not be refused for its rounding
-        if margin >= -T::SLACK * self.q_max[0] {
-            Ok(())
-        } else {
-            Err(KinematicsError::OutOfTravel { limb: limb as u8 + 1 })
-        }
     }
 }

@@ -48,7 +48,7 @@ pub mod types;
 
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
-pub use machine::{Machine, MachineError, MachineParameters};
+pub use machine::{Machine, MachineError, MachineParameters, TemperatureError};
 pub use scalar::Scalar;
 pub use stiffness::{Stiffness, StiffnessError, StiffnessFactor};
 pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};

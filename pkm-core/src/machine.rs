@@ -3,8 +3,10 @@
 //! [`MachineParameters`] is plain data that a generated table can hold as a `const`.
 //! [`Machine::new`] checks it and turns it into what the formulas need; both work at compile time.
 
+use core::fmt;
+
 use crate::checksum::{START, over_byte, over_numbers};
-use crate::effects::{self, ActiveEffects, Effects};
+use crate::effects::{self, ActiveEffects, Effects, Size};
 use crate::scalar::Scalar;
 
 /// The numbers of one machine, SI, unchecked. The limbs are in the order of the paper.
@@ -169,7 +171,8 @@ pub enum Problem {
     Reversed,
     /// Negative where only a number of at least 0 has a meaning.
     Negative,
-    /// An effect's parameter far beyond what any machine has: 1e-3 m/N or rad/(N·m), 1e3 /(N·m²), 1e6 otherwise.
+    /// An effect's parameter far beyond what any machine has, either way: 1e-3 m/N or rad/(N·m), 1e3 /(N·m²), 0.1 m of
+    /// offset, half of a platform's size, a stiffness of 5 % or a length of 1e-3 per kelvin, 1e6 otherwise.
     TooLarge,
     /// The bore is negative or not smaller than the outer diameter.
     Bore,
@@ -190,14 +193,25 @@ pub struct MachineError {
 /// Every division by a stiffness is done here, once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Machine<T> {
-    pub(crate) a1: T,
-    pub(crate) a2: T,
-    pub(crate) b1: T,
-    pub(crate) b2: T,
+    /// What the controller computes with.
+    pub(crate) declared: Sizes<T>,
+    /// What stands there: another thing only under an effect on geometry.
+    pub(crate) actual: Sizes<T>,
     pub(crate) q_min: [T; 3],
     pub(crate) q_max: [T; 3],
     pub(crate) limbs: [LimbCompliance<T>; 3],
+    /// Where `limbs` holds, °C.
+    pub(crate) temperature_c: T,
     pub(crate) effects: ActiveEffects<T>,
+}
+
+/// [`Geometry`] in a machine's number type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sizes<T> {
+    pub a1: T,
+    pub a2: T,
+    pub b1: T,
+    pub b2: T,
 }
 
 /// Compliances of one limb. An entry of a released direction is 0 and never asked for.
@@ -281,7 +295,39 @@ const fn check_tube(tube: &Tube, limb: usize, member: Member) -> Result<(), Mach
     Ok(())
 }
 
+/// Temperature that stiffnesses are declared for, °C.
+pub const DECLARED_TEMPERATURE_C: f64 = 20.0;
+
+impl Geometry {
+    const fn size(&self, size: Size) -> f64 {
+        match size {
+            Size::A1 => self.a1_m,
+            Size::A2 => self.a2_m,
+            Size::B1 => self.b1_m,
+            Size::B2 => self.b2_m,
+        }
+    }
+}
+
 impl MachineParameters {
+    /// The sizes of the platforms as they stand there: the declared ones and the errors that effects give them.
+    pub const fn actual_geometry(&self) -> Geometry {
+        let mut g = self.geometry;
+        let mut i = 0;
+        while i < effects::COUNT {
+            let [error, ..] = self.effects.parameters[i];
+            match effects::SIZES[i] {
+                Some(Size::A1) => g.a1_m += error,
+                Some(Size::A2) => g.a2_m += error,
+                Some(Size::B1) => g.b1_m += error,
+                Some(Size::B2) => g.b2_m += error,
+                None => {}
+            }
+            i += 1;
+        }
+        g
+    }
+
     /// Checks every number: finite, positive where it must be, released directions 0, travel not reversed.
     ///
     /// # Errors
@@ -311,15 +357,19 @@ impl MachineParameters {
         while i < effects::COUNT * effects::MAX_PARAMETERS {
             let (effect, parameter) = (i / effects::MAX_PARAMETERS, i % effects::MAX_PARAMETERS);
             let value = self.effects.parameters[effect][parameter];
-            let too_large = value >= effects::LIMITS[effect][parameter];
+            let limit = match effects::SIZES[effect] {
+                Some(size) => 0.5 * g.size(size),
+                None => effects::LIMITS[effect][parameter],
+            };
+            let signed = effects::EFFECTS[effect].signed;
             let parameter = Parameter::Effect { effect: effect as u8, parameter: parameter as u8 };
             if !value.is_finite() {
                 return Err(MachineError { parameter, problem: Problem::NotFinite });
             }
-            if value < 0.0 {
+            if value < 0.0 && !signed {
                 return Err(MachineError { parameter, problem: Problem::Negative });
             }
-            if too_large {
+            if value.abs() >= limit {
                 return Err(MachineError { parameter, problem: Problem::TooLarge });
             }
             i += 1;
@@ -409,16 +459,17 @@ macro_rules! machine {
                     [v[0] as $t, v[1] as $t, v[2] as $t]
                 }
                 check!(parameters.check());
-                let g = &parameters.geometry;
+                const fn sizes(g: &Geometry) -> Sizes<$t> {
+                    Sizes { a1: g.a1_m as $t, a2: g.a2_m as $t, b1: g.b1_m as $t, b2: g.b2_m as $t }
+                }
                 let l = &parameters.limbs;
                 Ok(Self {
-                    a1: g.a1_m as $t,
-                    a2: g.a2_m as $t,
-                    b1: g.b1_m as $t,
-                    b2: g.b2_m as $t,
+                    declared: sizes(&parameters.geometry),
+                    actual: sizes(&parameters.actual_geometry()),
                     q_min: narrow(parameters.travel.min_m),
                     q_max: narrow(parameters.travel.max_m),
                     limbs: [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])],
+                    temperature_c: DECLARED_TEMPERATURE_C as $t,
                     effects: ActiveEffects::<$t>::new(&parameters.effects),
                 })
             }
@@ -429,7 +480,82 @@ macro_rules! machine {
 machine!(f32);
 machine!(f64);
 
+/// Why there is no machine at a temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum TemperatureError {
+    /// NaN or infinite.
+    NotFinite,
+    /// The `thermal-modulus` effect would leave no stiffness.
+    NoStiffness,
+}
+
+impl fmt::Display for TemperatureError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "the temperature is not finite",
+            Self::NoStiffness => "no stiffness would be left at this temperature",
+        })
+    }
+}
+
+impl core::error::Error for TemperatureError {}
+
+impl<T: Scalar> LimbCompliance<T> {
+    /// Compliances of body and joints times a factor each.
+    fn softened(mut self, body: T, joints: T) -> Self {
+        for c in [&mut self.axial, &mut self.bending, &mut self.torsion] {
+            *c *= body;
+        }
+        let ends =
+            [&mut self.base_linear, &mut self.base_angular, &mut self.platform_linear, &mut self.platform_angular];
+        for c in ends.into_iter().flatten() {
+            *c *= joints;
+        }
+        self
+    }
+}
+
 impl<T: Scalar> Machine<T> {
+    /// The machine at a temperature in °C, by its `thermal-modulus` effect: of every declared stiffness of a limb body
+    /// (of a joint) the share 1 − rate × (T − 20 °C) is left. Stiffnesses that other effects bring stay. Without the
+    /// effect it is the same machine. The temperature is that of the result, whatever that of `self` was.
+    ///
+    /// # Errors
+    /// The temperature is not finite, or the share would not be above 0.
+    ///
+    /// ```
+    /// use pkm_core::machine::TemperatureError;
+    /// use pkm_core::tables::reference::{MACHINE_F64, PARAMETERS};
+    /// use pkm_core::{Machine, MachineParameters};
+    /// assert_eq!(MACHINE_F64.at_temperature(35.0), Ok(MACHINE_F64));
+    /// let effects = PARAMETERS.effects.with("thermal-modulus", [4e-4, 4e-4, 0.0]).unwrap();
+    /// let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    /// assert_ne!(steel.at_temperature(35.0), Ok(steel));
+    /// assert_eq!(steel.at_temperature(20.0), Ok(steel));
+    /// assert_eq!(steel.at_temperature(1e4), Err(TemperatureError::NoStiffness));
+    /// ```
+    pub fn at_temperature(&self, temperature_c: T) -> Result<Self, TemperatureError> {
+        if !temperature_c.is_finite() {
+            return Err(TemperatureError::NotFinite);
+        }
+        let mut machine = *self;
+        let rates = self.effects.softening();
+        if rates == [T::ZERO; 2] {
+            return Ok(machine);
+        }
+        let declared = T::from_f64(DECLARED_TEMPERATURE_C);
+        let left = |temperature: T| rates.map(|rate| T::ONE - rate * (temperature - declared));
+        let ([body, joints], [body_now, joints_now]) = (left(temperature_c), left(self.temperature_c));
+        if !(body > T::ZERO && joints > T::ZERO && body.is_finite() && joints.is_finite()) {
+            return Err(TemperatureError::NoStiffness);
+        }
+        machine.temperature_c = temperature_c;
+        machine.limbs = self.limbs.map(|limb| limb.softened(body_now / body, joints_now / joints));
+        Ok(machine)
+    }
+
     /// How far the lengths are from the nearest end of travel, in m; negative outside. With the limb, 0…2.
     pub fn travel_margin_m(&self, lengths: &crate::ScrewLengths<T>) -> (T, usize) {
         let mut least = (lengths.q_m[0] - self.q_min[0], 0);

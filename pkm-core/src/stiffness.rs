@@ -14,7 +14,7 @@ use core::fmt;
 use crate::effects::{Limb, Series};
 use crate::kinematics::{KinematicsError, Posture};
 use crate::linalg::{self, Lower};
-use crate::machine::Machine;
+use crate::machine::{Machine, Sizes};
 use crate::scalar::Scalar;
 use crate::types::{Deflection, Pose, Wrench, cross};
 
@@ -27,7 +27,7 @@ pub enum StiffnessError {
     Kinematics(KinematicsError),
     /// The 6×6 is not positive definite in this number type.
     NotPositiveDefinite,
-    /// A wrench or a deflection is NaN or infinite.
+    /// A wrench, a temperature or a deflection is NaN or infinite.
     NotFinite,
     /// The limb forces under load-dependent effects were not found.
     NotConverged,
@@ -38,7 +38,7 @@ impl fmt::Display for StiffnessError {
         match self {
             Self::Kinematics(e) => e.fmt(f),
             Self::NotPositiveDefinite => f.write_str("the stiffness matrix is not positive definite"),
-            Self::NotFinite => f.write_str("the wrench or the deflection is not finite"),
+            Self::NotFinite => f.write_str("the wrench, the temperature or the deflection is not finite"),
             Self::NotConverged => f.write_str("the limb forces under load-dependent effects were not found"),
         }
     }
@@ -118,8 +118,7 @@ impl<T: Scalar> StiffnessFactor<T> {
     /// # Errors
     /// [`StiffnessError::NotFinite`] when the wrench or the result is not finite.
     pub fn deflection(&self, wrench: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
-        let x = linalg::solve(&self.lower, &wrench.to_array());
-        if x.iter().all(|v| v.is_finite()) { Ok(Deflection::from_array(x)) } else { Err(StiffnessError::NotFinite) }
+        finite(linalg::solve(&self.lower, &wrench.to_array()))
     }
 
     /// The factor's entries; above the diagonal they are 0.
@@ -352,6 +351,10 @@ fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+fn finite<T: Scalar>(d: [T; 6]) -> Result<Deflection<T>, StiffnessError> {
+    if d.iter().all(|v| v.is_finite()) { Ok(Deflection::from_array(d)) } else { Err(StiffnessError::NotFinite) }
+}
+
 impl<T: Scalar> Machine<T> {
     /// Terminal stiffness K_p at A in A-uvw (Eqs. 7-9), with the machine's effects.
     ///
@@ -377,37 +380,49 @@ impl<T: Scalar> Machine<T> {
     }
 
     fn assemble<const EFFECTS: bool>(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let mut lower = linalg::zero();
+        let mut lower;
         if EFFECTS {
-            let (pair, third) = self.chains_with_effects(p);
+            let actual = self.actual(*p)?;
+            let p = &actual.posture;
+            let (pair, third);
+            (pair, third, lower) = self.chains_with_effects(p);
             pair.add_stiffness_to(&mut lower)?;
             third.add_stiffness_to(&mut lower)?;
             let (n, x, y) = (p.n(), p.x(), p.y());
             let at = n.map(|c| -p.l * c);
             let axes = [x, y, cross(x, y)];
             self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(&mut lower));
+            actual.given_back_matrix(&mut lower);
             Stiffness { lower }.check_diagonal()?;
         } else {
-            self.chain_1_2::<0>(p).add_stiffness_to(&mut lower)?;
-            self.chain_1_2::<1>(p).add_stiffness_to(&mut lower)?;
-            self.chain_3(p).add_stiffness_to(&mut lower)?;
+            lower = linalg::zero();
+            self.chain_1_2::<0, false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
+            self.chain_1_2::<1, false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
+            self.chain_3::<false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
         }
         Ok(Stiffness { lower })
     }
 
-    /// Limbs 1 and 2 together, and limb 3, with what effects add inside them.
-    fn chains_with_effects(&self, p: &Posture<T>) -> (Chain<T, 6>, Chain<T, 2>) {
-        let (mut first, mut second, mut third) = (self.chain_1_2::<0>(p), self.chain_1_2::<1>(p), self.chain_3(p));
-        self.add_effects_1_2::<0>(p, &mut first);
-        self.add_effects_1_2::<1>(p, &mut second);
-        self.add_effects_3(p, &mut third);
+    /// Limbs 1 and 2 together, and limb 3, with what effects add inside them; and what is beside them in K, lower
+    /// triangle. At the actual posture.
+    fn chains_with_effects(&self, p: &Posture<T>) -> (Chain<T, 6>, Chain<T, 2>, Lower<T>) {
+        let offset = self.effects.offset();
+        let mut p = *p;
+        p.offset(offset);
+        let (p, [h, h_3]) = (&p, offset);
+        let (mut first, mut second) = (self.chain_1_2::<0, true>(p, h), self.chain_1_2::<1, true>(p, h));
+        let mut third = self.chain_3::<true>(p, h_3);
+        let mut beside = linalg::zero();
+        self.add_effects_1_2::<0>(p, h, &mut first, &mut beside);
+        self.add_effects_1_2::<1>(p, h, &mut second, &mut beside);
+        self.add_effects_3(p, h_3, &mut third, &mut beside);
         let mut pair = Chain::pair(first, second);
         let z = cross(p.x(), p.y());
         self.effects.between_bases_1_2(|[together, opposed]| {
             pair.add_mode(z, T::ONE, together);
             pair.add_mode(z, -T::ONE, opposed);
         });
-        (pair, third)
+        (pair, third, beside)
     }
 
     /// What load-dependent effects add to the displacement of A under a wrench, on top of the linear deflection (of
@@ -417,49 +432,110 @@ impl<T: Scalar> Machine<T> {
     /// [`MAX_STEPS`] Newton steps (spec: diagnosis.md). In f32 the whole deflection of the
     /// reference machine in its box is within 1e-4 of f64.
     ///
+    /// `turned_at` is the load at which the loading last turned back: zero when it has only grown. Friction asks for
+    /// it, nothing else does.
+    ///
     /// # Errors
-    /// Those of [`stiffness`](Self::stiffness); a wrench that is not finite; [`StiffnessError::NotConverged`].
+    /// Those of [`stiffness`](Self::stiffness); a wrench or a deflection that is not finite;
+    /// [`StiffnessError::NotConverged`].
     pub fn load_dependent_deflection(
         &self,
         pose: &Pose<T>,
         wrench: &Wrench<T>,
+        turned_at: &Wrench<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
         let posture = self.posture(pose)?;
-        let load = wrench.to_array();
-        if !load.iter().all(|f| f.is_finite()) {
+        let (load, turned_at) = (wrench.to_array(), turned_at.to_array());
+        if !load.iter().chain(&turned_at).all(|f| f.is_finite()) {
             return Err(StiffnessError::NotFinite);
         }
         if !self.effects.depend_on_load() {
             return Ok(Deflection::from_array([T::ZERO; 6]));
         }
-        let (pair, third) = self.chains_with_effects(&posture);
+        let actual = self.actual(posture)?;
+        let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
+        let (pair, third, mut lower) = self.chains_with_effects(&actual.posture);
         // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
         let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
         let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
         let o = T::ZERO;
         let own = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
-        let mut lower = linalg::zero();
         pair.add_stiffness_to(&mut lower)?;
         third.add_stiffness_to(&mut lower)?;
         let factor = linalg::cholesky(&lower).ok_or(StiffnessError::NotPositiveDefinite)?;
         let moved = [linalg::solve(&factor, &v[0]), linalg::solve(&factor, &v[1]), linalg::solve(&factor, &v[2])];
         let product = |a: &[T; 6], b: &[T; 6]| a.iter().zip(b).fold(o, |sum, (a, b)| sum + *a * *b);
         let mut m = [[o; 3]; 3];
-        let mut linear = [o; 3];
+        let (mut linear, mut lag) = ([o; 3], [o; 3]);
         for i in 0..3 {
             linear[i] = product(&moved[i], &load);
+            lag[i] = self.effects.lag(linear[i], product(&moved[i], &turned_at));
             for j in 0..3 {
                 m[i][j] = own[i][j] - product(&v[i], &moved[j]);
             }
         }
-        let elongations = tensions(&m, &linear, |n| self.effects.elongation(n))?.map(|n| self.effects.elongation(n).0);
+        // the lag is known from the linear tensions: what it does to them comes before the solve
+        for (linear, row) in linear.iter_mut().zip(m) {
+            *linear -= dot(row, lag);
+        }
+        let found = tensions(&m, &linear, |n| self.effects.elongation(n))?;
         let mut d = [o; 6];
-        for (moved, e) in moved.iter().zip(elongations) {
+        for (moved, (n, lag)) in moved.iter().zip(found.into_iter().zip(lag)) {
+            let e = self.effects.elongation(n).0 + lag;
             for (d, c) in d.iter_mut().zip(moved) {
                 *d += e * *c;
             }
         }
-        Ok(Deflection::from_array(d))
+        finite(actual.given_back(d))
+    }
+
+    /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first
+    /// order, by its `thermal-expansion` effect: limbs and platforms grow, the encoders read the same. Zero when the
+    /// machine has none. Growth of everything alike moves A by its share of L along BA and turns nothing.
+    ///
+    /// # Errors
+    /// Those of [`inverse`](Self::inverse); a rise or a displacement that is not finite.
+    ///
+    /// ```
+    /// use pkm_core::tables::reference::PARAMETERS;
+    /// use pkm_core::{Machine, MachineParameters, Pose};
+    /// let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
+    /// let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    /// let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
+    /// let moved = steel.thermal_deflection(&pose, 10.0)?;
+    /// assert!((moved.translation_m[2] - 10.0 * 11e-6 * 0.53).abs() < 1e-12);
+    /// # Ok::<(), pkm_core::StiffnessError>(())
+    /// ```
+    pub fn thermal_deflection(&self, pose: &Pose<T>, rise_k: T) -> Result<Deflection<T>, StiffnessError> {
+        let commanded = self.posture(pose)?;
+        if !rise_k.is_finite() {
+            return Err(StiffnessError::NotFinite);
+        }
+        let o = T::ZERO;
+        let [limbs, platforms] = self.effects.growth().map(|rate| rate * rise_k);
+        if limbs == o && platforms == o {
+            return Ok(Deflection::from_array([o; 6]));
+        }
+        let actual = self.actual(commanded)?;
+        let (p, Sizes { a1, a2, b1, b2 }) = (&actual.posture, self.actual);
+        let (sin, cos, l) = (p.sin_sigma, p.cos_sigma, p.l);
+        let [q1, q2, q3] = p.q;
+        // q dq = … of each limb, with what its own growth and the platforms' bring on the right
+        let (along, across) = (p.along_n, p.along_y[0]);
+        let both = across * across;
+        let first = limbs * q1 * q1 - platforms * (both - along[0] * sin * a1);
+        let second = limbs * q2 * q2 - platforms * (both + along[1] * sin * a1);
+        let (sum, difference) = (first + second, second - first);
+        let half = T::from_f64(0.5) / (l * l * cos - a1 * b1 * sin * sin);
+        let dl = half * (sum * l * cos - difference * b1 * sin);
+        let dsigma = half * (difference * l / a1 - sum * sin);
+        // limb 3, whose q² is L² + a2² + b2² − 2 b2 (L sin θ + a2 cos θ)
+        let reach = l * p.sin_theta + a2 * p.cos_theta;
+        let grown = platforms * (a2 * a2 + b2 * b2 - b2 * (reach + a2 * p.cos_theta)) - limbs * q3 * q3;
+        let dtheta = (dl * (l - b2 * p.sin_theta) + grown) / (b2 * (l * p.cos_theta - a2 * p.sin_theta));
+        let (n, y) = (p.n(), p.y());
+        let moved = [l * dtheta, dl * n[1], dl * n[2], dsigma, dtheta * y[1], dtheta * y[2]];
+        finite(actual.given_back(moved))
     }
 
     /// Softens K by what lies between A and the tool; true if there was any.
@@ -478,44 +554,68 @@ impl<T: Scalar> Machine<T> {
         Ok(any)
     }
 
-    fn add_effects_1_2<const LIMB: usize>(&self, p: &Posture<T>, chain: &mut Chain<T, 3>) {
+    fn add_effects_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 3>, beside: &mut Lower<T>) {
         let (y, n, u) = (p.y(), p.n(), [T::ONE, T::ZERO, T::ZERO]);
         let side = if LIMB == 0 { -T::ONE } else { T::ONE };
         let (zy, zn) = (p.along_y[LIMB] / p.q[LIMB], p.along_n[LIMB] / p.q[LIMB]);
         let mix = |a: T, b: T| [a * y[0] + b * n[0], a * y[1] + b * n[1], a * y[2] + b * n[2]];
         let z = mix(zy, zn);
-        self.effects.in_limb(&mut Limb {
-            index: LIMB,
-            q: p.q[LIMB],
-            base: mix(side * self.b1, -p.l),
-            platform: [T::ZERO, side * self.a1, T::ZERO],
-            axes: [u, cross(z, u), z],
-            base_axes: [u, y, cross(u, y)],
-            chain,
-        });
+        self.add_effects(
+            Limb {
+                index: LIMB,
+                q: p.q[LIMB],
+                base: mix(side * self.actual.b1, -p.l),
+                platform: [T::ZERO, side * self.actual.a1, h],
+                axes: [u, cross(z, u), z],
+                base_axes: [u, y, cross(u, y)],
+                chain,
+            },
+            beside,
+        );
     }
 
-    fn add_effects_3(&self, p: &Posture<T>, chain: &mut Chain<T, 2>) {
+    fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
         let (y, n) = (p.y(), p.n());
         let [zu, zn] = p.limb_3.map(|c| c / p.q[2]);
         let z = [zu, zn * n[1], zn * n[2]];
         let axes = [y, cross(z, y), z];
-        let platform = [self.a2, T::ZERO, T::ZERO];
+        let out = p.cos_sigma * h;
+        let platform = [self.actual.a2, out * n[1], out * n[2]];
         let q = p.q[2];
-        self.effects.in_limb(&mut Limb {
-            index: 2,
-            q,
-            base: [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]],
-            platform,
-            axes,
-            base_axes: axes,
-            chain,
-        });
+        self.add_effects(
+            Limb {
+                index: 2,
+                q,
+                base: [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]],
+                platform,
+                axes,
+                base_axes: axes,
+                chain,
+            },
+            beside,
+        );
+    }
+
+    /// Adds what effects have inside a limb to it, and what its tension adds to K beside it.
+    fn add_effects<const N: usize>(&self, mut limb: Limb<'_, T, N>, beside: &mut Lower<T>) {
+        self.effects.in_limb(&mut limb);
+        let tension = self.effects.tension(limb.index);
+        if tension != T::ZERO {
+            let [_, across, _] = limb.axes;
+            let ([x, y, z], [a, b, c]) = (across, cross(limb.platform, across));
+            let wrench = [x, y, z, a, b, c];
+            let spring = tension / limb.q;
+            for i in 0..6 {
+                for j in 0..=i {
+                    beside[i][j] += spring * wrench[i] * wrench[j];
+                }
+            }
+        }
     }
 
     /// Limb 1 (`LIMB` = 0) or 2. All of it lies in the plane of y of B and n = BA/|BA|, square to u. The wrenches are the
-    /// axial force, the force along u through B_i, and the couple about n.
-    fn chain_1_2<const LIMB: usize>(&self, p: &Posture<T>) -> Chain<T, 3> {
+    /// axial force, the force along u through B_i, and the couple about n. With `OFFSET` A_i is `h` out of its plane.
+    fn chain_1_2<const LIMB: usize, const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 3> {
         let side = if LIMB == 0 { -T::ONE } else { T::ONE };
         let c = &self.limbs[LIMB];
         let (q, sin, cos) = (p.q[LIMB], p.sin_sigma, p.cos_sigma);
@@ -523,9 +623,10 @@ impl<T: Scalar> Machine<T> {
         let (zy, zn) = (p.along_y[LIMB] / q, p.along_n[LIMB] / q);
         let (zv, zw) = (zy * cos + zn * sin, zn * cos - zy * sin);
         let o = T::ZERO;
-        let b = side * self.b1;
+        let b = side * self.actual.b1;
+        let lever = side * self.actual.a1 * zw;
         let wrenches = [
-            [o, zv, zw, side * self.a1 * zw, o, o],
+            [o, zv, zw, if OFFSET { lever - h * zv } else { lever }, o, o],
             [T::ONE, o, o, o, -p.l * cos - b * sin, p.l * sin - b * cos],
             [o, o, o, o, sin, cos],
         ];
@@ -543,14 +644,22 @@ impl<T: Scalar> Machine<T> {
         Chain { wrenches, compliance: [[axial, o, o], [o, force, o], [o, mixed, couple]] }
     }
 
-    /// Limb 3: the axial force and the force along y of B, both through A3.
-    fn chain_3(&self, p: &Posture<T>) -> Chain<T, 2> {
+    /// Limb 3: the axial force and the force along y of B, both through A3. With `OFFSET` A3 is h cos σ out of its plane
+    /// along n.
+    fn chain_3<const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 2> {
         let c = &self.limbs[2];
         let q = p.q[2];
         let (zu, zn) = (p.limb_3[0] / q, p.limb_3[1] / q);
-        let through_a3 = |u: T, v: T, w: T| [u, v, w, T::ZERO, -self.a2 * w, self.a2 * v];
-        let wrenches =
+        let a2 = self.actual.a2;
+        let through_a3 = |u: T, v: T, w: T| [u, v, w, T::ZERO, -a2 * w, a2 * v];
+        let mut wrenches =
             [through_a3(zu, zn * p.sin_sigma, zn * p.cos_sigma), through_a3(T::ZERO, p.cos_sigma, -p.sin_sigma)];
+        if OFFSET {
+            let out = h * p.cos_sigma;
+            wrenches[0][4] += out * p.cos_sigma * zu;
+            wrenches[0][5] -= out * p.sin_sigma * zu;
+            wrenches[1][3] = -out;
+        }
         let axial = c.base_linear[2] + q * c.axial + c.platform_linear[2];
         let sideways = c.base_linear[0]
             + c.platform_linear[0]

@@ -267,7 +267,8 @@ pub fn predict(
     for ((row, case), solved) in sheet.rows.iter().zip(&cases).zip(&solved) {
         let at_a: Wrench<f64> = case.wrench.moved_to_a(case.point_m);
         let linear = solved.factor.deflection(&at_a);
-        let extra = model.machine.machine.load_dependent_deflection(&case.pose.pose, &at_a);
+        let only_grown = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
+        let extra = model.machine.machine.load_dependent_deflection(&case.pose.pose, &at_a, &only_grown);
         let failed = |e: StiffnessError| Failure::input(format!("no deflection: {e}")).in_file(&file).at_line(row.line);
         let deflection = linear.map_err(failed)?.plus(&extra.map_err(failed)?);
         let seen = deflection.seen_at(case.point_m);

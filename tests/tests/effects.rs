@@ -1,10 +1,10 @@
 //! Effects against the frame solver: the whole 6×6, on random machines.
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Vector3};
 use pkm_core::effects::{COUNT, EFFECTS};
-use pkm_core::machine::{BodyKind, MachineParameters};
+use pkm_core::machine::{BodyKind, Geometry, MachineError, MachineParameters, Parameter, Problem, TemperatureError};
 use pkm_core::tables::reference;
-use pkm_core::{Machine, Pose, StiffnessError, Wrench};
+use pkm_core::{Machine, Pose, ScrewLengths, StiffnessError, Wrench};
 use pkm_frame::{Frame, Node, Section};
 use pkm_tests::{keep_worst, random_parameters, random_pose, scaled_difference, seeded};
 
@@ -28,22 +28,70 @@ struct Assembled {
     limbs: Vec<(Node, Node, Vector3<f64>, f64)>,
 }
 
-/// The machine with its effects, and with more compliance along each limb.
-fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembled {
+/// R and A in B-xyz.
+fn placed(pose: &Pose<f64>) -> (Rotation3<f64>, Vector3<f64>) {
+    let rotation = Rotation3::from_axis_angle(&Vector3::y_axis(), pose.theta_rad)
+        * Rotation3::from_axis_angle(&Vector3::x_axis(), pose.sigma_rad);
+    (rotation, Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m))
+}
+
+fn triangle(half: f64, far: f64) -> [Vector3<f64>; 3] {
+    [Vector3::new(0.0, -half, 0.0), Vector3::new(0.0, half, 0.0), Vector3::new(far, 0.0, 0.0)]
+}
+
+fn lengths_in_space(g: &Geometry, pose: &Pose<f64>) -> Vector3<f64> {
+    let (rotation, a) = placed(pose);
+    let (platform, base) = (triangle(g.a1_m, g.a2_m), triangle(g.b1_m, g.b2_m));
+    Vector3::from_fn(|i, _| (a + rotation * platform[i] - base[i]).norm())
+}
+
+/// Platform sizes with their errors.
+fn true_geometry(m: &MachineParameters) -> Geometry {
+    let (g, error) = (&m.geometry, |size: &str| amplitude(m, &format!("geometry-{size}"), "error_m"));
+    Geometry {
+        a1_m: g.a1_m + error("a1"),
+        a2_m: g.a2_m + error("a2"),
+        b1_m: g.b1_m + error("b1"),
+        b2_m: g.b2_m + error("b2"),
+    }
+}
+
+/// The pose near another at which a geometry has given lengths, by Newton steps with slopes from differences.
+fn pose_at(g: &Geometry, lengths: Vector3<f64>, near: &Pose<f64>) -> Pose<f64> {
+    let of = |x: &Vector3<f64>| Pose { theta_rad: x[0], sigma_rad: x[1], z0_m: x[2] };
+    let mut x = Vector3::new(near.theta_rad, near.sigma_rad, near.z0_m);
+    for _ in 0..30 {
+        let columns: [Vector3<f64>; 3] = std::array::from_fn(|i| {
+            let h = Vector3::ith(i, 1e-6);
+            (lengths_in_space(g, &of(&(x + h))) - lengths_in_space(g, &of(&(x - h)))) / 2e-6
+        });
+        let residual = lengths_in_space(g, &of(&x)) - lengths;
+        x -= Matrix3::from_columns(&columns).lu().solve(&residual).unwrap();
+    }
+    of(&x)
+}
+
+/// The machine with its effects at a temperature, and with more compliance along each limb. Everything in A-uvw of the
+/// commanded pose, but from the A that the true geometry has.
+fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3], temperature_c: f64) -> Assembled {
     let more_along = along;
     let mut limbs = Vec::new();
     let p = |id: &str, name: &str| amplitude(m, id, name);
-    let g = &m.geometry;
-    // B-xyz as seen from A-uvw
-    let rotation = nalgebra::Rotation3::from_axis_angle(&Vector3::y_axis(), pose.theta_rad)
-        * nalgebra::Rotation3::from_axis_angle(&Vector3::x_axis(), pose.sigma_rad);
-    let a_in_b = Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m);
-    let seen = |point: Vector3<f64>| rotation.inverse() * (point - a_in_b);
-    let turned = |axis: Vector3<f64>| rotation.inverse() * axis;
+    let g = &true_geometry(m);
+    let true_pose = pose_at(g, lengths_in_space(&m.geometry, pose), pose);
+    let (commanded, _) = placed(pose);
+    let (rotation, a_in_b) = placed(&true_pose);
+    let seen = |point: Vector3<f64>| commanded.inverse() * (point - a_in_b);
+    let turned = |axis: Vector3<f64>| commanded.inverse() * axis;
     let (x_b, y_b) = (turned(Vector3::x()), turned(Vector3::y()));
-    let base = [Vector3::new(0.0, -g.b1_m, 0.0), Vector3::new(0.0, g.b1_m, 0.0), Vector3::new(g.b2_m, 0.0, 0.0)];
-    let base = base.map(seen);
-    let platform = [Vector3::new(0.0, -g.a1_m, 0.0), Vector3::new(0.0, g.a1_m, 0.0), Vector3::new(g.a2_m, 0.0, 0.0)];
+    let base = triangle(g.b1_m, g.b2_m).map(seen);
+    let (u, w) = (turned(rotation * Vector3::x()), turned(rotation * Vector3::z()));
+    let mut platform = triangle(g.a1_m, g.a2_m).map(|point| turned(rotation * point));
+    platform[0] += w * p("platform-offset", "limbs_1_2_m");
+    platform[1] += w * p("platform-offset", "limbs_1_2_m");
+    platform[2] += (w - y_b * y_b.dot(&w)) * p("platform-offset", "limb_3_m");
+    let left = |rate: &str| 1.0 - p("thermal-modulus", rate) * (temperature_c - 20.0);
+    let (left_of_bodies, left_of_joints) = (left("bodies_per_k"), left("joints_per_k"));
 
     let mut frame = Frame::new();
     let mount = if p("base-compliance", "mount_m_per_n") > 0.0 {
@@ -75,7 +123,7 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembl
         let limb = &m.limbs[i];
         let along = platform[i] - base[i];
         let (q, z) = (along.norm(), along.normalize());
-        let x = if i == 2 { y_b } else { Vector3::x() };
+        let x = if i == 2 { y_b } else { u };
         let axes = Matrix3::from_columns(&[x, z.cross(&x), z]);
         let base_axes = if i == 2 { axes } else { Matrix3::from_columns(&[x, y_b, x.cross(&y_b)]) };
 
@@ -84,8 +132,8 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembl
             if i == 2 { ("revolute-3-joint", "spherical-joint") } else { ("universal-joint", "revolute-joint") };
         let radial = p(at_base, "radial_m_per_n") + p("base-compliance", "under_joints_m_per_n");
         let tilting = p(at_base, "tilting_rad_per_nm");
-        let [kx, ky, kz] = limb.base_joint.linear_n_per_m.map(|k| softened(k, radial));
-        let [ku, kv, kw] = limb.base_joint.angular_nm_per_rad.map(|k| softened(k, tilting));
+        let [kx, ky, kz] = limb.base_joint.linear_n_per_m.map(|k| softened(k * left_of_joints, radial));
+        let [ku, kv, kw] = limb.base_joint.angular_nm_per_rad.map(|k| softened(k * left_of_joints, tilting));
         let foot = frame.node(base[i]);
         let stand = stands.get(i).copied().unwrap_or(mount);
         frame.joint(stand, foot, base[i], &base_axes, [kx, ky, kz, ku, kv, kw]);
@@ -97,6 +145,7 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembl
             ei += t.young_pa * pi * (t.outer_m.powi(4) - t.inner_m.powi(4)) / 64.0;
             gj += t.shear_pa * pi * (t.outer_m.powi(4) - t.inner_m.powi(4)) / 32.0;
         }
+        let [ea, ei, gj] = [ea, ei, gj].map(|k| k * left_of_bodies);
         let tube = Section { ea_n: ea, ei_nm2: (ei, ei), gj_nm2: gj };
         let head = frame.node(platform[i]);
         let tube_m = p("telescopic-limb", "tube_m");
@@ -119,8 +168,8 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembl
             + p("screw-position", "axial_per_n") * q
             + more_along[i];
         limbs.push((foot, head, z, ea / q));
-        let [kx, ky, kz] = limb.platform_joint.linear_n_per_m;
-        let [ku, kv, kw] = limb.platform_joint.angular_nm_per_rad.map(|k| softened(k, tilting));
+        let [kx, ky, kz] = limb.platform_joint.linear_n_per_m.map(|k| k * left_of_joints);
+        let [ku, kv, kw] = limb.platform_joint.angular_nm_per_rad.map(|k| softened(k * left_of_joints, tilting));
         let stiffness = [softened(kx, extra), softened(ky, extra), softened(kz, extra + drive), ku, kv, kw];
         if elastic_arms {
             let hub = frame.node(platform[i]);
@@ -129,12 +178,15 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembl
                 ei_nm2: (1.0 / p(arm, "in_plane_per_nm2"), 1.0 / p(arm, "bending_per_nm2")),
                 gj_nm2: 1.0 / p(arm, "torsion_per_nm2"),
             };
-            frame.beam(centre, hub, Vector3::z(), &section);
-            frame.tie(hub, centre, if i == 2 { 0 } else { 1 });
+            frame.beam(centre, hub, w, &section);
+            frame.tie(hub, centre, platform[i].normalize());
             frame.joint(head, hub, platform[i], &axes, stiffness);
         } else {
             frame.joint(head, centre, platform[i], &axes, stiffness);
         }
+        // a limb under tension is a pendulum to what it holds
+        let tension = p("preload", if i == 2 { "limb_3_n" } else { "limbs_1_2_n" });
+        frame.joint(mount, centre, platform[i], &axes, [0.0, tension / q, 0.0, 0.0, 0.0, 0.0]);
     }
     if p("wrist-compliance", "linear_m_per_n") == 0.0 {
         return Assembled { frame, tool: centre, limbs };
@@ -151,7 +203,7 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3]) -> Assembl
 fn every_linear_effect_equals_the_frame_solver() {
     let mut rng = seeded();
     let mut worst = [0.0_f64; COUNT + 2];
-    for n in 0..400 {
+    for n in 0..20 * (COUNT + 2) {
         let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
         let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
         // none, each alone, all together
@@ -162,13 +214,18 @@ fn every_linear_effect_equals_the_frame_solver() {
             }
             for (j, name) in effect.parameters.iter().enumerate() {
                 // load-dependent ones have no part in K
-                if ["clearance", "contact-stiffening"].contains(&effect.id) {
+                if ["clearance", "contact-stiffening", "friction-hysteresis"].contains(&effect.id) {
                     continue;
                 }
-                let share = 0.1 + rng.f64();
+                let share = (0.1 + rng.f64()) * if effect.signed && rng.bool() { -1.0 } else { 1.0 };
+                let g = &parameters.geometry;
                 parameters.effects.parameters[i][j] = share
                     * match name.rsplit_once('_').map(|(_, unit)| unit) {
+                        _ if *name == "error_m" => 0.03 * g.a1_m.min(g.a2_m).min(g.b1_m).min(g.b2_m),
+                        Some("m") if effect.id == "platform-offset" => 0.04 * size,
                         Some("m") => 0.7 * size,
+                        _ if effect.id == "preload" => 1e3 * size,
+                        Some("k") => 5e-4,
                         _ if name.ends_with("rad_per_nm") => 1e-6,
                         _ if name.ends_with("per_nm2") => 1e-5,
                         _ => 1e-9,
@@ -178,10 +235,11 @@ fn every_linear_effect_equals_the_frame_solver() {
         let machine = Machine::<f64>::new(&parameters).unwrap();
         // nearer to a singularity the frame solver itself is no better than 1e-8
         let pose = random_pose(&mut rng, &machine, size, 0.3);
-        let Assembled { frame, tool, .. } = assemble(&parameters, &pose, [0.0; 3]);
+        let temperature = 20.0 + 50.0 * (2.0 * rng.f64() - 1.0);
+        let Assembled { frame, tool, .. } = assemble(&parameters, &pose, [0.0; 3], temperature);
         let compliance = frame.compliance(tool).unwrap_or_else(|| panic!("a mechanism: {which}"));
         let reference: Matrix6<f64> = compliance.try_inverse().unwrap();
-        let k = machine.stiffness(&pose).unwrap().matrix();
+        let k = machine.at_temperature(temperature).unwrap().stiffness(&pose).unwrap().matrix();
         keep_worst(&mut worst[which], scaled_difference(&k, &reference.into()));
     }
     for (which, error) in worst.iter().enumerate() {
@@ -196,12 +254,58 @@ fn every_linear_effect_equals_the_frame_solver() {
 /// ε(N) of the load-dependent effects, from their definitions.
 fn elongation(m: &MachineParameters, n: f64) -> f64 {
     let p = |id: &str, name: &str| amplitude(m, id, name);
-    let play = 0.5 * p("clearance", "play_m") * n / n.hypot(p("clearance", "taken_up_n"));
-    let x = n / p("contact-stiffening", "reference_n");
+    let play = 0.5 * p("clearance", "play_m") * n / n.hypot(p("clearance", "taken_up_n").max(1.0));
+    let x = n / p("contact-stiffening", "reference_n").max(1.0);
     play + p("contact-stiffening", "unloaded_m_per_n") * n * (1.0 + x * x).powf(-1.0 / 6.0)
 }
 
-/// The same by secants: every limb gets the compliance ε(N)/N of the force found last, until nothing moves.
+const UNTURNED: Wrench<f64> = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
+
+fn wrench_of(load: [f64; 6]) -> Wrench<f64> {
+    Wrench { force_n: [load[0], load[1], load[2]], moment_nm: [load[3], load[4], load[5]] }
+}
+
+impl Assembled {
+    /// Tensions under given displacements of the nodes, with the bodies' own elongations.
+    fn tensions(&self, u: &DMatrix<f64>, lag: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|i| {
+            let (foot, head, z, k) = &self.limbs[i];
+            (z.dot(&(Frame::of(u, *head) - Frame::of(u, *foot))) - lag[i]) * k
+        })
+    }
+
+    /// Displacements under a load when the bodies, besides, get longer of themselves.
+    fn displaced(&self, load: [f64; 6], lag: [f64; 3]) -> DMatrix<f64> {
+        let mut u = self.frame.displacements(self.tool, load).unwrap();
+        for ((foot, head, z, k), lag) in self.limbs.iter().zip(lag) {
+            for (node, force) in [(*head, z * (k * lag)), (*foot, -z * (k * lag))] {
+                u += self.frame.displacements(node, [force.x, force.y, force.z, 0.0, 0.0, 0.0]).unwrap();
+            }
+        }
+        u
+    }
+}
+
+/// Displacement of A by secants: every limb gets the compliance ε(N)/N of the force found last, until nothing moves.
+fn settled(parameters: &MachineParameters, pose: &Pose<f64>, load: [f64; 6], lag: [f64; 3]) -> Vector3<f64> {
+    let mut secants = [0.0; 3];
+    for round in 0.. {
+        let a = assemble(parameters, pose, secants, 20.0);
+        let u = a.displaced(load, lag);
+        let next: [f64; 3] = std::array::from_fn(|i| {
+            let tension = a.tensions(&u, lag)[i];
+            let n = if tension.abs() < 1e-9 { 1e-9 } else { tension };
+            0.5 * (secants[i] + elongation(parameters, n) / n)
+        });
+        let change = (0..3).map(|i| (next[i] - secants[i]).abs() / (next[i] + 1e-30)).fold(0.0, f64::max);
+        if change < 1e-13 || round == 2000 {
+            return Frame::of(&u, a.tool);
+        }
+        secants = next;
+    }
+    unreachable!()
+}
+
 #[test]
 fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
     let mut rng = seeded();
@@ -225,30 +329,11 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
         let pose = random_pose(&mut rng, &machine, size, 0.2);
         let mut between = |limit: f64| limit * (2.0 * rng.f64() - 1.0);
         let load: [f64; 6] = std::array::from_fn(|i| between(if i < 3 { 1000.0 } else { 200.0 * size }));
-        let wrench = Wrench { force_n: [load[0], load[1], load[2]], moment_nm: [load[3], load[4], load[5]] };
+        let wrench = wrench_of(load);
 
-        let mut secants = [0.0; 3];
-        let mut found = Vector3::zeros();
-        for _ in 0..2000 {
-            let a = assemble(&parameters, &pose, secants);
-            let u = a.frame.displacements(a.tool, load).unwrap();
-            let tensions: Vec<f64> = a
-                .limbs
-                .iter()
-                .map(|(foot, head, z, k)| z.dot(&(Frame::of(&u, *head) - Frame::of(&u, *foot))) * k)
-                .collect();
-            let next: [f64; 3] = std::array::from_fn(|i| {
-                let n = if tensions[i].abs() < 1e-9 { 1e-9 } else { tensions[i] };
-                0.5 * (secants[i] + elongation(&parameters, n) / n)
-            });
-            let change = (0..3).map(|i| (next[i] - secants[i]).abs() / next[i]).fold(0.0, f64::max);
-            (secants, found) = (next, Frame::of(&u, a.tool));
-            if change < 1e-13 {
-                break;
-            }
-        }
+        let found = settled(&parameters, &pose, load, [0.0; 3]);
         let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
-        let extra = machine.load_dependent_deflection(&pose, &wrench).unwrap();
+        let extra = machine.load_dependent_deflection(&pose, &wrench, &UNTURNED).unwrap();
         let sum = Vector3::from(linear.translation_m) + Vector3::from(extra.translation_m);
         keep_worst(&mut worst, (sum - found).norm() / found.norm());
         let part = Vector3::from(extra.translation_m).norm() / found.norm();
@@ -263,12 +348,13 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
 fn load_dependent_deflection_in_single_precision_and_its_refusals() {
     let effects = reference::PARAMETERS.effects.with("clearance", [20e-6, 10.0, 0.0]).unwrap();
     let effects = effects.with("contact-stiffening", [5e-9, 100.0, 0.0]).unwrap();
+    let effects = effects.with("friction-hysteresis", [2e-6, 1e-8, 20.0]).unwrap();
     let parameters = MachineParameters { effects, ..reference::PARAMETERS };
     let (double, single) = (Machine::<f64>::new(&parameters).unwrap(), Machine::<f32>::new(&parameters).unwrap());
     let mut worst = 0.0_f64;
     let mut rng = seeded();
-    let mut within = |middle: f64, half: f64| middle + half * (2.0 * rng.f64() - 1.0);
     for _ in 0..1000 {
+        let mut within = |middle: f64, half: f64| middle + half * (2.0 * rng.f64() - 1.0);
         let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
         let narrow =
             Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
@@ -276,10 +362,15 @@ fn load_dependent_deflection_in_single_precision_and_its_refusals() {
         let wide = Wrench { force_n, moment_nm: [0.0; 3] };
         let slim = Wrench { force_n: force_n.map(|f| f as f32), moment_nm: [0.0; 3] };
         let whole = |k: pkm_core::Stiffness<f64>| k.factor().unwrap().deflection(&wide).unwrap();
-        let extra = double.load_dependent_deflection(&pose, &wide).unwrap();
+        // before it turned, it was twice as much along one axis
+        let mut force_there = force_n;
+        force_there[rng.usize(..3)] *= 2.0;
+        let wide_there = Wrench { force_n: force_there, moment_nm: [0.0; 3] };
+        let slim_there = Wrench { force_n: force_there.map(|f| f as f32), moment_nm: [0.0; 3] };
+        let extra = double.load_dependent_deflection(&pose, &wide, &wide_there).unwrap();
         let expected = Vector3::from(whole(double.stiffness(&pose).unwrap()).plus(&extra).translation_m);
         let linear = single.stiffness(&narrow).unwrap().factor().unwrap().deflection(&slim).unwrap();
-        let extra = single.load_dependent_deflection(&narrow, &slim).unwrap();
+        let extra = single.load_dependent_deflection(&narrow, &slim, &slim_there).unwrap();
         let found = linear.plus(&extra).translation_m.map(f64::from);
         keep_worst(&mut worst, (Vector3::from(found) - expected).norm() / expected.norm());
     }
@@ -287,5 +378,238 @@ fn load_dependent_deflection_in_single_precision_and_its_refusals() {
     assert!(worst <= 1e-4, "{worst:e}");
     let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
     let bad = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
-    assert_eq!(double.load_dependent_deflection(&pose, &bad), Err(StiffnessError::NotFinite));
+    assert_eq!(double.load_dependent_deflection(&pose, &bad, &UNTURNED), Err(StiffnessError::NotFinite));
+    let any = wrench_of([100.0; 6]);
+    for machine in [double, reference::MACHINE_F64] {
+        assert_eq!(machine.load_dependent_deflection(&pose, &any, &bad), Err(StiffnessError::NotFinite));
+    }
+}
+
+/// Lags from the definition, with the frame solver's tensions; then the bodies get longer by them.
+#[test]
+fn friction_equals_its_definition_in_the_frame_solver() {
+    let mut rng = seeded();
+    let mut worst = [0.0_f64; 2];
+    let mut seen = 0.0_f64;
+    for n in 0..60 {
+        let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let mut set = |id: &str, values: [f64; 3]| {
+            parameters.effects = parameters.effects.with(id, values).unwrap();
+        };
+        if n % 3 == 1 {
+            set("limb-coupling", [1e-9, 2e-9, 0.0]);
+            set("base-compliance", [1e-9, 1e-7, 1e-9]);
+            set("preload", [5e3 * size, -1e3 * size, 0.0]);
+            set("platform-offset", [0.02 * size, -0.01 * size, 0.0]);
+            set("geometry-b1", [0.003 * size, 0.0, 0.0]);
+            set("geometry-a2", [-0.002 * size, 0.0, 0.0]);
+        }
+        let plays = n % 2 == 1;
+        if plays {
+            set("clearance", [60e-6 * rng.f64(), 5.0 + 50.0 * rng.f64(), 0.0]);
+        }
+        let (lag_m, lag_m_per_n, reversal_n) = (10e-6 * rng.f64(), 1e-8 * rng.f64(), 100.0 * rng.f64());
+        set("friction-hysteresis", [lag_m, lag_m_per_n, reversal_n]);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, size, 0.3);
+        let mut random_load = || -> [f64; 6] {
+            std::array::from_fn(|i| (2.0 * rng.f64() - 1.0) * if i < 3 { 1000.0 } else { 200.0 * size })
+        };
+        let (load, mut turned_at) = (random_load(), random_load());
+        if n % 4 == 0 {
+            turned_at = [0.0; 6];
+        }
+
+        let a = assemble(&parameters, &pose, [0.0; 3], 20.0);
+        let here = a.tensions(&a.displaced(load, [0.0; 3]), [0.0; 3]);
+        let there = a.tensions(&a.displaced(turned_at, [0.0; 3]), [0.0; 3]);
+        let lag: [f64; 3] = std::array::from_fn(|i| {
+            let x = (here[i] - there[i]) / reversal_n.max(1.0);
+            -(lag_m + lag_m_per_n * here[i].abs().max(there[i].abs())) * x / x.hypot(1.0)
+        });
+        let expected = settled(&parameters, &pose, load, lag);
+
+        let (wrench, turned_at) = (wrench_of(load), wrench_of(turned_at));
+        let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
+        let extra = machine.load_dependent_deflection(&pose, &wrench, &turned_at).unwrap();
+        let found = Vector3::from(linear.plus(&extra).translation_m);
+        keep_worst(&mut worst[usize::from(plays)], (found - expected).norm() / expected.norm());
+        seen = seen.max(Vector3::from(extra.translation_m).norm() / expected.norm());
+    }
+    println!("friction: alone {:.1e}, with clearance {:.1e}; up to {seen:.2} of the deflection", worst[0], worst[1]);
+    assert!(worst[0] <= 1e-8 && worst[1] <= 1e-8, "{worst:?}");
+    assert!(seen > 0.05, "nothing to see");
+}
+
+#[test]
+fn friction_makes_a_loop_of_the_right_sign() {
+    let effects = reference::PARAMETERS.effects.with("friction-hysteresis", [2e-6, 5e-9, 20.0]).unwrap();
+    let machine = Machine::<f64>::new(&MachineParameters { effects, ..reference::PARAMETERS }).unwrap();
+    let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    let linear = machine.stiffness(&pose).unwrap().factor().unwrap();
+    let peak = [300.0, -200.0, -800.0, 20.0, 10.0, -5.0];
+    let at = |share: f64| wrench_of(peak.map(|f| f * share));
+    // displacement along the load, linear and of friction, in the sense of work
+    let along = |d: pkm_core::Deflection<f64>| {
+        d.translation_m.iter().chain(&d.rotation_rad).zip(peak).map(|(d, f)| d * f).sum::<f64>()
+    };
+    let lagging = |share: f64, turned_at: &Wrench<f64>| {
+        let extra = machine.load_dependent_deflection(&pose, &at(share), turned_at).unwrap();
+        along(extra) / along(linear.deflection(&at(1.0)).unwrap())
+    };
+    assert_eq!(lagging(0.0, &UNTURNED), 0.0);
+    assert_eq!(lagging(1.0, &at(1.0)), 0.0);
+    for step in 1..=9 {
+        let share = f64::from(step) / 10.0;
+        let (loading, unloading) = (lagging(share, &UNTURNED), lagging(share, &at(1.0)));
+        assert!(loading < -1e-3 && unloading > 1e-3, "{share}: {loading:e} {unloading:e}");
+    }
+    // it does not come back to where it began
+    assert!(lagging(0.0, &at(1.0)) > 1e-3);
+}
+
+#[test]
+fn a_uniform_rise_makes_a_similar_machine() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for _ in 0..1000 {
+        let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
+        parameters.effects = parameters.effects.with("thermal-expansion", [12e-6, 12e-6, 0.0]).unwrap();
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let pose = random_pose(&mut rng, &machine, size, 0.05);
+        let moved = machine.thermal_deflection(&pose, 30.0).unwrap();
+        let (rotation, a) = placed(&pose);
+        let expected = rotation.inverse() * a * (12e-6 * 30.0);
+        keep_worst(&mut worst, (Vector3::from(moved.translation_m) - expected).norm() / expected.norm());
+        keep_worst(&mut worst, Vector3::from(moved.rotation_rad).norm() / (12e-6 * 30.0));
+    }
+    println!("uniform rise: {worst:.1e}");
+    assert!(worst <= 1e-11, "{worst:e}");
+}
+
+#[test]
+fn thermal_deflection_is_the_slope_of_forward_kinematics_of_grown_machines() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for n in 0..500 {
+        let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let mut rate = || 1e-5 * (2.0 * rng.f64() - 1.0);
+        let (limbs, platforms) = (rate(), rate());
+        parameters.effects = parameters.effects.with("thermal-expansion", [limbs, platforms, 0.0]).unwrap();
+        if n % 2 == 1 {
+            for size in ["a1", "a2", "b1", "b2"] {
+                let error = [1e3 * rate() * parameters.geometry.a1_m, 0.0, 0.0];
+                parameters.effects = parameters.effects.with(&format!("geometry-{size}"), error).unwrap();
+            }
+        }
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.3);
+        let q = machine.inverse(&pose).unwrap().q_m;
+        let actual = true_geometry(&parameters);
+        let grown = |rise: f64| {
+            let part = |size: f64| size * (1.0 + platforms * rise);
+            let geometry = Geometry {
+                a1_m: part(actual.a1_m),
+                a2_m: part(actual.a2_m),
+                b1_m: part(actual.b1_m),
+                b2_m: part(actual.b2_m),
+            };
+            let effects = pkm_core::effects::Effects::NONE;
+            let machine = Machine::<f64>::new(&MachineParameters { geometry, effects, ..parameters }).unwrap();
+            placed(&machine.forward(&ScrewLengths { q_m: q.map(|q| q * (1.0 + limbs * rise)) }).unwrap())
+        };
+        let ((r_up, a_up), (r_down, a_down)) = (grown(5.0), grown(-5.0));
+        let commanded = placed(&pose).0.inverse();
+        let translation = commanded * (a_up - a_down) / 10.0;
+        // the skew part: an angle from its cosine would have lost its digits
+        let r = (r_up * r_down.inverse()).into_inner();
+        let axis = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]) / 2.0;
+        let rotation = commanded * axis / 10.0;
+        let found = machine.thermal_deflection(&pose, 1.0).unwrap();
+        let size = translation.norm() + rotation.norm();
+        keep_worst(&mut worst, (Vector3::from(found.translation_m) - translation).norm() / size);
+        keep_worst(&mut worst, (Vector3::from(found.rotation_rad) - rotation).norm() / size);
+    }
+    println!("thermal deflection: {worst:.1e}");
+    assert!(worst <= 1e-6, "{worst:e}");
+    let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
+    for rise in [f64::NAN, f64::INFINITY] {
+        assert_eq!(reference::MACHINE_F64.thermal_deflection(&pose, rise), Err(StiffnessError::NotFinite));
+    }
+}
+
+#[test]
+fn a_temperature_is_that_of_the_result() {
+    let effects = reference::PARAMETERS.effects.with("thermal-modulus", [4e-4, -1e-3, 0.0]).unwrap();
+    let machine = Machine::<f64>::new(&MachineParameters { effects, ..reference::PARAMETERS }).unwrap();
+    let pose = Pose { theta_rad: 0.1, sigma_rad: 0.05, z0_m: 0.53 };
+    let k = |machine: &Machine<f64>| machine.stiffness(&pose).unwrap().matrix();
+    let direct = machine.at_temperature(45.0).unwrap();
+    let by_way = machine.at_temperature(-10.0).unwrap().at_temperature(45.0).unwrap();
+    assert!(scaled_difference(&k(&direct), &k(&by_way)) < 1e-14);
+    assert!(scaled_difference(&k(&direct), &k(&machine)) > 1e-4);
+    assert_eq!(machine.at_temperature(f64::NAN), Err(TemperatureError::NotFinite));
+    assert_eq!(reference::MACHINE_F64.at_temperature(f64::INFINITY), Err(TemperatureError::NotFinite));
+    assert_eq!(machine.at_temperature(20.0 + 1.0 / 4e-4), Err(TemperatureError::NoStiffness));
+    assert_eq!(machine.at_temperature(20.0 - 1.0 / 1e-3), Err(TemperatureError::NoStiffness));
+}
+
+#[test]
+fn only_signed_effects_may_be_negative_and_all_have_bounds() {
+    for (e, effect) in EFFECTS.iter().enumerate() {
+        for p in 0..effect.parameters.len() {
+            let check = |value: f64| {
+                let mut parameters = reference::PARAMETERS;
+                parameters.effects.parameters[e][p] = value;
+                parameters.check()
+            };
+            let refused = |problem| {
+                let parameter = Parameter::Effect { effect: e as u8, parameter: p as u8 };
+                Err(MachineError { parameter, problem })
+            };
+            let (negative, small) = (check(-1e-6), check(1e-6));
+            assert_eq!(negative, if effect.signed { Ok(()) } else { refused(Problem::Negative) }, "{}", effect.id);
+            assert_eq!(small, Ok(()), "{}", effect.id);
+            assert_eq!(check(f64::NAN), refused(Problem::NotFinite));
+            assert_eq!(check(1e6), refused(Problem::TooLarge));
+            if effect.signed {
+                assert_eq!(check(-1e6), refused(Problem::TooLarge));
+            }
+        }
+    }
+    let geometry = reference::PARAMETERS.geometry;
+    let sizes = [geometry.a1_m, geometry.a2_m, geometry.b1_m, geometry.b2_m];
+    for (id, size) in ["geometry-a1", "geometry-a2", "geometry-b1", "geometry-b2"].into_iter().zip(sizes) {
+        let check = |share: f64| {
+            let effects = reference::PARAMETERS.effects.with(id, [share * size, 0.0, 0.0]).unwrap();
+            MachineParameters { effects, ..reference::PARAMETERS }.check().is_ok()
+        };
+        assert!(check(0.49) && check(-0.49) && !check(0.5) && !check(-0.5), "{id}");
+    }
+}
+
+#[test]
+fn a_geometry_that_cannot_close_is_an_error_of_kinematics() {
+    let effects =
+        reference::PARAMETERS.effects.with("geometry-b2", [-0.45 * reference::PARAMETERS.geometry.b2_m, 0.0, 0.0]);
+    let effects =
+        effects.and_then(|e| e.with("geometry-a2", [0.45 * reference::PARAMETERS.geometry.a2_m, 0.0, 0.0])).unwrap();
+    let mut parameters = MachineParameters { effects, ..reference::PARAMETERS };
+    parameters.travel = pkm_core::machine::Travel { min_m: [1e-3; 3], max_m: [10.0; 3] };
+    let machine = Machine::<f64>::new(&parameters).unwrap();
+    let mut refused = 0;
+    for theta in -80..80 {
+        let pose = Pose { theta_rad: f64::from(theta).to_radians(), sigma_rad: 0.0, z0_m: 0.2 };
+        if machine.inverse(&pose).is_err() {
+            continue;
+        }
+        match machine.stiffness(&pose) {
+            Ok(_) => {}
+            Err(StiffnessError::Kinematics(_)) => refused += 1,
+            Err(other) => panic!("{other}"),
+        }
+    }
+    assert!(refused > 0);
 }

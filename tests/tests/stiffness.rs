@@ -47,9 +47,35 @@ fn single_precision_stays_near_double() {
     let in_series = Effects::NONE.with("base-compliance", [1e-9, 1e-6, 1e-9]);
     let in_series = in_series.and_then(|e| e.with("wrist-compliance", [1e-9, 1e-6, 0.0])).unwrap();
     let in_series = single_precision(in_series);
-    println!("f32 K_p against f64: {basic:.1e}, with effects in series {in_series:.1e}");
+    let preload = Effects::NONE.with("preload", [100.0, 50.0, 0.0]);
+    let beside = preload.and_then(|e| e.with("platform-offset", [5e-3, -5e-3, 0.0])).unwrap();
+    let beside = single_precision(beside);
+    println!("f32 K_p against f64: {basic:.1e}, in series {in_series:.1e}, preload and offset {beside:.1e}");
     assert!(basic <= 2e-5, "{basic:e}");
     assert!(in_series <= 1e-3, "{in_series:e}");
+    assert!(beside <= 1e-3, "{beside:e}");
+}
+
+#[test]
+fn single_precision_with_wrong_sizes_stays_near_double_in_the_box() {
+    let mut effects = Effects::NONE;
+    for (id, error) in [("geometry-a1", 3e-4), ("geometry-a2", -1e-3), ("geometry-b1", -2e-4), ("geometry-b2", 1e-3)] {
+        effects = effects.with(id, [error, 0.0, 0.0]).unwrap();
+    }
+    let parameters = MachineParameters { effects, ..pkm_core::tables::reference::PARAMETERS };
+    let (double, single) = (Machine::<f64>::new(&parameters).unwrap(), Machine::<f32>::new(&parameters).unwrap());
+    let mut rng = seeded();
+    let mut within = |middle: f64, half: f64| middle + half * (2.0 * rng.f64() - 1.0);
+    let mut worst = 0.0_f64;
+    for _ in 0..10_000 {
+        let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
+        let narrow =
+            Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
+        let k = single.stiffness(&narrow).unwrap().matrix().map(|row| row.map(f64::from));
+        keep_worst(&mut worst, scaled_difference(&k, &double.stiffness(&pose).unwrap().matrix()));
+    }
+    println!("f32 K_p with wrong sizes against f64: {worst:.1e}");
+    assert!(worst <= 1e-3, "{worst:e}");
 }
 
 #[test]

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::{Basis, CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, Wrench};
+use pkm_core::{
+    Basis, CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench,
+};
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
 use pkm_host::table_file::TableFile;
@@ -54,7 +56,13 @@ fn one_of(effect: &EffectInfo) -> String {
     let value = |name: &str| match name {
         "tube_m" => 0.3,
         "play_m" => 1e-5,
-        "taken_up_n" | "reference_n" => 50.0,
+        "taken_up_n" | "reference_n" | "reversal_n" => 50.0,
+        "lag_m" => 1e-6,
+        "limbs_1_2_n" | "limb_3_n" => 1e3,
+        "limbs_1_2_m" | "limb_3_m" => -2e-3,
+        "error_m" => 1e-4,
+        "bodies_per_k" | "joints_per_k" => 3e-4,
+        "limbs_per_k" | "platforms_per_k" => 12e-6,
         name if name.ends_with("rad_per_nm") => 1e-7,
         name if name.ends_with("per_nm2") => 1e-6,
         _ => 1e-10,
@@ -168,12 +176,16 @@ fn values<T: Scalar>(
         let k = k.matrix();
         bits(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
     };
-    // the load that pkm-fw/src/bin/parity.rs applies
+    // the loads and the temperature that pkm-fw/src/bin/parity.rs applies
     let wrench =
         Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+    let turned_at =
+        Wrench { force_n: [150.0, -20.0, -600.0].map(T::from_f64), moment_nm: [3.0, -8.0, 9.0].map(T::from_f64) };
+    let warm = machine.at_temperature(T::from_f64(31.5)).map_err(|_| StiffnessError::NotFinite)?;
+    let grown = machine.thermal_deflection(pose, T::from_f64(4.5))?;
     let diagonal = table.diagonal_form(machine, pose)?;
     let factor = table.factor_form(machine, pose)?;
-    let d = factor.factor.deflection(&wrench)?.plus(&machine.load_dependent_deflection(pose, &wrench)?);
+    let d = factor.factor.deflection(&wrench)?.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?);
     let lengths = machine.inverse(pose)?;
     let forward = machine.forward(&lengths)?;
     Ok(vec![
@@ -184,5 +196,7 @@ fn values<T: Scalar>(
         ("k_m_diagonal", lower(&diagonal.factor.stiffness())),
         ("k_m_factor", lower(&factor.factor.stiffness())),
         ("deflection", bits(&[d.translation_m, d.rotation_rad].concat())),
+        ("k_p_warm", lower(&warm.stiffness(pose)?)),
+        ("thermal", bits(&[grown.translation_m, grown.rotation_rad].concat())),
     ])
 }

@@ -7,7 +7,7 @@ pub(super) struct BaseCompliance;
 impl Effect for BaseCompliance {
     const INFO: EffectInfo = EffectInfo {
         id: "base-compliance",
-        parameters: &["mount_m_per_n", "mount_rad_per_nm", "under_joints_m_per_n"],
+        parameters: &["mount_m_per_n", "mount_rad_per_nm", "under_joints_m_per_n"], signed: false
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {

@@ -10,7 +10,7 @@ fn along<T: Scalar, const N: usize>(compliance: T, limb: &mut Limb<'_, T, N>) {
 pub(super) struct ScrewPosition;
 
 impl Effect for ScrewPosition {
-    const INFO: EffectInfo = EffectInfo { id: "screw-position", parameters: &["axial_per_n"] };
+    const INFO: EffectInfo = EffectInfo { id: "screw-position", parameters: &["axial_per_n"], signed: false };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
         along(p[0] * limb.q, limb);
@@ -23,7 +23,7 @@ macro_rules! softer_drive {
         pub(super) struct $name;
 
         impl Effect for $name {
-            const INFO: EffectInfo = EffectInfo { id: $id, parameters: &["axial_m_per_n"] };
+            const INFO: EffectInfo = EffectInfo { id: $id, parameters: &["axial_m_per_n"], signed: false };
 
             fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
                 if limb.index == $index {

@@ -7,7 +7,7 @@ macro_rules! softer_joint {
         pub(super) struct $name;
 
         impl Effect for $name {
-            const INFO: EffectInfo = EffectInfo { id: $id, parameters: $parameters };
+            const INFO: EffectInfo = EffectInfo { id: $id, parameters: $parameters, signed: false };
 
             fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
                 if matches!(limb.index, $limbs) {

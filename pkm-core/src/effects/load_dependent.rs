@@ -6,7 +6,7 @@ use crate::scalar::Scalar;
 pub(super) struct Clearance;
 
 impl Effect for Clearance {
-    const INFO: EffectInfo = EffectInfo { id: "clearance", parameters: &["play_m", "taken_up_n"] };
+    const INFO: EffectInfo = EffectInfo { id: "clearance", parameters: &["play_m", "taken_up_n"], signed: false };
     const DEPENDS_ON_LOAD: bool = true;
 
     fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> (T, T) {
@@ -24,7 +24,7 @@ pub(super) struct ContactStiffening;
 
 impl Effect for ContactStiffening {
     const INFO: EffectInfo =
-        EffectInfo { id: "contact-stiffening", parameters: &["unloaded_m_per_n", "reference_n"] };
+        EffectInfo { id: "contact-stiffening", parameters: &["unloaded_m_per_n", "reference_n"], signed: false };
     const DEPENDS_ON_LOAD: bool = true;
 
     fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> (T, T) {
@@ -33,5 +33,27 @@ impl Effect for ContactStiffening {
         let grown = T::ONE + x * x;
         let softness = p[0] / grown.sqrt().cbrt();
         (softness * tension, softness * (T::ONE - x * x / (T::from_f64(3.0) * grown)))
+    }
+}
+
+/// Every limb's elongation lags behind its load: by a fixed part and one that grows with the load, built up within
+/// some `reversal_n` (at least 1 N) after the loading has turned.
+pub(super) struct FrictionHysteresis;
+
+impl Effect for FrictionHysteresis {
+    const INFO: EffectInfo = EffectInfo {
+        id: "friction-hysteresis",
+        parameters: &["lag_m", "lag_m_per_n", "reversal_n"],
+        signed: false,
+    };
+    const DEPENDS_ON_LOAD: bool = true;
+
+    fn lag<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T, turned_at: T) -> T {
+        let [fixed, growing, reversal] = *p;
+        let width = if reversal > T::ONE { reversal } else { T::ONE };
+        let (here, there) = (tension.abs(), turned_at.abs());
+        let most = fixed + growing * if here > there { here } else { there };
+        let x = (tension - turned_at) / width;
+        -(most * x / (T::ONE + x * x).sqrt())
     }
 }

@@ -1,7 +1,7 @@
 //! Physics beyond the basic model, by the ids of spec: diagnosis.md.
 //!
-//! An effect is a file here and a line in the macro call below. Its parameters are amplitudes, mostly
-//! compliances: all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
+//! An effect is a file here and a line in the macro call below. Its parameters are amplitudes, mostly compliances:
+//! all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
 //! series with the whole adds at an end.
 
 use crate::linalg::Lower;
@@ -19,30 +19,37 @@ pub struct EffectInfo {
     pub id: &'static str,
     /// Names with units, as in files.
     pub parameters: &'static [&'static str],
+    /// Whether the parameters may be negative.
+    pub signed: bool,
 }
 
-/// Least values that are refused: far beyond any machine, and near where `f32` fails. By the unit in the name.
-pub(crate) const LIMITS: [[f64; MAX_PARAMETERS]; COUNT] = {
-    let mut limits = [[f64::INFINITY; MAX_PARAMETERS]; COUNT];
-    let mut effect = 0;
-    while effect < COUNT {
-        let names = EFFECTS[effect].parameters;
-        let mut i = 0;
-        while i < names.len() {
-            let name = names[i].as_bytes();
-            limits[effect][i] = if ends_with(name, b"per_nm2") {
-                1e3
-            } else if ends_with(name, b"per_n") || ends_with(name, b"per_nm") {
-                1e-3
-            } else {
-                1e6
-            };
-            i += 1;
-        }
-        effect += 1;
+/// Least sizes of parameters that are refused: far beyond any machine, and near where `f32` fails. By the unit in the
+/// name.
+const fn limits_by_unit(names: &[&str]) -> [f64; MAX_PARAMETERS] {
+    let mut limits = [f64::INFINITY; MAX_PARAMETERS];
+    let mut i = 0;
+    while i < names.len() {
+        let name = names[i].as_bytes();
+        limits[i] = if ends_with(name, b"per_nm2") {
+            1e3
+        } else if ends_with(name, b"per_n") || ends_with(name, b"per_nm") {
+            1e-3
+        } else {
+            1e6
+        };
+        i += 1;
     }
     limits
-};
+}
+
+/// The four sizes of the platforms.
+#[derive(Clone, Copy)]
+pub(crate) enum Size {
+    A1,
+    A2,
+    B1,
+    B2,
+}
 
 const fn ends_with(text: &[u8], end: &[u8]) -> bool {
     if text.len() < end.len() {
@@ -119,6 +126,12 @@ impl<T: Scalar> Series<T> {
 pub(crate) trait Effect {
     const INFO: EffectInfo;
 
+    /// Least sizes of its parameters that are refused.
+    const LIMITS: [f64; MAX_PARAMETERS] = limits_by_unit(Self::INFO.parameters);
+
+    /// The size of a platform that differs from the declared one by the first parameter.
+    const SIZE: Option<Size> = None;
+
     /// Adds compliance inside a limb.
     fn in_limb<T: Scalar, const N: usize>(_parameters: &[T; MAX_PARAMETERS], _limb: &mut Limb<'_, T, N>) {}
 
@@ -129,6 +142,33 @@ pub(crate) trait Effect {
     /// that in m/N, which must not be negative.
     fn elongation<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _tension: T) -> (T, T) {
         (T::ZERO, T::ZERO)
+    }
+
+    /// The part of a limb's elongation that depends on where the loading last turned, in m: from the tensions of the
+    /// linear model under the load and under the load there. Asked for when [`DEPENDS_ON_LOAD`](Self::DEPENDS_ON_LOAD).
+    fn lag<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _tension: T, _turned_at: T) -> T {
+        T::ZERO
+    }
+
+    /// Tension in a limb (0, 1, 2) before any load, N.
+    fn tension<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _limb: usize) -> T {
+        T::ZERO
+    }
+
+    /// How far A_1 and A_2 lie out of the platform's plane, along w, and A_3, along the projection of w on the plane of
+    /// limb 3, given as a length along w; m.
+    fn offset<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> [T; 2] {
+        [T::ZERO; 2]
+    }
+
+    /// Relative loss of stiffness of limb bodies and of joints per kelvin.
+    fn softening<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> [T; 2] {
+        [T::ZERO; 2]
+    }
+
+    /// Relative growth of the limbs and of the platforms per kelvin.
+    fn growth<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> [T; 2] {
+        [T::ZERO; 2]
     }
 
     /// Compliances c, m/N, by which B_1 and B_2 both move along z of B by c (F_1 + F_2) of the forces there, and by
@@ -195,7 +235,7 @@ active_effects!(f64);
 /// parameters. An effect with all parameters 0 is off and costs one comparison for all together.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effects {
-    /// Amplitudes, at least 0.
+    /// Amplitudes; at least 0 unless the effect is [`signed`](EffectInfo::signed).
     pub parameters: [[f64; MAX_PARAMETERS]; COUNT],
 }
 
@@ -260,6 +300,10 @@ macro_rules! effects {
 
         const AT_TOOL: [bool; COUNT] = [$($(<$module::$name as Effect>::AT_TOOL),+),+];
 
+        pub(crate) const LIMITS: [[f64; MAX_PARAMETERS]; COUNT] = [$($(<$module::$name as Effect>::LIMITS),+),+];
+
+        pub(crate) const SIZES: [Option<Size>; COUNT] = [$($(<$module::$name as Effect>::SIZE),+),+];
+
         impl<T: Scalar> ActiveEffects<T> {
             /// Adds what every active effect has inside a limb.
             pub(crate) fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
@@ -281,6 +325,54 @@ macro_rules! effects {
                 $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
                     let (e, slope) = $module::$name::elongation(&self.parameters[Index::$name as usize], tension);
                     sum = (sum.0 + e, sum.1 + slope);
+                })+)+
+                sum
+            }
+
+            /// What lags behind the load in a limb's elongation.
+            pub(crate) fn lag(&self, tension: T, turned_at: T) -> T {
+                let mut sum = T::ZERO;
+                $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
+                    sum += $module::$name::lag(&self.parameters[Index::$name as usize], tension, turned_at);
+                })+)+
+                sum
+            }
+
+            /// Tension in a limb before any load.
+            pub(crate) fn tension(&self, limb: usize) -> T {
+                let mut sum = T::ZERO;
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    sum += $module::$name::tension(&self.parameters[Index::$name as usize], limb);
+                })+)+
+                sum
+            }
+
+            /// How far A_1 and A_2, and A_3, are out of their plane.
+            pub(crate) fn offset(&self) -> [T; 2] {
+                let mut sum = [T::ZERO; 2];
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    let [a, b] = $module::$name::offset(&self.parameters[Index::$name as usize]);
+                    sum = [sum[0] + a, sum[1] + b];
+                })+)+
+                sum
+            }
+
+            /// Loss of stiffness per kelvin: limb bodies, joints.
+            pub(crate) fn softening(&self) -> [T; 2] {
+                let mut sum = [T::ZERO; 2];
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    let [a, b] = $module::$name::softening(&self.parameters[Index::$name as usize]);
+                    sum = [sum[0] + a, sum[1] + b];
+                })+)+
+                sum
+            }
+
+            /// Growth per kelvin: limbs, platforms.
+            pub(crate) fn growth(&self) -> [T; 2] {
+                let mut sum = [T::ZERO; 2];
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    let [a, b] = $module::$name::growth(&self.parameters[Index::$name as usize]);
+                    sum = [sum[0] + a, sum[1] + b];
                 })+)+
                 sum
             }
@@ -321,5 +413,8 @@ effects! {
     joints::{UniversalJoint, RevoluteJoint, SphericalJoint, Revolute3Joint},
     wrist::{WristCompliance},
     coupling::{LimbCoupling},
-    load_dependent::{Clearance, ContactStiffening},
+    load_dependent::{Clearance, ContactStiffening, FrictionHysteresis},
+    preload::{Preload},
+    geometry::{PlatformOffset, GeometryA1, GeometryA2, GeometryB1, GeometryB2},
+    thermal::{ThermalModulus, ThermalExpansion},
 }

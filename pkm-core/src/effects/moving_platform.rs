@@ -8,7 +8,7 @@ impl Effect for MovingPlatformCompliance {
     const INFO: EffectInfo = EffectInfo {
         id: "moving-platform-compliance",
         // 1/EI of an arm for bending out of the platform's plane and in it, 1/GJ
-        parameters: &["bending_per_nm2", "in_plane_per_nm2", "torsion_per_nm2"],
+        parameters: &["bending_per_nm2", "in_plane_per_nm2", "torsion_per_nm2"], signed: false
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {

@@ -9,7 +9,7 @@ impl Effect for TelescopicLimb {
     const INFO: EffectInfo = EffectInfo {
         id: "telescopic-limb",
         // where the tube ends; 1/EI of the ram less 1/EI of the declared body; tilting of the guides
-        parameters: &["tube_m", "ram_bending_per_nm2", "guide_rad_per_nm"],
+        parameters: &["tube_m", "ram_bending_per_nm2", "guide_rad_per_nm"], signed: false
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {

@@ -6,7 +6,7 @@ pub(super) struct WristCompliance;
 
 impl Effect for WristCompliance {
     const INFO: EffectInfo =
-        EffectInfo { id: "wrist-compliance", parameters: &["linear_m_per_n", "angular_rad_per_nm"] };
+        EffectInfo { id: "wrist-compliance", parameters: &["linear_m_per_n", "angular_rad_per_nm"], signed: false };
 
     const AT_TOOL: bool = true;
 

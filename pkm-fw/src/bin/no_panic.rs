@@ -42,7 +42,12 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     black_box(machine.singularity_distance(&pose)).ok();
     black_box(machine.travel_margin_m(&lengths));
     black_box(machine.stiffness(&pose)).ok();
-    black_box(machine.load_dependent_deflection(&pose, &wrench)).ok();
+    black_box(machine.load_dependent_deflection(&pose, &wrench, &black_box(wrench))).ok();
+    black_box(machine.thermal_deflection(&pose, a)).ok();
+    match black_box(machine.at_temperature(b)) {
+        Ok(warm) => _ = black_box(warm.stiffness(&pose)),
+        Err(e) => show(e),
+    }
     let matrix = black_box([[a; 6]; 6]);
     let stiffness = Stiffness::from_lower(&matrix);
     black_box((stiffness.matrix(), stiffness.principal()));

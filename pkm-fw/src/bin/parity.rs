@@ -1,7 +1,7 @@
 //! Prints what the core computes on a Cortex-M, bit for bit, for `cargo xtask qemu` to hold against the host.
 //!
 //! One JSON object a line over semihosting: a pose, in `f64` and `f32`, with screw lengths, K_p, K_m in both
-//! forms, and the deflection under a wrench. Numbers are the bits of their `f64` value. The machine and its
+//! forms, the deflection under a wrench, and what warmth does. Numbers are the bits of their `f64` value. The machine and its
 //! table are the `coefficients.rs` that `build.rs` was given.
 
 #![no_std]
@@ -12,7 +12,7 @@ use core::fmt::Write;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
 use heapless::Vec;
-use pkm_core::{CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, Wrench};
+use pkm_core::{CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
 use serde::Serialize;
 
 #[allow(dead_code)]
@@ -20,8 +20,8 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 87 numbers of 20 digits and their commas.
-const LINE: usize = 2048;
+/// Longest line: 114 numbers of 20 digits and their commas, and the names.
+const LINE: usize = 3072;
 
 #[derive(Serialize)]
 struct Line {
@@ -38,6 +38,8 @@ struct Line {
     k_m_diagonal: Vec<u64, 21>,
     k_m_factor: Vec<u64, 21>,
     deflection: Vec<u64, 6>,
+    k_p_warm: Vec<u64, 21>,
+    thermal: Vec<u64, 6>,
 }
 
 fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item = T>) -> Vec<u64, N> {
@@ -68,6 +70,8 @@ impl Line {
             k_m_diagonal: Vec::new(),
             k_m_factor: Vec::new(),
             deflection: Vec::new(),
+            k_p_warm: Vec::new(),
+            thermal: Vec::new(),
         };
         if let Err(error) = line.compute(machine, table, &pose) {
             line.error = Some(match error {
@@ -87,6 +91,8 @@ impl Line {
     ) -> Result<(), CorrectionError> {
         let wrench =
             Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+        let turned_at =
+            Wrench { force_n: [150.0, -20.0, -600.0].map(T::from_f64), moment_nm: [3.0, -8.0, 9.0].map(T::from_f64) };
         let lengths = machine.inverse(pose)?;
         self.q = bits(lengths.q_m);
         let forward = machine.forward(&lengths)?;
@@ -100,9 +106,13 @@ impl Line {
             table.diagonal_form(machine, pose)?
         };
         self.k_m_factor = lower(&corrected.factor.stiffness());
-        let extra = machine.load_dependent_deflection(pose, &wrench)?;
+        let extra = machine.load_dependent_deflection(pose, &wrench, &turned_at)?;
         let d = corrected.factor.deflection(&wrench)?.plus(&extra);
         self.deflection = bits(d.translation_m.into_iter().chain(d.rotation_rad));
+        let warm = machine.at_temperature(T::from_f64(31.5)).map_err(|_| StiffnessError::NotFinite)?;
+        self.k_p_warm = lower(&warm.stiffness(pose)?);
+        let grown = machine.thermal_deflection(pose, T::from_f64(4.5))?;
+        self.thermal = bits(grown.translation_m.into_iter().chain(grown.rotation_rad));
         Ok(())
     }
 }
