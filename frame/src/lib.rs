@@ -180,26 +180,6 @@ impl Frame {
         // freedoms in terms of independent ones; a hinge's follower keeps its relative angles in two of its own
         let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
         let mut dependent: Vec<usize> = (0..6).collect();
-        for (follower, leader, d) in &self.ties {
-            // the greatest component gives way to the other two
-            let kept = d.iamax();
-            let mut row = expand.rows(6 * leader.0, 3).tr_mul(d).transpose();
-            for i in (0..3).filter(|i| *i != kept) {
-                row -= expand.row(6 * follower.0 + i) * d[i];
-            }
-            expand.set_row(6 * follower.0 + kept, &(row / d[kept]));
-            dependent.push(6 * follower.0 + kept);
-        }
-        for (follower, leader, axes) in &self.hinges {
-            let first = 6 * follower.0 + 3;
-            for i in 0..3 {
-                let mut row = expand.row(6 * leader.0 + 3 + i).clone_owned();
-                row[first] += axes[0][i];
-                row[first + 1] += axes[1][i];
-                expand.set_row(first + i, &row);
-            }
-            dependent.push(first + 2);
-        }
         let mut stiffness = self.stiffness.clone();
         for Modes { body, nodes, shapes } in &self.modes {
             // the shapes' amounts are kept in the first node's first freedoms
@@ -221,6 +201,26 @@ impl Frame {
                 stiffness = stiffness.resize(row + 1, row + 1, 0.0);
                 stiffness[(row, row)] = *spring;
             }
+        }
+        for (follower, leader, d) in &self.ties {
+            // the greatest component gives way to the other two
+            let kept = d.iamax();
+            let mut row = expand.rows(6 * leader.0, 3).tr_mul(d).transpose();
+            for i in (0..3).filter(|i| *i != kept) {
+                row -= expand.row(6 * follower.0 + i) * d[i];
+            }
+            expand.set_row(6 * follower.0 + kept, &(row / d[kept]));
+            dependent.push(6 * follower.0 + kept);
+        }
+        for (follower, leader, axes) in &self.hinges {
+            let first = 6 * follower.0 + 3;
+            for i in 0..3 {
+                let mut row = expand.row(6 * leader.0 + 3 + i).clone_owned();
+                row[first] += axes[0][i];
+                row[first + 1] += axes[1][i];
+                expand.set_row(first + i, &row);
+            }
+            dependent.push(first + 2);
         }
         dependent.sort_unstable();
         let expand = expand.remove_columns_at(&dependent);

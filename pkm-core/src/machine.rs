@@ -401,16 +401,20 @@ impl MachineParameters {
         }
         let mut i = 0;
         while i < effects::COUNT {
-            let [a, b, c] = self.effects.parameters[i];
-            // an effect that is off leaves no trace, so that a later version with more effects gives the same sum
-            if a != 0.0 || b != 0.0 || c != 0.0 {
-                let id = effects::EFFECTS[i].id.as_bytes();
-                let mut n = 0;
-                while n < id.len() {
-                    hash = over_byte(hash, id[n]);
-                    n += 1;
+            let values = &self.effects.parameters[i];
+            let mut n = 0;
+            while n < effects::MAX_PARAMETERS {
+                // what is off leaves no trace, so that a later version with more effects gives the same sum
+                if values[n] != 0.0 {
+                    let id = effects::EFFECTS[i].id.as_bytes();
+                    let mut c = 0;
+                    while c < id.len() {
+                        hash = over_byte(hash, id[c]);
+                        c += 1;
+                    }
+                    hash = over_numbers(over_byte(hash, n as u8), &[values[n]]);
                 }
-                hash = over_numbers(hash, &[a, b, c]);
+                n += 1;
             }
             i += 1;
         }

@@ -149,7 +149,7 @@ impl<T: Scalar> Chain<T, 6> {
         pair
     }
 
-    /// Both limbs' bases move along an axis by `compliance` times the sum of their forces along it, the second
+    /// Both limbs' bases, or their ends, move along an axis by `compliance` times the sum of their forces along it, the second
     /// limb's taken with the sign.
     fn add_mode(&mut self, axis: [T; 3], sign: T, compliance: T) {
         let mut forces = [T::ZERO; 6];
@@ -392,6 +392,7 @@ impl<T: Scalar> Machine<T> {
             let at = n.map(|c| -p.l * c);
             let axes = [x, y, cross(x, y)];
             self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(&mut lower));
+            self.effects.at_hub(|compliance| Series::at_a(compliance).soften(&mut lower));
             actual.given_back_matrix(&mut lower);
             Stiffness { lower }.check_diagonal()?;
         } else {
@@ -418,6 +419,8 @@ impl<T: Scalar> Machine<T> {
         self.add_effects_3(p, h_3, &mut third, &mut beside);
         let mut pair = Chain::pair(first, second);
         let z = cross(p.x(), p.y());
+        let w = [T::ZERO, T::ZERO, T::ONE];
+        self.effects.between_arms_1_2(|bridge| pair.add_mode(w, T::ONE, bridge));
         self.effects.between_bases_1_2(|[together, opposed]| {
             pair.add_mode(z, T::ONE, together);
             pair.add_mode(z, -T::ONE, opposed);
@@ -540,12 +543,11 @@ impl<T: Scalar> Machine<T> {
 
     /// Softens K by what lies between A and the tool; true if there was any.
     pub(crate) fn add_tool_compliance(&self, stiffness: &mut Stiffness<T>) -> Result<bool, StiffnessError> {
-        let (o, i) = (T::ZERO, T::ONE);
         let mut any = false;
         if self.effects.any() {
             self.effects.at_tool(|compliance| {
                 any = true;
-                Series { at: [o; 3], axes: [[i, o, o], [o, i, o], [o, o, i]], compliance }.soften(&mut stiffness.lower);
+                Series::at_a(compliance).soften(&mut stiffness.lower);
             });
         }
         if any {

@@ -15,7 +15,7 @@ const LENGTH_COLUMNS: [&str; 3] = ["q1_mm", "q2_mm", "q3_mm"];
 pub const WRENCH_COLUMNS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 /// The deflection, loaded minus unloaded.
 pub const DEFLECTION_COLUMNS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
-const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
+pub(crate) const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
 const OTHER_MEASURED: [&str; 6] =
     ["series", "repeat", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
@@ -31,7 +31,7 @@ pub fn stiffness_columns() -> impl Iterator<Item = (usize, usize, String)> {
 
 /// A CSV as cells, checked for shape: one header, no doubled column, every row as wide as the header.
 pub struct Sheet {
-    source: Source,
+    pub(crate) source: Source,
     /// Names of the columns.
     pub header: Vec<String>,
     /// Rows in the file's order.
@@ -139,31 +139,31 @@ impl Sheet {
         Ok(Self { header, header_line: at, rows, semicolons, columns, source })
     }
 
-    fn has(&self, column: &str) -> bool {
+    pub(crate) fn has(&self, column: &str) -> bool {
         self.columns.contains_key(column)
     }
 
-    fn failure(&self, row: &Row, message: impl Into<String>) -> Failure {
+    pub(crate) fn failure(&self, row: &Row, message: impl Into<String>) -> Failure {
         Failure::input(message).in_file(&self.source.name).at_line(row.line)
     }
 
     /// A failure at the header, about a column that is not there.
-    fn missing(&self, column: &str, why: &str) -> Failure {
+    pub(crate) fn missing(&self, column: &str, why: &str) -> Failure {
         let failure = Failure::input(format!("missing column{why}")).in_file(&self.source.name);
         failure.at_line(self.header_line).at_column(column)
     }
 
-    fn require(&self, columns: &[&str]) -> Result<()> {
+    pub(crate) fn require(&self, columns: &[&str]) -> Result<()> {
         columns.iter().find(|c| !self.has(c)).map_or(Ok(()), |c| Err(self.missing(c, "")))
     }
 
-    fn cell<'a>(&self, row: &'a Row, column: &str) -> Result<&'a str> {
+    pub(crate) fn cell<'a>(&self, row: &'a Row, column: &str) -> Result<&'a str> {
         let index = self.columns.get(column).ok_or_else(|| self.missing(column, ""))?;
         Ok(&row.cells[*index])
     }
 
     /// A finite number. With semicolons between cells a decimal comma is as good as a point.
-    fn number(&self, row: &Row, column: &str) -> Result<f64> {
+    pub(crate) fn number(&self, row: &Row, column: &str) -> Result<f64> {
         let cell = self.cell(row, column)?;
         let text = if self.semicolons { cell.replace(',', ".") } else { cell.to_owned() };
         let digits = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));

@@ -5,6 +5,7 @@
 
 pub mod commands;
 pub mod dataset;
+pub mod diagnose;
 pub mod error;
 pub mod export;
 pub mod fit;

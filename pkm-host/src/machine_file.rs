@@ -27,6 +27,8 @@ pub struct MachineFile {
     pub machine: Machine<f64>,
     /// Where plans are laid.
     pub pose_box: PoseBox,
+    /// What is declared of errors.
+    pub uncertainty: Uncertainty,
     /// The tool's tip in A-uvw, m, with both wrist joints at 0 (Table 1).
     pub tip_m: [f64; 3],
 }
@@ -40,6 +42,17 @@ impl Default for PoseBox {
     fn default() -> Self {
         Self([[-15.0, 15.0], [-15.0, 15.0], [500.0, 560.0]])
     }
+}
+
+/// Standard deviations, as the machine file declares them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Uncertainty {
+    /// Of declared stiffnesses, relative.
+    pub stiffness: f64,
+    /// Of the direction of a load, rad.
+    pub load_direction_rad: f64,
+    /// Of the size of a load, relative.
+    pub load_gain: f64,
 }
 
 #[derive(Deserialize)]
@@ -246,7 +259,15 @@ impl MachineFile {
         }
         let name = raw.name.into_inner();
         let tip_m = tip_m(raw.wrist.as_ref());
-        Ok(Self { name, parameters, machine, pose_box, tip_m, source })
+        let declared = |pick: fn(&RawUncertainty) -> Option<&Number>, or: f64| {
+            raw.uncertainty.as_ref().and_then(pick).map_or(or, |n| *n.get_ref())
+        };
+        let uncertainty = Uncertainty {
+            stiffness: declared(|u| u.stiffness.as_ref(), 0.10),
+            load_direction_rad: declared(|u| u.load_direction_mrad.as_ref(), 0.0) / 1e3,
+            load_gain: declared(|u| u.load_gain.as_ref(), 0.0),
+        };
+        Ok(Self { name, parameters, machine, pose_box, uncertainty, tip_m, source })
     }
 
     /// A screw's length beside its travel. Limbs count from 1.

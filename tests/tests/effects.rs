@@ -119,6 +119,13 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3], temperatur
     let centre = frame.node(Vector3::zeros());
     let arm = "moving-platform-compliance";
     let elastic_arms = p(arm, "bending_per_nm2") > 0.0;
+    let bridge = if elastic_arms {
+        let bridge = frame.node(Vector3::zeros());
+        frame.modes(centre, &[bridge], &[(vec![w], 1.0 / p(arm, "bridge_m_per_n"))]);
+        bridge
+    } else {
+        centre
+    };
     for i in 0..3 {
         let limb = &m.limbs[i];
         let along = platform[i] - base[i];
@@ -151,10 +158,11 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3], temperatur
         let tube_m = p("telescopic-limb", "tube_m");
         if tube_m > 0.0 && tube_m < q {
             let ram_ei = softened(ei, p("telescopic-limb", "ram_bending_per_nm2"));
+            let ram_gj = softened(gj, p("telescopic-limb", "ram_torsion_per_nm2"));
             let end = base[i] + z * tube_m;
             let (outer, inner) = (frame.node(end), frame.node(end));
             frame.beam(foot, outer, x, &tube);
-            frame.beam(inner, head, x, &Section { ei_nm2: (ram_ei, ram_ei), ..tube });
+            frame.beam(inner, head, x, &Section { ei_nm2: (ram_ei, ram_ei), gj_nm2: ram_gj, ..tube });
             frame.hinge(inner, outer, [x, z.cross(&x)]);
             let tilt = 1.0 / p("telescopic-limb", "guide_rad_per_nm");
             frame.joint(outer, inner, end, &axes, [0.0, 0.0, 0.0, tilt, tilt, 0.0]);
@@ -178,8 +186,9 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3], temperatur
                 ei_nm2: (1.0 / p(arm, "in_plane_per_nm2"), 1.0 / p(arm, "bending_per_nm2")),
                 gj_nm2: 1.0 / p(arm, "torsion_per_nm2"),
             };
-            frame.beam(centre, hub, w, &section);
-            frame.tie(hub, centre, platform[i].normalize());
+            let root = if i == 2 { centre } else { bridge };
+            frame.beam(root, hub, w, &section);
+            frame.tie(hub, root, platform[i].normalize());
             frame.joint(head, hub, platform[i], &axes, stiffness);
         } else {
             frame.joint(head, centre, platform[i], &axes, stiffness);
@@ -188,6 +197,19 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3], temperatur
         let tension = p("preload", if i == 2 { "limb_3_n" } else { "limbs_1_2_n" });
         frame.joint(mount, centre, platform[i], &axes, [0.0, tension / q, 0.0, 0.0, 0.0, 0.0]);
     }
+    let hub_compliance = p(arm, "hub_rad_per_nm");
+    let centre = if hub_compliance > 0.0 {
+        let hub = frame.node(Vector3::zeros());
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+            frame.tie(hub, centre, axis);
+        }
+        let angular = 1.0 / hub_compliance;
+        let stiffness = [0.0, 0.0, 0.0, angular, angular, angular];
+        frame.joint(centre, hub, Vector3::zeros(), &Matrix3::identity(), stiffness);
+        hub
+    } else {
+        centre
+    };
     if p("wrist-compliance", "linear_m_per_n") == 0.0 {
         return Assembled { frame, tool: centre, limbs };
     }

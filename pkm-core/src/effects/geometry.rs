@@ -7,7 +7,7 @@ pub(super) struct PlatformOffset;
 impl Effect for PlatformOffset {
     const INFO: EffectInfo =
         EffectInfo { id: "platform-offset", parameters: &["limbs_1_2_m", "limb_3_m"], signed: true };
-    const LIMITS: [f64; MAX_PARAMETERS] = [0.1, 0.1, f64::INFINITY];
+    const LIMITS: [f64; MAX_PARAMETERS] = [0.1, 0.1, f64::INFINITY, f64::INFINITY, f64::INFINITY];
 
     fn offset<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> [T; 2] {
         [p[0], p[1]]

@@ -49,7 +49,7 @@ impl Effect for FrictionHysteresis {
     const DEPENDS_ON_LOAD: bool = true;
 
     fn lag<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T, turned_at: T) -> T {
-        let [fixed, growing, reversal] = *p;
+        let [fixed, growing, reversal, ..] = *p;
         let width = if reversal > T::ONE { reversal } else { T::ONE };
         let (here, there) = (tension.abs(), turned_at.abs());
         let most = fixed + growing * if here > there { here } else { there };

@@ -10,7 +10,7 @@ use crate::stiffness::Chain;
 use crate::types::cross;
 
 /// Most parameters that an effect has.
-pub const MAX_PARAMETERS: usize = 3;
+pub const MAX_PARAMETERS: usize = 5;
 
 /// What is known of an effect without a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +88,12 @@ pub(crate) struct Series<T> {
 }
 
 impl<T: Scalar> Series<T> {
+    /// At A, along and about u, v, w.
+    pub fn at_a(compliance: [T; 6]) -> Self {
+        let (o, i) = (T::ZERO, T::ONE);
+        Self { at: [o; 3], axes: [[i, o, o], [o, i, o], [o, o, i]], compliance }
+    }
+
     /// K := (K⁻¹ + C)⁻¹, a direction at a time (Sherman and Morrison). Lower triangle.
     pub fn soften(&self, k: &mut Lower<T>) {
         let o = T::ZERO;
@@ -177,8 +183,18 @@ pub(crate) trait Effect {
         None
     }
 
+    /// Compliance, m/N, by which A_1 and A_2 both move along w by c (F_1 + F_2) of the forces there.
+    fn between_arms_1_2<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<T> {
+        None
+    }
+
     /// Compliance between the ground and the mechanism: at B with the axes of B, both given in A-uvw.
     fn at_base<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
+        None
+    }
+
+    /// Compliance between the limbs and A, along and about u, v, w.
+    fn at_hub<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
         None
     }
 
@@ -243,12 +259,22 @@ impl Effects {
     /// The basic model.
     pub const NONE: Self = Self { parameters: [[0.0; MAX_PARAMETERS]; COUNT] };
 
-    /// The same with an effect, by its id, whatever the order of the effects in this version. `None` for an unknown id.
-    pub const fn with(mut self, id: &str, parameters: [f64; MAX_PARAMETERS]) -> Option<Self> {
+    /// The same with an effect, by its id, whatever the order of the effects in this version; parameters that are not
+    /// given are 0. `None` for an unknown id, or for more parameters than the effect has.
+    pub const fn with<const N: usize>(mut self, id: &str, parameters: [f64; N]) -> Option<Self> {
         let mut i = 0;
         while i < COUNT {
             if same(EFFECTS[i].id.as_bytes(), id.as_bytes()) {
-                self.parameters[i] = parameters;
+                self.parameters[i] = [0.0; MAX_PARAMETERS];
+                let mut n = 0;
+                while n < N {
+                    if n < EFFECTS[i].parameters.len() {
+                        self.parameters[i][n] = parameters[n];
+                    } else if parameters[n] != 0.0 {
+                        return None;
+                    }
+                    n += 1;
+                }
                 return Some(self);
             }
             i += 1;
@@ -385,10 +411,26 @@ macro_rules! effects {
                 })+)+
             }
 
+            /// Calls `add` with the compliance shared by arms 1 and 2 of every active effect that has one.
+            pub(crate) fn between_arms_1_2(&self, mut add: impl FnMut(T)) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::between_arms_1_2(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+            }
+
             /// Calls `add` with the compliance at B of every active effect that has one.
             pub(crate) fn at_base(&self, mut add: impl FnMut([T; 6])) {
                 $($(if self.active & (1 << Index::$name as u32) != 0
                     && let Some(c) = $module::$name::at_base(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+            }
+
+            /// Calls `add` with the compliance between limbs and A of every active effect that has one.
+            pub(crate) fn at_hub(&self, mut add: impl FnMut([T; 6])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::at_hub(&self.parameters[Index::$name as usize]) {
                     add(c);
                 })+)+
             }

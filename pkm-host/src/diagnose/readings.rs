@@ -1,0 +1,197 @@
+//! Measured deflections as the diagnosis needs them: load history, repeats, channels that are missing.
+
+use std::collections::HashMap;
+
+use pkm_core::Wrench;
+
+use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose};
+use crate::error::{Failure, Result};
+use crate::machine_file::MachineFile;
+use crate::source::Source;
+
+/// Deflection channels: three translations, then three rotations.
+pub const CHANNELS: usize = 6;
+
+/// Where the temperature column counts from.
+pub const REFERENCE_C: f64 = 20.0;
+
+/// What determines a prediction; readings that share it are repeats of one another.
+#[derive(Clone, Copy, Debug)]
+pub struct Condition {
+    /// Index of the commanded pose.
+    pub pose: usize,
+    /// Load at `point_m`, in A-uvw.
+    pub wrench: Wrench<f64>,
+    /// Where load and deflection are given, in A-uvw.
+    pub point_m: [f64; 3],
+    /// Load at which the loading last turned; zero when it has only grown.
+    pub turned_at: Wrench<f64>,
+    /// Of the machine.
+    pub temperature_c: f64,
+    /// Temperature above that of the zero reading.
+    pub rise_k: f64,
+}
+
+/// One line of the file.
+#[derive(Clone, Debug)]
+pub struct Reading {
+    /// Index of its condition.
+    pub condition: usize,
+    /// The same without the temperature: what makes repeats.
+    pub repeat_of: usize,
+    /// Readings that share a zero-reading error.
+    pub series: usize,
+    /// Deflection in m and rad; `None` where the cell is blank.
+    pub observed: [Option<f64>; CHANNELS],
+    /// Declared standard deviation of translations in m and rotations in rad.
+    pub sigma: [Option<f64>; 2],
+}
+
+/// A measured file.
+pub struct Readings {
+    /// File, as the user named it.
+    pub source: Source,
+    /// Different poses, in the order in which they appear.
+    pub poses: Vec<NamedPose>,
+    /// Different conditions.
+    pub conditions: Vec<Condition>,
+    /// Rows.
+    pub readings: Vec<Reading>,
+    /// Least step of each channel's numbers as written, m and rad.
+    pub resolution: [f64; CHANNELS],
+    /// Whether the file has temperatures.
+    pub has_temperature: bool,
+    /// Whether some readings were taken while the load went down.
+    pub has_unloading: bool,
+}
+
+fn bits(values: &[f64]) -> Vec<u64> {
+    // −0 and 0 are one load
+    values.iter().map(|v| (v + 0.0).to_bits()).collect()
+}
+
+fn array(w: &Wrench<f64>) -> [f64; 6] {
+    let ([a, b, c], [d, e, f]) = (w.force_n, w.moment_nm);
+    [a, b, c, d, e, f]
+}
+
+const NO_LOAD: Wrench<f64> = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
+
+/// The load history of one series.
+struct History {
+    last: Wrench<f64>,
+    turned_at: Wrench<f64>,
+    zero_temperature_c: f64,
+}
+
+impl Readings {
+    /// Reads a measured file.
+    ///
+    /// # Errors
+    /// See [`dataset::read_load_cases`]; no reading at all.
+    pub fn read(source: Source, machine: &MachineFile) -> Result<Self> {
+        let (sheet, cases) = dataset::read_load_cases(source, machine)?;
+        let channels: Vec<bool> = DEFLECTION_COLUMNS.iter().map(|c| sheet.has(c)).collect();
+        if !channels.iter().any(|c| *c) {
+            return Err(sheet.missing(DEFLECTION_COLUMNS[0], ": a measured file needs at least one deflection column"));
+        }
+        let mut poses: Vec<NamedPose> = Vec::new();
+        let (mut pose_index, mut conditions_seen, mut repeats_seen) = (HashMap::new(), HashMap::new(), HashMap::new());
+        let mut series_index: HashMap<String, usize> = HashMap::new();
+        let mut histories: HashMap<usize, History> = HashMap::new();
+        let (mut conditions, mut readings) = (Vec::new(), Vec::new());
+        let mut decimals = [0_usize; CHANNELS];
+        let has_temperature = sheet.has("temperature_c");
+        let mut has_unloading = false;
+        for (n, (row, case)) in sheet.rows.iter().zip(&cases).enumerate() {
+            let optional = |column: &str| -> Result<Option<f64>> {
+                if !sheet.has(column) || sheet.cell(row, column)?.is_empty() {
+                    return Ok(None);
+                }
+                sheet.number(row, column).map(Some)
+            };
+            let mut observed = [None; CHANNELS];
+            for (c, column) in DEFLECTION_COLUMNS.iter().enumerate() {
+                observed[c] = optional(column)?.map(|v| v * 1e-6);
+                if observed[c].is_some() {
+                    let text = sheet.cell(row, column)?;
+                    let digits = text.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
+                    decimals[c] = decimals[c].max(digits);
+                }
+            }
+            let sigma = [optional("sigma_linear_um")?, optional("sigma_angular_urad")?].map(|s| s.map(|v| v * 1e-6));
+            let p = &case.pose.pose;
+            let pose = *pose_index.entry(bits(&[p.theta_rad, p.sigma_rad, p.z0_m])).or_insert_with(|| {
+                poses.push(case.pose.clone());
+                poses.len() - 1
+            });
+            let series_name = if sheet.has("series") { sheet.cell(row, "series")?.to_owned() } else { String::new() };
+            // without a name a row is on its own
+            let key = if series_name.is_empty() { format!("\0{n}") } else { series_name };
+            let next = series_index.len();
+            let series = *series_index.entry(key).or_insert(next);
+            let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
+            let temperature_c = optional("temperature_c")?.unwrap_or(REFERENCE_C);
+
+            let unloaded = array(&case.wrench).iter().all(|f| *f == 0.0);
+            let history = histories.entry(series).or_insert_with(|| History {
+                last: NO_LOAD,
+                turned_at: NO_LOAD,
+                zero_temperature_c: if unloaded { temperature_c } else { REFERENCE_C },
+            });
+            let inner = |a: &Wrench<f64>, b: &Wrench<f64>| -> f64 {
+                array(a).iter().zip(array(b)).map(|(a, b)| a * b).sum::<f64>()
+            };
+            let (along, before) = (inner(&case.wrench, &history.last), inner(&history.last, &history.last));
+            // past the half way back, or marked as such, the load is going down from the last one
+            let shrinking = along < before && before > 0.0;
+            let growing = along > before && before > 0.0;
+            let came_down = inner(&history.turned_at, &history.turned_at) > 0.0;
+            match direction {
+                "unload" if !came_down && before > 0.0 => history.turned_at = history.last,
+                "unload" if !came_down => {
+                    // nothing known of the peak: some way above
+                    let up = |v: [f64; 3]| v.map(|f| 2.0 * f);
+                    history.turned_at =
+                        Wrench { force_n: up(case.wrench.force_n), moment_nm: up(case.wrench.moment_nm) };
+                }
+                "load" => history.turned_at = NO_LOAD,
+                "" if shrinking && !came_down => history.turned_at = history.last,
+                "" if growing => history.turned_at = NO_LOAD,
+                _ => {}
+            }
+            has_unloading |= inner(&history.turned_at, &history.turned_at) > 0.0;
+            history.last = case.wrench;
+            let condition = Condition {
+                pose,
+                wrench: case.wrench,
+                point_m: case.point_m,
+                turned_at: history.turned_at,
+                temperature_c,
+                rise_k: if has_temperature { temperature_c - history.zero_temperature_c } else { 0.0 },
+            };
+            let mut key = bits(&array(&case.wrench));
+            key.extend(bits(&case.point_m));
+            key.extend(bits(&array(&history.turned_at)));
+            key.push(pose as u64);
+            let repeats = repeats_seen.len();
+            let repeat_of = *repeats_seen.entry(key.clone()).or_insert(repeats);
+            key.extend(bits(&[temperature_c, condition.rise_k]));
+            let condition = *conditions_seen.entry(key).or_insert_with(|| {
+                conditions.push(condition);
+                conditions.len() - 1
+            });
+            readings.push(Reading { condition, repeat_of, series, observed, sigma });
+        }
+        if readings.iter().all(|r| r.observed.iter().all(Option::is_none)) {
+            return Err(Failure::input("expected readings, found blank deflection columns only").in_file(&sheet.source.name));
+        }
+        let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
+        Ok(Self { source: sheet.source, poses, conditions, readings, resolution, has_temperature, has_unloading })
+    }
+
+    /// Which channels have any reading.
+    pub fn channels(&self) -> [bool; CHANNELS] {
+        std::array::from_fn(|c| self.readings.iter().any(|r| r.observed[c].is_some()))
+    }
+}

@@ -1,0 +1,146 @@
+//! Which candidates the residual points at, before any of them is fitted (spec: diagnosis.md, 4).
+
+use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::solve::Fit;
+
+/// Draws from the null distribution of the smallest p.
+const DRAWS: usize = 4000;
+
+/// Least signal of a plausible amplitude, in standard deviations squared, at which a direction counts as seen.
+const LEAST_SIGNAL: f64 = 0.1;
+
+/// What the screen says of one candidate.
+#[derive(Clone, Debug)]
+pub struct Score {
+    /// Drop of χ² that its columns could bring, linearised.
+    pub statistic: f64,
+    /// Directions that it adds.
+    pub freedoms: usize,
+    /// Probability of so large a statistic without the effect.
+    pub p: f64,
+    /// Gain of 2 ln E by the best choice of its columns, linearised; 0 for none.
+    pub gain: f64,
+    /// First step of its amplitudes: 0 for those that the best choice leaves out.
+    pub step: DVector<f64>,
+}
+
+/// Scores of all candidates, and the family-wise p of the best.
+pub struct Screen {
+    /// By candidate.
+    pub scores: Vec<Score>,
+    /// Probability that any candidate looks as good as the best, if there is no effect.
+    pub p_family: f64,
+}
+
+/// Eigenvalues above the limit with their vectors.
+fn seen(v: &DMatrix<f64>, limit: f64) -> (Vec<f64>, DMatrix<f64>) {
+    let eigen = v.clone().symmetric_eigen();
+    let kept: Vec<usize> = (0..v.nrows()).filter(|i| eigen.eigenvalues[*i] > limit).collect();
+    (kept.iter().map(|i| eigen.eigenvalues[*i]).collect(), eigen.eigenvectors.select_columns(&kept))
+}
+
+/// The columns of a candidate that explain most for what they cost, with the steps of their amplitudes, those of
+/// one-sided ones positive: by trying all choices of at most a few columns.
+fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, DVector<f64>) {
+    let n = s.len();
+    let mut best = (0.0, DVector::zeros(n));
+    for choice in 1_u32..1 << n {
+        let used: Vec<usize> = (0..n).filter(|i| choice & (1 << i) != 0).collect();
+        let part = s.select_rows(&used);
+        let own = v.select_rows(&used).select_columns(&used);
+        let Some(factor) = (own + DMatrix::identity(used.len(), used.len())).cholesky() else { continue };
+        let step = factor.solve(&part);
+        if used.iter().zip(step.iter()).any(|(i, x)| one_sided[*i] && *x < 0.0) {
+            continue;
+        }
+        let gain = step.dot(&part) - factor.ln_determinant();
+        if gain > best.0 || best.1.amax() == 0.0 {
+            let mut all = DVector::zeros(n);
+            used.iter().zip(step.iter()).for_each(|(i, x)| all[*i] = *x);
+            best = (gain, all);
+        }
+    }
+    best
+}
+
+/// Columns of a candidate, and which of their amplitudes must not be negative.
+pub type Columns = (DMatrix<f64>, Vec<bool>);
+
+/// Holds the columns of every candidate against the residual of a fit. `scale` is the noise variance that the misfit
+/// suggests, at least 1.
+pub fn screen(fit: &Fit, candidates: &[Columns], scale: f64, seed: u64) -> Screen {
+    let widths: Vec<usize> = candidates.iter().map(|c| c.0.ncols()).collect();
+    let total: usize = widths.iter().sum();
+    let mut all = DMatrix::zeros(fit.residuals.len(), total);
+    let mut starts = Vec::new();
+    let mut at = 0;
+    for (columns, _) in candidates {
+        all.columns_mut(at, columns.ncols()).copy_from(columns);
+        starts.push(at);
+        at += columns.ncols();
+    }
+    let s = all.tr_mul(&fit.residuals);
+    let v = fit.remaining(&all);
+    // each candidate's whitening: t = |w s|²
+    let mut whiteners = Vec::new();
+    let mut scores = Vec::new();
+    for ((start, width), (_, one_sided)) in starts.iter().zip(&widths).zip(candidates) {
+        let own = v.view((*start, *start), (*width, *width)).clone_owned();
+        let (values, vectors) = seen(&own, LEAST_SIGNAL);
+        let mut whitener = vectors.transpose();
+        for (i, value) in values.iter().enumerate() {
+            whitener.row_mut(i).scale_mut(1.0 / value.sqrt());
+        }
+        let part = s.rows(*start, *width).clone_owned();
+        let whitened = &whitener * &part;
+        let statistic = whitened.norm_squared() / scale;
+        let freedoms = values.len();
+        let (gain, step) = best_choice(&part, &own, one_sided);
+        scores.push(Score { statistic, freedoms, p: tail(statistic, freedoms), gain, step });
+        whiteners.push(whitener);
+    }
+    let least = scores.iter().map(|s| s.p).fold(1.0, f64::min);
+    // thresholds of the statistic that would give as small a p, by freedoms
+    let limits: Vec<f64> = (0..=widths.iter().copied().max().unwrap_or(0)).map(|k| inverse_tail(least, k)).collect();
+    let (values, vectors) = seen(&v, 1e-9);
+    let mut root = vectors;
+    for (i, value) in values.iter().enumerate() {
+        root.column_mut(i).scale_mut(value.sqrt());
+    }
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let mut as_small = 0;
+    for _ in 0..DRAWS {
+        let u = &root * DVector::from_fn(values.len(), |_, _| normal(&mut rng));
+        let hit = whiteners.iter().zip(&starts).zip(&widths).any(|((w, start), width)| {
+            w.nrows() > 0 && (w * u.rows(*start, *width)).norm_squared() >= limits[w.nrows()]
+        });
+        as_small += usize::from(hit);
+    }
+    // a p below what the draws resolve is bounded by the number of candidates
+    let resolved = (as_small as f64 + 1.0) / (DRAWS as f64 + 1.0);
+    let bonferroni = least * candidates.len() as f64;
+    Screen { scores, p_family: if as_small == 0 { resolved.min(bonferroni) } else { resolved } }
+}
+
+fn tail(statistic: f64, freedoms: usize) -> f64 {
+    ChiSquared::new(freedoms as f64).map_or(1.0, |d| d.sf(statistic))
+}
+
+fn inverse_tail(p: f64, freedoms: usize) -> f64 {
+    let (mut low, mut high) = (0.0, 10.0);
+    while tail(high, freedoms) > p && high < 1e6 {
+        high *= 2.0;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if tail(middle, freedoms) > p { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// Standard normal number by Box and Muller.
+pub fn normal(rng: &mut fastrand::Rng) -> f64 {
+    (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (std::f64::consts::TAU * rng.f64()).cos()
+}

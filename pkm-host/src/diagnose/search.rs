@@ -1,0 +1,321 @@
+//! Which physics the model lacks: screen, full fits, acceptance, classes (spec: diagnosis.md, 4-7).
+
+use nalgebra::{DMatrix, DVector};
+use pkm_core::effects::EFFECTS;
+use rayon::prelude::*;
+
+use super::model::{self, Unknown, info, is_measurement};
+use super::screen::{Columns, Score, screen};
+use super::solve::{Fit, Problem};
+
+/// Full fits in a round.
+const FITTED: usize = 10;
+/// Family-wise p at which something is accepted.
+const P_FAMILY: f64 = 0.01;
+/// Least gain of 2 ln E for the first thing that is accepted, and for more.
+const LEAST_GAIN: [f64; 2] = [6.0, 10.0];
+/// Most rounds.
+const ROUNDS: usize = 3;
+/// Largest plausible amplitude, in units of its scale.
+const LARGEST: f64 = 2.0;
+/// Least share of signal in common at which two candidates count as the same.
+const SAME: f64 = 0.9;
+
+/// Something that the model may lack.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Candidate {
+    /// An effect, of the machine or of the measurement.
+    Effect(usize),
+    /// Declared stiffnesses that are wrong together.
+    Class(usize),
+}
+
+impl Candidate {
+    fn unknowns(&self, problem: &Problem<'_>) -> Vec<Unknown> {
+        match *self {
+            Self::Effect(effect) => problem.model.of_effect(effect),
+            Self::Class(class) => vec![Unknown::Class(class)],
+        }
+    }
+}
+
+/// One candidate in one round.
+#[derive(Clone, Debug)]
+pub struct Ranked {
+    /// What it is.
+    pub candidate: Candidate,
+    /// The screen.
+    pub score: Score,
+    /// Gain of 2 ln E over the model without it, by the noise that the better of both leaves; `None` when it was not
+    /// fitted.
+    pub gain: Option<f64>,
+    /// Share of the left-out poses' squared error that it saves.
+    pub left_out_gain: f64,
+    /// Share of the poses that gain.
+    pub poses_that_gain: f64,
+    /// Why it was put aside.
+    pub rejected: Option<&'static str>,
+}
+
+/// One round of the search.
+pub struct Round {
+    /// Probability of so strong a best candidate if nothing were missing.
+    pub p_family: f64,
+    /// Best first.
+    pub ranking: Vec<Ranked>,
+}
+
+/// Something that was found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The best.
+    pub candidate: Candidate,
+    /// What the data cannot tell from it, itself left out.
+    pub class: Vec<Candidate>,
+    /// Probability against the candidates outside the class.
+    pub confidence: f64,
+}
+
+/// What the search ends with.
+pub struct Search {
+    /// Declared stiffnesses re-tuned and nothing else.
+    pub base: Fit,
+    /// With all that was found.
+    pub fit: Fit,
+    /// In the order of finding.
+    pub found: Vec<Found>,
+    /// What was tried.
+    pub rounds: Vec<Round>,
+    /// Candidates.
+    pub candidates: Vec<Candidate>,
+    /// Whitened columns of each at the base fit.
+    pub columns: Vec<Columns>,
+}
+
+/// Rows of the whitened readings by pose.
+pub fn by_pose(problem: &Problem<'_>) -> Vec<Vec<usize>> {
+    let mut groups = vec![Vec::new(); problem.poses.len()];
+    for (i, e) in problem.whitener.entries.iter().enumerate() {
+        groups[problem.readings.conditions[problem.readings.readings[e.reading].condition].pose].push(i);
+    }
+    groups
+}
+
+/// What may be found in these readings.
+fn candidates(problem: &Problem<'_>) -> Vec<Candidate> {
+    let effects = (0..model::COUNT).filter(|effect| match info(*effect).id {
+        "thermal-modulus" | "thermal-expansion" => problem.readings.has_temperature,
+        _ => true,
+    });
+    let classes = (0..problem.model.classes.len()).map(Candidate::Class);
+    effects.map(Candidate::Effect).chain(classes).collect()
+}
+
+/// Columns of a candidate's amplitudes at a fit, its shapes in their middle.
+fn columns(problem: &Problem<'_>, fit: &Fit, candidate: &Candidate) -> Option<Columns> {
+    let own = candidate.unknowns(problem);
+    let (amplitudes, shapes): (Vec<Unknown>, Vec<Unknown>) =
+        own.into_iter().partition(|u| matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(u));
+    let n = fit.unknowns.len();
+    let unknowns: Vec<Unknown> = fit.unknowns.iter().chain(&amplitudes).chain(&shapes).copied().collect();
+    let mut x = fit.x.as_slice().to_vec();
+    x.resize(unknowns.len(), 0.0);
+    let one_sided = amplitudes.iter().map(|u| problem.model.is_one_sided(u)).collect();
+    Some((problem.jacobian(&unknowns, &x, n..n + amplitudes.len())?, one_sided))
+}
+
+/// χ² per freedom, at least 1: what the evidence is tempered by.
+fn temper(fit: &Fit) -> f64 {
+    (fit.chi2 / (fit.residuals.len() as f64 - fit.used_freedoms()).max(1.0)).max(1.0)
+}
+
+/// Fits a candidate on top of a model. Negative amplitudes that must not be are pinned to 0, one after another.
+fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, step: &DVector<f64>) -> Result<Fit, &'static str> {
+    let (mut own, mut start) = (Vec::new(), Vec::new());
+    let mut steps = step.iter().copied();
+    for u in candidate.unknowns(problem) {
+        let is_amplitude = matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(&u);
+        let first = if is_amplitude { steps.next().unwrap_or(0.0) } else { 0.0 };
+        if !is_amplitude || first != 0.0 {
+            own.push(u);
+            start.push(first.clamp(-1.0, 1.0));
+        }
+    }
+    if start.iter().all(|x| *x == 0.0) {
+        return Err("negative compliance");
+    }
+    let n = current.unknowns.len();
+    loop {
+        let unknowns: Vec<Unknown> = current.unknowns.iter().chain(&own).copied().collect();
+        let from = |base: &[f64]| {
+            let x: Vec<f64> = base.iter().chain(&start).copied().collect();
+            problem.fit(&unknowns, &x)
+        };
+        let mut fit = from(current.x.as_slice());
+        if current.x.iter().take(problem.model.stiffnesses().len()).any(|x| x.abs() > 3.0) {
+            // the tuned values may have swallowed the effect: begin once more with the declared ones
+            let declared: Vec<f64> = (current.unknowns.iter().zip(current.x.iter()))
+                .map(|(u, x)| if matches!(u, Unknown::Stiffness(_)) { 0.0 } else { *x })
+                .collect();
+            let other = from(&declared);
+            fit = match (fit, other) {
+                (Some(a), Some(b)) => Some(if b.objective < a.objective { b } else { a }),
+                (a, b) => a.or(b),
+            };
+        }
+        let fit = fit.ok_or("the fit did not converge")?;
+        let one_sided = |i: &usize| problem.model.is_one_sided(&own[*i]);
+        let negative = (0..own.len()).filter(one_sided).filter(|i| fit.x[n + i] < 0.0);
+        let most = negative.min_by(|a, b| fit.x[n + a].total_cmp(&fit.x[n + b]));
+        let Some(pinned) = most else {
+            let amplitude = |i: &usize| matches!(own[*i], Unknown::Class(_)) || problem.model.is_amplitude(&own[*i]);
+            if (0..own.len()).filter(amplitude).any(|i| fit.x[n + i].abs() > LARGEST) {
+                return Err("larger than plausible");
+            }
+            return Ok(fit);
+        };
+        own.remove(pinned);
+        start.remove(pinned);
+        if !own.iter().any(|u| problem.model.is_amplitude(u)) {
+            return Err("negative compliance");
+        }
+    }
+}
+
+/// Whether two candidates have the same signal, as far as the data and the other unknowns let it be seen.
+fn indistinguishable(fit: &Fit, (a, _): &Columns, (b, _): &Columns) -> bool {
+    let (na, nb) = (a.ncols(), b.ncols());
+    if na == 0 || nb == 0 {
+        return false;
+    }
+    let mut both = DMatrix::zeros(a.nrows(), na + nb);
+    both.columns_mut(0, na).copy_from(a);
+    both.columns_mut(na, nb).copy_from(b);
+    let g = fit.remaining(&both);
+    let share = |own: std::ops::Range<usize>, other: std::ops::Range<usize>| {
+        let jj = g.view((own.start, own.start), (own.len(), own.len())).clone_owned();
+        let kk = g.view((other.start, other.start), (other.len(), other.len())).clone_owned();
+        let jk = g.view((own.start, other.start), (own.len(), other.len())).clone_owned();
+        let trace = jj.trace();
+        let inverse = kk.clone().pseudo_inverse(1e-6 * kk.trace().max(1e-12));
+        inverse.map_or(0.0, |inverse| (&jk * inverse * jk.transpose()).trace() / trace.max(1e-12))
+    };
+    share(0..na, na..na + nb) >= SAME && share(na..na + nb, 0..na) >= SAME
+}
+
+/// Searches until nothing more is accepted.
+pub fn search(problem: &Problem<'_>, seed: u64) -> Option<Search> {
+    let stiffnesses = problem.model.stiffnesses();
+    let base = problem.fit(&stiffnesses, &vec![0.0; stiffnesses.len()])?;
+    let groups = by_pose(problem);
+    let candidates = candidates(problem);
+    let all_columns = |fit: &Fit| -> Vec<Columns> {
+        let none = || (DMatrix::zeros(problem.len(), 0), Vec::new());
+        candidates.iter().map(|c| columns(problem, fit, c).unwrap_or_else(none)).collect()
+    };
+    let at_base = all_columns(&base);
+    let (mut fit, mut found, mut rounds) = (base.clone(), Vec::<Found>::new(), Vec::new());
+    for round in 0..ROUNDS {
+        let columns = if round == 0 { at_base.clone() } else { all_columns(&fit) };
+        let open: Vec<usize> =
+            (0..candidates.len()).filter(|i| found.iter().all(|f| f.candidate != candidates[*i])).collect();
+        let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
+        let screened = screen(&fit, &open_columns, 1.0, seed + round as u64);
+        let mut order: Vec<usize> = (0..open.len()).collect();
+        order.sort_by(|a, b| screened.scores[*b].gain.total_cmp(&screened.scores[*a].gain));
+        let without = fit.left_out(&groups);
+        let mut ranking: Vec<(Ranked, Option<Fit>)> = order
+            .par_iter()
+            .enumerate()
+            .map(|(place, i)| {
+                let candidate = candidates[open[*i]].clone();
+                let score = screened.scores[*i].clone();
+                let mut ranked =
+                    Ranked { candidate, score, gain: None, left_out_gain: 0.0, poses_that_gain: 0.0, rejected: None };
+                if place >= FITTED || screened.p_family > P_FAMILY {
+                    return (ranked, None);
+                }
+                let with = match extended(problem, &fit, &ranked.candidate, &ranked.score.step) {
+                    Ok(with) => with,
+                    Err(why) => {
+                        ranked.rejected = Some(why);
+                        return (ranked, None);
+                    }
+                };
+                let errors = with.left_out(&groups);
+                let (sum, rest): (f64, f64) = (without.iter().sum(), errors.iter().sum());
+                ranked.left_out_gain = (sum - rest) / sum;
+                let gaining = without.iter().zip(&errors).filter(|(a, b)| a > b).count();
+                ranked.poses_that_gain = gaining as f64 / groups.len() as f64;
+                ranked.gain = Some(2.0 * (with.ln_evidence() - fit.ln_evidence()));
+                (ranked, Some(with))
+            })
+            .collect();
+        let raw = |r: &(Ranked, Option<Fit>)| r.0.gain.unwrap_or(f64::NEG_INFINITY);
+        ranking.sort_by(|a, b| raw(b).total_cmp(&raw(a)).then(a.0.score.p.total_cmp(&b.0.score.p)));
+        // tempered by what the best of them leaves
+        let c = ranking.first().and_then(|r| r.1.as_ref()).map_or(1.0, temper);
+        for (r, _) in &mut ranking {
+            r.gain = r.gain.map(|g| g / c);
+        }
+        let least = LEAST_GAIN[usize::from(!found.is_empty())];
+        let passes = |r: &Ranked| {
+            r.gain.is_some_and(|g| g > least) && r.left_out_gain > 0.0 && r.poses_that_gain >= 0.5
+        };
+        let accepted = ranking.iter().position(|(r, _)| passes(r)).filter(|_| screened.p_family <= P_FAMILY);
+        if let Some(best) = accepted {
+            let top = ranking[best].0.gain.unwrap_or(0.0);
+            let within = |r: &Ranked| r.gain.is_some_and(|g| top - g <= LEAST_GAIN[0]);
+            // what is as likely: a wrong declared value is the plainer explanation
+            let plain = |r: &Ranked| matches!(r.candidate, Candidate::Class(_)) && within(r) && passes(r);
+            let chosen = ranking.iter().position(|(r, _)| plain(r)).unwrap_or(best);
+            let column_of = |c: &Candidate| &columns[candidates.iter().position(|o| o == c).unwrap_or(0)];
+            let own = column_of(&ranking[chosen].0.candidate);
+            let class: Vec<Candidate> = ranking
+                .iter()
+                .enumerate()
+                .filter(|(i, (r, _))| {
+                    *i != chosen
+                        && r.rejected.is_none()
+                        && r.gain.is_some()
+                        && (within(r) || indistinguishable(&fit, own, column_of(&r.candidate)))
+                })
+                .map(|(_, (r, _))| r.candidate.clone())
+                .collect();
+            let weight = |r: &Ranked| r.gain.map_or(0.0, |g| (0.5 * (g - top)).exp());
+            let all: f64 = ranking.iter().map(|(r, _)| weight(r)).sum();
+            let in_class: f64 = ranking
+                .iter()
+                .enumerate()
+                .filter(|(i, (r, _))| *i == chosen || class.contains(&r.candidate))
+                .map(|(_, (r, _))| weight(r))
+                .sum();
+            let candidate = ranking[chosen].0.candidate.clone();
+            found.push(Found { candidate, class, confidence: in_class / all });
+            if let Some(with) = ranking[chosen].1.take() {
+                fit = with;
+            }
+        }
+        let stop = accepted.is_none();
+        rounds.push(Round { p_family: screened.p_family, ranking: ranking.into_iter().map(|(r, _)| r).collect() });
+        if stop {
+            break;
+        }
+    }
+    Some(Search { base, fit, found, rounds, candidates, columns: at_base })
+}
+
+impl Candidate {
+    /// Its id, or the keys of the machine file.
+    pub fn names(&self, problem: &Problem<'_>) -> Vec<String> {
+        match *self {
+            Self::Effect(effect) => vec![info(effect).id.to_owned()],
+            Self::Class(class) => problem.model.classes[class].keys(),
+        }
+    }
+
+    /// Whether it is an effect that the controller's model can hold.
+    pub fn is_of_machine(&self) -> bool {
+        matches!(*self, Self::Effect(effect) if !is_measurement(effect) && effect < EFFECTS.len())
+    }
+}

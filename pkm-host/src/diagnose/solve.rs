@@ -1,0 +1,218 @@
+//! Least squares with priors: the fit of any set of unknowns, and what follows from its linear form.
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::storage::Owned;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use pkm_core::Pose;
+use rayon::prelude::*;
+
+use super::model::{Model, Unknown};
+use super::noise::Whitener;
+use super::readings::Readings;
+
+/// Data, noise and model together.
+pub struct Problem<'a> {
+    /// What was read.
+    pub readings: &'a Readings,
+    /// Commanded poses.
+    pub poses: Vec<Pose<f64>>,
+    /// By the noise.
+    pub whitener: &'a Whitener,
+    /// What predicts.
+    pub model: &'a Model,
+    /// Whitened readings.
+    observed: DVector<f64>,
+}
+
+/// A converged fit and its linear form.
+#[derive(Clone)]
+pub struct Fit {
+    /// What was unknown.
+    pub unknowns: Vec<Unknown>,
+    /// Where the fit ended.
+    pub x: DVector<f64>,
+    /// Whitened readings less predictions.
+    pub residuals: DVector<f64>,
+    /// Of the whitened predictions.
+    pub jacobian: DMatrix<f64>,
+    /// Cholesky factor of AᵀA + I.
+    pub information: Cholesky<f64, Dyn>,
+    /// |r|².
+    pub chi2: f64,
+    /// |r|² + |x|².
+    pub objective: f64,
+}
+
+/// Step of the central differences, in units of the priors: truncation and rounding are both near 1e-9.
+const STEP: f64 = 1e-4;
+
+impl<'a> Problem<'a> {
+    /// Puts them together.
+    pub fn new(readings: &'a Readings, whitener: &'a Whitener, model: &'a Model) -> Self {
+        let mut values: Vec<f64> = whitener
+            .entries
+            .iter()
+            .map(|e| readings.readings[e.reading].observed[e.channel].unwrap_or(f64::NAN))
+            .collect();
+        whitener.whiten(&mut values);
+        let poses = readings.poses.iter().map(|p| p.pose).collect();
+        Self { readings, poses, whitener, model, observed: values.into() }
+    }
+
+    /// Number of whitened readings.
+    pub fn len(&self) -> usize {
+        self.observed.len()
+    }
+
+    /// Whitened predictions.
+    pub fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
+        let found = self.model.predict(&self.poses, &self.readings.conditions, unknowns, x)?;
+        let readings = &self.readings.readings;
+        let mut values: Vec<f64> =
+            self.whitener.entries.iter().map(|e| found[readings[e.reading].condition][e.channel]).collect();
+        self.whitener.whiten(&mut values);
+        values.iter().all(|v| v.is_finite()).then(|| values.into())
+    }
+
+    /// Derivatives of the whitened predictions by some of the unknowns.
+    pub fn jacobian(&self, unknowns: &[Unknown], x: &[f64], columns: std::ops::Range<usize>) -> Option<DMatrix<f64>> {
+        let columns: Option<Vec<DVector<f64>>> = columns
+            .into_par_iter()
+            .map(|i| {
+                let at = |step: f64| {
+                    let mut x = x.to_vec();
+                    x[i] += step;
+                    self.predict(unknowns, &x)
+                };
+                Some((at(STEP)? - at(-STEP)?) / (2.0 * STEP))
+            })
+            .collect();
+        let columns = columns?;
+        if columns.is_empty() { Some(DMatrix::zeros(self.len(), 0)) } else { Some(DMatrix::from_columns(&columns)) }
+    }
+
+    /// Whitened readings less predictions.
+    pub fn residuals(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
+        Some(&self.observed - self.predict(unknowns, x)?)
+    }
+
+    /// The linear form at a point.
+    fn linear(&self, unknowns: &[Unknown], x: DVector<f64>) -> Option<Fit> {
+        let residuals = self.residuals(unknowns, x.as_slice())?;
+        let jacobian = self.jacobian(unknowns, x.as_slice(), 0..unknowns.len())?;
+        let information = (jacobian.tr_mul(&jacobian) + DMatrix::identity(x.len(), x.len())).cholesky()?;
+        let chi2 = residuals.norm_squared();
+        let objective = chi2 + x.norm_squared();
+        Some(Fit { unknowns: unknowns.to_vec(), x, residuals, jacobian, information, chi2, objective })
+    }
+
+    /// Most likely values of the unknowns, from a start.
+    pub fn fit(&self, unknowns: &[Unknown], start: &[f64]) -> Option<Fit> {
+        if unknowns.is_empty() {
+            return None;
+        }
+        let mut least = Squares { problem: self, unknowns, x: DVector::from_column_slice(start), reduced: None };
+        least.reduced = least.reduce();
+        let (found, report) = LevenbergMarquardt::new()
+            .with_ftol(1e-7)
+            .with_xtol(1e-6)
+            .with_gtol(1e-7)
+            .with_patience(2)
+            .minimize(least);
+        let usable = report.termination.was_successful()
+            || matches!(report.termination, levenberg_marquardt::TerminationReason::LostPatience);
+        if !usable { None } else { self.linear(unknowns, found.x) }
+    }
+}
+
+/// The sum of squares that is made least: residuals, then the unknowns themselves (their priors). Thousands of readings
+/// are first reduced to as many numbers as there are unknowns, and one for the rest that no unknown reaches: the
+/// same sum, gradient and curvature for a fraction of the work.
+struct Squares<'p, 'a> {
+    problem: &'p Problem<'a>,
+    unknowns: &'p [Unknown],
+    x: DVector<f64>,
+    reduced: Option<(DVector<f64>, DMatrix<f64>)>,
+}
+
+impl Squares<'_, '_> {
+    fn reduce(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let k = self.x.len();
+        let r = -self.problem.residuals(self.unknowns, self.x.as_slice())?;
+        let j = self.problem.jacobian(self.unknowns, self.x.as_slice(), 0..k)?;
+        // (J; I) = Q U and (r; x) = Q c + what is square to all columns
+        let u = (j.tr_mul(&j) + DMatrix::identity(k, k)).cholesky()?.l();
+        let c = u.solve_lower_triangular(&(j.tr_mul(&r) + &self.x))?;
+        let rest = (r.norm_squared() + self.x.norm_squared() - c.norm_squared()).max(0.0).sqrt();
+        Some((c.push(rest), u.transpose().insert_row(k, 0.0)))
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Squares<'_, '_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, x: &DVector<f64>) {
+        self.x.copy_from(x);
+        self.reduced = self.reduce();
+    }
+
+    fn params(&self) -> DVector<f64> {
+        self.x.clone()
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        self.reduced.as_ref().map(|r| r.0.clone())
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        self.reduced.as_ref().map(|r| r.1.clone())
+    }
+}
+
+impl Fit {
+    /// ½ ln|AᵀA + I|.
+    fn half_log_determinant(&self) -> f64 {
+        self.information.l_dirty().diagonal().iter().map(|d| d.ln()).sum()
+    }
+
+    /// ln of the probability of the readings under the model, up to a constant of the data.
+    pub fn ln_evidence(&self) -> f64 {
+        -0.5 * self.objective - self.half_log_determinant()
+    }
+
+    /// Freedoms that the fit used up: tr[(AᵀA + I)⁻¹ AᵀA].
+    pub fn used_freedoms(&self) -> f64 {
+        self.x.len() as f64 - self.information.inverse().trace()
+    }
+
+    /// Standard errors of the unknowns.
+    pub fn standard_errors(&self) -> DVector<f64> {
+        self.information.inverse().diagonal().map(f64::sqrt)
+    }
+
+    /// V = Jᵀ (I + AAᵀ)⁻¹ J: what of some columns the unknowns of this fit cannot take.
+    pub fn remaining(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let cross = self.jacobian.tr_mul(columns);
+        columns.tr_mul(columns) - cross.tr_mul(&self.information.solve(&cross))
+    }
+
+    /// Squared errors of prediction, group by group of whitened readings, each predicted from the others: the linear
+    /// form without the group is exact for it.
+    pub fn left_out(&self, groups: &[Vec<usize>]) -> Vec<f64> {
+        let m = self.information.l();
+        let m = &m * m.transpose();
+        groups
+            .par_iter()
+            .map(|group| {
+                let a = self.jacobian.select_rows(group);
+                let r = self.residuals.select_rows(group);
+                let b = a.tr_mul(&r);
+                let gram = a.tr_mul(&a);
+                let shift = (&m - &gram).cholesky().map(|c| c.solve(&b));
+                shift.map_or(f64::INFINITY, |s| r.norm_squared() + 2.0 * s.dot(&b) + s.dot(&(&gram * &s)))
+            })
+            .collect()
+    }
+}
