@@ -281,7 +281,8 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
 pub const MAX_STEPS: usize = 30;
 
 /// N with N + M ε(N) = N₀, by Newton steps that are halved while they don't bring it nearer. M is positive
-/// semidefinite and ε grows, so that there is one solution.
+/// semidefinite and ε grows, so that there is one solution; limbs preloaded by compression may take that from M, and then
+/// the steps may find none.
 fn tensions<T: Scalar>(
     m: &[[T; 3]; 3],
     linear: &[T; 3],
@@ -311,7 +312,7 @@ fn tensions<T: Scalar>(
                 a[i][j] = m[i][j] * slope[j] + if i == j { T::ONE } else { T::ZERO };
             }
         }
-        // Cramer's rule: the determinant is at least 1
+        // Cramer's rule: with M semidefinite the determinant is at least 1
         let (c0, c1, c2) = (cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
         let determinant = dot(a[0], c0);
         let mut step = [T::ZERO; 3];

@@ -484,7 +484,7 @@ fn expected(problem: Problem) -> &'static str {
         Problem::NotReleased => "0, since this joint releases that direction",
         Problem::Reversed => "a greatest length above the least",
         Problem::Negative => "a number of at least 0",
-        Problem::TooLarge => "a smaller number (are the units m, N, N·m, rad and K?)",
+        Problem::TooLarge => "a smaller number, whatever its sign (are the units m, N, N·m, rad and K?)",
         Problem::Bore => "a bore of at least 0 and below the outer diameter",
     }
 }
