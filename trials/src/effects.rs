@@ -50,12 +50,12 @@ pub const LISTED: [Spec; 25] = [
     spec("platform-offset", 2, (3.0, 25.0), Needs::Moments), // mm
     spec("clearance", 2, (0.5, 40.0), Needs::Levels),        // whole play, µm
     spec("contact-stiffening", 2, (0.2, 30.0), Needs::Levels), // nm/N at 100 N
-    spec("friction-hysteresis", 2, (5.0, 800.0), Needs::Unloading), // N
+    spec("friction-hysteresis", 2, (5.0, 250.0), Needs::Unloading), // N
     spec("preload", 2, (0.5, 20.0), Needs::Nothing),         // kN
     spec("thermal-modulus", 2, (0.01, 1.0), Needs::Temperature), // % per K
     spec("thermal-expansion", 2, (0.005, 5.0), Needs::Temperature), // µm/m per K that is not compensated
-    spec("geometry-a1", 1, (0.3, 12.0), Needs::Nothing),     // mm
-    spec("geometry-b1", 1, (0.3, 12.0), Needs::Nothing),
+    spec("geometry-a1", 1, (0.1, 12.0), Needs::Nothing),     // mm
+    spec("geometry-b1", 1, (0.1, 12.0), Needs::Nothing),
     spec("sensor-rotation", 1, (0.5, 30.0), Needs::Moments), // mrad
     spec("sensor-scale", 1, (0.2, 5.0), Needs::Moments),     // %
     spec("load-gain", 1, (0.2, 8.0), Needs::Moments),        // %

@@ -14,7 +14,11 @@ pub struct Random(fastrand::Rng);
 impl Random {
     /// From a seed.
     pub fn new(seed: u64) -> Self {
-        Self(fastrand::Rng::with_seed(seed))
+        // neighbouring seeds must not give neighbouring numbers (splitmix64)
+        let mut z = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        Self(fastrand::Rng::with_seed(z ^ (z >> 31)))
     }
 
     /// 0 to below `n`.

@@ -99,12 +99,8 @@ impl Pose {
 impl Machine {
     /// The reference machine.
     pub fn reference() -> Self {
-        let body = [(0.060, 0.036), (0.032, 0.0)].map(|(outer, inner)| Tube {
-            young: 206e9,
-            shear: 79.23e9,
-            outer,
-            inner,
-        });
+        let body =
+            [(0.060, 0.036), (0.032, 0.0)].map(|(outer, inner)| Tube { young: 206e9, shear: 79.23e9, outer, inner });
         let side = Limb {
             base: [2.0e8, 2.0e8, 3.0e8, 0.0, 0.0, 2.0e5],
             platform: [2.5e8, 2.5e8, 2.5e8, 0.0, 3.0e5, 3.0e5],
@@ -115,11 +111,7 @@ impl Machine {
             platform: [2.0e8, 2.0e8, 2.0e8, 0.0, 0.0, 0.0],
             body,
         };
-        Self {
-            geometry: [0.180, 0.220, 0.350, 0.380],
-            travel: [[0.420; 3], [0.770; 3]],
-            limbs: [side, side, third],
-        }
+        Self { geometry: [0.180, 0.220, 0.350, 0.380], travel: [[0.420; 3], [0.770; 3]], limbs: [side, side, third] }
     }
 
     /// A relative of the reference machine, limbs 1 and 2 alike; numbers are rounded as a drawing has them.
@@ -215,8 +207,10 @@ impl Machine {
             _ = writeln!(s, "{key} = {:.4}", value * 1e3);
         }
         let list = |values: &[f64], factor: f64| {
-            let each: Vec<String> =
-                values.iter().map(|v| if *v == 0.0 { "0.0".to_owned() } else { format!("{:.8e}", v * factor) }).collect();
+            let each: Vec<String> = values
+                .iter()
+                .map(|v| if *v == 0.0 { "0.0".to_owned() } else { format!("{:.8e}", v * factor) })
+                .collect();
             format!("[{}]", each.join(", "))
         };
         _ = writeln!(s, "\n[travel]");

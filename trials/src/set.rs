@@ -437,9 +437,10 @@ impl Set {
     }
 
     fn csv(&self, poses: &[Pose], rows: &[Row], values: &[Vector6<f64>], first: usize, digits: usize) -> String {
-        let mut s = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,dx_um,dy_um,dz_um,rx_urad,ry_urad,\
+        let mut s =
+            "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,dx_um,dy_um,dz_um,rx_urad,ry_urad,\
                      rz_urad,series,repeat,direction"
-            .to_owned();
+                .to_owned();
         s += if self.temperature { ",temperature_c\n" } else { "\n" };
         for (row, value) in rows.iter().zip(values) {
             let [theta, sigma, z0] = poses[row.pose].0;
@@ -512,7 +513,8 @@ fn misaim(rows: &mut [Row], rng: &mut Random) {
     let (angle, gain) = (rng.between(2e-3, 5e-3), rng.between(5e-3, 1e-2));
     let mut found: Vec<((usize, [i8; 6]), (Vector3<f64>, f64))> = Vec::new();
     for row in rows {
-        let key = (row.pose, std::array::from_fn(|i| if row.wrench[i] == 0.0 { 0 } else { row.wrench[i].signum() as i8 }));
+        let key =
+            (row.pose, std::array::from_fn(|i| if row.wrench[i] == 0.0 { 0 } else { row.wrench[i].signum() as i8 }));
         let known = found.iter().rev().find(|(k, _)| *k == key).map(|(_, v)| *v);
         let (turn, size) = known.unwrap_or_else(|| {
             let new = (rng.direction() * (angle * rng.normal().abs()), 1.0 + gain * rng.normal());

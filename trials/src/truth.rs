@@ -240,13 +240,14 @@ impl World {
             let along = platform[i] - base[i];
             let (q, z) = (along.norm(), along.normalize());
             let x = if i == 2 { y_b } else { Vector3::x() };
-                        let axes = Matrix3::from_columns(&[x, z.cross(&x), z]);
+            let axes = Matrix3::from_columns(&[x, z.cross(&x), z]);
             let mut base_axes =
                 if i == 2 { axes } else { Matrix3::from_columns(&[Vector3::x(), y_b, Vector3::x().cross(&y_b)]) };
             let mut platform_axes = axes;
             if let Some(e) = self.of("misaligned-joint-axes") {
                 let turn = |k: usize| {
-                    let angle = Vector3::new(0.0, e.shape[2 * i + k], e.shape[(2 * i + k + 3) % 8]) * e.amplitude.to_radians();
+                    let angle =
+                        Vector3::new(0.0, e.shape[2 * i + k], e.shape[(2 * i + k + 3) % 8]) * e.amplitude.to_radians();
                     *nalgebra::Rotation3::new(angle).matrix()
                 };
                 platform_axes *= turn(0);
@@ -277,9 +278,11 @@ impl World {
             }
             platform_k[2] = softened(platform_k[2], drive);
 
-            // joint axes may miss the limb's own line; the joints stay where they are
+            // joint axes may miss the limb's own line, which is felt at a fifth of the size; the joints stay where they are
             let aside = match self.of("platform-offset") {
-                Some(e) if e.variant == 1 => axes.column(if i == 2 { 0 } else { 1 }) * (e.sign(i) * e.amplitude * 1e-3),
+                Some(e) if e.variant == 1 => {
+                    axes.column(if i == 2 { 0 } else { 1 }) * (0.2 * e.sign(i) * e.amplitude * 1e-3)
+                }
                 _ => Vector3::zeros(),
             };
             let (foot, head) = (frame.node(base[i] + aside), frame.node(platform[i] + aside));
