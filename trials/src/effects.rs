@@ -36,45 +36,45 @@ const fn spec(id: &'static str, variants: usize, range: (f64, f64), needs: Needs
 
 /// Effects of the contract.
 pub const LISTED: [Spec; 25] = [
-    spec("moving-platform-compliance", 2, (0.05, 30.0), Needs::Nothing), // tip compliance of an arm, nm/N
-    spec("base-compliance", 2, (0.05, 20.0), Needs::Nothing),            // nm/N
+    spec("moving-platform-compliance", 2, (0.05, 20.0), Needs::Nothing), // tip compliance of an arm, nm/N
+    spec("base-compliance", 2, (0.05, 15.0), Needs::Nothing),            // nm/N
     spec("telescopic-limb", 2, (0.2, 4.0), Needs::Nothing),              // looseness of guides, inequality of sections
-    spec("screw-position", 2, (0.2, 30.0), Needs::Nothing),              // nm/N per metre of screw
-    spec("limb-1-axial", 1, (0.2, 20.0), Needs::Nothing),                // nm/N
-    spec("limb-2-axial", 1, (0.2, 20.0), Needs::Nothing),
-    spec("limb-3-axial", 1, (0.2, 20.0), Needs::Nothing),
-    spec("universal-joint", 2, (0.2, 20.0), Needs::Nothing), // nm/N; tilting 0.3 µrad/(N·m) for each
-    spec("revolute-joint", 2, (0.2, 20.0), Needs::Nothing),
-    spec("spherical-joint", 1, (0.2, 20.0), Needs::Nothing),
-    spec("revolute-3-joint", 2, (0.2, 20.0), Needs::Nothing),
+    spec("screw-position", 2, (0.2, 20.0), Needs::Nothing),              // nm/N per metre of screw
+    spec("limb-1-axial", 1, (0.2, 12.0), Needs::Nothing),                // nm/N
+    spec("limb-2-axial", 1, (0.2, 12.0), Needs::Nothing),
+    spec("limb-3-axial", 1, (0.2, 12.0), Needs::Nothing),
+    spec("universal-joint", 2, (0.2, 12.0), Needs::Nothing), // nm/N; tilting 0.3 µrad/(N·m) for each
+    spec("revolute-joint", 2, (0.2, 12.0), Needs::Nothing),
+    spec("spherical-joint", 1, (0.2, 12.0), Needs::Nothing),
+    spec("revolute-3-joint", 2, (0.2, 12.0), Needs::Nothing),
     spec("platform-offset", 2, (3.0, 25.0), Needs::Moments), // mm
-    spec("clearance", 2, (0.5, 40.0), Needs::Levels),        // whole play, µm
+    spec("clearance", 2, (0.5, 20.0), Needs::Levels),        // whole play, µm
     spec("contact-stiffening", 2, (0.2, 30.0), Needs::Levels), // nm/N at 100 N
     spec("friction-hysteresis", 2, (5.0, 250.0), Needs::Unloading), // N
-    spec("preload", 2, (0.5, 20.0), Needs::Nothing),         // kN
+    spec("preload", 2, (0.5, 12.0), Needs::Nothing),         // kN
     spec("thermal-modulus", 2, (0.01, 1.0), Needs::Temperature), // % per K
     spec("thermal-expansion", 2, (0.005, 5.0), Needs::Temperature), // µm/m per K that is not compensated
-    spec("geometry-a1", 1, (0.1, 12.0), Needs::Nothing),     // mm
-    spec("geometry-b1", 1, (0.1, 12.0), Needs::Nothing),
-    spec("sensor-rotation", 1, (0.5, 30.0), Needs::Moments), // mrad
-    spec("sensor-scale", 1, (0.2, 5.0), Needs::Moments),     // %
-    spec("load-gain", 1, (0.2, 8.0), Needs::Moments),        // %
-    spec("load-point", 1, (0.2, 10.0), Needs::Moments),      // mm
-    spec("wrist-compliance", 2, (0.05, 20.0), Needs::Nothing), // nm/N; angular 15 nrad/(N·m) for each
+    spec("geometry-a1", 1, (0.1, 6.0), Needs::Nothing),      // mm
+    spec("geometry-b1", 1, (0.1, 6.0), Needs::Nothing),
+    spec("sensor-rotation", 1, (0.5, 20.0), Needs::Moments), // mrad
+    spec("sensor-scale", 1, (0.2, 3.0), Needs::Nothing),     // %
+    spec("load-gain", 1, (0.2, 5.0), Needs::Moments),        // %
+    spec("load-point", 1, (0.2, 6.0), Needs::Moments),       // mm
+    spec("wrist-compliance", 2, (0.05, 12.0), Needs::Nothing), // nm/N; angular 15 nrad/(N·m) for each
 ];
 
 /// Also of the contract; apart because its amplitude is drawn the same way but it is rare.
-pub const COUPLING: Spec = spec("limb-coupling", 2, (0.05, 20.0), Needs::Nothing);
+pub const COUPLING: Spec = spec("limb-coupling", 2, (0.05, 12.0), Needs::Nothing);
 
 /// Physics that no effect of the contract describes.
 pub const OUTSIDE: [Spec; 7] = [
     spec("screw-torsion-with-extension", 1, (0.03, 0.95), Needs::Nothing), // correlation of the two compliances
     spec("lateral-axial-coupling", 2, (0.03, 0.95), Needs::Nothing),
-    spec("misaligned-joint-axes", 1, (0.3, 8.0), Needs::Nothing), // degrees
-    spec("cable-carrier-between-limbs", 1, (0.1, 300.0), Needs::Nothing), // N/µm
-    spec("cubic-hardening", 1, (0.05, 5.0), Needs::Levels),       // nm/N lost at 1 kN
-    spec("resonant-bracket", 2, (0.1, 60.0), Needs::Nothing),     // nm/N at its angle
-    spec("periodic-screw", 1, (0.2, 5.0), Needs::Nothing),        // nm/N, along the screw
+    spec("misaligned-joint-axes", 1, (0.05, 4.0), Needs::Nothing), // degrees
+    spec("cable-carrier-between-limbs", 1, (0.001, 10.0), Needs::Nothing), // N/µm
+    spec("cubic-hardening", 1, (0.05, 6.0), Needs::Levels),        // nm/N lost at 1 kN
+    spec("resonant-bracket", 2, (0.1, 60.0), Needs::Nothing),      // nm/N at its angle
+    spec("periodic-screw", 1, (0.2, 5.0), Needs::Nothing),         // nm/N, along the screw
 ];
 
 /// Of any name in the lists.

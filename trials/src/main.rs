@@ -1,5 +1,6 @@
 //! `pkm-trials`: random data sets, and how well a diagnosis does on them.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -81,6 +82,11 @@ enum Command {
     },
 }
 
+/// A reader may have seen enough and be gone.
+fn say(text: &str) {
+    _ = writeln!(std::io::stdout(), "{text}");
+}
+
 /// Does all tasks, a few at a time; outcomes in the order of the tasks.
 fn all_of<T: Sync>(
     tasks: &[T],
@@ -98,7 +104,7 @@ fn all_of<T: Sync>(
                 {
                     let outcome = work(task);
                     if let (true, Ok(outcome)) = (verbose, &outcome) {
-                        println!("{}", outcome.line());
+                        say(&outcome.line());
                     }
                     done.lock().expect("no other thread panicked").push((i, outcome));
                 }
@@ -111,7 +117,7 @@ fn all_of<T: Sync>(
 }
 
 fn show(outcomes: &[Outcome], markdown: Option<PathBuf>) -> Result<(), String> {
-    println!("{}", score::report(outcomes, false));
+    say(&score::report(outcomes, false));
     let write = |path: PathBuf| {
         std::fs::write(&path, score::report(outcomes, true)).map_err(|e| format!("{}: {e}", path.display()))
     };
@@ -131,7 +137,7 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out)),
         Command::Run { program, sets, seed, kinds, wish, jobs, keep, verbose, markdown } => {
-            println!("seed {seed}, {sets} sets of each kind");
+            say(&format!("seed {seed}, {sets} sets of each kind"));
             let tasks: Vec<(Kind, u64)> = kinds.iter().flat_map(|k| (seed..seed + sets).map(|s| (*k, s))).collect();
             let work = |(kind, seed): &(Kind, u64)| {
                 let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;

@@ -76,12 +76,16 @@ impl Truth {
             declared.push("limb.".to_owned());
         }
         let seed = json["seed"].as_u64().map_or(String::new(), |s| format!("seed {s}; "));
+        let about = json["about"].as_str().unwrap_or_default().to_owned();
+        let about = seed
+            + &about
+            + if about.is_empty() { json["declared_value_finding"].as_str().unwrap_or_default() } else { "" };
         Self {
             kind: json["kind"].as_str().unwrap_or(kind).to_owned(),
             effects,
             declared,
             lambda: json["lambda"].as_f64().unwrap_or(0.0),
-            about: seed + json["about"].as_str().unwrap_or_default(),
+            about,
         }
     }
 }
@@ -98,6 +102,8 @@ pub struct Answer {
     before: f64,
     after: f64,
     retuned: f64,
+    /// Where the program expects the held-out error with the effects, if it says so.
+    interval: Option<(f64, f64)>,
 }
 
 impl Answer {
@@ -122,6 +128,9 @@ impl Answer {
             before: number("/holdout/before/linear_um_rms")?,
             after: number("/holdout/after/linear_um_rms")?,
             retuned: number("/holdout/retuned_only/linear_um_rms")?,
+            interval: number("/holdout/after/linear_um_rms_interval/0")
+                .and_then(|low| Ok((low, number("/holdout/after/linear_um_rms_interval/1")?)))
+                .ok(),
         })
     }
 }
@@ -334,6 +343,10 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     rate("held out: effect over re-tuned above 1.05", &judged, "0", &worse);
     let fine: Vec<&Outcome> = all.iter().filter(|o| o.answer.is_ok()).copied().collect();
     rate("held out, all kinds: above 1.05", &fine, "0", &worse);
+    let bounded: Vec<&Outcome> = fine.iter().filter(|o| answered(o, &|a| a.interval.is_some())).copied().collect();
+    rate("held out: error within its interval", &bounded, "90-98 %", &|o| {
+        answered(o, &|a| a.interval.is_some_and(|(low, high)| (low..=high).contains(&a.after)))
+    });
 
     let mut medians = Table::new(&["held-out error", "sets", "median", "worst", "target of median"]);
     let mut add = |name: &str, values: Vec<f64>, target: &str| {
