@@ -47,7 +47,7 @@ pub const LISTED: [Spec; 25] = [
     spec("revolute-joint", 2, (0.2, 12.0), Needs::Nothing),
     spec("spherical-joint", 1, (0.2, 12.0), Needs::Nothing),
     spec("revolute-3-joint", 2, (0.2, 12.0), Needs::Nothing),
-    spec("platform-offset", 2, (3.0, 25.0), Needs::Moments), // mm
+    spec("platform-offset", 2, (0.3, 25.0), Needs::Moments), // mm
     spec("clearance", 2, (0.5, 20.0), Needs::Levels),        // whole play, µm
     spec("contact-stiffening", 2, (0.2, 30.0), Needs::Levels), // nm/N at 100 N
     spec("friction-hysteresis", 2, (5.0, 250.0), Needs::Unloading), // N
