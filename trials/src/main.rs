@@ -1,0 +1,161 @@
+//! `pkm-trials`: random data sets, and how well a diagnosis does on them.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use clap::{Parser, Subcommand};
+use pkm_trials::score::{self, Outcome};
+use pkm_trials::set::{Kind, Set, Wish};
+
+#[derive(Parser)]
+#[command(version, about)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Write one set
+    Make {
+        /// What it is meant to show
+        #[arg(long)]
+        kind: Kind,
+        /// All of it follows from this
+        #[arg(long)]
+        seed: u64,
+        #[command(flatten)]
+        wish: Wish,
+        /// Folder for machine.toml, measured.csv, heldout.csv, heldout_zones.csv and truth.json
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Make sets, run the program on them and print the rates
+    Run {
+        /// What has a command `diagnose`
+        #[arg(long)]
+        program: PathBuf,
+        /// Sets of each kind
+        #[arg(long, default_value_t = 20)]
+        sets: u64,
+        /// Of the first set of each kind; the others follow one by one
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Kinds of sets
+        #[arg(long, value_delimiter = ',', default_value = "none,one,two,declared,outside,load-errors")]
+        kinds: Vec<Kind>,
+        #[command(flatten)]
+        wish: Wish,
+        /// Sets at a time
+        #[arg(long, default_value_t = 2)]
+        jobs: usize,
+        /// Keep the sets in this folder
+        #[arg(long)]
+        keep: Option<PathBuf>,
+        /// A line for each set
+        #[arg(long)]
+        verbose: bool,
+        /// Write the tables as Markdown too
+        #[arg(long)]
+        markdown: Option<PathBuf>,
+    },
+    /// Run the program on the sets in a folder and print the rates
+    Score {
+        /// Holds folders with machine.toml, measured.csv, heldout.csv and truth.json
+        #[arg(long)]
+        dir: PathBuf,
+        /// What has a command `diagnose`
+        #[arg(long)]
+        program: PathBuf,
+        /// Sets at a time
+        #[arg(long, default_value_t = 2)]
+        jobs: usize,
+        /// A line for each set
+        #[arg(long)]
+        verbose: bool,
+        /// Write the tables as Markdown too
+        #[arg(long)]
+        markdown: Option<PathBuf>,
+    },
+}
+
+/// A reader may have seen enough and be gone.
+fn say(text: &str) {
+    _ = writeln!(std::io::stdout(), "{text}");
+}
+
+/// Does all tasks, a few at a time; outcomes in the order of the tasks.
+fn all_of<T: Sync>(
+    tasks: &[T],
+    jobs: usize,
+    verbose: bool,
+    work: impl Fn(&T) -> Result<Outcome, String> + Sync,
+) -> Result<Vec<Outcome>, String> {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(Vec::with_capacity(tasks.len()));
+    std::thread::scope(|scope| {
+        for _ in 0..jobs.max(1) {
+            scope.spawn(|| {
+                while let Some((i, task)) =
+                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, tasks.get(i)?)))
+                {
+                    let outcome = work(task);
+                    if let (true, Ok(outcome)) = (verbose, &outcome) {
+                        say(&outcome.line());
+                    }
+                    done.lock().expect("no other thread panicked").push((i, outcome));
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().expect("no thread panicked");
+    done.sort_by_key(|(i, _)| *i);
+    done.into_iter().map(|(_, outcome)| outcome).collect()
+}
+
+fn show(outcomes: &[Outcome], markdown: Option<PathBuf>) -> Result<(), String> {
+    say(&score::report(outcomes, false));
+    let write = |path: PathBuf| {
+        std::fs::write(&path, score::report(outcomes, true)).map_err(|e| format!("{}: {e}", path.display()))
+    };
+    markdown.map_or(Ok(()), write)
+}
+
+/// Folders that hold a set, in order.
+fn folders(dir: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = std::fs::read_dir(dir).map_err(|e| format!("{}: {e}", dir.display()))?;
+    let mut all: Vec<PathBuf> =
+        entries.filter_map(|e| Some(e.ok()?.path())).filter(|p| p.join("truth.json").is_file()).collect();
+    all.sort();
+    Ok(all)
+}
+
+fn main() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out)),
+        Command::Run { program, sets, seed, kinds, wish, jobs, keep, verbose, markdown } => {
+            say(&format!("seed {seed}, {sets} sets of each kind"));
+            let tasks: Vec<(Kind, u64)> = kinds.iter().flat_map(|k| (seed..seed + sets).map(|s| (*k, s))).collect();
+            let work = |(kind, seed): &(Kind, u64)| {
+                let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
+                let folder = keep.as_deref().unwrap_or(folder.path()).join(format!("{}-{seed}", kind.name()));
+                Set::new(*kind, *seed, &wish)?.write(&folder)?;
+                Outcome::of(&program, &folder)
+            };
+            all_of(&tasks, jobs, verbose, work).and_then(|outcomes| show(&outcomes, markdown))
+        }
+        Command::Score { dir, program, jobs, verbose, markdown } => folders(&dir)
+            .and_then(|all| all_of(&all, jobs, verbose, |folder| Outcome::of(&program, folder)))
+            .and_then(|outcomes| show(&outcomes, markdown)),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
