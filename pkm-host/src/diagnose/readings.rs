@@ -190,6 +190,19 @@ impl Readings {
         Ok(Self { source: sheet.source, poses, conditions, readings, resolution, has_temperature, has_unloading })
     }
 
+    /// The same poses and conditions without some of the readings.
+    pub fn without(&self, left_out: impl Fn(&Reading) -> bool) -> Self {
+        Self {
+            source: self.source.clone(),
+            poses: self.poses.clone(),
+            conditions: self.conditions.clone(),
+            readings: self.readings.iter().filter(|r| !left_out(r)).cloned().collect(),
+            resolution: self.resolution,
+            has_temperature: self.has_temperature,
+            has_unloading: self.has_unloading,
+        }
+    }
+
     /// Which channels have any reading.
     pub fn channels(&self) -> [bool; CHANNELS] {
         std::array::from_fn(|c| self.readings.iter().any(|r| r.observed[c].is_some()))

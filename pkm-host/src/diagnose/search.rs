@@ -17,7 +17,7 @@ const LEAST_GAIN: [f64; 2] = [6.0, 10.0];
 /// Most rounds.
 const ROUNDS: usize = 3;
 /// Largest plausible amplitude, in units of its scale.
-const LARGEST: f64 = 2.0;
+pub const LARGEST: f64 = 2.0;
 /// Least share of signal in common at which two candidates count as the same.
 const SAME: f64 = 0.9;
 

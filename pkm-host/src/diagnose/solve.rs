@@ -1,5 +1,7 @@
 //! Least squares with priors: the fit of any set of unknowns, and what follows from its linear form.
 
+use std::collections::HashMap;
+
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -7,7 +9,7 @@ use pkm_core::Pose;
 use rayon::prelude::*;
 
 use super::model::{Model, Unknown};
-use super::noise::Whitener;
+use super::noise::{Entry, Whitener};
 use super::readings::Readings;
 
 /// Data, noise and model together.
@@ -62,6 +64,22 @@ impl<'a> Problem<'a> {
     /// Number of whitened readings.
     pub fn len(&self) -> usize {
         self.observed.len()
+    }
+
+    /// Squared whitened scatter of repeats about their means.
+    pub fn pure_error(&self) -> f64 {
+        let readings = &self.readings.readings;
+        let mut means: HashMap<(usize, usize), (f64, f64)> = HashMap::new();
+        let value = |e: &Entry| readings[e.reading].observed[e.channel].unwrap_or(f64::NAN);
+        for e in &self.whitener.entries {
+            let mean = means.entry((readings[e.reading].repeat_of, e.channel)).or_default();
+            mean.0 += value(e);
+            mean.1 += 1.0;
+        }
+        let of = |e: &Entry| means.get(&(readings[e.reading].repeat_of, e.channel)).map_or(0.0, |(sum, n)| sum / n);
+        let mut scatter: Vec<f64> = self.whitener.entries.iter().map(|e| value(e) - of(e)).collect();
+        self.whitener.whiten(&mut scatter);
+        scatter.iter().map(|s| s * s).sum()
     }
 
     /// Whitened predictions.
@@ -190,6 +208,17 @@ impl Fit {
     /// Standard errors of the unknowns.
     pub fn standard_errors(&self) -> DVector<f64> {
         self.information.inverse().diagonal().map(f64::sqrt)
+    }
+
+    /// Unknowns whose signals are nearly that of another.
+    pub fn alike(&self, of: Unknown) -> Vec<Unknown> {
+        let Some(own) = self.unknowns.iter().position(|u| *u == of) else { return Vec::new() };
+        let a = self.jacobian.column(own);
+        let cosine = |j: usize| {
+            let b = self.jacobian.column(j);
+            a.dot(&b).abs() / (a.norm() * b.norm()).max(f64::MIN_POSITIVE)
+        };
+        (0..self.unknowns.len()).filter(|j| *j != own && cosine(*j) > 0.95).map(|j| self.unknowns[j]).collect()
     }
 
     /// V = Jᵀ (I + AAᵀ)⁻¹ J: what of some columns the unknowns of this fit cannot take.

@@ -1,0 +1,297 @@
+//! Before and after: how the models err on poses that had no part in choosing them (spec: diagnosis.md).
+
+use serde::Serialize;
+
+use super::model::{Model, Unknown, is_measurement};
+use super::noise::{Noise, Whitener};
+use super::readings::{CHANNELS, Condition, Readings};
+use super::remainder::Remainder;
+use super::search::Search;
+use super::solve::{Fit, Problem};
+use crate::dataset::file_units;
+use crate::machine_file::PoseBox;
+
+/// Resamples of the poses for intervals.
+const RESAMPLES: usize = 1000;
+/// Folds of the cross-validation.
+const FOLDS: usize = 10;
+/// Width of the edge of the measured box, relative to its half width.
+const EDGE: f64 = 0.1;
+
+/// The rivals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rival {
+    /// The machine file as it is.
+    Declared,
+    /// The same with a table fitted to the readings.
+    Table,
+    /// Declared stiffnesses re-tuned and nothing else.
+    Retuned,
+    /// With what was found.
+    After,
+    /// The same with a table on what is left.
+    AfterAndTable,
+}
+
+/// In the order of the reports.
+pub const RIVALS: [(Rival, &str, &str); 5] = [
+    (Rival::Declared, "before", "as declared"),
+    (Rival::Table, "table_only", "table refitted only"),
+    (Rival::Retuned, "retuned_only", "stiffnesses re-tuned only"),
+    (Rival::After, "after", "with what was found"),
+    (Rival::AfterAndTable, "after_and_table", "the same, and a table on the remainder"),
+];
+
+/// Errors of one model on some readings.
+#[derive(Clone, Debug, Serialize)]
+pub struct Errors {
+    /// Readings.
+    pub readings: usize,
+    /// Root mean square over readings of the length of the translation error.
+    pub linear_um_rms: f64,
+    /// 95 % interval of that by resampling poses.
+    pub linear_um_rms_interval: [f64; 2],
+    /// Greatest length of the translation error.
+    pub linear_um_max: f64,
+    /// `linear_um_rms` over the root mean square of the translation.
+    pub linear_percent: f64,
+    /// Root mean square over readings of the length of the rotation error.
+    pub angular_urad_rms: f64,
+    /// `angular_urad_rms` over the root mean square of the rotation.
+    pub angular_percent: f64,
+    /// Squared error over the noise, a number read.
+    pub chi2_per_dof: f64,
+}
+
+/// Predictions of every rival, by condition.
+pub struct Predictions([Vec<[f64; CHANNELS]>; 5]);
+
+/// What the rivals were fitted to.
+pub struct Fitted {
+    base: Fit,
+    end: Fit,
+    tables: [Remainder; 2],
+}
+
+/// Extent of the poses that were read.
+pub fn extent(readings: &Readings) -> PoseBox {
+    let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    let used = readings.readings.iter().map(|r| readings.conditions[r.condition].pose);
+    for pose in used {
+        for (range, value) in extent.iter_mut().zip(file_units(&readings.poses[pose].pose)) {
+            let value = (value * 1e9).round() / 1e9;
+            *range = [range[0].min(value), range[1].max(value)];
+        }
+    }
+    PoseBox(extent)
+}
+
+impl Fitted {
+    /// Fits all rivals to some readings, beginning where a search ended.
+    pub fn new(problem: &Problem<'_>, search: &Search, again: bool) -> Option<Self> {
+        let fit = |fit: &Fit| if again { problem.fit(&fit.unknowns, fit.x.as_slice()) } else { Some(fit.clone()) };
+        let (base, end) = (fit(&search.base)?, fit(&search.fit)?);
+        let extent = extent(problem.readings);
+        let declared = problem.residuals(&[], &[])?;
+        let machine = |fit: &Fit| problem.model.state(&fit.unknowns, fit.x.as_slice(), false).machine;
+        let tables = [
+            Remainder::fit(problem, &problem.model.declared, &declared, &extent)?,
+            Remainder::fit(problem, &machine(&end), &end.residuals, &extent)?,
+        ];
+        Some(Self { base, end, tables })
+    }
+
+    /// The table on what is left after everything that was found.
+    pub fn remainder(&self) -> &Remainder {
+        &self.tables[1]
+    }
+
+    /// Predictions in other conditions; without errors of the measurement when the truth has none.
+    pub fn predict(
+        &self,
+        model: &Model,
+        poses: &[pkm_core::Pose<f64>],
+        conditions: &[Condition],
+        as_measured: bool,
+    ) -> Option<Predictions> {
+        let at = |fit: &Fit| {
+            let x: Vec<f64> = (fit.unknowns.iter().zip(fit.x.iter()))
+                .map(|(u, x)| match u {
+                    Unknown::Effect { effect, .. } if is_measurement(*effect) && !as_measured => 0.0,
+                    _ => *x,
+                })
+                .collect();
+            model.predict(poses, conditions, &fit.unknowns, &x)
+        };
+        let plus = |a: &[[f64; CHANNELS]], table: &Remainder| -> Option<Vec<[f64; CHANNELS]>> {
+            let b = table.predict(poses, conditions)?;
+            Some(a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|c| a[c] + b[c])).collect())
+        };
+        let declared = model.predict(poses, conditions, &[], &[])?;
+        let end = at(&self.end)?;
+        let tables = [plus(&declared, &self.tables[0])?, plus(&end, &self.tables[1])?];
+        let [table, end_and_table] = tables;
+        Some(Predictions([declared, table, at(&self.base)?, end, end_and_table]))
+    }
+}
+
+impl Predictions {
+    /// Of one rival.
+    pub fn of(&self, rival: Rival) -> &[[f64; CHANNELS]] {
+        &self.0[RIVALS.iter().position(|r| r.0 == rival).unwrap_or(0)]
+    }
+}
+
+/// Predictions for every reading from models that have not seen its pose.
+pub fn cross_validate(readings: &Readings, noise: &Noise, model: &Model, search: &Search) -> Option<Predictions> {
+    let folds = FOLDS.min(readings.poses.len());
+    let mut all: Option<Predictions> = None;
+    for fold in 0..folds {
+        let left_out = |r: &super::readings::Reading| readings.conditions[r.condition].pose % folds == fold;
+        let kept = readings.without(left_out);
+        let whitener = Whitener::new(&kept, noise);
+        let problem = Problem::new(&kept, &whitener, model);
+        let fitted = Fitted::new(&problem, search, true)?;
+        let found = fitted.predict(model, &problem.poses, &readings.conditions, true)?;
+        match &mut all {
+            None => all = Some(found),
+            Some(all) => {
+                for (all, found) in all.0.iter_mut().zip(&found.0) {
+                    for (n, c) in readings.conditions.iter().enumerate().filter(|(_, c)| c.pose % folds == fold) {
+                        debug_assert!(c.pose < readings.poses.len());
+                        all[n] = found[n];
+                    }
+                }
+            }
+        }
+    }
+    all
+}
+
+/// Where a held-out reading lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Zone {
+    /// Inside the measured box, under a load of a size and direction that was measured.
+    Inside,
+    /// The same, within a tenth of the half width of its edge.
+    Edge,
+    /// Outside the measured box.
+    Beyond,
+    /// Inside, under a load beyond those that were measured.
+    OtherLoads,
+}
+
+impl Zone {
+    /// As in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Inside => "inside",
+            Self::Edge => "edge",
+            Self::Beyond => "beyond",
+            Self::OtherLoads => "other_loads",
+        }
+    }
+}
+
+/// Zones of the readings of one file with respect to those of another.
+pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
+    let extent = extent(measured);
+    let components = |c: &Condition| -> [f64; 6] {
+        let (f, m) = (c.wrench.force_n, c.wrench.moment_nm);
+        [f[0], f[1], f[2], m[0], m[1], m[2]]
+    };
+    let loads: Vec<[f64; 6]> = measured.conditions.iter().map(components).collect();
+    // a load is like a measured one when each component is: its own size, a zero, or a size between
+    let known = |w: [f64; 6]| {
+        loads.iter().any(|l| {
+            let size = |v: &[f64; 6]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let (along, a, b) = (w.iter().zip(l).map(|(w, l)| w * l).sum::<f64>(), size(&w), size(l));
+            a == 0.0 || (along > 0.999 * a * b && a <= b * (1.0 + 1e-9))
+        })
+    };
+    held_out
+        .readings
+        .iter()
+        .map(|r| {
+            let c = &held_out.conditions[r.condition];
+            let pose = file_units(&held_out.poses[c.pose].pose);
+            let depth = pose.iter().zip(extent.0).map(|(v, [low, high])| {
+                let half = 0.5 * (high - low);
+                if half > 0.0 { (half - (v - 0.5 * (low + high)).abs()) / half } else { 1.0 }
+            });
+            let depth = depth.fold(f64::INFINITY, f64::min);
+            if depth < -1e-9 {
+                Zone::Beyond
+            } else if !known(components(c)) {
+                Zone::OtherLoads
+            } else if depth < EDGE {
+                Zone::Edge
+            } else {
+                Zone::Inside
+            }
+        })
+        .collect()
+}
+
+/// Errors of predictions by condition on some of the readings.
+pub fn errors(
+    readings: &Readings,
+    noise: &Noise,
+    predictions: &[[f64; CHANNELS]],
+    of: impl Fn(usize) -> bool,
+    seed: u64,
+) -> Option<Errors> {
+    let mut by_pose: Vec<(f64, f64)> = vec![(0.0, 0.0); readings.poses.len()];
+    let (mut linear, mut angular, mut size, mut turn, mut largest) = (0.0, 0.0, 0.0, 0.0, 0.0_f64);
+    let (mut count, mut chi2, mut numbers) = (0, 0.0, 0.0);
+    for (n, r) in readings.readings.iter().enumerate().filter(|(n, _)| of(*n)) {
+        debug_assert!(n < readings.readings.len());
+        let found = &predictions[r.condition];
+        let (mut squares, mut sizes) = ([0.0; 2], [0.0; 2]);
+        for c in 0..CHANNELS {
+            let Some(observed) = r.observed[c] else { continue };
+            let error = found[c] - observed;
+            squares[c / 3] += error * error;
+            sizes[c / 3] += observed * observed;
+            let variance = noise.within[c].powi(2) + noise.between[c].powi(2);
+            chi2 += error * error / variance;
+            numbers += 1.0;
+        }
+        count += 1;
+        linear += squares[0];
+        angular += squares[1];
+        size += sizes[0];
+        turn += sizes[1];
+        largest = largest.max(squares[0]);
+        let pose = &mut by_pose[readings.conditions[r.condition].pose];
+        pose.0 += squares[0];
+        pose.1 += 1.0;
+    }
+    by_pose.retain(|p| p.1 > 0.0);
+    if count == 0 || by_pose.is_empty() {
+        return None;
+    }
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let mut resampled: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let (sum, rows) = (0..by_pose.len())
+                .map(|_| by_pose[rng.usize(..by_pose.len())])
+                .fold((0.0, 0.0), |(s, n), (a, b)| (s + a, n + b));
+            (sum / rows).sqrt() * 1e6
+        })
+        .collect();
+    resampled.sort_by(f64::total_cmp);
+    let quantile = |q: f64| resampled[((q * RESAMPLES as f64) as usize).min(RESAMPLES - 1)];
+    let rms = |sum: f64| (sum / f64::from(count)).sqrt() * 1e6;
+    let percent = |a: f64, b: f64| if b > 0.0 { 100.0 * (a / b).sqrt() } else { 0.0 };
+    Some(Errors {
+        readings: count as usize,
+        linear_um_rms: rms(linear),
+        linear_um_rms_interval: [quantile(0.025), quantile(0.975)],
+        linear_um_max: largest.sqrt() * 1e6,
+        linear_percent: percent(linear, size),
+        angular_urad_rms: rms(angular),
+        angular_percent: percent(angular, turn),
+        chi2_per_dof: chi2 / numbers,
+    })
+}

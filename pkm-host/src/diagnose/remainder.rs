@@ -1,0 +1,177 @@
+//! A correction table on what a model leaves unexplained, from deflections instead of stiffnesses.
+//!
+//! Below the tool the compliance becomes C = L⁻ᵀ (I + S) L⁻¹, K = L Lᵀ the model's, S symmetric with the terms of Eq. 11 in
+//! its 21 entries. Deflections are linear in S, so that it follows from readings under any loads; how far S may go from 0 is
+//! what makes the readings most likely.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6, Vector6};
+use pkm_core::effects::Effects;
+use pkm_core::{Basis, Machine, MachineParameters, Pose, Stiffness, Wrench};
+
+use super::readings::{CHANNELS, Condition};
+use super::solve::Problem;
+use crate::error::{Failure, Result};
+use crate::fit::EQ_11;
+use crate::machine_file::PoseBox;
+use crate::table_file::core_units;
+
+/// Standard deviations of the scaled coefficients that are tried.
+const SPREADS: [f64; 7] = [1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3];
+
+/// Entries of a symmetric 6×6.
+const ENTRIES: usize = 21;
+
+/// The correction S, or none.
+#[derive(Clone)]
+pub struct Remainder {
+    machine: Machine<f64>,
+    centre: [f64; 3],
+    half_width: [f64; 3],
+    coefficients: DVector<f64>,
+    information: Option<Cholesky<f64, Dyn>>,
+}
+
+/// What sits below the tool alone.
+fn below_tool(parameters: &MachineParameters) -> Option<Machine<f64>> {
+    let effects: Effects = parameters.effects.below_tool();
+    Machine::<f64>::new(&MachineParameters { effects, ..*parameters }).ok()
+}
+
+fn lower(machine: &Machine<f64>, pose: &Pose<f64>) -> Option<Matrix6<f64>> {
+    let factor = machine.stiffness(pose).ok()?.factor().ok()?;
+    Some(Matrix6::from(factor.lower()).transpose())
+}
+
+impl Remainder {
+    /// Fits S to the residuals of a model.
+    pub fn fit(problem: &Problem<'_>, parameters: &MachineParameters, residuals: &DVector<f64>, extent: &PoseBox) -> Option<Self> {
+        let center = extent.0.map(|[low, high]| 0.5 * (low + high));
+        let scale = extent.0.map(|[low, high]| if high > low { 0.5 * (high - low) } else { 1.0 });
+        let mut this = Self {
+            machine: below_tool(parameters)?,
+            centre: core_units(center),
+            half_width: core_units(scale),
+            coefficients: DVector::zeros(ENTRIES * EQ_11.len()),
+            information: None,
+        };
+        let readings = &problem.readings.readings;
+        let rows = this.rows(&problem.poses, &problem.readings.conditions)?;
+        let n = problem.len();
+        let mut design = DMatrix::zeros(n, ENTRIES * EQ_11.len());
+        for j in 0..design.ncols() {
+            let mut column: Vec<f64> =
+                problem.whitener.entries.iter().map(|e| rows[readings[e.reading].condition][(e.channel, j)]).collect();
+            problem.whitener.whiten(&mut column);
+            design.set_column(j, &DVector::from_vec(column));
+        }
+        let gram = design.tr_mul(&design);
+        let moment = design.tr_mul(residuals);
+        let mut best: Option<(f64, DVector<f64>, Cholesky<f64, Dyn>)> = None;
+        for spread in SPREADS {
+            let information = (&gram + DMatrix::identity(gram.nrows(), gram.nrows()) / (spread * spread)).cholesky()?;
+            let solution = information.solve(&moment);
+            let evidence = solution.dot(&moment) - information.ln_determinant() - 2.0 * gram.nrows() as f64 * spread.ln();
+            if best.as_ref().is_none_or(|b| evidence > b.0) {
+                best = Some((evidence, solution, information));
+            }
+        }
+        let (evidence, solution, information) = best?;
+        // no table is as likely: then none
+        if evidence > 0.0 {
+            this.coefficients = solution;
+            this.information = Some(information);
+        }
+        Some(this)
+    }
+
+    /// Derivatives of the deflection by the coefficients in each condition.
+    fn rows(&self, poses: &[Pose<f64>], conditions: &[Condition]) -> Option<Vec<DMatrix<f64>>> {
+        let basis = Basis::<f64>::new(self.centre, self.half_width, &EQ_11).ok()?;
+        let mut factors = vec![None; poses.len()];
+        conditions
+            .iter()
+            .map(|c| {
+                let pose = &poses[c.pose];
+                if factors[c.pose].is_none() {
+                    factors[c.pose] = lower(&self.machine, pose);
+                }
+                let l = factors[c.pose]?;
+                let w = at_a(&c.wrench, c.point_m);
+                let y = l.solve_lower_triangular(&w)?;
+                let upper = l.transpose();
+                let terms = basis.monomials(pose);
+                let mut rows = DMatrix::zeros(CHANNELS, ENTRIES * EQ_11.len());
+                let mut entry = 0;
+                for i in 0..6 {
+                    for j in 0..=i {
+                        let mut v = Vector6::zeros();
+                        v[i] += y[j];
+                        if i != j {
+                            v[j] += y[i];
+                        }
+                        let d = seen_at(&upper.solve_upper_triangular(&v)?, c.point_m);
+                        for (t, term) in terms.iter().take(EQ_11.len()).enumerate() {
+                            for channel in 0..CHANNELS {
+                                rows[(channel, entry * EQ_11.len() + t)] = d[channel] * term;
+                            }
+                        }
+                        entry += 1;
+                    }
+                }
+                Some(rows)
+            })
+            .collect()
+    }
+
+    /// What it adds to the deflection in each condition, m and rad.
+    pub fn predict(&self, poses: &[Pose<f64>], conditions: &[Condition]) -> Option<Vec<[f64; CHANNELS]>> {
+        if self.information.is_none() {
+            return Some(vec![[0.0; CHANNELS]; conditions.len()]);
+        }
+        let rows = self.rows(poses, conditions)?;
+        Some(rows.iter().map(|r| (r * &self.coefficients).as_slice().try_into().unwrap_or([f64::NAN; CHANNELS])).collect())
+    }
+
+    /// Whether it corrects anything.
+    pub fn is_any(&self) -> bool {
+        self.information.is_some()
+    }
+
+    /// The corrected stiffness below the tool at a pose.
+    ///
+    /// # Errors
+    /// A correction that leaves no positive definite stiffness.
+    pub fn stiffness(&self, pose: &Pose<f64>) -> Result<Stiffness<f64>> {
+        let failed = || Failure::other("the table on the remainder leaves no positive definite stiffness");
+        let l = lower(&self.machine, pose).ok_or_else(failed)?;
+        let basis = Basis::<f64>::new(self.centre, self.half_width, &EQ_11).map_err(|e| Failure::other(e.to_string()))?;
+        let terms = basis.monomials(pose);
+        let mut s = Matrix6::identity();
+        let mut entry = 0;
+        for i in 0..6 {
+            for j in 0..=i {
+                let value: f64 =
+                    (0..EQ_11.len()).map(|t| self.coefficients[entry * EQ_11.len() + t] * terms[t]).sum();
+                s[(i, j)] += value;
+                if i != j {
+                    s[(j, i)] += value;
+                }
+                entry += 1;
+            }
+        }
+        let k = l * s.cholesky().ok_or_else(failed)?.inverse() * l.transpose();
+        Ok(Stiffness::from_lower(&k.transpose().into()))
+    }
+}
+
+fn at_a(wrench: &Wrench<f64>, point_m: [f64; 3]) -> Vector6<f64> {
+    let w = wrench.moved_to_a(point_m);
+    let ([a, b, c], [d, e, f]) = (w.force_n, w.moment_nm);
+    Vector6::new(a, b, c, d, e, f)
+}
+
+fn seen_at(d: &Vector6<f64>, point_m: [f64; 3]) -> Vector6<f64> {
+    let d = pkm_core::Deflection { translation_m: [d[0], d[1], d[2]], rotation_rad: [d[3], d[4], d[5]] }.seen_at(point_m);
+    let ([a, b, c], [e, f, g]) = (d.translation_m, d.rotation_rad);
+    Vector6::new(a, b, c, e, f, g)
+}
