@@ -299,7 +299,7 @@ impl Assembled {
     /// Displacements under a load when the bodies, besides, get longer of themselves.
     fn displaced(&self, load: [f64; 6], lag: [f64; 3]) -> DMatrix<f64> {
         let mut u = self.frame.displacements(self.tool, load).unwrap();
-        for ((foot, head, z, k), lag) in self.limbs.iter().zip(lag) {
+        for ((foot, head, z, k), lag) in self.limbs.iter().zip(lag).filter(|(_, lag)| *lag != 0.0) {
             for (node, force) in [(*head, z * (k * lag)), (*foot, -z * (k * lag))] {
                 u += self.frame.displacements(node, [force.x, force.y, force.z, 0.0, 0.0, 0.0]).unwrap();
             }
