@@ -8,6 +8,7 @@ use pkm_core::{
 };
 use serde_json::{Value, json};
 
+use crate::diagnose::{self, readings::Readings};
 use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, file_units, pose_of, stiffness_columns};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
@@ -439,4 +440,18 @@ fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Op
         "term_choice": choice,
         "selected": polynomials,
     })
+}
+
+/// `diagnose`: from readings to what the model lacks.
+///
+/// # Errors
+/// Bad files, readings that cannot be diagnosed, a fit that does not converge, an unwritable folder.
+pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Path>, out: &Path) -> Result<Output> {
+    let file = machine_file(machine)?;
+    let readings = Readings::read(Source::read_or(data, fixtures::measured)?, &file)?;
+    let held_out = holdout.map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
+    let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref())?;
+    let json = diagnosis.to_json();
+    source::write_all(out, &[(OsStr::new("diagnosis.json"), format!("{json:#}\n"))])?;
+    Ok(Output { text: String::new(), json })
 }

@@ -98,6 +98,18 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
+    /// From measured deflections to the physics that the model lacks: adds it, and compares before and after.
+    Diagnose {
+        /// Measured CSV; default: simulated readings of the reference machine.
+        #[arg(long, value_name = "CSV")]
+        data: Option<PathBuf>,
+        /// Measured CSV to compare on; default: whole poses of --data in turn (cross-validation).
+        #[arg(long, value_name = "CSV")]
+        holdout: Option<PathBuf>,
+        /// Folder for diagnosis.json, machine.toml, coefficients.rs and report.html.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
 }
 
 #[derive(Args)]
@@ -139,6 +151,9 @@ fn run(cli: &Cli) -> Result<Output> {
                 return Err(Failure::usage(format!("--box: expected least,greatest of each, found {:?}", b.0)));
             }
             commands::plan(machine, kind, pose_box, out)
+        }
+        Command::Diagnose { data, holdout, out } => {
+            commands::diagnose(machine, data.as_deref(), holdout.as_deref(), out)
         }
         Command::Fit { data, verify, terms, out } => {
             commands::fit(machine, data.as_deref(), verify.as_deref(), *terms, out)

@@ -1,48 +1,344 @@
 //! From measured deflections to what the model lacks (spec: diagnosis.md).
+//!
+//! [`readings`] → [`noise`] (whitened) → [`search`] ([`screen`], full fits by [`solve`] of a [`model`] with unknowns) →
+//! [`verdict`], [`compare`] (before and after, with a table on the [`remainder`]), [`next`] (what to measure).
 
+pub mod compare;
 pub mod model;
+pub mod next;
 pub mod noise;
 pub mod readings;
+pub mod remainder;
 pub mod screen;
 pub mod search;
 pub mod solve;
+pub mod verdict;
 
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+
+use self::compare::{Errors, RIVALS, Rival, Zone};
+use self::model::{Unknown, info};
+use self::noise::Noise;
+use self::readings::Readings;
+use self::search::{Candidate, Search};
+use self::solve::Problem;
+use self::verdict::{DeclaredFinding, Detectable, Judgement, Structure};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
-use crate::source::Source;
 
-/// Trial.
-///
-/// # Errors
-/// Any.
-pub fn trial(source: Source, machine: &MachineFile) -> Result<String> {
-    use std::fmt::Write;
-    let start = std::time::Instant::now();
-    let readings = readings::Readings::read(source, machine)?;
-    let noise = noise::Noise::new(&readings)?;
-    let mut out = String::new();
-    let _ = writeln!(out, "noise {:?}", noise);
-    let whitener = noise::Whitener::new(&readings, &noise);
-    let model = model::Model::new(machine).ok_or_else(|| Failure::other("no model"))?;
-    let problem = solve::Problem::new(&readings, &whitener, &model);
-    let found = search::search(&problem, 1).ok_or_else(|| Failure::other("no fit"))?;
-    let _ = writeln!(out, "n {} base chi2 {:.1} edf {:.1}, {} candidates", problem.len(), found.base.chi2, found.base.used_freedoms(), found.candidates.len());
-    for (u, x) in found.base.unknowns.iter().zip(found.base.x.iter()) {
-        if x.abs() > 1.5 { let _ = writeln!(out, "  pull {u:?} {x:.2}"); }
+/// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
+pub const SEED: u64 = 20_201;
+
+/// Least poses, and least numbers read for each declared stiffness.
+const LEAST_POSES: usize = 4;
+
+/// Held-out errors of all rivals, over all readings and by zone.
+pub struct HeldOut {
+    /// `given`, or by cross-validation.
+    pub given: bool,
+    /// Poses.
+    pub poses: usize,
+    /// By rival.
+    pub all: Vec<(Rival, Errors)>,
+    /// By zone and rival.
+    pub zones: Vec<(Zone, Vec<(Rival, Errors)>)>,
+}
+
+/// An effect that was found.
+pub struct Effect {
+    /// Its id.
+    pub id: &'static str,
+    /// Index over machine and measurement.
+    pub index: usize,
+    /// Name, value, standard error.
+    pub parameters: Vec<(&'static str, f64, f64)>,
+    /// Probability against what is not in its class.
+    pub confidence: f64,
+    /// What the data cannot tell from it.
+    pub class: Vec<String>,
+}
+
+/// A diagnosis.
+pub struct Diagnosis {
+    /// Numbers read and different poses.
+    pub size: (usize, usize),
+    /// Of the readings.
+    pub noise: Noise,
+    /// What was tried and found.
+    pub search: Search,
+    /// What it amounts to.
+    pub judgement: Judgement,
+    /// Effects that were found.
+    pub effects: Vec<Effect>,
+    /// Values that were declared wrong.
+    pub declared: Vec<DeclaredFinding>,
+    /// By effect.
+    pub detectable: Vec<Detectable>,
+    /// On the readings themselves.
+    pub errors: Vec<(Rival, Errors)>,
+    /// On others.
+    pub held_out: HeldOut,
+    /// Of what is left.
+    pub structure: Vec<Structure>,
+    /// What to measure next.
+    pub proposals: Vec<next::Proposal>,
+    /// The machine with re-tuned stiffnesses and effects.
+    pub machine: pkm_core::MachineParameters,
+    /// The rivals, fitted to all readings.
+    pub fitted: compare::Fitted,
+    /// Names of candidates by round, for reports.
+    pub names: Vec<Vec<String>>,
+}
+
+fn not_converged(readings: &Readings) -> Failure {
+    Failure::other("the fit of the declared stiffnesses did not converge: are the readings' units µm and µrad?")
+        .in_file(&readings.source.name)
+}
+
+/// Refuses what cannot be diagnosed, and says what is missing.
+fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
+    let fail = |message: String| Err(Failure::input(message).in_file(&readings.source.name));
+    if readings.poses.len() < LEAST_POSES {
+        return fail(format!(
+            "{} poses cannot tell an effect from a wrong stiffness: at least {LEAST_POSES} different ones are needed, \
+             20 spread over the box are good (`pkm-host plan --kind levels 5`)",
+            readings.poses.len()
+        ));
     }
-    for r in &found.rounds {
-        let _ = writeln!(out, " round p_fw {:.2e}", r.p_family);
-        for r in r.ranking.iter().enumerate().filter(|(i, r)| *i < 6 || matches!(r.candidate, search::Candidate::Effect(0|2))).map(|(_, r)| r) {
-            let _ = writeln!(out, "   {:?} {:?} t {:.1} k {} p {:.1e} lin {:.1} gain {:?} loo {:.4} poses {:.2} {:?}", r.candidate, r.candidate.names(&problem), r.score.statistic, r.score.freedoms, r.score.p, r.score.gain, r.gain, r.left_out_gain, r.poses_that_gain, r.rejected);
+    let unknowns = problem.model.stiffnesses().len();
+    if problem.len() < 2 * unknowns {
+        return fail(format!("{} numbers read are too few for {unknowns} unknown stiffnesses", problem.len()));
+    }
+    let Some(found) = problem.model.predict(&problem.poses, &readings.conditions, &[], &[]) else {
+        return fail("the declared machine gives no deflection at some pose or load".into());
+    };
+    // units: the model is never wrong by a factor of 100
+    let mut logs = [Vec::new(), Vec::new()];
+    for r in &readings.readings {
+        for (kind, logs) in logs.iter_mut().enumerate() {
+            let part = 3 * kind..3 * kind + 3;
+            let (mut read, mut said) = (0.0_f64, 0.0_f64);
+            for c in part {
+                if let Some(v) = r.observed[c] {
+                    read += v * v;
+                    said += found[r.condition][c].powi(2);
+                }
+            }
+            if read > 0.0 && said > 0.0 {
+                logs.push(0.5 * (read / said).log10());
+            }
         }
     }
-    for f in &found.found {
-        let _ = writeln!(out, " FOUND {:?} class {:?} conf {:.3}", f.candidate.names(&problem), f.class.iter().map(|c| c.names(&problem)).collect::<Vec<_>>(), f.confidence);
+    for (logs, (what, units)) in logs.iter_mut().zip([("translations", "µm"), ("rotations", "µrad")]) {
+        logs.sort_by(f64::total_cmp);
+        if let Some(middle) = logs.get(logs.len() / 2).filter(|m| m.abs() > 1.5) {
+            return fail(format!(
+                "the {what} read are {:.0e} times what the declared machine gives: are they in {units}, and loads in N and \
+                 N·m?",
+                10_f64.powf(*middle)
+            ));
+        }
     }
-    let _ = writeln!(out, "end chi2 {:.1} edf {:.1}", found.fit.chi2, found.fit.used_freedoms());
-    for (u, x) in found.fit.unknowns.iter().zip(found.fit.x.iter()) {
-        if x.abs() > 2.0 || !matches!(u, model::Unknown::Stiffness(_)) { let _ = writeln!(out, "  {u:?} {x:.3}"); }
+    Ok(())
+}
+
+/// Diagnoses readings.
+///
+/// # Errors
+/// Readings that cannot be diagnosed, a fit that does not converge.
+pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>) -> Result<Diagnosis> {
+    let steps = ProgressBar::new(5);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {msg}") {
+        steps.set_style(style);
     }
-    let _ = writeln!(out, "{:.2} s", start.elapsed().as_secs_f64());
-    Ok(out)
+    let step = |message: &'static str| {
+        steps.set_message(message);
+        steps.inc(1);
+    };
+    step("noise");
+    let noise = Noise::new(readings)?;
+    let model = model::Model::new(file)
+        .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
+    let whitener = problem_whitener(file, readings, &noise, &model)?;
+    let problem = Problem::new(readings, &whitener, &model);
+    check(readings, &problem)?;
+    step("what the model lacks");
+    let search = search::search(&problem, SEED).ok_or_else(|| not_converged(readings))?;
+    let judgement = verdict::judge(&problem, &noise, &search);
+    step("before and after");
+    let fitted = compare::Fitted::new(&problem, &search, false).ok_or_else(|| not_converged(readings))?;
+    let failed = || Failure::other("a model gives no deflection at some held-out pose");
+    let own = fitted.predict(&model, &problem.poses, &readings.conditions, true).ok_or_else(failed)?;
+    let of = |readings: &Readings, predictions: &compare::Predictions, filter: &dyn Fn(usize) -> bool| {
+        let all = RIVALS.iter().filter_map(|(rival, ..)| {
+            Some((*rival, compare::errors(readings, &noise, predictions.of(*rival), filter, SEED)?))
+        });
+        all.collect::<Vec<_>>()
+    };
+    let errors = of(readings, &own, &|_| true);
+    let held_out = match held_out {
+        Some(other) => {
+            let poses: Vec<_> = other.poses.iter().map(|p| p.pose).collect();
+            let found = fitted.predict(&model, &poses, &other.conditions, false).ok_or_else(failed)?;
+            let zones = compare::zones(readings, other);
+            let mut by_zone = Vec::new();
+            for zone in [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads] {
+                let errors = of(other, &found, &|n| zones[n] == zone);
+                if !errors.is_empty() {
+                    by_zone.push((zone, errors));
+                }
+            }
+            HeldOut { given: true, poses: other.poses.len(), all: of(other, &found, &|_| true), zones: by_zone }
+        }
+        None => {
+            let found = compare::cross_validate(readings, &noise, &model, &search)
+                .ok_or_else(|| Failure::other("a fit of the cross-validation did not converge"))?;
+            HeldOut { given: false, poses: readings.poses.len(), all: of(readings, &found, &|_| true), zones: Vec::new() }
+        }
+    };
+    step("what to measure next");
+    let contenders = next::contenders(&problem, &search);
+    let proposals = next::propose(&problem, &noise, file, &contenders);
+    step("report");
+    let end = &search.fit;
+    let standard_errors = end.standard_errors();
+    let effects = search
+        .found
+        .iter()
+        .filter_map(|f| {
+            let Candidate::Effect(index) = f.candidate else { return None };
+            let parameters = (end.unknowns.iter().enumerate())
+                .filter_map(|(n, u)| match *u {
+                    Unknown::Effect { effect, parameter } if effect == index => Some((
+                        info(effect).parameters[parameter],
+                        model.amplitude(effect, parameter, end.x[n]),
+                        model.amplitude_error(effect, parameter, end.x[n], standard_errors[n]),
+                    )),
+                    _ => None,
+                })
+                .collect();
+            let mut class: Vec<String> = f.class.iter().flat_map(|c| c.names(&problem)).collect();
+            class.dedup();
+            let mut seen = Vec::new();
+            class.retain(|c| !seen.contains(c) && {
+                seen.push(c.clone());
+                true
+            });
+            Some(Effect { id: info(index).id, index, parameters, confidence: f.confidence, class })
+        })
+        .collect();
+    let names = search
+        .rounds
+        .iter()
+        .map(|r| r.ranking.iter().map(|r| r.candidate.names(&problem).join(" + ")).collect())
+        .collect();
+    steps.finish_and_clear();
+    Ok(Diagnosis {
+        size: (problem.len(), readings.poses.len()),
+        effects,
+        declared: verdict::declared_findings(&problem, &search),
+        detectable: verdict::detectable(&problem, &search),
+        structure: verdict::residual_structure(&problem, &search.fit),
+        machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
+        noise,
+        judgement,
+        search,
+        errors,
+        held_out,
+        proposals,
+        fitted,
+        names,
+    })
+}
+
+/// The noise of the readings, and of the loads as far as the machine file declares it.
+fn problem_whitener(
+    file: &MachineFile,
+    readings: &Readings,
+    noise: &Noise,
+    model: &model::Model,
+) -> Result<noise::Whitener> {
+    let plain = noise::Whitener::new(readings, noise);
+    let u = &file.uncertainty;
+    if u.load_direction_rad == 0.0 && u.load_gain == 0.0 {
+        return Ok(plain);
+    }
+    let problem = Problem::new(readings, &plain, model);
+    let groups = problem.load_errors(u.load_direction_rad, u.load_gain).ok_or_else(|| not_converged(readings))?;
+    Ok(plain.with_load_errors(groups))
+}
+
+impl Diagnosis {
+    /// The document of `formats.md`.
+    pub fn to_json(&self) -> Value {
+        let of = |errors: &[(Rival, Errors)], rival: Rival| {
+            errors.iter().find(|e| e.0 == rival).map_or(Value::Null, |e| json!(e.1))
+        };
+        let effects: Vec<Value> = (self.effects.iter())
+            .map(|e| {
+                let parameters: serde_json::Map<String, Value> =
+                    e.parameters.iter().map(|(n, v, s)| (n.to_string(), json!({ "value": v, "stderr": s }))).collect();
+                json!({ "id": e.id, "parameters": parameters, "confidence": e.confidence, "class": e.class,
+                    "of": if model::is_measurement(e.index) { "measurement" } else { "machine" } })
+            })
+            .collect();
+        let hidden = self.detectable.iter().filter(|d| d.is_hidden());
+        let ranking: Vec<Value> = (self.search.rounds.iter().zip(&self.names))
+            .map(|(round, names)| {
+                let rows: Vec<Value> = (round.ranking.iter().zip(names).take(12))
+                    .map(|(r, name)| {
+                        json!({ "candidate": name, "statistic": r.score.statistic, "freedoms": r.score.freedoms,
+                            "p": r.score.p, "gain_2_ln_evidence": r.gain, "left_out_gain": r.left_out_gain,
+                            "poses_that_gain": r.poses_that_gain, "rejected": r.rejected })
+                    })
+                    .collect();
+                json!({ "p_family": round.p_family, "candidates": rows })
+            })
+            .collect();
+        let mut held_out = json!({
+            "poses": self.held_out.poses,
+            "chosen": if self.held_out.given { "given" } else { "by cross-validation" },
+        });
+        for (rival, key, _) in RIVALS {
+            held_out[key] = of(&self.held_out.all, rival);
+        }
+        let zones: serde_json::Map<String, Value> = (self.held_out.zones.iter())
+            .map(|(zone, errors)| {
+                let rivals: serde_json::Map<String, Value> =
+                    RIVALS.iter().map(|(rival, key, _)| (key.to_string(), of(errors, *rival))).collect();
+                (zone.name().to_owned(), rivals.into())
+            })
+            .collect();
+        held_out["zones"] = zones.into();
+        let micro = |v: [f64; 6]| v.map(|v| v * 1e6);
+        json!({
+            "verdict": self.judgement.verdict,
+            "effects": effects,
+            "declared_value_findings": self.declared,
+            "not_detectable": hidden.map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
+            "detectable": self.detectable.iter().filter(|d| !d.is_hidden())
+                .map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
+            "lack_of_fit": self.judgement.before,
+            "lack_of_fit_after": self.judgement.after,
+            "misfit_explained": self.judgement.gone,
+            "noise": { "source": self.noise.source, "reading_um_urad": micro(self.noise.within),
+                "series_um_urad": micro(self.noise.between) },
+            "error_before": of(&self.errors, Rival::Declared),
+            "error_after": of(&self.errors, Rival::After),
+            "error_after_and_table": of(&self.errors, Rival::AfterAndTable),
+            "error_retuned_only": of(&self.errors, Rival::Retuned),
+            "error_table_only": of(&self.errors, Rival::Table),
+            "holdout": held_out,
+            "next_measurements": self.proposals.iter().map(|p| {
+                let [theta_deg, sigma_deg, z0_mm] = next::in_file_units(p);
+                let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
+                json!({ "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
+                    "wrench": [f[0], f[1], f[2], m[0], m[1], m[2]], "separates": p.separates })
+            }).collect::<Vec<_>>(),
+            "residual_structure": self.structure,
+            "ranking": ranking,
+            "seed": SEED,
+        })
+    }
 }

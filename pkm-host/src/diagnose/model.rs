@@ -2,11 +2,9 @@
 //!
 //! Every unknown is a number x with a standard normal prior, so that all of them weigh alike.
 
-use std::collections::BTreeMap;
-
 use pkm_core::effects::{EFFECTS, EffectInfo, MAX_PARAMETERS};
 use pkm_core::machine::{Joint, Tube};
-use pkm_core::{Deflection, Machine, MachineParameters, Pose, Wrench};
+use pkm_core::{Deflection, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
 
 use super::readings::{CHANNELS, Condition};
 use crate::machine_file::MachineFile;
@@ -405,24 +403,37 @@ impl State {
             };
             w.moved_to_a([at[0] + point[0], at[1] + point[1], at[2] + point[2]])
         };
-        // one stiffness a pose and temperature
-        let mut factors = BTreeMap::new();
+        let on = |ids: &[&str]| {
+            let parameters = self.machine.effects.parameters;
+            EFFECTS.iter().zip(parameters).any(|(e, p)| ids.contains(&e.id) && p.iter().any(|v| *v != 0.0))
+        };
+        let warms = on(&["thermal-modulus"]);
+        let grows = on(&["thermal-expansion"]);
+        let bends = on(&["clearance", "contact-stiffening", "friction-hysteresis"]);
+        // one stiffness a pose, unless it changes with every temperature
+        let mut factors: Vec<Option<StiffnessFactor<f64>>> = vec![None; poses.len()];
         let mut found = Vec::with_capacity(conditions.len());
         for c in conditions {
             let pose = &poses[c.pose];
-            let (machine, factor) = match factors.entry((c.pose, c.temperature_c.to_bits())) {
-                std::collections::btree_map::Entry::Occupied(there) => there.into_mut(),
-                std::collections::btree_map::Entry::Vacant(free) => {
-                    let warm = machine.at_temperature(c.temperature_c).ok()?;
-                    let factor = warm.stiffness(pose).ok()?.factor().ok()?;
-                    free.insert((warm, factor))
-                }
+            let warm;
+            let machine = if warms {
+                warm = machine.at_temperature(c.temperature_c).ok()?;
+                factors[c.pose] = None;
+                &warm
+            } else {
+                &machine
+            };
+            let factor = match factors[c.pose] {
+                Some(factor) => factor,
+                None => *factors[c.pose].insert(machine.stiffness(pose).ok()?.factor().ok()?),
             };
             let wrench = loaded(&c.wrench, c.point_m);
             let mut d: Deflection<f64> = factor.deflection(&wrench).ok()?;
-            let turned_at = loaded(&c.turned_at, c.point_m);
-            d = d.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at).ok()?);
-            if c.rise_k != 0.0 {
+            if bends {
+                let turned_at = loaded(&c.turned_at, c.point_m);
+                d = d.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at).ok()?);
+            }
+            if grows {
                 d = d.plus(&machine.thermal_deflection(pose, c.rise_k).ok()?);
             }
             let d = d.seen_at(c.point_m);

@@ -31,9 +31,20 @@ pub enum Candidate {
 }
 
 impl Candidate {
-    fn unknowns(&self, problem: &Problem<'_>) -> Vec<Unknown> {
+    /// What is unknown of it.
+    pub fn unknowns(&self, problem: &Problem<'_>) -> Vec<Unknown> {
         match *self {
-            Self::Effect(effect) => problem.model.of_effect(effect),
+            Self::Effect(effect) => {
+                let mut unknowns = problem.model.of_effect(effect);
+                if !problem.readings.has_unloading {
+                    // a lag that grows with the load is then but a stiffer limb
+                    unknowns.retain(|u| {
+                        !matches!(*u, Unknown::Effect { effect, parameter }
+                            if info(effect).parameters[parameter] == "lag_m_per_n")
+                    });
+                }
+                unknowns
+            }
             Self::Class(class) => vec![Unknown::Class(class)],
         }
     }
@@ -130,7 +141,7 @@ fn temper(fit: &Fit) -> f64 {
 }
 
 /// Fits a candidate on top of a model. Negative amplitudes that must not be are pinned to 0, one after another.
-fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, step: &DVector<f64>) -> Result<Fit, &'static str> {
+pub fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, step: &DVector<f64>) -> Result<Fit, &'static str> {
     let (mut own, mut start) = (Vec::new(), Vec::new());
     let mut steps = step.iter().copied();
     for u in candidate.unknowns(problem) {
@@ -143,6 +154,10 @@ fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, step: &
     }
     if start.iter().all(|x| *x == 0.0) {
         return Err("negative compliance");
+    }
+    // nothing that begins so far out comes back into bounds
+    if step.amax() > 3.0 * LARGEST {
+        return Err("larger than plausible");
     }
     let n = current.unknowns.len();
     loop {
@@ -277,7 +292,6 @@ pub fn search(problem: &Problem<'_>, seed: u64) -> Option<Search> {
                 .filter(|(i, (r, _))| {
                     *i != chosen
                         && r.rejected.is_none()
-                        && r.gain.is_some()
                         && (within(r) || indistinguishable(&fit, own, column_of(&r.candidate)))
                 })
                 .map(|(_, (r, _))| r.candidate.clone())

@@ -1,16 +1,16 @@
 //! Least squares with priors: the fit of any set of unknowns, and what follows from its linear form.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-use pkm_core::Pose;
+use pkm_core::{Pose, Wrench};
 use rayon::prelude::*;
 
 use super::model::{Model, Unknown};
 use super::noise::{Entry, Whitener};
-use super::readings::Readings;
+use super::readings::{Condition, Readings};
 
 /// Data, noise and model together.
 pub struct Problem<'a> {
@@ -82,6 +82,58 @@ impl<'a> Problem<'a> {
         scatter.iter().map(|s| s * s).sum()
     }
 
+    /// Whitened displacements that errors of the loads cause, one standard deviation each: for every pose and line of load,
+    /// three turns of its direction and a gain, common to all readings there.
+    pub fn load_errors(&self, direction_rad: f64, gain: f64) -> Option<Vec<(Vec<usize>, DMatrix<f64>)>> {
+        let readings = self.readings;
+        // the line of a load, whichever way along it and however large
+        let line = |c: &Condition| -> (usize, Vec<i64>) {
+            let (f, m) = (c.wrench.force_n, c.wrench.moment_nm);
+            let all = [f[0], f[1], f[2], m[0], m[1], m[2]];
+            let size = all.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+            let sign = all.iter().find(|v| **v != 0.0).map_or(1.0, |v| v.signum());
+            (c.pose, all.iter().map(|v| (1e3 * sign * v / size).round() as i64).collect())
+        };
+        let mut groups: BTreeMap<(usize, Vec<i64>), Vec<usize>> = BTreeMap::new();
+        for (n, e) in self.whitener.entries.iter().enumerate() {
+            groups.entry(line(&readings.conditions[readings.readings[e.reading].condition])).or_default().push(n);
+        }
+        let turned = |v: [f64; 3], axis: usize| -> [f64; 3] {
+            let unit: [f64; 3] = std::array::from_fn(|i| f64::from(i == axis));
+            [unit[1] * v[2] - unit[2] * v[1], unit[2] * v[0] - unit[0] * v[2], unit[0] * v[1] - unit[1] * v[0]]
+        };
+        let columns: Option<Vec<Vec<f64>>> = (0..4)
+            .map(|kind| {
+                let conditions: Vec<Condition> = (readings.conditions.iter())
+                    .map(|c| {
+                        let changed = |v: [f64; 3]| {
+                            if kind < 3 { turned(v, kind).map(|v| v * direction_rad) } else { v.map(|v| v * gain) }
+                        };
+                        let wrench =
+                            Wrench { force_n: changed(c.wrench.force_n), moment_nm: changed(c.wrench.moment_nm) };
+                        Condition { wrench, rise_k: 0.0, ..*c }
+                    })
+                    .collect();
+                let found = self.model.predict(&self.poses, &conditions, &[], &[])?;
+                let mut values: Vec<f64> = (self.whitener.entries.iter())
+                    .map(|e| found[readings.readings[e.reading].condition][e.channel])
+                    .collect();
+                self.whitener.whiten(&mut values);
+                Some(values)
+            })
+            .collect();
+        let columns = columns?;
+        Some(
+            groups
+                .into_values()
+                .map(|entries| {
+                    let u = DMatrix::from_fn(entries.len(), 4, |i, k| columns[k][entries[i]]);
+                    (entries, u)
+                })
+                .collect(),
+        )
+    }
+
     /// Whitened predictions.
     pub fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
         let found = self.model.predict(&self.poses, &self.readings.conditions, unknowns, x)?;
@@ -132,9 +184,9 @@ impl<'a> Problem<'a> {
         let mut least = Squares { problem: self, unknowns, x: DVector::from_column_slice(start), reduced: None };
         least.reduced = least.reduce();
         let (found, report) = LevenbergMarquardt::new()
-            .with_ftol(1e-7)
-            .with_xtol(1e-6)
-            .with_gtol(1e-7)
+            .with_ftol(1e-6)
+            .with_xtol(1e-5)
+            .with_gtol(1e-6)
             .with_patience(2)
             .minimize(least);
         let usable = report.termination.was_successful()

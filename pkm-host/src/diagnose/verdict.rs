@@ -31,7 +31,7 @@ pub struct LackOfFit {
     pub p: f64,
     /// Where the noise is known from.
     pub noise_source: NoiseSource,
-    /// Squared misfit beyond its expectation, in noise variances.
+    /// Squared misfit beyond what noise may bring (its expectation and two standard deviations), in noise variances.
     #[serde(skip)]
     pub excess: f64,
 }
@@ -54,7 +54,10 @@ pub fn lack_of_fit(problem: &Problem<'_>, noise: &Noise, fit: &Fit) -> LackOfFit
             (misfit / freedoms, ChiSquared::new(freedoms).map_or(f64::NAN, |d| d.sf(misfit)))
         }
     };
-    LackOfFit { statistic, p, noise_source: noise.source, excess: misfit - freedoms }
+    // the noise itself is known from so many freedoms only
+    let unknown = if freedom > 0.0 { freedoms / freedom } else { 0.0 };
+    let deviation = (2.0 * freedoms * (1.0 + unknown)).sqrt();
+    LackOfFit { statistic, p, noise_source: noise.source, excess: (misfit - freedoms - 2.0 * deviation).max(0.0) }
 }
 
 /// The verdict of `formats.md`.
@@ -108,7 +111,7 @@ pub fn judge(problem: &Problem<'_>, noise: &Noise, search: &Search) -> Judgement
     let after = lack_of_fit(problem, noise, &search.fit);
     // what the search brought, against what was wrong to begin with
     let gained = search.base.objective - search.fit.objective;
-    let gone = gained / (gained + after.excess.max(0.0)).max(f64::MIN_POSITIVE);
+    let gone = gained / (gained + after.excess).max(f64::MIN_POSITIVE);
     let effects = search.found.iter().filter(|f| matches!(f.candidate, Candidate::Effect(_))).count();
     let ambiguous = search.found.iter().any(|f| {
         let own = repair(&f.candidate, problem);
@@ -224,7 +227,7 @@ pub fn detectable(problem: &Problem<'_>, search: &Search) -> Vec<Detectable> {
             };
             let v = search.base.remaining(&search.columns[place].0);
             let amplitudes =
-                problem.model.of_effect(effect).into_iter().filter(|u| problem.model.is_amplitude(u)).enumerate();
+                Candidate::Effect(effect).unknowns(problem).into_iter().filter(|u| problem.model.is_amplitude(u)).enumerate();
             let smallest = amplitudes
                 .map(|(k, u)| {
                     let Unknown::Effect { parameter, .. } = u else { return (String::new(), None) };
