@@ -8,7 +8,7 @@ use pkm_core::{
 };
 use serde_json::{Value, json};
 
-use crate::diagnose::{self, readings::Readings};
+use crate::diagnose::{self, outputs, readings::Readings};
 use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, file_units, pose_of, stiffness_columns};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
@@ -17,7 +17,7 @@ use crate::machine_file::{MachineFile, PoseBox, status};
 use crate::plan::{self, PlanKind};
 use crate::report;
 use crate::source::{self, Source, fixtures};
-use crate::table_file::{DiagonalForm, FactorForm, TableFile, TableNumbers};
+use crate::table_file::{TableFile, TableNumbers};
 
 /// What a command prints: text for people, or a document for programs.
 pub struct Output {
@@ -362,20 +362,7 @@ pub fn fit(
         );
     }
 
-    let rows = |n: &[f64]| n.chunks(fit.numbers.terms.len()).map(<[f64]>::to_vec).collect::<Vec<_>>();
-    let file = TableFile {
-        format: 1,
-        machine: machine.name.clone(),
-        machine_sha256: machine.source.sha256(),
-        data: data_source.file_name(),
-        data_sha256: data_source.sha256(),
-        extent: fit.extent.into(),
-        center: fit.center,
-        scale: fit.scale,
-        terms: fit.numbers.terms.clone(),
-        diagonal: DiagonalForm { coefficients: rows(&fit.numbers.diagonal), paper_e: fit.paper_e },
-        factor: fit.numbers.factor.as_deref().map(|f| FactorForm { coefficients: rows(f) }),
-    };
+    let file = TableFile::new(&machine, &data_source, &fit);
     let choice_name = match choice {
         TermChoice::Paper => "paper",
         TermChoice::Full => "full",
@@ -400,12 +387,11 @@ pub fn fit(
     let summary = report::summary(&fit, &trained, verified.as_ref());
     let html = report::fit_report(&provenance, &fit)?;
     let pretty = |v: &Value| format!("{v:#}\n");
-    let table_json = serde_json::to_value(&file).map_err(|e| Failure::other(e.to_string()))?;
     source::write_all(
         out,
         &[
             (OsStr::new("coefficients.rs"), rust),
-            (OsStr::new("coefficients.json"), pretty(&table_json)),
+            (OsStr::new("coefficients.json"), file.to_json()?),
             (OsStr::new("fit.json"), pretty(&document)),
             (OsStr::new("report.html"), html),
         ],
@@ -452,6 +438,24 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
     let held_out = holdout.map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
     let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref())?;
     let json = diagnosis.to_json();
-    source::write_all(out, &[(OsStr::new("diagnosis.json"), format!("{json:#}\n"))])?;
-    Ok(Output { text: String::new(), json })
+    let machine_toml = outputs::machine_toml(&file, &diagnosis)?;
+    let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
+    let (rust, table) = outputs::table(&file, &improved, &readings, &diagnosis)?;
+    let html = diagnose::report::html(&file, &readings, &diagnosis)?;
+    source::write_all(
+        out,
+        &[
+            (OsStr::new("diagnosis.json"), format!("{json:#}\n")),
+            (OsStr::new("machine.toml"), machine_toml),
+            (OsStr::new("coefficients.rs"), rust),
+            (OsStr::new("coefficients.json"), table.to_json()?),
+            (OsStr::new("report.html"), html),
+        ],
+    )?;
+    let text = format!(
+        "{}wrote diagnosis.json, machine.toml, coefficients.rs, coefficients.json and report.html to {}\n",
+        diagnose::report::text(&diagnosis),
+        out.display()
+    );
+    Ok(Output { text, json })
 }

@@ -148,7 +148,7 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> Result<()> 
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, [f64; 6])]) -> Result<String> {
+pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, Vec<f64>)]) -> Result<String> {
     svg((900, 380), |area| {
         let values = || series.iter().flat_map(|(_, v)| v.iter().copied().filter(|v| *v > 0.0));
         let low = 10_f64.powf(values().fold(f64::INFINITY, f64::min).log10().floor());

@@ -106,11 +106,11 @@ fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<String
     sentences
 }
 
-fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-fn table(caption: &str, head: &[&str], rows: &[(String, Vec<String>)]) -> String {
+pub(crate) fn table(caption: &str, head: &[&str], rows: &[(String, Vec<String>)]) -> String {
     let mut html = format!("<table><caption>{}</caption><tr><th></th>", escape(caption));
     for h in head {
         let _ = write!(html, "<th>{}</th>", escape(h));
@@ -347,7 +347,8 @@ pub fn fit_report(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
     add("</ul>");
     let shown = p.verified.unwrap_or(p.training);
     let on = if p.verified.is_some() { "verification" } else { "training" };
-    let bars = forms(&shown.deflection_percent);
+    let bars: Vec<(&str, Vec<f64>)> =
+        forms(&shown.deflection_percent).into_iter().map(|(name, errors)| (name, errors.to_vec())).collect();
     if !bars.is_empty() {
         add(&plot::bars(&format!("Deflection error under unit loads, {on} poses, mean"), "error in %", &LOADS, &bars)?);
     }
@@ -379,8 +380,13 @@ pub fn fit_report(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
         add(&format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(&value)));
     }
     add("</dl>");
-    Ok(format!(
+    Ok(page(&title, &body))
+}
+
+/// A whole page with its style.
+pub(crate) fn page(title: &str, body: &str) -> String {
+    format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"viewport\" \
          content=\"width=device-width\">\n<title>{title}</title>\n<style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
-    ))
+    )
 }

@@ -46,6 +46,11 @@ pub mod fixtures {
 }
 
 impl Source {
+    /// A text that is about to become a file.
+    pub fn from_text(name: &str, text: String) -> Self {
+        Self { name: name.to_owned(), bytes: text.into_bytes() }
+    }
+
     /// Reads a file.
     ///
     /// # Errors

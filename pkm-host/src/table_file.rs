@@ -5,7 +5,8 @@ use pkm_core::{Basis, CorrectionTable};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Failure, Result};
-use crate::machine_file::PoseBox;
+use crate::fit::Fit;
+use crate::machine_file::{MachineFile, PoseBox};
 use crate::source::Source;
 
 /// `coefficients.json`.
@@ -121,6 +122,32 @@ pub fn core_units([theta_deg, sigma_deg, z0_mm]: [f64; 3]) -> [f64; 3] {
 }
 
 impl TableFile {
+    /// A fitted table with where it comes from.
+    pub fn new(machine: &MachineFile, data: &Source, fit: &Fit) -> Self {
+        let rows = |n: &[f64]| n.chunks(fit.numbers.terms.len()).map(<[f64]>::to_vec).collect::<Vec<_>>();
+        Self {
+            format: 1,
+            machine: machine.name.clone(),
+            machine_sha256: machine.source.sha256(),
+            data: data.file_name(),
+            data_sha256: data.sha256(),
+            extent: fit.extent.into(),
+            center: fit.center,
+            scale: fit.scale,
+            terms: fit.numbers.terms.clone(),
+            diagonal: DiagonalForm { coefficients: rows(&fit.numbers.diagonal), paper_e: fit.paper_e },
+            factor: fit.numbers.factor.as_deref().map(|f| FactorForm { coefficients: rows(f) }),
+        }
+    }
+
+    /// `coefficients.json`.
+    ///
+    /// # Errors
+    /// None that is known.
+    pub fn to_json(&self) -> Result<String> {
+        serde_json::to_string_pretty(self).map(|t| t + "\n").map_err(|e| Failure::other(e.to_string()))
+    }
+
     /// Reads a table and lets the core check it.
     ///
     /// # Errors

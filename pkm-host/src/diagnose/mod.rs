@@ -7,8 +7,10 @@ pub mod compare;
 pub mod model;
 pub mod next;
 pub mod noise;
+pub mod outputs;
 pub mod readings;
 pub mod remainder;
+pub mod report;
 pub mod screen;
 pub mod search;
 pub mod solve;
@@ -22,7 +24,7 @@ use self::model::{Unknown, info};
 use self::noise::Noise;
 use self::readings::Readings;
 use self::search::{Candidate, Search};
-use self::solve::Problem;
+use self::solve::{Levels, Problem};
 use self::verdict::{DeclaredFinding, Detectable, Judgement, Structure};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
@@ -87,6 +89,8 @@ pub struct Diagnosis {
     pub machine: pkm_core::MachineParameters,
     /// The rivals, fitted to all readings.
     pub fitted: compare::Fitted,
+    /// Their predictions of the readings.
+    pub own: compare::Predictions,
     /// Names of candidates by round, for reports.
     pub names: Vec<Vec<String>>,
 }
@@ -160,14 +164,17 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     let noise = Noise::new(readings)?;
     let model = model::Model::new(file)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
-    let whitener = problem_whitener(file, readings, &noise, &model)?;
-    let problem = Problem::new(readings, &whitener, &model);
-    check(readings, &problem)?;
+    let whitener = noise::Whitener::new(readings, &noise);
+    let plain = Problem::new(readings, &whitener, &model);
+    check(readings, &plain)?;
+    let whiteners = solve::whiteners(&plain, &file.uncertainty).ok_or_else(|| not_converged(readings))?;
+    let levels = Levels::new(&plain, &whiteners);
     step("what the model lacks");
-    let search = search::search(&problem, SEED).ok_or_else(|| not_converged(readings))?;
-    let judgement = verdict::judge(&problem, &noise, &search);
+    let search = search::search(&levels, SEED).ok_or_else(|| not_converged(readings))?;
+    let judgement = verdict::judge(&levels, &noise, &search).ok_or_else(|| not_converged(readings))?;
+    let problem = &levels.problems[search.levels[1]];
     step("before and after");
-    let fitted = compare::Fitted::new(&problem, &search, false).ok_or_else(|| not_converged(readings))?;
+    let fitted = compare::Fitted::new(problem, &search, false).ok_or_else(|| not_converged(readings))?;
     let failed = || Failure::other("a model gives no deflection at some held-out pose");
     let own = fitted.predict(&model, &problem.poses, &readings.conditions, true).ok_or_else(failed)?;
     let of = |readings: &Readings, predictions: &compare::Predictions, filter: &dyn Fn(usize) -> bool| {
@@ -198,8 +205,8 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         }
     };
     step("what to measure next");
-    let contenders = next::contenders(&problem, &search);
-    let proposals = next::propose(&problem, &noise, file, &contenders);
+    let contenders = next::contenders(&levels, &search);
+    let proposals = next::propose(problem, &noise, file, &contenders);
     step("report");
     let end = &search.fit;
     let standard_errors = end.standard_errors();
@@ -218,7 +225,7 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
                     _ => None,
                 })
                 .collect();
-            let mut class: Vec<String> = f.class.iter().flat_map(|c| c.names(&problem)).collect();
+            let mut class: Vec<String> = f.class.iter().flat_map(|c| c.names(problem)).collect();
             class.dedup();
             let mut seen = Vec::new();
             class.retain(|c| !seen.contains(c) && {
@@ -231,15 +238,15 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     let names = search
         .rounds
         .iter()
-        .map(|r| r.ranking.iter().map(|r| r.candidate.names(&problem).join(" + ")).collect())
+        .map(|r| r.ranking.iter().map(|r| r.candidate.names(problem).join(" + ")).collect())
         .collect();
     steps.finish_and_clear();
     Ok(Diagnosis {
         size: (problem.len(), readings.poses.len()),
         effects,
-        declared: verdict::declared_findings(&problem, &search),
-        detectable: verdict::detectable(&problem, &search),
-        structure: verdict::residual_structure(&problem, &search.fit),
+        declared: verdict::declared_findings(problem, &search),
+        detectable: verdict::detectable(problem, &search),
+        structure: verdict::residual_structure(problem, &search.fit),
         machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
         noise,
         judgement,
@@ -248,25 +255,9 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         held_out,
         proposals,
         fitted,
+        own,
         names,
     })
-}
-
-/// The noise of the readings, and of the loads as far as the machine file declares it.
-fn problem_whitener(
-    file: &MachineFile,
-    readings: &Readings,
-    noise: &Noise,
-    model: &model::Model,
-) -> Result<noise::Whitener> {
-    let plain = noise::Whitener::new(readings, noise);
-    let u = &file.uncertainty;
-    if u.load_direction_rad == 0.0 && u.load_gain == 0.0 {
-        return Ok(plain);
-    }
-    let problem = Problem::new(readings, &plain, model);
-    let groups = problem.load_errors(u.load_direction_rad, u.load_gain).ok_or_else(|| not_converged(readings))?;
-    Ok(plain.with_load_errors(groups))
 }
 
 impl Diagnosis {
@@ -321,6 +312,9 @@ impl Diagnosis {
                 .map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
             "lack_of_fit": self.judgement.before,
             "lack_of_fit_after": self.judgement.after,
+            "load_error": { "direction_mrad": 1e3 * Levels::load_error(self.search.levels[1]),
+                "gain": Levels::load_error(self.search.levels[1]),
+                "about": "beyond the declared one, as the readings suggest" },
             "misfit_explained": self.judgement.gone,
             "noise": { "source": self.noise.source, "reading_um_urad": micro(self.noise.within),
                 "series_um_urad": micro(self.noise.between) },

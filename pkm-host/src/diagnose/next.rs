@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::noise::Noise;
 use super::readings::{CHANNELS, Condition, REFERENCE_C};
 use super::search::Search;
-use super::solve::{Fit, Problem};
+use super::solve::{Fit, Levels, Problem};
 use crate::dataset::{file_units, pose_of};
 use crate::machine_file::MachineFile;
 
@@ -186,12 +186,12 @@ pub fn in_file_units(p: &Proposal) -> [f64; 3] {
 
 /// The best of what was tried in the round that settled most, as contenders: what was found with its class, or the two that
 /// came nearest.
-pub fn contenders(problem: &Problem<'_>, search: &Search) -> Vec<Contender> {
+pub fn contenders(levels: &Levels<'_>, search: &Search) -> Vec<Contender> {
     let mut contenders = Vec::new();
     for round in &search.rounds {
         let mut names: Vec<(String, &super::search::Ranked)> = Vec::new();
         for ranked in round.ranking.iter().filter(|r| r.rejected.is_none()) {
-            let name = ranked.candidate.names(problem).join(" + ");
+            let name = ranked.candidate.names(levels.plain).join(" + ");
             if names.iter().all(|(n, _)| *n != name) {
                 names.push((name, ranked));
             }
@@ -200,7 +200,8 @@ pub fn contenders(problem: &Problem<'_>, search: &Search) -> Vec<Contender> {
             continue;
         }
         for (name, ranked) in names.into_iter().take(3) {
-            if let Ok(fit) = super::search::extended(problem, &search.base, &ranked.candidate, &ranked.score.step) {
+            let from = (&search.base, &ranked.candidate, &ranked.score.step);
+            if let Ok((_, fit)) = super::search::extended(levels, search.levels[0], from.0, from.1, from.2) {
                 contenders.push(Contender { name, fit });
             }
         }

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use nalgebra::DMatrix;
 use serde::Serialize;
 
 use super::readings::{CHANNELS, Readings};
@@ -59,15 +60,21 @@ impl Scatter {
         }
     }
 
-    /// s and t.
+    /// s and t. Sums of squares are divided by two freedoms less, so that it is 1/variance, which readings are weighed by,
+    /// that is right on average.
     fn deviations(&self) -> (f64, f64) {
+        let mean = |sum: f64, freedom: f64| sum / if freedom > 4.0 { freedom - 2.0 } else { freedom };
         if self.within_freedom < 1.0 {
             // one reading a series: its zero error can't be told from its noise, and need not be
-            return ((self.total / self.total_freedom).sqrt(), 0.0);
+            return (mean(self.total, self.total_freedom).sqrt(), 0.0);
         }
-        let s2 = self.within / self.within_freedom;
-        let t2 = (self.total - self.total_freedom * s2) / self.series_weight.max(f64::MIN_POSITIVE);
-        (s2.sqrt(), if self.series_weight > 0.0 { t2.max(0.0).sqrt() } else { 0.0 })
+        let s2 = mean(self.within, self.within_freedom);
+        let freedom = self.total_freedom - self.within_freedom;
+        if freedom < 1.0 || self.series_weight <= 0.0 {
+            return (s2.sqrt(), 0.0);
+        }
+        let between = mean(self.total - self.within, freedom);
+        (s2.sqrt(), ((between - s2) * freedom / self.series_weight).max(0.0).sqrt())
     }
 }
 
@@ -226,6 +233,8 @@ pub struct Whitener {
     shared: Vec<(std::ops::Range<usize>, f64)>,
     /// Directions in which the load's own uncertainty moves a group of entries, orthogonal, and how much to shrink them.
     loads: Vec<LoadError>,
+    /// ln|I + U Uᵀ| of these.
+    pub log_determinant: f64,
 }
 
 /// Uncertainty of one load as whitened directions over some entries.
@@ -266,14 +275,19 @@ impl Whitener {
                 }
             }
         }
-        Self { entries, weight, shared, loads: Vec::new() }
+        Self { entries, weight, shared, loads: Vec::new(), log_determinant: 0.0 }
     }
 
     /// The same with errors of the loads: for each group of entries, whitened columns of one standard deviation.
-    pub fn with_load_errors(mut self, groups: Vec<(Vec<usize>, nalgebra::DMatrix<f64>)>) -> Self {
-        self.loads = groups
-            .into_iter()
+    pub fn with_load_errors(&self, groups: &[(Vec<usize>, DMatrix<f64>)], scale: [f64; 4]) -> Self {
+        let mut log_determinant = 0.0;
+        let loads = groups
+            .iter()
             .map(|(entries, u)| {
+                let mut u = u.clone();
+                for (k, scale) in scale.iter().enumerate() {
+                    u.column_mut(k).scale_mut(*scale);
+                }
                 // (I + U Uᵀ)^-½ shrinks the principal directions of U
                 let svd = u.svd(true, false);
                 let values = svd.singular_values;
@@ -281,15 +295,22 @@ impl Whitener {
                     (0..values.len())
                         .filter(|k| values[*k] > 1e-9)
                         .map(|k| {
-                            let shrink = 1.0 - 1.0 / (1.0 + values[k] * values[k]).sqrt();
-                            (u.column(k).iter().copied().collect(), shrink)
+                            let grown = 1.0 + values[k] * values[k];
+                            log_determinant += grown.ln();
+                            (u.column(k).iter().copied().collect(), 1.0 - 1.0 / grown.sqrt())
                         })
                         .collect()
                 });
-                LoadError { entries, directions }
+                LoadError { entries: entries.clone(), directions }
             })
             .collect();
-        self
+        Self {
+            entries: self.entries.clone(),
+            weight: self.weight.clone(),
+            shared: self.shared.clone(),
+            loads,
+            log_determinant,
+        }
     }
 
     /// Whitens numbers given by entry, in m and rad.
@@ -302,6 +323,11 @@ impl Whitener {
             let taken = share * part.iter().sum::<f64>();
             part.iter_mut().for_each(|v| *v -= taken);
         }
+        self.shrink(values);
+    }
+
+    /// The part of the whitening that is due to errors of the loads, on numbers that are white but for these.
+    pub fn shrink(&self, values: &mut [f64]) {
         for LoadError { entries, directions } in &self.loads {
             for (direction, shrink) in directions {
                 let along: f64 = entries.iter().zip(direction).map(|(e, d)| values[*e] * d).sum();

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::model::{self, Unknown, info, is_measurement};
 use super::screen::{Columns, Score, screen};
-use super::solve::{Fit, Problem};
+use super::solve::{Fit, Levels, Problem};
 
 /// Full fits in a round.
 const FITTED: usize = 10;
@@ -14,10 +14,15 @@ const FITTED: usize = 10;
 const P_FAMILY: f64 = 0.01;
 /// Least gain of 2 ln E for the first thing that is accepted, and for more.
 const LEAST_GAIN: [f64; 2] = [6.0, 10.0];
+/// The same, as a share of what was gained before: a form that is nearly right leaves some of its signal, which must not
+/// pass for something else.
+const LEAST_SHARE: f64 = 0.03;
 /// Most rounds.
 const ROUNDS: usize = 3;
 /// Largest plausible amplitude, in units of its scale.
 pub const LARGEST: f64 = 2.0;
+/// Farthest plausible shape, in standard deviations of its prior.
+const FARTHEST: f64 = 2.5;
 /// Least share of signal in common at which two candidates count as the same.
 const SAME: f64 = 0.9;
 
@@ -93,6 +98,8 @@ pub struct Search {
     pub base: Fit,
     /// With all that was found.
     pub fit: Fit,
+    /// Level of load error that makes the readings most likely: with nothing found, and in the end.
+    pub levels: [usize; 2],
     /// In the order of finding.
     pub found: Vec<Found>,
     /// What was tried.
@@ -141,7 +148,17 @@ fn temper(fit: &Fit) -> f64 {
 }
 
 /// Fits a candidate on top of a model. Negative amplitudes that must not be are pinned to 0, one after another.
-pub fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, step: &DVector<f64>) -> Result<Fit, &'static str> {
+///
+/// # Errors
+/// Why it is no explanation.
+pub fn extended(
+    levels: &Levels<'_>,
+    level: usize,
+    current: &Fit,
+    candidate: &Candidate,
+    step: &DVector<f64>,
+) -> Result<(usize, Fit), &'static str> {
+    let problem = &levels.problems[level];
     let (mut own, mut start) = (Vec::new(), Vec::new());
     let mut steps = step.iter().copied();
     for u in candidate.unknowns(problem) {
@@ -164,7 +181,7 @@ pub fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, ste
         let unknowns: Vec<Unknown> = current.unknowns.iter().chain(&own).copied().collect();
         let from = |base: &[f64]| {
             let x: Vec<f64> = base.iter().chain(&start).copied().collect();
-            problem.fit(&unknowns, &x)
+            levels.fit(&unknowns, &x, level)
         };
         let mut fit = from(current.x.as_slice());
         if current.x.iter().take(problem.model.stiffnesses().len()).any(|x| x.abs() > 3.0) {
@@ -174,11 +191,11 @@ pub fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, ste
                 .collect();
             let other = from(&declared);
             fit = match (fit, other) {
-                (Some(a), Some(b)) => Some(if b.objective < a.objective { b } else { a }),
+                (Some(a), Some(b)) => Some(if b.1.ln_evidence() > a.1.ln_evidence() { b } else { a }),
                 (a, b) => a.or(b),
             };
         }
-        let fit = fit.ok_or("the fit did not converge")?;
+        let (at, fit) = fit.ok_or("the fit did not converge")?;
         let one_sided = |i: &usize| problem.model.is_one_sided(&own[*i]);
         let negative = (0..own.len()).filter(one_sided).filter(|i| fit.x[n + i] < 0.0);
         let most = negative.min_by(|a, b| fit.x[n + a].total_cmp(&fit.x[n + b]));
@@ -187,7 +204,10 @@ pub fn extended(problem: &Problem<'_>, current: &Fit, candidate: &Candidate, ste
             if (0..own.len()).filter(amplitude).any(|i| fit.x[n + i].abs() > LARGEST) {
                 return Err("larger than plausible");
             }
-            return Ok(fit);
+            if (n..n + own.len()).any(|i| fit.x[i].abs() > FARTHEST) {
+                return Err("of an implausible shape");
+            }
+            return Ok((at, fit));
         };
         own.remove(pinned);
         start.remove(pinned);
@@ -219,19 +239,21 @@ fn indistinguishable(fit: &Fit, (a, _): &Columns, (b, _): &Columns) -> bool {
 }
 
 /// Searches until nothing more is accepted.
-pub fn search(problem: &Problem<'_>, seed: u64) -> Option<Search> {
-    let stiffnesses = problem.model.stiffnesses();
-    let base = problem.fit(&stiffnesses, &vec![0.0; stiffnesses.len()])?;
-    let groups = by_pose(problem);
-    let candidates = candidates(problem);
-    let all_columns = |fit: &Fit| -> Vec<Columns> {
-        let none = || (DMatrix::zeros(problem.len(), 0), Vec::new());
-        candidates.iter().map(|c| columns(problem, fit, c).unwrap_or_else(none)).collect()
+pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
+    let plain = levels.plain;
+    let stiffnesses = plain.model.stiffnesses();
+    let (first_level, base) = levels.fit(&stiffnesses, &vec![0.0; stiffnesses.len()], 0)?;
+    let groups = by_pose(plain);
+    let candidates = candidates(plain);
+    let all_columns = |fit: &Fit, level: usize| -> Vec<Columns> {
+        let none = || (DMatrix::zeros(plain.len(), 0), Vec::new());
+        candidates.iter().map(|c| columns(&levels.problems[level], fit, c).unwrap_or_else(none)).collect()
     };
-    let at_base = all_columns(&base);
-    let (mut fit, mut found, mut rounds) = (base.clone(), Vec::<Found>::new(), Vec::new());
+    let at_base = all_columns(&base, first_level);
+    let (mut fit, mut level, mut found, mut rounds) = (base.clone(), first_level, Vec::<Found>::new(), Vec::new());
+    let mut gained = 0.0;
     for round in 0..ROUNDS {
-        let columns = if round == 0 { at_base.clone() } else { all_columns(&fit) };
+        let columns = if round == 0 { at_base.clone() } else { all_columns(&fit, level) };
         let open: Vec<usize> =
             (0..candidates.len()).filter(|i| found.iter().all(|f| f.candidate != candidates[*i])).collect();
         let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
@@ -239,7 +261,7 @@ pub fn search(problem: &Problem<'_>, seed: u64) -> Option<Search> {
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| screened.scores[*b].gain.total_cmp(&screened.scores[*a].gain));
         let without = fit.left_out(&groups);
-        let mut ranking: Vec<(Ranked, Option<Fit>)> = order
+        let mut ranking: Vec<(Ranked, Option<(usize, Fit)>)> = order
             .par_iter()
             .enumerate()
             .map(|(place, i)| {
@@ -250,30 +272,33 @@ pub fn search(problem: &Problem<'_>, seed: u64) -> Option<Search> {
                 if place >= FITTED || screened.p_family > P_FAMILY {
                     return (ranked, None);
                 }
-                let with = match extended(problem, &fit, &ranked.candidate, &ranked.score.step) {
+                let with = match extended(levels, level, &fit, &ranked.candidate, &ranked.score.step) {
                     Ok(with) => with,
                     Err(why) => {
                         ranked.rejected = Some(why);
                         return (ranked, None);
                     }
                 };
-                let errors = with.left_out(&groups);
+                // predictions are compared by the noise that the model without it has
+                let same = levels.plain.linear(&with.1.unknowns, with.1.x.clone());
+                let same = same.and_then(|plain| levels.problems[level].relevel(&plain));
+                let errors = same.map_or(vec![f64::INFINITY; groups.len()], |f| f.left_out(&groups));
                 let (sum, rest): (f64, f64) = (without.iter().sum(), errors.iter().sum());
                 ranked.left_out_gain = (sum - rest) / sum;
                 let gaining = without.iter().zip(&errors).filter(|(a, b)| a > b).count();
                 ranked.poses_that_gain = gaining as f64 / groups.len() as f64;
-                ranked.gain = Some(2.0 * (with.ln_evidence() - fit.ln_evidence()));
+                ranked.gain = Some(2.0 * (with.1.ln_evidence() - fit.ln_evidence()));
                 (ranked, Some(with))
             })
             .collect();
-        let raw = |r: &(Ranked, Option<Fit>)| r.0.gain.unwrap_or(f64::NEG_INFINITY);
+        let raw = |r: &(Ranked, Option<(usize, Fit)>)| r.0.gain.unwrap_or(f64::NEG_INFINITY);
         ranking.sort_by(|a, b| raw(b).total_cmp(&raw(a)).then(a.0.score.p.total_cmp(&b.0.score.p)));
         // tempered by what the best of them leaves
-        let c = ranking.first().and_then(|r| r.1.as_ref()).map_or(1.0, temper);
+        let c = ranking.first().and_then(|r| r.1.as_ref()).map_or(1.0, |r| temper(&r.1));
         for (r, _) in &mut ranking {
             r.gain = r.gain.map(|g| g / c);
         }
-        let least = LEAST_GAIN[usize::from(!found.is_empty())];
+        let least = LEAST_GAIN[usize::from(!found.is_empty())].max(LEAST_SHARE * gained);
         let passes = |r: &Ranked| {
             r.gain.is_some_and(|g| g > least) && r.left_out_gain > 0.0 && r.poses_that_gain >= 0.5
         };
@@ -304,10 +329,11 @@ pub fn search(problem: &Problem<'_>, seed: u64) -> Option<Search> {
                 .filter(|(i, (r, _))| *i == chosen || class.contains(&r.candidate))
                 .map(|(_, (r, _))| weight(r))
                 .sum();
+            gained += ranking[chosen].0.gain.unwrap_or(0.0);
             let candidate = ranking[chosen].0.candidate.clone();
             found.push(Found { candidate, class, confidence: in_class / all });
             if let Some(with) = ranking[chosen].1.take() {
-                fit = with;
+                (level, fit) = with;
             }
         }
         let stop = accepted.is_none();
@@ -316,7 +342,7 @@ pub fn search(problem: &Problem<'_>, seed: u64) -> Option<Search> {
             break;
         }
     }
-    Some(Search { base, fit, found, rounds, candidates, columns: at_base })
+    Some(Search { base, fit, levels: [first_level, level], found, rounds, candidates, columns: at_base })
 }
 
 impl Candidate {

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::model::{Model, Unknown};
 use super::noise::{Entry, Whitener};
 use super::readings::{Condition, Readings};
+use crate::machine_file::Uncertainty;
 
 /// Data, noise and model together.
 pub struct Problem<'a> {
@@ -43,7 +44,12 @@ pub struct Fit {
     pub chi2: f64,
     /// |r|² + |x|².
     pub objective: f64,
+    /// ln|I + UUᵀ| of the load errors under which it was made.
+    log_determinant: f64,
 }
+
+/// Whitened entries under one load at one pose, and what errors of the load do to them.
+pub type LoadGroup = (Vec<usize>, DMatrix<f64>);
 
 /// Step of the central differences, in units of the priors: truncation and rounding are both near 1e-9.
 const STEP: f64 = 1e-4;
@@ -82,9 +88,9 @@ impl<'a> Problem<'a> {
         scatter.iter().map(|s| s * s).sum()
     }
 
-    /// Whitened displacements that errors of the loads cause, one standard deviation each: for every pose and line of load,
-    /// three turns of its direction and a gain, common to all readings there.
-    pub fn load_errors(&self, direction_rad: f64, gain: f64) -> Option<Vec<(Vec<usize>, DMatrix<f64>)>> {
+    /// Whitened displacements that errors of the loads cause: for every pose and line of load,
+    /// three turns of its direction by 1 rad and a gain by 1, common to all readings there.
+    pub fn load_errors(&self) -> Option<Vec<LoadGroup>> {
         let readings = self.readings;
         // the line of a load, whichever way along it and however large
         let line = |c: &Condition| -> (usize, Vec<i64>) {
@@ -107,7 +113,7 @@ impl<'a> Problem<'a> {
                 let conditions: Vec<Condition> = (readings.conditions.iter())
                     .map(|c| {
                         let changed = |v: [f64; 3]| {
-                            if kind < 3 { turned(v, kind).map(|v| v * direction_rad) } else { v.map(|v| v * gain) }
+                            if kind < 3 { turned(v, kind) } else { v }
                         };
                         let wrench =
                             Wrench { force_n: changed(c.wrench.force_n), moment_nm: changed(c.wrench.moment_nm) };
@@ -167,13 +173,20 @@ impl<'a> Problem<'a> {
     }
 
     /// The linear form at a point.
-    fn linear(&self, unknowns: &[Unknown], x: DVector<f64>) -> Option<Fit> {
+    pub fn linear(&self, unknowns: &[Unknown], x: DVector<f64>) -> Option<Fit> {
         let residuals = self.residuals(unknowns, x.as_slice())?;
         let jacobian = self.jacobian(unknowns, x.as_slice(), 0..unknowns.len())?;
-        let information = (jacobian.tr_mul(&jacobian) + DMatrix::identity(x.len(), x.len())).cholesky()?;
-        let chi2 = residuals.norm_squared();
-        let objective = chi2 + x.norm_squared();
-        Some(Fit { unknowns: unknowns.to_vec(), x, residuals, jacobian, information, chi2, objective })
+        Fit::new(unknowns.to_vec(), x, residuals, jacobian, self.whitener.log_determinant)
+    }
+
+    /// A linear form of plain whitening under errors of the loads as well.
+    pub fn relevel(&self, plain: &Fit) -> Option<Fit> {
+        let (mut residuals, mut jacobian) = (plain.residuals.clone(), plain.jacobian.clone());
+        self.whitener.shrink(residuals.as_mut_slice());
+        for mut column in jacobian.column_iter_mut() {
+            self.whitener.shrink(column.as_mut_slice());
+        }
+        Fit::new(plain.unknowns.clone(), plain.x.clone(), residuals, jacobian, self.whitener.log_determinant)
     }
 
     /// Most likely values of the unknowns, from a start.
@@ -192,6 +205,50 @@ impl<'a> Problem<'a> {
         let usable = report.termination.was_successful()
             || matches!(report.termination, levenberg_marquardt::TerminationReason::LostPatience);
         if !usable { None } else { self.linear(unknowns, found.x) }
+    }
+}
+
+/// Relative errors of load direction (rad) and size beyond the declared ones that are considered: nobody declares all.
+const LOAD_ERRORS: [f64; 6] = [0.0, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3];
+
+/// One problem at every level of load error.
+pub struct Levels<'a> {
+    /// Without any.
+    pub plain: &'a Problem<'a>,
+    /// From the declared one on.
+    pub problems: Vec<Problem<'a>>,
+}
+
+/// Whitenings for [`Levels`], from the declared load errors on.
+pub fn whiteners(plain: &Problem<'_>, declared: &Uncertainty) -> Option<Vec<Whitener>> {
+    let groups = plain.load_errors()?;
+    let whiteners = LOAD_ERRORS.iter().map(|more| {
+        let (turn, gain) = (declared.load_direction_rad.hypot(*more), declared.load_gain.hypot(*more));
+        plain.whitener.with_load_errors(&groups, [turn, turn, turn, gain])
+    });
+    Some(whiteners.collect())
+}
+
+impl<'a> Levels<'a> {
+    /// Puts them together.
+    pub fn new(plain: &'a Problem<'a>, whiteners: &'a [Whitener]) -> Self {
+        let problems = whiteners.iter().map(|w| Problem::new(plain.readings, w, plain.model)).collect();
+        Self { plain, problems }
+    }
+
+    /// The load error beyond the declared one at a level, relative.
+    pub fn load_error(level: usize) -> f64 {
+        LOAD_ERRORS[level]
+    }
+
+    /// Fits at a level, then at the one that makes the readings most likely.
+    pub fn fit(&self, unknowns: &[Unknown], start: &[f64], level: usize) -> Option<(usize, Fit)> {
+        let fit = self.problems[level].fit(unknowns, start)?;
+        let plain = self.plain.linear(unknowns, fit.x.clone())?;
+        let fits: Vec<Option<Fit>> = self.problems.par_iter().map(|p| p.relevel(&plain)).collect();
+        let evidence = |l: &usize| fits[*l].as_ref().map_or(f64::NEG_INFINITY, Fit::ln_evidence);
+        let best = (0..fits.len()).max_by(|a, b| evidence(a).total_cmp(&evidence(b)))?;
+        if best == level { Some((level, fit)) } else { Some((best, self.problems[best].fit(unknowns, fit.x.as_slice())?)) }
     }
 }
 
@@ -242,6 +299,19 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Squares<'_, '_> {
 }
 
 impl Fit {
+    fn new(
+        unknowns: Vec<Unknown>,
+        x: DVector<f64>,
+        residuals: DVector<f64>,
+        jacobian: DMatrix<f64>,
+        log_determinant: f64,
+    ) -> Option<Self> {
+        let information = (jacobian.tr_mul(&jacobian) + DMatrix::identity(x.len(), x.len())).cholesky()?;
+        let chi2 = residuals.norm_squared();
+        let objective = chi2 + x.norm_squared();
+        Some(Self { unknowns, x, residuals, jacobian, information, chi2, objective, log_determinant })
+    }
+
     /// ½ ln|AᵀA + I|.
     fn half_log_determinant(&self) -> f64 {
         self.information.l_dirty().diagonal().iter().map(|d| d.ln()).sum()
@@ -249,7 +319,10 @@ impl Fit {
 
     /// ln of the probability of the readings under the model, up to a constant of the data.
     pub fn ln_evidence(&self) -> f64 {
-        -0.5 * self.objective - self.half_log_determinant()
+        // what is still to gain by a step to the bottom
+        let slope = self.jacobian.tr_mul(&self.residuals) - &self.x;
+        let rest = slope.dot(&self.information.solve(&slope));
+        -0.5 * (self.objective - rest + self.log_determinant) - self.half_log_determinant()
     }
 
     /// Freedoms that the fit used up: tr[(AᵀA + I)⁻¹ AᵀA].

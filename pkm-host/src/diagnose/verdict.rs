@@ -9,7 +9,7 @@ use super::model::{self, Unknown, info};
 use super::noise::{Noise, NoiseSource};
 use super::readings::CHANNELS;
 use super::search::{Candidate, Search};
-use super::solve::{Fit, Problem};
+use super::solve::{Fit, Levels, Problem};
 
 /// p at which a misfit counts as significant.
 const P_MISFIT: f64 = 0.01;
@@ -47,7 +47,8 @@ pub fn lack_of_fit(problem: &Problem<'_>, noise: &Noise, fit: &Fit) -> LackOfFit
     let misfit = (fit.chi2 - pure).max(0.0);
     let (statistic, p) = match noise.source {
         NoiseSource::Repeats => {
-            let f = (misfit / freedoms) / (pure / freedom).max(f64::MIN_POSITIVE);
+            // the noise that whitens is the repeats' own
+            let f = misfit / freedoms;
             (f, FisherSnedecor::new(freedoms, freedom).map_or(f64::NAN, |d| d.sf(f)))
         }
         NoiseSource::Declared => {
@@ -106,13 +107,19 @@ pub struct Judgement {
 }
 
 /// Judges a search.
-pub fn judge(problem: &Problem<'_>, noise: &Noise, search: &Search) -> Judgement {
-    let before = lack_of_fit(problem, noise, &search.base);
-    let after = lack_of_fit(problem, noise, &search.fit);
+pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judgement> {
+    // by the noise and the load errors that were declared, and no others
+    let problem = &levels.problems[0];
+    let as_declared = |fit: &Fit| problem.linear(&fit.unknowns, fit.x.clone());
+    let (base, end) = (as_declared(&search.base)?, as_declared(&search.fit)?);
+    let before = lack_of_fit(problem, noise, &base);
+    let after = lack_of_fit(problem, noise, &end);
     // what the search brought, against what was wrong to begin with
-    let gained = search.base.objective - search.fit.objective;
+    let gained = (base.objective - end.objective).max(0.0);
     let gone = gained / (gained + after.excess).max(f64::MIN_POSITIVE);
     let effects = search.found.iter().filter(|f| matches!(f.candidate, Candidate::Effect(_))).count();
+    let of_measurement = |c: &Candidate| matches!(c, Candidate::Effect(e) if model::is_measurement(*e));
+    let measurement = search.found.iter().filter(|f| of_measurement(&f.candidate)).count();
     let ambiguous = search.found.iter().any(|f| {
         let own = repair(&f.candidate, problem);
         matches!(f.candidate, Candidate::Effect(_)) && f.class.iter().any(|c| repair(c, problem) != own)
@@ -121,12 +128,13 @@ pub fn judge(problem: &Problem<'_>, noise: &Noise, search: &Search) -> Judgement
     let verdict = match (effects, fits) {
         (0, true) => Verdict::Adequate,
         (0, false) => Verdict::Unexplained,
-        (n, true) if n <= MOST_EFFECTS && gone >= LEAST_SHARE => {
+        // two errors of the measurement at once mimic much that is neither
+        (n, true) if n <= MOST_EFFECTS && measurement < 2 && gone >= LEAST_SHARE => {
             if ambiguous { Verdict::Ambiguous } else { Verdict::Explained }
         }
         _ => Verdict::PartlyExplained,
     };
-    Judgement { verdict, before, after, gone }
+    Some(Judgement { verdict, before, after, gone })
 }
 
 /// A declared value that is wrong.

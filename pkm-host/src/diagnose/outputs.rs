@@ -1,0 +1,126 @@
+//! The files that a diagnosis leaves for the controller: the machine with its effects, and a table on what is left.
+
+use pkm_core::effects::EFFECTS;
+use pkm_core::{Machine, MachineParameters};
+use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
+
+use super::Diagnosis;
+use super::compare::extent;
+use super::readings::Readings;
+use crate::dataset::{NamedPose, StiffnessData, Target, pose_of};
+use crate::error::{Failure, Result};
+use crate::export::{Provenance, rust_source};
+use crate::fit::{self, TermChoice};
+use crate::machine_file::MachineFile;
+use crate::table_file::TableFile;
+
+/// Levels of each variable at which the table on the remainder is taken.
+const LEVELS: usize = 5;
+
+/// Changes a number of the file, unless it holds this value already.
+fn set(item: &mut Item, number: f64) {
+    let there = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
+    if there != Some(number) {
+        let decor = item.as_value().map(|v| v.decor().clone());
+        *item = value(number);
+        if let (Some(decor), Some(v)) = (decor, item.as_value_mut()) {
+            *v.decor_mut() = decor;
+        }
+    }
+}
+
+/// The machine file with re-tuned stiffnesses and effects; all else as it stood.
+///
+/// # Errors
+/// None for a file that was read before.
+pub fn machine_toml(file: &MachineFile, diagnosis: &Diagnosis) -> Result<String> {
+    let mut document: DocumentMut =
+        file.source.text()?.parse().map_err(|e: toml_edit::TomlError| Failure::other(e.to_string()))?;
+    let Diagnosis { machine, .. } = diagnosis;
+    for (i, limb) in machine.limbs.iter().enumerate() {
+        for (joint, numbers) in [("base_joint", &limb.base_joint), ("platform_joint", &limb.platform_joint)] {
+            for axis in 0..3 {
+                let item = &mut document["limb"][i][joint];
+                set_entry(&mut item["linear_n_per_m"], axis, numbers.linear_n_per_m[axis]);
+                set_entry(&mut item["angular_nm_per_rad"], axis, numbers.angular_nm_per_rad[axis]);
+            }
+        }
+        for (name, tube) in [("rod", &limb.body.rod), ("screw", &limb.body.screw)] {
+            let item = &mut document["limb"][i]["body"][name];
+            set(&mut item["young_gpa"], tube.young_pa / 1e9);
+            set(&mut item["shear_gpa"], tube.shear_pa / 1e9);
+        }
+    }
+    document.remove("effect");
+    let mut effects = ArrayOfTables::new();
+    for (info, values) in EFFECTS.iter().zip(machine.effects.parameters) {
+        if values.iter().all(|v| *v == 0.0) {
+            continue;
+        }
+        let mut table = Table::new();
+        table["id"] = value(info.id);
+        for (name, v) in info.parameters.iter().zip(values).filter(|(_, v)| *v != 0.0) {
+            table[*name] = value(v);
+        }
+        effects.push(table);
+    }
+    if !effects.is_empty() {
+        document["effect"] = Item::ArrayOfTables(effects);
+    }
+    Ok(document.to_string())
+}
+
+fn set_entry(array: &mut Item, i: usize, number: f64) {
+    if let Some(entry) = array.as_array_mut().and_then(|a| a.get_mut(i)) {
+        let there = entry.as_float().or_else(|| entry.as_integer().map(|i| i as f64));
+        if there != Some(number) {
+            let decor = entry.decor().clone();
+            *entry = number.into();
+            *entry.decor_mut() = decor;
+        }
+    }
+}
+
+/// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it.
+///
+/// # Errors
+/// A correction that is not positive somewhere in its box.
+pub fn table(
+    declared: &MachineFile,
+    improved: &MachineFile,
+    readings: &Readings,
+    diagnosis: &Diagnosis,
+) -> Result<(String, TableFile)> {
+    let bounds = extent(readings);
+    let level = |i: usize, n: usize| {
+        let [low, high] = bounds.0[i];
+        low + (high - low) * n as f64 / (LEVELS - 1) as f64
+    };
+    // a table applies below what sits on A
+    let below = MachineParameters { effects: improved.parameters.effects.below_tool(), ..improved.parameters };
+    let mut machine = MachineFile::parse(improved.source.clone())?;
+    machine.machine = Machine::<f64>::new(&below).map_err(|e| Failure::other(format!("{e:?}")))?;
+    let (mut poses, mut targets) = (Vec::new(), Vec::new());
+    for n in 0..LEVELS.pow(3) {
+        let [i, j, k] = [n % LEVELS, n / LEVELS % LEVELS, n / LEVELS.pow(2)];
+        let pose = pose_of(level(0, i), level(1, j), level(2, k));
+        if machine.machine.inverse(&pose).is_err() {
+            continue;
+        }
+        let full = diagnosis.fitted.remainder().stiffness(&pose)?;
+        poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
+        targets.push(Target { principal: full.principal(), full: Some(full) });
+    }
+    let data = StiffnessData { source: readings.source.clone(), poses, targets };
+    let fit = fit::fit(fit::samples(&machine.machine, data)?, None, TermChoice::Full)?;
+    let trained = fit::evaluate(&fit.training, &machine, &fit.numbers)?;
+    let file = TableFile::new(&machine, &readings.source, &fit);
+    let command = format!(
+        "pkm-host diagnose --machine {} --data {} (table: what the readings ask for beyond the effects, on a grid)",
+        declared.source.file_name(),
+        readings.source.file_name()
+    );
+    let provenance =
+        Provenance { command: &command, file: &file, verification: None, training: &trained, verified: None };
+    Ok((rust_source(&provenance, &fit, &improved.parameters)?, file))
+}

@@ -1,0 +1,336 @@
+//! What people read after a diagnosis: a summary for the terminal, and `report.html`.
+
+use std::fmt::Write;
+
+use pkm_core::{Machine, ScrewLengths};
+
+use super::compare::{Errors, RIVALS, Rival};
+use super::model::is_measurement;
+use super::readings::{Condition, Readings};
+use super::verdict::Verdict;
+use super::{Diagnosis, SEED, next};
+use crate::dataset::file_units;
+use crate::error::Result;
+use crate::machine_file::MachineFile;
+use crate::plot::{self, Mark, Panel, Series};
+use crate::report::{escape, page, table};
+
+/// Most points of a series: more would only blacken the picture.
+const POINTS: usize = 1500;
+
+fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
+    errors.iter().find(|e| e.0 == rival).map(|e| &e.1)
+}
+
+/// The findings in sentences, the most important first.
+fn sentences(d: &Diagnosis) -> Vec<String> {
+    let mut all = Vec::new();
+    let class = |class: &[String]| {
+        if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
+    };
+    all.push(match d.judgement.verdict {
+        Verdict::Adequate if d.declared.is_empty() => {
+            "Adequate: with its stiffnesses re-tuned within their uncertainty the model leaves nothing but noise.".into()
+        }
+        Verdict::Adequate => {
+            "Adequate: no physics is missing, but declared values are wrong by more than their uncertainty.".into()
+        }
+        Verdict::Explained => "Explained: with what was found nothing but noise is left.".into(),
+        Verdict::PartlyExplained => {
+            "Partly explained: something was found, but a significant misfit remains. Don't take the names below for the \
+             whole truth."
+                .into()
+        }
+        Verdict::Ambiguous => {
+            "Ambiguous: what was found has rivals that call for different repairs. Measure what is proposed below.".into()
+        }
+        Verdict::Unexplained => {
+            "Unexplained: the model is wrong by more than noise, and no effect that this program knows accounts for it.".into()
+        }
+    });
+    for e in &d.effects {
+        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
+        let parameters: Vec<String> =
+            e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
+        all.push(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class)));
+    }
+    for f in &d.declared {
+        let axis = f.axis.map_or(String::new(), |a| format!("[{a}]"));
+        all.push(format!(
+            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}",
+            f.parameter,
+            f.declared,
+            f.estimated,
+            f.pull_sd,
+            class(&f.class)
+        ));
+    }
+    let held = &d.held_out;
+    let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
+    if let (Some(before), Some(retuned), Some(after)) =
+        (of(&held.all, Rival::Declared), of(&held.all, Rival::Retuned), of(&held.all, Rival::After))
+    {
+        all.push(format!(
+            "On {how}, rms translation error: {:.2} µm as declared, {:.2} µm re-tuned only, {:.2} µm with what was found.",
+            before.linear_um_rms, retuned.linear_um_rms, after.linear_um_rms
+        ));
+    }
+    if let (Some(here), Some(there), Some(after)) =
+        (of(&d.errors, Rival::Table), of(&held.all, Rival::Table), of(&held.all, Rival::After))
+        && there.linear_um_rms > 1.5 * after.linear_um_rms
+        && there.chi2_per_dof > 1.5 * here.chi2_per_dof.min(after.chi2_per_dof)
+    {
+        all.push(format!(
+            "A table refitted to these readings HIDES what is wrong: {:.1} times the noise where it was fitted, but {:.2} µm on \
+             {how}, {:.1} times the error of the model above.",
+            here.chi2_per_dof.sqrt(),
+            there.linear_um_rms,
+            there.linear_um_rms / after.linear_um_rms
+        ));
+    }
+    let hidden: Vec<&str> = d.detectable.iter().filter(|d| d.is_hidden()).map(|d| d.id.as_str()).collect();
+    if !hidden.is_empty() {
+        all.push(format!("Not to be seen in these readings at any plausible size: {}.", hidden.join(", ")));
+    }
+    all
+}
+
+/// For the terminal.
+pub fn text(d: &Diagnosis) -> String {
+    let mut text = String::new();
+    for sentence in sentences(d) {
+        let _ = writeln!(text, "- {sentence}");
+    }
+    let _ = writeln!(text, "  rms translation error in µm           readings   held out, with its 95 % interval");
+    for (rival, _, name) in RIVALS {
+        if let (Some(a), Some(b)) = (of(&d.errors, rival), of(&d.held_out.all, rival)) {
+            let [low, high] = b.linear_um_rms_interval;
+            let _ = writeln!(text, "  {name:<36} {:>9.3} {:>10.3}   {low:.3} to {high:.3}", a.linear_um_rms, b.linear_um_rms);
+        }
+    }
+    let _ = writeln!(text, "  seed {SEED}");
+    text
+}
+
+/// Tension in each limb under a load, by virtual work: how the platform moves when one screw alone grows.
+fn tensions(machine: &Machine<f64>, c: &Condition, pose: &pkm_core::Pose<f64>) -> Option<[f64; 3]> {
+    const STEP: f64 = 1e-6;
+    let q = machine.inverse(pose).ok()?.q_m;
+    let place = |limb: usize, step: f64| {
+        let mut q = q;
+        q[limb] += step;
+        machine.forward(&ScrewLengths { q_m: q }).ok()
+    };
+    let w = c.wrench.moved_to_a(c.point_m);
+    let mut tension = [0.0; 3];
+    for (limb, tension) in tension.iter_mut().enumerate() {
+        let (a, b) = (place(limb, STEP)?, place(limb, -STEP)?);
+        let rate = |a: f64, b: f64| (a - b) / (2.0 * STEP);
+        let [x, z] = [rate(a.z0_m * a.theta_rad.tan(), b.z0_m * b.theta_rad.tan()), rate(a.z0_m, b.z0_m)];
+        let (turn, tilt) = (rate(a.theta_rad, b.theta_rad), rate(a.sigma_rad, b.sigma_rad));
+        // from B-xyz to A-uvw: R = R_y(θ) R_x(σ)
+        let ((st, ct), (ss, cs)) = (pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
+        let moved = [ct * x - st * z, ss * (st * x + ct * z), cs * (st * x + ct * z)];
+        let turned = [tilt, turn * cs, -turn * ss];
+        *tension = (0..3).map(|i| w.force_n[i] * moved[i] + w.moment_nm[i] * turned[i]).sum();
+    }
+    Some(tension)
+}
+
+/// Residuals along the load, over pose, load and limb force.
+fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<String> {
+    let step = readings.readings.len().div_ceil(POINTS);
+    // translation error along the force, µm, for the re-tuned model and the last one
+    let along = |predictions: &[[f64; 6]], n: usize| -> Option<f64> {
+        let r = &readings.readings[n];
+        let c = &readings.conditions[r.condition];
+        let size = c.wrench.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+        let mut sum = 0.0;
+        for i in 0..3 {
+            if c.wrench.force_n[i] != 0.0 {
+                sum += (r.observed[i]? - predictions[r.condition][i]) * c.wrench.force_n[i] / size;
+            }
+        }
+        (size > 0.0).then_some(sum * 1e6)
+    };
+    let rivals = [(Rival::Retuned, "re-tuned only"), (Rival::After, "with what was found")];
+    let shown = if d.search.found.is_empty() { &rivals[..1] } else { &rivals[..] };
+    type Axis<'a> = (&'a str, Box<dyn Fn(&Condition) -> Option<f64> + 'a>);
+    let pose = |i: usize| move |c: &Condition| Some(file_units(&readings.poses[c.pose].pose)[i]);
+    let force = |c: &Condition| Some(c.wrench.force_n.iter().map(|f| f * f).sum::<f64>().sqrt());
+    let limb = |i: usize| {
+        move |c: &Condition| tensions(&file.machine, c, &readings.poses[c.pose].pose).map(|n| n[i])
+    };
+    let rows: [[Axis<'_>; 3]; 2] = [
+        [("θ in °", Box::new(pose(0))), ("σ in °", Box::new(pose(1))), ("Z0 in mm", Box::new(pose(2)))],
+        [
+            ("force in N", Box::new(force)),
+            ("tension in limb 1 in N", Box::new(limb(0))),
+            ("tension in limb 3 in N", Box::new(limb(2))),
+        ],
+    ];
+    let mut html = String::new();
+    for row in &rows {
+        let panels: Vec<Panel> = row
+            .iter()
+            .map(|(label, x)| Panel {
+                title: format!("residual over {}", label.split(" in ").next().unwrap_or(label)),
+                x_label: (*label).into(),
+                y_label: "along the force, µm".into(),
+                series: shown
+                    .iter()
+                    .map(|(rival, name)| {
+                        let predictions = d.own.of(*rival);
+                        let points = (0..readings.readings.len()).step_by(step).filter_map(|n| {
+                            let c = &readings.conditions[readings.readings[n].condition];
+                            Some((x(c)?, along(predictions, n)?))
+                        });
+                        Series { name: (*name).into(), points: points.collect(), mark: Mark::Dot }
+                    })
+                    .collect(),
+            })
+            .collect();
+        if panels.iter().all(|p| p.series.iter().any(|s| !s.points.is_empty())) {
+            html.push_str(&plot::panels(&panels)?);
+        }
+    }
+    Ok(html)
+}
+
+fn error_rows(errors: &[(Rival, Errors)]) -> Vec<(String, Vec<String>)> {
+    RIVALS
+        .iter()
+        .filter_map(|(rival, _, name)| {
+            let e = of(errors, *rival)?;
+            let [low, high] = e.linear_um_rms_interval;
+            Some((
+                (*name).to_owned(),
+                vec![
+                    format!("{:.3}", e.linear_um_rms),
+                    format!("{low:.3} to {high:.3}"),
+                    format!("{:.2}", e.linear_um_max),
+                    format!("{:.2}", e.linear_percent),
+                    format!("{:.3}", e.angular_urad_rms),
+                    format!("{:.2}", e.angular_percent),
+                    format!("{:.2}", e.chi2_per_dof),
+                ],
+            ))
+        })
+        .collect()
+}
+
+const ERROR_HEADS: [&str; 7] =
+    ["rms µm", "95 % interval", "max µm", "% of translation", "rms µrad", "% of rotation", "χ² a number"];
+
+/// `report.html`.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<String> {
+    let mut body = String::new();
+    let mut add = |html: &str| {
+        body.push_str(html);
+        body.push('\n');
+    };
+    let title = format!("Diagnosis of {}", escape(&file.name));
+    add(&format!("<h1>{title}</h1><ul>"));
+    for sentence in sentences(d) {
+        let worse = sentence.contains("HIDES") || sentence.starts_with("Unexplained");
+        let class = if worse { " class=\"worse\"" } else { "" };
+        add(&format!("<li{class}>{}</li>", escape(&sentence)));
+    }
+    add("</ul>");
+
+    add("<h2>Before and after</h2>");
+    let held = &d.held_out;
+    let mut groups = vec![("the readings".to_owned(), &d.errors)];
+    groups.push((if held.given { "held out, all".into() } else { "poses left out".to_owned() }, &held.all));
+    groups.extend(held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)));
+    let labels: Vec<&str> = groups.iter().map(|g| g.0.as_str()).collect();
+    let bars: Vec<(&str, Vec<f64>)> = RIVALS
+        .iter()
+        .map(|(rival, _, name)| {
+            (*name, groups.iter().map(|(_, e)| of(e, *rival).map_or(0.0, |e| e.linear_um_rms)).collect())
+        })
+        .collect();
+    add(&plot::bars("Translation error, rms", "µm", &labels, &bars)?);
+    for (name, errors) in &groups {
+        add(&table(&format!("Errors on {name}"), &ERROR_HEADS, &error_rows(errors)));
+    }
+
+    add("<h2>What is left, over pose, load and limb force</h2>");
+    add(&residual_plots(file, readings, d)?);
+    let rows: Vec<_> = (d.structure.iter())
+        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), format!("{:.2e}", s.p)]))
+        .collect();
+    add(&table("Share of the misfit left that goes with", &["share", "p"], &rows));
+
+    add("<h2>What was tried</h2>");
+    for (n, (round, names)) in d.search.rounds.iter().zip(&d.names).enumerate() {
+        let mut shown: Vec<&str> = Vec::new();
+        let rows: Vec<_> = (round.ranking.iter().zip(names))
+            .filter(|(_, name)| {
+                let new = !shown.contains(&name.as_str());
+                shown.push(name);
+                new
+            })
+            .take(12)
+            .map(|(r, name)| {
+                let gain = r.gain.map_or("-".into(), |g| format!("{g:.1}"));
+                let verdict = r.rejected.map_or(String::new(), str::to_owned);
+                let cells = vec![
+                    format!("{:.1}", r.score.statistic),
+                    r.score.freedoms.to_string(),
+                    format!("{:.1e}", r.score.p),
+                    gain,
+                    format!("{:.2}", 100.0 * r.left_out_gain),
+                    format!("{:.0}", 100.0 * r.poses_that_gain),
+                    verdict,
+                ];
+                (name.clone(), cells)
+            })
+            .collect();
+        let caption =
+            format!("Round {}: p of so strong a best candidate, if nothing were missing, {:.1e}", n + 1, round.p_family);
+        let heads =
+            ["drop of χ²", "freedoms", "p", "2 Δ ln E", "left-out gain, %", "poses that gain, %", "put aside because"];
+        add(&table(&caption, &heads, &rows));
+    }
+
+    add("<h2>What to measure next</h2>");
+    let rows: Vec<_> = (d.proposals.iter().enumerate())
+        .map(|(n, p)| {
+            let pose = next::in_file_units(p).map(|v| v.to_string());
+            let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
+            let load = format!("{f:?} N, {m:?} N·m");
+            let [theta, sigma, z0] = pose;
+            ((n + 1).to_string(), vec![theta, sigma, z0, load, p.separates.join(" from ")])
+        })
+        .collect();
+    if rows.is_empty() {
+        add("<p>There are no rivals to tell apart.</p>");
+    } else {
+        add(&table("In this order", &["θ °", "σ °", "Z0 mm", "load at A", "tells"], &rows));
+    }
+
+    add("<h2>What these readings can show</h2>");
+    let rows: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
+    add(&table("Smallest amplitude that would be found (λ = 30), SI", &["amplitude"], &rows));
+
+    add("<h2>Where this comes from</h2><dl>");
+    let micro = |v: [f64; 6]| v.map(|v| format!("{:.2}", v * 1e6)).join(" ");
+    let facts = [
+        ("Tool", format!("pkm-host {}, seed {SEED}", env!("CARGO_PKG_VERSION"))),
+        ("Machine file, SHA-256", file.source.sha256()),
+        ("Data", format!("{}, {} numbers read at {} poses, SHA-256 {}", readings.source.file_name(), d.size.0, d.size.1, readings.source.sha256())),
+        ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(d.noise.within), d.noise.source)),
+        ("Zero error of a series", micro(d.noise.between)),
+        ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),
+        ("Lack of fit after", format!("{:.4}, p = {:.2e}", d.judgement.after.statistic, d.judgement.after.p)),
+    ];
+    for (name, value) in facts {
+        add(&format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(&value)));
+    }
+    add("</dl>");
+    Ok(page(&title, &body))
+}
