@@ -26,6 +26,8 @@ pub struct Frame {
     positions: Vec<Vector3<f64>>,
     /// Of all nodes, the ground first.
     stiffness: DMatrix<f64>,
+    /// Nodes that are part of another's body: (follower, leader).
+    welds: Vec<(Node, Node)>,
     /// Nodes of which the translation along a direction follows another's: (follower, leader, direction).
     ties: Vec<(Node, Node, Vector3<f64>)>,
     /// Nodes that share a place and turn against each other about two axes: (follower, leader, axes).
@@ -67,6 +69,7 @@ impl Frame {
             positions: vec![Vector3::zeros()],
             stiffness: DMatrix::zeros(6, 6),
             ties: Vec::new(),
+            welds: Vec::new(),
             hinges: Vec::new(),
             modes: Vec::new(),
         }
@@ -108,6 +111,11 @@ impl Frame {
     /// alone.
     pub fn tie(&mut self, follower: Node, leader: Node, direction: Vector3<f64>) {
         self.ties.push((follower, leader, direction));
+    }
+
+    /// Makes a node part of the same body as another.
+    pub fn weld(&mut self, follower: Node, leader: Node) {
+        self.welds.push((follower, leader));
     }
 
     /// Lets two nodes at one place turn against each other about two axes only. A spring there is a joint of its own.
@@ -201,6 +209,12 @@ impl Frame {
                 stiffness = stiffness.resize(row + 1, row + 1, 0.0);
                 stiffness[(row, row)] = *spring;
             }
+        }
+        for (follower, leader) in &self.welds {
+            let lever = self.positions[follower.0] - self.positions[leader.0];
+            let rows = carried(lever) * expand.rows(6 * leader.0, 6);
+            expand.rows_mut(6 * follower.0, 6).copy_from(&rows);
+            dependent.extend(6 * follower.0..6 * follower.0 + 6);
         }
         for (follower, leader, d) in &self.ties {
             // the greatest component gives way to the other two

@@ -8,8 +8,8 @@ use pkm_core::{
 };
 use serde_json::{Value, json};
 
-use crate::diagnose::{self, outputs, readings::Readings};
 use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, file_units, pose_of, stiffness_columns};
+use crate::diagnose::{self, outputs, readings::Readings};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};

@@ -156,16 +156,45 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3], temperatur
         let tube = Section { ea_n: ea, ei_nm2: (ei, ei), gj_nm2: gj };
         let head = frame.node(platform[i]);
         let tube_m = p("telescopic-limb", "tube_m");
+        let aside = x * p("platform-offset", ["aside_1_m", "aside_2_m", "aside_3_m"][i]);
         if tube_m > 0.0 && tube_m < q {
             let ram_ei = softened(ei, p("telescopic-limb", "ram_bending_per_nm2"));
             let ram_gj = softened(gj, p("telescopic-limb", "ram_torsion_per_nm2"));
-            let end = base[i] + z * tube_m;
-            let (outer, inner) = (frame.node(end), frame.node(end));
-            frame.beam(foot, outer, x, &tube);
-            frame.beam(inner, head, x, &Section { ei_nm2: (ram_ei, ram_ei), gj_nm2: ram_gj, ..tube });
-            frame.hinge(inner, outer, [x, z.cross(&x)]);
-            let tilt = 1.0 / p("telescopic-limb", "guide_rad_per_nm");
-            frame.joint(outer, inner, end, &axes, [0.0, 0.0, 0.0, tilt, tilt, 0.0]);
+            let overlap = (tube_m + p("telescopic-limb", "ram_m") - q).max(0.01).min(tube_m);
+            let [inner, outer] = [tube_m - overlap, tube_m].map(|s| base[i] + aside + z * s);
+            let tube_outer = frame.node(outer);
+            let (ram_inner, ram_outer) = (frame.node(inner), frame.node(outer));
+            let (first, last) = if aside.norm() > 0.0 {
+                (frame.node(base[i] + aside), frame.node(platform[i] + aside))
+            } else {
+                (foot, head)
+            };
+            // half of the tube's torsion sits where the ram is keyed to it
+            let sleeve = Section { gj_nm2: 2.0 * gj, ..tube };
+            let ram = Section { ei_nm2: (ram_ei, ram_ei), gj_nm2: ram_gj, ..tube };
+            let tube_inner = if overlap < tube_m {
+                let tube_inner = frame.node(inner);
+                frame.beam(first, tube_inner, x, &sleeve);
+                tube_inner
+            } else {
+                first
+            };
+            frame.beam(tube_inner, tube_outer, x, &sleeve);
+            frame.beam(ram_inner, ram_outer, x, &ram);
+            frame.beam(ram_outer, last, x, &ram);
+            frame.tie(ram_outer, tube_outer, z);
+            let guide = 1.0 / p("telescopic-limb", "guide_m_per_n");
+            frame.joint(tube_inner, ram_inner, inner, &axes, [guide, guide, 0.0, 0.0, 0.0, 0.0]);
+            frame.joint(tube_outer, ram_outer, outer, &axes, [guide, guide, 0.0, 0.0, 0.0, 2.0 * gj / tube_m]);
+            if aside.norm() > 0.0 {
+                frame.weld(first, foot);
+                frame.weld(last, head);
+            }
+        } else if aside.norm() > 0.0 {
+            let (first, last) = (frame.node(base[i] + aside), frame.node(platform[i] + aside));
+            frame.beam(first, last, x, &tube);
+            frame.weld(first, foot);
+            frame.weld(last, head);
         } else {
             frame.beam(foot, head, x, &tube);
         }
@@ -173,7 +202,7 @@ fn assemble(m: &MachineParameters, pose: &Pose<f64>, along: [f64; 3], temperatur
         let extra = p(at_platform, "radial_m_per_n");
         let tilting = if i == 2 { 0.0 } else { p(at_platform, "tilting_rad_per_nm") };
         let drive = p(["limb-1-axial", "limb-2-axial", "limb-3-axial"][i], "axial_m_per_n")
-            + p("screw-position", "axial_per_n") * q
+            + (p("screw-position", "axial_per_n") + p("telescopic-limb", "screw_axial_per_n")) * q
             + more_along[i];
         limbs.push((foot, head, z, ea / q));
         let [kx, ky, kz] = limb.platform_joint.linear_n_per_m.map(|k| k * left_of_joints);
@@ -235,6 +264,10 @@ fn every_linear_effect_equals_the_frame_solver() {
                 continue;
             }
             for (j, name) in effect.parameters.iter().enumerate() {
+                // bodies aside are the declared ones, not those of a telescope
+                if which == COUNT + 1 && name.starts_with("aside") {
+                    continue;
+                }
                 // load-dependent ones have no part in K
                 if ["clearance", "contact-stiffening", "friction-hysteresis"].contains(&effect.id) {
                     continue;
@@ -245,6 +278,7 @@ fn every_linear_effect_equals_the_frame_solver() {
                     * match name.rsplit_once('_').map(|(_, unit)| unit) {
                         _ if *name == "error_m" => 0.03 * g.a1_m.min(g.a2_m).min(g.b1_m).min(g.b2_m),
                         Some("m") if effect.id == "platform-offset" => 0.04 * size,
+                        Some("m") if *name == "ram_m" => size * 1.3 / share,
                         Some("m") => 0.7 * size,
                         _ if effect.id == "preload" => 1e3 * size,
                         Some("k") => 5e-4,

@@ -1,13 +1,27 @@
-use super::{Effect, EffectInfo, MAX_PARAMETERS, Size};
+use super::{Effect, EffectInfo, Limb, MAX_PARAMETERS, Size};
 use crate::scalar::Scalar;
 
-/// A_i out of the uv plane, or joint axes that miss the limb's axis: stiffness changes, kinematics do not know.
+/// A_i out of the uv plane, and bodies that lie beside the line from joint to joint, toward x of the limb: stiffness
+/// changes, kinematics do not know.
 pub(super) struct PlatformOffset;
 
 impl Effect for PlatformOffset {
     const INFO: EffectInfo =
-        EffectInfo { id: "platform-offset", parameters: &["limbs_1_2_m", "limb_3_m"], signed: true };
-    const LIMITS: [f64; MAX_PARAMETERS] = [0.1, 0.1, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+        EffectInfo { id: "platform-offset", parameters: &["limbs_1_2_m", "limb_3_m", "aside_1_m", "aside_2_m", "aside_3_m"], signed: true };
+    const LIMITS: [f64; MAX_PARAMETERS] = [0.1; MAX_PARAMETERS];
+
+    fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
+        let [_, _, one, two, three, ..] = *p;
+        let aside = if limb.index == 0 { one } else if limb.index == 1 { two } else { three };
+        if aside == T::ZERO {
+            return;
+        }
+        let [x, ..] = limb.axes;
+        let moved = |at: [T; 3]| [at[0] + aside * x[0], at[1] + aside * x[1], at[2] + aside * x[2]];
+        let body = [limb.axial, limb.bending, limb.bending, limb.torsion];
+        limb.chain.add_beam(limb.base, limb.platform, x, body.map(|c| -c));
+        limb.chain.add_beam(moved(limb.base), moved(limb.platform), x, body);
+    }
 
     fn offset<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> [T; 2] {
         [p[0], p[1]]

@@ -10,7 +10,7 @@ use crate::stiffness::Chain;
 use crate::types::cross;
 
 /// Most parameters that an effect has.
-pub const MAX_PARAMETERS: usize = 5;
+pub const MAX_PARAMETERS: usize = 6;
 
 /// What is known of an effect without a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +73,12 @@ pub(crate) struct Limb<'a, T, const N: usize> {
     pub axes: [[T; 3]; 3],
     /// Axes of the base joint.
     pub base_axes: [[T; 3]; 3],
+    /// 1/EA, 1/EI and 1/GJ of the declared body.
+    pub axial: T,
+    /// See `axial`.
+    pub bending: T,
+    /// See `axial`.
+    pub torsion: T,
     /// Where compliance is added.
     pub chain: &'a mut Chain<T, N>,
 }

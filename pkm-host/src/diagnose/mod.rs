@@ -201,7 +201,12 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         None => {
             let found = compare::cross_validate(readings, &noise, &model, &search)
                 .ok_or_else(|| Failure::other("a fit of the cross-validation did not converge"))?;
-            HeldOut { given: false, poses: readings.poses.len(), all: of(readings, &found, &|_| true), zones: Vec::new() }
+            HeldOut {
+                given: false,
+                poses: readings.poses.len(),
+                all: of(readings, &found, &|_| true),
+                zones: Vec::new(),
+            }
         }
     };
     step("what to measure next");
@@ -228,9 +233,11 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
             let mut class: Vec<String> = f.class.iter().flat_map(|c| c.names(problem)).collect();
             class.dedup();
             let mut seen = Vec::new();
-            class.retain(|c| !seen.contains(c) && {
-                seen.push(c.clone());
-                true
+            class.retain(|c| {
+                !seen.contains(c) && {
+                    seen.push(c.clone());
+                    true
+                }
             });
             Some(Effect { id: info(index).id, index, parameters, confidence: f.confidence, class })
         })

@@ -240,6 +240,7 @@ impl Model {
         let turning = own[3..].iter().copied().fold(f64::INFINITY, f64::min);
         let g = &declared.geometry;
         let (arm, stroke) = (0.5 * (g.a1_m + g.a2_m), declared.travel.min_m[0]);
+        let longest = declared.travel.max_m.into_iter().fold(0.0, f64::max);
         let angular = declared.limbs.iter().flat_map(|l| {
             let (b, p) = (l.base_joint.angular_nm_per_rad, l.platform_joint.angular_nm_per_rad);
             b.into_iter().chain(p).filter(|k| *k > 0.0)
@@ -254,9 +255,13 @@ impl Model {
                 ("base-compliance", "mount_rad_per_nm") => Amplitude(axial / (g.b1_m * g.b1_m)),
                 // the tube ends before the shortest limb does
                 ("telescopic-limb", "tube_m") => Within(stroke),
-                ("telescopic-limb", "ram_bending_per_nm2" | "ram_torsion_per_nm2") => Amplitude(3.0 * across / stroke.powi(3)),
-                ("telescopic-limb", "guide_rad_per_nm") => Amplitude(across / (stroke * stroke)),
-                ("screw-position", _) => Amplitude(2.0 * axial / stroke),
+                // and overlaps the ram at the longest
+                ("telescopic-limb", "ram_m") => Around(longest - 0.75 * stroke + 0.12, 0.15),
+                ("telescopic-limb", "ram_bending_per_nm2" | "ram_torsion_per_nm2") => {
+                    Amplitude(3.0 * across / stroke.powi(3))
+                }
+                ("telescopic-limb", "guide_m_per_n") => Amplitude(axial),
+                ("screw-position", _) | ("telescopic-limb", "screw_axial_per_n") => Amplitude(2.0 * axial / stroke),
                 ("wrist-compliance", "angular_rad_per_nm") => Amplitude(turning),
                 ("clearance", "play_m") => Amplitude(30e-6),
                 ("clearance", _) => Around(20.0, 1.0),

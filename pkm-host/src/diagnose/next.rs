@@ -201,7 +201,9 @@ pub fn contenders(levels: &Levels<'_>, search: &Search) -> Vec<Contender> {
         }
         for (name, ranked) in names.into_iter().take(3) {
             let from = (&search.base, &ranked.candidate, &ranked.score.step);
-            if let Ok((_, fit)) = super::search::extended(levels, search.levels[0], from.0, from.1, from.2) {
+            if let Ok((_, fit)) =
+                super::search::extended(levels, search.levels[0], from.0, from.1, from.2, ranked.shape)
+            {
                 contenders.push(Contender { name, fit });
             }
         }

@@ -184,7 +184,9 @@ impl Readings {
             readings.push(Reading { condition, repeat_of, series, observed, sigma });
         }
         if readings.iter().all(|r| r.observed.iter().all(Option::is_none)) {
-            return Err(Failure::input("expected readings, found blank deflection columns only").in_file(&sheet.source.name));
+            return Err(
+                Failure::input("expected readings, found blank deflection columns only").in_file(&sheet.source.name)
+            );
         }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
         Ok(Self { source: sheet.source, poses, conditions, readings, resolution, has_temperature, has_unloading })

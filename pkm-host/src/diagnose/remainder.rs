@@ -44,7 +44,12 @@ fn lower(machine: &Machine<f64>, pose: &Pose<f64>) -> Option<Matrix6<f64>> {
 
 impl Remainder {
     /// Fits S to the residuals of a model.
-    pub fn fit(problem: &Problem<'_>, parameters: &MachineParameters, residuals: &DVector<f64>, extent: &PoseBox) -> Option<Self> {
+    pub fn fit(
+        problem: &Problem<'_>,
+        parameters: &MachineParameters,
+        residuals: &DVector<f64>,
+        extent: &PoseBox,
+    ) -> Option<Self> {
         let center = extent.0.map(|[low, high]| 0.5 * (low + high));
         let scale = extent.0.map(|[low, high]| if high > low { 0.5 * (high - low) } else { 1.0 });
         let mut this = Self {
@@ -70,7 +75,8 @@ impl Remainder {
         for spread in SPREADS {
             let information = (&gram + DMatrix::identity(gram.nrows(), gram.nrows()) / (spread * spread)).cholesky()?;
             let solution = information.solve(&moment);
-            let evidence = solution.dot(&moment) - information.ln_determinant() - 2.0 * gram.nrows() as f64 * spread.ln();
+            let evidence =
+                solution.dot(&moment) - information.ln_determinant() - 2.0 * gram.nrows() as f64 * spread.ln();
             if best.as_ref().is_none_or(|b| evidence > b.0) {
                 best = Some((evidence, solution, information));
             }
@@ -129,7 +135,11 @@ impl Remainder {
             return Some(vec![[0.0; CHANNELS]; conditions.len()]);
         }
         let rows = self.rows(poses, conditions)?;
-        Some(rows.iter().map(|r| (r * &self.coefficients).as_slice().try_into().unwrap_or([f64::NAN; CHANNELS])).collect())
+        Some(
+            rows.iter()
+                .map(|r| (r * &self.coefficients).as_slice().try_into().unwrap_or([f64::NAN; CHANNELS]))
+                .collect(),
+        )
     }
 
     /// Whether it corrects anything.
@@ -144,14 +154,14 @@ impl Remainder {
     pub fn stiffness(&self, pose: &Pose<f64>) -> Result<Stiffness<f64>> {
         let failed = || Failure::other("the table on the remainder leaves no positive definite stiffness");
         let l = lower(&self.machine, pose).ok_or_else(failed)?;
-        let basis = Basis::<f64>::new(self.centre, self.half_width, &EQ_11).map_err(|e| Failure::other(e.to_string()))?;
+        let basis =
+            Basis::<f64>::new(self.centre, self.half_width, &EQ_11).map_err(|e| Failure::other(e.to_string()))?;
         let terms = basis.monomials(pose);
         let mut s = Matrix6::identity();
         let mut entry = 0;
         for i in 0..6 {
             for j in 0..=i {
-                let value: f64 =
-                    (0..EQ_11.len()).map(|t| self.coefficients[entry * EQ_11.len() + t] * terms[t]).sum();
+                let value: f64 = (0..EQ_11.len()).map(|t| self.coefficients[entry * EQ_11.len() + t] * terms[t]).sum();
                 s[(i, j)] += value;
                 if i != j {
                     s[(j, i)] += value;
@@ -171,7 +181,8 @@ fn at_a(wrench: &Wrench<f64>, point_m: [f64; 3]) -> Vector6<f64> {
 }
 
 fn seen_at(d: &Vector6<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    let d = pkm_core::Deflection { translation_m: [d[0], d[1], d[2]], rotation_rad: [d[3], d[4], d[5]] }.seen_at(point_m);
+    let d =
+        pkm_core::Deflection { translation_m: [d[0], d[1], d[2]], rotation_rad: [d[3], d[4], d[5]] }.seen_at(point_m);
     let ([a, b, c], [e, f, g]) = (d.translation_m, d.rotation_rad);
     Vector6::new(a, b, c, e, f, g)
 }

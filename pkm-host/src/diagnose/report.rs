@@ -50,8 +50,7 @@ fn sentences(d: &Diagnosis) -> Vec<String> {
     });
     for e in &d.effects {
         let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
-        let parameters: Vec<String> =
-            e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
+        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
         all.push(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class)));
     }
     for f in &d.declared {
@@ -105,7 +104,11 @@ pub fn text(d: &Diagnosis) -> String {
     for (rival, _, name) in RIVALS {
         if let (Some(a), Some(b)) = (of(&d.errors, rival), of(&d.held_out.all, rival)) {
             let [low, high] = b.linear_um_rms_interval;
-            let _ = writeln!(text, "  {name:<36} {:>9.3} {:>10.3}   {low:.3} to {high:.3}", a.linear_um_rms, b.linear_um_rms);
+            let _ = writeln!(
+                text,
+                "  {name:<36} {:>9.3} {:>10.3}   {low:.3} to {high:.3}",
+                a.linear_um_rms, b.linear_um_rms
+            );
         }
     }
     let _ = writeln!(text, "  seed {SEED}");
@@ -158,9 +161,7 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
     type Axis<'a> = (&'a str, Box<dyn Fn(&Condition) -> Option<f64> + 'a>);
     let pose = |i: usize| move |c: &Condition| Some(file_units(&readings.poses[c.pose].pose)[i]);
     let force = |c: &Condition| Some(c.wrench.force_n.iter().map(|f| f * f).sum::<f64>().sqrt());
-    let limb = |i: usize| {
-        move |c: &Condition| tensions(&file.machine, c, &readings.poses[c.pose].pose).map(|n| n[i])
-    };
+    let limb = |i: usize| move |c: &Condition| tensions(&file.machine, c, &readings.poses[c.pose].pose).map(|n| n[i]);
     let rows: [[Axis<'_>; 3]; 2] = [
         [("θ in °", Box::new(pose(0))), ("σ in °", Box::new(pose(1))), ("Z0 in mm", Box::new(pose(2)))],
         [
@@ -245,7 +246,9 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
     let held = &d.held_out;
     let mut groups = vec![("the readings".to_owned(), &d.errors)];
     groups.push((if held.given { "held out, all".into() } else { "poses left out".to_owned() }, &held.all));
-    groups.extend(held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)));
+    groups.extend(
+        held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
+    );
     let labels: Vec<&str> = groups.iter().map(|g| g.0.as_str()).collect();
     let bars: Vec<(&str, Vec<f64>)> = RIVALS
         .iter()
@@ -290,8 +293,11 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
                 (name.clone(), cells)
             })
             .collect();
-        let caption =
-            format!("Round {}: p of so strong a best candidate, if nothing were missing, {:.1e}", n + 1, round.p_family);
+        let caption = format!(
+            "Round {}: p of so strong a best candidate, if nothing were missing, {:.1e}",
+            n + 1,
+            round.p_family
+        );
         let heads =
             ["drop of χ²", "freedoms", "p", "2 Δ ln E", "left-out gain, %", "poses that gain, %", "put aside because"];
         add(&table(&caption, &heads, &rows));
@@ -322,7 +328,16 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
     let facts = [
         ("Tool", format!("pkm-host {}, seed {SEED}", env!("CARGO_PKG_VERSION"))),
         ("Machine file, SHA-256", file.source.sha256()),
-        ("Data", format!("{}, {} numbers read at {} poses, SHA-256 {}", readings.source.file_name(), d.size.0, d.size.1, readings.source.sha256())),
+        (
+            "Data",
+            format!(
+                "{}, {} numbers read at {} poses, SHA-256 {}",
+                readings.source.file_name(),
+                d.size.0,
+                d.size.1,
+                readings.source.sha256()
+            ),
+        ),
         ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(d.noise.within), d.noise.source)),
         ("Zero error of a series", micro(d.noise.between)),
         ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),

@@ -65,28 +65,42 @@ fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, 
     best
 }
 
-/// Columns of a candidate, and which of their amplitudes must not be negative.
-pub type Columns = (DMatrix<f64>, Vec<bool>);
+/// Columns of a candidate.
+#[derive(Clone)]
+pub struct Columns {
+    /// By amplitude.
+    pub matrix: DMatrix<f64>,
+    /// Which amplitudes must not be negative.
+    pub one_sided: Vec<bool>,
+    /// Where its first shape was taken, in standard deviations of its prior.
+    pub shape: f64,
+}
+
+/// Gain of 2 ln E by the best choice of columns, linearised.
+pub fn gain(fit: &Fit, columns: &Columns) -> f64 {
+    let s = columns.matrix.tr_mul(&fit.residuals);
+    best_choice(&s, &fit.remaining(&columns.matrix), &columns.one_sided).0
+}
 
 /// Holds the columns of every candidate against the residual of a fit. `scale` is the noise variance that the misfit
 /// suggests, at least 1.
 pub fn screen(fit: &Fit, candidates: &[Columns], scale: f64, seed: u64) -> Screen {
-    let widths: Vec<usize> = candidates.iter().map(|c| c.0.ncols()).collect();
+    let widths: Vec<usize> = candidates.iter().map(|c| c.matrix.ncols()).collect();
     let total: usize = widths.iter().sum();
     let mut all = DMatrix::zeros(fit.residuals.len(), total);
     let mut starts = Vec::new();
     let mut at = 0;
-    for (columns, _) in candidates {
-        all.columns_mut(at, columns.ncols()).copy_from(columns);
+    for columns in candidates {
+        all.columns_mut(at, columns.matrix.ncols()).copy_from(&columns.matrix);
         starts.push(at);
-        at += columns.ncols();
+        at += columns.matrix.ncols();
     }
     let s = all.tr_mul(&fit.residuals);
     let v = fit.remaining(&all);
     // each candidate's whitening: t = |w s|²
     let mut whiteners = Vec::new();
     let mut scores = Vec::new();
-    for ((start, width), (_, one_sided)) in starts.iter().zip(&widths).zip(candidates) {
+    for ((start, width), columns) in starts.iter().zip(&widths).zip(candidates) {
         let own = v.view((*start, *start), (*width, *width)).clone_owned();
         let (values, vectors) = seen(&own, LEAST_SIGNAL);
         let mut whitener = vectors.transpose();
@@ -97,7 +111,7 @@ pub fn screen(fit: &Fit, candidates: &[Columns], scale: f64, seed: u64) -> Scree
         let whitened = &whitener * &part;
         let statistic = whitened.norm_squared() / scale;
         let freedoms = values.len();
-        let (gain, step) = best_choice(&part, &own, one_sided);
+        let (gain, step) = best_choice(&part, &own, &columns.one_sided);
         scores.push(Score { statistic, freedoms, p: tail(statistic, freedoms), gain, step });
         whiteners.push(whitener);
     }

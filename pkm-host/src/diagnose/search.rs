@@ -5,7 +5,7 @@ use pkm_core::effects::EFFECTS;
 use rayon::prelude::*;
 
 use super::model::{self, Unknown, info, is_measurement};
-use super::screen::{Columns, Score, screen};
+use super::screen::{self, Columns, Score};
 use super::solve::{Fit, Levels, Problem};
 
 /// Full fits in a round.
@@ -62,6 +62,8 @@ pub struct Ranked {
     pub candidate: Candidate,
     /// The screen.
     pub score: Score,
+    /// Where its first shape began.
+    pub shape: f64,
     /// Gain of 2 ln E over the model without it, by the noise that the better of both leaves; `None` when it was not
     /// fitted.
     pub gain: Option<f64>,
@@ -129,17 +131,31 @@ fn candidates(problem: &Problem<'_>) -> Vec<Candidate> {
     effects.map(Candidate::Effect).chain(classes).collect()
 }
 
-/// Columns of a candidate's amplitudes at a fit, its shapes in their middle.
+/// Where the first shape of a candidate is tried, in standard deviations of its prior.
+const SHAPES: [f64; 3] = [0.0, -1.5, 1.5];
+
+/// Columns of a candidate's amplitudes at a fit, with the shape that promises most.
 fn columns(problem: &Problem<'_>, fit: &Fit, candidate: &Candidate) -> Option<Columns> {
     let own = candidate.unknowns(problem);
     let (amplitudes, shapes): (Vec<Unknown>, Vec<Unknown>) =
         own.into_iter().partition(|u| matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(u));
     let n = fit.unknowns.len();
     let unknowns: Vec<Unknown> = fit.unknowns.iter().chain(&amplitudes).chain(&shapes).copied().collect();
-    let mut x = fit.x.as_slice().to_vec();
-    x.resize(unknowns.len(), 0.0);
-    let one_sided = amplitudes.iter().map(|u| problem.model.is_one_sided(u)).collect();
-    Some((problem.jacobian(&unknowns, &x, n..n + amplitudes.len())?, one_sided))
+    let one_sided: Vec<bool> = amplitudes.iter().map(|u| problem.model.is_one_sided(u)).collect();
+    let at = |shape: f64| {
+        let mut x = fit.x.as_slice().to_vec();
+        x.resize(unknowns.len(), 0.0);
+        if !shapes.is_empty() {
+            x[n + amplitudes.len()] = shape;
+        }
+        let matrix = problem.jacobian(&unknowns, &x, n..n + amplitudes.len())?;
+        Some(Columns { matrix, one_sided: one_sided.clone(), shape })
+    };
+    if shapes.is_empty() {
+        return at(0.0);
+    }
+    let tried = SHAPES.into_iter().filter_map(at).map(|c| (screen::gain(fit, &c), c));
+    tried.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, c)| c)
 }
 
 /// χ² per freedom, at least 1: what the evidence is tempered by.
@@ -157,16 +173,23 @@ pub fn extended(
     current: &Fit,
     candidate: &Candidate,
     step: &DVector<f64>,
+    shape: f64,
 ) -> Result<(usize, Fit), &'static str> {
     let problem = &levels.problems[level];
     let (mut own, mut start) = (Vec::new(), Vec::new());
     let mut steps = step.iter().copied();
     for u in candidate.unknowns(problem) {
         let is_amplitude = matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(&u);
-        let first = if is_amplitude { steps.next().unwrap_or(0.0) } else { 0.0 };
+        // the first shape is where the screen took it, others in their middle
+        let is_first_shape = !is_amplitude && own.iter().all(|u| problem.model.is_amplitude(u));
+        let first = match (is_amplitude, is_first_shape) {
+            (true, _) => steps.next().unwrap_or(0.0),
+            (false, true) => shape,
+            (false, false) => 0.0,
+        };
         if !is_amplitude || first != 0.0 {
             own.push(u);
-            start.push(first.clamp(-1.0, 1.0));
+            start.push(if is_amplitude { first.clamp(-1.0, 1.0) } else { first });
         }
     }
     if start.iter().all(|x| *x == 0.0) {
@@ -218,7 +241,8 @@ pub fn extended(
 }
 
 /// Whether two candidates have the same signal, as far as the data and the other unknowns let it be seen.
-fn indistinguishable(fit: &Fit, (a, _): &Columns, (b, _): &Columns) -> bool {
+fn indistinguishable(fit: &Fit, a: &Columns, b: &Columns) -> bool {
+    let (a, b) = (&a.matrix, &b.matrix);
     let (na, nb) = (a.ncols(), b.ncols());
     if na == 0 || nb == 0 {
         return false;
@@ -246,8 +270,8 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
     let groups = by_pose(plain);
     let candidates = candidates(plain);
     let all_columns = |fit: &Fit, level: usize| -> Vec<Columns> {
-        let none = || (DMatrix::zeros(plain.len(), 0), Vec::new());
-        candidates.iter().map(|c| columns(&levels.problems[level], fit, c).unwrap_or_else(none)).collect()
+        let none = || Columns { matrix: DMatrix::zeros(plain.len(), 0), one_sided: Vec::new(), shape: 0.0 };
+        candidates.par_iter().map(|c| columns(&levels.problems[level], fit, c).unwrap_or_else(none)).collect()
     };
     let at_base = all_columns(&base, first_level);
     let (mut fit, mut level, mut found, mut rounds) = (base.clone(), first_level, Vec::<Found>::new(), Vec::new());
@@ -257,7 +281,7 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
         let open: Vec<usize> =
             (0..candidates.len()).filter(|i| found.iter().all(|f| f.candidate != candidates[*i])).collect();
         let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
-        let screened = screen(&fit, &open_columns, 1.0, seed + round as u64);
+        let screened = screen::screen(&fit, &open_columns, 1.0, seed + round as u64);
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| screened.scores[*b].gain.total_cmp(&screened.scores[*a].gain));
         let without = fit.left_out(&groups);
@@ -267,12 +291,20 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
             .map(|(place, i)| {
                 let candidate = candidates[open[*i]].clone();
                 let score = screened.scores[*i].clone();
-                let mut ranked =
-                    Ranked { candidate, score, gain: None, left_out_gain: 0.0, poses_that_gain: 0.0, rejected: None };
+                let shape = open_columns[*i].shape;
+                let mut ranked = Ranked {
+                    candidate,
+                    score,
+                    shape,
+                    gain: None,
+                    left_out_gain: 0.0,
+                    poses_that_gain: 0.0,
+                    rejected: None,
+                };
                 if place >= FITTED || screened.p_family > P_FAMILY {
                     return (ranked, None);
                 }
-                let with = match extended(levels, level, &fit, &ranked.candidate, &ranked.score.step) {
+                let with = match extended(levels, level, &fit, &ranked.candidate, &ranked.score.step, ranked.shape) {
                     Ok(with) => with,
                     Err(why) => {
                         ranked.rejected = Some(why);
@@ -299,9 +331,8 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
             r.gain = r.gain.map(|g| g / c);
         }
         let least = LEAST_GAIN[usize::from(!found.is_empty())].max(LEAST_SHARE * gained);
-        let passes = |r: &Ranked| {
-            r.gain.is_some_and(|g| g > least) && r.left_out_gain > 0.0 && r.poses_that_gain >= 0.5
-        };
+        let passes =
+            |r: &Ranked| r.gain.is_some_and(|g| g > least) && r.left_out_gain > 0.0 && r.poses_that_gain >= 0.5;
         let accepted = ranking.iter().position(|(r, _)| passes(r)).filter(|_| screened.p_family <= P_FAMILY);
         if let Some(best) = accepted {
             let top = ranking[best].0.gain.unwrap_or(0.0);

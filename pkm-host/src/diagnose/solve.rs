@@ -196,12 +196,8 @@ impl<'a> Problem<'a> {
         }
         let mut least = Squares { problem: self, unknowns, x: DVector::from_column_slice(start), reduced: None };
         least.reduced = least.reduce();
-        let (found, report) = LevenbergMarquardt::new()
-            .with_ftol(1e-6)
-            .with_xtol(1e-5)
-            .with_gtol(1e-6)
-            .with_patience(2)
-            .minimize(least);
+        let (found, report) =
+            LevenbergMarquardt::new().with_ftol(1e-6).with_xtol(1e-5).with_gtol(1e-6).with_patience(2).minimize(least);
         let usable = report.termination.was_successful()
             || matches!(report.termination, levenberg_marquardt::TerminationReason::LostPatience);
         if !usable { None } else { self.linear(unknowns, found.x) }
@@ -248,7 +244,11 @@ impl<'a> Levels<'a> {
         let fits: Vec<Option<Fit>> = self.problems.par_iter().map(|p| p.relevel(&plain)).collect();
         let evidence = |l: &usize| fits[*l].as_ref().map_or(f64::NEG_INFINITY, Fit::ln_evidence);
         let best = (0..fits.len()).max_by(|a, b| evidence(a).total_cmp(&evidence(b)))?;
-        if best == level { Some((level, fit)) } else { Some((best, self.problems[best].fit(unknowns, fit.x.as_slice())?)) }
+        if best == level {
+            Some((level, fit))
+        } else {
+            Some((best, self.problems[best].fit(unknowns, fit.x.as_slice())?))
+        }
     }
 }
 

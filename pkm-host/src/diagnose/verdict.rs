@@ -51,9 +51,7 @@ pub fn lack_of_fit(problem: &Problem<'_>, noise: &Noise, fit: &Fit) -> LackOfFit
             let f = misfit / freedoms;
             (f, FisherSnedecor::new(freedoms, freedom).map_or(f64::NAN, |d| d.sf(f)))
         }
-        NoiseSource::Declared => {
-            (misfit / freedoms, ChiSquared::new(freedoms).map_or(f64::NAN, |d| d.sf(misfit)))
-        }
+        NoiseSource::Declared => (misfit / freedoms, ChiSquared::new(freedoms).map_or(f64::NAN, |d| d.sf(misfit))),
     };
     // the noise itself is known from so many freedoms only
     let unknown = if freedom > 0.0 { freedoms / freedom } else { 0.0 };
@@ -130,7 +128,11 @@ pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judg
         (0, false) => Verdict::Unexplained,
         // two errors of the measurement at once mimic much that is neither
         (n, true) if n <= MOST_EFFECTS && measurement < 2 && gone >= LEAST_SHARE => {
-            if ambiguous { Verdict::Ambiguous } else { Verdict::Explained }
+            if ambiguous {
+                Verdict::Ambiguous
+            } else {
+                Verdict::Explained
+            }
         }
         _ => Verdict::PartlyExplained,
     };
@@ -233,9 +235,12 @@ pub fn detectable(problem: &Problem<'_>, search: &Search) -> Vec<Detectable> {
                 let why = "needs the column temperature_c, with temperatures that differ".to_owned();
                 return Detectable { id, smallest: Vec::new(), why_not: Some(why) };
             };
-            let v = search.base.remaining(&search.columns[place].0);
-            let amplitudes =
-                Candidate::Effect(effect).unknowns(problem).into_iter().filter(|u| problem.model.is_amplitude(u)).enumerate();
+            let v = search.base.remaining(&search.columns[place].matrix);
+            let amplitudes = Candidate::Effect(effect)
+                .unknowns(problem)
+                .into_iter()
+                .filter(|u| problem.model.is_amplitude(u))
+                .enumerate();
             let smallest = amplitudes
                 .map(|(k, u)| {
                     let Unknown::Effect { parameter, .. } = u else { return (String::new(), None) };
@@ -286,8 +291,20 @@ pub fn residual_structure(problem: &Problem<'_>, fit: &Fit) -> Vec<Structure> {
         ("pose", Box::new(|i| condition(i).pose as i64), &signed),
         ("load", Box::new(|i| (4.0 * largest(i).1.abs().max(1e-9).log2()).round() as i64), &signed),
         ("sign", Box::new(|i| i64::from(largest(i).1 < 0.0)), &one),
-        ("direction", Box::new(|i| i64::from(condition(i).turned_at.force_n != [0.0; 3] || condition(i).turned_at.moment_nm != [0.0; 3])), &signed),
-        ("temperature", Box::new(move |i| if high > low { (5.0 * (condition(i).temperature_c - low) / (high - low)) as i64 } else { 0 }), &signed),
+        (
+            "direction",
+            Box::new(|i| {
+                i64::from(condition(i).turned_at.force_n != [0.0; 3] || condition(i).turned_at.moment_nm != [0.0; 3])
+            }),
+            &signed,
+        ),
+        (
+            "temperature",
+            Box::new(
+                move |i| if high > low { (5.0 * (condition(i).temperature_c - low) / (high - low)) as i64 } else { 0 },
+            ),
+            &signed,
+        ),
         ("order", Box::new(move |i| (10 * i / n.max(1)) as i64), &one),
     ];
     let excess = (fit.chi2 - fit.residuals.len() as f64).max(0.0);
