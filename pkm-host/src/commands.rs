@@ -8,8 +8,11 @@ use pkm_core::{
 };
 use serde_json::{Value, json};
 
-use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, file_units, pose_of, stiffness_columns};
-use crate::diagnose::{self, outputs, readings::Readings};
+use crate::dataset::{
+    self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, WRENCH_COLUMNS, file_units, pose_of, stiffness_columns,
+};
+use crate::diagnose::readings::{REFERENCE_C, Readings};
+use crate::diagnose::{self, outputs};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};
@@ -149,13 +152,14 @@ impl Model {
         Ok(Self { machine, table: Some((file.numbers(), form)) })
     }
 
-    /// Stiffness at every pose.
-    fn solve<'a>(&self, poses: impl IntoIterator<Item = &'a NamedPose>) -> Result<Vec<Solved>> {
-        let machine = &self.machine.machine;
+    /// Stiffness at every pose and temperature in °C.
+    fn solve<'a>(&self, poses: impl IntoIterator<Item = (&'a NamedPose, f64)>) -> Result<Vec<Solved>> {
         let table = self.table.as_ref().map(|(numbers, form)| Ok((numbers.table()?, *form))).transpose()?;
         poses
             .into_iter()
-            .map(|p| {
+            .map(|(p, temperature_c)| {
+                let failed = |e: String| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line);
+                let machine = &self.machine.machine.at_temperature(temperature_c).map_err(|e| failed(e.to_string()))?;
                 let corrected = match &table {
                     None => {
                         return machine
@@ -207,7 +211,7 @@ pub fn stiffness(
         // a stiffness file has one line a pose
         dataset::refuse_doubled_ids(&file, &poses)?;
     }
-    let solved = model.solve(&poses).map_err(|f| f.in_file(file))?;
+    let solved = model.solve(poses.iter().map(|p| (p, REFERENCE_C))).map_err(|f| f.in_file(file))?;
     warn_outside(&solved);
 
     let mut header: Vec<String> = POSE_COLUMNS.map(str::to_owned).to_vec();
@@ -257,22 +261,25 @@ pub fn predict(
     let model = Model::read(machine, table, form)?;
     let source = Source::read_or(data, fixtures::measured)?;
     let file = source.name.clone();
-    let (sheet, cases) = dataset::read_load_cases(source, &model.machine)?;
-    let solved = model.solve(cases.iter().map(|c| &c.pose)).map_err(|f| f.in_file(&file))?;
+    let (sheet, readings) = Readings::read_conditions(source, &model.machine)?;
+    let conditions: Vec<_> = readings.readings.iter().map(|r| readings.conditions[r.condition]).collect();
+    let at = conditions.iter().map(|c| (&readings.poses[c.pose], c.temperature_c));
+    let solved = model.solve(at).map_err(|f| f.in_file(&file))?;
     warn_outside(&solved);
 
     let mut header = sheet.header.clone();
     header.extend(DEFLECTION_COLUMNS.iter().filter(|c| !sheet.header.iter().any(|h| h == *c)).map(|c| c.to_string()));
     let columns: Vec<usize> = DEFLECTION_COLUMNS.iter().filter_map(|c| header.iter().position(|h| h == c)).collect();
     let mut rows = Vec::new();
-    for ((row, case), solved) in sheet.rows.iter().zip(&cases).zip(&solved) {
-        let at_a: Wrench<f64> = case.wrench.moved_to_a(case.point_m);
+    for ((row, c), solved) in sheet.rows.iter().zip(&conditions).zip(&solved) {
+        let (machine, pose) = (&model.machine.machine, &readings.poses[c.pose].pose);
+        let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m);
         let linear = solved.factor.deflection(&at_a);
-        let only_grown = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
-        let extra = model.machine.machine.load_dependent_deflection(&case.pose.pose, &at_a, &only_grown);
+        let extra = machine.load_dependent_deflection(pose, &at_a, &c.turned_at.moved_to_a(c.point_m));
+        let growth = machine.thermal_deflection(pose, c.rise_k);
         let failed = |e: StiffnessError| Failure::input(format!("no deflection: {e}")).in_file(&file).at_line(row.line);
-        let deflection = linear.map_err(failed)?.plus(&extra.map_err(failed)?);
-        let seen = deflection.seen_at(case.point_m);
+        let deflection = linear.map_err(failed)?.plus(&extra.map_err(failed)?).plus(&growth.map_err(failed)?);
+        let seen = deflection.seen_at(c.point_m);
         let mut cells = row.cells.clone();
         cells.resize(header.len(), String::new());
         let micro = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6);
@@ -290,25 +297,53 @@ pub fn predict(
     })
 }
 
-/// `plan`: poses to measure or compute at.
+/// `plan`: poses to measure or compute at; with loads where the plan is to tell rivals apart.
 ///
 /// # Errors
 /// Bad options, poses that the machine cannot take, an unwritable file.
-pub fn plan(machine: Option<&Path>, kind: &[String], pose_box: Option<PoseBox>, out: &Path) -> Result<Output> {
+pub fn plan(
+    machine: Option<&Path>,
+    kind: &[String],
+    pose_box: Option<PoseBox>,
+    data: Option<&Path>,
+    out: &Path,
+) -> Result<Output> {
     let kind = PlanKind::parse(kind)?;
-    let machine = machine_file(machine)?;
-    let poses = plan::plan(kind, &pose_box.unwrap_or(machine.pose_box), &machine)?;
-    let header = POSE_COLUMNS.map(str::to_owned);
+    let mut machine = machine_file(machine)?;
+    machine.pose_box = pose_box.unwrap_or(machine.pose_box);
+    let mut header = POSE_COLUMNS.map(str::to_owned).to_vec();
     let tidy = |v: f64| ((v * 1e9).round() / 1e9).to_string();
-    let rows = poses.iter().map(|p| {
-        let [theta, sigma, z0] = file_units(&p.pose).map(tidy);
-        [p.id.clone(), theta, sigma, z0]
-    });
+    let pose = |pose: &Pose<f64>| file_units(pose).map(tidy);
+    let mut separates = Vec::new();
+    let rows: Vec<Vec<String>> = if kind == PlanKind::Discriminate {
+        let readings = Readings::read(Source::read_or(data, fixtures::measured)?, &machine)?;
+        let diagnosis = diagnose::diagnose(&machine, &readings, None)?;
+        if diagnosis.proposals.is_empty() {
+            return Err(
+                Failure::other("these readings leave no two rivals to tell apart").in_file(readings.source.name)
+            );
+        }
+        header.extend(WRENCH_COLUMNS.map(str::to_owned));
+        let row = |(n, p): (usize, &diagnose::next::Proposal)| {
+            let load = p.wrench.force_n.into_iter().chain(p.wrench.moment_nm).map(|v| v.to_string());
+            [format!("N{:02}", n + 1)].into_iter().chain(pose(&p.pose)).chain(load).collect()
+        };
+        separates = diagnosis.proposals.iter().map(|p| p.separates.clone()).collect();
+        diagnosis.proposals.iter().enumerate().map(row).collect()
+    } else {
+        if data.is_some() {
+            return Err(Failure::usage("--data goes with --kind discriminate alone"));
+        }
+        let poses = plan::plan(kind, &machine.pose_box, &machine)?;
+        poses.iter().map(|p| [p.id.clone()].into_iter().chain(pose(&p.pose)).collect()).collect()
+    };
+    let count = rows.len();
     source::write(out, dataset::to_csv(b',', &header, rows))?;
-    Ok(Output {
-        text: format!("wrote {} poses to {}\n", poses.len(), out.display()),
-        json: json!({ "poses": poses.len(), "out": out.display().to_string() }),
-    })
+    let mut text = format!("wrote {count} poses to {}\n", out.display());
+    for (n, [a, b]) in separates.iter().enumerate() {
+        text.push_str(&format!("  N{:02} tells {a} from {b}\n", n + 1));
+    }
+    Ok(Output { text, json: json!({ "poses": count, "separates": separates, "out": out.display().to_string() }) })
 }
 
 /// `fit`: correction tables from stiffness data.

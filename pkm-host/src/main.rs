@@ -73,12 +73,16 @@ enum Command {
     },
     /// Poses to measure or to compute finite elements at.
     Plan {
-        /// l49, l49-balanced, verify, or levels N (N² poses, N from 4 to 50).
+        /// l49, l49-balanced, verify, levels N (N² poses, N from 4 to 50), or discriminate: poses and loads that best
+        /// tell apart what --data leave undecided.
         #[arg(long, num_args = 1..=2, required = true, allow_negative_numbers = true, value_name = "KIND")]
         kind: Vec<String>,
         /// θ, σ in ° and Z0 in mm, least and greatest of each; default: the machine's box.
         #[arg(long = "box", value_parser = list::<6>, allow_hyphen_values = true, value_name = "T0,T1,S0,S1,Z0,Z1")]
         pose_box: Option<[f64; 6]>,
+        /// Measured CSV, for discriminate; default: simulated readings of the reference machine.
+        #[arg(long, value_name = "CSV")]
+        data: Option<PathBuf>,
         /// CSV to write.
         #[arg(long, value_name = "CSV")]
         out: PathBuf,
@@ -145,12 +149,12 @@ fn run(cli: &Cli) -> Result<Output> {
         Command::Predict { data, table, out } => {
             commands::predict(machine, data.as_deref(), table.table.as_deref(), table.form, out)
         }
-        Command::Plan { kind, pose_box, out } => {
+        Command::Plan { kind, pose_box, data, out } => {
             let pose_box = pose_box.map(|b| PoseBox([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
             if let Some(b) = pose_box.filter(|b| b.0.iter().any(|[low, high]| low >= high)) {
                 return Err(Failure::usage(format!("--box: expected least,greatest of each, found {:?}", b.0)));
             }
-            commands::plan(machine, kind, pose_box, out)
+            commands::plan(machine, kind, pose_box, data.as_deref(), out)
         }
         Command::Diagnose { data, holdout, out } => {
             commands::diagnose(machine, data.as_deref(), holdout.as_deref(), out)

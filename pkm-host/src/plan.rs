@@ -16,6 +16,8 @@ pub enum PlanKind {
     Levels(usize),
     /// 25 poses spread over the inside of the box.
     Verify,
+    /// Poses and loads that tell the rivals of a diagnosis apart.
+    Discriminate,
 }
 
 impl PlanKind {
@@ -29,13 +31,14 @@ impl PlanKind {
             ["l49"] => Ok(Self::L49),
             ["l49-balanced"] => Ok(Self::L49Balanced),
             ["verify"] => Ok(Self::Verify),
+            ["discriminate"] => Ok(Self::Discriminate),
             ["levels", n] => match n.parse() {
                 Ok(n @ 4..=50) => Ok(Self::Levels(n)),
                 _ => Err(Failure::usage(format!("--kind levels: expected a whole number from 4 to 50, found `{n}`"))),
             },
             ["levels"] => Err(Failure::usage("--kind levels: expected the number of levels behind it")),
             other => Err(Failure::usage(format!(
-                "--kind: expected l49, l49-balanced, levels N or verify, found `{}`",
+                "--kind: expected l49, l49-balanced, levels N, verify or discriminate, found `{}`",
                 other.join(" ")
             ))),
         }
@@ -52,6 +55,7 @@ pub fn plan(kind: PlanKind, pose_box: &PoseBox, machine: &MachineFile) -> Result
         PlanKind::L49Balanced => ('O', latin(7, 3)),
         PlanKind::Levels(n) => ('O', latin(n, best_step(n))),
         PlanKind::Verify => ('V', spread(25)),
+        PlanKind::Discriminate => return Err(Failure::usage("--kind discriminate: needs readings to tell rivals by")),
     };
     let width = points.len().to_string().len();
     let at = |i: usize, t: f64| {

@@ -152,8 +152,9 @@ pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, Vec<f6
     svg((900, 380), |area| {
         let values = || series.iter().flat_map(|(_, v)| v.iter().copied().filter(|v| *v > 0.0));
         let low = 10_f64.powf(values().fold(f64::INFINITY, f64::min).log10().floor());
-        // a decade above the highest bar for the legend
-        let high = 10.0 * 10_f64.powf(values().fold(low * 10.0, f64::max).log10().ceil());
+        // room above the highest bar for the legend
+        let room = if series.len() > 4 { 100.0 } else { 10.0 };
+        let high = room * 10_f64.powf(values().fold(low * 10.0, f64::max).log10().ceil());
         let mut chart = ChartBuilder::on(area)
             .caption(title, ("sans-serif", 18))
             .margin(10)

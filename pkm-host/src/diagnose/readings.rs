@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use pkm_core::Wrench;
 
-use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose};
+use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
 use crate::source::Source;
@@ -183,13 +183,9 @@ impl Readings {
             });
             readings.push(Reading { condition, repeat_of, series, observed, sigma });
         }
-        if readings.iter().all(|r| r.observed.iter().all(Option::is_none)) {
-            return Err(
-                Failure::input("expected readings, found blank deflection columns only").in_file(&sheet.source.name)
-            );
-        }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
-        Ok(Self { source: sheet.source, poses, conditions, readings, resolution, has_temperature, has_unloading })
+        let source = sheet.source.clone();
+        Ok((sheet, Self { source, poses, conditions, readings, resolution, has_temperature, has_unloading }))
     }
 
     /// The same poses and conditions without some of the readings.
