@@ -90,11 +90,24 @@ impl Readings {
     /// # Errors
     /// See [`dataset::read_load_cases`]; no reading at all.
     pub fn read(source: Source, machine: &MachineFile) -> Result<Self> {
-        let (sheet, cases) = dataset::read_load_cases(source, machine)?;
-        let channels: Vec<bool> = DEFLECTION_COLUMNS.iter().map(|c| sheet.has(c)).collect();
-        if !channels.iter().any(|c| *c) {
-            return Err(sheet.missing(DEFLECTION_COLUMNS[0], ": a measured file needs at least one deflection column"));
+        let (sheet, this) = Self::read_conditions(source, machine)?;
+        if !DEFLECTION_COLUMNS.iter().any(|c| sheet.has(c)) {
+            let why = ": a measured file needs at least one deflection column";
+            return Err(sheet.missing(DEFLECTION_COLUMNS[0], why));
         }
+        if this.readings.iter().all(|r| r.observed.iter().all(Option::is_none)) {
+            let message = "expected readings, found blank deflection columns only";
+            return Err(Failure::input(message).in_file(&sheet.source.name));
+        }
+        Ok(this)
+    }
+
+    /// Reads a measured file of which the deflections don't matter, and its cells as they stand.
+    ///
+    /// # Errors
+    /// See [`dataset::read_load_cases`].
+    pub fn read_conditions(source: Source, machine: &MachineFile) -> Result<(Sheet, Self)> {
+        let (sheet, cases) = dataset::read_load_cases(source, machine)?;
         let mut poses: Vec<NamedPose> = Vec::new();
         let (mut pose_index, mut conditions_seen, mut repeats_seen) = (HashMap::new(), HashMap::new(), HashMap::new());
         let mut series_index: HashMap<String, usize> = HashMap::new();
