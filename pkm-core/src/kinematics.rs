@@ -93,15 +93,17 @@ impl<T: Scalar> Posture<T> {
         SingularityDistance::new(sizes, self.l * self.l, self.sin_sigma, self.cos_sigma, across)
     }
 
-    /// Moves A_1 and A_2 along w, A_3 along n by the second amount times cos σ, the pose held.
+    /// Moves A_1 and A_2 along w, A_3 by the second amount, the pose held.
     pub fn offset(&mut self, [limbs_1_2, limb_3]: [T; 2]) {
         for (y, n) in self.along_y.iter_mut().zip(&mut self.along_n) {
             *y -= self.sin_sigma * limbs_1_2;
             *n += self.cos_sigma * limbs_1_2;
         }
         self.limb_3[1] += self.cos_sigma * limb_3;
+        let aside = self.sin_sigma * limb_3;
         let [[y1, y2], [n1, n2], [u3, n3]] = [self.along_y, self.along_n, self.limb_3];
-        self.q = [(y1, n1), (y2, n2), (u3, n3)].map(|(x, y)| (x * x + y * y).sqrt());
+        let o = T::ZERO;
+        self.q = [(y1, n1, o), (y2, n2, o), (u3, n3, aside)].map(|(x, y, z)| (x * x + y * y + z * z).sqrt());
     }
 }
 

@@ -581,12 +581,9 @@ impl<T: Scalar> Machine<T> {
     }
 
     fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
-        let (y, n) = (p.y(), p.n());
-        let [zu, zn] = p.limb_3.map(|c| c / p.q[2]);
-        let z = [zu, zn * n[1], zn * n[2]];
-        let axes = [y, cross(z, y), z];
-        let out = p.cos_sigma * h;
-        let platform = [self.actual.a2, out * n[1], out * n[2]];
+        let (x, z) = Self::leaning_3(p, h);
+        let axes = [x, cross(z, x), z];
+        let platform = [self.actual.a2, T::ZERO, h];
         let q = p.q[2];
         self.add_effects(
             Limb {
@@ -653,22 +650,31 @@ impl<T: Scalar> Machine<T> {
         Chain { wrenches, compliance: [[axial, o, o], [o, force, o], [o, mixed, couple]] }
     }
 
-    /// Limb 3: the axial force and the force along y of B, both through A3. With `OFFSET` A3 is h cos σ out of its plane
-    /// along n.
+    /// x and z of limb 3 in A-uvw when A3 is `h` along w out of its plane: then it leans out of the plane across y of B.
+    fn leaning_3(p: &Posture<T>, h: T) -> ([T; 3], [T; 3]) {
+        let (y, n, q) = (p.y(), p.n(), p.q[2]);
+        let [zu, zn, zy] = [p.limb_3[0] / q, p.limb_3[1] / q, -p.sin_sigma * h / q];
+        let z = [zu, zn * n[1] + zy * y[1], zn * n[2] + zy * y[2]];
+        let size = (T::ONE - zy * zy).sqrt();
+        ([-zy * z[0] / size, (y[1] - zy * z[1]) / size, (y[2] - zy * z[2]) / size], z)
+    }
+
+    /// Limb 3: the axial force and the force along y of B, both through A3. With `OFFSET` A3 is `h` along w out of its plane.
     fn chain_3<const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 2> {
         let c = &self.limbs[2];
         let q = p.q[2];
-        let (zu, zn) = (p.limb_3[0] / q, p.limb_3[1] / q);
         let a2 = self.actual.a2;
-        let through_a3 = |u: T, v: T, w: T| [u, v, w, T::ZERO, -a2 * w, a2 * v];
-        let mut wrenches =
-            [through_a3(zu, zn * p.sin_sigma, zn * p.cos_sigma), through_a3(T::ZERO, p.cos_sigma, -p.sin_sigma)];
-        if OFFSET {
-            let out = h * p.cos_sigma;
-            wrenches[0][4] += out * p.cos_sigma * zu;
-            wrenches[0][5] -= out * p.sin_sigma * zu;
-            wrenches[1][3] = -out;
-        }
+        let wrenches = if OFFSET {
+            let (x, z) = Self::leaning_3(p, h);
+            [z, x].map(|f| {
+                let [a, b, c] = cross([a2, T::ZERO, h], f);
+                [f[0], f[1], f[2], a, b, c]
+            })
+        } else {
+            let (zu, zn) = (p.limb_3[0] / q, p.limb_3[1] / q);
+            let through_a3 = |u: T, v: T, w: T| [u, v, w, T::ZERO, -a2 * w, a2 * v];
+            [through_a3(zu, zn * p.sin_sigma, zn * p.cos_sigma), through_a3(T::ZERO, p.cos_sigma, -p.sin_sigma)]
+        };
         let axial = c.base_linear[2] + q * c.axial + c.platform_linear[2];
         let sideways = c.base_linear[0]
             + c.platform_linear[0]

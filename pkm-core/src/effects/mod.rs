@@ -167,8 +167,7 @@ pub(crate) trait Effect {
         T::ZERO
     }
 
-    /// How far A_1 and A_2 lie out of the platform's plane, along w, and A_3, along the projection of w on the plane of
-    /// limb 3, given as a length along w; m.
+    /// How far A_1 and A_2, and A_3, lie out of the platform's plane, along w, m.
     fn offset<T: Scalar>(_parameters: &[T; MAX_PARAMETERS]) -> [T; 2] {
         [T::ZERO; 2]
     }
