@@ -17,8 +17,10 @@ const LEAST_GAIN: [f64; 2] = [6.0, 10.0];
 /// The same, as a share of what was gained before: a form that is nearly right leaves some of its signal, which must not
 /// pass for something else.
 const LEAST_SHARE: f64 = 0.03;
+/// Most things that are found.
+const MOST_FOUND: usize = 3;
 /// Most rounds.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 4;
 /// Largest plausible amplitude, in units of its scale.
 pub const LARGEST: f64 = 2.0;
 /// Farthest plausible shape, in standard deviations of its prior.
@@ -199,42 +201,42 @@ pub fn extended(
     if step.amax() > 3.0 * LARGEST {
         return Err("larger than plausible");
     }
-    let n = current.unknowns.len();
+    let (mut unknowns, mut start): (Vec<Unknown>, Vec<f64>) =
+        (current.unknowns.iter().copied().zip(current.x.iter().copied())).chain(own.iter().copied().zip(start)).unzip();
+    let tuned = current.x.iter().take(problem.model.stiffnesses().len()).any(|x| x.abs() > 3.0);
     loop {
-        let unknowns: Vec<Unknown> = current.unknowns.iter().chain(&own).copied().collect();
-        let from = |base: &[f64]| {
-            let x: Vec<f64> = base.iter().chain(&start).copied().collect();
-            levels.fit(&unknowns, &x, level)
-        };
-        let mut fit = from(current.x.as_slice());
-        if current.x.iter().take(problem.model.stiffnesses().len()).any(|x| x.abs() > 3.0) {
+        let mut fit = levels.fit(&unknowns, &start, level);
+        if tuned {
             // the tuned values may have swallowed the effect: begin once more with the declared ones
-            let declared: Vec<f64> = (current.unknowns.iter().zip(current.x.iter()))
+            let declared: Vec<f64> = (unknowns.iter().zip(&start))
                 .map(|(u, x)| if matches!(u, Unknown::Stiffness(_)) { 0.0 } else { *x })
                 .collect();
-            let other = from(&declared);
-            fit = match (fit, other) {
+            fit = match (fit, levels.fit(&unknowns, &declared, level)) {
                 (Some(a), Some(b)) => Some(if b.1.ln_evidence() > a.1.ln_evidence() { b } else { a }),
                 (a, b) => a.or(b),
             };
         }
         let (at, fit) = fit.ok_or("the fit did not converge")?;
-        let one_sided = |i: &usize| problem.model.is_one_sided(&own[*i]);
-        let negative = (0..own.len()).filter(one_sided).filter(|i| fit.x[n + i] < 0.0);
-        let most = negative.min_by(|a, b| fit.x[n + a].total_cmp(&fit.x[n + b]));
-        let Some(pinned) = most else {
-            let amplitude = |i: &usize| matches!(own[*i], Unknown::Class(_)) || problem.model.is_amplitude(&own[*i]);
-            if (0..own.len()).filter(amplitude).any(|i| fit.x[n + i].abs() > LARGEST) {
-                return Err("larger than plausible");
-            }
-            if (n..n + own.len()).any(|i| fit.x[i].abs() > FARTHEST) {
-                return Err("of an implausible shape");
+        let one_sided = |i: &usize| problem.model.is_one_sided(&unknowns[*i]);
+        let negative = (0..unknowns.len()).filter(one_sided).filter(|i| fit.x[*i] < 0.0);
+        let Some(pinned) = negative.min_by(|a, b| fit.x[*a].total_cmp(&fit.x[*b])) else {
+            let mine = |u: &Unknown| own.contains(u);
+            let is_amplitude = |u: &Unknown| matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(u);
+            for (u, x) in unknowns.iter().zip(fit.x.iter()).filter(|(u, _)| mine(u)) {
+                if is_amplitude(u) && x.abs() > LARGEST {
+                    return Err("larger than plausible");
+                }
+                if x.abs() > FARTHEST {
+                    return Err("of an implausible shape");
+                }
             }
             return Ok((at, fit));
         };
-        own.remove(pinned);
+        unknowns.remove(pinned);
         start.remove(pinned);
-        if !own.iter().any(|u| problem.model.is_amplitude(u)) {
+        let is_left =
+            |u: &Unknown| own.contains(u) && (matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(u));
+        if !unknowns.iter().any(is_left) {
             return Err("negative compliance");
         }
     }
@@ -262,6 +264,29 @@ fn indistinguishable(fit: &Fit, a: &Columns, b: &Columns) -> bool {
     share(0..na, na..na + nb) >= SAME && share(na..na + nb, 0..na) >= SAME
 }
 
+/// Takes out again what the finds after it have made needless.
+fn drop_needless(levels: &Levels<'_>, found: &mut Vec<Found>, level: &mut usize, fit: &mut Fit) {
+    let mut n = 0;
+    while n + 1 < found.len() {
+        let own = found[n].candidate.unknowns(levels.plain);
+        let is_amplitude = |u: &&Unknown| matches!(u, Unknown::Class(_)) || levels.plain.model.is_amplitude(u);
+        let has_amplitude = fit.unknowns.iter().filter(is_amplitude).any(|u| own.contains(u));
+        let kept: Vec<(Unknown, f64)> =
+            fit.unknowns.iter().copied().zip(fit.x.iter().copied()).filter(|(u, _)| !own.contains(u)).collect();
+        let (unknowns, x): (Vec<Unknown>, Vec<f64>) = kept.into_iter().unzip();
+        match levels.fit(&unknowns, &x, *level) {
+            Some((at, without))
+                if !has_amplitude
+                    || 2.0 * (fit.ln_evidence() - without.ln_evidence()) / temper(fit) < LEAST_GAIN[1] =>
+            {
+                (*level, *fit) = (at, without);
+                found.remove(n);
+            }
+            _ => n += 1,
+        }
+    }
+}
+
 /// Searches until nothing more is accepted.
 pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
     let plain = levels.plain;
@@ -277,6 +302,9 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
     let (mut fit, mut level, mut found, mut rounds) = (base.clone(), first_level, Vec::<Found>::new(), Vec::new());
     let mut gained = 0.0;
     for round in 0..ROUNDS {
+        if found.len() == MOST_FOUND {
+            break;
+        }
         let columns = if round == 0 { at_base.clone() } else { all_columns(&fit, level) };
         let open: Vec<usize> =
             (0..candidates.len()).filter(|i| found.iter().all(|f| f.candidate != candidates[*i])).collect();
@@ -368,6 +396,7 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
             }
         }
         let stop = accepted.is_none();
+        drop_needless(levels, &mut found, &mut level, &mut fit);
         rounds.push(Round { p_family: screened.p_family, ranking: ranking.into_iter().map(|(r, _)| r).collect() });
         if stop {
             break;
