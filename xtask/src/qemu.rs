@@ -11,6 +11,7 @@ use pkm_core::effects::{EFFECTS, EffectInfo};
 use pkm_core::{
     Basis, CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench,
 };
+use pkm_host::commands;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
 use pkm_host::table_file::TableFile;
@@ -20,32 +21,53 @@ use crate::{Outcome, firmware_build, fit_fixtures, root};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Machine of QEMU, processor, the `target-cpu` to build for (f64 in hardware needs the M7's), and whether the
-/// machine has effects.
-const RUNS: [(&str, &str, Option<&str>, bool); 4] = [
-    ("mps2-an386", "Cortex-M4F", None, false),
-    ("mps2-an386", "Cortex-M4F", None, true),
-    ("mps2-an500", "Cortex-M7", None, false),
-    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), false),
+/// Where the firmware's machine and table come from.
+enum Origin {
+    /// A fit of the fixtures.
+    Fit,
+    /// The same with every effect on.
+    EveryEffect,
+    /// A diagnosis of measured data that lack two effects.
+    Diagnosis,
+}
+
+/// Machine of QEMU, processor, the `target-cpu` to build for (f64 in hardware needs the M7's), origin.
+const RUNS: [(&str, &str, Option<&str>, Origin); 5] = [
+    ("mps2-an386", "Cortex-M4F", None, Origin::Fit),
+    ("mps2-an386", "Cortex-M4F", None, Origin::EveryEffect),
+    ("mps2-an386", "Cortex-M4F", None, Origin::Diagnosis),
+    ("mps2-an500", "Cortex-M7", None, Origin::Fit),
+    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), Origin::Fit),
 ];
 
 pub fn run() -> Outcome {
-    for (board, processor, cpu, effects) in RUNS {
+    for (board, processor, cpu, origin) in RUNS {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-        let path = folder.path().join("machine.toml");
-        let mut text = fixtures::machine().text().map_err(|e| e.to_string())?.to_owned();
-        if effects {
-            text.extend(EFFECTS.iter().map(one_of));
-        }
-        std::fs::write(&path, text).map_err(|e| e.to_string())?;
-        fit_fixtures(Some(&path), folder.path())?;
+        let with = match origin {
+            Origin::Diagnosis => {
+                let measured = root().join("fixtures/measured/p08");
+                let (machine, data) = (measured.join("machine.toml"), measured.join("measured.csv"));
+                commands::diagnose(Some(&machine), Some(&data), None, folder.path()).map_err(|e| e.to_string())?;
+                ", the machine of a diagnosis"
+            }
+            Origin::Fit | Origin::EveryEffect => {
+                let path = folder.path().join("machine.toml");
+                let mut text = fixtures::machine().text().map_err(|e| e.to_string())?.to_owned();
+                let every = matches!(origin, Origin::EveryEffect);
+                if every {
+                    text.extend(EFFECTS.iter().map(one_of));
+                }
+                std::fs::write(&path, text).map_err(|e| e.to_string())?;
+                fit_fixtures(Some(&path), folder.path())?;
+                if every { ", every effect on" } else { "" }
+            }
+        };
         let read = |name: &str| Source::read(&folder.path().join(name)).map_err(|e| e.to_string());
         let table = TableFile::parse(&read("coefficients.json")?).map_err(|e| e.to_string())?;
         let machine = MachineFile::parse(read("machine.toml")?).map_err(|e| e.to_string())?;
 
         let elf = build(&folder.path().join("coefficients.rs"), cpu)?;
         let lines = compare(&boot(board, &elf)?, &machine, &table)?;
-        let with = if effects { ", every effect on" } else { "" };
         println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
     }
     Ok(())
@@ -54,7 +76,8 @@ pub fn run() -> Outcome {
 /// An `[[effect]]` of modest size.
 fn one_of(effect: &EffectInfo) -> String {
     let value = |name: &str| match name {
-        "tube_m" => 0.3,
+        "tube_m" | "ram_m" => 0.3,
+        "aside_1_m" | "aside_2_m" | "aside_3_m" => 1e-3,
         "play_m" => 1e-5,
         "taken_up_n" | "reference_n" | "reversal_n" => 50.0,
         "lag_m" => 1e-6,

@@ -17,6 +17,8 @@ const P_MISFIT: f64 = 0.01;
 const LEAST_SHARE: f64 = 0.5;
 /// Most effects that explain.
 const MOST_EFFECTS: usize = 2;
+/// Largest undeclared relative error of the loads beside which something counts as explained.
+const LOAD_ERROR: f64 = 5e-4;
 /// Pull beyond which a declared value is a finding, in standard deviations.
 const LARGE_PULL: f64 = 3.0;
 /// λ at which an amplitude is detected.
@@ -123,11 +125,13 @@ pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judg
         matches!(f.candidate, Candidate::Effect(_)) && f.class.iter().any(|c| repair(c, problem) != own)
     });
     let fits = after.p >= P_MISFIT;
+    // what only errors of the loads that nobody declared could account for is not explained
+    let loads_good = Levels::load_error(search.levels[1]) <= LOAD_ERROR;
     let verdict = match (effects, fits) {
         (0, true) => Verdict::Adequate,
         (0, false) => Verdict::Unexplained,
         // two errors of the measurement at once mimic much that is neither
-        (n, true) if n <= MOST_EFFECTS && measurement < 2 && gone >= LEAST_SHARE => {
+        (n, true) if n <= MOST_EFFECTS && measurement < 2 && gone >= LEAST_SHARE && loads_good => {
             if ambiguous {
                 Verdict::Ambiguous
             } else {
