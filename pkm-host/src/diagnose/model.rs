@@ -270,6 +270,7 @@ impl Model {
                 ("friction-hysteresis", "lag_m_per_n") => Amplitude(0.3 * axial),
                 ("friction-hysteresis", "reversal_n") => Around(50.0, 1.0),
                 ("preload", _) => Amplitude(1e4),
+                ("platform-offset", name) if name.starts_with("aside") => Amplitude(3e-3),
                 ("platform-offset", _) => Amplitude(20e-3),
                 ("thermal-modulus", _) => Amplitude(0.01),
                 ("thermal-expansion", _) => Amplitude(3e-5),

@@ -120,10 +120,15 @@ pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judg
     let effects = search.found.iter().filter(|f| matches!(f.candidate, Candidate::Effect(_))).count();
     let of_measurement = |c: &Candidate| matches!(c, Candidate::Effect(e) if model::is_measurement(*e));
     let measurement = search.found.iter().filter(|f| of_measurement(&f.candidate)).count();
-    let ambiguous = search.found.iter().any(|f| {
-        let own = repair(&f.candidate, problem);
-        matches!(f.candidate, Candidate::Effect(_)) && f.class.iter().any(|c| repair(c, problem) != own)
+    // a body aside couples a limb's yielding along and across it, and so does much that is on no list
+    let aside = search.fit.unknowns.iter().any(|u| {
+        matches!(*u, Unknown::Effect { effect, parameter } if info(effect).parameters[parameter].starts_with("aside"))
     });
+    let ambiguous = aside
+        || search.found.iter().any(|f| {
+            let own = repair(&f.candidate, problem);
+            matches!(f.candidate, Candidate::Effect(_)) && f.class.iter().any(|c| repair(c, problem) != own)
+        });
     let fits = after.p >= P_MISFIT;
     // what only errors of the loads that nobody declared could account for is not explained
     let loads_good = Levels::load_error(search.levels[1]) <= LOAD_ERROR;
