@@ -15,6 +15,9 @@ const USAGE: &str = "\
 cargo xtask <chore>
   regenerate   fit the fixtures; write pkm-core/src/tables/reference.rs and docs/deflection-error.svg
   qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host
+  trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
+               `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
+               a few random ones
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is";
 
 fn main() -> ExitCode {
@@ -23,6 +26,7 @@ fn main() -> ExitCode {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
         Some("no-panic") => no_panic(),
+        Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
     };
     match outcome {
@@ -32,6 +36,23 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+fn trials(options: &[String]) -> Outcome {
+    let cargo = |args: &[&str]| {
+        let status = Command::new(env!("CARGO")).args(args).current_dir(root()).status();
+        status.map_err(|e| format!("cargo: {e}")).and_then(|s| if s.success() { Ok(()) } else { Err("failed".into()) })
+    };
+    cargo(&["build", "--release", "--locked", "-p", "pkm-host", "-p", "pkm-trials"])?;
+    let program = root().join("target/release/pkm-host").display().to_string();
+    let harness =
+        |args: &[&str]| cargo(&[&["run", "--release", "--locked", "-q", "-p", "pkm-trials", "--"], args].concat());
+    if options.is_empty() {
+        harness(&["score", "--program", &program, "--dir", "fixtures/measured", "--verbose"])?;
+        return harness(&["run", "--program", &program, "--sets", "5", "--verbose"]);
+    }
+    let options: Vec<&str> = options.iter().map(String::as_str).collect();
+    harness(&[&["run", "--program", program.as_str()], options.as_slice()].concat())
 }
 
 /// The top of the repository.

@@ -117,6 +117,9 @@ fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
     let Some(found) = problem.model.predict(&problem.poses, &readings.conditions, &[], &[]) else {
         return fail("the declared machine gives no deflection at some pose or load".into());
     };
+    if found.iter().all(|d| d.iter().all(|v| *v == 0.0)) {
+        return fail("no reading is under load".into());
+    }
     // units: the model is never wrong by a factor of 100
     let mut logs = [Vec::new(), Vec::new()];
     for r in &readings.readings {
