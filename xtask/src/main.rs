@@ -1,6 +1,7 @@
 //! The project's own chores: `cargo xtask <chore>`.
 
 mod qemu;
+mod showcase;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -18,6 +19,7 @@ cargo xtask <chore>
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones
+  showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is";
 
 fn main() -> ExitCode {
@@ -26,6 +28,7 @@ fn main() -> ExitCode {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
         Some("no-panic") => no_panic(),
+        Some("showcase") => showcase::run(),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
     };
