@@ -111,8 +111,8 @@ fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
         ));
     }
     let unknowns = problem.model.stiffnesses().len();
-    if problem.len() < 2 * unknowns {
-        return fail(format!("{} numbers read are too few for {unknowns} unknown stiffnesses", problem.len()));
+    if problem.count() < 2 * unknowns {
+        return fail(format!("{} numbers read are too few for {unknowns} unknown stiffnesses", problem.count()));
     }
     let Some(found) = problem.model.predict(&problem.poses, &readings.conditions, &[], &[]) else {
         return fail("the declared machine gives no deflection at some pose or load".into());
@@ -252,7 +252,7 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         .collect();
     steps.finish_and_clear();
     Ok(Diagnosis {
-        size: (problem.len(), readings.poses.len()),
+        size: (problem.count(), readings.poses.len()),
         effects,
         declared: verdict::declared_findings(problem, &search),
         detectable: verdict::detectable(problem, &search),

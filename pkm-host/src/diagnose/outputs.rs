@@ -100,17 +100,21 @@ pub fn table(
     let below = MachineParameters { effects: improved.parameters.effects.below_tool(), ..improved.parameters };
     let mut machine = MachineFile::parse(improved.source.clone())?;
     machine.machine = Machine::<f64>::new(&below).map_err(|e| Failure::other(format!("{e:?}")))?;
-    let (mut poses, mut targets) = (Vec::new(), Vec::new());
+    let mut poses = Vec::new();
     for n in 0..LEVELS.pow(3) {
         let [i, j, k] = [n % LEVELS, n / LEVELS % LEVELS, n / LEVELS.pow(2)];
         let pose = pose_of(level(0, i), level(1, j), level(2, k));
-        if machine.machine.inverse(&pose).is_err() {
-            continue;
+        if machine.machine.inverse(&pose).is_ok() {
+            poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
         }
-        let full = diagnosis.fitted.remainder().stiffness(&pose)?;
-        poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
-        targets.push(Target { principal: full.principal(), full: Some(full) });
     }
+    let corrected: Result<Vec<_>> = poses.iter().map(|p| diagnosis.fitted.remainder().stiffness(&p.pose)).collect();
+    let stiffnesses = corrected.or_else(|e| {
+        eprintln!("warning: {}; the table is left at 1", e.message);
+        let own = poses.iter().map(|p| machine.machine.stiffness(&p.pose));
+        own.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Failure::other(e.to_string()))
+    })?;
+    let targets = stiffnesses.iter().map(|k| Target { principal: k.principal(), full: Some(*k) }).collect();
     let data = StiffnessData { source: readings.source.clone(), poses, targets };
     let fit = fit::fit(fit::samples(&machine.machine, data)?, None, TermChoice::Full)?;
     let trained = fit::evaluate(&fit.training, &machine, &fit.numbers)?;

@@ -61,7 +61,7 @@ impl Remainder {
         };
         let readings = &problem.readings.readings;
         let rows = this.rows(&problem.poses, &problem.readings.conditions)?;
-        let n = problem.len();
+        let n = problem.count();
         let mut design = DMatrix::zeros(n, ENTRIES * EQ_11.len());
         for j in 0..design.ncols() {
             let mut column: Vec<f64> =

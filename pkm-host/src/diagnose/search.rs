@@ -295,7 +295,7 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
     let groups = by_pose(plain);
     let candidates = candidates(plain);
     let all_columns = |fit: &Fit, level: usize| -> Vec<Columns> {
-        let none = || Columns { matrix: DMatrix::zeros(plain.len(), 0), one_sided: Vec::new(), shape: 0.0 };
+        let none = || Columns { matrix: DMatrix::zeros(plain.count(), 0), one_sided: Vec::new(), shape: 0.0 };
         candidates.par_iter().map(|c| columns(&levels.problems[level], fit, c).unwrap_or_else(none)).collect()
     };
     let at_base = all_columns(&base, first_level);

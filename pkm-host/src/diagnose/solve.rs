@@ -68,7 +68,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Number of whitened readings.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.observed.len()
     }
 
@@ -164,7 +164,7 @@ impl<'a> Problem<'a> {
             })
             .collect();
         let columns = columns?;
-        if columns.is_empty() { Some(DMatrix::zeros(self.len(), 0)) } else { Some(DMatrix::from_columns(&columns)) }
+        if columns.is_empty() { Some(DMatrix::zeros(self.count(), 0)) } else { Some(DMatrix::from_columns(&columns)) }
     }
 
     /// Whitened readings less predictions.

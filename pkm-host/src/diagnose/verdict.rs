@@ -40,7 +40,7 @@ pub struct LackOfFit {
 
 /// Tests a fit.
 pub fn lack_of_fit(problem: &Problem<'_>, noise: &Noise, fit: &Fit) -> LackOfFit {
-    let n = problem.len() as f64;
+    let n = problem.count() as f64;
     let (pure, freedom) = match noise.source {
         NoiseSource::Repeats => (problem.pure_error(), noise.freedom),
         NoiseSource::Declared => (0.0, 0.0),
@@ -296,7 +296,8 @@ pub fn residual_structure(problem: &Problem<'_>, fit: &Fit) -> Vec<Structure> {
     let one = |_: usize| 1.0;
     type Level<'a> = Box<dyn Fn(usize) -> i64 + 'a>;
     let condition = |i: usize| &readings.conditions[readings.readings[i].condition];
-    let factors: [(&'static str, Level<'_>, &dyn Fn(usize) -> f64); 6] = [
+    type Factor<'a> = (&'static str, Level<'a>, &'a dyn Fn(usize) -> f64);
+    let factors: [Factor<'_>; 6] = [
         ("pose", Box::new(|i| condition(i).pose as i64), &signed),
         ("load", Box::new(|i| (4.0 * largest(i).1.abs().max(1e-9).log2()).round() as i64), &signed),
         ("sign", Box::new(|i| i64::from(largest(i).1 < 0.0)), &one),
