@@ -74,6 +74,7 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, parameters: &MachineParameters
         line("const EFFECTS: Effects = {");
         line("    let effects = Effects::NONE;");
         for (info, values) in active {
+            let values = &values[..info.parameters.len()];
             line(&format!("    let Some(effects) = effects.with({:?}, {values:?}) else {{", info.id));
             line("        panic!(\"an effect that this version of pkm-core does not know\")");
             line("    };");

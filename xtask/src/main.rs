@@ -52,7 +52,7 @@ fn trials(options: &[String]) -> Outcome {
         |args: &[&str]| cargo(&[&["run", "--release", "--locked", "-q", "-p", "pkm-trials", "--"], args].concat());
     if options.is_empty() {
         harness(&["score", "--program", &program, "--dir", "fixtures/measured", "--verbose"])?;
-        return harness(&["run", "--program", &program, "--sets", "5", "--verbose"]);
+        return harness(&["run", "--program", &program, "--sets", "3", "--verbose"]);
     }
     let options: Vec<&str> = options.iter().map(String::as_str).collect();
     harness(&[&["run", "--program", program.as_str()], options.as_slice()].concat())

@@ -286,8 +286,8 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
                     r.score.freedoms.to_string(),
                     format!("{:.1e}", r.score.p),
                     gain,
-                    format!("{:.2}", 100.0 * r.left_out_gain),
-                    format!("{:.0}", 100.0 * r.poses_that_gain),
+                    r.gain.map_or("-".into(), |_| format!("{:.2}", 100.0 * r.left_out_gain)),
+                    r.gain.map_or("-".into(), |_| format!("{:.0}", 100.0 * r.poses_that_gain)),
                     verdict,
                 ];
                 (name.clone(), cells)
