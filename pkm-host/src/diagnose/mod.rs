@@ -32,7 +32,7 @@ use crate::machine_file::MachineFile;
 /// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
 pub const SEED: u64 = 20_201;
 
-/// Least poses, and least numbers read for each declared stiffness.
+/// Least poses.
 const LEAST_POSES: usize = 4;
 
 /// Held-out errors of all rivals, over all readings and by zone.

@@ -82,9 +82,8 @@ pub fn gain(fit: &Fit, columns: &Columns) -> f64 {
     best_choice(&s, &fit.remaining(&columns.matrix), &columns.one_sided).0
 }
 
-/// Holds the columns of every candidate against the residual of a fit. `scale` is the noise variance that the misfit
-/// suggests, at least 1.
-pub fn screen(fit: &Fit, candidates: &[Columns], scale: f64, seed: u64) -> Screen {
+/// Holds the columns of every candidate against the residual of a fit.
+pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64) -> Screen {
     let widths: Vec<usize> = candidates.iter().map(|c| c.matrix.ncols()).collect();
     let total: usize = widths.iter().sum();
     let mut all = DMatrix::zeros(fit.residuals.len(), total);
@@ -109,7 +108,7 @@ pub fn screen(fit: &Fit, candidates: &[Columns], scale: f64, seed: u64) -> Scree
         }
         let part = s.rows(*start, *width).clone_owned();
         let whitened = &whitener * &part;
-        let statistic = whitened.norm_squared() / scale;
+        let statistic = whitened.norm_squared();
         let freedoms = values.len();
         let (gain, step) = best_choice(&part, &own, &columns.one_sided);
         scores.push(Score { statistic, freedoms, p: tail(statistic, freedoms), gain, step });

@@ -1,10 +1,9 @@
 //! Which physics the model lacks: screen, full fits, acceptance, classes (spec: diagnosis.md, 4-7).
 
 use nalgebra::{DMatrix, DVector};
-use pkm_core::effects::EFFECTS;
 use rayon::prelude::*;
 
-use super::model::{self, Unknown, info, is_measurement};
+use super::model::{self, Unknown, info};
 use super::screen::{self, Columns, Score};
 use super::solve::{Fit, Levels, Problem};
 
@@ -309,7 +308,7 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
         let open: Vec<usize> =
             (0..candidates.len()).filter(|i| found.iter().all(|f| f.candidate != candidates[*i])).collect();
         let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
-        let screened = screen::screen(&fit, &open_columns, 1.0, seed + round as u64);
+        let screened = screen::screen(&fit, &open_columns, seed + round as u64);
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| screened.scores[*b].gain.total_cmp(&screened.scores[*a].gain));
         let without = fit.left_out(&groups);
@@ -412,10 +411,5 @@ impl Candidate {
             Self::Effect(effect) => vec![info(effect).id.to_owned()],
             Self::Class(class) => problem.model.classes[class].keys(),
         }
-    }
-
-    /// Whether it is an effect that the controller's model can hold.
-    pub fn is_of_machine(&self) -> bool {
-        matches!(*self, Self::Effect(effect) if !is_measurement(effect) && effect < EFFECTS.len())
     }
 }
