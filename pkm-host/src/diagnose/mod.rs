@@ -111,8 +111,8 @@ fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
         ));
     }
     let unknowns = problem.model.stiffnesses().len();
-    if problem.count() < 2 * unknowns {
-        return fail(format!("{} numbers read are too few for {unknowns} unknown stiffnesses", problem.count()));
+    if problem.numbers() < 2 * unknowns {
+        return fail(format!("{} numbers read are too few for {unknowns} unknown stiffnesses", problem.numbers()));
     }
     let Some(found) = problem.model.predict(&problem.poses, &readings.conditions, &[], &[]) else {
         return fail("the declared machine gives no deflection at some pose or load".into());
@@ -215,6 +215,8 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     step("what to measure next");
     let contenders = next::contenders(&levels, &search);
     let proposals = next::propose(problem, &noise, file, &contenders);
+    let structure =
+        verdict::residual_structure(problem, &noise, &file.uncertainty, &search).ok_or_else(|| not_converged(readings))?;
     step("report");
     let end = &search.fit;
     let standard_errors = end.standard_errors();
@@ -252,11 +254,11 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         .collect();
     steps.finish_and_clear();
     Ok(Diagnosis {
-        size: (problem.count(), readings.poses.len()),
+        size: (problem.numbers(), readings.poses.len()),
         effects,
         declared: verdict::declared_findings(problem, &search),
         detectable: verdict::detectable(problem, &search),
-        structure: verdict::residual_structure(problem, &search.fit),
+        structure,
         machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
         noise,
         judgement,

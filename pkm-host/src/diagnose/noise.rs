@@ -214,38 +214,76 @@ impl Noise {
     }
 }
 
-/// One measured number.
-#[derive(Clone, Copy, Debug)]
+/// Numbers of one channel under one condition that are told from one another by noise alone: their mean counts.
+#[derive(Clone, Debug)]
 pub struct Entry {
-    /// Row of the file.
-    pub reading: usize,
+    /// Rows of the file.
+    pub readings: Vec<usize>,
+    /// Index of their condition.
+    pub condition: usize,
     /// 0…5.
     pub channel: usize,
 }
 
 /// Turns readings or predictions into numbers that have unit variance and no correlation, if the model is right.
+#[derive(Clone)]
 pub struct Whitener {
-    /// In the order of the whitened numbers: by series, then channel.
+    /// In the order of the whitened numbers.
     pub entries: Vec<Entry>,
-    /// 1/s of each.
+    /// Whitened squared scatter that went into the means of entries, and its degrees of freedom.
+    pub averaged: (f64, usize),
+    /// One over the standard deviation of each, apart from zero errors.
     weight: Vec<f64>,
-    /// Ranges of entries that share a zero error, and what to take off their common part.
-    shared: Vec<(std::ops::Range<usize>, f64)>,
+    /// Entries that share a zero error.
+    shared: Vec<Shared>,
     /// Directions in which the load's own uncertainty moves a group of entries, orthogonal, and how much to shrink them.
     loads: Vec<LoadError>,
     /// ln|I + U Uᵀ| of these.
     pub log_determinant: f64,
 }
 
+/// A zero error as a whitened direction v over a range of entries.
+#[derive(Clone)]
+struct Shared {
+    entries: std::ops::Range<usize>,
+    direction: Vec<f64>,
+    /// (1 − 1/√(1 + |v|²)) / |v|²
+    share: f64,
+}
+
+impl Shared {
+    /// (I + v vᵀ)^-½: the part along v shrinks to 1/√(1 + |v|²).
+    fn shrink(&self, part: &mut [f64]) {
+        let along: f64 = part.iter().zip(&self.direction).map(|(p, d)| p * d).sum();
+        for (p, d) in part.iter_mut().zip(&self.direction) {
+            *p -= self.share * along * d;
+        }
+    }
+}
+
 /// Uncertainty of one load as whitened directions over some entries.
+#[derive(Clone)]
 struct LoadError {
     entries: Vec<usize>,
     directions: Vec<(Vec<f64>, f64)>,
 }
 
+/// Condition, bits of the weight, readings: those of one channel in one series that are alike.
+type Cell = (usize, u64, Vec<usize>);
+
 impl Whitener {
-    /// By the noise of the readings alone.
+    /// By the noise of the readings alone. What was repeated within a series, and series that are repeats of one
+    /// another, come in by their means, which says the same of the model for less work.
     pub fn new(readings: &Readings, noise: &Noise) -> Self {
+        Self::build(readings, noise, true)
+    }
+
+    /// The same with every reading on its own.
+    pub fn by_reading(readings: &Readings, noise: &Noise) -> Self {
+        Self::build(readings, noise, false)
+    }
+
+    fn build(readings: &Readings, noise: &Noise, average: bool) -> Self {
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (i, r) in readings.readings.iter().enumerate() {
             if r.series >= groups.len() {
@@ -253,29 +291,67 @@ impl Whitener {
             }
             groups[r.series].push(i);
         }
-        let (mut entries, mut weight, mut shared) = (Vec::new(), Vec::new(), Vec::new());
+        // series that are alike in a channel, in the order in which they appear
+        let mut alike: HashMap<(usize, Vec<(usize, u64, usize)>), usize> = HashMap::new();
+        let mut blocks: Vec<(usize, Vec<Vec<Cell>>)> = Vec::new();
         for group in &groups {
             for channel in 0..CHANNELS {
-                let start = entries.len();
-                for reading in group {
-                    let r = &readings.readings[*reading];
-                    if r.observed[channel].is_none() {
-                        continue;
-                    }
-                    let declared = r.sigma[channel / 3].filter(|_| noise.source == NoiseSource::Declared);
-                    let floor = readings.resolution[channel] / 12.0_f64.sqrt();
-                    entries.push(Entry { reading: *reading, channel });
-                    weight.push(1.0 / declared.map_or(noise.within[channel], |s| s.max(floor)));
+                let cells = cells(readings, noise, group, channel, average);
+                let key = (channel, cells.iter().map(|(condition, weight, r)| (*condition, *weight, r.len())).collect());
+                let next = blocks.len();
+                let block = if average { *alike.entry(key).or_insert(next) } else { next };
+                if block == next {
+                    blocks.push((channel, Vec::new()));
                 }
-                // (I + v vᵀ)^-½ with v = t/s: the part along v shrinks to 1/√(1 + |v|²)
-                let count = (entries.len() - start) as f64;
-                let v2 = count * (noise.between[channel] / noise.within[channel]).powi(2);
-                if v2 > 0.0 {
-                    shared.push((start..entries.len(), (1.0 - 1.0 / (1.0 + v2).sqrt()) / count));
-                }
+                blocks[block].1.push(cells);
             }
         }
-        Self { entries, weight, shared, loads: Vec::new(), log_determinant: 0.0 }
+        let mut this = Self {
+            entries: Vec::new(),
+            averaged: (0.0, 0),
+            weight: Vec::new(),
+            shared: Vec::new(),
+            loads: Vec::new(),
+            log_determinant: 0.0,
+        };
+        for (channel, series) in blocks {
+            this.add(readings, noise, channel, &series);
+        }
+        this
+    }
+
+    /// Adds series that are alike in a channel.
+    fn add(&mut self, readings: &Readings, noise: &Noise, channel: usize, series: &[Vec<Cell>]) {
+        let observed = |reading: &usize| readings.readings[*reading].observed[channel].unwrap_or(f64::NAN);
+        let mean = |rows: &[usize]| rows.iter().map(observed).sum::<f64>() / rows.len() as f64;
+        let start = self.entries.len();
+        let weights: Vec<f64> =
+            series[0].iter().map(|(_, weight, rows)| f64::from_bits(*weight) * (rows.len() as f64).sqrt()).collect();
+        let direction: Vec<f64> = weights.iter().map(|w| w * noise.between[channel]).collect();
+        let v2 = direction.iter().map(|v| v * v).sum::<f64>();
+        let entries = start..start + weights.len();
+        let shared = (v2 > 0.0).then(|| Shared { entries, direction, share: (1.0 - 1.0 / (1.0 + v2).sqrt()) / v2 });
+        for (n, (condition, ..)) in series[0].iter().enumerate() {
+            let rows: Vec<usize> = series.iter().flat_map(|cells| cells[n].2.iter().copied()).collect();
+            self.entries.push(Entry { readings: rows, condition: *condition, channel });
+            self.weight.push(weights[n] * (series.len() as f64).sqrt());
+        }
+        for cells in series {
+            let mut scatter = Vec::new();
+            for ((cell, weight), entry) in cells.iter().zip(&weights).zip(&self.entries[start..]) {
+                let own = mean(&cell.2);
+                scatter.push(weight * (own - mean(&entry.readings)));
+                let squares: f64 = cell.2.iter().map(|r| (f64::from_bits(cell.1) * (observed(r) - own)).powi(2)).sum();
+                self.averaged.0 += squares;
+                self.averaged.1 += cell.2.len() - 1;
+            }
+            if let Some(shared) = &shared {
+                shared.shrink(&mut scatter);
+            }
+            self.averaged.0 += scatter.iter().map(|s| s * s).sum::<f64>();
+        }
+        self.averaged.1 += (series.len() - 1) * weights.len();
+        self.shared.extend(shared);
     }
 
     /// The same with errors of the loads: for each group of entries, whitened columns of one standard deviation.
@@ -304,13 +380,7 @@ impl Whitener {
                 LoadError { entries: entries.clone(), directions }
             })
             .collect();
-        Self {
-            entries: self.entries.clone(),
-            weight: self.weight.clone(),
-            shared: self.shared.clone(),
-            loads,
-            log_determinant,
-        }
+        Self { loads, log_determinant, ..self.clone() }
     }
 
     /// Whitens numbers given by entry, in m and rad.
@@ -318,10 +388,8 @@ impl Whitener {
         for (value, weight) in values.iter_mut().zip(&self.weight) {
             *value *= weight;
         }
-        for (range, share) in &self.shared {
-            let part = &mut values[range.clone()];
-            let taken = share * part.iter().sum::<f64>();
-            part.iter_mut().for_each(|v| *v -= taken);
+        for shared in &self.shared {
+            shared.shrink(&mut values[shared.entries.clone()]);
         }
         self.shrink(values);
     }
@@ -337,4 +405,26 @@ impl Whitener {
             }
         }
     }
+}
+
+/// What one series reads in a channel.
+fn cells(readings: &Readings, noise: &Noise, series: &[usize], channel: usize, average: bool) -> Vec<Cell> {
+    let mut cells: Vec<Cell> = Vec::new();
+    let mut places: HashMap<(usize, u64), usize> = HashMap::new();
+    for reading in series {
+        let r = &readings.readings[*reading];
+        if r.observed[channel].is_none() {
+            continue;
+        }
+        let declared = r.sigma[channel / 3].filter(|_| noise.source == NoiseSource::Declared);
+        let floor = readings.resolution[channel] / 12.0_f64.sqrt();
+        let weight = (1.0 / declared.map_or(noise.within[channel], |s| s.max(floor))).to_bits();
+        let next = cells.len();
+        let place = if average { *places.entry((r.condition, weight)).or_insert(next) } else { next };
+        if place == next {
+            cells.push((r.condition, weight, Vec::new()));
+        }
+        cells[place].2.push(*reading);
+    }
+    cells
 }

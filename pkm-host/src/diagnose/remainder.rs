@@ -9,7 +9,7 @@ use pkm_core::effects::Effects;
 use pkm_core::{Basis, Machine, MachineParameters, Pose, Stiffness, Wrench};
 
 use super::readings::{CHANNELS, Condition};
-use super::solve::Problem;
+use super::solve::{Problem, product};
 use crate::error::{Failure, Result};
 use crate::fit::EQ_11;
 use crate::machine_file::PoseBox;
@@ -59,17 +59,15 @@ impl Remainder {
             coefficients: DVector::zeros(ENTRIES * EQ_11.len()),
             information: None,
         };
-        let readings = &problem.readings.readings;
         let rows = this.rows(&problem.poses, &problem.readings.conditions)?;
-        let n = problem.count();
-        let mut design = DMatrix::zeros(n, ENTRIES * EQ_11.len());
+        let mut design = DMatrix::zeros(residuals.len(), ENTRIES * EQ_11.len());
         for j in 0..design.ncols() {
             let mut column: Vec<f64> =
-                problem.whitener.entries.iter().map(|e| rows[readings[e.reading].condition][(e.channel, j)]).collect();
+                problem.whitener.entries.iter().map(|e| rows[e.condition][(e.channel, j)]).collect();
             problem.whitener.whiten(&mut column);
             design.set_column(j, &DVector::from_vec(column));
         }
-        let gram = design.tr_mul(&design);
+        let gram = product(&design, &design);
         let moment = design.tr_mul(residuals);
         let mut best: Option<(f64, DVector<f64>, Cholesky<f64, Dyn>)> = None;
         for spread in SPREADS {

@@ -117,7 +117,7 @@ pub struct Search {
 pub fn by_pose(problem: &Problem<'_>) -> Vec<Vec<usize>> {
     let mut groups = vec![Vec::new(); problem.poses.len()];
     for (i, e) in problem.whitener.entries.iter().enumerate() {
-        groups[problem.readings.conditions[problem.readings.readings[e.reading].condition].pose].push(i);
+        groups[problem.readings.conditions[e.condition].pose].push(i);
     }
     groups
 }
@@ -160,8 +160,8 @@ fn columns(problem: &Problem<'_>, fit: &Fit, candidate: &Candidate) -> Option<Co
 }
 
 /// χ² per freedom, at least 1: what the evidence is tempered by.
-fn temper(fit: &Fit) -> f64 {
-    (fit.chi2 / (fit.residuals.len() as f64 - fit.used_freedoms()).max(1.0)).max(1.0)
+fn temper(problem: &Problem<'_>, fit: &Fit) -> f64 {
+    (problem.chi2(fit) / (problem.numbers() as f64 - fit.used_freedoms()).max(1.0)).max(1.0)
 }
 
 /// Fits a candidate on top of a model. Negative amplitudes that must not be are pinned to 0, one after another.
@@ -276,7 +276,7 @@ fn drop_needless(levels: &Levels<'_>, found: &mut Vec<Found>, level: &mut usize,
         match levels.fit(&unknowns, &x, *level) {
             Some((at, without))
                 if !has_amplitude
-                    || 2.0 * (fit.ln_evidence() - without.ln_evidence()) / temper(fit) < LEAST_GAIN[1] =>
+                    || 2.0 * (fit.ln_evidence() - without.ln_evidence()) / temper(levels.plain, fit) < LEAST_GAIN[1] =>
             {
                 (*level, *fit) = (at, without);
                 found.remove(n);
@@ -294,7 +294,7 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
     let groups = by_pose(plain);
     let candidates = candidates(plain);
     let all_columns = |fit: &Fit, level: usize| -> Vec<Columns> {
-        let none = || Columns { matrix: DMatrix::zeros(plain.count(), 0), one_sided: Vec::new(), shape: 0.0 };
+        let none = || Columns { matrix: DMatrix::zeros(base.residuals.len(), 0), one_sided: Vec::new(), shape: 0.0 };
         candidates.par_iter().map(|c| columns(&levels.problems[level], fit, c).unwrap_or_else(none)).collect()
     };
     let at_base = all_columns(&base, first_level);
@@ -353,7 +353,7 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
         let raw = |r: &(Ranked, Option<(usize, Fit)>)| r.0.gain.unwrap_or(f64::NEG_INFINITY);
         ranking.sort_by(|a, b| raw(b).total_cmp(&raw(a)).then(a.0.score.p.total_cmp(&b.0.score.p)));
         // tempered by what the best of them leaves
-        let c = ranking.first().and_then(|r| r.1.as_ref()).map_or(1.0, |r| temper(&r.1));
+        let c = ranking.first().and_then(|r| r.1.as_ref()).map_or(1.0, |r| temper(plain, &r.1));
         for (r, _) in &mut ranking {
             r.gain = r.gain.map(|g| g / c);
         }

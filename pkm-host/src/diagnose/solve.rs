@@ -23,7 +23,9 @@ pub struct Problem<'a> {
     pub whitener: &'a Whitener,
     /// What predicts.
     pub model: &'a Model,
-    /// Whitened readings.
+    /// Means of the readings, by entry.
+    means: Vec<f64>,
+    /// The same, whitened.
     observed: DVector<f64>,
 }
 
@@ -57,35 +59,46 @@ const STEP: f64 = 1e-4;
 impl<'a> Problem<'a> {
     /// Puts them together.
     pub fn new(readings: &'a Readings, whitener: &'a Whitener, model: &'a Model) -> Self {
-        let mut values: Vec<f64> = whitener
-            .entries
-            .iter()
-            .map(|e| readings.readings[e.reading].observed[e.channel].unwrap_or(f64::NAN))
-            .collect();
+        let mean = |e: &Entry| {
+            let sum: f64 = e.readings.iter().filter_map(|r| readings.readings[*r].observed[e.channel]).sum();
+            sum / e.readings.len() as f64
+        };
+        let mut values: Vec<f64> = whitener.entries.iter().map(mean).collect();
+        let observed = values.clone();
         whitener.whiten(&mut values);
         let poses = readings.poses.iter().map(|p| p.pose).collect();
-        Self { readings, poses, whitener, model, observed: values.into() }
+        Self { readings, poses, whitener, model, means: observed, observed: values.into() }
     }
 
-    /// Number of whitened readings.
-    pub fn count(&self) -> usize {
+    /// Number of whitened means of readings.
+    fn count(&self) -> usize {
         self.observed.len()
+    }
+
+    /// Numbers that were read.
+    pub fn numbers(&self) -> usize {
+        self.whitener.entries.iter().map(|e| e.readings.len()).sum()
+    }
+
+    /// χ² of a fit over all numbers that were read.
+    pub fn chi2(&self, fit: &Fit) -> f64 {
+        fit.chi2 + self.whitener.averaged.0
     }
 
     /// Squared whitened scatter of repeats about their means.
     pub fn pure_error(&self) -> f64 {
-        let readings = &self.readings.readings;
-        let mut means: HashMap<(usize, usize), (f64, f64)> = HashMap::new();
-        let value = |e: &Entry| readings[e.reading].observed[e.channel].unwrap_or(f64::NAN);
-        for e in &self.whitener.entries {
-            let mean = means.entry((readings[e.reading].repeat_of, e.channel)).or_default();
-            mean.0 += value(e);
-            mean.1 += 1.0;
+        let key = |e: &Entry| (self.readings.readings[e.readings[0]].repeat_of, e.channel);
+        let mut sums: HashMap<(usize, usize), (f64, f64)> = HashMap::new();
+        for (e, mean) in self.whitener.entries.iter().zip(&self.means) {
+            let sum = sums.entry(key(e)).or_default();
+            sum.0 += mean * e.readings.len() as f64;
+            sum.1 += e.readings.len() as f64;
         }
-        let of = |e: &Entry| means.get(&(readings[e.reading].repeat_of, e.channel)).map_or(0.0, |(sum, n)| sum / n);
-        let mut scatter: Vec<f64> = self.whitener.entries.iter().map(|e| value(e) - of(e)).collect();
+        let of = |e: &Entry| sums.get(&key(e)).map_or(0.0, |(sum, n)| sum / n);
+        let mut scatter: Vec<f64> =
+            self.whitener.entries.iter().zip(&self.means).map(|(e, mean)| mean - of(e)).collect();
         self.whitener.whiten(&mut scatter);
-        scatter.iter().map(|s| s * s).sum()
+        scatter.iter().map(|s| s * s).sum::<f64>() + self.whitener.averaged.0
     }
 
     /// Whitened displacements that errors of the loads cause: for every pose and line of load,
@@ -102,7 +115,7 @@ impl<'a> Problem<'a> {
         };
         let mut groups: BTreeMap<(usize, Vec<i64>), Vec<usize>> = BTreeMap::new();
         for (n, e) in self.whitener.entries.iter().enumerate() {
-            groups.entry(line(&readings.conditions[readings.readings[e.reading].condition])).or_default().push(n);
+            groups.entry(line(&readings.conditions[e.condition])).or_default().push(n);
         }
         let turned = |v: [f64; 3], axis: usize| -> [f64; 3] {
             let unit: [f64; 3] = std::array::from_fn(|i| f64::from(i == axis));
@@ -122,7 +135,7 @@ impl<'a> Problem<'a> {
                     .collect();
                 let found = self.model.predict(&self.poses, &conditions, &[], &[])?;
                 let mut values: Vec<f64> = (self.whitener.entries.iter())
-                    .map(|e| found[readings.readings[e.reading].condition][e.channel])
+                    .map(|e| found[e.condition][e.channel])
                     .collect();
                 self.whitener.whiten(&mut values);
                 Some(values)
@@ -143,9 +156,8 @@ impl<'a> Problem<'a> {
     /// Whitened predictions.
     pub fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
         let found = self.model.predict(&self.poses, &self.readings.conditions, unknowns, x)?;
-        let readings = &self.readings.readings;
         let mut values: Vec<f64> =
-            self.whitener.entries.iter().map(|e| found[readings[e.reading].condition][e.channel]).collect();
+            self.whitener.entries.iter().map(|e| found[e.condition][e.channel]).collect();
         self.whitener.whiten(&mut values);
         values.iter().all(|v| v.is_finite()).then(|| values.into())
     }
@@ -218,11 +230,11 @@ pub struct Levels<'a> {
 /// Whitenings for [`Levels`], from the declared load errors on.
 pub fn whiteners(plain: &Problem<'_>, declared: &Uncertainty) -> Option<Vec<Whitener>> {
     let groups = plain.load_errors()?;
-    let whiteners = LOAD_ERRORS.iter().map(|more| {
+    let at = |more: &f64| {
         let (turn, gain) = (declared.load_direction_rad.hypot(*more), declared.load_gain.hypot(*more));
         plain.whitener.with_load_errors(&groups, [turn, turn, turn, gain])
-    });
-    Some(whiteners.collect())
+    };
+    Some(LOAD_ERRORS.iter().map(at).collect())
 }
 
 impl<'a> Levels<'a> {
@@ -268,7 +280,7 @@ impl Squares<'_, '_> {
         let r = -self.problem.residuals(self.unknowns, self.x.as_slice())?;
         let j = self.problem.jacobian(self.unknowns, self.x.as_slice(), 0..k)?;
         // (J; I) = Q U and (r; x) = Q c + what is square to all columns
-        let u = (j.tr_mul(&j) + DMatrix::identity(k, k)).cholesky()?.l();
+        let u = (product(&j, &j) + DMatrix::identity(k, k)).cholesky()?.l();
         let c = u.solve_lower_triangular(&(j.tr_mul(&r) + &self.x))?;
         let rest = (r.norm_squared() + self.x.norm_squared() - c.norm_squared()).max(0.0).sqrt();
         Some((c.push(rest), u.transpose().insert_row(k, 0.0)))
@@ -298,6 +310,11 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Squares<'_, '_> {
     }
 }
 
+/// Aᵀ B. What `tr_mul` does takes several times as long.
+pub fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    a.transpose() * b
+}
+
 impl Fit {
     fn new(
         unknowns: Vec<Unknown>,
@@ -306,7 +323,7 @@ impl Fit {
         jacobian: DMatrix<f64>,
         log_determinant: f64,
     ) -> Option<Self> {
-        let information = (jacobian.tr_mul(&jacobian) + DMatrix::identity(x.len(), x.len())).cholesky()?;
+        let information = (product(&jacobian, &jacobian) + DMatrix::identity(x.len(), x.len())).cholesky()?;
         let chi2 = residuals.norm_squared();
         let objective = chi2 + x.norm_squared();
         Some(Self { unknowns, x, residuals, jacobian, information, chi2, objective, log_determinant })
@@ -348,8 +365,8 @@ impl Fit {
 
     /// V = Jᵀ (I + AAᵀ)⁻¹ J: what of some columns the unknowns of this fit cannot take.
     pub fn remaining(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
-        let cross = self.jacobian.tr_mul(columns);
-        columns.tr_mul(columns) - cross.tr_mul(&self.information.solve(&cross))
+        let cross = product(&self.jacobian, columns);
+        product(columns, columns) - cross.tr_mul(&self.information.solve(&cross))
     }
 
     /// Squared errors of prediction, group by group of whitened readings, each predicted from the others: the linear

@@ -6,10 +6,11 @@ use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::model::{self, Unknown, info};
-use super::noise::{Noise, NoiseSource};
+use super::noise::{Noise, NoiseSource, Whitener};
 use super::readings::CHANNELS;
 use super::search::{Candidate, Search};
-use super::solve::{Fit, Levels, Problem};
+use super::solve::{self, Fit, Levels, Problem};
+use crate::machine_file::Uncertainty;
 
 /// p at which a misfit counts as significant.
 const P_MISFIT: f64 = 0.01;
@@ -40,13 +41,13 @@ pub struct LackOfFit {
 
 /// Tests a fit.
 pub fn lack_of_fit(problem: &Problem<'_>, noise: &Noise, fit: &Fit) -> LackOfFit {
-    let n = problem.count() as f64;
+    let n = problem.numbers() as f64;
     let (pure, freedom) = match noise.source {
         NoiseSource::Repeats => (problem.pure_error(), noise.freedom),
         NoiseSource::Declared => (0.0, 0.0),
     };
     let freedoms = (n - fit.used_freedoms() - freedom).max(1.0);
-    let misfit = (fit.chi2 - pure).max(0.0);
+    let misfit = (problem.chi2(fit) - pure).max(0.0);
     let (statistic, p) = match noise.source {
         NoiseSource::Repeats => {
             // the noise that whitens is the repeats' own
@@ -274,14 +275,24 @@ pub struct Structure {
     pub p: f64,
 }
 
-/// Splits what a fit leaves by pose, load, sign, direction, temperature and order.
-pub fn residual_structure(problem: &Problem<'_>, fit: &Fit) -> Vec<Structure> {
+/// Splits what the end of a search leaves of every reading by pose, load, sign, direction, temperature and order.
+pub fn residual_structure(
+    problem: &Problem<'_>,
+    noise: &Noise,
+    uncertainty: &Uncertainty,
+    search: &Search,
+) -> Option<Vec<Structure>> {
     let readings = problem.readings;
     let n = readings.readings.len();
+    let by_reading = Whitener::by_reading(readings, noise);
+    let plain = Problem::new(readings, &by_reading, problem.model);
+    let whitener = solve::whiteners(&plain, uncertainty)?.swap_remove(search.levels[1]);
+    let left = Problem::new(readings, &whitener, problem.model)
+        .residuals(&search.fit.unknowns, search.fit.x.as_slice())?;
     // residuals by reading and channel, each in its own noise
     let mut residuals = vec![[0.0; CHANNELS]; n];
-    for (e, r) in problem.whitener.entries.iter().zip(fit.residuals.iter()) {
-        residuals[e.reading][e.channel] = *r;
+    for (e, r) in whitener.entries.iter().zip(left.iter()) {
+        residuals[e.readings[0]][e.channel] = *r;
     }
     let largest = |i: usize| {
         let c = &readings.conditions[readings.readings[i].condition];
@@ -317,8 +328,8 @@ pub fn residual_structure(problem: &Problem<'_>, fit: &Fit) -> Vec<Structure> {
         ),
         ("order", Box::new(move |i| (10 * i / n.max(1)) as i64), &one),
     ];
-    let excess = (fit.chi2 - fit.residuals.len() as f64).max(0.0);
-    factors
+    let excess = (left.norm_squared() - left.len() as f64).max(0.0);
+    let structures = factors
         .iter()
         .map(|(factor, level, sign)| {
             let mut groups: BTreeMap<(i64, usize), ([f64; CHANNELS], f64)> = BTreeMap::new();
@@ -337,5 +348,6 @@ pub fn residual_structure(problem: &Problem<'_>, fit: &Fit) -> Vec<Structure> {
             let share = if excess > 0.0 { ((between - freedoms) / excess).clamp(0.0, 1.0) } else { 0.0 };
             Structure { factor, share, p }
         })
-        .collect()
+        .collect();
+    Some(structures)
 }
