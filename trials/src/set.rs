@@ -55,6 +55,9 @@ pub struct Wish {
     /// Let held-out deflections hold what the sensor makes of them; else they are the machine's own
     #[arg(long)]
     pub sensed_heldout: bool,
+    /// Measure at this many poses, instead of a random number
+    #[arg(long)]
+    pub poses: Option<usize>,
 }
 
 /// Standard deviations of a reading (µm, µrad) and of a series' zero.
@@ -316,6 +319,7 @@ impl Set {
             1..5 => 10,
             _ => 12 + rng.index(9),
         };
+        let count = wish.poses.unwrap_or(count);
 
         let declared = if rng.chance(0.4) { Machine::reference() } else { Machine::random(rng) };
         let mut machine = declared.clone();
