@@ -108,6 +108,7 @@ impl<T: Scalar> Posture<T> {
 }
 
 /// The actual posture at a commanded pose.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Actual<T> {
     pub posture: Posture<T>,
     /// R_actualᵀ R_commanded, from commanded A-uvw into the actual one; `None` when they are the same.

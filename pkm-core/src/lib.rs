@@ -50,5 +50,5 @@ pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableEr
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters, TemperatureError};
 pub use scalar::Scalar;
-pub use stiffness::{Stiffness, StiffnessError, StiffnessFactor};
+pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor};
 pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};

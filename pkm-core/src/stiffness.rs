@@ -12,7 +12,7 @@
 use core::fmt;
 
 use crate::effects::{Limb, Series};
-use crate::kinematics::{KinematicsError, Posture};
+use crate::kinematics::{Actual, KinematicsError, Posture};
 use crate::linalg::{self, Lower};
 use crate::machine::{Machine, Sizes};
 use crate::scalar::Scalar;
@@ -352,8 +352,66 @@ fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+fn product<T: Scalar>(a: &[T; 6], b: &[T; 6]) -> T {
+    a.iter().zip(b).fold(T::ZERO, |sum, (a, b)| sum + *a * *b)
+}
+
 fn finite<T: Scalar>(d: [T; 6]) -> Result<Deflection<T>, StiffnessError> {
     if d.iter().all(|v| v.is_finite()) { Ok(Deflection::from_array(d)) } else { Err(StiffnessError::NotFinite) }
+}
+
+/// How a machine with load-dependent effects answers loads at one pose.
+#[derive(Clone, Copy, Debug)]
+pub struct LoadResponse<'a, T> {
+    machine: &'a Machine<T>,
+    /// `None` when nothing depends on the load.
+    limbs: Option<LimbResponse<T>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct LimbResponse<T> {
+    actual: Actual<T>,
+    /// Displacement of A per unit of elongation of each limb.
+    moved: [[T; 6]; 3],
+    /// Tension in limb i taken by a unit of elongation of limb j.
+    m: [[T; 3]; 3],
+}
+
+impl<T: Scalar> LoadResponse<'_, T> {
+    /// See [`Machine::load_dependent_deflection`].
+    ///
+    /// # Errors
+    /// A wrench or a deflection that is not finite; [`StiffnessError::NotConverged`].
+    pub fn deflection(&self, wrench: &Wrench<T>, turned_at: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
+        let (load, turned_at) = (wrench.to_array(), turned_at.to_array());
+        if !load.iter().chain(&turned_at).all(|f| f.is_finite()) {
+            return Err(StiffnessError::NotFinite);
+        }
+        let o = T::ZERO;
+        let Some(LimbResponse { actual, moved, m }) = &self.limbs else {
+            return Ok(Deflection::from_array([o; 6]));
+        };
+        let effects = &self.machine.effects;
+        let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
+        let mut linear = moved.map(|moved| product(&moved, &load));
+        let mut lag = [o; 3];
+        for i in 0..3 {
+            lag[i] = effects.lag(linear[i], product(&moved[i], &turned_at));
+        }
+        // the lag is known from the linear tensions: what it does to them comes before the solve
+        for (linear, row) in linear.iter_mut().zip(m) {
+            *linear -= dot(*row, lag);
+        }
+        let found = tensions(m, &linear, |n| effects.elongation(n))?;
+        let mut d = [o; 6];
+        for (moved, (n, lag)) in moved.iter().zip(found.into_iter().zip(lag)) {
+            let e = effects.elongation(n).0 + lag;
+            for (d, c) in d.iter_mut().zip(moved) {
+                *d += e * *c;
+            }
+        }
+        finite(actual.given_back(d))
+    }
 }
 
 impl<T: Scalar> Machine<T> {
@@ -448,49 +506,36 @@ impl<T: Scalar> Machine<T> {
         wrench: &Wrench<T>,
         turned_at: &Wrench<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
+        self.load_response(pose)?.deflection(wrench, turned_at)
+    }
+
+    /// What [`load_dependent_deflection`](Self::load_dependent_deflection) needs of a pose, for many loads there.
+    ///
+    /// # Errors
+    /// Those of [`stiffness`](Self::stiffness).
+    pub fn load_response(&self, pose: &Pose<T>) -> Result<LoadResponse<'_, T>, StiffnessError> {
         let posture = self.posture(pose)?;
-        let (load, turned_at) = (wrench.to_array(), turned_at.to_array());
-        if !load.iter().chain(&turned_at).all(|f| f.is_finite()) {
-            return Err(StiffnessError::NotFinite);
-        }
         if !self.effects.depend_on_load() {
-            return Ok(Deflection::from_array([T::ZERO; 6]));
+            return Ok(LoadResponse { machine: self, limbs: None });
         }
+        let o = T::ZERO;
         let actual = self.actual(posture)?;
-        let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
         let (pair, third, mut lower) = self.chains_with_effects(&actual.posture);
         // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
         let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
         let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
-        let o = T::ZERO;
         let own = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
         pair.add_stiffness_to(&mut lower)?;
         third.add_stiffness_to(&mut lower)?;
         let factor = linalg::cholesky(&lower).ok_or(StiffnessError::NotPositiveDefinite)?;
         let moved = [linalg::solve(&factor, &v[0]), linalg::solve(&factor, &v[1]), linalg::solve(&factor, &v[2])];
-        let product = |a: &[T; 6], b: &[T; 6]| a.iter().zip(b).fold(o, |sum, (a, b)| sum + *a * *b);
-        let mut m = [[o; 3]; 3];
-        let (mut linear, mut lag) = ([o; 3], [o; 3]);
+        let mut m = own;
         for i in 0..3 {
-            linear[i] = product(&moved[i], &load);
-            lag[i] = self.effects.lag(linear[i], product(&moved[i], &turned_at));
             for j in 0..3 {
-                m[i][j] = own[i][j] - product(&v[i], &moved[j]);
+                m[i][j] -= product(&v[i], &moved[j]);
             }
         }
-        // the lag is known from the linear tensions: what it does to them comes before the solve
-        for (linear, row) in linear.iter_mut().zip(m) {
-            *linear -= dot(row, lag);
-        }
-        let found = tensions(&m, &linear, |n| self.effects.elongation(n))?;
-        let mut d = [o; 6];
-        for (moved, (n, lag)) in moved.iter().zip(found.into_iter().zip(lag)) {
-            let e = self.effects.elongation(n).0 + lag;
-            for (d, c) in d.iter_mut().zip(moved) {
-                *d += e * *c;
-            }
-        }
-        finite(actual.given_back(d))
+        Ok(LoadResponse { machine: self, limbs: Some(LimbResponse { actual, moved, m }) })
     }
 
     /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first

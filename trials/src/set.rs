@@ -81,10 +81,9 @@ pub struct Set {
     poses: Vec<Pose>,
     rows: Vec<Row>,
     readings: Vec<Vector6<f64>>,
-    held_poses: Vec<Pose>,
-    held_rows: Vec<Row>,
-    held_zones: Vec<&'static str>,
-    held: Vec<Vector6<f64>>,
+    held: HeldOut,
+    /// So many more that their error is that of all that could be held out.
+    many_held: HeldOut,
     rotations: bool,
     temperature: bool,
     wrong: Vec<String>,
@@ -172,17 +171,27 @@ fn plan(rng: &mut Random, poses: usize, levels: &Levels, soft_y: bool, temperatu
     rows
 }
 
-/// Poses and loads that were not measured, with their zones.
+/// Poses and loads that were not measured.
+#[derive(Clone, Debug)]
+struct HeldOut {
+    poses: Vec<Pose>,
+    rows: Vec<Row>,
+    zones: Vec<&'static str>,
+    values: Vec<Vector6<f64>>,
+}
+
+/// Draws `count` times 22 poses that were not measured.
 fn held_out(
     rng: &mut Random,
     machine: &Machine,
     angle: f64,
     moments: bool,
     temperature: bool,
-) -> (Vec<Pose>, Vec<Row>, Vec<&'static str>) {
+    count: usize,
+) -> HeldOut {
     let (mut poses, mut rows, mut zones) = (Vec::new(), Vec::new(), Vec::new());
-    for n in 0..22 {
-        let zone = ["inside", "beyond", "loads"][usize::from(n >= 8) + usize::from(n >= 16)];
+    for n in 0..22 * count {
+        let zone = ["inside", "beyond", "loads"][usize::from(n % 22 >= 8) + usize::from(n % 22 >= 16)];
         poses.push(pose_in(rng, machine, angle, if zone == "beyond" { 1.4 } else { 1.0 }));
         let t = if temperature { (rng.between(17.0, 26.0) * 100.0).round() / 100.0 } else { 20.0 };
         for k in 0..if zone == "loads" { 4 } else { 5 } {
@@ -205,7 +214,7 @@ fn held_out(
             zones.push(zone);
         }
     }
-    (poses, rows, zones)
+    HeldOut { poses, rows, zones, values: Vec::new() }
 }
 
 /// Readings in µm and µrad as one vector, whitened with the noise of a reading and of a series' zero.
@@ -329,8 +338,7 @@ impl Set {
         let poses: Vec<Pose> = (0..count).map(|_| pose_in(rng, &declared, angle, 1.0)).collect();
         let soft_y = rng.chance(0.3);
         let rows = plan(rng, count, levels, soft_y, temperature);
-        let (held_poses, held_rows, held_zones) =
-            held_out(rng, &declared, angle, !levels.moment.is_empty(), temperature);
+        let held = held_out(rng, &declared, angle, !levels.moment.is_empty(), temperature, 1);
         let mut set = Self {
             kind,
             seed,
@@ -340,10 +348,8 @@ impl Set {
             poses,
             rows,
             readings: Vec::new(),
-            held_poses,
-            held_rows,
-            held_zones,
-            held: Vec::new(),
+            held,
+            many_held: HeldOut { poses: Vec::new(), rows: Vec::new(), zones: Vec::new(), values: Vec::new() },
             rotations,
             temperature,
             wrong: Vec::new(),
@@ -363,7 +369,10 @@ impl Set {
         }
         set.readings = set.world.deflections(&set.poses, &set.rows, true);
         noise(&set.rows, &mut set.readings, rng);
-        set.held = set.world.deflections(&set.held_poses, &set.held_rows, wish.sensed_heldout);
+        set.many_held = held_out(rng, &set.declared, angle, !levels.moment.is_empty(), temperature, 12);
+        for held in [&mut set.held, &mut set.many_held] {
+            held.values = set.world.deflections(&held.poses, &held.rows, wish.sensed_heldout);
+        }
         Ok(Some(set))
     }
 
@@ -463,9 +472,11 @@ impl Set {
         put("machine.toml", self.declared.toml("trial"))?;
         let measured = self.csv(&self.poses, &self.rows, &self.readings, 1, 2);
         put("measured.csv", measured)?;
-        put("heldout.csv", self.csv(&self.held_poses, &self.held_rows, &self.held, 101, 4))?;
+        let csv = |held: &HeldOut| self.csv(&held.poses, &held.rows, &held.values, 101, 4);
+        put("heldout.csv", csv(&self.held))?;
+        put("heldout_many.csv", csv(&self.many_held))?;
         let mut zones = "row,pose,zone\n".to_owned();
-        for (i, (row, zone)) in self.held_rows.iter().zip(&self.held_zones).enumerate() {
+        for (i, (row, zone)) in self.held.rows.iter().zip(&self.held.zones).enumerate() {
             _ = writeln!(zones, "{i},p{},{zone}", row.pose + 101);
         }
         put("heldout_zones.csv", zones)?;
@@ -596,7 +607,7 @@ mod tests {
             let wish = Wish { effect: Some(spec.id.to_owned()), lambda: Some(60.0), ..Wish::default() };
             let kind = if OUTSIDE.iter().any(|s| s.id == spec.id) { Kind::Outside } else { Kind::One };
             let set = Set::new(kind, 3, &wish).unwrap();
-            assert!(set.readings.iter().chain(&set.held).all(|d| d.norm() < 0.02), "{}", spec.id);
+            assert!(set.readings.iter().chain(&set.held.values).all(|d| d.norm() < 0.02), "{}", spec.id);
             // all stiffnesses together take a gain of the load; a telescope is never a plain rod
             let range = match spec.id {
                 "load-gain" => 1.0..60.0,
@@ -639,7 +650,7 @@ mod tests {
     fn held_out_poses_beyond_the_box_are_within_travel() {
         let mut rng = Random::new(2);
         let machine = Machine::random(&mut rng);
-        let (poses, rows, zones) = held_out(&mut rng, &machine, 0.2, true, false);
+        let HeldOut { poses, rows, zones, .. } = held_out(&mut rng, &machine, 0.2, true, false, 1);
         assert_eq!((rows.len(), zones.iter().filter(|z| **z == "beyond").count()), (104, 40));
         assert!(poses.iter().all(|p| machine.reaches(p)));
         let beyond = |p: &Pose| p.0[0].abs() > 0.2 || p.0[1].abs() > 0.2 || (p.0[2] - 0.53).abs() > 0.03;

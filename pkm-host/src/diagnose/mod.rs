@@ -215,8 +215,8 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     step("what to measure next");
     let contenders = next::contenders(&levels, &search);
     let proposals = next::propose(problem, &noise, file, &contenders);
-    let structure =
-        verdict::residual_structure(problem, &noise, &file.uncertainty, &search).ok_or_else(|| not_converged(readings))?;
+    let structure = verdict::residual_structure(problem, &noise, &file.uncertainty, &search)
+        .ok_or_else(|| not_converged(readings))?;
     step("report");
     let end = &search.fit;
     let standard_errors = end.standard_errors();

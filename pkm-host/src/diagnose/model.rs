@@ -4,7 +4,7 @@
 
 use pkm_core::effects::{EFFECTS, EffectInfo, MAX_PARAMETERS};
 use pkm_core::machine::{Joint, Tube};
-use pkm_core::{Deflection, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
+use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
 
 use super::readings::{CHANNELS, Condition};
 use crate::machine_file::MachineFile;
@@ -397,6 +397,11 @@ impl Model {
     }
 }
 
+/// What determines the deflections of a machine at a pose.
+fn answer<'a>(machine: &'a Machine<f64>, pose: &Pose<f64>) -> Option<(StiffnessFactor<f64>, LoadResponse<'a, f64>)> {
+    Some((machine.stiffness(pose).ok()?.factor().ok()?, machine.load_response(pose).ok()?))
+}
+
 impl State {
     /// What the sensor reads in each condition, m and rad.
     pub fn predict(&self, poses: &[Pose<f64>], conditions: &[Condition]) -> Option<Vec<[f64; CHANNELS]>> {
@@ -415,30 +420,26 @@ impl State {
         };
         let warms = on(&["thermal-modulus"]);
         let grows = on(&["thermal-expansion"]);
-        let bends = on(&["clearance", "contact-stiffening", "friction-hysteresis"]);
         // one stiffness a pose, unless it changes with every temperature
-        let mut factors: Vec<Option<StiffnessFactor<f64>>> = vec![None; poses.len()];
+        let mut at: Vec<Option<(StiffnessFactor<f64>, LoadResponse<'_, f64>)>> = vec![None; poses.len()];
         let mut found = Vec::with_capacity(conditions.len());
         for c in conditions {
             let pose = &poses[c.pose];
             let warm;
-            let machine = if warms {
+            let (machine, (factor, response)) = if warms {
                 warm = machine.at_temperature(c.temperature_c).ok()?;
-                factors[c.pose] = None;
-                &warm
+                (&warm, answer(&warm, pose)?)
             } else {
-                &machine
-            };
-            let factor = match factors[c.pose] {
-                Some(factor) => factor,
-                None => *factors[c.pose].insert(machine.stiffness(pose).ok()?.factor().ok()?),
+                let there = match at[c.pose] {
+                    Some(there) => there,
+                    None => *at[c.pose].insert(answer(&machine, pose)?),
+                };
+                (&machine, there)
             };
             let wrench = loaded(&c.wrench, c.point_m);
-            let mut d: Deflection<f64> = factor.deflection(&wrench).ok()?;
-            if bends {
-                let turned_at = loaded(&c.turned_at, c.point_m);
-                d = d.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at).ok()?);
-            }
+            let turned_at = loaded(&c.turned_at, c.point_m);
+            let linear: Deflection<f64> = factor.deflection(&wrench).ok()?;
+            let mut d = linear.plus(&response.deflection(&wrench, &turned_at).ok()?);
             if grows {
                 d = d.plus(&machine.thermal_deflection(pose, c.rise_k).ok()?);
             }

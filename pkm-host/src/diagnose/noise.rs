@@ -297,7 +297,8 @@ impl Whitener {
         for group in &groups {
             for channel in 0..CHANNELS {
                 let cells = cells(readings, noise, group, channel, average);
-                let key = (channel, cells.iter().map(|(condition, weight, r)| (*condition, *weight, r.len())).collect());
+                let key =
+                    (channel, cells.iter().map(|(condition, weight, r)| (*condition, *weight, r.len())).collect());
                 let next = blocks.len();
                 let block = if average { *alike.entry(key).or_insert(next) } else { next };
                 if block == next {

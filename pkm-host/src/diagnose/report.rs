@@ -103,12 +103,8 @@ pub fn text(d: &Diagnosis) -> String {
     let _ = writeln!(text, "  rms translation error in µm           readings   held out, with its 95 % interval");
     for (rival, _, name) in RIVALS {
         if let (Some(a), Some(b)) = (of(&d.errors, rival), of(&d.held_out.all, rival)) {
-            let [low, high] = b.linear_um_rms_interval;
-            let _ = writeln!(
-                text,
-                "  {name:<36} {:>9.3} {:>10.3}   {low:.3} to {high:.3}",
-                a.linear_um_rms, b.linear_um_rms
-            );
+            let (own, other, interval) = (a.linear_um_rms, b.linear_um_rms, interval(b));
+            let _ = writeln!(text, "  {name:<36} {own:>9.3} {other:>10.3}   {interval}");
         }
     }
     let _ = writeln!(text, "  seed {SEED}");
@@ -198,17 +194,20 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
     Ok(html)
 }
 
+fn interval(e: &Errors) -> String {
+    e.linear_um_rms_interval.map_or("too few poses".to_owned(), |[low, high]| format!("{low:.3} to {high:.3}"))
+}
+
 fn error_rows(errors: &[(Rival, Errors)]) -> Vec<(String, Vec<String>)> {
     RIVALS
         .iter()
         .filter_map(|(rival, _, name)| {
             let e = of(errors, *rival)?;
-            let [low, high] = e.linear_um_rms_interval;
             Some((
                 (*name).to_owned(),
                 vec![
                     format!("{:.3}", e.linear_um_rms),
-                    format!("{low:.3} to {high:.3}"),
+                    interval(e),
                     format!("{:.2}", e.linear_um_max),
                     format!("{:.2}", e.linear_percent),
                     format!("{:.3}", e.angular_urad_rms),

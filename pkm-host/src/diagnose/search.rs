@@ -276,7 +276,8 @@ fn drop_needless(levels: &Levels<'_>, found: &mut Vec<Found>, level: &mut usize,
         match levels.fit(&unknowns, &x, *level) {
             Some((at, without))
                 if !has_amplitude
-                    || 2.0 * (fit.ln_evidence() - without.ln_evidence()) / temper(levels.plain, fit) < LEAST_GAIN[1] =>
+                    || 2.0 * (fit.ln_evidence() - without.ln_evidence()) / temper(levels.plain, fit)
+                        < LEAST_GAIN[1] =>
             {
                 (*level, *fit) = (at, without);
                 found.remove(n);

@@ -55,6 +55,8 @@ pub type LoadGroup = (Vec<usize>, DMatrix<f64>);
 
 /// Step of the central differences, in units of the priors: truncation and rounding are both near 1e-9.
 const STEP: f64 = 1e-4;
+/// Step of the one-sided ones.
+const SHORT_STEP: f64 = 1e-6;
 
 impl<'a> Problem<'a> {
     /// Puts them together.
@@ -134,9 +136,8 @@ impl<'a> Problem<'a> {
                     })
                     .collect();
                 let found = self.model.predict(&self.poses, &conditions, &[], &[])?;
-                let mut values: Vec<f64> = (self.whitener.entries.iter())
-                    .map(|e| found[e.condition][e.channel])
-                    .collect();
+                let mut values: Vec<f64> =
+                    (self.whitener.entries.iter()).map(|e| found[e.condition][e.channel]).collect();
                 self.whitener.whiten(&mut values);
                 Some(values)
             })
@@ -156,8 +157,7 @@ impl<'a> Problem<'a> {
     /// Whitened predictions.
     pub fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
         let found = self.model.predict(&self.poses, &self.readings.conditions, unknowns, x)?;
-        let mut values: Vec<f64> =
-            self.whitener.entries.iter().map(|e| found[e.condition][e.channel]).collect();
+        let mut values: Vec<f64> = self.whitener.entries.iter().map(|e| found[e.condition][e.channel]).collect();
         self.whitener.whiten(&mut values);
         values.iter().all(|v| v.is_finite()).then(|| values.into())
     }
@@ -177,6 +177,17 @@ impl<'a> Problem<'a> {
             .collect();
         let columns = columns?;
         if columns.is_empty() { Some(DMatrix::zeros(self.count(), 0)) } else { Some(DMatrix::from_columns(&columns)) }
+    }
+
+    /// The same by all unknowns, from the predictions there: good enough for the way to a minimum, at half the work.
+    fn slopes(&self, unknowns: &[Unknown], x: &[f64], there: &DVector<f64>) -> Option<DMatrix<f64>> {
+        let slope = |i: usize| {
+            let mut x = x.to_vec();
+            x[i] += SHORT_STEP;
+            Some((self.predict(unknowns, &x)? - there) / SHORT_STEP)
+        };
+        let columns: Option<Vec<DVector<f64>>> = (0..x.len()).into_par_iter().map(slope).collect();
+        Some(DMatrix::from_columns(&columns?))
     }
 
     /// Whitened readings less predictions.
@@ -277,8 +288,9 @@ struct Squares<'p, 'a> {
 impl Squares<'_, '_> {
     fn reduce(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let k = self.x.len();
-        let r = -self.problem.residuals(self.unknowns, self.x.as_slice())?;
-        let j = self.problem.jacobian(self.unknowns, self.x.as_slice(), 0..k)?;
+        let predicted = self.problem.predict(self.unknowns, self.x.as_slice())?;
+        let j = self.problem.slopes(self.unknowns, self.x.as_slice(), &predicted)?;
+        let r = predicted - &self.problem.observed;
         // (J; I) = Q U and (r; x) = Q c + what is square to all columns
         let u = (product(&j, &j) + DMatrix::identity(k, k)).cholesky()?.l();
         let c = u.solve_lower_triangular(&(j.tr_mul(&r) + &self.x))?;

@@ -287,8 +287,8 @@ pub fn residual_structure(
     let by_reading = Whitener::by_reading(readings, noise);
     let plain = Problem::new(readings, &by_reading, problem.model);
     let whitener = solve::whiteners(&plain, uncertainty)?.swap_remove(search.levels[1]);
-    let left = Problem::new(readings, &whitener, problem.model)
-        .residuals(&search.fit.unknowns, search.fit.x.as_slice())?;
+    let left =
+        Problem::new(readings, &whitener, problem.model).residuals(&search.fit.unknowns, search.fit.x.as_slice())?;
     // residuals by reading and channel, each in its own noise
     let mut residuals = vec![[0.0; CHANNELS]; n];
     for (e, r) in whitener.entries.iter().zip(left.iter()) {
