@@ -43,6 +43,9 @@ fn rms(json: &Value, rival: &str) -> f64 {
     json["holdout"][rival]["linear_um_rms"].as_f64().unwrap()
 }
 
+/// Sets of which the diagnosis is known to be wrong.
+const KNOWN_MISSES: [&str; 0] = [];
+
 #[test]
 fn sets_are_diagnosed_as_their_truth_says() {
     let mut sets: Vec<_> = measured("").read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
@@ -71,7 +74,9 @@ fn sets_are_diagnosed_as_their_truth_says() {
             }
             continue;
         }
-        for id in &contains {
+        // below λ = 30 nothing need be found
+        let hidden = truth["lambda"].as_f64().is_some_and(|lambda| lambda < 30.0);
+        for id in contains.iter().filter(|_| !hidden) {
             // a softer drive or joint may come out as a declared value of its limb
             let blamed = |limbs: &[&str]| declared.iter().any(|d| limbs.iter().any(|l| d.starts_with(l)));
             let as_declared = match *id {
@@ -86,10 +91,10 @@ fn sets_are_diagnosed_as_their_truth_says() {
         if contains.is_empty() && !effects.is_empty() {
             fail("named what is not there");
         }
-        if set == "p01" || set == "own-none" {
+        if set == "p01" || set.starts_with("own-none") {
             assert_eq!(verdict, "adequate", "{set}");
         }
-        if truth.get("declared_value_finding").is_some() && declared.is_empty() {
+        if truth.get("declared_value_finding").is_some() && declared.is_empty() && !hidden {
             fail("no declared value blamed");
         }
         // physics must not make it worse than re-tuning alone
@@ -97,10 +102,9 @@ fn sets_are_diagnosed_as_their_truth_says() {
             fail("worse than re-tuned");
         }
     }
-    // base-compliance mixed with a softer limb 3 is wholly taken by re-tuning: nothing is left to find
-    let known = |line: &&str| !line.starts_with("own-two ") && !line.starts_with("own-outside-cubic");
-    let unexpected: Vec<&str> = wrong.lines().filter(known).collect();
-    assert!(unexpected.is_empty(), "{}", unexpected.join("\n"));
+    // hard ones that are missed, and what is outside the list and passes for something on it
+    let missed: Vec<&str> = wrong.lines().map(|l| l.split(' ').next().unwrap()).collect();
+    assert_eq!(missed, KNOWN_MISSES, "{wrong}");
 }
 
 #[test]

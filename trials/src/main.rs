@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::{Parser, Subcommand};
+use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
 use pkm_trials::set::{Kind, Set, Wish};
 
@@ -61,6 +62,12 @@ enum Command {
         /// Write the tables as Markdown too
         #[arg(long)]
         markdown: Option<PathBuf>,
+    },
+    /// Write the sets that the project keeps: every effect easy and hard to see, and what else there is
+    Fixtures {
+        /// Folder for the folders `own-…`
+        #[arg(long)]
+        out: PathBuf,
     },
     /// Run the program on the sets in a folder and print the rates
     Score {
@@ -133,16 +140,49 @@ fn folders(dir: &Path) -> Result<Vec<PathBuf>, String> {
     Ok(all)
 }
 
+/// λ of sets that are easy and hard to name.
+const SIZES: [(&str, f64); 2] = [("easy", 500.0), ("hard", 60.0)];
+/// Seeds of the sets that are kept; nothing was chosen by what comes out.
+const SEEDS: [u64; 2] = [1, 2];
+
+/// Writes the sets that the project keeps.
+fn fixtures(out: &Path) -> Result<(), String> {
+    let wish = |effect: Option<&str>, lambda| Wish {
+        effect: effect.map(str::to_owned),
+        lambda,
+        poses: Some(10),
+        ..Wish::default()
+    };
+    let write = |name: &str, kind, seed, wish: &Wish| {
+        Set::new(kind, seed, wish).and_then(|set| set.write(&out.join(name), false)).map_err(|e| format!("{name}: {e}"))
+    };
+    for spec in LISTED.iter().chain([&COUPLING]) {
+        for (size, lambda) in SIZES {
+            write(&format!("own-{}-{size}", spec.id), Kind::One, SEEDS[0], &wish(Some(spec.id), Some(lambda)))?;
+        }
+    }
+    for spec in &OUTSIDE {
+        write(&format!("own-outside-{}", spec.id), Kind::Outside, SEEDS[0], &wish(Some(spec.id), Some(200.0)))?;
+    }
+    for kind in [Kind::None, Kind::LoadErrors, Kind::Declared, Kind::Two] {
+        for seed in SEEDS {
+            write(&format!("own-{}-{seed}", kind.name()), kind, seed, &wish(None, None))?;
+        }
+    }
+    Ok(())
+}
+
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
-        Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out)),
+        Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out, false)),
+        Command::Fixtures { out } => fixtures(&out),
         Command::Run { program, sets, seed, kinds, wish, jobs, keep, verbose, markdown } => {
             say(&format!("seed {seed}, {sets} sets of each kind"));
             let tasks: Vec<(Kind, u64)> = kinds.iter().flat_map(|k| (seed..seed + sets).map(|s| (*k, s))).collect();
             let work = |(kind, seed): &(Kind, u64)| {
                 let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
                 let folder = keep.as_deref().unwrap_or(folder.path()).join(format!("{}-{seed}", kind.name()));
-                Set::new(*kind, *seed, &wish)?.write(&folder)?;
+                Set::new(*kind, *seed, &wish)?.write(&folder, true)?;
                 Outcome::of(&program, &folder)
             };
             all_of(&tasks, jobs, verbose, work).and_then(|outcomes| show(&outcomes, markdown))

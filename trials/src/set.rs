@@ -462,8 +462,8 @@ impl Set {
         truth
     }
 
-    /// Writes the folder.
-    pub fn write(&self, folder: &Path) -> Result<(), String> {
+    /// Writes the folder; with very many held-out poses too, if asked.
+    pub fn write(&self, folder: &Path, many: bool) -> Result<(), String> {
         let put = |name: &str, text: String| {
             std::fs::create_dir_all(folder)
                 .and_then(|()| std::fs::write(folder.join(name), text))
@@ -474,7 +474,9 @@ impl Set {
         put("measured.csv", measured)?;
         let csv = |held: &HeldOut| self.csv(&held.poses, &held.rows, &held.values, 101, 4);
         put("heldout.csv", csv(&self.held))?;
-        put("heldout_many.csv", csv(&self.many_held))?;
+        if many {
+            put("heldout_many.csv", csv(&self.many_held))?;
+        }
         let mut zones = "row,pose,zone\n".to_owned();
         for (i, (row, zone)) in self.held.rows.iter().zip(&self.held.zones).enumerate() {
             _ = writeln!(zones, "{i},p{},{zone}", row.pose + 101);

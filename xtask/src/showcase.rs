@@ -3,14 +3,18 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use pkm_core::{Deflection, Stiffness, Wrench};
+use pkm_core::{Deflection, Machine, Pose, Stiffness, Wrench};
 use pkm_host::commands;
 use pkm_host::dataset::{self, StiffnessData, file_units};
+use pkm_host::diagnose;
+use pkm_host::diagnose::compare::{self, Zone};
+use pkm_host::diagnose::readings::Readings;
 use pkm_host::fit::ROTATION_ARM_M;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
+use pkm_host::table_file::TableFile;
 
-use crate::{Outcome, root};
+use crate::{Outcome, fit_fixtures, root};
 
 const FORCE_N: f64 = 1000.0;
 const MOMENT_NM: f64 = 100.0;
@@ -45,8 +49,11 @@ fn readings(data: &StiffnessData) -> Result<String, String> {
     Ok(text)
 }
 
-/// Mean error of a machine's deflection under each load, %: relative norm with rotations times 0.2 m.
-fn errors(machine: &MachineFile, data: &StiffnessData) -> Result<[f64; 6], String> {
+/// Gives the stiffness at a pose.
+type Law<'a> = &'a dyn Fn(&Pose<f64>) -> Result<Stiffness<f64>, String>;
+
+/// Mean error of the deflection under each load at some poses, %: relative norm with rotations times 0.2 m.
+fn errors(law: Law<'_>, data: &StiffnessData, at: &[usize]) -> Result<[f64; 6], String> {
     let norm = |d: &Deflection<f64>, e: &Deflection<f64>| {
         let linear: f64 = (0..3).map(|i| (d.translation_m[i] - e.translation_m[i]).powi(2)).sum();
         let angular: f64 = (0..3).map(|i| (ROTATION_ARM_M * (d.rotation_rad[i] - e.rotation_rad[i])).powi(2)).sum();
@@ -54,12 +61,12 @@ fn errors(machine: &MachineFile, data: &StiffnessData) -> Result<[f64; 6], Strin
     };
     let zero = Deflection { translation_m: [0.0; 3], rotation_rad: [0.0; 3] };
     let mut sums = [0.0; 6];
-    for (p, target) in data.poses.iter().zip(&data.targets) {
-        let truth = target.full.ok_or("the solids' stiffness is whole")?;
-        let model = machine.machine.stiffness(&p.pose).map_err(|e| e.to_string())?;
+    for n in at {
+        let (model, truth) =
+            (law(&data.poses[*n].pose)?, data.targets[*n].full.ok_or("the solids' stiffness is whole")?);
         for (sum, load) in sums.iter_mut().zip(loads()) {
             let (a, b) = (deflection(&model, &load)?, deflection(&truth, &load)?);
-            *sum += 100.0 * norm(&a, &b) / norm(&b, &zero) / data.poses.len() as f64;
+            *sum += 100.0 * norm(&a, &b) / norm(&b, &zero) / at.len() as f64;
         }
     }
     Ok(sums)
@@ -75,17 +82,50 @@ pub fn run() -> Outcome {
     let write = |name: &str, text: String| std::fs::write(out.join(name), text).map_err(|e| e.to_string());
     write("measured.csv", readings(&training)?)?;
     write("heldout.csv", readings(&verification)?)?;
-    let path = |name: &str| out.join(name);
-    let (data, held_out) = (path("measured.csv"), path("heldout.csv"));
-    let found = commands::diagnose(None, Some(&data), Some(&held_out), Path::new(&out)).map_err(fail)?;
-    print!("{}", found.text);
-    let improved = MachineFile::parse(Source::read(&path("machine.toml")).map_err(fail)?).map_err(fail)?;
+    let (data, held_out) = (out.join("measured.csv"), out.join("heldout.csv"));
+    print!("{}", commands::diagnose(None, Some(&data), Some(&held_out), &out).map_err(fail)?.text);
+
+    // once more for what was found one after another, then a factor table of the solids on the machine that came out
+    let load = |path: &Path| Source::read(path).and_then(|s| Readings::read(s, &declared)).map_err(fail);
+    let (data, held_out) = (load(&data)?, load(&held_out)?);
+    let diagnosis = diagnose::diagnose(&declared, &data, Some(&held_out)).map_err(fail)?;
+    let improved = out.join("machine.toml");
+    fit_fixtures(Some(&improved), &out.join("fit"))?;
+    let table = Source::read(&out.join("fit/coefficients.json")).and_then(|s| TableFile::parse(&s)).map_err(fail)?;
+    let numbers = table.numbers();
+    let table = numbers.table().map_err(fail)?;
+    let improved = Source::read(&improved).and_then(MachineFile::parse).map_err(fail)?.machine;
+
+    let mut machines = vec![("as declared".to_owned(), declared.machine)];
+    for step in &diagnosis.steps {
+        let machine = Machine::<f64>::new(&step.machine).map_err(|e| format!("{e:?}"))?;
+        machines.push((format!("+ {}", step.found.last().map_or("", String::as_str)), machine));
+    }
+    let zones = compare::zones(&data, &held_out);
+    let in_zone = |zone: Zone| -> Vec<usize> {
+        // six loads a pose
+        (0..verification.poses.len()).filter(|n| zones[6 * n] == zone).collect()
+    };
+    let groups = [
+        ("poses read", &training, (0..training.poses.len()).collect()),
+        ("other poses, inside", &verification, in_zone(Zone::Inside)),
+        ("other poses, at the edge", &verification, in_zone(Zone::Edge)),
+        ("other poses, beyond", &verification, in_zone(Zone::Beyond)),
+    ];
     println!("mean deflection error in % under Fx Fy Fz Mx My Mz");
-    for (name, machine) in [("as declared", &declared), ("with what was found", &improved)] {
-        for (set, data) in [("49 poses read", &training), ("25 other poses", &verification)] {
-            let shown = errors(machine, data)?.map(|e| format!("{e:7.2}")).join("");
-            println!("  {name:<20} {set:<15}{shown}");
+    for (group, data, at) in groups.iter().filter(|g| !g.2.is_empty()) {
+        println!("{} {group}", at.len());
+        let show = |name: &str, law: Law<'_>| -> Outcome {
+            let shown = errors(law, data, at)?.map(|e| format!("{e:7.2}")).join("");
+            println!("  {name:<30}{shown}");
+            Ok(())
+        };
+        for (name, machine) in &machines {
+            show(name, &|pose| machine.stiffness(pose).map_err(|e| e.to_string()))?;
         }
+        show("+ a factor table", &|pose| {
+            table.factor_form(&improved, pose).map(|c| c.factor.stiffness()).map_err(|e| e.to_string())
+        })?;
     }
     Ok(())
 }

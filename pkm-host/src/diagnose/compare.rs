@@ -89,6 +89,23 @@ pub fn extent(readings: &Readings) -> PoseBox {
     PoseBox(extent)
 }
 
+/// Predictions of one fit; without errors of the measurement when the truth has none.
+pub fn predict(
+    model: &Model,
+    fit: &Fit,
+    poses: &[pkm_core::Pose<f64>],
+    conditions: &[Condition],
+    as_measured: bool,
+) -> Option<Vec<[f64; CHANNELS]>> {
+    let x: Vec<f64> = (fit.unknowns.iter().zip(fit.x.iter()))
+        .map(|(u, x)| match u {
+            Unknown::Effect { effect, .. } if is_measurement(*effect) && !as_measured => 0.0,
+            _ => *x,
+        })
+        .collect();
+    model.predict(poses, conditions, &fit.unknowns, &x)
+}
+
 impl Fitted {
     /// Fits all rivals to some readings, beginning where a search ended.
     pub fn new(problem: &Problem<'_>, search: &Search, again: bool) -> Option<Self> {
@@ -109,7 +126,7 @@ impl Fitted {
         &self.tables[1]
     }
 
-    /// Predictions in other conditions; without errors of the measurement when the truth has none.
+    /// Predictions of all rivals; see [`predict`].
     pub fn predict(
         &self,
         model: &Model,
@@ -117,15 +134,7 @@ impl Fitted {
         conditions: &[Condition],
         as_measured: bool,
     ) -> Option<Predictions> {
-        let at = |fit: &Fit| {
-            let x: Vec<f64> = (fit.unknowns.iter().zip(fit.x.iter()))
-                .map(|(u, x)| match u {
-                    Unknown::Effect { effect, .. } if is_measurement(*effect) && !as_measured => 0.0,
-                    _ => *x,
-                })
-                .collect();
-            model.predict(poses, conditions, &fit.unknowns, &x)
-        };
+        let at = |fit: &Fit| predict(model, fit, poses, conditions, as_measured);
         let plus = |a: &[[f64; CHANNELS]], table: &Remainder| -> Option<Vec<[f64; CHANNELS]>> {
             let b = table.predict(poses, conditions)?;
             Some(a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|c| a[c] + b[c])).collect())

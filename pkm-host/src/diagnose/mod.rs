@@ -61,6 +61,18 @@ pub struct Effect {
     pub class: Vec<String>,
 }
 
+/// The model after one of the finds.
+pub struct Step {
+    /// What had been found by then.
+    pub found: Vec<String>,
+    /// The machine with it.
+    pub machine: pkm_core::MachineParameters,
+    /// On the readings themselves.
+    pub errors: Errors,
+    /// On the held-out readings that were given.
+    pub held_out: Option<Errors>,
+}
+
 /// A diagnosis.
 pub struct Diagnosis {
     /// Numbers read and different poses.
@@ -81,6 +93,8 @@ pub struct Diagnosis {
     pub errors: Vec<(Rival, Errors)>,
     /// On others.
     pub held_out: HeldOut,
+    /// After each find.
+    pub steps: Vec<Step>,
     /// Of what is left.
     pub structure: Vec<Structure>,
     /// What to measure next.
@@ -155,13 +169,13 @@ fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
 /// # Errors
 /// Readings that cannot be diagnosed, a fit that does not converge.
 pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>) -> Result<Diagnosis> {
-    let steps = ProgressBar::new(5);
+    let progress = ProgressBar::new(5);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {msg}") {
-        steps.set_style(style);
+        progress.set_style(style);
     }
     let step = |message: &'static str| {
-        steps.set_message(message);
-        steps.inc(1);
+        progress.set_message(message);
+        progress.inc(1);
     };
     step("noise");
     let noise = Noise::new(readings)?;
@@ -187,6 +201,22 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         all.collect::<Vec<_>>()
     };
     let errors = of(readings, &own, &|_| true);
+    let steps = (search.steps.iter())
+        .map(|(found, fit)| {
+            let on = |readings: &Readings, as_measured: bool| {
+                let poses: Vec<_> = readings.poses.iter().map(|p| p.pose).collect();
+                let said = compare::predict(&model, fit, &poses, &readings.conditions, as_measured)?;
+                compare::errors(readings, &noise, &said, |_| true, SEED)
+            };
+            Some(Step {
+                found: found.iter().map(|c| c.names(problem).join(" + ")).collect(),
+                machine: model.state(&fit.unknowns, fit.x.as_slice(), false).machine,
+                errors: on(readings, true)?,
+                held_out: held_out.and_then(|other| on(other, false)),
+            })
+        })
+        .collect::<Option<Vec<Step>>>()
+        .ok_or_else(failed)?;
     let held_out = match held_out {
         Some(other) => {
             let poses: Vec<_> = other.poses.iter().map(|p| p.pose).collect();
@@ -252,7 +282,7 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         .iter()
         .map(|r| r.ranking.iter().map(|r| r.candidate.names(problem).join(" + ")).collect())
         .collect();
-    steps.finish_and_clear();
+    progress.finish_and_clear();
     Ok(Diagnosis {
         size: (problem.numbers(), readings.poses.len()),
         effects,
@@ -265,6 +295,7 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         search,
         errors,
         held_out,
+        steps,
         proposals,
         fitted,
         own,
@@ -293,7 +324,8 @@ impl Diagnosis {
                     .map(|(r, name)| {
                         json!({ "candidate": name, "statistic": r.score.statistic, "freedoms": r.score.freedoms,
                             "p": r.score.p, "gain_2_ln_evidence": r.gain, "left_out_gain": r.left_out_gain,
-                            "poses_that_gain": r.poses_that_gain, "rejected": r.rejected })
+                            "poses_that_gain": r.poses_that_gain, "gain_from_pulls": r.from_pulls,
+                            "rejected": r.rejected })
                     })
                     .collect();
                 json!({ "p_family": round.p_family, "candidates": rows })
@@ -336,6 +368,8 @@ impl Diagnosis {
             "error_retuned_only": of(&self.errors, Rival::Retuned),
             "error_table_only": of(&self.errors, Rival::Table),
             "holdout": held_out,
+            "steps": self.steps.iter()
+                .map(|s| json!({ "found": s.found, "error": s.errors, "holdout": s.held_out })).collect::<Vec<_>>(),
             "next_measurements": self.proposals.iter().map(|p| {
                 let [theta_deg, sigma_deg, z0_mm] = next::in_file_units(p);
                 let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);

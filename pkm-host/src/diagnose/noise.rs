@@ -270,6 +270,8 @@ struct LoadError {
 
 /// Condition, bits of the weight, readings: those of one channel in one series that are alike.
 type Cell = (usize, u64, Vec<usize>);
+/// What must be the same of two series in a channel: condition, bits of the weight and number of each cell.
+type Pattern = (usize, Vec<(usize, u64, usize)>);
 
 impl Whitener {
     /// By the noise of the readings alone. What was repeated within a series, and series that are repeats of one
@@ -292,7 +294,7 @@ impl Whitener {
             groups[r.series].push(i);
         }
         // series that are alike in a channel, in the order in which they appear
-        let mut alike: HashMap<(usize, Vec<(usize, u64, usize)>), usize> = HashMap::new();
+        let mut alike: HashMap<Pattern, usize> = HashMap::new();
         let mut blocks: Vec<(usize, Vec<Vec<Cell>>)> = Vec::new();
         for group in &groups {
             for channel in 0..CHANNELS {

@@ -198,25 +198,20 @@ fn interval(e: &Errors) -> String {
     e.linear_um_rms_interval.map_or("too few poses".to_owned(), |[low, high]| format!("{low:.3} to {high:.3}"))
 }
 
+fn error_cells(e: &Errors) -> Vec<String> {
+    vec![
+        format!("{:.3}", e.linear_um_rms),
+        interval(e),
+        format!("{:.2}", e.linear_um_max),
+        format!("{:.2}", e.linear_percent),
+        format!("{:.3}", e.angular_urad_rms),
+        format!("{:.2}", e.angular_percent),
+        format!("{:.2}", e.chi2_per_dof),
+    ]
+}
+
 fn error_rows(errors: &[(Rival, Errors)]) -> Vec<(String, Vec<String>)> {
-    RIVALS
-        .iter()
-        .filter_map(|(rival, _, name)| {
-            let e = of(errors, *rival)?;
-            Some((
-                (*name).to_owned(),
-                vec![
-                    format!("{:.3}", e.linear_um_rms),
-                    interval(e),
-                    format!("{:.2}", e.linear_um_max),
-                    format!("{:.2}", e.linear_percent),
-                    format!("{:.3}", e.angular_urad_rms),
-                    format!("{:.2}", e.angular_percent),
-                    format!("{:.2}", e.chi2_per_dof),
-                ],
-            ))
-        })
-        .collect()
+    RIVALS.iter().filter_map(|(rival, _, name)| Some(((*name).to_owned(), error_cells(of(errors, *rival)?)))).collect()
 }
 
 const ERROR_HEADS: [&str; 7] =
@@ -258,6 +253,14 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
     add(&plot::bars("Translation error, rms", "µm", &labels, &bars)?);
     for (name, errors) in &groups {
         add(&table(&format!("Errors on {name}"), &ERROR_HEADS, &error_rows(errors)));
+    }
+    if d.steps.len() > 1 {
+        let on_others = d.steps.iter().all(|s| s.held_out.is_some());
+        let rows: Vec<_> = (d.steps.iter())
+            .map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors))))
+            .collect();
+        let of = if on_others { "held out, all" } else { "the readings" };
+        add(&table(&format!("After each find, errors on {of}"), &ERROR_HEADS, &rows));
     }
 
     add("<h2>What is left, over pose, load and limb force</h2>");

@@ -125,7 +125,11 @@ pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judg
     let aside = search.fit.unknowns.iter().any(|u| {
         matches!(*u, Unknown::Effect { effect, parameter } if info(effect).parameters[parameter].starts_with("aside"))
     });
+    // nor may an effect lean on stiffnesses that are farther from the declared ones than these can be
+    let leans = (search.fit.unknowns.iter().zip(search.fit.x.iter()))
+        .any(|(u, x)| matches!(u, Unknown::Stiffness(_)) && x.abs() > LARGE_PULL);
     let ambiguous = aside
+        || leans
         || search.found.iter().any(|f| {
             let own = repair(&f.candidate, problem);
             matches!(f.candidate, Candidate::Effect(_)) && f.class.iter().any(|c| repair(c, problem) != own)
