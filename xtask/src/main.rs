@@ -1,10 +1,12 @@
 //! The project's own chores: `cargo xtask <chore>`.
 
+mod c;
+mod image;
 mod qemu;
 mod showcase;
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::{Command, ExitCode, Stdio};
 
 use pkm_host::commands;
 use pkm_host::fit::TermChoice;
@@ -19,6 +21,8 @@ cargo xtask <chore>
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones
+  c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
+  header       write pkm-ffi/include/pkm.h
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is";
 
@@ -28,6 +32,8 @@ fn main() -> ExitCode {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
         Some("no-panic") => no_panic(),
+        Some("c") => c::run(),
+        Some("header") => c::header(),
         Some("showcase") => showcase::run(),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
@@ -61,6 +67,18 @@ fn trials(options: &[String]) -> Outcome {
 /// The top of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask lies in the repository").to_owned()
+}
+
+/// What a command prints; an error with what it complained of when it fails.
+pub fn output(command: &mut Command) -> Result<String, String> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let output = command.stdin(Stdio::null()).output().map_err(|e| format!("{name}: {e}"))?;
+    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
+    if output.status.success() {
+        Ok(text(&output.stdout))
+    } else {
+        Err(format!("{name}: {}\n{}{}", output.status, text(&output.stdout), text(&output.stderr)))
+    }
 }
 
 /// Fits the fixtures' data into a folder, for the reference machine or another.
