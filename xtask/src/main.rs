@@ -2,8 +2,10 @@
 
 mod c;
 mod image;
+mod proofs;
 mod qemu;
 mod showcase;
+mod stack;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -24,14 +26,22 @@ cargo xtask <chore>
   c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
   header       write pkm-ffi/include/pkm.h
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
-  no-panic     link the core so that a reachable panic is a link error, and check that a planted one is";
+  no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
+  no-alloc     look for an allocator, and for memory that the core takes, in every image
+  stack        stack of every public function, by call graph and measured in QEMU, against budgets.toml
+  size         flash of kinematics and K_m against budgets.toml
+  targets      build core and C library for every target that is claimed";
 
 fn main() -> ExitCode {
     let chore = std::env::args().nth(1);
     let outcome = match chore.as_deref() {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
-        Some("no-panic") => no_panic(),
+        Some("no-panic") => proofs::no_panic(),
+        Some("no-alloc") => proofs::no_alloc(),
+        Some("size") => proofs::size(),
+        Some("stack") => stack::run(),
+        Some("targets") => proofs::targets(),
         Some("c") => c::run(),
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
@@ -99,30 +109,5 @@ fn regenerate() -> Outcome {
         std::fs::write(root().join(name), content).map_err(|e| format!("{name}: {e}"))?;
         println!("wrote {name}");
     }
-    Ok(())
-}
-
-/// A release build in the firmware's workspace, to be completed.
-pub fn firmware_build() -> Command {
-    let mut command = Command::new("cargo");
-    command.current_dir(root().join("pkm-fw")).args(["build", "--release", "--locked", "--quiet"]);
-    command
-}
-
-fn no_panic() -> Outcome {
-    let build = |features: &[&str]| {
-        let mut command = firmware_build();
-        command.args(["--bin", "no_panic"]).args(features).output().map_err(|e| format!("cargo: {e}"))
-    };
-    let proof = build(&[])?;
-    if !proof.status.success() {
-        return Err(format!("the core has a reachable panic:\n{}", String::from_utf8_lossy(&proof.stderr)));
-    }
-    let planted = build(&["--features", "planted-panic"])?;
-    let message = String::from_utf8_lossy(&planted.stderr);
-    if planted.status.success() || !message.contains("a_panic_is_reachable") {
-        return Err(format!("a planted panic was not caught:\n{message}"));
-    }
-    println!("no panic is reachable from the core's public functions, f64 and f32; a planted one is caught");
     Ok(())
 }

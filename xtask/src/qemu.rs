@@ -4,7 +4,7 @@
 //! file and the `coefficients.json` of that fit. So the generated source, the compiler and the target's
 //! arithmetic are all in the comparison.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
@@ -15,9 +15,8 @@ use pkm_host::source::{Source, fixtures};
 use pkm_host::table_file::TableFile;
 use serde_json::Value;
 
-use crate::{Outcome, firmware_build, fit_fixtures, output, root};
-
-const TARGET: &str = "thumbv7em-none-eabihf";
+use crate::proofs::firmware;
+use crate::{Outcome, fit_fixtures, output, root};
 
 /// Where the firmware's machine and table come from.
 enum Origin {
@@ -57,7 +56,8 @@ pub fn run() -> Outcome {
                 ", every effect on"
             }
         };
-        let elf = build(&folder.path().join("coefficients.rs"), cpu)?;
+        let (mut build, elf) = firmware("parity", cpu);
+        output(build.env("PKM_COEFFICIENTS", folder.path().join("coefficients.rs")))?;
         let lines = compare(&boot(board, &elf)?, &Host::read(folder.path())?)?;
         println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
     }
@@ -92,23 +92,6 @@ fn one_of(effect: &EffectInfo) -> String {
     };
     let values: String = effect.parameters.iter().map(|p| format!("{p} = {:e}\n", value(p))).collect();
     format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
-}
-
-fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
-    let target_dir = root().join("pkm-fw/target").join(cpu.unwrap_or("plain"));
-    let mut command = firmware_build();
-    command.args(["--bin", "parity", "--target-dir"]).arg(&target_dir).env("PKM_COEFFICIENTS", coefficients);
-    if let Some(cpu) = cpu {
-        command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
-    }
-    let status = command.status().map_err(|e| format!("cargo: {e}"))?;
-    if !status.success() {
-        return Err(format!(
-            "the firmware does not build; if rustc lacks its target, run `rustup toolchain install --no-self-update` \
-             ({TARGET} stands in rust-toolchain.toml)"
-        ));
-    }
-    Ok(target_dir.join(TARGET).join("release/parity"))
 }
 
 pub fn boot(board: &str, elf: &Path) -> Result<String, String> {
