@@ -12,10 +12,10 @@ use core::fmt;
 
 use crate::checksum::{START, over_byte, over_numbers};
 use crate::kinematics::Posture;
-use crate::linalg;
+use crate::linalg::{self, Lower};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::{StiffnessError, StiffnessFactor};
+use crate::stiffness::{self, StiffnessError, StiffnessFactor};
 use crate::types::{Domain, Pose};
 
 /// Most terms a table may have.
@@ -108,11 +108,19 @@ impl<T: Scalar> Basis<'_, T> {
 
     /// The terms' values at a pose, in their order; zeros behind the last.
     pub fn monomials(&self, pose: &Pose<T>) -> [T; MAX_TERMS] {
-        let t = self.scaled(pose);
-        let power = |x: T, n: u8| (0..n).fold(T::ONE, |p, _| p * x);
+        let powers = self.scaled(pose).map(|t| {
+            let mut powers = [T::ONE; MAX_EXPONENT as usize + 2];
+            for n in 1..powers.len() {
+                powers[n] = powers[n - 1] * t;
+            }
+            powers
+        });
+        let [theta, sigma, z0] = &powers;
+        // the mask changes no exponent, and says so to the compiler
+        let at = |exponent: u8| usize::from(exponent) % (MAX_EXPONENT as usize + 2);
         let mut monomials = [T::ZERO; MAX_TERMS];
         for (monomial, [p, r, s]) in monomials.iter_mut().zip(self.terms) {
-            *monomial = power(t[0], *p) * power(t[1], *r) * power(t[2], *s);
+            *monomial = theta[at(*p)] * sigma[at(*r)] * z0[at(*s)];
         }
         monomials
     }
@@ -243,7 +251,9 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// # Errors
     /// Those of [`Machine::stiffness`], and a coefficient that is not positive.
     pub fn diagonal_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
-        let mut lower = machine.stiffness_below_tool(&machine.posture(pose)?)?.factor()?.lower;
+        let mut lower = linalg::zero();
+        machine.add_stiffness_below_tool(&machine.posture(pose)?, &mut lower)?;
+        stiffness::factor(&mut lower)?;
         for (row, (line, c)) in (1..).zip(lower.iter_mut().zip(self.coefficients(pose))) {
             if !(c > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
@@ -253,7 +263,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
                 *entry *= root;
             }
         }
-        self.finish(machine, pose, StiffnessFactor { lower })
+        self.finish(machine, pose, lower)
     }
 
     /// K_m in the factor form, (L G)(L G)ᵀ with K_p = L Lᵀ.
@@ -272,23 +282,17 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         posture: &Posture<T>,
     ) -> Result<Corrected<T>, CorrectionError> {
         let rows = self.factor.ok_or(CorrectionError::NoFactorForm)?;
-        let basic = machine.stiffness_below_tool(posture)?.factor()?.lower;
-        let entries: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
-        let mut g = linalg::zero();
-        let mut next = entries.into_iter();
-        for (i, line) in g.iter_mut().enumerate() {
-            for (entry, value) in line.iter_mut().take(i + 1).zip(&mut next) {
-                *entry = value;
-            }
-        }
-        let diagonal = [g[0][0], g[1][1], g[2][2], g[3][3], g[4][4], g[5][5]];
-        for (row, d) in (1..).zip(diagonal) {
+        let mut lower = linalg::zero();
+        machine.add_stiffness_below_tool(posture, &mut lower)?;
+        stiffness::factor(&mut lower)?;
+        let g: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
+        for (row, d) in (1..).zip([g[0], g[2], g[5], g[9], g[14], g[20]]) {
             if !(d > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
             }
         }
-        let lower = linalg::product(&basic, &g);
-        self.finish(machine, pose, StiffnessFactor { lower })
+        linalg::multiply(&mut lower, &g);
+        self.finish(machine, pose, lower)
     }
 
     /// Adds what lies behind A, which is not in the table.
@@ -296,25 +300,32 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         &self,
         machine: &Machine<T>,
         pose: &Pose<T>,
-        factor: StiffnessFactor<T>,
+        mut lower: Lower<T>,
     ) -> Result<Corrected<T>, CorrectionError> {
-        let domain = self.domain(pose);
-        if !machine.effects.any() {
-            return Ok(Corrected { factor, domain });
+        if machine.effects.any() {
+            let mut stiffness = linalg::square(&lower);
+            if machine.add_tool_compliance(&mut stiffness)? {
+                stiffness::factor(&mut stiffness)?;
+                lower = stiffness;
+            }
         }
-        let mut stiffness = factor.stiffness();
-        let factor = if machine.add_tool_compliance(&mut stiffness)? { stiffness.factor()? } else { factor };
-        Ok(Corrected { factor, domain })
+        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.
     fn evaluate<const ROWS: usize>(&self, coefficients: &[T], pose: &Pose<T>) -> [T; ROWS] {
         let monomials = self.basis.monomials(pose);
         let mut values = [T::ZERO; ROWS];
-        for (value, row) in values.iter_mut().zip(coefficients.chunks_exact(self.basis.terms.len().max(1))) {
-            for (c, monomial) in row.iter().zip(&monomials) {
-                *value += *c * *monomial;
+        let terms = self.basis.terms.len().max(1);
+        // three rows at a time share the loads of the monomials
+        for (values, rows) in values.as_chunks_mut::<3>().0.iter_mut().zip(coefficients.chunks_exact(3 * terms)) {
+            let mut rows = rows.chunks_exact(terms);
+            let (Some(a), Some(b), Some(c)) = (rows.next(), rows.next(), rows.next()) else { break };
+            let mut sums = [T::ZERO; 3];
+            for (((a, b), c), monomial) in a.iter().zip(b).zip(c).zip(&monomials) {
+                sums = [sums[0] + *a * *monomial, sums[1] + *b * *monomial, sums[2] + *c * *monomial];
             }
+            *values = sums;
         }
         values
     }

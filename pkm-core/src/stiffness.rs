@@ -82,22 +82,26 @@ impl<T: Scalar> Stiffness<T> {
         [k[0][0], k[1][1], k[2][2], k[3][3], k[4][4], k[5][5]]
     }
 
-    /// Softening in series subtracts, and rounding may leave nothing.
-    fn check_diagonal(&self) -> Result<(), StiffnessError> {
-        let positive = self.principal().iter().all(|k| *k > T::ZERO);
-        if positive { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
-    }
-
     /// Cholesky factor, translations first.
     ///
     /// # Errors
     /// [`StiffnessError::NotPositiveDefinite`], also for NaN or infinity in the matrix.
     pub fn factor(&self) -> Result<StiffnessFactor<T>, StiffnessError> {
-        match linalg::cholesky(&self.lower) {
-            Some(lower) => Ok(StiffnessFactor { lower }),
-            None => Err(StiffnessError::NotPositiveDefinite),
-        }
+        let mut lower = self.lower;
+        factor(&mut lower)?;
+        Ok(StiffnessFactor { lower })
     }
+}
+
+/// Softening in series subtracts, and rounding may leave nothing.
+fn check_diagonal<T: Scalar>(k: &Lower<T>) -> Result<(), StiffnessError> {
+    let positive = (0..6).all(|i| k[i][i] > T::ZERO);
+    if positive { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
+}
+
+/// K, lower triangle, turned into its Cholesky factor.
+pub(crate) fn factor<T: Scalar>(lower: &mut Lower<T>) -> Result<(), StiffnessError> {
+    if linalg::cholesky(lower) { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
 }
 
 /// A stiffness as its lower triangular Cholesky factor F, K = F Fᵀ: ready for deflections.
@@ -133,6 +137,27 @@ pub(crate) struct Chain<T, const N: usize> {
     /// Hᵀ C H, lower triangle.
     compliance: [[T; N]; N],
 }
+
+macro_rules! split {
+    ($n:literal, $rest:literal) => {
+        impl<T: Scalar> Chain<T, $n> {
+            /// The first wrench and the others, when no compliance couples them.
+            fn split(self) -> (Chain<T, 1>, Chain<T, $rest>) {
+                let ([first, others @ ..], [[own, ..], ..]) = (self.wrenches, self.compliance);
+                let mut compliance = [[T::ZERO; $rest]; $rest];
+                for i in 0..$rest {
+                    for j in 0..i + 1 {
+                        compliance[i][j] = self.compliance[i + 1][j + 1];
+                    }
+                }
+                (Chain { wrenches: [first], compliance: [[own]] }, Chain { wrenches: others, compliance })
+            }
+        }
+    };
+}
+
+split!(3, 2);
+split!(2, 1);
 
 impl<T: Scalar> Chain<T, 6> {
     /// Two limbs side by side, for what couples them.
@@ -249,8 +274,9 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
         sum
     }
 
-    /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel.
-    fn add_stiffness_to(mut self, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+    /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel. `at` are the components of the
+    /// wrenches that are not 0.
+    fn add_stiffness_to<const M: usize>(mut self, k: &mut Lower<T>, at: [usize; M]) -> Result<(), StiffnessError> {
         let (d, y) = (&mut self.compliance, &mut self.wrenches);
         for j in 0..N {
             if !(d[j][j] > T::ZERO) {
@@ -259,23 +285,26 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
             let spring = T::ONE / d[j][j];
             for i in j + 1..N {
                 let ratio = d[i][j] * spring;
-                for m in j + 1..=i {
+                for m in j + 1..i + 1 {
                     d[i][m] -= ratio * d[m][j];
                 }
-                for c in 0..6 {
+                for c in at {
                     y[i][c] -= ratio * y[j][c];
                 }
             }
-            for r in 0..6 {
-                let scaled = y[j][r] * spring;
-                for c in 0..=r {
-                    k[r][c] += scaled * y[j][c];
+            for r in 0..M {
+                let scaled = y[j][at[r]] * spring;
+                for c in 0..r + 1 {
+                    k[at[r]][at[c]] += scaled * y[j][at[c]];
                 }
             }
         }
         Ok(())
     }
 }
+
+/// All components of a six-vector.
+const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
 /// Most Newton steps that a load-dependent deflection takes.
 pub const MAX_STEPS: usize = 30;
@@ -368,40 +397,43 @@ impl<T: Scalar> Machine<T> {
     /// Those of [`inverse`](Self::inverse), and [`StiffnessError::NotPositiveDefinite`] when rounding leaves a
     /// limb without compliance.
     pub fn stiffness(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let mut stiffness = self.stiffness_below_tool(&self.posture(pose)?)?;
-        self.add_tool_compliance(&mut stiffness)?;
-        Ok(stiffness)
-    }
-
-    /// K_p without what is elastic between A and the tool: what correction tables apply to.
-    pub(crate) fn stiffness_below_tool(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
-        // two copies of one assembly, so that a machine without effects doesn't pay for them
-        if self.effects.any() { self.assemble::<true>(p) } else { self.assemble::<false>(p) }
-    }
-
-    fn assemble<const EFFECTS: bool>(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let mut lower;
-        if EFFECTS {
-            let actual = self.actual(*p)?;
-            let p = &actual.posture;
-            let (pair, third);
-            (pair, third, lower) = self.chains_with_effects(p);
-            pair.add_stiffness_to(&mut lower)?;
-            third.add_stiffness_to(&mut lower)?;
-            let (n, x, y) = (p.n(), p.x(), p.y());
-            let at = n.map(|c| -p.l * c);
-            let axes = [x, y, cross(x, y)];
-            self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(&mut lower));
-            self.effects.at_hub(|compliance| Series::at_a(compliance).soften(&mut lower));
-            actual.given_back_matrix(&mut lower);
-            Stiffness { lower }.check_diagonal()?;
-        } else {
-            lower = linalg::zero();
-            self.chain_1_2::<0, false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
-            self.chain_1_2::<1, false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
-            self.chain_3::<false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
-        }
+        let mut lower = linalg::zero();
+        self.add_stiffness_below_tool(&self.posture(pose)?, &mut lower)?;
+        self.add_tool_compliance(&mut lower)?;
         Ok(Stiffness { lower })
+    }
+
+    /// Adds K_p without what is elastic between A and the tool, what correction tables apply to, to zeros.
+    pub(crate) fn add_stiffness_below_tool(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        if self.effects.any() {
+            return self.add_stiffness_with_effects(p, k);
+        }
+        // without effects nothing couples a limb's axial force with its other wrenches
+        let (first, second) = (self.chain_1_2::<0, false>(p, T::ZERO), self.chain_1_2::<1, false>(p, T::ZERO));
+        for limb in [first, second] {
+            let (axial, others) = limb.split();
+            axial.add_stiffness_to(k, [1, 2, 3])?;
+            others.add_stiffness_to(k, [0, 4, 5])?;
+        }
+        let (axial, sideways) = self.chain_3::<false>(p, T::ZERO).split();
+        axial.add_stiffness_to(k, [0, 1, 2, 4, 5])?;
+        sideways.add_stiffness_to(k, [1, 2, 4, 5])
+    }
+
+    fn add_stiffness_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        let actual = self.actual(*p)?;
+        let p = &actual.posture;
+        let (pair, third);
+        (pair, third, *k) = self.chains_with_effects(p);
+        pair.add_stiffness_to(k, ALL)?;
+        third.add_stiffness_to(k, ALL)?;
+        let (n, x, y) = (p.n(), p.x(), p.y());
+        let at = n.map(|c| -p.l * c);
+        let axes = [x, y, cross(x, y)];
+        self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(k));
+        self.effects.at_hub(|compliance| Series::at_a(compliance).soften(k));
+        actual.given_back_matrix(k);
+        check_diagonal(k)
     }
 
     /// Limbs 1 and 2 together, and limb 3, with what effects add inside them; and what is beside them in K, lower
@@ -471,10 +503,10 @@ impl<T: Scalar> Machine<T> {
         let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
         let o = T::ZERO;
         let own = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
-        pair.add_stiffness_to(&mut lower)?;
-        third.add_stiffness_to(&mut lower)?;
-        let factor = linalg::cholesky(&lower).ok_or(StiffnessError::NotPositiveDefinite)?;
-        let moved = [linalg::solve(&factor, &v[0]), linalg::solve(&factor, &v[1]), linalg::solve(&factor, &v[2])];
+        pair.add_stiffness_to(&mut lower, ALL)?;
+        third.add_stiffness_to(&mut lower, ALL)?;
+        factor(&mut lower)?;
+        let moved = v.map(|v| linalg::solve(&lower, &v));
         let product = |a: &[T; 6], b: &[T; 6]| a.iter().zip(b).fold(o, |sum, (a, b)| sum + *a * *b);
         let mut m = [[o; 3]; 3];
         let (mut linear, mut lag) = ([o; 3], [o; 3]);
@@ -550,16 +582,16 @@ impl<T: Scalar> Machine<T> {
     }
 
     /// Softens K by what lies between A and the tool; true if there was any.
-    pub(crate) fn add_tool_compliance(&self, stiffness: &mut Stiffness<T>) -> Result<bool, StiffnessError> {
+    pub(crate) fn add_tool_compliance(&self, k: &mut Lower<T>) -> Result<bool, StiffnessError> {
         let mut any = false;
         if self.effects.any() {
             self.effects.at_tool(|compliance| {
                 any = true;
-                Series::at_a(compliance).soften(&mut stiffness.lower);
+                Series::at_a(compliance).soften(k);
             });
         }
         if any {
-            stiffness.check_diagonal()?;
+            check_diagonal(k)?;
         }
         Ok(any)
     }
