@@ -34,9 +34,15 @@ pub fn run() -> Outcome {
     for width in ["f64", "f32"] {
         let (bound, name) = deepest.remove(width).ok_or(format!("no function in {width}"))?;
         within &= budget(&format!("stack_{width}_bytes"), bound, &format!("deepest function in {width}, {name}"))?;
+        for (bytes, function) in graph.chain(&format!("stack::{width}::{name}::h")) {
+            println!("{bytes:8} {function}");
+        }
     }
     if within { Ok(()) } else { Err("a function takes more stack than its limit".into()) }
 }
+
+/// What the linker fills the space between functions with; it reads as a jump.
+const PADDING: &str = "d4d4";
 
 /// A function of the image.
 #[derive(Default)]
@@ -47,8 +53,8 @@ struct Function {
     calls: Vec<u64>,
     /// Why no bound can be given.
     unknown: Option<String>,
-    /// Bound of the deepest chain from here, once known.
-    deepest: Option<u64>,
+    /// Bound of the deepest chain from here, and the function that it goes on with, once known.
+    deepest: Option<(u64, Option<u64>)>,
 }
 
 /// The functions of an image by their first address.
@@ -56,7 +62,7 @@ pub struct CallGraph(BTreeMap<u64, Function>);
 
 impl CallGraph {
     pub fn read(image: &Path) -> Result<Self, String> {
-        let text = output(llvm("llvm-objdump")?.args(["-d", "--demangle", "--no-show-raw-insn"]).arg(image))?;
+        let text = output(llvm("llvm-objdump")?.args(["-d", "--demangle"]).arg(image))?;
         let mut functions = BTreeMap::new();
         let mut current = None;
         for line in text.lines() {
@@ -65,9 +71,10 @@ impl CallGraph {
                 functions.insert(address, Function { name: name.to_owned(), ..Function::default() });
                 current = Some(address);
             } else if let Some(function) = current.and_then(|address| functions.get_mut(&address))
-                && let Some((_, instruction)) = line.split_once(':')
+                && let Some((bytes, instruction)) = line.split_once(':').and_then(|(_, l)| l.split_once('\t'))
+                && bytes.trim() != PADDING
             {
-                function.add(instruction.trim());
+                function.add(instruction);
             }
         }
         Ok(Self(functions))
@@ -83,7 +90,7 @@ impl CallGraph {
         let outside = || format!("a call to {address:#x}, where no function is");
         let (start, function) = self.0.range(..=address).next_back().ok_or_else(outside)?;
         let start = *start;
-        if let Some(known) = function.deepest {
+        if let Some((known, _)) = function.deepest {
             return Ok(known);
         }
         if let Some(instruction) = &function.unknown {
@@ -94,16 +101,24 @@ impl CallGraph {
         }
         let (frame, calls) = (function.frame, function.calls.clone());
         path.push(start);
-        let mut below = 0;
+        let mut below = (0, None);
         for call in calls {
-            // a jump within the function
-            if self.0.range(..=call).next_back().is_none_or(|(callee, _)| *callee != start) || call == start {
-                below = below.max(self.deepest(call, path)?);
+            let callee = self.0.range(..=call).next_back().map(|(callee, _)| *callee);
+            // unless it is a jump within the function
+            if callee != Some(start) || call == start {
+                below = below.max((self.deepest(call, path)?, callee));
             }
         }
         path.pop();
-        self.0.entry(start).and_modify(|f| f.deepest = Some(frame + below));
-        Ok(frame + below)
+        self.0.entry(start).and_modify(|f| f.deepest = Some((frame + below.0, below.1)));
+        Ok(frame + below.0)
+    }
+
+    /// Frames and names along the deepest chain from a function.
+    fn chain(&self, name: &str) -> impl Iterator<Item = (u64, &str)> {
+        let first = self.0.values().find(|f| f.name.starts_with(name));
+        let next = |f: &&Function| f.deepest.and_then(|(_, callee)| self.0.get(&callee?));
+        std::iter::successors(first, next).map(|f| (f.frame, f.name.as_str()))
     }
 }
 
