@@ -12,30 +12,37 @@ use crate::proofs::{budget, image};
 use crate::qemu::boot;
 use crate::{Outcome, output};
 
+/// Machine of QEMU, processor, `target-cpu`.
+const PROCESSORS: [(&str, &str, Option<&str>); 2] =
+    [("mps2-an386", "Cortex-M4F", None), ("mps2-an500", "Cortex-M7", Some("cortex-m7"))];
+
 /// Every public function: bound, measured, and the limit for the deepest.
 pub fn run() -> Outcome {
-    let image = image("stack", None)?;
-    let mut graph = CallGraph::read(&image)?;
-    let mut deepest: BTreeMap<String, (u64, String)> = BTreeMap::new();
-    println!("{:5} {:28} {:>8} {:>8}  bytes of stack", "", "", "bound", "measured");
-    for line in boot("mps2-an386", &image)?.lines() {
-        let [width, name, measured] = line.split(' ').collect::<Vec<_>>()[..] else {
-            return Err(format!("not a line of the firmware: {line}"));
-        };
-        let bound = graph.deepest_from(&format!("stack::{width}::{name}::h"))?;
-        println!("{width:5} {name:28} {bound:8} {measured:>8}");
-        if measured.parse().map_or(true, |m: u64| m == 0 || m > bound) {
-            return Err(format!("{name} took {measured} bytes, more than its bound of {bound}"));
-        }
-        let most = deepest.entry(width.to_owned()).or_default();
-        *most = std::mem::take(most).max((bound, name.to_owned()));
-    }
     let mut within = true;
-    for width in ["f64", "f32"] {
-        let (bound, name) = deepest.remove(width).ok_or(format!("no function in {width}"))?;
-        within &= budget(&format!("stack_{width}_bytes"), bound, &format!("deepest function in {width}, {name}"))?;
-        for (bytes, function) in graph.chain(&format!("stack::{width}::{name}::h")) {
-            println!("{bytes:8} {function}");
+    for (board, processor, cpu) in PROCESSORS {
+        let image = image("stack", cpu)?;
+        let mut graph = CallGraph::read(&image)?;
+        let mut deepest: BTreeMap<String, (u64, String)> = BTreeMap::new();
+        println!("{processor:36}   bound  measured  bytes of stack");
+        for line in boot(board, &image)?.lines() {
+            let [width, name, measured] = line.split(' ').collect::<Vec<_>>()[..] else {
+                return Err(format!("not a line of the firmware: {line}"));
+            };
+            let root = format!("stack::{width}::{name}::h");
+            let bound = graph.deepest_from(&root)?;
+            println!("{width:5} {name:28} {bound:9} {measured:>9}");
+            if measured.parse().map_or(true, |m: u64| m == 0 || m > bound) {
+                return Err(format!("{name} took {measured} bytes, more than its bound of {bound}"));
+            }
+            let most = deepest.entry(width.to_owned()).or_default();
+            *most = std::mem::take(most).max((bound, root));
+        }
+        for width in ["f64", "f32"] {
+            let (bound, root) = deepest.remove(width).ok_or(format!("no function in {width}"))?;
+            within &= budget(&format!("stack_{width}_bytes"), bound, &format!("{processor}, deepest in {width}"))?;
+            for (bytes, function) in graph.chain(&root) {
+                println!("{bytes:8} {function}");
+            }
         }
     }
     if within { Ok(()) } else { Err("a function takes more stack than its limit".into()) }
