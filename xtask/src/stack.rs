@@ -69,7 +69,7 @@ pub struct CallGraph(BTreeMap<u64, Function>);
 
 impl CallGraph {
     pub fn read(image: &Path) -> Result<Self, String> {
-        let text = output(llvm("llvm-objdump")?.args(["-d", "--demangle"]).arg(image))?;
+        let text = output(llvm("llvm-objdump")?.args(["-d", "--demangle", "--mcpu=cortex-m7"]).arg(image))?;
         let mut functions = BTreeMap::new();
         let mut current = None;
         for line in text.lines() {
@@ -154,6 +154,7 @@ impl Function {
             "push" | "vpush" | "pop" | "vpop" => {}
             "add" | "addw" | "sub" | "subw" | "cmp" if first == "sp" => {}
             "stm" | "ldm" | "vstmia" | "vldmia" if first == "sp" => {}
+            "<unknown>" => self.unknown = Some(instruction.to_owned()),
             _ if first.starts_with("sp") || operands.contains("sp!") => self.unknown = Some(instruction.to_owned()),
             _ if base.starts_with("blx") || base.starts_with("bx") => {
                 if first.starts_with('r') {

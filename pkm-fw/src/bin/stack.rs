@@ -116,7 +116,7 @@ macro_rules! functions {
 
             $(#[inline(never)]
             fn $name($i: &Inputs) {
-                _ = black_box($call);
+                black_box(&$call);
             })+
 
             pub const FUNCTIONS: &[(&str, fn(&Inputs))] = &[$((stringify!($name), $name)),+];
