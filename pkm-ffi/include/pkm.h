@@ -6,7 +6,7 @@
  * to A3, v from A to A2. Six-vectors: u, v, w, about u, v, w.
  * Errors: every function that computes returns a PkmError and writes its result (the last argument) only when that is
  * PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors.
- * Numbers: functions that end in _f64 compute in double, those in _f32 in float; same bits on every platform.
+ * Numbers: functions that end in _f64 compute in double, those in _f32 in float; the same bits on a PC as on a Cortex-M.
  * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
  * interrupts. Input and result may be the same memory.
  */

@@ -1,5 +1,6 @@
 //! What is in a library or an image, by the toolchain's own LLVM tools.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
@@ -31,14 +32,12 @@ pub fn symbols(file: &Path) -> Result<Vec<Symbol>, String> {
     Ok(text.lines().filter_map(symbol).collect())
 }
 
-/// Sizes of the sections that take flash or RAM, by name.
-pub fn sections(image: &Path) -> Result<Vec<(String, u64)>, String> {
+/// Sizes of the sections by name.
+pub fn sections(image: &Path) -> Result<BTreeMap<String, u64>, String> {
     let text = output(llvm("llvm-size")?.arg("-A").arg(image))?;
     let section = |line: &str| {
         let mut words = line.split_whitespace();
-        let (name, size, address) = (words.next()?, words.next()?.parse().ok()?, words.next()?);
-        // debug information has no address
-        (address != "0" || name == ".vector_table").then(|| (name.to_owned(), size))
+        Some((words.next()?.to_owned(), words.next()?.parse().ok()?))
     };
     Ok(text.lines().filter_map(section).collect())
 }

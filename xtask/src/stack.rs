@@ -152,14 +152,13 @@ impl Function {
         }
         match base {
             "push" | "vpush" | "pop" | "vpop" => {}
-            "add" | "addw" | "sub" | "subw" | "cmp" if first == "sp" => {}
+            "add" | "addw" | "sub" | "subw" | "cmp" if first == "sp" && operands.contains('#') => {}
             "stm" | "ldm" | "vstmia" | "vldmia" if first == "sp" => {}
             "<unknown>" => self.unknown = Some(instruction.to_owned()),
             _ if first.starts_with("sp") || operands.contains("sp!") => self.unknown = Some(instruction.to_owned()),
-            _ if base.starts_with("blx") || base.starts_with("bx") => {
-                if first.starts_with('r') {
-                    self.unknown = Some(instruction.to_owned());
-                }
+            // to wherever a register points
+            _ if (base.starts_with("blx") || base.starts_with("bx")) && first.starts_with('r') => {
+                self.unknown = Some(instruction.to_owned());
             }
             _ if mnemonic.starts_with('b') || mnemonic.starts_with("cb") => {
                 let target = operands.split(" <").next().and_then(|o| o.rsplit([' ', ',']).next());
