@@ -64,8 +64,8 @@ pub fn run() -> Outcome {
         let table = TableFile::parse(&read("coefficients.json")?).map_err(|e| e.to_string())?;
         let machine = MachineFile::parse(read("machine.toml")?).map_err(|e| e.to_string())?;
 
-        let elf = build(&folder.path().join("coefficients.rs"), cpu)?;
-        let lines = compare(&boot(board, &elf)?, &machine, &table)?;
+        let elf = build("parity", Some(&folder.path().join("coefficients.rs")), cpu)?;
+        let lines = compare(&boot(board, &elf, &[])?, &machine, &table)?;
         println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
     }
     Ok(())
@@ -92,10 +92,15 @@ fn one_of(effect: &EffectInfo) -> String {
     format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
 }
 
-fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
+/// Builds a firmware for a `target-cpu`, with a table of its own or the committed one.
+pub fn build(bin: &str, coefficients: Option<&Path>, cpu: Option<&str>) -> Result<PathBuf, String> {
     let target_dir = root().join("pkm-fw/target").join(cpu.unwrap_or("plain"));
     let mut command = firmware_build();
-    command.args(["--bin", "parity", "--target-dir"]).arg(&target_dir).env("PKM_COEFFICIENTS", coefficients);
+    command.args(["--bin", bin, "--target-dir"]).arg(&target_dir);
+    match coefficients {
+        Some(coefficients) => command.env("PKM_COEFFICIENTS", coefficients),
+        None => command.env_remove("PKM_COEFFICIENTS"),
+    };
     if let Some(cpu) = cpu {
         command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
     }
@@ -106,12 +111,14 @@ fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
              ({TARGET} stands in rust-toolchain.toml)"
         ));
     }
-    Ok(target_dir.join(TARGET).join("release/parity"))
+    Ok(target_dir.join(TARGET).join("release").join(bin))
 }
 
-fn boot(board: &str, elf: &Path) -> Result<String, String> {
+/// Runs a firmware to its end and returns what it printed.
+pub fn boot(board: &str, elf: &Path, options: &[&str]) -> Result<String, String> {
     let output = Command::new("qemu-system-arm")
         .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"])
+        .args(options)
         .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
         .arg(elf)
         .stdin(Stdio::null())
