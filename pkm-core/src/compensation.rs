@@ -16,8 +16,10 @@ use core::fmt;
 
 use crate::correction::{Corrected, CorrectionError, CorrectionTable};
 use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
+use crate::linalg;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
+use crate::stiffness::StiffnessFactor;
 use crate::types::{Deflection, Pose, ScrewLengths, Wrench};
 
 /// Why a deflection cannot be compensated.
@@ -191,13 +193,15 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         tip_m: [T; 3],
     ) -> Result<Cycle<T>, CycleError> {
         let posture = machine.posture(pose)?;
-        let corrected = self.factor_form_at(machine, pose, &posture)?;
+        let mut factor = StiffnessFactor { lower: linalg::zero() };
+        self.add_factor_form(machine, pose, &posture, &mut factor.lower)?;
         let wrench = wrench_at_tip.moved_to_a(tip_m);
         let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
         let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &unloaded)?;
-        let deflection = corrected.factor.deflection(&wrench)?.plus(&beyond);
+        let deflection = factor.deflection(&wrench)?.plus(&beyond);
         let compensated =
             machine.compensated_from(pose, &posture, &deflection, tip_m).map_err(CycleError::Compensation)?;
+        let corrected = Corrected { factor, domain: self.domain(pose) };
         Ok(Cycle { lengths: ScrewLengths { q_m: posture.q }, corrected, deflection, compensated })
     }
 }

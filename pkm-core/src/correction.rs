@@ -263,7 +263,8 @@ impl<T: Scalar> CorrectionTable<'_, T> {
                 *entry *= root;
             }
         }
-        self.finish(machine, pose, lower)
+        self.soften_by_tool(machine, &mut lower)?;
+        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
     }
 
     /// K_m in the factor form, (L G)(L G)ᵀ with K_p = L Lᵀ.
@@ -271,45 +272,42 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// # Errors
     /// Those of [`Machine::stiffness`], no factor form, and a diagonal entry of G that is not positive.
     pub fn factor_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
-        self.factor_form_at(machine, pose, &machine.posture(pose)?)
+        let mut lower = linalg::zero();
+        self.add_factor_form(machine, pose, &machine.posture(pose)?, &mut lower)?;
+        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
     }
 
-    /// `posture` is the pose's own.
-    pub(crate) fn factor_form_at(
+    /// Turns zeros into the factor of K_m. `posture` is the pose's own.
+    pub(crate) fn add_factor_form(
         &self,
         machine: &Machine<T>,
         pose: &Pose<T>,
         posture: &Posture<T>,
-    ) -> Result<Corrected<T>, CorrectionError> {
+        lower: &mut Lower<T>,
+    ) -> Result<(), CorrectionError> {
         let rows = self.factor.ok_or(CorrectionError::NoFactorForm)?;
-        let mut lower = linalg::zero();
-        machine.add_stiffness_below_tool(posture, &mut lower)?;
-        stiffness::factor(&mut lower)?;
+        machine.add_stiffness_below_tool(posture, lower)?;
+        stiffness::factor(lower)?;
         let g: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
         for (row, d) in (1..).zip([g[0], g[2], g[5], g[9], g[14], g[20]]) {
             if !(d > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
             }
         }
-        linalg::multiply(&mut lower, &g);
-        self.finish(machine, pose, lower)
+        linalg::multiply(lower, &g);
+        self.soften_by_tool(machine, lower)
     }
 
-    /// Adds what lies behind A, which is not in the table.
-    fn finish(
-        &self,
-        machine: &Machine<T>,
-        pose: &Pose<T>,
-        mut lower: Lower<T>,
-    ) -> Result<Corrected<T>, CorrectionError> {
+    /// Takes what lies behind A, which is not in the table, into a factor.
+    fn soften_by_tool(&self, machine: &Machine<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
         if machine.effects.any() {
-            let mut stiffness = linalg::square(&lower);
+            let mut stiffness = linalg::square(lower);
             if machine.add_tool_compliance(&mut stiffness)? {
                 stiffness::factor(&mut stiffness)?;
-                lower = stiffness;
+                *lower = stiffness;
             }
         }
-        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
+        Ok(())
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.

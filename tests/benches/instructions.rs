@@ -82,11 +82,12 @@ fn at_most(instructions: u64) -> LibraryBenchmarkConfig {
 
 library_benchmark_group!(name = inverse, config = at_most(400), benchmarks = [ik_f64, ik_f32]);
 library_benchmark_group!(name = forward, config = at_most(900), benchmarks = [fk_f64, fk_f32]);
-library_benchmark_group!(name = basic, config = at_most(6000), benchmarks = [k_p_f64, k_p_f32]);
+library_benchmark_group!(name = basic, config = at_most(1400), benchmarks = [k_p_f64, k_p_f32]);
 library_benchmark_group!(
     name = corrected,
+    config = at_most(3400),
     benchmarks = [k_m_f64, k_m_f32, k_m_and_deflection_f64, k_m_and_deflection_f32]
 );
-library_benchmark_group!(name = cycle, config = at_most(6000), benchmarks = [cycle_f64, cycle_f32]);
+library_benchmark_group!(name = cycle, config = at_most(4200), benchmarks = [cycle_f64, cycle_f32]);
 library_benchmark_group!(name = peer, benchmarks = [dense_24x24_inverse_nalgebra]);
 main!(library_benchmark_groups = [inverse, forward, basic, corrected, cycle, peer]);

@@ -141,7 +141,7 @@ impl Platform {
         }
         output(compile.arg(library).args(["-lm", "-o"]).arg(&program))?;
         match self.board {
-            Some(board) => boot(board, &program),
+            Some(board) => boot(board, &program, &[]),
             None => output(&mut Command::new(&program)),
         }
     }

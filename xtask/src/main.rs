@@ -1,6 +1,7 @@
 //! The project's own chores: `cargo xtask <chore>`.
 
 mod c;
+mod cycles;
 mod image;
 mod proofs;
 mod qemu;
@@ -20,6 +21,7 @@ const USAGE: &str = "\
 cargo xtask <chore>
   regenerate   fit the fixtures; write pkm-core/src/tables/reference.rs and docs/deflection-error.svg
   qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host
+  cycles       count the instructions of a controller's cycle on both in QEMU, and hold them against limits
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
     let outcome = match chore.as_deref() {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
+        Some("cycles") => cycles::run(),
         Some("no-panic") => proofs::no_panic(),
         Some("no-alloc") => proofs::no_alloc(),
         Some("size") => proofs::size(),

@@ -19,7 +19,7 @@ pub fn firmware(name: &str, cpu: Option<&str>) -> (Command, PathBuf) {
     let target_dir = root().join("pkm-fw/target").join(cpu.unwrap_or("plain"));
     let mut command = Command::new("cargo");
     command.current_dir(root().join("pkm-fw")).args(["build", "--release", "--locked", "--quiet", "--bin", name]);
-    command.arg("--target-dir").arg(&target_dir);
+    command.arg("--target-dir").arg(&target_dir).env_remove("PKM_COEFFICIENTS");
     if let Some(cpu) = cpu {
         command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
     }
@@ -33,14 +33,15 @@ pub fn image(name: &str, cpu: Option<&str>) -> Result<PathBuf, String> {
     Ok(path)
 }
 
-/// Prints a figure and its limit in `budgets.toml`; true when it is kept.
+/// Prints a figure and its limit in `budgets.toml`, whose name ends with the unit; true when it is kept.
 pub fn budget(key: &str, figure: u64, what: &str) -> Result<bool, String> {
     let text = std::fs::read_to_string(root().join("budgets.toml")).map_err(|e| format!("budgets.toml: {e}"))?;
     let budgets: toml::Table = text.parse().map_err(|e| format!("budgets.toml: {e}"))?;
     let limit = budgets.get(key).and_then(toml::Value::as_integer).and_then(|v| u64::try_from(v).ok());
     let limit = limit.ok_or_else(|| format!("budgets.toml has no {key}"))?;
     let kept = figure <= limit;
-    println!("{what}: {figure} of {limit} bytes{}", if kept { "" } else { ": TOO MUCH" });
+    let unit = key.rsplit('_').next().unwrap_or_default();
+    println!("{what}: {figure} of {limit} {unit}{}", if kept { "" } else { ": TOO MUCH" });
     Ok(kept)
 }
 
@@ -98,7 +99,9 @@ fn every_function_is_called() -> Outcome {
 }
 
 pub fn no_alloc() -> Outcome {
-    for (name, cpu) in [("no_panic", None), ("parity", None), ("stack", None), ("size", Some("cortex-m7"))] {
+    for (name, cpu) in
+        [("no_panic", None), ("parity", None), ("cycle", None), ("stack", None), ("size", Some("cortex-m7"))]
+    {
         let symbols = symbols(&image(name, cpu)?)?;
         for symbol in &symbols {
             if symbol.name.contains("alloc") {

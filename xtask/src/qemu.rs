@@ -58,7 +58,7 @@ pub fn run() -> Outcome {
         };
         let (mut build, elf) = firmware("parity", cpu);
         output(build.env("PKM_COEFFICIENTS", folder.path().join("coefficients.rs")))?;
-        let lines = compare(&boot(board, &elf)?, &Host::read(folder.path())?)?;
+        let lines = compare(&boot(board, &elf, &[])?, &Host::read(folder.path())?)?;
         println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
     }
     Ok(())
@@ -94,9 +94,10 @@ fn one_of(effect: &EffectInfo) -> String {
     format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
 }
 
-pub fn boot(board: &str, elf: &Path) -> Result<String, String> {
+/// Runs an image to its end and returns what it printed.
+pub fn boot(board: &str, elf: &Path, options: &[&str]) -> Result<String, String> {
     let mut command = Command::new("qemu-system-arm");
-    command.args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"]);
+    command.args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"]).args(options);
     output(command.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(elf))
 }
 

@@ -24,7 +24,7 @@ pub fn run() -> Outcome {
         let mut graph = CallGraph::read(&image)?;
         let mut deepest: BTreeMap<String, (u64, String)> = BTreeMap::new();
         println!("{processor:36}   bound  measured  bytes of stack");
-        for line in boot(board, &image)?.lines() {
+        for line in boot(board, &image, &[])?.lines() {
             let [width, name, measured] = line.split(' ').collect::<Vec<_>>()[..] else {
                 return Err(format!("not a line of the firmware: {line}"));
             };

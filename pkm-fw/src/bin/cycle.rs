@@ -21,7 +21,7 @@ use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
 #[inline(never)]
 fn ticks<R>(f: impl FnOnce() -> R) -> u32 {
     let before = SYST::get_current();
-    black_box(f());
+    black_box(&f());
     before.wrapping_sub(SYST::get_current()) & 0x00ff_ffff
 }
 
