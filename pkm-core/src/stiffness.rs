@@ -160,18 +160,14 @@ split!(3, 2);
 split!(2, 1);
 
 impl<T: Scalar> Chain<T, 6> {
-    /// Two limbs side by side, for what couples them.
-    fn pair(first: Chain<T, 3>, second: Chain<T, 3>) -> Self {
-        let mut pair = Self { wrenches: [[T::ZERO; 6]; 6], compliance: [[T::ZERO; 6]; 6] };
+    /// Puts limb 1 (`LIMB` = 0) or 2 beside the other, for what couples them.
+    fn put<const LIMB: usize>(&mut self, limb: &Chain<T, 3>) {
         for i in 0..3 {
-            pair.wrenches[i] = first.wrenches[i];
-            pair.wrenches[i + 3] = second.wrenches[i];
+            self.wrenches[3 * LIMB + i] = limb.wrenches[i];
             for j in 0..=i {
-                pair.compliance[i][j] = first.compliance[i][j];
-                pair.compliance[i + 3][j + 3] = second.compliance[i][j];
+                self.compliance[3 * LIMB + i][3 * LIMB + j] = limb.compliance[i][j];
             }
         }
-        pair
     }
 
     /// Both limbs' bases, or their ends, move along an axis by `compliance` times the sum of their forces along it, the second
@@ -190,6 +186,10 @@ impl<T: Scalar> Chain<T, 6> {
 }
 
 impl<T: Scalar, const N: usize> Chain<T, N> {
+    fn zero() -> Self {
+        Self { wrenches: [[T::ZERO; 6]; N], compliance: [[T::ZERO; N]; N] }
+    }
+
     /// Something that gives at a point, along and about three axes. All in A-uvw.
     pub fn add_joint(&mut self, at: [T; 3], axes: &[[T; 3]; 3], compliance: [T; 6]) {
         let mut seen = [[T::ZERO; 6]; N];
@@ -420,13 +420,12 @@ impl<T: Scalar> Machine<T> {
         sideways.add_stiffness_to(k, [1, 2, 4, 5])
     }
 
+    // apart, and its parts apart from it, so that they don't take the stack all at once
+    #[inline(never)]
     fn add_stiffness_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
         let actual = self.actual(*p)?;
         let p = &actual.posture;
-        let (pair, third);
-        (pair, third, *k) = self.chains_with_effects(p);
-        pair.add_stiffness_to(k, ALL)?;
-        third.add_stiffness_to(k, ALL)?;
+        self.add_limbs_with_effects(p, k)?;
         let (n, x, y) = (p.n(), p.x(), p.y());
         let at = n.map(|c| -p.l * c);
         let axes = [x, y, cross(x, y)];
@@ -436,20 +435,32 @@ impl<T: Scalar> Machine<T> {
         check_diagonal(k)
     }
 
-    /// Limbs 1 and 2 together, and limb 3, with what effects add inside them; and what is beside them in K, lower
-    /// triangle. At the actual posture.
-    fn chains_with_effects(&self, p: &Posture<T>) -> (Chain<T, 6>, Chain<T, 2>, Lower<T>) {
+    #[inline(never)]
+    fn add_limbs_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        let (mut pair, mut third) = (Chain::zero(), Chain::zero());
+        self.chains_with_effects(p, &mut pair, &mut third, k);
+        pair.add_stiffness_to(k, ALL)?;
+        third.add_stiffness_to(k, ALL)
+    }
+
+    /// Turns zeros into limbs 1 and 2 together, and limb 3, with what effects add inside them; and into what is
+    /// beside them in K, lower triangle. At the actual posture.
+    #[inline(never)]
+    fn chains_with_effects(
+        &self,
+        p: &Posture<T>,
+        pair: &mut Chain<T, 6>,
+        third: &mut Chain<T, 2>,
+        beside: &mut Lower<T>,
+    ) {
         let offset = self.effects.offset();
         let mut p = *p;
         p.offset(offset);
         let (p, [h, h_3]) = (&p, offset);
-        let (mut first, mut second) = (self.chain_1_2::<0, true>(p, h), self.chain_1_2::<1, true>(p, h));
-        let mut third = self.chain_3::<true>(p, h_3);
-        let mut beside = linalg::zero();
-        self.add_effects_1_2::<0>(p, h, &mut first, &mut beside);
-        self.add_effects_1_2::<1>(p, h, &mut second, &mut beside);
-        self.add_effects_3(p, h_3, &mut third, &mut beside);
-        let mut pair = Chain::pair(first, second);
+        self.put_limb_with_effects::<0>(p, h, pair, beside);
+        self.put_limb_with_effects::<1>(p, h, pair, beside);
+        *third = self.chain_3::<true>(p, h_3);
+        self.add_effects_3(p, h_3, third, beside);
         let z = cross(p.x(), p.y());
         let w = [T::ZERO, T::ZERO, T::ONE];
         self.effects.between_arms_1_2(|bridge| pair.add_mode(w, T::ONE, bridge));
@@ -457,7 +468,19 @@ impl<T: Scalar> Machine<T> {
             pair.add_mode(z, T::ONE, together);
             pair.add_mode(z, -T::ONE, opposed);
         });
-        (pair, third, beside)
+    }
+
+    #[inline(never)]
+    fn put_limb_with_effects<const LIMB: usize>(
+        &self,
+        p: &Posture<T>,
+        h: T,
+        pair: &mut Chain<T, 6>,
+        beside: &mut Lower<T>,
+    ) {
+        let mut limb = self.chain_1_2::<LIMB, true>(p, h);
+        self.add_effects_1_2::<LIMB>(p, h, &mut limb, beside);
+        pair.put::<LIMB>(&limb);
     }
 
     /// What load-dependent effects add to the displacement of A under a wrench, on top of the linear deflection (of
@@ -497,7 +520,8 @@ impl<T: Scalar> Machine<T> {
         }
         let actual = self.actual(*posture)?;
         let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
-        let (pair, third, mut lower) = self.chains_with_effects(&actual.posture);
+        let (mut pair, mut third, mut lower) = (Chain::zero(), Chain::zero(), linalg::zero());
+        self.chains_with_effects(&actual.posture, &mut pair, &mut third, &mut lower);
         // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
         let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
         let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
