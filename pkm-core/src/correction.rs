@@ -311,6 +311,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.
+    #[inline(never)] // its monomials would take stack during the whole assembly
     fn evaluate<const ROWS: usize>(&self, coefficients: &[T], pose: &Pose<T>) -> [T; ROWS] {
         let monomials = self.basis.monomials(pose);
         let mut values = [T::ZERO; ROWS];

@@ -520,8 +520,14 @@ impl<T: Scalar> Machine<T> {
         }
         let actual = self.actual(*posture)?;
         let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
+        finite(actual.given_back(self.beyond_linear(&actual.posture, &load, &turned_at)?))
+    }
+
+    /// See [`load_dependent_deflection`](Self::load_dependent_deflection); all of it at the actual posture.
+    #[inline(never)]
+    fn beyond_linear(&self, p: &Posture<T>, load: &[T; 6], turned_at: &[T; 6]) -> Result<[T; 6], StiffnessError> {
         let (mut pair, mut third, mut lower) = (Chain::zero(), Chain::zero(), linalg::zero());
-        self.chains_with_effects(&actual.posture, &mut pair, &mut third, &mut lower);
+        self.chains_with_effects(p, &mut pair, &mut third, &mut lower);
         // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
         let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
         let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
@@ -535,8 +541,8 @@ impl<T: Scalar> Machine<T> {
         let mut m = [[o; 3]; 3];
         let (mut linear, mut lag) = ([o; 3], [o; 3]);
         for i in 0..3 {
-            linear[i] = product(&moved[i], &load);
-            lag[i] = self.effects.lag(linear[i], product(&moved[i], &turned_at));
+            linear[i] = product(&moved[i], load);
+            lag[i] = self.effects.lag(linear[i], product(&moved[i], turned_at));
             for j in 0..3 {
                 m[i][j] = own[i][j] - product(&v[i], &moved[j]);
             }
@@ -553,7 +559,7 @@ impl<T: Scalar> Machine<T> {
                 *d += e * *c;
             }
         }
-        finite(actual.given_back(d))
+        Ok(d)
     }
 
     /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first
@@ -643,6 +649,7 @@ impl<T: Scalar> Machine<T> {
         );
     }
 
+    #[inline(never)]
     fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
         let (x, z) = Self::leaning_3(p, h);
         let axes = [x, cross(z, x), z];
