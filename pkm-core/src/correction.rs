@@ -22,6 +22,8 @@ use crate::types::{Domain, Pose};
 pub const MAX_TERMS: usize = 64;
 /// Greatest exponent in a term.
 pub const MAX_EXPONENT: u8 = 6;
+/// More than [`MAX_EXPONENT`], and a power of two.
+const POWERS: usize = 8;
 /// Entries of the factor form: a lower triangle, row by row.
 pub const FACTOR_ENTRIES: usize = 21;
 
@@ -109,15 +111,15 @@ impl<T: Scalar> Basis<'_, T> {
     /// The terms' values at a pose, in their order; zeros behind the last.
     pub fn monomials(&self, pose: &Pose<T>) -> [T; MAX_TERMS] {
         let powers = self.scaled(pose).map(|t| {
-            let mut powers = [T::ONE; MAX_EXPONENT as usize + 2];
-            for n in 1..powers.len() {
+            let mut powers = [T::ONE; POWERS];
+            for n in 1..POWERS {
                 powers[n] = powers[n - 1] * t;
             }
             powers
         });
         let [theta, sigma, z0] = &powers;
-        // the mask changes no exponent, and says so to the compiler
-        let at = |exponent: u8| usize::from(exponent) % (MAX_EXPONENT as usize + 2);
+        // the remainder changes no exponent, and spares the check that it is in range
+        let at = |exponent: u8| usize::from(exponent) % POWERS;
         let mut monomials = [T::ZERO; MAX_TERMS];
         for (monomial, [p, r, s]) in monomials.iter_mut().zip(self.terms) {
             *monomial = theta[at(*p)] * sigma[at(*r)] * z0[at(*s)];
@@ -263,7 +265,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
                 *entry *= root;
             }
         }
-        self.soften_by_tool(machine, &mut lower)?;
+        soften_by_tool(machine, &mut lower)?;
         Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
     }
 
@@ -295,25 +297,14 @@ impl<T: Scalar> CorrectionTable<'_, T> {
             }
         }
         linalg::multiply(lower, &g);
-        self.soften_by_tool(machine, lower)
-    }
-
-    /// Takes what lies behind A, which is not in the table, into a factor.
-    fn soften_by_tool(&self, machine: &Machine<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
-        if machine.effects.any() {
-            let mut stiffness = linalg::square(lower);
-            if machine.add_tool_compliance(&mut stiffness)? {
-                stiffness::factor(&mut stiffness)?;
-                *lower = stiffness;
-            }
-        }
-        Ok(())
+        soften_by_tool(machine, lower)
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.
     #[inline(never)] // its monomials would take stack during the whole assembly
     fn evaluate<const ROWS: usize>(&self, coefficients: &[T], pose: &Pose<T>) -> [T; ROWS] {
         let monomials = self.basis.monomials(pose);
+        const { assert!(ROWS.is_multiple_of(3)) };
         let mut values = [T::ZERO; ROWS];
         let terms = self.basis.terms.len().max(1);
         // three rows at a time share the loads of the monomials
@@ -328,6 +319,18 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         }
         values
     }
+}
+
+/// Takes what lies behind A, which is not in the table, into a factor.
+fn soften_by_tool<T: Scalar>(machine: &Machine<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
+    if machine.effects.any() {
+        let mut stiffness = linalg::square(lower);
+        if machine.add_tool_compliance(&mut stiffness)? {
+            stiffness::factor(&mut stiffness)?;
+            *lower = stiffness;
+        }
+    }
+    Ok(())
 }
 
 impl CorrectionTable<'_, f64> {

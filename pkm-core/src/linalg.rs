@@ -12,11 +12,14 @@ pub(crate) fn zero<T: Scalar>() -> Lower<T> {
     [[T::ZERO; 6]; 6]
 }
 
-/// Turns a into its L, a = L Lᵀ. False when a pivot is not positive, NaN included; then a is of no use.
+/// Turns a into its L, a = L Lᵀ, with zeros above the diagonal. False when a pivot is not positive, NaN included; then a is of no use.
 #[must_use]
 pub(crate) fn cholesky<T: Scalar>(a: &mut Lower<T>) -> bool {
     // the column is a constant, so that every loop has a constant length and unrolls
     fn column<const J: usize, T: Scalar>(a: &mut Lower<T>) -> bool {
+        for i in 0..J {
+            a[i][J] = T::ZERO;
+        }
         for i in J..6 {
             let mut sum = a[i][J];
             for k in 0..J {

@@ -64,7 +64,7 @@ impl Worst {
         let Self { left, from_half } = self;
         println!("{machines}: {left:.1e} of the displacement is left; {from_half:.1e} from half under half the load");
         assert!(*left <= 1e-3, "{left:e}");
-        assert!(*from_half <= 0.01, "{from_half:e}");
+        assert!(*from_half <= 0.05, "{from_half:e}");
     }
 }
 
