@@ -301,7 +301,6 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.
-    #[inline(never)] // its monomials would take stack during the whole assembly
     fn evaluate<const ROWS: usize>(&self, coefficients: &[T], pose: &Pose<T>) -> [T; ROWS] {
         let monomials = self.basis.monomials(pose);
         const { assert!(ROWS.is_multiple_of(3)) };
