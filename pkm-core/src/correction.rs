@@ -11,16 +11,19 @@
 use core::fmt;
 
 use crate::checksum::{START, over_byte, over_numbers};
-use crate::linalg;
+use crate::kinematics::Posture;
+use crate::linalg::{self, Lower};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::{StiffnessError, StiffnessFactor};
+use crate::stiffness::{self, StiffnessError, StiffnessFactor};
 use crate::types::{Domain, Pose};
 
 /// Most terms a table may have.
 pub const MAX_TERMS: usize = 64;
 /// Greatest exponent in a term.
 pub const MAX_EXPONENT: u8 = 6;
+/// More than [`MAX_EXPONENT`], and a power of two.
+const POWERS: usize = 8;
 /// Entries of the factor form: a lower triangle, row by row.
 pub const FACTOR_ENTRIES: usize = 21;
 
@@ -107,11 +110,19 @@ impl<T: Scalar> Basis<'_, T> {
 
     /// The terms' values at a pose, in their order; zeros behind the last.
     pub fn monomials(&self, pose: &Pose<T>) -> [T; MAX_TERMS] {
-        let t = self.scaled(pose);
-        let power = |x: T, n: u8| (0..n).fold(T::ONE, |p, _| p * x);
+        let powers = self.scaled(pose).map(|t| {
+            let mut powers = [T::ONE; POWERS];
+            for n in 1..POWERS {
+                powers[n] = powers[n - 1] * t;
+            }
+            powers
+        });
+        let [theta, sigma, z0] = &powers;
+        // the remainder changes no exponent, and spares the check that it is in range
+        let at = |exponent: u8| usize::from(exponent) % POWERS;
         let mut monomials = [T::ZERO; MAX_TERMS];
         for (monomial, [p, r, s]) in monomials.iter_mut().zip(self.terms) {
-            *monomial = power(t[0], *p) * power(t[1], *r) * power(t[2], *s);
+            *monomial = theta[at(*p)] * sigma[at(*r)] * z0[at(*s)];
         }
         monomials
     }
@@ -242,7 +253,9 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// # Errors
     /// Those of [`Machine::stiffness`], and a coefficient that is not positive.
     pub fn diagonal_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
-        let mut lower = machine.stiffness_below_tool(pose)?.factor()?.lower;
+        let mut lower = linalg::zero();
+        machine.add_stiffness_below_tool(&machine.posture(pose)?, &mut lower)?;
+        stiffness::factor(&mut lower)?;
         for (row, (line, c)) in (1..).zip(lower.iter_mut().zip(self.coefficients(pose))) {
             if !(c > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
@@ -252,7 +265,8 @@ impl<T: Scalar> CorrectionTable<'_, T> {
                 *entry *= root;
             }
         }
-        self.finish(machine, pose, StiffnessFactor { lower })
+        soften_by_tool(machine, &mut lower)?;
+        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
     }
 
     /// K_m in the factor form, (L G)(L G)ᵀ with K_p = L Lᵀ.
@@ -260,53 +274,62 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// # Errors
     /// Those of [`Machine::stiffness`], no factor form, and a diagonal entry of G that is not positive.
     pub fn factor_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
+        let mut lower = linalg::zero();
+        self.add_factor_form(machine, pose, &machine.posture(pose)?, &mut lower)?;
+        Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
+    }
+
+    /// Turns zeros into the factor of K_m. `posture` is the pose's own.
+    pub(crate) fn add_factor_form(
+        &self,
+        machine: &Machine<T>,
+        pose: &Pose<T>,
+        posture: &Posture<T>,
+        lower: &mut Lower<T>,
+    ) -> Result<(), CorrectionError> {
         let rows = self.factor.ok_or(CorrectionError::NoFactorForm)?;
-        let basic = machine.stiffness_below_tool(pose)?.factor()?.lower;
-        let entries: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
-        let mut g = linalg::zero();
-        let mut next = entries.into_iter();
-        for (i, line) in g.iter_mut().enumerate() {
-            for (entry, value) in line.iter_mut().take(i + 1).zip(&mut next) {
-                *entry = value;
-            }
-        }
-        let diagonal = [g[0][0], g[1][1], g[2][2], g[3][3], g[4][4], g[5][5]];
-        for (row, d) in (1..).zip(diagonal) {
+        machine.add_stiffness_below_tool(posture, lower)?;
+        stiffness::factor(lower)?;
+        let g: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
+        for (row, d) in (1..).zip([g[0], g[2], g[5], g[9], g[14], g[20]]) {
             if !(d > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
             }
         }
-        let lower = linalg::product(&basic, &g);
-        self.finish(machine, pose, StiffnessFactor { lower })
-    }
-
-    /// Adds what lies behind A, which is not in the table.
-    fn finish(
-        &self,
-        machine: &Machine<T>,
-        pose: &Pose<T>,
-        factor: StiffnessFactor<T>,
-    ) -> Result<Corrected<T>, CorrectionError> {
-        let domain = self.domain(pose);
-        if !machine.effects.any() {
-            return Ok(Corrected { factor, domain });
-        }
-        let mut stiffness = factor.stiffness();
-        let factor = if machine.add_tool_compliance(&mut stiffness)? { stiffness.factor()? } else { factor };
-        Ok(Corrected { factor, domain })
+        linalg::multiply(lower, &g);
+        soften_by_tool(machine, lower)
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.
     fn evaluate<const ROWS: usize>(&self, coefficients: &[T], pose: &Pose<T>) -> [T; ROWS] {
         let monomials = self.basis.monomials(pose);
+        const { assert!(ROWS.is_multiple_of(3)) };
         let mut values = [T::ZERO; ROWS];
-        for (value, row) in values.iter_mut().zip(coefficients.chunks_exact(self.basis.terms.len().max(1))) {
-            for (c, monomial) in row.iter().zip(&monomials) {
-                *value += *c * *monomial;
+        let terms = self.basis.terms.len().max(1);
+        // three rows at a time share the loads of the monomials
+        for (values, rows) in values.as_chunks_mut::<3>().0.iter_mut().zip(coefficients.chunks_exact(3 * terms)) {
+            let mut rows = rows.chunks_exact(terms);
+            let (Some(a), Some(b), Some(c)) = (rows.next(), rows.next(), rows.next()) else { break };
+            let mut sums = [T::ZERO; 3];
+            for (((a, b), c), monomial) in a.iter().zip(b).zip(c).zip(&monomials) {
+                sums = [sums[0] + *a * *monomial, sums[1] + *b * *monomial, sums[2] + *c * *monomial];
             }
+            *values = sums;
         }
         values
     }
+}
+
+/// Takes what lies behind A, which is not in the table, into a factor.
+fn soften_by_tool<T: Scalar>(machine: &Machine<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
+    if machine.effects.any() {
+        let mut stiffness = linalg::square(lower);
+        if machine.add_tool_compliance(&mut stiffness)? {
+            stiffness::factor(&mut stiffness)?;
+            *lower = stiffness;
+        }
+    }
+    Ok(())
 }
 
 impl CorrectionTable<'_, f64> {

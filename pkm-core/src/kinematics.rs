@@ -140,6 +140,7 @@ impl<T: Scalar> Actual<T> {
     }
 
     /// A symmetric matrix in the actual A-uvw, lower triangle, as seen in the commanded one.
+    #[inline(never)] // its copies would take stack during the whole assembly
     pub fn given_back_matrix(&self, lower: &mut Lower<T>) {
         if self.turn.is_none() {
             return;

@@ -12,25 +12,35 @@ pub(crate) fn zero<T: Scalar>() -> Lower<T> {
     [[T::ZERO; 6]; 6]
 }
 
-/// L with a = L Lᵀ. `None` when a pivot is not positive, NaN included.
-pub(crate) fn cholesky<T: Scalar>(a: &Lower<T>) -> Option<Lower<T>> {
-    let mut l = zero();
-    for i in 0..6 {
-        for j in 0..=i {
-            let mut sum = a[i][j];
-            for k in 0..j {
-                sum -= l[i][k] * l[j][k];
+/// Turns a into its L, a = L Lᵀ, with zeros above the diagonal. False when a pivot is not positive, NaN included; then a is of no use.
+#[must_use]
+pub(crate) fn cholesky<T: Scalar>(a: &mut Lower<T>) -> bool {
+    // the column is a constant, so that every loop has a constant length and unrolls
+    fn column<const J: usize, T: Scalar>(a: &mut Lower<T>) -> bool {
+        for i in 0..J {
+            a[i][J] = T::ZERO;
+        }
+        for i in J..6 {
+            let mut sum = a[i][J];
+            for k in 0..J {
+                sum -= a[i][k] * a[J][k];
             }
-            l[i][j] = if i > j {
-                sum / l[j][j]
+            a[i][J] = if i > J {
+                sum / a[J][J]
             } else if sum > T::ZERO && sum.is_finite() {
                 sum.sqrt()
             } else {
-                return None;
+                return false;
             };
         }
+        true
     }
-    Some(l)
+    column::<0, T>(a)
+        && column::<1, T>(a)
+        && column::<2, T>(a)
+        && column::<3, T>(a)
+        && column::<4, T>(a)
+        && column::<5, T>(a)
 }
 
 /// x with L Lᵀ x = b.
@@ -51,17 +61,25 @@ pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &[T; 6]) -> [T; 6] {
     x
 }
 
-/// L·G of two lower triangles.
-pub(crate) fn product<T: Scalar>(l: &Lower<T>, g: &Lower<T>) -> Lower<T> {
-    let mut p = zero();
-    for i in 0..6 {
-        for j in 0..=i {
-            for k in j..=i {
-                p[i][j] += l[i][k] * g[k][j];
+/// Turns L into L·G. G is a lower triangle row by row, without what is above.
+pub(crate) fn multiply<T: Scalar>(l: &mut Lower<T>, g: &[T; 21]) {
+    // column K of L meets row K of G, and nothing needs it afterwards
+    fn step<const K: usize, T: Scalar>(l: &mut Lower<T>, g: &[T; 21]) {
+        let row = K * (K + 1) / 2;
+        for i in K..6 {
+            let factor = l[i][K];
+            for j in 0..K {
+                l[i][j] += factor * g[row + j];
             }
+            l[i][K] = factor * g[row + K];
         }
     }
-    p
+    step::<0, T>(l, g);
+    step::<1, T>(l, g);
+    step::<2, T>(l, g);
+    step::<3, T>(l, g);
+    step::<4, T>(l, g);
+    step::<5, T>(l, g);
 }
 
 /// L Lᵀ, whole.

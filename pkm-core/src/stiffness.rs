@@ -82,22 +82,26 @@ impl<T: Scalar> Stiffness<T> {
         [k[0][0], k[1][1], k[2][2], k[3][3], k[4][4], k[5][5]]
     }
 
-    /// Softening in series subtracts, and rounding may leave nothing.
-    fn check_diagonal(&self) -> Result<(), StiffnessError> {
-        let positive = self.principal().iter().all(|k| *k > T::ZERO);
-        if positive { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
-    }
-
     /// Cholesky factor, translations first.
     ///
     /// # Errors
     /// [`StiffnessError::NotPositiveDefinite`], also for NaN or infinity in the matrix.
     pub fn factor(&self) -> Result<StiffnessFactor<T>, StiffnessError> {
-        match linalg::cholesky(&self.lower) {
-            Some(lower) => Ok(StiffnessFactor { lower }),
-            None => Err(StiffnessError::NotPositiveDefinite),
-        }
+        let mut lower = self.lower;
+        factor(&mut lower)?;
+        Ok(StiffnessFactor { lower })
     }
+}
+
+/// Softening in series subtracts, and rounding may leave nothing.
+fn check_diagonal<T: Scalar>(k: &Lower<T>) -> Result<(), StiffnessError> {
+    let positive = (0..6).all(|i| k[i][i] > T::ZERO);
+    if positive { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
+}
+
+/// K, lower triangle, turned into its Cholesky factor.
+pub(crate) fn factor<T: Scalar>(lower: &mut Lower<T>) -> Result<(), StiffnessError> {
+    if linalg::cholesky(lower) { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
 }
 
 /// A stiffness as its lower triangular Cholesky factor F, K = F Fᵀ: ready for deflections.
@@ -134,19 +138,36 @@ pub(crate) struct Chain<T, const N: usize> {
     compliance: [[T; N]; N],
 }
 
-impl<T: Scalar> Chain<T, 6> {
-    /// Two limbs side by side, for what couples them.
-    fn pair(first: Chain<T, 3>, second: Chain<T, 3>) -> Self {
-        let mut pair = Self { wrenches: [[T::ZERO; 6]; 6], compliance: [[T::ZERO; 6]; 6] };
-        for i in 0..3 {
-            pair.wrenches[i] = first.wrenches[i];
-            pair.wrenches[i + 3] = second.wrenches[i];
-            for j in 0..=i {
-                pair.compliance[i][j] = first.compliance[i][j];
-                pair.compliance[i + 3][j + 3] = second.compliance[i][j];
+macro_rules! split {
+    ($n:literal, $rest:literal) => {
+        impl<T: Scalar> Chain<T, $n> {
+            /// The first wrench and the others, when no compliance couples them.
+            fn split(self) -> (Chain<T, 1>, Chain<T, $rest>) {
+                let ([first, others @ ..], [[own, ..], ..]) = (self.wrenches, self.compliance);
+                let mut compliance = [[T::ZERO; $rest]; $rest];
+                for i in 0..$rest {
+                    for j in 0..i + 1 {
+                        compliance[i][j] = self.compliance[i + 1][j + 1];
+                    }
+                }
+                (Chain { wrenches: [first], compliance: [[own]] }, Chain { wrenches: others, compliance })
             }
         }
-        pair
+    };
+}
+
+split!(3, 2);
+split!(2, 1);
+
+impl<T: Scalar> Chain<T, 6> {
+    /// Puts limb 1 (`LIMB` = 0) or 2 beside the other, for what couples them.
+    fn put<const LIMB: usize>(&mut self, limb: &Chain<T, 3>) {
+        for i in 0..3 {
+            self.wrenches[3 * LIMB + i] = limb.wrenches[i];
+            for j in 0..=i {
+                self.compliance[3 * LIMB + i][3 * LIMB + j] = limb.compliance[i][j];
+            }
+        }
     }
 
     /// Both limbs' bases, or their ends, move along an axis by `compliance` times the sum of their forces along it, the second
@@ -165,6 +186,10 @@ impl<T: Scalar> Chain<T, 6> {
 }
 
 impl<T: Scalar, const N: usize> Chain<T, N> {
+    fn zero() -> Self {
+        Self { wrenches: [[T::ZERO; 6]; N], compliance: [[T::ZERO; N]; N] }
+    }
+
     /// Something that gives at a point, along and about three axes. All in A-uvw.
     pub fn add_joint(&mut self, at: [T; 3], axes: &[[T; 3]; 3], compliance: [T; 6]) {
         let mut seen = [[T::ZERO; 6]; N];
@@ -249,8 +274,9 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
         sum
     }
 
-    /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel.
-    fn add_stiffness_to(mut self, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+    /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel. `at` are the components of the
+    /// wrenches that are not 0.
+    fn add_stiffness_to<const M: usize>(mut self, k: &mut Lower<T>, at: [usize; M]) -> Result<(), StiffnessError> {
         let (d, y) = (&mut self.compliance, &mut self.wrenches);
         for j in 0..N {
             if !(d[j][j] > T::ZERO) {
@@ -259,23 +285,26 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
             let spring = T::ONE / d[j][j];
             for i in j + 1..N {
                 let ratio = d[i][j] * spring;
-                for m in j + 1..=i {
+                for m in j + 1..i + 1 {
                     d[i][m] -= ratio * d[m][j];
                 }
-                for c in 0..6 {
+                for c in at {
                     y[i][c] -= ratio * y[j][c];
                 }
             }
-            for r in 0..6 {
-                let scaled = y[j][r] * spring;
-                for c in 0..=r {
-                    k[r][c] += scaled * y[j][c];
+            for r in 0..M {
+                let scaled = y[j][at[r]] * spring;
+                for c in 0..r + 1 {
+                    k[at[r]][at[c]] += scaled * y[j][at[c]];
                 }
             }
         }
         Ok(())
     }
 }
+
+/// All components of a six-vector.
+const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
 /// Most Newton steps that a load-dependent deflection takes.
 pub const MAX_STEPS: usize = 30;
@@ -426,57 +455,70 @@ impl<T: Scalar> Machine<T> {
     /// Those of [`inverse`](Self::inverse), and [`StiffnessError::NotPositiveDefinite`] when rounding leaves a
     /// limb without compliance.
     pub fn stiffness(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let mut stiffness = self.stiffness_below_tool(pose)?;
-        self.add_tool_compliance(&mut stiffness)?;
-        Ok(stiffness)
-    }
-
-    /// K_p without what is elastic between A and the tool: what correction tables apply to.
-    pub(crate) fn stiffness_below_tool(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let p = self.posture(pose)?;
-        // two copies of one assembly, so that a machine without effects doesn't pay for them
-        if self.effects.any() { self.assemble::<true>(&p) } else { self.assemble::<false>(&p) }
-    }
-
-    fn assemble<const EFFECTS: bool>(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let mut lower;
-        if EFFECTS {
-            let actual = self.actual(*p)?;
-            let p = &actual.posture;
-            let (pair, third);
-            (pair, third, lower) = self.chains_with_effects(p);
-            pair.add_stiffness_to(&mut lower)?;
-            third.add_stiffness_to(&mut lower)?;
-            let (n, x, y) = (p.n(), p.x(), p.y());
-            let at = n.map(|c| -p.l * c);
-            let axes = [x, y, cross(x, y)];
-            self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(&mut lower));
-            self.effects.at_hub(|compliance| Series::at_a(compliance).soften(&mut lower));
-            actual.given_back_matrix(&mut lower);
-            Stiffness { lower }.check_diagonal()?;
-        } else {
-            lower = linalg::zero();
-            self.chain_1_2::<0, false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
-            self.chain_1_2::<1, false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
-            self.chain_3::<false>(p, T::ZERO).add_stiffness_to(&mut lower)?;
-        }
+        let mut lower = linalg::zero();
+        self.add_stiffness_below_tool(&self.posture(pose)?, &mut lower)?;
+        self.add_tool_compliance(&mut lower)?;
         Ok(Stiffness { lower })
     }
 
-    /// Limbs 1 and 2 together, and limb 3, with what effects add inside them; and what is beside them in K, lower
-    /// triangle. At the actual posture.
-    fn chains_with_effects(&self, p: &Posture<T>) -> (Chain<T, 6>, Chain<T, 2>, Lower<T>) {
+    /// Adds K_p without what is elastic between A and the tool, what correction tables apply to, to zeros.
+    pub(crate) fn add_stiffness_below_tool(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        if self.effects.any() {
+            return self.add_stiffness_with_effects(p, k);
+        }
+        // without effects nothing couples a limb's axial force with its other wrenches
+        let (first, second) = (self.chain_1_2::<0, false>(p, T::ZERO), self.chain_1_2::<1, false>(p, T::ZERO));
+        for limb in [first, second] {
+            let (axial, others) = limb.split();
+            axial.add_stiffness_to(k, [1, 2, 3])?;
+            others.add_stiffness_to(k, [0, 4, 5])?;
+        }
+        let (axial, sideways) = self.chain_3::<false>(p, T::ZERO).split();
+        axial.add_stiffness_to(k, [0, 1, 2, 4, 5])?;
+        sideways.add_stiffness_to(k, [1, 2, 4, 5])
+    }
+
+    // apart, and its parts apart from it, so that they don't take the stack all at once
+    #[inline(never)]
+    fn add_stiffness_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        let actual = self.actual(*p)?;
+        let p = &actual.posture;
+        self.add_limbs_with_effects(p, k)?;
+        let (n, x, y) = (p.n(), p.x(), p.y());
+        let at = n.map(|c| -p.l * c);
+        let axes = [x, y, cross(x, y)];
+        self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(k));
+        self.effects.at_hub(|compliance| Series::at_a(compliance).soften(k));
+        actual.given_back_matrix(k);
+        check_diagonal(k)
+    }
+
+    #[inline(never)]
+    fn add_limbs_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        let (mut pair, mut third) = (Chain::zero(), Chain::zero());
+        self.chains_with_effects(p, &mut pair, &mut third, k);
+        pair.add_stiffness_to(k, ALL)?;
+        third.add_stiffness_to(k, ALL)
+    }
+
+    /// Turns zeros into limbs 1 and 2 together, and limb 3, with what effects add inside them; and into what is
+    /// beside them in K, lower triangle. At the actual posture.
+    #[inline(never)]
+    fn chains_with_effects(
+        &self,
+        p: &Posture<T>,
+        pair: &mut Chain<T, 6>,
+        third: &mut Chain<T, 2>,
+        beside: &mut Lower<T>,
+    ) {
         let offset = self.effects.offset();
         let mut p = *p;
         p.offset(offset);
         let (p, [h, h_3]) = (&p, offset);
-        let (mut first, mut second) = (self.chain_1_2::<0, true>(p, h), self.chain_1_2::<1, true>(p, h));
-        let mut third = self.chain_3::<true>(p, h_3);
-        let mut beside = linalg::zero();
-        self.add_effects_1_2::<0>(p, h, &mut first, &mut beside);
-        self.add_effects_1_2::<1>(p, h, &mut second, &mut beside);
-        self.add_effects_3(p, h_3, &mut third, &mut beside);
-        let mut pair = Chain::pair(first, second);
+        self.put_limb_with_effects::<0>(p, h, pair, beside);
+        self.put_limb_with_effects::<1>(p, h, pair, beside);
+        *third = self.chain_3::<true>(p, h_3);
+        self.add_effects_3(p, h_3, third, beside);
         let z = cross(p.x(), p.y());
         let w = [T::ZERO, T::ZERO, T::ONE];
         self.effects.between_arms_1_2(|bridge| pair.add_mode(w, T::ONE, bridge));
@@ -484,7 +526,19 @@ impl<T: Scalar> Machine<T> {
             pair.add_mode(z, T::ONE, together);
             pair.add_mode(z, -T::ONE, opposed);
         });
-        (pair, third, beside)
+    }
+
+    #[inline(never)]
+    fn put_limb_with_effects<const LIMB: usize>(
+        &self,
+        p: &Posture<T>,
+        h: T,
+        pair: &mut Chain<T, 6>,
+        beside: &mut Lower<T>,
+    ) {
+        let mut limb = self.chain_1_2::<LIMB, true>(p, h);
+        self.add_effects_1_2::<LIMB>(p, h, &mut limb, beside);
+        pair.put::<LIMB>(&limb);
     }
 
     /// What load-dependent effects add to the displacement of A under a wrench, on top of the linear deflection (of
@@ -506,7 +560,16 @@ impl<T: Scalar> Machine<T> {
         wrench: &Wrench<T>,
         turned_at: &Wrench<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
-        self.load_response(pose)?.deflection(wrench, turned_at)
+        self.load_dependent_deflection_at(&self.posture(pose)?, wrench, turned_at)
+    }
+
+    pub(crate) fn load_dependent_deflection_at(
+        &self,
+        posture: &Posture<T>,
+        wrench: &Wrench<T>,
+        turned_at: &Wrench<T>,
+    ) -> Result<Deflection<T>, StiffnessError> {
+        self.load_response_at(posture)?.deflection(wrench, turned_at)
     }
 
     /// What [`load_dependent_deflection`](Self::load_dependent_deflection) needs of a pose, for many loads there.
@@ -514,28 +577,38 @@ impl<T: Scalar> Machine<T> {
     /// # Errors
     /// Those of [`stiffness`](Self::stiffness).
     pub fn load_response(&self, pose: &Pose<T>) -> Result<LoadResponse<'_, T>, StiffnessError> {
-        let posture = self.posture(pose)?;
+        self.load_response_at(&self.posture(pose)?)
+    }
+
+    fn load_response_at(&self, posture: &Posture<T>) -> Result<LoadResponse<'_, T>, StiffnessError> {
         if !self.effects.depend_on_load() {
             return Ok(LoadResponse { machine: self, limbs: None });
         }
+        let actual = self.actual(*posture)?;
+        let (moved, m) = self.limb_response(&actual.posture)?;
+        Ok(LoadResponse { machine: self, limbs: Some(LimbResponse { actual, moved, m }) })
+    }
+
+    /// Of [`LimbResponse`], at the actual posture.
+    #[inline(never)]
+    fn limb_response(&self, p: &Posture<T>) -> Result<([[T; 6]; 3], [[T; 3]; 3]), StiffnessError> {
         let o = T::ZERO;
-        let actual = self.actual(posture)?;
-        let (pair, third, mut lower) = self.chains_with_effects(&actual.posture);
+        let (mut pair, mut third, mut lower) = (Chain::zero(), Chain::zero(), linalg::zero());
+        self.chains_with_effects(p, &mut pair, &mut third, &mut lower);
         // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
         let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
         let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
-        let own = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
-        pair.add_stiffness_to(&mut lower)?;
-        third.add_stiffness_to(&mut lower)?;
-        let factor = linalg::cholesky(&lower).ok_or(StiffnessError::NotPositiveDefinite)?;
-        let moved = [linalg::solve(&factor, &v[0]), linalg::solve(&factor, &v[1]), linalg::solve(&factor, &v[2])];
-        let mut m = own;
+        let mut m = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
+        pair.add_stiffness_to(&mut lower, ALL)?;
+        third.add_stiffness_to(&mut lower, ALL)?;
+        factor(&mut lower)?;
+        let moved = v.map(|v| linalg::solve(&lower, &v));
         for i in 0..3 {
             for j in 0..3 {
                 m[i][j] -= product(&v[i], &moved[j]);
             }
         }
-        Ok(LoadResponse { machine: self, limbs: Some(LimbResponse { actual, moved, m }) })
+        Ok((moved, m))
     }
 
     /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first
@@ -588,16 +661,16 @@ impl<T: Scalar> Machine<T> {
     }
 
     /// Softens K by what lies between A and the tool; true if there was any.
-    pub(crate) fn add_tool_compliance(&self, stiffness: &mut Stiffness<T>) -> Result<bool, StiffnessError> {
+    pub(crate) fn add_tool_compliance(&self, k: &mut Lower<T>) -> Result<bool, StiffnessError> {
         let mut any = false;
         if self.effects.any() {
             self.effects.at_tool(|compliance| {
                 any = true;
-                Series::at_a(compliance).soften(&mut stiffness.lower);
+                Series::at_a(compliance).soften(k);
             });
         }
         if any {
-            stiffness.check_diagonal()?;
+            check_diagonal(k)?;
         }
         Ok(any)
     }
@@ -625,6 +698,7 @@ impl<T: Scalar> Machine<T> {
         );
     }
 
+    #[inline(never)]
     fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
         let (x, z) = Self::leaning_3(p, h);
         let axes = [x, cross(z, x), z];

@@ -10,7 +10,7 @@ use std::hint::black_box;
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
-use pkm_core::{Corrected, Deflection, Machine, Pose, Scalar, ScrewLengths, Stiffness, Wrench};
+use pkm_core::{Corrected, Cycle, Deflection, Machine, Pose, Scalar, ScrewLengths, Stiffness, Wrench};
 
 fn pose<T: Scalar>() -> Pose<T> {
     Pose { theta_rad: T::from_f64(0.1), sigma_rad: T::from_f64(-0.05), z0_m: T::from_f64(0.53) }
@@ -25,7 +25,7 @@ fn wrench<T: Scalar>() -> Wrench<T> {
 }
 
 macro_rules! counts {
-    ($t:ty, $machine:ident, $table:ident, $ik:ident, $fk:ident, $k_p:ident, $k_m:ident, $load:ident) => {
+    ($t:ty, $machine:ident, $table:ident, $ik:ident, $fk:ident, $k_p:ident, $k_m:ident, $load:ident, $cycle:ident) => {
         #[library_benchmark]
         #[bench::reference(pose())]
         fn $ik(p: Pose<$t>) -> ScrewLengths<$t> {
@@ -56,11 +56,18 @@ macro_rules! counts {
             let corrected = $table.factor_form(&$machine, &black_box(p)).unwrap();
             black_box(corrected.factor.deflection(&wrench())).unwrap()
         }
+
+        #[library_benchmark]
+        #[bench::reference(pose())]
+        fn $cycle(p: Pose<$t>) -> Cycle<$t> {
+            let tip = [0.01, -0.02, 0.3];
+            black_box($table.cycle(&$machine, &black_box(p), &black_box(wrench()), black_box(tip))).unwrap()
+        }
     };
 }
 
-counts!(f64, MACHINE_F64, TABLE_F64, ik_f64, fk_f64, k_p_f64, k_m_f64, k_m_and_deflection_f64);
-counts!(f32, MACHINE_F32, TABLE_F32, ik_f32, fk_f32, k_p_f32, k_m_f32, k_m_and_deflection_f32);
+counts!(f64, MACHINE_F64, TABLE_F64, ik_f64, fk_f64, k_p_f64, k_m_f64, k_m_and_deflection_f64, cycle_f64);
+counts!(f32, MACHINE_F32, TABLE_F32, ik_f32, fk_f32, k_p_f32, k_m_f32, k_m_and_deflection_f32, cycle_f32);
 
 // The paper's way has to invert a dense matrix of 24 rows.
 #[library_benchmark]
@@ -75,10 +82,12 @@ fn at_most(instructions: u64) -> LibraryBenchmarkConfig {
 
 library_benchmark_group!(name = inverse, config = at_most(400), benchmarks = [ik_f64, ik_f32]);
 library_benchmark_group!(name = forward, config = at_most(900), benchmarks = [fk_f64, fk_f32]);
-library_benchmark_group!(name = basic, config = at_most(6000), benchmarks = [k_p_f64, k_p_f32]);
+library_benchmark_group!(name = basic, config = at_most(1400), benchmarks = [k_p_f64, k_p_f32]);
 library_benchmark_group!(
     name = corrected,
+    config = at_most(3400),
     benchmarks = [k_m_f64, k_m_f32, k_m_and_deflection_f64, k_m_and_deflection_f32]
 );
+library_benchmark_group!(name = cycle, config = at_most(4200), benchmarks = [cycle_f64, cycle_f32]);
 library_benchmark_group!(name = peer, benchmarks = [dense_24x24_inverse_nalgebra]);
-main!(library_benchmark_groups = [inverse, forward, basic, corrected, peer]);
+main!(library_benchmark_groups = [inverse, forward, basic, corrected, cycle, peer]);

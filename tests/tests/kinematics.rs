@@ -39,6 +39,26 @@ fn forward_and_inverse_undo_each_other_on_random_machines() {
 }
 
 #[test]
+fn sine_and_cosine_in_f32() {
+    let mut worst = 0.0_f64;
+    let right_angle = core::f32::consts::FRAC_PI_2;
+    let steps = 1_000_000_i32;
+    for n in -steps..=steps {
+        let angle = right_angle * n as f32 / steps as f32;
+        let (sin, cos) = <f32 as pkm_core::Scalar>::sin_cos(angle);
+        for (found, exact) in [(sin, f64::from(angle).sin()), (cos, f64::from(angle).cos())] {
+            let unit = f64::from((exact.abs() as f32).next_up()) - f64::from(exact.abs() as f32);
+            keep_worst(&mut worst, (f64::from(found) - exact).abs() / unit);
+        }
+    }
+    println!("f32 sine and cosine: {worst:.2} units in the last place");
+    assert!(worst <= 1.5, "{worst}");
+    let beyond = <f32 as pkm_core::Scalar>::sin_cos(2.0);
+    assert_eq!(beyond, (2.0_f64.sin() as f32, 2.0_f64.cos() as f32));
+    assert!(<f32 as pkm_core::Scalar>::sin_cos(f32::NAN).0.is_nan());
+}
+
+#[test]
 fn forward_in_f32_returns_the_pose() {
     let mut rng = seeded();
     let mut worst = 0.0_f64;

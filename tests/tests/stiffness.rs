@@ -115,6 +115,9 @@ fn failures_are_typed() {
         k[i][i] = 1.0;
     }
     let factor = Stiffness::from_lower(&k).factor().unwrap();
+    let mut above = k;
+    above[0][5] = f64::NAN;
+    assert_eq!(Stiffness::from_lower(&above).factor(), Ok(factor));
     let wrench = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
     assert_eq!(factor.deflection(&wrench), Err(StiffnessError::NotFinite));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {

@@ -4,22 +4,19 @@
 //! file and the `coefficients.json` of that fit. So the generated source, the compiler and the target's
 //! arithmetic are all in the comparison.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::Command;
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::{
-    Basis, CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench,
-};
+use pkm_core::{Basis, CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
 use pkm_host::commands;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
 use pkm_host::table_file::TableFile;
 use serde_json::Value;
 
-use crate::{Outcome, firmware_build, fit_fixtures, root};
-
-const TARGET: &str = "thumbv7em-none-eabihf";
+use crate::proofs::firmware;
+use crate::{Outcome, fit_fixtures, output, root};
 
 /// Where the firmware's machine and table come from.
 enum Origin {
@@ -50,27 +47,30 @@ pub fn run() -> Outcome {
                 commands::diagnose(Some(&machine), Some(&data), None, folder.path()).map_err(|e| e.to_string())?;
                 ", the machine of a diagnosis"
             }
-            Origin::Fit | Origin::EveryEffect => {
-                let path = folder.path().join("machine.toml");
-                let mut text = fixtures::machine().text().map_err(|e| e.to_string())?.to_owned();
-                let every = matches!(origin, Origin::EveryEffect);
-                if every {
-                    text.extend(EFFECTS.iter().map(one_of));
-                }
-                std::fs::write(&path, text).map_err(|e| e.to_string())?;
-                fit_fixtures(Some(&path), folder.path())?;
-                if every { ", every effect on" } else { "" }
+            Origin::Fit => {
+                fit(&[], folder.path())?;
+                ""
+            }
+            Origin::EveryEffect => {
+                fit(&EFFECTS, folder.path())?;
+                ", every effect on"
             }
         };
-        let read = |name: &str| Source::read(&folder.path().join(name)).map_err(|e| e.to_string());
-        let table = TableFile::parse(&read("coefficients.json")?).map_err(|e| e.to_string())?;
-        let machine = MachineFile::parse(read("machine.toml")?).map_err(|e| e.to_string())?;
-
-        let elf = build(&folder.path().join("coefficients.rs"), cpu)?;
-        let lines = compare(&boot(board, &elf)?, &machine, &table)?;
+        let (mut build, elf) = firmware("parity", cpu);
+        output(build.env("PKM_COEFFICIENTS", folder.path().join("coefficients.rs")))?;
+        let lines = compare(&boot(board, &elf, &[])?, &Host::read(folder.path())?)?;
         println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
     }
     Ok(())
+}
+
+/// Fits the fixtures' data with effects of modest size on.
+pub fn fit(effects: &[EffectInfo], folder: &Path) -> Outcome {
+    let path = folder.join("machine.toml");
+    let mut text = fixtures::machine().text().map_err(|e| e.to_string())?.to_owned();
+    text.extend(effects.iter().map(one_of));
+    std::fs::write(&path, text).map_err(|e| e.to_string())?;
+    fit_fixtures(Some(&path), folder)
 }
 
 /// An `[[effect]]` of modest size.
@@ -94,56 +94,57 @@ fn one_of(effect: &EffectInfo) -> String {
     format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
 }
 
-fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
-    let target_dir = root().join("pkm-fw/target").join(cpu.unwrap_or("plain"));
-    let mut command = firmware_build();
-    command.args(["--bin", "parity", "--target-dir"]).arg(&target_dir).env("PKM_COEFFICIENTS", coefficients);
-    if let Some(cpu) = cpu {
-        command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
-    }
-    let status = command.status().map_err(|e| format!("cargo: {e}"))?;
-    if !status.success() {
-        return Err(format!(
-            "the firmware does not build; if rustc lacks its target, run `rustup toolchain install --no-self-update` \
-             ({TARGET} stands in rust-toolchain.toml)"
-        ));
-    }
-    Ok(target_dir.join(TARGET).join("release/parity"))
+/// Runs an image to its end and returns what it printed.
+pub fn boot(board: &str, elf: &Path, options: &[&str]) -> Result<String, String> {
+    let mut command = Command::new("qemu-system-arm");
+    command.args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"]).args(options);
+    output(command.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(elf))
 }
 
-fn boot(board: &str, elf: &Path) -> Result<String, String> {
-    let output = Command::new("qemu-system-arm")
-        .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"])
-        .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
-        .arg(elf)
-        .stdin(Stdio::null())
-        .output()
-        .map_err(|e| format!("qemu-system-arm: {e} (Debian: apt-get install qemu-system-arm)"))?;
-    if !output.status.success() {
-        return Err(format!("{board}: QEMU ended with {}: {}", output.status, String::from_utf8_lossy(&output.stderr)));
+/// The host's side: machine and table of a fit or a diagnosis from their files, not from generated source.
+pub struct Host {
+    machine: MachineFile,
+    table: TableFile,
+}
+
+impl Host {
+    pub fn read(folder: &Path) -> Result<Self, String> {
+        let read = |name: &str| Source::read(&folder.join(name)).map_err(|e| e.to_string());
+        let table = TableFile::parse(&read("coefficients.json")?).map_err(|e| e.to_string())?;
+        let machine = MachineFile::parse(read("machine.toml")?).map_err(|e| e.to_string())?;
+        Ok(Self { machine, table })
     }
-    String::from_utf8(output.stdout).map_err(|e| format!("{board}: {e}"))
+
+    /// Calls one with machine and table in `f64`, the other with those in `f32`, and gives what the calls give.
+    pub fn both<R>(
+        &self,
+        double: impl FnOnce(&Machine<f64>, &CorrectionTable<'_, f64>) -> R,
+        single: impl FnOnce(&Machine<f32>, &CorrectionTable<'_, f32>) -> R,
+    ) -> Result<(R, R), String> {
+        let numbers = self.table.numbers();
+        let table = numbers.table().map_err(|e| e.to_string())?;
+        let in_double = double(&self.machine.machine, &table);
+        let machine = Machine::<f32>::new(&self.machine.parameters).map_err(|e| format!("{e:?}"))?;
+        let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect::<Vec<_>>();
+        let (diagonal, factor) = (narrow(&numbers.diagonal), numbers.factor.as_deref().map(narrow));
+        let table =
+            Basis::<f32>::new(numbers.centre.map(|v| v as f32), numbers.half_width.map(|v| v as f32), &numbers.terms)
+                .and_then(|basis| CorrectionTable::<f32>::new(basis, &diagonal, factor.as_deref()))
+                .map_err(|e| e.to_string())?;
+        Ok((in_double, single(&machine, &table)))
+    }
 }
 
 /// Checks every line; returns their number.
-fn compare(text: &str, machine: &MachineFile, table: &TableFile) -> Result<usize, String> {
-    let numbers = table.numbers();
-    let double = numbers.table().map_err(|e| e.to_string())?;
-    let single_machine = Machine::<f32>::new(&machine.parameters).map_err(|e| format!("{e:?}"))?;
-    let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect::<Vec<_>>();
-    let (diagonal, factor) = (narrow(&numbers.diagonal), numbers.factor.as_deref().map(narrow));
-    let single =
-        Basis::<f32>::new(numbers.centre.map(|v| v as f32), numbers.half_width.map(|v| v as f32), &numbers.terms)
-            .and_then(|basis| CorrectionTable::<f32>::new(basis, &diagonal, factor.as_deref()))
-            .map_err(|e| e.to_string())?;
-
+fn compare(text: &str, host: &Host) -> Result<usize, String> {
     let (mut lines, mut outside, mut refused) = (0, 0, 0);
     for text in text.lines() {
         let line: Value = serde_json::from_str(text).map_err(|e| format!("not a line of the firmware: {e}: {text}"))?;
         let pose = bits(&line["pose"])?;
+        let (double, single) = host.both(|m, t| expected(m, t, &pose), |m, t| expected(m, t, &pose))?;
         let expected = match line["float_bits"].as_u64() {
-            Some(64) => expected(&machine.machine, &double, &pose),
-            Some(32) => expected(&single_machine, &single, &pose),
+            Some(64) => double,
+            Some(32) => single,
             other => return Err(format!("unknown width {other:?}")),
         };
         let found = |key: &str| bits(&line[key]);
@@ -193,13 +194,13 @@ fn values<T: Scalar>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     pose: &Pose<T>,
-) -> Result<Vec<(&'static str, Vec<u64>)>, CorrectionError> {
+) -> Result<Vec<(&'static str, Vec<u64>)>, CycleError> {
     let bits = |values: &[T]| values.iter().map(|v| v.to_f64().to_bits()).collect::<Vec<_>>();
     let lower = |k: &Stiffness<T>| {
         let k = k.matrix();
         bits(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
     };
-    // the loads and the temperature that pkm-fw/src/bin/parity.rs applies
+    // the loads, the tip and the temperature that pkm-fw/src/bin/parity.rs applies
     let wrench =
         Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
     let turned_at =
@@ -211,6 +212,7 @@ fn values<T: Scalar>(
     let d = factor.factor.deflection(&wrench)?.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?);
     let lengths = machine.inverse(pose)?;
     let forward = machine.forward(&lengths)?;
+    let cycle = table.cycle(machine, pose, &wrench, [0.01, -0.02, 0.3].map(T::from_f64))?.compensated;
     Ok(vec![
         ("q", bits(&lengths.q_m)),
         ("forward", bits(&[forward.theta_rad, forward.sigma_rad, forward.z0_m])),
@@ -221,5 +223,9 @@ fn values<T: Scalar>(
         ("deflection", bits(&[d.translation_m, d.rotation_rad].concat())),
         ("k_p_warm", lower(&warm.stiffness(pose)?)),
         ("thermal", bits(&[grown.translation_m, grown.rotation_rad].concat())),
+        (
+            "compensated",
+            bits(&[[cycle.pose.theta_rad, cycle.pose.sigma_rad, cycle.pose.z0_m], cycle.lengths.q_m].concat()),
+        ),
     ])
 }

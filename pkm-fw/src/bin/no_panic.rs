@@ -12,8 +12,12 @@ use core::hint::black_box;
 
 use cortex_m as _;
 use cortex_m_rt::entry;
+use pkm_core::correction::narrow;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_core::{Basis, CorrectionTable, Machine, Pose, Scalar, ScrewLengths, Stiffness, Wrench};
+
+#[path = "../handler.rs"]
+mod handler;
 
 /// Takes formatted errors and forgets them.
 struct Sink;
@@ -29,7 +33,7 @@ fn show(error: impl core::fmt::Display) {
     let _ = write!(Sink, "{error}");
 }
 
-fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>) {
+fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, basis: &Basis<'_, T>) {
     let [a, b, c] = black_box([T::ONE; 3]);
     let pose = black_box(Pose { theta_rad: a, sigma_rad: b, z0_m: c });
     let lengths = black_box(ScrewLengths { q_m: [a, b, c] });
@@ -55,51 +59,57 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         black_box((factor.stiffness(), factor.lower()));
         if let Ok(deflection) = factor.deflection(&wrench) {
             black_box(deflection.plus(&deflection).seen_at([a, b, c]));
+            if let Err(e) = black_box(machine.compensated(&pose, &deflection, [a, b, c])) {
+                show(e);
+            }
         }
     }
-    let _ = black_box(table.domain(&pose));
+    let _ = black_box((table.domain(&pose), basis.domain(&pose)));
+    black_box(basis.monomials(&pose));
     black_box((table.coefficients(&pose), table.has_factor_form()));
-    black_box(table.diagonal_form(machine, &pose)).ok();
+    if let Err(e) = black_box(table.diagonal_form(machine, &pose)) {
+        show(e);
+    }
     if let Err(e) = black_box(table.factor_form(machine, &pose)) {
+        show(e);
+    }
+    if let Err(e) = black_box(table.cycle(machine, &pose, &wrench, [a, b, c])) {
         show(e);
     }
 }
 
-const POSE: Pose<f64> = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.5 };
+/// Builds machine, basis and table at run time, and calls everything with them and with the generated ones.
+macro_rules! call_everything {
+    ($t:ident, $machine:ident, $table:ident, $parameters:ident) => {
+        let (machine, table) = (black_box(&$machine), black_box(&$table));
+        let (numbers, terms) = black_box(([1.0 as $t; 64], [[1_u8; 3]; 4]));
+        match Basis::<$t>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
+            Err(e) => show(e),
+            Ok(basis) => {
+                call_everything(machine, table, &basis);
+                match CorrectionTable::<$t>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..]))) {
+                    Err(e) => show(e),
+                    Ok(table) => call_everything(machine, &table, &basis),
+                }
+                if let Ok(machine) = Machine::<$t>::new(&$parameters) {
+                    call_everything(&machine, table, &basis);
+                }
+            }
+        }
+    };
+}
 
 #[entry]
 fn main() -> ! {
-    call_everything(black_box(&MACHINE_F64), black_box(&TABLE_F64));
-    call_everything(black_box(&MACHINE_F32), black_box(&TABLE_F32));
     let parameters = black_box(PARAMETERS);
-    black_box((parameters.check().is_ok(), parameters.checksum()));
-    black_box((Machine::<f64>::new(&parameters), Machine::<f32>::new(&parameters))).0.ok();
-    let (numbers, terms) = black_box(([1.0_f64; 64], [[1_u8; 3]; 4]));
-    if let Ok(basis) = Basis::<f64>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..]))
-        && let Ok(table) = CorrectionTable::<f64>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..])))
-    {
-        black_box((table.checksum(), basis.monomials(&black_box(POSE))));
-        let _ = black_box(basis.domain(&black_box(POSE)));
-        call_everything(&MACHINE_F64, &table);
-    }
-    let (numbers, terms) = black_box(([1.0_f32; 64], [[1_u8; 3]; 4]));
-    if let Ok(basis) = Basis::<f32>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..]))
-        && let Ok(table) = CorrectionTable::<f32>::new(basis, black_box(&numbers[..]), Some(black_box(&numbers[..])))
-    {
-        call_everything(&MACHINE_F32, &table);
-    }
+    black_box((parameters.check().is_ok(), parameters.checksum(), parameters.actual_geometry()));
+    black_box(parameters.effects.with(black_box("preload"), black_box([1.0; 3])));
+    black_box((parameters.effects.below_tool(), narrow(black_box(&[1.0; 8])), black_box(&TABLE_F64).checksum()));
+    call_everything!(f64, MACHINE_F64, TABLE_F64, parameters);
+    call_everything!(f32, MACHINE_F32, TABLE_F32, parameters);
     #[cfg(feature = "planted-panic")]
     black_box([0_u8; 4][black_box(5)]);
     loop {
         cortex_m::asm::wfi();
     }
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    unsafe extern "C" {
-        fn a_panic_is_reachable() -> !;
-    }
-    // SAFETY: never runs, since an image with this call does not link
-    unsafe { a_panic_is_reachable() }
 }

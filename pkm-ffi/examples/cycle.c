@@ -1,0 +1,32 @@
+/* One cycle of a controller: where the screws go so that a loaded tip is where it should be.
+ * The same source on a PC and on a Cortex-M; `cargo xtask c` builds and runs it on both. */
+
+#include <stdio.h>
+
+#include "pkm.h"
+
+int main(void) {
+    const PkmPose_f64 pose = {.theta_rad = 0.1, .sigma_rad = -0.05, .z0_m = 0.53};
+    const PkmPoint_f64 tip = {.uvw_m = {0.0, 0.0, 0.3}};
+    const PkmWrench_f64 cutting = {.force_n = {120.0, 0.0, -400.0}, .moment_nm = {0.0, 0.0, 5.0}};
+
+    PkmCycle_f64 cycle;
+    const PkmError error = pkm_cycle_f64(pkm_machine_f64(), pkm_table_f64(), &pose, &cutting, &tip, &cycle);
+    if (error != PKM_ERROR_OK) {
+        fprintf(stderr, "pkm: %s\n", pkm_error_text(error));
+        return 1;
+    }
+    if (cycle.domain == PKM_DOMAIN_OUTSIDE) {
+        puts("the table was not fitted here: what follows is an extrapolation");
+    }
+    printf("pkm %s, machine %016llx, table %016llx\n", pkm_version(), (unsigned long long)pkm_machine_checksum(),
+           (unsigned long long)pkm_table_checksum());
+    puts("limb  screw_mm  with_load_mm");
+    for (int limb = 0; limb < 3; limb++) {
+        printf("%4d  %8.4f  %12.4f\n", limb + 1, 1e3 * cycle.lengths.q_m[limb],
+               1e3 * cycle.compensated.lengths.q_m[limb]);
+    }
+    const double *moved_m = cycle.deflection.translation_m;
+    printf("A would move by %.2f %.2f %.2f um along u, v, w\n", 1e6 * moved_m[0], 1e6 * moved_m[1], 1e6 * moved_m[2]);
+    return 0;
+}

@@ -1,0 +1,138 @@
+//! The core's errors as numbers.
+
+use core::ffi::{CStr, c_char};
+
+use pkm_core::machine::TemperatureError;
+use pkm_core::{CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError};
+
+/// What every function returns. The numbers stay what they are in later versions; new ones may come.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PkmError {
+    /// The result was written.
+    Ok = 0,
+    /// A pointer is null.
+    NullPointer = 1,
+    /// A pointer is not aligned for its type.
+    Misaligned = 2,
+    /// An input, or what would come of it, is NaN or infinite.
+    NotFinite = 3,
+    /// No assembly exists in the working mode: an angle beyond a right angle, Z0 not above 0, the far side of a
+    /// singularity, or lengths that don't close.
+    Unreachable = 10,
+    /// Too near to a direct singularity.
+    Singular = 11,
+    /// The screw of limb 1 would leave its travel, further than the others.
+    OutOfTravelLimb1 = 12,
+    /// The screw of limb 2 would leave its travel, further than the others.
+    OutOfTravelLimb2 = 13,
+    /// The screw of limb 3 would leave its travel, further than the others.
+    OutOfTravelLimb3 = 14,
+    /// The stiffness is not positive definite in this number type.
+    NotPositiveDefinite = 20,
+    /// The limb forces under load-dependent effects were not found.
+    NotConverged = 21,
+    /// No stiffness would be left at this temperature.
+    NoStiffness = 22,
+    /// The table has no factor form.
+    NoFactorForm = 30,
+    /// A coefficient of the table that must be positive is not, at this pose; only outside the table's box.
+    NotPositive = 31,
+    /// The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
+    /// square to BA.
+    NotCompensable = 40,
+    /// An error of the core that has no number here.
+    Unknown = 255,
+}
+
+/// What a number of `PkmError` means, in English; never null, also for a number that is none.
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
+    let text: &'static CStr = match error {
+        0 => c"the result was written",
+        1 => c"a pointer is null",
+        2 => c"a pointer is not aligned for its type",
+        3 => c"an input, or what would come of it, is not finite",
+        10 => c"no assembly exists in the working mode",
+        11 => c"too near to a direct singularity",
+        12 => c"the screw of limb 1 would leave its travel",
+        13 => c"the screw of limb 2 would leave its travel",
+        14 => c"the screw of limb 3 would leave its travel",
+        20 => c"the stiffness matrix is not positive definite",
+        21 => c"the limb forces under load-dependent effects were not found",
+        22 => c"no stiffness would be left at this temperature",
+        30 => c"the table has no factor form",
+        31 => c"a coefficient of the table is not positive at this pose",
+        40 => c"the screws cannot move the tip in every direction",
+        _ => c"unknown error",
+    };
+    text.as_ptr()
+}
+
+impl From<KinematicsError> for PkmError {
+    fn from(error: KinematicsError) -> Self {
+        match error {
+            KinematicsError::NotFinite => Self::NotFinite,
+            KinematicsError::Unreachable => Self::Unreachable,
+            KinematicsError::Singular => Self::Singular,
+            KinematicsError::OutOfTravel { limb: 1 } => Self::OutOfTravelLimb1,
+            KinematicsError::OutOfTravel { limb: 2 } => Self::OutOfTravelLimb2,
+            KinematicsError::OutOfTravel { .. } => Self::OutOfTravelLimb3,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<StiffnessError> for PkmError {
+    fn from(error: StiffnessError) -> Self {
+        match error {
+            StiffnessError::Kinematics(e) => e.into(),
+            StiffnessError::NotPositiveDefinite => Self::NotPositiveDefinite,
+            StiffnessError::NotFinite => Self::NotFinite,
+            StiffnessError::NotConverged => Self::NotConverged,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<TemperatureError> for PkmError {
+    fn from(error: TemperatureError) -> Self {
+        match error {
+            TemperatureError::NotFinite => Self::NotFinite,
+            TemperatureError::NoStiffness => Self::NoStiffness,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<CorrectionError> for PkmError {
+    fn from(error: CorrectionError) -> Self {
+        match error {
+            CorrectionError::Stiffness(e) => e.into(),
+            CorrectionError::NoFactorForm => Self::NoFactorForm,
+            CorrectionError::NotPositive { .. } => Self::NotPositive,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<CompensationError> for PkmError {
+    fn from(error: CompensationError) -> Self {
+        match error {
+            CompensationError::NotFinite => Self::NotFinite,
+            CompensationError::Singular => Self::NotCompensable,
+            CompensationError::Kinematics(e) => e.into(),
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<CycleError> for PkmError {
+    fn from(error: CycleError) -> Self {
+        match error {
+            CycleError::Correction(e) => e.into(),
+            CycleError::Compensation(e) => e.into(),
+            _ => Self::Unknown,
+        }
+    }
+}

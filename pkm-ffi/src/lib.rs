@@ -1,0 +1,390 @@
+//! The core for C. `include/pkm.h` is generated from this file; what it says there is said here.
+//!
+//! Every function copies its inputs to the core and its result back; nothing is computed here. A result is written
+//! only when the function returns [`PkmError::Ok`]. No panic crosses the border, since there is none: the panic
+//! handler calls a function that does not exist, and `cargo xtask c` looks that no object asks for it.
+//!
+//! # Safety
+//! The same for every `unsafe` function: a pointer is null, or misaligned, or leads to what its type says, which nobody
+//! writes to meanwhile.
+
+#![cfg_attr(not(test), no_std)]
+#![allow(clippy::missing_safety_doc)] // see above
+
+mod error;
+mod types;
+
+pub use error::{PkmError, pkm_error_text};
+pub use types::*;
+
+use core::ffi::c_char;
+
+use pkm_core::{Machine, Scalar, Wrench};
+
+#[allow(dead_code, missing_docs)]
+mod coefficients {
+    include!(env!("PKM_COEFFICIENTS"));
+}
+
+/// What a C caller handed over, if there is something.
+///
+/// # Safety
+/// Unless null or misaligned, the pointer leads to a `T` that nobody writes to meanwhile.
+unsafe fn given<'a, T>(pointer: *const T) -> Result<&'a T, PkmError> {
+    if pointer.is_null() {
+        Err(PkmError::NullPointer)
+    } else if !pointer.is_aligned() {
+        Err(PkmError::Misaligned)
+    } else {
+        // SAFETY: neither null nor misaligned; the rest is the caller's promise
+        Ok(unsafe { &*pointer })
+    }
+}
+
+/// Writes a result where the caller wants it, or nothing.
+///
+/// # Safety
+/// Unless null or misaligned, the pointer leads to memory for a `T`.
+unsafe fn answer<T>(result: *mut T, compute: impl FnOnce() -> Result<T, PkmError>) -> PkmError {
+    // SAFETY: the caller's promise; the memory is not read, and `MaybeUninit` may be anything
+    if let Err(error) = unsafe { given(result.cast::<core::mem::MaybeUninit<T>>()) } {
+        return error;
+    }
+    match compute() {
+        Ok(value) => {
+            // SAFETY: neither null nor misaligned; inputs that were borrowed are not used any more
+            unsafe { result.write(value) };
+            PkmError::Ok
+        }
+        Err(error) => error,
+    }
+}
+
+fn finite<T: Scalar, const N: usize>(values: [T; N]) -> Result<[T; N], PkmError> {
+    if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err(PkmError::NotFinite) }
+}
+
+/// Version of the library. A library goes with the header of its version.
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_version() -> *const c_char {
+    concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
+}
+
+/// Checksum of the compiled-in machine, as its `coefficients.rs` states it.
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_machine_checksum() -> u64 {
+    const { coefficients::PARAMETERS.checksum() }
+}
+
+/// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_table_checksum() -> u64 {
+    const { coefficients::TABLE_F64.checksum() }
+}
+
+macro_rules! functions {
+    (
+        $t:ident, $the_machine:ident, $the_table:ident, machine $machine:ident, table $table:ident,
+        at_temperature $at_temperature:ident, inverse $inverse:ident, forward $forward:ident, jacobian $jacobian:ident,
+        singularity_distance $singularity_distance:ident, travel_margin $travel_margin:ident,
+        stiffness $stiffness:ident, domain $domain:ident, corrected_stiffness $corrected_stiffness:ident,
+        deflection $deflection:ident, thermal_deflection $thermal_deflection:ident, compensated $compensated:ident,
+        cycle $cycle:ident $(,)?
+    ) => {
+        const _: () = assert!(
+            size_of::<Machine<$t>>() == size_of::<PkmMachine<$t>>()
+                && align_of::<Machine<$t>>() == align_of::<PkmMachine<$t>>(),
+            "PKM_MACHINE_NUMBERS is not the size of a machine"
+        );
+
+        impl PkmMachine<$t> {
+            fn core(&self) -> &Machine<$t> {
+                // SAFETY: same size and alignment, see above; by contract a PkmMachine is only ever made from a Machine
+                unsafe { &*core::ptr::from_ref(self).cast() }
+            }
+        }
+
+        static $the_table: PkmTable<$t> = PkmTable(coefficients::$the_table);
+
+        /// The compiled-in machine.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $machine() -> *const PkmMachine<$t> {
+            (&raw const coefficients::$the_machine).cast()
+        }
+
+        /// The compiled-in correction table.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $table() -> *const PkmTable<$t> {
+            &$the_table
+        }
+
+        /// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
+        /// it. Compute it when the temperature has changed, not in every cycle.
+        ///
+        /// Errors: NOT_FINITE, NO_STIFFNESS.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $at_temperature(
+            machine: *const PkmMachine<$t>,
+            temperature_c: $t,
+            warm: *mut PkmMachine<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe { answer(warm.cast(), || Ok(given(machine)?.core().at_temperature(temperature_c)?)) }
+        }
+
+        /// Inverse kinematics: screw lengths of a pose.
+        ///
+        /// Errors: NOT_FINITE, UNREACHABLE, SINGULAR, OUT_OF_TRAVEL_LIMB1 to 3, in this order; called "those of a
+        /// pose" below.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $inverse(
+            machine: *const PkmMachine<$t>,
+            pose: *const PkmPose<$t>,
+            lengths: *mut PkmLengths<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe { answer(lengths, || Ok(given(machine)?.core().inverse(&given(pose)?.core())?.into())) }
+        }
+
+        /// Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
+        ///
+        /// Errors: those of a pose.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $forward(
+            machine: *const PkmMachine<$t>,
+            lengths: *const PkmLengths<$t>,
+            pose: *mut PkmPose<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe { answer(pose, || Ok(given(machine)?.core().forward(&given(lengths)?.core())?.into())) }
+        }
+
+        /// Derivatives of the screw lengths by the pose.
+        ///
+        /// Errors: those of a pose.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $jacobian(
+            machine: *const PkmMachine<$t>,
+            pose: *const PkmPose<$t>,
+            jacobian: *mut PkmJacobian<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe { answer(jacobian, || Ok(given(machine)?.core().jacobian(&given(pose)?.core())?.into())) }
+        }
+
+        /// How far a pose is from the direct singularities.
+        ///
+        /// Errors: those of a pose.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $singularity_distance(
+            machine: *const PkmMachine<$t>,
+            pose: *const PkmPose<$t>,
+            distance: *mut PkmSingularityDistance<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(distance, || Ok(given(machine)?.core().singularity_distance(&given(pose)?.core())?.into()))
+            }
+        }
+
+        /// How far screw lengths are from the nearest end of travel.
+        ///
+        /// Errors: NOT_FINITE.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $travel_margin(
+            machine: *const PkmMachine<$t>,
+            lengths: *const PkmLengths<$t>,
+            margin: *mut PkmTravelMargin<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(margin, || {
+                    let (machine, lengths) = (given(machine)?.core(), given(lengths)?.core());
+                    finite(lengths.q_m)?;
+                    let (margin_m, limb) = machine.travel_margin_m(&lengths);
+                    Ok(PkmTravelMargin { margin_m, limb: limb as u32 + 1 })
+                })
+            }
+        }
+
+        /// Basic stiffness K_p, without a table.
+        ///
+        /// Errors: those of a pose, NOT_POSITIVE_DEFINITE.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $stiffness(
+            machine: *const PkmMachine<$t>,
+            pose: *const PkmPose<$t>,
+            stiffness: *mut PkmStiffness<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe { answer(stiffness, || Ok(given(machine)?.core().stiffness(&given(pose)?.core())?.into())) }
+        }
+
+        /// Whether a pose lies in the box that the table was fitted on.
+        ///
+        /// Errors: NOT_FINITE.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $domain(
+            table: *const PkmTable<$t>,
+            pose: *const PkmPose<$t>,
+            domain: *mut PkmDomain,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(domain, || {
+                    let (table, pose) = (&given(table)?.0, given(pose)?.core());
+                    finite([pose.theta_rad, pose.sigma_rad, pose.z0_m])?;
+                    Ok(table.domain(&pose).into())
+                })
+            }
+        }
+
+        /// Corrected stiffness K_m, the table's factor form on the basic stiffness.
+        ///
+        /// Errors: those of a pose, NOT_POSITIVE_DEFINITE, NO_FACTOR_FORM, NOT_POSITIVE.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $corrected_stiffness(
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            pose: *const PkmPose<$t>,
+            corrected: *mut PkmCorrected<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(corrected, || {
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    Ok(table.factor_form(machine, &pose)?.into())
+                })
+            }
+        }
+
+        /// Displacement of A under a load at A: that of K_m, and what the machine's load-dependent effects add.
+        /// `turned_at` is the load at which the loading last turned back, for friction; null when it has only grown
+        /// from zero. Ask `pkm_domain` whether the table may be trusted at the pose.
+        ///
+        /// Errors: those of the corrected stiffness, NOT_FINITE, NOT_CONVERGED.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $deflection(
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            pose: *const PkmPose<$t>,
+            wrench: *const PkmWrench<$t>,
+            turned_at: *const PkmWrench<$t>,
+            deflection: *mut PkmDeflection<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(deflection, || {
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let wrench = given(wrench)?.core();
+                    let zero = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
+                    let turned_at = if turned_at.is_null() { zero } else { given(turned_at)?.core() };
+                    let linear = table.factor_form(machine, &pose)?.factor.deflection(&wrench)?;
+                    Ok(linear.plus(&machine.load_dependent_deflection(&pose, &wrench, &turned_at)?).into())
+                })
+            }
+        }
+
+        /// Displacement of A without load when the machine is warmer by `rise_k` than at the zero reading, by its
+        /// effect `thermal-expansion`; zero without it.
+        ///
+        /// Errors: those of a pose.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $thermal_deflection(
+            machine: *const PkmMachine<$t>,
+            pose: *const PkmPose<$t>,
+            rise_k: $t,
+            deflection: *mut PkmDeflection<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(deflection, || {
+                    Ok(given(machine)?.core().thermal_deflection(&given(pose)?.core(), rise_k)?.into())
+                })
+            }
+        }
+
+        /// Pose and screw lengths to command so that the tip, displaced by `deflection` of A, stands where it would
+        /// without. The tip's position is made up for, the orientation is not.
+        ///
+        /// Errors: those of a pose, for `pose` or for the one to command; NOT_COMPENSABLE.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $compensated(
+            machine: *const PkmMachine<$t>,
+            pose: *const PkmPose<$t>,
+            deflection: *const PkmDeflection<$t>,
+            tip: *const PkmPoint<$t>,
+            compensated: *mut PkmCompensated<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(compensated, || {
+                    let (machine, pose) = (given(machine)?.core(), given(pose)?.core());
+                    let (deflection, tip) = (given(deflection)?.core(), given(tip)?);
+                    Ok(machine.compensated(&pose, &deflection, tip.uvw_m)?.into())
+                })
+            }
+        }
+
+        /// One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
+        /// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it.
+        ///
+        /// Errors: those of `pkm_deflection` and of `pkm_compensated`.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $cycle(
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            pose: *const PkmPose<$t>,
+            wrench_at_tip: *const PkmWrench<$t>,
+            tip: *const PkmPoint<$t>,
+            cycle: *mut PkmCycle<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(cycle, || {
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (wrench, tip) = (given(wrench_at_tip)?.core(), given(tip)?);
+                    Ok(table.cycle(machine, &pose, &wrench, tip.uvw_m)?.into())
+                })
+            }
+        }
+    };
+}
+
+functions! {
+    f64, MACHINE_F64, TABLE_F64, machine pkm_machine_f64, table pkm_table_f64,
+    at_temperature pkm_at_temperature_f64, inverse pkm_inverse_f64, forward pkm_forward_f64,
+    jacobian pkm_jacobian_f64, singularity_distance pkm_singularity_distance_f64,
+    travel_margin pkm_travel_margin_f64, stiffness pkm_stiffness_f64, domain pkm_domain_f64,
+    corrected_stiffness pkm_corrected_stiffness_f64, deflection pkm_deflection_f64,
+    thermal_deflection pkm_thermal_deflection_f64, compensated pkm_compensated_f64, cycle pkm_cycle_f64,
+}
+
+functions! {
+    f32, MACHINE_F32, TABLE_F32, machine pkm_machine_f32, table pkm_table_f32,
+    at_temperature pkm_at_temperature_f32, inverse pkm_inverse_f32, forward pkm_forward_f32,
+    jacobian pkm_jacobian_f32, singularity_distance pkm_singularity_distance_f32,
+    travel_margin pkm_travel_margin_f32, stiffness pkm_stiffness_f32, domain pkm_domain_f32,
+    corrected_stiffness pkm_corrected_stiffness_f32, deflection pkm_deflection_f32,
+    thermal_deflection pkm_thermal_deflection_f32, compensated pkm_compensated_f32, cycle pkm_cycle_f32,
+}
+
+/// For the test of the test: a panic that must be found.
+#[cfg(feature = "planted-panic")]
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_planted(index: usize) -> u8 {
+    [0; 4][index]
+}
+
+#[cfg(not(test))]
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    unsafe extern "C" {
+        fn pkm_a_panic_is_reachable() -> !;
+    }
+    // SAFETY: never runs, since a program with this call does not link
+    unsafe { pkm_a_panic_is_reachable() }
+}
+
+#[cfg(test)]
+mod tests;

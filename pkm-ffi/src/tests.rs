@@ -1,0 +1,106 @@
+//! The border from Rust; `tests/misuse.c` does it from C.
+
+use std::ffi::c_void;
+
+use super::*;
+
+const PATTERN: u64 = 0xA5A5_A5A5_A5A5_A5A5;
+
+/// Calls a function with each of its pointers null, then misaligned, the result's last; then with all of them right.
+fn misuse<const N: usize>(inputs: [*const c_void; N], call: impl Fn([*const c_void; N], *mut c_void) -> PkmError) {
+    let mut result = [PATTERN; 256];
+    let to = result.as_mut_ptr().cast::<c_void>();
+    for i in 0..N {
+        let mut bad = inputs;
+        bad[i] = std::ptr::null();
+        assert_eq!(call(bad, to), PkmError::NullPointer, "input {i}");
+        bad[i] = inputs[i].wrapping_byte_add(1);
+        assert_eq!(call(bad, to), PkmError::Misaligned, "input {i}");
+    }
+    assert_eq!(call(inputs, std::ptr::null_mut()), PkmError::NullPointer, "result");
+    assert_eq!(call(inputs, to.wrapping_byte_add(1)), PkmError::Misaligned, "result");
+    assert_eq!(result, [PATTERN; 256], "a refusal writes nothing");
+    assert_eq!(call(inputs, result.as_mut_ptr().cast()), PkmError::Ok);
+    assert_ne!(result[0], PATTERN);
+}
+
+macro_rules! misuse_of_every_function {
+    ($test:ident, $t:ty, $machine:ident, $table:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
+     $jacobian:ident, $distance:ident, $margin:ident, $stiffness:ident, $domain:ident, $corrected:ident,
+     $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident) => {
+        #[test]
+        fn $test() {
+            let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+            let lengths = PkmLengths::<$t> { q_m: [0.57, 0.55, 0.52] };
+            let wrench = PkmWrench::<$t> { force_n: [1.0, 2.0, 3.0], moment_nm: [0.0; 3] };
+            let moved = PkmDeflection::<$t> { translation_m: [1e-5; 3], rotation_rad: [0.0; 3] };
+            let tip = PkmPoint::<$t> { uvw_m: [0.0, 0.0, 0.3] };
+            let (m, t) = ($machine().cast::<c_void>(), $table().cast::<c_void>());
+            let p = |value| std::ptr::from_ref::<PkmPose<$t>>(value).cast::<c_void>();
+            let (p, q) = (p(&pose), std::ptr::from_ref(&lengths).cast());
+            let (w, d) = (std::ptr::from_ref(&wrench).cast(), std::ptr::from_ref(&moved).cast());
+            let at = std::ptr::from_ref(&tip).cast();
+            // SAFETY: every pointer is null, misaligned, or leads to what the function asks for
+            unsafe {
+                misuse([m], |[m], to| $at_temperature(m.cast(), 30.0, to.cast()));
+                misuse([m, p], |[m, p], to| $inverse(m.cast(), p.cast(), to.cast()));
+                misuse([m, q], |[m, q], to| $forward(m.cast(), q.cast(), to.cast()));
+                misuse([m, p], |[m, p], to| $jacobian(m.cast(), p.cast(), to.cast()));
+                misuse([m, p], |[m, p], to| $distance(m.cast(), p.cast(), to.cast()));
+                misuse([m, q], |[m, q], to| $margin(m.cast(), q.cast(), to.cast()));
+                misuse([m, p], |[m, p], to| $stiffness(m.cast(), p.cast(), to.cast()));
+                misuse([t, p], |[t, p], to| $domain(t.cast(), p.cast(), to.cast()));
+                misuse([m, t, p], |[m, t, p], to| $corrected(m.cast(), t.cast(), p.cast(), to.cast()));
+                misuse([m, t, p, w], |[m, t, p, w], to| {
+                    $deflection(m.cast(), t.cast(), p.cast(), w.cast(), std::ptr::null(), to.cast())
+                });
+                misuse([m, p], |[m, p], to| $thermal(m.cast(), p.cast(), 4.5, to.cast()));
+                misuse([m, p, d, at], |[m, p, d, at], to| {
+                    $compensated(m.cast(), p.cast(), d.cast(), at.cast(), to.cast())
+                });
+                misuse([m, t, p, w, at], |[m, t, p, w, at], to| {
+                    $cycle(m.cast(), t.cast(), p.cast(), w.cast(), at.cast(), to.cast())
+                });
+            }
+        }
+    };
+}
+
+misuse_of_every_function!(
+    misuse_f64,
+    f64,
+    pkm_machine_f64,
+    pkm_table_f64,
+    pkm_at_temperature_f64,
+    pkm_inverse_f64,
+    pkm_forward_f64,
+    pkm_jacobian_f64,
+    pkm_singularity_distance_f64,
+    pkm_travel_margin_f64,
+    pkm_stiffness_f64,
+    pkm_domain_f64,
+    pkm_corrected_stiffness_f64,
+    pkm_deflection_f64,
+    pkm_thermal_deflection_f64,
+    pkm_compensated_f64,
+    pkm_cycle_f64
+);
+misuse_of_every_function!(
+    misuse_f32,
+    f32,
+    pkm_machine_f32,
+    pkm_table_f32,
+    pkm_at_temperature_f32,
+    pkm_inverse_f32,
+    pkm_forward_f32,
+    pkm_jacobian_f32,
+    pkm_singularity_distance_f32,
+    pkm_travel_margin_f32,
+    pkm_stiffness_f32,
+    pkm_domain_f32,
+    pkm_corrected_stiffness_f32,
+    pkm_deflection_f32,
+    pkm_thermal_deflection_f32,
+    pkm_compensated_f32,
+    pkm_cycle_f32
+);

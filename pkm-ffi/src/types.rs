@@ -1,0 +1,245 @@
+//! What crosses the border: the core's quantities as C structures.
+
+use pkm_core::{
+    Compensated, Corrected, CorrectionTable, Cycle, Deflection, Domain, Pose, Scalar, ScrewLengths,
+    SingularityDistance, Stiffness, Wrench,
+};
+
+/// Size of a `PkmMachine` in numbers of its type.
+pub const PKM_MACHINE_NUMBERS: usize = 208;
+
+/// A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
+/// `pkm_machine` or `pkm_at_temperature`.
+#[repr(C)]
+pub struct PkmMachine<T> {
+    /// Not for reading.
+    pub opaque: [T; PKM_MACHINE_NUMBERS],
+}
+
+/// A correction table.
+pub struct PkmTable<T: 'static>(pub(crate) CorrectionTable<'static, T>);
+
+/// Where the moving platform stands, R_y(theta) R_x(sigma).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmPose<T> {
+    /// About y of B, within a right angle either way.
+    pub theta_rad: T,
+    /// About u, within a right angle either way.
+    pub sigma_rad: T,
+    /// Height of A over B along z of B, above 0.
+    pub z0_m: T,
+}
+
+/// Lengths |A_i B_i| of limbs 1, 2, 3: what the screws set.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmLengths<T> {
+    /// q1, q2, q3.
+    pub q_m: [T; 3],
+}
+
+/// A load on the moving platform, in the axes of A-uvw.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmWrench<T> {
+    /// Along u, v, w.
+    pub force_n: [T; 3],
+    /// About A (or about the tip, where a function says so), around u, v, w.
+    pub moment_nm: [T; 3],
+}
+
+/// Displacement of the moving platform at A, in A-uvw.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmDeflection<T> {
+    /// Of A along u, v, w.
+    pub translation_m: [T; 3],
+    /// About u, v, w.
+    pub rotation_rad: [T; 3],
+}
+
+/// A point of the moving platform in A-uvw.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmPoint<T> {
+    /// From A along u, v, w.
+    pub uvw_m: [T; 3],
+}
+
+/// Derivatives of the screw lengths of limbs 1, 2, 3.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmJacobian<T> {
+    /// By theta.
+    pub by_theta_m_per_rad: [T; 3],
+    /// By sigma.
+    pub by_sigma_m_per_rad: [T; 3],
+    /// By Z0.
+    pub by_z0_m_per_m: [T; 3],
+}
+
+/// Distances to the two direct singularities, without dimension: 0 there, 1 at the most.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmSingularityDistance<T> {
+    /// Of limbs 1 and 2.
+    pub limbs_1_2: T,
+    /// Of limb 3.
+    pub limb_3: T,
+}
+
+/// Distance to the nearest end of travel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmTravelMargin<T> {
+    /// Negative outside.
+    pub margin_m: T,
+    /// The limb it belongs to: 1, 2, 3.
+    pub limb: u32,
+}
+
+/// A symmetric stiffness at A in A-uvw, order u, v, w, about u, v, w.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmStiffness<T> {
+    /// By block: N/m, N/rad; N m/m, N m/rad.
+    pub k_si: [[T; 6]; 6],
+}
+
+/// Where a pose stands to the box that a table was fitted on.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PkmDomain {
+    /// In the box or on its edge: the table's stated errors hold.
+    Inside = 0,
+    /// Outside: the value is an extrapolation for which nobody has vouched.
+    Outside = 1,
+}
+
+/// Corrected stiffness K_m, and whether it may be trusted.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmCorrected<T> {
+    /// K_m.
+    pub stiffness: PkmStiffness<T>,
+    /// Where the pose stands to the table's box.
+    pub domain: PkmDomain,
+}
+
+/// What to command so that a loaded tip is where it should be.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmCompensated<T> {
+    /// The pose to command.
+    pub pose: PkmPose<T>,
+    /// Its screw lengths.
+    pub lengths: PkmLengths<T>,
+}
+
+/// What one cycle of a controller computes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmCycle<T> {
+    /// Screw lengths of the pose without load.
+    pub lengths: PkmLengths<T>,
+    /// Displacement of A under the load.
+    pub deflection: PkmDeflection<T>,
+    /// What to command under the load.
+    pub compensated: PkmCompensated<T>,
+    /// Where the pose stands to the table's box.
+    pub domain: PkmDomain,
+}
+
+impl<T: Scalar> PkmPose<T> {
+    pub(crate) fn core(&self) -> Pose<T> {
+        Pose { theta_rad: self.theta_rad, sigma_rad: self.sigma_rad, z0_m: self.z0_m }
+    }
+}
+
+impl<T: Scalar> PkmLengths<T> {
+    pub(crate) fn core(&self) -> ScrewLengths<T> {
+        ScrewLengths { q_m: self.q_m }
+    }
+}
+
+impl<T: Scalar> PkmWrench<T> {
+    pub(crate) fn core(&self) -> Wrench<T> {
+        Wrench { force_n: self.force_n, moment_nm: self.moment_nm }
+    }
+}
+
+impl<T: Scalar> PkmDeflection<T> {
+    pub(crate) fn core(&self) -> Deflection<T> {
+        Deflection { translation_m: self.translation_m, rotation_rad: self.rotation_rad }
+    }
+}
+
+impl<T> From<Pose<T>> for PkmPose<T> {
+    fn from(Pose { theta_rad, sigma_rad, z0_m }: Pose<T>) -> Self {
+        Self { theta_rad, sigma_rad, z0_m }
+    }
+}
+
+impl<T> From<ScrewLengths<T>> for PkmLengths<T> {
+    fn from(ScrewLengths { q_m }: ScrewLengths<T>) -> Self {
+        Self { q_m }
+    }
+}
+
+impl<T> From<Deflection<T>> for PkmDeflection<T> {
+    fn from(Deflection { translation_m, rotation_rad }: Deflection<T>) -> Self {
+        Self { translation_m, rotation_rad }
+    }
+}
+
+impl<T: Scalar> From<[[T; 3]; 3]> for PkmJacobian<T> {
+    fn from(rows: [[T; 3]; 3]) -> Self {
+        let [by_theta_m_per_rad, by_sigma_m_per_rad, by_z0_m_per_m] = [0, 1, 2].map(|column| rows.map(|q| q[column]));
+        Self { by_theta_m_per_rad, by_sigma_m_per_rad, by_z0_m_per_m }
+    }
+}
+
+impl<T> From<SingularityDistance<T>> for PkmSingularityDistance<T> {
+    fn from(SingularityDistance { limbs_1_2, limb_3 }: SingularityDistance<T>) -> Self {
+        Self { limbs_1_2, limb_3 }
+    }
+}
+
+impl<T: Scalar> From<Stiffness<T>> for PkmStiffness<T> {
+    fn from(stiffness: Stiffness<T>) -> Self {
+        Self { k_si: stiffness.matrix() }
+    }
+}
+
+impl From<Domain> for PkmDomain {
+    fn from(domain: Domain) -> Self {
+        match domain {
+            Domain::Inside => Self::Inside,
+            Domain::Outside => Self::Outside,
+        }
+    }
+}
+
+impl<T: Scalar> From<Corrected<T>> for PkmCorrected<T> {
+    fn from(Corrected { factor, domain }: Corrected<T>) -> Self {
+        Self { stiffness: factor.stiffness().into(), domain: domain.into() }
+    }
+}
+
+impl<T> From<Compensated<T>> for PkmCompensated<T> {
+    fn from(Compensated { pose, lengths }: Compensated<T>) -> Self {
+        Self { pose: pose.into(), lengths: lengths.into() }
+    }
+}
+
+impl<T> From<Cycle<T>> for PkmCycle<T> {
+    fn from(Cycle { lengths, corrected, deflection, compensated }: Cycle<T>) -> Self {
+        Self {
+            lengths: lengths.into(),
+            deflection: deflection.into(),
+            compensated: compensated.into(),
+            domain: corrected.domain.into(),
+        }
+    }
+}

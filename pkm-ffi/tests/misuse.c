@@ -1,0 +1,103 @@
+/* What a caller may get wrong: every mistake is an error with a text, and writes nothing. */
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "pkm.h"
+
+static int failures;
+
+static void check(int holds, const char *what, int line) {
+    if (!holds) {
+        printf("misuse.c:%d: %s\n", line, what);
+        failures++;
+    }
+}
+#define CHECK(condition) check((condition), #condition, __LINE__)
+
+/* The result must hold what it held. */
+#define REFUSED(expected, result, call)                                \
+    do {                                                               \
+        memset(&(result), 0xA5, sizeof(result));                       \
+        CHECK((call) == (expected));                                   \
+        for (size_t i = 0; i < sizeof(result); i++) {                  \
+            CHECK(((const unsigned char *)&(result))[i] == 0xA5);      \
+        }                                                              \
+    } while (0)
+
+int main(void) {
+    const PkmMachine_f64 *machine = pkm_machine_f64();
+    const PkmTable_f64 *table = pkm_table_f64();
+    const PkmPose_f64 pose = {0.1, -0.05, 0.53};
+    const PkmWrench_f64 wrench = {{120.0, 0.0, -400.0}, {0.0, 0.0, 5.0}};
+    const PkmPoint_f64 tip = {{0.0, 0.0, 0.3}};
+    PkmLengths_f64 lengths;
+    PkmDeflection_f64 deflection;
+    PkmCompensated_f64 compensated;
+    PkmCycle_f64 cycle;
+    PkmDomain domain;
+    PkmTravelMargin_f64 margin;
+    static PkmMachine_f64 warm;
+
+    REFUSED(PKM_ERROR_NULL_POINTER, lengths, pkm_inverse_f64(NULL, &pose, &lengths));
+    REFUSED(PKM_ERROR_NULL_POINTER, lengths, pkm_inverse_f64(machine, NULL, &lengths));
+    CHECK(pkm_inverse_f64(machine, &pose, NULL) == PKM_ERROR_NULL_POINTER);
+    REFUSED(PKM_ERROR_NULL_POINTER, cycle, pkm_cycle_f64(machine, NULL, &pose, &wrench, &tip, &cycle));
+    REFUSED(PKM_ERROR_NULL_POINTER, cycle, pkm_cycle_f64(machine, table, &pose, NULL, &tip, &cycle));
+    REFUSED(PKM_ERROR_NULL_POINTER, cycle, pkm_cycle_f64(machine, table, &pose, &wrench, NULL, &cycle));
+    REFUSED(PKM_ERROR_NULL_POINTER, domain, pkm_domain_f64(NULL, &pose, &domain));
+
+    /* aligned for nothing */
+    union {
+        PkmPose_f64 pose;
+        unsigned char bytes[sizeof(PkmPose_f64) + 1];
+    } raw;
+    memset(&raw, 0, sizeof(raw));
+    const PkmPose_f64 *crooked = (const PkmPose_f64 *)(const void *)(raw.bytes + 1);
+    REFUSED(PKM_ERROR_MISALIGNED, lengths, pkm_inverse_f64(machine, crooked, &lengths));
+    REFUSED(PKM_ERROR_MISALIGNED, raw.pose,
+            pkm_forward_f64(machine, &lengths, (PkmPose_f64 *)(void *)(raw.bytes + 1)));
+
+    const double bad[] = {NAN, INFINITY, -INFINITY};
+    for (size_t i = 0; i < 3; i++) {
+        const PkmPose_f64 bad_pose = {0.1, bad[i], 0.53};
+        const PkmWrench_f64 bad_wrench = {{0.0, 0.0, 0.0}, {0.0, bad[i], 0.0}};
+        const PkmPoint_f64 bad_tip = {{0.0, bad[i], 0.3}};
+        const PkmLengths_f64 bad_lengths = {{0.5, 0.5, bad[i]}};
+        const PkmDeflection_f64 bad_deflection = {{bad[i], 0.0, 0.0}, {0.0, 0.0, 0.0}};
+        REFUSED(PKM_ERROR_NOT_FINITE, lengths, pkm_inverse_f64(machine, &bad_pose, &lengths));
+        REFUSED(PKM_ERROR_NOT_FINITE, domain, pkm_domain_f64(table, &bad_pose, &domain));
+        REFUSED(PKM_ERROR_NOT_FINITE, margin, pkm_travel_margin_f64(machine, &bad_lengths, &margin));
+        REFUSED(PKM_ERROR_NOT_FINITE, deflection,
+                pkm_deflection_f64(machine, table, &pose, &bad_wrench, NULL, &deflection));
+        REFUSED(PKM_ERROR_NOT_FINITE, deflection,
+                pkm_deflection_f64(machine, table, &pose, &wrench, &bad_wrench, &deflection));
+        REFUSED(PKM_ERROR_NOT_FINITE, deflection, pkm_thermal_deflection_f64(machine, &pose, bad[i], &deflection));
+        REFUSED(PKM_ERROR_NOT_FINITE, warm, pkm_at_temperature_f64(machine, bad[i], &warm));
+        REFUSED(PKM_ERROR_NOT_FINITE, compensated,
+                pkm_compensated_f64(machine, &pose, &bad_deflection, &tip, &compensated));
+        REFUSED(PKM_ERROR_NOT_FINITE, cycle, pkm_cycle_f64(machine, table, &pose, &bad_wrench, &tip, &cycle));
+        REFUSED(PKM_ERROR_NOT_FINITE, cycle, pkm_cycle_f64(machine, table, &pose, &wrench, &bad_tip, &cycle));
+    }
+
+    const PkmPose_f64 high = {0.1, 0.0, 0.9}, turned = {1.6, 0.0, 0.53};
+    const PkmPoint_f64 at_a = {{0.0, 0.0, 0.0}};
+    REFUSED(PKM_ERROR_OUT_OF_TRAVEL_LIMB1, lengths, pkm_inverse_f64(machine, &high, &lengths));
+    REFUSED(PKM_ERROR_UNREACHABLE, lengths, pkm_inverse_f64(machine, &turned, &lengths));
+    REFUSED(PKM_ERROR_NOT_COMPENSABLE, cycle, pkm_cycle_f64(machine, table, &pose, &wrench, &at_a, &cycle));
+
+    /* result in the memory of the input */
+    CHECK(pkm_at_temperature_f64(machine, 25.0, &warm) == PKM_ERROR_OK);
+    CHECK(pkm_at_temperature_f64(&warm, 20.0, &warm) == PKM_ERROR_OK);
+    CHECK(pkm_cycle_f64(&warm, table, &pose, &wrench, &tip, &cycle) == PKM_ERROR_OK);
+
+    for (int32_t code = -2; code < 300; code++) {
+        CHECK(pkm_error_text(code) != NULL && strlen(pkm_error_text(code)) > 0);
+    }
+    CHECK(strcmp(pkm_error_text(-1), pkm_error_text(PKM_ERROR_UNKNOWN)) == 0);
+    CHECK(strcmp(pkm_error_text(PKM_ERROR_NULL_POINTER), "a pointer is null") == 0);
+    puts(failures ? "misuse: FAILED" : "misuse: every mistake is an error");
+    return failures != 0;
+}

@@ -1,0 +1,80 @@
+/* Prints what every function computes at poses in and around the table's box, bit for bit, for `cargo xtask c` to hold
+ * against the host: a line a call, its name, error and the bits of its result as a double. */
+
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "pkm.h"
+
+/* `count` numbers of a result, when there is one. */
+#define PRINT(T, S)                                                                                   \
+    static void print_##S(const char *name, PkmError error, const void *result, size_t count) {       \
+        printf("%s %ld", name, (long)error);                                                          \
+        for (size_t i = 0; error == PKM_ERROR_OK && i < count; i++) {                                 \
+            T number;                                                                                 \
+            memcpy(&number, (const char *)result + i * sizeof(number), sizeof(number));               \
+            const double value = (double)number;                                                      \
+            uint64_t bits;                                                                            \
+            memcpy(&bits, &value, sizeof(bits));                                                      \
+            printf(" %08lx%08lx", (unsigned long)(bits >> 32), (unsigned long)(bits & 0xFFFFFFFFu));  \
+        }                                                                                             \
+        putchar('\n');                                                                                \
+    }
+
+#define EVERYTHING(T, S)                                                                                          \
+    PRINT(T, S)                                                                                                   \
+    static void everything_##S(double theta, double sigma, double z0) {                                           \
+        static PkmMachine_##S warm;                                                                               \
+        const PkmMachine_##S *machine = pkm_machine_##S();                                                        \
+        const PkmTable_##S *table = pkm_table_##S();                                                              \
+        const PkmPose_##S pose = {(T)theta, (T)sigma, (T)z0};                                                     \
+        const PkmWrench_##S wrench = {{100, -50, -400}, {2, -8, 5}}, turned_at = {{150, -20, -600}, {3, -8, 9}};  \
+        const PkmPoint_##S tip = {{(T)0.03, (T)-0.02, (T)0.3}};                                                   \
+        PkmLengths_##S lengths = {{0, 0, 0}};                                                                     \
+        PkmPose_##S forward;                                                                                      \
+        PkmJacobian_##S jacobian;                                                                                 \
+        PkmSingularityDistance_##S distance;                                                                      \
+        PkmTravelMargin_##S margin;                                                                               \
+        PkmStiffness_##S stiffness;                                                                               \
+        PkmCorrected_##S corrected;                                                                               \
+        PkmDeflection_##S deflection = {{0, 0, 0}, {0, 0, 0}}, thermal;                                           \
+        PkmCompensated_##S compensated;                                                                           \
+        PkmCycle_##S cycle;                                                                                       \
+        PkmDomain domain;                                                                                         \
+        print_##S("pose_" #S, PKM_ERROR_OK, &pose, 3);                                                            \
+        print_##S("inverse", pkm_inverse_##S(machine, &pose, &lengths), &lengths, 3);                             \
+        print_##S("forward", pkm_forward_##S(machine, &lengths, &forward), &forward, 3);                          \
+        print_##S("jacobian", pkm_jacobian_##S(machine, &pose, &jacobian), &jacobian, 9);                         \
+        print_##S("distance", pkm_singularity_distance_##S(machine, &pose, &distance), &distance, 2);             \
+        print_##S("margin", pkm_travel_margin_##S(machine, &lengths, &margin), &margin, 1);                       \
+        printf("limb 0 %ld\n", (long)margin.limb);                                                                  \
+        print_##S("k_p", pkm_stiffness_##S(machine, &pose, &stiffness), &stiffness, 36);                          \
+        print_##S("domain", pkm_domain_##S(table, &pose, &domain), &domain, 0);                                   \
+        printf("outside 0 %d\n", domain == PKM_DOMAIN_OUTSIDE);                                                     \
+        print_##S("k_m", pkm_corrected_stiffness_##S(machine, table, &pose, &corrected), &corrected, 36);         \
+        print_##S("deflection", pkm_deflection_##S(machine, table, &pose, &wrench, &turned_at, &deflection),      \
+                  &deflection, 6);                                                                                \
+        print_##S("compensated", pkm_compensated_##S(machine, &pose, &deflection, &tip, &compensated),            \
+                  &compensated, 6);                                                                               \
+        print_##S("thermal", pkm_thermal_deflection_##S(machine, &pose, (T)4.5, &thermal), &thermal, 6);          \
+        print_##S("cycle", pkm_cycle_##S(machine, table, &pose, &wrench, &tip, &cycle), &cycle, 15);              \
+        print_##S("warm", pkm_at_temperature_##S(machine, (T)31.5, &warm), &warm, 0);                             \
+        print_##S("k_p_warm", pkm_stiffness_##S(&warm, &pose, &stiffness), &stiffness, 36);                       \
+    }
+
+EVERYTHING(double, f64)
+EVERYTHING(float, f32)
+
+int main(void) {
+    for (int t = -3; t <= 3; t++) {
+        for (int s = -3; s <= 3; s++) {
+            for (int z = -1; z <= 1; z++) {
+                const double theta = 0.11 * t, sigma = 0.11 * s, z0 = 0.53 + 0.07 * z;
+                everything_f64(theta, sigma, z0);
+                everything_f32(theta, sigma, z0);
+            }
+        }
+    }
+    return 0;
+}

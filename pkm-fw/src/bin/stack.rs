@@ -1,0 +1,189 @@
+//! Measures the stack of every public function of the core that computes: paints it, calls, and looks how far down the
+//! paint is gone. Prints `width name bytes` a line; `cargo xtask stack` holds it against this image's call graph.
+
+#![no_std]
+#![no_main]
+
+use core::fmt::Write as _;
+use core::hint::black_box;
+
+use cortex_m::register::msp;
+use cortex_m_rt::entry;
+use cortex_m_semihosting::{debug, hio};
+use pkm_core::effects::{EFFECTS, Effects};
+use pkm_core::machine::MachineParameters;
+use pkm_core::tables::reference::PARAMETERS;
+
+#[path = "../handler.rs"]
+mod handler;
+
+/// Painted below the stack pointer: more than anything here may use.
+const DEPTH: usize = 32 * 1024;
+const PAINT: u32 = 0x5AFE_57AC;
+
+/// Every effect on, a little, with a telescope of some length: all code is reached.
+const EVERY_EFFECT: MachineParameters = {
+    let mut effects = Effects::NONE;
+    let mut i = 0;
+    while i < EFFECTS.len() {
+        let mut n = 0;
+        while n < EFFECTS[i].parameters.len() {
+            effects.parameters[i][n] = 1e-9;
+            n += 1;
+        }
+        i += 1;
+    }
+    let Some(effects) = effects.with("telescopic-limb", [0.3, 0.3, 1e-9, 1e-9, 1e-9, 1e-9]) else {
+        panic!("the effect has another name");
+    };
+    MachineParameters { effects, ..PARAMETERS }
+};
+
+/// How much stack a call takes.
+#[inline(never)]
+fn measure(call: impl Fn()) -> usize {
+    let top = msp::read() as usize & !3;
+    let painted = || ((top - DEPTH)..top).step_by(4).map(|at| at as *mut u32);
+    // SAFETY: RAM of the stack below the stack pointer; no interrupt is on, and nothing is called before it is painted
+    painted().for_each(|word| unsafe { word.write_volatile(PAINT) });
+    call();
+    // SAFETY: as above
+    let untouched = painted().take_while(|word| unsafe { word.read_volatile() } == PAINT).count();
+    DEPTH - 4 * untouched
+}
+
+/// One function a public function of the core, for one width, and a list of them.
+macro_rules! functions {
+    ($width:ident, $t:ident, $machine:ident, $table:ident: $($name:ident($i:ident) $call:expr;)+) => {
+        mod $width {
+            type T = $t;
+
+            use super::*;
+            use pkm_core::tables::reference;
+            use pkm_core::{
+                Basis, CorrectionTable, Deflection, Machine, Pose, ScrewLengths, Stiffness, StiffnessFactor, Wrench,
+            };
+
+            pub struct Inputs {
+                machine: Machine<$t>,
+                table: CorrectionTable<'static, $t>,
+                basis: Basis<'static, $t>,
+                pose: Pose<$t>,
+                lengths: ScrewLengths<$t>,
+                wrench: Wrench<$t>,
+                deflection: Deflection<$t>,
+                tip_m: [$t; 3],
+                stiffness: Stiffness<$t>,
+                factor: StiffnessFactor<$t>,
+                matrix: [[$t; 6]; 6],
+                numbers: [$t; 21],
+            }
+
+            const MACHINE: Machine<$t> = match Machine::<$t>::new(&EVERY_EFFECT) {
+                Ok(machine) => machine,
+                Err(_) => panic!("an effect is too large"),
+            };
+            const BASIS: Basis<'static, $t> = match Basis::<$t>::new([0.0, 0.0, 0.53], [0.26, 0.26, 0.03], &[[2, 1, 0]]) {
+                Ok(basis) => basis,
+                Err(_) => panic!("no basis"),
+            };
+
+            /// For a machine without effects, or with every one.
+            #[inline(never)]
+            pub fn inputs(every_effect: bool) -> Option<Inputs> {
+                let machine = if every_effect { MACHINE } else { reference::$machine };
+                let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+                let stiffness = machine.stiffness(&pose).ok()?;
+                let factor = stiffness.factor().ok()?;
+                let wrench = Wrench { force_n: [100.0, -50.0, -400.0], moment_nm: [2.0, -8.0, 5.0] };
+                let mut matrix = [[0.0; 6]; 6];
+                (0..6).for_each(|i| matrix[i][i] = 1.0);
+                Some(Inputs {
+                    machine,
+                    table: reference::$table,
+                    basis: BASIS,
+                    pose,
+                    lengths: machine.inverse(&pose).ok()?,
+                    wrench,
+                    deflection: factor.deflection(&wrench).ok()?,
+                    tip_m: [0.03, -0.02, 0.3],
+                    stiffness,
+                    factor,
+                    matrix,
+                    numbers: [0.5; 21],
+                })
+            }
+
+            $(#[inline(never)]
+            fn $name($i: &Inputs) {
+                black_box(&$call);
+            })+
+
+            pub const FUNCTIONS: &[(&str, fn(&Inputs))] = &[$((stringify!($name), $name)),+];
+        }
+    };
+}
+
+macro_rules! both_widths {
+    ($($name:ident($i:ident) $call:expr;)+) => {
+        functions! { f64, f64, MACHINE_F64, TABLE_F64: $($name($i) $call;)+ }
+        functions! { f32, f32, MACHINE_F32, TABLE_F32: $($name($i) $call;)+ }
+    };
+}
+
+both_widths! {
+    inverse(i) i.machine.inverse(&i.pose);
+    forward(i) i.machine.forward(&i.lengths);
+    jacobian(i) i.machine.jacobian(&i.pose);
+    singularity_distance(i) i.machine.singularity_distance(&i.pose);
+    travel_margin_m(i) i.machine.travel_margin_m(&i.lengths);
+    stiffness(i) i.machine.stiffness(&i.pose);
+    load_dependent_deflection(i) i.machine.load_dependent_deflection(&i.pose, &i.wrench, &i.wrench);
+    thermal_deflection(i) i.machine.thermal_deflection(&i.pose, 4.5);
+    at_temperature(i) i.machine.at_temperature(31.5);
+    compensated(i) i.machine.compensated(&i.pose, &i.deflection, i.tip_m);
+    new_machine(_i) Machine::<T>::new(black_box(&EVERY_EFFECT));
+    from_lower(i) Stiffness::from_lower(&i.matrix);
+    matrix(i) i.stiffness.matrix();
+    principal(i) i.stiffness.principal();
+    factor(i) i.stiffness.factor();
+    stiffness_of_factor(i) i.factor.stiffness();
+    lower(i) i.factor.lower();
+    deflection(i) i.factor.deflection(&i.wrench);
+    plus(i) i.deflection.plus(&i.deflection);
+    seen_at(i) i.deflection.seen_at(i.tip_m);
+    moved_to_a(i) i.wrench.moved_to_a(i.tip_m);
+    domain(i) i.table.domain(&i.pose);
+    coefficients(i) i.table.coefficients(&i.pose);
+    diagonal_form(i) i.table.diagonal_form(&i.machine, &i.pose);
+    factor_form(i) i.table.factor_form(&i.machine, &i.pose);
+    cycle(i) i.table.cycle(&i.machine, &i.pose, &i.wrench, i.tip_m);
+    monomials(i) i.basis.monomials(&i.pose);
+    new_basis(i) Basis::<T>::new(i.tip_m, i.lengths.q_m, black_box(&[[1, 2, 3]]));
+    new_table(i) CorrectionTable::<T>::new(i.basis, &i.numbers[..6], Some(&i.numbers));
+}
+
+fn print_all() -> Option<()> {
+    let mut out = hio::hstdout().ok()?;
+    macro_rules! print {
+        ($width:ident) => {
+            let (plain, effects) = ($width::inputs(false)?, $width::inputs(true)?);
+            for (name, call) in $width::FUNCTIONS {
+                let bytes = measure(|| call(&plain)).max(measure(|| call(&effects)));
+                writeln!(out, concat!(stringify!($width), " {} {}"), name, bytes).ok()?;
+            }
+        };
+    }
+    print!(f64);
+    print!(f32);
+    Some(())
+}
+
+#[entry]
+fn main() -> ! {
+    let status = if print_all().is_some() { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE };
+    debug::exit(status);
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
