@@ -11,6 +11,7 @@
 use core::fmt;
 
 use crate::checksum::{START, over_byte, over_numbers};
+use crate::kinematics::Posture;
 use crate::linalg;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
@@ -242,7 +243,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// # Errors
     /// Those of [`Machine::stiffness`], and a coefficient that is not positive.
     pub fn diagonal_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
-        let mut lower = machine.stiffness_below_tool(pose)?.factor()?.lower;
+        let mut lower = machine.stiffness_below_tool(&machine.posture(pose)?)?.factor()?.lower;
         for (row, (line, c)) in (1..).zip(lower.iter_mut().zip(self.coefficients(pose))) {
             if !(c > T::ZERO) {
                 return Err(CorrectionError::NotPositive { row });
@@ -260,8 +261,18 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// # Errors
     /// Those of [`Machine::stiffness`], no factor form, and a diagonal entry of G that is not positive.
     pub fn factor_form(&self, machine: &Machine<T>, pose: &Pose<T>) -> Result<Corrected<T>, CorrectionError> {
+        self.factor_form_at(machine, pose, &machine.posture(pose)?)
+    }
+
+    /// `posture` is the pose's own.
+    pub(crate) fn factor_form_at(
+        &self,
+        machine: &Machine<T>,
+        pose: &Pose<T>,
+        posture: &Posture<T>,
+    ) -> Result<Corrected<T>, CorrectionError> {
         let rows = self.factor.ok_or(CorrectionError::NoFactorForm)?;
-        let basic = machine.stiffness_below_tool(pose)?.factor()?.lower;
+        let basic = machine.stiffness_below_tool(posture)?.factor()?.lower;
         let entries: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
         let mut g = linalg::zero();
         let mut next = entries.into_iter();

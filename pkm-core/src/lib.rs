@@ -10,7 +10,9 @@
 //! 3. [`stiffness`]: the 6×6 terminal stiffness K_p, its Cholesky factor, deflection under a [`Wrench`].
 //!    [`effects`] hold the physics beyond the paper's model.
 //! 4. [`correction`]: K_m from a [`CorrectionTable`] fitted by `pkm-host`, with the status of the table's box.
-//! 5. [`tables`]: generated tables.
+//! 5. [`compensation`]: [`CorrectionTable::cycle`], from a pose and a load on the tip to screw lengths that make up
+//!    for it; [`Machine::compensated`] alone.
+//! 6. [`tables`]: generated tables.
 //!
 //! `no_std`, no allocation, no `unsafe`, no panic path in release, no iteration without a constant bound,
 //! `f32` and `f64`, and the same bits on a host as on a Cortex-M.
@@ -36,6 +38,7 @@
 extern crate self as pkm_core;
 
 mod checksum;
+pub mod compensation;
 pub mod correction;
 pub mod effects;
 pub mod kinematics;
@@ -46,6 +49,7 @@ pub mod stiffness;
 pub mod tables;
 pub mod types;
 
+pub use compensation::{Compensated, CompensationError, Cycle, CycleError};
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters, TemperatureError};

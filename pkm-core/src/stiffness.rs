@@ -368,16 +368,15 @@ impl<T: Scalar> Machine<T> {
     /// Those of [`inverse`](Self::inverse), and [`StiffnessError::NotPositiveDefinite`] when rounding leaves a
     /// limb without compliance.
     pub fn stiffness(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let mut stiffness = self.stiffness_below_tool(pose)?;
+        let mut stiffness = self.stiffness_below_tool(&self.posture(pose)?)?;
         self.add_tool_compliance(&mut stiffness)?;
         Ok(stiffness)
     }
 
     /// K_p without what is elastic between A and the tool: what correction tables apply to.
-    pub(crate) fn stiffness_below_tool(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
-        let p = self.posture(pose)?;
+    pub(crate) fn stiffness_below_tool(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
         // two copies of one assembly, so that a machine without effects doesn't pay for them
-        if self.effects.any() { self.assemble::<true>(&p) } else { self.assemble::<false>(&p) }
+        if self.effects.any() { self.assemble::<true>(p) } else { self.assemble::<false>(p) }
     }
 
     fn assemble<const EFFECTS: bool>(&self, p: &Posture<T>) -> Result<Stiffness<T>, StiffnessError> {
@@ -448,7 +447,15 @@ impl<T: Scalar> Machine<T> {
         wrench: &Wrench<T>,
         turned_at: &Wrench<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
-        let posture = self.posture(pose)?;
+        self.load_dependent_deflection_at(&self.posture(pose)?, wrench, turned_at)
+    }
+
+    pub(crate) fn load_dependent_deflection_at(
+        &self,
+        posture: &Posture<T>,
+        wrench: &Wrench<T>,
+        turned_at: &Wrench<T>,
+    ) -> Result<Deflection<T>, StiffnessError> {
         let (load, turned_at) = (wrench.to_array(), turned_at.to_array());
         if !load.iter().chain(&turned_at).all(|f| f.is_finite()) {
             return Err(StiffnessError::NotFinite);
@@ -456,7 +463,7 @@ impl<T: Scalar> Machine<T> {
         if !self.effects.depend_on_load() {
             return Ok(Deflection::from_array([T::ZERO; 6]));
         }
-        let actual = self.actual(posture)?;
+        let actual = self.actual(*posture)?;
         let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
         let (pair, third, mut lower) = self.chains_with_effects(&actual.posture);
         // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held

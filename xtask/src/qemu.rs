@@ -8,9 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::{
-    Basis, CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench,
-};
+use pkm_core::{Basis, CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
 use pkm_host::commands;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
@@ -193,13 +191,13 @@ fn values<T: Scalar>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     pose: &Pose<T>,
-) -> Result<Vec<(&'static str, Vec<u64>)>, CorrectionError> {
+) -> Result<Vec<(&'static str, Vec<u64>)>, CycleError> {
     let bits = |values: &[T]| values.iter().map(|v| v.to_f64().to_bits()).collect::<Vec<_>>();
     let lower = |k: &Stiffness<T>| {
         let k = k.matrix();
         bits(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
     };
-    // the loads and the temperature that pkm-fw/src/bin/parity.rs applies
+    // the loads, the tip and the temperature that pkm-fw/src/bin/parity.rs applies
     let wrench =
         Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
     let turned_at =
@@ -211,6 +209,7 @@ fn values<T: Scalar>(
     let d = factor.factor.deflection(&wrench)?.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?);
     let lengths = machine.inverse(pose)?;
     let forward = machine.forward(&lengths)?;
+    let cycle = table.cycle(machine, pose, &wrench, [0.01, -0.02, 0.3].map(T::from_f64))?.compensated;
     Ok(vec![
         ("q", bits(&lengths.q_m)),
         ("forward", bits(&[forward.theta_rad, forward.sigma_rad, forward.z0_m])),
@@ -221,5 +220,9 @@ fn values<T: Scalar>(
         ("deflection", bits(&[d.translation_m, d.rotation_rad].concat())),
         ("k_p_warm", lower(&warm.stiffness(pose)?)),
         ("thermal", bits(&[grown.translation_m, grown.rotation_rad].concat())),
+        (
+            "compensated",
+            bits(&[[cycle.pose.theta_rad, cycle.pose.sigma_rad, cycle.pose.z0_m], cycle.lengths.q_m].concat()),
+        ),
     ])
 }

@@ -55,12 +55,18 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         black_box((factor.stiffness(), factor.lower()));
         if let Ok(deflection) = factor.deflection(&wrench) {
             black_box(deflection.plus(&deflection).seen_at([a, b, c]));
+            if let Err(e) = black_box(machine.compensated(&pose, &deflection, [a, b, c])) {
+                show(e);
+            }
         }
     }
     let _ = black_box(table.domain(&pose));
     black_box((table.coefficients(&pose), table.has_factor_form()));
     black_box(table.diagonal_form(machine, &pose)).ok();
     if let Err(e) = black_box(table.factor_form(machine, &pose)) {
+        show(e);
+    }
+    if let Err(e) = black_box(table.cycle(machine, &pose, &wrench, [a, b, c])) {
         show(e);
     }
 }

@@ -1,7 +1,7 @@
 //! Prints what the core computes on a Cortex-M, bit for bit, for `cargo xtask qemu` to hold against the host.
 //!
 //! One JSON object a line over semihosting: a pose, in `f64` and `f32`, with screw lengths, K_p, K_m in both
-//! forms, the deflection under a wrench, and what warmth does. Numbers are the bits of their `f64` value. The machine and its
+//! forms, the deflection under a wrench, the cycle that makes up for it, and what warmth does. Numbers are the bits of their `f64` value. The machine and its
 //! table are the `coefficients.rs` that `build.rs` was given.
 
 #![no_std]
@@ -12,7 +12,9 @@ use core::fmt::Write;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
 use heapless::Vec;
-use pkm_core::{CorrectionError, CorrectionTable, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
+use pkm_core::{
+    CorrectionError, CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench,
+};
 use serde::Serialize;
 
 #[allow(dead_code)]
@@ -20,8 +22,11 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 114 numbers of 20 digits and their commas, and the names.
+/// Longest line: 120 numbers of 20 digits and their commas, and the names.
 const LINE: usize = 3072;
+
+/// Of the cycle, in A-uvw.
+const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
 
 #[derive(Serialize)]
 struct Line {
@@ -40,6 +45,7 @@ struct Line {
     deflection: Vec<u64, 6>,
     k_p_warm: Vec<u64, 21>,
     thermal: Vec<u64, 6>,
+    compensated: Vec<u64, 6>,
 }
 
 fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item = T>) -> Vec<u64, N> {
@@ -72,11 +78,12 @@ impl Line {
             deflection: Vec::new(),
             k_p_warm: Vec::new(),
             thermal: Vec::new(),
+            compensated: Vec::new(),
         };
         if let Err(error) = line.compute(machine, table, &pose) {
             line.error = Some(match error {
-                CorrectionError::Stiffness(_) => "stiffness",
-                CorrectionError::NotPositive { .. } => "not_positive",
+                CycleError::Correction(CorrectionError::Stiffness(_)) => "stiffness",
+                CycleError::Correction(CorrectionError::NotPositive { .. }) => "not_positive",
                 _ => "other",
             });
         }
@@ -88,7 +95,7 @@ impl Line {
         machine: &Machine<T>,
         table: &CorrectionTable<'_, T>,
         pose: &Pose<T>,
-    ) -> Result<(), CorrectionError> {
+    ) -> Result<(), CycleError> {
         let wrench =
             Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
         let turned_at =
@@ -113,6 +120,9 @@ impl Line {
         self.k_p_warm = lower(&warm.stiffness(pose)?);
         let grown = machine.thermal_deflection(pose, T::from_f64(4.5))?;
         self.thermal = bits(grown.translation_m.into_iter().chain(grown.rotation_rad));
+        let compensated = table.cycle(machine, pose, &wrench, TIP_M.map(T::from_f64))?.compensated;
+        let Pose { theta_rad, sigma_rad, z0_m } = compensated.pose;
+        self.compensated = bits([theta_rad, sigma_rad, z0_m].into_iter().chain(compensated.lengths.q_m));
         Ok(())
     }
 }
