@@ -1,6 +1,6 @@
 //! Commands: lines from bytes, commands from lines.
 
-use pkm_core::{Pose, Wrench};
+use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench};
 use serde::{Deserialize, Serialize};
 use serde_json_core::de;
 
@@ -175,6 +175,21 @@ impl Request {
 }
 
 impl Demand {
+    /// Computes it. The inputs are rounded to `T` first.
+    ///
+    /// # Errors
+    /// Those of [`CorrectionTable::cycle`].
+    pub fn cycle<T: Scalar>(
+        &self,
+        machine: &Machine<T>,
+        table: &CorrectionTable<'_, T>,
+    ) -> Result<Cycle<T>, CycleError> {
+        let Self { arithmetic: _, pose, wrench_at_tip: w, tip_m } = self;
+        let [theta_rad, sigma_rad, z0_m] = [pose.theta_rad, pose.sigma_rad, pose.z0_m].map(T::from_f64);
+        let wrench = Wrench { force_n: w.force_n.map(T::from_f64), moment_nm: w.moment_nm.map(T::from_f64) };
+        table.cycle(machine, &Pose { theta_rad, sigma_rad, z0_m }, &wrench, tip_m.map(T::from_f64))
+    }
+
     fn is_finite(&self) -> bool {
         let Self { arithmetic: _, pose, wrench_at_tip: w, tip_m } = self;
         let pose = [pose.theta_rad, pose.sigma_rad, pose.z0_m];

@@ -213,12 +213,7 @@ fn cycle_reply<T: Scalar>(numbers: [T; 36]) -> CycleReply<T> {
         k: std::array::from_fn(|i| numbers[3 + i]),
         translation_m: three(24),
         rotation_rad: three(27),
-        compensated: Compensated {
-            theta_rad: numbers[30],
-            sigma_rad: numbers[31],
-            z0_m: numbers[32],
-            q_m: three(33),
-        },
+        compensated: Compensated { theta_rad: numbers[30], sigma_rad: numbers[31], z0_m: numbers[32], q_m: three(33) },
     };
     CycleReply { status: Status::OutsideBox, ticks: u32::MAX, overrun: false, numbers: Some(numbers) }
 }
@@ -237,7 +232,8 @@ fn numbers_keep_their_bits_both_ways() {
         let numbers: [f64; 36] = std::array::from_fn(|_| any(&mut rng));
         let reply = Reply { v: 1, id: Some(u32::MAX), answer: Answer::Cycle(cycle_reply(numbers)) };
         let line = reply.write(&mut buffer).expect("fits");
-        let Some(Reply { answer: Answer::Cycle(CycleReply { numbers: Some(read), .. }), .. }) = Reply::<f64>::parse(line)
+        let Some(Reply { answer: Answer::Cycle(CycleReply { numbers: Some(read), .. }), .. }) =
+            Reply::<f64>::parse(line)
         else {
             panic!("{}", String::from_utf8_lossy(line))
         };
@@ -246,15 +242,18 @@ fn numbers_keep_their_bits_both_ways() {
         let k66 = value["answer"]["cycle"]["numbers"]["k"][20].as_f64().expect("a number");
         assert_eq!(k66.to_bits(), numbers[23].to_bits());
 
-        let single: [f32; 36] = std::array::from_fn(|_| loop {
-            let v = f32::from_bits(rng.u32(..));
-            if v.is_finite() {
-                return v;
+        let single: [f32; 36] = std::array::from_fn(|_| {
+            loop {
+                let v = f32::from_bits(rng.u32(..));
+                if v.is_finite() {
+                    return v;
+                }
             }
         });
         let reply = Reply { v: 1, id: None, answer: Answer::Cycle(cycle_reply(single)) };
         let line = reply.write(&mut buffer).expect("fits");
-        let Some(Reply { answer: Answer::Cycle(CycleReply { numbers: Some(read), .. }), .. }) = Reply::<f32>::parse(line)
+        let Some(Reply { answer: Answer::Cycle(CycleReply { numbers: Some(read), .. }), .. }) =
+            Reply::<f32>::parse(line)
         else {
             panic!("{}", String::from_utf8_lossy(line))
         };
@@ -313,10 +312,50 @@ fn fuzzed(rng: &mut Rng) -> Vec<u8> {
 }
 
 const TOKENS: [&str; 44] = [
-    "{", "}", "[", "]", ",", ":", "\"", "\\", " ", "\t", "\r", "\n", "-", "+", ".", "e", "E9", "0", "1e999", "-0", "00",
-    "1.", ".5", "1e", "null", "true", "NaN", "Infinity", "\"v\":1", "\"id\":1,", "\"cmd\":\"hello\"", ",\"z0_m\":1",
-    "\"f32\"", "hello", "status", "cycle", "\\u0068", "[,1,2,3]", "{\"f32\":null}", "\u{feff}", "/*x*/", "1e-400",
-    "18446744073709551616", "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[",
+    "{",
+    "}",
+    "[",
+    "]",
+    ",",
+    ":",
+    "\"",
+    "\\",
+    " ",
+    "\t",
+    "\r",
+    "\n",
+    "-",
+    "+",
+    ".",
+    "e",
+    "E9",
+    "0",
+    "1e999",
+    "-0",
+    "00",
+    "1.",
+    ".5",
+    "1e",
+    "null",
+    "true",
+    "NaN",
+    "Infinity",
+    "\"v\":1",
+    "\"id\":1,",
+    "\"cmd\":\"hello\"",
+    ",\"z0_m\":1",
+    "\"f32\"",
+    "hello",
+    "status",
+    "cycle",
+    "\\u0068",
+    "[,1,2,3]",
+    "{\"f32\":null}",
+    "\u{feff}",
+    "/*x*/",
+    "1e-400",
+    "18446744073709551616",
+    "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[",
 ];
 
 /// The same fields in another order and dress; some doubled, lost, renamed or of another type.

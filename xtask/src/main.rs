@@ -1,5 +1,6 @@
 //! The project's own chores: `cargo xtask <chore>`.
 
+mod hil;
 mod qemu;
 mod showcase;
 
@@ -16,6 +17,7 @@ const USAGE: &str = "\
 cargo xtask <chore>
   regenerate   fit the fixtures; write pkm-core/src/tables/reference.rs and docs/deflection-error.svg
   qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host
+  hil          drive the cyclic firmware over its serial line: 2,000 poses on each of QEMU's boards, or --poses N, --seed N
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones
@@ -27,6 +29,7 @@ fn main() -> ExitCode {
     let outcome = match chore.as_deref() {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
+        Some("hil") => hil::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("no-panic") => no_panic(),
         Some("showcase") => showcase::run(),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
@@ -89,6 +92,34 @@ pub fn firmware_build() -> Command {
     let mut command = Command::new("cargo");
     command.current_dir(root().join("pkm-fw")).args(["build", "--release", "--locked", "--quiet"]);
     command
+}
+
+/// Builds a binary of the firmware for a `target-cpu`, with a feature, with a table other than the reference's.
+pub fn firmware(
+    binary: &str,
+    cpu: Option<&str>,
+    feature: Option<&str>,
+    coefficients: Option<&Path>,
+) -> Result<PathBuf, String> {
+    const TARGET: &str = "thumbv7em-none-eabihf";
+    let target_dir = root().join("pkm-fw/target").join(cpu.or(feature).unwrap_or("plain"));
+    let mut command = firmware_build();
+    command.args(["--bin", binary, "--target-dir"]).arg(&target_dir);
+    command.args(feature.iter().flat_map(|f| ["--features", f]));
+    if let Some(coefficients) = coefficients {
+        command.env("PKM_COEFFICIENTS", coefficients);
+    }
+    if let Some(cpu) = cpu {
+        command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
+    }
+    let status = command.status().map_err(|e| format!("cargo: {e}"))?;
+    if !status.success() {
+        return Err(format!(
+            "the firmware does not build; if rustc lacks its target, run `rustup toolchain install --no-self-update` \
+             ({TARGET} stands in rust-toolchain.toml)"
+        ));
+    }
+    Ok(target_dir.join(TARGET).join("release").join(binary))
 }
 
 fn no_panic() -> Outcome {

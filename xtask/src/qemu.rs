@@ -4,20 +4,18 @@
 //! file and the `coefficients.json` of that fit. So the generated source, the compiler and the target's
 //! arithmetic are all in the comparison.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::{Basis, CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
+use pkm_core::{CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
 use pkm_host::commands;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
 use pkm_host::table_file::TableFile;
 use serde_json::Value;
 
-use crate::{Outcome, firmware_build, fit_fixtures, root};
-
-const TARGET: &str = "thumbv7em-none-eabihf";
+use crate::{Outcome, firmware, fit_fixtures, root};
 
 /// Where the firmware's machine and table come from.
 enum Origin {
@@ -64,7 +62,7 @@ pub fn run() -> Outcome {
         let table = TableFile::parse(&read("coefficients.json")?).map_err(|e| e.to_string())?;
         let machine = MachineFile::parse(read("machine.toml")?).map_err(|e| e.to_string())?;
 
-        let elf = build(&folder.path().join("coefficients.rs"), cpu)?;
+        let elf = firmware("parity", cpu, None, Some(&folder.path().join("coefficients.rs")))?;
         let lines = compare(&boot(board, &elf)?, &machine, &table)?;
         println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
     }
@@ -92,23 +90,6 @@ fn one_of(effect: &EffectInfo) -> String {
     format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
 }
 
-fn build(coefficients: &Path, cpu: Option<&str>) -> Result<PathBuf, String> {
-    let target_dir = root().join("pkm-fw/target").join(cpu.unwrap_or("plain"));
-    let mut command = firmware_build();
-    command.args(["--bin", "parity", "--target-dir"]).arg(&target_dir).env("PKM_COEFFICIENTS", coefficients);
-    if let Some(cpu) = cpu {
-        command.env("RUSTFLAGS", format!("-C link-arg=-Tlink.x -C link-arg=--nmagic -C target-cpu={cpu}"));
-    }
-    let status = command.status().map_err(|e| format!("cargo: {e}"))?;
-    if !status.success() {
-        return Err(format!(
-            "the firmware does not build; if rustc lacks its target, run `rustup toolchain install --no-self-update` \
-             ({TARGET} stands in rust-toolchain.toml)"
-        ));
-    }
-    Ok(target_dir.join(TARGET).join("release/parity"))
-}
-
 fn boot(board: &str, elf: &Path) -> Result<String, String> {
     let output = Command::new("qemu-system-arm")
         .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"])
@@ -128,12 +109,8 @@ fn compare(text: &str, machine: &MachineFile, table: &TableFile) -> Result<usize
     let numbers = table.numbers();
     let double = numbers.table().map_err(|e| e.to_string())?;
     let single_machine = Machine::<f32>::new(&machine.parameters).map_err(|e| format!("{e:?}"))?;
-    let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect::<Vec<_>>();
-    let (diagonal, factor) = (narrow(&numbers.diagonal), numbers.factor.as_deref().map(narrow));
-    let single =
-        Basis::<f32>::new(numbers.centre.map(|v| v as f32), numbers.half_width.map(|v| v as f32), &numbers.terms)
-            .and_then(|basis| CorrectionTable::<f32>::new(basis, &diagonal, factor.as_deref()))
-            .map_err(|e| e.to_string())?;
+    let narrowed = numbers.narrowed();
+    let single = narrowed.table().map_err(|e| e.to_string())?;
 
     let (mut lines, mut outside, mut refused) = (0, 0, 0);
     for text in text.lines() {

@@ -32,7 +32,7 @@ use defmt_rtt as _;
 #[cfg(feature = "log-semihosting")]
 use defmt_semihosting as _;
 use heapless::Deque;
-use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench};
+use pkm_core::{Cycle, CycleError, Scalar};
 use pkm_protocol::{
     Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, MAX_REPLY, Refused,
     Reply, Request, VERSION,
@@ -84,7 +84,8 @@ fn ticks() -> u32 {
     loop {
         let periods = PERIODS.load(Relaxed);
         let in_period = PERIOD_TICKS - 1 - SYST::get_current();
-        if periods == PERIODS.load(Relaxed) {
+        // a period that has begun and is not counted yet would be lost
+        if periods == PERIODS.load(Relaxed) && !SCB::is_pendst_pending() {
             return periods.wrapping_mul(PERIOD_TICKS).wrapping_add(in_period);
         }
     }
@@ -112,8 +113,8 @@ fn PendSV() {
     }
     if let Some(demand) = WORKING_ON {
         let result = match demand.arithmetic {
-            Arithmetic::F32 => Computed::F32(cycle(&coefficients::MACHINE_F32, &coefficients::TABLE_F32, demand)),
-            Arithmetic::F64 => Computed::F64(cycle(&coefficients::MACHINE_F64, &coefficients::TABLE_F64, demand)),
+            Arithmetic::F32 => Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &coefficients::TABLE_F32)),
+            Arithmetic::F64 => Computed::F64(demand.cycle(&coefficients::MACHINE_F64, &coefficients::TABLE_F64)),
         };
         let ticks = ticks().wrapping_sub(begun);
         let run = Run { result, ticks, overrun: LATE.load(Relaxed) };
@@ -122,17 +123,6 @@ fn PendSV() {
         WORST_TICKS.fetch_max(ticks, Relaxed);
     }
     RUNNING.store(false, Relaxed);
-}
-
-fn cycle<T: Scalar>(
-    machine: &Machine<T>,
-    table: &CorrectionTable<'_, T>,
-    demand: &Demand,
-) -> Result<Cycle<T>, CycleError> {
-    let Demand { arithmetic: _, pose, wrench_at_tip: w, tip_m } = demand;
-    let [theta_rad, sigma_rad, z0_m] = [pose.theta_rad, pose.sigma_rad, pose.z0_m].map(T::from_f64);
-    let wrench = Wrench { force_n: w.force_n.map(T::from_f64), moment_nm: w.moment_nm.map(T::from_f64) };
-    table.cycle(machine, &Pose { theta_rad, sigma_rad, z0_m }, &wrench, tip_m.map(T::from_f64))
 }
 
 /// Keeps what came. Where bytes are lost their line gets one that no command has.
