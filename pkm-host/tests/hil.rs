@@ -4,6 +4,7 @@
 
 use std::io::{Read, Write};
 use std::process::Command as Program;
+use std::sync::Mutex;
 use std::thread;
 use std::time::Duration;
 
@@ -105,19 +106,23 @@ fn controller(mut port: TTYPort, fault: Fault) {
     }
 }
 
+/// No program may be started while another's terminal is made: it would inherit it.
+static ALONE: Mutex<()> = Mutex::new(());
+
 /// Exit code, document on stdout, stderr.
 fn hil(fault: Fault) -> (i32, Value, String) {
-    let (master, mut slave) = TTYPort::pair().expect("a pseudo terminal");
-    slave.set_exclusive(false).expect("shared");
+    let _alone = ALONE.lock();
+    let (master, slave) = TTYPort::pair().expect("a pseudo terminal");
     let name = slave.name().expect("its name");
-    // the port outlives the program unless it is to be unplugged
-    let held = (fault != Fault::Unplugged).then_some(slave);
-    thread::spawn(move || controller(master, fault));
+    // for the program alone; and an end that it does not inherit, or it would never see it go
+    drop(slave);
+    let not_inherited = master.try_clone_native().expect("a copy");
+    drop(master);
+    thread::spawn(move || controller(not_inherited, fault));
     let output = Program::new(env!("CARGO_BIN_EXE_pkm-host"))
         .args(["hil", "--port", &name, "--poses", "400", "--seed", "4", "--json"])
         .output()
         .expect("runs");
-    drop(held);
     let document = serde_json::from_slice(&output.stdout).expect("one document");
     (output.status.code().expect("a code"), document, String::from_utf8_lossy(&output.stderr).into_owned())
 }
@@ -153,6 +158,7 @@ fn faults_are_found_and_named() {
 
 #[test]
 fn missing_things_are_bad_usage_or_input() {
+    let _alone = ALONE.lock();
     for (args, words) in [
         (&["--port", "/dev/no-such-port"][..], "cannot open the port"),
         (&["--qemu", "--elf", "no-such.elf"], "no firmware there"),
