@@ -5,7 +5,8 @@
 //! * The serial line's interrupt keeps the bytes that come.
 //! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand.
 //!
-//! `pkm-host hil` is the other end. The machine and its table are the `coefficients.rs` that `build.rs` was given; the board is a
+//! `pkm-host hil` is the other end. Logs (features `log-*`) of QEMU's semihosting go to its standard output: give the serial line
+//! another place then, such as `-serial pty`. The machine and its table are the `coefficients.rs` that `build.rs` was given; the board is a
 //! feature, see `board`.
 
 #![no_std]
@@ -61,6 +62,8 @@ struct Run {
     overrun: bool,
 }
 
+// no heap to put the larger one on
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy)]
 enum Computed {
     F32(Result<Cycle<f32>, CycleError>),
