@@ -7,7 +7,9 @@ fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     // PKM_COEFFICIENTS names a `coefficients.rs` of one's own; relative to this folder
     let table = env::var("PKM_COEFFICIENTS").unwrap_or("../pkm-core/src/tables/reference.rs".into());
-    for (from, to) in [("../memory.x", "memory.x"), (table.as_str(), "coefficients.rs")] {
+    let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
+    let memory = if has("STM32F405") { "src/board/stm32f405.x" } else { "../memory.x" };
+    for (from, to) in [(memory, "memory.x"), (table.as_str(), "coefficients.rs")] {
         if let Err(e) = fs::copy(from, out.join(to)) {
             panic!("cannot copy {from}: {e}");
         }
@@ -15,4 +17,7 @@ fn main() {
     }
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-env-changed=PKM_COEFFICIENTS");
+    if has("LOG") {
+        println!("cargo:rustc-link-arg-bin=cyclic=-Tdefmt.x");
+    }
 }

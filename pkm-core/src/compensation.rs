@@ -10,7 +10,7 @@
 //! | dσ | 0 | −t_n | t_y |
 //! | dL | 0 | 0 | 1 |
 //!
-//! so that one Newton step against a displacement takes three divisions and no elimination.
+//! so that one Newton step against a displacement takes two divisions and no elimination.
 
 use core::fmt;
 

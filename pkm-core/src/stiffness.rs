@@ -585,16 +585,14 @@ impl<T: Scalar> Machine<T> {
             return Ok(LoadResponse { machine: self, limbs: None });
         }
         let actual = self.actual(*posture)?;
-        let (moved, m) = self.limb_response(&actual.posture)?;
-        Ok(LoadResponse { machine: self, limbs: Some(LimbResponse { actual, moved, m }) })
+        Ok(LoadResponse { machine: self, limbs: Some(self.limb_response(actual)?) })
     }
 
-    /// Of [`LimbResponse`], at the actual posture.
     #[inline(never)]
-    fn limb_response(&self, p: &Posture<T>) -> Result<([[T; 6]; 3], [[T; 3]; 3]), StiffnessError> {
+    fn limb_response(&self, actual: Actual<T>) -> Result<LimbResponse<T>, StiffnessError> {
         let o = T::ZERO;
         let (mut pair, mut third, mut lower) = (Chain::zero(), Chain::zero(), linalg::zero());
-        self.chains_with_effects(p, &mut pair, &mut third, &mut lower);
+        self.chains_with_effects(&actual.posture, &mut pair, &mut third, &mut lower);
         // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
         let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
         let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
@@ -608,7 +606,7 @@ impl<T: Scalar> Machine<T> {
                 m[i][j] -= product(&v[i], &moved[j]);
             }
         }
-        Ok((moved, m))
+        Ok(LimbResponse { actual, moved, m })
     }
 
     /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first

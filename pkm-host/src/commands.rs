@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
+use pkm_core::tables::reference;
 use pkm_core::{
     Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, StiffnessError, StiffnessFactor, Wrench,
 };
@@ -16,6 +17,7 @@ use crate::diagnose::{self, outputs};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};
+use crate::hil;
 use crate::machine_file::{MachineFile, PoseBox, status};
 use crate::plan::{self, PlanKind};
 use crate::report;
@@ -492,5 +494,55 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
         diagnose::report::text(&diagnosis),
         out.display()
     );
+    Ok(Output { text, json })
+}
+
+/// `hil`: firmware that runs the core, held against the host reply by reply.
+///
+/// # Errors
+/// Bad files, no firmware at the other end or one with another table, any difference, an unwritable folder.
+pub fn hil(
+    machine: Option<&Path>,
+    table: Option<&Path>,
+    target: &hil::Target,
+    seed: u64,
+    poses: u64,
+    out: Option<&Path>,
+) -> Result<Output> {
+    let file = machine_file(machine)?;
+    let (pose_box, numbers, single);
+    let twin = match table {
+        None => {
+            if machine.is_some() {
+                return Err(Failure::usage("give --table as well: the firmware of a machine has its table"));
+            }
+            pose_box = file.pose_box;
+            hil::Twin {
+                checksums: [file.parameters.checksum(), reference::TABLE_F64.checksum()],
+                double: (file.machine, reference::TABLE_F64),
+                single: (reference::MACHINE_F32, reference::TABLE_F32),
+            }
+        }
+        Some(path) => {
+            let source = Source::read(path)?;
+            let table = TableFile::parse(&source)?;
+            pose_box = table.extent.pose_box();
+            numbers = table.numbers();
+            single = numbers.narrowed();
+            let double = numbers.table()?;
+            let narrow = Machine::<f32>::new(&file.parameters).map_err(|e| Failure::other(format!("{e:?}")))?;
+            hil::Twin {
+                checksums: [file.parameters.checksum(), double.checksum()],
+                double: (file.machine, double),
+                single: (narrow, single.table()?),
+            }
+        }
+    };
+    let campaign = hil::Campaign { seed, poses, pose_box };
+    let (mut text, json) = hil::run(target, &campaign, &twin)?;
+    if let Some(out) = out {
+        source::write_all(out, &[(OsStr::new("hil.json"), format!("{json:#}\n"))])?;
+        text.push_str(&format!("wrote hil.json to {}\n", out.display()));
+    }
     Ok(Output { text, json })
 }

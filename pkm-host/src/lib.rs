@@ -9,6 +9,7 @@ pub mod diagnose;
 pub mod error;
 pub mod export;
 pub mod fit;
+pub mod hil;
 pub mod machine_file;
 pub mod plan;
 pub mod plot;

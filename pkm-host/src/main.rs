@@ -9,6 +9,7 @@ use clap::{Args, Parser, Subcommand};
 use pkm_host::commands::{self, Form, Output};
 use pkm_host::error::{Failure, Result};
 use pkm_host::fit::TermChoice;
+use pkm_host::hil::{self, Target};
 use pkm_host::machine_file::PoseBox;
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
@@ -114,6 +115,36 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
+    /// Drives firmware that runs the core (pkm-fw's `cyclic`) and compares every bit with the host.
+    Hil {
+        /// Serial port of the board, such as /dev/ttyACM0.
+        #[arg(long, value_name = "PORT", required_unless_present = "qemu", conflicts_with = "qemu")]
+        port: Option<String>,
+        /// Bits a second of the port.
+        #[arg(long, default_value_t = 115_200, requires = "port")]
+        baud: u32,
+        /// Start QEMU with the firmware.
+        #[arg(long)]
+        qemu: bool,
+        /// The firmware for QEMU.
+        #[arg(long, value_name = "ELF", requires = "qemu", default_value = hil::DEFAULT_ELF)]
+        elf: PathBuf,
+        /// QEMU's machine.
+        #[arg(long, value_name = "NAME", requires = "qemu", default_value = "mps2-an386")]
+        board: String,
+        /// Poses to draw: half of them computed in f32, half in f64.
+        #[arg(long, default_value_t = 2000)]
+        poses: u64,
+        /// Repeats a run; default: drawn, and printed.
+        #[arg(long)]
+        seed: Option<u64>,
+        /// coefficients.json of the firmware's table; default: the reference machine's.
+        #[arg(long, value_name = "JSON")]
+        table: Option<PathBuf>,
+        /// Folder for hil.json.
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
 }
 
 #[derive(Args)]
@@ -158,6 +189,14 @@ fn run(cli: &Cli) -> Result<Output> {
         }
         Command::Diagnose { data, holdout, out } => {
             commands::diagnose(machine, data.as_deref(), holdout.as_deref(), out)
+        }
+        Command::Hil { port, baud, qemu: _, elf, board, poses, seed, table, out } => {
+            let target = match port {
+                Some(name) => Target::Port { name: name.clone(), baud: *baud },
+                None => Target::Qemu { board: board.clone(), elf: elf.clone() },
+            };
+            let seed = seed.unwrap_or_else(|| fastrand::u64(..));
+            commands::hil(machine, table.as_deref(), &target, seed, *poses, out.as_deref())
         }
         Command::Fit { data, verify, terms, out } => {
             commands::fit(machine, data.as_deref(), verify.as_deref(), *terms, out)

@@ -50,6 +50,13 @@ pub struct Extent {
     pub z0_mm: [f64; 2],
 }
 
+impl Extent {
+    /// The same box as a machine file has it.
+    pub fn pose_box(&self) -> PoseBox {
+        PoseBox([self.theta_deg, self.sigma_deg, self.z0_mm])
+    }
+}
+
 impl From<PoseBox> for Extent {
     fn from(b: PoseBox) -> Self {
         let [theta_deg, sigma_deg, z0_mm] = b.0;
@@ -78,17 +85,17 @@ pub struct FactorForm {
 
 /// The numbers of a table in the core's units, for the core to borrow.
 #[derive(Clone, Debug)]
-pub struct TableNumbers {
+pub struct TableNumbers<T = f64> {
     /// Middle of the box, rad, rad, m.
-    pub centre: [f64; 3],
+    pub centre: [T; 3],
     /// Half widths, rad, rad, m.
-    pub half_width: [f64; 3],
+    pub half_width: [T; 3],
     /// Exponents of the scaled θ, σ, Z0.
     pub terms: Vec<[u8; 3]>,
     /// Six rows, c11…c66.
-    pub diagonal: Vec<f64>,
+    pub diagonal: Vec<T>,
     /// 21 rows of G's lower triangle.
-    pub factor: Option<Vec<f64>>,
+    pub factor: Option<Vec<T>>,
 }
 
 impl TableNumbers {
@@ -112,6 +119,30 @@ impl TableNumbers {
     pub fn table(&self) -> Result<CorrectionTable<'_, f64>> {
         Basis::<f64>::new(self.centre, self.half_width, &self.terms)
             .and_then(|basis| CorrectionTable::<f64>::new(basis, &self.diagonal, self.factor.as_deref()))
+            .map_err(|e| Failure::input(e.to_string()))
+    }
+
+    /// The same in `f32`, as generated source has them.
+    pub fn narrowed(&self) -> TableNumbers<f32> {
+        let narrow = |v: &Vec<f64>| v.iter().map(|x| *x as f32).collect();
+        TableNumbers {
+            centre: self.centre.map(|v| v as f32),
+            half_width: self.half_width.map(|v| v as f32),
+            terms: self.terms.clone(),
+            diagonal: narrow(&self.diagonal),
+            factor: self.factor.as_ref().map(narrow),
+        }
+    }
+}
+
+impl TableNumbers<f32> {
+    /// The core's table.
+    ///
+    /// # Errors
+    /// What the core refuses.
+    pub fn table(&self) -> Result<CorrectionTable<'_, f32>> {
+        Basis::<f32>::new(self.centre, self.half_width, &self.terms)
+            .and_then(|basis| CorrectionTable::<f32>::new(basis, &self.diagonal, self.factor.as_deref()))
             .map_err(|e| Failure::input(e.to_string()))
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::{Basis, CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
+use pkm_core::{CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
 use pkm_host::commands;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
@@ -125,12 +125,8 @@ impl Host {
         let table = numbers.table().map_err(|e| e.to_string())?;
         let in_double = double(&self.machine.machine, &table);
         let machine = Machine::<f32>::new(&self.machine.parameters).map_err(|e| format!("{e:?}"))?;
-        let narrow = |v: &[f64]| v.iter().map(|x| *x as f32).collect::<Vec<_>>();
-        let (diagonal, factor) = (narrow(&numbers.diagonal), numbers.factor.as_deref().map(narrow));
-        let table =
-            Basis::<f32>::new(numbers.centre.map(|v| v as f32), numbers.half_width.map(|v| v as f32), &numbers.terms)
-                .and_then(|basis| CorrectionTable::<f32>::new(basis, &diagonal, factor.as_deref()))
-                .map_err(|e| e.to_string())?;
+        let narrowed = numbers.narrowed();
+        let table = narrowed.table().map_err(|e| e.to_string())?;
         Ok((in_double, single(&machine, &table)))
     }
 }

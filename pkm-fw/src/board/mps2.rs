@@ -1,0 +1,40 @@
+//! Arm MPS2 with the images AN386 (Cortex-M4F) and AN500 (Cortex-M7), as QEMU has them. Its CMSDK UART 0.
+
+use super::{Received, Register};
+
+pub const NAME: &str = "mps2";
+/// Of SysTick.
+pub const CORE_HZ: u32 = 25_000_000;
+/// Received data of UART 0.
+pub const UART_INTERRUPT: u16 = 0;
+
+const BAUD: u32 = 115_200;
+const UART: u32 = 0x4000_4000;
+const DATA: Register = Register(UART);
+/// Bit 0: transmitter full, 1: received, 3: received byte lost (cleared by writing it).
+const STATE: Register = Register(UART + 0x4);
+/// Bit 0: transmit, 1: receive, 3: interrupt on receipt.
+const CONTROL: Register = Register(UART + 0x8);
+/// Write 1 to clear; bit 1: received.
+const INTERRUPT: Register = Register(UART + 0xc);
+const DIVISOR: Register = Register(UART + 0x10);
+
+pub fn set_up() {
+    DIVISOR.write(CORE_HZ / BAUD);
+    CONTROL.write(0b1011);
+}
+
+pub fn receive() -> Option<Received> {
+    INTERRUPT.write(0b10);
+    let state = STATE.read();
+    if state & 0b1000 != 0 {
+        STATE.write(0b1000);
+        return Some(Received::Lost);
+    }
+    (state & 0b10 != 0).then(|| Received::Byte(DATA.read() as u8))
+}
+
+pub fn send(byte: u8) {
+    while STATE.read() & 1 != 0 {}
+    DATA.write(byte.into());
+}

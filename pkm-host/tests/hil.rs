@@ -1,0 +1,172 @@
+//! `pkm-host hil` against stand-ins for a controller, honest and otherwise, behind a pseudo terminal.
+
+#![cfg(unix)]
+
+use std::io::{Read, Write};
+use std::process::Command as Program;
+use std::sync::Mutex;
+use std::thread;
+use std::time::Duration;
+
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
+use pkm_protocol::{
+    Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Hello, Lines, MAX_REPLY, Reply, Request, VERSION,
+};
+use serde_json::Value;
+use serialport::{SerialPort, TTYPort};
+
+/// What is wrong with the controller.
+#[derive(Clone, Copy, PartialEq)]
+enum Fault {
+    None,
+    /// The last bit of the first screw length of one cycle.
+    OneBit,
+    /// Another table.
+    Table,
+    /// Takes one bad line for good.
+    Lenient,
+    /// Never says anything.
+    Silent,
+    /// Says something else.
+    Noise,
+    /// Goes away during the run.
+    Unplugged,
+}
+
+fn reply(fault: Fault, cycles: u32, bad_lines: u32, request: &Request) -> Vec<u8> {
+    let id = Some(request.id);
+    let mut buffer = [0; MAX_REPLY];
+    let double = |answer| Reply::<f64> { v: VERSION, id, answer }.write(&mut [0; MAX_REPLY]).map(<[u8]>::to_vec);
+    let line = match request.command {
+        Command::Hello => double(Answer::Hello(Hello {
+            firmware: "stand-in",
+            board: "none",
+            machine: Checksum(PARAMETERS.checksum()),
+            table: Checksum(TABLE_F64.checksum() ^ u64::from(fault == Fault::Table)),
+            period_s: 1e-3,
+            ticks_hz: 1_000_000,
+            travel_min_m: PARAMETERS.travel.min_m,
+            travel_max_m: PARAMETERS.travel.max_m,
+            max_command_bytes: 512,
+            input_bytes: 2048,
+            stack_bytes: 4096,
+        })),
+        Command::Status => double(Answer::Status(Counters { cycles, bad_lines, ..Counters::default() })),
+        Command::Cycle(demand) => match demand.arithmetic {
+            Arithmetic::F64 => {
+                double(Answer::Cycle(CycleReply::new(&demand.cycle(&MACHINE_F64, &TABLE_F64), 40, false)))
+            }
+            Arithmetic::F32 => {
+                let mut cycle = CycleReply::new(&demand.cycle(&MACHINE_F32, &TABLE_F32), 30, false);
+                if let Some(numbers) = cycle.numbers.as_mut().filter(|_| fault == Fault::OneBit && cycles == 10) {
+                    numbers.q_m[0] = f32::from_bits(numbers.q_m[0].to_bits() ^ 1);
+                }
+                let reply = Reply { v: VERSION, id, answer: Answer::Cycle(cycle) };
+                reply.write(&mut buffer).map(<[u8]>::to_vec)
+            }
+        },
+    };
+    line.expect("fits")
+}
+
+fn controller(mut port: TTYPort, fault: Fault) {
+    let mut lines = Lines::new();
+    let (mut cycles, mut bad_lines) = (0, 0);
+    let mut bytes = [0; 1024];
+    loop {
+        let Ok(count) = port.read(&mut bytes) else {
+            thread::sleep(Duration::from_millis(1));
+            continue;
+        };
+        for byte in &bytes[..count] {
+            let said = match lines.push(*byte) {
+                None => continue,
+                Some(Ok(request)) => {
+                    cycles += u32::from(matches!(request.command, Command::Cycle(_)));
+                    reply(fault, cycles, bad_lines, &request)
+                }
+                Some(Err(refused)) => {
+                    bad_lines += 1;
+                    let answer = if fault == Fault::Lenient {
+                        Answer::Status(Counters::default())
+                    } else {
+                        Answer::Error(refused.code)
+                    };
+                    let reply = Reply::<f64> { v: VERSION, id: refused.id, answer };
+                    reply.write(&mut [0; MAX_REPLY]).expect("fits").to_vec()
+                }
+            };
+            match fault {
+                Fault::Silent => continue,
+                Fault::Noise => drop(port.write_all(b"\xff\x00 boot: something else\n")),
+                Fault::Unplugged if cycles > 20 => return,
+                _ => drop(port.write_all(&said)),
+            }
+        }
+    }
+}
+
+/// No program may be started while another's terminal is made: it would inherit it.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// Exit code, document on stdout, stderr.
+fn hil(fault: Fault) -> (i32, Value, String) {
+    let _alone = ALONE.lock();
+    let (master, slave) = TTYPort::pair().expect("a pseudo terminal");
+    let name = slave.name().expect("its name");
+    // for the program alone; and an end that it does not inherit, or it would never see it go
+    drop(slave);
+    let not_inherited = master.try_clone_native().expect("a copy");
+    drop(master);
+    thread::spawn(move || controller(not_inherited, fault));
+    let output = Program::new(env!("CARGO_BIN_EXE_pkm-host"))
+        .args(["hil", "--port", &name, "--poses", "400", "--seed", "4", "--json"])
+        .output()
+        .expect("runs");
+    let document = serde_json::from_slice(&output.stdout).expect("one document");
+    (output.status.code().expect("a code"), document, String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn an_honest_controller_passes() {
+    let (code, document, stderr) = hil(Fault::None);
+    assert_eq!(code, 0, "{stderr}");
+    assert_eq!(document["differing"], 0);
+    assert_eq!((&document["f32"]["cycles"], &document["f64"]["cycles"]), (&200.into(), &200.into()));
+    for key in ["f32", "f64"] {
+        assert!(document[key]["outside_box"].as_u64() > Some(5) && document[key]["refused"].as_u64() > Some(2));
+    }
+    assert!(document["bad_lines"].as_u64() > Some(2));
+    assert_eq!(document["f64"]["ticks"]["worst"], 40);
+}
+
+#[test]
+fn faults_are_found_and_named() {
+    for (fault, code, words) in [
+        (Fault::OneBit, 1, "1 replies differ"),
+        (Fault::Lenient, 1, "replies differ"),
+        (Fault::Table, 2, "PKM_COEFFICIENTS"),
+        (Fault::Silent, 1, "no answer to hello, heard nothing"),
+        (Fault::Noise, 1, "something else"),
+        (Fault::Unplugged, 1, "the port is gone"),
+    ] {
+        let (found, document, stderr) = hil(fault);
+        assert!(found == code && stderr.contains(words), "{words}: {found}: {stderr}");
+        assert!(document["error"]["message"].as_str().is_some_and(|m| m.contains(words)), "{document}");
+    }
+}
+
+#[test]
+fn missing_things_are_bad_usage_or_input() {
+    let _alone = ALONE.lock();
+    for (args, words) in [
+        (&["--port", "/dev/no-such-port"][..], "cannot open the port"),
+        (&["--qemu", "--elf", "no-such.elf"], "no firmware there"),
+        (&["--qemu", "--port", "x"], "cannot be used with"),
+        (&[], "required"),
+    ] {
+        let output = Program::new(env!("CARGO_BIN_EXE_pkm-host")).arg("hil").args(args).output().expect("runs");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && stderr.contains(words), "{args:?}: {stderr}");
+    }
+}

@@ -1,0 +1,308 @@
+//! Commands: lines from bytes, commands from lines.
+
+use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench};
+use serde::{Deserialize, Serialize};
+use serde_json_core::de;
+
+use crate::{MAX_COMMAND, VERSION};
+
+/// Why a line was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Code {
+    /// More than [`MAX_COMMAND`] bytes.
+    TooLong,
+    /// Not one JSON object of names, numbers and lists of numbers.
+    Syntax,
+    /// A field is missing, doubled, unknown, or no field of this command.
+    Field,
+    /// Another version of the protocol.
+    Version,
+    /// No such command.
+    Command,
+    /// A number is beyond the range of its field, `f64` or `u32`.
+    Range,
+}
+
+/// A refused line, with its `id` if that could be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// Of the command.
+    pub id: Option<u32>,
+    /// What is wrong.
+    pub code: Code,
+}
+
+/// A command with the number that its reply repeats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// The sender's choice.
+    pub id: u32,
+    /// What to do.
+    pub command: Command,
+}
+
+/// What a host may ask.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// Who are you?
+    Hello,
+    /// How are you?
+    Status,
+    /// Work with this from the next period on, and tell the result.
+    Cycle(Demand),
+}
+
+/// What the cyclic task works on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demand {
+    /// Number type to compute in. The inputs are rounded to it first.
+    pub arithmetic: Arithmetic,
+    /// Where the platform should stand, finite.
+    pub pose: Pose<f64>,
+    /// Load on the tip, its moment about the tip, in the axes of A-uvw, finite.
+    pub wrench_at_tip: Wrench<f64>,
+    /// The tip in A-uvw, finite.
+    pub tip_m: [f64; 3],
+}
+
+/// Number type of a computation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Arithmetic {
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+}
+
+/// A command as it stands on the line.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Wire<'a> {
+    v: u32,
+    id: u32,
+    cmd: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    arithmetic: Option<Arithmetic>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    theta_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sigma_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    z0_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    force_n: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    moment_nm: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tip_m: Option<[f64; 3]>,
+}
+
+impl Wire<'_> {
+    fn demand(&self) -> Option<Demand> {
+        Some(Demand {
+            arithmetic: self.arithmetic?,
+            pose: Pose { theta_rad: self.theta_rad?, sigma_rad: self.sigma_rad?, z0_m: self.z0_m? },
+            wrench_at_tip: Wrench { force_n: self.force_n?, moment_nm: self.moment_nm? },
+            tip_m: self.tip_m?,
+        })
+    }
+
+    fn has_demand(&self) -> bool {
+        let Self { v: _, id: _, cmd: _, arithmetic, theta_rad, sigma_rad, z0_m, force_n, moment_nm, tip_m } = self;
+        arithmetic.is_some()
+            || [theta_rad, sigma_rad, z0_m].into_iter().any(Option::is_some)
+            || [force_n, moment_nm, tip_m].into_iter().any(Option::is_some)
+    }
+}
+
+impl Request {
+    /// Reads a line without its line feed.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn parse(line: &[u8]) -> Result<Self, Refused> {
+        let refused = |id, code| Err(Refused { id, code });
+        if !is_sound(line) {
+            return refused(None, Code::Syntax);
+        }
+        let wire: Wire<'_> = match de::from_slice(line) {
+            Ok((wire, length)) if length == line.len() => wire,
+            Err(de::Error::CustomError | de::Error::InvalidType) => return refused(None, Code::Field),
+            Err(de::Error::InvalidNumber) => return refused(None, Code::Range),
+            _ => return refused(None, Code::Syntax),
+        };
+        let refused = |code| refused(Some(wire.id), code);
+        if wire.v != VERSION {
+            return refused(Code::Version);
+        }
+        let command = match wire.cmd {
+            "hello" if !wire.has_demand() => Command::Hello,
+            "status" if !wire.has_demand() => Command::Status,
+            "cycle" => match wire.demand() {
+                Some(demand) if demand.is_finite() => Command::Cycle(demand),
+                Some(_) => return refused(Code::Range),
+                None => return refused(Code::Field),
+            },
+            "hello" | "status" => return refused(Code::Field),
+            _ => return refused(Code::Command),
+        };
+        Ok(Self { id: wire.id, command })
+    }
+
+    /// Writes the line with its line feed; `None` when `buffer` is too short ([`MAX_COMMAND`] + 1 always do).
+    pub fn write<'b>(&self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+        let (cmd, demand) = match self.command {
+            Command::Hello => ("hello", None),
+            Command::Status => ("status", None),
+            Command::Cycle(demand) => ("cycle", Some(demand)),
+        };
+        let wire = Wire {
+            v: VERSION,
+            id: self.id,
+            cmd,
+            arithmetic: demand.map(|d| d.arithmetic),
+            theta_rad: demand.map(|d| d.pose.theta_rad),
+            sigma_rad: demand.map(|d| d.pose.sigma_rad),
+            z0_m: demand.map(|d| d.pose.z0_m),
+            force_n: demand.map(|d| d.wrench_at_tip.force_n),
+            moment_nm: demand.map(|d| d.wrench_at_tip.moment_nm),
+            tip_m: demand.map(|d| d.tip_m),
+        };
+        write_line(&wire, buffer)
+    }
+}
+
+impl Demand {
+    /// Computes it. The inputs are rounded to `T` first.
+    ///
+    /// # Errors
+    /// Those of [`CorrectionTable::cycle`].
+    pub fn cycle<T: Scalar>(
+        &self,
+        machine: &Machine<T>,
+        table: &CorrectionTable<'_, T>,
+    ) -> Result<Cycle<T>, CycleError> {
+        let Self { arithmetic: _, pose, wrench_at_tip: w, tip_m } = self;
+        let [theta_rad, sigma_rad, z0_m] = [pose.theta_rad, pose.sigma_rad, pose.z0_m].map(T::from_f64);
+        let wrench = Wrench { force_n: w.force_n.map(T::from_f64), moment_nm: w.moment_nm.map(T::from_f64) };
+        table.cycle(machine, &Pose { theta_rad, sigma_rad, z0_m }, &wrench, tip_m.map(T::from_f64))
+    }
+
+    fn is_finite(&self) -> bool {
+        let Self { arithmetic: _, pose, wrench_at_tip: w, tip_m } = self;
+        let pose = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
+        pose.iter().chain(&w.force_n).chain(&w.moment_nm).chain(tip_m).all(|v| v.is_finite())
+    }
+}
+
+/// JSON and a line feed.
+pub(crate) fn write_line<'b>(value: &impl Serialize, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let length = serde_json_core::to_slice(value, buffer).ok()?;
+    *buffer.get_mut(length)? = b'\n';
+    buffer.get(..=length)
+}
+
+/// What a command may hold: one object; strings without escapes; outside of them JSON's numbers, brackets, commas, colons.
+/// serde-json-core lets more pass: `[,1]`, `[,1 2]`, `+1`, `01`, `1.`, `.5`, null for a number, an object for a name.
+fn is_sound(mut rest: &[u8]) -> bool {
+    let mut objects = 0;
+    let mut after_bracket = false;
+    while let [first, tail @ ..] = rest {
+        let length = match first {
+            b' ' | b'\t' | b'\r' => {
+                rest = tail;
+                continue;
+            }
+            b'"' => {
+                let end = tail.iter().position(|b| matches!(b, b'"' | b'\\') || b.is_ascii_control());
+                match end.and_then(|end| tail.get(end).zip(Some(end + 2))) {
+                    Some((b'"', length)) => length,
+                    _ => return false,
+                }
+            }
+            b',' if after_bracket => return false,
+            b'{' | b'}' | b'[' | b']' | b':' | b',' => 1,
+            _ => {
+                let in_number = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
+                let length = rest.iter().take_while(in_number).count();
+                if !rest.get(..length).is_some_and(is_number) {
+                    return false;
+                }
+                length
+            }
+        };
+        objects += usize::from(*first == b'{');
+        after_bracket = *first == b'[';
+        rest = rest.get(length..).unwrap_or_default();
+    }
+    objects == 1
+}
+
+/// A number of JSON's grammar.
+fn is_number(text: &[u8]) -> bool {
+    let text = text.strip_prefix(b"-").unwrap_or(text);
+    let (whole, after) = digits(text);
+    if whole == 0 || whole > 1 && text.starts_with(b"0") {
+        return false;
+    }
+    let after = match after {
+        [b'.', fraction @ ..] => match digits(fraction) {
+            (0, _) => return false,
+            (_, after) => after,
+        },
+        after => after,
+    };
+    match after {
+        [] => true,
+        [b'e' | b'E', b'+' | b'-', exponent @ ..] | [b'e' | b'E', exponent @ ..] => {
+            matches!(digits(exponent), (1.., []))
+        }
+        _ => false,
+    }
+}
+
+/// How many digits a text starts with, and what follows them.
+fn digits(text: &[u8]) -> (usize, &[u8]) {
+    let count = text.iter().take_while(|b| b.is_ascii_digit()).count();
+    (count, text.get(count..).unwrap_or_default())
+}
+
+/// Finds lines in a stream of bytes, whatever comes.
+#[derive(Clone, Debug)]
+pub struct Lines {
+    bytes: [u8; MAX_COMMAND],
+    /// Above [`MAX_COMMAND`]: the line is too long and its rest is passed over.
+    length: usize,
+}
+
+impl Default for Lines {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Lines {
+    /// Before the first byte.
+    pub const fn new() -> Self {
+        Self { bytes: [0; MAX_COMMAND], length: 0 }
+    }
+
+    /// Takes a byte; with a line feed, gives what the line holds. Blank lines give nothing.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Request, Refused>> {
+        if byte != b'\n' {
+            if let Some(place) = self.bytes.get_mut(self.length) {
+                *place = byte;
+            }
+            self.length = (self.length + 1).min(MAX_COMMAND + 1);
+            return None;
+        }
+        let line = self.bytes.get(..core::mem::take(&mut self.length));
+        match line {
+            None => Some(Err(Refused { id: None, code: Code::TooLong })),
+            Some(line) if line.trim_ascii().is_empty() => None,
+            Some(line) => Some(Request::parse(line)),
+        }
+    }
+}

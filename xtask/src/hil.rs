@@ -1,0 +1,81 @@
+//! The cyclic firmware on the boards that QEMU has, driven by `pkm-host hil`.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use pkm_host::commands;
+use pkm_host::hil::Target;
+
+use crate::proofs::firmware;
+use crate::{Outcome, output};
+
+/// Machine of QEMU, processor, `target-cpu`, feature of `pkm-fw`.
+const BOARDS: [(&str, &str, Option<&str>, Option<&str>); 3] = [
+    ("mps2-an386", "Cortex-M4F", None, None),
+    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), None),
+    ("netduinoplus2", "STM32F405", None, Some("stm32f405")),
+];
+/// Enough to see that the port works.
+const POSES_OVER_PORT: u64 = 100;
+
+pub fn run(options: &[String]) -> Outcome {
+    let (mut poses, mut seed) = (2000, 1);
+    for pair in options.chunks(2) {
+        let value = pair.get(1).and_then(|v| v.parse().ok()).ok_or("expected --poses N or --seed N")?;
+        match pair[0].as_str() {
+            "--poses" => poses = value,
+            "--seed" => seed = value,
+            other => return Err(format!("unknown option {other}")),
+        }
+    }
+    let drive = |target: Target, poses: u64| {
+        let output = commands::hil(None, None, &target, seed, poses, None).map_err(|e| e.to_string())?;
+        print!("{}", output.text);
+        Ok::<(), String>(())
+    };
+    for (board, processor, cpu, feature) in BOARDS {
+        println!("== {processor}");
+        let (mut build, elf) = firmware("cyclic", cpu);
+        output(build.args(feature.iter().flat_map(|f| ["--features", f])))?;
+        drive(Target::Qemu { board: board.into(), elf: elf.clone() }, poses)?;
+        if (cpu, feature) == (None, None) {
+            let board = OverPort::start(board, &elf)?;
+            drive(Target::Port { name: board.port.clone(), baud: 115_200 }, POSES_OVER_PORT)?;
+        }
+    }
+    Ok(())
+}
+
+/// A board of QEMU behind a pseudo terminal, which is as good as a serial port.
+struct OverPort {
+    child: Child,
+    port: String,
+}
+
+impl Drop for OverPort {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+impl OverPort {
+    fn start(board: &str, elf: &Path) -> Result<Self, String> {
+        let mut child = Command::new("qemu-system-arm")
+            .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "pty"])
+            .args(["-icount", "shift=4,sleep=off", "-kernel"])
+            .arg(elf)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(|e| format!("qemu-system-arm: {e}"))?;
+        let mut line = String::new();
+        if let Some(stdout) = child.stdout.take() {
+            BufReader::new(stdout).read_line(&mut line).map_err(|e| e.to_string())?;
+        }
+        let port = line.split_whitespace().find(|w| w.starts_with("/dev/")).unwrap_or_default().to_owned();
+        let over = Self { child, port };
+        if over.port.is_empty() { Err(format!("QEMU names no terminal: {line}")) } else { Ok(over) }
+    }
+}
