@@ -95,9 +95,9 @@ fn telescope(
     let (ea, ei, gj) = limb.section();
     let inner_at = q - (stroke.0 - 0.020);
     let outer_at = stroke.1 + [0.060, 0.030][effect.variant] - (stroke.0 - 0.020);
-    // nearly equal sections that the guides let bend apart, or unequal ones
+    // nearly equal sections that the guides let bend apart, or unequal ones; in torsion as declared
     let tilt = 1.0 + [0.05, 0.4][effect.variant] * effect.amplitude;
-    let section = |ei: f64| Section { ea_n: ea, ei_nm2: (ei, ei), gj_nm2: 2.0 * gj };
+    let section = |ei: f64| Section { ea_n: ea, ei_nm2: (ei, ei), gj_nm2: gj };
     let (tube, ram) = (section(scale * ei * tilt), section(scale * ei / tilt));
     let guide = scale * ei * 1e4 / (effect.amplitude * effect.share(0));
     let x = axes.column(0).into_owned();
