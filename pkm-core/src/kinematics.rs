@@ -352,6 +352,7 @@ impl<T: Scalar> Sizes<T> {
     }
 
     /// See [`Machine::inverse`]; whatever the travel.
+    #[inline(always)] // `inverse` is short enough for a call to count
     fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
         if !pose.is_finite() {
             return Err(KinematicsError::NotFinite);
