@@ -195,14 +195,29 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         tip_m: [T; 3],
     ) -> Result<Cycle<T>, CycleError> {
         let posture = machine.posture(pose)?;
-        let mut factor = StiffnessFactor { lower: linalg::zero() };
-        self.add_factor_form(machine, pose, &posture, &mut factor.lower)?;
         let wrench = wrench_at_tip.moved_to_a(tip_m);
         let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
+        // first, with nothing of the rest on the stack
         let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &unloaded)?;
-        let deflection = factor.deflection(&wrench)?.plus(&beyond);
+        self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m)
+    }
+
+    /// `beyond` is what load-dependent effects add to the deflection.
+    #[inline(never)]
+    fn cycle_with(
+        &self,
+        machine: &Machine<T>,
+        pose: &Pose<T>,
+        posture: &Posture<T>,
+        wrench: &Wrench<T>,
+        beyond: &Deflection<T>,
+        tip_m: [T; 3],
+    ) -> Result<Cycle<T>, CycleError> {
+        let mut factor = StiffnessFactor { lower: linalg::zero() };
+        self.add_factor_form(machine, pose, posture, &mut factor.lower)?;
+        let deflection = factor.deflection(wrench)?.plus(beyond);
         let compensated =
-            machine.compensated_from(pose, &posture, &deflection, tip_m).map_err(CycleError::Compensation)?;
+            machine.compensated_from(pose, posture, &deflection, tip_m).map_err(CycleError::Compensation)?;
         let corrected = Corrected { factor, domain: self.domain(pose) };
         Ok(Cycle { lengths: ScrewLengths { q_m: posture.q }, corrected, deflection, compensated })
     }

@@ -301,6 +301,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.
+    #[inline(never)] // its monomials would take stack while K_p is put together
     fn evaluate<const ROWS: usize>(&self, coefficients: &[T], pose: &Pose<T>) -> [T; ROWS] {
         let monomials = self.basis.monomials(pose);
         const { assert!(ROWS.is_multiple_of(3)) };

@@ -205,7 +205,7 @@ impl<T: Scalar> Machine<T> {
     /// # Ok::<(), KinematicsError>(())
     /// ```
     pub fn inverse(&self, pose: &Pose<T>) -> Result<ScrewLengths<T>, KinematicsError> {
-        Ok(ScrewLengths { q_m: self.posture(pose)?.q })
+        Ok(ScrewLengths { q_m: self.posture_inline(pose)?.q })
     }
 
     /// The pose in the working mode for screw lengths, in closed form (spec: model.md 1): the root of a cubic
@@ -248,7 +248,14 @@ impl<T: Scalar> Machine<T> {
         Ok(self.posture(pose)?.singularity_distance(&self.declared))
     }
 
+    // once in an image: beside all that takes a posture further, the call is little
+    #[inline(never)]
     pub(crate) fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
+        self.posture_inline(pose)
+    }
+
+    #[inline(always)]
+    fn posture_inline(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
         let posture = self.declared.posture(pose)?;
         self.check_travel(&ScrewLengths { q_m: posture.q })?;
         Ok(posture)
@@ -256,6 +263,7 @@ impl<T: Scalar> Machine<T> {
 
     /// Where the mechanism stands when it is told to take a posture: the lengths are those of the declared sizes, the
     /// rest follows from the actual ones.
+    #[inline(never)]
     pub(crate) fn actual(&self, commanded: Posture<T>) -> Result<Actual<T>, KinematicsError> {
         if self.actual == self.declared {
             return Ok(Actual { posture: commanded, turn: None });
@@ -344,6 +352,7 @@ impl<T: Scalar> Sizes<T> {
     }
 
     /// See [`Machine::inverse`]; whatever the travel.
+    #[inline(always)] // `inverse` is short enough for a call to count
     fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
         if !pose.is_finite() {
             return Err(KinematicsError::NotFinite);

@@ -275,8 +275,8 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
     }
 
     /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel. `at` are the components of the
-    /// wrenches that are not 0.
-    fn add_stiffness_to<const M: usize>(mut self, k: &mut Lower<T>, at: [usize; M]) -> Result<(), StiffnessError> {
+    /// wrenches that are not 0. The limb is of no use afterwards; a copy of it would take stack.
+    fn add_stiffness_to<const M: usize>(&mut self, k: &mut Lower<T>, at: [usize; M]) -> Result<(), StiffnessError> {
         let (d, y) = (&mut self.compliance, &mut self.wrenches);
         for j in 0..N {
             if !(d[j][j] > T::ZERO) {
@@ -411,6 +411,7 @@ impl<T: Scalar> LoadResponse<'_, T> {
     ///
     /// # Errors
     /// A wrench or a deflection that is not finite; [`StiffnessError::NotConverged`].
+    #[inline(never)]
     pub fn deflection(&self, wrench: &Wrench<T>, turned_at: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
         let (load, turned_at) = (wrench.to_array(), turned_at.to_array());
         if !load.iter().chain(&turned_at).all(|f| f.is_finite()) {
@@ -464,21 +465,27 @@ impl<T: Scalar> Machine<T> {
     /// Adds K_p without what is elastic between A and the tool, what correction tables apply to, to zeros.
     pub(crate) fn add_stiffness_below_tool(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
         if self.effects.any() {
-            return self.add_stiffness_with_effects(p, k);
+            self.add_stiffness_with_effects(p, k)
+        } else {
+            self.add_stiffness_without_effects(p, k)
         }
-        // without effects nothing couples a limb's axial force with its other wrenches
+    }
+
+    // this and what follows are apart, so that they don't take the stack all at once
+    #[inline(never)]
+    fn add_stiffness_without_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        // nothing couples a limb's axial force with its other wrenches
         let (first, second) = (self.chain_1_2::<0, false>(p, T::ZERO), self.chain_1_2::<1, false>(p, T::ZERO));
         for limb in [first, second] {
-            let (axial, others) = limb.split();
+            let (mut axial, mut others) = limb.split();
             axial.add_stiffness_to(k, [1, 2, 3])?;
             others.add_stiffness_to(k, [0, 4, 5])?;
         }
-        let (axial, sideways) = self.chain_3::<false>(p, T::ZERO).split();
+        let (mut axial, mut sideways) = self.chain_3::<false>(p, T::ZERO).split();
         axial.add_stiffness_to(k, [0, 1, 2, 4, 5])?;
         sideways.add_stiffness_to(k, [1, 2, 4, 5])
     }
 
-    // apart, and its parts apart from it, so that they don't take the stack all at once
     #[inline(never)]
     fn add_stiffness_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
         let actual = self.actual(*p)?;
@@ -563,13 +570,18 @@ impl<T: Scalar> Machine<T> {
         self.load_dependent_deflection_at(&self.posture(pose)?, wrench, turned_at)
     }
 
+    #[inline(never)]
     pub(crate) fn load_dependent_deflection_at(
         &self,
         posture: &Posture<T>,
         wrench: &Wrench<T>,
         turned_at: &Wrench<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
-        self.load_response_at(posture)?.deflection(wrench, turned_at)
+        // by reference: `?` would copy all of it
+        match &self.load_response_at(posture) {
+            Ok(response) => response.deflection(wrench, turned_at),
+            Err(e) => Err(*e),
+        }
     }
 
     /// What [`load_dependent_deflection`](Self::load_dependent_deflection) needs of a pose, for many loads there.
@@ -580,33 +592,40 @@ impl<T: Scalar> Machine<T> {
         self.load_response_at(&self.posture(pose)?)
     }
 
+    // apart, as what a load does with it is: neither takes stack while the other runs
+    #[inline(never)]
     fn load_response_at(&self, posture: &Posture<T>) -> Result<LoadResponse<'_, T>, StiffnessError> {
         if !self.effects.depend_on_load() {
             return Ok(LoadResponse { machine: self, limbs: None });
         }
-        let actual = self.actual(*posture)?;
-        Ok(LoadResponse { machine: self, limbs: Some(self.limb_response(actual)?) })
-    }
-
-    #[inline(never)]
-    fn limb_response(&self, actual: Actual<T>) -> Result<LimbResponse<T>, StiffnessError> {
-        let o = T::ZERO;
-        let (mut pair, mut third, mut lower) = (Chain::zero(), Chain::zero(), linalg::zero());
-        self.chains_with_effects(&actual.posture, &mut pair, &mut third, &mut lower);
-        // columns v_i: wrench at A per unit of elongation; own[i][j]: tension in limb i of elongation in j, A held
-        let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
-        let v = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
-        let mut m = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
-        pair.add_stiffness_to(&mut lower, ALL)?;
-        third.add_stiffness_to(&mut lower, ALL)?;
+        let mut limbs = LimbResponse { actual: self.actual(*posture)?, moved: [[T::ZERO; 6]; 3], m: [[T::ZERO; 3]; 3] };
+        let mut lower = linalg::zero();
+        self.add_limb_response(&mut limbs, &mut lower)?;
         factor(&mut lower)?;
-        let moved = v.map(|v| linalg::solve(&lower, &v));
+        let wrenches = limbs.moved;
+        for (moved, wrench) in limbs.moved.iter_mut().zip(&wrenches) {
+            *moved = linalg::solve(&lower, wrench);
+        }
         for i in 0..3 {
             for j in 0..3 {
-                m[i][j] -= product(&v[i], &moved[j]);
+                limbs.m[i][j] -= product(&wrenches[i], &limbs.moved[j]);
             }
         }
-        Ok(LimbResponse { actual, moved, m })
+        Ok(LoadResponse { machine: self, limbs: Some(limbs) })
+    }
+
+    /// Turns zeros into K, lower triangle, and with A held, `moved` into the wrenches at A per unit of elongation of each
+    /// limb, `m` into the tensions.
+    #[inline(never)]
+    fn add_limb_response(&self, limbs: &mut LimbResponse<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        let o = T::ZERO;
+        let (mut pair, mut third) = (Chain::zero(), Chain::zero());
+        self.chains_with_effects(&limbs.actual.posture, &mut pair, &mut third, k);
+        let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
+        limbs.moved = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
+        limbs.m = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
+        pair.add_stiffness_to(k, ALL)?;
+        third.add_stiffness_to(k, ALL)
     }
 
     /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first

@@ -47,6 +47,9 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     black_box(machine.travel_margin_m(&lengths));
     black_box(machine.stiffness(&pose)).ok();
     black_box(machine.load_dependent_deflection(&pose, &wrench, &black_box(wrench))).ok();
+    if let Ok(response) = machine.load_response(&black_box(pose)) {
+        black_box(response.deflection(&black_box(wrench), &black_box(wrench))).ok();
+    }
     black_box(machine.thermal_deflection(&pose, a)).ok();
     match black_box(machine.at_temperature(b)) {
         Ok(warm) => _ = black_box(warm.stiffness(&pose)),

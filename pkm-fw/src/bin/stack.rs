@@ -139,6 +139,7 @@ both_widths! {
     travel_margin_m(i) i.machine.travel_margin_m(&i.lengths);
     stiffness(i) i.machine.stiffness(&i.pose);
     load_dependent_deflection(i) i.machine.load_dependent_deflection(&i.pose, &i.wrench, &i.wrench);
+    load_response(i) i.machine.load_response(&i.pose);
     thermal_deflection(i) i.machine.thermal_deflection(&i.pose, 4.5);
     at_temperature(i) i.machine.at_temperature(31.5);
     compensated(i) i.machine.compensated(&i.pose, &i.deflection, i.tip_m);
