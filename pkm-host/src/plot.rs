@@ -81,14 +81,30 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 pub fn panels(panels: &[Panel]) -> Result<String> {
     svg((420 * panels.len() as u32, 300), |area| {
         for (cell, panel) in area.split_evenly((1, panels.len())).iter().zip(panels) {
-            draw(cell, panel)?;
+            draw(cell, panel, false)?;
         }
         Ok(())
     })
 }
 
-fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> Result<()> {
-    let points = || panel.series.iter().flat_map(|s| s.points.iter());
+/// Charts in rows of some, logarithmic both ways: coordinates above 0.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn logarithmic_panels(panels: &[Panel], columns: usize) -> Result<String> {
+    let rows = panels.len().div_ceil(columns);
+    svg((420 * columns as u32, 300 * rows as u32), |area| {
+        for (cell, panel) in area.split_evenly((rows, columns)).iter().zip(panels) {
+            draw(cell, panel, true)?;
+        }
+        Ok(())
+    })
+}
+
+fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: bool) -> Result<()> {
+    let scale = |v: f64| if logarithmic { v.log10() } else { v };
+    let scaled = |s: &Series| s.points.iter().map(|(x, y)| (scale(*x), scale(*y))).collect::<Vec<_>>();
+    let points = || panel.series.iter().flat_map(scaled);
     let mut x_range = range(points().map(|p| p.0));
     if panel.series.len() > 1 {
         // room for the legend
@@ -101,20 +117,23 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> Result<()> 
         .y_label_area_size(62)
         .build_cartesian_2d(x_range, range(points().map(|p| p.1)))
         .map_err(failed)?;
-    chart
-        .configure_mesh()
-        .x_desc(&panel.x_label)
+    // between powers of ten there are no round numbers to show
+    let power = |v: &f64| if v.fract().abs() < 1e-6 { format!("1e{v:.0}") } else { String::new() };
+    let mut mesh = chart.configure_mesh();
+    mesh.x_desc(&panel.x_label)
         .y_desc(&panel.y_label)
         .x_labels(7)
         .y_labels(6)
         .label_style(("sans-serif", 12))
         .axis_desc_style(("sans-serif", 13))
-        .light_line_style(TRANSPARENT)
-        .draw()
-        .map_err(failed)?;
+        .light_line_style(TRANSPARENT);
+    if logarithmic {
+        mesh.x_label_formatter(&power).y_label_formatter(&power);
+    }
+    mesh.draw().map_err(failed)?;
     for (i, series) in panel.series.iter().enumerate() {
         let colour = COLOURS[i % COLOURS.len()];
-        let points = series.points.iter().copied();
+        let points = scaled(series).into_iter();
         let drawn = match series.mark {
             Mark::Dot => chart.draw_series(points.map(|p| Circle::new(p, 3, colour.filled()).into_dyn())),
             Mark::Cross => chart.draw_series(points.map(|p| Cross::new(p, 4, colour.stroke_width(2)).into_dyn())),
@@ -135,6 +154,7 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel) -> Result<()> 
     if panel.series.len() > 1 {
         chart
             .configure_series_labels()
+            .position(if logarithmic { SeriesLabelPosition::UpperRight } else { SeriesLabelPosition::MiddleRight })
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(190, 190, 190))
             .label_font(("sans-serif", 11))

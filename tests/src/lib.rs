@@ -1,5 +1,7 @@
 //! References that share no formula with `pkm-core`, and random machines to hold it against.
 
+pub mod single;
+
 use fastrand::Rng;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 use pkm_core::effects::Effects;

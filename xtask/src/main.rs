@@ -7,6 +7,7 @@ mod image;
 mod proofs;
 mod qemu;
 mod showcase;
+mod single;
 mod stack;
 
 use std::path::{Path, PathBuf};
@@ -29,6 +30,7 @@ cargo xtask <chore>
                a few random ones
   c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
   header       write pkm-ffi/include/pkm.h
+  f32          errors of a controller's cycle in f32 against f64, as tables; write docs/f32.svg
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
@@ -51,6 +53,7 @@ fn main() -> ExitCode {
         Some("c") => c::run(),
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
+        Some("f32") => single::run(),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
     };
