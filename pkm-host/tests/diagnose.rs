@@ -43,7 +43,7 @@ fn rms(json: &Value, rival: &str) -> f64 {
     json["holdout"][rival]["linear_um_rms"].as_f64().unwrap()
 }
 
-/// Sets of which the diagnosis is known to be wrong: with λ near 60 in ten poses three effects stay below the limits of
+/// Sets of which the diagnosis is known to be wrong: in ten poses with λ near 60 some effects stay below the limits of
 /// acceptance and two finds predict a little worse than re-tuning; compliance that swings along the screw passes for one
 /// that grows along it.
 const KNOWN_MISSES: [&str; 6] = [
@@ -112,7 +112,8 @@ fn sets_are_diagnosed_as_their_truth_says() {
         }
     }
     // hard ones that are missed, and what is outside the list and passes for something on it
-    let missed: Vec<&str> = wrong.lines().map(|l| l.split(' ').next().unwrap()).collect();
+    let mut missed: Vec<&str> = wrong.lines().map(|l| l.split(' ').next().unwrap()).collect();
+    missed.dedup();
     assert_eq!(missed, KNOWN_MISSES, "{wrong}");
 }
 
