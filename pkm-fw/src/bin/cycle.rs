@@ -13,9 +13,12 @@ use core::hint::black_box;
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
-use cortex_m_semihosting::{debug, hio};
+use cortex_m_semihosting::hio;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
 use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
+
+#[path = "../semihosting.rs"]
+mod semihosting;
 
 /// SysTick's ticks while `f` runs.
 #[inline(never)]
@@ -73,16 +76,10 @@ fn run() -> Result<(), ()> {
 
 #[entry]
 fn main() -> ! {
-    debug::exit(if run().is_ok() { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE });
-    loop {
-        cortex_m::asm::wfi();
-    }
+    semihosting::end(run().is_ok())
 }
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    debug::exit(debug::EXIT_FAILURE);
-    loop {
-        cortex_m::asm::wfi();
-    }
+    semihosting::end(false)
 }

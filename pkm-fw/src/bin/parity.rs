@@ -1,8 +1,8 @@
 //! Prints what the core computes on a Cortex-M, bit for bit, for `cargo xtask qemu` to hold against the host.
 //!
 //! One JSON object a line over semihosting: a pose, in `f64` and `f32`, with screw lengths, K_p, K_m in both
-//! forms, the deflection under a wrench, the cycle that makes up for it, and what warmth does. Numbers are the bits of their `f64` value. The machine and its
-//! table are the `coefficients.rs` that `build.rs` was given.
+//! forms, the deflection under a wrench, the cycle that makes up for it, and what warmth does. Numbers are the bits of
+//! their `f64` value. The machine and its table are the `coefficients.rs` that `build.rs` was given.
 
 #![no_std]
 #![no_main]
@@ -10,12 +10,15 @@
 use core::fmt::Write;
 
 use cortex_m_rt::entry;
-use cortex_m_semihosting::{debug, hio};
+use cortex_m_semihosting::hio;
 use heapless::Vec;
 use pkm_core::{
     CorrectionError, CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench,
 };
 use serde::Serialize;
+
+#[path = "../semihosting.rs"]
+mod semihosting;
 
 #[allow(dead_code)]
 mod coefficients {
@@ -162,17 +165,10 @@ fn print_all() -> Result<(), ()> {
 
 #[entry]
 fn main() -> ! {
-    let status = if print_all().is_ok() { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE };
-    debug::exit(status);
-    loop {
-        cortex_m::asm::wfi();
-    }
+    semihosting::end(print_all().is_ok())
 }
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    debug::exit(debug::EXIT_FAILURE);
-    loop {
-        cortex_m::asm::wfi();
-    }
+    semihosting::end(false)
 }

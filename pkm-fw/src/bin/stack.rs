@@ -9,13 +9,15 @@ use core::hint::black_box;
 
 use cortex_m::register::msp;
 use cortex_m_rt::entry;
-use cortex_m_semihosting::{debug, hio};
+use cortex_m_semihosting::hio;
 use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::MachineParameters;
 use pkm_core::tables::reference::PARAMETERS;
 
 #[path = "../handler.rs"]
 mod handler;
+#[path = "../semihosting.rs"]
+mod semihosting;
 
 /// Painted below the stack pointer: more than anything here may use.
 const DEPTH: usize = 32 * 1024;
@@ -182,9 +184,5 @@ fn print_all() -> Option<()> {
 
 #[entry]
 fn main() -> ! {
-    let status = if print_all().is_some() { debug::EXIT_SUCCESS } else { debug::EXIT_FAILURE };
-    debug::exit(status);
-    loop {
-        cortex_m::asm::wfi();
-    }
+    semihosting::end(print_all().is_some())
 }
