@@ -306,7 +306,7 @@ fn log_mean(poses: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
 }
 
 /// 95 % interval of the mean of squared errors by resampling poses, studentised, on the logarithm: plain quantiles of
-/// resampled means cover 80-90 % only with some twenty poses of which a few err most.
+/// resampled means cover too little with some twenty poses of which a few err most.
 fn interval(by_pose: &[(f64, f64)], seed: u64) -> Option<[f64; 2]> {
     if by_pose.len() < LEAST_POSES {
         return None;

@@ -230,8 +230,8 @@ pub struct Entry {
 pub struct Whitener {
     /// In the order of the whitened numbers.
     pub entries: Vec<Entry>,
-    /// Whitened squared scatter that went into the means of entries, and its degrees of freedom.
-    pub averaged: (f64, usize),
+    /// Whitened squared scatter that went into the means of entries.
+    pub averaged: f64,
     /// One over the standard deviation of each, apart from zero errors.
     weight: Vec<f64>,
     /// Entries that share a zero error.
@@ -311,7 +311,7 @@ impl Whitener {
         }
         let mut this = Self {
             entries: Vec::new(),
-            averaged: (0.0, 0),
+            averaged: 0.0,
             weight: Vec::new(),
             shared: Vec::new(),
             loads: Vec::new(),
@@ -345,15 +345,13 @@ impl Whitener {
                 let own = mean(&cell.2);
                 scatter.push(weight * (own - mean(&entry.readings)));
                 let squares: f64 = cell.2.iter().map(|r| (f64::from_bits(cell.1) * (observed(r) - own)).powi(2)).sum();
-                self.averaged.0 += squares;
-                self.averaged.1 += cell.2.len() - 1;
+                self.averaged += squares;
             }
             if let Some(shared) = &shared {
                 shared.shrink(&mut scatter);
             }
-            self.averaged.0 += scatter.iter().map(|s| s * s).sum::<f64>();
+            self.averaged += scatter.iter().map(|s| s * s).sum::<f64>();
         }
-        self.averaged.1 += (series.len() - 1) * weights.len();
         self.shared.extend(shared);
     }
 

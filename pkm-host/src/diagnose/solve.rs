@@ -65,11 +65,11 @@ impl<'a> Problem<'a> {
             let sum: f64 = e.readings.iter().filter_map(|r| readings.readings[*r].observed[e.channel]).sum();
             sum / e.readings.len() as f64
         };
-        let mut values: Vec<f64> = whitener.entries.iter().map(mean).collect();
-        let observed = values.clone();
-        whitener.whiten(&mut values);
+        let means: Vec<f64> = whitener.entries.iter().map(mean).collect();
+        let mut observed = means.clone();
+        whitener.whiten(&mut observed);
         let poses = readings.poses.iter().map(|p| p.pose).collect();
-        Self { readings, poses, whitener, model, means: observed, observed: values.into() }
+        Self { readings, poses, whitener, model, means, observed: observed.into() }
     }
 
     /// Number of whitened means of readings.
@@ -84,7 +84,7 @@ impl<'a> Problem<'a> {
 
     /// χ² of a fit over all numbers that were read.
     pub fn chi2(&self, fit: &Fit) -> f64 {
-        fit.chi2 + self.whitener.averaged.0
+        fit.chi2 + self.whitener.averaged
     }
 
     /// Squared whitened scatter of repeats about their means.
@@ -100,7 +100,7 @@ impl<'a> Problem<'a> {
         let mut scatter: Vec<f64> =
             self.whitener.entries.iter().zip(&self.means).map(|(e, mean)| mean - of(e)).collect();
         self.whitener.whiten(&mut scatter);
-        scatter.iter().map(|s| s * s).sum::<f64>() + self.whitener.averaged.0
+        scatter.iter().map(|s| s * s).sum::<f64>() + self.whitener.averaged
     }
 
     /// Whitened displacements that errors of the loads cause: for every pose and line of load,
