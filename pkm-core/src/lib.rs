@@ -37,7 +37,7 @@
 #[allow(unused_extern_crates)]
 extern crate self as pkm_core;
 
-mod checksum;
+pub mod checksum;
 pub mod compensation;
 pub mod correction;
 pub mod effects;

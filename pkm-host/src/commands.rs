@@ -507,6 +507,7 @@ pub fn hil(
     target: &hil::Target,
     seed: u64,
     poses: u64,
+    steps: u32,
     out: Option<&Path>,
 ) -> Result<Output> {
     let file = machine_file(machine)?;
@@ -538,7 +539,7 @@ pub fn hil(
             }
         }
     };
-    let campaign = hil::Campaign { seed, poses, pose_box };
+    let campaign = hil::Campaign { seed, poses, steps, pose_box };
     let (mut text, json) = hil::run(target, &campaign, &twin)?;
     if let Some(out) = out {
         source::write_all(out, &[(OsStr::new("hil.json"), format!("{json:#}\n"))])?;

@@ -14,7 +14,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
 use pkm_protocol::{
     Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, Numbers,
-    Reply, Request, Status,
+    Reply, Request, Status, Sweep, SweepReply,
 };
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -63,6 +63,8 @@ pub struct Campaign {
     pub seed: u64,
     /// Half of them in f32, half in f64.
     pub poses: u64,
+    /// More than one: each command is a sweep of so many poses between two drawn ones, answered by counts and a checksum.
+    pub steps: u32,
     /// Most are drawn from here.
     pub pose_box: PoseBox,
 }
@@ -85,6 +87,7 @@ struct Sent {
 
 enum Due {
     Cycle { id: u32, demand: Demand },
+    Sweep { id: u32, sweep: Sweep },
     Error { id: Option<u32>, code: Code },
 }
 
@@ -302,6 +305,8 @@ struct Findings {
 
 #[derive(Default)]
 struct Found {
+    cycles: u64,
+    /// Of each cycle, or the greatest of each sweep.
     ticks: Vec<u32>,
     outside_box: u64,
     refused: u64,
@@ -320,15 +325,41 @@ impl Findings {
             }
             Due::Cycle { id, demand } => match demand.arithmetic {
                 Arithmetic::F32 => {
-                    let single = self.cycle(link, &twin.single, (*id, demand), sent, reply)?;
-                    let double = demand.cycle(&twin.double.0, &twin.double.1);
-                    let double = CycleReply::new(&double, 0, false);
-                    if let (Some(single), Some(double), Status::Ok) = (single, double.numbers, double.status) {
-                        self.keep_precision(&single, &double);
+                    if let Some(single) = self.cycle(link, &twin.single, (*id, demand), sent, reply)? {
+                        self.keep_precision(&single, demand, &twin.double);
                     }
                 }
                 Arithmetic::F64 => drop(self.cycle(link, &twin.double, (*id, demand), sent, reply)?),
             },
+            Due::Sweep { id, sweep } => {
+                let parsed = link.parsed::<f64>(reply)?;
+                let mut expected = SweepReply::default();
+                for demand in sweep.demands() {
+                    match demand.arithmetic {
+                        Arithmetic::F32 => {
+                            let single = CycleReply::new(&demand.cycle(&twin.single.0, &twin.single.1), 0, false);
+                            if let Some(numbers) = &single.numbers {
+                                self.keep_precision(numbers, &demand, &twin.double);
+                            }
+                            expected.add(&single);
+                        }
+                        Arithmetic::F64 => {
+                            expected.add(&CycleReply::new(&demand.cycle(&twin.double.0, &twin.double.1), 0, false));
+                        }
+                    }
+                }
+                if let Answer::Sweep(found) = parsed.answer {
+                    (expected.overruns, expected.worst_ticks) = (found.overruns, found.worst_ticks);
+                }
+                if parsed != (Reply { v: pkm_protocol::VERSION, id: Some(*id), answer: Answer::Sweep(expected) }) {
+                    self.differs(&sent.line, reply, &format!("{expected:?}"));
+                }
+                let of = &mut self.of[usize::from(sweep.from.arithmetic == Arithmetic::F64)];
+                of.cycles += u64::from(sweep.steps);
+                of.ticks.push(expected.worst_ticks);
+                of.refused += u64::from(expected.refused);
+                of.outside_box += u64::from(expected.outside_box);
+            }
         }
         Ok(())
     }
@@ -365,6 +396,7 @@ impl Findings {
             self.differs(&sent.line, reply, &format!("{expected:?}"));
         }
         let of = &mut self.of[usize::from(demand.arithmetic == Arithmetic::F64)];
+        of.cycles += 1;
         of.ticks.push(found.ticks);
         of.refused += u64::from(expected.numbers.is_none());
         of.outside_box += u64::from(expected.status == Status::OutsideBox);
@@ -376,7 +408,15 @@ impl Findings {
         self.first.get_or_insert_with(|| format!("to {} came {}, expected {expected}", shown(sent), shown(reply)));
     }
 
-    fn keep_precision(&mut self, single: &Numbers<f32>, double: &Numbers<f64>) {
+    /// In the box only.
+    fn keep_precision(
+        &mut self,
+        single: &Numbers<f32>,
+        demand: &Demand,
+        (machine, table): &(Machine<f64>, CorrectionTable<'_, f64>),
+    ) {
+        let double = CycleReply::new(&demand.cycle(machine, table), 0, false);
+        let (Status::Ok, Some(double)) = (double.status, double.numbers) else { return };
         let lengths = |a: [f32; 3], b: [f64; 3]| (0..3).map(|i| (f64::from(a[i]) - b[i]).abs()).fold(0.0, f64::max);
         let turned = |v: [f64; 3]| v.map(|v| ROTATION_ARM_M * v);
         let six = |t: [f64; 3], r: [f64; 3]| t.into_iter().chain(turned(r));
@@ -438,12 +478,20 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
         loop {
             if next.is_none() && left > 0 {
                 id = id.wrapping_add(1);
-                let demand = demand(&mut rng, &campaign.pose_box, arithmetic);
-                let line = written(&Request { id, command: Command::Cycle(demand) });
+                let mut demand = || demand(&mut rng, &campaign.pose_box, arithmetic);
+                let from = demand();
+                let steps = left.min(campaign.steps.into()) as u32;
+                let (due, command) = if steps > 1 {
+                    let sweep = Sweep { from, to: demand().pose, steps };
+                    (Due::Sweep { id, sweep }, Command::Sweep(sweep))
+                } else {
+                    (Due::Cycle { id, demand: from }, Command::Cycle(from))
+                };
+                let line = written(&Request { id, command });
                 next = (rng.u8(0..BAD_EVERY) == 0).then(|| bad_line(&mut rng, &line)).flatten();
                 if next.is_none() {
-                    next = Some(Sent { line, due: Due::Cycle { id, demand } });
-                    left -= 1;
+                    next = Some(Sent { line, due });
+                    left -= u64::from(steps);
                 }
             }
             if let Some(sent) = next.take_if(|sent| bytes + sent.line.len() < input_bytes) {
@@ -456,7 +504,11 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
             let reply = link.reply(&sent.line)?;
             bytes -= sent.line.len();
             findings.check(&link, twin, &sent, &reply)?;
-            progress.inc(u64::from(matches!(sent.due, Due::Cycle { .. })));
+            progress.inc(match sent.due {
+                Due::Cycle { .. } => 1,
+                Due::Sweep { sweep, .. } => sweep.steps.into(),
+                Due::Error { .. } => 0,
+            });
             if findings.differing > 0 {
                 progress.set_message(format!("{} differ", findings.differing));
             }
@@ -492,22 +544,22 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
         of.ticks.sort_unstable();
         let Some((&worst, &median)) = of.ticks.last().zip(of.ticks.get(of.ticks.len() / 2)) else { continue };
         let instructions = in_tick.map(|i| [median, worst].map(|t| (f64::from(t) * i).round()));
-        let cost = match instructions {
-            Some([median, worst]) => format!("{median} instructions (worst {worst})"),
+        let mut cost = match instructions {
+            Some([median, worst]) => format!("{median} instructions (worst {worst}) a cycle"),
             None => {
                 let us = |t: u32| f64::from(t) / f64::from(ticks_hz) * 1e6;
-                format!("{:.1} µs (worst {:.1})", us(median), us(worst))
+                format!("{:.1} µs (worst {:.1}) a cycle", us(median), us(worst))
             }
         };
+        if campaign.steps > 1 {
+            cost.push_str(" at a sweep's worst");
+        }
         text.push_str(&format!(
-            "{name}: {} cycles, {} outside the box, {} refused; {cost} a cycle; {} overruns\n",
-            of.ticks.len(),
-            of.outside_box,
-            of.refused,
-            of.overruns
+            "{name}: {} cycles, {} outside the box, {} refused; {cost}; {} overruns\n",
+            of.cycles, of.outside_box, of.refused, of.overruns
         ));
         document[name] = json!({
-            "cycles": of.ticks.len(), "outside_box": of.outside_box, "refused": of.refused, "overruns": of.overruns,
+            "cycles": of.cycles, "outside_box": of.outside_box, "refused": of.refused, "overruns": of.overruns,
             "ticks": { "median": median, "worst": worst },
             "instructions": instructions.map(|[median, worst]| json!({ "median": median, "worst": worst })),
         });
@@ -518,6 +570,7 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
     for (key, value) in [
         ("seed", json!(campaign.seed)),
         ("poses", json!(campaign.poses)),
+        ("steps", json!(campaign.steps)),
         ("bad_lines", json!(findings.bad_lines)),
         ("differing", json!(findings.differing)),
         ("worst_deviation", json!(findings.worst_deviation)),
@@ -529,10 +582,11 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
     }
     if let Some(first) = findings.first {
         eprint!("{text}");
-        let message = format!(
-            "{} replies differ from the host's, numbers by up to {:.1e}; the first: {first}",
-            findings.differing, findings.worst_deviation
-        );
+        let by = match findings.worst_deviation {
+            0.0 => String::new(),
+            worst => format!(", numbers by up to {worst:.1e}"),
+        };
+        let message = format!("{} replies differ from the host's{by}; the first: {first}", findings.differing);
         return Err(Failure::other(message).in_file(&link.name));
     }
     if findings.precision.iter().zip(F32_BOUNDS).any(|(found, bound)| !(*found <= bound)) {

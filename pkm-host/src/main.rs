@@ -135,6 +135,9 @@ enum Command {
         /// Poses to draw: half of them computed in f32, half in f64.
         #[arg(long, default_value_t = 2000)]
         poses: u64,
+        /// Poses a command: more than one makes sweeps from pose to pose, answered by a checksum of all results, for long runs.
+        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+        steps: u32,
         /// Repeats a run; default: drawn, and printed.
         #[arg(long)]
         seed: Option<u64>,
@@ -190,13 +193,13 @@ fn run(cli: &Cli) -> Result<Output> {
         Command::Diagnose { data, holdout, out } => {
             commands::diagnose(machine, data.as_deref(), holdout.as_deref(), out)
         }
-        Command::Hil { port, baud, qemu: _, elf, board, poses, seed, table, out } => {
+        Command::Hil { port, baud, qemu: _, elf, board, poses, steps, seed, table, out } => {
             let target = match port {
                 Some(name) => Target::Port { name: name.clone(), baud: *baud },
                 None => Target::Qemu { board: board.clone(), elf: elf.clone() },
             };
             let seed = seed.unwrap_or_else(|| fastrand::u64(..));
-            commands::hil(machine, table.as_deref(), &target, seed, *poses, out.as_deref())
+            commands::hil(machine, table.as_deref(), &target, seed, *poses, *steps, out.as_deref())
         }
         Command::Fit { data, verify, terms, out } => {
             commands::fit(machine, data.as_deref(), verify.as_deref(), *terms, out)

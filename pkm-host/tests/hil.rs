@@ -10,7 +10,8 @@ use std::time::Duration;
 
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_protocol::{
-    Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Hello, Lines, MAX_REPLY, Reply, Request, VERSION,
+    Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Hello, Lines, MAX_REPLY, Reply, Request, SweepReply,
+    VERSION,
 };
 use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
@@ -65,6 +66,21 @@ fn reply(fault: Fault, cycles: u32, bad_lines: u32, request: &Request) -> Vec<u8
                 reply.write(&mut buffer).map(<[u8]>::to_vec)
             }
         },
+        Command::Sweep(sweep) => {
+            let mut reply = SweepReply::default();
+            for (step, demand) in sweep.demands().enumerate() {
+                let mut cycle = CycleReply::new(&demand.cycle(&MACHINE_F64, &TABLE_F64), 40, step == 3);
+                if let Some(numbers) = cycle.numbers.as_mut().filter(|_| fault == Fault::OneBit && step == 7) {
+                    numbers.k[20] = f64::from_bits(numbers.k[20].to_bits() ^ 1);
+                }
+                if demand.arithmetic == Arithmetic::F64 {
+                    reply.add(&cycle);
+                } else {
+                    reply.add(&CycleReply::new(&demand.cycle(&MACHINE_F32, &TABLE_F32), 30, false));
+                }
+            }
+            double(Answer::Sweep(reply))
+        }
     };
     line.expect("fits")
 }
@@ -110,7 +126,7 @@ fn controller(mut port: TTYPort, fault: Fault) {
 static ALONE: Mutex<()> = Mutex::new(());
 
 /// Exit code, document on stdout, stderr.
-fn hil(fault: Fault) -> (i32, Value, String) {
+fn hil(fault: Fault, steps: &str) -> (i32, Value, String) {
     let _alone = ALONE.lock();
     let (master, slave) = TTYPort::pair().expect("a pseudo terminal");
     let name = slave.name().expect("its name");
@@ -120,7 +136,7 @@ fn hil(fault: Fault) -> (i32, Value, String) {
     drop(master);
     thread::spawn(move || controller(not_inherited, fault));
     let output = Program::new(env!("CARGO_BIN_EXE_pkm-host"))
-        .args(["hil", "--port", &name, "--poses", "400", "--seed", "4", "--json"])
+        .args(["hil", "--port", &name, "--poses", "400", "--steps", steps, "--seed", "4", "--json"])
         .output()
         .expect("runs");
     let document = serde_json::from_slice(&output.stdout).expect("one document");
@@ -129,7 +145,7 @@ fn hil(fault: Fault) -> (i32, Value, String) {
 
 #[test]
 fn an_honest_controller_passes() {
-    let (code, document, stderr) = hil(Fault::None);
+    let (code, document, stderr) = hil(Fault::None, "1");
     assert_eq!(code, 0, "{stderr}");
     assert_eq!(document["differing"], 0);
     assert_eq!((&document["f32"]["cycles"], &document["f64"]["cycles"]), (&200.into(), &200.into()));
@@ -138,6 +154,18 @@ fn an_honest_controller_passes() {
     }
     assert!(document["bad_lines"].as_u64() > Some(2));
     assert_eq!(document["f64"]["ticks"]["worst"], 40);
+}
+
+#[test]
+fn sweeps_are_compared_to_the_bit() {
+    let (code, document, stderr) = hil(Fault::None, "30");
+    assert_eq!(code, 0, "{stderr}");
+    // 400 poses are 200 of each kind, in sweeps of 30
+    assert_eq!((&document["f32"]["cycles"], &document["f64"]["cycles"]), (&200.into(), &200.into()));
+    assert_eq!(document["f64"]["ticks"]["worst"], 40);
+    let (code, _, stderr) = hil(Fault::OneBit, "30");
+    // two of the seven sweeps have no numbers at that step
+    assert!(code == 1 && stderr.contains("5 replies differ"), "{stderr}");
 }
 
 #[test]
@@ -150,7 +178,7 @@ fn faults_are_found_and_named() {
         (Fault::Noise, 1, "something else"),
         (Fault::Unplugged, 1, "the port is gone"),
     ] {
-        let (found, document, stderr) = hil(fault);
+        let (found, document, stderr) = hil(fault, "1");
         assert!(found == code && stderr.contains(words), "{words}: {found}: {stderr}");
         assert!(document["error"]["message"].as_str().is_some_and(|m| m.contains(words)), "{document}");
     }

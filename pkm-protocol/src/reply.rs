@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use pkm_core::checksum::{START, over_byte, over_numbers};
 use pkm_core::{
     CompensationError, CorrectionError, Cycle, CycleError, Domain, KinematicsError, Pose, Scalar, StiffnessError,
 };
@@ -37,6 +38,8 @@ pub enum Answer<'a, T> {
     Status(Counters),
     /// To `cycle`.
     Cycle(CycleReply<T>),
+    /// To `sweep`.
+    Sweep(SweepReply),
     /// To a bad line.
     Error(Code),
 }
@@ -97,6 +100,49 @@ pub struct CycleReply<T> {
     pub overrun: bool,
     /// Present with [`Status::Ok`] and [`Status::OutsideBox`].
     pub numbers: Option<Numbers<T>>,
+}
+
+/// What the cyclic task made of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SweepReply {
+    /// Steps with [`Status::Ok`].
+    pub ok: u32,
+    /// Steps with [`Status::OutsideBox`].
+    pub outside_box: u32,
+    /// All other steps.
+    pub refused: u32,
+    /// Runs that did not end within their period.
+    pub overruns: u32,
+    /// Ticks of the longest run.
+    pub worst_ticks: u32,
+    /// [`pkm_core::checksum`] over each step's [`Status`] (one byte, its place in the list there) and numbers, if any, as `f64`.
+    pub results: Checksum,
+}
+
+impl Default for SweepReply {
+    fn default() -> Self {
+        Self { ok: 0, outside_box: 0, refused: 0, overruns: 0, worst_ticks: 0, results: Checksum(START) }
+    }
+}
+
+impl SweepReply {
+    /// Takes in the next step.
+    pub fn add<T: Scalar>(&mut self, step: &CycleReply<T>) {
+        let count = match step.status {
+            Status::Ok => &mut self.ok,
+            Status::OutsideBox => &mut self.outside_box,
+            _ => &mut self.refused,
+        };
+        *count = count.wrapping_add(1);
+        self.overruns = self.overruns.wrapping_add(step.overrun.into());
+        self.worst_ticks = self.worst_ticks.max(step.ticks);
+        let mut hash = over_byte(self.results.0, step.status as u8);
+        for number in step.numbers.iter().flat_map(Numbers::all) {
+            hash = over_numbers(hash, &[number.to_f64()]);
+        }
+        self.results = Checksum(hash);
+    }
 }
 
 /// How a cycle ended.

@@ -4,7 +4,7 @@ use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench
 use serde::{Deserialize, Serialize};
 use serde_json_core::de;
 
-use crate::{MAX_COMMAND, VERSION};
+use crate::{MAX_COMMAND, MAX_STEPS, VERSION};
 
 /// Why a line was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,6 +51,8 @@ pub enum Command {
     Status,
     /// Work with this from the next period on, and tell the result.
     Cycle(Demand),
+    /// Go from pose to pose, a step a period, and sum up the results.
+    Sweep(Sweep),
 }
 
 /// What the cyclic task works on.
@@ -64,6 +66,34 @@ pub struct Demand {
     pub wrench_at_tip: Wrench<f64>,
     /// The tip in A-uvw, finite.
     pub tip_m: [f64; 3],
+}
+
+/// A straight line of demands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// The first.
+    pub from: Demand,
+    /// The pose after the last, finite.
+    pub to: Pose<f64>,
+    /// From 1 to [`MAX_STEPS`].
+    pub steps: u32,
+}
+
+impl Sweep {
+    /// All of them.
+    pub fn demands(self) -> impl Iterator<Item = Demand> {
+        let Self { from, to, steps } = self;
+        (0..steps).map(move |step| {
+            let share = f64::from(step) / f64::from(steps);
+            let along = |a: f64, b: f64| a + share * (b - a);
+            let pose = Pose {
+                theta_rad: along(from.pose.theta_rad, to.theta_rad),
+                sigma_rad: along(from.pose.sigma_rad, to.sigma_rad),
+                z0_m: along(from.pose.z0_m, to.z0_m),
+            };
+            Demand { pose, ..from }
+        })
+    }
 }
 
 /// Number type of a computation.
@@ -97,6 +127,10 @@ struct Wire<'a> {
     moment_nm: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     tip_m: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    to: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    steps: Option<u32>,
 }
 
 impl Wire<'_> {
@@ -110,10 +144,38 @@ impl Wire<'_> {
     }
 
     fn has_demand(&self) -> bool {
-        let Self { v: _, id: _, cmd: _, arithmetic, theta_rad, sigma_rad, z0_m, force_n, moment_nm, tip_m } = self;
+        let Self { v: _, id: _, cmd: _, arithmetic, theta_rad, sigma_rad, z0_m, force_n, moment_nm, tip_m, .. } = self;
         arithmetic.is_some()
             || [theta_rad, sigma_rad, z0_m].into_iter().any(Option::is_some)
             || [force_n, moment_nm, tip_m].into_iter().any(Option::is_some)
+    }
+
+    fn has_way(&self) -> bool {
+        self.to.is_some() || self.steps.is_some()
+    }
+
+    fn command(&self) -> Result<Command, Code> {
+        let demand = || {
+            let demand = self.demand().ok_or(Code::Field)?;
+            if demand.is_finite() { Ok(demand) } else { Err(Code::Range) }
+        };
+        match self.cmd {
+            "hello" | "status" if self.has_demand() || self.has_way() => Err(Code::Field),
+            "hello" => Ok(Command::Hello),
+            "status" => Ok(Command::Status),
+            "cycle" if self.has_way() => Err(Code::Field),
+            "cycle" => Ok(Command::Cycle(demand()?)),
+            "sweep" => {
+                let (Some([theta_rad, sigma_rad, z0_m]), Some(steps)) = (self.to, self.steps) else {
+                    return Err(Code::Field);
+                };
+                let to = Pose { theta_rad, sigma_rad, z0_m };
+                let sweep = Sweep { from: demand()?, to, steps };
+                let finite = [theta_rad, sigma_rad, z0_m].iter().all(|v| v.is_finite());
+                if finite && (1..=MAX_STEPS).contains(&steps) { Ok(Command::Sweep(sweep)) } else { Err(Code::Range) }
+            }
+            _ => Err(Code::Command),
+        }
     }
 }
 
@@ -133,30 +195,22 @@ impl Request {
             Err(de::Error::InvalidNumber) => return refused(None, Code::Range),
             _ => return refused(None, Code::Syntax),
         };
-        let refused = |code| refused(Some(wire.id), code);
         if wire.v != VERSION {
-            return refused(Code::Version);
+            return refused(Some(wire.id), Code::Version);
         }
-        let command = match wire.cmd {
-            "hello" if !wire.has_demand() => Command::Hello,
-            "status" if !wire.has_demand() => Command::Status,
-            "cycle" => match wire.demand() {
-                Some(demand) if demand.is_finite() => Command::Cycle(demand),
-                Some(_) => return refused(Code::Range),
-                None => return refused(Code::Field),
-            },
-            "hello" | "status" => return refused(Code::Field),
-            _ => return refused(Code::Command),
-        };
-        Ok(Self { id: wire.id, command })
+        match wire.command() {
+            Ok(command) => Ok(Self { id: wire.id, command }),
+            Err(code) => refused(Some(wire.id), code),
+        }
     }
 
     /// Writes the line with its line feed; `None` when `buffer` is too short ([`MAX_COMMAND`] + 1 always do).
     pub fn write<'b>(&self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
-        let (cmd, demand) = match self.command {
-            Command::Hello => ("hello", None),
-            Command::Status => ("status", None),
-            Command::Cycle(demand) => ("cycle", Some(demand)),
+        let (cmd, demand, sweep) = match self.command {
+            Command::Hello => ("hello", None, None),
+            Command::Status => ("status", None, None),
+            Command::Cycle(demand) => ("cycle", Some(demand), None),
+            Command::Sweep(sweep) => ("sweep", Some(sweep.from), Some(sweep)),
         };
         let wire = Wire {
             v: VERSION,
@@ -169,6 +223,8 @@ impl Request {
             force_n: demand.map(|d| d.wrench_at_tip.force_n),
             moment_nm: demand.map(|d| d.wrench_at_tip.moment_nm),
             tip_m: demand.map(|d| d.tip_m),
+            to: sweep.map(|s| [s.to.theta_rad, s.to.sigma_rad, s.to.z0_m]),
+            steps: sweep.map(|s| s.steps),
         };
         write_line(&wire, buffer)
     }

@@ -8,7 +8,7 @@ use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64
 use pkm_core::{Pose, Scalar, Wrench};
 use pkm_protocol::{
     Answer, Arithmetic, Code, Command, Compensated, CycleReply, Demand, Lines, MAX_COMMAND, MAX_REPLY, Numbers,
-    Refused, Reply, Request, Status,
+    Refused, Reply, Request, Status, Sweep,
 };
 use pkm_tests::seeded;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
@@ -47,7 +47,12 @@ fn judged(line: &[u8]) -> Option<Request> {
     let whole = |name: &str| fields.get(name)?.as_u64();
     let id = u32::try_from(whole("id")?).ok()?;
     let cmd = fields.get("cmd")?.as_str()?;
-    if whole("v")? != 1 || fields.len() != count || count != if cmd == "cycle" { 10 } else { 3 } {
+    let wanted = match cmd {
+        "cycle" => 10,
+        "sweep" => 12,
+        _ => 3,
+    };
+    if whole("v")? != 1 || fields.len() != count || count != wanted {
         return None;
     }
     let number = |v: &Value| v.as_f64().filter(|v| v.is_finite());
@@ -59,16 +64,25 @@ fn judged(line: &[u8]) -> Option<Request> {
     let command = match cmd {
         "hello" => Command::Hello,
         "status" => Command::Status,
-        "cycle" => Command::Cycle(Demand {
-            arithmetic: match fields.get("arithmetic")?.as_str()? {
-                "f32" => Arithmetic::F32,
-                "f64" => Arithmetic::F64,
-                _ => return None,
-            },
-            pose: Pose { theta_rad: one("theta_rad")?, sigma_rad: one("sigma_rad")?, z0_m: one("z0_m")? },
-            wrench_at_tip: Wrench { force_n: three("force_n")?, moment_nm: three("moment_nm")? },
-            tip_m: three("tip_m")?,
-        }),
+        "cycle" | "sweep" => {
+            let demand = Demand {
+                arithmetic: match fields.get("arithmetic")?.as_str()? {
+                    "f32" => Arithmetic::F32,
+                    "f64" => Arithmetic::F64,
+                    _ => return None,
+                },
+                pose: Pose { theta_rad: one("theta_rad")?, sigma_rad: one("sigma_rad")?, z0_m: one("z0_m")? },
+                wrench_at_tip: Wrench { force_n: three("force_n")?, moment_nm: three("moment_nm")? },
+                tip_m: three("tip_m")?,
+            };
+            if cmd == "cycle" {
+                Command::Cycle(demand)
+            } else {
+                let [theta_rad, sigma_rad, z0_m] = three("to")?;
+                let steps = u32::try_from(whole("steps")?).ok().filter(|n| (1..=10_000).contains(n))?;
+                Command::Sweep(Sweep { from: demand, to: Pose { theta_rad, sigma_rad, z0_m }, steps })
+            }
+        }
         _ => return None,
     };
     Some(Request { id, command })
@@ -76,10 +90,14 @@ fn judged(line: &[u8]) -> Option<Request> {
 
 /// Equal to the last bit, signs of zeros included.
 fn bits(request: &Request) -> (u32, Vec<u64>, String) {
-    let Command::Cycle(d) = request.command else { return (request.id, Vec::new(), format!("{:?}", request.command)) };
-    let pose = [d.pose.theta_rad, d.pose.sigma_rad, d.pose.z0_m];
-    let numbers = [pose, d.wrench_at_tip.force_n, d.wrench_at_tip.moment_nm, d.tip_m].concat();
-    (request.id, numbers.into_iter().map(f64::to_bits).collect(), format!("{:?}", d.arithmetic))
+    let (d, to, steps) = match request.command {
+        Command::Cycle(demand) => (demand, demand.pose, 1),
+        Command::Sweep(Sweep { from, to, steps }) => (from, to, steps),
+        _ => return (request.id, Vec::new(), format!("{:?}", request.command)),
+    };
+    let [from, to] = [d.pose, to].map(|p| [p.theta_rad, p.sigma_rad, p.z0_m]);
+    let numbers = [from, to, d.wrench_at_tip.force_n, d.wrench_at_tip.moment_nm, d.tip_m].concat();
+    (request.id, numbers.into_iter().map(f64::to_bits).collect(), format!("{:?} {steps}", d.arithmetic))
 }
 
 fn written(request: &Request) -> Vec<u8> {
@@ -113,6 +131,10 @@ fn request(rng: &mut Rng) -> Request {
     let command = match rng.u8(0..8) {
         0 => Command::Hello,
         1 => Command::Status,
+        2..4 => {
+            let to = Pose { theta_rad: number(rng), sigma_rad: number(rng), z0_m: number(rng) };
+            Command::Sweep(Sweep { from: demand, to, steps: rng.u32(1..=10_000) })
+        }
         _ => Command::Cycle(demand),
     };
     Request { id: rng.u32(..), command }
@@ -124,6 +146,7 @@ fn every_bad_line_gets_its_code() {
         assert!(CYCLE.contains(from), "{from}");
         CYCLE.replacen(from, to, 1)
     };
+    let sweep = |steps: &str| with("}", &format!(r#","to":[0,0,0.5],"steps":{steps}}}"#)).replace("cycle", "sweep");
     let nested = format!(r#"{{"v":1,"id":1,"cmd":{}"#, "[".repeat(400));
     assert_eq!(Request::parse(CYCLE.as_bytes()).ok(), judged(CYCLE.as_bytes()));
     let cases: Vec<(String, Code, Option<u32>)> = [
@@ -156,6 +179,11 @@ fn every_bad_line_gets_its_code() {
         (r#"{"v":1,"id":9,"cmd":"reboot"}"#.into(), Code::Command, Some(9)),
         (r#"{"v":1,"id":9,"cmd":"hello","z0_m":0.5}"#.into(), Code::Field, Some(9)),
         (r#"{"v":1,"id":9,"cmd":"cycle"}"#.into(), Code::Field, Some(9)),
+        (with("}", r#","to":[0,0,0.5]}"#), Code::Field, Some(7)),
+        (with("cycle", "sweep"), Code::Field, Some(7)),
+        (sweep("0"), Code::Range, Some(7)),
+        (sweep("10001"), Code::Range, Some(7)),
+        (sweep("2.0"), Code::Syntax, None),
         (with("0.53", "1e999"), Code::Range, Some(7)),
         (with("3.5", "-1e999"), Code::Range, Some(7)),
         (with("0.53", "NaN"), Code::Syntax, None),
@@ -311,7 +339,7 @@ fn fuzzed(rng: &mut Rng) -> Vec<u8> {
     line
 }
 
-const TOKENS: [&str; 44] = [
+const TOKENS: [&str; 47] = [
     "{",
     "}",
     "[",
@@ -348,6 +376,9 @@ const TOKENS: [&str; 44] = [
     "hello",
     "status",
     "cycle",
+    "sweep",
+    ",\"to\":[0,0,0.5]",
+    ",\"steps\":100",
     "\\u0068",
     "[,1,2,3]",
     "{\"f32\":null}",

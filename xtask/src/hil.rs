@@ -1,4 +1,5 @@
-//! The cyclic firmware on the boards that QEMU has, driven by `pkm-host hil`.
+//! The cyclic firmware on the boards that QEMU has, driven by `pkm-host hil`: poses asked for one by one, and on the processor
+//! with f64 in hardware many more (`--swept`) in sweeps.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -20,17 +21,18 @@ const BOARDS: [(&str, &str, Option<&str>, Option<&str>); 3] = [
 const POSES_OVER_PORT: u64 = 100;
 
 pub fn run(options: &[String]) -> Outcome {
-    let (mut poses, mut seed) = (2000, 1);
+    let (mut poses, mut swept, mut seed) = (2000, 40_000, 1);
     for pair in options.chunks(2) {
-        let value = pair.get(1).and_then(|v| v.parse().ok()).ok_or("expected --poses N or --seed N")?;
+        let value = pair.get(1).and_then(|v| v.parse().ok()).ok_or("expected --poses N, --swept N or --seed N")?;
         match pair[0].as_str() {
             "--poses" => poses = value,
+            "--swept" => swept = value,
             "--seed" => seed = value,
             other => return Err(format!("unknown option {other}")),
         }
     }
-    let drive = |target: Target, poses: u64| {
-        let output = commands::hil(None, None, &target, seed, poses, None).map_err(|e| e.to_string())?;
+    let drive = |target: Target, poses: u64, steps: u32| {
+        let output = commands::hil(None, None, &target, seed, poses, steps, None).map_err(|e| e.to_string())?;
         print!("{}", output.text);
         Ok::<(), String>(())
     };
@@ -38,10 +40,13 @@ pub fn run(options: &[String]) -> Outcome {
         println!("== {processor}");
         let (mut build, elf) = firmware("cyclic", cpu);
         output(build.args(feature.iter().flat_map(|f| ["--features", f])))?;
-        drive(Target::Qemu { board: board.into(), elf: elf.clone() }, poses)?;
+        drive(Target::Qemu { board: board.into(), elf: elf.clone() }, poses, 1)?;
+        if cpu.is_some() {
+            drive(Target::Qemu { board: board.into(), elf: elf.clone() }, swept, 1000)?;
+        }
         if (cpu, feature) == (None, None) {
             let board = OverPort::start(board, &elf)?;
-            drive(Target::Port { name: board.port.clone(), baud: 115_200 }, POSES_OVER_PORT)?;
+            drive(Target::Port { name: board.port.clone(), baud: 115_200 }, POSES_OVER_PORT, 1)?;
         }
     }
     Ok(())

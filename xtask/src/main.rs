@@ -24,7 +24,7 @@ cargo xtask <chore>
   regenerate   fit the fixtures; write pkm-core/src/tables/reference.rs and docs/deflection-error.svg
   qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host
   cycles       count the instructions of a controller's cycle on both in QEMU, and hold them against limits
-  hil          drive the cyclic firmware over its serial line: 2,000 poses on each of QEMU's boards, or --poses N, --seed N
+  hil          drive the cyclic firmware over its serial line: 2,000 poses on each of QEMU's boards, or --poses N, --swept N, --seed N
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones

@@ -3,7 +3,7 @@
 //! * SysTick begins a period. If the task still runs, that is an overrun: it is counted and the period has no run.
 //! * PendSV is the task. It takes the latest demand and computes [`CorrectionTable::cycle`](pkm_core::CorrectionTable::cycle).
 //! * The serial line's interrupt keeps the bytes that come.
-//! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand.
+//! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand; `sweep` is one demand after another.
 //!
 //! `pkm-host hil` is the other end. Logs (features `log-*`) of QEMU's semihosting go to its standard output: give the serial line
 //! another place then, such as `-serial pty`. The machine and its table are the `coefficients.rs` that `build.rs` was given; the board is a
@@ -36,7 +36,7 @@ use heapless::Deque;
 use pkm_core::{Cycle, CycleError, Scalar};
 use pkm_protocol::{
     Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, MAX_REPLY, Refused,
-    Reply, Request, VERSION,
+    Reply, Request, SweepReply, VERSION,
 };
 use serde::Serialize;
 
@@ -213,6 +213,17 @@ fn answer(request: &Request, bad_lines: u32) {
                 Computed::F32(result) => send(id, Answer::Cycle(CycleReply::new(&result, ticks, overrun))),
                 Computed::F64(result) => send(id, Answer::Cycle(CycleReply::new(&result, ticks, overrun))),
             }
+        }
+        Command::Sweep(sweep) => {
+            let mut reply = SweepReply::default();
+            for demand in sweep.demands() {
+                let Run { result, ticks, overrun } = run_of(demand);
+                match result {
+                    Computed::F32(result) => reply.add(&CycleReply::new(&result, ticks, overrun)),
+                    Computed::F64(result) => reply.add(&CycleReply::new(&result, ticks, overrun)),
+                }
+            }
+            send::<f64>(id, Answer::Sweep(reply));
         }
     }
 }
