@@ -19,7 +19,7 @@ use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
 use crate::linalg;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::StiffnessFactor;
+use crate::stiffness::{self, StiffnessFactor};
 use crate::types::{Deflection, Pose, ScrewLengths, Wrench};
 
 /// Why a deflection cannot be compensated.
@@ -104,6 +104,40 @@ pub struct Cycle<T> {
     pub deflection: Deflection<T>,
     /// What to command under the load.
     pub compensated: Compensated<T>,
+}
+
+/// Displacement of A under a wrench at A, by K_m in the factor form or, without a table, by K_p; with what load-dependent
+/// effects add.
+pub(crate) fn deflection<T: Scalar>(
+    machine: &Machine<T>,
+    table: Option<&CorrectionTable<'_, T>>,
+    pose: &Pose<T>,
+    wrench: &Wrench<T>,
+) -> Result<Deflection<T>, CorrectionError> {
+    let posture = machine.posture(pose)?;
+    let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
+    let beyond = machine.load_dependent_deflection_at(&posture, wrench, &unloaded)?;
+    Ok(linear_deflection(machine, table, pose, &posture, wrench)?.plus(&beyond))
+}
+
+#[inline(never)] // its matrix would take stack while load-dependent effects are worked out
+fn linear_deflection<T: Scalar>(
+    machine: &Machine<T>,
+    table: Option<&CorrectionTable<'_, T>>,
+    pose: &Pose<T>,
+    posture: &Posture<T>,
+    wrench: &Wrench<T>,
+) -> Result<Deflection<T>, CorrectionError> {
+    let mut lower = linalg::zero();
+    match table {
+        Some(table) => table.add_factor_form(machine, pose, posture, &mut lower)?,
+        None => {
+            machine.add_stiffness_below_tool(posture, &mut lower)?;
+            machine.add_tool_compliance(&mut lower)?;
+            stiffness::factor(&mut lower)?;
+        }
+    }
+    Ok(StiffnessFactor { lower }.deflection(wrench)?)
 }
 
 impl<T: Scalar> Machine<T> {

@@ -41,6 +41,7 @@ pub mod checksum;
 pub mod compensation;
 pub mod correction;
 pub mod effects;
+pub mod five_axis;
 pub mod kinematics;
 mod linalg;
 pub mod machine;
@@ -48,11 +49,17 @@ pub mod scalar;
 pub mod stiffness;
 pub mod tables;
 pub mod types;
+pub mod wrist;
 
 pub use compensation::{Compensated, CompensationError, Cycle, CycleError};
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};
+pub use five_axis::{
+    CompensatedTool, Configuration, FiveAxis, Hold, JointValues, Tool, ToolDeflection, ToolDeflectionError, ToolError,
+    ToolFrame,
+};
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters, TemperatureError};
 pub use scalar::Scalar;
 pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor};
 pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
+pub use wrist::{Wrist, WristError, WristParameters};

@@ -35,6 +35,8 @@ pub trait Scalar:
     const ZERO: Self;
     /// One.
     const ONE: Self;
+    /// Distance from 1 to the next greater number.
+    const EPSILON: Self;
     /// What rounding may add at a limit before the limit counts as passed: 1e-9 in `f64`, 1e-5 in `f32`,
     /// relative to screw length 1 for travel, to half its width for a table's box. Also where a solve on limb tensions
     /// stops, relative to them.
@@ -67,6 +69,7 @@ macro_rules! scalar {
         impl Scalar for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
+            const EPSILON: Self = <$t>::EPSILON;
             const SLACK: Self = $slack;
 
             #[inline]

@@ -419,7 +419,7 @@ pub fn fit(
         training: &trained,
         verified: verified.as_ref(),
     };
-    let rust = rust_source(&provenance, &fit, &machine.parameters)?;
+    let rust = rust_source(&provenance, &fit, &machine)?;
     let document = fit_document(&fit, choice_name, &trained, verified.as_ref());
     let summary = report::summary(&fit, &trained, verified.as_ref());
     let html = report::fit_report(&provenance, &fit)?;

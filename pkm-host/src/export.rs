@@ -4,12 +4,13 @@
 
 use std::fmt::Write;
 
-use pkm_core::MachineParameters;
 use pkm_core::effects::{EFFECTS, MAX_PARAMETERS};
 use pkm_core::machine::{Body, BodyKind, Joint, LimbParameters, Tube};
+use pkm_core::{MachineParameters, WristParameters};
 
 use crate::error::Result;
 use crate::fit::{Evaluation, Fit};
+use crate::machine_file::MachineFile;
 use crate::table_file::TableFile;
 
 /// Where a table came from.
@@ -30,7 +31,8 @@ pub struct Provenance<'a> {
 ///
 /// # Errors
 /// A table that the core refuses.
-pub fn rust_source(p: &Provenance<'_>, fit: &Fit, parameters: &MachineParameters) -> Result<String> {
+pub fn rust_source(p: &Provenance<'_>, fit: &Fit, machine: &MachineFile) -> Result<String> {
+    let parameters = &machine.parameters;
     let mut out = String::new();
     let mut line = |text: &str| {
         out.push_str(text);
@@ -63,7 +65,11 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, parameters: &MachineParameters
     line("");
     line("use pkm_core::correction::{Basis, CorrectionTable, narrow};");
     line("use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};");
-    line("use pkm_core::Machine;");
+    line(if machine.wrist.is_ok() {
+        "use pkm_core::{Machine, Wrist, WristParameters};"
+    } else {
+        "use pkm_core::Machine;"
+    });
     line("use pkm_core::effects::Effects;");
     line("");
     let active: Vec<_> =
@@ -97,6 +103,24 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, parameters: &MachineParameters
         line("    Err(_) => panic!(\"a number of the machine is out of its range\"),");
         line("};");
         line("");
+    }
+    // a wrist that is singular at home is of no use to the core
+    if machine.wrist.is_ok() {
+        line("/// Its wrist.");
+        line(&format!("pub const WRIST: WristParameters = {};", wrist_literal(&machine.wrist_parameters)));
+        line(&format!(
+            "const _: () = assert!(WRIST.checksum() == 0x{:016x}, \"the wrist was changed by hand\");",
+            machine.wrist_parameters.checksum()
+        ));
+        line("");
+        for (bits, kind) in [("64", "f64"), ("32", "f32")] {
+            line(&format!("/// The wrist, checked when this file is compiled, in `{kind}`."));
+            line(&format!("pub static WRIST_F{bits}: Wrist<{kind}> = match Wrist::<{kind}>::new(&WRIST) {{"));
+            line("    Ok(wrist) => wrist,");
+            line("    Err(_) => panic!(\"a number of the wrist is out of its range\"),");
+            line("};");
+            line("");
+        }
     }
     line(&format!("const CENTRE: [f64; 3] = {:?};", table.centre));
     line(&format!("const HALF_WIDTH: [f64; 3] = {:?};", table.half_width));
@@ -183,6 +207,35 @@ fn parameters_literal(p: &MachineParameters) -> String {
     }
     add("],".into());
     add("effects: EFFECTS,".into());
+    out.push('}');
+    out
+}
+
+fn wrist_literal(p: &WristParameters) -> String {
+    let WristParameters {
+        offset_m,
+        first_d_m,
+        first_b_m,
+        second_b_m,
+        flange_m,
+        min_rad,
+        max_rad,
+        home_z0_m,
+        singularity_margin,
+    } = p;
+    let mut out = String::from("WristParameters {\n");
+    let mut add = |name: &str, value: &dyn std::fmt::Debug| {
+        writeln!(out, "    {name}: {value:?},").expect("writing to memory");
+    };
+    add("offset_m", offset_m);
+    add("first_d_m", first_d_m);
+    add("first_b_m", first_b_m);
+    add("second_b_m", second_b_m);
+    add("flange_m", flange_m);
+    add("min_rad", min_rad);
+    add("max_rad", max_rad);
+    add("home_z0_m", home_z0_m);
+    add("singularity_margin", singularity_margin);
     out.push('}');
     out
 }

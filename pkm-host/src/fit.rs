@@ -574,6 +574,6 @@ pub fn evaluate(samples: &[Sample], file: &MachineFile, numbers: &TableNumbers) 
         basic: Basic { re_percent: Statistics::new(&basic) },
         factor: table.has_factor_form().then(|| Basic { re_percent: Statistics::new(&factor) }),
         deflection_percent: under_load([0.0; 3]),
-        tip_deflection_percent: under_load(file.tip_m),
+        tip_deflection_percent: under_load(file.wrist_parameters.tip_at_zero_m()),
     })
 }

@@ -7,7 +7,9 @@ use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{
     Body, BodyKind, End, Geometry, Joint, LimbParameters, MachineError, Member, Parameter, Problem, Travel, Tube,
 };
-use pkm_core::{KinematicsError, Machine, MachineParameters, Pose, ScrewLengths};
+use pkm_core::{
+    FiveAxis, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, Wrist, WristError, WristParameters,
+};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -29,8 +31,10 @@ pub struct MachineFile {
     pub pose_box: PoseBox,
     /// What is declared of errors.
     pub uncertainty: Uncertainty,
-    /// The tool's tip in A-uvw, m, with both wrist joints at 0 (Table 1).
-    pub tip_m: [f64; 3],
+    /// Table 1 as the file has it, SI.
+    pub wrist_parameters: WristParameters,
+    /// The core's wrist made of them; an error only for one that is singular at home.
+    pub wrist: std::result::Result<Wrist<f64>, WristError>,
 }
 
 /// A box of poses in the units of files: θ in °, σ in °, Z0 in mm, each least and greatest.
@@ -258,7 +262,14 @@ impl MachineFile {
             return Err(fail(Some(raw.travel.min_mm.span()), "travel", message));
         }
         let name = raw.name.into_inner();
-        let tip_m = tip_m(raw.wrist.as_ref());
+        let wrist_parameters = wrist_parameters(raw.wrist.as_ref(), &pose_box);
+        let wrist = Wrist::<f64>::new(&wrist_parameters);
+        if let Err(error) = wrist
+            && error != WristError::HomeIsSingular
+        {
+            let span = text.find("[wrist]").unwrap_or(0);
+            return Err(fail(Some(span..span), "wrist", error.to_string()));
+        }
         let declared = |pick: fn(&RawUncertainty) -> Option<&Number>, or: f64| {
             raw.uncertainty.as_ref().and_then(pick).map_or(or, |n| *n.get_ref())
         };
@@ -267,7 +278,18 @@ impl MachineFile {
             load_direction_rad: declared(|u| u.load_direction_mrad.as_ref(), 0.0) / 1e3,
             load_gain: declared(|u| u.load_gain.as_ref(), 0.0),
         };
-        Ok(Self { name, parameters, machine, pose_box, uncertainty, tip_m, source })
+        Ok(Self { name, parameters, machine, pose_box, uncertainty, wrist_parameters, wrist, source })
+    }
+
+    /// The machine with its wrist.
+    ///
+    /// # Errors
+    /// The wrist is singular at home, so that nothing says which side of a singularity is home's.
+    pub fn five_axis(&self) -> Result<FiveAxis<'_, f64>> {
+        match &self.wrist {
+            Ok(wrist) => Ok(FiveAxis { machine: &self.machine, wrist }),
+            Err(e) => Err(Failure::input(e.to_string()).in_file(&self.source.name).at_column("wrist")),
+        }
     }
 
     /// A screw's length beside its travel. Limbs count from 1.
@@ -295,16 +317,28 @@ impl MachineFile {
     }
 }
 
-/// Table 1 with β1 = β2 = 0; what the file leaves out has the paper's values.
-fn tip_m(wrist: Option<&RawWrist>) -> [f64; 3] {
-    let or = |n: Option<&Number>, paper: f64| n.map_or(paper, |n| *n.get_ref());
-    let offset = or(wrist.and_then(|w| w.offset_mm.as_ref()), -20.0);
-    let flange = or(wrist.and_then(|w| w.flange_mm.as_ref()), 190.0);
-    let first = wrist.and_then(|w| w.first.as_ref());
-    let second = wrist.and_then(|w| w.second.as_ref());
-    let (d1, b1) = (or(first.map(|j| &j.d_mm), 417.0), or(first.map(|j| &j.b_mm), -35.0));
-    let b2 = or(second.map(|j| &j.b_mm), -150.0);
-    [metres(offset + b1 + b2), 0.0, metres(d1 + flange)]
+/// Table 1; what the file leaves out has the paper's values.
+fn wrist_parameters(wrist: Option<&RawWrist>, pose_box: &PoseBox) -> WristParameters {
+    let [_, _, [low, high]] = pose_box.0;
+    let mut p = WristParameters { home_z0_m: metres((low + high) / 2.0), ..WristParameters::PAPER };
+    let Some(wrist) = wrist else { return p };
+    let put = |to: &mut f64, n: &Option<Number>, turned: fn(f64) -> f64| {
+        if let Some(n) = n {
+            *to = turned(*n.get_ref());
+        }
+    };
+    put(&mut p.offset_m, &wrist.offset_mm, metres);
+    put(&mut p.flange_m, &wrist.flange_mm, metres);
+    put(&mut p.singularity_margin, &wrist.singularity_margin, |margin| margin);
+    if let Some(j) = &wrist.first {
+        (p.first_d_m, p.first_b_m) = (metres(*j.d_mm.get_ref()), metres(*j.b_mm.get_ref()));
+        (p.min_rad[0], p.max_rad[0]) = (j.min_deg.get_ref().to_radians(), j.max_deg.get_ref().to_radians());
+    }
+    if let Some(j) = &wrist.second {
+        p.second_b_m = metres(*j.b_mm.get_ref());
+        (p.min_rad[1], p.max_rad[1]) = (j.min_deg.get_ref().to_radians(), j.max_deg.get_ref().to_radians());
+    }
+    p
 }
 
 /// The TOML reader's message in words that don't need its source code.

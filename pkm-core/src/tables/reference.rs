@@ -17,7 +17,7 @@
 
 use pkm_core::correction::{Basis, CorrectionTable, narrow};
 use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};
-use pkm_core::Machine;
+use pkm_core::{Machine, Wrist, WristParameters};
 use pkm_core::effects::Effects;
 
 const EFFECTS: Effects = Effects::NONE;
@@ -69,6 +69,32 @@ pub static MACHINE_F64: Machine<f64> = match Machine::<f64>::new(&PARAMETERS) {
 pub static MACHINE_F32: Machine<f32> = match Machine::<f32>::new(&PARAMETERS) {
     Ok(machine) => machine,
     Err(_) => panic!("a number of the machine is out of its range"),
+};
+
+/// Its wrist.
+pub const WRIST: WristParameters = WristParameters {
+    offset_m: -0.02,
+    first_d_m: 0.417,
+    first_b_m: -0.035,
+    second_b_m: -0.15,
+    flange_m: 0.19,
+    min_rad: [-1.5707963267948966, -1.5707963267948966],
+    max_rad: [1.5707963267948966, 1.5707963267948966],
+    home_z0_m: 0.53,
+    singularity_margin: 0.1,
+};
+const _: () = assert!(WRIST.checksum() == 0x715438c7f668aff6, "the wrist was changed by hand");
+
+/// The wrist, checked when this file is compiled, in `f64`.
+pub static WRIST_F64: Wrist<f64> = match Wrist::<f64>::new(&WRIST) {
+    Ok(wrist) => wrist,
+    Err(_) => panic!("a number of the wrist is out of its range"),
+};
+
+/// The wrist, checked when this file is compiled, in `f32`.
+pub static WRIST_F32: Wrist<f32> = match Wrist::<f32>::new(&WRIST) {
+    Ok(wrist) => wrist,
+    Err(_) => panic!("a number of the wrist is out of its range"),
 };
 
 const CENTRE: [f64; 3] = [0.0, 0.0, 0.53];

@@ -1,0 +1,458 @@
+//! The five axes against the product of Table 1's matrices, against differences of it, and against the stiffness carried
+//! to the tip by hand.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use fastrand::Rng;
+use nalgebra::{Matrix3, Matrix4, Matrix6, Rotation3, Translation3, Vector3, Vector6};
+use pkm_core::machine::BodyKind;
+use pkm_core::tables::reference::{
+    MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
+};
+use pkm_core::{
+    Configuration, Domain, FiveAxis, Hold, JointValues, KinematicsError, Machine, MachineParameters, Pose,
+    ScrewLengths, Tool, ToolDeflectionError, ToolError, ToolFrame, Wrench, Wrist, WristError, WristParameters,
+};
+use pkm_tests::{random_parameters, random_pose, seeded};
+
+const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+const HOME: Configuration<f64> =
+    Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
+
+fn within(rng: &mut Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * rng.f64()
+}
+
+/// Anywhere within travel and joint limits.
+fn configuration(rng: &mut Rng) -> Configuration<f64> {
+    let mut w = |low: f64, high: f64| within(rng, low, high);
+    Configuration {
+        pose: Pose { theta_rad: w(-0.9, 0.9), sigma_rad: w(-0.9, 0.9), z0_m: w(0.3, 0.8) },
+        beta_rad: [w(-FRAC_PI_2, FRAC_PI_2), w(-FRAC_PI_2, FRAC_PI_2)],
+    }
+}
+
+/// Within the wrist's margin and limits and the screws' travel.
+fn holdable(rng: &mut Rng, five: &FiveAxis<'_, f64>) -> (Configuration<f64>, Tool<f64>) {
+    loop {
+        let c = configuration(rng);
+        if let (Ok(tool), Ok(0.1..)) = (five.tool(&c), five.home_share(&c)) {
+            return (c, tool);
+        }
+    }
+}
+
+/// Eq. 2 to the letter: T_p by its own definition, the wrist as four rows of Table 1.
+fn table_1(c: &Configuration<f64>, p: &WristParameters) -> Matrix4<f64> {
+    let row = |beta: f64, d: f64, alpha: f64, b: f64| {
+        Rotation3::from_axis_angle(&Vector3::z_axis(), beta).to_homogeneous()
+            * Translation3::new(0.0, 0.0, d).to_homogeneous()
+            * Translation3::new(b, 0.0, 0.0).to_homogeneous()
+            * Rotation3::from_axis_angle(&Vector3::x_axis(), alpha).to_homogeneous()
+    };
+    let [beta1, beta2] = c.beta_rad;
+    let Pose { theta_rad, sigma_rad, z0_m } = c.pose;
+    Translation3::new(z0_m * theta_rad.tan(), 0.0, z0_m).to_homogeneous()
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), theta_rad).to_homogeneous()
+        * Rotation3::from_axis_angle(&Vector3::x_axis(), sigma_rad).to_homogeneous()
+        * row(0.0, 0.0, 0.0, p.offset_m)
+        * row(beta1, p.first_d_m, FRAC_PI_2, p.first_b_m)
+        * row(beta2, 0.0, -FRAC_PI_2, p.second_b_m)
+        * row(0.0, p.flange_m, 0.0, 0.0)
+}
+
+/// ∂(tip, axis)/∂(θ, σ, Z0, β1, β2) by differences, with the axis itself for a sixth column: its determinant is that of tip and
+/// the axis's two directions.
+fn determinant_by_differences(c: &Configuration<f64>, p: &WristParameters) -> f64 {
+    const H: f64 = 1e-5;
+    let mut j = Matrix6::zeros();
+    for i in 0..5 {
+        let seen = |by: f64| {
+            let mut c = *c;
+            let Pose { theta_rad, sigma_rad, z0_m } = &mut c.pose;
+            let [beta1, beta2] = &mut c.beta_rad;
+            *[theta_rad, sigma_rad, z0_m, beta1, beta2][i] += by;
+            let t = table_1(&c, p);
+            Vector6::new(t[(0, 3)], t[(1, 3)], t[(2, 3)], t[(0, 2)], t[(1, 2)], t[(2, 2)])
+        };
+        j.set_column(i, &((seen(H) - seen(-H)) / (2.0 * H)));
+    }
+    let t = table_1(c, p);
+    j.set_column(5, &Vector6::new(0.0, 0.0, 0.0, t[(0, 2)], t[(1, 2)], t[(2, 2)]));
+    j.determinant()
+}
+
+fn random_wrist(rng: &mut Rng) -> WristParameters {
+    let mut w = |low: f64, high: f64| within(rng, low, high);
+    loop {
+        let p = WristParameters {
+            offset_m: w(-0.1, 0.1),
+            first_d_m: w(-0.1, 0.6),
+            first_b_m: w(-0.1, 0.1),
+            second_b_m: w(-0.25, 0.25),
+            flange_m: w(0.0, 0.4),
+            min_rad: [-3.0; 2],
+            max_rad: [3.0; 2],
+            home_z0_m: w(0.3, 1.0),
+            singularity_margin: 0.1,
+        };
+        if (p.first_b_m + p.second_b_m).abs() > 0.05 {
+            return p;
+        }
+    }
+}
+
+fn apart(a: &Tool<f64>, b: &Tool<f64>) -> [f64; 2] {
+    let off = |a: [f64; 3], b: [f64; 3]| (Vector3::from(a) - Vector3::from(b)).norm();
+    [off(a.tip_m, b.tip_m), off(a.axis, b.axis)]
+}
+
+fn configurations_apart(a: &Configuration<f64>, b: &Configuration<f64>) -> f64 {
+    let all = |c: &Configuration<f64>| [c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m, c.beta_rad[0], c.beta_rad[1]];
+    all(a).iter().zip(all(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_frame_is_the_product_of_table_1() {
+    let mut rng = seeded();
+    for _ in 0..2000 {
+        let parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let machine = Machine::<f64>::new(&parameters).expect("a machine");
+        let p = random_wrist(&mut rng);
+        let wrist = Wrist::<f64>::new(&p).expect("a wrist");
+        let five = FiveAxis { machine: &machine, wrist: &wrist };
+        let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m, 0.05);
+        let c = Configuration { pose, beta_rad: [within(&mut rng, -2.0, 2.0), within(&mut rng, -2.0, 2.0)] };
+        let frame = five.frame(&c).expect("a frame");
+        let t = table_1(&c, &p);
+        for i in 0..3 {
+            assert!((frame.tip_m[i] - t[(i, 3)]).abs() < 1e-14 * (1.0 + pose.z0_m));
+            for (column, axis) in frame.axes.iter().enumerate() {
+                assert!((axis[i] - t[(i, column)]).abs() < 1e-14);
+            }
+        }
+        let joints = five.joints(&c).expect("joint values");
+        assert!(configurations_apart(&five.forward(&joints).expect("a configuration"), &c) < 1e-10);
+
+        let home = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: p.home_z0_m }, ..HOME };
+        let share = determinant_by_differences(&c, &p) / determinant_by_differences(&home, &p);
+        let found = five.home_share(&c).expect("a share");
+        assert!((found - share).abs() < 1e-5 * (1.0 + share.abs()), "{found} {share}");
+    }
+    assert!(determinant_by_differences(&HOME, &WRIST) < 0.0);
+    assert_eq!((FIVE.home_share(&HOME), WRIST), (Ok(1.0), WristParameters::PAPER));
+}
+
+#[test]
+fn every_reachable_tool_on_the_home_side_is_found() {
+    let mut rng = seeded();
+    let (mut worst, mut at_once, mut same) = ([0.0_f64; 2], 0, 0);
+    const TARGETS: usize = 100_000;
+    for _ in 0..TARGETS {
+        let (c, tool) = holdable(&mut rng, &FIVE);
+        at_once += usize::from(FIVE.inverse(&tool, &HOME).is_ok());
+        let found = FIVE.search(&tool, &HOME).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
+        let off = apart(&FIVE.tool(&FIVE.forward(&found.joints).expect("in reach")).expect("a tool"), &tool);
+        worst = [worst[0].max(off[0]), worst[1].max(off[1])];
+        assert!(found.home_share >= 0.1);
+        same += usize::from(configurations_apart(&found.configuration, &c) < 1e-7);
+    }
+    println!("worst {worst:?}; {at_once} straight from home; {same} as drawn");
+    assert!(worst[0] <= 1e-12 && worst[1] <= 1e-12, "{worst:?}");
+    // 99.2 %; and on its home side this machine holds a tool in one way only
+    assert!(at_once > TARGETS * 99 / 100 && same == TARGETS, "{at_once} {same}");
+}
+
+#[test]
+fn other_machines_hold_tools_on_their_home_side() {
+    let mut rng = seeded();
+    let (mut found, mut tried) = (0, 0);
+    for _ in 0..300 {
+        let parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let machine = Machine::<f64>::new(&parameters).expect("a machine");
+        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let mut p = random_wrist(&mut rng);
+        for length in [&mut p.offset_m, &mut p.first_d_m, &mut p.first_b_m, &mut p.second_b_m, &mut p.flange_m] {
+            *length *= size;
+        }
+        p.home_z0_m *= 2.0 * size;
+        let wrist = Wrist::<f64>::new(&p).expect("a wrist");
+        let five = FiveAxis { machine: &machine, wrist: &wrist };
+        let home = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: p.home_z0_m }, ..HOME };
+        for _ in 0..30 {
+            let pose = Pose {
+                theta_rad: within(&mut rng, -0.8, 0.8),
+                sigma_rad: within(&mut rng, -0.8, 0.8),
+                z0_m: p.home_z0_m * within(&mut rng, 0.6, 1.6),
+            };
+            let c = Configuration { pose, beta_rad: [within(&mut rng, -1.5, 1.5), within(&mut rng, -1.5, 1.5)] };
+            let (Ok(tool), Ok(0.1..)) = (five.tool(&c), five.home_share(&c)) else { continue };
+            tried += 1;
+            if let Ok(hold) = five.search(&tool, &home) {
+                found += 1;
+                let off = apart(&five.tool(&hold.configuration).expect("a tool"), &tool);
+                assert!(off[0] < 1e-11 * size && off[1] < 1e-11, "{off:?}");
+            }
+        }
+    }
+    println!("{found} of {tried}");
+    assert!(found * 1000 >= tried * 995, "{found} of {tried}");
+}
+
+#[test]
+fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
+    let mut rng = seeded();
+    let (mut looks, mut refused, mut done) = (Vec::new(), 0, 0);
+    for _ in 0..300 {
+        let (mut c, _) = holdable(&mut rng, &FIVE);
+        let (to, _) = (configuration(&mut rng), ());
+        // through configurations in a straight line, so that the right ones are known
+        let from = c;
+        const STEPS: usize = 400;
+        for step in 1..=STEPS {
+            let share = step as f64 / STEPS as f64;
+            let mix = |a: f64, b: f64| a + share * (b - a);
+            let right = Configuration {
+                pose: Pose {
+                    theta_rad: mix(from.pose.theta_rad, to.pose.theta_rad),
+                    sigma_rad: mix(from.pose.sigma_rad, to.pose.sigma_rad),
+                    z0_m: mix(from.pose.z0_m, to.pose.z0_m),
+                },
+                beta_rad: [mix(from.beta_rad[0], to.beta_rad[0]), mix(from.beta_rad[1], to.beta_rad[1])],
+            };
+            let Ok(tool) = FIVE.tool(&right) else { break };
+            let distance = FIVE.home_share(&right).expect("a share");
+            match FIVE.inverse(&tool, &c) {
+                Ok(Hold { configuration, looks: n, home_share, .. }) => {
+                    assert!(configurations_apart(&configuration, &right) < 1e-8, "a jump");
+                    assert!(distance >= 0.1 - 1e-9 && (home_share - distance).abs() < 1e-6);
+                    looks.push(n);
+                    c = configuration;
+                    done += usize::from(step == STEPS);
+                }
+                Err(e) => {
+                    assert!(e == ToolError::Singular && distance < 0.1, "{e:?} {distance}");
+                    refused += 1;
+                    break;
+                }
+            }
+        }
+    }
+    looks.sort_unstable();
+    let (median, most) = (looks[looks.len() / 2], looks[looks.len() - 1]);
+    println!("looks: median {median}, most {most}; {done} paths to their end, {refused} up to the surface");
+    assert!(median <= 3 && most <= 6 && done > 30 && refused > 30, "{median} {most} {done} {refused}");
+}
+
+#[test]
+fn a_whole_frame_is_solved_in_closed_form() {
+    let mut rng = seeded();
+    for n in 0..20_000 {
+        let (mut c, _) = holdable(&mut rng, &FIVE);
+        // on and about the configurations where the wrist's second axis is square to the plane y = 0
+        match n % 4 {
+            0 => (c.pose.sigma_rad, c.beta_rad[0]) = (0.0, 0.0),
+            1 => (c.pose.sigma_rad, c.beta_rad[0]) = (1e-9 * c.pose.sigma_rad, 1e-9 * c.beta_rad[0]),
+            _ => {}
+        }
+        let Ok(frame) = FIVE.frame(&c) else { continue };
+        if !matches!(FIVE.home_share(&c), Ok(0.1..)) {
+            continue;
+        }
+        let found = FIVE.inverse_frame(&frame).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
+        assert!(configurations_apart(&found.configuration, &c) < 1e-9, "{found:?} {c:?}");
+    }
+    let frame = FIVE.frame(&HOME).expect("a frame");
+    let [x, y, z] = frame.axes;
+    for axes in [[x, y, y], [y, x, z], [[0.0; 3], y, z], [y, [-1.0, 0.0, 0.0], z]] {
+        assert_eq!(FIVE.inverse_frame(&ToolFrame { axes, ..frame }), Err(ToolError::Inconsistent), "{axes:?}");
+    }
+    let aside = ToolFrame { tip_m: [frame.tip_m[0], 1e-3, frame.tip_m[2]], ..frame };
+    assert_eq!(FIVE.inverse_frame(&aside), Err(ToolError::Inconsistent));
+}
+
+/// From A in A-uvw to the tip in the axes of T_h: displacements there = this · displacements here.
+fn transport(c: &Configuration<f64>, p: &WristParameters) -> (Matrix6<f64>, Matrix3<f64>) {
+    let at = |beta_rad| table_1(&Configuration { beta_rad, ..*c }, p);
+    let platform = Rotation3::from_axis_angle(&Vector3::y_axis(), c.pose.theta_rad)
+        * Rotation3::from_axis_angle(&Vector3::x_axis(), c.pose.sigma_rad);
+    let t_h = at(c.beta_rad);
+    let tool: Matrix3<f64> = t_h.fixed_view::<3, 3>(0, 0).into();
+    let a = Vector3::new(c.pose.z0_m * c.pose.theta_rad.tan(), 0.0, c.pose.z0_m);
+    let tip: Vector3<f64> = platform.inverse() * (t_h.fixed_view::<3, 1>(0, 3) - a);
+    let into_tool = tool.transpose() * platform.matrix();
+    let mut x = Matrix6::zeros();
+    x.fixed_view_mut::<3, 3>(0, 0).copy_from(&into_tool);
+    x.fixed_view_mut::<3, 3>(3, 3).copy_from(&into_tool);
+    x.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-into_tool * tip.cross_matrix()));
+    (x, tool)
+}
+
+fn whole(k: &[[f64; 6]; 6]) -> Matrix6<f64> {
+    Matrix6::from_fn(|i, j| k[i][j])
+}
+
+fn wrench(rng: &mut Rng, force_n: f64, moment_nm: f64) -> Wrench<f64> {
+    let mut three = |size: f64| [0; 3].map(|_| within(rng, -size, size));
+    Wrench { force_n: three(force_n), moment_nm: three(moment_nm) }
+}
+
+fn in_box(rng: &mut Rng) -> Configuration<f64> {
+    loop {
+        let mut c = configuration(rng);
+        c.pose = Pose {
+            theta_rad: within(rng, -0.25, 0.25),
+            sigma_rad: within(rng, -0.25, 0.25),
+            z0_m: within(rng, 0.505, 0.555),
+        };
+        if matches!(FIVE.home_share(&c), Ok(0.12..)) {
+            return c;
+        }
+    }
+}
+
+#[test]
+fn stiffness_and_deflection_are_carried_to_the_tip() {
+    let mut rng = seeded();
+    for _ in 0..500 {
+        let c = in_box(&mut rng);
+        let (x, tool) = transport(&c, &WRIST);
+        let k_m = TABLE_F64.factor_form(&MACHINE_F64, &c.pose).expect("in the box").factor.stiffness();
+        let compliance = x * whole(&k_m.matrix()).try_inverse().expect("definite") * x.transpose();
+        let seen = whole(&FIVE.tip_stiffness(&k_m, &c).expect("a stiffness").matrix());
+        assert!((seen * compliance - Matrix6::identity()).abs().max() < 1e-9);
+
+        let w = wrench(&mut rng, 1000.0, 50.0);
+        let found = FIVE.deflection(Some(&TABLE_F64), &c, &w).expect("a deflection");
+        assert_eq!(found.domain, Some(Domain::Inside));
+        let [f, m] = [w.force_n, w.moment_nm];
+        let d = compliance * Vector6::new(f[0], f[1], f[2], m[0], m[1], m[2]);
+        let moved = tool * Vector3::new(d[0], d[1], d[2]);
+        let turned = tool * Vector3::new(d[3], d[4], d[5]);
+        assert!((Vector3::from(found.translation_m) - moved).norm() < 1e-11 * moved.norm());
+        assert!((Vector3::from(found.rotation_rad) - turned).norm() < 1e-11 * turned.norm());
+    }
+}
+
+fn loaded(tool: &Tool<f64>, translation_m: [f64; 3], rotation_rad: [f64; 3]) -> Tool<f64> {
+    let axis = Vector3::from(tool.axis);
+    let tip = Vector3::from(tool.tip_m) + Vector3::from(translation_m);
+    Tool { tip_m: tip.into(), axis: (axis + Vector3::from(rotation_rad).cross(&axis)).normalize().into() }
+}
+
+/// Greatest share of the deflection of tip and of axis that is left after compensation.
+fn left(five: &FiveAxis<'_, f64>, machine: &Machine<f64>, table: bool, rng: &mut Rng) -> [f64; 2] {
+    let table = table.then_some(&TABLE_F64);
+    let mut worst = [0.0_f64; 2];
+    for _ in 0..300 {
+        let c = in_box(rng);
+        let target = five.tool(&c).expect("a tool");
+        let w = wrench(rng, 2000.0, 200.0);
+        let found = match five.compensated(table, &target, &w, &c) {
+            // a command may be out of what the target is in
+            Err(ToolDeflectionError::Tool(ToolError::WristLimit { .. } | ToolError::Singular)) => continue,
+            found => found.expect("compensated"),
+        };
+        let there = five.tool(&found.hold.configuration).expect("a tool");
+        let d = five.deflection(table, &found.hold.configuration, &w).expect("a deflection");
+        assert_eq!(d, found.deflection);
+        assert_eq!(machine.inverse(&found.hold.configuration.pose), Ok(found.hold.joints.lengths));
+        let before = apart(&loaded(&target, d.translation_m, d.rotation_rad), &target);
+        let after = apart(&loaded(&there, d.translation_m, d.rotation_rad), &target);
+        worst = [0, 1].map(|i| worst[i].max(after[i] / before[i]));
+    }
+    worst
+}
+
+#[test]
+fn a_loaded_tool_stands_where_it_was_asked_for() {
+    let mut rng = seeded();
+    let effects = PARAMETERS.effects.with("clearance", [2e-6, 100.0, 0.0]);
+    for (table, effects) in [(true, None), (false, None), (true, effects)] {
+        let parameters = MachineParameters { effects: effects.unwrap_or(PARAMETERS.effects), ..PARAMETERS };
+        let machine = Machine::<f64>::new(&parameters).expect("a machine");
+        let five = FiveAxis { machine: &machine, wrist: &WRIST_F64 };
+        let worst = left(&five, &machine, table, &mut rng);
+        println!("left: {worst:?}");
+        assert!(worst[0] <= 1e-3 && worst[1] <= 1e-3, "{worst:?}");
+    }
+}
+
+#[test]
+fn single_precision_follows() {
+    let mut rng = seeded();
+    let five = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
+    let narrow = |v: [f64; 3]| v.map(|v| v as f32);
+    let near = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
+    let (mut worst, mut left): ([f64; 2], f64) = ([0.0; 2], 0.0);
+    for _ in 0..5000 {
+        let c = in_box(&mut rng);
+        let tool = FIVE.tool(&c).expect("a tool");
+        let target = Tool { tip_m: narrow(tool.tip_m), axis: narrow(tool.axis) };
+        let Ok(hold) = five.search(&target, &near) else { panic!("{c:?}") };
+        let Configuration { pose, beta_rad } = hold.configuration;
+        let wide = Configuration {
+            pose: Pose { theta_rad: pose.theta_rad.into(), sigma_rad: pose.sigma_rad.into(), z0_m: pose.z0_m.into() },
+            beta_rad: beta_rad.map(f64::from),
+        };
+        let off = apart(&FIVE.tool(&wide).expect("a tool"), &tool);
+        worst = [worst[0].max(off[0]), worst[1].max(off[1])];
+
+        let w = wrench(&mut rng, 500.0, 50.0);
+        let load = Wrench { force_n: narrow(w.force_n), moment_nm: narrow(w.moment_nm) };
+        if let (Ok(single), Ok(double)) = (
+            five.compensated(Some(&TABLE_F32), &target, &load, &hold.configuration),
+            FIVE.compensated(Some(&TABLE_F64), &tool, &w, &c),
+        ) {
+            for (a, b) in single.hold.joints.lengths.q_m.iter().zip(double.hold.joints.lengths.q_m) {
+                left = left.max((f64::from(*a) - b).abs());
+            }
+        }
+    }
+    println!("tool within {worst:?}, compensated lengths within {left:e} m");
+    assert!(worst[0] < 2e-6 && worst[1] < 3e-6 && left < 5e-6, "{worst:?} {left}");
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let tool = FIVE.tool(&HOME).expect("a tool");
+    for bad in [f64::NAN, f64::INFINITY] {
+        for i in 0..3 {
+            let mut t = tool;
+            t.tip_m[i] = bad;
+            assert_eq!(FIVE.inverse(&t, &HOME), Err(ToolError::NotFinite));
+            let mut t = tool;
+            t.axis[i] = bad;
+            assert_eq!(FIVE.search(&t, &HOME), Err(ToolError::NotFinite));
+        }
+        let c = Configuration { beta_rad: [0.0, bad], ..HOME };
+        assert_eq!(FIVE.inverse(&tool, &c), Err(ToolError::NotFinite));
+        assert_eq!(FIVE.frame(&c), Err(ToolError::NotFinite));
+        let w = Wrench { force_n: [bad, 0.0, 0.0], moment_nm: [0.0; 3] };
+        assert!(matches!(FIVE.compensated(None, &tool, &w, &HOME), Err(ToolDeflectionError::Stiffness(_))));
+    }
+    assert_eq!(FIVE.inverse(&Tool { axis: [0.0; 3], ..tool }, &HOME), Err(ToolError::NotFinite));
+    let aside = Tool { tip_m: [0.0, 4.0, 0.9], ..tool };
+    assert!(matches!(FIVE.search(&aside, &HOME), Err(ToolError::Unreachable | ToolError::Singular)));
+    let c = Configuration { beta_rad: [0.0, -1.6], ..HOME };
+    assert_eq!(FIVE.frame(&c), Err(ToolError::WristLimit { joint: 2 }));
+    let joints = JointValues { lengths: ScrewLengths { q_m: [0.9; 3] }, beta_rad: [0.0; 2] };
+    let out_of_travel = ToolError::Kinematics(KinematicsError::OutOfTravel { limb: 1 });
+    assert_eq!(FIVE.forward(&joints), Err(out_of_travel));
+    // a wrist whose limits exclude what the tool asks for
+    let narrow = WristParameters { max_rad: [FRAC_PI_2, -0.1], ..WRIST };
+    let wrist = Wrist::<f64>::new(&narrow).expect("a wrist");
+    let five = FiveAxis { wrist: &wrist, ..FIVE };
+    assert_eq!(five.inverse(&tool, &HOME), Err(ToolError::WristLimit { joint: 2 }));
+
+    for (p, error) in [
+        (WristParameters { flange_m: f64::NAN, ..WRIST }, WristError::Flange),
+        (WristParameters { max_rad: [1.0, -2.0], ..WRIST }, WristError::Limits { joint: 2 }),
+        (WristParameters { min_rad: [-PI - 0.1, 0.0], ..WRIST }, WristError::Limits { joint: 1 }),
+        (WristParameters { second_b_m: 0.035, ..WRIST }, WristError::HomeIsSingular),
+        (WristParameters { home_z0_m: 0.0, ..WRIST }, WristError::HomeZ0),
+        (WristParameters { singularity_margin: 1.0, ..WRIST }, WristError::SingularityMargin),
+    ] {
+        assert_eq!(Wrist::<f64>::new(&p), Err(error));
+    }
+}
