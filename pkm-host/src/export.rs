@@ -107,6 +107,7 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, machine: &MachineFile) -> Resu
     // a wrist that is singular at home is of no use to the core
     if machine.wrist.is_ok() {
         line("/// Its wrist.");
+        line("#[allow(clippy::approx_constant)]");
         line(&format!("pub const WRIST: WristParameters = {};", wrist_literal(&machine.wrist_parameters)));
         line(&format!(
             "const _: () = assert!(WRIST.checksum() == 0x{:016x}, \"the wrist was changed by hand\");",

@@ -72,6 +72,7 @@ pub static MACHINE_F32: Machine<f32> = match Machine::<f32>::new(&PARAMETERS) {
 };
 
 /// Its wrist.
+#[allow(clippy::approx_constant)]
 pub const WRIST: WristParameters = WristParameters {
     offset_m: -0.02,
     first_d_m: 0.417,
