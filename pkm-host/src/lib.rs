@@ -10,6 +10,7 @@ pub mod error;
 pub mod export;
 pub mod fit;
 pub mod hil;
+pub mod holds;
 pub mod machine_file;
 pub mod plan;
 pub mod plot;

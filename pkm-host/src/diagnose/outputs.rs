@@ -126,5 +126,5 @@ pub fn table(
     );
     let provenance =
         Provenance { command: &command, file: &file, verification: None, training: &trained, verified: None };
-    Ok((rust_source(&provenance, &fit, &improved)?, file))
+    Ok((rust_source(&provenance, &fit, improved)?, file))
 }

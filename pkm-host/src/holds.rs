@@ -1,0 +1,219 @@
+//! Every way in which the five axes can hold a tool.
+//!
+//! Seen from A, tip t and axis e lie in one plane with the first axis w of the wrist, S2 t + r e = S2 offset u + (S2 h + r C2) w,
+//! with S2, C2 of β2 and r, h of the wrist (spec: model.md 1). For a given β2 that leaves σ from its component along y of B and
+//! θ from the others, in two ways at the most; left is one equation in β2, e·w = C2. It holds twice at β2 = 0 whatever the tool,
+//! which is divided away, and its roots are bracketed.
+
+use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, WristParameters};
+
+/// Steps over all of β2.
+const GRID: usize = 128;
+/// Steps over a stretch of β2 without edges.
+const STRETCH: usize = 48;
+/// Least |β2|: at 0 the equation is 0/0.
+const NEAR_ZERO: f64 = 1e-7;
+
+/// A wrist at a β2, and the tool that it is to hold.
+struct Bent<'a> {
+    wrist: &'a WristParameters,
+    tip: [f64; 3],
+    axis: [f64; 3],
+}
+
+/// What a β2 asks of the platform.
+struct Asked {
+    /// (C2 − e·w) / S2².
+    off: f64,
+    sin_theta: f64,
+    cos_theta: f64,
+    sin_sigma: f64,
+    cos_sigma: f64,
+}
+
+impl Bent<'_> {
+    /// r and h.
+    fn arm(&self, sin: f64, cos: f64) -> (f64, f64) {
+        let w = self.wrist;
+        let r = w.first_b_m + w.second_b_m * cos - w.flange_m * sin;
+        (r, w.first_d_m + w.second_b_m * sin + w.flange_m * cos)
+    }
+
+    fn asked(&self, beta2: f64, side: f64) -> Option<Asked> {
+        let (sin, cos) = beta2.sin_cos();
+        let (r, h) = self.arm(sin, cos);
+        let [x, y, z] = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
+        let along_w = sin * h + r * cos;
+        let sin_sigma = -y / along_w;
+        let (along_u, size2) = (sin * self.wrist.offset_m, x * x + z * z);
+        let (cos2_sigma, along2_n) = (1.0 - sin_sigma * sin_sigma, size2 - along_u * along_u);
+        if !(cos2_sigma > 0.0 && along2_n >= 0.0 && size2 > 0.0) {
+            return None;
+        }
+        let (cos_sigma, along_n) = (cos2_sigma.sqrt(), side * along2_n.sqrt());
+        let sin_theta = (along_n * x - along_u * z) / size2;
+        let cos_theta = (along_u * x + along_n * z) / size2;
+        let w = [cos_sigma * sin_theta, -sin_sigma, cos_sigma * cos_theta];
+        let apart2: f64 = w.iter().zip(self.axis).map(|(w, e)| (w - e) * (w - e)).sum();
+        // 1 − e·w and 1 − C2 by what vanishes with β2, or nothing would be left of their difference
+        let half = (beta2 / 2.0).sin();
+        Some(Asked {
+            off: (apart2 / 2.0 - 2.0 * half * half) / (sin * sin),
+            sin_theta,
+            cos_theta,
+            sin_sigma,
+            cos_sigma,
+        })
+    }
+
+    fn configuration(&self, beta2: f64, side: f64) -> Option<Configuration<f64>> {
+        let Asked { sin_theta, cos_theta, sin_sigma, cos_sigma, .. } = self.asked(beta2, side)?;
+        let (sin, cos) = beta2.sin_cos();
+        let (r, h) = self.arm(sin, cos);
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let u = [cos_theta, 0.0, -sin_theta];
+        let v = [sin_sigma * sin_theta, cos_sigma, sin_sigma * cos_theta];
+        let w = [cos_sigma * sin_theta, -sin_sigma, cos_sigma * cos_theta];
+        let l = (dot(self.tip, w) - h) / cos_sigma;
+        let from_a = [self.tip[0] - l * sin_theta, self.tip[1], self.tip[2] - l * cos_theta];
+        // both tip and axis show where the arm points, each well where the other may not
+        let c = [u, v].map(|axis| r * dot(from_a, axis) - sin * dot(self.axis, axis));
+        let beta1 = c[1].atan2(c[0] - r * self.wrist.offset_m);
+        let pose = Pose { theta_rad: sin_theta.atan2(cos_theta), sigma_rad: sin_sigma.asin(), z0_m: l * cos_theta };
+        Some(Configuration { pose, beta_rad: [beta1, beta2] })
+    }
+
+    /// What has to be positive for a σ and a θ: smooth in β2, unlike `asked`, whose roots of them turn sharply where they are small.
+    fn room(&self, beta2: f64) -> [f64; 2] {
+        let (sin, cos) = beta2.sin_cos();
+        let (r, h) = self.arm(sin, cos);
+        let [x, y, z] = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
+        let (along_w, along_u) = (sin * h + r * cos, sin * self.wrist.offset_m);
+        [along_w * along_w - y * y, x * x + z * z - along_u * along_u]
+    }
+
+    /// The limits of β2, and between them where a room begins, ends or is least.
+    fn stretches(&self) -> Vec<f64> {
+        let [low, high] = [self.wrist.min_rad[1] - 1e-9, self.wrist.max_rad[1] + 1e-9];
+        let grid = (0..=GRID).map(|n| low + (high - low) * n as f64 / GRID as f64);
+        let mut breaks: Vec<f64> =
+            [low, high, -NEAR_ZERO, NEAR_ZERO].into_iter().filter(|b| *b >= low && *b <= high).collect();
+        for i in 0..2 {
+            let room = |beta2: f64| self.room(beta2)[i];
+            let samples: Vec<_> = grid.clone().map(|beta2| (beta2, room(beta2))).collect();
+            breaks.extend(dips(room, &samples));
+            breaks.extend(roots(room, &samples));
+        }
+        breaks.sort_by(f64::total_cmp);
+        breaks
+    }
+
+    /// All β2 that fit, on one side.
+    fn fitting(&self, side: f64, breaks: &[f64]) -> Vec<f64> {
+        let off = |beta2: f64| self.asked(beta2, side).map_or(f64::NAN, |a| a.off);
+        let mut found = Vec::new();
+        for (low, high) in breaks.iter().zip(breaks.iter().skip(1)) {
+            let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+            if middle.abs() <= NEAR_ZERO {
+                let (a, b) = (off(*low), off(*high));
+                if (a > 0.0) != (b > 0.0) {
+                    found.push(low + (high - low) * a / (a - b));
+                }
+                continue;
+            }
+            if !off(middle).is_finite() {
+                continue;
+            }
+            // closer together towards the ends, where the curve may end upright
+            let samples: Vec<_> = (0..=STRETCH)
+                .map(|n| middle - half * (std::f64::consts::PI * n as f64 / STRETCH as f64).cos())
+                .map(|beta2| (beta2, off(beta2)))
+                .filter(|(_, off)| off.is_finite())
+                .collect();
+            found.extend(roots(off, &samples));
+        }
+        found
+    }
+}
+
+/// Roots of a function that was sampled, two between neighbours included when the samples bend back before them.
+fn roots(f: impl Fn(f64) -> f64, samples: &[(f64, f64)]) -> Vec<f64> {
+    let between = |(mut low, at_low): (f64, f64), (mut high, _): (f64, f64)| {
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if middle == low || middle == high {
+                break;
+            }
+            if (f(middle) > 0.0) == (at_low > 0.0) { low = middle } else { high = middle }
+        }
+        low
+    };
+    let crosses = |a: (f64, f64), b: (f64, f64)| (a.1 > 0.0) != (b.1 > 0.0);
+    let mut found = Vec::new();
+    for pair in samples.windows(2) {
+        if crosses(pair[0], pair[1]) {
+            found.push(between(pair[0], pair[1]));
+        }
+    }
+    for three in samples.windows(3) {
+        let [a, b, c] = [three[0], three[1], three[2]];
+        let sign = if b.1 > 0.0 { 1.0 } else { -1.0 };
+        if crosses(a, b) || crosses(b, c) || sign * b.1 > sign * a.1 || sign * b.1 > sign * c.1 {
+            continue;
+        }
+        let least = least(|x| sign * f(x), a.0, c.0);
+        let least = (least, f(least));
+        if crosses(least, b) {
+            found.extend([between(a, least), between(c, least)]);
+        }
+    }
+    found
+}
+
+/// Where a sampled function is least among its neighbours.
+fn dips(f: impl Fn(f64) -> f64, samples: &[(f64, f64)]) -> Vec<f64> {
+    let low = samples.windows(3).filter(|w| w[1].1 <= w[0].1 && w[1].1 <= w[2].1);
+    low.map(|w| least(&f, w[0].0, w[2].0)).collect()
+}
+
+/// By halving between two places, with one dip between them.
+fn least(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..80 {
+        let (left, right) = (low + (high - low) * 0.382, low + (high - low) * 0.618);
+        if f(left) < f(right) { high = right } else { low = left }
+    }
+    0.5 * (low + high)
+}
+
+/// Every configuration within travel and limits that holds a tool, on either side of the singular surface (see `home_share`), by β2.
+pub fn holds(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Tool<f64>) -> Vec<Hold<f64>> {
+    let size = tool.axis.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let bent = Bent { wrist, tip: tool.tip_m, axis: tool.axis.map(|v| v / size) };
+    let mut found: Vec<Hold<f64>> = Vec::new();
+    let breaks = bent.stretches();
+    for side in [1.0, -1.0] {
+        for beta2 in bent.fitting(side, &breaks) {
+            let Some(configuration) = bent.configuration(beta2, side) else { continue };
+            let Ok(held) = five.tool(&configuration) else { continue };
+            // a crossing may be a jump
+            let off = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
+            if off(held.tip_m, bent.tip) > 1e-6 || off(held.axis, bent.axis) > 1e-6 {
+                continue;
+            }
+            let (Ok(joints), Ok(home_share)) = (five.joints(&configuration), five.home_share(&configuration)) else {
+                continue;
+            };
+            let rough = Hold { configuration, joints, home_share, looks: 0 };
+            let hold = five.inverse(tool, &configuration).unwrap_or(rough);
+            let known = |other: &Hold<f64>| {
+                let [a, b] = [other, &hold].map(|h| (h.configuration.beta_rad, h.configuration.pose));
+                (0..2).all(|i| (a.0[i] - b.0[i]).abs() < 1e-7) && (a.1.z0_m - b.1.z0_m).abs() < 1e-7
+            };
+            if !found.iter().any(known) {
+                found.push(hold);
+            }
+        }
+    }
+    found.sort_by(|a, b| a.configuration.beta_rad[1].total_cmp(&b.configuration.beta_rad[1]));
+    found
+}

@@ -1,0 +1,82 @@
+//! All ways to hold a tool, against configurations that are known to and against searches from anywhere.
+
+use fastrand::Rng;
+use pkm_core::tables::reference::{MACHINE_F64, WRIST, WRIST_F64};
+use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
+use pkm_host::holds::holds;
+use pkm_tests::seeded;
+
+const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+
+fn configuration(rng: &mut Rng, beta: f64) -> Configuration<f64> {
+    let mut within = |low: f64, high: f64| low + (high - low) * rng.f64();
+    Configuration {
+        pose: Pose { theta_rad: within(-0.9, 0.9), sigma_rad: within(-0.9, 0.9), z0_m: within(0.3, 0.8) },
+        beta_rad: [within(-beta, beta), within(-beta, beta)],
+    }
+}
+
+fn apart(a: &Configuration<f64>, b: &Configuration<f64>) -> f64 {
+    let all = |c: &Configuration<f64>| [c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m, c.beta_rad[0], c.beta_rad[1]];
+    all(a).iter().zip(all(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+fn off(five: &FiveAxis<'_, f64>, hold: &Hold<f64>, tool: &Tool<f64>) -> f64 {
+    let held = five.tool(&hold.configuration).expect("within limits");
+    let pairs = held.tip_m.iter().chain(&held.axis).zip(tool.tip_m.iter().chain(&tool.axis));
+    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn every_way_to_hold_a_tool_is_found() {
+    let mut rng = seeded();
+    let mut counts = [0; 8];
+    let mut worst: f64 = 0.0;
+    for n in 0..20_000 {
+        let mut c = configuration(&mut rng, 1.57);
+        // about β2 = 0, where the equation is 0/0
+        match n % 5 {
+            0 => c.beta_rad[1] = 0.0,
+            1 => c.beta_rad[1] *= 1e-6,
+            2 => (c.beta_rad[0], c.pose.sigma_rad) = (0.0, 0.0),
+            _ => {}
+        }
+        let (Ok(tool), Ok(share)) = (FIVE.tool(&c), FIVE.home_share(&c)) else { continue };
+        if share.abs() < 1e-3 {
+            continue;
+        }
+        let found = holds(&FIVE, &WRIST, &tool);
+        counts[found.len()] += 1;
+        for hold in &found {
+            worst = worst.max(off(&FIVE, hold, &tool));
+        }
+        assert!(found.iter().any(|hold| apart(&hold.configuration, &c) < 1e-6), "{c:?} not among {found:?}");
+    }
+    println!("ways to hold a tool: {counts:?}; off by {worst:e}");
+    assert!(worst < 1e-8, "{worst}");
+}
+
+#[test]
+fn no_search_finds_another() {
+    let mut rng = seeded();
+    let wide = WristParameters { min_rad: [-3.1; 2], max_rad: [3.1; 2], ..WRIST };
+    let mut several = 0;
+    for turned in [false, true] {
+        let p =
+            if turned { WristParameters { first_b_m: 0.1, second_b_m: 0.15, offset_m: 0.05, ..wide } } else { wide };
+        let wrist = Wrist::<f64>::new(&p).expect("a wrist");
+        let five = FiveAxis { machine: &MACHINE_F64, wrist: &wrist };
+        for _ in 0..300 {
+            let Ok(tool) = five.tool(&configuration(&mut rng, 3.0)) else { continue };
+            let found = holds(&five, &p, &tool);
+            several += usize::from(found.iter().filter(|h| h.home_share > 0.1).count() > 1);
+            for _ in 0..30 {
+                let Ok(hold) = five.inverse(&tool, &configuration(&mut rng, 3.0)) else { continue };
+                let known = found.iter().any(|h| apart(&h.configuration, &hold.configuration) < 1e-6);
+                assert!(known, "{hold:?} not among {found:?}");
+            }
+        }
+    }
+    println!("{several} tools in several ways on the home side");
+    assert!(several > 0);
+}
