@@ -11,6 +11,7 @@ pub mod export;
 pub mod fit;
 pub mod hil;
 pub mod machine_file;
+pub mod map;
 pub mod plan;
 pub mod plot;
 pub mod report;
