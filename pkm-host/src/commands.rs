@@ -532,7 +532,11 @@ pub fn map(
         Ok(solved) => {
             let principal = solved.factor.stiffness().principal();
             let inside = solved.domain.map(|d| d == Domain::Inside);
-            if principal.iter().all(|k| k.is_finite()) { Ok(map::Value { principal, inside }) } else { Err("no_stiffness") }
+            if principal.iter().all(|k| k.is_finite()) {
+                Ok(map::Value { principal, inside })
+            } else {
+                Err("no_stiffness")
+            }
         }
         Err(CorrectionError::Stiffness(StiffnessError::Kinematics(e))) => Err(status(e)),
         // positive definite no more: a table far outside its box
@@ -544,8 +548,8 @@ pub fn map(
         Some(_) => "factor",
     };
     let described = match name {
-        "basic" => "basic model".to_owned(),
-        form => format!("corrected, {form} form"),
+        "basic" => "basic model K_p".to_owned(),
+        form => format!("corrected by its table, {form} form"),
     };
     let pose_box = model.table.as_ref().map_or(file.pose_box, |table| table.pose_box);
 
@@ -554,7 +558,8 @@ pub fn map(
     let mut text = String::new();
     for &sigma in sigma_deg {
         let map = Map::new(file, &value, sigma, window)?;
-        let title = format!("Principal stiffnesses at A in A-uvw: {}, {described}, σ = {sigma}°", file.name);
+        let machine_name: String = file.name.chars().take(60).collect();
+        let title = format!("Principal stiffnesses of {machine_name} at A in A-uvw, σ = {sigma}°: {described}");
         let legend = picture::Legend { title: &title, pose_box, table: table.is_some() };
         let svg = picture::svg(file, &value, &map, &legend)?;
         let png = picture::png(&svg)?;
@@ -577,7 +582,7 @@ pub fn map(
         }
     }
     files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
-    let named: Vec<(&OsStr, Vec<u8>)> = files.iter().map(|(name, bytes)| (name.as_os_str(), bytes.clone())).collect();
+    let named: Vec<_> = files.iter().map(|(name, bytes)| (name.as_os_str(), bytes)).collect();
     source::write_all(out, &named)?;
     let names: Vec<_> = files.iter().map(|(name, _)| name.to_string_lossy()).collect();
     text.push_str(&format!("wrote {} to {}\n", names.join(", "), out.display()));

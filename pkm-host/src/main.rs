@@ -216,8 +216,9 @@ fn run(cli: &Cli) -> Result<Output> {
         }
         Command::Map { table, sigma_deg, x0_mm, z0_mm, step_mm, out } => {
             for (option, range) in [("--x0-mm", x0_mm), ("--z0-mm", z0_mm)] {
-                if let Some([low, high]) = range.filter(|[low, high]| low >= high) {
-                    return Err(Failure::usage(format!("{option}: expected least,greatest, found {low},{high}")));
+                if let Some([low, high]) = range.filter(|[low, high]| low >= high || low.abs().max(high.abs()) > 1e6) {
+                    let message = format!("{option}: expected least,greatest within ±1e6 mm, found {low:?},{high:?}");
+                    return Err(Failure::usage(message));
                 }
             }
             if let Some(step) = step_mm.filter(|step| *step <= 0.0) {

@@ -36,10 +36,11 @@ pub fn check(map: &Map, take: impl Fn(&Point) -> bool) -> Vec<Claim> {
     vec![
         field.large_in("k11, k22, k33 are large at negative X0", &[0, 1, 2], 0),
         field.falls_with_z0(),
-        field.ratio("k33 is about an order of magnitude above k11 and k22", &[(2, 0), (2, 1)], [
-            10.0 / HALF_ORDER,
-            10.0 * HALF_ORDER,
-        ]),
+        field.ratio(
+            "k33 is about an order of magnitude above k11 and k22",
+            &[(2, 0), (2, 1)],
+            [10.0 / HALF_ORDER, 10.0 * HALF_ORDER],
+        ),
         field.ratio("k11 is similar to k22", &[(0, 1)], [0.5, 2.0]),
         field.large_in("k44, k55 are large at positive X0", &[3, 4], 2),
         field.large_in("k66 is large at negative X0", &[5], 0),
@@ -70,9 +71,11 @@ impl<'a> Field<'a> {
     /// Values of neighbours, the second a number of columns and rows further.
     fn pairs(&self, [column, row]: [usize; 2]) -> impl Iterator<Item = [&[f64; 6]; 2]> {
         let width = self.map.grid.count[0];
-        self.values.iter().enumerate().filter(move |(i, _)| i % width + column < width).filter_map(move |(i, v)| {
-            Some([v.as_ref()?, self.values.get(i + column + row * width)?.as_ref()?])
-        })
+        self.values
+            .iter()
+            .enumerate()
+            .filter(move |(i, _)| i % width + column < width)
+            .filter_map(move |(i, v)| Some([v.as_ref()?, self.values.get(i + column + row * width)?.as_ref()?]))
     }
 
     fn share(&self, step: [usize; 2], test: impl Fn([&[f64; 6]; 2]) -> bool) -> f64 {
@@ -120,7 +123,11 @@ impl<'a> Field<'a> {
         Claim {
             claim: "k11, k22, k33 fall with growing Z0 at fixed X0: between all neighbours".into(),
             holds: shares.iter().all(|s| *s == 1.0),
-            figures: [0, 1, 2].map(|k| (NAMES[k].to_owned(), json!({ "falls_with_z0_share": shares[k] }))).into_iter().collect::<Object<_, _>>().into(),
+            figures: [0, 1, 2]
+                .map(|k| (NAMES[k].to_owned(), json!({ "falls_with_z0_share": shares[k] })))
+                .into_iter()
+                .collect::<Object<_, _>>()
+                .into(),
             text: format!("falls: {}", [0, 1, 2].map(text).join(", ")),
         }
     }

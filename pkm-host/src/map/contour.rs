@@ -100,9 +100,7 @@ mod tests {
 
     /// Twice the area, with sign.
     fn area(line: &[Pixel]) -> i64 {
-        line.windows(2)
-            .map(|w| i64::from(w[0].0) * i64::from(w[1].1) - i64::from(w[1].0) * i64::from(w[0].1))
-            .sum()
+        line.windows(2).map(|w| i64::from(w[0].0) * i64::from(w[1].1) - i64::from(w[1].0) * i64::from(w[0].1)).sum()
     }
 
     #[test]

@@ -165,6 +165,9 @@ impl Map {
             self.grid.step_mm,
             counted(&self.points)
         );
+        if self.points.iter().any(|p| p.status() == "outside_box") && self.points.iter().any(|p| p.status() == "ok") {
+            text.push_str("  inside the table's box:\n");
+        }
         for (k, ends) in self.extremes().iter().enumerate() {
             let at = |p: &Point| {
                 let value = p.value.map_or(f64::NAN, |v| v.principal[k]);
@@ -179,9 +182,7 @@ impl Map {
     /// For `--json`.
     pub fn to_json(&self) -> serde_json::Value {
         let [x0_mm, z0_mm] = self.grid.extent_mm();
-        let end = |p: &Point, k: usize| {
-            json!({ "value": p.value.ok().map(|v| v.principal[k]), "x0_mm": p.x0_mm, "z0_mm": p.z0_mm })
-        };
+        let end = |p: &Point, k: usize| json!({ "value": p.value.ok().map(|v| v.principal[k]), "x0_mm": p.x0_mm, "z0_mm": p.z0_mm });
         let extremes = self.extremes();
         let stiffness: serde_json::Map<_, _> = (0..6)
             .map(|k| {
@@ -226,7 +227,8 @@ fn counted(points: &[Point]) -> String {
 
 /// Columns of the CSV.
 pub fn header() -> Vec<String> {
-    let mut header = ["x0_mm", "z0_mm", "theta_deg", "sigma_deg", "status", "inside_domain"].map(str::to_owned).to_vec();
+    let mut header =
+        ["x0_mm", "z0_mm", "theta_deg", "sigma_deg", "status", "inside_domain"].map(str::to_owned).to_vec();
     header.extend((0..6).map(|i| format!("{}_{}", stiffness_column(i, i), UNITS[i])));
     header
 }
@@ -250,27 +252,31 @@ fn grid(file: &MachineFile, sigma_deg: f64, window: &Window) -> Result<Grid> {
     let given = [window.x0_mm, window.z0_mm];
     let open = if given.contains(&None) { found()? } else { [[0.0; 2]; 2] };
     let ranges: [[f64; 2]; 2] = std::array::from_fn(|axis| given[axis].unwrap_or(open[axis]));
-    let longest = ranges.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
-    let step_mm = window.step_mm.unwrap_or_else(|| round_step(longest / LEAST_CELLS));
+    let lengths = ranges.map(|[low, high]| high - low);
+    let (longest, shortest) = (lengths[0].max(lengths[1]), lengths[0].min(lengths[1]));
+    let step_mm = window.step_mm.unwrap_or_else(|| round_step((longest / LEAST_CELLS).min(shortest)));
+    if shortest < step_mm {
+        let [[x0, x1], [z0, z1]] = ranges;
+        return Err(Failure::usage(format!(
+            "a step of {step_mm} mm is longer than the window: X0 {x0} to {x1} mm, Z0 {z0} to {z1} mm"
+        )));
+    }
     let mut least_mm = [0.0; 2];
     let mut steps = [0.0; 2];
     for axis in 0..2 {
         let [low, high] = ranges[axis];
         if given[axis].is_some() {
             // to a length of whole steps but for rounding
-            (least_mm[axis], steps[axis]) = (low, ((high - low) / step_mm + 1e-9).floor());
+            (least_mm[axis], steps[axis]) = (low, (lengths[axis] / step_mm + 1e-9).floor());
         } else {
             let first = (low / step_mm).floor();
             (least_mm[axis], steps[axis]) = (first * step_mm, (high / step_mm).ceil() - first);
         }
     }
-    if steps.iter().any(|n| *n < 1.0) {
-        return Err(Failure::usage(format!("a step of {step_mm} mm leaves a single line of points: take less")));
-    }
     let total = (steps[0] + 1.0) * (steps[1] + 1.0);
     if total > MOST_POINTS {
         return Err(Failure::usage(format!(
-            "a step of {step_mm} mm makes {total:.0} points, more than {MOST_POINTS}: take more, or a part of the plane"
+            "a step of {step_mm} mm makes {total:.1e} points, more than {MOST_POINTS:.0e}: take more, or a part of the plane"
         )));
     }
     Ok(Grid { least_mm, count: steps.map(|n| n as usize + 1), step_mm })

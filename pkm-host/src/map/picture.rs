@@ -1,12 +1,14 @@
 //! The six maps as one picture.
 
+use std::ops::Range;
+
 use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::contour::{self, Corner, Pixel};
-use super::{Map, Model, theta_deg};
+use super::{Map, Model, Value, theta_deg};
 use crate::dataset::pose_of;
 use crate::error::{Failure, Result};
 use crate::machine_file::{MachineFile, PoseBox};
@@ -15,7 +17,11 @@ use crate::plot::{self, COLOURS, failed};
 /// Cells along the longer side of the picture's own grid: it is smooth whatever the step of the map.
 const CELLS: f64 = 160.0;
 /// Bands of colour, at most.
-const BANDS: f64 = 10.0;
+const BANDS: f64 = 14.0;
+/// Extrapolated values colour no further than this times the greatest that can be trusted, or the least divided by it.
+const EXTRAPOLATED: f64 = 2.0;
+/// Of a screw's length, m: nearer is on the border.
+const ON_BORDER: f64 = 1e-9;
 /// Bisections on the way to a border that has no formula: to 1e-6 of a cell.
 const BISECTIONS: usize = 20;
 
@@ -23,9 +29,15 @@ const BISECTIONS: usize = 20;
 /// two that are 0 on the border of a singularity, of limbs 1 and 2 or of limb 3.
 const KNOWN: usize = 6 + LIMITS + 2;
 const LIMITS: usize = 6;
-const AT_SINGULARITY: usize = 6 + LIMITS;
 
 type Place = Corner<KNOWN>;
+
+/// What the machine reaches and the model has a value for, in convex pieces, and its borders.
+struct Region {
+    pieces: Vec<Vec<Place>>,
+    /// At the six ends of travel as far as they end the region, and at the two singularities wherever they are.
+    borders: [Vec<[[f64; 2]; 2]>; LIMITS + 2],
+}
 
 /// What stands beside the map itself.
 pub struct Legend<'a> {
@@ -42,8 +54,9 @@ mod size {
     pub const PLOT: (f64, f64) = (600.0, 560.0);
     pub const LEAST: f64 = 120.0;
     pub const LEFT: i32 = 110;
-    pub const BOTTOM: i32 = 84;
-    pub const CAPTION: i32 = 58;
+    pub const TICKS: i32 = 44;
+    pub const BOTTOM: i32 = 90;
+    pub const CAPTION: i32 = 60;
     pub const BAR: i32 = 36;
     pub const RIGHT: i32 = 180;
     pub const TITLE: i32 = 70;
@@ -57,20 +70,19 @@ mod size {
 /// # Errors
 /// What the drawing library says.
 pub fn svg(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_>) -> Result<String> {
-    let polygons = reachable(file, model, map)?;
+    let region = Region::new(file, model, map)?;
     let [[x0, x1], [z0, z1]] = map.grid.extent_mm();
     let scale = (size::PLOT.0 / (x1 - x0)).min(size::PLOT.1 / (z1 - z0));
     let [width, height] = [x1 - x0, z1 - z0].map(|mm| (mm * scale).max(size::LEAST) as i32);
-    let (panel_width, panel_height) =
-        (size::LEFT + width + size::RIGHT, size::CAPTION + height + size::BOTTOM);
-    let entries = entries(file, map, legend, &polygons);
+    let (panel_width, panel_height) = (size::LEFT + width + size::RIGHT, size::CAPTION + height + size::BOTTOM);
+    let entries = entries(file, map, legend, &region);
     let legend_rows = entries.len().div_ceil(3) as i32;
     let total = (3 * panel_width, size::TITLE + 2 * panel_height + legend_rows * size::ENTRY + 30);
     plot::svg((total.0 as u32, total.1 as u32), |area| {
         text(area, legend.title, (total.0 / 2, size::TITLE / 2), 34, HPos::Center)?;
         for k in 0..6 {
             let corner = (k as i32 % 3 * panel_width, size::TITLE + k as i32 / 3 * panel_height);
-            panel(area, corner, (width, height), &Panel { k, map, legend, polygons: &polygons })?;
+            panel(area, corner, (width, height), &Panel { k, map, legend, region: &region })?;
         }
         for (n, entry) in entries.iter().enumerate() {
             let x = n as i32 % 3 * panel_width + 40;
@@ -97,78 +109,100 @@ pub fn png(svg: &str) -> Result<Vec<u8>> {
     pixels.encode_png().map_err(failed)
 }
 
-/// The part of the window that the machine reaches and the model has a value for, in convex pieces.
-fn reachable(file: &MachineFile, model: &Model<'_>, map: &Map) -> Result<Vec<Vec<Place>>> {
-    // values beyond the ends of travel put the border where it is, not at the next corner of the grid
-    let free = file.without_travel().ok_or_else(|| Failure::other("no machine without travel"))?;
-    let travel = &file.parameters.travel;
-    // what is no singularity is no border worth a line
-    let place = |at: [f64; 2]| -> std::result::Result<Place, bool> {
-        let pose = pose_of(theta_deg(at), map.sigma_deg, at[1]);
-        let lengths = free.inverse(&pose).map_err(|_| at[1] > 0.0)?;
-        let value = model(&free, &pose).map_err(|status| ["singular", "unreachable"].contains(&status))?;
-        let mut values = [1.0; KNOWN];
-        values[..6].copy_from_slice(&value.principal);
-        for (i, q_m) in lengths.q_m.into_iter().enumerate() {
-            values[6 + 2 * i] = q_m - travel.min_m[i];
-            values[7 + 2 * i] = travel.max_m[i] - q_m;
-        }
-        Ok(Place { at, values })
-    };
-    let border = |from: &Place, to: [f64; 2], singular: bool| {
-        let (mut last, mut beyond) = (*from, to);
-        for _ in 0..BISECTIONS {
-            let middle = [0, 1].map(|i| (last.at[i] + beyond[i]) / 2.0);
-            match place(middle) {
-                Ok(found) => last = found,
-                Err(_) => beyond = middle,
+impl Region {
+    fn new(file: &MachineFile, model: &Model<'_>, map: &Map) -> Result<Self> {
+        // values beyond the ends of travel put the border where it is, not at the next corner of the grid
+        let free = file.without_travel().ok_or_else(|| Failure::other("no machine without travel"))?;
+        let travel = &file.parameters.travel;
+        // what is no singularity is no border worth a line
+        let place = |at: [f64; 2]| -> std::result::Result<Place, bool> {
+            let pose = pose_of(theta_deg(at), map.sigma_deg, at[1]);
+            let lengths = free.inverse(&pose).map_err(|_| at[1] > 0.0)?;
+            let value = model(&free, &pose).map_err(|status| ["singular", "unreachable"].contains(&status))?;
+            let mut values = [1.0; KNOWN];
+            values[..6].copy_from_slice(&value.principal);
+            for (i, q_m) in lengths.q_m.into_iter().enumerate() {
+                values[6 + 2 * i] = q_m - travel.min_m[i];
+                values[7 + 2 * i] = travel.max_m[i] - q_m;
             }
-        }
-        let distance = free.singularity_distance(&pose_of(theta_deg(last.at), map.sigma_deg, last.at[1]));
-        if let Some(distance) = distance.ok().filter(|_| singular) {
-            last.values[AT_SINGULARITY + usize::from(distance.limb_3 < distance.limbs_1_2)] = 0.0;
-        }
-        last
-    };
+            Ok(Place { at, values })
+        };
+        let border = |from: &Place, to: [f64; 2], singular: bool| {
+            let (mut last, mut beyond) = (*from, to);
+            for _ in 0..BISECTIONS {
+                let middle = [0, 1].map(|i| (last.at[i] + beyond[i]) / 2.0);
+                match place(middle) {
+                    Ok(found) => last = found,
+                    Err(_) => beyond = middle,
+                }
+            }
+            let distance = free.singularity_distance(&pose_of(theta_deg(last.at), map.sigma_deg, last.at[1]));
+            if let Some(distance) = distance.ok().filter(|_| singular) {
+                last.values[6 + LIMITS + usize::from(distance.limb_3 < distance.limbs_1_2)] = 0.0;
+            }
+            last
+        };
 
-    let extent = map.grid.extent_mm();
-    let longest = extent.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
-    let cells = extent.map(|[low, high]| ((high - low) / longest * CELLS).ceil().max(8.0) as usize);
-    let along = |axis: usize, n: usize| {
-        let [low, high] = extent[axis];
-        low + (high - low) * n as f64 / cells[axis] as f64
-    };
-    let corner = |column: usize, row: usize| {
-        let at = [along(0, column), along(1, row)];
-        (at, place(at))
-    };
-    let row = |row: usize| (0..=cells[0]).map(|column| corner(column, row)).collect::<Vec<_>>();
-    let mut polygons = Vec::new();
-    let mut below = row(0);
-    for n in 1..=cells[1] {
-        let above = row(n);
-        for c in 0..cells[0] {
-            let square = [&below[c], &below[c + 1], &above[c + 1], &above[c]];
-            for triangle in [[0, 1, 2], [0, 2, 3]] {
-                let mut polygon = Vec::new();
-                for i in 0..3 {
-                    let ((a_at, a), (b_at, b)) = (square[triangle[i]], square[triangle[(i + 1) % 3]]);
-                    polygon.extend(a.ok());
-                    match (a, b) {
-                        (Ok(a), Err(singular)) => polygon.push(border(a, *b_at, *singular)),
-                        (Err(singular), Ok(b)) => polygon.push(border(b, *a_at, *singular)),
-                        _ => {}
+        let extent = map.grid.extent_mm();
+        let longest = extent.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
+        let cells = extent.map(|[low, high]| ((high - low) / longest * CELLS).ceil().max(8.0) as usize);
+        let along = |axis: usize, n: usize| {
+            let [low, high] = extent[axis];
+            low + (high - low) * n as f64 / cells[axis] as f64
+        };
+        let corner = |column: usize, row: usize| {
+            let at = [along(0, column), along(1, row)];
+            (at, place(at))
+        };
+        let row = |row: usize| (0..=cells[0]).map(|column| corner(column, row)).collect::<Vec<_>>();
+        let mut region = Self { pieces: Vec::new(), borders: Default::default() };
+        let mut below = row(0);
+        for n in 1..=cells[1] {
+            let above = row(n);
+            for c in 0..cells[0] {
+                let square = [&below[c], &below[c + 1], &above[c + 1], &above[c]];
+                for triangle in [[0, 1, 2], [0, 2, 3]] {
+                    let mut polygon = Vec::new();
+                    for i in 0..3 {
+                        let ((a_at, a), (b_at, b)) = (square[triangle[i]], square[triangle[(i + 1) % 3]]);
+                        polygon.extend(a.ok());
+                        match (a, b) {
+                            (Ok(a), Err(singular)) => polygon.push(border(a, *b_at, *singular)),
+                            (Err(singular), Ok(b)) => polygon.push(border(b, *a_at, *singular)),
+                            _ => {}
+                        }
+                    }
+                    region.add_borders(&polygon, LIMITS..LIMITS + 2);
+                    let polygon = (6..6 + LIMITS).fold(polygon, |p, limit| contour::above(&p, limit, 0.0));
+                    region.add_borders(&polygon, 0..LIMITS);
+                    if polygon.len() > 2 {
+                        region.pieces.push(polygon);
                     }
                 }
-                let polygon = (6..6 + LIMITS).fold(polygon, |p, limit| contour::above(&p, limit, 0.0));
-                if polygon.len() > 2 {
-                    polygons.push(polygon);
-                }
             }
+            below = above;
         }
-        below = above;
+        Ok(region)
     }
-    Ok(polygons)
+
+    fn add_borders(&mut self, polygon: &[Place], which: Range<usize>) {
+        for border in which {
+            let on = |c: &Place| c.values[6 + border].abs() <= ON_BORDER;
+            let edges = contour::edges(polygon).filter(|[a, b]| on(a) && on(b) && a.at != b.at);
+            self.borders[border].extend(edges.map(|e| e.map(|c| c.at)));
+        }
+    }
+
+    /// The screws that a border is drawn for; at σ = 0 those of limbs 1 and 2 may be the same.
+    fn limbs(&self, limit: usize) -> &'static [usize] {
+        let same = self.borders[limit % 2] == self.borders[2 + limit % 2];
+        match limit / 2 {
+            _ if self.borders[limit].is_empty() => &[],
+            0 if same => &[1, 2],
+            1 if same => &[],
+            limb => [&[1], &[2], &[3]][limb],
+        }
+    }
 }
 
 /// How a line is drawn.
@@ -183,12 +217,12 @@ struct Mark {
 }
 
 impl Mark {
-    /// Limb 2 narrow on limb 1 wide: both are seen where they coincide. The shortest screw is dashed.
+    /// Limb 2 narrow on limb 1 wide: both are seen where they cross at a small angle. The shortest screw is dashed.
     fn limit(limit: usize) -> Self {
         let limb = limit / 2;
         Self {
             colour: [COLOURS[1], COLOURS[5], COLOURS[3]][limb].to_rgba(),
-            width: [10, 4, 6][limb],
+            width: [8, 4, 6][limb],
             dash: (limit % 2 == 0).then_some((22, 14)),
             striped: false,
         }
@@ -205,7 +239,8 @@ impl Mark {
     fn line(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, points: Vec<Pixel>) -> Result<()> {
         if self.striped {
             let [(x0, y), (x1, _)] = [points[0], points[1]];
-            area.draw(&Rectangle::new([(x0, y - 14), (x1, y + 14)], ViridisRGB.get_color(0.5).filled())).map_err(failed)?;
+            area.draw(&Rectangle::new([(x0, y - 14), (x1, y + 14)], ViridisRGB.get_color(0.5).filled()))
+                .map_err(failed)?;
             for x in (x0..=x1 - 28).step_by(18) {
                 let stripe = vec![(x, y + 14), (x + 28, y - 14)];
                 area.draw(&PathElement::new(stripe, self.colour.stroke_width(self.width))).map_err(failed)?;
@@ -226,27 +261,22 @@ struct Entry {
     name: String,
 }
 
-/// Whether a border is drawn.
-fn has_border(polygons: &[Vec<Place>], value: usize) -> bool {
-    polygons.iter().any(|p| border_edges(p, value).next().is_some())
-}
-
-fn border_edges(polygon: &[Place], value: usize) -> impl Iterator<Item = [&Place; 2]> {
-    contour::edges(polygon).filter(move |[a, b]| a.values[value] == 0.0 && b.values[value] == 0.0 && a.at != b.at)
-}
-
-fn entries(file: &MachineFile, map: &Map, legend: &Legend<'_>, polygons: &[Vec<Place>]) -> Vec<Entry> {
+fn entries(file: &MachineFile, map: &Map, legend: &Legend<'_>, region: &Region) -> Vec<Entry> {
     let travel = &file.parameters.travel;
     let mut entries = Vec::new();
-    for limit in (0..LIMITS).filter(|limit| has_border(polygons, 6 + limit)) {
-        let (limb, shortest) = (limit / 2, limit % 2 == 0);
-        let (end, at_m) = if shortest { ("shortest", travel.min_m[limb]) } else { ("longest", travel.max_m[limb]) };
-        let name = format!("screw {} at its {end}, {} mm", limb + 1, (at_m * 1e6).round() / 1e3);
+    for limit in 0..LIMITS {
+        let (end, at_m) = if limit % 2 == 0 { ("shortest", travel.min_m) } else { ("longest", travel.max_m) };
+        let screws = match region.limbs(limit) {
+            [] => continue,
+            [limb] => format!("screw {limb} at its"),
+            _ => "screws 1 and 2 at their".to_owned(),
+        };
+        let name = format!("{screws} {end}, {} mm", (at_m[limit / 2] * 1e6).round() / 1e3);
         entries.push(Entry { mark: Mark::limit(limit), name });
     }
     for (which, name) in ["limbs 1 and 2", "limb 3"].into_iter().enumerate() {
-        if has_border(polygons, AT_SINGULARITY + which) {
-            entries.push(Entry { mark: Mark::singularity(which), name: format!("direct singularity, {name}") });
+        if !region.borders[LIMITS + which].is_empty() {
+            entries.push(Entry { mark: Mark::singularity(which), name: format!("direct singularity of {name}") });
         }
     }
     let owner = if legend.table { "table" } else { "machine" };
@@ -299,7 +329,9 @@ fn stripes(map: &Map, legend: &Legend<'_>, spacing_mm: f64) -> Vec<[[f64; 2]; 2]
     for n in 0..=count {
         let p = [x0 - (z1 - z0) + n as f64 * spacing_mm, z0];
         let at = |t: f64| [p[0] + t, p[1] + t];
-        let Some([from, to]) = contour::chord(&window_planes(map), p, [1.0, 1.0], [0.0, f64::INFINITY]) else { continue };
+        let Some([from, to]) = contour::chord(&window_planes(map), p, [1.0, 1.0], [0.0, f64::INFINITY]) else {
+            continue;
+        };
         match box_planes(map, legend).and_then(|planes| contour::chord(&planes, p, [1.0, 1.0], [from, to])) {
             Some([enter, leave]) => stripes.extend([[at(from), at(enter)], [at(leave), at(to)]]),
             None => stripes.push([at(from), at(to)]),
@@ -313,19 +345,36 @@ struct Bands {
     first: f64,
     step: f64,
     count: usize,
+    /// Whether there are values below the first, above the last.
+    beyond: [bool; 2],
 }
 
 impl Bands {
-    fn new(values: impl Iterator<Item = f64>) -> Self {
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    /// Over all values that can be trusted, and what is extrapolated as far as it is of their size.
+    fn new(map: &Map, of: impl Fn(&Value) -> f64) -> Self {
+        let range = |take: &dyn Fn(&Value) -> bool| {
+            let values = map.points.iter().filter_map(|p| p.value.as_ref().ok()).filter(|v| take(v)).map(&of);
+            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+        };
+        let all = range(&|_| true);
+        let trusted = range(&|v| v.inside != Some(false));
+        let [low, high] = if trusted[0] <= trusted[1] {
+            [all[0].max(trusted[0] / EXTRAPOLATED), all[1].min(trusted[1] * EXTRAPOLATED)]
+        } else {
+            all
+        };
         let span = (high - low).max(1e-6 * high);
-        let step = [1.0, 2.0, 5.0, 10.0]
-            .map(|n| n * 10_f64.powf((span / BANDS).log10().floor()))
-            .into_iter()
-            .find(|step| *step * (BANDS - 1.0) >= span)
-            .unwrap_or(span);
+        let power = 10_f64.powf((span / BANDS).log10().floor());
+        let fits = |step: &f64| *step * (BANDS - 1.0) >= span;
+        let step = [1.0, 2.0, 5.0, 10.0].map(|n| n * power).into_iter().find(fits).unwrap_or(20.0 * power);
         let first = (low / step).floor();
-        Self { first: first * step, step, count: ((high / step).ceil() - first).max(1.0) as usize }
+        let last = (high / step).ceil().max(first + 1.0);
+        Self {
+            first: first * step,
+            step,
+            count: (last - first) as usize,
+            beyond: [all[0] < first * step, all[1] > last * step],
+        }
     }
 
     fn level(&self, n: usize) -> f64 {
@@ -338,7 +387,12 @@ impl Bands {
 
     fn label(&self, n: usize) -> String {
         let decimals = (-self.step.log10().floor()).clamp(0.0, 9.0) as usize;
-        format!("{:.decimals$}", self.level(n))
+        let mark = match n {
+            0 if self.beyond[0] => "≤ ",
+            n if n == self.count && self.beyond[1] => "≥ ",
+            _ => "",
+        };
+        format!("{mark}{:.decimals$}", self.level(n))
     }
 }
 
@@ -346,7 +400,7 @@ struct Panel<'a> {
     k: usize,
     map: &'a Map,
     legend: &'a Legend<'a>,
-    polygons: &'a [Vec<Place>],
+    region: &'a Region,
 }
 
 fn text(
@@ -366,16 +420,18 @@ fn panel(
     (width, height): (i32, i32),
     panel: &Panel<'_>,
 ) -> Result<()> {
-    let &Panel { k, map, legend, polygons } = panel;
+    let &Panel { k, map, legend, region } = panel;
     let (unit, per_unit) = if k < 3 { ("N/µm", 1e6) } else { ("N·m/mrad", 1e3) };
     let name = format!("k{0}{0} in {unit}", k + 1);
     let (x, y) = (left + size::LEFT, top + size::CAPTION);
     text(area, &name, (x + width / 2, top + size::CAPTION / 2), 30, HPos::Center)?;
 
     let [[x0, x1], [z0, z1]] = map.grid.extent_mm();
-    let chart_area = area.clone().shrink((left, y), (size::LEFT + width, height + size::BOTTOM));
+    text(area, "Z0 in mm", (left + 20, top + size::CAPTION / 2), size::TEXT, HPos::Left)?;
+    text(area, "X0 in mm", (x + width / 2, y + height + size::TICKS + 12), size::TEXT, HPos::Center)?;
+    let chart_area = area.clone().shrink((left, y), (size::LEFT + width, height + size::TICKS));
     let mut chart = ChartBuilder::on(&chart_area)
-        .x_label_area_size(size::BOTTOM)
+        .x_label_area_size(size::TICKS)
         .y_label_area_size(size::LEFT)
         .build_cartesian_2d(x0..x1, z0..z1)
         .map_err(failed)?;
@@ -383,27 +439,20 @@ fn panel(
     chart
         .configure_mesh()
         .disable_mesh()
-        .x_desc("X0 in mm")
-        .y_desc("Z0 in mm")
         .x_labels(7)
         .y_labels(7)
         .x_label_formatter(&number)
         .y_label_formatter(&number)
         .label_style(("sans-serif", size::TEXT))
-        .axis_desc_style(("sans-serif", size::TEXT))
         .draw()
         .map_err(failed)?;
     let plane = chart.plotting_area().clone();
     let pixel = |at: [f64; 2]| plane.map_coordinate(&(at[0], at[1]));
 
-    // the colours tell apart what can be trusted; what is extrapolated may run out of them
-    let trusted = |p: &&super::Value| p.inside != Some(false);
-    let values = || map.points.iter().filter_map(|p| p.value.as_ref().ok());
-    let any_trusted = values().any(|v| trusted(&v));
-    let bands = Bands::new(values().filter(|v| !any_trusted || trusted(v)).map(|v| v.principal[k] / per_unit));
+    let bands = Bands::new(map, |v| v.principal[k] / per_unit);
     for band in 0..bands.count {
         let level = if band == 0 { f64::NEG_INFINITY } else { bands.level(band) * per_unit };
-        let parts = polygons.iter().map(|p| contour::above(p, k, level));
+        let parts = region.pieces.iter().map(|p| contour::above(p, k, level));
         let edges: Vec<_> =
             parts.flat_map(|p| contour::edges(&p).map(|e| e.map(|c| pixel(c.at))).collect::<Vec<_>>()).collect();
         let outline = one_line(contour::join(edges.into_iter()));
@@ -412,20 +461,26 @@ fn panel(
     if legend.table {
         let spacing_mm = size::HATCH * (x1 - x0) / f64::from(width);
         for stripe in stripes(map, legend, spacing_mm) {
-            area.draw(&PathElement::new(stripe.map(pixel).to_vec(), Mark::STRIPES.colour.stroke_width(4))).map_err(failed)?;
+            area.draw(&PathElement::new(
+                stripe.map(pixel).to_vec(),
+                Mark::STRIPES.colour.stroke_width(Mark::STRIPES.width),
+            ))
+            .map_err(failed)?;
         }
     }
-    let border = |value: usize, mark: Mark| {
-        let edges = polygons.iter().flat_map(|p| border_edges(p, value)).map(|e| e.map(|c| pixel(c.at)));
-        contour::join(edges).into_iter().try_for_each(|line| mark.line(area, line))
+    let border = |border: usize, mark: Mark| {
+        let edges = region.borders[border].iter().map(|e| e.map(pixel));
+        contour::join(edges).iter().try_for_each(|line| mark.line(area, thinned(line)))
     };
-    for limit in 0..LIMITS {
-        border(6 + limit, Mark::limit(limit))?;
+    for limit in (0..LIMITS).filter(|limit| !region.limbs(*limit).is_empty()) {
+        border(limit, Mark::limit(limit))?;
     }
     for which in 0..2 {
-        border(AT_SINGULARITY + which, Mark::singularity(which))?;
+        border(LIMITS + which, Mark::singularity(which))?;
     }
     for side in box_edges(map, legend) {
+        // light under dark: seen on every colour
+        area.draw(&PathElement::new(side.map(pixel), WHITE.mix(0.7).stroke_width(8))).map_err(failed)?;
         Mark::BOX.line(area, side.map(pixel).to_vec())?;
     }
     area.draw(&Rectangle::new([(x, y), (x + width, y + height)], BLACK.stroke_width(2))).map_err(failed)?;
@@ -436,12 +491,28 @@ fn panel(
         let band = [(bar, at(n + 1)), (bar + size::BAR, at(n))];
         area.draw(&Rectangle::new(band, bands.colour(n).filled())).map_err(failed)?;
     }
-    for n in 0..=bands.count {
-        area.draw(&PathElement::new(vec![(bar + size::BAR, at(n)), (bar + size::BAR + 8, at(n))], BLACK.stroke_width(2)))
-            .map_err(failed)?;
+    let every = (bands.count as i32 * (size::TEXT + 6) / height + 1) as usize;
+    for n in (0..=bands.count).filter(|n| *n == bands.count || (n % every == 0 && n + every <= bands.count)) {
+        area.draw(&PathElement::new(
+            vec![(bar + size::BAR, at(n)), (bar + size::BAR + 8, at(n))],
+            BLACK.stroke_width(2),
+        ))
+        .map_err(failed)?;
         text(area, &bands.label(n), (bar + size::BAR + 14, at(n)), size::TEXT, HPos::Left)?;
     }
     area.draw(&Rectangle::new([(bar, y), (bar + size::BAR, y + height)], BLACK.stroke_width(2))).map_err(failed)
+}
+
+/// A line without its shortest steps, in which whole pixels would show.
+fn thinned(line: &[Pixel]) -> Vec<Pixel> {
+    let mut kept: Vec<Pixel> = Vec::new();
+    for (i, at) in line.iter().enumerate() {
+        let far = kept.last().is_none_or(|last| (at.0 - last.0).abs().max((at.1 - last.1).abs()) >= 8);
+        if far || i + 1 == line.len() {
+            kept.push(*at);
+        }
+    }
+    kept
 }
 
 /// Several closed lines as one, there and back between their starts: a polygon that is filled where they turn about.
