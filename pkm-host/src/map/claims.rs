@@ -27,9 +27,10 @@ pub struct Claim {
     pub text: String,
 }
 
-/// All claims over the points of a map that `take` picks; none when these are not at least two wide and two high.
-pub fn check(map: &Map, take: impl Fn(&Point) -> bool) -> Vec<Claim> {
-    let field = Field::new(map, take);
+/// All claims over the points of a map that have a stiffness, or those of them inside the table's box alone; none when
+/// these are not at least two wide and two high.
+pub fn check(map: &Map, inside_alone: bool) -> Vec<Claim> {
+    let field = Field::new(map, inside_alone);
     if field.extent[0] >= field.extent[1] || field.pairs([0, 1]).next().is_none() {
         return Vec::new();
     }
@@ -56,8 +57,8 @@ struct Field<'a> {
 }
 
 impl<'a> Field<'a> {
-    fn new(map: &'a Map, take: impl Fn(&Point) -> bool) -> Self {
-        let value = |p: &Point| p.value.ok().filter(|_| take(p)).map(|v| v.principal);
+    fn new(map: &'a Map, inside_alone: bool) -> Self {
+        let value = |p: &Point| p.value.ok().filter(|v| !inside_alone || v.inside == Some(true)).map(|v| v.principal);
         let values: Vec<_> = map.points.iter().map(value).collect();
         let taken = map.points.iter().zip(&values).filter(|(_, v)| v.is_some()).map(|(p, _)| p.x0_mm);
         let extent = taken.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
@@ -90,14 +91,15 @@ impl<'a> Field<'a> {
     /// Means of a stiffness in the three parts of the X0 extent.
     fn means(&self, k: usize) -> [f64; 3] {
         let [low, high] = self.extent;
-        let (mut sums, mut counts) = ([0.0; 3], [0.0_f64; 3]);
+        let (mut sums, mut counts) = ([0.0; 3], [0.0; 3]);
         for (point, value) in self.map.points.iter().zip(&self.values) {
             let Some(value) = value else { continue };
             let part = ((point.x0_mm - low) / (high - low) * 3.0).clamp(0.0, 2.0) as usize;
             sums[part] += value[k];
             counts[part] += 1.0;
         }
-        std::array::from_fn(|part| sums[part] / counts[part].max(1.0))
+        // NaN, which is above nothing, for a part without points
+        std::array::from_fn(|part| sums[part] / counts[part])
     }
 
     fn large_in(&self, words: &str, stiffnesses: &[usize], part: usize) -> Claim {

@@ -135,7 +135,8 @@ impl Map {
         if points.iter().all(|p| p.value.is_err()) {
             let [[x0, x1], [z0, z1]] = grid.extent_mm();
             return Err(Failure::usage(format!(
-                "no stiffness at any of {total} points of X0 {x0} to {x1} mm, Z0 {z0} to {z1} mm at σ = {sigma_deg}°: {}",
+                "no stiffness at any of {total} points of X0 {x0} to {x1} mm, Z0 {z0} to {z1} mm at σ = {sigma_deg}°: {}; \
+                 take another window or a smaller step",
                 counted(&points)
             )));
         }

@@ -8,7 +8,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::contour::{self, Corner, Pixel};
-use super::{Map, Model, Value, theta_deg};
+use super::{Map, Model, theta_deg};
 use crate::dataset::pose_of;
 use crate::error::{Failure, Result};
 use crate::machine_file::{MachineFile, PoseBox};
@@ -223,7 +223,7 @@ impl Mark {
         Self {
             colour: [COLOURS[1], COLOURS[5], COLOURS[3]][limb].to_rgba(),
             width: [8, 4, 6][limb],
-            dash: (limit % 2 == 0).then_some((22, 14)),
+            dash: limit.is_multiple_of(2).then_some((22, 14)),
             striped: false,
         }
     }
@@ -351,13 +351,16 @@ struct Bands {
 
 impl Bands {
     /// Over all values that can be trusted, and what is extrapolated as far as it is of their size.
-    fn new(map: &Map, of: impl Fn(&Value) -> f64) -> Self {
-        let range = |take: &dyn Fn(&Value) -> bool| {
-            let values = map.points.iter().filter_map(|p| p.value.as_ref().ok()).filter(|v| take(v)).map(&of);
+    fn new(&Panel { k, map, legend, region }: &Panel<'_>, per_unit: f64) -> Self {
+        let planes = box_planes(map, legend);
+        let inside = |[x, z]: [f64; 2]| planes.is_some_and(|p| p.iter().all(|[a, b, c]| a * x + b * z >= *c));
+        let range = |take: &dyn Fn([f64; 2]) -> bool| {
+            let corners = region.pieces.iter().flatten().filter(|c| take(c.at));
+            let values = corners.map(|c| c.values[k] / per_unit);
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
         };
         let all = range(&|_| true);
-        let trusted = range(&|v| v.inside != Some(false));
+        let trusted = range(&|at| !legend.table || inside(at));
         let [low, high] = if trusted[0] <= trusted[1] {
             [all[0].max(trusted[0] / EXTRAPOLATED), all[1].min(trusted[1] * EXTRAPOLATED)]
         } else {
@@ -449,7 +452,7 @@ fn panel(
     let plane = chart.plotting_area().clone();
     let pixel = |at: [f64; 2]| plane.map_coordinate(&(at[0], at[1]));
 
-    let bands = Bands::new(map, |v| v.principal[k] / per_unit);
+    let bands = Bands::new(panel, per_unit);
     for band in 0..bands.count {
         let level = if band == 0 { f64::NEG_INFINITY } else { bands.level(band) * per_unit };
         let parts = region.pieces.iter().map(|p| contour::above(p, k, level));
