@@ -3,6 +3,7 @@
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
+use pkm_core::effects::Effects;
 use pkm_core::tables::reference;
 use pkm_core::{
     CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths,
@@ -547,9 +548,10 @@ pub fn map(
         Some((_, Form::Diagonal)) => "diagonal",
         Some(_) => "factor",
     };
+    let effects = if file.parameters.effects == Effects::NONE { "" } else { " with the machine's effects" };
     let described = match name {
-        "basic" => "basic model K_p".to_owned(),
-        form => format!("corrected by its table, {form} form"),
+        "basic" => format!("K_p{effects}"),
+        form => format!("K_p{effects}, corrected by its table, {form} form"),
     };
     let pose_box = model.table.as_ref().map_or(file.pose_box, |table| table.pose_box);
 
