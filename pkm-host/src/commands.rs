@@ -1,11 +1,13 @@
 //! The commands: read, compute, write, and the document for `--json`.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
+use pkm_core::effects::Effects;
 use pkm_core::tables::reference;
 use pkm_core::{
-    Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, StiffnessError, StiffnessFactor, Wrench,
+    CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths,
+    StiffnessError, StiffnessFactor, Wrench,
 };
 use serde_json::{Value, json};
 
@@ -19,6 +21,7 @@ use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
 use crate::machine_file::{MachineFile, PoseBox, status};
+use crate::map::{self, Map, Window, claims, picture};
 use crate::plan::{self, PlanKind};
 use crate::report;
 use crate::source::{self, Source, fixtures};
@@ -116,7 +119,14 @@ pub enum Form {
 /// A machine, with a table or without.
 struct Model {
     machine: MachineFile,
-    table: Option<(TableNumbers, Form)>,
+    table: Option<Table>,
+}
+
+struct Table {
+    numbers: TableNumbers,
+    form: Form,
+    /// Where it was fitted.
+    pose_box: PoseBox,
 }
 
 /// A stiffness ready for loads, and where its pose stands to the table's box (`None` without a table).
@@ -151,40 +161,47 @@ impl Model {
             (Form::Auto, Some(_)) => Form::Factor,
             (form, _) => form,
         };
-        Ok(Self { machine, table: Some((file.numbers(), form)) })
+        let table = Table { numbers: file.numbers(), form, pose_box: file.extent.pose_box() };
+        Ok(Self { machine, table: Some(table) })
+    }
+
+    /// The core's view of the table.
+    fn applied(&self) -> Result<Applied<'_>> {
+        self.table.as_ref().map(|t| Ok((t.numbers.table()?, t.form))).transpose()
     }
 
     /// Stiffness at every pose and temperature in °C.
     fn solve<'a>(&self, poses: impl IntoIterator<Item = (&'a NamedPose, f64)>) -> Result<Vec<Solved>> {
-        let table = self.table.as_ref().map(|(numbers, form)| Ok((numbers.table()?, *form))).transpose()?;
+        let table = self.applied()?;
         poses
             .into_iter()
             .map(|(p, temperature_c)| {
                 let failed = |e: String| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line);
-                let machine = &self.machine.machine.at_temperature(temperature_c).map_err(|e| failed(e.to_string()))?;
-                let corrected = match &table {
-                    None => {
-                        return machine
-                            .stiffness(&p.pose)
-                            .and_then(|k| k.factor())
-                            .map(|factor| Solved { factor, domain: None })
-                            .map_err(|e| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line));
-                    }
-                    Some((table, Form::Diagonal)) => table.diagonal_form(machine, &p.pose),
-                    Some((table, _)) => table.factor_form(machine, &p.pose),
-                };
-                let solved = corrected
-                    .map(|c| Solved { factor: c.factor, domain: Some(c.domain) })
-                    .map_err(|e| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line))?;
+                let machine = self.machine.machine.at_temperature(temperature_c).map_err(|e| failed(e.to_string()))?;
+                let solved = solve_at(&table, &machine, &p.pose).map_err(|e| failed(e.to_string()))?;
                 if solved.factor.stiffness().matrix().as_flattened().iter().all(|k| k.is_finite()) {
                     Ok(solved)
                 } else {
-                    let message = format!("pose `{}`: the table gives a stiffness that is not finite", p.id);
-                    Err(Failure::input(message).at_line(p.line))
+                    Err(failed("the table gives a stiffness that is not finite".into()))
                 }
             })
             .collect()
     }
+}
+
+type Applied<'a> = Option<(CorrectionTable<'a, f64>, Form)>;
+
+fn solve_at(
+    table: &Applied<'_>,
+    machine: &Machine<f64>,
+    pose: &Pose<f64>,
+) -> std::result::Result<Solved, CorrectionError> {
+    let corrected = match table {
+        None => return Ok(Solved { factor: machine.stiffness(pose)?.factor()?, domain: None }),
+        Some((table, Form::Diagonal)) => table.diagonal_form(machine, pose),
+        Some((table, _)) => table.factor_form(machine, pose),
+    };
+    corrected.map(|c| Solved { factor: c.factor, domain: Some(c.domain) })
 }
 
 fn warn_outside(solved: &[Solved]) {
@@ -494,6 +511,86 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
         diagnose::report::text(&diagnosis),
         out.display()
     );
+    Ok(Output { text, json })
+}
+
+/// `map`: principal stiffnesses over the workspace, and the paper's claims about them (Section 5.2).
+///
+/// # Errors
+/// Bad files and ranges, a σ that the machine cannot take, an unwritable folder.
+pub fn map(
+    machine: Option<&Path>,
+    table: Option<&Path>,
+    form: Form,
+    sigma_deg: &[f64],
+    window: &Window,
+    out: &Path,
+) -> Result<Output> {
+    let model = Model::read(machine, table, form)?;
+    let file = &model.machine;
+    let applied = model.applied()?;
+    let value = |machine: &Machine<f64>, pose: &Pose<f64>| match solve_at(&applied, machine, pose) {
+        Ok(solved) => {
+            let principal = solved.factor.stiffness().principal();
+            let inside = solved.domain.map(|d| d == Domain::Inside);
+            if principal.iter().all(|k| k.is_finite()) {
+                Ok(map::Value { principal, inside })
+            } else {
+                Err("no_stiffness")
+            }
+        }
+        Err(CorrectionError::Stiffness(StiffnessError::Kinematics(e))) => Err(status(e)),
+        // positive definite no more: a table far outside its box
+        Err(_) => Err("no_stiffness"),
+    };
+    let name = match &applied {
+        None => "basic",
+        Some((_, Form::Diagonal)) => "diagonal",
+        Some(_) => "factor",
+    };
+    let effects = if file.parameters.effects == Effects::NONE { "" } else { " with the machine's effects" };
+    let described = match name {
+        "basic" => format!("K_p{effects}"),
+        form => format!("K_p{effects}, corrected by its table, {form} form"),
+    };
+    let pose_box = model.table.as_ref().map_or(file.pose_box, |table| table.pose_box);
+
+    let mut files: Vec<(OsString, Vec<u8>)> = Vec::new();
+    let (mut rows, mut maps, mut checked) = (Vec::new(), Vec::new(), Vec::new());
+    let mut text = String::new();
+    for &sigma in sigma_deg {
+        let map = Map::new(file, &value, sigma, window)?;
+        let machine_name: String = file.name.chars().take(60).collect();
+        let title = format!("Principal stiffnesses of {machine_name} at A in A-uvw, σ = {sigma}°: {described}");
+        let legend = picture::Legend { title: &title, pose_box, table: table.is_some() };
+        let svg = picture::svg(file, &value, &map, &legend)?;
+        let png = picture::png(&svg)?;
+        let stem = if sigma_deg.len() == 1 { "map".to_owned() } else { format!("map-sigma-{sigma}") };
+        files.extend([(format!("{stem}.svg").into(), svg.into_bytes()), (format!("{stem}.png").into(), png)]);
+        rows.extend(map.rows());
+        text.push_str(&map.summary());
+        maps.push(map.to_json());
+        for (over, inside_alone) in [("workspace", false), ("box of the table", true)] {
+            let claims = claims::check(&map, inside_alone);
+            if !claims.is_empty() {
+                text.push_str(&format!("the paper's Section 5.2, over the {over}:\n"));
+            }
+            for c in claims {
+                text.push_str(&format!("  {:<5}  {}\n         {}\n", c.holds, c.claim, c.text));
+                checked.push(json!({
+                    "sigma_deg": sigma, "over": over, "claim": c.claim, "holds": c.holds, "figures": c.figures,
+                }));
+            }
+        }
+    }
+    files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
+    let named: Vec<_> = files.iter().map(|(name, bytes)| (name.as_os_str(), bytes)).collect();
+    source::write_all(out, &named)?;
+    let names: Vec<_> = files.iter().map(|(name, _)| name.to_string_lossy()).collect();
+    text.push_str(&format!("wrote {} to {}\n", names.join(", "), out.display()));
+    let json = json!({
+        "machine": file.name, "model": name, "maps": maps, "claims": checked, "files": names,
+    });
     Ok(Output { text, json })
 }
 

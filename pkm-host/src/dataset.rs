@@ -20,7 +20,7 @@ const OTHER_MEASURED: [&str; 6] =
     ["series", "repeat", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
 /// Column of the stiffness k_ij, i ≤ j, from 1.
-fn stiffness_column(i: usize, j: usize) -> String {
+pub(crate) fn stiffness_column(i: usize, j: usize) -> String {
     format!("k{}{}", i.min(j) + 1, i.max(j) + 1)
 }
 

@@ -12,6 +12,7 @@ pub mod fit;
 pub mod hil;
 pub mod holds;
 pub mod machine_file;
+pub mod map;
 pub mod plan;
 pub mod plot;
 pub mod report;

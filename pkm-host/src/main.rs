@@ -11,6 +11,7 @@ use pkm_host::error::{Failure, Result};
 use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
 use pkm_host::machine_file::PoseBox;
+use pkm_host::map::Window;
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
 /// that a controller compiles in.
@@ -115,6 +116,26 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
+    /// Maps of k11…k66 over the workspace (Fig. 7), and whether the paper's Section 5.2 is true of this machine.
+    Map {
+        #[command(flatten)]
+        table: TableArgs,
+        /// σ in °, within ±90; several with commas between: a picture each.
+        #[arg(long, value_parser = finite, allow_hyphen_values = true, value_delimiter = ',', default_value = "0")]
+        sigma_deg: Vec<f64>,
+        /// Least and greatest X0 of the window in mm; default: the machine's workspace.
+        #[arg(long, value_parser = list::<2>, allow_hyphen_values = true, value_name = "LEAST,GREATEST")]
+        x0_mm: Option<[f64; 2]>,
+        /// Least and greatest Z0 of the window in mm; default: the machine's workspace.
+        #[arg(long, value_parser = list::<2>, allow_hyphen_values = true, value_name = "LEAST,GREATEST")]
+        z0_mm: Option<[f64; 2]>,
+        /// Between points of the CSV in mm; default: 100 to 250 points along the longer side.
+        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
+        step_mm: Option<f64>,
+        /// Folder for map.csv, map.svg and map.png (with several σ map-sigma-….svg and .png).
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
     /// Drives firmware that runs the core (pkm-fw's `cyclic`) and compares every bit with the host.
     Hil {
         /// Serial port of the board, such as /dev/ttyACM0.
@@ -192,6 +213,25 @@ fn run(cli: &Cli) -> Result<Output> {
         }
         Command::Diagnose { data, holdout, out } => {
             commands::diagnose(machine, data.as_deref(), holdout.as_deref(), out)
+        }
+        Command::Map { table, sigma_deg, x0_mm, z0_mm, step_mm, out } => {
+            for (option, range) in [("--x0-mm", x0_mm), ("--z0-mm", z0_mm)] {
+                if let Some([low, high]) = range.filter(|[low, high]| low >= high || low.abs().max(high.abs()) > 1e6) {
+                    let message = format!("{option}: expected least,greatest within ±1e6 mm, found {low:?},{high:?}");
+                    return Err(Failure::usage(message));
+                }
+            }
+            if let Some(step) = step_mm.filter(|step| *step <= 0.0) {
+                return Err(Failure::usage(format!("--step-mm: expected a number above 0, found {step}")));
+            }
+            for (i, sigma) in sigma_deg.iter().enumerate() {
+                if sigma.abs() >= 90.0 || sigma_deg[..i].contains(sigma) {
+                    let message = format!("--sigma-deg: expected different angles within ±90, found {sigma}");
+                    return Err(Failure::usage(message));
+                }
+            }
+            let window = Window { x0_mm: *x0_mm, z0_mm: *z0_mm, step_mm: *step_mm };
+            commands::map(machine, table.table.as_deref(), table.form, sigma_deg, &window, out)
         }
         Command::Hil { port, baud, qemu: _, elf, board, poses, steps, seed, table, out } => {
             let target = match port {

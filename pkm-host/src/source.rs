@@ -98,7 +98,7 @@ impl Source {
 ///
 /// # Errors
 /// What the operating system says, with the path.
-pub fn write_all(folder: &Path, files: &[(&OsStr, String)]) -> Result<()> {
+pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)]) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
     let mut ready = Vec::new();
     for (name, content) in files {
@@ -107,10 +107,10 @@ pub fn write_all(folder: &Path, files: &[(&OsStr, String)]) -> Result<()> {
         let path = std::fs::canonicalize(&path).unwrap_or(path);
         let written = match std::fs::metadata(&path) {
             Ok(there) if there.is_dir() => Err(std::io::Error::other("a folder of this name is in the way")),
-            Ok(there) if !there.is_file() => std::fs::write(&path, content).map(|()| None),
+            Ok(there) if !there.is_file() => std::fs::write(&path, content.as_ref()).map(|()| None),
             Ok(there) if there.permissions().readonly() => Err(std::io::Error::other("the file is write-protected")),
             _ => temporary_in(path.parent().unwrap_or(folder)).and_then(|mut file| {
-                file.write_all(content.as_bytes())?;
+                file.write_all(content.as_ref())?;
                 file.as_file().sync_all()?;
                 Ok(Some(file))
             }),

@@ -1,0 +1,341 @@
+//! The command `map`, read as an engineer would read its files.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
+use pkm_core::{CorrectionError, Domain};
+use pkm_host::dataset::pose_of;
+use pkm_host::machine_file::{MachineFile, status};
+use pkm_host::source::Source;
+use resvg::tiny_skia::Pixmap;
+use serde_json::Value;
+
+fn fixture(path: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures").join(path).display().to_string()
+}
+
+fn run(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_pkm-host")).args(args).arg("--json").output().unwrap()
+}
+
+fn json(args: &[&str]) -> Value {
+    let output = run(args);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn folder() -> (tempfile::TempDir, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out").display().to_string();
+    (folder, out)
+}
+
+/// A row of the CSV.
+struct Row {
+    x0_mm: f64,
+    z0_mm: f64,
+    theta_deg: f64,
+    sigma_deg: f64,
+    status: String,
+    inside: String,
+    k: Option<[f64; 6]>,
+}
+
+fn rows(out: &str) -> Vec<Row> {
+    let text = std::fs::read_to_string(format!("{out}/map.csv")).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(
+        lines.next().unwrap(),
+        "x0_mm,z0_mm,theta_deg,sigma_deg,status,inside_domain,k11_n_per_m,k22_n_per_m,k33_n_per_m,\
+         k44_nm_per_rad,k55_nm_per_rad,k66_nm_per_rad"
+    );
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let number = |i: usize| cells[i].parse::<f64>().unwrap();
+        assert_eq!(cells.len(), 12, "{line}");
+        assert!(cells[6..].iter().all(|c| c.is_empty()) || cells[6..].iter().all(|c| !c.is_empty()), "{line}");
+        Row {
+            x0_mm: number(0),
+            z0_mm: number(1),
+            theta_deg: number(2),
+            sigma_deg: number(3),
+            status: cells[4].to_owned(),
+            inside: cells[5].to_owned(),
+            k: (!cells[6].is_empty()).then(|| std::array::from_fn(|i| number(6 + i))),
+        }
+    };
+    lines.map(row).collect()
+}
+
+#[test]
+fn every_row_is_what_the_core_says() {
+    let (_folder, out) = folder();
+    let document = json(&["map", "--out", &out, "--step-mm", "25", "--sigma-deg", "-8,0"]);
+    let rows = rows(&out);
+    let mut counts: BTreeMap<String, u64> = BTreeMap::new();
+    for row in &rows {
+        let pose = pose_of(row.theta_deg, row.sigma_deg, row.z0_mm);
+        assert!((row.z0_mm * row.theta_deg.to_radians().tan() - row.x0_mm).abs() < 1e-9, "{}", row.x0_mm);
+        assert_eq!(row.inside, "");
+        match MACHINE_F64.stiffness(&pose).and_then(|k| k.factor()).map(|f| f.stiffness()) {
+            Ok(k) => assert_eq!((row.status.as_str(), row.k), ("ok", Some(k.principal()))),
+            Err(_) => {
+                assert_eq!((row.status.as_str(), row.k), (status(MACHINE_F64.inverse(&pose).unwrap_err()), None))
+            }
+        }
+        *counts.entry(row.status.clone()).or_default() += 1;
+    }
+    let said = |status: &str| -> u64 {
+        document["maps"].as_array().unwrap().iter().map(|m| m["points"][status].as_u64().unwrap_or(0)).sum()
+    };
+    assert!(counts["ok"] > 500 && counts["out_of_travel"] > 500 && counts["unreachable"] > 50, "{counts:?}");
+    assert!(counts.iter().all(|(status, n)| said(status) == *n), "{counts:?} is not in {document}");
+    for map in document["maps"].as_array().unwrap() {
+        let at_sigma = rows.iter().filter(|r| Some(r.sigma_deg) == map["sigma_deg"].as_f64()).filter_map(|r| r.k);
+        let greatest = at_sigma.map(|k| k[5]).fold(0.0, f64::max);
+        assert_eq!(map["stiffness"]["k66_nm_per_rad"]["greatest"]["value"].as_f64(), Some(greatest));
+    }
+    let names: Vec<_> = document["files"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    let expected = ["map-sigma--8.svg", "map-sigma--8.png", "map-sigma-0.svg", "map-sigma-0.png", "map.csv"];
+    assert_eq!(names, expected);
+    assert_eq!(Path::new(&out).read_dir().unwrap().count(), expected.len());
+}
+
+#[test]
+fn the_window_is_the_whole_workspace() {
+    // (machine file, σ): the extent of all poses on a fine grid of the half plane that screws and arms can span
+    let narrow = std::fs::read_to_string(fixture("machines/reference.toml")).unwrap();
+    let narrow = narrow.replace("[420.0, 420.0, 420.0]", "[500.0, 500.0, 640.0]");
+    let narrow = narrow.replace("[770.0, 770.0, 770.0]", "[506.0, 506.0, 646.0]");
+    let (folder, out) = folder();
+    let narrow_path = folder.path().join("narrow.toml").display().to_string();
+    std::fs::write(&narrow_path, &narrow).unwrap();
+    let reference = fixture("machines/reference.toml");
+    let x150 = fixture("machines/x150.toml");
+    for (path, sigma, reach_mm, every_mm) in [
+        (&reference, 0.0, 900.0, 1.0),
+        (&reference, 14.0, 900.0, 1.0),
+        (&x150, 0.0, 300.0, 0.2),
+        (&x150, -6.0, 300.0, 0.2),
+        (&narrow_path, 0.0, 900.0, 0.5),
+    ] {
+        let machine = MachineFile::parse(Source::read(Path::new(path)).unwrap()).unwrap().machine;
+        let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let count = (reach_mm / every_mm) as i32;
+        for x in -count..=count {
+            for z in 1..=count {
+                let at = [x, z].map(|n| f64::from(n) * every_mm);
+                if machine.inverse(&pose_of(at[0].atan2(at[1]).to_degrees(), sigma, at[1])).is_ok() {
+                    for (range, at) in extent.iter_mut().zip(at) {
+                        *range = [range[0].min(at), range[1].max(at)];
+                    }
+                }
+            }
+        }
+        let document = json(&["map", "--out", &out, "--machine", path, "--sigma-deg", &sigma.to_string()]);
+        let map = &document["maps"][0];
+        let step = map["step_mm"].as_f64().unwrap();
+        for (name, [low, high]) in ["x0_mm", "z0_mm"].iter().zip(extent) {
+            let [found_low, found_high] = [0, 1].map(|i| map[name][i].as_f64().unwrap());
+            assert!(found_low <= low && low - found_low < step + 1.0, "{path} {sigma} {name}: {found_low} for {low}");
+            assert!(
+                found_high >= high && found_high - high < step + 1.0,
+                "{path} {sigma} {name}: {found_high} for {high}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_table_corrects_and_says_where_it_was_fitted() {
+    let (folder, out) = folder();
+    let fit = folder.path().join("fit").display().to_string();
+    json(&["fit", "--out", &fit]);
+    let table = format!("{fit}/coefficients.json");
+    for form in ["auto", "diagonal"] {
+        let document = json(&["map", "--out", &out, "--table", &table, "--form", form, "--step-mm", "15"]);
+        assert_eq!(document["model"], if form == "auto" { "factor" } else { form });
+        let mut seen = [0; 2];
+        for row in rows(&out) {
+            let pose = pose_of(row.theta_deg, row.sigma_deg, row.z0_mm);
+            let corrected = match form {
+                "diagonal" => TABLE_F64.diagonal_form(&MACHINE_F64, &pose),
+                _ => TABLE_F64.factor_form(&MACHINE_F64, &pose),
+            };
+            match corrected {
+                Ok(c) => {
+                    let inside = c.domain == Domain::Inside;
+                    assert_eq!(row.k, Some(c.factor.stiffness().principal()));
+                    assert_eq!(row.inside, inside.to_string());
+                    assert_eq!(row.status, if inside { "ok" } else { "outside_box" });
+                    seen[usize::from(inside)] += 1;
+                }
+                Err(CorrectionError::NotPositive { .. }) => {
+                    assert_eq!((row.status.as_str(), row.k), ("no_stiffness", None))
+                }
+                Err(_) => assert!(row.k.is_none() && row.inside.is_empty()),
+            }
+        }
+        assert!(seen[0] > 500 && seen[1] > 50, "{seen:?}");
+        let svg = std::fs::read_to_string(format!("{out}/map.svg")).unwrap();
+        assert!(svg.contains("box of the table") && svg.contains("extrapolated"));
+        let over = |scope: &str| document["claims"].as_array().unwrap().iter().filter(|c| c["over"] == scope).count();
+        assert_eq!([over("workspace"), over("box of the table")], [7, 7]);
+    }
+}
+
+#[test]
+fn claims_can_be_repeated_from_the_csv() {
+    let (_folder, out) = folder();
+    let document = json(&["map", "--out", &out, "--step-mm", "10"]);
+    let rows: Vec<Row> = rows(&out).into_iter().filter(|r| r.k.is_some()).collect();
+    let claim = |words: &str| {
+        let claims = document["claims"].as_array().unwrap();
+        claims.iter().find(|c| c["claim"].as_str().unwrap().contains(words)).unwrap()
+    };
+    let close = |found: &Value, expected: f64| {
+        let found = found.as_f64().unwrap();
+        assert!((found - expected).abs() <= 1e-9 * expected.abs(), "{found} is not {expected}");
+    };
+    let (low, high) = rows.iter().fold((f64::MAX, f64::MIN), |(l, h), r| (l.min(r.x0_mm), h.max(r.x0_mm)));
+    let third = (high - low) / 3.0;
+    let mean = |k: usize, take: &dyn Fn(f64) -> bool| {
+        let taken: Vec<f64> = rows.iter().filter(|r| take(r.x0_mm)).map(|r| r.k.unwrap()[k]).collect();
+        taken.iter().sum::<f64>() / taken.len() as f64
+    };
+    for (words, k, name) in [("k11, k22, k33 are large", 1, "k22"), ("k66 is large", 5, "k66")] {
+        let figures = &claim(words)["figures"][name];
+        close(&figures["mean_left"], mean(k, &|x| x < low + third));
+        close(&figures["mean_right"], mean(k, &|x| x >= low + 2.0 * third));
+    }
+    let holds = mean(5, &|x| x < low + third) > mean(5, &|x| x >= low + third && x < low + 2.0 * third)
+        && mean(5, &|x| x < low + third) > mean(5, &|x| x >= low + 2.0 * third);
+    assert_eq!(claim("k66 is large")["holds"], holds);
+
+    let by_place: BTreeMap<(i64, i64), [f64; 6]> =
+        rows.iter().map(|r| ((r.x0_mm as i64, r.z0_mm as i64), r.k.unwrap())).collect();
+    for (k, name) in ["k11", "k22", "k33"].into_iter().enumerate() {
+        let pairs: Vec<bool> =
+            by_place.iter().filter_map(|((x, z), here)| Some(by_place.get(&(*x, z + 10))?[k] < here[k])).collect();
+        let share = pairs.iter().filter(|falls| **falls).count() as f64 / pairs.len() as f64;
+        close(&claim("fall with growing Z0")["figures"][name]["falls_with_z0_share"], share);
+    }
+    let mean_log = rows.iter().map(|r| (r.k.unwrap()[2] / r.k.unwrap()[0]).ln()).sum::<f64>() / rows.len() as f64;
+    close(&claim("order of magnitude")["figures"]["k33/k11"]["geometric_mean"], mean_log.exp());
+    let arm = |r: &Row| {
+        let k = r.k.unwrap();
+        (k[3].max(k[4]).max(k[5]) / k[0].min(k[1]).min(k[2])).sqrt()
+    };
+    let least = rows.iter().map(arm).fold(f64::MAX, f64::min);
+    close(&claim("better than rotational")["figures"]["equal_at_arm_m"]["least"], least);
+}
+
+/// A number of an SVG element on its own line.
+fn attribute(line: &str, name: &str) -> i32 {
+    let (_, rest) = line.split_once(&format!(" {name}=\"")).unwrap();
+    rest.split('"').next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn colours_of_the_png_are_the_values_of_the_csv() {
+    let (_folder, out) = folder();
+    json(&["map", "--out", &out, "--step-mm", "15"]);
+    let svg = std::fs::read_to_string(format!("{out}/map.svg")).unwrap();
+    let pixels = Pixmap::decode_png(&std::fs::read(format!("{out}/map.png")).unwrap()).unwrap();
+    assert!(svg.contains(&format!("viewBox=\"0 0 {} {}\"", pixels.width(), pixels.height())), "{}", &svg[..200]);
+    assert!(
+        svg.contains("direct singularity of limb 3") && svg.contains("box of the machine") && svg.contains("σ = 0°")
+    );
+    assert!(!svg.contains("extrapolated"));
+    let colour = |x: i32, y: i32| {
+        let p = pixels.pixel(x as u32, y as u32).unwrap();
+        [p.red(), p.green(), p.blue()]
+    };
+    let rows = rows(&out);
+    let (first, last) = (&rows[0], &rows[rows.len() - 1]);
+
+    // frames come in pairs: the plane and its colour bar
+    let frames: Vec<&str> = svg.lines().filter(|l| l.starts_with("<rect") && l.contains("fill=\"none\"")).collect();
+    assert_eq!(frames.len(), 12);
+    for (k, pair) in frames.chunks(2).enumerate() {
+        let [x, y, width, height] = ["x", "y", "width", "height"].map(|a| attribute(pair[0], a));
+        let [bar, top, bar_height] = ["x", "y", "height"].map(|a| attribute(pair[1], a));
+        // the tick labels right of the bar, by height
+        let labels: BTreeMap<i32, f64> = svg
+            .split("<text ")
+            .skip(1)
+            .filter_map(|t| {
+                let t = format!(" {t}");
+                let (at_x, at_y) = (attribute(&t, "x"), attribute(&t, "y"));
+                let near = (bar..bar + 80).contains(&at_x) && (top - 9..=top + bar_height + 9).contains(&at_y);
+                let number = t.split_once('>')?.1.split('<').next()?.trim().parse().ok()?;
+                near.then_some((at_y, number))
+            })
+            .collect();
+        let (high, low) = (labels.first_key_value().unwrap().1, labels.last_key_value().unwrap().1);
+        let mut bands: Vec<[u8; 3]> = (0..bar_height).map(|dy| colour(bar + 18, top + bar_height - dy)).collect();
+        bands.dedup();
+        // lines and their soft edges are no bands
+        let bands: Vec<[u8; 3]> = bands
+            .into_iter()
+            .filter(|c| (0..bar_height).filter(|dy| colour(bar + 18, top + dy) == *c).count() > 5)
+            .collect();
+        let unit = if k < 3 { 1e6 } else { 1e3 };
+        let mut checked = 0;
+        for row in rows.iter().filter(|r| r.k.is_some()) {
+            let px = x + (f64::from(width) * (row.x0_mm - first.x0_mm) / (last.x0_mm - first.x0_mm)) as i32;
+            let py = y + height - (f64::from(height) * (row.z0_mm - first.z0_mm) / (last.z0_mm - first.z0_mm)) as i32;
+            let here = colour(px.min(x + width - 2), py.max(y + 2));
+            // near a border of bands a pixel may be of either
+            let near = [(-2, 0), (2, 0), (0, -2), (0, 2)].map(|(dx, dy)| colour(px + dx, py + dy));
+            let Some(band) = bands.iter().position(|c| *c == here && near.iter().all(|n| n == c)) else { continue };
+            let part = (row.k.unwrap()[k] / unit - low) / (high - low) * bands.len() as f64;
+            assert_eq!(part.floor() as usize, band, "k{0}{0} at {1}, {2}: {part}", k + 1, row.x0_mm, row.z0_mm);
+            checked += 1;
+        }
+        assert!(checked > 500, "k{0}{0}: {checked} points of {1}", k + 1, rows.len());
+    }
+}
+
+#[test]
+fn a_second_run_writes_the_same_bytes() {
+    let (_folder, out) = folder();
+    let read = || ["map.csv", "map.svg", "map.png"].map(|name| std::fs::read(format!("{out}/{name}")).unwrap());
+    let machine = fixture("machines/x150.toml");
+    json(&["map", "--out", &out, "--machine", &machine]);
+    let first = read();
+    json(&["map", "--out", &out, "--machine", &machine]);
+    assert!(first == read());
+}
+
+#[test]
+fn bad_ranges_are_refused_and_nothing_is_written() {
+    let (_folder, out) = folder();
+    for (args, words) in [
+        (&["--x0-mm", "5,5"][..], "--x0-mm: expected least,greatest"),
+        (&["--z0-mm", "600,500"], "--z0-mm: expected least,greatest"),
+        (&["--x0-mm", "1,2,3"], "expected 2 numbers"),
+        (&["--x0-mm", "0,NaN"], "finite"),
+        (&["--step-mm", "0"], "--step-mm"),
+        (&["--step-mm", "-1"], "--step-mm"),
+        (&["--step-mm", "5000"], "longer than the window"),
+        (&["--step-mm", "0.01"], "more than"),
+        (&["--x0-mm", "-1e300,1e300", "--step-mm", "1"], "within ±1e6"),
+        (&["--x0-mm", "-1e6,1e6", "--step-mm", "1"], "more than"),
+        (&["--x0-mm", "2000,3000"], "no stiffness at any"),
+        (&["--z0-mm", "-900,-800"], "no stiffness at any"),
+        (&["--sigma-deg", "90"], "--sigma-deg"),
+        (&["--sigma-deg", "3,3"], "--sigma-deg"),
+        (&["--sigma-deg", "80"], "takes no pose"),
+        (&["--form", "factor"], "--table"),
+    ] {
+        let output = run(&[&["map", "--out", &out], args].concat());
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let message = document["error"]["message"].as_str().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+        assert!(message.contains(words), "{args:?}: `{words}` is not in: {message}");
+        assert!(!Path::new(&out).exists(), "{args:?}");
+    }
+}
