@@ -22,6 +22,8 @@ use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
 use crate::machine_file::{MachineFile, PoseBox, status};
 use crate::map::{self, Map, Window, claims, picture};
+use crate::place::job::Job;
+use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
 use crate::report;
 use crate::source::{self, Source, fixtures};
@@ -592,6 +594,62 @@ pub fn map(
         "machine": file.name, "model": name, "maps": maps, "claims": checked, "files": names,
     });
     Ok(Output { text, json })
+}
+
+/// What `place` is asked for.
+pub struct PlaceOptions<'a> {
+    /// None: paper and tip-worst.
+    pub objectives: &'a [Objective],
+    /// None: by what moves.
+    pub method: Option<place::Method>,
+    /// Of the grid.
+    pub step_mm: f64,
+    /// Of the grid.
+    pub step_deg: f64,
+    /// Of an evolution.
+    pub seed: u64,
+    /// Outside of the table's box too.
+    pub extrapolate: bool,
+}
+
+/// `place`: where the workpiece should stand.
+///
+/// # Errors
+/// Bad files, holes that are out of reach, an unwritable folder.
+pub fn place(
+    machine: Option<&Path>,
+    job: Option<&Path>,
+    table: Option<&Path>,
+    form: Form,
+    ask: &PlaceOptions<'_>,
+    out: &Path,
+) -> Result<Output> {
+    let model = Model::read(machine, table, form)?;
+    let job = Job::parse(&Source::read_or(job, fixtures::job)?)?;
+    let mut objectives = ask.objectives.to_vec();
+    if objectives.is_empty() {
+        objectives = vec![Objective::Paper, Objective::TipWorst];
+    }
+    objectives.dedup();
+    let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
+    let bench = Bench::new(&model.machine, table, &job, &objectives, ask.extrapolate)?;
+    let moves = job.limits.map(|[low, high]| high > low);
+    let usual = if moves[2] && (moves[0] || moves[1]) { place::Method::De } else { place::Method::Grid };
+    let options = place::Options {
+        method: ask.method.unwrap_or(usual),
+        step_m: ask.step_mm / 1e3,
+        step_rad: ask.step_deg.to_radians(),
+        seed: ask.seed,
+    };
+    let placed = place::place(&bench, &objectives, &options)?;
+    let json = place::document(&bench, &options, &placed);
+    let html = place::html(&bench, &options, &placed)?;
+    source::write_all(
+        out,
+        &[(OsStr::new("placement.json"), format!("{json:#}\n")), (OsStr::new("report.html"), html)],
+    )?;
+    let text = place::text(&bench, &options, &placed);
+    Ok(Output { text: format!("{text}wrote placement.json and report.html to {}\n", out.display()), json })
 }
 
 /// `hil`: firmware that runs the core, held against the host reply by reply.

@@ -13,6 +13,7 @@ pub mod hil;
 pub mod holds;
 pub mod machine_file;
 pub mod map;
+pub mod place;
 pub mod plan;
 pub mod plot;
 pub mod report;

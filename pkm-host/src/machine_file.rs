@@ -346,7 +346,7 @@ fn wrist_parameters(wrist: Option<&RawWrist>, pose_box: &PoseBox) -> WristParame
 }
 
 /// The TOML reader's message in words that don't need its source code.
-fn plain(message: &str) -> String {
+pub(crate) fn plain(message: &str) -> String {
     let words = [
         ("invalid type: ", "expected another kind of value: found "),
         (", expected f64", " where a number stands"),
@@ -359,7 +359,7 @@ fn plain(message: &str) -> String {
 }
 
 /// Line, from 1, of a byte.
-fn line_at(text: &str, byte: usize) -> usize {
+pub(crate) fn line_at(text: &str, byte: usize) -> usize {
     1 + text.bytes().take(byte).filter(|b| *b == b'\n').count()
 }
 

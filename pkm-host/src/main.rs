@@ -12,6 +12,7 @@ use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
 use pkm_host::machine_file::PoseBox;
 use pkm_host::map::Window;
+use pkm_host::place::{Method, Objective};
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
 /// that a controller compiles in.
@@ -136,6 +137,37 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
+    /// Puts the workpiece where the machine is stiff: the best position of a cross slide, a rotary axis, or both, for each
+    /// series of holes.
+    Place {
+        /// The job (TOML); default: the case study of fixtures/jobs.
+        #[arg(long, value_name = "TOML")]
+        job: Option<PathBuf>,
+        #[command(flatten)]
+        table: TableArgs,
+        /// What should be small; several may be given. Default: paper and tip-worst.
+        #[arg(long, value_enum, num_args = 1..)]
+        objective: Vec<Objective>,
+        /// How the optimum is searched for; the grid certifies it in any case. Default: grid, and de when cross slide and
+        /// rotary axis both move.
+        #[arg(long, value_enum)]
+        method: Option<Method>,
+        /// Of the grid (ten times as much when cross slide and rotary axis both move).
+        #[arg(long, default_value_t = 2.0, value_parser = positive)]
+        step_mm: f64,
+        /// The same for a rotary axis.
+        #[arg(long, default_value_t = 1.0, value_parser = positive)]
+        step_deg: f64,
+        /// Of an evolution; default: drawn, and printed.
+        #[arg(long)]
+        seed: Option<u64>,
+        /// Count positions outside of the table's box as well.
+        #[arg(long)]
+        allow_extrapolation: bool,
+        /// Folder for placement.json and report.html.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
     /// Drives firmware that runs the core (pkm-fw's `cyclic`) and compares every bit with the host.
     Hil {
         /// Serial port of the board, such as /dev/ttyACM0.
@@ -179,6 +211,10 @@ struct TableArgs {
     /// How the table is applied.
     #[arg(long, value_enum, default_value = "auto")]
     form: Form,
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    finite(text).and_then(|v| if v > 0.0 { Ok(v) } else { Err("expected a number above 0".into()) })
 }
 
 fn finite(text: &str) -> std::result::Result<f64, String> {
@@ -240,6 +276,17 @@ fn run(cli: &Cli) -> Result<Output> {
             };
             let seed = seed.unwrap_or_else(|| fastrand::u64(..));
             commands::hil(machine, table.as_deref(), &target, seed, *poses, *steps, out.as_deref())
+        }
+        Command::Place { job, table, objective, method, step_mm, step_deg, seed, allow_extrapolation, out } => {
+            let ask = commands::PlaceOptions {
+                objectives: objective,
+                method: *method,
+                step_mm: *step_mm,
+                step_deg: *step_deg,
+                seed: seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
+                extrapolate: *allow_extrapolation,
+            };
+            commands::place(machine, job.as_deref(), table.table.as_deref(), table.form, &ask, out)
         }
         Command::Fit { data, verify, terms, out } => {
             commands::fit(machine, data.as_deref(), verify.as_deref(), *terms, out)

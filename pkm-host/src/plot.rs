@@ -227,3 +227,109 @@ pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, Vec<f6
             .map_err(failed)
     })
 }
+
+/// Values over two axes, as colours.
+pub struct HeatMap<'a> {
+    /// Above it.
+    pub title: String,
+    /// With unit.
+    pub x_label: String,
+    /// With unit.
+    pub y_label: String,
+    /// Evenly spaced, at least two.
+    pub x: Vec<f64>,
+    /// The same.
+    pub y: Vec<f64>,
+    /// By the places in `x` and `y`; blank where there is none.
+    pub value: &'a dyn Fn(usize, usize) -> Option<f64>,
+    /// A place to mark.
+    pub mark: Option<[f64; 2]>,
+}
+
+/// Cells along an axis of a heat map, and colours of its bar, at the most.
+const CELLS: usize = 120;
+const SHADES: usize = 24;
+
+/// A heat map with its bar: dark is low.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn heat_map(map: &HeatMap<'_>) -> Result<String> {
+    let (nx, ny) = (map.x.len(), map.y.len());
+    let (skip_x, skip_y) = (nx.div_ceil(CELLS), ny.div_ceil(CELLS));
+    let cells: Vec<(usize, usize, f64)> = (0..ny)
+        .step_by(skip_y)
+        .flat_map(|y| (0..nx).step_by(skip_x).filter_map(move |x| (map.value)(x, y).map(|v| (x, y, v))))
+        .collect();
+    let (low, high) = cells.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (.., v)| (l.min(*v), h.max(*v)));
+    // the best is what people look for: shades closer together there
+    let shade = |v: f64| {
+        let share = if high > low { ((v - low) / (high - low)).sqrt() } else { 0.0 };
+        ((share * SHADES as f64) as usize).min(SHADES - 1)
+    };
+    let colour = |shade: usize| {
+        let t = shade as f64 / (SHADES - 1) as f64;
+        let mix = |a: f64, b: f64, c: f64| if t < 0.5 { a + (b - a) * 2.0 * t } else { b + (c - b) * (2.0 * t - 1.0) };
+        RGBColor(mix(68.0, 33.0, 253.0) as u8, mix(1.0, 145.0, 231.0) as u8, mix(84.0, 140.0, 37.0) as u8)
+    };
+    let (step_x, step_y) = (skip_x as f64 * (map.x[1] - map.x[0]), skip_y as f64 * (map.y[1] - map.y[0]));
+    svg((760, 520), |area| {
+        let (left, right) = area.split_horizontally(640);
+        let x_range = map.x[0] - 0.5 * step_x..map.x[nx - 1] + 0.5 * step_x;
+        let y_range = map.y[0] - 0.5 * step_y..map.y[ny - 1] + 0.5 * step_y;
+        let mut chart = ChartBuilder::on(&left)
+            .caption(&map.title, ("sans-serif", 16))
+            .margin(8)
+            .x_label_area_size(38)
+            .y_label_area_size(62)
+            .build_cartesian_2d(x_range, y_range)
+            .map_err(failed)?;
+        chart
+            .configure_mesh()
+            .disable_mesh()
+            .x_desc(&map.x_label)
+            .y_desc(&map.y_label)
+            .label_style(("sans-serif", 13))
+            .axis_desc_style(("sans-serif", 14))
+            .draw()
+            .map_err(failed)?;
+        // neighbours of a shade in one piece
+        let pieces = cells.chunk_by(|a, b| a.1 == b.1 && b.0 == a.0 + skip_x && shade(a.2) == shade(b.2));
+        let rectangles = pieces.map(|piece| {
+            let (first, last) = (piece[0], piece[piece.len() - 1]);
+            let (x, y) = (map.x[first.0] - 0.5 * step_x, map.y[first.1] - 0.5 * step_y);
+            let corner = (map.x[last.0] + 0.5 * step_x, y + step_y);
+            Rectangle::new([(x, y), corner], colour(shade(first.2)).filled())
+        });
+        chart.draw_series(rectangles).map_err(failed)?;
+        if let Some([x, y]) = map.mark {
+            let marks =
+                [Circle::new((x, y), 7, COLOURS[1].stroke_width(3)), Circle::new((x, y), 2, COLOURS[1].filled())];
+            chart.draw_series(marks).map_err(failed)?;
+        }
+        if cells.is_empty() {
+            return Ok(());
+        }
+        let value = |shade: f64| low + (high - low) * (shade / SHADES as f64).powi(2);
+        let text = ("sans-serif", 13).into_font();
+        for n in 0..SHADES {
+            let (top, bottom) = (470 - 17 * (n as i32 + 1), 470 - 17 * n as i32);
+            right.draw(&Rectangle::new([(8, top), (28, bottom)], colour(n).filled())).map_err(failed)?;
+            if n % 6 == 0 || n == SHADES - 1 {
+                let (at, y) = if n == 0 { (0.0, bottom) } else { (n as f64 + 1.0, top) };
+                let label = number(value(at));
+                right.draw(&Text::new(label, (33, y - 7), text.clone())).map_err(failed)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Four digits.
+fn number(v: f64) -> String {
+    if v != 0.0 && !(1e-2..1e5).contains(&v.abs()) {
+        format!("{v:.3e}")
+    } else {
+        format!("{v:.4}").chars().take(7).collect()
+    }
+}

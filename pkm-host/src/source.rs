@@ -39,6 +39,11 @@ pub mod fixtures {
         embedded("fixtures/measured/p01/measured.csv", include_str!("../../fixtures/measured/p01/measured.csv"))
     }
 
+    /// Plate with two series of holes.
+    pub fn job() -> Source {
+        embedded("fixtures/jobs/plate.toml", include_str!("../../fixtures/jobs/plate.toml"))
+    }
+
     /// The same at 25 other poses.
     pub fn verification() -> Source {
         embedded("fixtures/stiffness/fe-verify.csv", include_str!("../../fixtures/stiffness/fe-verify.csv"))

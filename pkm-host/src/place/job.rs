@@ -1,0 +1,290 @@
+//! The job file (TOML): workpiece, holes, loads, and what moves the workpiece.
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
+use pkm_core::Wrench;
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::error::{Failure, Result, printable};
+use crate::machine_file::{line_at, plain};
+use crate::source::Source;
+
+/// How far a matrix may be from a rotation.
+const RIGID: f64 = 1e-6;
+
+/// Where a frame stands in another.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// Its axes, as columns.
+    pub rotation: Matrix3<f64>,
+    /// Its origin, m.
+    pub origin_m: Vector3<f64>,
+}
+
+impl Frame {
+    /// The other way round.
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.transpose();
+        Self { rotation, origin_m: -rotation * self.origin_m }
+    }
+
+    /// This frame's own `inner` as seen from where this frame stands.
+    pub fn then(&self, inner: &Self) -> Self {
+        Self { rotation: self.rotation * inner.rotation, origin_m: self.origin_m + self.rotation * inner.origin_m }
+    }
+}
+
+/// A rotary axis under the table, in W.
+#[derive(Clone, Copy, Debug)]
+pub struct Rotary {
+    /// Of length 1.
+    pub axis: Unit<Vector3<f64>>,
+    /// A point of it while dx = dy = 0, m: the axis moves with the cross slide.
+    pub through_m: Vector3<f64>,
+}
+
+/// A place on the workpiece that the tool has to reach, in U.
+#[derive(Clone, Copy, Debug)]
+pub struct Hole {
+    /// m.
+    pub tip_m: Vector3<f64>,
+    /// The tool's axis, of length 1.
+    pub axis: Vector3<f64>,
+}
+
+/// Holes that are machined with the table at rest.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// As in the file.
+    pub name: String,
+    /// On the tool at its tip, in the axes of T_h.
+    pub wrench: Wrench<f64>,
+    /// At least one.
+    pub holes: Vec<Hole>,
+}
+
+/// A checked job file.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// File, as the user named it.
+    pub file: String,
+    /// T_B^W.
+    pub base_in_world: Frame,
+    /// T_U^W with all axes at 0.
+    pub table_in_world: Frame,
+    /// T_C^W.
+    pub cross_slide_in_world: Frame,
+    /// dx and dy in m, the rotary axis in rad: least and greatest, equal where nothing moves.
+    pub limits: [[f64; 2]; 3],
+    /// What the third one turns.
+    pub rotary: Option<Rotary>,
+    /// At least one.
+    pub series: Vec<Series>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawJob {
+    format: Spanned<i64>,
+    base_in_world: Option<Spanned<Vec<Vec<f64>>>>,
+    table_in_world: Option<Spanned<Vec<Vec<f64>>>>,
+    cross_slide_in_world: Option<Spanned<Vec<Vec<f64>>>>,
+    dx_mm: Option<Spanned<[f64; 2]>>,
+    dy_mm: Option<Spanned<[f64; 2]>>,
+    rotary: Option<RawRotary>,
+    series: Spanned<Vec<RawSeries>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawRotary {
+    axis: Spanned<[f64; 3]>,
+    through_mm: Spanned<[f64; 3]>,
+    range_deg: Spanned<[f64; 2]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawSeries {
+    name: Spanned<String>,
+    wrench: Spanned<RawWrench>,
+    holes: Spanned<Vec<RawHole>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawWrench {
+    fx_n: f64,
+    fy_n: f64,
+    fz_n: f64,
+    mx_nm: f64,
+    my_nm: f64,
+    mz_nm: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawHole {
+    tip_mm: Spanned<[f64; 3]>,
+    axis: Spanned<[f64; 3]>,
+}
+
+type Checked<T> = std::result::Result<T, (Range<usize>, String, String)>;
+
+fn fail<T>(span: Range<usize>, key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
+    Err((span, key.into(), message.into()))
+}
+
+fn rigid(key: &str, raw: Option<&Spanned<Vec<Vec<f64>>>>) -> Checked<Frame> {
+    let Some(raw) = raw else {
+        return Ok(Frame { rotation: Matrix3::identity(), origin_m: Vector3::zeros() });
+    };
+    let rows = raw.get_ref();
+    if rows.len() != 4 || rows.iter().any(|row| row.len() != 4) {
+        return fail(raw.span(), key, "expected 4 rows of 4 numbers");
+    }
+    if rows.iter().flatten().any(|v| !v.is_finite()) {
+        return fail(raw.span(), key, "expected finite numbers");
+    }
+    if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        return fail(raw.span(), key, format!("expected [0, 0, 0, 1] in the last row, found {:?}", rows[3]));
+    }
+    let rotation = Matrix3::from_fn(|i, j| rows[i][j]);
+    let off = (rotation.transpose() * rotation - Matrix3::identity()).abs().max();
+    if off > RIGID {
+        let message = format!("not rigid: the columns are off by {off:.1e} from square to each other and of length 1");
+        return fail(raw.span(), key, message);
+    }
+    if rotation.determinant() < 0.0 {
+        return fail(raw.span(), key, "not rigid: a reflection (the determinant is -1)");
+    }
+    let origin_m = Vector3::from_fn(|i, _| rows[i][3] / 1e3);
+    Ok(Frame { rotation, origin_m })
+}
+
+fn range(key: &str, raw: &Spanned<[f64; 2]>) -> Checked<[f64; 2]> {
+    let [low, high] = *raw.get_ref();
+    if !(low.is_finite() && high.is_finite() && low <= high) {
+        return fail(raw.span(), key, format!("reversed limits: expected [least, greatest], found [{low}, {high}]"));
+    }
+    Ok([low, high])
+}
+
+fn direction(key: String, raw: &Spanned<[f64; 3]>) -> Checked<Unit<Vector3<f64>>> {
+    let v = Vector3::from(*raw.get_ref());
+    match Unit::try_new(v, 1e-9) {
+        Some(unit) if v.iter().all(|v| v.is_finite()) => Ok(unit),
+        _ => fail(raw.span(), key, format!("expected a direction, found {:?}", raw.get_ref())),
+    }
+}
+
+fn point(key: String, raw: &Spanned<[f64; 3]>) -> Checked<Vector3<f64>> {
+    let v = Vector3::from(*raw.get_ref()) / 1e3;
+    if v.iter().all(|v| v.is_finite()) { Ok(v) } else { fail(raw.span(), key, "expected three finite numbers") }
+}
+
+fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
+    let name = raw.name.get_ref();
+    if name.is_empty() || printable(name) != *name {
+        return fail(raw.name.span(), "series.name", "expected a name of one line of ordinary text");
+    }
+    let w = raw.wrench.get_ref();
+    let wrench = Wrench { force_n: [w.fx_n, w.fy_n, w.fz_n], moment_nm: [w.mx_nm, w.my_nm, w.mz_nm] };
+    if !wrench.force_n.iter().chain(&wrench.moment_nm).all(|v| v.is_finite()) {
+        return fail(raw.wrench.span(), format!("series.{name}.wrench"), "expected finite numbers");
+    }
+    if raw.holes.get_ref().is_empty() {
+        return fail(raw.holes.span(), format!("series.{name}.holes"), format!("series {} has no holes", n + 1));
+    }
+    let holes = raw.holes.get_ref().iter().enumerate().map(|(i, hole)| {
+        let key = |what: &str| format!("series.{name}.holes[{}].{what}", i + 1);
+        let axis = direction(key("axis"), &hole.axis)?.into_inner();
+        Ok(Hole { tip_m: point(key("tip_mm"), &hole.tip_mm)?, axis })
+    });
+    Ok(Series { name: name.clone(), wrench, holes: holes.collect::<Checked<_>>()? })
+}
+
+impl RawJob {
+    fn checked(&self, file: &str) -> Checked<Job> {
+        if *self.format.get_ref() != 1 {
+            return fail(self.format.span(), "format", format!("expected 1, found {}", self.format.get_ref()));
+        }
+        let slide = |key: &str, raw: &Option<Spanned<[f64; 2]>>| match raw {
+            Some(raw) => range(key, raw).map(|limits| limits.map(|v| v / 1e3)),
+            None => Ok([0.0; 2]),
+        };
+        let mut limits = [slide("dx_mm", &self.dx_mm)?, slide("dy_mm", &self.dy_mm)?, [0.0; 2]];
+        let rotary = match &self.rotary {
+            None => None,
+            Some(raw) => {
+                limits[2] = range("rotary.range_deg", &raw.range_deg)?.map(f64::to_radians);
+                Some(Rotary {
+                    axis: direction("rotary.axis".into(), &raw.axis)?,
+                    through_m: point("rotary.through_mm".into(), &raw.through_mm)?,
+                })
+            }
+        };
+        let all = self.series.get_ref();
+        if all.is_empty() {
+            return fail(self.series.span(), "series", "expected at least one [[series]]");
+        }
+        let mut checked: Vec<Series> = Vec::new();
+        for (n, raw) in all.iter().enumerate() {
+            let series = series(n, raw)?;
+            if checked.iter().any(|other| other.name == series.name) {
+                return fail(raw.name.span(), "series.name", format!("the series `{}` stands twice", series.name));
+            }
+            checked.push(series);
+        }
+        Ok(Job {
+            file: file.to_owned(),
+            base_in_world: rigid("base_in_world", self.base_in_world.as_ref())?,
+            table_in_world: rigid("table_in_world", self.table_in_world.as_ref())?,
+            cross_slide_in_world: rigid("cross_slide_in_world", self.cross_slide_in_world.as_ref())?,
+            limits,
+            rotary,
+            series: checked,
+        })
+    }
+}
+
+impl Job {
+    /// Reads and checks a job file.
+    ///
+    /// # Errors
+    /// One message with file, line and key: syntax, an unknown or missing key, a matrix that is not rigid, reversed
+    /// limits, a series without holes.
+    pub fn parse(source: &Source) -> Result<Self> {
+        let text = source.text()?;
+        let at = |span: Range<usize>, message: String| {
+            Failure::input(message).in_file(&source.name).at_line(line_at(text, span.start) as u64)
+        };
+        let raw: RawJob = toml::from_str(text).map_err(|e| at(e.span().unwrap_or(0..0), plain(e.message())))?;
+        raw.checked(&source.name).map_err(|(span, key, message)| at(span, message).at_column(key))
+    }
+
+    /// T_U^B at a position of the table: dx, dy (m) and the rotary axis (rad), Eq. 15.
+    pub fn table_in_base(&self, [dx, dy, angle]: [f64; 3]) -> Frame {
+        self.base_in_world.inverse().then(&self.table_in_world_at([dx, dy, angle]))
+    }
+
+    /// T_U^W at a position of the table.
+    pub fn table_in_world_at(&self, [dx, dy, angle]: [f64; 3]) -> Frame {
+        let mut table = self.table_in_world;
+        if let Some(Rotary { axis, through_m }) = &self.rotary {
+            let turn = Rotation3::from_axis_angle(axis, angle).into_inner();
+            table =
+                Frame { rotation: turn * table.rotation, origin_m: through_m + turn * (table.origin_m - through_m) };
+        }
+        table.origin_m += Vector3::new(dx, dy, 0.0);
+        table
+    }
+
+    /// x and y of U's origin in the cross slide's frame, m.
+    pub fn in_cross_slide_m(&self, position: [f64; 3]) -> [f64; 2] {
+        let origin = self.cross_slide_in_world.inverse().then(&self.table_in_world_at(position)).origin_m;
+        [origin.x, origin.y]
+    }
+}

@@ -1,0 +1,546 @@
+//! Grid and polish, the paper's genetic algorithm, differential evolution.
+
+use std::f64::consts::PI;
+
+use fastrand::Rng;
+use indicatif::{ProgressBar, ProgressStyle};
+use pkm_core::Configuration;
+use rayon::prelude::*;
+
+use super::job::{Job, Series};
+use super::{Bench, Miss, Objective, Posture, Shortfall};
+use crate::error::{Failure, Result};
+
+/// How the optimum is searched for. The grid certifies it in any case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Every position of a dense grid, the best of them polished.
+    Grid,
+    /// The paper's genetic algorithm (Section 6.1, step 5).
+    Ga,
+    /// Differential evolution.
+    De,
+}
+
+/// How to search.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Grid: and polish; else the evolution whose result stands beside the grid's.
+    pub method: Method,
+    /// Of the grid along x and y, m.
+    pub step_m: f64,
+    /// Of the grid of the rotary axis, rad.
+    pub step_rad: f64,
+    /// Of the evolution.
+    pub seed: u64,
+}
+
+/// Individuals, and generations after the first: 4,960 evaluations.
+const POPULATION: usize = 40;
+const GENERATIONS: usize = 123;
+/// Positions of a coarse lattice along each axis, to see in how many ways holes are reached.
+const LATTICE: usize = 21;
+/// Grid optima that are polished.
+const POLISHED: usize = 6;
+/// Steps of a grid over cross slide and rotary axis together, as a multiple of those over either.
+const COARSER: f64 = 10.0;
+/// Where the polish ends, as a share of the grid's step.
+const FINEST: f64 = 1e-7;
+/// Shares of the genetic algorithm's children that are crossed, and of their genes that are mutated.
+const CROSSED: f64 = 0.9;
+const MUTATED: f64 = 0.2;
+
+/// A position of the table: dx and dy in m, the rotary axis in rad.
+pub type Position = [f64; 3];
+
+/// One position of the grid as an objective sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    /// SI.
+    pub value: f64,
+    /// Mean over the holes of k11…k66, SI.
+    pub mean_k: [f64; 6],
+}
+
+/// What the grid found.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    /// Positions along dx, dy and the rotary axis.
+    pub axes: [Vec<f64>; 3],
+    /// For each objective: rotary outermost, dx innermost; `None` where a hole is out of reach.
+    pub cells: Vec<Vec<Option<Cell>>>,
+}
+
+/// Where the table should stand for a series and an objective.
+#[derive(Clone, Debug)]
+pub struct Placement {
+    /// Which series of the job.
+    pub series: usize,
+    /// What is small there.
+    pub objective: Objective,
+    /// The optimum.
+    pub position: Position,
+    /// SI.
+    pub value: f64,
+    /// The grid's best, and its value.
+    pub certified: (Position, f64),
+    /// Share of the grid that reaches every hole.
+    pub feasible_share: f64,
+    /// The paper's Q: mean over k11…k66 of (max − optimum)/(max − min), of means over the holes, over the feasible grid.
+    pub q_ratio: f64,
+    /// How each hole is reached.
+    pub holes: Vec<Posture>,
+    /// The same with the table at rest in the middle of its travel, if that reaches all.
+    pub before: Option<(f64, Vec<Posture>)>,
+    /// Evaluations and the best value so far, of an evolution.
+    pub convergence: Vec<(usize, f64)>,
+}
+
+/// Everything for a job, with the grid of each series.
+pub struct Placed {
+    /// By series, then objective.
+    pub placements: Vec<Placement>,
+    /// Of each series.
+    pub grids: Vec<Grid>,
+}
+
+/// A position's postures, one a hole, and its value.
+type Judged = (f64, Vec<Posture>);
+
+struct Searcher<'a> {
+    bench: &'a Bench<'a>,
+    series: &'a Series,
+    /// More than one posture reached a hole somewhere: all have to be looked for everywhere.
+    several: bool,
+}
+
+impl Searcher<'_> {
+    fn reached(
+        &self,
+        position: Position,
+        hole: usize,
+        near: &mut Configuration<f64>,
+    ) -> std::result::Result<Vec<Posture>, Miss> {
+        let tool = self.bench.tool(&self.series.holes[hole], position);
+        if self.several {
+            self.bench.postures(&tool, &self.series.wrench)
+        } else {
+            self.bench.only(&tool, &self.series.wrench, near)
+        }
+    }
+
+    /// Postures for every hole; the first hole that is out of reach, tried first the next time.
+    fn all(&self, position: Position, state: &mut State) -> Option<Vec<Vec<Posture>>> {
+        let mut found: Vec<Vec<Posture>> = vec![Vec::new(); self.series.holes.len()];
+        for n in 0..state.order.len() {
+            let hole = state.order[n];
+            match self.reached(position, hole, &mut state.near[hole]) {
+                Ok(postures) => found[hole] = postures,
+                Err(_) => {
+                    state.order[..=n].rotate_right(1);
+                    return None;
+                }
+            }
+        }
+        Some(found)
+    }
+
+    fn judged(&self, objective: Objective, position: Position, state: &mut State) -> Option<Judged> {
+        self.all(position, state).map(|found| stiffest(objective, &found))
+    }
+
+    /// For evolution: holes out of reach, then the value.
+    fn penalised(&self, objective: Objective, position: Position, state: &mut State) -> (usize, f64) {
+        let count = self.series.holes.len();
+        let found: Vec<_> =
+            (0..count).filter_map(|hole| self.reached(position, hole, &mut state.near[hole]).ok()).collect();
+        match count - found.len() {
+            0 => (0, stiffest(objective, &found).0),
+            missing => (missing, f64::INFINITY),
+        }
+    }
+
+    fn state(&self) -> State {
+        let count = self.series.holes.len();
+        State { near: vec![self.bench.home(); count], order: (0..count).collect() }
+    }
+}
+
+/// What the next position starts from.
+struct State {
+    near: Vec<Configuration<f64>>,
+    order: Vec<usize>,
+}
+
+/// Of all postures that reach a hole the one that costs least.
+fn stiffest(objective: Objective, found: &[Vec<Posture>]) -> Judged {
+    let cost = |p: &Posture| objective.cost(p);
+    let best: Vec<Posture> =
+        found.iter().filter_map(|p| p.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).copied()).collect();
+    (objective.value(best.iter().map(cost)), best)
+}
+
+fn mean_k(postures: &[Posture]) -> [f64; 6] {
+    std::array::from_fn(|i| postures.iter().map(|p| p.k[i]).sum::<f64>() / postures.len() as f64)
+}
+
+/// Evenly from one limit to the other, no further apart than a step.
+fn places([low, high]: [f64; 2], step: f64) -> Vec<f64> {
+    let count = ((high - low) / step - 1e-9).ceil().max(0.0) as usize;
+    (0..=count).map(|i| if count == 0 { low } else { low + (high - low) * i as f64 / count as f64 }).collect()
+}
+
+fn bar(length: usize, what: &str) -> ProgressBar {
+    let bar = ProgressBar::new(length as u64);
+    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {pos}/{len}, {eta} left") {
+        bar.set_style(style);
+    }
+    bar.set_message(what.to_owned());
+    bar
+}
+
+/// Whether holes of a series are reached in more than one way from some position of a coarse lattice.
+fn in_several_ways(bench: &Bench<'_>, series: &Series) -> bool {
+    lattice(bench.job).par_iter().any(|position| {
+        series.holes.iter().any(|hole| {
+            bench.postures(&bench.tool(hole, *position), &series.wrench).is_ok_and(|postures| postures.len() > 1)
+        })
+    })
+}
+
+fn lattice(job: &Job) -> Vec<Position> {
+    let along = |limits: [f64; 2]| places(limits, ((limits[1] - limits[0]) / (LATTICE - 1) as f64).max(1e-12));
+    let [xs, ys, angles] = job.limits.map(along);
+    // a fifth as many angles
+    let angles: Vec<f64> = angles.into_iter().step_by(5).collect();
+    angles.iter().flat_map(|a| ys.iter().flat_map(|y| xs.iter().map(|x| [*x, *y, *a]))).collect()
+}
+
+/// Places the workpiece for every series and objective.
+///
+/// # Errors
+/// No position of the grid reaches every hole: which, and by how much.
+pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> Result<Placed> {
+    let job = bench.job;
+    let (mut placements, mut grids) = (Vec::new(), Vec::new());
+    for (n, series) in job.series.iter().enumerate() {
+        let searcher = Searcher { bench, series, several: in_several_ways(bench, series) };
+        let grid = searcher.grid(objectives, options);
+        for (o, objective) in objectives.iter().enumerate() {
+            let Some(certified) = grid.best(o) else { return Err(searcher.unreachable()) };
+            let mut convergence = Vec::new();
+            let evolved = match options.method {
+                Method::Grid => None,
+                method => searcher.evolved(*objective, method, options.seed, &mut convergence),
+            };
+            let position = match (options.method, evolved) {
+                (Method::Grid, _) => searcher.polished(*objective, &grid.optima(o), &grid),
+                (Method::Ga, Some(position)) => position,
+                (Method::De, Some(position)) => searcher.polished(*objective, &[position], &grid),
+                (_, None) => {
+                    let message =
+                        "the evolution met no position that reaches every hole, the grid did: use --method grid";
+                    return Err(Failure::other(format!("series `{}`: {message}", series.name)).in_file(&job.file));
+                }
+            };
+            let Some((value, holes)) = searcher.judged(*objective, position, &mut searcher.state()) else {
+                return Err(searcher.unreachable());
+            };
+            let middle = job.limits.map(|[low, high]| 0.5 * (low + high));
+            placements.push(Placement {
+                series: n,
+                objective: *objective,
+                position,
+                value,
+                certified,
+                feasible_share: grid.feasible_share(),
+                q_ratio: grid.q_ratio(o, &mean_k(&holes)),
+                before: searcher.judged(*objective, middle, &mut searcher.state()),
+                holes,
+                convergence,
+            });
+        }
+        grids.push(grid);
+    }
+    Ok(Placed { placements, grids })
+}
+
+impl Grid {
+    fn position(&self, mut cell: usize) -> Position {
+        let [xs, ys, angles] = &self.axes;
+        let x = cell % xs.len();
+        cell /= xs.len();
+        [xs[x], ys[cell % ys.len()], angles[cell / ys.len()]]
+    }
+
+    fn best(&self, objective: usize) -> Option<(Position, f64)> {
+        let values = self.cells[objective].iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c.value)));
+        values.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, value)| (self.position(i), value))
+    }
+
+    /// The best of the positions that no neighbour betters.
+    fn optima(&self, objective: usize) -> Vec<Position> {
+        let cells = &self.cells[objective];
+        let [nx, ny, na] = [0, 1, 2].map(|i| self.axes[i].len());
+        let near = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);
+        let mut found: Vec<(f64, usize)> = (0..cells.len())
+            .filter_map(|i| {
+                let value = cells[i].as_ref()?.value;
+                let (x, y, a) = (i % nx, i / nx % ny, i / nx / ny);
+                let bettered = near(a, na).any(|a| {
+                    near(y, ny).any(|y| {
+                        near(x, nx).any(|x| cells[(a * ny + y) * nx + x].as_ref().is_some_and(|c| c.value < value))
+                    })
+                });
+                (!bettered).then_some((value, i))
+            })
+            .collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.into_iter().take(POLISHED).map(|(_, i)| self.position(i)).collect()
+    }
+
+    fn feasible_share(&self) -> f64 {
+        self.cells[0].iter().flatten().count() as f64 / self.cells[0].len() as f64
+    }
+
+    fn q_ratio(&self, objective: usize, found: &[f64; 6]) -> f64 {
+        let ratios = (0..6).map(|i| {
+            let of = |c: &Cell| c.mean_k[i];
+            let all = || self.cells[objective].iter().flatten().map(of);
+            let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+            if high > low { (high - found[i]) / (high - low) } else { 0.0 }
+        });
+        ratios.sum::<f64>() / 6.0
+    }
+
+    /// Distances of neighbours; 0 along an axis that does not move.
+    pub fn spacing(&self) -> Position {
+        [0, 1, 2].map(|i| match self.axes[i].as_slice() {
+            [first, second, ..] => second - first,
+            _ => 0.0,
+        })
+    }
+}
+
+impl Searcher<'_> {
+    fn grid(&self, objectives: &[Objective], options: &Options) -> Grid {
+        let limits = self.bench.job.limits;
+        let moves = |i: usize| limits[i][1] > limits[i][0];
+        // three axes at once are too many positions for a fine one
+        let coarse = if moves(2) && (moves(0) || moves(1)) { COARSER } else { 1.0 };
+        let axes = [
+            places(limits[0], coarse * options.step_m),
+            places(limits[1], coarse * options.step_m),
+            places(limits[2], coarse * options.step_rad),
+        ];
+        let [xs, ys, angles] = &axes;
+        let rows: Vec<(f64, f64)> = angles.iter().flat_map(|a| ys.iter().map(move |y| (*a, *y))).collect();
+        let progress = bar(rows.len(), &format!("series {}", self.series.name));
+        let found: Vec<Vec<Vec<Option<Cell>>>> = rows
+            .par_iter()
+            .map(|(angle, y)| {
+                let mut state = self.state();
+                let row = xs.iter().map(|x| {
+                    let found = self.all([*x, *y, *angle], &mut state);
+                    objectives
+                        .iter()
+                        .map(|objective| {
+                            let (value, postures) = stiffest(*objective, found.as_ref()?);
+                            Some(Cell { value, mean_k: mean_k(&postures) })
+                        })
+                        .collect()
+                });
+                let row = row.collect();
+                progress.inc(1);
+                row
+            })
+            .collect();
+        progress.finish_and_clear();
+        let cells = (0..objectives.len()).map(|o| found.iter().flatten().map(|cell| cell[o]).collect()).collect();
+        Grid { axes, cells }
+    }
+
+    /// The best that is found about some starts on ever finer grids: whole neighbourhoods, since the best is often on the
+    /// edge of what is in reach, which may run askew.
+    fn polished(&self, objective: Objective, starts: &[Position], grid: &Grid) -> Position {
+        let spacing = grid.spacing();
+        let half: i32 = match spacing.iter().filter(|s| **s > 0.0).count() {
+            0 | 1 => 10,
+            2 => 6,
+            _ => 3,
+        };
+        let steps = |s: f64| if s > 0.0 { -half..=half } else { 0..=0 };
+        let limits = self.bench.job.limits;
+        let polish = |start: &Position| {
+            let mut state = self.state();
+            let mut best = (self.judged(objective, *start, &mut state).map_or(f64::INFINITY, |j| j.0), *start);
+            let mut scale = 1.0;
+            while scale > FINEST {
+                let mut next = best;
+                for (i, j, k) in steps(spacing[0])
+                    .flat_map(|i| steps(spacing[1]).flat_map(move |j| steps(spacing[2]).map(move |k| (i, j, k))))
+                {
+                    let at = [i, j, k].map(|n| f64::from(n) / f64::from(half) * scale);
+                    let position: Position =
+                        std::array::from_fn(|d| (best.1[d] + at[d] * spacing[d]).clamp(limits[d][0], limits[d][1]));
+                    if let Some((value, _)) = self.judged(objective, position, &mut state)
+                        && value < next.0
+                    {
+                        next = (value, position);
+                    }
+                }
+                // stay at a scale while it pays
+                if !(next.0 < best.0 * (1.0 - 1e-12)) {
+                    scale *= 0.25;
+                }
+                best = next;
+            }
+            best
+        };
+        let all: Vec<_> = starts.par_iter().map(polish).collect();
+        all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or([0.0; 3], |best| best.1)
+    }
+
+    /// The paper's genetic algorithm, real-coded: tournaments, blend crossover, mutation that narrows, the best two kept; or
+    /// differential evolution, rand/1/bin.
+    fn evolved(
+        &self,
+        objective: Objective,
+        method: Method,
+        seed: u64,
+        convergence: &mut Vec<(usize, f64)>,
+    ) -> Option<Position> {
+        let limits = self.bench.job.limits;
+        let mut rng = Rng::with_seed(seed);
+        let position =
+            |share: &Position| std::array::from_fn(|d| limits[d][0] + share[d] * (limits[d][1] - limits[d][0]));
+        let judged = |all: &[Position]| -> Vec<(usize, f64)> {
+            all.par_iter().map(|share| self.penalised(objective, position(share), &mut self.state())).collect()
+        };
+        let better = |a: (usize, f64), b: (usize, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).is_lt();
+        let mut all: Vec<Position> = (0..POPULATION).map(|_| [rng.f64(), rng.f64(), rng.f64()]).collect();
+        let mut costs = judged(&all);
+        let progress = bar(GENERATIONS, &format!("series {}, {}", self.series.name, objective.name()));
+        for generation in 0..=GENERATIONS {
+            let best = (0..POPULATION)
+                .min_by(|a, b| costs[*a].0.cmp(&costs[*b].0).then(costs[*a].1.total_cmp(&costs[*b].1)))?;
+            if costs[best].0 == 0 {
+                convergence.push(((generation + 1) * POPULATION, costs[best].1));
+            }
+            if generation == GENERATIONS {
+                progress.finish_and_clear();
+                return (costs[best].0 == 0).then(|| position(&all[best]));
+            }
+            progress.inc(1);
+            let next: Vec<Position> = match method {
+                Method::De => (0..POPULATION)
+                    .map(|i| {
+                        let [a, b, c] = [0; 3].map(|_| all[rng.usize(..POPULATION)]);
+                        let (weight, kept) = (0.5 + 0.5 * rng.f64(), rng.usize(..3));
+                        std::array::from_fn(|d| {
+                            let mixed = a[d] + weight * (b[d] - c[d]);
+                            if d == kept || rng.f64() < 0.9 { reflected(mixed) } else { all[i][d] }
+                        })
+                    })
+                    .collect(),
+                _ => {
+                    let width = 0.2 * (1.0 - generation as f64 / GENERATIONS as f64).powi(3) + 5e-4;
+                    let mut tournament = || {
+                        let [a, b] = [0; 2].map(|_| rng.usize(..POPULATION));
+                        let winner = all[if better(costs[b], costs[a]) { b } else { a }];
+                        (winner, rng.f64(), [rng.f64(), rng.f64(), rng.f64()])
+                    };
+                    let mut children: Vec<Position> = Vec::with_capacity(POPULATION);
+                    while children.len() < POPULATION {
+                        let ((a, crossed, share), (b, ..)) = (tournament(), tournament());
+                        // from a third beyond the one to a third beyond the other
+                        let mixed = |d: usize| a[d] + (share[d] * 5.0 / 3.0 - 1.0 / 3.0) * (b[d] - a[d]);
+                        children.push(std::array::from_fn(|d| if crossed < CROSSED { mixed(d) } else { a[d] }));
+                    }
+                    for gene in children.iter_mut().flatten() {
+                        if rng.f64() < MUTATED {
+                            *gene += width * (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (2.0 * PI * rng.f64()).cos();
+                        }
+                        *gene = reflected(*gene);
+                    }
+                    let second = (0..POPULATION).filter(|i| *i != best).fold(best, |second, i| {
+                        if second == best || better(costs[i], costs[second]) { i } else { second }
+                    });
+                    (children[0], children[1]) = (all[best], all[second]);
+                    children
+                }
+            };
+            let found = judged(&next);
+            for i in 0..POPULATION {
+                if method != Method::De || !better(costs[i], found[i]) {
+                    (all[i], costs[i]) = (next[i], found[i]);
+                }
+            }
+        }
+        None
+    }
+
+    /// Why no position reaches every hole: which hole, and by how much.
+    fn unreachable(&self) -> Failure {
+        let (bench, series) = (self.bench, self.series);
+        let lattice = lattice(bench.job);
+        let shortfall = Shortfall::new(bench);
+        let at = |[dx, dy, angle]: Position| {
+            let turned =
+                if bench.job.rotary.is_some() { format!(", {:.1}°", angle.to_degrees()) } else { String::new() };
+            format!("dx = {:.1} mm, dy = {:.1} mm{turned}", dx * 1e3, dy * 1e3)
+        };
+        let fail = |message: String| Failure::refused("unreachable", message).in_file(&bench.job.file);
+        let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
+            let each = |hole| bench.postures(&bench.tool(hole, *position), &series.wrench).map(drop);
+            series.holes.iter().map(each).collect()
+        };
+        let all: Vec<_> = lattice.par_iter().map(|position| (*position, reached(position))).collect();
+        let count = |hole: usize| all.iter().filter(|(_, reached)| reached[hole].is_ok()).count();
+        let hole = (0..series.holes.len()).min_by_key(|hole| count(*hole)).unwrap_or(0);
+        let named = format!("hole {} of series `{}`", hole + 1, series.name);
+        // where most holes are in reach, and this one is nearest to it
+        let most = all.iter().map(|(_, reached)| reached.iter().filter(|r| r.is_ok()).count()).max().unwrap_or(0);
+        let alone = count(hole) == 0;
+        let candidates =
+            all.iter().filter(|(_, reached)| alone || reached.iter().filter(|r| r.is_ok()).count() == most);
+        let nearest = candidates
+            .flat_map(|(position, reached)| {
+                let missing = (0..series.holes.len()).filter(|h| reached[*h].is_err() && (!alone || *h == hole));
+                missing.map(|h| (*position, h, &reached[h])).collect::<Vec<_>>()
+            })
+            .filter_map(|(position, h, reached)| {
+                let (far, words) = match reached {
+                    Err(Miss::Table) => {
+                        (0.0, "outside of the table's box (--allow-extrapolation takes it all the same)".to_owned())
+                    }
+                    _ => shortfall.as_ref()?.of(&bench.tool(&series.holes[h], position))?,
+                };
+                Some((far, h, format!("{words} at {}", at(position))))
+            })
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        match (alone, nearest) {
+            (true, Some((_, _, words))) => {
+                fail(format!("{named} is out of reach from every position of the table; nearest is {words}"))
+            }
+            (true, None) => fail(format!(
+                "{named} is out of reach from every position of the table, whatever the travel: is its axis towards the machine's back?"
+            )),
+            (false, nearest) => {
+                let (h, words) = nearest.map_or((hole, String::new()), |(_, h, words)| (h, format!(": {words}")));
+                fail(format!(
+                    "no position of the table reaches all {} holes of series `{}`, at the most {most}; then hole {} is missing{words}",
+                    series.holes.len(),
+                    series.name,
+                    h + 1
+                ))
+            }
+        }
+    }
+}
+
+/// Back into 0…1 from beyond.
+fn reflected(share: f64) -> f64 {
+    let folded = share.rem_euclid(2.0);
+    if folded > 1.0 { 2.0 - folded } else { folded }
+}
