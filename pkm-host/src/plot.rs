@@ -110,8 +110,10 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
     let points = || panel.series.iter().flat_map(scaled);
     let mut x_range = range(points().map(|p| p.0));
     if panel.series.len() > 1 {
-        // room for the legend
-        x_range.end += 0.45 * (x_range.end - x_range.start);
+        // room for the legend: its mark and some 7 pixels a letter, of a panel's 340
+        let longest = panel.series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
+        let share = ((50.0 + 7.0 * longest as f64) / 340.0).min(0.6);
+        x_range.end += share / (1.0 - share) * (x_range.end - x_range.start);
     }
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, ("sans-serif", 16))
@@ -255,6 +257,11 @@ const SHADES: usize = 24;
 /// # Errors
 /// What the drawing library says.
 pub fn heat_map(map: &HeatMap<'_>) -> Result<String> {
+    // no hair lines between the cells
+    Ok(plain_heat_map(map)?.replacen('>', "><style>rect{shape-rendering:crispEdges}</style>", 1))
+}
+
+fn plain_heat_map(map: &HeatMap<'_>) -> Result<String> {
     let (nx, ny) = (map.x.len(), map.y.len());
     let (skip_x, skip_y) = (nx.div_ceil(CELLS), ny.div_ceil(CELLS));
     let cells: Vec<(usize, usize, f64)> = (0..ny)

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::{Parser, Subcommand};
 use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
-use pkm_trials::set::{Kind, Set, Wish};
+use pkm_trials::set::{self, Kind, Set, Wish};
 
 #[derive(Parser)]
 #[command(version, about)]
@@ -66,6 +66,12 @@ enum Command {
     /// Write the sets that the project keeps: every effect easy and hard to see, and what else there is
     Fixtures {
         /// Folder for the folders `own-…`
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Write the stiffness of the reference machine with elastic platforms and limbs over a wide box: data of the case study
+    Stiffness {
+        /// CSV
         #[arg(long)]
         out: PathBuf,
     },
@@ -176,6 +182,10 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out, false)),
         Command::Fixtures { out } => fixtures(&out),
+        Command::Stiffness { out } => {
+            let csv = set::wide_stiffness();
+            csv.and_then(|csv| std::fs::write(&out, csv).map_err(|e| format!("{}: {e}", out.display())))
+        }
         Command::Run { program, sets, seed, kinds, wish, jobs, keep, verbose, markdown } => {
             say(&format!("seed {seed}, {sets} sets of each kind"));
             let tasks: Vec<(Kind, u64)> = kinds.iter().flat_map(|k| (seed..seed + sets).map(|s| (*k, s))).collect();

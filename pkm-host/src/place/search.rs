@@ -45,7 +45,9 @@ const POLISHED: usize = 6;
 /// Steps of a grid over cross slide and rotary axis together, as a multiple of those over either.
 const COARSER: f64 = 10.0;
 /// Where the polish ends, as a share of the grid's step.
-const FINEST: f64 = 1e-7;
+const FINEST: f64 = 1e-6;
+/// Of the polish, at the most.
+const ROUNDS: usize = 4;
 /// Shares of the genetic algorithm's children that are crossed, and of their genes that are mutated.
 const CROSSED: f64 = 0.9;
 const MUTATED: f64 = 0.2;
@@ -104,8 +106,10 @@ pub struct Placed {
     pub grids: Vec<Grid>,
 }
 
-/// A position's postures, one a hole, and its value.
+/// A position's value, and its postures, one a hole.
 type Judged = (f64, Vec<Posture>);
+/// The same with the position.
+type Polished = (f64, Position, Vec<Posture>);
 
 struct Searcher<'a> {
     bench: &'a Bench<'a>,
@@ -172,6 +176,87 @@ struct State {
     order: Vec<usize>,
 }
 
+/// Search for the least value about a position. The least is often on the edge of what is in reach, where value and edge may run
+/// nearly alike, so that no fixed set of directions leads on. So along one axis always the best of the other is taken, edge or not.
+struct Polish<'a> {
+    searcher: &'a Searcher<'a>,
+    objective: Objective,
+    /// Of the grid.
+    spacing: Position,
+}
+
+impl Polish<'_> {
+    fn from(&self, start: Position) -> Option<Polished> {
+        let mut state = self.searcher.state();
+        // kept with its postures: on the edge of reach another start may just miss them
+        let (value, holes) = self.searcher.judged(self.objective, start, &mut state)?;
+        let mut best: Polished = (value, start, holes);
+        let moving: Vec<usize> = (0..3).filter(|d| self.spacing[*d] > 0.0).collect();
+        for _ in 0..ROUNDS {
+            let before = best.0;
+            for inner in &moving {
+                let others = moving.iter().filter(|outer| *outer != inner);
+                // one axis alone has itself
+                for outer in others.chain(moving.iter().filter(|_| moving.len() == 1)) {
+                    self.ridge(&mut best, *outer, *inner);
+                }
+            }
+            if !(best.0 < before * (1.0 - 1e-10)) {
+                break;
+            }
+        }
+        Some(best)
+    }
+
+    /// Along one axis, with the best of the other at each place.
+    fn ridge(&self, best: &mut Polished, outer: usize, inner: usize) {
+        let mut scale = 1.0;
+        while scale > FINEST {
+            let mut next: Option<Polished> = None;
+            for k in [0.0, -1.0, 1.0, -0.5, 0.5] {
+                let mut position = best.1;
+                position[outer] = self.limited(outer, position[outer] + k * scale * self.spacing[outer]);
+                let found = self.line(best, position, inner, 6.0 * scale * self.spacing[inner]);
+                let least = next.as_ref().map_or(best.0, |n| n.0);
+                if let Some(found) = found.filter(|found| found.0 < least) {
+                    next = Some(found);
+                }
+            }
+            // stay at a scale while it pays
+            if !next.as_ref().is_some_and(|n| n.0 < best.0 * (1.0 - 1e-11)) {
+                scale *= 0.3;
+            }
+            *best = next.unwrap_or_else(|| best.clone());
+        }
+    }
+
+    /// The best along a line about a position, ever closer.
+    fn line(&self, near: &Polished, mut position: Position, axis: usize, mut reach: f64) -> Option<Polished> {
+        let mut state = self.searcher.state();
+        state.near = near.2.iter().map(|p| p.hold.configuration).collect();
+        let mut best: Option<Polished> = None;
+        for round in 0..7 {
+            let (middle, half) = (position[axis], if round == 0 { 10 } else { 5 });
+            for n in -half..=half {
+                position[axis] = self.limited(axis, middle + reach * f64::from(n) / f64::from(half));
+                if let Some((value, holes)) = self.searcher.judged(self.objective, position, &mut state)
+                    && best.as_ref().is_none_or(|best| value < best.0)
+                {
+                    best = Some((value, position, holes));
+                }
+            }
+            position[axis] = best.as_ref()?.1[axis];
+            reach *= if round == 0 { 0.12 } else { 0.24 };
+        }
+        best
+    }
+
+    fn limited(&self, axis: usize, value: f64) -> f64 {
+        let [low, high] = self.searcher.bench.job.limits[axis];
+        value.clamp(low, high)
+    }
+}
+
 /// Of all postures that reach a hole the one that costs least.
 fn stiffest(objective: Objective, found: &[Vec<Posture>]) -> Judged {
     let cost = |p: &Posture| objective.cost(p);
@@ -233,18 +318,18 @@ pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> 
                 Method::Grid => None,
                 method => searcher.evolved(*objective, method, options.seed, &mut convergence),
             };
-            let position = match (options.method, evolved) {
+            let found = match (options.method, evolved) {
                 (Method::Grid, _) => searcher.polished(*objective, &grid.optima(o), &grid),
-                (Method::Ga, Some(position)) => position,
                 (Method::De, Some(position)) => searcher.polished(*objective, &[position], &grid),
-                (_, None) => {
-                    let message =
-                        "the evolution met no position that reaches every hole, the grid did: use --method grid";
-                    return Err(Failure::other(format!("series `{}`: {message}", series.name)).in_file(&job.file));
+                (Method::Ga, Some(position)) => {
+                    let judged = searcher.judged(*objective, position, &mut searcher.state());
+                    judged.map(|(value, holes)| (value, position, holes))
                 }
+                (_, None) => None,
             };
-            let Some((value, holes)) = searcher.judged(*objective, position, &mut searcher.state()) else {
-                return Err(searcher.unreachable());
+            let Some((value, position, holes)) = found else {
+                let message = "the evolution met no position that reaches every hole, the grid did: use --method grid";
+                return Err(Failure::other(format!("series `{}`: {message}", series.name)).in_file(&job.file));
             };
             let middle = job.limits.map(|[low, high]| 0.5 * (low + high));
             placements.push(Placement {
@@ -360,45 +445,11 @@ impl Searcher<'_> {
         Grid { axes, cells }
     }
 
-    /// The best that is found about some starts on ever finer grids: whole neighbourhoods, since the best is often on the
-    /// edge of what is in reach, which may run askew.
-    fn polished(&self, objective: Objective, starts: &[Position], grid: &Grid) -> Position {
-        let spacing = grid.spacing();
-        let half: i32 = match spacing.iter().filter(|s| **s > 0.0).count() {
-            0 | 1 => 10,
-            2 => 6,
-            _ => 3,
-        };
-        let steps = |s: f64| if s > 0.0 { -half..=half } else { 0..=0 };
-        let limits = self.bench.job.limits;
-        let polish = |start: &Position| {
-            let mut state = self.state();
-            let mut best = (self.judged(objective, *start, &mut state).map_or(f64::INFINITY, |j| j.0), *start);
-            let mut scale = 1.0;
-            while scale > FINEST {
-                let mut next = best;
-                for (i, j, k) in steps(spacing[0])
-                    .flat_map(|i| steps(spacing[1]).flat_map(move |j| steps(spacing[2]).map(move |k| (i, j, k))))
-                {
-                    let at = [i, j, k].map(|n| f64::from(n) / f64::from(half) * scale);
-                    let position: Position =
-                        std::array::from_fn(|d| (best.1[d] + at[d] * spacing[d]).clamp(limits[d][0], limits[d][1]));
-                    if let Some((value, _)) = self.judged(objective, position, &mut state)
-                        && value < next.0
-                    {
-                        next = (value, position);
-                    }
-                }
-                // stay at a scale while it pays
-                if !(next.0 < best.0 * (1.0 - 1e-12)) {
-                    scale *= 0.25;
-                }
-                best = next;
-            }
-            best
-        };
-        let all: Vec<_> = starts.par_iter().map(polish).collect();
-        all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or([0.0; 3], |best| best.1)
+    /// The best that is found from some starts.
+    fn polished(&self, objective: Objective, starts: &[Position], grid: &Grid) -> Option<Polished> {
+        let polish = Polish { searcher: self, objective, spacing: grid.spacing() };
+        let all: Vec<Polished> = starts.par_iter().filter_map(|start| polish.from(*start)).collect();
+        all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// The paper's genetic algorithm, real-coded: tournaments, blend crossover, mutation that narrows, the best two kept; or
