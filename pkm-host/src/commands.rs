@@ -23,6 +23,7 @@ use crate::plan::{self, PlanKind};
 use crate::report;
 use crate::source::{self, Source, fixtures};
 use crate::table_file::{TableFile, TableNumbers};
+use crate::tool;
 
 /// What a command prints: text for people, or a document for programs.
 pub struct Output {
@@ -59,11 +60,11 @@ pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
     Ok(Output { text: format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), json })
 }
 
-/// `fk`: pose of screw lengths.
+/// `fk`: pose of screw lengths; with the wrist's joints also tip and axis.
 ///
 /// # Errors
 /// Lengths out of travel, or that don't assemble.
-pub fn fk(machine: Option<&Path>, q_mm: [f64; 3]) -> Result<Output> {
+pub fn fk(machine: Option<&Path>, q_mm: [f64; 3], beta_deg: Option<[f64; 2]>) -> Result<Output> {
     let file = machine_file(machine)?;
     let machine = file.machine;
     let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
@@ -80,11 +81,37 @@ pub fn fk(machine: Option<&Path>, q_mm: [f64; 3]) -> Result<Output> {
     json["theta_deg"] = theta_deg.into();
     json["sigma_deg"] = sigma_deg.into();
     json["z0_mm"] = z0_mm.into();
-    Ok(Output { text: format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}"), json })
+    let mut text = format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}");
+    if let Some(beta_deg) = beta_deg {
+        let held = tool::fk(&file, q_mm, beta_deg)?;
+        text.push_str(&held.text);
+        if let (Value::Object(json), Value::Object(held)) = (&mut json, held.json) {
+            json.extend(held);
+        }
+    }
+    Ok(Output { text, json })
+}
+
+/// `ik --tip-mm --axis`: joint values that hold a tool.
+///
+/// # Errors
+/// See [`tool::ik`].
+pub fn ik_tool(
+    machine: Option<&Path>,
+    tip_mm: [f64; 3],
+    axis: [f64; 3],
+    near: Option<[f64; 5]>,
+    all: bool,
+) -> Result<Output> {
+    tool::ik(&machine_file(machine)?, tip_mm, axis, near, all)
 }
 
 /// What the engineer wants to know besides: how far travel and singularities are.
-fn margins(machine: &Machine<f64>, pose: &Pose<f64>, lengths: &ScrewLengths<f64>) -> Result<(Value, String)> {
+pub(crate) fn margins(
+    machine: &Machine<f64>,
+    pose: &Pose<f64>,
+    lengths: &ScrewLengths<f64>,
+) -> Result<(Value, String)> {
     let (margin_m, limb) = machine.travel_margin_m(lengths);
     let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
     let json = json!({

@@ -17,3 +17,4 @@ pub mod plot;
 pub mod report;
 pub mod source;
 pub mod table_file;
+pub mod tool;

@@ -300,11 +300,15 @@ impl MachineFile {
         format!("{} mm long, travel {} to {} mm", mm(lengths.q_m[i]), mm(travel.min_m[i]), mm(travel.max_m[i]))
     }
 
+    /// The machine with screws as short and as long as one likes: it says how far beyond its travel a pose lies.
+    pub fn without_travel(&self) -> Option<Machine<f64>> {
+        let travel = Travel { min_m: [1e-9; 3], max_m: [1e9; 3] };
+        Machine::<f64>::new(&MachineParameters { travel, ..self.parameters }).ok()
+    }
+
     /// Why the machine can't take a pose, with the numbers that say what to change.
     pub fn refusal(&self, error: KinematicsError, pose: &Pose<f64>) -> String {
-        let free = Travel { min_m: [1e-9; 3], max_m: [1e9; 3] };
-        let free = Machine::<f64>::new(&MachineParameters { travel: free, ..self.parameters });
-        let lengths = free.ok().and_then(|m| m.inverse(pose).ok());
+        let lengths = self.without_travel().and_then(|m| m.inverse(pose).ok());
         match (error, lengths) {
             (KinematicsError::OutOfTravel { limb }, Some(lengths)) => {
                 format!("{error}: {}", self.travel_of(limb, &lengths))

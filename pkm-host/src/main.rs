@@ -32,23 +32,16 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Screw lengths of a pose.
-    Ik {
-        /// θ in °, about y of B, within ±90.
-        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
-        theta_deg: f64,
-        /// σ in °, about u, within ±90.
-        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
-        sigma_deg: f64,
-        /// Height of A over B in mm, above 0.
-        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
-        z0_mm: f64,
-    },
-    /// Pose of three screw lengths.
+    /// Screw lengths of a pose; or of a tool, with the wrist's joints.
+    Ik(IkArgs),
+    /// Pose of three screw lengths; with the wrist's joints also the tool.
     Fk {
         /// q1,q2,q3 in mm.
         #[arg(long, value_parser = list::<3>, allow_hyphen_values = true, value_name = "A,B,C")]
         q_mm: [f64; 3],
+        /// β1,β2 of the wrist in °: gives the tool's tip and axis too.
+        #[arg(long, value_parser = list::<2>, allow_hyphen_values = true, value_name = "B1,B2")]
+        beta_deg: Option<[f64; 2]>,
     },
     /// Terminal stiffness at poses: basic, or corrected by a table.
     Stiffness {
@@ -151,6 +144,45 @@ enum Command {
 }
 
 #[derive(Args)]
+struct IkArgs {
+    /// θ in °, about y of B, within ±90.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    theta_deg: Option<f64>,
+    /// σ in °, about u, within ±90.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    sigma_deg: Option<f64>,
+    /// Height of A over B in mm, above 0.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    z0_mm: Option<f64>,
+    /// The tool's tip in B in mm, in place of a pose.
+    #[arg(
+        long,
+        requires = "axis",
+        conflicts_with_all = ["theta_deg", "sigma_deg", "z0_mm"],
+        value_parser = list::<3>,
+        allow_hyphen_values = true,
+        value_name = "X,Y,Z"
+    )]
+    tip_mm: Option<[f64; 3]>,
+    /// The tool's axis in B, from the flange toward the tip, of any length.
+    #[arg(long, requires = "tip_mm", value_parser = list::<3>, allow_hyphen_values = true, value_name = "I,J,K")]
+    axis: Option<[f64; 3]>,
+    /// q1,q2,q3 in mm and β1,β2 in °: of several ways to hold the tool on the home side the nearest to it; default: the zero
+    /// pose, Z0 in the middle of the box.
+    #[arg(
+        long,
+        requires = "tip_mm",
+        value_parser = list::<5>,
+        allow_hyphen_values = true,
+        value_name = "Q1,Q2,Q3,B1,B2"
+    )]
+    near: Option<[f64; 5]>,
+    /// Every way to hold the tool within travel and limits, on either side of the singular surface.
+    #[arg(long, requires = "tip_mm")]
+    all: bool,
+}
+
+#[derive(Args)]
 struct TableArgs {
     /// coefficients.json of `fit`; without it the basic model.
     #[arg(long, value_name = "JSON")]
@@ -175,8 +207,14 @@ fn list<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
 fn run(cli: &Cli) -> Result<Output> {
     let machine = cli.machine.as_deref();
     match &cli.command {
-        Command::Ik { theta_deg, sigma_deg, z0_mm } => commands::ik(machine, *theta_deg, *sigma_deg, *z0_mm),
-        Command::Fk { q_mm } => commands::fk(machine, *q_mm),
+        Command::Ik(IkArgs { theta_deg: Some(theta_deg), sigma_deg: Some(sigma_deg), z0_mm: Some(z0_mm), .. }) => {
+            commands::ik(machine, *theta_deg, *sigma_deg, *z0_mm)
+        }
+        Command::Ik(IkArgs { tip_mm: Some(tip_mm), axis: Some(axis), near, all, .. }) => {
+            commands::ik_tool(machine, *tip_mm, *axis, *near, *all)
+        }
+        Command::Ik(_) => Err(Failure::usage("give a pose or a tool, see --help")),
+        Command::Fk { q_mm, beta_deg } => commands::fk(machine, *q_mm, *beta_deg),
         Command::Stiffness { poses, table, out } => {
             commands::stiffness(machine, poses, table.table.as_deref(), table.form, out.as_deref())
         }
