@@ -19,6 +19,7 @@ use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
 use crate::machine_file::{MachineFile, PoseBox, status};
+use crate::path::{self, Correction};
 use crate::plan::{self, PlanKind};
 use crate::report;
 use crate::source::{self, Source, fixtures};
@@ -127,6 +128,31 @@ pub(crate) fn margins(
         distance.limb_3
     );
     Ok((json, text))
+}
+
+/// `compensate`: a tool path that cancels the deflection that the model predicts along it.
+///
+/// # Errors
+/// See [`path::compensate`]; a table without factor form.
+pub fn compensate(machine: Option<&Path>, table: Option<&Path>, request: &path::Request<'_>) -> Result<Output> {
+    let model = Model::read(machine, table, Form::Auto)?;
+    let correction = model.table.as_ref().zip(table).map(|((numbers, form), file)| {
+        let name = file.display().to_string();
+        if *form == Form::Diagonal {
+            let message =
+                "has no factor form, and the diagonal form is wrong for loads: fit it on data with all 21 columns";
+            return Err(Failure::input(message).in_file(name).at_column("factor"));
+        }
+        let corner = |sign: f64| {
+            let [theta_rad, sigma_rad, z0_m] =
+                std::array::from_fn(|i| numbers.centre[i] + sign * numbers.half_width[i]);
+            file_units(&Pose { theta_rad, sigma_rad, z0_m }).map(|v| (v * 1e9).round() / 1e9)
+        };
+        let (low, high) = (corner(-1.0), corner(1.0));
+        let extent = PoseBox(std::array::from_fn(|i| [low[i], high[i]]));
+        Ok(Correction { table: numbers.table()?, extent, name })
+    });
+    path::compensate(&model.machine, correction.transpose()?.as_ref(), request)
 }
 
 /// Which model gives the stiffness.

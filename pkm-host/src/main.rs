@@ -11,6 +11,7 @@ use pkm_host::error::{Failure, Result};
 use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
 use pkm_host::machine_file::PoseBox;
+use pkm_host::path::Request;
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
 /// that a controller compiles in.
@@ -106,6 +107,34 @@ enum Command {
         holdout: Option<PathBuf>,
         /// Folder for diagnosis.json, machine.toml, coefficients.rs and report.html.
         #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+    /// A tool path that cancels the deflection that the model predicts along it; beside it a plot of the tip's error.
+    ///
+    /// The machine is led along the path step by step and never changes sides of a singularity. G-code (LinuxCNC's, in mm):
+    /// G0 and G1 with X Y Z, the tip in B, and I J K, the tool's axis in B, or A B, the wrist's β1 and β2 in degrees; a comment
+    /// (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. F S T M N, comments and modes that change nothing
+    /// are passed on; arcs, inches, increments, offsets, cycles and all else are refused with their line.
+    Compensate {
+        /// CSV with x_mm,y_mm,z_mm,i,j,k (tip and axis in B) and fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm (on the tool at the tip, in
+        /// the tool's frame), or G-code (.ngc, .nc, .gcode, .cnc, .tap).
+        #[arg(long, value_name = "FILE")]
+        path: PathBuf,
+        /// coefficients.json of `fit`; without it the basic model with the machine file's effects.
+        #[arg(long, value_name = "JSON")]
+        table: Option<PathBuf>,
+        /// For G-code: the cutting load on the tool at its tip, in the tool's frame, N and N·m.
+        #[arg(long, value_parser = list::<6>, allow_hyphen_values = true, value_name = "FX,FY,FZ,MX,MY,MZ")]
+        wrench: Option<[f64; 6]>,
+        /// Cuts are divided so that from point to point the tip goes no farther than this and the axis (or a wrist's joint)
+        /// turns by no more than 1°. Default: 2 for G-code; a CSV keeps its rows as they are unless this is given.
+        #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM")]
+        step_mm: Option<f64>,
+        /// Lets points pass that lie outside the table's box, and says so in the file.
+        #[arg(long)]
+        allow_extrapolation: bool,
+        /// File to write, in the path's format; the plot goes to the same name with .svg.
+        #[arg(long, value_name = "FILE")]
         out: PathBuf,
     },
     /// Drives firmware that runs the core (pkm-fw's `cyclic`) and compares every bit with the host.
@@ -230,6 +259,11 @@ fn run(cli: &Cli) -> Result<Output> {
         }
         Command::Diagnose { data, holdout, out } => {
             commands::diagnose(machine, data.as_deref(), holdout.as_deref(), out)
+        }
+        Command::Compensate { path, table, wrench, step_mm, allow_extrapolation, out } => {
+            let (wrench, step_mm, allow_extrapolation) = (*wrench, *step_mm, *allow_extrapolation);
+            let request = Request { path, wrench, step_mm, allow_extrapolation, out };
+            commands::compensate(machine, table.as_deref(), &request)
         }
         Command::Hil { port, baud, qemu: _, elf, board, poses, steps, seed, table, out } => {
             let target = match port {

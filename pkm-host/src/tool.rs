@@ -41,7 +41,8 @@ impl<'a> Reach<'a> {
         })
     }
 
-    fn unlimited(&self) -> FiveAxis<'_, f64> {
+    /// The same without travel, limits and margin.
+    pub fn unlimited(&self) -> FiveAxis<'_, f64> {
         FiveAxis { machine: &self.machine, wrist: &self.wrist }
     }
 
@@ -142,48 +143,82 @@ impl<'a> Reach<'a> {
     }
 
     /// As far as the machine gets on the straight way from home's tool to another.
-    fn farthest(&self, to: &Tool<f64>) -> Option<Tool<f64>> {
+    fn farthest(&self, tool: &Tool<f64>) -> Option<Tool<f64>> {
         let mut near = self.home();
-        let from = self.five.tool(&near).ok()?;
+        let home = self.five.tool(&near).ok()?;
+        let place = |tool: &Tool<f64>| Place { tip_m: tool.tip_m, toward: Toward::Axis(tool.axis) };
         let (mut share, mut step) = (0.0, 1.0 / 64.0);
         while step > 1e-6 {
-            match self.five.inverse(&between(&from, to, share + step), &near) {
+            match self.stand(&place(&home).between(&place(tool), share + step), &near) {
                 Ok(hold) => (near, share) = (hold.configuration, share + step),
                 Err(_) => step *= 0.5,
             }
         }
-        Some(between(&from, to, share))
+        self.five.tool(&near).ok()
     }
 
-    /// Why the core refuses to go from a configuration to a tool, with the amount: a status of `formats.md` and a message.
-    pub fn refusal(&self, error: ToolError, tool: &Tool<f64>, near: &Configuration<f64>) -> (&'static str, String) {
-        let there = self.unlimited().inverse(tool, near);
-        match (error, there) {
-            (ToolError::WristLimit { .. } | ToolError::Kinematics(KinematicsError::OutOfTravel { .. }), Ok(hold)) => {
-                ("out_of_travel", self.excess(&hold.joints).1)
+    /// Why the core refuses, with the amount: a status of `formats.md` and a message. `there` is where the machine would stand
+    /// [without limits](Self::unlimited), if anywhere.
+    pub fn refusal(&self, error: ToolError, there: Option<&Hold<f64>>) -> (&'static str, String) {
+        let message = match (error, there) {
+            (ToolError::WristLimit { .. } | ToolError::Kinematics(KinematicsError::OutOfTravel { .. }), Some(hold)) => {
+                self.excess(&hold.joints).1
             }
             (ToolError::Singular, there) => {
-                let share = match there {
-                    Ok(hold) => format!("a home share of {:.4}", hold.home_share),
-                    Err(_) => "the other side".to_owned(),
-                };
-                let message = format!(
-                    "the way there crosses or nears the singular surface of the five axes: {share}, at least {} is asked \
+                let share = there.map_or("it would change sides".to_owned(), |hold| {
+                    format!("the home share would be {:.4}", hold.home_share)
+                });
+                format!(
+                    "it crosses the singular surface of the five axes or comes too near: {share}, at least {} is asked \
                      (wrist.singularity_margin): turn the axis or move the tip",
                     self.margin()
-                );
-                ("singular", message)
+                )
             }
-            (error, _) => (tool_status(error), error.to_string()),
-        }
+            (error, _) => error.to_string(),
+        };
+        (tool_status(error), message)
     }
 
-    /// The configuration with the tip in a place and the wrist's joints at given angles; σ and L of the working mode. With the
-    /// tip at t in A-uvw, t_v cos σ − t_w sin σ is y, and θ turns (t_u, L + t_v sin σ + t_w cos σ) to (x, z).
+    /// The configuration in a place, next to `near` where there are several.
     ///
     /// # Errors
-    /// No such pose; beyond travel or limits; a home share below the wrist's margin.
-    pub fn with_wrist_at(&self, [x, y, z]: [f64; 3], beta_rad: [f64; 2]) -> std::result::Result<Hold<f64>, ToolError> {
+    /// Those of [`FiveAxis::inverse`].
+    pub fn stand(&self, place: &Place, near: &Configuration<f64>) -> std::result::Result<Hold<f64>, ToolError> {
+        self.stood(&self.five, self.margin(), place, near)
+    }
+
+    /// The same [without limits](Self::unlimited).
+    pub fn stand_anywhere(&self, place: &Place, near: &Configuration<f64>) -> Option<Hold<f64>> {
+        self.stood(&self.unlimited(), 0.0, place, near).ok()
+    }
+
+    fn stood(
+        &self,
+        five: &FiveAxis<'_, f64>,
+        margin: f64,
+        place: &Place,
+        near: &Configuration<f64>,
+    ) -> std::result::Result<Hold<f64>, ToolError> {
+        let beta_rad = match place.toward {
+            Toward::Axis(axis) => return five.inverse(&Tool { tip_m: place.tip_m, axis }, near),
+            Toward::Wrist(beta_rad) => beta_rad,
+        };
+        let configuration = self.with_wrist_at(place.tip_m, beta_rad)?;
+        let joints = five.joints(&configuration)?;
+        let home_share = five.home_share(&configuration)?;
+        if home_share < margin {
+            return Err(ToolError::Singular);
+        }
+        Ok(Hold { configuration, joints, home_share, looks: 0 })
+    }
+
+    /// The configuration with the tip in a place and the wrist's joints at given angles, θ and σ within ±90°: with the tip at
+    /// t in A-uvw, t_v cos σ − t_w sin σ is y, and θ turns (t_u, L + t_v sin σ + t_w cos σ) to (x, z).
+    fn with_wrist_at(
+        &self,
+        [x, y, z]: [f64; 3],
+        beta_rad: [f64; 2],
+    ) -> std::result::Result<Configuration<f64>, ToolError> {
         let home = Configuration { beta_rad, ..self.home() };
         let [tu, tv, at_home] = self.unlimited().tool(&home)?.tip_m;
         let tw = at_home - home.pose.z0_m;
@@ -195,13 +230,50 @@ impl<'a> Reach<'a> {
         if !(l > 0.0 && sigma_rad.is_finite()) {
             return Err(ToolError::Unreachable);
         }
-        let configuration = Configuration { pose: Pose { theta_rad, sigma_rad, z0_m: l * theta_rad.cos() }, beta_rad };
-        let joints = self.five.joints(&configuration)?;
-        let home_share = self.five.home_share(&configuration)?;
-        if home_share < self.margin() {
-            return Err(ToolError::Singular);
-        }
-        Ok(Hold { configuration, joints, home_share, looks: 0 })
+        Ok(Configuration { pose: Pose { theta_rad, sigma_rad, z0_m: l * theta_rad.cos() }, beta_rad })
+    }
+}
+
+/// Where a path asks the tool to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// The tip in B, m.
+    pub tip_m: [f64; 3],
+    /// What says where its axis points.
+    pub toward: Toward,
+}
+
+/// What says where a tool points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Toward {
+    /// Its axis in B, of any length above 0.
+    Axis([f64; 3]),
+    /// β1 and β2 of the wrist, rad.
+    Wrist([f64; 2]),
+}
+
+impl Place {
+    /// The place on the straight way to another, given in the same manner: the tip goes straight, the axis turns evenly in the
+    /// plane of both, the wrist's joints turn evenly.
+    pub fn between(&self, to: &Self, share: f64) -> Self {
+        let part = |a: f64, b: f64| a + share * (b - a);
+        let toward = match (self.toward, to.toward) {
+            (Toward::Axis(a), Toward::Axis(b)) => Toward::Axis(turned(a, b, share)),
+            (Toward::Wrist(a), Toward::Wrist(b)) => Toward::Wrist([part(a[0], b[0]), part(a[1], b[1])]),
+            (_, toward) => toward,
+        };
+        Self { tip_m: std::array::from_fn(|i| part(self.tip_m[i], to.tip_m[i])), toward }
+    }
+
+    /// How far another is: of the tip in m, and of the axis or the joint that turns furthest in rad.
+    pub fn apart(&self, to: &Self) -> [f64; 2] {
+        let way = (0..3).map(|i| (to.tip_m[i] - self.tip_m[i]).powi(2)).sum::<f64>().sqrt();
+        let turn = match (self.toward, to.toward) {
+            (Toward::Axis(a), Toward::Axis(b)) => angle(a, b),
+            (Toward::Wrist(a), Toward::Wrist(b)) => (a[0] - b[0]).abs().max((a[1] - b[1]).abs()),
+            _ => 0.0,
+        };
+        [way, turn]
     }
 }
 
@@ -221,7 +293,7 @@ fn degrees(rad: f64) -> f64 {
 }
 
 /// A tool in the units of files.
-pub fn shown(tool: &Tool<f64>) -> String {
+fn shown(tool: &Tool<f64>) -> String {
     let [x, y, z] = tool.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
     let [i, j, k] = tool.axis.map(|v| (v * 1e6).round() / 1e6 + 0.0);
     format!("tip {x}, {y}, {z} mm, axis {i}, {j}, {k}")
@@ -233,21 +305,18 @@ fn unit(v: [f64; 3]) -> [f64; 3] {
 }
 
 /// Angle between two axes, rad.
-pub fn turn(a: [f64; 3], b: [f64; 3]) -> f64 {
+fn angle(a: [f64; 3], b: [f64; 3]) -> f64 {
     let [a, b] = [unit(a), unit(b)];
     let size = |sign: f64| (0..3).map(|i| (a[i] + sign * b[i]).powi(2)).sum::<f64>().sqrt();
     2.0 * size(-1.0).atan2(size(1.0))
 }
 
-/// The tool on the straight way from one to another; its axis turns evenly in the plane of both.
-pub fn between(a: &Tool<f64>, b: &Tool<f64>, share: f64) -> Tool<f64> {
-    let angle = turn(a.axis, b.axis);
+/// A share of the turn from one axis to another, in the plane of both.
+fn turned(from: [f64; 3], to: [f64; 3], share: f64) -> [f64; 3] {
+    let angle = angle(from, to);
     let part = |share: f64| if angle.sin() > 1e-6 { (share * angle).sin() / angle.sin() } else { share };
-    let [from, to] = [unit(a.axis), unit(b.axis)];
-    Tool {
-        tip_m: std::array::from_fn(|i| a.tip_m[i] + share * (b.tip_m[i] - a.tip_m[i])),
-        axis: std::array::from_fn(|i| part(1.0 - share) * from[i] + part(share) * to[i]),
-    }
+    let [from, to] = [unit(from), unit(to)];
+    std::array::from_fn(|i| part(1.0 - share) * from[i] + part(share) * to[i])
 }
 
 fn solution(reach: &Reach<'_>, hold: &Hold<f64>) -> Value {
