@@ -1,16 +1,20 @@
-//! A small dialect of G-code (RS-274 as LinuxCNC reads it): straight moves of a five-axis tool.
+//! A small dialect of G-code (RS-274): straight moves of a five-axis tool. With `A B` it is LinuxCNC's; `I J K` on a straight
+//! move is for CAM systems and controls that speak of tool vectors.
 //!
 //! | word | meaning |
 //! |---|---|
 //! | `G0`, `G1` | move straight, fast or cutting; modal. `G0` has no cutting load |
 //! | `X Y Z` | the tool's tip in B, mm, absolute; modal |
 //! | `I J K` | the tool's axis in B, from the flange toward the tip, of any length; modal |
-//! | `A B` | in place of `I J K` all through a program: the wrist's joints β1 and β2 in degrees, as axes A and B of a machine whose kinematics keep the tip at X Y Z (LinuxCNC's TCP kinematics); modal |
+//! | `A B` | in place of `I J K` all through a program: the wrist's joints β1 and β2 in degrees, axes A and B of a machine whose kinematics keep the tip at X Y Z; modal |
 //! | `F S T`, `M…`, `N…` | passed on; a program may stop (`M0 M1 M2 M30 M60`) on the line of a move, behind it |
 //! | `G4 P…`, `G64 P… Q…` | passed on |
 //! | `G17 G18 G19 G21 G40 G49 G61 G80 G90 G91.1 G94` | passed on |
 //! | `( … )`, `; …` | comments, passed on |
 //! | `(wrench fx,fy,fz,mx,my,mz)` | from here on: the cutting load on the tool at its tip in the axes of T_h, N and N·m |
+//!
+//! A cut is divided, and each part ends with all of its words. Where the load changes between two moves, the second begins with a
+//! small move to where the tool has to be commanded under its own load.
 //!
 //! Everything else is refused with its line: arcs (`G2 G3`), inches, increments, inverse time, offsets of any kind, canned cycles,
 //! parameters, expressions, subroutines, block delete.
@@ -185,8 +189,9 @@ impl Program {
         let mut places = places.iter();
         let mut text = String::new();
         let head: String = notes.iter().map(|note| format!("({})\n", note.replace(['(', ')'], ""))).collect();
-        let starts_with_percent = self.blocks.first().is_some_and(|b| b.text.trim() == "%");
-        if !starts_with_percent {
+        let first = self.blocks.iter().position(|b| !b.text.trim().is_empty());
+        let percent = first.filter(|i| self.blocks[*i].text.trim() == "%");
+        if percent.is_none() {
             text.push_str(&head);
         }
         for (index, block) in self.blocks.iter().enumerate() {
@@ -213,7 +218,7 @@ impl Program {
                 text.push_str(block.text.trim_end());
                 text.push('\n');
             }
-            if index == 0 && starts_with_percent {
+            if percent == Some(index) {
                 text.push_str(&head);
             }
         }

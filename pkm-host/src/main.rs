@@ -111,7 +111,7 @@ enum Command {
     },
     /// A tool path that cancels the deflection that the model predicts along it; beside it a plot of the tip's error.
     ///
-    /// The machine is led along the path step by step and never changes sides of a singularity. G-code (LinuxCNC's, in mm):
+    /// The machine is led along the path step by step and never changes sides of a singularity. G-code, in mm:
     /// G0 and G1 with X Y Z, the tip in B, and I J K, the tool's axis in B, or A B, the wrist's β1 and β2 in degrees; a comment
     /// (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. F S T M N, comments and modes that change nothing
     /// are passed on; arcs, inches, increments, offsets, cycles and all else are refused with their line.

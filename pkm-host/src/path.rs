@@ -25,6 +25,8 @@ use crate::tool::{Place, Reach, Toward};
 pub const STEP_MM: f64 = 2.0;
 /// Furthest turn of the axis or of a wrist's joint in one step, rad.
 const STEP_RAD: f64 = std::f64::consts::PI / 180.0;
+/// Two axes farther apart than this are opposite.
+const OPPOSITE_RAD: f64 = 0.999 * std::f64::consts::PI;
 /// Most steps of a path.
 const MOST_STEPS: f64 = 5e6;
 /// What a path says that went through here.
@@ -49,13 +51,13 @@ pub fn wrench_of([fx, fy, fz, mx, my, mz]: [f64; 6]) -> Wrench<f64> {
     Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] }
 }
 
-impl Move {
-    fn wrench_at(&self, share: f64) -> Wrench<f64> {
-        let [a, b] = self.wrench;
-        let part = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
-        Wrench { force_n: part(a.force_n, b.force_n), moment_nm: part(a.moment_nm, b.moment_nm) }
-    }
+/// A share of the way from one wrench to another.
+fn part_of([a, b]: &[Wrench<f64>; 2], share: f64) -> Wrench<f64> {
+    let part = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
+    Wrench { force_n: part(a.force_n, b.force_n), moment_nm: part(a.moment_nm, b.moment_nm) }
+}
 
+impl Move {
     fn is_loaded(&self) -> bool {
         self.wrench != [NO_LOAD; 2]
     }
@@ -132,7 +134,7 @@ fn read(request: &Request<'_>) -> Result<Read> {
     Ok(Read::Csv { sheet, moves })
 }
 
-/// What a file holds of a place: mm to nine decimals in a CSV, as many as [`crate::gcode`] writes in a program; here the coarser.
+/// A place as files hold it: mm to six decimals, axes to nine, degrees to eight.
 fn rounded(place: &Place) -> Place {
     let to = |v: f64, unit: f64| (v * unit).round() / unit;
     let toward = match place.toward {
@@ -223,8 +225,8 @@ struct Walk<'a> {
     file: String,
     allow_extrapolation: bool,
     track: Track,
-    /// The last loaded point, as asked and as commanded.
-    last: Option<[Place; 2]>,
+    /// The last loaded point: as asked, and as commanded.
+    last: Option<(Place, Point)>,
     way_m: f64,
     spot: Spot,
 }
@@ -302,10 +304,10 @@ impl Walk<'_> {
             let why = format!("outside the box of {name}: {amount}; fit a table there, or give --allow-extrapolation");
             return Err(self.here(Failure::refused("outside_box", why)));
         }
-        let halfway = self.last.map(|[last_asked, last]| {
+        let halfway = self.last.map(|(last_asked, last)| {
             let meant = self.reach.stand(&last_asked.between(asked, 0.5), near)?;
             let meant = self.reach.five.tool(&meant.configuration)?;
-            self.met(&last.between(&place, 0.5), wrench, &meant, near)
+            self.met(&last.place.between(&place, 0.5), &part_of(&[last.wrench, *wrench], 0.5), &meant, near)
         });
         let halfway = halfway.transpose().map_err(failed)?;
         let track = &mut self.track;
@@ -319,8 +321,9 @@ impl Walk<'_> {
         track.extrapolated += usize::from(outside.is_some());
         track.least_share = track.least_share.min(after.hold.home_share);
         track.curve.push([self.way_m, before.off[0], after.off[0]]);
-        self.last = Some([*asked, place]);
-        self.put(Point { place, wrench: *wrench });
+        let point = Point { place, wrench: *wrench };
+        self.last = Some((*asked, point));
+        self.put(point);
         Ok(after.hold)
     }
 
@@ -368,6 +371,10 @@ fn walk<'a>(
         let before = index.checked_sub(1).map(|i| &moves[i]);
         let from = before.map_or(mv.to, |m| m.to);
         let n = steps(&from, &mv.to) as usize;
+        if from.apart(&mv.to)[1] > OPPOSITE_RAD && matches!(mv.to.toward, Toward::Axis(_)) {
+            let why = "the axis turns by 180° at once, and which way is not said: give a point between";
+            return Err(Failure::input(why).in_file(&walk.file).at_line(mv.line));
+        }
         // where the load changes at once, so does the command
         let jumps = before.is_some_and(|b| mv.is_loaded() && b.wrench[1] != mv.wrench[0]);
         if jumps || !mv.is_loaded() {
@@ -391,7 +398,7 @@ fn walk<'a>(
             };
             near = hold.configuration;
             walk.track.least_share = walk.track.least_share.min(hold.home_share);
-            let wrench = mv.wrench_at(share);
+            let wrench = part_of(&mv.wrench, share);
             if wrench != NO_LOAD && (fill || ends) {
                 near = walk.loaded(&asked, &near, &wrench)?.configuration;
                 if !fill {
@@ -504,7 +511,7 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
     let folder = request.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     source::write_all(folder, &[(name, written), (svg_name, picture(&track)?)])?;
 
-    let micro = |t: &Tally| format!("{:.3} at most, {:.3} rms", t.max * 1e6, t.rms() * 1e6);
+    let micro = |t: &Tally| format!("{:.4} at most, {:.4} rms", t.max * 1e6, t.rms() * 1e6);
     let [before, after] = [&track.before, &track.after];
     let mut text = format!(
         "wrote {points} points to {} and their errors to {}\n\
