@@ -134,9 +134,10 @@ fn read(request: &Request<'_>) -> Result<Read> {
     Ok(Read::Csv { sheet, moves })
 }
 
-/// A place as files hold it: mm to six decimals, axes to nine, degrees to eight.
-fn rounded(place: &Place) -> Place {
-    let to = |v: f64, unit: f64| (v * unit).round() / unit;
+/// A place as a file holds it. A program has mm to six decimals, axes to nine, degrees to eight; a CSV three more.
+fn rounded(place: &Place, in_program: bool) -> Place {
+    let finer = if in_program { 1.0 } else { 1e3 };
+    let to = |v: f64, unit: f64| (v * unit * finer).round() / (unit * finer);
     let toward = match place.toward {
         Toward::Axis(axis) => Toward::Axis(axis.map(|v| to(v, 1e9))),
         Toward::Wrist(beta) => Toward::Wrist(beta.map(|v| to(v.to_degrees(), 1e8).to_radians())),
@@ -224,6 +225,7 @@ struct Walk<'a> {
     correction: Option<&'a Correction<'a>>,
     file: String,
     allow_extrapolation: bool,
+    in_program: bool,
     track: Track,
     /// The last loaded point: as asked, and as commanded.
     last: Option<(Place, Point)>,
@@ -293,7 +295,7 @@ impl Walk<'_> {
             Toward::Axis(_) => Toward::Axis(axis),
             Toward::Wrist(_) => Toward::Wrist(configuration.beta_rad),
         };
-        let place = rounded(&Place { tip_m, toward });
+        let place = rounded(&Place { tip_m, toward }, self.in_program);
         let failed = |e| self.failure(e, self.reach.stand_anywhere(&place, &configuration));
         let before = self.met(asked, wrench, &tool, near).map_err(failed)?;
         let after = self.met(&place, wrench, &tool, &configuration).map_err(failed)?;
@@ -334,15 +336,14 @@ impl Walk<'_> {
     }
 }
 
-/// Goes along a path. With `fill` the moves under load are divided into steps, else the new path has the points of the old one.
+/// Goes along a path. A program's cuts are divided into steps; a CSV's only where a step is given.
 fn walk<'a>(
     machine: &'a MachineFile,
     correction: Option<&'a Correction<'a>>,
-    moves: &[Move],
-    file: &Path,
+    (moves, in_program): (&[Move], bool),
     request: &Request<'_>,
-    fill: bool,
 ) -> Result<Track> {
+    let (file, fill) = (request.path, in_program || request.step_mm.is_some());
     let reach = Reach::new(machine)?;
     let step_m = request.step_mm.unwrap_or(STEP_MM) / 1e3;
     let steps = |a: &Place, b: &Place| {
@@ -364,7 +365,8 @@ fn walk<'a>(
     let file = file.display().to_string();
     let allow_extrapolation = request.allow_extrapolation;
     let spot = Spot { line: 0, from: None, tip_m: [0.0; 3] };
-    let mut walk = Walk { reach, correction, file, allow_extrapolation, track, last: None, way_m: 0.0, spot };
+    let mut walk =
+        Walk { reach, correction, file, allow_extrapolation, in_program, track, last: None, way_m: 0.0, spot };
     let mut near = walk.reach.home();
     for (index, mv) in moves.iter().enumerate() {
         walk.track.points.push(Vec::new());
@@ -405,7 +407,7 @@ fn walk<'a>(
                     walk.last = None;
                 }
             } else if ends || (fill && mv.is_loaded()) {
-                walk.put(Point { place: rounded(&asked), wrench });
+                walk.put(Point { place: rounded(&asked, in_program), wrench });
             }
             bar.inc(1);
             if bar.is_hidden() && start.elapsed() > Duration::from_secs(1) {
@@ -425,7 +427,7 @@ fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
         for (n, point) in points.iter().enumerate() {
             let mut cells = row.cells.clone();
             let Toward::Axis(axis) = point.place.toward else { continue };
-            let tip = point.place.tip_m.map(|m| (m * 1e9).round() / 1e6);
+            let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
             let wrench = point.wrench.force_n.into_iter().chain(point.wrench.moment_nm);
             // a row's own wrench stays as it was written
             let values = tip.into_iter().chain(axis).chain(wrench);
@@ -483,11 +485,11 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
         return Err(Failure::usage(message).in_file(request.out.display().to_string()));
     };
     let path = read(request)?;
-    let (moves, fill) = match &path {
-        Read::Csv { moves, .. } => (moves, request.step_mm.is_some()),
-        Read::Program(program) => (&program.moves, true),
+    let moves = match &path {
+        Read::Csv { moves, .. } => (&moves[..], false),
+        Read::Program(program) => (&program.moves[..], true),
     };
-    let track = walk(machine, correction, moves, request.path, request, fill)?;
+    let track = walk(machine, correction, moves, request)?;
     let points: usize = track.points.iter().map(Vec::len).sum();
     if track.curve.is_empty() {
         eprintln!("warning: no load anywhere on the path: nothing to make up for");
