@@ -29,7 +29,8 @@ const STEP_RAD: f64 = std::f64::consts::PI / 180.0;
 const OPPOSITE_RAD: f64 = 0.999 * std::f64::consts::PI;
 /// Most steps of a path.
 const MOST_STEPS: f64 = 5e6;
-/// What a path says that went through here.
+/// How a comment begins that says of a path that it went through here: in every program; in a CSV, which others read line by
+/// line, only with something to tell.
 const MARK: &str = "pkm-host compensate";
 const TOOL_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "z_mm", "i", "j", "k"];
 /// Of a wrench that is none.
@@ -105,8 +106,7 @@ fn read(request: &Request<'_>) -> Result<Read> {
         }
     };
     let source = Source::read(request.path)?;
-    let marked =
-        |l: &str| l.trim_start().strip_prefix(['(', '#', ';']).is_some_and(|l| l.trim_start().starts_with(MARK));
+    let marked = |l: &str| l.strip_prefix(['(', '#']).is_some_and(|l| l.trim_start().starts_with(MARK));
     if let Some(line) = source.text()?.lines().position(marked) {
         let message = "this path is compensated already: give the one that it was made from";
         return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
@@ -495,17 +495,17 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
         eprintln!("warning: no load anywhere on the path: nothing to make up for");
     }
 
-    let table = correction
-        .map_or("no table".to_owned(), |c| format!("table {}", Source::from_text(&c.name, String::new()).file_name()));
-    let mut notes = vec![format!("{MARK}: machine {}, {table}", printable(&machine.name))];
+    let mut notes = Vec::new();
     if track.extrapolated > 0 {
-        let note = format!("extrapolated: {} of {points} points lie outside the table's box", track.extrapolated);
-        eprintln!("warning: {note}");
-        notes.push(note);
+        let beyond = format!("{} of {points} points lie outside the table's box: extrapolated", track.extrapolated);
+        eprintln!("warning: {beyond}");
+        notes.push(format!("{MARK}: {beyond}"));
     }
     let written = match &path {
         Read::Csv { sheet, .. } => csv(sheet, &track.points, &notes),
         Read::Program(program) => {
+            let table = correction.map_or("no table", |c| c.name.rsplit(['/', '\\']).next().unwrap_or(&c.name));
+            notes.insert(0, format!("{MARK}: machine {}, {}", machine.name, printable(table)));
             let places: Vec<Vec<Place>> = track.points.iter().map(|p| p.iter().map(|p| p.place).collect()).collect();
             program.written(&places, &notes)
         }

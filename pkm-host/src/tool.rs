@@ -148,7 +148,7 @@ impl<'a> Reach<'a> {
         let home = self.five.tool(&near).ok()?;
         let place = |tool: &Tool<f64>| Place { tip_m: tool.tip_m, toward: Toward::Axis(tool.axis) };
         let (mut share, mut step) = (0.0, 1.0 / 64.0);
-        while step > 1e-6 {
+        while step > 1e-6 && share < 1.0 {
             match self.stand(&place(&home).between(&place(tool), share + step), &near) {
                 Ok(hold) => (near, share) = (hold.configuration, share + step),
                 Err(_) => step *= 0.5,
@@ -295,11 +295,13 @@ fn degrees(rad: f64) -> f64 {
 /// A tool in the units of files.
 fn shown(tool: &Tool<f64>) -> String {
     let [x, y, z] = tool.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
-    let [i, j, k] = tool.axis.map(|v| (v * 1e6).round() / 1e6 + 0.0);
+    let [i, j, k] = unit(tool.axis).map(|v| (v * 1e6).round() / 1e6 + 0.0);
     format!("tip {x}, {y}, {z} mm, axis {i}, {j}, {k}")
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {
+    let longest = v.iter().fold(0.0_f64, |longest, v| longest.max(v.abs()));
+    let v = v.map(|v| v / longest);
     let size = v.iter().map(|v| v * v).sum::<f64>().sqrt();
     v.map(|v| v / size)
 }
@@ -351,7 +353,7 @@ pub fn ik(file: &MachineFile, tip_mm: [f64; 3], axis: [f64; 3], near: Option<[f6
     if axis == [0.0; 3] {
         return Err(Failure::usage("--axis: expected a direction, found 0, 0, 0"));
     }
-    let tool = Tool { tip_m: tip_mm.map(|v| v / 1e3), axis };
+    let tool = Tool { tip_m: tip_mm.map(|v| v / 1e3), axis: unit(axis) };
     let near = match near {
         None => reach.home(),
         Some([q1, q2, q3, beta1, beta2]) => {
