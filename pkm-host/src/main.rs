@@ -196,8 +196,8 @@ struct IkArgs {
     /// The tool's axis in B, from the flange toward the tip, of any length.
     #[arg(long, requires = "tip_mm", value_parser = list::<3>, allow_hyphen_values = true, value_name = "I,J,K")]
     axis: Option<[f64; 3]>,
-    /// q1,q2,q3 in mm and β1,β2 in °: of several ways to hold the tool on the home side the nearest to it; default: the zero
-    /// pose, Z0 in the middle of the box.
+    /// q1,q2,q3 in mm and β1,β2 in °: of several ways to hold the tool on the home side the nearest to it (θ, σ, β1, β2 in rad
+    /// and Z0 as a share of home's); default: the zero pose, Z0 in the middle of the box.
     #[arg(
         long,
         requires = "tip_mm",
