@@ -22,12 +22,14 @@ use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
 use crate::machine_file::{MachineFile, PoseBox, status};
 use crate::map::{self, Map, Window, claims, picture};
+use crate::path::{self, Correction};
 use crate::place::job::Job;
 use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
 use crate::report;
 use crate::source::{self, Source, fixtures};
 use crate::table_file::{TableFile, TableNumbers};
+use crate::tool;
 
 /// What a command prints: text for people, or a document for programs.
 pub struct Output {
@@ -64,11 +66,11 @@ pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
     Ok(Output { text: format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), json })
 }
 
-/// `fk`: pose of screw lengths.
+/// `fk`: pose of screw lengths; with the wrist's joints also tip and axis.
 ///
 /// # Errors
 /// Lengths out of travel, or that don't assemble.
-pub fn fk(machine: Option<&Path>, q_mm: [f64; 3]) -> Result<Output> {
+pub fn fk(machine: Option<&Path>, q_mm: [f64; 3], beta_deg: Option<[f64; 2]>) -> Result<Output> {
     let file = machine_file(machine)?;
     let machine = file.machine;
     let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
@@ -85,11 +87,37 @@ pub fn fk(machine: Option<&Path>, q_mm: [f64; 3]) -> Result<Output> {
     json["theta_deg"] = theta_deg.into();
     json["sigma_deg"] = sigma_deg.into();
     json["z0_mm"] = z0_mm.into();
-    Ok(Output { text: format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}"), json })
+    let mut text = format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}");
+    if let Some(beta_deg) = beta_deg {
+        let held = tool::fk(&file, q_mm, beta_deg)?;
+        text.push_str(&held.text);
+        if let (Value::Object(json), Value::Object(held)) = (&mut json, held.json) {
+            json.extend(held);
+        }
+    }
+    Ok(Output { text, json })
+}
+
+/// `ik --tip-mm --axis`: joint values that hold a tool.
+///
+/// # Errors
+/// See [`tool::ik`].
+pub fn ik_tool(
+    machine: Option<&Path>,
+    tip_mm: [f64; 3],
+    axis: [f64; 3],
+    near: Option<[f64; 5]>,
+    all: bool,
+) -> Result<Output> {
+    tool::ik(&machine_file(machine)?, tip_mm, axis, near, all)
 }
 
 /// What the engineer wants to know besides: how far travel and singularities are.
-fn margins(machine: &Machine<f64>, pose: &Pose<f64>, lengths: &ScrewLengths<f64>) -> Result<(Value, String)> {
+pub(crate) fn margins(
+    machine: &Machine<f64>,
+    pose: &Pose<f64>,
+    lengths: &ScrewLengths<f64>,
+) -> Result<(Value, String)> {
     let (margin_m, limb) = machine.travel_margin_m(lengths);
     let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
     let json = json!({
@@ -105,6 +133,24 @@ fn margins(machine: &Machine<f64>, pose: &Pose<f64>, lengths: &ScrewLengths<f64>
         distance.limb_3
     );
     Ok((json, text))
+}
+
+/// `compensate`: a tool path that cancels the deflection that the model predicts along it.
+///
+/// # Errors
+/// See [`path::compensate`]; a table without factor form.
+pub fn compensate(machine: Option<&Path>, table: Option<&Path>, request: &path::Request<'_>) -> Result<Output> {
+    let model = Model::read(machine, table, Form::Auto)?;
+    let correction = model.table.as_ref().zip(table).map(|(t, file)| {
+        let name = file.display().to_string();
+        if t.form == Form::Diagonal {
+            let message =
+                "has no factor form, and the diagonal form is wrong for loads: fit it on data with all 21 columns";
+            return Err(Failure::input(message).in_file(name).at_column("factor"));
+        }
+        Ok(Correction { table: t.numbers.table()?, extent: t.pose_box, name })
+    });
+    path::compensate(&model.machine, correction.transpose()?.as_ref(), request)
 }
 
 /// Which model gives the stiffness.

@@ -176,7 +176,7 @@ impl Sheet {
         }
     }
 
-    fn numbers<const N: usize>(&self, row: &Row, columns: [&str; N]) -> Result<[f64; N]> {
+    pub(crate) fn numbers<const N: usize>(&self, row: &Row, columns: [&str; N]) -> Result<[f64; N]> {
         let mut values = [0.0; N];
         for (value, column) in values.iter_mut().zip(columns) {
             *value = self.number(row, column)?;

@@ -12,6 +12,7 @@ use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
 use pkm_host::machine_file::PoseBox;
 use pkm_host::map::Window;
+use pkm_host::path::Request;
 use pkm_host::place::{Method, Objective};
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
@@ -34,23 +35,16 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Screw lengths of a pose.
-    Ik {
-        /// θ in °, about y of B, within ±90.
-        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
-        theta_deg: f64,
-        /// σ in °, about u, within ±90.
-        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
-        sigma_deg: f64,
-        /// Height of A over B in mm, above 0.
-        #[arg(long, value_parser = finite, allow_hyphen_values = true)]
-        z0_mm: f64,
-    },
-    /// Pose of three screw lengths.
+    /// Screw lengths of a pose; or of a tool, with the wrist's joints.
+    Ik(IkArgs),
+    /// Pose of three screw lengths; with the wrist's joints also the tool.
     Fk {
         /// q1,q2,q3 in mm.
         #[arg(long, value_parser = list::<3>, allow_hyphen_values = true, value_name = "A,B,C")]
         q_mm: [f64; 3],
+        /// β1,β2 of the wrist in °: gives the tool's tip and axis too.
+        #[arg(long, value_parser = list::<2>, allow_hyphen_values = true, value_name = "B1,B2")]
+        beta_deg: Option<[f64; 2]>,
     },
     /// Terminal stiffness at poses: basic, or corrected by a table.
     Stiffness {
@@ -168,6 +162,34 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
+    /// A tool path that cancels the deflection that the model predicts along it; beside it a plot of the tip's error.
+    ///
+    /// The machine is led along the path step by step and never changes sides of a singularity. G-code, in mm:
+    /// G0 and G1 with X Y Z, the tip in B, and I J K, the tool's axis in B, or A B, the wrist's β1 and β2 in degrees; a comment
+    /// (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. F S T M N, comments and modes that change nothing
+    /// are passed on; arcs, inches, increments, offsets, cycles and all else are refused with their line.
+    Compensate {
+        /// CSV with x_mm,y_mm,z_mm,i,j,k (tip and axis in B) and fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm (on the tool at the tip, in
+        /// the tool's frame), or G-code (.ngc, .nc, .gcode, .cnc, .tap).
+        #[arg(long, value_name = "FILE")]
+        path: PathBuf,
+        /// coefficients.json of `fit`; without it the basic model with the machine file's effects.
+        #[arg(long, value_name = "JSON")]
+        table: Option<PathBuf>,
+        /// For G-code: the cutting load on the tool at its tip, in the tool's frame, N and N·m.
+        #[arg(long, value_parser = list::<6>, allow_hyphen_values = true, value_name = "FX,FY,FZ,MX,MY,MZ")]
+        wrench: Option<[f64; 6]>,
+        /// Cuts are divided so that from point to point the tip goes no farther than this and the axis (or a wrist's joint)
+        /// turns by no more than 1°. Default: 2 for G-code; a CSV keeps its rows as they are unless this is given.
+        #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM")]
+        step_mm: Option<f64>,
+        /// Lets points pass that lie outside the table's box, and says so in the file.
+        #[arg(long)]
+        allow_extrapolation: bool,
+        /// File to write, in the path's format; the plot goes to the same name with .svg.
+        #[arg(long, value_name = "FILE")]
+        out: PathBuf,
+    },
     /// Drives firmware that runs the core (pkm-fw's `cyclic`) and compares every bit with the host.
     Hil {
         /// Serial port of the board, such as /dev/ttyACM0.
@@ -204,6 +226,45 @@ enum Command {
 }
 
 #[derive(Args)]
+struct IkArgs {
+    /// θ in °, about y of B, within ±90.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    theta_deg: Option<f64>,
+    /// σ in °, about u, within ±90.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    sigma_deg: Option<f64>,
+    /// Height of A over B in mm, above 0.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    z0_mm: Option<f64>,
+    /// The tool's tip in B in mm, in place of a pose.
+    #[arg(
+        long,
+        requires = "axis",
+        conflicts_with_all = ["theta_deg", "sigma_deg", "z0_mm"],
+        value_parser = list::<3>,
+        allow_hyphen_values = true,
+        value_name = "X,Y,Z"
+    )]
+    tip_mm: Option<[f64; 3]>,
+    /// The tool's axis in B, from the flange toward the tip, of any length.
+    #[arg(long, requires = "tip_mm", value_parser = list::<3>, allow_hyphen_values = true, value_name = "I,J,K")]
+    axis: Option<[f64; 3]>,
+    /// q1,q2,q3 in mm and β1,β2 in °: of several ways to hold the tool on the home side the nearest to it (θ, σ, β1, β2 in rad
+    /// and Z0 as a share of home's); default: the zero pose, Z0 in the middle of the box.
+    #[arg(
+        long,
+        requires = "tip_mm",
+        value_parser = list::<5>,
+        allow_hyphen_values = true,
+        value_name = "Q1,Q2,Q3,B1,B2"
+    )]
+    near: Option<[f64; 5]>,
+    /// Every way to hold the tool within travel and limits, on either side of the singular surface.
+    #[arg(long, requires = "tip_mm")]
+    all: bool,
+}
+
+#[derive(Args)]
 struct TableArgs {
     /// coefficients.json of `fit`; without it the basic model.
     #[arg(long, value_name = "JSON")]
@@ -232,8 +293,14 @@ fn list<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
 fn run(cli: &Cli) -> Result<Output> {
     let machine = cli.machine.as_deref();
     match &cli.command {
-        Command::Ik { theta_deg, sigma_deg, z0_mm } => commands::ik(machine, *theta_deg, *sigma_deg, *z0_mm),
-        Command::Fk { q_mm } => commands::fk(machine, *q_mm),
+        Command::Ik(IkArgs { theta_deg: Some(theta_deg), sigma_deg: Some(sigma_deg), z0_mm: Some(z0_mm), .. }) => {
+            commands::ik(machine, *theta_deg, *sigma_deg, *z0_mm)
+        }
+        Command::Ik(IkArgs { tip_mm: Some(tip_mm), axis: Some(axis), near, all, .. }) => {
+            commands::ik_tool(machine, *tip_mm, *axis, *near, *all)
+        }
+        Command::Ik(_) => Err(Failure::usage("give a pose or a tool, see --help")),
+        Command::Fk { q_mm, beta_deg } => commands::fk(machine, *q_mm, *beta_deg),
         Command::Stiffness { poses, table, out } => {
             commands::stiffness(machine, poses, table.table.as_deref(), table.form, out.as_deref())
         }
@@ -268,6 +335,11 @@ fn run(cli: &Cli) -> Result<Output> {
             }
             let window = Window { x0_mm: *x0_mm, z0_mm: *z0_mm, step_mm: *step_mm };
             commands::map(machine, table.table.as_deref(), table.form, sigma_deg, &window, out)
+        }
+        Command::Compensate { path, table, wrench, step_mm, allow_extrapolation, out } => {
+            let (wrench, step_mm, allow_extrapolation) = (*wrench, *step_mm, *allow_extrapolation);
+            let request = Request { path, wrench, step_mm, allow_extrapolation, out };
+            commands::compensate(machine, table.as_deref(), &request)
         }
         Command::Hil { port, baud, qemu: _, elf, board, poses, steps, seed, table, out } => {
             let target = match port {

@@ -269,7 +269,7 @@ fn bad_jobs_are_refused_with_their_place() {
         ("axis = [0.1, 0.0, -2.0]", "axis = [0.1, 0.0, 2.0]", "hole 2 of series `A`|out of reach"),
         (
             "tip_mm = [90.0, 30.0, -10.0]",
-            "tip_mm = [900.0, 30.0, -10.0]",
+            "tip_mm = [430.0, 30.0, -10.0]",
             "no position of the table reaches all 2 holes|A",
         ),
     ] {
