@@ -253,11 +253,12 @@ struct Look<T> {
 impl<T: Scalar> State<T> {
     fn of(c: &Configuration<T>) -> Self {
         let theta = c.pose.theta_rad;
-        Self { theta, sigma: c.pose.sigma_rad, l: c.pose.z0_m / theta.cos(), beta: c.beta_rad }
+        Self { theta, sigma: c.pose.sigma_rad, l: c.pose.z0_m / theta.sin_cos().1, beta: c.beta_rad }
     }
 
     fn configuration(&self) -> Configuration<T> {
-        let z0_m = self.l * self.theta.cos();
+        // not `cos`: in `f32` that goes by way of `f64`
+        let z0_m = self.l * self.theta.sin_cos().1;
         Configuration { pose: Pose { theta_rad: self.theta, sigma_rad: self.sigma, z0_m }, beta_rad: self.beta }
     }
 
