@@ -114,10 +114,15 @@ pub(crate) fn deflection<T: Scalar>(
     pose: &Pose<T>,
     wrench: &Wrench<T>,
 ) -> Result<Deflection<T>, CorrectionError> {
-    let posture = machine.posture(pose)?;
-    let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
-    let beyond = machine.load_dependent_deflection_at(&posture, wrench, &unloaded)?;
-    Ok(linear_deflection(machine, table, pose, &posture, wrench)?.plus(&beyond))
+    // by reference: `?` would copy all of it
+    match &machine.posture(pose) {
+        Ok(posture) => {
+            let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
+            let beyond = machine.load_dependent_deflection_at(posture, wrench, &unloaded)?;
+            Ok(linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond))
+        }
+        Err(e) => Err((*e).into()),
+    }
 }
 
 #[inline(never)] // its matrix would take stack while load-dependent effects are worked out

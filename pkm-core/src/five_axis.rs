@@ -253,11 +253,12 @@ struct Look<T> {
 impl<T: Scalar> State<T> {
     fn of(c: &Configuration<T>) -> Self {
         let theta = c.pose.theta_rad;
-        Self { theta, sigma: c.pose.sigma_rad, l: c.pose.z0_m / theta.cos(), beta: c.beta_rad }
+        Self { theta, sigma: c.pose.sigma_rad, l: c.pose.z0_m / theta.sin_cos().1, beta: c.beta_rad }
     }
 
     fn configuration(&self) -> Configuration<T> {
-        let z0_m = self.l * self.theta.cos();
+        // not `cos`: in `f32` that goes by way of `f64`
+        let z0_m = self.l * self.theta.sin_cos().1;
         Configuration { pose: Pose { theta_rad: self.theta, sigma_rad: self.sigma, z0_m }, beta_rad: self.beta }
     }
 
@@ -320,6 +321,17 @@ impl<T: Scalar> Wrist<T> {
             share: -determinant / (cos_theta * self.home_determinant),
             step: [dtheta, dsigma, dl, dbeta1, dbeta2],
         }
+    }
+}
+
+impl<T: Scalar> Wrist<T> {
+    /// A load on the tool at its tip, in the axes of T_h, as one on the platform at A.
+    #[inline(never)]
+    fn wrench_at_a(&self, beta_rad: [T; 2], wrench: &Wrench<T>) -> Wrench<T> {
+        let held = self.held(beta_rad);
+        let axes = held.axes();
+        let turned = Wrench { force_n: combined(&axes, wrench.force_n), moment_nm: combined(&axes, wrench.moment_nm) };
+        turned.moved_to_a(held.tip)
     }
 }
 
@@ -605,6 +617,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         self.deflection_of(table, configuration, wrench)
     }
 
+    // what is turned before and after it takes no stack while the mechanism's own is worked out
     #[inline(never)]
     fn deflection_of(
         &self,
@@ -613,17 +626,21 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
     ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
         let Configuration { pose, beta_rad } = configuration;
-        let held = self.wrist.held(*beta_rad);
-        let axes = held.axes();
-        let turned = Wrench { force_n: combined(&axes, wrench.force_n), moment_nm: combined(&axes, wrench.moment_nm) };
-        let at_a = compensation::deflection(self.machine, table, pose, &turned.moved_to_a(held.tip))?;
-        let Deflection { translation_m, rotation_rad } = at_a.seen_at(held.tip);
+        let at_a = compensation::deflection(self.machine, table, pose, &self.wrist.wrench_at_a(*beta_rad, wrench))?;
+        let Deflection { translation_m, rotation_rad } = self.seen_at_tip(configuration, &at_a);
+        Ok(ToolDeflection { translation_m, rotation_rad, domain: table.map(|table| table.domain(pose)) })
+    }
+
+    /// A displacement of A, in A-uvw, as that of the tip, in B-xyz.
+    #[inline(never)]
+    fn seen_at_tip(&self, configuration: &Configuration<T>, at_a: &Deflection<T>) -> Deflection<T> {
+        let Configuration { pose, beta_rad } = configuration;
+        let Deflection { translation_m, rotation_rad } = at_a.seen_at(self.wrist.held(*beta_rad).tip);
         let platform = platform_axes(pose.theta_rad, pose.sigma_rad);
-        Ok(ToolDeflection {
+        Deflection {
             translation_m: combined(&platform, translation_m),
             rotation_rad: combined(&platform, rotation_rad),
-            domain: table.map(|table| table.domain(pose)),
-        })
+        }
     }
 
     /// The configuration to command so that the loaded tool stands where `tool` asks, tip and axis: the tool is held where
@@ -643,25 +660,46 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
         near: &Configuration<T>,
     ) -> Result<CompensatedTool<T>, ToolDeflectionError> {
-        let axis = unit(tool.axis).ok_or(ToolError::NotFinite)?;
-        let mut hold = self.inverse(tool, near)?;
-        let mut held = Tool { tip_m: tool.tip_m, axis };
-        // what the last try met, of the tip and of the axis
-        let mut last: Option<[[T; 3]; 2]> = None;
-        let size = |[tip, axis]: [[T; 3]; 2]| dot(tip, tip).sqrt() + self.wrist.home_z0 * dot(axis, axis).sqrt();
+        // by reference: `?` would copy all of it
+        let mut found = self.inverse(tool, near);
+        let hold = match &mut found {
+            Ok(hold) => hold,
+            Err(e) => return Err((*e).into()),
+        };
+        let mut met = [[T::ZERO; 3]; 2];
         for _ in 0..MAX_DEFLECTIONS {
-            let deflection = self.deflection_of(table, &hold.configuration, wrench)?;
-            let met = [deflection.translation_m, cross(deflection.rotation_rad, held.axis)];
-            if let Some([tip, turn]) = last
-                && size([less(met[0], tip), less(met[1], turn)]) <= T::from_f64(COMPENSATED_TO) * size(met)
-            {
-                return Ok(CompensatedTool { hold, deflection });
+            match &self.deflection_of(table, &hold.configuration, wrench) {
+                Ok(deflection) => {
+                    if self.is_met(tool, deflection, &mut met, hold)? {
+                        return Ok(CompensatedTool { hold: *hold, deflection: *deflection });
+                    }
+                }
+                Err(e) => return Err(*e),
             }
-            last = Some(met);
-            held = Tool { tip_m: less(tool.tip_m, met[0]), axis: less(axis, met[1]) };
-            hold = self.inverse(&held, &hold.configuration)?;
         }
         Err(ToolDeflectionError::NotConverged)
+    }
+
+    /// Whether a deflection is the one that is met, of tip and axis. If not, it is from now on, and the tool is held where it
+    /// takes the tool to its place.
+    #[inline(never)] // what it works with takes no stack while the next deflection is worked out
+    fn is_met(
+        &self,
+        tool: &Tool<T>,
+        deflection: &ToolDeflection<T>,
+        met: &mut [[T; 3]; 2],
+        hold: &mut Hold<T>,
+    ) -> Result<bool, ToolError> {
+        let axis = unit(tool.axis).ok_or(ToolError::NotFinite)?;
+        let now = [deflection.translation_m, cross(deflection.rotation_rad, less(axis, met[1]))];
+        let size = |[tip, axis]: [[T; 3]; 2]| dot(tip, tip).sqrt() + self.wrist.home_z0 * dot(axis, axis).sqrt();
+        if size([less(now[0], met[0]), less(now[1], met[1])]) <= T::from_f64(COMPENSATED_TO) * size(now) {
+            return Ok(true);
+        }
+        *met = now;
+        let held = Tool { tip_m: less(tool.tip_m, now[0]), axis: less(axis, now[1]) };
+        *hold = self.inverse(&held, &hold.configuration)?;
+        Ok(false)
     }
 }
 

@@ -1,4 +1,4 @@
-/* One cycle of a controller: where the screws go so that a loaded tip is where it should be.
+/* One cycle of a controller: where the screws go so that a loaded tip is where it should be; then with the wrist, tip and axis.
  * The same source on a PC and on a Cortex-M; `cargo xtask c` builds and runs it on both. */
 
 #include <stdio.h>
@@ -11,7 +11,7 @@ int main(void) {
     const PkmWrench_f64 cutting = {.force_n = {120.0, 0.0, -400.0}, .moment_nm = {0.0, 0.0, 5.0}};
 
     PkmCycle_f64 cycle;
-    const PkmError error = pkm_cycle_f64(pkm_machine_f64(), pkm_table_f64(), &pose, &cutting, &tip, &cycle);
+    PkmError error = pkm_cycle_f64(pkm_machine_f64(), pkm_table_f64(), &pose, &cutting, &tip, &cycle);
     if (error != PKM_ERROR_OK) {
         fprintf(stderr, "pkm: %s\n", pkm_error_text(error));
         return 1;
@@ -28,5 +28,18 @@ int main(void) {
     }
     const double *moved_m = cycle.deflection.translation_m;
     printf("A would move by %.2f %.2f %.2f um along u, v, w\n", 1e6 * moved_m[0], 1e6 * moved_m[1], 1e6 * moved_m[2]);
+
+    const PkmTool_f64 tool = {.tip_m = {-0.15, 0.02, 1.12}, .axis = {0.05, 0.0, 1.0}};
+    const PkmConfiguration_f64 near = {.pose = {.theta_rad = 0.0, .sigma_rad = 0.0, .z0_m = 0.53}, .beta_rad = {0.0, 0.0}};
+    PkmCompensatedTool_f64 command;
+    error = pkm_tool_compensated_f64(pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(), &tool, &cutting, &near, &command);
+    if (error != PKM_ERROR_OK) {
+        fprintf(stderr, "pkm: %s\n", pkm_error_text(error));
+        return 1;
+    }
+    const PkmJoints_f64 *joints = &command.hold.joints;
+    printf("five axes: %.4f %.4f %.4f mm, %.6f %.6f rad, home share %.3f\n", 1e3 * joints->lengths.q_m[0],
+           1e3 * joints->lengths.q_m[1], 1e3 * joints->lengths.q_m[2], joints->beta_rad[0], joints->beta_rad[1],
+           command.hold.home_share);
     return 0;
 }

@@ -57,6 +57,16 @@ enum PkmError
   // The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
   // square to BA.
   PKM_ERROR_NOT_COMPENSABLE = 40,
+  // A tool is out of the five axes' reach from where they stand.
+  PKM_ERROR_TOOL_UNREACHABLE = 50,
+  // Where the five axes stand, or on the way, two configurations meet that hold the tool alike.
+  PKM_ERROR_TOOL_SINGULAR = 51,
+  // The first joint of the wrist would leave its limits.
+  PKM_ERROR_WRIST_LIMIT1 = 52,
+  // The second joint of the wrist would leave its limits.
+  PKM_ERROR_WRIST_LIMIT2 = 53,
+  // The deflection of the tool changes too much on the way to be made up for.
+  PKM_ERROR_TOOL_NOT_COMPENSABLE = 54,
   // An error of the core that has no number here.
   PKM_ERROR_UNKNOWN = 255,
 };
@@ -92,6 +102,12 @@ typedef struct PkmTable_f32 PkmTable_f32;
 
 // A correction table.
 typedef struct PkmTable_f64 PkmTable_f64;
+
+// A wrist: the two rotary joints between moving platform and tool.
+typedef struct PkmWrist_f32 PkmWrist_f32;
+
+// A wrist: the two rotary joints between moving platform and tool.
+typedef struct PkmWrist_f64 PkmWrist_f64;
 
 // A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
 // `pkm_machine` or `pkm_at_temperature`.
@@ -198,6 +214,60 @@ typedef struct {
   PkmDomain domain;
 } PkmCycle_f64;
 
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f64 lengths;
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmJoints_f64;
+
+// Where the five axes stand.
+typedef struct {
+  // Of the moving platform.
+  PkmPose_f64 pose;
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmConfiguration_f64;
+
+// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Of length 1 where a function gives it, any length above 0 where one takes it.
+  double axis[3];
+} PkmTool_f64;
+
+// Where joint values put the five axes and the tool.
+typedef struct {
+  // Of the five axes.
+  PkmConfiguration_f64 configuration;
+  // Of the tool.
+  PkmTool_f64 tool;
+} PkmToolPlace_f64;
+
+// How a machine holds a tool.
+typedef struct {
+  // Where the five axes stand.
+  PkmConfiguration_f64 configuration;
+  // What the drives are told.
+  PkmJoints_f64 joints;
+  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  double home_share;
+} PkmHold_f64;
+
+// What to command so that a loaded tool is where it should be.
+typedef struct {
+  // What to command, and where the five axes then would stand without the load.
+  PkmHold_f64 hold;
+  // What the load moves the tip by there, along x, y, z of B.
+  double translation_m[3];
+  // What it turns the tool by, about x, y, z of B.
+  double rotation_rad[3];
+  // Where the commanded pose stands to the table's box.
+  PkmDomain domain;
+} PkmCompensatedTool_f64;
+
 // A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
 // `pkm_machine` or `pkm_at_temperature`.
 typedef struct {
@@ -303,6 +373,62 @@ typedef struct {
   PkmDomain domain;
 } PkmCycle_f32;
 
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f32 lengths;
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmJoints_f32;
+
+// Where the five axes stand.
+typedef struct {
+  // Of the moving platform.
+  PkmPose_f32 pose;
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmConfiguration_f32;
+
+// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+typedef struct {
+  // x, y, z of the tip.
+  float tip_m[3];
+  // Of length 1 where a function gives it, any length above 0 where one takes it.
+  float axis[3];
+} PkmTool_f32;
+
+// Where joint values put the five axes and the tool.
+typedef struct {
+  // Of the five axes.
+  PkmConfiguration_f32 configuration;
+  // Of the tool.
+  PkmTool_f32 tool;
+} PkmToolPlace_f32;
+
+// How a machine holds a tool.
+typedef struct {
+  // Where the five axes stand.
+  PkmConfiguration_f32 configuration;
+  // What the drives are told.
+  PkmJoints_f32 joints;
+  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  float home_share;
+} PkmHold_f32;
+
+// What to command so that a loaded tool is where it should be.
+typedef struct {
+  // What to command, and where the five axes then would stand without the load.
+  PkmHold_f32 hold;
+  // What the load moves the tip by there, along x, y, z of B.
+  float translation_m[3];
+  // What it turns the tool by, about x, y, z of B.
+  float rotation_rad[3];
+  // Where the commanded pose stands to the table's box.
+  PkmDomain domain;
+} PkmCompensatedTool_f32;
+
+
+
 
 
 #ifdef __cplusplus
@@ -323,6 +449,9 @@ const PkmMachine_f64 *pkm_machine_f64(void);
 
 // The compiled-in correction table.
 const PkmTable_f64 *pkm_table_f64(void);
+
+// The compiled-in wrist.
+const PkmWrist_f64 *pkm_wrist_f64(void);
 
 // The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
 // it. Compute it when the temperature has changed, not in every cycle.
@@ -420,11 +549,45 @@ PkmError pkm_cycle_f64(const PkmMachine_f64 *machine,
                        const PkmPoint_f64 *tip,
                        PkmCycle_f64 *cycle);
 
+// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmJoints_f64 *joints,
+                              PkmToolPlace_f64 *place);
+
+// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// as `near`, the last configuration of the path.
+//
+// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmTool_f64 *tool,
+                              const PkmConfiguration_f64 *near,
+                              PkmHold_f64 *hold);
+
+// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
+//
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+// TOOL_NOT_COMPENSABLE.
+PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
+                                  const PkmTable_f64 *table,
+                                  const PkmWrist_f64 *wrist,
+                                  const PkmTool_f64 *tool,
+                                  const PkmWrench_f64 *wrench,
+                                  const PkmConfiguration_f64 *near,
+                                  PkmCompensatedTool_f64 *compensated);
+
 // The compiled-in machine.
 const PkmMachine_f32 *pkm_machine_f32(void);
 
 // The compiled-in correction table.
 const PkmTable_f32 *pkm_table_f32(void);
+
+// The compiled-in wrist.
+const PkmWrist_f32 *pkm_wrist_f32(void);
 
 // The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
 // it. Compute it when the temperature has changed, not in every cycle.
@@ -521,6 +684,37 @@ PkmError pkm_cycle_f32(const PkmMachine_f32 *machine,
                        const PkmWrench_f32 *wrench_at_tip,
                        const PkmPoint_f32 *tip,
                        PkmCycle_f32 *cycle);
+
+// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PkmError pkm_tool_forward_f32(const PkmMachine_f32 *machine,
+                              const PkmWrist_f32 *wrist,
+                              const PkmJoints_f32 *joints,
+                              PkmToolPlace_f32 *place);
+
+// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// as `near`, the last configuration of the path.
+//
+// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
+                              const PkmWrist_f32 *wrist,
+                              const PkmTool_f32 *tool,
+                              const PkmConfiguration_f32 *near,
+                              PkmHold_f32 *hold);
+
+// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
+//
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+// TOOL_NOT_COMPENSABLE.
+PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
+                                  const PkmTable_f32 *table,
+                                  const PkmWrist_f32 *wrist,
+                                  const PkmTool_f32 *tool,
+                                  const PkmWrench_f32 *wrench,
+                                  const PkmConfiguration_f32 *near,
+                                  PkmCompensatedTool_f32 *compensated);
 
 // What a number of `PkmError` means, in English; never null, also for a number that is none.
 const char *pkm_error_text(int32_t error);

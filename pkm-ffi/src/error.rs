@@ -3,7 +3,9 @@
 use core::ffi::{CStr, c_char};
 
 use pkm_core::machine::TemperatureError;
-use pkm_core::{CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError};
+use pkm_core::{
+    CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, ToolDeflectionError, ToolError,
+};
 
 /// What every function returns. The numbers stay what they are in later versions; new ones may come.
 #[repr(i32)]
@@ -41,6 +43,16 @@ pub enum PkmError {
     /// The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
     /// square to BA.
     NotCompensable = 40,
+    /// A tool is out of the five axes' reach from where they stand.
+    ToolUnreachable = 50,
+    /// Where the five axes stand, or on the way, two configurations meet that hold the tool alike.
+    ToolSingular = 51,
+    /// The first joint of the wrist would leave its limits.
+    WristLimit1 = 52,
+    /// The second joint of the wrist would leave its limits.
+    WristLimit2 = 53,
+    /// The deflection of the tool changes too much on the way to be made up for.
+    ToolNotCompensable = 54,
     /// An error of the core that has no number here.
     Unknown = 255,
 }
@@ -64,6 +76,11 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         30 => c"the table has no factor form",
         31 => c"a coefficient of the table is not positive at this pose",
         40 => c"the screws cannot move the tip in every direction",
+        50 => c"the tool is out of reach from where the machine stands",
+        51 => c"too near to a singularity of the five axes",
+        52 => c"wrist joint 1 would leave its limits",
+        53 => c"wrist joint 2 would leave its limits",
+        54 => c"the deflection of the tool changes too much on the way to be made up for",
         _ => c"unknown error",
     };
     text.as_ptr()
@@ -132,6 +149,31 @@ impl From<CycleError> for PkmError {
         match error {
             CycleError::Correction(e) => e.into(),
             CycleError::Compensation(e) => e.into(),
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<ToolError> for PkmError {
+    fn from(error: ToolError) -> Self {
+        match error {
+            ToolError::NotFinite => Self::NotFinite,
+            ToolError::Unreachable => Self::ToolUnreachable,
+            ToolError::Singular => Self::ToolSingular,
+            ToolError::WristLimit { joint: 1 } => Self::WristLimit1,
+            ToolError::WristLimit { .. } => Self::WristLimit2,
+            ToolError::Kinematics(e) => e.into(),
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<ToolDeflectionError> for PkmError {
+    fn from(error: ToolDeflectionError) -> Self {
+        match error {
+            ToolDeflectionError::Tool(e) => e.into(),
+            ToolDeflectionError::Stiffness(e) => e.into(),
+            ToolDeflectionError::NotConverged => Self::ToolNotCompensable,
             _ => Self::Unknown,
         }
     }

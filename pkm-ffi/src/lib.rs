@@ -19,7 +19,7 @@ pub use types::*;
 
 use core::ffi::c_char;
 
-use pkm_core::{Machine, Scalar, Wrench};
+use pkm_core::{FiveAxis, Machine, Scalar, Wrench};
 
 #[allow(dead_code, missing_docs)]
 mod coefficients {
@@ -89,7 +89,8 @@ macro_rules! functions {
         singularity_distance $singularity_distance:ident, travel_margin $travel_margin:ident,
         stiffness $stiffness:ident, domain $domain:ident, corrected_stiffness $corrected_stiffness:ident,
         deflection $deflection:ident, thermal_deflection $thermal_deflection:ident, compensated $compensated:ident,
-        cycle $cycle:ident $(,)?
+        cycle $cycle:ident, $the_wrist:ident, wrist $wrist:ident, tool_forward $tool_forward:ident,
+        tool_inverse $tool_inverse:ident, tool_compensated $tool_compensated:ident $(,)?
     ) => {
         const _: () = assert!(
             size_of::<Machine<$t>>() == size_of::<PkmMachine<$t>>()
@@ -105,6 +106,7 @@ macro_rules! functions {
         }
 
         static $the_table: PkmTable<$t> = PkmTable(coefficients::$the_table);
+        static $the_wrist: PkmWrist<$t> = PkmWrist(coefficients::$the_wrist);
 
         /// The compiled-in machine.
         #[unsafe(no_mangle)]
@@ -116,6 +118,12 @@ macro_rules! functions {
         #[unsafe(no_mangle)]
         pub extern "C" fn $table() -> *const PkmTable<$t> {
             &$the_table
+        }
+
+        /// The compiled-in wrist.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $wrist() -> *const PkmWrist<$t> {
+            &$the_wrist
         }
 
         /// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
@@ -348,6 +356,75 @@ macro_rules! functions {
                 })
             }
         }
+
+        /// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+        ///
+        /// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_forward(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            joints: *const PkmJoints<$t>,
+            place: *mut PkmToolPlace<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(place, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let configuration = five.forward(&given(joints)?.core())?;
+                    let tool = five.tool(&configuration)?;
+                    Ok(PkmToolPlace { configuration: configuration.into(), tool: tool.into() })
+                })
+            }
+        }
+
+        /// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+        /// as `near`, the last configuration of the path.
+        ///
+        /// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_inverse(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            tool: *const PkmTool<$t>,
+            near: *const PkmConfiguration<$t>,
+            hold: *mut PkmHold<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(hold, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    Ok(five.inverse(&given(tool)?.core(), &given(near)?.core())?.into())
+                })
+            }
+        }
+
+        /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+        /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
+        ///
+        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+        /// TOOL_NOT_COMPENSABLE.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_compensated(
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            wrist: *const PkmWrist<$t>,
+            tool: *const PkmTool<$t>,
+            wrench: *const PkmWrench<$t>,
+            near: *const PkmConfiguration<$t>,
+            compensated: *mut PkmCompensatedTool<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(compensated, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let (table, tool) = (&given(table)?.0, given(tool)?.core());
+                    let (wrench, near) = (given(wrench)?.core(), given(near)?.core());
+                    let found = five.compensated(Some(table), &tool, &wrench, &near)?;
+                    Ok(PkmCompensatedTool::new(found, table.domain(&found.hold.configuration.pose)))
+                })
+            }
+        }
     };
 }
 
@@ -358,6 +435,8 @@ functions! {
     travel_margin pkm_travel_margin_f64, stiffness pkm_stiffness_f64, domain pkm_domain_f64,
     corrected_stiffness pkm_corrected_stiffness_f64, deflection pkm_deflection_f64,
     thermal_deflection pkm_thermal_deflection_f64, compensated pkm_compensated_f64, cycle pkm_cycle_f64,
+    WRIST_F64, wrist pkm_wrist_f64, tool_forward pkm_tool_forward_f64, tool_inverse pkm_tool_inverse_f64,
+    tool_compensated pkm_tool_compensated_f64,
 }
 
 functions! {
@@ -367,6 +446,8 @@ functions! {
     travel_margin pkm_travel_margin_f32, stiffness pkm_stiffness_f32, domain pkm_domain_f32,
     corrected_stiffness pkm_corrected_stiffness_f32, deflection pkm_deflection_f32,
     thermal_deflection pkm_thermal_deflection_f32, compensated pkm_compensated_f32, cycle pkm_cycle_f32,
+    WRIST_F32, wrist pkm_wrist_f32, tool_forward pkm_tool_forward_f32, tool_inverse pkm_tool_inverse_f32,
+    tool_compensated pkm_tool_compensated_f32,
 }
 
 /// For the test of the test: a panic that must be found.

@@ -27,7 +27,8 @@ fn misuse<const N: usize>(inputs: [*const c_void; N], call: impl Fn([*const c_vo
 macro_rules! misuse_of_every_function {
     ($test:ident, $t:ty, $machine:ident, $table:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
      $jacobian:ident, $distance:ident, $margin:ident, $stiffness:ident, $domain:ident, $corrected:ident,
-     $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident) => {
+     $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident, $wrist:ident, $tool_forward:ident, $tool_inverse:ident,
+     $tool_compensated:ident) => {
         #[test]
         fn $test() {
             let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
@@ -40,6 +41,12 @@ macro_rules! misuse_of_every_function {
             let (p, q) = (p(&pose), std::ptr::from_ref(&lengths).cast());
             let (w, d) = (std::ptr::from_ref(&wrench).cast(), std::ptr::from_ref(&moved).cast());
             let at = std::ptr::from_ref(&tip).cast();
+            let joints = PkmJoints { lengths, beta_rad: [0.1, -0.1] };
+            let tool = PkmTool::<$t> { tip_m: [-0.2, 0.0, 1.13], axis: [0.0, 0.0, 1.0] };
+            let home = PkmPose::<$t> { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
+            let near = PkmConfiguration::<$t> { pose: home, beta_rad: [0.0; 2] };
+            let (j, v) = (std::ptr::from_ref(&joints).cast(), $wrist().cast::<c_void>());
+            let (to_hold, n) = (std::ptr::from_ref(&tool).cast(), std::ptr::from_ref(&near).cast());
             // SAFETY: every pointer is null, misaligned, or leads to what the function asks for
             unsafe {
                 misuse([m], |[m], to| $at_temperature(m.cast(), 30.0, to.cast()));
@@ -60,6 +67,14 @@ macro_rules! misuse_of_every_function {
                 });
                 misuse([m, t, p, w, at], |[m, t, p, w, at], to| {
                     $cycle(m.cast(), t.cast(), p.cast(), w.cast(), at.cast(), to.cast())
+                });
+                misuse([m, v, j], |[m, v, j], to| $tool_forward(m.cast(), v.cast(), j.cast(), to.cast()));
+                misuse([m, v, to_hold, n], |[m, v, tool, n], to| {
+                    $tool_inverse(m.cast(), v.cast(), tool.cast(), n.cast(), to.cast())
+                });
+                misuse([m, t, v, to_hold, w, n], |[m, t, v, tool, w, n], to| {
+                    let (m, t, v) = (m.cast(), t.cast(), v.cast());
+                    $tool_compensated(m, t, v, tool.cast(), w.cast(), n.cast(), to.cast())
                 });
             }
         }
@@ -83,7 +98,11 @@ misuse_of_every_function!(
     pkm_deflection_f64,
     pkm_thermal_deflection_f64,
     pkm_compensated_f64,
-    pkm_cycle_f64
+    pkm_cycle_f64,
+    pkm_wrist_f64,
+    pkm_tool_forward_f64,
+    pkm_tool_inverse_f64,
+    pkm_tool_compensated_f64
 );
 misuse_of_every_function!(
     misuse_f32,
@@ -102,5 +121,9 @@ misuse_of_every_function!(
     pkm_deflection_f32,
     pkm_thermal_deflection_f32,
     pkm_compensated_f32,
-    pkm_cycle_f32
+    pkm_cycle_f32,
+    pkm_wrist_f32,
+    pkm_tool_forward_f32,
+    pkm_tool_inverse_f32,
+    pkm_tool_compensated_f32
 );

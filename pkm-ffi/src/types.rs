@@ -1,8 +1,8 @@
 //! What crosses the border: the core's quantities as C structures.
 
 use pkm_core::{
-    Compensated, Corrected, CorrectionTable, Cycle, Deflection, Domain, Pose, Scalar, ScrewLengths,
-    SingularityDistance, Stiffness, Wrench,
+    Compensated, CompensatedTool, Configuration, Corrected, CorrectionTable, Cycle, Deflection, Domain, Hold,
+    JointValues, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, Tool, Wrench, Wrist,
 };
 
 /// Size of a `PkmMachine` in numbers of its type.
@@ -18,6 +18,9 @@ pub struct PkmMachine<T> {
 
 /// A correction table.
 pub struct PkmTable<T: 'static>(pub(crate) CorrectionTable<'static, T>);
+
+/// A wrist: the two rotary joints between moving platform and tool.
+pub struct PkmWrist<T>(pub(crate) Wrist<T>);
 
 /// Where the moving platform stands, R_y(theta) R_x(sigma).
 #[repr(C)]
@@ -151,6 +154,72 @@ pub struct PkmCycle<T> {
     pub domain: PkmDomain,
 }
 
+/// Where the five axes stand.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmConfiguration<T> {
+    /// Of the moving platform.
+    pub pose: PkmPose<T>,
+    /// Joints 1 and 2 of the wrist.
+    pub beta_rad: [T; 2],
+}
+
+/// What the five drives are told.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmJoints<T> {
+    /// Of the three screws.
+    pub lengths: PkmLengths<T>,
+    /// Joints 1 and 2 of the wrist.
+    pub beta_rad: [T; 2],
+}
+
+/// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmTool<T> {
+    /// x, y, z of the tip.
+    pub tip_m: [T; 3],
+    /// Of length 1 where a function gives it, any length above 0 where one takes it.
+    pub axis: [T; 3],
+}
+
+/// Where joint values put the five axes and the tool.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmToolPlace<T> {
+    /// Of the five axes.
+    pub configuration: PkmConfiguration<T>,
+    /// Of the tool.
+    pub tool: PkmTool<T>,
+}
+
+/// How a machine holds a tool.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmHold<T> {
+    /// Where the five axes stand.
+    pub configuration: PkmConfiguration<T>,
+    /// What the drives are told.
+    pub joints: PkmJoints<T>,
+    /// Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+    pub home_share: T,
+}
+
+/// What to command so that a loaded tool is where it should be.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmCompensatedTool<T> {
+    /// What to command, and where the five axes then would stand without the load.
+    pub hold: PkmHold<T>,
+    /// What the load moves the tip by there, along x, y, z of B.
+    pub translation_m: [T; 3],
+    /// What it turns the tool by, about x, y, z of B.
+    pub rotation_rad: [T; 3],
+    /// Where the commanded pose stands to the table's box.
+    pub domain: PkmDomain,
+}
+
 impl<T: Scalar> PkmPose<T> {
     pub(crate) fn core(&self) -> Pose<T> {
         Pose { theta_rad: self.theta_rad, sigma_rad: self.sigma_rad, z0_m: self.z0_m }
@@ -172,6 +241,24 @@ impl<T: Scalar> PkmWrench<T> {
 impl<T: Scalar> PkmDeflection<T> {
     pub(crate) fn core(&self) -> Deflection<T> {
         Deflection { translation_m: self.translation_m, rotation_rad: self.rotation_rad }
+    }
+}
+
+impl<T: Scalar> PkmConfiguration<T> {
+    pub(crate) fn core(&self) -> Configuration<T> {
+        Configuration { pose: self.pose.core(), beta_rad: self.beta_rad }
+    }
+}
+
+impl<T: Scalar> PkmJoints<T> {
+    pub(crate) fn core(&self) -> JointValues<T> {
+        JointValues { lengths: self.lengths.core(), beta_rad: self.beta_rad }
+    }
+}
+
+impl<T: Scalar> PkmTool<T> {
+    pub(crate) fn core(&self) -> Tool<T> {
+        Tool { tip_m: self.tip_m, axis: self.axis }
     }
 }
 
@@ -240,6 +327,36 @@ impl<T> From<Cycle<T>> for PkmCycle<T> {
             deflection: deflection.into(),
             compensated: compensated.into(),
             domain: corrected.domain.into(),
+        }
+    }
+}
+
+impl<T> From<Configuration<T>> for PkmConfiguration<T> {
+    fn from(Configuration { pose, beta_rad }: Configuration<T>) -> Self {
+        Self { pose: pose.into(), beta_rad }
+    }
+}
+
+impl<T> From<Tool<T>> for PkmTool<T> {
+    fn from(Tool { tip_m, axis }: Tool<T>) -> Self {
+        Self { tip_m, axis }
+    }
+}
+
+impl<T> From<Hold<T>> for PkmHold<T> {
+    fn from(Hold { configuration, joints: JointValues { lengths, beta_rad }, home_share, .. }: Hold<T>) -> Self {
+        let joints = PkmJoints { lengths: lengths.into(), beta_rad };
+        Self { configuration: configuration.into(), joints, home_share }
+    }
+}
+
+impl<T> PkmCompensatedTool<T> {
+    pub(crate) fn new(CompensatedTool { hold, deflection }: CompensatedTool<T>, domain: Domain) -> Self {
+        Self {
+            hold: hold.into(),
+            translation_m: deflection.translation_m,
+            rotation_rad: deflection.rotation_rad,
+            domain: domain.into(),
         }
     }
 }

@@ -42,6 +42,12 @@
         PkmCompensated_##S compensated;                                                                           \
         PkmCycle_##S cycle;                                                                                       \
         PkmDomain domain;                                                                                         \
+        const PkmWrist_##S *wrist = pkm_wrist_##S();                                                              \
+        const PkmConfiguration_##S home = {{0, 0, (T)0.53}, {0, 0}};                                              \
+        PkmJoints_##S joints;                                                                                     \
+        PkmToolPlace_##S place;                                                                                   \
+        PkmHold_##S hold;                                                                                         \
+        PkmCompensatedTool_##S loaded;                                                                            \
         print_##S("pose_" #S, PKM_ERROR_OK, &pose, 3);                                                            \
         print_##S("inverse", pkm_inverse_##S(machine, &pose, &lengths), &lengths, 3);                             \
         print_##S("forward", pkm_forward_##S(machine, &lengths, &forward), &forward, 3);                          \
@@ -61,6 +67,14 @@
         print_##S("cycle", pkm_cycle_##S(machine, table, &pose, &wrench, &tip, &cycle), &cycle, 15);              \
         print_##S("warm", pkm_at_temperature_##S(machine, (T)31.5, &warm), &warm, 0);                             \
         print_##S("k_p_warm", pkm_stiffness_##S(&warm, &pose, &stiffness), &stiffness, 36);                       \
+        joints.lengths = lengths;                                                                                 \
+        joints.beta_rad[0] = (T)0.3;                                                                              \
+        joints.beta_rad[1] = (T)-0.2;                                                                             \
+        memset(&place, 0, sizeof(place));                                                                         \
+        print_##S("tool_forward", pkm_tool_forward_##S(machine, wrist, &joints, &place), &place, 11);             \
+        print_##S("tool_inverse", pkm_tool_inverse_##S(machine, wrist, &place.tool, &home, &hold), &hold, 11);    \
+        print_##S("tool_compensated",                                                                             \
+                  pkm_tool_compensated_##S(machine, table, wrist, &place.tool, &wrench, &home, &loaded), &loaded, 17);\
     }
 
 EVERYTHING(double, f64)

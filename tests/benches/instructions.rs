@@ -9,8 +9,11 @@ use std::hint::black_box;
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
-use pkm_core::{Corrected, Cycle, Deflection, Machine, Pose, Scalar, ScrewLengths, Stiffness, Wrench};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
+use pkm_core::{
+    CompensatedTool, Configuration, Corrected, Cycle, Deflection, FiveAxis, Hold, Machine, Pose, Scalar, ScrewLengths,
+    Stiffness, Tool, ToolFrame, Wrench,
+};
 
 fn pose<T: Scalar>() -> Pose<T> {
     Pose { theta_rad: T::from_f64(0.1), sigma_rad: T::from_f64(-0.05), z0_m: T::from_f64(0.53) }
@@ -69,6 +72,66 @@ macro_rules! counts {
 counts!(f64, MACHINE_F64, TABLE_F64, ik_f64, fk_f64, k_p_f64, k_m_f64, k_m_and_deflection_f64, cycle_f64);
 counts!(f32, MACHINE_F32, TABLE_F32, ik_f32, fk_f32, k_p_f32, k_m_f32, k_m_and_deflection_f32, cycle_f32);
 
+/// θ, σ, β1, β2 in rad and Z0 in m of where a machine stands on a path.
+const STANDS: [[f64; 5]; 5] = [
+    [0.0, 0.0, 0.0, 0.0, 0.53],
+    [0.1, -0.05, 0.3, -0.2, 0.53],
+    [-0.2, 0.15, -0.5, 0.3, 0.51],
+    [0.25, 0.25, 0.8, -0.6, 0.55],
+    [-0.1, -0.2, 1.2, -0.4, 0.54],
+];
+
+fn stand<T: Scalar>(number: usize) -> Configuration<T> {
+    let [theta_rad, sigma_rad, beta1, beta2, z0_m] = STANDS[number].map(T::from_f64);
+    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: [beta1, beta2] }
+}
+
+/// Where a machine stands, and the tool of the next point of its path: 1 mm and 0.1° on.
+fn step<T: Scalar>(five: &FiveAxis<'_, T>, number: usize) -> (Tool<T>, Configuration<T>) {
+    let near = stand(number);
+    let ToolFrame { tip_m, axes: [x, _, z] } = five.frame(&near).unwrap();
+    let (along, turn) = (T::from_f64(1e-3 / 3_f64.sqrt()), T::from_f64(0.1_f64.to_radians()));
+    let axis = std::array::from_fn(|i| z[i] + turn * x[i]);
+    (Tool { tip_m: tip_m.map(|c| c + along), axis }, near)
+}
+
+fn frame<T: Scalar>(five: &FiveAxis<'_, T>) -> ToolFrame<T> {
+    five.frame(&stand(1)).unwrap()
+}
+
+macro_rules! five_axes {
+    ($t:ty, $machine:ident, $table:ident, $wrist:ident, $five:ident, $warm:ident, $whole:ident, $loaded:ident) => {
+        const $five: FiveAxis<'static, $t> = FiveAxis { machine: &$machine, wrist: &$wrist };
+
+        #[library_benchmark]
+        #[bench::home(step(&$five, 0))]
+        #[bench::reference(step(&$five, 1))]
+        #[bench::third(step(&$five, 2))]
+        #[bench::corner(step(&$five, 3))]
+        #[bench::turned(step(&$five, 4))]
+        fn $warm(step: (Tool<$t>, Configuration<$t>)) -> Hold<$t> {
+            let (tool, near) = black_box(step);
+            black_box($five.inverse(&tool, &near)).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(frame(&$five))]
+        fn $whole(frame: ToolFrame<$t>) -> Hold<$t> {
+            black_box($five.inverse_frame(&black_box(frame))).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(step(&$five, 1))]
+        fn $loaded(step: (Tool<$t>, Configuration<$t>)) -> CompensatedTool<$t> {
+            let ((tool, near), load) = (black_box(step), black_box(wrench()));
+            black_box($five.compensated(Some(&$table), &tool, &load, &near)).unwrap()
+        }
+    };
+}
+
+five_axes!(f64, MACHINE_F64, TABLE_F64, WRIST_F64, FIVE_F64, inverse_tool_f64, inverse_frame_f64, compensated_tool_f64);
+five_axes!(f32, MACHINE_F32, TABLE_F32, WRIST_F32, FIVE_F32, inverse_tool_f32, inverse_frame_f32, compensated_tool_f32);
+
 // The paper's way has to invert a dense matrix of 24 rows.
 #[library_benchmark]
 #[bench::well_conditioned(nalgebra::SMatrix::<f64, 24, 24>::from_fn(|i, j| if i == j { 30.0 } else { 1.0 / (1 + i + j) as f64 }))]
@@ -89,5 +152,12 @@ library_benchmark_group!(
     benchmarks = [k_m_f64, k_m_f32, k_m_and_deflection_f64, k_m_and_deflection_f32]
 );
 library_benchmark_group!(name = cycle, config = at_most(4200), benchmarks = [cycle_f64, cycle_f32]);
+library_benchmark_group!(name = tool, config = at_most(4000), benchmarks = [inverse_tool_f64, inverse_tool_f32]);
+library_benchmark_group!(name = frame, config = at_most(11500), benchmarks = [inverse_frame_f64, inverse_frame_f32]);
+library_benchmark_group!(
+    name = loaded,
+    config = at_most(21500),
+    benchmarks = [compensated_tool_f64, compensated_tool_f32]
+);
 library_benchmark_group!(name = peer, benchmarks = [dense_24x24_inverse_nalgebra]);
-main!(library_benchmark_groups = [inverse, forward, basic, corrected, cycle, peer]);
+main!(library_benchmark_groups = [inverse, forward, basic, corrected, cycle, tool, frame, loaded, peer]);

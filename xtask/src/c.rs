@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pkm_core::effects::EFFECTS;
-use pkm_core::{CorrectionTable, Domain, Machine, Pose, Scalar, ScrewLengths, Wrench};
+use pkm_core::{
+    Configuration, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths, Tool, Wrench,
+};
 
 use crate::image::symbols;
 use crate::qemu::{Host, boot, fit};
@@ -189,7 +191,7 @@ fn compare(text: &str, host: &Host) -> Result<usize, String> {
 
 /// What `parity.c` prints at a pose: name, and numbers unless there is an error.
 fn expected<T: Scalar>(
-    machine: &Machine<T>,
+    five: &FiveAxis<'_, T>,
     table: &CorrectionTable<'_, T>,
     pose: [f64; 3],
 ) -> Vec<(&'static str, Option<Vec<String>>)> {
@@ -197,6 +199,7 @@ fn expected<T: Scalar>(
         let bits = |v: &T| format!("{:016x}", v.to_f64().to_bits());
         (name, result.ok().map(|values| values.iter().map(bits).collect()))
     }
+    let machine = five.machine;
     let t = |values: [f64; 3]| values.map(T::from_f64);
     let [theta_rad, sigma_rad, z0_m] = t(pose);
     let pose = &Pose { theta_rad, sigma_rad, z0_m };
@@ -221,6 +224,20 @@ fn expected<T: Scalar>(
     let whole = |k: pkm_core::Stiffness<T>| k.matrix().concat();
     let warm = machine.at_temperature(T::from_f64(31.5));
     let ok = |name, text: String| (name, Some(vec![text]));
+    // as the structures of the header have them
+    let beta_rad = [0.3, -0.2].map(T::from_f64);
+    let stands = |c: &Configuration<T>| [&[c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m][..], &c.beta_rad].concat();
+    let hold = |h: &Hold<T>| {
+        let JointValues { lengths, beta_rad } = &h.joints;
+        [stands(&h.configuration), lengths.q_m.to_vec(), beta_rad.to_vec(), vec![h.home_share]].concat()
+    };
+    let home = Configuration {
+        pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) },
+        beta_rad: [T::ZERO; 2],
+    };
+    let place = five.forward(&JointValues { lengths: set, beta_rad }).and_then(|c| Ok((c, five.tool(&c)?)));
+    let tool = place.map_or(Tool { tip_m: t([0.0; 3]), axis: t([0.0; 3]) }, |(_, tool)| tool);
+    let loaded = five.compensated(Some(table), &tool, &wrench, &home);
     vec![
         line("inverse", lengths.map(|q| q.q_m.to_vec())),
         line("forward", machine.forward(&set).map(|p| flat(p, set)[..3].to_vec())),
@@ -238,5 +255,11 @@ fn expected<T: Scalar>(
         line("cycle", cycle),
         line("warm", warm.map(|_| Vec::<T>::new())),
         line("k_p_warm", warm.map_err(drop).and_then(|m| m.stiffness(pose).map(whole).map_err(drop))),
+        line("tool_forward", place.map(|(c, tool)| [stands(&c), tool.tip_m.to_vec(), tool.axis.to_vec()].concat())),
+        line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
+        line(
+            "tool_compensated",
+            loaded.map(|l| [hold(&l.hold), [l.deflection.translation_m, l.deflection.rotation_rad].concat()].concat()),
+        ),
     ]
 }

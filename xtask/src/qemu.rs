@@ -8,7 +8,10 @@ use std::path::Path;
 use std::process::Command;
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::{CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench};
+use pkm_core::{
+    Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar, Stiffness,
+    StiffnessError, Tool, ToolDeflectionError, Wrench, Wrist,
+};
 use pkm_host::commands;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::{Source, fixtures};
@@ -115,25 +118,26 @@ impl Host {
         Ok(Self { machine, table })
     }
 
-    /// Calls one with machine and table in `f64`, the other with those in `f32`, and gives what the calls give.
+    /// Calls one with machine, wrist and table in `f64`, the other with those in `f32`, and gives what the calls give.
     pub fn both<R>(
         &self,
-        double: impl FnOnce(&Machine<f64>, &CorrectionTable<'_, f64>) -> R,
-        single: impl FnOnce(&Machine<f32>, &CorrectionTable<'_, f32>) -> R,
+        double: impl FnOnce(&FiveAxis<'_, f64>, &CorrectionTable<'_, f64>) -> R,
+        single: impl FnOnce(&FiveAxis<'_, f32>, &CorrectionTable<'_, f32>) -> R,
     ) -> Result<(R, R), String> {
         let numbers = self.table.numbers();
         let table = numbers.table().map_err(|e| e.to_string())?;
-        let in_double = double(&self.machine.machine, &table);
+        let in_double = double(&self.machine.five_axis().map_err(|e| e.to_string())?, &table);
         let machine = Machine::<f32>::new(&self.machine.parameters).map_err(|e| format!("{e:?}"))?;
         let narrowed = numbers.narrowed();
         let table = narrowed.table().map_err(|e| e.to_string())?;
-        Ok((in_double, single(&machine, &table)))
+        let wrist = Wrist::<f32>::new(&self.machine.wrist_parameters).map_err(|e| e.to_string())?;
+        Ok((in_double, single(&FiveAxis { machine: &machine, wrist: &wrist }, &table)))
     }
 }
 
 /// Checks every line; returns their number.
 fn compare(text: &str, host: &Host) -> Result<usize, String> {
-    let (mut lines, mut outside, mut refused) = (0, 0, 0);
+    let (mut lines, mut outside, mut refused, mut loaded) = (0, 0, 0, 0);
     for text in text.lines() {
         let line: Value = serde_json::from_str(text).map_err(|e| format!("not a line of the firmware: {e}: {text}"))?;
         let pose = bits(&line["pose"])?;
@@ -150,6 +154,7 @@ fn compare(text: &str, host: &Host) -> Result<usize, String> {
         refused += usize::from(expected.error);
         outside += usize::from(!expected.inside && !expected.error);
         if !expected.error {
+            loaded += usize::from(!found("loaded")?.is_empty());
             for (key, values) in expected.values {
                 if found(key)? != values {
                     return Err(format!("{key} differs from the host's {values:?}: {text}"));
@@ -158,8 +163,10 @@ fn compare(text: &str, host: &Host) -> Result<usize, String> {
         }
         lines += 1;
     }
-    if lines < 500 || outside < 100 || refused < 6 {
-        return Err(format!("the firmware stopped early: {lines} lines, {outside} outside, {refused} refused"));
+    if lines < 500 || outside < 100 || refused < 6 || loaded < 400 {
+        return Err(format!(
+            "the firmware stopped early: {lines} lines, {outside} outside, {refused} refused, {loaded} with five axes"
+        ));
     }
     Ok(lines)
 }
@@ -175,10 +182,13 @@ struct Expected {
     values: Vec<(&'static str, Vec<u64>)>,
 }
 
-fn expected<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, pose: &[u64]) -> Expected {
+fn expected<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &[u64]) -> Expected {
     let at = |i: usize| T::from_f64(f64::from_bits(pose[i]));
     let pose = Pose { theta_rad: at(0), sigma_rad: at(1), z0_m: at(2) };
-    let values = values(machine, table, &pose);
+    let values = values(five.machine, table, &pose).map(|mut values| {
+        values.extend(five_axes(five, table, &pose));
+        values
+    });
     Expected {
         error: values.is_err(),
         inside: table.domain(&pose) == Domain::Inside,
@@ -186,16 +196,58 @@ fn expected<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, pos
     }
 }
 
+fn bits_of<T: Scalar>(values: &[T]) -> Vec<u64> {
+    values.iter().map(|v| v.to_f64().to_bits()).collect()
+}
+
+fn lower_of<T: Scalar>(k: &Stiffness<T>) -> Vec<u64> {
+    let k = k.matrix();
+    bits_of(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
+}
+
+/// Configuration, screw lengths and home share.
+fn hold_numbers<T: Scalar>(hold: &Hold<T>) -> Vec<T> {
+    let Configuration { pose, beta_rad } = &hold.configuration;
+    let stands = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
+    [&stands[..], beta_rad, &hold.joints.lengths.q_m, &[hold.home_share]].concat()
+}
+
+/// What the five axes do, with nothing from the first error on, as pkm-fw/src/bin/parity.rs has it.
+fn five_axes<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    table: &CorrectionTable<'_, T>,
+    pose: &Pose<T>,
+) -> [(&'static str, Vec<u64>); 4] {
+    let mut found = ["hold", "hold_frame", "tip_stiffness", "loaded"].map(|name| (name, Vec::new()));
+    let [(_, hold), (_, hold_frame), (_, tip_stiffness), (_, loaded)] = &mut found;
+    let mut compute = || {
+        let stands = Configuration { pose: *pose, beta_rad: [0.3, -0.2].map(T::from_f64) };
+        let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
+        let frame = five.frame(&stands)?;
+        let tool = Tool { tip_m: frame.tip_m, axis: frame.axes[2] };
+        let near = Configuration { pose: upright, beta_rad: [T::ZERO; 2] };
+        *hold = bits_of(&hold_numbers(&five.inverse(&tool, &near)?));
+        *hold_frame = bits_of(&hold_numbers(&five.inverse_frame(&frame)?));
+        *tip_stiffness = lower_of(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
+        let wrench =
+            Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+        let table = table.has_factor_form().then_some(table);
+        let command = five.compensated(table, &tool, &wrench, &stands)?;
+        let moved = [command.deflection.translation_m, command.deflection.rotation_rad].concat();
+        *loaded = bits_of(&[hold_numbers(&command.hold), moved].concat());
+        Ok::<(), ToolDeflectionError>(())
+    };
+    // the firmware's error shows in what is empty there
+    compute().ok();
+    found
+}
+
 fn values<T: Scalar>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     pose: &Pose<T>,
 ) -> Result<Vec<(&'static str, Vec<u64>)>, CycleError> {
-    let bits = |values: &[T]| values.iter().map(|v| v.to_f64().to_bits()).collect::<Vec<_>>();
-    let lower = |k: &Stiffness<T>| {
-        let k = k.matrix();
-        bits(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
-    };
+    let (bits, lower) = (bits_of::<T>, lower_of::<T>);
     // the loads, the tip and the temperature that pkm-fw/src/bin/parity.rs applies
     let wrench =
         Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };

@@ -14,8 +14,8 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
-use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
+use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Tool, ToolError, ToolFrame, Wrench};
 
 #[path = "../semihosting.rs"]
 mod semihosting;
@@ -33,29 +33,42 @@ struct Counts {
     greatest: u32,
 }
 
-fn count<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>) -> [Counts; 4] {
-    let number = T::from_f64;
+/// The tool of the next point of a path: 1 mm and 0.1° on.
+fn step<T: Scalar>(five: &FiveAxis<'_, T>, from: &Configuration<T>) -> Result<Tool<T>, ToolError> {
+    let ToolFrame { tip_m, axes: [[x0, x1, x2], _, [z0, z1, z2]] } = five.frame(from)?;
+    let (along, turn) = (T::from_f64(5.8e-4), T::from_f64(1.75e-3));
+    Ok(Tool { tip_m: tip_m.map(|c| c + along), axis: [z0 + turn * x0, z1 + turn * x1, z2 + turn * x2] })
+}
+
+fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 7], ToolError> {
+    let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench { force_n: [100.0, -50.0, -400.0].map(number), moment_nm: [2.0, -8.0, 5.0].map(number) };
     let tip = [0.01, -0.02, 0.3].map(number);
-    let mut counts = ["inverse", "k_p", "k_m", "cycle"].map(|name| Counts { name, greatest: 0 });
+    let names = ["inverse", "k_p", "k_m", "cycle", "tool", "tool_frame", "tool_cycle"];
+    let mut counts = names.map(|name| Counts { name, greatest: 0 });
     let angles = [-0.2618, -0.13, 0.05, 0.2618];
     for (theta, sigma) in angles.into_iter().flat_map(|theta| angles.map(|sigma| (theta, sigma))) {
         for z0 in [0.5, 0.53, 0.56] {
             let pose = Pose { theta_rad: number(theta), sigma_rad: number(sigma), z0_m: number(z0) };
-            let pose = &black_box(pose);
+            let beta_rad = [number(-3.0 * sigma), number(2.0 * theta)];
+            let near = &black_box(Configuration { pose, beta_rad });
+            let (tool, frame, pose) = (&step(five, near)?, &five.frame(near)?, &near.pose);
             let empty = ticks(|| ());
             let each = [
                 ticks(|| machine.inverse(pose)),
                 ticks(|| machine.stiffness(pose)),
                 ticks(|| table.factor_form(machine, pose)),
                 ticks(|| table.cycle(machine, pose, &wrench, tip)),
+                ticks(|| five.inverse(tool, near)),
+                ticks(|| five.inverse_frame(frame)),
+                ticks(|| five.compensated(Some(table), tool, &wrench, near)),
             ];
             for (count, ticks) in counts.iter_mut().zip(each) {
                 count.greatest = count.greatest.max((ticks - empty) * 40 / 128);
             }
         }
     }
-    counts
+    Ok(counts)
 }
 
 fn run() -> Result<(), ()> {
@@ -65,8 +78,9 @@ fn run() -> Result<(), ()> {
     clock.clear_current();
     clock.enable_counter();
     let mut out = hio::hstdout()?;
-    let (double, single) = (count(&MACHINE_F64, &TABLE_F64), count(&MACHINE_F32, &TABLE_F32));
-    for (bits, counts) in [(64, double), (32, single)] {
+    let double = count(&FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 }, &TABLE_F64);
+    let single = count(&FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 }, &TABLE_F32);
+    for (bits, counts) in [(64, double.map_err(drop)?), (32, single.map_err(drop)?)] {
         for Counts { name, greatest } in counts {
             writeln!(out, "{name}_f{bits} {greatest}").map_err(drop)?;
         }

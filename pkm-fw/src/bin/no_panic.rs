@@ -12,9 +12,15 @@ use core::hint::black_box;
 
 use cortex_m as _;
 use cortex_m_rt::entry;
+use pkm_core::checksum;
 use pkm_core::correction::narrow;
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
-use pkm_core::{Basis, CorrectionTable, Machine, Pose, Scalar, ScrewLengths, Stiffness, Wrench};
+use pkm_core::tables::reference::{
+    MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
+};
+use pkm_core::{
+    Basis, Configuration, CorrectionTable, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths, Stiffness, Tool,
+    ToolFrame, Wrench, Wrist,
+};
 
 #[path = "../handler.rs"]
 mod handler;
@@ -81,10 +87,42 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     }
 }
 
-/// Builds machine, basis and table at run time, and calls everything with them and with the generated ones.
+fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, wrist: &Wrist<T>) {
+    let five = FiveAxis { machine, wrist };
+    let [a, b, c] = black_box([T::ONE; 3]);
+    let near = black_box(Configuration { pose: Pose { theta_rad: a, sigma_rad: b, z0_m: c }, beta_rad: [a, b] });
+    let tool = black_box(Tool { tip_m: [a, b, c], axis: [c, a, b] });
+    let frame = black_box(ToolFrame { tip_m: [a, b, c], axes: [[a; 3], [b; 3], [c; 3]] });
+    let wrench = black_box(Wrench { force_n: [a, b, c], moment_nm: [c, b, a] });
+    if let Err(e) = black_box(five.frame(&near)) {
+        show(e);
+    }
+    black_box(five.tool(&near)).ok();
+    black_box(five.forward(&black_box(JointValues { lengths: ScrewLengths { q_m: [a, b, c] }, beta_rad: [a, b] })))
+        .ok();
+    black_box(five.joints(&near)).ok();
+    black_box(five.home_share(&near)).ok();
+    black_box(five.inverse(&tool, &near)).ok();
+    black_box(five.search(&tool, &near)).ok();
+    black_box(five.inverse_frame(&frame)).ok();
+    black_box(five.tip_stiffness(&Stiffness::from_lower(&black_box([[a; 6]; 6])), &near)).ok();
+    for table in [None, Some(table)] {
+        black_box(five.deflection(table, &near, &wrench)).ok();
+        if let Err(e) = black_box(five.compensated(table, &tool, &wrench, &near)) {
+            show(e);
+        }
+    }
+}
+
+/// Builds machine, basis, table and wrist at run time, and calls everything with them and with the generated ones.
 macro_rules! call_everything {
-    ($t:ident, $machine:ident, $table:ident, $parameters:ident) => {
+    ($t:ident, $machine:ident, $table:ident, $wrist:ident, $parameters:ident, $wrist_parameters:ident) => {
         let (machine, table) = (black_box(&$machine), black_box(&$table));
+        call_five_axes(machine, table, black_box(&$wrist));
+        match Wrist::<$t>::new(&$wrist_parameters) {
+            Err(e) => show(e),
+            Ok(wrist) => call_five_axes(machine, table, &wrist),
+        }
         let (numbers, terms) = black_box(([1.0 as $t; 64], [[1_u8; 3]; 4]));
         match Basis::<$t>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
             Err(e) => show(e),
@@ -108,8 +146,11 @@ fn main() -> ! {
     black_box((parameters.check().is_ok(), parameters.checksum(), parameters.actual_geometry()));
     black_box(parameters.effects.with(black_box("preload"), black_box([1.0; 3])));
     black_box((parameters.effects.below_tool(), narrow(black_box(&[1.0; 8])), black_box(&TABLE_F64).checksum()));
-    call_everything!(f64, MACHINE_F64, TABLE_F64, parameters);
-    call_everything!(f32, MACHINE_F32, TABLE_F32, parameters);
+    black_box(checksum::over_numbers(checksum::over_byte(checksum::START, black_box(1)), black_box(&[1.0; 3])));
+    let wrist = black_box(WRIST);
+    black_box((wrist.check().is_ok(), wrist.checksum(), wrist.tip_at_zero_m()));
+    call_everything!(f64, MACHINE_F64, TABLE_F64, WRIST_F64, parameters, wrist);
+    call_everything!(f32, MACHINE_F32, TABLE_F32, WRIST_F32, parameters, wrist);
     #[cfg(feature = "planted-panic")]
     black_box([0_u8; 4][black_box(5)]);
     loop {

@@ -1,7 +1,7 @@
 //! Prints what the core computes on a Cortex-M, bit for bit, for `cargo xtask qemu` to hold against the host.
 //!
 //! One JSON object a line over semihosting: a pose, in `f64` and `f32`, with screw lengths, K_p, K_m in both
-//! forms, the deflection under a wrench, the cycle that makes up for it, and what warmth does. Numbers are the bits of
+//! forms, the deflection under a wrench, the cycle that makes up for it, what warmth does, and the five axes. Numbers are the bits of
 //! their `f64` value. The machine and its table are the `coefficients.rs` that `build.rs` was given.
 
 #![no_std]
@@ -13,7 +13,8 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use heapless::Vec;
 use pkm_core::{
-    CorrectionError, CorrectionTable, CycleError, Domain, Machine, Pose, Scalar, Stiffness, StiffnessError, Wrench,
+    Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar,
+    Stiffness, StiffnessError, Tool, ToolDeflectionError, Wrench,
 };
 use serde::Serialize;
 
@@ -25,11 +26,13 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 120 numbers of 20 digits and their commas, and the names.
-const LINE: usize = 3072;
+/// Longest line: 173 numbers of 20 digits and their commas, and the names.
+const LINE: usize = 4096;
 
 /// Of the cycle, in A-uvw.
 const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
+/// Of the five axes, rad.
+const BETA: [f64; 2] = [0.3, -0.2];
 
 #[derive(Serialize)]
 struct Line {
@@ -49,10 +52,21 @@ struct Line {
     k_p_warm: Vec<u64, 21>,
     thermal: Vec<u64, 6>,
     compensated: Vec<u64, 6>,
+    /// The tool of the pose with [`BETA`], found from θ = σ = β1 = β2 = 0. This and what follows may be empty.
+    hold: Vec<u64, 9>,
+    hold_frame: Vec<u64, 9>,
+    tip_stiffness: Vec<u64, 21>,
+    loaded: Vec<u64, 15>,
 }
 
 fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item = T>) -> Vec<u64, N> {
     values.into_iter().map(|v| v.to_f64().to_bits()).collect()
+}
+
+fn hold_bits<T: Scalar, const N: usize>(hold: &Hold<T>) -> Vec<u64, N> {
+    let Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad } = hold.configuration;
+    let stands = [theta_rad, sigma_rad, z0_m].into_iter().chain(beta_rad);
+    bits(stands.chain(hold.joints.lengths.q_m).chain([hold.home_share]))
 }
 
 fn lower<T: Scalar>(k: &Stiffness<T>) -> Vec<u64, 21> {
@@ -62,10 +76,11 @@ fn lower<T: Scalar>(k: &Stiffness<T>) -> Vec<u64, 21> {
 impl Line {
     fn new<T: Scalar>(
         float_bits: u8,
-        machine: &Machine<T>,
+        five: &FiveAxis<'_, T>,
         table: &CorrectionTable<'_, T>,
         [theta, sigma, z0]: [f64; 3],
     ) -> Self {
+        let machine = five.machine;
         let pose = Pose { theta_rad: T::from_f64(theta), sigma_rad: T::from_f64(sigma), z0_m: T::from_f64(z0) };
         let mut line = Self {
             float_bits,
@@ -82,6 +97,10 @@ impl Line {
             k_p_warm: Vec::new(),
             thermal: Vec::new(),
             compensated: Vec::new(),
+            hold: Vec::new(),
+            hold_frame: Vec::new(),
+            tip_stiffness: Vec::new(),
+            loaded: Vec::new(),
         };
         if let Err(error) = line.compute(machine, table, &pose) {
             line.error = Some(match error {
@@ -89,8 +108,34 @@ impl Line {
                 CycleError::Correction(CorrectionError::NotPositive { .. }) => "not_positive",
                 _ => "other",
             });
+        } else {
+            // what was found before an error stays
+            line.compute_five_axes(five, table, &pose).ok();
         }
         line
+    }
+
+    fn compute_five_axes<T: Scalar>(
+        &mut self,
+        five: &FiveAxis<'_, T>,
+        table: &CorrectionTable<'_, T>,
+        pose: &Pose<T>,
+    ) -> Result<(), ToolDeflectionError> {
+        let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64) };
+        let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
+        let frame = five.frame(&stands)?;
+        let tool = Tool { tip_m: frame.tip_m, axis: frame.axes[2] };
+        self.hold = hold_bits(&five.inverse(&tool, &Configuration { pose: upright, beta_rad: [T::ZERO; 2] })?);
+        self.hold_frame = hold_bits(&five.inverse_frame(&frame)?);
+        self.tip_stiffness = lower(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
+        let wrench =
+            Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+        let table = table.has_factor_form().then_some(table);
+        let loaded = five.compensated(table, &tool, &wrench, &stands)?;
+        self.loaded = hold_bits(&loaded.hold);
+        self.loaded
+            .extend(bits::<T, 6>(loaded.deflection.translation_m.into_iter().chain(loaded.deflection.rotation_rad)));
+        Ok(())
     }
 
     fn compute<T: Scalar>(
@@ -156,9 +201,11 @@ fn print_all() -> Result<(), ()> {
     let table_5 = table_5.map(|(x0, z0): (f64, f64)| [Scalar::atan2(x0, z0), 0.0, z0 / 1e3]);
     // refusals: a NaN, too high, beyond a right angle
     let refused = [[f64::NAN, 0.0, 0.5], [0.0, 0.0, 0.9], [1.6, 0.0, 0.5]];
+    let double = FiveAxis { machine: &coefficients::MACHINE_F64, wrist: &coefficients::WRIST_F64 };
+    let single = FiveAxis { machine: &coefficients::MACHINE_F32, wrist: &coefficients::WRIST_F32 };
     for pose in poses.chain(table_5).chain(refused) {
-        print(&Line::new(64, &coefficients::MACHINE_F64, &coefficients::TABLE_F64, pose), &mut out)?;
-        print(&Line::new(32, &coefficients::MACHINE_F32, &coefficients::TABLE_F32, pose), &mut out)?;
+        print(&Line::new(64, &double, &coefficients::TABLE_F64, pose), &mut out)?;
+        print(&Line::new(32, &single, &coefficients::TABLE_F32, pose), &mut out)?;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::MachineParameters;
-use pkm_core::tables::reference::PARAMETERS;
+use pkm_core::tables::reference::{PARAMETERS, WRIST};
 
 #[path = "../handler.rs"]
 mod handler;
@@ -56,14 +56,15 @@ fn measure(call: impl Fn()) -> usize {
 
 /// One function a public function of the core, for one width, and a list of them.
 macro_rules! functions {
-    ($width:ident, $t:ident, $machine:ident, $table:ident: $($name:ident($i:ident) $call:expr;)+) => {
+    ($width:ident, $t:ident, $machine:ident, $table:ident, $wrist:ident: $($name:ident($i:ident) $call:expr;)+) => {
         mod $width {
             type T = $t;
 
             use super::*;
             use pkm_core::tables::reference;
             use pkm_core::{
-                Basis, CorrectionTable, Deflection, Machine, Pose, ScrewLengths, Stiffness, StiffnessFactor, Wrench,
+                Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
+                Stiffness, StiffnessFactor, Tool, ToolFrame, Wrench, Wrist,
             };
 
             pub struct Inputs {
@@ -79,6 +80,17 @@ macro_rules! functions {
                 factor: StiffnessFactor<$t>,
                 matrix: [[$t; 6]; 6],
                 numbers: [$t; 21],
+                near: Configuration<$t>,
+                joints: JointValues<$t>,
+                tool: Tool<$t>,
+                frame: ToolFrame<$t>,
+            }
+
+            impl Inputs {
+                #[inline(always)]
+                fn five(&self) -> FiveAxis<'_, $t> {
+                    FiveAxis { machine: &self.machine, wrist: &reference::$wrist }
+                }
             }
 
             const MACHINE: Machine<$t> = match Machine::<$t>::new(&EVERY_EFFECT) {
@@ -100,6 +112,8 @@ macro_rules! functions {
                 let wrench = Wrench { force_n: [100.0, -50.0, -400.0], moment_nm: [2.0, -8.0, 5.0] };
                 let mut matrix = [[0.0; 6]; 6];
                 (0..6).for_each(|i| matrix[i][i] = 1.0);
+                let five = FiveAxis { machine: &machine, wrist: &reference::$wrist };
+                let stands = Configuration { pose, beta_rad: [0.4, -0.3] };
                 Some(Inputs {
                     machine,
                     table: reference::$table,
@@ -113,6 +127,10 @@ macro_rules! functions {
                     factor,
                     matrix,
                     numbers: [0.5; 21],
+                    near: Configuration { pose, beta_rad: [0.3, -0.2] },
+                    joints: five.joints(&stands).ok()?,
+                    tool: five.tool(&stands).ok()?,
+                    frame: five.frame(&stands).ok()?,
                 })
             }
 
@@ -128,8 +146,8 @@ macro_rules! functions {
 
 macro_rules! both_widths {
     ($($name:ident($i:ident) $call:expr;)+) => {
-        functions! { f64, f64, MACHINE_F64, TABLE_F64: $($name($i) $call;)+ }
-        functions! { f32, f32, MACHINE_F32, TABLE_F32: $($name($i) $call;)+ }
+        functions! { f64, f64, MACHINE_F64, TABLE_F64, WRIST_F64: $($name($i) $call;)+ }
+        functions! { f32, f32, MACHINE_F32, TABLE_F32, WRIST_F32: $($name($i) $call;)+ }
     };
 }
 
@@ -164,6 +182,18 @@ both_widths! {
     monomials(i) i.basis.monomials(&i.pose);
     new_basis(i) Basis::<T>::new(i.tip_m, i.lengths.q_m, black_box(&[[1, 2, 3]]));
     new_table(i) CorrectionTable::<T>::new(i.basis, &i.numbers[..6], Some(&i.numbers));
+    tool_frame(i) i.five().frame(&i.near);
+    tool(i) i.five().tool(&i.near);
+    forward_tool(i) i.five().forward(&i.joints);
+    joints(i) i.five().joints(&i.near);
+    home_share(i) i.five().home_share(&i.near);
+    inverse_tool(i) i.five().inverse(&i.tool, &i.near);
+    search(i) i.five().search(&i.tool, &i.near);
+    inverse_frame(i) i.five().inverse_frame(&i.frame);
+    tip_stiffness(i) i.five().tip_stiffness(&i.stiffness, &i.near);
+    deflection_of_tool(i) i.five().deflection(Some(&i.table), &i.near, &i.wrench);
+    compensated_tool(i) i.five().compensated(Some(&i.table), &i.tool, &i.wrench, &i.near);
+    new_wrist(_i) Wrist::<T>::new(black_box(&WRIST));
 }
 
 fn print_all() -> Option<()> {
