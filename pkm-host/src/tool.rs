@@ -113,6 +113,12 @@ impl<'a> Reach<'a> {
         }
     }
 
+    /// How far a tool is beyond travel and limits: a measure, and in words. `None` where it is out of reach whatever they are.
+    pub fn shortfall(&self, tool: &Tool<f64>) -> Option<(f64, String)> {
+        let hold = self.unlimited().search(tool, &self.home()).ok()?;
+        Some(self.excess(&hold.joints))
+    }
+
     /// How far joint values are beyond the limits: a measure, and in words.
     fn excess(&self, joints: &JointValues<f64>) -> (f64, String) {
         let (mut sum, mut words) = (0.0, Vec::new());

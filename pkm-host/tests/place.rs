@@ -265,7 +265,7 @@ fn bad_jobs_are_refused_with_their_place() {
         ("fx_n = 20", "fx_kn = 20", "fx_kn"),
         ("format = 1", "format = 2", "format|expected 1"),
         ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0]", "job.toml:11|array of length 3"),
-        ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0, -900.0]", "hole 2 of series `A`|mm beyond its limit"),
+        ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0, -900.0]", "hole 2 of series `A`|mm beyond its travel"),
         ("axis = [0.1, 0.0, -2.0]", "axis = [0.1, 0.0, 2.0]", "hole 2 of series `A`|out of reach"),
         (
             "tip_mm = [90.0, 30.0, -10.0]",

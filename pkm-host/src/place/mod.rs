@@ -13,6 +13,7 @@ use crate::error::{Failure, Result};
 use crate::holds::holds;
 use crate::machine_file::MachineFile;
 use crate::table_file::TableNumbers;
+use crate::tool::Reach;
 use job::{Hole, Job};
 
 pub use report::{document, html, text};
@@ -97,6 +98,8 @@ enum Miss {
 pub struct Bench<'a> {
     machine: &'a MachineFile,
     five: FiveAxis<'a, f64>,
+    /// Says by how much a hole is missed.
+    reach: Reach<'a>,
     wrist: &'a WristParameters,
     table: Option<CorrectionTable<'a, f64>>,
     /// Principal stiffnesses by the paper's form.
@@ -126,9 +129,11 @@ impl<'a> Bench<'a> {
                 "the table has no factor form, which deflections need: fit it on all 21 columns, or give --objective paper",
             ));
         }
+        let reach = Reach::new(machine)?;
         Ok(Self {
             machine,
-            five: machine.five_axis()?,
+            five: reach.five,
+            reach,
             wrist: &machine.wrist_parameters,
             table: core,
             diagonal: table.is_some_and(|(_, diagonal)| diagonal),
@@ -141,11 +146,6 @@ impl<'a> Bench<'a> {
         let table = self.job.table_in_base(position);
         let tip = table.origin_m + table.rotation * hole.tip_m;
         Tool { tip_m: tip.into(), axis: (table.rotation * hole.axis).into() }
-    }
-
-    fn home(&self) -> Configuration<f64> {
-        let pose = pkm_core::Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: self.wrist.home_z0_m };
-        Configuration { pose, beta_rad: [0.0; 2] }
     }
 
     fn judged(&self, hold: Hold<f64>, wrench: &Wrench<f64>) -> std::result::Result<Posture, Miss> {
@@ -198,7 +198,7 @@ impl<'a> Bench<'a> {
         near: &mut Configuration<f64>,
     ) -> std::result::Result<Vec<Posture>, Miss> {
         let found = match self.five.inverse(tool, near) {
-            Err(ToolError::Singular | ToolError::Unreachable) => self.five.search(tool, &self.home()),
+            Err(ToolError::Singular | ToolError::Unreachable) => self.five.search(tool, &self.reach.home()),
             done => done,
         };
         match found {
@@ -208,49 +208,5 @@ impl<'a> Bench<'a> {
             }
             Err(_) => self.postures(tool, wrench),
         }
-    }
-}
-
-/// Where a machine with endless screws and free wrist joints would have to go: what is missing to reach a tool.
-struct Shortfall<'a> {
-    bench: &'a Bench<'a>,
-    machine: pkm_core::Machine<f64>,
-    wrist: pkm_core::Wrist<f64>,
-}
-
-impl<'a> Shortfall<'a> {
-    fn new(bench: &'a Bench<'a>) -> Option<Self> {
-        let travel = pkm_core::machine::Travel { min_m: [1e-9; 3], max_m: [1e9; 3] };
-        let parameters = pkm_core::MachineParameters { travel, ..bench.machine.parameters };
-        let pi = std::f64::consts::PI;
-        let wrist = WristParameters { min_rad: [-pi; 2], max_rad: [pi; 2], ..*bench.wrist };
-        Some(Self {
-            bench,
-            machine: pkm_core::Machine::<f64>::new(&parameters).ok()?,
-            wrist: pkm_core::Wrist::<f64>::new(&wrist).ok()?,
-        })
-    }
-
-    /// How far a tool is from reach, as a share of the range that is passed, and in words.
-    fn of(&self, tool: &Tool<f64>) -> Option<(f64, String)> {
-        let five = FiveAxis { machine: &self.machine, wrist: &self.wrist };
-        let hold = five.search(tool, &self.bench.home()).ok()?;
-        let (travel, w) = (&self.bench.machine.parameters.travel, self.bench.wrist);
-        let mut worst: (f64, String) = (0.0, String::new());
-        let mut count = |what: String, value: f64, [low, high]: [f64; 2], scale: f64, unit: &str| {
-            let beyond = (low - value).max(value - high);
-            if beyond / (high - low) > worst.0 {
-                worst = (beyond / (high - low), format!("{what} {:.1} {unit} beyond its limit", beyond * scale));
-            }
-        };
-        for i in 0..3 {
-            let limits = [travel.min_m[i], travel.max_m[i]];
-            count(format!("the screw of limb {}", i + 1), hold.joints.lengths.q_m[i], limits, 1e3, "mm");
-        }
-        for i in 0..2 {
-            let limits = [w.min_rad[i], w.max_rad[i]];
-            count(format!("wrist joint {}", i + 1), hold.joints.beta_rad[i], limits, 180.0 / std::f64::consts::PI, "°");
-        }
-        Some(worst)
     }
 }

@@ -8,7 +8,7 @@ use pkm_core::Configuration;
 use rayon::prelude::*;
 
 use super::job::{Job, Series};
-use super::{Bench, Miss, Objective, Posture, Shortfall};
+use super::{Bench, Miss, Objective, Posture};
 use crate::error::{Failure, Result};
 
 /// How the optimum is searched for. The grid certifies it in any case.
@@ -166,7 +166,7 @@ impl Searcher<'_> {
 
     fn state(&self) -> State {
         let count = self.series.holes.len();
-        State { near: vec![self.bench.home(); count], order: (0..count).collect() }
+        State { near: vec![self.bench.reach.home(); count], order: (0..count).collect() }
     }
 }
 
@@ -535,7 +535,6 @@ impl Searcher<'_> {
     fn unreachable(&self) -> Failure {
         let (bench, series) = (self.bench, self.series);
         let lattice = lattice(bench.job);
-        let shortfall = Shortfall::new(bench);
         let at = |[dx, dy, angle]: Position| {
             let turned =
                 if bench.job.rotary.is_some() { format!(", {:.1}°", angle.to_degrees()) } else { String::new() };
@@ -565,8 +564,9 @@ impl Searcher<'_> {
                     Err(Miss::Table) => {
                         (0.0, "outside of the table's box (--allow-extrapolation takes it all the same)".to_owned())
                     }
-                    _ => shortfall.as_ref()?.of(&bench.tool(&series.holes[h], position))?,
+                    _ => bench.reach.shortfall(&bench.tool(&series.holes[h], position))?,
                 };
+                let words = if words.is_empty() { "too near to the singular surface of the five axes" } else { &words };
                 Some((far, h, format!("{words} at {}", at(position))))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0));
