@@ -268,8 +268,8 @@ fn bad_jobs_are_refused_with_their_place() {
         ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0, -900.0]", "hole 2 of series `A`|mm beyond its travel"),
         ("axis = [0.1, 0.0, -2.0]", "axis = [0.1, 0.0, 2.0]", "hole 2 of series `A`|out of reach"),
         (
-            "tip_mm = [90.0, 30.0, -10.0]",
-            "tip_mm = [430.0, 30.0, -10.0]",
+            "tip_mm = [0.0, 0.0, 0.0], axis = [0.0, 0.0, -1.0] }, { tip_mm = [90.0",
+            "tip_mm = [-300.0, 0.0, 0.0], axis = [0.0, 0.0, -1.0] }, { tip_mm = [350.0",
             "no position of the table reaches all 2 holes|A",
         ),
     ] {

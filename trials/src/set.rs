@@ -589,6 +589,41 @@ fn noise(rows: &[Row], readings: &mut [Vector6<f64>], rng: &mut Random) {
     }
 }
 
+/// Stiffness at A in A-uvw of the reference machine with an elastic moving platform and an elastic base, by dense frames, over a box
+/// that is as wide as travel lets it be: where nothing but the machine's own physics is wrong with the model.
+///
+/// # Errors
+/// A machine that does not stand.
+pub fn wide_stiffness() -> Result<String, String> {
+    let elastic = |id, amplitude| Effect { id, variant: 0, amplitude, shape: [0.0; 8] };
+    let effects = vec![elastic("moving-platform-compliance", 3.0), elastic("base-compliance", 2.0)];
+    let world = World::new(Machine::reference(), Machine::reference(), effects);
+    let names: Vec<String> = (1..=6).flat_map(|i| (i..=6).map(move |j| format!("k{i}{j}"))).collect();
+    let mut csv = format!(
+        "# terminal stiffness of the reference machine with an elastic moving platform and base, by dense frames; simulated\n\
+         # K at A in A-uvw, SI\npose,theta_deg,sigma_deg,z0_mm,{}\n",
+        names.join(",")
+    );
+    let mut count = 0;
+    let levels = |most: i32, step: usize| (-most..=most).step_by(step);
+    for theta in levels(36, 9) {
+        for sigma in levels(24, 8) {
+            for z0 in (440..=620).step_by(36) {
+                let pose = Pose([f64::from(theta).to_radians(), f64::from(sigma).to_radians(), f64::from(z0) / 1e3]);
+                if !world.nominal.reaches(&pose) {
+                    continue;
+                }
+                count += 1;
+                let k = world.reduced(&pose, 20.0).c.try_inverse().ok_or("a compliance that has no inverse")?;
+                let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
+                let cells: Vec<String> = upper.map(|(i, j)| format!("{:.9e}", 0.5 * (k[(i, j)] + k[(j, i)]))).collect();
+                csv.push_str(&format!("W{count:03},{theta},{sigma},{z0},{}\n", cells.join(",")));
+            }
+        }
+    }
+    Ok(csv)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -658,39 +693,4 @@ mod tests {
         let beyond = |p: &Pose| p.0[0].abs() > 0.2 || p.0[1].abs() > 0.2 || (p.0[2] - 0.53).abs() > 0.03;
         assert!(poses[8..16].iter().all(beyond) && !poses[..8].iter().any(beyond));
     }
-}
-
-/// Stiffness at A in A-uvw of the reference machine with an elastic moving platform and an elastic base, by dense frames, over a box
-/// that is as wide as travel lets it be: where nothing but the machine's own physics is wrong with the model.
-///
-/// # Errors
-/// A machine that does not stand.
-pub fn wide_stiffness() -> Result<String, String> {
-    let elastic = |id, amplitude| Effect { id, variant: 0, amplitude, shape: [0.0; 8] };
-    let effects = vec![elastic("moving-platform-compliance", 3.0), elastic("base-compliance", 2.0)];
-    let world = World::new(Machine::reference(), Machine::reference(), effects);
-    let names: Vec<String> = (1..=6).flat_map(|i| (i..=6).map(move |j| format!("k{i}{j}"))).collect();
-    let mut csv = format!(
-        "# terminal stiffness of the reference machine with an elastic moving platform and base, by dense frames; simulated\n\
-         # K at A in A-uvw, SI\npose,theta_deg,sigma_deg,z0_mm,{}\n",
-        names.join(",")
-    );
-    let mut count = 0;
-    let levels = |most: i32, step: usize| (-most..=most).step_by(step);
-    for theta in levels(36, 9) {
-        for sigma in levels(24, 8) {
-            for z0 in (440..=620).step_by(36) {
-                let pose = Pose([f64::from(theta).to_radians(), f64::from(sigma).to_radians(), f64::from(z0) / 1e3]);
-                if !world.nominal.reaches(&pose) {
-                    continue;
-                }
-                count += 1;
-                let k = world.reduced(&pose, 20.0).c.try_inverse().ok_or("a compliance that has no inverse")?;
-                let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
-                let cells: Vec<String> = upper.map(|(i, j)| format!("{:.9e}", 0.5 * (k[(i, j)] + k[(j, i)]))).collect();
-                csv.push_str(&format!("W{count:03},{theta},{sigma},{z0},{}\n", cells.join(",")));
-            }
-        }
-    }
-    Ok(csv)
 }
