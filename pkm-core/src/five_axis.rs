@@ -470,14 +470,14 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// Those of [`inverse`](Self::inverse) from `near`.
     pub fn search(&self, tool: &Tool<T>, near: &Configuration<T>) -> Result<Hold<T>, ToolError> {
         let refused = match self.inverse(tool, near) {
-            Err(refused @ (ToolError::Unreachable | ToolError::Singular)) => refused,
+            Err(refused) if refused != ToolError::NotFinite => refused,
             done => return done,
         };
         let pose = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: self.wrist.home_z0 };
         let seeds = [[0.0, 0.0], [0.0, -1.0], [0.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
         for beta in seeds {
             let found = self.inverse(tool, &Configuration { pose, beta_rad: beta.map(T::from_f64) });
-            if !matches!(found, Err(ToolError::Unreachable | ToolError::Singular)) {
+            if found.is_ok() {
                 return found;
             }
         }

@@ -201,11 +201,17 @@ pub(crate) struct Held<T> {
 }
 
 impl<T: Scalar> Wrist<T> {
+    /// r and h of a β2, m: from the first axis to the tip, away from it and along it.
+    #[inline(always)]
+    pub fn arm_m(&self, sin_beta2: T, cos_beta2: T) -> [T; 2] {
+        let r = self.first_b + self.second_b * cos_beta2 - self.flange * sin_beta2;
+        [r, self.first_d + self.second_b * sin_beta2 + self.flange * cos_beta2]
+    }
+
     #[inline(always)] // where it is needed most, its parts stay in registers
     pub(crate) fn held(&self, [beta1, beta2]: [T; 2]) -> Held<T> {
         let ((sin1, cos1), (sin2, cos2)) = (beta1.sin_cos(), beta2.sin_cos());
-        let r = self.first_b + self.second_b * cos2 - self.flange * sin2;
-        let h = self.first_d + self.second_b * sin2 + self.flange * cos2;
+        let [r, h] = self.arm_m(sin2, cos2);
         Held { sin1, cos1, sin2, cos2, r, h, tip: [self.offset + cos1 * r, sin1 * r, h] }
     }
 

@@ -672,11 +672,16 @@ pub fn place(
 ) -> Result<Output> {
     let model = Model::read(machine, table, form)?;
     let job = Job::parse(&Source::read_or(job, fixtures::job)?)?;
-    let mut objectives = ask.objectives.to_vec();
+    let table_sha256 = table.map(|path| Source::read(path).map(|source| source.sha256())).transpose()?;
+    let mut objectives: Vec<Objective> = Vec::new();
+    for objective in ask.objectives {
+        if !objectives.contains(objective) {
+            objectives.push(*objective);
+        }
+    }
     if objectives.is_empty() {
         objectives = vec![Objective::Paper, Objective::TipWorst];
     }
-    objectives.dedup();
     let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
     let bench = Bench::new(&model.machine, table, &job, &objectives, ask.extrapolate)?;
     let moves = job.limits.map(|[low, high]| high > low);
@@ -688,7 +693,8 @@ pub fn place(
         seed: ask.seed,
     };
     let placed = place::place(&bench, &objectives, &options)?;
-    let json = place::document(&bench, &options, &placed);
+    let mut json = place::document(&bench, &options, &placed);
+    json["table_sha256"] = json!(table_sha256);
     let html = place::html(&bench, &options, &placed)?;
     source::write_all(
         out,

@@ -5,7 +5,7 @@
 //! θ from the others, in two ways at the most; left is one equation in β2, e·w = C2. It holds twice at β2 = 0 whatever the tool,
 //! which is divided away, and its roots are bracketed.
 
-use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, WristParameters};
+use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
 
 /// Steps over all of β2.
 const GRID: usize = 128;
@@ -17,6 +17,7 @@ const NEAR_ZERO: f64 = 1e-7;
 /// A wrist at a β2, and the tool that it is to hold.
 struct Bent<'a> {
     wrist: &'a WristParameters,
+    core: &'a Wrist<f64>,
     tip: [f64; 3],
     axis: [f64; 3],
 }
@@ -32,16 +33,9 @@ struct Asked {
 }
 
 impl Bent<'_> {
-    /// r and h.
-    fn arm(&self, sin: f64, cos: f64) -> (f64, f64) {
-        let w = self.wrist;
-        let r = w.first_b_m + w.second_b_m * cos - w.flange_m * sin;
-        (r, w.first_d_m + w.second_b_m * sin + w.flange_m * cos)
-    }
-
     fn asked(&self, beta2: f64, side: f64) -> Option<Asked> {
         let (sin, cos) = beta2.sin_cos();
-        let (r, h) = self.arm(sin, cos);
+        let [r, h] = self.core.arm_m(sin, cos);
         let [x, y, z] = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
         let along_w = sin * h + r * cos;
         let sin_sigma = -y / along_w;
@@ -69,7 +63,7 @@ impl Bent<'_> {
     fn configuration(&self, beta2: f64, side: f64) -> Option<Configuration<f64>> {
         let Asked { sin_theta, cos_theta, sin_sigma, cos_sigma, .. } = self.asked(beta2, side)?;
         let (sin, cos) = beta2.sin_cos();
-        let (r, h) = self.arm(sin, cos);
+        let [r, h] = self.core.arm_m(sin, cos);
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let u = [cos_theta, 0.0, -sin_theta];
         let v = [sin_sigma * sin_theta, cos_sigma, sin_sigma * cos_theta];
@@ -86,7 +80,7 @@ impl Bent<'_> {
     /// What has to be positive for a σ and a θ: smooth in β2, unlike `asked`, whose roots of them turn sharply where they are small.
     fn room(&self, beta2: f64) -> [f64; 2] {
         let (sin, cos) = beta2.sin_cos();
-        let (r, h) = self.arm(sin, cos);
+        let [r, h] = self.core.arm_m(sin, cos);
         let [x, y, z] = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
         let (along_w, along_u) = (sin * h + r * cos, sin * self.wrist.offset_m);
         [along_w * along_w - y * y, x * x + z * z - along_u * along_u]
@@ -188,7 +182,7 @@ fn least(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 /// Every configuration within travel and limits that holds a tool, on either side of the singular surface (see `home_share`), by β2.
 pub fn holds(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Tool<f64>) -> Vec<Hold<f64>> {
     let size = tool.axis.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let bent = Bent { wrist, tip: tool.tip_m, axis: tool.axis.map(|v| v / size) };
+    let bent = Bent { wrist, core: five.wrist, tip: tool.tip_m, axis: tool.axis.map(|v| v / size) };
     let mut found: Vec<Hold<f64>> = Vec::new();
     let breaks = bent.stretches();
     for side in [1.0, -1.0] {

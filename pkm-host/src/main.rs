@@ -146,14 +146,14 @@ enum Command {
         /// rotary axis both move.
         #[arg(long, value_enum)]
         method: Option<Method>,
-        /// Of the grid (ten times as much when cross slide and rotary axis both move).
-        #[arg(long, default_value_t = 2.0, value_parser = positive)]
+        /// Of the grid (ten times as much, and five times the angle, when cross slide and rotary axis both move).
+        #[arg(long, default_value_t = 2.0, value_parser = positive, allow_hyphen_values = true)]
         step_mm: f64,
         /// The same for a rotary axis.
-        #[arg(long, default_value_t = 1.0, value_parser = positive)]
+        #[arg(long, default_value_t = 1.0, value_parser = positive, allow_hyphen_values = true)]
         step_deg: f64,
         /// Of an evolution; default: drawn, and printed.
-        #[arg(long)]
+        #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53))]
         seed: Option<u64>,
         /// Count positions outside of the table's box as well.
         #[arg(long)]

@@ -73,6 +73,7 @@ pub(crate) fn svg(
 /// Range of values with a margin, never empty.
 fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
     let margin = if high > low { 0.06 * (high - low) } else { 0.05 * high.abs().max(1e-3) };
     low - margin..high + margin
 }

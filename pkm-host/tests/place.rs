@@ -214,6 +214,17 @@ fn a_rotary_axis_turns_the_table_alone_and_with_the_cross_slide() {
         assert!(there.is_none_or(|v| (v.0 / number(&entry["value"]) - 1.0).abs() < 1e-6));
         assert_eq!((number(&entry["dx_mm"]), number(&entry["dy_mm"])), (0.0, 0.0));
     }
+    // one slide and the rotary axis, with a slide that reaches nothing at its one end
+    let mixed = job(
+        [-2000.0, 60.0],
+        [0.0; 2],
+        "rotary = { axis = [0, 0, 1], through_mm = [-80, -60, 0], range_deg = [-30, 30] }",
+    );
+    let (mixed, folder) = place(&mixed, &["--objective", "paper", "paper", "--step-deg", "2"]);
+    assert_eq!(mixed["series"].as_array().expect("entries").len(), 2);
+    assert!(
+        std::fs::read_to_string(folder.path().join("out/report.html")).expect("written").contains("rotary axis in °")
+    );
     let both = job([-60.0, 60.0], [-60.0, 60.0], rotary);
     let (both, _folder) = place(&both, &["--objective", "tip-worst", "--seed", "3", "--step-deg", "3"]);
     assert_eq!(both["method"], "de");
@@ -264,13 +275,22 @@ fn bad_jobs_are_refused_with_their_place() {
         ("fx_n = 20", "fx_n = nan", "series.A.wrench|finite"),
         ("fx_n = 20", "fx_kn = 20", "fx_kn"),
         ("format = 1", "format = 2", "format|expected 1"),
+        ("dx_mm = [-150.0, 150.0]\n", "", "dx_mm|least, greatest"),
+        ("dx_mm = [-150.0, 150.0]", "dx_mm = [-1e300, 150.0]", "dx_mm|within"),
+        ("cross_slide_in_world", "cross_in_world", "cross_in_world"),
+        (
+            "wrench = { fx_n = 20, fy_n = 0, fz_n = -400, mx_nm = 0, my_nm = 1, mz_nm = 5 }",
+            "wrench = { fx_n = 0, fy_n = 0, fz_n = 0, mx_nm = 0, my_nm = 0, mz_nm = 0 }",
+            "series.A.wrench|without a load",
+        ),
+        ("axis = [0.1, 0.0, -2.0]", "axis = [1e-320, inf, 0.0]", "series.A.holes[2].axis|direction"),
         ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0]", "job.toml:11|array of length 3"),
         ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0, -900.0]", "hole 2 of series `A`|mm beyond its travel"),
         ("axis = [0.1, 0.0, -2.0]", "axis = [0.1, 0.0, 2.0]", "hole 2 of series `A`|out of reach"),
         (
             "tip_mm = [0.0, 0.0, 0.0], axis = [0.0, 0.0, -1.0] }, { tip_mm = [90.0",
             "tip_mm = [-300.0, 0.0, 0.0], axis = [0.0, 0.0, -1.0] }, { tip_mm = [350.0",
-            "no position of the table reaches all 2 holes|A",
+            "no position looked at reaches all 2 holes|hole 2 is missing",
         ),
     ] {
         assert!(good.contains(from), "{from}");
@@ -297,6 +317,14 @@ fn bad_jobs_are_refused_with_their_place() {
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.code() == Some(2) && stderr.contains(words), "{words}: {stderr}");
     }
-    let output = run(&["place", "--step-mm", "0", "--out", "/nowhere"]);
-    assert_eq!(output.status.code(), Some(2));
+    for (args, words) in [
+        (["--step-mm", "0"], "above 0"),
+        (["--step-mm", "-5"], "above 0"),
+        (["--step-mm", "1e-320"], "too fine"),
+        (["--step-mm", "800"], "too coarse"),
+    ] {
+        let output = run(&[&["place", "--out", "/nowhere"], &args[..]].concat());
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && stderr.contains(words), "{args:?}: {stderr}");
+    }
 }

@@ -88,6 +88,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
 }
 
 fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, wrist: &Wrist<T>) {
+    black_box(wrist.arm_m(black_box(T::ZERO), black_box(T::ONE)));
     let five = FiveAxis { machine, wrist };
     let [a, b, c] = black_box([T::ONE; 3]);
     let near = black_box(Configuration { pose: Pose { theta_rad: a, sigma_rad: b, z0_m: c }, beta_rad: [a, b] });

@@ -11,6 +11,8 @@ use crate::error::{Failure, Result, printable};
 use crate::machine_file::{line_at, plain};
 use crate::source::Source;
 
+/// Greatest limit, mm or °: far beyond any machine.
+const FARTHEST: f64 = 1e6;
 /// How far a matrix may be from a rotation.
 const RIGID: f64 = 1e-6;
 
@@ -70,6 +72,8 @@ pub struct Series {
 pub struct Job {
     /// File, as the user named it.
     pub file: String,
+    /// Of that file.
+    pub sha256: String,
     /// T_B^W.
     pub base_in_world: Frame,
     /// T_U^W with all axes at 0.
@@ -88,9 +92,9 @@ pub struct Job {
 #[serde(deny_unknown_fields)]
 struct RawJob {
     format: Spanned<i64>,
-    base_in_world: Option<Spanned<Vec<Vec<f64>>>>,
-    table_in_world: Option<Spanned<Vec<Vec<f64>>>>,
-    cross_slide_in_world: Option<Spanned<Vec<Vec<f64>>>>,
+    base_in_world: Spanned<Vec<Vec<f64>>>,
+    table_in_world: Spanned<Vec<Vec<f64>>>,
+    cross_slide_in_world: Spanned<Vec<Vec<f64>>>,
     dx_mm: Option<Spanned<[f64; 2]>>,
     dy_mm: Option<Spanned<[f64; 2]>>,
     rotary: Option<RawRotary>,
@@ -137,10 +141,7 @@ fn fail<T>(span: Range<usize>, key: impl Into<String>, message: impl Into<String
     Err((span, key.into(), message.into()))
 }
 
-fn rigid(key: &str, raw: Option<&Spanned<Vec<Vec<f64>>>>) -> Checked<Frame> {
-    let Some(raw) = raw else {
-        return Ok(Frame { rotation: Matrix3::identity(), origin_m: Vector3::zeros() });
-    };
+fn rigid(key: &str, raw: &Spanned<Vec<Vec<f64>>>) -> Checked<Frame> {
     let rows = raw.get_ref();
     if rows.len() != 4 || rows.iter().any(|row| row.len() != 4) {
         return fail(raw.span(), key, "expected 4 rows of 4 numbers");
@@ -166,7 +167,10 @@ fn rigid(key: &str, raw: Option<&Spanned<Vec<Vec<f64>>>>) -> Checked<Frame> {
 
 fn range(key: &str, raw: &Spanned<[f64; 2]>) -> Checked<[f64; 2]> {
     let [low, high] = *raw.get_ref();
-    if !(low.is_finite() && high.is_finite() && low <= high) {
+    if !(low.abs() <= FARTHEST && high.abs() <= FARTHEST) {
+        return fail(raw.span(), key, format!("expected numbers within ±{FARTHEST:e}, found [{low}, {high}]"));
+    }
+    if low > high {
         return fail(raw.span(), key, format!("reversed limits: expected [least, greatest], found [{low}, {high}]"));
     }
     Ok([low, high])
@@ -174,7 +178,9 @@ fn range(key: &str, raw: &Spanned<[f64; 2]>) -> Checked<[f64; 2]> {
 
 fn direction(key: String, raw: &Spanned<[f64; 3]>) -> Checked<Unit<Vector3<f64>>> {
     let v = Vector3::from(*raw.get_ref());
-    match Unit::try_new(v, 1e-9) {
+    // squares of very long and very short ones would not do
+    let v = v / v.amax();
+    match Unit::try_new(v, 0.5) {
         Some(unit) if v.iter().all(|v| v.is_finite()) => Ok(unit),
         _ => fail(raw.span(), key, format!("expected a direction, found {:?}", raw.get_ref())),
     }
@@ -207,13 +213,14 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
 }
 
 impl RawJob {
-    fn checked(&self, file: &str) -> Checked<Job> {
+    fn checked(&self, source: &Source) -> Checked<Job> {
         if *self.format.get_ref() != 1 {
             return fail(self.format.span(), "format", format!("expected 1, found {}", self.format.get_ref()));
         }
         let slide = |key: &str, raw: &Option<Spanned<[f64; 2]>>| match raw {
             Some(raw) => range(key, raw).map(|limits| limits.map(|v| v / 1e3)),
-            None => Ok([0.0; 2]),
+            None if self.rotary.is_some() => Ok([0.0; 2]),
+            None => fail(self.format.span(), key, "expected [least, greatest] (or a rotary axis alone)"),
         };
         let mut limits = [slide("dx_mm", &self.dx_mm)?, slide("dy_mm", &self.dy_mm)?, [0.0; 2]];
         let rotary = match &self.rotary {
@@ -239,10 +246,11 @@ impl RawJob {
             checked.push(series);
         }
         Ok(Job {
-            file: file.to_owned(),
-            base_in_world: rigid("base_in_world", self.base_in_world.as_ref())?,
-            table_in_world: rigid("table_in_world", self.table_in_world.as_ref())?,
-            cross_slide_in_world: rigid("cross_slide_in_world", self.cross_slide_in_world.as_ref())?,
+            file: source.name.clone(),
+            sha256: source.sha256(),
+            base_in_world: rigid("base_in_world", &self.base_in_world)?,
+            table_in_world: rigid("table_in_world", &self.table_in_world)?,
+            cross_slide_in_world: rigid("cross_slide_in_world", &self.cross_slide_in_world)?,
             limits,
             rotary,
             series: checked,
@@ -262,7 +270,7 @@ impl Job {
             Failure::input(message).in_file(&source.name).at_line(line_at(text, span.start) as u64)
         };
         let raw: RawJob = toml::from_str(text).map_err(|e| at(e.span().unwrap_or(0..0), plain(e.message())))?;
-        raw.checked(&source.name).map_err(|(span, key, message)| at(span, message).at_column(key))
+        raw.checked(source).map_err(|(span, key, message)| at(span, message).at_column(key))
     }
 
     /// T_U^B at a position of the table: dx, dy (m) and the rotary axis (rad), Eq. 15.

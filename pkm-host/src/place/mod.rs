@@ -14,7 +14,7 @@ use crate::holds::holds;
 use crate::machine_file::MachineFile;
 use crate::table_file::TableNumbers;
 use crate::tool::Reach;
-use job::{Hole, Job};
+use job::{Hole, Job, Series};
 
 pub use report::{document, html, text};
 pub use search::{Grid, Method, Options, Placed, Placement, place};
@@ -57,7 +57,8 @@ impl Objective {
     fn cost(self, posture: &Posture) -> f64 {
         match self {
             Self::Paper => 1.0 / posture.k.iter().sum::<f64>(),
-            Self::TipWorst | Self::TipMean => posture.deflection_m,
+            // a bench for these has deflections
+            Self::TipWorst | Self::TipMean => posture.deflection_m.unwrap_or(f64::INFINITY),
         }
     }
 
@@ -79,8 +80,8 @@ pub struct Posture {
     pub hold: Hold<f64>,
     /// k11…k66 at A in A-uvw, SI.
     pub k: [f64; 6],
-    /// Of the tip under the series' wrench, m.
-    pub deflection_m: f64,
+    /// Of the tip under the series' wrench, m; none with a diagonal table, which has no deflections.
+    pub deflection_m: Option<f64>,
     /// The table is extrapolated here.
     pub outside_box: bool,
 }
@@ -90,8 +91,10 @@ pub struct Posture {
 enum Miss {
     /// No posture within travel and limits on the home side.
     Reach,
-    /// There is one, and the table does not hold there.
+    /// There is one, and it lies outside of the table's box.
     Table,
+    /// There is one, and the model has no stiffness or no deflection there.
+    Stiffness,
 }
 
 /// All that a position is judged by.
@@ -112,7 +115,7 @@ impl<'a> Bench<'a> {
     /// `table`: with whether its diagonal form gives the principal stiffnesses.
     ///
     /// # Errors
-    /// A wrist that is singular at home; a table without factor form for objectives that need deflections.
+    /// A wrist that is singular at home; for objectives that need deflections a table without factor form, and a series without load.
     pub fn new(
         machine: &'a MachineFile,
         table: Option<(&'a TableNumbers, bool)>,
@@ -127,7 +130,14 @@ impl<'a> Bench<'a> {
         {
             return Err(Failure::input(
                 "the table has no factor form, which deflections need: fit it on all 21 columns, or give --objective paper",
-            ));
+            )
+            .at_column("factor"));
+        }
+        let idle = |s: &&Series| s.wrench.force_n.iter().chain(&s.wrench.moment_nm).all(|v| *v == 0.0);
+        if let Some(series) = job.series.iter().find(idle).filter(|_| objectives.iter().any(|o| *o != Objective::Paper))
+        {
+            let message = "without a load no tip moves: give the cutting load, or --objective paper";
+            return Err(Failure::input(message).in_file(&job.file).at_column(format!("series.{}.wrench", series.name)));
         }
         let reach = Reach::new(machine)?;
         Ok(Self {
@@ -163,14 +173,14 @@ impl<'a> Bench<'a> {
                 Some(table) => table.factor_form(machine, pose)?.factor.stiffness(),
             })
         };
-        let k = stiffness().map_err(|_| Miss::Table)?.principal();
+        let k = stiffness().map_err(|_| Miss::Stiffness)?.principal();
         // a diagonal table alone has no deflections, and nobody asked for any
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
         let deflection_m = if self.table.is_some() && factor.is_none() {
-            f64::NAN
+            None
         } else {
-            let d = self.five.deflection(factor, &hold.configuration, wrench).map_err(|_| Miss::Table)?;
-            d.translation_m.iter().map(|v| v * v).sum::<f64>().sqrt()
+            let d = self.five.deflection(factor, &hold.configuration, wrench).map_err(|_| Miss::Stiffness)?;
+            Some(d.translation_m.iter().map(|v| v * v).sum::<f64>().sqrt())
         };
         Ok(Posture { hold, k, deflection_m, outside_box })
     }
@@ -190,6 +200,12 @@ impl<'a> Bench<'a> {
         if found.is_empty() { Err(miss) } else { Ok(found) }
     }
 
+    /// In how many ways the home side reaches a tool, in the table's box or not.
+    fn ways(&self, tool: &Tool<f64>) -> usize {
+        let all = holds(&self.five, self.wrist, tool);
+        all.iter().filter(|hold| hold.home_share >= self.wrist.singularity_margin).count()
+    }
+
     /// The same where there is one at the most, from where the machine stood last.
     fn only(
         &self,
@@ -201,12 +217,12 @@ impl<'a> Bench<'a> {
             Err(ToolError::Singular | ToolError::Unreachable) => self.five.search(tool, &self.reach.home()),
             done => done,
         };
-        match found {
-            Ok(hold) => {
-                *near = hold.configuration;
-                Ok(vec![self.judged(hold, wrench)?])
+        match found.ok().and_then(|hold| self.judged(hold, wrench).ok()) {
+            Some(posture) => {
+                *near = posture.hold.configuration;
+                Ok(vec![posture])
             }
-            Err(_) => self.postures(tool, wrench),
+            None => self.postures(tool, wrench),
         }
     }
 }

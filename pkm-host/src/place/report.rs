@@ -13,6 +13,10 @@ fn mm(m: f64) -> f64 {
     m * 1e3
 }
 
+fn um(p: &Posture) -> Option<f64> {
+    p.deflection_m.map(|d| d * 1e6)
+}
+
 fn holes(placement: &Placement) -> Vec<Value> {
     let hole = |p: &Posture| {
         let c = &p.hold.configuration;
@@ -23,7 +27,7 @@ fn holes(placement: &Placement) -> Vec<Value> {
             "beta1_deg": c.beta_rad[0].to_degrees(), "beta2_deg": c.beta_rad[1].to_degrees(),
             "home_share": p.hold.home_share,
             "k": p.k,
-            "deflection_um": p.deflection_m.is_finite().then_some(p.deflection_m * 1e6),
+            "deflection_um": um(p),
             "status": if p.outside_box { "outside_box" } else { "ok" },
         })
     };
@@ -54,7 +58,7 @@ pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value 
             "holes": holes(p),
             "before": p.before.as_ref().map(|(value, postures)| json!({
                 "value": unit(*value),
-                "deflection_um": postures.iter().map(|p| p.deflection_m * 1e6).collect::<Vec<_>>(),
+                "deflection_um": postures.iter().map(um).collect::<Vec<_>>(),
                 "k": postures.iter().map(|p| p.k).collect::<Vec<_>>(),
             })),
             "convergence": p.convergence.iter().map(|(n, v)| (*n, unit(*v))).collect::<Vec<_>>(),
@@ -66,7 +70,8 @@ pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value 
         Method::De => "de",
     };
     json!({
-        "machine": bench.machine.name, "job": bench.job.file, "method": method,
+        "machine": bench.machine.name, "machine_sha256": bench.machine.source.sha256(),
+        "job_sha256": bench.job.sha256, "method": method, "allow_extrapolation": bench.extrapolate,
         "seed": (options.method != Method::Grid).then_some(options.seed),
         "series": series.collect::<Vec<_>>(),
     })
@@ -101,7 +106,7 @@ fn sentences(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Vec<Strin
             Some((before, _)) => text.push_str(&format!(", {} with the table in the middle", shown(*before))),
             None => text.push_str("; with the table in the middle not every hole is in reach"),
         }
-        let worst = p.holes.iter().map(|h| h.deflection_m * 1e6).fold(0.0, f64::max);
+        let worst = p.holes.iter().filter_map(um).fold(0.0, f64::max);
         if p.objective == Objective::Paper && worst > 0.0 {
             text.push_str(&format!("; worst tip deflection {worst:.3} µm"));
         }
@@ -134,7 +139,7 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<S
     let nearest = |all: &[f64], v: f64| {
         (0..all.len()).min_by(|a, b| (all[*a] - v).abs().total_cmp(&(all[*b] - v).abs())).unwrap_or(0)
     };
-    let slice = nearest(angles, p.position[2]);
+    let [x, y, slice] = [(xs, 0), (ys, 1), (angles, 2)].map(|(all, axis)| nearest(all, p.position[axis]));
     let value = |x: usize, y: usize, a: usize| {
         let cell = grid.cells[column][(a * ys.len() + y) * xs.len() + x].as_ref();
         cell.map(|c| p.objective.value_in_unit(c.value))
@@ -156,12 +161,12 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<S
     let (label, points): (&str, Vec<(f64, f64)>) = if angles.len() > 1 {
         (
             "rotary axis in °",
-            (0..angles.len()).filter_map(|a| Some((angles[a].to_degrees(), value(0, 0, a)?))).collect(),
+            (0..angles.len()).filter_map(|a| Some((angles[a].to_degrees(), value(x, y, a)?))).collect(),
         )
     } else if xs.len() > 1 {
-        ("dx in mm", (0..xs.len()).filter_map(|x| Some((mm(xs[x]), value(x, 0, slice)?))).collect())
+        ("dx in mm", (0..xs.len()).filter_map(|x| Some((mm(xs[x]), value(x, y, slice)?))).collect())
     } else {
-        ("dy in mm", (0..ys.len()).filter_map(|y| Some((mm(ys[y]), value(0, y, slice)?))).collect())
+        ("dy in mm", (0..ys.len()).filter_map(|y| Some((mm(ys[y]), value(x, y, slice)?))).collect())
     };
     plot::panels(&[Panel {
         title: caption.clone(),
@@ -229,8 +234,9 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> String {
             ];
             cells.extend(after.k.iter().map(|k| format!("{k:.3e}")));
             cells.push(shown(before, &|p| format!("{:.3e}", p.k[2])));
-            cells.push(format!("{:.3}", after.deflection_m * 1e6));
-            cells.push(shown(before, &|p| format!("{:.3}", p.deflection_m * 1e6)));
+            let deflection = |p: &Posture| um(p).map_or("–".into(), |um| format!("{um:.3}"));
+            cells.push(deflection(after));
+            cells.push(shown(before, &deflection));
             cells.push(if after.outside_box { "outside the box".into() } else { "ok".into() });
             (format!("hole {}", i + 1), cells)
         })

@@ -42,8 +42,10 @@ const GENERATIONS: usize = 123;
 const LATTICE: usize = 21;
 /// Grid optima that are polished.
 const POLISHED: usize = 6;
-/// Steps of a grid over cross slide and rotary axis together, as a multiple of those over either.
-const COARSER: f64 = 10.0;
+/// Steps of a grid over cross slide and rotary axis together, as a multiple of those over either: slide, rotary axis.
+const COARSER: [f64; 2] = [10.0, 5.0];
+/// Of a grid.
+const MOST_POSITIONS: f64 = 4e6;
 /// Where the polish ends, as a share of the grid's step.
 const FINEST: f64 = 1e-6;
 /// Of the polish, at the most.
@@ -286,11 +288,9 @@ fn bar(length: usize, what: &str) -> ProgressBar {
 
 /// Whether holes of a series are reached in more than one way from some position of a coarse lattice.
 fn in_several_ways(bench: &Bench<'_>, series: &Series) -> bool {
-    lattice(bench.job).par_iter().any(|position| {
-        series.holes.iter().any(|hole| {
-            bench.postures(&bench.tool(hole, *position), &series.wrench).is_ok_and(|postures| postures.len() > 1)
-        })
-    })
+    lattice(bench.job)
+        .par_iter()
+        .any(|position| series.holes.iter().any(|hole| bench.ways(&bench.tool(hole, *position)) > 1))
 }
 
 fn lattice(job: &Job) -> Vec<Position> {
@@ -307,30 +307,27 @@ fn lattice(job: &Job) -> Vec<Position> {
 /// No position of the grid reaches every hole: which, and by how much.
 pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> Result<Placed> {
     let job = bench.job;
+    let axes = grid_axes(job, options)?;
     let (mut placements, mut grids) = (Vec::new(), Vec::new());
     for (n, series) in job.series.iter().enumerate() {
         let searcher = Searcher { bench, series, several: in_several_ways(bench, series) };
-        let grid = searcher.grid(objectives, options);
+        let grid = searcher.grid(objectives, axes.clone());
         for (o, objective) in objectives.iter().enumerate() {
-            let Some(certified) = grid.best(o) else { return Err(searcher.unreachable()) };
+            let Some(certified) = grid.best(o) else { return Err(searcher.unreachable(options)) };
             let mut convergence = Vec::new();
             let evolved = match options.method {
                 Method::Grid => None,
                 method => searcher.evolved(*objective, method, options.seed, &mut convergence),
             };
             let found = match (options.method, evolved) {
-                (Method::Grid, _) => searcher.polished(*objective, &grid.optima(o), &grid),
-                (Method::De, Some(position)) => searcher.polished(*objective, &[position], &grid),
                 (Method::Ga, Some(position)) => {
                     let judged = searcher.judged(*objective, position, &mut searcher.state());
                     judged.map(|(value, holes)| (value, position, holes))
                 }
-                (_, None) => None,
+                (Method::De, Some(position)) => searcher.polished(*objective, &[position, certified.0], &grid),
+                _ => searcher.polished(*objective, &grid.optima(o), &grid),
             };
-            let Some((value, position, holes)) = found else {
-                let message = "the evolution met no position that reaches every hole, the grid did: use --method grid";
-                return Err(Failure::other(format!("series `{}`: {message}", series.name)).in_file(&job.file));
-            };
+            let Some((value, position, holes)) = found else { return Err(searcher.unreachable(options)) };
             let middle = job.limits.map(|[low, high]| 0.5 * (low + high));
             placements.push(Placement {
                 series: n,
@@ -348,6 +345,22 @@ pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> 
         grids.push(grid);
     }
     Ok(Placed { placements, grids })
+}
+
+/// Positions of the grid along each axis.
+fn grid_axes(job: &Job, options: &Options) -> Result<[Vec<f64>; 3]> {
+    let moves = job.limits.map(|[low, high]| high > low);
+    // three axes at once are too many positions for a fine one
+    let [coarse, turn] = if moves[2] && (moves[0] || moves[1]) { COARSER } else { [1.0; 2] };
+    let steps = [coarse * options.step_m, coarse * options.step_m, turn * options.step_rad];
+    let counts = [0, 1, 2].map(|d| (job.limits[d][1] - job.limits[d][0]) / steps[d] + 1.0);
+    let count: f64 = counts.iter().product();
+    if !(count <= MOST_POSITIONS) {
+        let message =
+            format!("a grid of {count:.1e} positions is too fine, at most {MOST_POSITIONS:e}: give greater steps");
+        return Err(Failure::usage(message));
+    }
+    Ok(std::array::from_fn(|d| places(job.limits[d], steps[d])))
 }
 
 impl Grid {
@@ -408,16 +421,7 @@ impl Grid {
 }
 
 impl Searcher<'_> {
-    fn grid(&self, objectives: &[Objective], options: &Options) -> Grid {
-        let limits = self.bench.job.limits;
-        let moves = |i: usize| limits[i][1] > limits[i][0];
-        // three axes at once are too many positions for a fine one
-        let coarse = if moves(2) && (moves(0) || moves(1)) { COARSER } else { 1.0 };
-        let axes = [
-            places(limits[0], coarse * options.step_m),
-            places(limits[1], coarse * options.step_m),
-            places(limits[2], coarse * options.step_rad),
-        ];
+    fn grid(&self, objectives: &[Objective], axes: [Vec<f64>; 3]) -> Grid {
         let [xs, ys, angles] = &axes;
         let rows: Vec<(f64, f64)> = angles.iter().flat_map(|a| ys.iter().map(move |y| (*a, *y))).collect();
         let progress = bar(rows.len(), &format!("series {}", self.series.name));
@@ -453,7 +457,7 @@ impl Searcher<'_> {
     }
 
     /// The paper's genetic algorithm, real-coded: tournaments, blend crossover, mutation that narrows, the best two kept; or
-    /// differential evolution, rand/1/bin.
+    /// differential evolution (the sum of one and the weighted difference of two others).
     fn evolved(
         &self,
         objective: Objective,
@@ -532,7 +536,7 @@ impl Searcher<'_> {
     }
 
     /// Why no position reaches every hole: which hole, and by how much.
-    fn unreachable(&self) -> Failure {
+    fn unreachable(&self, options: &Options) -> Failure {
         let (bench, series) = (self.bench, self.series);
         let lattice = lattice(bench.job);
         let at = |[dx, dy, angle]: Position| {
@@ -540,7 +544,7 @@ impl Searcher<'_> {
                 if bench.job.rotary.is_some() { format!(", {:.1}°", angle.to_degrees()) } else { String::new() };
             format!("dx = {:.1} mm, dy = {:.1} mm{turned}", dx * 1e3, dy * 1e3)
         };
-        let fail = |message: String| Failure::refused("unreachable", message).in_file(&bench.job.file);
+        let fail = |status, message: String| Failure::refused(status, message).in_file(&bench.job.file);
         let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
             let each = |hole| bench.postures(&bench.tool(hole, *position), &series.wrench).map(drop);
             series.holes.iter().map(each).collect()
@@ -551,6 +555,14 @@ impl Searcher<'_> {
         let named = format!("hole {} of series `{}`", hole + 1, series.name);
         // where most holes are in reach, and this one is nearest to it
         let most = all.iter().map(|(_, reached)| reached.iter().filter(|r| r.is_ok()).count()).max().unwrap_or(0);
+        if let Some((position, _)) = all.iter().find(|(_, reached)| reached.iter().all(|r| r.is_ok())) {
+            let step = options.step_m * 1e3;
+            return Failure::usage(format!(
+                "series `{}`: the grid of --step-mm {step} is too coarse: no position of it reaches every hole, {} does",
+                series.name,
+                at(*position)
+            ));
+        }
         let alone = count(hole) == 0;
         let candidates =
             all.iter().filter(|(_, reached)| alone || reached.iter().filter(|r| r.is_ok()).count() == most);
@@ -560,31 +572,45 @@ impl Searcher<'_> {
                 missing.map(|h| (*position, h, &reached[h])).collect::<Vec<_>>()
             })
             .filter_map(|(position, h, reached)| {
-                let (far, words) = match reached {
+                let (far, status, words) = match reached {
                     Err(Miss::Table) => {
-                        (0.0, "outside of the table's box (--allow-extrapolation takes it all the same)".to_owned())
+                        (0.0, "outside_box", "outside of the table's box (see --allow-extrapolation)".to_owned())
                     }
-                    _ => bench.reach.shortfall(&bench.tool(&series.holes[h], position))?,
+                    Err(Miss::Stiffness) => (0.0, "unreachable", "without a stiffness of the model".to_owned()),
+                    _ => {
+                        let (far, words) = bench.reach.shortfall(&bench.tool(&series.holes[h], position))?;
+                        if words.is_empty() {
+                            (far, "singular", "too near to the singular surface of the five axes".to_owned())
+                        } else {
+                            (far, "out_of_travel", words)
+                        }
+                    }
                 };
-                let words = if words.is_empty() { "too near to the singular surface of the five axes" } else { &words };
-                Some((far, h, format!("{words} at {}", at(position))))
+                Some((far, h, status, format!("{words} at {}", at(position))))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0));
         match (alone, nearest) {
-            (true, Some((_, _, words))) => {
-                fail(format!("{named} is out of reach from every position of the table; nearest is {words}"))
+            (true, Some((_, _, status, words))) => {
+                fail(status, format!("{named} is out of reach from every position looked at; nearest is: {words}"))
             }
-            (true, None) => fail(format!(
-                "{named} is out of reach from every position of the table, whatever the travel: is its axis towards the machine's back?"
-            )),
+            (true, None) => fail(
+                "unreachable",
+                format!(
+                    "{named} is out of reach from every position looked at, whatever travel and limits are: is its axis towards the machine's back?"
+                ),
+            ),
             (false, nearest) => {
-                let (h, words) = nearest.map_or((hole, String::new()), |(_, h, words)| (h, format!(": {words}")));
-                fail(format!(
-                    "no position of the table reaches all {} holes of series `{}`, at the most {most}; then hole {} is missing{words}",
+                let (h, status, words) = nearest
+                    .map_or((hole, "unreachable", String::new()), |(_, h, status, words)| {
+                        (h, status, format!(": {words}"))
+                    });
+                let message = format!(
+                    "no position looked at reaches all {} holes of series `{}`, at the most {most}; then hole {} is missing{words}",
                     series.holes.len(),
                     series.name,
                     h + 1
-                ))
+                );
+                fail(status, message)
             }
         }
     }
