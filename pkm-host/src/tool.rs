@@ -379,7 +379,7 @@ pub fn ik(file: &MachineFile, tip_mm: [f64; 3], axis: [f64; 3], near: Option<[f6
     }
     if all {
         json["solutions"] = ways.iter().map(|hold| solution(&reach, hold)).collect();
-        text.push_str(&format!("\n{} ways in all, the nearest first:\n", ways.len()));
+        text.push_str(&format!("\nways to hold it: {}, the nearest first:\n", ways.len()));
         for hold in &ways {
             let side = if hold.home_share >= reach.margin() { "" } else { "not on the home side:\n" };
             text.push_str(&format!("{side}{}", in_words(hold)));
