@@ -7,6 +7,7 @@ pub mod commands;
 pub mod dataset;
 pub mod diagnose;
 pub mod error;
+pub mod fem;
 pub mod export;
 pub mod fit;
 pub mod gcode;

@@ -15,6 +15,7 @@ use toml::Spanned;
 
 use crate::dataset::pose_of;
 use crate::error::{Failure, Result, printable};
+use crate::fem::solid::{RawSolid, Solid};
 use crate::source::Source;
 
 /// A checked machine file.
@@ -35,6 +36,8 @@ pub struct MachineFile {
     pub wrist_parameters: WristParameters,
     /// The core's wrist made of them; an error only for one that is singular at home.
     pub wrist: std::result::Result<Wrist<f64>, WristError>,
+    /// What limbs and platforms are made of; an error only where the file has no `[solid]` and the defaults don't fit.
+    pub solid: Result<Solid>,
 }
 
 /// A box of poses in the units of files: θ in °, σ in °, Z0 in mm, each least and greatest.
@@ -70,6 +73,7 @@ struct RawMachine {
     pose_box: Option<RawBox>,
     wrist: Option<RawWrist>,
     uncertainty: Option<RawUncertainty>,
+    solid: Option<Spanned<RawSolid>>,
     limb: Spanned<Vec<RawLimb>>,
     #[serde(default)]
     effect: Vec<Spanned<RawEffect>>,
@@ -80,7 +84,7 @@ type Number = Spanned<f64>;
 /// An array of just so many numbers: serde's own would leave out what is too much.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(try_from = "Vec<f64>")]
-struct Numbers<const N: usize>([f64; N]);
+pub(crate) struct Numbers<const N: usize>(pub(crate) [f64; N]);
 
 impl<const N: usize> TryFrom<Vec<f64>> for Numbers<N> {
     type Error = String;
@@ -270,6 +274,14 @@ impl MachineFile {
             let span = text.find("[wrist]").unwrap_or(0);
             return Err(fail(Some(span..span), "wrist", error.to_string()));
         }
+        let solid = Solid::new(raw.solid.as_ref().map_or(&RawSolid::default(), |s| s.get_ref()), &parameters);
+        let solid = solid.map_err(|(key, span, message)| {
+            let span = span.or_else(|| raw.solid.as_ref().map(Spanned::span));
+            fail(span, &key, message)
+        });
+        if let (Err(failure), Some(_)) = (&solid, &raw.solid) {
+            return Err(failure.clone());
+        }
         let declared = |pick: fn(&RawUncertainty) -> Option<&Number>, or: f64| {
             raw.uncertainty.as_ref().and_then(pick).map_or(or, |n| *n.get_ref())
         };
@@ -278,7 +290,7 @@ impl MachineFile {
             load_direction_rad: declared(|u| u.load_direction_mrad.as_ref(), 0.0) / 1e3,
             load_gain: declared(|u| u.load_gain.as_ref(), 0.0),
         };
-        Ok(Self { name, parameters, machine, pose_box, uncertainty, wrist_parameters, wrist, source })
+        Ok(Self { name, parameters, machine, pose_box, uncertainty, wrist_parameters, wrist, solid, source })
     }
 
     /// The machine with its wrist.

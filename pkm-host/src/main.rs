@@ -8,6 +8,7 @@ use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use pkm_host::commands::{self, Form, Output};
 use pkm_host::error::{Failure, Result};
+use pkm_host::fem;
 use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
 use pkm_host::machine_file::PoseBox;
@@ -190,6 +191,12 @@ enum Command {
         #[arg(long, value_name = "FILE")]
         out: PathBuf,
     },
+    /// Stiffness by finite elements: the machine in solids at each pose, computed by CalculiX, which must be installed.
+    ///
+    /// Writes the stiffness CSV, and beside it a manifest (.manifest.json) and a page with a drawing of the machine (.html).
+    /// What the solids are made of stands in the machine file's section [solid], all of which has defaults. A run that was
+    /// interrupted goes on when it is started again.
+    Fem(FemArgs),
     /// Drives firmware that runs the core (pkm-fw's `cyclic`) and compares every bit with the host.
     Hil {
         /// Serial port of the board, such as /dev/ttyACM0.
@@ -262,6 +269,76 @@ struct IkArgs {
     /// Every way to hold the tool within travel and limits, on either side of the singular surface.
     #[arg(long, requires = "tip_mm")]
     all: bool,
+}
+
+#[derive(Args)]
+struct FemArgs {
+    /// CSV with pose,theta_deg,sigma_deg,z0_mm or pose,q1_mm,q2_mm,q3_mm.
+    #[arg(long, value_name = "CSV", required_unless_present = "loads", conflicts_with = "loads")]
+    poses: Option<PathBuf>,
+    /// Stiffness CSV to write, 21 columns.
+    #[arg(long, value_name = "CSV")]
+    out: PathBuf,
+    /// Changes the machine file for this run, e.g. solid.limb=uniform, solid.platform.kind=rigid,
+    /// solid.platform.thickness_mm=30, solid.nut.axial_n_per_m=[1e9,7e8,1e9], solid.offset_mm=[20,20,20],
+    /// limb.2.platform_joint.linear_n_per_m=[1e8,1e8,1e8]. May be given several times.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Size of the elements, relative to the usual: 0.5 is twice as fine.
+    #[arg(long, default_value_t = 1.0, value_parser = positive, allow_hyphen_values = true)]
+    mesh: f64,
+    /// Poses at a time, one core each; default: as many as there are cores.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    jobs: Option<u32>,
+    /// The program CalculiX.
+    #[arg(long, value_name = "PATH", default_value = "ccx")]
+    ccx: PathBuf,
+    /// Folder for the cases, one each pose; default: named after --out, and gone in the end.
+    #[arg(long, value_name = "DIR")]
+    work: Option<PathBuf>,
+    /// Keep the decks and all that CalculiX wrote.
+    #[arg(long)]
+    keep: bool,
+    /// Compute nothing: check that the solids fit at every pose, and write the page with the drawing.
+    #[arg(long, conflicts_with_all = ["emit", "collect"])]
+    dry_run: bool,
+    /// Compute nothing: write the decks and an array job for a cluster.
+    #[arg(long, value_enum, conflicts_with = "collect")]
+    emit: Option<Emit>,
+    /// Compute nothing: gather what the cluster has computed. All other options as with --emit.
+    #[arg(long)]
+    collect: bool,
+    /// Measured data to write besides: deflections under loads at every pose, with noise.
+    #[arg(long, value_name = "CSV")]
+    readings: Option<PathBuf>,
+    /// Poses and loads of the readings, from a measured file or from `plan --kind discriminate`. Default: along and about
+    /// every axis both ways, half the load, the whole and half on the way back.
+    #[arg(long, value_name = "CSV", requires = "readings")]
+    loads: Option<PathBuf>,
+    /// Greatest force of the default loads.
+    #[arg(long, default_value_t = 500.0, value_parser = positive, requires = "readings", conflicts_with = "loads")]
+    force_n: f64,
+    /// Greatest moment of the default loads.
+    #[arg(long, default_value_t = 50.0, value_parser = positive, requires = "readings", conflicts_with = "loads")]
+    moment_nm: f64,
+    /// How often the default loads are taken.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), conflicts_with = "loads")]
+    repeats: u32,
+    /// 1 sd of a reading, translations in um and rotations in urad.
+    #[arg(long, default_value = "0.2,0.5", value_parser = list::<2>, value_name = "UM,URAD")]
+    noise: [f64; 2],
+    /// 1 sd of the error that all readings of a series share.
+    #[arg(long, default_value = "0.2,0.5", value_parser = list::<2>, value_name = "UM,URAD")]
+    zero: [f64; 2],
+    /// Of the errors; default: drawn, and printed.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53))]
+    seed: Option<u64>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Emit {
+    /// For Slurm.
+    Slurm,
 }
 
 #[derive(Args)]
@@ -340,6 +417,41 @@ fn run(cli: &Cli) -> Result<Output> {
             let (wrench, step_mm, allow_extrapolation) = (*wrench, *step_mm, *allow_extrapolation);
             let request = Request { path, wrench, step_mm, allow_extrapolation, out };
             commands::compensate(machine, table.as_deref(), &request)
+        }
+        Command::Fem(a) => {
+            let mode = match (a.dry_run, a.emit, a.collect) {
+                (true, ..) => fem::Mode::DryRun,
+                (_, Some(Emit::Slurm), _) => fem::Mode::EmitSlurm,
+                (_, _, true) => fem::Mode::Collect,
+                _ => fem::Mode::Run,
+            };
+            if a.noise.iter().chain(&a.zero).any(|v| *v < 0.0) {
+                return Err(Failure::usage("--noise, --zero: expected standard deviations of at least 0"));
+            }
+            let readings = a.readings.as_deref().map(|out| fem::readings::Wish {
+                out,
+                loads: a.loads.as_deref(),
+                force_n: a.force_n,
+                moment_nm: a.moment_nm,
+                repeats: a.repeats,
+                noise: a.noise,
+                zero: a.zero,
+                seed: a.seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
+            });
+            let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+            let request = fem::Request {
+                poses: a.poses.as_deref(),
+                out: &a.out,
+                set: &a.set,
+                size: a.mesh,
+                jobs: a.jobs.map_or_else(cores, |n| n as usize),
+                ccx: &a.ccx,
+                work: a.work.as_deref(),
+                keep: a.keep,
+                mode,
+                readings,
+            };
+            fem::fem(machine, &request)
         }
         Command::Hil { port, baud, qemu: _, elf, board, poses, steps, seed, table, out } => {
             let target = match port {

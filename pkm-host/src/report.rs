@@ -9,7 +9,7 @@ use crate::export::Provenance;
 use crate::fit::{DeflectionErrors, EQ_11, Evaluation, Fit, ROTATION_ARM_M, Sample};
 use crate::plot::{self, Mark, Panel, Series};
 
-const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
+pub(crate) const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
 const LOADS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 const VARIABLES: [&str; 3] = ["θ in °", "σ in °", "Z0 in mm"];
 

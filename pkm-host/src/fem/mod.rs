@@ -1,0 +1,401 @@
+//! `fem`: the stiffness of a machine that is built in solids, by CalculiX, pose by pose: what the paper takes from a
+//! commercial program (its Section 5.1).
+//!
+//! Machine file → [`solid`] → [`mesh`], [`deck`] → [`ccx`] → stiffness → [`readings`], [`report`].
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use nalgebra::Matrix6;
+use pkm_core::Stiffness;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+use self::deck::{Deck, Plates};
+use self::solid::Solid;
+use crate::commands::Output;
+use crate::dataset::{self, NamedPose, POSE_COLUMNS, file_units, stiffness_columns};
+use crate::error::{Failure, Result};
+use crate::machine_file::MachineFile;
+use crate::source::{self, Source};
+
+pub mod ccx;
+pub mod deck;
+pub mod drawing;
+pub mod mesh;
+pub mod readings;
+pub mod report;
+pub mod slurm;
+pub mod solid;
+
+/// What is done with the cases.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Each is computed here, unless it is there already.
+    Run,
+    /// Nothing is computed: drawing and checks only.
+    DryRun,
+    /// Decks and a job script for a cluster.
+    EmitSlurm,
+    /// Only what a cluster has computed.
+    Collect,
+}
+
+/// A call of `fem`.
+pub struct Request<'a> {
+    /// CSV of poses; `None`: those of the loads.
+    pub poses: Option<&'a Path>,
+    /// Stiffness CSV to write.
+    pub out: &'a Path,
+    /// Changes of the machine file, `key.key=value`.
+    pub set: &'a [String],
+    /// Size of the elements, relative to the usual.
+    pub size: f64,
+    /// Poses at a time.
+    pub jobs: usize,
+    /// The program.
+    pub ccx: &'a Path,
+    /// Where the cases lie; default: beside `out`.
+    pub work: Option<&'a Path>,
+    /// Decks and all that CalculiX wrote stay.
+    pub keep: bool,
+    /// What is done.
+    pub mode: Mode,
+    /// Measured data to make, if any.
+    pub readings: Option<readings::Wish<'a>>,
+}
+
+/// A pose as a folder of its own.
+pub struct Case {
+    /// Where the machine is.
+    pub pose: NamedPose,
+    /// In the work folder; carries the deck's hash, so that a result found there is of this very deck.
+    pub folder: String,
+    /// Of the deck.
+    pub sha256: String,
+    /// Nodes and elements.
+    pub size: (usize, usize),
+}
+
+/// The stiffness of a case.
+pub struct Solved {
+    /// At A in A-uvw.
+    pub k: Matrix6<f64>,
+    /// How far from symmetric the compliance was.
+    pub skew: f64,
+}
+
+impl Solved {
+    fn read(path: &Path) -> Option<std::result::Result<Self, String>> {
+        let c = ccx::compliance(&std::fs::read_to_string(path).ok()?)?;
+        Some(ccx::stiffness(&c).map(|(k, skew)| Self { k, skew }))
+    }
+
+    /// As the core's type.
+    pub fn stiffness(&self) -> Stiffness<f64> {
+        Stiffness::from_lower(&std::array::from_fn(|i| std::array::from_fn(|j| self.k[(i, j)])))
+    }
+}
+
+/// The machine in solids, its plates meshed.
+struct Model<'a> {
+    file: &'a MachineFile,
+    solid: &'a Solid,
+    plates: Plates,
+}
+
+impl Model<'_> {
+    fn deck(&self, pose: &NamedPose) -> std::result::Result<(Deck, String), String> {
+        let deck = Deck::new(self.solid, &self.file.parameters, &pose.pose, &self.plates)?;
+        let [theta, sigma, z0] = file_units(&pose.pose);
+        let text = deck.text(&format!("theta {theta} deg, sigma {sigma} deg, Z0 {z0} mm"));
+        Ok((deck, text))
+    }
+
+    fn case(&self, pose: &NamedPose) -> std::result::Result<Case, String> {
+        let (deck, text) = self.deck(pose)?;
+        let sha256: String = Sha256::digest(&text).iter().map(|b| format!("{b:02x}")).collect();
+        let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+        let name: String = pose.id.chars().take(40).map(plain).collect();
+        let folder = format!("{}-{}", name.trim_start_matches('.'), &sha256[..16]);
+        Ok(Case { pose: pose.clone(), folder, sha256, size: deck.size() })
+    }
+}
+
+fn printed_by(work: &Path, case: &Case) -> PathBuf {
+    work.join(&case.folder).join(ccx::CASE).with_extension("dat")
+}
+
+/// Makes the case's folder with its deck.
+fn write_deck(work: &Path, model: &Model<'_>, case: &Case) -> Result<()> {
+    let (_, text) = model.deck(&case.pose).map_err(Failure::other)?;
+    source::write(&work.join(&case.folder).join(ccx::CASE).with_extension("inp"), text)
+}
+
+fn progress(of: usize) -> ProgressBar {
+    let bar = ProgressBar::new(of as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} poses, {elapsed} gone, {eta} left") {
+        bar.set_style(style);
+    }
+    bar.tick();
+    bar
+}
+
+/// Computes every case that has no result yet. The count of those that were computed.
+fn compute(request: &Request<'_>, work: &Path, model: &Model<'_>, cases: &[Case]) -> Result<usize> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(request.jobs).build();
+    let pool = pool.map_err(|e| Failure::other(format!("cannot start {} jobs: {e}", request.jobs)))?;
+    let bar = progress(cases.len());
+    let computed = AtomicUsize::new(0);
+    let one = |case: &Case| {
+        let printed = printed_by(work, case);
+        let folder = work.join(&case.folder);
+        if Solved::read(&printed).is_none() {
+            write_deck(work, model, case)?;
+            ccx::run(request.ccx, &folder)?;
+            match Solved::read(&printed) {
+                Some(Ok(_)) => {}
+                Some(Err(message)) => return Err(Failure::other(message).in_file(printed.display().to_string())),
+                None => {
+                    let message = "ccx ended without an error, but without all displacements";
+                    return Err(Failure::other(message).in_file(printed.display().to_string()));
+                }
+            }
+            computed.fetch_add(1, Ordering::Relaxed);
+        }
+        if !request.keep {
+            let left = std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|e| e.path());
+            // what can't be deleted is in nobody's way
+            left.filter(|p| *p != printed).for_each(|p| _ = std::fs::remove_file(p));
+        }
+        bar.inc(1);
+        Ok(())
+    };
+    let done = pool.install(|| cases.par_iter().try_for_each(one));
+    bar.finish_and_clear();
+    done.map_err(|f| Failure {
+        message: format!(
+            "{}. What is computed so far is kept in {}: the same command goes on from there",
+            f.message.trim_end_matches('.'),
+            work.display()
+        ),
+        ..f
+    })?;
+    Ok(computed.into_inner())
+}
+
+/// The stiffness file. Eight digits: `ccx` prints seven.
+fn stiffness_csv(file: &MachineFile, version: &str, request: &Request<'_>, solved: &[(&Case, Solved)]) -> String {
+    let mut header: Vec<String> = POSE_COLUMNS.map(str::to_owned).to_vec();
+    header.extend(stiffness_columns().map(|(_, _, name)| name));
+    let rows = solved.iter().map(|(case, s)| {
+        let mut row = vec![case.pose.id.clone()];
+        row.extend(file_units(&case.pose.pose).map(|v| ((v * 1e9).round() / 1e9).to_string()));
+        row.extend(stiffness_columns().map(|(i, j, _)| format!("{:.7e}", s.k[(i, j)])));
+        row
+    });
+    let mut set = request.set.join(", ");
+    if !set.is_empty() {
+        set = format!(", with {}", crate::error::printable(&set));
+    }
+    format!(
+        "# terminal stiffness of machine `{}`{set} by finite elements ({version}, pkm-host {}, mesh {}); simulated\n\
+         # K at A in A-uvw, SI; inverse of the compliance from six unit wrenches at A\n{}",
+        file.name,
+        env!("CARGO_PKG_VERSION"),
+        request.size,
+        dataset::to_csv(b',', &header, rows)
+    )
+}
+
+/// How the data came about, without what differs from run to run.
+fn manifest(file: &MachineFile, solid: &Solid, request: &Request<'_>, version: &str, cases: &[Case]) -> Value {
+    let poses: Vec<Value> = cases
+        .iter()
+        .map(|c| json!({ "pose": c.pose.id, "deck_sha256": c.sha256, "nodes": c.size.0, "elements": c.size.1 }))
+        .collect();
+    json!({
+        "format": 1,
+        "tool": format!("pkm-host {}", env!("CARGO_PKG_VERSION")),
+        "solver": version,
+        "machine": file.name,
+        "machine_sha256": file.source.sha256(),
+        "set": request.set,
+        "mesh": request.size,
+        "solid": solid.toml(),
+        "poses": poses,
+    })
+}
+
+/// Sets the value of a key; tables on the way come into being, `[[limb]]` is counted from 1.
+fn put(table: &mut dyn toml_edit::TableLike, keys: &[&str], value: toml_edit::Value) -> std::result::Result<(), String> {
+    match keys {
+        [] => Err("expected the key of a value".into()),
+        [key] => {
+            table.insert(key, toml_edit::Item::Value(value));
+            Ok(())
+        }
+        [key, number, rest @ ..] if table.get(key).is_some_and(toml_edit::Item::is_array_of_tables) => {
+            let tables = table.get_mut(key).and_then(toml_edit::Item::as_array_of_tables_mut);
+            let at = number.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
+            match tables.zip(at).and_then(|(tables, at)| tables.get_mut(at)) {
+                Some(table) => put(table, rest, value),
+                None => Err(format!("there is no {key}.{number}: they count from 1")),
+            }
+        }
+        [key, rest @ ..] => match table.entry(key).or_insert(toml_edit::table()).as_table_like_mut() {
+            Some(table) => put(table, rest, value),
+            None => Err(format!("{key} is a value, it has no keys")),
+        },
+    }
+}
+
+/// The machine file with what `--set` says.
+fn changed(source: Source, set: &[String]) -> Result<Source> {
+    if set.is_empty() {
+        return Ok(source);
+    }
+    // what is wrong with the file itself is better told of the file itself
+    MachineFile::parse(source.clone())?;
+    let fail = |message: String| Failure::usage(format!("--set: {message}"));
+    let document = source.text()?.parse::<toml_edit::DocumentMut>();
+    let mut document = document.map_err(|e| fail(crate::machine_file::plain(e.message())))?;
+    for change in set {
+        let Some((path, value)) = change.split_once('=').map(|(p, v)| (p.trim(), v.trim())) else {
+            return Err(fail(format!("expected key.key=value, found `{change}`")));
+        };
+        let word = !value.is_empty() && value.chars().all(|c| c.is_ascii_alphabetic());
+        let value = match value.parse::<toml_edit::Value>() {
+            Ok(value) => value,
+            Err(_) if word => value.into(),
+            Err(_) => return Err(fail(format!("{path}: expected a number, a word or an array, found `{value}`"))),
+        };
+        let keys: Vec<&str> = path.split('.').collect();
+        put(document.as_table_mut(), &keys, value).map_err(|m| fail(format!("{path}: {m}")))?;
+    }
+    Ok(Source::from_text(&format!("{} with --set", source.name), document.to_string()))
+}
+
+/// `fem`.
+///
+/// # Errors
+/// Bad files and options; a pose at which solids collide; CalculiX missing or failing; an unwritable folder.
+pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
+    let source = changed(Source::read_or(machine, source::fixtures::machine)?, request.set)?;
+    let file = MachineFile::parse(source)?;
+    let solid = file.solid.as_ref().map_err(Clone::clone)?;
+    let of_loads = request.readings.as_ref().and_then(|wish| wish.loads);
+    let Some(path) = request.poses.or(of_loads) else {
+        return Err(Failure::usage("--poses: which poses? Give a CSV, such as `plan` writes"));
+    };
+    let name = path.display().to_string();
+    let listed = match request.poses {
+        Some(path) => dataset::read_poses(Source::read(path)?, &file)?,
+        None => Vec::new(),
+    };
+    let loads = request.readings.as_ref().map(|wish| readings::Loads::new(wish, &listed, &file)).transpose()?;
+    let poses = match &loads {
+        Some(loads) if request.poses.is_none() => loads.poses().to_vec(),
+        _ => listed,
+    };
+    dataset::refuse_doubled_ids(&name, &poses)?;
+
+    let model = Model { file: &file, solid, plates: Plates::new(solid, &file.parameters, request.size) };
+    let cases: Vec<_> = poses.par_iter().map(|p| model.case(p)).collect();
+    let mut collisions = poses.iter().zip(&cases).filter_map(|(p, c)| Some((p, c.as_ref().err()?)));
+    if let Some((pose, why)) = collisions.next() {
+        let more = collisions.count();
+        let more = if more > 0 { format!(" ({more} more poses collide)") } else { String::new() };
+        let message = format!("pose `{}` collides: {why}{more}", pose.id);
+        return Err(Failure::input(message).in_file(name).at_line(pose.line).at_column("pose"));
+    }
+    let cases: Vec<Case> = cases.into_iter().flatten().collect();
+    let beside = |end: &str| request.out.with_extension(end);
+    let work = request.work.map_or_else(|| beside("work"), Path::to_path_buf);
+    let html = beside("html");
+    let largest = cases.iter().map(|c| c.size).max().unwrap_or_default();
+    let about = |what: &str| format!("{} poses, up to {} nodes each: {what}\n", cases.len(), largest.0);
+
+    let version = match request.mode {
+        Mode::Run => ccx::version(request.ccx)?,
+        Mode::Collect => ccx::version(request.ccx).unwrap_or_else(|_| "CalculiX".to_owned()),
+        Mode::DryRun => {
+            source::write(&html, report::page(&report::Facts { file: &file, solid, request, cases: &cases, solved: None })?)?;
+            let text = about(&format!("nothing computed; the machine is drawn in {}", html.display()));
+            let json = json!({ "poses": cases.len(), "nodes": largest.0, "elements": largest.1, "report": html.display().to_string() });
+            return Ok(Output { text, json });
+        }
+        Mode::EmitSlurm => {
+            let bar = progress(cases.len());
+            cases.par_iter().try_for_each(|case| {
+                let written = write_deck(&work, &model, case);
+                bar.inc(1);
+                written
+            })?;
+            bar.finish_and_clear();
+            let folders: Vec<&str> = cases.iter().map(|c| c.folder.as_str()).collect();
+            let tasks = slurm::write(&work, &folders)?;
+            let text = about(&format!(
+                "decks and {0} are in {1}. There, `sbatch {0}` starts {tasks} tasks; then run the same command with \
+                 --collect in place of --emit slurm",
+                slurm::SCRIPT,
+                work.display()
+            ));
+            let json = json!({ "poses": cases.len(), "tasks": tasks, "work": work.display().to_string(), "script": slurm::SCRIPT });
+            return Ok(Output { text, json });
+        }
+    };
+
+    let computed = if request.mode == Mode::Run { compute(request, &work, &model, &cases)? } else { 0 };
+    let mut solved = Vec::new();
+    let mut missing = Vec::new();
+    for case in &cases {
+        let path = printed_by(&work, case);
+        match Solved::read(&path) {
+            Some(Ok(s)) => solved.push((case, s)),
+            Some(Err(message)) => return Err(Failure::other(message).in_file(path.display().to_string())),
+            None => missing.push(case),
+        }
+    }
+    if let Some(first) = missing.first() {
+        let message = format!(
+            "{} of {} poses have no whole result there (first `{}`, folder {}): wait for the job, or submit it again, which \
+             goes on from what is there; options and files must be those of --emit slurm",
+            missing.len(),
+            cases.len(),
+            first.pose.id,
+            first.folder
+        );
+        return Err(Failure::other(message).in_file(work.display().to_string()));
+    }
+
+    let json_of = |v: Value| serde_json::to_string_pretty(&v).map(|s| s + "\n").map_err(|e| Failure::other(e.to_string()));
+    let manifest_text = json_of(manifest(&file, solid, request, &version, &cases))?;
+    let facts = report::Facts { file: &file, solid, request, cases: &cases, solved: Some(&solved) };
+    let page = report::page(&facts)?;
+    source::write(&beside("manifest.json"), manifest_text)?;
+    source::write(&html, page)?;
+    source::write(request.out, stiffness_csv(&file, &version, request, &solved))?;
+    let mut text = about(&format!(
+        "{computed} computed, {} taken over\n{}wrote {}, {} and {}",
+        cases.len() - computed,
+        facts.summary(),
+        request.out.display(),
+        beside("manifest.json").display(),
+        html.display()
+    ));
+    if let (Some(wish), Some(loads)) = (&request.readings, &loads) {
+        text.push_str(&loads.write(wish, &file, request, &solved)?);
+    }
+    if request.mode == Mode::Run && request.work.is_none() && !request.keep {
+        _ = std::fs::remove_dir_all(&work);
+    }
+    let skew = solved.iter().map(|(_, s)| s.skew).fold(0.0, f64::max);
+    let json = json!({
+        "poses": cases.len(), "computed": computed, "nodes": largest.0, "elements": largest.1, "asymmetry": skew,
+        "basic_model": facts.against_core(), "out": request.out.display().to_string(),
+    });
+    Ok(Output { text, json })
+}

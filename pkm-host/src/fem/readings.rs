@@ -1,0 +1,159 @@
+//! Measured data made of the solids' stiffness: deflections under loads, with noise and zero errors, in the measured format.
+//! With an effect in the solids that the machine file does not declare they are what `diagnose` is for.
+
+use std::path::Path;
+
+use pkm_core::Wrench;
+
+use super::{Case, Request, Solved};
+use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet, WRENCH_COLUMNS, file_units};
+use crate::diagnose::readings::Readings;
+use crate::error::{Failure, Result, printable};
+use crate::machine_file::MachineFile;
+use crate::source::{self, Source};
+
+/// What is to be read.
+pub struct Wish<'a> {
+    /// File to write.
+    pub out: &'a Path,
+    /// Poses and wrenches of a measured file; `None`: the usual ones at every pose.
+    pub loads: Option<&'a Path>,
+    /// Greatest force of the usual loads.
+    pub force_n: f64,
+    /// Greatest moment.
+    pub moment_nm: f64,
+    /// How often each is taken.
+    pub repeats: u32,
+    /// 1 sd of a reading, of translations in µm and of rotations in µrad.
+    pub noise: [f64; 2],
+    /// 1 sd of what the readings of a series share.
+    pub zero: [f64; 2],
+    /// All errors follow from it.
+    pub seed: u64,
+}
+
+/// Loads at poses.
+pub struct Loads {
+    sheet: Sheet,
+    readings: Readings,
+}
+
+/// Along and about every axis, both ways: half the load, the whole, and half of it again on the way back.
+fn usual(wish: &Wish<'_>, poses: &[NamedPose]) -> String {
+    let mut header: Vec<String> = dataset::POSE_COLUMNS.map(str::to_owned).to_vec();
+    header.extend(WRENCH_COLUMNS.map(str::to_owned));
+    header.extend(["series", "repeat", "direction"].map(str::to_owned));
+    let mut rows = Vec::new();
+    for pose in poses {
+        for repeat in 1..=wish.repeats {
+            for (axis, name) in WRENCH_COLUMNS.iter().enumerate() {
+                let most = if axis < 3 { wish.force_n } else { wish.moment_nm };
+                for (sign, mark) in [(1.0, "+"), (-1.0, "-")] {
+                    for (share, direction) in [(0.5, "load"), (1.0, "load"), (0.5, "unload")] {
+                        let mut row = vec![pose.id.clone()];
+                        row.extend(file_units(&pose.pose).map(|v| v.to_string()));
+                        row.extend((0..6).map(|i| if i == axis { (sign * share * most).to_string() } else { "0".into() }));
+                        let (axis, _) = name.split_once('_').unwrap_or((name, ""));
+                        row.extend([format!("{}{mark}{axis}.{repeat}", pose.id), repeat.to_string(), direction.into()]);
+                        rows.push(row);
+                    }
+                }
+            }
+        }
+    }
+    dataset::to_csv(b',', &header, rows)
+}
+
+impl Loads {
+    /// Reads the loads, or makes the usual ones.
+    ///
+    /// # Errors
+    /// Those of a measured file.
+    pub fn new(wish: &Wish<'_>, poses: &[NamedPose], file: &MachineFile) -> Result<Self> {
+        let source = match wish.loads {
+            Some(path) => Source::read(path)?,
+            None => Source::from_text("the usual loads", usual(wish, poses)),
+        };
+        let (sheet, readings) = Readings::read_conditions(source, file)?;
+        Ok(Self { sheet, readings })
+    }
+
+    /// Poses of the file, each once.
+    pub fn poses(&self) -> &[NamedPose] {
+        &self.readings.poses
+    }
+
+    /// Writes the readings, and says so.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn write(
+        &self,
+        wish: &Wish<'_>,
+        file: &MachineFile,
+        request: &Request<'_>,
+        solved: &[(&Case, Solved)],
+    ) -> Result<String> {
+        let given = |c: &&str| self.sheet.has(c);
+        let wanted: Vec<&str> = match DEFLECTION_COLUMNS.iter().any(|c| given(&c)) {
+            true => DEFLECTION_COLUMNS.iter().copied().filter(|c| given(&c)).collect(),
+            false => DEFLECTION_COLUMNS.to_vec(),
+        };
+        const SIGMA: [&str; 2] = ["sigma_linear_um", "sigma_angular_urad"];
+        let mut header = self.sheet.header.clone();
+        header.extend(wanted.iter().chain(&SIGMA).filter(|c| !given(c)).map(|c| (*c).to_owned()));
+        let column = |name: &str| header.iter().position(|h| h == name);
+
+        let factors = solved.iter().map(|(case, s)| {
+            s.stiffness().factor().map_err(|e| Failure::other(format!("pose `{}`: {e}", case.pose.id)))
+        });
+        let factors = factors.collect::<Result<Vec<_>>>()?;
+        let mut random = fastrand::Rng::with_seed(wish.seed);
+        let mut normal = move || {
+            // Box and Muller
+            let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
+            radius * (std::f64::consts::TAU * random.f64()).cos()
+        };
+        let series = self.readings.readings.iter().map(|r| r.series + 1).max().unwrap_or(0);
+        let zeros: Vec<[f64; 6]> =
+            (0..series).map(|_| std::array::from_fn(|i| wish.zero[i / 3] * normal())).collect();
+        let mut rows = Vec::new();
+        for (row, reading) in self.sheet.rows.iter().zip(&self.readings.readings) {
+            let c = &self.readings.conditions[reading.condition];
+            let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m);
+            let deflection = factors[c.pose].deflection(&at_a).map_err(|e| {
+                Failure::input(format!("no deflection: {e}")).in_file(&self.sheet.source.name).at_line(row.line)
+            })?;
+            let seen = deflection.seen_at(c.point_m);
+            let micro: Vec<f64> = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6).collect();
+            let mut cells = row.cells.clone();
+            cells.resize(header.len(), String::new());
+            for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {
+                let value = micro[i] + zeros[reading.series][i] + wish.noise[i / 3] * normal();
+                if let Some(at) = column(name).filter(|_| wanted.contains(name)) {
+                    cells[at] = format!("{value:.4}");
+                }
+            }
+            for (i, name) in SIGMA.iter().enumerate() {
+                if let Some(at) = column(name) {
+                    cells[at] = format!("{:.4}", wish.noise[i].hypot(wish.zero[i]));
+                }
+            }
+            rows.push(cells);
+        }
+        let count = rows.len();
+        let [linear, angular] = wish.noise;
+        let text = format!(
+            "# readings of machine `{}` in solids, simulated by finite elements; --set {}; noise {linear} um, {angular} urad, \
+             zero {} um, {} urad, seed {}\n{}",
+            file.name,
+            if request.set.is_empty() { "nothing".to_owned() } else { printable(&request.set.join(", ")) },
+            wish.zero[0],
+            wish.zero[1],
+            wish.seed,
+            dataset::to_csv(if self.sheet.semicolons { b';' } else { b',' }, &header, rows)
+        );
+        source::write(wish.out, text)?;
+        Ok(format!("wrote {count} readings to {}, seed {}\n", wish.out.display(), wish.seed))
+    }
+}

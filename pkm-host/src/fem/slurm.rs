@@ -1,0 +1,48 @@
+//! Cases as an array job for Slurm. The nodes need CalculiX, nothing else.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use crate::error::Result;
+use crate::source;
+
+/// Name of the script.
+pub const SCRIPT: &str = "run.sbatch";
+
+/// Most tasks of an array: a usual limit is 1001.
+const MOST_TASKS: usize = 1000;
+
+/// Writes the script and the list of folders beside the cases; the number of tasks.
+///
+/// # Errors
+/// What the operating system says.
+pub fn write(work: &Path, folders: &[&str]) -> Result<usize> {
+    let tasks = folders.len().min(MOST_TASKS);
+    let script = format!(
+        r#"#!/bin/bash
+#SBATCH --job-name=pkm-fem
+#SBATCH --array=1-{tasks}
+#SBATCH --cpus-per-task=1
+#SBATCH --output=slurm-%A_%a.log
+# Task n computes every {tasks}th folder of cases.txt, from the n-th on. Submit it in the folder that it lies in. Submitted
+# again, it computes what has no result yet. CCX names the program, if it isn't called ccx.
+set -u
+cd "${{SLURM_SUBMIT_DIR:-$(dirname "$0")}}"
+export OMP_NUM_THREADS=1
+failed=0
+for folder in $(awk -v n="$SLURM_ARRAY_TASK_ID" '(NR - n) % {tasks} == 0' cases.txt); do
+    [ -e "$folder/done" ] && continue
+    if (cd "$folder" && "${{CCX:-ccx}}" -i case >ccx.log 2>&1 && ! grep -q '\*ERROR' ccx.log); then
+        touch "$folder/done"
+    else
+        echo "failed: $folder/ccx.log" >&2
+        failed=1
+    fi
+done
+exit $failed
+"#
+    );
+    let list: String = folders.iter().map(|f| format!("{f}\n")).collect();
+    source::write_all(work, &[(OsStr::new("cases.txt"), list), (OsStr::new(SCRIPT), script)])?;
+    Ok(tasks)
+}

@@ -1,0 +1,481 @@
+//! The `[solid]` part of a machine file: what the limbs and platforms are made of, enough to build them as solids.
+//! Everything in it has a default that follows from the rest of the file.
+
+use std::fmt::Write as _;
+use std::ops::Range;
+
+use pkm_core::MachineParameters;
+use pkm_core::machine::{LimbParameters, Tube};
+use serde::Deserialize;
+use toml::Spanned;
+
+use crate::machine_file::Numbers;
+
+/// A machine in solids, SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Solid {
+    /// In order.
+    pub limbs: [LimbSolid; 3],
+    /// How far A_1, A_2 and A_3 lie out of the platform's plane, along w, while the pose stays; m.
+    pub offset_m: [f64; 3],
+    /// `None`: rigid.
+    pub platform: Option<Plate>,
+    /// `None`: rigid.
+    pub base: Option<Plate>,
+}
+
+/// What is between the two joints of a limb.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LimbSolid {
+    /// The paper's link: rod and screw side by side on one axis, over the whole length, joined at both ends.
+    Uniform {
+        /// Of `[limb.body]`.
+        rod: Bar,
+        /// See `rod`.
+        screw: Bar,
+    },
+    /// A ram that slides in a tube, moved by a screw.
+    Telescopic(Telescope),
+}
+
+/// A round bar of one material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bar {
+    /// Diameter.
+    pub outer_m: f64,
+    /// Diameter of the bore, 0 without one.
+    pub inner_m: f64,
+    /// Young's modulus.
+    pub young_pa: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+}
+
+/// Lengths are along the limb, from the centre of the base joint or of the platform joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Telescope {
+    /// Held by the base joint.
+    pub tube: Bar,
+    /// From the base joint to the tube's mouth.
+    pub tube_m: f64,
+    /// How far the tube reaches behind the base joint.
+    pub behind_m: f64,
+    /// Held by the platform joint.
+    pub ram: Bar,
+    /// From the platform joint to the ram's inner end.
+    pub ram_m: f64,
+    /// From the tube's rear end to the nut at the ram's inner end.
+    pub screw: Bar,
+    /// Between tube and screw.
+    pub bearing: Seat,
+    /// Between screw and ram.
+    pub nut: Seat,
+    /// Of each of the two guides, at the tube's mouth and at the ram's inner end, across the limb.
+    pub guide_n_per_m: f64,
+    /// Of the key that keeps the ram from turning, at the tube's mouth.
+    pub key_nm_per_rad: f64,
+}
+
+/// A bearing of the screw, or its nut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seat {
+    /// Along the limb.
+    pub axial_n_per_m: f64,
+    /// Across it.
+    pub radial_n_per_m: f64,
+}
+
+/// A plate: the hull of a rim about each of its bores.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plate {
+    /// Thickness; the joints are half-way.
+    pub thickness_m: f64,
+    /// Diameter of the bores that hold the joints.
+    pub bore_m: f64,
+    /// Diameter of the bore at A that holds the wrist; 0 for the base, which has none.
+    pub hub_m: f64,
+    /// Width of material about a bore.
+    pub rim_m: f64,
+    /// Young's modulus.
+    pub young_pa: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+}
+
+type Triple = Option<Spanned<Numbers<3>>>;
+type Single = Option<Spanned<f64>>;
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(crate) struct RawSolid {
+    limb: RawLimb,
+    offset_mm: Triple,
+    tube: RawTube,
+    ram: RawRam,
+    screw: RawScrew,
+    bearing: RawSeat,
+    nut: RawSeat,
+    guide: RawGuide,
+    platform: RawPlatform,
+    base: RawBase,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum RawLimb {
+    #[default]
+    Telescopic,
+    Uniform,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum RawKind {
+    #[default]
+    Elastic,
+    Rigid,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawTube {
+    outer_mm: Triple,
+    inner_mm: Triple,
+    length_mm: Triple,
+    behind_mm: Triple,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawRam {
+    outer_mm: Triple,
+    inner_mm: Triple,
+    length_mm: Triple,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawScrew {
+    outer_mm: Triple,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawSeat {
+    axial_n_per_m: Triple,
+    radial_n_per_m: Triple,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawGuide {
+    radial_n_per_m: Triple,
+    key_nm_per_rad: Triple,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawPlatform {
+    kind: RawKind,
+    thickness_mm: Single,
+    bore_mm: Single,
+    hub_mm: Single,
+    rim_mm: Single,
+    young_gpa: Single,
+    poisson: Single,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawBase {
+    kind: RawKind,
+    thickness_mm: Single,
+    bore_mm: Single,
+    rim_mm: Single,
+    young_gpa: Single,
+    poisson: Single,
+}
+
+/// Key, place in the file if it is there, message.
+pub(crate) type Misplaced = (String, Option<Range<usize>>, String);
+type Checked<T> = Result<T, Misplaced>;
+
+const POSITIVE: f64 = f64::MIN_POSITIVE;
+
+fn checked(key: &str, place: Option<Range<usize>>, value: f64, least: f64, below: f64) -> Checked<f64> {
+    if value >= least && value < below {
+        return Ok(value);
+    }
+    let message = match (least, below) {
+        (POSITIVE, f64::MAX) => format!("expected a number above 0, found {value}"),
+        (_, f64::MAX) => format!("expected a number of at least {least}, found {value}"),
+        _ => format!("expected a number from {least} to below {below}, found {value}"),
+    };
+    Err((key.to_owned(), place, message))
+}
+
+/// Values of the three limbs, times the unit; the default where the file has none.
+fn three(key: &str, raw: &Triple, unit: f64, least: f64, default: [f64; 3]) -> Checked<[f64; 3]> {
+    let Some(raw) = raw else { return Ok(default) };
+    let mut values = [0.0; 3];
+    for (i, (to, value)) in values.iter_mut().zip(raw.get_ref().0).enumerate() {
+        *to = unit * checked(&format!("{key}[{i}]"), Some(raw.span()), value, least, f64::MAX)?;
+    }
+    Ok(values)
+}
+
+fn one(key: &str, raw: &Single, unit: f64, least: f64, below: f64, default: f64) -> Checked<f64> {
+    let Some(raw) = raw else { return Ok(default) };
+    Ok(unit * checked(key, Some(raw.span()), *raw.get_ref(), least, below)?)
+}
+
+const MM: f64 = 1e-3;
+
+impl Bar {
+    /// Of a tube as `[limb.body]` has it.
+    fn declared(key: &str, tube: &Tube) -> Checked<Self> {
+        let poisson = tube.young_pa / (2.0 * tube.shear_pa) - 1.0;
+        if !(poisson > -1.0 && poisson < 0.5) {
+            let message = format!(
+                "expected moduli of an isotropic solid, young_gpa/3 < shear_gpa: Poisson's ratio would be {poisson:.3}"
+            );
+            return Err((key.to_owned(), None, message));
+        }
+        Ok(Self { outer_m: tube.outer_m, inner_m: tube.inner_m, young_pa: tube.young_pa, poisson })
+    }
+
+    /// EI over E.
+    fn inertia_m4(&self) -> f64 {
+        std::f64::consts::PI / 64.0 * (self.outer_m.powi(4) - self.inner_m.powi(4))
+    }
+}
+
+impl Solid {
+    /// From the file's section, or from nothing.
+    pub(crate) fn new(raw: &RawSolid, machine: &MachineParameters) -> Checked<Self> {
+        let mut bodies = Vec::new();
+        for (i, LimbParameters { body, .. }) in (1..).zip(&machine.limbs) {
+            bodies.push([
+                Bar::declared(&format!("limb.{i}.body.rod"), &body.rod)?,
+                Bar::declared(&format!("limb.{i}.body.screw"), &body.screw)?,
+            ]);
+        }
+        let limbs = match raw.limb {
+            RawLimb::Uniform => std::array::from_fn(|i| LimbSolid::Uniform { rod: bodies[i][0], screw: bodies[i][1] }),
+            RawLimb::Telescopic => raw.telescopes(machine, &bodies)?.map(LimbSolid::Telescopic),
+        };
+        let offset_m = three("solid.offset_mm", &raw.offset_mm, MM, -1e4, [0.0; 3])?;
+        let g = &machine.geometry;
+        let (a, b) = (g.a1_m.min(g.a2_m), g.b1_m.min(g.b2_m));
+        let plate = |name: &str, keys: [&Single; 5], hub_m: f64, default: [f64; 3]| -> Checked<Plate> {
+            let size = |key: &str, raw: &Single, default| {
+                one(&format!("solid.{name}.{key}"), raw, MM, POSITIVE, f64::MAX, default)
+            };
+            let [thickness, bore, rim, young, poisson] = keys;
+            let young_key = format!("solid.{name}.young_gpa");
+            Ok(Plate {
+                thickness_m: size("thickness_mm", thickness, default[0])?,
+                bore_m: size("bore_mm", bore, default[1])?,
+                hub_m,
+                rim_m: size("rim_mm", rim, default[2])?,
+                young_pa: one(&young_key, young, 1e9, POSITIVE, f64::MAX, bodies[0][0].young_pa)?,
+                poisson: one(&format!("solid.{name}.poisson"), poisson, 1.0, 0.0, 0.5, bodies[0][0].poisson)?,
+            })
+        };
+        let p = &raw.platform;
+        let hub_m = one("solid.platform.hub_mm", &p.hub_mm, MM, POSITIVE, f64::MAX, 0.72 * a)?;
+        let keys = [&p.thickness_mm, &p.bore_mm, &p.rim_mm, &p.young_gpa, &p.poisson];
+        let platform = plate("platform", keys, hub_m, [0.28 * a, 0.39 * a, 0.33 * a])?;
+        let keys =
+            [&raw.base.thickness_mm, &raw.base.bore_mm, &raw.base.rim_mm, &raw.base.young_gpa, &raw.base.poisson];
+        let base = plate("base", keys, 0.0, [0.23 * b, 0.25 * b, 0.2 * b])?;
+        let elastic = |kind, plate| match kind {
+            RawKind::Elastic => Some(plate),
+            RawKind::Rigid => None,
+        };
+        let solid = Self {
+            limbs,
+            offset_m,
+            platform: elastic(p.kind, platform),
+            base: elastic(raw.base.kind, base),
+        };
+        solid.check_bores(machine)?;
+        Ok(solid)
+    }
+
+    /// Bores with their diameters, in the plate's own axes: A_i and A of the platform, B_i of the base.
+    pub(crate) fn platform_bores(plate: &Plate, machine: &MachineParameters) -> Vec<([f64; 2], f64)> {
+        let g = &machine.geometry;
+        let joints = [[0.0, -g.a1_m], [0.0, g.a1_m], [g.a2_m, 0.0]].map(|at| (at, plate.bore_m));
+        joints.into_iter().chain([([0.0, 0.0], plate.hub_m)]).collect()
+    }
+
+    /// See [`platform_bores`](Self::platform_bores).
+    pub(crate) fn base_bores(plate: &Plate, machine: &MachineParameters) -> Vec<([f64; 2], f64)> {
+        let g = &machine.geometry;
+        [[0.0, -g.b1_m], [0.0, g.b1_m], [g.b2_m, 0.0]].map(|at| (at, plate.bore_m)).into()
+    }
+
+    /// The section of the machine file that says all of it.
+    pub fn toml(&self) -> String {
+        let tidy = |v: f64| format!("{}", (v * 1e9).round() / 1e9);
+        let mm = |v: [f64; 3]| format!("[{}]", v.map(|m| tidy(m / MM)).join(", "));
+        let whole = |v: [f64; 3]| format!("[{}]", v.map(|k| format!("{k:.6e}")).join(", "));
+        let mut s = String::from("[solid]\n");
+        let telescopes: Vec<&Telescope> = self
+            .limbs
+            .iter()
+            .filter_map(|l| match l {
+                LimbSolid::Telescopic(t) => Some(t),
+                LimbSolid::Uniform { .. } => None,
+            })
+            .collect();
+        _ = writeln!(s, "limb = \"{}\"\noffset_mm = {}", if telescopes.is_empty() { "uniform" } else { "telescopic" }, mm(self.offset_m));
+        if let [a, b, c] = telescopes[..] {
+            let of = |pick: fn(&Telescope) -> f64| [pick(a), pick(b), pick(c)];
+            let (outer, inner) = (mm(of(|t| t.tube.outer_m)), mm(of(|t| t.tube.inner_m)));
+            let (length, behind) = (mm(of(|t| t.tube_m)), mm(of(|t| t.behind_m)));
+            _ = writeln!(
+                s,
+                "tube = {{ outer_mm = {outer}, inner_mm = {inner}, length_mm = {length}, behind_mm = {behind} }}"
+            );
+            let (outer, inner) = (mm(of(|t| t.ram.outer_m)), mm(of(|t| t.ram.inner_m)));
+            _ = writeln!(s, "ram = {{ outer_mm = {outer}, inner_mm = {inner}, length_mm = {} }}", mm(of(|t| t.ram_m)));
+            _ = writeln!(s, "screw = {{ outer_mm = {} }}", mm(of(|t| t.screw.outer_m)));
+            let mut seat = |name: &str, pick: fn(&Telescope) -> Seat| {
+                let seats = [pick(a), pick(b), pick(c)];
+                let (axial, radial) = (seats.map(|s| s.axial_n_per_m), seats.map(|s| s.radial_n_per_m));
+                let (axial, radial) = (whole(axial), whole(radial));
+                _ = writeln!(s, "{name} = {{ axial_n_per_m = {axial}, radial_n_per_m = {radial} }}");
+            };
+            seat("bearing", |t| t.bearing);
+            seat("nut", |t| t.nut);
+            let (radial, key) = (whole(of(|t| t.guide_n_per_m)), whole(of(|t| t.key_nm_per_rad)));
+            _ = writeln!(s, "guide = {{ radial_n_per_m = {radial}, key_nm_per_rad = {key} }}");
+        }
+        for (name, plate) in [("platform", &self.platform), ("base", &self.base)] {
+            let Some(p) = plate else {
+                _ = writeln!(s, "{name} = {{ kind = \"rigid\" }}");
+                continue;
+            };
+            let hub = if name == "platform" { format!("hub_mm = {}, ", tidy(p.hub_m / MM)) } else { String::new() };
+            _ = writeln!(
+                s,
+                "{name} = {{ thickness_mm = {}, bore_mm = {}, {hub}rim_mm = {}, young_gpa = {}, poisson = {} }}",
+                tidy(p.thickness_m / MM),
+                tidy(p.bore_m / MM),
+                tidy(p.rim_m / MM),
+                tidy(p.young_pa / 1e9),
+                tidy(p.poisson)
+            );
+        }
+        s
+    }
+
+    fn check_bores(&self, machine: &MachineParameters) -> Checked<()> {
+        let plates = [
+            ("platform", self.platform.as_ref().map(|p| (Self::platform_bores(p, machine), p.rim_m))),
+            ("base", self.base.as_ref().map(|p| (Self::base_bores(p, machine), p.rim_m))),
+        ];
+        for (name, plate) in plates {
+            let Some((bores, rim)) = plate else { continue };
+            for (i, (at, size)) in bores.iter().enumerate() {
+                for (other, other_size) in &bores[..i] {
+                    let wall = (at[0] - other[0]).hypot(at[1] - other[1]) - 0.5 * (size + other_size);
+                    if wall < 0.1 * rim {
+                        let message = format!(
+                            "bores too near: {:.1} mm of material between two of them, expected a tenth of the rim, {:.1} mm",
+                            wall / MM,
+                            0.1 * rim / MM
+                        );
+                        return Err((format!("solid.{name}.bore_mm"), None, message));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl RawSolid {
+    fn telescopes(&self, machine: &MachineParameters, bodies: &[[Bar; 2]]) -> Checked<[Telescope; 3]> {
+        let rods: [Bar; 3] = std::array::from_fn(|i| bodies[i][0]);
+        let screws: [Bar; 3] = std::array::from_fn(|i| bodies[i][1]);
+        let (min, max) = (machine.travel.min_m, machine.travel.max_m);
+        // the ram is the declared rod
+        let ram_outer = three("solid.ram.outer_mm", &self.ram.outer_mm, MM, POSITIVE, rods.map(|b| b.outer_m))?;
+        let ram_inner = three("solid.ram.inner_mm", &self.ram.inner_mm, MM, 0.0, rods.map(|b| b.inner_m))?;
+        let screw_outer = three("solid.screw.outer_mm", &self.screw.outer_mm, MM, POSITIVE, screws.map(|b| b.outer_m))?;
+        // the tube goes round it with a gap, and bends as the declared body does
+        let inner = std::array::from_fn(|i| 1.06 * ram_outer[i]);
+        let tube_inner = three("solid.tube.inner_mm", &self.tube.inner_mm, MM, POSITIVE, inner)?;
+        let outer = std::array::from_fn(|i| {
+            let declared = rods[i].inertia_m4() + screws[i].inertia_m4() * screws[i].young_pa / rods[i].young_pa;
+            (declared * 64.0 / std::f64::consts::PI + tube_inner[i].powi(4)).powf(0.25)
+        });
+        let tube_outer = three("solid.tube.outer_mm", &self.tube.outer_mm, MM, POSITIVE, outer)?;
+        // room to the joints at both ends of travel; overlap is what is left, unless it takes a tube that reaches behind
+        let room = max.map(|q| 0.02 * q);
+        let tube_m = std::array::from_fn(|i| min[i] - room[i]);
+        let tube_m = three("solid.tube.length_mm", &self.tube.length_mm, MM, POSITIVE, tube_m)?;
+        let ram_m = std::array::from_fn(|i| (min[i] - room[i]).max(1.05 * max[i] - tube_m[i]));
+        let ram_m = three("solid.ram.length_mm", &self.ram.length_mm, MM, POSITIVE, ram_m)?;
+        let behind_m = std::array::from_fn(|i| (ram_m[i] - min[i] + room[i]).max(0.0));
+        let behind_m = three("solid.tube.behind_mm", &self.tube.behind_mm, MM, 0.0, behind_m)?;
+        // what is bought grows with the screw: some 1e9 N/m for one of 32 mm
+        let bought: [f64; 3] = std::array::from_fn(|i| 0.15 * screws[i].young_pa * screw_outer[i]);
+        let seat = |name: &str, raw: &RawSeat| -> Checked<[Seat; 3]> {
+            let axial = three(&format!("solid.{name}.axial_n_per_m"), &raw.axial_n_per_m, 1.0, POSITIVE, bought)?;
+            let radial = three(&format!("solid.{name}.radial_n_per_m"), &raw.radial_n_per_m, 1.0, POSITIVE, bought)?;
+            Ok(std::array::from_fn(|i| Seat { axial_n_per_m: axial[i], radial_n_per_m: radial[i] }))
+        };
+        let (bearing, nut) = (seat("bearing", &self.bearing)?, seat("nut", &self.nut)?);
+        let guide = std::array::from_fn(|i| 0.15 * rods[i].young_pa * ram_outer[i]);
+        let guide = three("solid.guide.radial_n_per_m", &self.guide.radial_n_per_m, 1.0, POSITIVE, guide)?;
+        let key = std::array::from_fn(|i| 0.2 * rods[i].young_pa * ram_outer[i].powi(3));
+        let key = three("solid.guide.key_nm_per_rad", &self.guide.key_nm_per_rad, 1.0, POSITIVE, key)?;
+
+        for i in 0..3 {
+            let place = |raw: &Triple| raw.as_ref().map(Spanned::span);
+            let (mm, limb) = (|m: f64| (m / MM * 1e3).round() / 1e3, i + 1);
+            let rules = [
+                (ram_inner[i] < ram_outer[i], "ram.inner_mm", &self.ram.inner_mm, "a bore below the ram's outer_mm"),
+                (tube_inner[i] < tube_outer[i], "tube.inner_mm", &self.tube.inner_mm, "a bore below the tube's outer_mm"),
+                (ram_outer[i] <= tube_inner[i], "tube.inner_mm", &self.tube.inner_mm, "a bore that the ram fits in"),
+                (tube_m[i] < max[i], "tube.length_mm", &self.tube.length_mm, "a tube that ends before the platform joint"),
+                (
+                    tube_m[i] + ram_m[i] > max[i],
+                    "ram.length_mm",
+                    &self.ram.length_mm,
+                    "tube and ram long enough together for the greatest screw length",
+                ),
+            ];
+            for (holds, key, raw, expected) in rules {
+                if !holds {
+                    let message = format!(
+                        "limb {limb}: expected {expected}; tube {}/{} mm, {} mm long, ram {}/{} mm, {} mm long",
+                        mm(tube_outer[i]),
+                        mm(tube_inner[i]),
+                        mm(tube_m[i]),
+                        mm(ram_outer[i]),
+                        mm(ram_inner[i]),
+                        mm(ram_m[i])
+                    );
+                    return Err((format!("solid.{key}"), place(raw), message));
+                }
+            }
+        }
+        Ok(std::array::from_fn(|i| Telescope {
+            tube: Bar { outer_m: tube_outer[i], inner_m: tube_inner[i], ..rods[i] },
+            tube_m: tube_m[i],
+            behind_m: behind_m[i],
+            ram: Bar { outer_m: ram_outer[i], inner_m: ram_inner[i], ..rods[i] },
+            ram_m: ram_m[i],
+            screw: Bar { outer_m: screw_outer[i], inner_m: 0.0, ..screws[i] },
+            bearing: bearing[i],
+            nut: nut[i],
+            guide_n_per_m: guide[i],
+            key_nm_per_rad: key[i],
+        }))
+    }
+}
