@@ -70,7 +70,7 @@ pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value 
         Method::De => "de",
     };
     json!({
-        "machine": bench.machine.name, "machine_sha256": bench.machine.source.sha256(),
+        "machine": bench.reach.file.name, "machine_sha256": bench.reach.file.source.sha256(),
         "job_sha256": bench.job.sha256, "method": method, "allow_extrapolation": bench.extrapolate,
         "seed": (options.method != Method::Grid).then_some(options.seed),
         "series": series.collect::<Vec<_>>(),
@@ -271,7 +271,7 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> String {
 /// # Errors
 /// What the drawing library says.
 pub fn html(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Result<String> {
-    let title = format!("Placement on {}", bench.machine.name);
+    let title = format!("Placement on {}", bench.reach.file.name);
     let mut body = format!("<h1>{}</h1>\n<ul>\n", escape(&title));
     for sentence in sentences(bench, options, placed) {
         body.push_str(&format!("<li>{}</li>\n", escape(&sentence)));

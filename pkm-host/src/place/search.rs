@@ -286,11 +286,11 @@ fn bar(length: usize, what: &str) -> ProgressBar {
     bar
 }
 
-/// Whether holes of a series are reached in more than one way from some position of a coarse lattice.
+/// Whether holes of a series are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
 fn in_several_ways(bench: &Bench<'_>, series: &Series) -> bool {
-    lattice(bench.job)
-        .par_iter()
-        .any(|position| series.holes.iter().any(|hole| bench.ways(&bench.tool(hole, *position)) > 1))
+    lattice(bench.job).par_iter().any(|position| {
+        series.holes.iter().any(|hole| bench.reach.on_home_side(&bench.tool(hole, *position)).count() > 1)
+    })
 }
 
 fn lattice(job: &Job) -> Vec<Position> {
