@@ -10,7 +10,7 @@ use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
 use crate::table_file::TableNumbers;
 use crate::tool::Reach;
-use job::{Hole, Job, Series};
+use job::{Hole, Job, Position, Series};
 
 pub use report::{document, html, text};
 pub use search::{Grid, Method, Options, Placed, Placement, place};
@@ -140,7 +140,7 @@ impl<'a> Bench<'a> {
         })
     }
 
-    fn tool(&self, hole: &Hole, position: [f64; 3]) -> Tool<f64> {
+    fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {
         let table = self.job.table_in_base(position);
         let tip = table.origin_m + table.rotation * hole.tip_m;
         Tool { tip_m: tip.into(), axis: (table.rotation * hole.axis).into() }
