@@ -362,11 +362,12 @@ fn bad_machine_files_are_named() {
     let cases = [
         Bad("a1_mm = 180.0", "a1_mm = -180.0", "geometry.a1_mm|above 0|-180", Some(6)),
         Bad("a1_mm = 180.0", "a1_mm = nan", "geometry.a1_mm|finite", Some(6)),
-        Bad("a1_mm = 180.0", "a1_m = 0.18", "a1_m|a1_mm", Some(6)),
-        Bad("a1_mm = 180.0\n", "", "a1_mm|missing", Some(5)),
-        Bad("a1_mm = 180.0", "a1_mm = \"180\"", "a1_mm|string|where a number stands", Some(6)),
+        Bad("a1_mm = 180.0", "a1_m = 0.18", "geometry.a1_m|a1_mm", Some(6)),
+        Bad("a1_mm = 180.0\n", "", "geometry.a1_mm|missing", Some(5)),
+        Bad("a1_mm = 180.0", "a1_mm = \"180\"", "geometry.a1_mm|string|where a number stands", Some(6)),
         Bad("a1_mm = 180.0", "a1_mm = 180.0\na1_mm = 180.0", "duplicate key", Some(7)),
         Bad("format = 1", "format = 2", "format|expected 1|found 2", Some(2)),
+        Bad("format = 1\n", "", "m.toml: format: missing", None),
         Bad("[uncertainty]", "[uncertainties]", "uncertainties", Some(27)),
         Bad("stiffness = 0.10", "stiffness = -0.10", "uncertainty.stiffness|at least 0", Some(28)),
         Bad("theta_deg = [-15.0, 15.0]", "theta_deg = [15.0, -15.0]", "box.theta_deg|least", Some(16)),
@@ -375,7 +376,7 @@ fn bad_machine_files_are_named() {
         Bad(
             "max_mm = [770.0, 770.0, 770.0]",
             "max_mm = [770.0, 770.0]",
-            "max_mm|expected 3 numbers, found 2",
+            "travel.max_mm|expected 3 numbers, found 2",
             Some(13),
         ),
         Bad("b2_mm = 380.0", "b2_mm = 3800.0", "no screw lengths", Some(12)),
@@ -383,7 +384,7 @@ fn bad_machine_files_are_named() {
         Bad("[0.0, 0.0, 2.0e5]", "[1.0, 0.0, 2.0e5]", "limb.1.base_joint.angular_nm_per_rad[0]|releases", Some(35)),
         Bad("[0.0, 3.0e5, 3.0e5]", "[0.0, 3.0e5, inf]", "limb.1.platform_joint.angular_nm_per_rad[2]|finite", Some(38)),
         Bad("inner_mm = 36.0", "inner_mm = 66.0", "limb.1.body.rod.inner_mm|bore", Some(41)),
-        Bad("kind  = \"beam\"", "kind  = \"truss\"", "truss|beam", Some(40)),
+        Bad("kind  = \"beam\"", "kind  = \"truss\"", "limb.1.body.kind|truss|beam", Some(40)),
         Bad(
             "[[limb]]\n[limb.base_joint]\nlinear_n_per_m     = [2.5e8",
             "[[other]]\n[limb.base_joint]\nlinear_n_per_m     = [2.5e8",
@@ -407,7 +408,8 @@ fn bad_machine_files_are_named() {
         ("id = \"wrist-compliance\"\nlinear_m_per_n = -1e-9", "wrist-compliance.linear_m_per_n|at least 0", 70),
         ("id = \"wrist-compliance\"\nlinear_m_per_n = \"x\"", "wrist-compliance.linear_m_per_n|expected a number", 70),
         ("id = \"base-compliance\"\nmount_m_per_n = 1e305", "base-compliance.mount_m_per_n|smaller number", 70),
-        ("linear_m_per_n = 1e-9", "missing key `id`", 68),
+        ("linear_m_per_n = 1e-9", "effect.1.id|missing key `id`", 68),
+        ("id = 3", "effect.1.id|string", 69),
         (
             "id = \"wrist-compliance\"\nlinear_m_per_n = 1e-9\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1",
             "twice",
@@ -419,7 +421,15 @@ fn bad_machine_files_are_named() {
         let out = folder.path("o.csv");
         refuse(&["plan", "--kind", "l49", "--machine", &machine, "--out", &out], words, Some(line), &folder);
     }
-    let two = good.rsplit_once("[[limb]]").unwrap().0;
+    let (two, third) = good.rsplit_once("[[limb]]").unwrap();
+    let third = third.replacen("outer_mm = 60.0", "outer_mm = \"60\"", 1);
+    let machine = folder.write("m.toml", &format!("{two}[[limb]]{third}"));
+    refuse(
+        &["fit", "--machine", &machine, "--out", &folder.path("out")],
+        "limb.3.body.rod.outer_mm|string|where a number stands",
+        Some(65),
+        &folder,
+    );
     let two = folder.write("m.toml", two);
     refuse(
         &["plan", "--kind", "l49", "--machine", &two, "--out", &folder.path("o.csv")],
