@@ -268,7 +268,10 @@ fn bad_jobs_are_refused_with_their_place() {
         ("fx_n = 20", "fx_n = nan", "series.A.wrench|finite"),
         ("fx_n = 20", "fx_kn = 20", "fx_kn"),
         ("format = 1", "format = 2", "format|expected 1"),
-        ("dx_mm = [-150.0, 150.0]\n", "", "dx_mm|least, greatest"),
+        // what is not there has no line
+        ("dx_mm = [-150.0, 150.0]\n", "", "job.toml: dx_mm: missing|least, greatest"),
+        ("format = 1\n", "", "job.toml: format: missing"),
+        ("dx_mm = [-150.0, 150.0]", "dx_mm = \"x\"", "job.toml:5: dx_mm: "),
         ("dx_mm = [-150.0, 150.0]", "dx_mm = [-1e300, 150.0]", "dx_mm|within"),
         ("cross_slide_in_world", "cross_in_world", "cross_in_world"),
         (

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::error::{Failure, Result, printable};
-use crate::machine_file::{line_at, plain};
+use crate::machine_file::{line_at, located, plain};
 use crate::source::Source;
 
 /// Greatest limit, mm or °: far beyond any machine.
@@ -194,10 +194,11 @@ struct RawHole {
     axis: Spanned<[f64; 3]>,
 }
 
-type Checked<T> = std::result::Result<T, (Range<usize>, String, String)>;
+/// What is wrong: where, unless nothing is written there, which key, and why.
+type Checked<T> = std::result::Result<T, (Option<Range<usize>>, String, String)>;
 
-fn fail<T>(span: Range<usize>, key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
-    Err((span, key.into(), message.into()))
+fn fail<T>(span: impl Into<Option<Range<usize>>>, key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
+    Err((span.into(), key.into(), message.into()))
 }
 
 fn rigid(key: &str, raw: &Spanned<Vec<Vec<f64>>>) -> Checked<Frame> {
@@ -279,7 +280,11 @@ impl RawJob {
         let slide = |key: &str, raw: &Option<Spanned<[f64; 2]>>| match raw {
             Some(raw) => range(key, raw).map(|limits| limits.map(|v| v / 1e3)),
             None if self.rotary.is_some() => Ok([0.0; 2]),
-            None => fail(self.format.span(), key, "expected [least, greatest] (or a rotary axis alone)"),
+            None => fail(
+                None,
+                key,
+                "missing key: expected [least, greatest], unless a rotary axis alone moves the workpiece",
+            ),
         };
         let (dx_m, dy_m) = (slide("dx_mm", &self.dx_mm)?, slide("dy_mm", &self.dy_mm)?);
         let mut limits = PerAxis { dx_m, dy_m, rotary_rad: [0.0; 2] };
@@ -326,11 +331,18 @@ impl Job {
     /// limits, a series without holes.
     pub fn parse(source: &Source) -> Result<Self> {
         let text = source.text()?;
-        let at = |span: Range<usize>, message: String| {
-            Failure::input(message).in_file(&source.name).at_line(line_at(text, span.start) as u64)
+        let fail = |(span, key, message): (Option<Range<usize>>, String, String)| {
+            let failure = Failure::input(message).in_file(&source.name).at_column(key);
+            match span {
+                Some(span) => failure.at_line(line_at(text, span.start) as u64),
+                None => failure,
+            }
         };
-        let raw: RawJob = toml::from_str(text).map_err(|e| at(e.span().unwrap_or(0..0), plain(e.message())))?;
-        raw.checked(source).map_err(|(span, key, message)| at(span, message).at_column(key))
+        let raw: RawJob = toml::from_str(text).map_err(|e| {
+            let (span, key) = located(text, &e);
+            fail((span, key, plain(e.message())))
+        })?;
+        raw.checked(source).map_err(fail)
     }
 
     /// Whether cross slide and rotary axis both move.
