@@ -584,8 +584,13 @@ fn numbers_and_cells_are_read_as_people_write_them() {
     assert_eq!(ids, ["#1", "B"]);
     // what looks like a comment is read back as the id that it is
     assert_eq!(json(&["stiffness", "--poses", &out])["poses"].as_array().unwrap().len(), 2);
-    let bad = text.replace("540", "x");
-    refuse(&["stiffness", "--poses", &folder.write("p.csv", &bad)], "z0_mm|number", Some(7), &folder);
+    for line_end in ["\n", "\r\n", "\r"] {
+        let text = text.replace('\n', line_end);
+        let found = json(&["stiffness", "--poses", &folder.write("p.csv", &text)]);
+        assert_eq!(found["poses"].as_array().unwrap().len(), 2);
+        let bad = folder.write("p.csv", &text.replace("540", "x"));
+        refuse(&["stiffness", "--poses", &bad], "z0_mm|number", Some(7), &folder);
+    }
 }
 
 #[test]

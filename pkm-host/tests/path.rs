@@ -506,6 +506,7 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
     says(&refuse("G0 X1 Y2 Z3\n"), "input", Some(1), &["where the tool points"]);
     says(&refuse("X1 Y2 Z3 I0 J0 K1\n"), "input", Some(1), &["before any G0 or G1"]);
     says(&refuse("M3 S100\n"), "input", None, &["found none"]);
+    says(&refuse(&format!("{start}G1 X\n").replace('\n', "\r")), "input", Some(3), &["expected a number"]);
 
     let path = folder.write("unloaded.ngc", &format!("{start}G1 X-200\n"));
     let out = folder.path("out.ngc");
