@@ -684,8 +684,7 @@ pub fn place(
     }
     let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
     let bench = Bench::new(&model.machine, table, &job, &objectives, ask.extrapolate)?;
-    let moves = job.limits.map(|[low, high]| high > low);
-    let usual = if moves[2] && (moves[0] || moves[1]) { place::Method::De } else { place::Method::Grid };
+    let usual = if job.slides_and_turns() { place::Method::De } else { place::Method::Grid };
     let options = place::Options {
         method: ask.method.unwrap_or(usual),
         step_m: ask.step_mm / 1e3,

@@ -22,52 +22,67 @@ struct Bent<'a> {
     axis: [f64; 3],
 }
 
-/// What a β2 asks of the platform.
-struct Asked {
-    /// (C2 − e·w) / S2².
-    off: f64,
+/// How the platform is turned.
+struct Platform {
     sin_theta: f64,
     cos_theta: f64,
     sin_sigma: f64,
     cos_sigma: f64,
 }
 
+impl Platform {
+    /// u, v, w in B-xyz.
+    fn axes(&self) -> [[f64; 3]; 3] {
+        let &Self { sin_theta, cos_theta, sin_sigma, cos_sigma } = self;
+        let w = [cos_sigma * sin_theta, -sin_sigma, cos_sigma * cos_theta];
+        [[cos_theta, 0.0, -sin_theta], [sin_sigma * sin_theta, cos_sigma, sin_sigma * cos_theta], w]
+    }
+}
+
 impl Bent<'_> {
-    fn asked(&self, beta2: f64, side: f64) -> Option<Asked> {
-        let (sin, cos) = beta2.sin_cos();
+    /// The equation's left side, and on the right what stands at u and at w.
+    fn sides(&self, sin: f64, cos: f64) -> ([f64; 3], [f64; 2]) {
         let [r, h] = self.core.arm_m(sin, cos);
-        let [x, y, z] = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
-        let along_w = sin * h + r * cos;
+        let left = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
+        (left, [sin * self.wrist.offset_m, sin * h + r * cos])
+    }
+
+    /// How a β2 asks the platform to be turned.
+    fn platform(&self, beta2: f64, side: f64) -> Option<Platform> {
+        let (sin, cos) = beta2.sin_cos();
+        let ([x, y, z], [along_u, along_w]) = self.sides(sin, cos);
         let sin_sigma = -y / along_w;
-        let (along_u, size2) = (sin * self.wrist.offset_m, x * x + z * z);
+        let size2 = x * x + z * z;
         let (cos2_sigma, along2_n) = (1.0 - sin_sigma * sin_sigma, size2 - along_u * along_u);
         if !(cos2_sigma > 0.0 && along2_n >= 0.0 && size2 > 0.0) {
             return None;
         }
-        let (cos_sigma, along_n) = (cos2_sigma.sqrt(), side * along2_n.sqrt());
-        let sin_theta = (along_n * x - along_u * z) / size2;
-        let cos_theta = (along_u * x + along_n * z) / size2;
-        let w = [cos_sigma * sin_theta, -sin_sigma, cos_sigma * cos_theta];
-        let apart2: f64 = w.iter().zip(self.axis).map(|(w, e)| (w - e) * (w - e)).sum();
-        // 1 − e·w and 1 − C2 by what vanishes with β2, or nothing would be left of their difference
-        let half = (beta2 / 2.0).sin();
-        Some(Asked {
-            off: (apart2 / 2.0 - 2.0 * half * half) / (sin * sin),
-            sin_theta,
-            cos_theta,
+        let along_n = side * along2_n.sqrt();
+        Some(Platform {
+            sin_theta: (along_n * x - along_u * z) / size2,
+            cos_theta: (along_u * x + along_n * z) / size2,
             sin_sigma,
-            cos_sigma,
+            cos_sigma: cos2_sigma.sqrt(),
         })
     }
 
+    /// (C2 − e·w) / S2²; NaN where the platform cannot be turned so.
+    fn off(&self, beta2: f64, side: f64) -> f64 {
+        let Some(platform) = self.platform(beta2, side) else { return f64::NAN };
+        let [_, _, w] = platform.axes();
+        let apart2: f64 = w.iter().zip(self.axis).map(|(w, e)| (w - e) * (w - e)).sum();
+        // 1 − e·w and 1 − C2 by what vanishes with β2, or nothing would be left of their difference
+        let (sin, half) = (beta2.sin(), (beta2 / 2.0).sin());
+        (apart2 / 2.0 - 2.0 * half * half) / (sin * sin)
+    }
+
     fn configuration(&self, beta2: f64, side: f64) -> Option<Configuration<f64>> {
-        let Asked { sin_theta, cos_theta, sin_sigma, cos_sigma, .. } = self.asked(beta2, side)?;
+        let platform = self.platform(beta2, side)?;
+        let Platform { sin_theta, cos_theta, sin_sigma, cos_sigma } = platform;
+        let [u, v, w] = platform.axes();
         let (sin, cos) = beta2.sin_cos();
         let [r, h] = self.core.arm_m(sin, cos);
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let u = [cos_theta, 0.0, -sin_theta];
-        let v = [sin_sigma * sin_theta, cos_sigma, sin_sigma * cos_theta];
-        let w = [cos_sigma * sin_theta, -sin_sigma, cos_sigma * cos_theta];
         let l = (dot(self.tip, w) - h) / cos_sigma;
         let from_a = [self.tip[0] - l * sin_theta, self.tip[1], self.tip[2] - l * cos_theta];
         // both tip and axis show where the arm points, each well where the other may not
@@ -77,12 +92,10 @@ impl Bent<'_> {
         Some(Configuration { pose, beta_rad: [beta1, beta2] })
     }
 
-    /// What has to be positive for a σ and a θ: smooth in β2, unlike `asked`, whose roots of them turn sharply where they are small.
+    /// What has to be positive for a σ and a θ: smooth in β2, unlike their roots, which turn sharply where they are small.
     fn room(&self, beta2: f64) -> [f64; 2] {
         let (sin, cos) = beta2.sin_cos();
-        let [r, h] = self.core.arm_m(sin, cos);
-        let [x, y, z] = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
-        let (along_w, along_u) = (sin * h + r * cos, sin * self.wrist.offset_m);
+        let ([x, y, z], [along_u, along_w]) = self.sides(sin, cos);
         [along_w * along_w - y * y, x * x + z * z - along_u * along_u]
     }
 
@@ -104,7 +117,7 @@ impl Bent<'_> {
 
     /// All β2 that fit, on one side.
     fn fitting(&self, side: f64, breaks: &[f64]) -> Vec<f64> {
-        let off = |beta2: f64| self.asked(beta2, side).map_or(f64::NAN, |a| a.off);
+        let off = |beta2: f64| self.off(beta2, side);
         let mut found = Vec::new();
         for (low, high) in breaks.iter().zip(breaks.iter().skip(1)) {
             let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));

@@ -12,6 +12,7 @@ use pkm_core::{
 };
 use serde::Deserialize;
 use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 use crate::dataset::pose_of;
 use crate::error::{Failure, Result, printable};
@@ -215,13 +216,10 @@ impl MachineFile {
             if key.is_empty() { failure } else { failure.at_column(key) }
         };
         let raw: RawMachine = toml::from_str(text).map_err(|e| {
-            let line = e.span().map_or(0, |range| line_at(text, range.start) - 1);
-            let line = text.lines().nth(line).unwrap_or("").trim();
-            let message = plain(e.message());
-            // the key is what the message quotes, else what the line starts with
-            let quoted = message.split('`').nth(1).filter(|_| message.contains("key"));
-            let written = line.split_once('=').map(|(key, _)| key.trim()).filter(|key| !key.is_empty());
-            fail(e.span(), quoted.or(written).unwrap_or(""), format!("{message} (in `{line}`)"))
+            let (span, key) = located(text, &e);
+            let line = span.as_ref().map_or("", |range| line_of(text, range.start));
+            let found = if line.is_empty() { String::new() } else { format!(" (in `{line}`)") };
+            fail(span, &key, plain(e.message()) + &found)
         })?;
 
         if *raw.format.get_ref() != 1 {
@@ -373,6 +371,47 @@ pub(crate) fn plain(message: &str) -> String {
 /// Line, from 1, of a byte.
 pub(crate) fn line_at(text: &str, byte: usize) -> usize {
     1 + text.bytes().take(byte).filter(|b| *b == b'\n').count()
+}
+
+/// That line.
+fn line_of(text: &str, byte: usize) -> &str {
+    text.lines().nth(line_at(text, byte) - 1).unwrap_or("").trim()
+}
+
+/// Where a failure of the TOML reader is, unless nothing is written there, and its key from the outermost on.
+pub(crate) fn located(text: &str, error: &toml::de::Error) -> (Option<Range<usize>>, String) {
+    let span = error.span().unwrap_or(0..0);
+    let Ok(document) = DeTable::parse(text) else {
+        // no TOML: the key is what the line starts with
+        let key = line_of(text, span.start).split_once('=').map_or("", |(key, _)| key.trim());
+        return (Some(span), key.to_owned());
+    };
+    let table = key_at(document.get_ref(), &span);
+    match (error.message().strip_prefix("missing field `").and_then(|m| m.split('`').next()), table) {
+        // the span is that of the table that lacks it
+        (Some(missing), Some(table)) => (Some(span), format!("{table}.{missing}")),
+        (Some(missing), None) => (None, missing.to_owned()),
+        (None, key) => (Some(span), key.unwrap_or_default()),
+    }
+}
+
+/// The key that a span is written for. Tables of an array count from 1, values from 0.
+fn key_at(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
+    fn below(value: &Spanned<DeValue<'_>>, span: &Range<usize>, path: String) -> Option<String> {
+        let inner = match value.get_ref() {
+            DeValue::Table(table) => key_at(table, span).map(|key| format!("{path}.{key}")),
+            DeValue::Array(array) => array.iter().enumerate().find_map(|(i, value)| {
+                let place = if value.get_ref().is_table() { format!(".{}", i + 1) } else { format!("[{i}]") };
+                below(value, span, format!("{path}{place}"))
+            }),
+            _ => None,
+        };
+        inner.or_else(|| (value.span() == *span).then_some(path))
+    }
+    table.iter().find_map(|(key, value)| {
+        let name = key.get_ref().to_string();
+        if key.span() == *span { Some(name) } else { below(value, span, name) }
+    })
 }
 
 fn metres(mm: f64) -> f64 {

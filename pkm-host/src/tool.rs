@@ -14,7 +14,8 @@ use crate::machine_file::{MachineFile, status};
 
 /// A machine with its wrist, and the same without limits: it says how far beyond them a tool lies.
 pub struct Reach<'a> {
-    file: &'a MachineFile,
+    /// The machine's file.
+    pub file: &'a MachineFile,
     /// The machine as it is.
     pub five: FiveAxis<'a, f64>,
     machine: Machine<f64>,
@@ -66,9 +67,19 @@ impl<'a> Reach<'a> {
         all(a).iter().zip(all(b)).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
     }
 
+    /// Every way to hold a tool.
+    fn all(&self, tool: &Tool<f64>) -> Vec<Hold<f64>> {
+        holds(&self.five, &self.file.wrist_parameters, tool)
+    }
+
+    /// Every way to hold a tool on home's side of the singular surface.
+    pub fn on_home_side(&self, tool: &Tool<f64>) -> impl Iterator<Item = Hold<f64>> {
+        self.all(tool).into_iter().filter(|hold| hold.home_share >= self.margin())
+    }
+
     /// Every way to hold a tool, the nearest first.
     fn ways(&self, tool: &Tool<f64>, near: &Configuration<f64>) -> Vec<Hold<f64>> {
-        let mut ways = holds(&self.five, &self.file.wrist_parameters, tool);
+        let mut ways = self.all(tool);
         ways.sort_by(|a, b| self.apart(&a.configuration, near).total_cmp(&self.apart(&b.configuration, near)));
         ways
     }

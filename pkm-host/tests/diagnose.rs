@@ -1,30 +1,24 @@
 //! Diagnoses of measured data whose truth came from other solvers, and readings that cannot be diagnosed.
 
+mod common;
+
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
 
 use serde_json::Value;
 
-fn measured(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/measured").join(name)
+use common::{Folder, fixture, json, refused};
+
+/// A file of a set of the fixtures.
+fn measured(set: &str, file: &str) -> String {
+    fixture(&format!("measured/{set}/{file}"))
 }
 
-fn run(args: &[&str]) -> (Option<i32>, String, Value) {
-    let output = Command::new(env!("CARGO_BIN_EXE_pkm-host")).args(args).arg("--json").output().unwrap();
-    let json = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
-    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned(), json)
-}
-
-/// Diagnoses a set of the fixtures into a folder.
-fn diagnose(name: &str, out: &Path) -> Value {
-    let path = |file: &str| measured(name).join(file).display().to_string();
-    let out = out.display().to_string();
-    let files = [path("machine.toml"), path("measured.csv"), path("heldout.csv")];
-    let (code, stderr, json) =
-        run(&["diagnose", "--machine", &files[0], "--data", &files[1], "--holdout", &files[2], "--out", &out]);
-    assert_eq!(code, Some(0), "{name}: {stderr}");
-    json
+/// Diagnoses a set of the fixtures into the folder's `out`.
+fn diagnose(set: &str, folder: &Folder) -> Value {
+    let files = ["machine.toml", "measured.csv", "heldout.csv"].map(|file| measured(set, file));
+    let out = folder.path("out");
+    json(&["diagnose", "--machine", &files[0], "--data", &files[1], "--holdout", &files[2], "--out", &out])
 }
 
 /// Ids of effects with their classes, and keys of declared values.
@@ -57,19 +51,19 @@ const KNOWN_MISSES: [&str; 6] = [
 
 #[test]
 fn sets_are_diagnosed_as_their_truth_says() {
-    let mut sets: Vec<_> = measured("").read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
+    let mut sets: Vec<_> =
+        Path::new(&fixture("measured")).read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
     sets.sort();
     let mut wrong = String::new();
     for set in sets {
         let set = set.to_str().unwrap();
         // the easy ones are left to `cargo xtask trials`, which is faster
-        if !measured(set).is_dir() || set.ends_with("-easy") {
+        if !Path::new(&measured(set, "")).is_dir() || set.ends_with("-easy") {
             continue;
         }
-        let truth = std::fs::read_to_string(measured(set).join("truth.json")).unwrap();
+        let truth = std::fs::read_to_string(measured(set, "truth.json")).unwrap();
         let truth: Value = serde_json::from_str(&truth).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let found = diagnose(set, folder.path());
+        let found = diagnose(set, &Folder::new());
         let (effects, declared) = names(&found);
         let verdict = found["verdict"].as_str().unwrap();
         let contains: Vec<&str> = truth["contains"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
@@ -119,27 +113,25 @@ fn sets_are_diagnosed_as_their_truth_says() {
 
 #[test]
 fn a_table_that_hides_the_effect_is_caught() {
-    let folder = tempfile::tempdir().unwrap();
-    let found = diagnose("p10", folder.path());
+    let folder = Folder::new();
+    let found = diagnose("p10", &folder);
     // as good as noise where it was fitted …
     assert!(found["error_table_only"]["chi2_per_dof"].as_f64().unwrap() < 1.02);
     // … and far off where it was not
     let zone = |rival: &str| found["holdout"]["zones"]["beyond"][rival]["linear_um_rms"].as_f64().unwrap();
     assert!(zone("table_only") > 2.0 * zone("after"), "{} {}", zone("table_only"), zone("after"));
-    let report = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
+    let report = folder.read("out/report.html");
     assert!(report.contains("HIDES what is wrong"));
     assert!(rms(&found, "after") < 0.02 * rms(&found, "before"));
 }
 
 #[test]
 fn the_improved_machine_file_predicts_what_the_diagnosis_says() {
-    let folder = tempfile::tempdir().unwrap();
-    let found = diagnose("p08", folder.path());
-    let file = |name: &str| folder.path().join(name).display().to_string();
-    let held_out = measured("p08").join("heldout.csv").display().to_string();
-    let (code, stderr, _) =
-        run(&["predict", "--machine", &file("machine.toml"), "--data", &held_out, "--out", &file("p.csv")]);
-    assert_eq!(code, Some(0), "{stderr}");
+    let folder = Folder::new();
+    let found = diagnose("p08", &folder);
+    let (machine, held_out) = (folder.path("out/machine.toml"), measured("p08", "heldout.csv"));
+    let predicted = folder.path("p.csv");
+    json(&["predict", "--machine", &machine, "--data", &held_out, "--out", &predicted]);
     let columns = |path: &str| -> Vec<[f64; 3]> {
         let text = std::fs::read_to_string(path).unwrap();
         let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
@@ -147,7 +139,7 @@ fn the_improved_machine_file_predicts_what_the_diagnosis_says() {
         let at = ["dx_um", "dy_um", "dz_um"].map(|c| header.iter().position(|h| h == c).unwrap());
         reader.records().map(|r| at.map(|c| r.as_ref().unwrap()[c].parse().unwrap())).collect()
     };
-    let (a, b) = (columns(&file("p.csv")), columns(&held_out));
+    let (a, b) = (columns(&predicted), columns(&held_out));
     let sum: f64 = a.iter().zip(&b).map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>()).sum();
     let own = (sum / a.len() as f64).sqrt();
     assert!((own / rms(&found, "after") - 1.0).abs() < 1e-6, "{own} {}", rms(&found, "after"));
@@ -155,37 +147,24 @@ fn the_improved_machine_file_predicts_what_the_diagnosis_says() {
 
 #[test]
 fn two_runs_give_the_same_bytes_and_the_plan_stays_within_travel() {
-    let (a, b) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    diagnose("p05", a.path());
-    diagnose("p05", b.path());
+    let (a, b) = (Folder::new(), Folder::new());
+    diagnose("p05", &a);
+    diagnose("p05", &b);
     for name in ["diagnosis.json", "machine.toml", "coefficients.rs", "coefficients.json", "report.html"] {
-        let read = |folder: &tempfile::TempDir| std::fs::read(folder.path().join(name)).unwrap();
+        let read = |folder: &Folder| folder.read(&format!("out/{name}"));
         assert!(read(&a) == read(&b), "{name}");
     }
-    let path = |file: &str| measured("p05").join(file).display().to_string();
-    let plan = a.path().join("plan.csv").display().to_string();
-    let (code, stderr, json) = run(&[
-        "plan",
-        "--kind",
-        "discriminate",
-        "--machine",
-        &path("machine.toml"),
-        "--data",
-        &path("measured.csv"),
-        "--out",
-        &plan,
-    ]);
-    assert_eq!(code, Some(0), "{stderr}");
-    assert!(json["poses"].as_u64().unwrap() >= 4);
+    let (machine, data) = (measured("p05", "machine.toml"), measured("p05", "measured.csv"));
+    let plan = a.path("plan.csv");
+    let laid = json(&["plan", "--kind", "discriminate", "--machine", &machine, "--data", &data, "--out", &plan]);
+    assert!(laid["poses"].as_u64().unwrap() >= 4);
     // the reader refuses what is out of travel
-    let out = a.path().join("p.csv").display().to_string();
-    let (code, stderr, _) = run(&["predict", "--data", &plan, "--out", &out]);
-    assert_eq!(code, Some(0), "{stderr}");
+    json(&["predict", "--data", &plan, "--out", &a.path("p.csv")]);
 }
 
 /// p05 with its cells changed by row and column name.
 fn changed(change: impl Fn(usize, &str, &str) -> Option<String>) -> String {
-    let text = std::fs::read_to_string(measured("p05").join("measured.csv")).unwrap();
+    let text = std::fs::read_to_string(measured("p05", "measured.csv")).unwrap();
     let mut lines = text.lines().filter(|l| !l.starts_with('#'));
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
     let mut out = header.join(",") + "\n";
@@ -197,18 +176,13 @@ fn changed(change: impl Fn(usize, &str, &str) -> Option<String>) -> String {
     out
 }
 
-/// Refused with a message that holds `says`, and nothing written.
-fn refused(text: &str, code: i32, says: &str) {
-    let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("d.csv");
-    std::fs::write(&data, text).unwrap();
-    let out = folder.path().join("out");
-    let (found, _, json) =
-        run(&["diagnose", "--data", &data.display().to_string(), "--out", &out.display().to_string()]);
-    let message = json["error"]["message"].as_str().unwrap_or("").to_owned();
-    assert_eq!(found, Some(code), "{message}");
-    assert!(message.contains(says), "{message}");
-    assert!(!out.exists(), "something was written");
+/// Refused with a message that holds `words`, and nothing written.
+fn refuse(text: &str, words: &str) {
+    let folder = Folder::new();
+    let data = folder.write("d.csv", text);
+    let error = refused(&["diagnose", "--data", &data, "--out", &folder.path("out")]);
+    assert!(error["message"].as_str().unwrap().contains(words), "`{words}` is not in: {error}");
+    assert!(!folder.has("out"), "something was written");
 }
 
 #[test]
@@ -216,43 +190,40 @@ fn readings_that_cannot_be_diagnosed_are_refused() {
     let none = |_: usize, _: &str, _: &str| None;
     // every load another: no repeats, no deviations
     let single = changed(|n, h, c| (h == "fx_n").then(|| format!("{}", c.parse::<f64>().unwrap() + n as f64 * 1e-3)));
-    refused(&single, 2, "sigma_linear_um");
+    refuse(&single, "sigma_linear_um");
     let all = changed(none);
     let few: String = all.lines().filter(|l| l.starts_with("pose") || *l < "p04").flat_map(|l| [l, "\n"]).collect();
-    refused(&few, 2, "poses cannot tell");
+    refuse(&few, "poses cannot tell");
     // mm in a column of µm, and the other way
     let scaled = |factor: f64| {
         changed(move |_, h, c| {
             (h.ends_with("_um") || h.ends_with("_urad")).then(|| format!("{}", c.parse::<f64>().unwrap() * factor))
         })
     };
-    refused(&scaled(1e-3), 2, "are they in µm");
-    refused(&scaled(1e3), 2, "are they in µm");
+    refuse(&scaled(1e-3), "are they in µm");
+    refuse(&scaled(1e3), "are they in µm");
     let blank = changed(|_, h, _| (h.ends_with("_um") || h.ends_with("_urad")).then(String::new));
-    refused(&blank, 2, "blank deflection columns");
+    refuse(&blank, "blank deflection columns");
     let nan = changed(|n, h, _| (n == 3 && h == "dx_um").then(|| "nan".into()));
-    refused(&nan, 2, "dx_um");
+    refuse(&nan, "dx_um");
     // no load at all
     let idle = changed(|_, h, _| (h.ends_with("_n") || h.ends_with("_nm")).then(|| "0".into()));
-    refused(&idle, 2, "no reading is under load");
+    refuse(&idle, "no reading is under load");
 }
 
 #[test]
 fn fewer_channels_and_declared_noise_will_do() {
-    let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("d.csv").display().to_string();
+    let folder = Folder::new();
+    let (machine, out) = (measured("p05", "machine.toml"), folder.path("out"));
+    let diagnosed =
+        |text: &str| json(&["diagnose", "--machine", &machine, "--data", &folder.write("d.csv", text), "--out", &out]);
     // three translations alone
-    let text = changed(|_, h, _| h.ends_with("_urad").then(String::new));
-    std::fs::write(&data, text).unwrap();
-    let out = folder.path().join("out").display().to_string();
-    let machine = measured("p05").join("machine.toml").display().to_string();
-    let (code, stderr, json) = run(&["diagnose", "--machine", &machine, "--data", &data, "--out", &out]);
-    assert_eq!(code, Some(0), "{stderr}");
-    assert_eq!(names(&json).0[0], "clearance");
-    assert_eq!(json["holdout"]["chosen"], "by cross-validation");
+    let found = diagnosed(&changed(|_, h, _| h.ends_with("_urad").then(String::new)));
+    assert_eq!(names(&found).0[0], "clearance");
+    assert_eq!(found["holdout"]["chosen"], "by cross-validation");
     // no temperature column: that is said
     let hidden: Vec<&str> =
-        json["not_detectable"].as_array().unwrap().iter().map(|d| d["id"].as_str().unwrap()).collect();
+        found["not_detectable"].as_array().unwrap().iter().map(|d| d["id"].as_str().unwrap()).collect();
     assert!(hidden.contains(&"thermal-modulus"), "{hidden:?}");
     // one repeat each, with declared deviations
     let text = changed(|_, _, _| None);
@@ -263,8 +234,5 @@ fn fewer_channels_and_declared_noise_will_do() {
             once.push_str(&format!("{line},{extra}\n"));
         }
     }
-    std::fs::write(&data, once).unwrap();
-    let (code, stderr, json) = run(&["diagnose", "--machine", &machine, "--data", &data, "--out", &out]);
-    assert_eq!(code, Some(0), "{stderr}");
-    assert_eq!(json["lack_of_fit"]["noise_source"], "declared");
+    assert_eq!(diagnosed(&once)["lack_of_fit"]["noise_source"], "declared");
 }

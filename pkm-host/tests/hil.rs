@@ -2,8 +2,9 @@
 
 #![cfg(unix)]
 
+mod common;
+
 use std::io::{Read, Write};
-use std::process::Command as Program;
 use std::sync::Mutex;
 use std::thread;
 use std::time::Duration;
@@ -15,6 +16,8 @@ use pkm_protocol::{
 };
 use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
+
+use common::{refused, run};
 
 /// What is wrong with the controller.
 #[derive(Clone, Copy, PartialEq)]
@@ -135,10 +138,7 @@ fn hil(fault: Fault, steps: &str) -> (i32, Value, String) {
     let not_inherited = master.try_clone_native().expect("a copy");
     drop(master);
     thread::spawn(move || controller(not_inherited, fault));
-    let output = Program::new(env!("CARGO_BIN_EXE_pkm-host"))
-        .args(["hil", "--port", &name, "--poses", "400", "--steps", steps, "--seed", "4", "--json"])
-        .output()
-        .expect("runs");
+    let output = run(&["hil", "--port", &name, "--poses", "400", "--steps", steps, "--seed", "4", "--json"]);
     let document = serde_json::from_slice(&output.stdout).expect("one document");
     (output.status.code().expect("a code"), document, String::from_utf8_lossy(&output.stderr).into_owned())
 }
@@ -193,8 +193,7 @@ fn missing_things_are_bad_usage_or_input() {
         (&["--qemu", "--port", "x"], "cannot be used with"),
         (&[], "required"),
     ] {
-        let output = Program::new(env!("CARGO_BIN_EXE_pkm-host")).arg("hil").args(args).output().expect("runs");
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.code() == Some(2) && stderr.contains(words), "{args:?}: {stderr}");
+        let error = refused(&[&["hil"], args].concat());
+        assert!(error["message"].as_str().is_some_and(|m| m.contains(words)), "{args:?}: {error}");
     }
 }

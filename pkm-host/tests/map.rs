@@ -1,8 +1,9 @@
 //! The command `map`, read as an engineer would read its files.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{CorrectionError, Domain};
@@ -12,25 +13,7 @@ use pkm_host::source::Source;
 use resvg::tiny_skia::Pixmap;
 use serde_json::Value;
 
-fn fixture(path: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures").join(path).display().to_string()
-}
-
-fn run(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_pkm-host")).args(args).arg("--json").output().unwrap()
-}
-
-fn json(args: &[&str]) -> Value {
-    let output = run(args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-fn folder() -> (tempfile::TempDir, String) {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("out").display().to_string();
-    (folder, out)
-}
+use common::{Folder, fixture, json, reference_machine, refused};
 
 /// A row of the CSV.
 struct Row {
@@ -43,8 +26,8 @@ struct Row {
     k: Option<[f64; 6]>,
 }
 
-fn rows(out: &str) -> Vec<Row> {
-    let text = std::fs::read_to_string(format!("{out}/map.csv")).unwrap();
+fn rows(folder: &Folder) -> Vec<Row> {
+    let text = folder.read("out/map.csv");
     let mut lines = text.lines();
     assert_eq!(
         lines.next().unwrap(),
@@ -71,9 +54,10 @@ fn rows(out: &str) -> Vec<Row> {
 
 #[test]
 fn every_row_is_what_the_core_says() {
-    let (_folder, out) = folder();
+    let folder = Folder::new();
+    let out = folder.path("out");
     let document = json(&["map", "--out", &out, "--step-mm", "25", "--sigma-deg", "-8,0"]);
-    let rows = rows(&out);
+    let rows = rows(&folder);
     let mut counts: BTreeMap<String, u64> = BTreeMap::new();
     for row in &rows {
         let pose = pose_of(row.theta_deg, row.sigma_deg, row.z0_mm);
@@ -100,18 +84,17 @@ fn every_row_is_what_the_core_says() {
     let names: Vec<_> = document["files"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
     let expected = ["map-sigma--8.svg", "map-sigma--8.png", "map-sigma-0.svg", "map-sigma-0.png", "map.csv"];
     assert_eq!(names, expected);
-    assert_eq!(Path::new(&out).read_dir().unwrap().count(), expected.len());
+    assert_eq!(folder.contents().len(), expected.len());
 }
 
 #[test]
 fn the_window_is_the_whole_workspace() {
     // (machine file, σ): the extent of all poses on a fine grid of the half plane that screws and arms can span
-    let narrow = std::fs::read_to_string(fixture("machines/reference.toml")).unwrap();
-    let narrow = narrow.replace("[420.0, 420.0, 420.0]", "[500.0, 500.0, 640.0]");
+    let narrow = reference_machine().replace("[420.0, 420.0, 420.0]", "[500.0, 500.0, 640.0]");
     let narrow = narrow.replace("[770.0, 770.0, 770.0]", "[506.0, 506.0, 646.0]");
-    let (folder, out) = folder();
-    let narrow_path = folder.path().join("narrow.toml").display().to_string();
-    std::fs::write(&narrow_path, &narrow).unwrap();
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let narrow_path = folder.write("narrow.toml", &narrow);
     let reference = fixture("machines/reference.toml");
     let x150 = fixture("machines/x150.toml");
     for (path, sigma, reach_mm, every_mm) in [
@@ -150,15 +133,14 @@ fn the_window_is_the_whole_workspace() {
 
 #[test]
 fn a_table_corrects_and_says_where_it_was_fitted() {
-    let (folder, out) = folder();
-    let fit = folder.path().join("fit").display().to_string();
-    json(&["fit", "--out", &fit]);
-    let table = format!("{fit}/coefficients.json");
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let table = folder.table();
     for form in ["auto", "diagonal"] {
         let document = json(&["map", "--out", &out, "--table", &table, "--form", form, "--step-mm", "15"]);
         assert_eq!(document["model"], if form == "auto" { "factor" } else { form });
         let mut seen = [0; 2];
-        for row in rows(&out) {
+        for row in rows(&folder) {
             let pose = pose_of(row.theta_deg, row.sigma_deg, row.z0_mm);
             let corrected = match form {
                 "diagonal" => TABLE_F64.diagonal_form(&MACHINE_F64, &pose),
@@ -179,7 +161,7 @@ fn a_table_corrects_and_says_where_it_was_fitted() {
             }
         }
         assert!(seen[0] > 500 && seen[1] > 50, "{seen:?}");
-        let svg = std::fs::read_to_string(format!("{out}/map.svg")).unwrap();
+        let svg = folder.read("out/map.svg");
         assert!(svg.contains("box of the table") && svg.contains("extrapolated"));
         let over = |scope: &str| document["claims"].as_array().unwrap().iter().filter(|c| c["over"] == scope).count();
         assert_eq!([over("workspace"), over("box of the table")], [7, 7]);
@@ -188,9 +170,10 @@ fn a_table_corrects_and_says_where_it_was_fitted() {
 
 #[test]
 fn claims_can_be_repeated_from_the_csv() {
-    let (_folder, out) = folder();
+    let folder = Folder::new();
+    let out = folder.path("out");
     let document = json(&["map", "--out", &out, "--step-mm", "10"]);
-    let rows: Vec<Row> = rows(&out).into_iter().filter(|r| r.k.is_some()).collect();
+    let rows: Vec<Row> = rows(&folder).into_iter().filter(|r| r.k.is_some()).collect();
     let claim = |words: &str| {
         let claims = document["claims"].as_array().unwrap();
         claims.iter().find(|c| c["claim"].as_str().unwrap().contains(words)).unwrap()
@@ -240,9 +223,10 @@ fn attribute(line: &str, name: &str) -> i32 {
 
 #[test]
 fn colours_of_the_png_are_the_values_of_the_csv() {
-    let (_folder, out) = folder();
+    let folder = Folder::new();
+    let out = folder.path("out");
     json(&["map", "--out", &out, "--step-mm", "15"]);
-    let svg = std::fs::read_to_string(format!("{out}/map.svg")).unwrap();
+    let svg = folder.read("out/map.svg");
     let pixels = Pixmap::decode_png(&std::fs::read(format!("{out}/map.png")).unwrap()).unwrap();
     assert!(svg.contains(&format!("viewBox=\"0 0 {} {}\"", pixels.width(), pixels.height())), "{}", &svg[..200]);
     assert!(
@@ -253,7 +237,7 @@ fn colours_of_the_png_are_the_values_of_the_csv() {
         let p = pixels.pixel(x as u32, y as u32).unwrap();
         [p.red(), p.green(), p.blue()]
     };
-    let rows = rows(&out);
+    let rows = rows(&folder);
     let (first, last) = (&rows[0], &rows[rows.len() - 1]);
 
     // frames come in pairs: the plane and its colour bar
@@ -301,18 +285,20 @@ fn colours_of_the_png_are_the_values_of_the_csv() {
 
 #[test]
 fn a_second_run_writes_the_same_bytes() {
-    let (_folder, out) = folder();
-    let read = || ["map.csv", "map.svg", "map.png"].map(|name| std::fs::read(format!("{out}/{name}")).unwrap());
+    let folder = Folder::new();
+    let out = folder.path("out");
     let machine = fixture("machines/x150.toml");
     json(&["map", "--out", &out, "--machine", &machine]);
-    let first = read();
+    let first = folder.contents();
+    assert_eq!(first.len(), 3);
     json(&["map", "--out", &out, "--machine", &machine]);
-    assert!(first == read());
+    assert!(first == folder.contents());
 }
 
 #[test]
 fn bad_ranges_are_refused_and_nothing_is_written() {
-    let (_folder, out) = folder();
+    let folder = Folder::new();
+    let out = folder.path("out");
     for (args, words) in [
         (&["--x0-mm", "5,5"][..], "--x0-mm: expected least,greatest"),
         (&["--z0-mm", "600,500"], "--z0-mm: expected least,greatest"),
@@ -331,11 +317,9 @@ fn bad_ranges_are_refused_and_nothing_is_written() {
         (&["--sigma-deg", "80"], "takes no pose"),
         (&["--form", "factor"], "--table"),
     ] {
-        let output = run(&[&["map", "--out", &out], args].concat());
-        let document: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let message = document["error"]["message"].as_str().unwrap();
-        assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+        let error = refused(&[&["map", "--out", &out], args].concat());
+        let message = error["message"].as_str().unwrap();
         assert!(message.contains(words), "{args:?}: `{words}` is not in: {message}");
-        assert!(!Path::new(&out).exists(), "{args:?}");
+        assert!(!folder.has("out"), "{args:?}");
     }
 }

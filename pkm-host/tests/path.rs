@@ -1,40 +1,18 @@
 //! Tools and tool paths as a user gives them: `ik` and `fk` with the wrist, and `compensate`.
 
-use std::f64::consts::PI;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod common;
 
-use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, WRIST_F64};
-use pkm_core::{Configuration, FiveAxis, Pose, Tool, Wrench};
+use std::f64::consts::PI;
+
+use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
+use pkm_core::{Configuration, Pose, Tool, Wrench};
 use serde_json::Value;
 
-const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+use common::{FIVE, Folder, fixture, json, numbers, reference_machine, refused};
+
 const HOME: Configuration<f64> =
     Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
 const HEADER: &str = "x_mm,y_mm,z_mm,i,j,k,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm";
-
-fn fixture(path: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures").join(path).display().to_string()
-}
-
-fn run(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_pkm-host")).args(args).output().unwrap()
-}
-
-fn json(args: &[&str]) -> Value {
-    let output = run(&[args, &["--json"]].concat());
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{args:?}: {stderr}");
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-/// The failure of a call that must exit with 2.
-fn refused(args: &[&str]) -> Value {
-    let output = run(&[args, &["--json"]].concat());
-    assert_eq!(output.status.code(), Some(2), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
-    document["error"].clone()
-}
 
 fn says(error: &Value, kind: &str, line: Option<u64>, words: &[&str]) {
     let message = error["message"].as_str().unwrap();
@@ -42,42 +20,6 @@ fn says(error: &Value, kind: &str, line: Option<u64>, words: &[&str]) {
     for word in words {
         assert!(message.contains(word), "`{word}` is not in: {message}");
     }
-}
-
-/// A folder with files, and their paths as text.
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.path().join(name).display().to_string()
-    }
-
-    fn write(&self, name: &str, text: &str) -> String {
-        std::fs::write(self.0.path().join(name), text).unwrap();
-        self.path(name)
-    }
-
-    fn read(&self, name: &str) -> String {
-        std::fs::read_to_string(self.0.path().join(name)).unwrap()
-    }
-
-    fn has(&self, name: &str) -> bool {
-        PathBuf::from(self.path(name)).exists()
-    }
-
-    /// The reference machine's table.
-    fn table(&self) -> String {
-        json(&["fit", "--out", &self.path("fit")]);
-        self.path("fit/coefficients.json")
-    }
-}
-
-fn numbers<const N: usize>(value: &Value) -> [f64; N] {
-    std::array::from_fn(|i| value[i].as_f64().unwrap_or_else(|| panic!("{value}")))
 }
 
 fn text(values: &[f64]) -> String {
@@ -249,8 +191,7 @@ fn a_tool_that_cannot_be_held_is_refused_with_the_amount() {
 
     // narrow wrist limits count as travel
     let folder = Folder::new();
-    let machine = std::fs::read_to_string(fixture("machines/reference.toml")).unwrap();
-    let narrow = machine.replace("b_mm = -150.0, min_deg = -90.0", "b_mm = -150.0, min_deg = -10.0");
+    let narrow = reference_machine().replace("b_mm = -150.0, min_deg = -90.0", "b_mm = -150.0, min_deg = -10.0");
     let tool = FIVE.tool(&at(0.0, 0.0, 530.0, [0.0, -12.5])).unwrap();
     let (tip, axis) = (text(&tool.tip_m.map(|v| v * 1e3)), text(&tool.axis));
     let args = ["ik", "--machine", &folder.write("m.toml", &narrow), "--tip-mm", &tip, "--axis", &axis];
@@ -565,6 +506,7 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
     says(&refuse("G0 X1 Y2 Z3\n"), "input", Some(1), &["where the tool points"]);
     says(&refuse("X1 Y2 Z3 I0 J0 K1\n"), "input", Some(1), &["before any G0 or G1"]);
     says(&refuse("M3 S100\n"), "input", None, &["found none"]);
+    says(&refuse(&format!("{start}G1 X\n").replace('\n', "\r")), "input", Some(3), &["expected a number"]);
 
     let path = folder.write("unloaded.ngc", &format!("{start}G1 X-200\n"));
     let out = folder.path("out.ngc");

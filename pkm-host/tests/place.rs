@@ -1,32 +1,24 @@
 //! `place` against a search of its own: matrices written out, postures from many starts, sums by hand.
 
+mod common;
+
 use std::f64::consts::PI;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use fastrand::Rng;
 use nalgebra::{Matrix4, Vector4};
-use pkm_core::tables::reference::{MACHINE_F64, WRIST_F64};
-use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrench};
+use pkm_core::tables::reference::MACHINE_F64;
+use pkm_core::{Configuration, Hold, Pose, Tool, Wrench};
 use serde_json::Value;
 
-const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+use common::{FIVE, Folder, fixture, json, refused};
+
 const WRENCH: Wrench<f64> = Wrench { force_n: [20.0, 0.0, -400.0], moment_nm: [0.0, 1.0, 5.0] };
 
-fn run(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_pkm-host")).args(args).output().expect("runs")
-}
-
-fn place(job: &str, more: &[&str]) -> (Value, tempfile::TempDir) {
-    let folder = tempfile::tempdir().expect("a folder");
-    let (file, out) = (folder.path().join("job.toml"), folder.path().join("out"));
-    std::fs::write(&file, job).expect("written");
-    let (file, out) = (file.display().to_string(), out.display().to_string());
-    let output = run(&[&["place", "--job", &file, "--out", &out, "--json"], more].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let document: Value = serde_json::from_slice(&output.stdout).expect("one document");
-    let written = std::fs::read_to_string(Path::new(&out).join("placement.json")).expect("written");
-    assert_eq!(document, serde_json::from_str::<Value>(&written).expect("JSON"));
+fn place(job: &str, more: &[&str]) -> (Value, Folder) {
+    let folder = Folder::new();
+    let (file, out) = (folder.write("job.toml", job), folder.path("out"));
+    let document = json(&[&["place", "--job", &file, "--out", &out], more].concat());
+    assert_eq!(document, serde_json::from_str::<Value>(&folder.read("out/placement.json")).expect("JSON"));
     (document, folder)
 }
 
@@ -222,9 +214,7 @@ fn a_rotary_axis_turns_the_table_alone_and_with_the_cross_slide() {
     );
     let (mixed, folder) = place(&mixed, &["--objective", "paper", "paper", "--step-deg", "2"]);
     assert_eq!(mixed["series"].as_array().expect("entries").len(), 2);
-    assert!(
-        std::fs::read_to_string(folder.path().join("out/report.html")).expect("written").contains("rotary axis in °")
-    );
+    assert!(folder.read("out/report.html").contains("rotary axis in °"));
     let both = job([-60.0, 60.0], [-60.0, 60.0], rotary);
     let (both, _folder) = place(&both, &["--objective", "tip-worst", "--seed", "3", "--step-deg", "3"]);
     assert_eq!(both["method"], "de");
@@ -238,13 +228,9 @@ fn a_rotary_axis_turns_the_table_alone_and_with_the_cross_slide() {
 
 #[test]
 fn the_case_study_shows_what_the_papers_objective_misses() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("out").display().to_string();
-    let table: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures/jobs/wide-table.json");
-    let table = table.display().to_string();
-    let output = run(&["place", "--table", &table, "--step-mm", "5", "--out", &out, "--json"]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let document: Value = serde_json::from_slice(&output.stdout).expect("one document");
+    let folder = Folder::new();
+    let table = fixture("jobs/wide-table.json");
+    let document = json(&["place", "--table", &table, "--step-mm", "5", "--out", &folder.path("out")]);
     let worst = |name: &str, objective: &str| {
         let entries = document["series"].as_array().expect("entries");
         let entry = entries.iter().find(|e| e["name"] == name && e["objective"] == objective).expect("there");
@@ -258,8 +244,15 @@ fn the_case_study_shows_what_the_papers_objective_misses() {
         println!("{name}: paper {paper:.1} µm, tip-worst {tip:.1} µm, before {before:.1} µm");
         assert!(paper > least * tip && before > tip, "{paper} {tip} {before}");
     }
-    let report = std::fs::read_to_string(Path::new(&out).join("report.html")).expect("written");
+    let report = folder.read("out/report.html");
     assert!(report.contains("Series A by tip-worst") && !report.contains("NaN"));
+}
+
+/// Refused with a message that has all of the words.
+fn says(args: &[&str], words: &str) {
+    let error = refused(args);
+    let message = error["message"].as_str().expect("a message");
+    assert!(words.split('|').all(|word| message.contains(word)), "{words}: {message}");
 }
 
 #[test]
@@ -275,7 +268,10 @@ fn bad_jobs_are_refused_with_their_place() {
         ("fx_n = 20", "fx_n = nan", "series.A.wrench|finite"),
         ("fx_n = 20", "fx_kn = 20", "fx_kn"),
         ("format = 1", "format = 2", "format|expected 1"),
-        ("dx_mm = [-150.0, 150.0]\n", "", "dx_mm|least, greatest"),
+        // what is not there has no line
+        ("dx_mm = [-150.0, 150.0]\n", "", "job.toml: dx_mm: missing|least, greatest"),
+        ("format = 1\n", "", "job.toml: format: missing"),
+        ("dx_mm = [-150.0, 150.0]", "dx_mm = \"x\"", "job.toml:5: dx_mm: "),
         ("dx_mm = [-150.0, 150.0]", "dx_mm = [-1e300, 150.0]", "dx_mm|within"),
         ("cross_slide_in_world", "cross_in_world", "cross_in_world"),
         (
@@ -294,15 +290,10 @@ fn bad_jobs_are_refused_with_their_place() {
         ),
     ] {
         assert!(good.contains(from), "{from}");
-        let folder = tempfile::tempdir().expect("a folder");
-        let (file, out) = (folder.path().join("job.toml"), folder.path().join("out"));
-        std::fs::write(&file, good.replacen(from, to, 1)).expect("written");
-        let (file, out) = (file.display().to_string(), out.display().to_string());
-        let output = run(&["place", "--job", &file, "--out", &out, "--step-mm", "50"]);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{to}: {stderr}");
-        assert!(words.split('|').all(|word| stderr.contains(word)), "{words}: {stderr}");
-        assert!(!Path::new(&out).exists(), "{to}");
+        let folder = Folder::new();
+        let file = folder.write("job.toml", &good.replacen(from, to, 1));
+        says(&["place", "--job", &file, "--out", &folder.path("out"), "--step-mm", "50"], words);
+        assert!(!folder.has("out"), "{to}");
     }
     let empty = good.split("[[series]]").next().expect("a head").to_owned() + "series = []\n";
     let no_holes = format!(
@@ -310,12 +301,8 @@ fn bad_jobs_are_refused_with_their_place() {
         good.split("[[series]]").next().expect("a head")
     );
     for (job, words) in [(empty, "at least one [[series]]"), (no_holes, "has no holes")] {
-        let folder = tempfile::tempdir().expect("a folder");
-        let file = folder.path().join("job.toml");
-        std::fs::write(&file, job).expect("written");
-        let output = run(&["place", "--job", &file.display().to_string(), "--out", "/nowhere"]);
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.code() == Some(2) && stderr.contains(words), "{words}: {stderr}");
+        let folder = Folder::new();
+        says(&["place", "--job", &folder.write("job.toml", &job), "--out", "/nowhere"], words);
     }
     for (args, words) in [
         (["--step-mm", "0"], "above 0"),
@@ -323,8 +310,6 @@ fn bad_jobs_are_refused_with_their_place() {
         (["--step-mm", "1e-320"], "too fine"),
         (["--step-mm", "800"], "too coarse"),
     ] {
-        let output = run(&[&["place", "--out", "/nowhere"], &args[..]].concat());
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.code() == Some(2) && stderr.contains(words), "{args:?}: {stderr}");
+        says(&[&["place", "--out", "/nowhere"], &args[..]].concat(), words);
     }
 }

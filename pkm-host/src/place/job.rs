@@ -1,6 +1,6 @@
 //! The job file (TOML): workpiece, holes, loads, and what moves the workpiece.
 
-use std::ops::Range;
+use std::ops::{Index, IndexMut, Range};
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3};
 use pkm_core::Wrench;
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::error::{Failure, Result, printable};
-use crate::machine_file::{line_at, plain};
+use crate::machine_file::{line_at, located, plain};
 use crate::source::Source;
 
 /// Greatest limit, mm or °: far beyond any machine.
@@ -35,6 +35,65 @@ impl Frame {
     /// This frame's own `inner` as seen from where this frame stands.
     pub fn then(&self, inner: &Self) -> Self {
         Self { rotation: self.rotation * inner.rotation, origin_m: self.origin_m + self.rotation * inner.origin_m }
+    }
+}
+
+/// What moves the table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axis {
+    /// The cross slide along x of W.
+    Dx,
+    /// The cross slide along y of W.
+    Dy,
+    /// The rotary axis.
+    Rotary,
+}
+
+impl Axis {
+    /// All three.
+    pub const ALL: [Self; 3] = [Self::Dx, Self::Dy, Self::Rotary];
+}
+
+/// Something of each [`Axis`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PerAxis<T> {
+    /// Of [`Axis::Dx`].
+    pub dx_m: T,
+    /// Of [`Axis::Dy`].
+    pub dy_m: T,
+    /// Of [`Axis::Rotary`].
+    pub rotary_rad: T,
+}
+
+/// A position of the table.
+pub type Position = PerAxis<f64>;
+
+impl<T> PerAxis<T> {
+    /// Axis by axis.
+    pub fn of(mut each: impl FnMut(Axis) -> T) -> Self {
+        Self { dx_m: each(Axis::Dx), dy_m: each(Axis::Dy), rotary_rad: each(Axis::Rotary) }
+    }
+}
+
+impl<T> Index<Axis> for PerAxis<T> {
+    type Output = T;
+
+    fn index(&self, axis: Axis) -> &T {
+        match axis {
+            Axis::Dx => &self.dx_m,
+            Axis::Dy => &self.dy_m,
+            Axis::Rotary => &self.rotary_rad,
+        }
+    }
+}
+
+impl<T> IndexMut<Axis> for PerAxis<T> {
+    fn index_mut(&mut self, axis: Axis) -> &mut T {
+        match axis {
+            Axis::Dx => &mut self.dx_m,
+            Axis::Dy => &mut self.dy_m,
+            Axis::Rotary => &mut self.rotary_rad,
+        }
     }
 }
 
@@ -80,9 +139,9 @@ pub struct Job {
     pub table_in_world: Frame,
     /// T_C^W.
     pub cross_slide_in_world: Frame,
-    /// dx and dy in m, the rotary axis in rad: least and greatest, equal where nothing moves.
-    pub limits: [[f64; 2]; 3],
-    /// What the third one turns.
+    /// Least and greatest, equal where nothing moves.
+    pub limits: PerAxis<[f64; 2]>,
+    /// None: it stands at 0.
     pub rotary: Option<Rotary>,
     /// At least one.
     pub series: Vec<Series>,
@@ -135,10 +194,11 @@ struct RawHole {
     axis: Spanned<[f64; 3]>,
 }
 
-type Checked<T> = std::result::Result<T, (Range<usize>, String, String)>;
+/// What is wrong: where, unless nothing is written there, which key, and why.
+type Checked<T> = std::result::Result<T, (Option<Range<usize>>, String, String)>;
 
-fn fail<T>(span: Range<usize>, key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
-    Err((span, key.into(), message.into()))
+fn fail<T>(span: impl Into<Option<Range<usize>>>, key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
+    Err((span.into(), key.into(), message.into()))
 }
 
 fn rigid(key: &str, raw: &Spanned<Vec<Vec<f64>>>) -> Checked<Frame> {
@@ -220,13 +280,18 @@ impl RawJob {
         let slide = |key: &str, raw: &Option<Spanned<[f64; 2]>>| match raw {
             Some(raw) => range(key, raw).map(|limits| limits.map(|v| v / 1e3)),
             None if self.rotary.is_some() => Ok([0.0; 2]),
-            None => fail(self.format.span(), key, "expected [least, greatest] (or a rotary axis alone)"),
+            None => fail(
+                None,
+                key,
+                "missing key: expected [least, greatest], unless a rotary axis alone moves the workpiece",
+            ),
         };
-        let mut limits = [slide("dx_mm", &self.dx_mm)?, slide("dy_mm", &self.dy_mm)?, [0.0; 2]];
+        let (dx_m, dy_m) = (slide("dx_mm", &self.dx_mm)?, slide("dy_mm", &self.dy_mm)?);
+        let mut limits = PerAxis { dx_m, dy_m, rotary_rad: [0.0; 2] };
         let rotary = match &self.rotary {
             None => None,
             Some(raw) => {
-                limits[2] = range("rotary.range_deg", &raw.range_deg)?.map(f64::to_radians);
+                limits.rotary_rad = range("rotary.range_deg", &raw.range_deg)?.map(f64::to_radians);
                 Some(Rotary {
                     axis: direction("rotary.axis".into(), &raw.axis)?,
                     through_m: point("rotary.through_mm".into(), &raw.through_mm)?,
@@ -266,32 +331,45 @@ impl Job {
     /// limits, a series without holes.
     pub fn parse(source: &Source) -> Result<Self> {
         let text = source.text()?;
-        let at = |span: Range<usize>, message: String| {
-            Failure::input(message).in_file(&source.name).at_line(line_at(text, span.start) as u64)
+        let fail = |(span, key, message): (Option<Range<usize>>, String, String)| {
+            let failure = Failure::input(message).in_file(&source.name).at_column(key);
+            match span {
+                Some(span) => failure.at_line(line_at(text, span.start) as u64),
+                None => failure,
+            }
         };
-        let raw: RawJob = toml::from_str(text).map_err(|e| at(e.span().unwrap_or(0..0), plain(e.message())))?;
-        raw.checked(source).map_err(|(span, key, message)| at(span, message).at_column(key))
+        let raw: RawJob = toml::from_str(text).map_err(|e| {
+            let (span, key) = located(text, &e);
+            fail((span, key, plain(e.message())))
+        })?;
+        raw.checked(source).map_err(fail)
     }
 
-    /// T_U^B at a position of the table: dx, dy (m) and the rotary axis (rad), Eq. 15.
-    pub fn table_in_base(&self, [dx, dy, angle]: [f64; 3]) -> Frame {
-        self.base_in_world.inverse().then(&self.table_in_world_at([dx, dy, angle]))
+    /// Whether cross slide and rotary axis both move.
+    pub fn slides_and_turns(&self) -> bool {
+        let [dx, dy, rotary] = Axis::ALL.map(|axis| self.limits[axis][1] > self.limits[axis][0]);
+        rotary && (dx || dy)
+    }
+
+    /// T_U^B at a position of the table, Eq. 15.
+    pub fn table_in_base(&self, position: &Position) -> Frame {
+        self.base_in_world.inverse().then(&self.table_in_world_at(position))
     }
 
     /// T_U^W at a position of the table.
-    pub fn table_in_world_at(&self, [dx, dy, angle]: [f64; 3]) -> Frame {
+    pub fn table_in_world_at(&self, position: &Position) -> Frame {
         let mut table = self.table_in_world;
         if let Some(Rotary { axis, through_m }) = &self.rotary {
-            let turn = Rotation3::from_axis_angle(axis, angle).into_inner();
+            let turn = Rotation3::from_axis_angle(axis, position.rotary_rad).into_inner();
             table =
                 Frame { rotation: turn * table.rotation, origin_m: through_m + turn * (table.origin_m - through_m) };
         }
-        table.origin_m += Vector3::new(dx, dy, 0.0);
+        table.origin_m += Vector3::new(position.dx_m, position.dy_m, 0.0);
         table
     }
 
     /// x and y of U's origin in the cross slide's frame, m.
-    pub fn in_cross_slide_m(&self, position: [f64; 3]) -> [f64; 2] {
+    pub fn in_cross_slide_m(&self, position: &Position) -> [f64; 2] {
         let origin = self.cross_slide_in_world.inverse().then(&self.table_in_world_at(position)).origin_m;
         [origin.x, origin.y]
     }

@@ -4,17 +4,13 @@ pub mod job;
 mod report;
 mod search;
 
-use pkm_core::{
-    Configuration, CorrectionError, CorrectionTable, Domain, FiveAxis, Hold, Stiffness, Tool, ToolError, Wrench,
-    WristParameters,
-};
+use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, Stiffness, Tool, ToolError, Wrench};
 
 use crate::error::{Failure, Result};
-use crate::holds::holds;
 use crate::machine_file::MachineFile;
 use crate::table_file::TableNumbers;
 use crate::tool::Reach;
-use job::{Hole, Job, Series};
+use job::{Hole, Job, Position, Series};
 
 pub use report::{document, html, text};
 pub use search::{Grid, Method, Options, Placed, Placement, place};
@@ -99,11 +95,7 @@ enum Miss {
 
 /// All that a position is judged by.
 pub struct Bench<'a> {
-    machine: &'a MachineFile,
-    five: FiveAxis<'a, f64>,
-    /// Says by how much a hole is missed.
     reach: Reach<'a>,
-    wrist: &'a WristParameters,
     table: Option<CorrectionTable<'a, f64>>,
     /// Principal stiffnesses by the paper's form.
     diagonal: bool,
@@ -139,12 +131,8 @@ impl<'a> Bench<'a> {
             let message = "without a load no tip moves: give the cutting load, or --objective paper";
             return Err(Failure::input(message).in_file(&job.file).at_column(format!("series.{}.wrench", series.name)));
         }
-        let reach = Reach::new(machine)?;
         Ok(Self {
-            machine,
-            five: reach.five,
-            reach,
-            wrist: &machine.wrist_parameters,
+            reach: Reach::new(machine)?,
             table: core,
             diagonal: table.is_some_and(|(_, diagonal)| diagonal),
             job,
@@ -152,7 +140,7 @@ impl<'a> Bench<'a> {
         })
     }
 
-    fn tool(&self, hole: &Hole, position: [f64; 3]) -> Tool<f64> {
+    fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {
         let table = self.job.table_in_base(position);
         let tip = table.origin_m + table.rotation * hole.tip_m;
         Tool { tip_m: tip.into(), axis: (table.rotation * hole.axis).into() }
@@ -166,7 +154,7 @@ impl<'a> Bench<'a> {
             return Err(Miss::Table);
         }
         let stiffness = || -> std::result::Result<Stiffness<f64>, CorrectionError> {
-            let machine = self.five.machine;
+            let machine = self.reach.five.machine;
             Ok(match &self.table {
                 None => machine.stiffness(pose)?,
                 Some(table) if self.diagonal => table.diagonal_form(machine, pose)?.factor.stiffness(),
@@ -179,7 +167,7 @@ impl<'a> Bench<'a> {
         let deflection_m = if self.table.is_some() && factor.is_none() {
             None
         } else {
-            let d = self.five.deflection(factor, &hold.configuration, wrench).map_err(|_| Miss::Stiffness)?;
+            let d = self.reach.five.deflection(factor, &hold.configuration, wrench).map_err(|_| Miss::Stiffness)?;
             Some(d.translation_m.iter().map(|v| v * v).sum::<f64>().sqrt())
         };
         Ok(Posture { hold, k, deflection_m, outside_box })
@@ -189,21 +177,13 @@ impl<'a> Bench<'a> {
     fn postures(&self, tool: &Tool<f64>, wrench: &Wrench<f64>) -> std::result::Result<Vec<Posture>, Miss> {
         let mut miss = Miss::Reach;
         let mut found = Vec::new();
-        for hold in holds(&self.five, self.wrist, tool) {
-            if hold.home_share >= self.wrist.singularity_margin {
-                match self.judged(hold, wrench) {
-                    Ok(posture) => found.push(posture),
-                    Err(e) => miss = e,
-                }
+        for hold in self.reach.on_home_side(tool) {
+            match self.judged(hold, wrench) {
+                Ok(posture) => found.push(posture),
+                Err(e) => miss = e,
             }
         }
         if found.is_empty() { Err(miss) } else { Ok(found) }
-    }
-
-    /// In how many ways the home side reaches a tool, in the table's box or not.
-    fn ways(&self, tool: &Tool<f64>) -> usize {
-        let all = holds(&self.five, self.wrist, tool);
-        all.iter().filter(|hold| hold.home_share >= self.wrist.singularity_margin).count()
     }
 
     /// The same where there is one at the most, from where the machine stood last.
@@ -213,8 +193,9 @@ impl<'a> Bench<'a> {
         wrench: &Wrench<f64>,
         near: &mut Configuration<f64>,
     ) -> std::result::Result<Vec<Posture>, Miss> {
-        let found = match self.five.inverse(tool, near) {
-            Err(ToolError::Singular | ToolError::Unreachable) => self.five.search(tool, &self.reach.home()),
+        let five = &self.reach.five;
+        let found = match five.inverse(tool, near) {
+            Err(ToolError::Singular | ToolError::Unreachable) => five.search(tool, &self.reach.home()),
             done => done,
         };
         match found.ok().and_then(|hold| self.judged(hold, wrench).ok()) {

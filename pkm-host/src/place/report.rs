@@ -2,6 +2,7 @@
 
 use serde_json::{Value, json};
 
+use super::job::{Axis, Position};
 use super::search::{Grid, Method, Options, Placed, Placement};
 use super::{Bench, Objective, Posture};
 use crate::dataset::file_units;
@@ -38,20 +39,18 @@ fn holes(placement: &Placement) -> Vec<Value> {
 pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value {
     let series = placed.placements.iter().map(|p| {
         let unit = |value: f64| p.objective.value_in_unit(value);
-        let [dx, dy, angle] = p.position;
         let (at, value) = p.certified;
-        let grid = &placed.grids[p.series];
-        let [step_x, step_y, step_angle] = grid.spacing();
+        let step = placed.grids[p.series].spacing();
         json!({
             "name": bench.job.series[p.series].name,
             "objective": p.objective.name(),
-            "dx_mm": mm(dx), "dy_mm": mm(dy), "rotary_deg": angle.to_degrees(),
-            "cross_slide_mm": bench.job.in_cross_slide_m(p.position).map(mm),
+            "dx_mm": mm(p.position.dx_m), "dy_mm": mm(p.position.dy_m), "rotary_deg": p.position.rotary_rad.to_degrees(),
+            "cross_slide_mm": bench.job.in_cross_slide_m(&p.position).map(mm),
             "value": unit(p.value), "unit": p.objective.unit(),
             "q_ratio": p.q_ratio,
             "grid_certified": {
-                "step_mm": mm(step_x.max(step_y)), "step_deg": step_angle.to_degrees(),
-                "dx_mm": mm(at[0]), "dy_mm": mm(at[1]), "rotary_deg": at[2].to_degrees(),
+                "step_mm": mm(step.dx_m.max(step.dy_m)), "step_deg": step.rotary_rad.to_degrees(),
+                "dx_mm": mm(at.dx_m), "dy_mm": mm(at.dy_m), "rotary_deg": at.rotary_rad.to_degrees(),
                 "value": unit(value),
             },
             "feasible_share": p.feasible_share,
@@ -70,7 +69,7 @@ pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value 
         Method::De => "de",
     };
     json!({
-        "machine": bench.machine.name, "machine_sha256": bench.machine.source.sha256(),
+        "machine": bench.reach.file.name, "machine_sha256": bench.reach.file.source.sha256(),
         "job_sha256": bench.job.sha256, "method": method, "allow_extrapolation": bench.extrapolate,
         "seed": (options.method != Method::Grid).then_some(options.seed),
         "series": series.collect::<Vec<_>>(),
@@ -90,16 +89,16 @@ fn sentences(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Vec<Strin
     for p in &placed.placements {
         let shown = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
         let turned = match &bench.job.rotary {
-            Some(_) => format!(", {:.3}°", p.position[2].to_degrees()),
+            Some(_) => format!(", {:.3}°", p.position.rotary_rad.to_degrees()),
             None => String::new(),
         };
-        let [x, y] = bench.job.in_cross_slide_m(p.position).map(mm);
+        let [x, y] = bench.job.in_cross_slide_m(&p.position).map(mm);
         let mut text = format!(
             "series {}, {}: dx = {:.3} mm, dy = {:.3} mm{turned} (cross slide {x:.3}, {y:.3} mm): {}",
             bench.job.series[p.series].name,
             p.objective.name(),
-            mm(p.position[0]),
-            mm(p.position[1]),
+            mm(p.position.dx_m),
+            mm(p.position.dy_m),
             shown(p.value)
         );
         match &p.before {
@@ -135,11 +134,11 @@ pub fn text(bench: &Bench<'_>, options: &Options, placed: &Placed) -> String {
 
 /// The map of a grid at the angle of a placement.
 fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<String> {
-    let [xs, ys, angles] = &grid.axes;
+    let [xs, ys, angles] = Axis::ALL.map(|axis| &grid.axes[axis]);
     let nearest = |all: &[f64], v: f64| {
         (0..all.len()).min_by(|a, b| (all[*a] - v).abs().total_cmp(&(all[*b] - v).abs())).unwrap_or(0)
     };
-    let [x, y, slice] = [(xs, 0), (ys, 1), (angles, 2)].map(|(all, axis)| nearest(all, p.position[axis]));
+    let [x, y, slice] = Axis::ALL.map(|axis| nearest(&grid.axes[axis], p.position[axis]));
     let value = |x: usize, y: usize, a: usize| {
         let cell = grid.cells[column][(a * ys.len() + y) * xs.len() + x].as_ref();
         cell.map(|c| p.objective.value_in_unit(c.value))
@@ -154,7 +153,7 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<S
             x: in_mm(xs),
             y: in_mm(ys),
             value: &|x, y| value(x, y, slice),
-            mark: Some([mm(p.position[0]), mm(p.position[1])]),
+            mark: Some([mm(p.position.dx_m), mm(p.position.dy_m)]),
         });
     }
     // one axis alone: a curve
@@ -179,7 +178,7 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<S
 /// Workpiece and machine from above, in W.
 fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<String> {
     let job = bench.job;
-    let at = |position, series: usize| -> Vec<(f64, f64)> {
+    let at = |position: &Position, series: usize| -> Vec<(f64, f64)> {
         let table = job.table_in_world_at(position);
         let holes = job.series[series].holes.iter();
         holes.map(|hole| table.origin_m + table.rotation * hole.tip_m).map(|p| (mm(p.x), mm(p.y))).collect()
@@ -189,7 +188,7 @@ fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<String> {
         vec![Points { name: "B of the machine".into(), points: vec![(mm(base.x), mm(base.y))], mark: Mark::Cross }];
     for p in &placed.placements {
         let name = format!("{} by {}", job.series[p.series].name, p.objective.name());
-        series.push(Points { name, points: at(p.position, p.series), mark: Mark::Dot });
+        series.push(Points { name, points: at(&p.position, p.series), mark: Mark::Dot });
     }
     plot::panels(&[Panel {
         title: "holes at the optima, seen along z of W".into(),
@@ -271,7 +270,7 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> String {
 /// # Errors
 /// What the drawing library says.
 pub fn html(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Result<String> {
-    let title = format!("Placement on {}", bench.machine.name);
+    let title = format!("Placement on {}", bench.reach.file.name);
     let mut body = format!("<h1>{}</h1>\n<ul>\n", escape(&title));
     for sentence in sentences(bench, options, placed) {
         body.push_str(&format!("<li>{}</li>\n", escape(&sentence)));

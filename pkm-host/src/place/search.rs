@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use pkm_core::Configuration;
 use rayon::prelude::*;
 
-use super::job::{Job, Series};
+use super::job::{Axis, Job, PerAxis, Position, Series};
 use super::{Bench, Miss, Objective, Posture};
 use crate::error::{Failure, Result};
 
@@ -54,9 +54,6 @@ const ROUNDS: usize = 4;
 const CROSSED: f64 = 0.9;
 const MUTATED: f64 = 0.2;
 
-/// A position of the table: dx and dy in m, the rotary axis in rad.
-pub type Position = [f64; 3];
-
 /// One position of the grid as an objective sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
@@ -69,8 +66,8 @@ pub struct Cell {
 /// What the grid found.
 #[derive(Clone, Debug)]
 pub struct Grid {
-    /// Positions along dx, dy and the rotary axis.
-    pub axes: [Vec<f64>; 3],
+    /// Places along each.
+    pub axes: PerAxis<Vec<f64>>,
     /// For each objective: rotary outermost, dx innermost; `None` where a hole is out of reach.
     pub cells: Vec<Vec<Option<Cell>>>,
 }
@@ -108,6 +105,8 @@ pub struct Placed {
     pub grids: Vec<Grid>,
 }
 
+/// An individual of an evolution: where between its limits each axis stands, 0 to 1.
+type Shares = [f64; 3];
 /// A position's value, and its postures, one a hole.
 type Judged = (f64, Vec<Posture>);
 /// The same with the position.
@@ -123,7 +122,7 @@ struct Searcher<'a> {
 impl Searcher<'_> {
     fn reached(
         &self,
-        position: Position,
+        position: &Position,
         hole: usize,
         near: &mut Configuration<f64>,
     ) -> std::result::Result<Vec<Posture>, Miss> {
@@ -136,7 +135,7 @@ impl Searcher<'_> {
     }
 
     /// Postures for every hole; the first hole that is out of reach, tried first the next time.
-    fn all(&self, position: Position, state: &mut State) -> Option<Vec<Vec<Posture>>> {
+    fn all(&self, position: &Position, state: &mut State) -> Option<Vec<Vec<Posture>>> {
         let mut found: Vec<Vec<Posture>> = vec![Vec::new(); self.series.holes.len()];
         for n in 0..state.order.len() {
             let hole = state.order[n];
@@ -151,12 +150,12 @@ impl Searcher<'_> {
         Some(found)
     }
 
-    fn judged(&self, objective: Objective, position: Position, state: &mut State) -> Option<Judged> {
+    fn judged(&self, objective: Objective, position: &Position, state: &mut State) -> Option<Judged> {
         self.all(position, state).map(|found| stiffest(objective, &found))
     }
 
     /// For evolution: holes out of reach, then the value.
-    fn penalised(&self, objective: Objective, position: Position, state: &mut State) -> (usize, f64) {
+    fn penalised(&self, objective: Objective, position: &Position, state: &mut State) -> (usize, f64) {
         let count = self.series.holes.len();
         let found: Vec<_> =
             (0..count).filter_map(|hole| self.reached(position, hole, &mut state.near[hole]).ok()).collect();
@@ -191,9 +190,9 @@ impl Polish<'_> {
     fn from(&self, start: Position) -> Option<Polished> {
         let mut state = self.searcher.state();
         // kept with its postures: on the edge of reach another start may just miss them
-        let (value, holes) = self.searcher.judged(self.objective, start, &mut state)?;
+        let (value, holes) = self.searcher.judged(self.objective, &start, &mut state)?;
         let mut best: Polished = (value, start, holes);
-        let moving: Vec<usize> = (0..3).filter(|d| self.spacing[*d] > 0.0).collect();
+        let moving: Vec<Axis> = Axis::ALL.into_iter().filter(|axis| self.spacing[*axis] > 0.0).collect();
         for _ in 0..ROUNDS {
             let before = best.0;
             for inner in &moving {
@@ -211,7 +210,7 @@ impl Polish<'_> {
     }
 
     /// Along one axis, with the best of the other at each place.
-    fn ridge(&self, best: &mut Polished, outer: usize, inner: usize) {
+    fn ridge(&self, best: &mut Polished, outer: Axis, inner: Axis) {
         let mut scale = 1.0;
         while scale > FINEST {
             let mut next: Option<Polished> = None;
@@ -233,7 +232,7 @@ impl Polish<'_> {
     }
 
     /// The best along a line about a position, ever closer.
-    fn line(&self, near: &Polished, mut position: Position, axis: usize, mut reach: f64) -> Option<Polished> {
+    fn line(&self, near: &Polished, mut position: Position, axis: Axis, mut reach: f64) -> Option<Polished> {
         let mut state = self.searcher.state();
         state.near = near.2.iter().map(|p| p.hold.configuration).collect();
         let mut best: Option<Polished> = None;
@@ -241,7 +240,7 @@ impl Polish<'_> {
             let (middle, half) = (position[axis], if round == 0 { 10 } else { 5 });
             for n in -half..=half {
                 position[axis] = self.limited(axis, middle + reach * f64::from(n) / f64::from(half));
-                if let Some((value, holes)) = self.searcher.judged(self.objective, position, &mut state)
+                if let Some((value, holes)) = self.searcher.judged(self.objective, &position, &mut state)
                     && best.as_ref().is_none_or(|best| value < best.0)
                 {
                     best = Some((value, position, holes));
@@ -253,7 +252,7 @@ impl Polish<'_> {
         best
     }
 
-    fn limited(&self, axis: usize, value: f64) -> f64 {
+    fn limited(&self, axis: Axis, value: f64) -> f64 {
         let [low, high] = self.searcher.bench.job.limits[axis];
         value.clamp(low, high)
     }
@@ -286,19 +285,24 @@ fn bar(length: usize, what: &str) -> ProgressBar {
     bar
 }
 
-/// Whether holes of a series are reached in more than one way from some position of a coarse lattice.
+/// Whether holes of a series are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
 fn in_several_ways(bench: &Bench<'_>, series: &Series) -> bool {
-    lattice(bench.job)
-        .par_iter()
-        .any(|position| series.holes.iter().any(|hole| bench.ways(&bench.tool(hole, *position)) > 1))
+    lattice(bench.job).par_iter().any(|position| {
+        series.holes.iter().any(|hole| bench.reach.on_home_side(&bench.tool(hole, position)).count() > 1)
+    })
 }
 
 fn lattice(job: &Job) -> Vec<Position> {
     let along = |limits: [f64; 2]| places(limits, ((limits[1] - limits[0]) / (LATTICE - 1) as f64).max(1e-12));
-    let [xs, ys, angles] = job.limits.map(along);
+    let [xs, ys, angles] = Axis::ALL.map(|axis| along(job.limits[axis]));
+    let mut all = Vec::new();
     // a fifth as many angles
-    let angles: Vec<f64> = angles.into_iter().step_by(5).collect();
-    angles.iter().flat_map(|a| ys.iter().flat_map(|y| xs.iter().map(|x| [*x, *y, *a]))).collect()
+    for rotary_rad in angles.into_iter().step_by(5) {
+        for dy_m in &ys {
+            all.extend(xs.iter().map(|dx_m| Position { dx_m: *dx_m, dy_m: *dy_m, rotary_rad }));
+        }
+    }
+    all
 }
 
 /// Places the workpiece for every series and objective.
@@ -321,14 +325,14 @@ pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> 
             };
             let found = match (options.method, evolved) {
                 (Method::Ga, Some(position)) => {
-                    let judged = searcher.judged(*objective, position, &mut searcher.state());
+                    let judged = searcher.judged(*objective, &position, &mut searcher.state());
                     judged.map(|(value, holes)| (value, position, holes))
                 }
                 (Method::De, Some(position)) => searcher.polished(*objective, &[position, certified.0], &grid),
                 _ => searcher.polished(*objective, &grid.optima(o), &grid),
             };
             let Some((value, position, holes)) = found else { return Err(searcher.unreachable(options)) };
-            let middle = job.limits.map(|[low, high]| 0.5 * (low + high));
+            let middle = PerAxis::of(|axis| 0.5 * (job.limits[axis][0] + job.limits[axis][1]));
             placements.push(Placement {
                 series: n,
                 objective: *objective,
@@ -337,7 +341,7 @@ pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> 
                 certified,
                 feasible_share: grid.feasible_share(),
                 q_ratio: grid.q_ratio(o, &mean_k(&holes)),
-                before: searcher.judged(*objective, middle, &mut searcher.state()),
+                before: searcher.judged(*objective, &middle, &mut searcher.state()),
                 holes,
                 convergence,
             });
@@ -348,27 +352,27 @@ pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> 
 }
 
 /// Positions of the grid along each axis.
-fn grid_axes(job: &Job, options: &Options) -> Result<[Vec<f64>; 3]> {
-    let moves = job.limits.map(|[low, high]| high > low);
+fn grid_axes(job: &Job, options: &Options) -> Result<PerAxis<Vec<f64>>> {
     // three axes at once are too many positions for a fine one
-    let [coarse, turn] = if moves[2] && (moves[0] || moves[1]) { COARSER } else { [1.0; 2] };
-    let steps = [coarse * options.step_m, coarse * options.step_m, turn * options.step_rad];
-    let counts = [0, 1, 2].map(|d| (job.limits[d][1] - job.limits[d][0]) / steps[d] + 1.0);
-    let count: f64 = counts.iter().product();
+    let [coarse, turn] = if job.slides_and_turns() { COARSER } else { [1.0; 2] };
+    let step_m = coarse * options.step_m;
+    let steps = PerAxis { dx_m: step_m, dy_m: step_m, rotary_rad: turn * options.step_rad };
+    let count: f64 =
+        Axis::ALL.map(|axis| (job.limits[axis][1] - job.limits[axis][0]) / steps[axis] + 1.0).iter().product();
     if !(count <= MOST_POSITIONS) {
         let message =
             format!("a grid of {count:.1e} positions is too fine, at most {MOST_POSITIONS:e}: give greater steps");
         return Err(Failure::usage(message));
     }
-    Ok(std::array::from_fn(|d| places(job.limits[d], steps[d])))
+    Ok(PerAxis::of(|axis| places(job.limits[axis], steps[axis])))
 }
 
 impl Grid {
     fn position(&self, mut cell: usize) -> Position {
-        let [xs, ys, angles] = &self.axes;
+        let [xs, ys, angles] = Axis::ALL.map(|axis| &self.axes[axis]);
         let x = cell % xs.len();
         cell /= xs.len();
-        [xs[x], ys[cell % ys.len()], angles[cell / ys.len()]]
+        Position { dx_m: xs[x], dy_m: ys[cell % ys.len()], rotary_rad: angles[cell / ys.len()] }
     }
 
     fn best(&self, objective: usize) -> Option<(Position, f64)> {
@@ -379,7 +383,7 @@ impl Grid {
     /// The best of the positions that no neighbour betters.
     fn optima(&self, objective: usize) -> Vec<Position> {
         let cells = &self.cells[objective];
-        let [nx, ny, na] = [0, 1, 2].map(|i| self.axes[i].len());
+        let [nx, ny, na] = Axis::ALL.map(|axis| self.axes[axis].len());
         let near = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);
         let mut found: Vec<(f64, usize)> = (0..cells.len())
             .filter_map(|i| {
@@ -413,7 +417,7 @@ impl Grid {
 
     /// Distances of neighbours; 0 along an axis that does not move.
     pub fn spacing(&self) -> Position {
-        [0, 1, 2].map(|i| match self.axes[i].as_slice() {
+        PerAxis::of(|axis| match self.axes[axis].as_slice() {
             [first, second, ..] => second - first,
             _ => 0.0,
         })
@@ -421,16 +425,16 @@ impl Grid {
 }
 
 impl Searcher<'_> {
-    fn grid(&self, objectives: &[Objective], axes: [Vec<f64>; 3]) -> Grid {
-        let [xs, ys, angles] = &axes;
+    fn grid(&self, objectives: &[Objective], axes: PerAxis<Vec<f64>>) -> Grid {
+        let PerAxis { dx_m: xs, dy_m: ys, rotary_rad: angles } = &axes;
         let rows: Vec<(f64, f64)> = angles.iter().flat_map(|a| ys.iter().map(move |y| (*a, *y))).collect();
         let progress = bar(rows.len(), &format!("series {}", self.series.name));
         let found: Vec<Vec<Vec<Option<Cell>>>> = rows
             .par_iter()
-            .map(|(angle, y)| {
+            .map(|&(rotary_rad, dy_m)| {
                 let mut state = self.state();
-                let row = xs.iter().map(|x| {
-                    let found = self.all([*x, *y, *angle], &mut state);
+                let row = xs.iter().map(|&dx_m| {
+                    let found = self.all(&Position { dx_m, dy_m, rotary_rad }, &mut state);
                     objectives
                         .iter()
                         .map(|objective| {
@@ -465,15 +469,18 @@ impl Searcher<'_> {
         seed: u64,
         convergence: &mut Vec<(usize, f64)>,
     ) -> Option<Position> {
-        let limits = self.bench.job.limits;
         let mut rng = Rng::with_seed(seed);
-        let position =
-            |share: &Position| std::array::from_fn(|d| limits[d][0] + share[d] * (limits[d][1] - limits[d][0]));
-        let judged = |all: &[Position]| -> Vec<(usize, f64)> {
-            all.par_iter().map(|share| self.penalised(objective, position(share), &mut self.state())).collect()
+        let position = |shares: &Shares| {
+            PerAxis::of(|axis| {
+                let [low, high] = self.bench.job.limits[axis];
+                low + shares[axis as usize] * (high - low)
+            })
+        };
+        let judged = |all: &[Shares]| -> Vec<(usize, f64)> {
+            all.par_iter().map(|shares| self.penalised(objective, &position(shares), &mut self.state())).collect()
         };
         let better = |a: (usize, f64), b: (usize, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).is_lt();
-        let mut all: Vec<Position> = (0..POPULATION).map(|_| [rng.f64(), rng.f64(), rng.f64()]).collect();
+        let mut all: Vec<Shares> = (0..POPULATION).map(|_| [rng.f64(), rng.f64(), rng.f64()]).collect();
         let mut costs = judged(&all);
         let progress = bar(GENERATIONS, &format!("series {}, {}", self.series.name, objective.name()));
         for generation in 0..=GENERATIONS {
@@ -487,7 +494,7 @@ impl Searcher<'_> {
                 return (costs[best].0 == 0).then(|| position(&all[best]));
             }
             progress.inc(1);
-            let next: Vec<Position> = match method {
+            let next: Vec<Shares> = match method {
                 Method::De => (0..POPULATION)
                     .map(|i| {
                         let [a, b, c] = [0; 3].map(|_| all[rng.usize(..POPULATION)]);
@@ -505,7 +512,7 @@ impl Searcher<'_> {
                         let winner = all[if better(costs[b], costs[a]) { b } else { a }];
                         (winner, rng.f64(), [rng.f64(), rng.f64(), rng.f64()])
                     };
-                    let mut children: Vec<Position> = Vec::with_capacity(POPULATION);
+                    let mut children: Vec<Shares> = Vec::with_capacity(POPULATION);
                     while children.len() < POPULATION {
                         let ((a, crossed, share), (b, ..)) = (tournament(), tournament());
                         // from a third beyond the one to a third beyond the other
@@ -539,14 +546,17 @@ impl Searcher<'_> {
     fn unreachable(&self, options: &Options) -> Failure {
         let (bench, series) = (self.bench, self.series);
         let lattice = lattice(bench.job);
-        let at = |[dx, dy, angle]: Position| {
-            let turned =
-                if bench.job.rotary.is_some() { format!(", {:.1}°", angle.to_degrees()) } else { String::new() };
-            format!("dx = {:.1} mm, dy = {:.1} mm{turned}", dx * 1e3, dy * 1e3)
+        let at = |position: &Position| {
+            let turned = if bench.job.rotary.is_some() {
+                format!(", {:.1}°", position.rotary_rad.to_degrees())
+            } else {
+                String::new()
+            };
+            format!("dx = {:.1} mm, dy = {:.1} mm{turned}", position.dx_m * 1e3, position.dy_m * 1e3)
         };
         let fail = |status, message: String| Failure::refused(status, message).in_file(&bench.job.file);
         let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
-            let each = |hole| bench.postures(&bench.tool(hole, *position), &series.wrench).map(drop);
+            let each = |hole| bench.postures(&bench.tool(hole, position), &series.wrench).map(drop);
             series.holes.iter().map(each).collect()
         };
         let all: Vec<_> = lattice.par_iter().map(|position| (*position, reached(position))).collect();
@@ -560,7 +570,7 @@ impl Searcher<'_> {
             return Failure::usage(format!(
                 "series `{}`: the grid of --step-mm {step} is too coarse: no position of it reaches every hole, {} does",
                 series.name,
-                at(*position)
+                at(position)
             ));
         }
         let alone = count(hole) == 0;
@@ -569,7 +579,7 @@ impl Searcher<'_> {
         let nearest = candidates
             .flat_map(|(position, reached)| {
                 let missing = (0..series.holes.len()).filter(|h| reached[*h].is_err() && (!alone || *h == hole));
-                missing.map(|h| (*position, h, &reached[h])).collect::<Vec<_>>()
+                missing.map(move |h| (position, h, &reached[h])).collect::<Vec<_>>()
             })
             .filter_map(|(position, h, reached)| {
                 let (far, status, words) = match reached {
