@@ -456,9 +456,9 @@ fn bad_stiffness_files_are_named() {
         Bad("O01,-15", "O01,1e999", "theta_deg|number", Some(4)),
         Bad("O01,-15", "O01,85", "O01|travel", Some(4)),
         Bad("O02,", "O01,", "O01|twice|line 4", Some(5)),
-        Bad("O01,-15,-15,500,4176056.2", "O01,-15,-15,500,4176056.2,7", "cells", Some(4)),
-        Bad("O01,-15,-15,500,4176056.2", "O01,-15,-15,500,-4176056.2", "k11|from 1 to 1e15", Some(4)),
-        Bad("O01,-15,-15,500,4176056.2", "O01,-15,-15,500,4176.2", "positive definite", Some(4)),
+        Bad("O01,-15,-15,500,4.1612847e6", "O01,-15,-15,500,4.1612847e6,7", "cells", Some(4)),
+        Bad("O01,-15,-15,500,4.1612847e6", "O01,-15,-15,500,-4.1612847e6", "k11|from 1 to 1e15", Some(4)),
+        Bad("O01,-15,-15,500,4.1612847e6", "O01,-15,-15,500,4176.2", "positive definite", Some(4)),
     ];
     for Bad(from, to, words, line) in cases {
         assert!(good.contains(from), "{from}");

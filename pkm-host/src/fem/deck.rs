@@ -5,14 +5,16 @@
 use std::fmt::Write as _;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
-use pkm_core::machine::{Joint, MachineParameters};
 use pkm_core::Pose;
+use pkm_core::machine::{Joint, MachineParameters};
 
 use super::mesh::{self, Mesh, PlateMesh};
 use super::solid::{Bar, LimbSolid, Solid, Telescope};
 
-/// Least overlap of tube and ram, and least of anything else that slides.
-const LEAST_M: f64 = 0.010;
+/// Least overlap of tube and ram, as in the core's effect.
+const OVERLAP_M: f64 = 0.010;
+/// Least distance of two rigid rings on one bar.
+const APART_M: f64 = 0.002;
 
 /// A rigid body's two nodes in CalculiX, or two nodes of the ground: translations are the first one's freedoms, rotations the
 /// second one's.
@@ -146,12 +148,7 @@ impl Deck {
             // u, or y of B, which is square to the limb unless A_i is out of its plane
             let x = if limb == 2 { y_b } else { Vector3::x() };
             let x = (x - z * z.dot(&x)).normalize();
-            Line {
-                limb,
-                from: base[limb],
-                axes: Matrix3::from_columns(&[x, z.cross(&x), z]),
-                length_m: along.norm(),
-            }
+            Line { limb, from: base[limb], axes: Matrix3::from_columns(&[x, z.cross(&x), z]), length_m: along.norm() }
         });
         check_room(solid, &lines, &z_b)?;
 
@@ -214,8 +211,7 @@ impl Deck {
             self.orientations.len() - 1
         });
         for (i, stiffness) in stiffness.into_iter().enumerate().filter(|(_, k)| *k != 0.0) {
-            let between =
-                if i < 3 { [a.reference, b.reference] } else { [a.rotation, b.rotation] };
+            let between = if i < 3 { [a.reference, b.reference] } else { [a.rotation, b.rotation] };
             self.springs.push(Spring { what: what.to_owned(), between, freedom: i % 3 + 1, orientation, stiffness });
         }
     }
@@ -282,7 +278,9 @@ impl Deck {
 
     fn telescope(&mut self, line: &Line, t: &Telescope, size: f64) -> Result<(Body, Body), Collision> {
         let (q, number, mm) = (line.length_m, line.limb + 1, 1e3);
-        let (rear, mouth) = (-t.behind_m, t.tube_m);
+        // the rear end's ring and the joint's are one unless there is room for two
+        let rear = if t.behind_m < APART_M { 0.0 } else { -t.behind_m };
+        let mouth = t.tube_m;
         let mut inner = q - t.ram_m;
         let collision = |what: &str, left: f64, needed: f64| {
             Err(format!(
@@ -292,18 +290,18 @@ impl Deck {
                 needed * mm
             ))
         };
-        if mouth - inner < LEAST_M {
-            return collision("the ram leaves the tube, overlap", mouth - inner, LEAST_M);
+        if mouth - inner < OVERLAP_M {
+            return collision("the ram leaves the tube, overlap", mouth - inner, OVERLAP_M);
         }
-        if inner - rear < LEAST_M {
-            return collision("the ram's inner end meets the tube's rear end, room", inner - rear, LEAST_M);
+        if inner - rear < APART_M {
+            return collision("the ram's inner end meets the tube's rear end, room", inner - rear, APART_M);
         }
-        if q - mouth < 0.0 {
-            return collision("the tube's mouth is beyond the platform joint, room", q - mouth, 0.0);
+        if q - mouth < APART_M {
+            return collision("the tube's mouth is at the platform joint, room", q - mouth, APART_M);
         }
         // one ring can't be held by the joint and carry a guide
-        if t.behind_m > 0.0 && inner.abs() < 0.2 * LEAST_M {
-            inner = 0.2 * LEAST_M;
+        if rear < 0.0 && inner.abs() < APART_M {
+            inner = APART_M;
         }
         let mut places = vec![rear, 0.0, inner, mouth];
         places.dedup();
@@ -363,7 +361,8 @@ impl Deck {
         let mut element = 0;
         let mut topology = |s: &mut String, nodes: &[usize], first: usize| {
             element += 1;
-            let all: Vec<String> = std::iter::once(element).chain(nodes.iter().map(|n| first + n)).map(|n| n.to_string()).collect();
+            let all: Vec<String> =
+                std::iter::once(element).chain(nodes.iter().map(|n| first + n)).map(|n| n.to_string()).collect();
             let rows: Vec<String> = all.chunks(16).map(|row| row.join(",")).collect();
             _ = writeln!(s, "{}", rows.join(",\n"));
         };

@@ -7,8 +7,9 @@ use nalgebra::{Rotation3, Vector3};
 
 use super::deck::Deck;
 
-/// Corners of the faces of a hexahedron and of a wedge.
-const HEXAHEDRON: [&[usize]; 6] = [&[0, 3, 2, 1], &[4, 5, 6, 7], &[0, 1, 5, 4], &[1, 2, 6, 5], &[2, 3, 7, 6], &[3, 0, 4, 7]];
+/// Corners of the faces of a hexahedron and of a wedge, counter-clockwise as seen from outside.
+const HEXAHEDRON: [&[usize]; 6] =
+    [&[0, 3, 2, 1], &[4, 5, 6, 7], &[0, 1, 5, 4], &[1, 2, 6, 5], &[2, 3, 7, 6], &[3, 0, 4, 7]];
 const WEDGE: [&[usize]; 5] = [&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[1, 2, 5, 4], &[2, 0, 3, 5]];
 
 fn colour(part: &str) -> [f64; 3] {
@@ -27,7 +28,8 @@ fn faces(deck: &Deck) -> Vec<(&str, Vec<Vector3<f64>>)> {
     let mut all = Vec::new();
     for part in deck.parts() {
         let mut outer: BTreeMap<Vec<usize>, Option<Vec<usize>>> = BTreeMap::new();
-        let hexahedra = part.mesh.hexahedra.iter().flat_map(|e| HEXAHEDRON.map(|f| f.iter().map(|i| e[*i]).collect::<Vec<_>>()));
+        let hexahedra =
+            part.mesh.hexahedra.iter().flat_map(|e| HEXAHEDRON.map(|f| f.iter().map(|i| e[*i]).collect::<Vec<_>>()));
         let wedges = part.mesh.wedges.iter().flat_map(|e| WEDGE.map(|f| f.iter().map(|i| e[*i]).collect::<Vec<_>>()));
         for face in hexahedra.chain(wedges) {
             let mut key = face.clone();
@@ -62,10 +64,13 @@ pub fn svg(deck: &Deck) -> String {
         Vector3::new(p.x, p.z, -p.y)
     };
     let boxes = views.each_ref().map(|(_, turn)| {
-        faces.iter().flat_map(|(_, f)| f).map(|p| seen(turn, p)).fold(
-            [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY],
-            |[a, b, c, d], p| [a.min(p.x), b.max(p.x), c.min(p.y), d.max(p.y)],
-        )
+        faces
+            .iter()
+            .flat_map(|(_, f)| f)
+            .map(|p| seen(turn, p))
+            .fold([f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY], |[a, b, c, d], p| {
+                [a.min(p.x), b.max(p.x), c.min(p.y), d.max(p.y)]
+            })
     });
     let tallest = boxes.iter().map(|[_, _, low, high]| high - low).fold(0.0, f64::max);
     let scale = HEIGHT / tallest;
@@ -82,19 +87,23 @@ pub fn svg(deck: &Deck) -> String {
     for ((name, turn), [left, right, low, _]) in views.iter().zip(boxes) {
         let mut drawn: Vec<(f64, String)> = faces
             .iter()
-            .map(|(part, corners)| {
+            .filter_map(|(part, corners)| {
                 let p: Vec<Vector3<f64>> = corners.iter().map(|p| seen(turn, p)).collect();
-                let depth = p.iter().map(|p| p.z).sum::<f64>() / p.len() as f64;
-                let normal = (p[1] - p[0]).cross(&(p[2] - p[0]));
-                // either side may be outside: lit as if it faced the eye
-                let lit = 0.55 + 0.45 * (normal * normal.z.signum()).normalize().dot(&light).max(0.0);
+                // faces are sorted by their middles: long ones of a ram would come before the tube about it
+                let outside = if part.starts_with("TUBE") { 0.05 * tallest } else { 0.0 };
+                let depth = p.iter().map(|p| p.z).sum::<f64>() / p.len() as f64 + outside;
+                let normal = (p[1] - p[0]).cross(&(p[2] - p[0])).normalize();
+                if normal.z <= 0.0 {
+                    return None;
+                }
+                let lit = 0.55 + 0.45 * normal.dot(&light).max(0.0);
                 let [r, g, b] = colour(part).map(|c| (c * lit) as u8);
                 let points: Vec<String> = p
                     .iter()
                     .map(|p| format!("{:.1},{:.1}", x0 + (p.x - left) * scale, 10.0 + HEIGHT - (p.y - low) * scale))
                     .collect();
                 let fill = format!("#{r:02x}{g:02x}{b:02x}");
-                (depth, format!("<path d=\"M{}z\" fill=\"{fill}\" stroke=\"{fill}\"/>", points.join("L")))
+                Some((depth, format!("<path d=\"M{}z\" fill=\"{fill}\" stroke=\"{fill}\"/>", points.join("L"))))
             })
             .collect();
         drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -102,7 +111,12 @@ pub fn svg(deck: &Deck) -> String {
         drawn.iter().for_each(|(_, path)| s.push_str(path));
         s.push_str("</g>\n");
         let wide = (right - left) * scale;
-        _ = writeln!(s, "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"middle\">{name}</text>", x0 + wide / 2.0, HEIGHT + 34.0);
+        _ = writeln!(
+            s,
+            "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"middle\">{name}</text>",
+            x0 + wide / 2.0,
+            HEIGHT + 34.0
+        );
         x0 += wide + gap;
     }
     let (y, long) = (HEIGHT + 54.0, 0.1 * scale);

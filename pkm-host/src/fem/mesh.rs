@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use spade::handles::FixedFaceHandle;
-use spade::{AngleLimit, ConstrainedDelaunayTriangulation, DelaunayTriangulation, Point2, RefinementParameters, Triangulation};
+use spade::{
+    AngleLimit, ConstrainedDelaunayTriangulation, DelaunayTriangulation, Point2, RefinementParameters, Triangulation,
+};
 
 use super::solid::{Bar, Plate};
 
@@ -124,7 +126,7 @@ pub fn bar(bar: &Bar, stations: &[f64], size: f64) -> BarMesh {
 pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
     let widest = bores.iter().map(|(_, diameter)| *diameter).fold(0.0, f64::max);
     let element = 0.5 * widest * size;
-    let around = divisions(16.0, size, 8);
+    let around = divisions(16.0, size, 12);
     let on_circle = |[x, y]: [f64; 2], radius: f64, n: usize, of: usize| {
         let angle = 2.0 * PI * n as f64 / of as f64;
         Point2::new(x + radius * angle.cos(), y + radius * angle.sin())
@@ -160,7 +162,8 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
         .with_max_allowed_area(3.0_f64.sqrt() / 4.0 * element * element)
         .with_max_additional_vertices(200_000);
     let refined = flat.refine(parameters);
-    let outside: std::collections::BTreeSet<usize> = refined.excluded_faces.iter().map(FixedFaceHandle::index).collect();
+    let outside: std::collections::BTreeSet<usize> =
+        refined.excluded_faces.iter().map(FixedFaceHandle::index).collect();
 
     // where a point lies: on the wall of a bore, on the edge, or inside
     let on_bore = |p: [f64; 2]| {
@@ -170,7 +173,8 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
     let height = |k: usize| plate.thickness_m * (k as f64 / (2 * layers) as f64 - 0.5);
     let mut numbered = Numbered::new();
     let mut wedges = Vec::new();
-    let (mut walls, mut edge) = (vec![std::collections::BTreeSet::new(); bores.len()], std::collections::BTreeSet::new());
+    let (mut walls, mut edge) =
+        (vec![std::collections::BTreeSet::new(); bores.len()], std::collections::BTreeSet::new());
     for face in flat.inner_faces().filter(|f| !outside.contains(&f.fix().index())) {
         let corners = face.vertices().map(|v| (v.fix().index(), v.position()));
         let middle_of = |i: usize| {
@@ -179,7 +183,13 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
             let side = face.adjacent_edges()[i];
             let bore = on_bore([p.x, p.y]).filter(|n| on_bore([q.x, q.y]) == Some(*n) && side.is_constraint_edge());
             let is_edge = bore.is_none() && side.is_constraint_edge();
-            let place = bore.map_or(straight, |n| {
+            // the wall is round, but for a corner that its bulge would turn inside out
+            let [angle_p, angle_q] = [[q, p], [p, q]].map(|[from, to]| {
+                let opposite = corners[(i + 2) % 3].1;
+                let (a, b) = ([from.x - to.x, from.y - to.y], [opposite.x - to.x, opposite.y - to.y]);
+                (a[0] * b[1] - a[1] * b[0]).abs().atan2(a[0] * b[0] + a[1] * b[1]).to_degrees()
+            });
+            let place = bore.filter(|_| angle_p.min(angle_q) > 20.0).map_or(straight, |n| {
                 let ([x, y], d) = bores[n];
                 let out = 0.5 * d / (straight[0] - x).hypot(straight[1] - y);
                 [x + out * (straight[0] - x), y + out * (straight[1] - y)]
@@ -222,5 +232,57 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
         mesh: Mesh { nodes: numbered.nodes, hexahedra: Vec::new(), wedges },
         bores: walls.into_iter().map(|w| w.into_iter().collect()).collect(),
         edge: edge.into_iter().collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Least Jacobian of a wedge's lower face, a triangle of six nodes, at its nodes, relative to that of a regular one of
+    /// its size.
+    fn worst(mesh: &Mesh, e: &[usize; 15]) -> f64 {
+        let at = |n: usize| [mesh.nodes[e[n]][0], mesh.nodes[e[n]][1]];
+        let p = [at(0), at(1), at(2), at(6), at(7), at(8)];
+        let longest =
+            (0..3).map(|i| (p[i][0] - p[(i + 1) % 3][0]).hypot(p[i][1] - p[(i + 1) % 3][1])).fold(0.0, f64::max);
+        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
+            .map(|[r, s]| {
+                let t = 1.0 - r - s;
+                let by_r = [1.0 - 4.0 * t, 4.0 * r - 1.0, 0.0, 4.0 * (t - r), 4.0 * s, -4.0 * s];
+                let by_s = [1.0 - 4.0 * t, 0.0, 4.0 * s - 1.0, -4.0 * r, 4.0 * r, 4.0 * (t - s)];
+                let sum = |weights: &[f64; 6], i: usize| weights.iter().zip(&p).map(|(w, p)| w * p[i]).sum::<f64>();
+                let j = sum(&by_r, 0) * sum(&by_s, 1) - sum(&by_r, 1) * sum(&by_s, 0);
+                j / (0.75_f64.sqrt() * longest * longest)
+            })
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn no_element_of_a_plate_is_inside_out() {
+        for (scale, hub, rim) in [(1.0, 0.12, 0.025), (1.0, 0.12, 0.07), (1.0, 0.0, 0.07), (0.3, 0.4, 0.05)] {
+            let mut bores = vec![
+                ([0.0, -0.35 * scale], 0.09 * scale),
+                ([0.0, 0.35 * scale], 0.09 * scale),
+                ([0.38 * scale, 0.0], 0.09 * scale),
+            ];
+            if hub > 0.0 {
+                bores.push(([0.0, 0.0], hub * scale));
+            }
+            let p = Plate {
+                thickness_m: 0.08 * scale,
+                bore_m: 0.09 * scale,
+                hub_m: hub * scale,
+                rim_m: rim * scale,
+                young_pa: 1.0,
+                poisson: 0.3,
+            };
+            for size in [0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0] {
+                let plate = plate(&p, &bores, size);
+                let least = plate.mesh.wedges.iter().map(|e| worst(&plate.mesh, e)).fold(f64::INFINITY, f64::min);
+                assert!(least > 0.03, "size {size}: {least}");
+            }
+        }
     }
 }

@@ -230,7 +230,11 @@ fn manifest(file: &MachineFile, solid: &Solid, request: &Request<'_>, version: &
 }
 
 /// Sets the value of a key; tables on the way come into being, `[[limb]]` is counted from 1.
-fn put(table: &mut dyn toml_edit::TableLike, keys: &[&str], value: toml_edit::Value) -> std::result::Result<(), String> {
+fn put(
+    table: &mut dyn toml_edit::TableLike,
+    keys: &[&str],
+    value: toml_edit::Value,
+) -> std::result::Result<(), String> {
     match keys {
         [] => Err("expected the key of a value".into()),
         [key] => {
@@ -322,7 +326,10 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         Mode::Run => ccx::version(request.ccx)?,
         Mode::Collect => ccx::version(request.ccx).unwrap_or_else(|_| "CalculiX".to_owned()),
         Mode::DryRun => {
-            source::write(&html, report::page(&report::Facts { file: &file, solid, request, cases: &cases, solved: None })?)?;
+            source::write(
+                &html,
+                report::page(&report::Facts { file: &file, solid, request, cases: &cases, solved: None })?,
+            )?;
             let text = about(&format!("nothing computed; the machine is drawn in {}", html.display()));
             let json = json!({ "poses": cases.len(), "nodes": largest.0, "elements": largest.1, "report": html.display().to_string() });
             return Ok(Output { text, json });
@@ -371,7 +378,8 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         return Err(Failure::other(message).in_file(work.display().to_string()));
     }
 
-    let json_of = |v: Value| serde_json::to_string_pretty(&v).map(|s| s + "\n").map_err(|e| Failure::other(e.to_string()));
+    let json_of =
+        |v: Value| serde_json::to_string_pretty(&v).map(|s| s + "\n").map_err(|e| Failure::other(e.to_string()));
     let manifest_text = json_of(manifest(&file, solid, request, &version, &cases))?;
     let facts = report::Facts { file: &file, solid, request, cases: &cases, solved: Some(&solved) };
     let page = report::page(&facts)?;

@@ -52,7 +52,9 @@ fn usual(wish: &Wish<'_>, poses: &[NamedPose]) -> String {
                     for (share, direction) in [(0.5, "load"), (1.0, "load"), (0.5, "unload")] {
                         let mut row = vec![pose.id.clone()];
                         row.extend(file_units(&pose.pose).map(|v| v.to_string()));
-                        row.extend((0..6).map(|i| if i == axis { (sign * share * most).to_string() } else { "0".into() }));
+                        row.extend(
+                            (0..6).map(|i| if i == axis { (sign * share * most).to_string() } else { "0".into() }),
+                        );
                         let (axis, _) = name.split_once('_').unwrap_or((name, ""));
                         row.extend([format!("{}{mark}{axis}.{repeat}", pose.id), repeat.to_string(), direction.into()]);
                         rows.push(row);
@@ -115,8 +117,7 @@ impl Loads {
             radius * (std::f64::consts::TAU * random.f64()).cos()
         };
         let series = self.readings.readings.iter().map(|r| r.series + 1).max().unwrap_or(0);
-        let zeros: Vec<[f64; 6]> =
-            (0..series).map(|_| std::array::from_fn(|i| wish.zero[i / 3] * normal())).collect();
+        let zeros: Vec<[f64; 6]> = (0..series).map(|_| std::array::from_fn(|i| wish.zero[i / 3] * normal())).collect();
         let mut rows = Vec::new();
         for (row, reading) in self.sheet.rows.iter().zip(&self.readings.readings) {
             let c = &self.readings.conditions[reading.condition];

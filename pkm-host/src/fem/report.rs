@@ -90,8 +90,7 @@ pub fn page(facts: &Facts<'_>) -> Result<String> {
     body.push_str("</ul>\n<h2>What is computed</h2>\n");
     let first = &facts.cases[0].pose;
     let [theta, sigma, z0] = file_units(&first.pose);
-    // few elements: the picture shows shapes
-    let plates = Plates::new(facts.solid, &facts.file.parameters, 2.0);
+    let plates = Plates::new(facts.solid, &facts.file.parameters, 1.0);
     let deck = Deck::new(facts.solid, &facts.file.parameters, &first.pose, &plates).map_err(Failure::other)?;
     body.push_str(&drawing::svg(&deck));
     body.push_str(&format!(
@@ -112,22 +111,22 @@ pub fn page(facts: &Facts<'_>) -> Result<String> {
         ));
         let pairs = facts.pairs();
         for three in [[0, 1, 2], [3, 4, 5]] {
-            let panels = three.map(|i| Panel {
-                title: format!("k{}", STIFFNESSES[i]),
-                x_label: "finite elements".into(),
-                y_label: if i < 3 { "basic model, N/m".into() } else { "basic model, N·m/rad".into() },
-                series: vec![
-                    Series {
-                        name: "poses".into(),
-                        points: pairs.iter().map(|p| (p.fem[i], p.core[i])).collect(),
-                        mark: Mark::Dot,
-                    },
-                    Series {
-                        name: "equal".into(),
-                        points: pairs.iter().map(|p| (p.fem[i], p.fem[i])).collect(),
-                        mark: Mark::Cross,
-                    },
-                ],
+            let panels = three.map(|i| {
+                let (unit, per) = if i < 3 { ("N/µm", 1e-6) } else { ("kN·m/rad", 1e-3) };
+                let series = |name: &str, value: fn(&Pair, usize) -> f64, mark| Series {
+                    name: name.into(),
+                    points: pairs.iter().map(|p| (p.fem[i] * per, value(p, i) * per)).collect(),
+                    mark,
+                };
+                Panel {
+                    title: format!("k{}", STIFFNESSES[i]),
+                    x_label: format!("finite elements, {unit}"),
+                    y_label: format!("basic model, {unit}"),
+                    series: vec![
+                        series("poses", |p, i| p.core[i], Mark::Dot),
+                        series("equal", |p, i| p.fem[i], Mark::Cross),
+                    ],
+                }
             });
             body.push_str(&plot::panels(&panels)?);
         }

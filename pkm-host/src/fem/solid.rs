@@ -283,9 +283,9 @@ impl Solid {
             })
         };
         let p = &raw.platform;
-        let hub_m = one("solid.platform.hub_mm", &p.hub_mm, MM, POSITIVE, f64::MAX, 0.72 * a)?;
+        let hub_m = one("solid.platform.hub_mm", &p.hub_mm, MM, POSITIVE, f64::MAX, 0.67 * a)?;
         let keys = [&p.thickness_mm, &p.bore_mm, &p.rim_mm, &p.young_gpa, &p.poisson];
-        let platform = plate("platform", keys, hub_m, [0.28 * a, 0.39 * a, 0.33 * a])?;
+        let platform = plate("platform", keys, hub_m, [0.28 * a, 0.42 * a, 0.14 * a])?;
         let keys =
             [&raw.base.thickness_mm, &raw.base.bore_mm, &raw.base.rim_mm, &raw.base.young_gpa, &raw.base.poisson];
         let base = plate("base", keys, 0.0, [0.23 * b, 0.25 * b, 0.2 * b])?;
@@ -293,12 +293,7 @@ impl Solid {
             RawKind::Elastic => Some(plate),
             RawKind::Rigid => None,
         };
-        let solid = Self {
-            limbs,
-            offset_m,
-            platform: elastic(p.kind, platform),
-            base: elastic(raw.base.kind, base),
-        };
+        let solid = Self { limbs, offset_m, platform: elastic(p.kind, platform), base: elastic(raw.base.kind, base) };
         solid.check_bores(machine)?;
         Ok(solid)
     }
@@ -320,7 +315,11 @@ impl Solid {
     pub fn toml(&self) -> String {
         let tidy = |v: f64| format!("{}", (v * 1e9).round() / 1e9);
         let mm = |v: [f64; 3]| format!("[{}]", v.map(|m| tidy(m / MM)).join(", "));
-        let whole = |v: [f64; 3]| format!("[{}]", v.map(|k| format!("{k:.6e}")).join(", "));
+        let whole = |v: [f64; 3]| {
+            let digits =
+                |k: f64| format!("{k:.6e}").parse::<f64>().map_or_else(|e| e.to_string(), |k| format!("{k:e}"));
+            format!("[{}]", v.map(digits).join(", "))
+        };
         let mut s = String::from("[solid]\n");
         let telescopes: Vec<&Telescope> = self
             .limbs
@@ -330,7 +329,12 @@ impl Solid {
                 LimbSolid::Uniform { .. } => None,
             })
             .collect();
-        _ = writeln!(s, "limb = \"{}\"\noffset_mm = {}", if telescopes.is_empty() { "uniform" } else { "telescopic" }, mm(self.offset_m));
+        _ = writeln!(
+            s,
+            "limb = \"{}\"\noffset_mm = {}",
+            if telescopes.is_empty() { "uniform" } else { "telescopic" },
+            mm(self.offset_m)
+        );
         if let [a, b, c] = telescopes[..] {
             let of = |pick: fn(&Telescope) -> f64| [pick(a), pick(b), pick(c)];
             let (outer, inner) = (mm(of(|t| t.tube.outer_m)), mm(of(|t| t.tube.inner_m)));
@@ -422,15 +426,15 @@ impl RawSolid {
         let ram_m = three("solid.ram.length_mm", &self.ram.length_mm, MM, POSITIVE, ram_m)?;
         let behind_m = std::array::from_fn(|i| (ram_m[i] - min[i] + room[i]).max(0.0));
         let behind_m = three("solid.tube.behind_mm", &self.tube.behind_mm, MM, 0.0, behind_m)?;
-        // what is bought grows with the screw: some 1e9 N/m for one of 32 mm
-        let bought: [f64; 3] = std::array::from_fn(|i| 0.15 * screws[i].young_pa * screw_outer[i]);
+        // what is bought grows with the screw: 3.5e8 N/m with its housing for one of 32 mm
+        let bought: [f64; 3] = std::array::from_fn(|i| 0.053 * screws[i].young_pa * screw_outer[i]);
         let seat = |name: &str, raw: &RawSeat| -> Checked<[Seat; 3]> {
             let axial = three(&format!("solid.{name}.axial_n_per_m"), &raw.axial_n_per_m, 1.0, POSITIVE, bought)?;
             let radial = three(&format!("solid.{name}.radial_n_per_m"), &raw.radial_n_per_m, 1.0, POSITIVE, bought)?;
             Ok(std::array::from_fn(|i| Seat { axial_n_per_m: axial[i], radial_n_per_m: radial[i] }))
         };
         let (bearing, nut) = (seat("bearing", &self.bearing)?, seat("nut", &self.nut)?);
-        let guide = std::array::from_fn(|i| 0.15 * rods[i].young_pa * ram_outer[i]);
+        let guide = std::array::from_fn(|i| 0.24 * rods[i].young_pa * ram_outer[i]);
         let guide = three("solid.guide.radial_n_per_m", &self.guide.radial_n_per_m, 1.0, POSITIVE, guide)?;
         let key = std::array::from_fn(|i| 0.2 * rods[i].young_pa * ram_outer[i].powi(3));
         let key = three("solid.guide.key_nm_per_rad", &self.guide.key_nm_per_rad, 1.0, POSITIVE, key)?;
@@ -440,9 +444,19 @@ impl RawSolid {
             let (mm, limb) = (|m: f64| (m / MM * 1e3).round() / 1e3, i + 1);
             let rules = [
                 (ram_inner[i] < ram_outer[i], "ram.inner_mm", &self.ram.inner_mm, "a bore below the ram's outer_mm"),
-                (tube_inner[i] < tube_outer[i], "tube.inner_mm", &self.tube.inner_mm, "a bore below the tube's outer_mm"),
+                (
+                    tube_inner[i] < tube_outer[i],
+                    "tube.inner_mm",
+                    &self.tube.inner_mm,
+                    "a bore below the tube's outer_mm",
+                ),
                 (ram_outer[i] <= tube_inner[i], "tube.inner_mm", &self.tube.inner_mm, "a bore that the ram fits in"),
-                (tube_m[i] < max[i], "tube.length_mm", &self.tube.length_mm, "a tube that ends before the platform joint"),
+                (
+                    tube_m[i] < max[i],
+                    "tube.length_mm",
+                    &self.tube.length_mm,
+                    "a tube that ends before the platform joint",
+                ),
                 (
                     tube_m[i] + ram_m[i] > max[i],
                     "ram.length_mm",
