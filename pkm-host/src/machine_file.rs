@@ -37,7 +37,7 @@ pub struct MachineFile {
     pub wrist_parameters: WristParameters,
     /// The core's wrist made of them; an error only for one that is singular at home.
     pub wrist: std::result::Result<Wrist<f64>, WristError>,
-    /// What limbs and platforms are made of; an error only where the file has no `[solid]` and the defaults don't fit.
+    /// What limbs and platforms are made of; an error where the parts don't fit together.
     pub solid: Result<Solid>,
 }
 
@@ -272,14 +272,18 @@ impl MachineFile {
             let span = text.find("[wrist]").unwrap_or(0);
             return Err(fail(Some(span..span), "wrist", error.to_string()));
         }
-        let solid = Solid::new(raw.solid.as_ref().map_or(&RawSolid::default(), |s| s.get_ref()), &parameters);
-        let solid = solid.map_err(|(key, span, message)| {
-            let span = span.or_else(|| raw.solid.as_ref().map(Spanned::span));
-            fail(span, &key, message)
-        });
-        if let (Err(failure), Some(_)) = (&solid, &raw.solid) {
-            return Err(failure.clone());
-        }
+        let section = raw.solid.as_ref();
+        let solid = match Solid::new(section.map_or(&RawSolid::default(), Spanned::get_ref), &parameters) {
+            Ok(solid) => Ok(solid),
+            Err(flaw) => {
+                let place = flaw.place.or_else(|| section.map(Spanned::span));
+                let failure = fail(place, &flaw.key, flaw.message);
+                if flaw.of_value {
+                    return Err(failure);
+                }
+                Err(failure)
+            }
+        };
         let declared = |pick: fn(&RawUncertainty) -> Option<&Number>, or: f64| {
             raw.uncertainty.as_ref().and_then(pick).map_or(or, |n| *n.get_ref())
         };

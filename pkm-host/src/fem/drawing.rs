@@ -53,7 +53,7 @@ pub fn svg(deck: &Deck) -> String {
         ("along x of B", Rotation3::from_axis_angle(&Vector3::z_axis(), -90_f64.to_radians())),
         (
             "askew",
-            Rotation3::from_axis_angle(&Vector3::x_axis(), -25_f64.to_radians())
+            Rotation3::from_axis_angle(&Vector3::x_axis(), 25_f64.to_radians())
                 * Rotation3::from_axis_angle(&Vector3::z_axis(), -40_f64.to_radians()),
         ),
     ];

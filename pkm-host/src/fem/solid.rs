@@ -196,9 +196,21 @@ struct RawBase {
     poisson: Single,
 }
 
-/// Key, place in the file if it is there, message.
-pub(crate) type Misplaced = (String, Option<Range<usize>>, String);
-type Checked<T> = Result<T, Misplaced>;
+/// What is wrong with the section.
+pub(crate) struct Flaw {
+    pub key: String,
+    /// In the file, if it is there.
+    pub place: Option<Range<usize>>,
+    pub message: String,
+    /// Wrong by itself, not only beside other dimensions: a flaw of the file whatever it is read for.
+    pub of_value: bool,
+}
+
+type Checked<T> = Result<T, Flaw>;
+
+fn misfit<T>(key: String, place: Option<Range<usize>>, message: String) -> Checked<T> {
+    Err(Flaw { key, place, message, of_value: false })
+}
 
 const POSITIVE: f64 = f64::MIN_POSITIVE;
 
@@ -211,7 +223,7 @@ fn checked(key: &str, place: Option<Range<usize>>, value: f64, least: f64, below
         (_, f64::MAX) => format!("expected a number of at least {least}, found {value}"),
         _ => format!("expected a number from {least} to below {below}, found {value}"),
     };
-    Err((key.to_owned(), place, message))
+    Err(Flaw { key: key.to_owned(), place, message, of_value: true })
 }
 
 /// Values of the three limbs, times the unit; the default where the file has none.
@@ -239,7 +251,7 @@ impl Bar {
             let message = format!(
                 "expected moduli of an isotropic solid, young_gpa/3 < shear_gpa: Poisson's ratio would be {poisson:.3}"
             );
-            return Err((key.to_owned(), None, message));
+            return misfit(key.to_owned(), None, message);
         }
         Ok(Self { outer_m: tube.outer_m, inner_m: tube.inner_m, young_pa: tube.young_pa, poisson })
     }
@@ -392,7 +404,7 @@ impl Solid {
                             wall / MM,
                             0.1 * rim / MM
                         );
-                        return Err((format!("solid.{name}.bore_mm"), None, message));
+                        return misfit(format!("solid.{name}.bore_mm"), None, message);
                     }
                 }
             }
@@ -475,7 +487,7 @@ impl RawSolid {
                         mm(ram_inner[i]),
                         mm(ram_m[i])
                     );
-                    return Err((format!("solid.{key}"), place(raw), message));
+                    return misfit(format!("solid.{key}"), place(raw), message);
                 }
             }
         }
