@@ -54,7 +54,7 @@ pub fn svg(deck: &Deck) -> String {
         (
             "askew",
             Rotation3::from_axis_angle(&Vector3::x_axis(), 25_f64.to_radians())
-                * Rotation3::from_axis_angle(&Vector3::z_axis(), -40_f64.to_radians()),
+                * Rotation3::from_axis_angle(&Vector3::z_axis(), -125_f64.to_radians()),
         ),
     ];
     let upright = deck.base_axes();
