@@ -97,10 +97,10 @@ impl Loads {
         solved: &[(&Case, Solved)],
     ) -> Result<String> {
         let given = |c: &&str| self.sheet.has(c);
-        let wanted: Vec<&str> = match DEFLECTION_COLUMNS.iter().any(|c| given(&c)) {
-            true => DEFLECTION_COLUMNS.iter().copied().filter(|c| given(&c)).collect(),
-            false => DEFLECTION_COLUMNS.to_vec(),
-        };
+        let mut wanted: Vec<&str> = DEFLECTION_COLUMNS.into_iter().filter(given).collect();
+        if wanted.is_empty() {
+            wanted = DEFLECTION_COLUMNS.to_vec();
+        }
         const SIGMA: [&str; 2] = ["sigma_linear_um", "sigma_angular_urad"];
         let mut header = self.sheet.header.clone();
         header.extend(wanted.iter().chain(&SIGMA).filter(|c| !given(c)).map(|c| (*c).to_owned()));
