@@ -1,6 +1,6 @@
 //! Second-order meshes of round bars and of plates with bores: hexahedra and wedges, in the part's own axes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 
 use spade::handles::FixedFaceHandle;
@@ -162,8 +162,7 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
         .with_max_allowed_area(3.0_f64.sqrt() / 4.0 * element * element)
         .with_max_additional_vertices(200_000);
     let refined = flat.refine(parameters);
-    let outside: std::collections::BTreeSet<usize> =
-        refined.excluded_faces.iter().map(FixedFaceHandle::index).collect();
+    let outside: BTreeSet<usize> = refined.excluded_faces.iter().map(FixedFaceHandle::index).collect();
 
     // where a point lies: on the wall of a bore, on the edge, or inside
     let on_bore = |p: [f64; 2]| {
@@ -173,8 +172,7 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
     let height = |k: usize| plate.thickness_m * (k as f64 / (2 * layers) as f64 - 0.5);
     let mut numbered = Numbered::new();
     let mut wedges = Vec::new();
-    let (mut walls, mut edge) =
-        (vec![std::collections::BTreeSet::new(); bores.len()], std::collections::BTreeSet::new());
+    let (mut walls, mut edge) = (vec![BTreeSet::new(); bores.len()], BTreeSet::new());
     for face in flat.inner_faces().filter(|f| !outside.contains(&f.fix().index())) {
         let corners = face.vertices().map(|v| (v.fix().index(), v.position()));
         let middle_of = |i: usize| {
