@@ -369,7 +369,14 @@ pub(crate) fn plain(message: &str) -> String {
         ("field", "key"),
         ("\n", " "),
     ];
-    words.iter().fold(message.to_owned(), |text, (from, to)| text.replace(from, to))
+    let text = words.iter().fold(message.to_owned(), |text, (from, to)| text.replace(from, to));
+    // names of the program's own
+    match text.split_once("struct Raw") {
+        Some((before, after)) => {
+            format!("{before}a table{}", after.trim_start_matches(|c: char| c.is_ascii_alphanumeric()))
+        }
+        None => text,
+    }
 }
 
 /// Line, from 1, of a byte.

@@ -285,7 +285,7 @@ struct FemArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Size of the elements, relative to the usual: 0.5 is twice as fine.
-    #[arg(long, default_value_t = 1.0, value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, default_value_t = 1.0, value_parser = mesh_size, allow_hyphen_values = true)]
     mesh: f64,
     /// Poses at a time, one core each; default: as many as there are cores.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
@@ -300,7 +300,7 @@ struct FemArgs {
     #[arg(long)]
     keep: bool,
     /// Compute nothing: check that the solids fit at every pose, and write the page with the drawing.
-    #[arg(long, conflicts_with_all = ["emit", "collect"])]
+    #[arg(long, conflicts_with_all = ["emit", "collect", "readings"])]
     dry_run: bool,
     /// Compute nothing: write the decks and an array job for a cluster.
     #[arg(long, value_enum, conflicts_with = "collect")]
@@ -322,16 +322,16 @@ struct FemArgs {
     #[arg(long, default_value_t = 50.0, value_parser = positive, requires = "readings", conflicts_with = "loads")]
     moment_nm: f64,
     /// How often the default loads are taken.
-    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), conflicts_with = "loads")]
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), requires = "readings", conflicts_with = "loads")]
     repeats: u32,
     /// 1 sd of a reading, translations in um and rotations in urad.
-    #[arg(long, default_value = "0.2,0.5", value_parser = list::<2>, value_name = "UM,URAD")]
+    #[arg(long, default_value = "0.2,0.5", value_parser = list::<2>, allow_hyphen_values = true, requires = "readings", value_name = "UM,URAD")]
     noise: [f64; 2],
     /// 1 sd of the error that all readings of a series share.
-    #[arg(long, default_value = "0.2,0.5", value_parser = list::<2>, value_name = "UM,URAD")]
+    #[arg(long, default_value = "0.2,0.5", value_parser = list::<2>, allow_hyphen_values = true, requires = "readings", value_name = "UM,URAD")]
     zero: [f64; 2],
     /// Of the errors; default: drawn, and printed.
-    #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53))]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53), requires = "readings")]
     seed: Option<u64>,
 }
 
@@ -349,6 +349,11 @@ struct TableArgs {
     /// How the table is applied.
     #[arg(long, value_enum, default_value = "auto")]
     form: Form,
+}
+
+fn mesh_size(text: &str) -> std::result::Result<f64, String> {
+    finite(text)
+        .and_then(|v| if (0.1..=5.0).contains(&v) { Ok(v) } else { Err("expected a number from 0.1 to 5".into()) })
 }
 
 fn positive(text: &str) -> std::result::Result<f64, String> {
@@ -438,6 +443,9 @@ fn run(cli: &Cli) -> Result<Output> {
                 zero: a.zero,
                 seed: a.seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
             });
+            // it runs in other folders than this one
+            let named = a.ccx.components().count() > 1;
+            let ccx = std::path::absolute(&a.ccx).ok().filter(|_| named).unwrap_or_else(|| a.ccx.clone());
             let cores = || std::thread::available_parallelism().map_or(1, usize::from);
             let request = fem::Request {
                 poses: a.poses.as_deref(),
@@ -445,7 +453,7 @@ fn run(cli: &Cli) -> Result<Output> {
                 set: &a.set,
                 size: a.mesh,
                 jobs: a.jobs.map_or_else(cores, |n| n as usize),
-                ccx: &a.ccx,
+                ccx: &ccx,
                 work: a.work.as_deref(),
                 keep: a.keep,
                 mode,

@@ -324,7 +324,7 @@ table{border-collapse:collapse;margin:1rem 0;font-size:.85rem;display:block;over
 caption{text-align:left;font-weight:bold;padding:.3rem 0;white-space:nowrap}
 td,th{border:1px solid #bbb;padding:.15rem .5rem;text-align:right;white-space:nowrap}
 tr>th:first-child{text-align:left}
-svg{width:100%;height:auto}details{margin:.5rem 0}summary{cursor:pointer}
+pre{overflow-x:auto}svg{width:100%;height:auto}details{margin:.5rem 0}summary{cursor:pointer}
 .worse{color:#a00;font-weight:bold}dt{font-weight:bold}dd{margin:0 0 .3rem 1rem;overflow-wrap:anywhere}";
 
 /// The self-contained `report.html` of a fit.

@@ -153,6 +153,24 @@ pub fn write(path: &Path, content: String) -> Result<()> {
     write_all(folder, &[(name, content)])
 }
 
+/// Whether a file of this name can be written, before a long computation.
+///
+/// # Errors
+/// What the operating system says, with the path.
+pub fn check_writable(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
+    if path.is_dir() {
+        let error = std::io::Error::other("a folder of this name is in the way");
+        return Err(Failure::io("write", path, &error));
+    }
+    // a device or a pipe is written to as it is
+    if path.exists() && !path.is_file() {
+        return Ok(());
+    }
+    temporary_in(folder).map(drop).map_err(|e| Failure::io("write", path, &e))
+}
+
 /// A temporary file with the permissions of an ordinary one.
 fn temporary_in(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();

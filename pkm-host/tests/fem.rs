@@ -110,6 +110,42 @@ fn a_run_that_failed_goes_on_where_it_stopped() {
 }
 
 #[test]
+fn what_others_left_in_the_folder_stays() {
+    let folder = Folder::new();
+    // ids that are alike as names of folders
+    let poses = folder.write("p.csv", "pose,theta_deg,sigma_deg,z0_mm\na b,0,0,530\na_b,0,0,530\n-1,0,0,530\n");
+    let (ccx, out) = (stand_in(&folder, "never"), folder.path("k.csv"));
+    fs::create_dir_all(folder.path("k.work/running-old")).unwrap();
+    folder.write("k.work/thesis.txt", "precious");
+    let call = ["fem", "--poses", &poses, "--out", &out, "--ccx", &ccx, "--mesh", "3"];
+    json(&[&call[..], &["--keep"]].concat());
+    json(&call);
+    assert_eq!(runs(&folder), 3, "each pose once, and taken over from there");
+    assert_eq!(folder.read("k.work/thesis.txt"), "precious");
+    assert!(!folder.has("k.work/running-old"), "of a run that was killed");
+    assert!(folder.contents().iter().filter(|(path, _)| path.ends_with("case.inp")).count() == 3, "kept before");
+
+    let lock = fs::File::create(folder.path("k.work/lock")).unwrap();
+    lock.lock().unwrap();
+    let output = run(&call);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("another run works in this folder"));
+    drop(lock);
+
+    for (option, path) in [("--out", folder.path("k.html")), ("--out", poses.clone()), ("--readings", out.clone())] {
+        let call = if option == "--out" {
+            [&call[..3], &["--out", &path]].concat()
+        } else {
+            [&call[..5], &[option, &path]].concat()
+        };
+        let message = refused(&call)["message"].as_str().unwrap().to_owned();
+        assert!(message.contains("have this name"), "{message}");
+    }
+    let output = run(&[&call[..], &["--readings", "/proc/nothing/r.csv"]].concat());
+    assert_eq!((output.status.code(), runs(&folder)), (Some(1), 3), "told before anything is computed");
+}
+
+#[test]
 fn a_cluster_job_gives_what_a_run_gives() {
     let folder = Folder::new();
     let (ccx, poses) = (stand_in(&folder, "never"), folder.write("p.csv", POSES));
@@ -146,7 +182,7 @@ fn readings_are_the_solids_deflections_with_the_noise_that_was_asked_for() {
     let loads = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,point_u_mm,point_v_mm,point_w_mm,dx_um,ry_urad\n\
                  a,0,0,530,100,0,0,0,0,0,0,0,100,,\n";
     let rows = fem(&["--loads", &folder.write("l.csv", loads), "--noise", "0,0", "--zero", "0,0"]);
-    let cells: Vec<f64> = rows[1].split(',').skip(1).map(|c| c.parse().unwrap()).collect();
+    let cells: Vec<f64> = rows[1].split(',').skip(1).take(14).map(|c| c.parse().unwrap()).collect();
     // a force of 100 N beyond A turns by 10 N·m as well, and what turns moves the point
     let c = compliance();
     let (dx, ry) = (c[0][0] * 100.0 + c[0][4] * 10.0, c[4][0] * 100.0 + c[4][4] * 10.0);
@@ -182,7 +218,7 @@ fn every_machine_is_drawn_without_computing() {
         json(&["plan", "--kind", "levels", "4", "--machine", &machine, "--out", &poses]);
         let document = json(&["fem", "--machine", &machine, "--poses", &poses, "--out", &out, "--dry-run"]);
         assert!(document["nodes"].as_u64().unwrap() > 5000, "{document}");
-        assert!(folder.read("k.html").contains("<svg") && !folder.has("k.csv") && !folder.has("k.work"));
+        assert!(folder.read("k.drawing.html").contains("<svg") && !folder.has("k.csv") && !folder.has("k.work"));
     }
 }
 
@@ -225,14 +261,18 @@ fn what_does_not_fit_is_refused_before_anything_is_computed() {
         // at any
         ("solid.ram.length_mm=[300,300,300]", "tube and ram long enough together"),
         ("solid.ram.outer_mm=[82,82,82]", "a bore below the tube's outer_mm"),
-        ("solid.tube.inner_mm=[50,50,50]", "a bore that the ram fits in"),
+        ("solid.tube.inner_mm=[50,50,50]", "a bore that ram and screw fit in"),
         ("solid.platform.hub_mm=400", "bores too near"),
-        ("solid.platform.poisson=0.5", "expected a number from 0 to below 0.5, found 0.5"),
+        ("solid.platform.poisson=0.5", "expected a number from -0.99 to below 0.5, found 0.5"),
         ("solid.platform.thickness_mm=0", "expected a number above 0, found 0"),
         ("solid.nut.axial_n_per_m=[1e8,1e8,-1]", "expected a number above 0, found -1"),
         ("solid.nut.axial_n_per_m=[1e8,1e8]", "expected 3 numbers"),
         ("solid.nut.axial_n_per_m=1e8", "solid.nut.axial_n_per_m"),
         ("solid.platform.kind=soft", "elastic"),
+        ("solid.platform=3", "a table"),
+        ("solid.platform.rim_mm=0.2", "a rim of at least a twentieth of the widest bore"),
+        ("solid.platform.thickness_mm=0.01", "takes too many elements"),
+        ("solid.screw.outer_mm=[64,64,64];solid.tube.inner_mm=[63,63,63]", "a bore that ram and screw fit in"),
         ("solid.nose_mm=1", "nose_mm"),
         ("limb.2.body.rod.shear_gpa=60", "Poisson's ratio would be"),
         ("limb.4.body.rod.shear_gpa=60", "there is no limb.4"),

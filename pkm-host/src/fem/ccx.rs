@@ -10,6 +10,9 @@ use crate::error::{Failure, Result};
 /// Name of a case's files.
 pub const CASE: &str = "case";
 
+/// Where what it says is kept.
+pub const LOG: &str = "ccx.log";
+
 /// What `ccx` calls itself.
 ///
 /// # Errors
@@ -17,11 +20,16 @@ pub const CASE: &str = "case";
 pub fn version(ccx: &Path) -> Result<String> {
     let run = Command::new(ccx).arg("-v").stdin(Stdio::null()).output();
     let text = run.map(|out| String::from_utf8_lossy(&out.stdout).into_owned()).map_err(|e| missing(ccx, &e))?;
-    let line = text.lines().map(str::trim).find(|l| l.contains("Version"));
-    let name = |l: &str| format!("CalculiX {}", l.trim_start_matches("This is Version").trim());
-    line.map(name).ok_or_else(|| {
+    version_in(&text).ok_or_else(|| {
         Failure::other("expected CalculiX, which answers to -v with its version").in_file(ccx.display().to_string())
     })
+}
+
+/// The version in what `ccx -v` says, which also stands at the head of a result.
+pub fn version_in(text: &str) -> Option<String> {
+    let number = |l: &str| Some(format!("CalculiX {}", l.split_once("Version ")?.1.trim()));
+    let head = |l: &str| l.starts_with("CalculiX ").then(|| l.trim().to_owned());
+    text.lines().find_map(|l| head(l).or_else(|| number(l)))
 }
 
 fn missing(ccx: &Path, error: &std::io::Error) -> Failure {
@@ -32,36 +40,51 @@ fn missing(ccx: &Path, error: &std::io::Error) -> Failure {
     Failure::other(message).in_file(ccx.display().to_string())
 }
 
-/// Runs the deck in a folder and leaves there what it wrote.
+/// Why there is no result.
+pub enum Failed {
+    /// There is no such program, or no place for it.
+    NotStarted(Failure),
+    /// What it complained of; all it said is in the log.
+    Said(String),
+}
+
+/// Runs the deck in a folder and leaves there what it wrote; what it printed of displacements.
 ///
 /// # Errors
 /// It can't be started, or fails.
-pub fn run(ccx: &Path, folder: &Path) -> Result<()> {
+pub fn run(ccx: &Path, folder: &Path) -> std::result::Result<String, Failed> {
     let done = Command::new(ccx)
         .args(["-i", CASE])
         .current_dir(folder)
         // one core each: poses run side by side, and the result can't depend on the number of threads
         .env("OMP_NUM_THREADS", "1")
+        .env_remove("CCX_NPROC_STIFFNESS")
+        .env_remove("CCX_NPROC_EQUATION_SOLVER")
+        .env_remove("CCX_NPROC_RESULTS")
         .stdin(Stdio::null())
         .output()
-        .map_err(|e| missing(ccx, &e))?;
+        .map_err(|e| Failed::NotStarted(missing(ccx, &e)))?;
     let log = String::from_utf8_lossy(&done.stdout).into_owned() + &String::from_utf8_lossy(&done.stderr);
-    let path = folder.join("ccx.log");
-    std::fs::write(&path, &log).map_err(|e| Failure::io("write", &path, &e))?;
+    let path = folder.join(LOG);
+    std::fs::write(&path, &log).map_err(|e| Failed::NotStarted(Failure::io("write", &path, &e)))?;
     let complaint = log.lines().skip_while(|l| !l.contains("*ERROR")).take(3).map(str::trim).collect::<Vec<_>>();
     if done.status.success() && complaint.is_empty() {
-        return Ok(());
+        let printed = std::fs::read_to_string(folder.join(CASE).with_extension("dat"));
+        return printed.map_err(|e| Failed::Said(format!("ccx printed nothing that can be read: {e}")));
     }
     let said = if complaint.is_empty() {
         log.lines().rev().map(str::trim).find(|l| !l.is_empty()).unwrap_or("nothing").to_owned()
     } else {
         complaint.join(" ")
     };
-    Err(Failure::other(format!("ccx failed ({}): {said}", done.status)).in_file(path.display().to_string()))
+    Err(Failed::Said(format!("ccx failed ({}): {said}", done.status)))
 }
 
 /// Displacements of A, a column a unit wrench; `None` when the output is not whole.
 pub fn compliance(printed: &str) -> Option<Matrix6<f64>> {
+    if !printed.ends_with('\n') {
+        return None;
+    }
     let rows = printed.lines().filter_map(|line| {
         let mut cells = line.split_whitespace();
         cells.next()?.parse::<usize>().ok()?;
@@ -86,7 +109,7 @@ pub fn stiffness(c: &Matrix6<f64>) -> std::result::Result<(Matrix6<f64>, f64), S
     let symmetric = (c + c.transpose()) * 0.5;
     match symmetric.cholesky() {
         Some(factor) if skew < 1e-4 => Ok((factor.inverse(), skew)),
-        _ => Err(format!("the compliance that ccx printed is not symmetric positive definite (off by {skew:.1e})")),
+        _ => Err(format!("its compliance is not symmetric positive definite (off by {skew:.1e})")),
     }
 }
 
@@ -101,6 +124,6 @@ mod tests {
         assert_eq!(compliance(&whole).unwrap()[(0, 5)], 5.717982e-7);
         assert!(compliance(&row.repeat(11)).is_none());
         assert!(compliance(&whole.replacen("1.451604E-21", "NaN", 1)).is_none());
-        assert!(compliance(&whole[..whole.len() - 4]).is_none());
+        (1..30).for_each(|less| assert!(compliance(&whole[..whole.len() - less]).is_none()));
     }
 }

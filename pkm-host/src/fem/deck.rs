@@ -9,12 +9,17 @@ use pkm_core::Pose;
 use pkm_core::machine::{Joint, MachineParameters};
 
 use super::mesh::{self, Mesh, PlateMesh};
-use super::solid::{Bar, LimbSolid, Solid, Telescope};
+use super::solid::{Bar, LimbSolid, Plate, Solid, Telescope};
 
-/// Least overlap of tube and ram, as in the core's effect.
-const OVERLAP_M: f64 = 0.010;
+/// Least overlap of tube and ram: as in the core's effect, less in a small machine.
+fn least_overlap_m(q: f64) -> f64 {
+    (0.02 * q).min(0.010)
+}
+
 /// Least distance of two rigid rings on one bar.
-const APART_M: f64 = 0.002;
+fn least_apart_m(q: f64) -> f64 {
+    (0.004 * q).min(0.002)
+}
 
 /// A rigid body's two nodes in CalculiX, or two nodes of the ground: translations are the first one's freedoms, rotations the
 /// second one's.
@@ -71,16 +76,28 @@ pub struct Plates {
     pub size: f64,
 }
 
+/// Bores of a plate with their diameters.
+type Bores = fn(&Plate, &MachineParameters) -> Vec<([f64; 2], f64)>;
+
 impl Plates {
     /// Meshes them.
-    pub fn new(solid: &Solid, machine: &MachineParameters, size: f64) -> Self {
+    ///
+    /// # Errors
+    /// A plate that takes too many elements.
+    pub fn new(solid: &Solid, machine: &MachineParameters, size: f64) -> Result<Self, String> {
+        let meshed = |name: &str, plate: &Option<Plate>, bores: Bores, size: f64| {
+            let Some(plate) = plate else { return Ok(None) };
+            let mesh = mesh::plate(plate, &bores(plate, machine), size);
+            let too_many =
+                || format!("the {name} takes too many elements: make it thicker, or its bores and rim wider");
+            mesh.map(Some).ok_or_else(too_many)
+        };
         // the moving platform gives a hundred times more than the base, which is held along its edge
-        let (fine, coarse) = (0.7 * size, 1.5 * size);
-        Self {
-            platform: solid.platform.as_ref().map(|p| mesh::plate(p, &Solid::platform_bores(p, machine), fine)),
-            base: solid.base.as_ref().map(|p| mesh::plate(p, &Solid::base_bores(p, machine), coarse)),
+        Ok(Self {
+            platform: meshed("platform", &solid.platform, Solid::platform_bores, 0.7 * size)?,
+            base: meshed("base", &solid.base, Solid::base_bores, 1.5 * size)?,
             size,
-        }
+        })
     }
 }
 
@@ -278,8 +295,9 @@ impl Deck {
 
     fn telescope(&mut self, line: &Line, t: &Telescope, size: f64) -> Result<(Body, Body), Collision> {
         let (q, number, mm) = (line.length_m, line.limb + 1, 1e3);
+        let (overlap, apart) = (least_overlap_m(q), least_apart_m(q));
         // the rear end's ring and the joint's are one unless there is room for two
-        let rear = if t.behind_m < APART_M { 0.0 } else { -t.behind_m };
+        let rear = if t.behind_m < apart { 0.0 } else { -t.behind_m };
         let mouth = t.tube_m;
         let mut inner = q - t.ram_m;
         let collision = |what: &str, left: f64, needed: f64| {
@@ -290,18 +308,18 @@ impl Deck {
                 needed * mm
             ))
         };
-        if mouth - inner < OVERLAP_M {
-            return collision("the ram leaves the tube, overlap", mouth - inner, OVERLAP_M);
+        if mouth - inner < overlap {
+            return collision("the ram leaves the tube, overlap", mouth - inner, overlap);
         }
-        if inner - rear < APART_M {
-            return collision("the ram's inner end meets the tube's rear end, room", inner - rear, APART_M);
+        if inner - rear < apart {
+            return collision("the ram's inner end meets the tube's rear end, room", inner - rear, apart);
         }
-        if q - mouth < APART_M {
-            return collision("the tube's mouth is at the platform joint, room", q - mouth, APART_M);
+        if q - mouth < apart {
+            return collision("the tube's mouth is at the platform joint, room", q - mouth, apart);
         }
         // one ring can't be held by the joint and carry a guide
-        if rear < 0.0 && inner.abs() < APART_M {
-            inner = APART_M;
+        if rear < 0.0 && inner.abs() < apart {
+            inner = apart;
         }
         let mut places = vec![rear, 0.0, inner, mouth];
         places.dedup();
@@ -429,7 +447,8 @@ fn check_room(solid: &Solid, lines: &[Line; 3], z_b: &Vector3<f64>) -> Result<()
             let needed = 0.5 * plate.thickness_m / (0.5 * plate.bore_m + plate.rim_m).hypot(0.5 * plate.thickness_m);
             if upright < needed {
                 return Err(format!(
-                    "limb {} goes through the {name}: {:.1}° from its plane, at least {:.1}° are needed",
+                    "limb {} goes through the {name}: {:.1}° from its plane, at least {:.1}° are needed; see [solid] {name}: \
+                     thinner, a narrower rim, or kind = \"rigid\"",
                     i + 1,
                     upright.asin().to_degrees(),
                     needed.asin().to_degrees()
@@ -438,7 +457,7 @@ fn check_room(solid: &Solid, lines: &[Line; 3], z_b: &Vector3<f64>) -> Result<()
         }
         for (j, other) in lines.iter().enumerate().take(i) {
             let needed = radius(&solid.limbs[i]) + radius(&solid.limbs[j]);
-            let apart = distance(line, other);
+            let apart = distance([(line, &solid.limbs[i]), (other, &solid.limbs[j])]);
             if apart < needed {
                 return Err(format!(
                     "limbs {} and {} meet: {:.1} mm between their axes, at least {:.1} mm are needed",
@@ -453,18 +472,22 @@ fn check_room(solid: &Solid, lines: &[Line; 3], z_b: &Vector3<f64>) -> Result<()
     Ok(())
 }
 
-/// Between two limbs' axes.
-fn distance(a: &Line, b: &Line) -> f64 {
+/// Between two limbs' axes, with what reaches behind the base joints.
+fn distance([(a, limb_a), (b, limb_b)]: [(&Line, &LimbSolid); 2]) -> f64 {
     let (u, v, w) = (a.axes.column(2), b.axes.column(2), a.from - b.from);
     let c = u.dot(&v);
     let square = 1.0 - c * c;
-    let clamp = |s: f64, line: &Line| s.clamp(0.0, line.length_m);
-    let mut s = if square > 1e-12 { clamp((c * v.dot(&w) - u.dot(&w)) / square, a) } else { 0.0 };
+    let rear = |limb: &LimbSolid| match limb {
+        LimbSolid::Uniform { .. } => 0.0,
+        LimbSolid::Telescopic(t) => -t.behind_m,
+    };
+    let clamp = |s: f64, line: &Line, limb: &LimbSolid| s.clamp(rear(limb), line.length_m);
+    let mut s = if square > 1e-12 { clamp((c * v.dot(&w) - u.dot(&w)) / square, a, limb_a) } else { 0.0 };
     // the nearest point of one to the other's, in turn, until both lie within their limbs
     let mut t = 0.0;
     for _ in 0..3 {
-        t = clamp(v.dot(&(a.at(s) - b.from)), b);
-        s = clamp(u.dot(&(b.at(t) - a.from)), a);
+        t = clamp(v.dot(&(a.at(s) - b.from)), b, limb_b);
+        s = clamp(u.dot(&(b.at(t) - a.from)), a, limb_a);
     }
     (a.at(s) - b.at(t)).norm()
 }

@@ -122,11 +122,14 @@ pub fn bar(bar: &Bar, stations: &[f64], size: f64) -> BarMesh {
     BarMesh { mesh: Mesh { nodes: numbered.nodes, hexahedra, wedges }, sections }
 }
 
-/// A plate with its bores, each with its centre and its diameter.
-pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
+/// Most points of a plate's plane.
+const MOST_POINTS: usize = 30_000;
+
+/// A plate with its bores, each with its centre and its diameter; `None` when it takes too many elements.
+pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> Option<PlateMesh> {
     let widest = bores.iter().map(|(_, diameter)| *diameter).fold(0.0, f64::max);
-    let element = 0.5 * widest * size;
-    let around = divisions(16.0, size, 12);
+    // a thin plate bends within a few thicknesses of what holds it
+    let element = size * (0.5 * widest).min(2.5 * plate.thickness_m);
     let on_circle = |[x, y]: [f64; 2], radius: f64, n: usize, of: usize| {
         let angle = 2.0 * PI * n as f64 / of as f64;
         Point2::new(x + radius * angle.cos(), y + radius * angle.sin())
@@ -149,9 +152,17 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
         }));
     }
 
+    let triangle = 3.0_f64.sqrt() / 4.0 * element * element;
+    let next = outline.iter().cycle().skip(1);
+    let area: f64 = outline.iter().zip(next).map(|(a, b)| 0.5 * (a.x * b.y - a.y * b.x)).sum();
+    // two triangles a point
+    if area.abs() > 2.0 * triangle * MOST_POINTS as f64 {
+        return None;
+    }
     let mut flat = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
     flat.add_constraint_edges(outline, true).expect("finite points");
     for (at, diameter) in bores {
+        let around = divisions(16.0, size, 12).max(divisions(PI * diameter, element, 1));
         let wall = (0..around).map(|n| on_circle(*at, 0.5 * diameter, n, around));
         flat.add_constraint_edges(wall, true).expect("finite points");
     }
@@ -159,9 +170,12 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
         .exclude_outer_faces(true)
         .keep_constraint_edges()
         .with_angle_limit(AngleLimit::from_deg(25.0))
-        .with_max_allowed_area(3.0_f64.sqrt() / 4.0 * element * element)
-        .with_max_additional_vertices(200_000);
+        .with_max_allowed_area(triangle)
+        .with_max_additional_vertices(MOST_POINTS);
     let refined = flat.refine(parameters);
+    if !refined.refinement_complete {
+        return None;
+    }
     let outside: BTreeSet<usize> = refined.excluded_faces.iter().map(FixedFaceHandle::index).collect();
 
     // where a point lies: on the wall of a bore, on the edge, or inside
@@ -226,11 +240,11 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> PlateMesh {
             wedges.push(std::array::from_fn(|_| all.next().expect("five layers of three")));
         }
     }
-    PlateMesh {
+    Some(PlateMesh {
         mesh: Mesh { nodes: numbered.nodes, hexahedra: Vec::new(), wedges },
         bores: walls.into_iter().map(|w| w.into_iter().collect()).collect(),
         edge: edge.into_iter().collect(),
-    }
+    })
 }
 
 #[cfg(test)]
@@ -277,7 +291,7 @@ mod tests {
                 poisson: 0.3,
             };
             for size in [0.4, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0] {
-                let plate = plate(&p, &bores, size);
+                let plate = plate(&p, &bores, size).unwrap();
                 let least = plate.mesh.wedges.iter().map(|e| worst(&plate.mesh, e)).fold(f64::INFINITY, f64::min);
                 assert!(least > 0.03, "size {size}: {least}");
             }

@@ -3,6 +3,7 @@
 //!
 //! Machine file → [`solid`] → [`mesh`], [`deck`] → [`ccx`] → stiffness → [`readings`], [`report`].
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -85,12 +86,21 @@ pub struct Solved {
     pub k: Matrix6<f64>,
     /// How far from symmetric the compliance was.
     pub skew: f64,
+    /// What computed it.
+    pub version: String,
 }
 
+/// Name of the file that is in a case's folder once it is computed, and not before.
+const RESULT: &str = "result.dat";
+
+/// Begins the name of a folder in which a case is being computed.
+const SCRATCH: &str = "running-";
+
 impl Solved {
-    fn read(path: &Path) -> Option<std::result::Result<Self, String>> {
-        let c = ccx::compliance(&std::fs::read_to_string(path).ok()?)?;
-        Some(ccx::stiffness(&c).map(|(k, skew)| Self { k, skew }))
+    fn read(path: &Path) -> Option<Self> {
+        let text = std::fs::read_to_string(path).ok()?;
+        let (k, skew) = ccx::stiffness(&ccx::compliance(&text)?).ok()?;
+        Some(Self { k, skew, version: ccx::version_in(&text).unwrap_or_else(|| "CalculiX".to_owned()) })
     }
 
     /// As the core's type.
@@ -116,22 +126,20 @@ impl Model<'_> {
 
     fn case(&self, pose: &NamedPose) -> std::result::Result<Case, String> {
         let (deck, text) = self.deck(pose)?;
-        let sha256: String = Sha256::digest(&text).iter().map(|b| format!("{b:02x}")).collect();
+        let hex = |bytes: &[u8]| Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect::<String>();
         let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
         let name: String = pose.id.chars().take(40).map(plain).collect();
-        let folder = format!("{}-{}", name.trim_start_matches('.'), &sha256[..16]);
-        Ok(Case { pose: pose.clone(), folder, sha256, size: deck.size() })
+        // ids that look alike once made plain are still told apart
+        let of_both = hex(format!("{}\n{text}", pose.id).as_bytes());
+        let folder = format!("case-{name}-{}", &of_both[..16]);
+        Ok(Case { pose: pose.clone(), folder, sha256: hex(text.as_bytes()), size: deck.size() })
     }
-}
 
-fn printed_by(work: &Path, case: &Case) -> PathBuf {
-    work.join(&case.folder).join(ccx::CASE).with_extension("dat")
-}
-
-/// Makes the case's folder with its deck.
-fn write_deck(work: &Path, model: &Model<'_>, case: &Case) -> Result<()> {
-    let (_, text) = model.deck(&case.pose).map_err(Failure::other)?;
-    source::write(&work.join(&case.folder).join(ccx::CASE).with_extension("inp"), text)
+    /// Makes a folder with the case's deck.
+    fn write_deck(&self, case: &Case, folder: &Path) -> Result<()> {
+        let (_, text) = self.deck(&case.pose).map_err(Failure::other)?;
+        source::write(&folder.join(ccx::CASE).with_extension("inp"), text)
+    }
 }
 
 fn progress(of: usize) -> ProgressBar {
@@ -143,47 +151,95 @@ fn progress(of: usize) -> ProgressBar {
     bar
 }
 
+/// Computes a case in a folder of its own, and moves what is worth keeping to the case's.
+fn compute_one(request: &Request<'_>, version: &str, work: &Path, model: &Model<'_>, case: &Case) -> Result<()> {
+    let folder = work.join(&case.folder);
+    std::fs::create_dir_all(&folder).map_err(|e| Failure::io("create the folder", &folder, &e))?;
+    let scratch = tempfile::Builder::new().prefix(SCRATCH).tempdir_in(work);
+    let scratch = scratch.map_err(|e| Failure::io("create a folder in", work, &e))?;
+    model.write_deck(case, scratch.path())?;
+    let keep = |name: &str| {
+        let (from, to) = (scratch.path().join(name), folder.join(name));
+        std::fs::rename(&from, &to).map_err(|e| Failure::io("write", &to, &e)).map(|()| to.display().to_string())
+    };
+    let printed = match ccx::run(request.ccx, scratch.path()) {
+        Ok(printed) => printed,
+        Err(ccx::Failed::NotStarted(failure)) => return Err(failure),
+        Err(ccx::Failed::Said(message)) => return Err(Failure::other(message).in_file(keep(ccx::LOG)?)),
+    };
+    let whole = ccx::compliance(&printed).ok_or_else(|| "not all displacements are there".to_owned());
+    if let Err(message) = whole.and_then(|c| ccx::stiffness(&c)) {
+        let message =
+            format!("ccx ended without an error, but {message}: is something in [solid] far too soft or too stiff?");
+        return Err(Failure::other(message).in_file(keep(ccx::LOG)?));
+    }
+    if request.keep {
+        for entry in std::fs::read_dir(scratch.path()).into_iter().flatten().flatten() {
+            keep(&entry.file_name().to_string_lossy())?;
+        }
+    }
+    source::write(&folder.join(RESULT), format!("{version}\n{printed}"))
+}
+
 /// Computes every case that has no result yet. The count of those that were computed.
-fn compute(request: &Request<'_>, work: &Path, model: &Model<'_>, cases: &[Case]) -> Result<usize> {
+fn compute(request: &Request<'_>, version: &str, work: &Path, model: &Model<'_>, cases: &[Case]) -> Result<usize> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(request.jobs).build();
     let pool = pool.map_err(|e| Failure::other(format!("cannot start {} jobs: {e}", request.jobs)))?;
-    let bar = progress(cases.len());
+    let pending: Vec<&Case> = cases.iter().filter(|c| Solved::read(&result_of(work, c)).is_none()).collect();
+    if pending.is_empty() {
+        return Ok(0);
+    }
+    std::fs::create_dir_all(work).map_err(|e| Failure::io("create the folder", work, &e))?;
+    let lock = work.join("lock");
+    let file = std::fs::File::create(&lock).map_err(|e| Failure::io("write", &lock, &e))?;
+    if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
+        let message = "another run works in this folder: wait for it, or name another one with --work";
+        return Err(Failure::other(message).in_file(work.display().to_string()));
+    }
+    // nobody works there: what a killed run left
+    for entry in std::fs::read_dir(work).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(SCRATCH) {
+            _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+    let bar = progress(pending.len());
     let computed = AtomicUsize::new(0);
-    let one = |case: &Case| {
-        let printed = printed_by(work, case);
-        let folder = work.join(&case.folder);
-        if Solved::read(&printed).is_none() {
-            write_deck(work, model, case)?;
-            ccx::run(request.ccx, &folder)?;
-            match Solved::read(&printed) {
-                Some(Ok(_)) => {}
-                Some(Err(message)) => return Err(Failure::other(message).in_file(printed.display().to_string())),
-                None => {
-                    let message = "ccx ended without an error, but without all displacements";
-                    return Err(Failure::other(message).in_file(printed.display().to_string()));
-                }
-            }
-            computed.fetch_add(1, Ordering::Relaxed);
-        }
-        if !request.keep {
-            let left = std::fs::read_dir(&folder).into_iter().flatten().flatten().map(|e| e.path());
-            // what can't be deleted is in nobody's way
-            left.filter(|p| *p != printed).for_each(|p| _ = std::fs::remove_file(p));
-        }
+    let one = |case: &&Case| {
+        compute_one(request, version, work, model, case)?;
+        computed.fetch_add(1, Ordering::Relaxed);
         bar.inc(1);
         Ok(())
     };
-    let done = pool.install(|| cases.par_iter().try_for_each(one));
+    let done: Result<()> = pool.install(|| pending.par_iter().try_for_each(one));
     bar.finish_and_clear();
-    done.map_err(|f| Failure {
-        message: format!(
-            "{}. What is computed so far is kept in {}: the same command goes on from there",
-            f.message.trim_end_matches('.'),
-            work.display()
-        ),
-        ..f
-    })?;
-    Ok(computed.into_inner())
+    let computed = computed.into_inner();
+    _ = std::fs::remove_file(&lock);
+    match done {
+        Ok(()) => Ok(computed),
+        Err(f) => {
+            let message = format!(
+                "{}. {computed} poses are computed and kept in {}: the same command goes on from there",
+                f.message.trim_end_matches('.'),
+                work.display()
+            );
+            Err(Failure { message, ..f })
+        }
+    }
+}
+
+/// Takes away what a run left that is of no more use, and nothing else.
+fn clear(work: &Path, cases: &[Case]) {
+    for case in cases {
+        let folder = work.join(&case.folder);
+        [RESULT, ccx::LOG].iter().for_each(|name| _ = std::fs::remove_file(folder.join(name)));
+        // kept decks keep their folder
+        _ = std::fs::remove_dir(folder);
+    }
+    _ = std::fs::remove_dir(work);
+}
+
+fn result_of(work: &Path, case: &Case) -> PathBuf {
+    work.join(&case.folder).join(RESULT)
 }
 
 /// The stiffness file. Eight digits: `ccx` prints seven.
@@ -306,7 +362,12 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     };
     dataset::refuse_doubled_ids(&name, &poses)?;
 
-    let model = Model { file: &file, solid, plates: Plates::new(solid, &file.parameters, request.size) };
+    if file.parameters.effects != pkm_core::effects::Effects::NONE {
+        eprintln!("warning: {}: its effects are the core's; they are not built in solids", file.source.name);
+    }
+    let plates = Plates::new(solid, &file.parameters, request.size);
+    let plates = plates.map_err(|message| Failure::input(message).in_file(&file.source.name).at_column("solid"))?;
+    let model = Model { file: &file, solid, plates };
     let cases: Vec<_> = poses.par_iter().map(|p| model.case(p)).collect();
     let mut collisions = poses.iter().zip(&cases).filter_map(|(p, c)| Some((p, c.as_ref().err()?)));
     if let Some((pose, why)) = collisions.next() {
@@ -318,13 +379,23 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     let cases: Vec<Case> = cases.into_iter().flatten().collect();
     let beside = |end: &str| request.out.with_extension(end);
     let work = request.work.map_or_else(|| beside("work"), Path::to_path_buf);
-    let html = beside("html");
+    let html = beside(if request.mode == Mode::DryRun { "drawing.html" } else { "html" });
+    let manifest_path = beside("manifest.json");
+    let readings_path = request.readings.as_ref().map(|wish| wish.out);
+    let written: Vec<&Path> = [request.out, &html, &manifest_path].into_iter().chain(readings_path).collect();
+    let read = [request.poses, of_loads].into_iter().flatten();
+    for (i, path) in written.iter().enumerate() {
+        if written[..i].contains(path) || read.clone().any(|r| r == *path) {
+            let message = "two files of this call have this name: name --out otherwise, such as k.csv";
+            return Err(Failure::usage(message).in_file(path.display().to_string()));
+        }
+    }
     let largest = cases.iter().map(|c| c.size).max().unwrap_or_default();
     let about = |what: &str| format!("{} poses, up to {} nodes each: {what}\n", cases.len(), largest.0);
 
     let version = match request.mode {
         Mode::Run => ccx::version(request.ccx)?,
-        Mode::Collect => ccx::version(request.ccx).unwrap_or_else(|_| "CalculiX".to_owned()),
+        Mode::Collect => String::new(),
         Mode::DryRun => {
             source::write(
                 &html,
@@ -337,7 +408,7 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         Mode::EmitSlurm => {
             let bar = progress(cases.len());
             cases.par_iter().try_for_each(|case| {
-                let written = write_deck(&work, &model, case);
+                let written = model.write_deck(case, &work.join(&case.folder));
                 bar.inc(1);
                 written
             })?;
@@ -355,14 +426,18 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         }
     };
 
-    let computed = if request.mode == Mode::Run { compute(request, &work, &model, &cases)? } else { 0 };
+    let computed = if request.mode == Mode::Run {
+        // two seconds a pose: it is told before them what can't be written after them
+        written.iter().try_for_each(|path| source::check_writable(path))?;
+        compute(request, &version, &work, &model, &cases)?
+    } else {
+        0
+    };
     let mut solved = Vec::new();
     let mut missing = Vec::new();
     for case in &cases {
-        let path = printed_by(&work, case);
-        match Solved::read(&path) {
-            Some(Ok(s)) => solved.push((case, s)),
-            Some(Err(message)) => return Err(Failure::other(message).in_file(path.display().to_string())),
+        match Solved::read(&result_of(&work, case)) {
+            Some(s) => solved.push((case, s)),
             None => missing.push(case),
         }
     }
@@ -378,32 +453,34 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         return Err(Failure::other(message).in_file(work.display().to_string()));
     }
 
-    let json_of =
-        |v: Value| serde_json::to_string_pretty(&v).map(|s| s + "\n").map_err(|e| Failure::other(e.to_string()));
-    let manifest_text = json_of(manifest(&file, solid, request, &version, &cases))?;
+    let versions: BTreeSet<&str> = solved.iter().map(|(_, s)| s.version.as_str()).collect();
+    let version = versions.into_iter().collect::<Vec<_>>().join(", ");
+    let manifest = serde_json::to_string_pretty(&manifest(&file, solid, request, &version, &cases));
+    let manifest = manifest.map_err(|e| Failure::other(e.to_string()))? + "\n";
     let facts = report::Facts { file: &file, solid, request, cases: &cases, solved: Some(&solved) };
-    let page = report::page(&facts)?;
-    source::write(&beside("manifest.json"), manifest_text)?;
-    source::write(&html, page)?;
-    source::write(request.out, stiffness_csv(&file, &version, request, &solved))?;
     let mut text = about(&format!(
         "{computed} computed, {} taken over\n{}wrote {}, {} and {}",
         cases.len() - computed,
         facts.summary(),
         request.out.display(),
-        beside("manifest.json").display(),
+        manifest_path.display(),
         html.display()
     ));
+    let page = report::page(&facts)?;
     if let (Some(wish), Some(loads)) = (&request.readings, &loads) {
         text.push_str(&loads.write(wish, &file, request, &solved)?);
     }
+    source::write(&manifest_path, manifest)?;
+    source::write(&html, page)?;
+    source::write(request.out, stiffness_csv(&file, &version, request, &solved))?;
     if request.mode == Mode::Run && request.work.is_none() && !request.keep {
-        _ = std::fs::remove_dir_all(&work);
+        clear(&work, &cases);
     }
     let skew = solved.iter().map(|(_, s)| s.skew).fold(0.0, f64::max);
     let json = json!({
         "poses": cases.len(), "computed": computed, "nodes": largest.0, "elements": largest.1, "asymmetry": skew,
         "basic_model": facts.against_core(), "out": request.out.display().to_string(),
+        "readings": readings_path.map(|p| p.display().to_string()), "seed": request.readings.as_ref().map(|w| w.seed),
     });
     Ok(Output { text, json })
 }

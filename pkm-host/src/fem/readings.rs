@@ -136,8 +136,10 @@ impl Loads {
                 }
             }
             for (i, name) in SIGMA.iter().enumerate() {
+                let sigma = wish.noise[i].hypot(wish.zero[i]);
                 if let Some(at) = column(name) {
-                    cells[at] = format!("{:.4}", wish.noise[i].hypot(wish.zero[i]));
+                    // without noise there is nothing to declare
+                    cells[at] = if sigma > 0.0 { format!("{sigma:.4}") } else { String::new() };
                 }
             }
             rows.push(cells);

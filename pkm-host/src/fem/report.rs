@@ -81,16 +81,16 @@ pub fn page(facts: &Facts<'_>) -> Result<String> {
     if let Some([mean, max]) = facts.errors() {
         let worst = (0..6).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
         body.push_str(&format!(
-            "<li>The basic model of the core is off by {:.2} % in k{} in the mean, its worst; {:.2} % at most</li>",
+            "<li>The basic model of the core is off by {:.2} % in k{} in the mean, up to {:.2} %; less in the others</li>",
             mean[worst],
             STIFFNESSES[worst],
-            max.iter().fold(0.0_f64, |a, b| a.max(*b))
+            max[worst]
         ));
     }
     body.push_str("</ul>\n<h2>What is computed</h2>\n");
     let first = &facts.cases[0].pose;
     let [theta, sigma, z0] = file_units(&first.pose);
-    let plates = Plates::new(facts.solid, &facts.file.parameters, 1.0);
+    let plates = Plates::new(facts.solid, &facts.file.parameters, 1.0).map_err(Failure::input)?;
     let deck = Deck::new(facts.solid, &facts.file.parameters, &first.pose, &plates).map_err(Failure::other)?;
     body.push_str(&drawing::svg(&deck));
     body.push_str(&format!(

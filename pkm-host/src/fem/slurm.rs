@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
+use super::RESULT;
 use crate::error::Result;
 use crate::source;
 
@@ -27,13 +28,18 @@ pub fn write(work: &Path, folders: &[&str]) -> Result<usize> {
 # Task n computes every {tasks}th folder of cases.txt, from the n-th on. Submit it in the folder that it lies in. Submitted
 # again, it computes what has no result yet. CCX names the program, if it isn't called ccx.
 set -u
-cd "${{SLURM_SUBMIT_DIR:-$(dirname "$0")}}"
+: "${{SLURM_ARRAY_TASK_ID:?this is a task of an array job: submit it with sbatch}}"
+cd "${{SLURM_SUBMIT_DIR:-$(dirname "$0")}}" || exit 1
+[ -r cases.txt ] || {{ echo "no cases.txt here: submit this in the folder that it lies in" >&2; exit 1; }}
+ccx=${{CCX:-ccx}}
+version=$("$ccx" -v | grep Version)
 export OMP_NUM_THREADS=1
 failed=0
 for folder in $(awk -v n="$SLURM_ARRAY_TASK_ID" '(NR - n) % {tasks} == 0' cases.txt); do
-    [ -e "$folder/done" ] && continue
-    if (cd "$folder" && "${{CCX:-ccx}}" -i case >ccx.log 2>&1 && ! grep -q '\*ERROR' ccx.log); then
-        touch "$folder/done"
+    [ -e "$folder/{RESULT}" ] && continue
+    if (cd "$folder" && "$ccx" -i case >ccx.log 2>&1 && ! grep -q '\*ERROR' ccx.log) &&
+        {{ echo "$version" && cat "$folder/case.dat"; }} >"$folder/unfinished" && mv "$folder/unfinished" "$folder/{RESULT}"; then
+        :
     else
         echo "failed: $folder/ccx.log" >&2
         failed=1

@@ -279,6 +279,19 @@ impl Solid {
         let offset_m = three("solid.offset_mm", &raw.offset_mm, MM, -1e4, [0.0; 3])?;
         let g = &machine.geometry;
         let (a, b) = (g.a1_m.min(g.a2_m), g.b1_m.min(g.b2_m));
+        let wide = |platform_end: bool| {
+            let outer = limbs.iter().map(|limb| match limb {
+                LimbSolid::Uniform { rod, .. } => rod.outer_m,
+                LimbSolid::Telescopic(t) => {
+                    if platform_end {
+                        t.ram.outer_m
+                    } else {
+                        t.tube.outer_m
+                    }
+                }
+            });
+            outer.fold(0.0, f64::max)
+        };
         let plate = |name: &str, keys: [&Single; 5], hub_m: f64, default: [f64; 3]| -> Checked<Plate> {
             let size = |key: &str, raw: &Single, default| {
                 one(&format!("solid.{name}.{key}"), raw, MM, POSITIVE, f64::MAX, default)
@@ -291,16 +304,19 @@ impl Solid {
                 hub_m,
                 rim_m: size("rim_mm", rim, default[2])?,
                 young_pa: one(&young_key, young, 1e9, POSITIVE, f64::MAX, bodies[0][0].young_pa)?,
-                poisson: one(&format!("solid.{name}.poisson"), poisson, 1.0, 0.0, 0.5, bodies[0][0].poisson)?,
+                poisson: one(&format!("solid.{name}.poisson"), poisson, 1.0, -0.99, 0.5, bodies[0][0].poisson)?,
             })
         };
+        // bores let the limbs through
         let p = &raw.platform;
         let hub_m = one("solid.platform.hub_mm", &p.hub_mm, MM, POSITIVE, f64::MAX, 0.67 * a)?;
         let keys = [&p.thickness_mm, &p.bore_mm, &p.rim_mm, &p.young_gpa, &p.poisson];
-        let platform = plate("platform", keys, hub_m, [0.28 * a, 0.42 * a, 0.14 * a])?;
+        let thickness = 0.25 * (g.a1_m * g.a2_m).sqrt();
+        let platform = plate("platform", keys, hub_m, [thickness, (0.42 * a).max(1.1 * wide(true)), 0.14 * a])?;
         let keys =
             [&raw.base.thickness_mm, &raw.base.bore_mm, &raw.base.rim_mm, &raw.base.young_gpa, &raw.base.poisson];
-        let base = plate("base", keys, 0.0, [0.23 * b, 0.25 * b, 0.2 * b])?;
+        let thickness = 0.22 * (g.b1_m * g.b2_m).sqrt();
+        let base = plate("base", keys, 0.0, [thickness, (0.25 * b).max(1.1 * wide(false)), 0.2 * b])?;
         let elastic = |kind, plate| match kind {
             RawKind::Elastic => Some(plate),
             RawKind::Rigid => None,
@@ -325,14 +341,13 @@ impl Solid {
 
     /// The section of the machine file that says all of it.
     pub fn toml(&self) -> String {
-        let tidy = |v: f64| format!("{}", (v * 1e9).round() / 1e9);
+        let tidy = |v: f64| format!("{}", (v * 1e6).round() / 1e6);
         let mm = |v: [f64; 3]| format!("[{}]", v.map(|m| tidy(m / MM)).join(", "));
         let whole = |v: [f64; 3]| {
             let digits =
                 |k: f64| format!("{k:.6e}").parse::<f64>().map_or_else(|e| e.to_string(), |k| format!("{k:e}"));
             format!("[{}]", v.map(digits).join(", "))
         };
-        let mut s = String::from("[solid]\n");
         let telescopes: Vec<&Telescope> = self
             .limbs
             .iter()
@@ -341,49 +356,63 @@ impl Solid {
                 LimbSolid::Uniform { .. } => None,
             })
             .collect();
-        _ = writeln!(
-            s,
-            "limb = \"{}\"\noffset_mm = {}",
-            if telescopes.is_empty() { "uniform" } else { "telescopic" },
-            mm(self.offset_m)
-        );
+        let kind = if telescopes.is_empty() { "uniform" } else { "telescopic" };
+        let mut s = format!("[solid]\nlimb = \"{kind}\"\noffset_mm = {}\n", mm(self.offset_m));
         if let [a, b, c] = telescopes[..] {
             let of = |pick: fn(&Telescope) -> f64| [pick(a), pick(b), pick(c)];
-            let (outer, inner) = (mm(of(|t| t.tube.outer_m)), mm(of(|t| t.tube.inner_m)));
-            let (length, behind) = (mm(of(|t| t.tube_m)), mm(of(|t| t.behind_m)));
-            _ = writeln!(
-                s,
-                "tube = {{ outer_mm = {outer}, inner_mm = {inner}, length_mm = {length}, behind_mm = {behind} }}"
-            );
-            let (outer, inner) = (mm(of(|t| t.ram.outer_m)), mm(of(|t| t.ram.inner_m)));
-            _ = writeln!(s, "ram = {{ outer_mm = {outer}, inner_mm = {inner}, length_mm = {} }}", mm(of(|t| t.ram_m)));
-            _ = writeln!(s, "screw = {{ outer_mm = {} }}", mm(of(|t| t.screw.outer_m)));
-            let mut seat = |name: &str, pick: fn(&Telescope) -> Seat| {
-                let seats = [pick(a), pick(b), pick(c)];
-                let (axial, radial) = (seats.map(|s| s.axial_n_per_m), seats.map(|s| s.radial_n_per_m));
-                let (axial, radial) = (whole(axial), whole(radial));
-                _ = writeln!(s, "{name} = {{ axial_n_per_m = {axial}, radial_n_per_m = {radial} }}");
+            let mut part = |name: &str, keys: &[(&str, String)]| {
+                _ = writeln!(s, "[solid.{name}]");
+                keys.iter().for_each(|(key, value)| _ = writeln!(s, "{key} = {value}"));
             };
-            seat("bearing", |t| t.bearing);
-            seat("nut", |t| t.nut);
-            let (radial, key) = (whole(of(|t| t.guide_n_per_m)), whole(of(|t| t.key_nm_per_rad)));
-            _ = writeln!(s, "guide = {{ radial_n_per_m = {radial}, key_nm_per_rad = {key} }}");
+            part(
+                "tube",
+                &[
+                    ("outer_mm", mm(of(|t| t.tube.outer_m))),
+                    ("inner_mm", mm(of(|t| t.tube.inner_m))),
+                    ("length_mm", mm(of(|t| t.tube_m))),
+                    ("behind_mm", mm(of(|t| t.behind_m))),
+                ],
+            );
+            part(
+                "ram",
+                &[
+                    ("outer_mm", mm(of(|t| t.ram.outer_m))),
+                    ("inner_mm", mm(of(|t| t.ram.inner_m))),
+                    ("length_mm", mm(of(|t| t.ram_m))),
+                ],
+            );
+            part("screw", &[("outer_mm", mm(of(|t| t.screw.outer_m)))]);
+            let seats: [(&str, fn(&Telescope) -> Seat); 2] = [("bearing", |t| t.bearing), ("nut", |t| t.nut)];
+            for (name, pick) in seats {
+                let seats = [pick(a), pick(b), pick(c)];
+                part(
+                    name,
+                    &[
+                        ("axial_n_per_m", whole(seats.map(|s| s.axial_n_per_m))),
+                        ("radial_n_per_m", whole(seats.map(|s| s.radial_n_per_m))),
+                    ],
+                );
+            }
+            part(
+                "guide",
+                &[
+                    ("radial_n_per_m", whole(of(|t| t.guide_n_per_m))),
+                    ("key_nm_per_rad", whole(of(|t| t.key_nm_per_rad))),
+                ],
+            );
         }
         for (name, plate) in [("platform", &self.platform), ("base", &self.base)] {
+            _ = writeln!(s, "[solid.{name}]");
             let Some(p) = plate else {
-                _ = writeln!(s, "{name} = {{ kind = \"rigid\" }}");
+                s.push_str("kind = \"rigid\"\n");
                 continue;
             };
-            let hub = if name == "platform" { format!("hub_mm = {}, ", tidy(p.hub_m / MM)) } else { String::new() };
-            _ = writeln!(
-                s,
-                "{name} = {{ thickness_mm = {}, bore_mm = {}, {hub}rim_mm = {}, young_gpa = {}, poisson = {} }}",
-                tidy(p.thickness_m / MM),
-                tidy(p.bore_m / MM),
-                tidy(p.rim_m / MM),
-                tidy(p.young_pa / 1e9),
-                tidy(p.poisson)
-            );
+            let hub = (name == "platform").then_some(("hub_mm", p.hub_m / MM));
+            let sizes = [("thickness_mm", p.thickness_m / MM), ("bore_mm", p.bore_m / MM)];
+            let rest = [("rim_mm", p.rim_m / MM), ("young_gpa", p.young_pa / 1e9), ("poisson", p.poisson)];
+            for (key, value) in sizes.into_iter().chain(hub).chain(rest) {
+                _ = writeln!(s, "{key} = {}", tidy(value));
+            }
         }
         s
     }
@@ -395,6 +424,15 @@ impl Solid {
         ];
         for (name, plate) in plates {
             let Some((bores, rim)) = plate else { continue };
+            let widest = bores.iter().map(|(_, size)| *size).fold(0.0, f64::max);
+            if rim < 0.05 * widest {
+                let message = format!(
+                    "expected a rim of at least a twentieth of the widest bore, {:.1} mm, found {:.1} mm",
+                    0.05 * widest / MM,
+                    rim / MM
+                );
+                return misfit(format!("solid.{name}.rim_mm"), None, message);
+            }
             for (i, (at, size)) in bores.iter().enumerate() {
                 for (other, other_size) in &bores[..i] {
                     let wall = (at[0] - other[0]).hypot(at[1] - other[1]) - 0.5 * (size + other_size);
@@ -423,7 +461,7 @@ impl RawSolid {
         let ram_inner = three("solid.ram.inner_mm", &self.ram.inner_mm, MM, 0.0, rods.map(|b| b.inner_m))?;
         let screw_outer = three("solid.screw.outer_mm", &self.screw.outer_mm, MM, POSITIVE, screws.map(|b| b.outer_m))?;
         // the tube goes round it with a gap, and bends as the declared body does
-        let inner = std::array::from_fn(|i| 1.06 * ram_outer[i]);
+        let inner = std::array::from_fn(|i| 1.06 * ram_outer[i].max(screw_outer[i]));
         let tube_inner = three("solid.tube.inner_mm", &self.tube.inner_mm, MM, POSITIVE, inner)?;
         let outer = std::array::from_fn(|i| {
             let declared = rods[i].inertia_m4() + screws[i].inertia_m4() * screws[i].young_pa / rods[i].young_pa;
@@ -432,7 +470,7 @@ impl RawSolid {
         let tube_outer = three("solid.tube.outer_mm", &self.tube.outer_mm, MM, POSITIVE, outer)?;
         // room to the joints at both ends of travel; overlap is what is left, unless it takes a tube that reaches behind
         let room = max.map(|q| 0.02 * q);
-        let tube_m = std::array::from_fn(|i| min[i] - room[i]);
+        let tube_m = std::array::from_fn(|i| (min[i] - room[i]).max(0.2 * min[i]));
         let tube_m = three("solid.tube.length_mm", &self.tube.length_mm, MM, POSITIVE, tube_m)?;
         let ram_m = std::array::from_fn(|i| (min[i] - room[i]).max(1.05 * max[i] - tube_m[i]));
         let ram_m = three("solid.ram.length_mm", &self.ram.length_mm, MM, POSITIVE, ram_m)?;
@@ -462,7 +500,12 @@ impl RawSolid {
                     &self.tube.inner_mm,
                     "a bore below the tube's outer_mm",
                 ),
-                (ram_outer[i] <= tube_inner[i], "tube.inner_mm", &self.tube.inner_mm, "a bore that the ram fits in"),
+                (
+                    ram_outer[i].max(screw_outer[i]) <= tube_inner[i],
+                    "tube.inner_mm",
+                    &self.tube.inner_mm,
+                    "a bore that ram and screw fit in",
+                ),
                 (
                     tube_m[i] < max[i],
                     "tube.length_mm",
