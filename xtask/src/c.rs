@@ -257,6 +257,7 @@ fn expected<T: Scalar>(
         line("k_p_warm", warm.map_err(drop).and_then(|m| m.stiffness(pose).map(whole).map_err(drop))),
         line("tool_forward", place.map(|(c, tool)| [stands(&c), tool.tip_m.to_vec(), tool.axis.to_vec()].concat())),
         line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
+        line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| hold(&h))),
         line(
             "tool_compensated",
             loaded.map(|l| [hold(&l.hold), [l.deflection.translation_m, l.deflection.rotation_rad].concat()].concat()),
