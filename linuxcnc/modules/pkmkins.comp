@@ -1,0 +1,123 @@
+component pkmkins "Kinematics of an Exechon-like machine of five axes, for motmod";
+
+description """
+Joints 0, 1, 2 are the lengths of the three screws in mm, joints 3 and 4 the wrist in degrees. Axes X Y Z are the tool's tip in
+mm in the frame B of the machine's base, A and B the wrist's joints in degrees: the coordinates of `pkm-host compensate`.
+
+Both directions are closed forms. A target that is unreachable, beyond travel or limits, or too near to a singularity is
+refused with a message, and motmod then does not begin the move, or stops on the way before it gets there.
+
+.B loadrt pkmkins machine=0123456789abcdef
+
+loads only where the machine that is compiled in has this checksum.""";
+
+author "pkm";
+license "Dual MIT/GPL";
+option singleton yes;
+option extra_setup yes;
+include "pkm.h";
+
+pin out s32 why "why the last target was refused: a PkmError of pkm.h";
+pin out u32 refused "targets and joint values refused so far";
+pin out float share "of the last target: distance from the singular surface of the five axes, 1 at home, 0 on it";
+pin out float inverse-axis-#[5] "last target that was not refused: X Y Z A B";
+pin out float inverse-joint-#[5] "its joints";
+pin out float forward-joint-#[5] "last joint values that were not refused";
+pin out float forward-axis-#[5] "their X Y Z A B";
+pin out s32 inverse-ns "time of the last inverse";
+pin out s32 forward-ns "time of the last forward";
+pin io s32 inverse-max-ns "longest time of an inverse; may be set to 0";
+pin io s32 forward-max-ns "longest time of a forward; may be set to 0";
+;;
+
+#include <string.h>
+#include <kinematics.h>
+
+static char *machine;
+RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for");
+
+static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
+
+/* One message for a row of refusals. */
+static void refuse(struct __comp_state *__comp_inst, const char *what, PkmError found) {
+    static PkmError said;
+    refused++;
+    if (found != said) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: %s refused: %s\n", what, pkm_error_text(found));
+    }
+    said = why = found;
+}
+
+int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVERSE_FLAGS *iflags,
+                      KINEMATICS_FORWARD_FLAGS *fflags) {
+    (void)iflags;
+    (void)fflags;
+    struct __comp_state *__comp_inst = __comp_first_inst;
+    const long long begun = rtapi_get_time();
+    const double axis[5] = {world->tran.x, world->tran.y, world->tran.z, world->a, world->b};
+    const PkmTip_f64 tip = {{axis[0] / MM, axis[1] / MM, axis[2] / MM}, {axis[3] / DEG, axis[4] / DEG}};
+    PkmHold_f64 hold;
+    const PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
+    if (found != PKM_ERROR_OK) {
+        refuse(__comp_inst, "target", found);
+        return -1;
+    }
+    why = found;
+    share = hold.home_share;
+    for (int i = 0; i < 5; i++) {
+        joint[i] = i < 3 ? hold.joints.lengths.q_m[i] * MM : axis[i];
+        inverse_axis(i) = axis[i];
+        inverse_joint(i) = joint[i];
+    }
+    inverse_ns = rtapi_get_time() - begun;
+    if (inverse_ns > inverse_max_ns) inverse_max_ns = inverse_ns;
+    return 0;
+}
+
+int kinematicsForward(const double *joint, EmcPose *world, const KINEMATICS_FORWARD_FLAGS *fflags,
+                      KINEMATICS_INVERSE_FLAGS *iflags) {
+    (void)fflags;
+    (void)iflags;
+    struct __comp_state *__comp_inst = __comp_first_inst;
+    const long long begun = rtapi_get_time();
+    const PkmJoints_f64 joints = {{{joint[0] / MM, joint[1] / MM, joint[2] / MM}}, {joint[3] / DEG, joint[4] / DEG}};
+    PkmToolPlace_f64 place;
+    const PkmError found = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
+    if (found != PKM_ERROR_OK) {
+        refuse(__comp_inst, "joint values", found);
+        return -1;
+    }
+    const double *tip_m = place.tool.tip_m;
+    const double axis[5] = {tip_m[0] * MM, tip_m[1] * MM, tip_m[2] * MM, joint[3], joint[4]};
+    *world = (EmcPose){.tran = {axis[0], axis[1], axis[2]}, .a = axis[3], .b = axis[4]};
+    for (int i = 0; i < 5; i++) {
+        forward_joint(i) = joint[i];
+        forward_axis(i) = axis[i];
+    }
+    forward_ns = rtapi_get_time() - begun;
+    if (forward_ns > forward_max_ns) forward_max_ns = forward_ns;
+    return 0;
+}
+
+KINEMATICS_TYPE kinematicsType(void) {
+    return KINEMATICS_BOTH;
+}
+
+KINS_NOT_SWITCHABLE
+EXPORT_SYMBOL(kinematicsType);
+EXPORT_SYMBOL(kinematicsInverse);
+EXPORT_SYMBOL(kinematicsForward);
+
+EXTRA_SETUP() {
+    (void)prefix;
+    (void)extra_arg;
+    (void)__comp_inst;
+    char compiled_in[17];
+    rtapi_snprintf(compiled_in, sizeof(compiled_in), "%016llx", (unsigned long long)pkm_machine_checksum());
+    if (machine && strcmp(machine, compiled_in)) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: the machine compiled in is %s, this configuration is for %s: build the "
+                        "modules for its machine file (cargo xtask linuxcnc build) and install them\n", compiled_in, machine);
+        return -EINVAL;
+    }
+    return 0;
+}
