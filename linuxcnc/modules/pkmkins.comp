@@ -17,7 +17,7 @@ option singleton yes;
 option extra_setup yes;
 include "pkm.h";
 
-pin out s32 why "why the last target was refused: a PkmError of pkm.h";
+pin out s32 why "why the last refusal was: a PkmError of pkm.h; 0 after a target that was not refused";
 pin out u32 refused "targets and joint values refused so far";
 pin out float share "of the last target: distance from the singular surface of the five axes, 1 at home, 0 on it";
 pin out float inverse-axis-#[5] "last target that was not refused: X Y Z A B";
@@ -38,15 +38,7 @@ RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for
 
 static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
 
-/* One message for a row of refusals. */
-static void refuse(struct __comp_state *__comp_inst, const char *what, PkmError found) {
-    static PkmError said;
-    refused++;
-    if (found != said) {
-        rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: %s refused: %s\n", what, pkm_error_text(found));
-    }
-    said = why = found;
-}
+static PkmError said;
 
 int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVERSE_FLAGS *iflags,
                       KINEMATICS_FORWARD_FLAGS *fflags) {
@@ -59,10 +51,13 @@ int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVE
     PkmHold_f64 hold;
     const PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
     if (found != PKM_ERROR_OK) {
-        refuse(__comp_inst, "target", found);
+        refused++;
+        /* once for a row of the same */
+        if (found != said) rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: target refused: %s\n", pkm_error_text(found));
+        why = said = found;
         return -1;
     }
-    why = found;
+    why = said = found;
     share = hold.home_share;
     for (int i = 0; i < 5; i++) {
         joint[i] = i < 3 ? hold.joints.lengths.q_m[i] * MM : axis[i];
@@ -84,7 +79,9 @@ int kinematicsForward(const double *joint, EmcPose *world, const KINEMATICS_FORW
     PkmToolPlace_f64 place;
     const PkmError found = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
     if (found != PKM_ERROR_OK) {
-        refuse(__comp_inst, "joint values", found);
+        /* without a word: before homing they mean nothing */
+        refused++;
+        why = found;
         return -1;
     }
     const double *tip_m = place.tool.tip_m;

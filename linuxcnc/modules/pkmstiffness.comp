@@ -10,7 +10,6 @@ Feed \\fBjoint-N\\fR with where the joints stand without the compensation, else 
 author "pkm";
 license "Dual MIT/GPL";
 option singleton yes;
-option extra_setup yes;
 include "pkm.h";
 
 pin in float joint-#[5] "where the joints stand: three screws in mm, wrist in degrees";
@@ -97,16 +96,10 @@ static PkmError compute(struct __comp_state *__comp_inst) {
 FUNCTION(_) {
     (void)period;
     const long long begun = rtapi_get_time();
+    table_high = pkm_table_checksum() >> 32;
+    table_low = (hal_u32_t)pkm_table_checksum();
     why = compute(__comp_inst);
     ok = why == PKM_ERROR_OK;
     last_ns = rtapi_get_time() - begun;
     if (last_ns > max_ns) max_ns = last_ns;
-}
-
-EXTRA_SETUP() {
-    (void)prefix;
-    (void)extra_arg;
-    table_high = pkm_table_checksum() >> 32;
-    table_low = (hal_u32_t)pkm_table_checksum();
-    return 0;
 }

@@ -117,6 +117,12 @@ pub fn run() -> Outcome {
     Ok(())
 }
 
+/// The library for this computer, with the `coefficients.rs` of a folder.
+pub fn library_here(fitted: &Path) -> Result<PathBuf, String> {
+    let fitted = fitted.canonicalize().map_err(|e| format!("{}: {e}", fitted.display()))?;
+    PLATFORMS[0].library(&fitted, &[])
+}
+
 impl Platform {
     fn library(&self, fitted: &Path, features: &[&str]) -> Result<PathBuf, String> {
         let mut build = cargo("build");
