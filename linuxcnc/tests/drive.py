@@ -92,13 +92,12 @@ def run():
     done("unreachable")
     turn_on()
 
-    start, end = wish["through"]
-    go(start)
+    go(wish["home"])
     done("before")
-    go(end)
+    go(wish["through"])
     done("through")
     turn_on()
-    go(start)
+    go(wish["home"])
     done("after")
 
     go(wish["places"][0])

@@ -18,6 +18,7 @@ include <kinematics.h>;
 pin in u32 max-iterations "of genhexkins; set to 0 before each forward, since its last-iterations is not kept up in 2.9";
 pin in float home-#[3] "where the path of pkmkins is: the middle of it";
 pin in float size "and how far it goes, mm";
+pin in float turn "degrees";
 pin out u32 count;
 function _ fp;
 ;;
@@ -67,15 +68,15 @@ FUNCTION(_) {
     const double t = count * 1e-3;
     for (int which = 0; which < 2; which++) {
         /* 0.1 mm and less than 0.1 degrees a period */
-        const double wide = which ? 3 : size, turn = which ? 5 : 10;
+        const double wide = which ? 3 : size, turned = which ? 5 : turn;
         EmcPose *rest = &rests[which], to;
         *rest = which ? (EmcPose){.tran = {0, 0, 20}} : (EmcPose){.tran = {home(0), home(1), home(2)}};
         to = *rest;
         to.tran.x += wide * sin(1.1 * t);
         to.tran.y += wide * sin(1.7 * t);
         to.tran.z += 0.5 * wide * sin(2.3 * t);
-        to.a += turn * sin(0.7 * t);
-        to.b += turn * sin(1.3 * t);
+        to.a += turned * sin(0.7 * t);
+        to.b += turned * sin(1.3 * t);
         Row *row = &kept[2 * count + which];
         double joint[16] = {0};
         KINEMATICS_FORWARD_FLAGS fflags = 0;

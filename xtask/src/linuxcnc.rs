@@ -4,7 +4,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use pkm_core::{Configuration, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose, ScrewLengths, Tool, Wrench};
+use pkm_core::{
+    CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose,
+    ScrewLengths, Tool, Wrench,
+};
 use pkm_host::commands;
 use pkm_host::fit::TermChoice;
 use pkm_host::machine_file::MachineFile;
@@ -409,25 +412,17 @@ fn joints_of(values: &[f64]) -> JointValues<f64> {
     }
 }
 
-/// Two places within reach between which the straight way is not, and it is none by far: the reach has a hollow where a screw
-/// is at its shortest.
-fn through_a_hollow(five: &FiveAxis<'_, f64>, home_axes: [f64; 5], size: f64) -> Option<[[f64; 5]; 2]> {
-    let at = |dx: f64, dy: f64, dz: f64| {
-        let [x, y, z, a, b] = home_axes;
-        [x + size * dx, y + size * dy, z + size * dz, a, b]
-    };
-    let reached = |place: [f64; 5]| held(five, &place).is_ok();
-    let steps = || (-12..=12).map(|i| f64::from(i) / 4.0);
-    for dz in steps() {
-        for far in (1..=12).rev().map(|i| f64::from(i) / 4.0) {
-            for (ends, middle) in [
-                ([at(-far, 0.0, dz), at(far, 0.0, dz)], [at(-0.1, 0.0, dz), at(0.1, 0.0, dz)]),
-                ([at(0.0, -far, dz), at(0.0, far, dz)], [at(0.0, -0.1, dz), at(0.0, 0.1, dz)]),
-            ] {
-                if ends.into_iter().all(reached) && !middle.into_iter().any(reached) {
-                    return Some(ends);
-                }
-            }
+/// A place within reach to which the straight way from home is not: the reach has hollows where a screw is at its shortest.
+fn beyond_a_hollow(five: &FiveAxis<'_, f64>, home_axes: [f64; 5], wide_mm: f64) -> Option<[f64; 5]> {
+    const STEPS: i32 = 20;
+    let share = |i: i32| f64::from(i) / f64::from(STEPS);
+    let shares = || (-STEPS..=STEPS).map(share);
+    for (x, y, z) in shares().flat_map(|s| shares().flat_map(move |z| [(s, 0.0, z), (0.0, s, z)])) {
+        let by = [x, y, z].map(|d| (d * wide_mm).round());
+        let at = |share: f64| std::array::from_fn(|i| home_axes[i] + if i < 3 { share * by[i] } else { 0.0 });
+        let hollow = (1..STEPS).filter(|i| held(five, &at(share(*i))).is_err()).count();
+        if hollow >= 3 && held(five, &at(1.0)).is_ok() {
+            return Some(at(1.0));
         }
     }
     None
@@ -453,16 +448,18 @@ fn drive(name: &str, seconds: u32) -> Outcome {
     // as an operator would, with what the machine has of room
     let size =
         0.3e3 * five.machine.travel_margin_m(&five.joints(&home(&host.machine)).map_err(|e| e.to_string())?.lengths).0;
+    let turn = size / 8.0;
     let by = |d: [f64; 5]| -> Vec<f64> { (0..5).map(|i| ((home_axes[i] + d[i]) * 1e6).round() / 1e6).collect() };
     let places = [
-        by([0.5 * size, 0.25 * size, 0.5 * size, 5.0, -5.0]),
-        by([-0.5 * size, -0.5 * size, 0.0, -5.0, 5.0]),
+        by([0.5 * size, 0.25 * size, 0.5 * size, turn, -turn]),
+        by([-0.5 * size, -0.5 * size, 0.0, -turn, turn]),
         by([0.0, 0.5 * size, -0.5 * size, 0.0, 0.0]),
     ];
     let unreachable = by([0.0, 0.0, 0.6e3 * host.machine.wrist_parameters.home_z0_m, 0.0, 0.0]);
-    let through = through_a_hollow(&five, home_axes, size).ok_or("no way that leaves the reach was found")?;
+    let wide_mm = 1e3 * host.machine.wrist_parameters.home_z0_m;
+    let through = beyond_a_hollow(&five, home_axes, wide_mm).ok_or("no way that leaves the reach was found")?;
     let load = [60.0, -30.0, -400.0, 1.0, -2.0, 5.0];
-    let wish = json!({ "places": places, "load": load, "unreachable": unreachable, "through": through,
+    let wish = json!({ "places": places, "load": load, "unreachable": unreachable, "home": home_axes, "through": through,
         "program": "holes.ngc", "seconds": seconds });
     let write = |name: &str, text: &str| std::fs::write(out.join(name), text).map_err(|e| format!("{name}: {e}"));
     write("drive.json", &wish.to_string())?;
@@ -504,7 +501,7 @@ fn judge_steps(
     five: &FiveAxis<'_, f64>,
     home_axes: [f64; 5],
     places: &[Vec<f64>],
-    through: &[[f64; 5]; 2],
+    through: &[f64; 5],
 ) -> Outcome {
     let steps = verdict["steps"].as_array().ok_or("no steps")?;
     let five_of = |step: &Value, key: &str| -> Vec<f64> {
@@ -521,7 +518,7 @@ fn judge_steps(
         let at: Option<&[f64]> = match name {
             "home" => Some(&home_axes),
             "place" => asked.next().map(Vec::as_slice),
-            "before" | "after" => Some(&through[0]),
+            "before" | "after" => Some(&home_axes),
             _ => None,
         };
         if !matches!(name, "unreachable" | "through") && !(quiet && step["on"] == true) {
@@ -539,8 +536,8 @@ fn judge_steps(
                 return wrong("expected a refusal before the move");
             }
             "through" => {
-                let way: f64 = worst(&axes, &through[0]);
-                let whole = worst(&through[0], &through[1]);
+                let way: f64 = worst(&axes, &home_axes);
+                let whole = worst(through, &home_axes);
                 if !(said(step).contains("pkmkins: target refused") && step["on"] == false && way > 0.0 && way < whole)
                 {
                     return wrong("expected a fault on the way");
@@ -560,12 +557,27 @@ fn judge_steps(
     Ok(())
 }
 
+/// What the stiffness component does in a period.
+fn component(
+    five: &FiveAxis<'_, f64>,
+    table: &CorrectionTable<'_, f64>,
+    stands: &[f64],
+    force: &Wrench<f64>,
+) -> Result<(Tool<f64>, Corrected<f64>, CompensatedTool<f64>), String> {
+    let stood = five.forward(&joints_of(stands)).map_err(|e| e.to_string())?;
+    let tool = five.tool(&stood).map_err(|e| e.to_string())?;
+    let stiffness = table.factor_form(five.machine, &stood.pose).map_err(|e| e.to_string())?;
+    let wanted = five.compensated(Some(table), &tool, force, &stood).map_err(|e| e.to_string())?;
+    Ok((tool, stiffness, wanted))
+}
+
 /// What the recorder saw, period by period.
 fn judge_rows(name: &str, host: &Host, rows: &[Vec<f64>], load: &[f64; 6]) -> Outcome {
     let (five, table) = (host.five()?, host.table()?);
     let mut off = [0.0_f64; 5];
     let (mut loaded, mut stepped, mut inside, mut valid, mut jump, mut looks) = (0, 0, 0, 0, 0.0_f64, Vec::new());
     let mut last: Option<(Vec<f64>, Configuration<f64>)> = None;
+    let (mut late, mut by_us) = (0, 0);
     let keep = |to: &mut f64, d: f64| *to = if d > *to || d.is_nan() { d } else { *to };
     for row in rows {
         let real = &row[3..3 + REALS];
@@ -599,18 +611,30 @@ fn judge_rows(name: &str, host: &Host, rows: &[Vec<f64>], load: &[f64; 6]) -> Ou
             return Err(format!("no results where the host has some: {row:?}"));
         }
         valid += 1;
-        let said = |e: &dyn std::fmt::Display| e.to_string();
         let [fx, fy, fz, mx, my, mz] = *wrench else { return Err("a wrench is six numbers".into()) };
         let force = Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
-        let tool = five.tool(&stood).map_err(|e| said(&e))?;
-        let wanted = five.compensated(Some(&table), &tool, &force, &stood).map_err(|e| said(&e))?;
+        let (tool, stiffness, wanted) = component(&five, &table, stands, &force)?;
+        if row[0] > PERIOD_NS {
+            late += 1;
+            // the same again: what was taken away from the thread does not come again
+            let again = (0..20).map(|_| {
+                let begun = std::time::Instant::now();
+                let done = component(&five, &table, stands, &force).is_ok() && held(&five, asked).is_ok();
+                if done { begun.elapsed().as_nanos() as f64 } else { f64::INFINITY }
+            });
+            let again = again.fold(f64::INFINITY, f64::min);
+            println!(
+                "  an overrun: {:.0} ns, {:.0} of them in the component; the same again takes {again:.0} ns",
+                row[0], row[2]
+            );
+            by_us += usize::from(again > 0.5 * PERIOD_NS);
+        }
         let to: Vec<f64> = in_file_units(&wanted.hold.joints).iter().zip(stands).map(|(to, at)| to - at).collect();
         keep(&mut off[2], worst(offsets, &to));
         let moves = [wanted.deflection.translation_m, wanted.deflection.rotation_rad].concat();
         keep(&mut off[3], worst(moved, &moves.iter().map(|v| v * 1e6).collect::<Vec<_>>()));
-        let distance = five.machine.singularity_distance(&stood.pose).map_err(|e| said(&e))?;
+        let distance = five.machine.singularity_distance(&stood.pose).map_err(|e| e.to_string())?;
         keep(&mut off[3], worst(margins, &[wanted.hold.home_share, distance.limbs_1_2, distance.limb_3]));
-        let stiffness = table.factor_form(five.machine, &stood.pose).map_err(|e| said(&e))?;
         let matrix = stiffness.factor.stiffness().matrix();
         let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
         for ((i, j), found) in upper.zip(k) {
@@ -626,7 +650,7 @@ fn judge_rows(name: &str, host: &Host, rows: &[Vec<f64>], load: &[f64; 6]) -> Ou
         stepped += usize::from(wrench == load && size > 1e-4);
         if let Some((before, near)) = &last {
             keep(&mut jump, worst(command, before));
-            looks.push(five.inverse(&tool, near).map_err(|e| said(&e))?.looks);
+            looks.push(five.inverse(&tool, near).map_err(|e| e.to_string())?.looks);
         }
         last = Some((command.to_vec(), stood));
     }
@@ -664,8 +688,6 @@ fn judge_rows(name: &str, host: &Host, rows: &[Vec<f64>], load: &[f64; 6]) -> Ou
     }
     // both kinematics run within motion-controller: once a period each
     let share = (inverse[0] + forward[0] + stiffness[0]) / wall[0];
-    let late = rows.iter().filter(|r| r[0] > PERIOD_NS).count();
-    let by_us = rows.iter().filter(|r| r[2] + r[whole] + r[whole + 1] > PERIOD_NS).count();
     println!(
         "  our share of the thread's time at the median {:.0} %, of the period {:.1} %; periods overrun {late}, by us {by_us}",
         100.0 * share,
@@ -723,8 +745,10 @@ fn compare(name: &str, out: &Path, host: &Host) -> Outcome {
          loadrt pkmcompare modules={MODULES} file={}\n\
          net iterations genhexkins.max-iterations => pkmcompare.max-iterations\n\
          setp pkmcompare.home-0 {x}\nsetp pkmcompare.home-1 {y}\nsetp pkmcompare.home-2 {z}\nsetp pkmcompare.size {size}\n\
+         setp pkmcompare.turn {}\n\
          addf pkmcompare servo\nstart\nloadusr -w sleep {SECONDS}\n",
-        file.display()
+        file.display(),
+        size / 4.0
     );
     std::fs::write(out.join("compare.hal"), text).map_err(|e| e.to_string())?;
     let mut halrun = among_modules(&out.join("modules"), out)?;
@@ -758,6 +782,6 @@ fn compare(name: &str, out: &Path, host: &Host) -> Outcome {
 }
 
 fn test() -> Outcome {
-    drive("reference", 40)?;
+    drive("reference", 104)?;
     drive("x150", 20)
 }
