@@ -429,7 +429,7 @@ fn beyond_a_hollow(five: &FiveAxis<'_, f64>, home_axes: [f64; 5], wide_mm: f64) 
 }
 
 /// Drives a machine through homing, moves, loads, refusals and its program, and holds every period against the host.
-fn drive(name: &str, seconds: u32) -> Outcome {
+fn drive(name: &str, periods: usize) -> Outcome {
     let fails = |what: String| Err(format!("{name}: {what}"));
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let out = folder.path();
@@ -460,7 +460,7 @@ fn drive(name: &str, seconds: u32) -> Outcome {
     let through = beyond_a_hollow(&five, home_axes, wide_mm).ok_or("no way that leaves the reach was found")?;
     let load = [60.0, -30.0, -400.0, 1.0, -2.0, 5.0];
     let wish = json!({ "places": places, "load": load, "unreachable": unreachable, "home": home_axes, "through": through,
-        "program": "holes.ngc", "seconds": seconds });
+        "program": "holes.ngc", "periods": periods });
     let write = |name: &str, text: &str| std::fs::write(out.join(name), text).map_err(|e| format!("{name}: {e}"));
     write("drive.json", &wish.to_string())?;
     write("drive.py", &template("tests/drive.py")?)?;
@@ -475,7 +475,7 @@ fn drive(name: &str, seconds: u32) -> Outcome {
         .collect();
     write("test.ini", &ini.join("\n"))?;
     let mut linuxcnc = among_modules(&out.join("modules"), out)?;
-    let seconds_at_most = format!("{}", seconds + 240);
+    let seconds_at_most = format!("{}", periods / 1000 + 240);
     // its status says nothing of the script's
     let said = linuxcnc.args(["timeout", &seconds_at_most, "linuxcnc", "-r", "test.ini"]).output();
     let said = said.map_err(|e| e.to_string())?;
@@ -492,7 +492,7 @@ fn drive(name: &str, seconds: u32) -> Outcome {
         return fails(format!("the script did not finish: {verdict:#}"));
     }
     judge_steps(&verdict, &five, home_axes, &places, &through).or_else(fails)?;
-    judge_rows(name, &host, &numbers(&record, ROW)?, &load).or_else(fails)
+    judge_rows(name, &host, &numbers(&record, ROW)?, &load, periods).or_else(fails)
 }
 
 /// What the script saw: every step as it should be, refusals with their reason.
@@ -572,7 +572,7 @@ fn component(
 }
 
 /// What the recorder saw, period by period.
-fn judge_rows(name: &str, host: &Host, rows: &[Vec<f64>], load: &[f64; 6]) -> Outcome {
+fn judge_rows(name: &str, host: &Host, rows: &[Vec<f64>], load: &[f64; 6], periods: usize) -> Outcome {
     let (five, table) = (host.five()?, host.table()?);
     let mut off = [0.0_f64; 5];
     let (mut loaded, mut stepped, mut inside, mut valid, mut jump, mut looks) = (0, 0, 0, 0, 0.0_f64, Vec::new());
@@ -697,6 +697,9 @@ fn judge_rows(name: &str, host: &Host, rows: &[Vec<f64>], load: &[f64; 6]) -> Ou
     if !exact {
         return Err(format!("not the host's: {off:?}"));
     }
+    if rows.len() < periods {
+        return Err(format!("{} periods, {periods} were asked for", rows.len()));
+    }
     if loaded < 1000 || stepped < 100 || inside == 0 {
         return Err(format!("{loaded} periods under load, {stepped} under the step, {inside} inside the box"));
     }
@@ -782,6 +785,6 @@ fn compare(name: &str, out: &Path, host: &Host) -> Outcome {
 }
 
 fn test() -> Outcome {
-    drive("reference", 104)?;
-    drive("x150", 20)
+    drive("reference", 100_000)?;
+    drive("x150", 20_000)
 }
