@@ -93,9 +93,9 @@ def run():
     time.sleep(0.3)
     done("unload")
 
-    go(wish["unreachable"])
-    done("unreachable")
-    turn_on()
+    for refused in ["unreachable", "singular"]:
+        go(wish[refused])
+        done(refused)
 
     go(wish["home"])
     done("before")

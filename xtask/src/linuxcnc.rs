@@ -6,7 +6,7 @@ use std::process::Command;
 
 use pkm_core::{
     CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose,
-    ScrewLengths, Tool, Wrench,
+    ScrewLengths, Tool, ToolError, Wrench,
 };
 use pkm_host::commands;
 use pkm_host::fit::TermChoice;
@@ -428,6 +428,18 @@ fn beyond_a_hollow(five: &FiveAxis<'_, f64>, home_axes: [f64; 5], wide_mm: f64) 
     None
 }
 
+/// X Y Z A B of home's platform with the wrist turned so far that the margin of the singular surface forbids it.
+fn near_a_singularity(five: &FiveAxis<'_, f64>, home: Configuration<f64>) -> Option<[f64; 5]> {
+    let turns = || (-8..=8).map(|i| 10.0 * f64::from(i));
+    let mut all = turns().flat_map(|a| turns().map(move |b| [a, b]));
+    all.find_map(|[a, b]| {
+        let tool = five.tool(&Configuration { beta_rad: [a, b].map(f64::to_radians), ..home }).ok()?;
+        let [x, y, z] = tool.tip_m.map(|m| m * 1e3);
+        let place = [x, y, z, a, b];
+        (held(five, &place) == Err(ToolError::Singular.to_string())).then_some(place)
+    })
+}
+
 /// Drives a machine through homing, moves, loads, refusals and its program, and holds every period against the host.
 fn drive(name: &str, periods: usize) -> Outcome {
     let fails = |what: String| Err(format!("{name}: {what}"));
@@ -459,7 +471,8 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let wide_mm = 1e3 * host.machine.wrist_parameters.home_z0_m;
     let through = beyond_a_hollow(&five, home_axes, wide_mm).ok_or("no way that leaves the reach was found")?;
     let load = [60.0, -30.0, -400.0, 1.0, -2.0, 5.0];
-    let wish = json!({ "places": places, "load": load, "unreachable": unreachable, "home": home_axes, "through": through,
+    let singular = near_a_singularity(&five, home(&host.machine)).ok_or("no place near a singularity was found")?;
+    let wish = json!({ "places": places, "load": load, "unreachable": unreachable, "singular": singular, "home": home_axes, "through": through,
         "program": "holes.ngc", "periods": periods });
     let write = |name: &str, text: &str| std::fs::write(out.join(name), text).map_err(|e| format!("{name}: {e}"));
     write("drive.json", &wish.to_string())?;
@@ -521,7 +534,7 @@ fn judge_steps(
             "before" | "after" => Some(&home_axes),
             _ => None,
         };
-        if !matches!(name, "unreachable" | "through") && !(quiet && step["on"] == true) {
+        if !matches!(name, "unreachable" | "singular" | "through") && !(quiet && step["on"] == true) {
             return wrong("expected a machine that is on, and no message");
         }
         if let Some(at) = at {
@@ -532,8 +545,13 @@ fn judge_steps(
             }
         }
         match name {
-            "unreachable" if !(said(step).contains("pkmkins: target refused") && joints == last_joints) => {
-                return wrong("expected a refusal before the move");
+            "unreachable" | "singular" => {
+                let why =
+                    if name == "singular" { "too near to a singularity of the five axes" } else { "leave its travel" };
+                let refusal = said(step).contains("pkmkins: target refused") && said(step).contains(why);
+                if !(refusal && step["on"] == true && joints == last_joints) {
+                    return wrong("expected a refusal before the move");
+                }
             }
             "through" => {
                 let way: f64 = worst(&axes, &home_axes);
@@ -550,7 +568,7 @@ fn judge_steps(
         last_joints = joints;
     }
     let count = |name: &str| steps.iter().filter(|s| s["step"] == name).count();
-    let all = ["home", "load", "unload", "unreachable", "before", "through", "after", "program"];
+    let all = ["home", "load", "unload", "unreachable", "singular", "before", "through", "after", "program"];
     if all.into_iter().any(|name| count(name) != 1) || count("place") != places.len() {
         return Err(format!("steps are missing: {verdict:#}"));
     }
