@@ -25,7 +25,7 @@ cargo xtask linuxcnc
 
 /// Where Debian's LinuxCNC looks for modules; `loadrt` takes them from nowhere else.
 const MODULES: &str = "/usr/lib/linuxcnc/modules";
-const PACKAGES: &str = "apt-get install --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev";
+const PACKAGES: &str = "apt-get install --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev gcc make";
 const OURS: [&str; 2] = ["modules/pkmkins.comp", "modules/pkmstiffness.comp"];
 /// Copied into a configuration as they are.
 const FILES: [&str; 4] = ["pkm.hal", "panel.hal", "panel.xml", "tool.tbl"];
@@ -103,25 +103,24 @@ fn build_ready(name: &str) -> Result<PathBuf, String> {
 
 /// Fits the table, compiles library and modules, writes the configuration.
 fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
+    let machine = machine_file(&setup.machine)?;
+    let ini = ini(&machine)?;
+    let program = match &setup.job {
+        Some(job) => program(&machine, job, setup.slide_mm)?,
+        None => "M2\n".to_owned(),
+    };
     let modules = out.join("modules");
     std::fs::create_dir_all(&modules).map_err(|e| format!("{}: {e}", out.display()))?;
     let fitted = commands::fit(Some(&setup.machine), Some(&setup.data), None, TermChoice::Select, out);
     fitted.map_err(|e| e.to_string())?;
-    let library = c::library_here(out)?;
-    compile(components, &library, &modules)?;
-
-    let machine = machine_file(&setup.machine)?;
+    compile(components, &c::library_here(out)?, &modules)?;
     let write = |name: &str, text: String| {
         std::fs::write(out.join(name), text).map_err(|e| format!("{}: {e}", out.join(name).display()))
     };
     for name in FILES {
         write(name, template(name)?)?;
     }
-    write("pkm.ini", ini(&machine)?)?;
-    let program = match &setup.job {
-        Some(job) => program(&machine, job, setup.slide_mm)?,
-        None => "M2\n".to_owned(),
-    };
+    write("pkm.ini", ini)?;
     write("holes.ngc", program)?;
     println!("{}: LinuxCNC's modules and configuration for the machine {}", out.display(), machine.name);
     Ok(())
