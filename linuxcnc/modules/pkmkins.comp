@@ -7,9 +7,9 @@ mm in the frame B of the machine's base, A and B the wrist's joints in degrees: 
 Both directions are closed forms. A target that is unreachable, beyond travel or limits, or too near to a singularity is
 refused with a message, and motmod then does not begin the move, or stops on the way before it gets there.
 
-.B loadrt pkmkins machine=0123456789abcdef
+.B loadrt pkmkins machine=0123456789abcdef wrist=0123456789abcdef
 
-loads only where the machine that is compiled in has this checksum.""";
+loads only where the machine and the wrist that are compiled in have these checksums.""";
 
 author "pkm";
 license "Dual MIT/GPL";
@@ -33,8 +33,9 @@ pin io s32 forward-max-ns "longest time of a forward; may be set to 0";
 #include <string.h>
 #include <kinematics.h>
 
-static char *machine;
+static char *machine, *wrist;
 RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for");
+RTAPI_MP_STRING(wrist, "and of its wrist, with the tool's length");
 
 static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
 
@@ -105,16 +106,19 @@ EXPORT_SYMBOL(kinematicsType);
 EXPORT_SYMBOL(kinematicsInverse);
 EXPORT_SYMBOL(kinematicsForward);
 
+static int is_for(const char *what, const char *wanted, unsigned long long compiled_in) {
+    char text[17];
+    rtapi_snprintf(text, sizeof(text), "%016llx", compiled_in);
+    if (!wanted || !strcmp(wanted, text)) return 1;
+    rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: the %s compiled in is %s, this configuration is for %s: build modules and "
+                    "configuration from one machine file (cargo xtask linuxcnc build)\n", what, text, wanted);
+    return 0;
+}
+
 EXTRA_SETUP() {
     (void)prefix;
     (void)extra_arg;
     (void)__comp_inst;
-    char compiled_in[17];
-    rtapi_snprintf(compiled_in, sizeof(compiled_in), "%016llx", (unsigned long long)pkm_machine_checksum());
-    if (machine && strcmp(machine, compiled_in)) {
-        rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: the machine compiled in is %s, this configuration is for %s: build the "
-                        "modules for its machine file (cargo xtask linuxcnc build) and install them\n", compiled_in, machine);
-        return -EINVAL;
-    }
-    return 0;
+    const int fits = is_for("machine", machine, pkm_machine_checksum()) && is_for("wrist", wrist, pkm_wrist_checksum());
+    return fits ? 0 : -EINVAL;
 }

@@ -457,6 +457,9 @@ const char *pkm_version(void);
 // Checksum of the compiled-in machine, as its `coefficients.rs` states it.
 uint64_t pkm_machine_checksum(void);
 
+// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
+uint64_t pkm_wrist_checksum(void);
+
 // Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
 uint64_t pkm_table_checksum(void);
 

@@ -76,6 +76,12 @@ pub extern "C" fn pkm_machine_checksum() -> u64 {
     const { coefficients::PARAMETERS.checksum() }
 }
 
+/// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_wrist_checksum() -> u64 {
+    const { coefficients::WRIST.checksum() }
+}
+
 /// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
 #[unsafe(no_mangle)]
 pub extern "C" fn pkm_table_checksum() -> u64 {

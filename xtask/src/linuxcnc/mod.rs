@@ -202,13 +202,14 @@ fn ini(machine: &MachineFile) -> Result<String, String> {
         to.push_str(&section(&format!("JOINT_{i}"), range(i), limits, &rest));
     }
     let text = template("pkm.ini")?;
-    let checksum = format!("{:016x}", machine.parameters.checksum());
+    let [machine_sum, wrist_sum] = [machine.parameters.checksum(), wrist.checksum()].map(|sum| format!("{sum:016x}"));
     let fill = [
         ("{name}", machine.name.as_str()),
-        ("{checksum}", &checksum),
+        ("{machine_checksum}", &machine_sum),
+        ("{wrist_checksum}", &wrist_sum),
         ("{axes}", &axes),
         ("{screws}", &screws),
-        ("{wrist}", &turns),
+        ("{turns}", &turns),
     ];
     Ok(fill.iter().fold(text, |text, (mark, value)| text.replace(mark, value)))
 }

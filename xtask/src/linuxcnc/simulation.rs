@@ -182,6 +182,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let [x, y, z] = tool.tip_m.map(|m| m * 1e3);
     let home_axes = [x, y, z, 0.0, 0.0];
 
+    refuse_others(out)?;
     compare(name, out, &host)?;
 
     // as an operator would, with what the machine has of room
@@ -507,6 +508,20 @@ fn no_allocation(modules: &Path) -> Outcome {
             .collect();
         if !asked.is_empty() {
             return Err(format!("{name} asks for {asked:?}"));
+        }
+    }
+    Ok(())
+}
+
+/// A configuration for another machine or another wrist does not get these kinematics.
+fn refuse_others(out: &Path) -> Outcome {
+    for what in ["machine", "wrist"] {
+        let text = format!("loadrt pkmkins {what}=0123456789abcdef\n");
+        std::fs::write(out.join("other.hal"), text).map_err(|e| e.to_string())?;
+        let mut halrun = among_modules(&out.join("modules"), out)?;
+        match output(halrun.args(["timeout", "60", "halrun", "-f", "other.hal"])) {
+            Err(said) if said.contains(&format!("the {what} compiled in is")) => {}
+            other => return Err(format!("pkmkins for another {what} was not refused: {other:?}")),
         }
     }
     Ok(())
