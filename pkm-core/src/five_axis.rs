@@ -83,7 +83,7 @@ pub struct Hold<T> {
     pub joints: JointValues<T>,
     /// Distance from the singular surface, see [`FiveAxis::home_share`].
     pub home_share: T,
-    /// Configurations that were looked at on the way.
+    /// Configurations that were looked at on the way; 0 in closed form.
     pub looks: u8,
 }
 
@@ -461,6 +461,37 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let configuration = state.moved(look.step, T::ONE).configuration();
         let joints = self.joints(&configuration)?;
         Ok(Hold { configuration, joints, home_share: look.share, looks })
+    }
+
+    /// How the machine holds a tip with the wrist's joints at given angles, θ and σ within a right angle, in closed form: with
+    /// the tip at t in A-uvw, t_v cos σ − t_w sin σ is y, and θ turns (t_u, L + t_v sin σ + t_w cos σ) to (x, z).
+    ///
+    /// # Errors
+    /// Not finite; unreachable; those of [`joints`](Self::joints); singular: the [home share](Self::home_share) is below the
+    /// wrist's margin.
+    pub fn inverse_at(&self, tip_m: [T; 3], beta_rad: [T; 2]) -> Result<Hold<T>, ToolError> {
+        if !(finite(tip_m) && beta_rad.iter().all(|beta| beta.is_finite())) {
+            return Err(ToolError::NotFinite);
+        }
+        let ([x, y, z], [tu, tv, tw]) = (tip_m, self.wrist.held(beta_rad).tip);
+        let sigma = tv.atan2(tw) - y.atan2((tv * tv + tw * tw - y * y).sqrt());
+        let (sin, cos) = sigma.sin_cos();
+        let along_n = (x * x + z * z - tu * tu).sqrt();
+        let l = along_n - tv * sin - tw * cos;
+        let theta = (x * along_n - z * tu).atan2(x * tu + z * along_n);
+        let state = State { theta, sigma, l, beta: beta_rad };
+        // a root of what is negative is no number, and nothing of it is possible
+        if !state.is_possible() {
+            return Err(ToolError::Unreachable);
+        }
+        let configuration = state.configuration();
+        let joints = self.joints(&configuration)?;
+        let ToolFrame { tip_m, axes: [_, _, axis] } = self.frame_of(&configuration);
+        let home_share = self.wrist.look(&state, &Tool { tip_m, axis }).share;
+        if !(home_share >= self.wrist.margin) {
+            return Err(ToolError::Singular);
+        }
+        Ok(Hold { configuration, joints, home_share, looks: 0 })
     }
 
     /// [`inverse`](Self::inverse) for a machine that does not stand near: from `near`, and if that finds nothing from

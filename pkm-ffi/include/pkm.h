@@ -256,6 +256,14 @@ typedef struct {
   double home_share;
 } PkmHold_f64;
 
+// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmTip_f64;
+
 // What to command so that a loaded tool is where it should be.
 typedef struct {
   // What to command, and where the five axes then would stand without the load.
@@ -415,6 +423,14 @@ typedef struct {
   float home_share;
 } PkmHold_f32;
 
+// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+typedef struct {
+  // x, y, z of the tip.
+  float tip_m[3];
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmTip_f32;
+
 // What to command so that a loaded tool is where it should be.
 typedef struct {
   // What to command, and where the five axes then would stand without the load.
@@ -440,6 +456,9 @@ const char *pkm_version(void);
 
 // Checksum of the compiled-in machine, as its `coefficients.rs` states it.
 uint64_t pkm_machine_checksum(void);
+
+// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
+uint64_t pkm_wrist_checksum(void);
 
 // Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
 uint64_t pkm_table_checksum(void);
@@ -566,6 +585,15 @@ PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
                               const PkmTool_f64 *tool,
                               const PkmConfiguration_f64 *near,
                               PkmHold_f64 *hold);
+
+// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+//
+// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
+                             const PkmWrist_f64 *wrist,
+                             const PkmTip_f64 *tip,
+                             PkmHold_f64 *hold);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
@@ -702,6 +730,15 @@ PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
                               const PkmTool_f32 *tool,
                               const PkmConfiguration_f32 *near,
                               PkmHold_f32 *hold);
+
+// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+//
+// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PkmError pkm_tip_inverse_f32(const PkmMachine_f32 *machine,
+                             const PkmWrist_f32 *wrist,
+                             const PkmTip_f32 *tip,
+                             PkmHold_f32 *hold);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.

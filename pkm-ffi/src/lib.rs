@@ -76,6 +76,12 @@ pub extern "C" fn pkm_machine_checksum() -> u64 {
     const { coefficients::PARAMETERS.checksum() }
 }
 
+/// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_wrist_checksum() -> u64 {
+    const { coefficients::WRIST.checksum() }
+}
+
 /// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
 #[unsafe(no_mangle)]
 pub extern "C" fn pkm_table_checksum() -> u64 {
@@ -90,7 +96,8 @@ macro_rules! functions {
         stiffness $stiffness:ident, domain $domain:ident, corrected_stiffness $corrected_stiffness:ident,
         deflection $deflection:ident, thermal_deflection $thermal_deflection:ident, compensated $compensated:ident,
         cycle $cycle:ident, $the_wrist:ident, wrist $wrist:ident, tool_forward $tool_forward:ident,
-        tool_inverse $tool_inverse:ident, tool_compensated $tool_compensated:ident $(,)?
+        tool_inverse $tool_inverse:ident, tip_inverse $tip_inverse:ident,
+        tool_compensated $tool_compensated:ident $(,)?
     ) => {
         const _: () = assert!(
             size_of::<Machine<$t>>() == size_of::<PkmMachine<$t>>()
@@ -399,6 +406,27 @@ macro_rules! functions {
             }
         }
 
+        /// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+        /// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+        ///
+        /// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tip_inverse(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            tip: *const PkmTip<$t>,
+            hold: *mut PkmHold<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(hold, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let PkmTip { tip_m, beta_rad } = *given(tip)?;
+                    Ok(five.inverse_at(tip_m, beta_rad)?.into())
+                })
+            }
+        }
+
         /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
         /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
         ///
@@ -436,7 +464,7 @@ functions! {
     corrected_stiffness pkm_corrected_stiffness_f64, deflection pkm_deflection_f64,
     thermal_deflection pkm_thermal_deflection_f64, compensated pkm_compensated_f64, cycle pkm_cycle_f64,
     WRIST_F64, wrist pkm_wrist_f64, tool_forward pkm_tool_forward_f64, tool_inverse pkm_tool_inverse_f64,
-    tool_compensated pkm_tool_compensated_f64,
+    tip_inverse pkm_tip_inverse_f64, tool_compensated pkm_tool_compensated_f64,
 }
 
 functions! {
@@ -447,7 +475,7 @@ functions! {
     corrected_stiffness pkm_corrected_stiffness_f32, deflection pkm_deflection_f32,
     thermal_deflection pkm_thermal_deflection_f32, compensated pkm_compensated_f32, cycle pkm_cycle_f32,
     WRIST_F32, wrist pkm_wrist_f32, tool_forward pkm_tool_forward_f32, tool_inverse pkm_tool_inverse_f32,
-    tool_compensated pkm_tool_compensated_f32,
+    tip_inverse pkm_tip_inverse_f32, tool_compensated pkm_tool_compensated_f32,
 }
 
 /// For the test of the test: a panic that must be found.

@@ -28,7 +28,7 @@ macro_rules! misuse_of_every_function {
     ($test:ident, $t:ty, $machine:ident, $table:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
      $jacobian:ident, $distance:ident, $margin:ident, $stiffness:ident, $domain:ident, $corrected:ident,
      $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident, $wrist:ident, $tool_forward:ident, $tool_inverse:ident,
-     $tool_compensated:ident) => {
+     $tip_inverse:ident, $tool_compensated:ident) => {
         #[test]
         fn $test() {
             let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
@@ -47,6 +47,8 @@ macro_rules! misuse_of_every_function {
             let near = PkmConfiguration::<$t> { pose: home, beta_rad: [0.0; 2] };
             let (j, v) = (std::ptr::from_ref(&joints).cast(), $wrist().cast::<c_void>());
             let (to_hold, n) = (std::ptr::from_ref(&tool).cast(), std::ptr::from_ref(&near).cast());
+            let tip = PkmTip::<$t> { tip_m: tool.tip_m, beta_rad: [0.1, -0.1] };
+            let at_tip = std::ptr::from_ref(&tip).cast();
             // SAFETY: every pointer is null, misaligned, or leads to what the function asks for
             unsafe {
                 misuse([m], |[m], to| $at_temperature(m.cast(), 30.0, to.cast()));
@@ -72,6 +74,7 @@ macro_rules! misuse_of_every_function {
                 misuse([m, v, to_hold, n], |[m, v, tool, n], to| {
                     $tool_inverse(m.cast(), v.cast(), tool.cast(), n.cast(), to.cast())
                 });
+                misuse([m, v, at_tip], |[m, v, tip], to| $tip_inverse(m.cast(), v.cast(), tip.cast(), to.cast()));
                 misuse([m, t, v, to_hold, w, n], |[m, t, v, tool, w, n], to| {
                     let (m, t, v) = (m.cast(), t.cast(), v.cast());
                     $tool_compensated(m, t, v, tool.cast(), w.cast(), n.cast(), to.cast())
@@ -102,6 +105,7 @@ misuse_of_every_function!(
     pkm_wrist_f64,
     pkm_tool_forward_f64,
     pkm_tool_inverse_f64,
+    pkm_tip_inverse_f64,
     pkm_tool_compensated_f64
 );
 misuse_of_every_function!(
@@ -125,5 +129,6 @@ misuse_of_every_function!(
     pkm_wrist_f32,
     pkm_tool_forward_f32,
     pkm_tool_inverse_f32,
+    pkm_tip_inverse_f32,
     pkm_tool_compensated_f32
 );

@@ -184,6 +184,16 @@ pub struct PkmTool<T> {
     pub axis: [T; 3],
 }
 
+/// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmTip<T> {
+    /// x, y, z of the tip.
+    pub tip_m: [T; 3],
+    /// Joints 1 and 2 of the wrist.
+    pub beta_rad: [T; 2],
+}
+
 /// Where joint values put the five axes and the tool.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -44,6 +44,7 @@ int main(void) {
     const PkmTool_f64 tool = {{-0.2, 0.0, 1.13}, {0.0, 0.0, 1.0}};
     const PkmConfiguration_f64 home = {{0.0, 0.0, 0.53}, {0.0, 0.0}};
     const PkmJoints_f64 joints = {{{0.55, 0.55, 0.53}}, {0.0, 0.0}};
+    const PkmTip_f64 too_far = {{-0.2, 0.0, 11.3}, {0.0, 0.0}}, off_side = {{-0.2, 1.13, 0.0}, {0.0, 0.0}};
     PkmToolPlace_f64 place;
     PkmHold_f64 hold;
     PkmCompensatedTool_f64 loaded;
@@ -57,6 +58,9 @@ int main(void) {
     REFUSED(PKM_ERROR_NULL_POINTER, domain, pkm_domain_f64(NULL, &pose, &domain));
     REFUSED(PKM_ERROR_NULL_POINTER, place, pkm_tool_forward_f64(machine, NULL, &joints, &place));
     REFUSED(PKM_ERROR_NULL_POINTER, hold, pkm_tool_inverse_f64(machine, wrist, &tool, NULL, &hold));
+    REFUSED(PKM_ERROR_NULL_POINTER, hold, pkm_tip_inverse_f64(machine, wrist, NULL, &hold));
+    REFUSED(PKM_ERROR_OUT_OF_TRAVEL_LIMB1, hold, pkm_tip_inverse_f64(machine, wrist, &too_far, &hold));
+    REFUSED(PKM_ERROR_TOOL_UNREACHABLE, hold, pkm_tip_inverse_f64(machine, wrist, &off_side, &hold));
     REFUSED(PKM_ERROR_NULL_POINTER, loaded,
             pkm_tool_compensated_f64(machine, NULL, wrist, &tool, &wrench, &home, &loaded));
 

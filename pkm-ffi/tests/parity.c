@@ -46,6 +46,7 @@
         const PkmConfiguration_##S home = {{0, 0, (T)0.53}, {0, 0}};                                              \
         PkmJoints_##S joints;                                                                                     \
         PkmToolPlace_##S place;                                                                                   \
+        PkmTip_##S at_tip;                                                                                        \
         PkmHold_##S hold;                                                                                         \
         PkmCompensatedTool_##S loaded;                                                                            \
         print_##S("pose_" #S, PKM_ERROR_OK, &pose, 3);                                                            \
@@ -73,6 +74,9 @@
         memset(&place, 0, sizeof(place));                                                                         \
         print_##S("tool_forward", pkm_tool_forward_##S(machine, wrist, &joints, &place), &place, 11);             \
         print_##S("tool_inverse", pkm_tool_inverse_##S(machine, wrist, &place.tool, &home, &hold), &hold, 11);    \
+        memcpy(at_tip.tip_m, place.tool.tip_m, sizeof(at_tip.tip_m));                                             \
+        memcpy(at_tip.beta_rad, joints.beta_rad, sizeof(at_tip.beta_rad));                                        \
+        print_##S("tip_inverse", pkm_tip_inverse_##S(machine, wrist, &at_tip, &hold), &hold, 11);                 \
         print_##S("tool_compensated",                                                                             \
                   pkm_tool_compensated_##S(machine, table, wrist, &place.tool, &wrench, &home, &loaded), &loaded, 17);\
     }

@@ -199,55 +199,25 @@ impl<'a> Reach<'a> {
     /// The configuration in a place, next to `near` where there are several.
     ///
     /// # Errors
-    /// Those of [`FiveAxis::inverse`].
+    /// Those of [`FiveAxis::inverse`] and [`FiveAxis::inverse_at`].
     pub fn stand(&self, place: &Place, near: &Configuration<f64>) -> std::result::Result<Hold<f64>, ToolError> {
-        self.stood(&self.five, self.margin(), place, near)
+        stood(&self.five, place, near)
     }
 
     /// The same [without limits](Self::unlimited).
     pub fn stand_anywhere(&self, place: &Place, near: &Configuration<f64>) -> Option<Hold<f64>> {
-        self.stood(&self.unlimited(), 0.0, place, near).ok()
+        stood(&self.unlimited(), place, near).ok()
     }
+}
 
-    fn stood(
-        &self,
-        five: &FiveAxis<'_, f64>,
-        margin: f64,
-        place: &Place,
-        near: &Configuration<f64>,
-    ) -> std::result::Result<Hold<f64>, ToolError> {
-        let beta_rad = match place.toward {
-            Toward::Axis(axis) => return five.inverse(&Tool { tip_m: place.tip_m, axis }, near),
-            Toward::Wrist(beta_rad) => beta_rad,
-        };
-        let configuration = self.with_wrist_at(place.tip_m, beta_rad)?;
-        let joints = five.joints(&configuration)?;
-        let home_share = five.home_share(&configuration)?;
-        if home_share < margin {
-            return Err(ToolError::Singular);
-        }
-        Ok(Hold { configuration, joints, home_share, looks: 0 })
-    }
-
-    /// The configuration with the tip in a place and the wrist's joints at given angles, θ and σ within ±90°: with the tip at
-    /// t in A-uvw, t_v cos σ − t_w sin σ is y, and θ turns (t_u, L + t_v sin σ + t_w cos σ) to (x, z).
-    fn with_wrist_at(
-        &self,
-        [x, y, z]: [f64; 3],
-        beta_rad: [f64; 2],
-    ) -> std::result::Result<Configuration<f64>, ToolError> {
-        let home = Configuration { beta_rad, ..self.home() };
-        let [tu, tv, at_home] = self.unlimited().tool(&home)?.tip_m;
-        let tw = at_home - home.pose.z0_m;
-        let sigma_rad = tv.atan2(tw) - (y / tv.hypot(tw)).asin();
-        let (sin, cos) = sigma_rad.sin_cos();
-        let along_n = (x * x + z * z - tu * tu).sqrt();
-        let l = along_n - tv * sin - tw * cos;
-        let theta_rad = (x * along_n - z * tu).atan2(x * tu + z * along_n);
-        if !(l > 0.0 && sigma_rad.is_finite()) {
-            return Err(ToolError::Unreachable);
-        }
-        Ok(Configuration { pose: Pose { theta_rad, sigma_rad, z0_m: l * theta_rad.cos() }, beta_rad })
+fn stood(
+    five: &FiveAxis<'_, f64>,
+    place: &Place,
+    near: &Configuration<f64>,
+) -> std::result::Result<Hold<f64>, ToolError> {
+    match place.toward {
+        Toward::Axis(axis) => five.inverse(&Tool { tip_m: place.tip_m, axis }, near),
+        Toward::Wrist(beta_rad) => five.inverse_at(place.tip_m, beta_rad),
     }
 }
 

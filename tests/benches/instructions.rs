@@ -100,7 +100,7 @@ fn frame<T: Scalar>(five: &FiveAxis<'_, T>) -> ToolFrame<T> {
 }
 
 macro_rules! five_axes {
-    ($t:ty, $machine:ident, $table:ident, $wrist:ident, $five:ident, $warm:ident, $whole:ident, $loaded:ident) => {
+    ($t:ty, $machine:ident, $table:ident, $wrist:ident, $five:ident, $warm:ident, $given:ident, $whole:ident, $loaded:ident) => {
         const $five: FiveAxis<'static, $t> = FiveAxis { machine: &$machine, wrist: &$wrist };
 
         #[library_benchmark]
@@ -112,6 +112,14 @@ macro_rules! five_axes {
         fn $warm(step: (Tool<$t>, Configuration<$t>)) -> Hold<$t> {
             let (tool, near) = black_box(step);
             black_box($five.inverse(&tool, &near)).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::home(step(&$five, 0))]
+        #[bench::corner(step(&$five, 3))]
+        fn $given(step: (Tool<$t>, Configuration<$t>)) -> Hold<$t> {
+            let (tool, near) = black_box(step);
+            black_box($five.inverse_at(tool.tip_m, near.beta_rad)).unwrap()
         }
 
         #[library_benchmark]
@@ -129,8 +137,28 @@ macro_rules! five_axes {
     };
 }
 
-five_axes!(f64, MACHINE_F64, TABLE_F64, WRIST_F64, FIVE_F64, inverse_tool_f64, inverse_frame_f64, compensated_tool_f64);
-five_axes!(f32, MACHINE_F32, TABLE_F32, WRIST_F32, FIVE_F32, inverse_tool_f32, inverse_frame_f32, compensated_tool_f32);
+five_axes!(
+    f64,
+    MACHINE_F64,
+    TABLE_F64,
+    WRIST_F64,
+    FIVE_F64,
+    inverse_tool_f64,
+    inverse_at_f64,
+    inverse_frame_f64,
+    compensated_tool_f64
+);
+five_axes!(
+    f32,
+    MACHINE_F32,
+    TABLE_F32,
+    WRIST_F32,
+    FIVE_F32,
+    inverse_tool_f32,
+    inverse_at_f32,
+    inverse_frame_f32,
+    compensated_tool_f32
+);
 
 // The paper's way has to invert a dense matrix of 24 rows.
 #[library_benchmark]
@@ -153,6 +181,7 @@ library_benchmark_group!(
 );
 library_benchmark_group!(name = cycle, config = at_most(4200), benchmarks = [cycle_f64, cycle_f32]);
 library_benchmark_group!(name = tool, config = at_most(4000), benchmarks = [inverse_tool_f64, inverse_tool_f32]);
+library_benchmark_group!(name = given, config = at_most(2600), benchmarks = [inverse_at_f64, inverse_at_f32]);
 library_benchmark_group!(name = frame, config = at_most(11500), benchmarks = [inverse_frame_f64, inverse_frame_f32]);
 library_benchmark_group!(
     name = loaded,
@@ -160,4 +189,4 @@ library_benchmark_group!(
     benchmarks = [compensated_tool_f64, compensated_tool_f32]
 );
 library_benchmark_group!(name = peer, benchmarks = [dense_24x24_inverse_nalgebra]);
-main!(library_benchmark_groups = [inverse, forward, basic, corrected, cycle, tool, frame, loaded, peer]);
+main!(library_benchmark_groups = [inverse, forward, basic, corrected, cycle, tool, given, frame, loaded, peer]);

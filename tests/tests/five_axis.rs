@@ -164,6 +164,40 @@ fn every_reachable_tool_on_the_home_side_is_found() {
 }
 
 #[test]
+fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for _ in 0..100_000 {
+        let (c, tool) = holdable(&mut rng, &FIVE);
+        let found = FIVE.inverse_at(tool.tip_m, c.beta_rad).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
+        worst = worst.max(configurations_apart(&found.configuration, &c));
+        assert_eq!((found.looks, found.configuration.beta_rad), (0, c.beta_rad));
+        let share = FIVE.home_share(&found.configuration).unwrap();
+        assert!((share - found.home_share).abs() < 1e-12 * share, "{share} {}", found.home_share);
+    }
+    println!("worst {worst:e}");
+    assert!(worst <= 1e-12, "{worst:e}");
+
+    let Tool { tip_m: [x, y, z], .. } = FIVE.tool(&HOME).unwrap();
+    assert_eq!(FIVE.inverse_at([f64::NAN, y, z], [0.0; 2]), Err(ToolError::NotFinite));
+    assert_eq!(FIVE.inverse_at([x, y, z], [0.0, f64::INFINITY]), Err(ToolError::NotFinite));
+    assert_eq!(FIVE.inverse_at([x, 2.0, z], [0.0; 2]), Err(ToolError::Unreachable));
+    assert_eq!(FIVE.inverse_at([0.0, y, 0.1], [0.0; 2]), Err(ToolError::Unreachable));
+    let too_far = Err(ToolError::Kinematics(KinematicsError::OutOfTravel { limb: 1 }));
+    assert_eq!(FIVE.inverse_at([x, y, z + 1.0], [0.0; 2]), too_far);
+    let turned = Configuration { beta_rad: [0.0, 1.6], ..HOME };
+    let tip_m = table_1(&turned, &WRIST).fixed_view::<3, 1>(0, 3).into();
+    assert_eq!(FIVE.inverse_at(tip_m, turned.beta_rad), Err(ToolError::WristLimit { joint: 2 }));
+    let mut beyond = 0;
+    while beyond < 1000 {
+        let c = configuration(&mut rng);
+        let (Ok(tool), Ok(..0.0999)) = (FIVE.tool(&c), FIVE.home_share(&c)) else { continue };
+        assert_eq!(FIVE.inverse_at(tool.tip_m, c.beta_rad), Err(ToolError::Singular));
+        beyond += 1;
+    }
+}
+
+#[test]
 fn other_machines_hold_tools_on_their_home_side() {
     let mut rng = seeded();
     let (mut found, mut tried) = (0, 0);

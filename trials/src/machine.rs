@@ -114,6 +114,24 @@ impl Machine {
         Self { geometry: [0.180, 0.220, 0.350, 0.380], travel: [[0.420; 3], [0.770; 3]], limbs: [side, side, third] }
     }
 
+    /// The X150 with our stiffnesses.
+    pub fn x150() -> Self {
+        let body =
+            [(0.030, 0.020), (0.016, 0.0)].map(|(outer, inner)| Tube { young: 206e9, shear: 79.23e9, outer, inner });
+        let side = Limb {
+            base: [6.0e7, 6.0e7, 9.0e7, 0.0, 0.0, 1.5e4],
+            platform: [8.0e7, 8.0e7, 8.0e7, 0.0, 2.0e4, 2.0e4],
+            body,
+        };
+        let third = Limb {
+            base: [8.0e7, 8.0e7, 8.0e7, 0.0, 2.5e4, 2.5e4],
+            platform: [7.0e7, 7.0e7, 7.0e7, 0.0, 0.0, 0.0],
+            body,
+        };
+        let travel = [[0.242, 0.242, 0.210], [0.280, 0.280, 0.287]];
+        Self { geometry: [0.050, 0.086, 0.050, 0.180], travel, limbs: [side, side, third] }
+    }
+
     /// A relative of the reference machine, limbs 1 and 2 alike; numbers are rounded as a drawing has them.
     pub fn random(rng: &mut Random) -> Self {
         let mut m = Self::reference();

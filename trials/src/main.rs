@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::{Parser, Subcommand};
 use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
-use pkm_trials::set::{self, Kind, Set, Wish};
+use pkm_trials::set::{self, Kind, Set, Stiff, Wish};
 
 #[derive(Parser)]
 #[command(version, about)]
@@ -69,8 +69,12 @@ enum Command {
         #[arg(long)]
         out: PathBuf,
     },
-    /// Write the stiffness of the reference machine with elastic platforms and limbs over a wide box: data of the case study
+    /// Write the stiffness of a machine with elastic platforms and limbs over a wide box: data of the case study, and of the
+    /// X150
     Stiffness {
+        /// Machine
+        #[arg(long, value_enum, default_value_t = Stiff::Reference)]
+        machine: Stiff,
         /// CSV
         #[arg(long)]
         out: PathBuf,
@@ -182,8 +186,8 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out, false)),
         Command::Fixtures { out } => fixtures(&out),
-        Command::Stiffness { out } => {
-            let csv = set::wide_stiffness();
+        Command::Stiffness { machine, out } => {
+            let csv = set::stiffness(machine);
             csv.and_then(|csv| std::fs::write(&out, csv).map_err(|e| format!("{}: {e}", out.display())))
         }
         Command::Run { program, sets, seed, kinds, wish, jobs, keep, verbose, markdown } => {

@@ -117,6 +117,12 @@ pub fn run() -> Outcome {
     Ok(())
 }
 
+/// The library for this computer, with the `coefficients.rs` of a folder.
+pub fn library_here(fitted: &Path) -> Result<PathBuf, String> {
+    let fitted = fitted.canonicalize().map_err(|e| format!("{}: {e}", fitted.display()))?;
+    PLATFORMS[0].library(&fitted, &[])
+}
+
 impl Platform {
     fn library(&self, fitted: &Path, features: &[&str]) -> Result<PathBuf, String> {
         let mut build = cargo("build");
@@ -257,6 +263,7 @@ fn expected<T: Scalar>(
         line("k_p_warm", warm.map_err(drop).and_then(|m| m.stiffness(pose).map(whole).map_err(drop))),
         line("tool_forward", place.map(|(c, tool)| [stands(&c), tool.tip_m.to_vec(), tool.axis.to_vec()].concat())),
         line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
+        line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| hold(&h))),
         line(
             "tool_compensated",
             loaded.map(|l| [hold(&l.hold), [l.deflection.translation_m, l.deflection.rotation_rad].concat()].concat()),

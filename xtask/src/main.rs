@@ -4,6 +4,7 @@ mod c;
 mod cycles;
 mod hil;
 mod image;
+mod linuxcnc;
 mod proofs;
 mod qemu;
 mod showcase;
@@ -29,6 +30,8 @@ cargo xtask <chore>
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones
   c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
+  linuxcnc     build LinuxCNC's modules and configurations for two machines, drive them in simulation, compare with the host;
+               build, run: see cargo xtask linuxcnc help
   header       write pkm-ffi/include/pkm.h
   f32          errors of a controller's cycle in f32 against f64, as tables; write docs/f32.svg
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
         Some("f32") => single::run(),
+        Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
     };

@@ -188,6 +188,7 @@ both_widths! {
     joints(i) i.five().joints(&i.near);
     home_share(i) i.five().home_share(&i.near);
     inverse_tool(i) i.five().inverse(&i.tool, &i.near);
+    inverse_at(i) i.five().inverse_at(i.tool.tip_m, i.near.beta_rad);
     search(i) i.five().search(&i.tool, &i.near);
     inverse_frame(i) i.five().inverse_frame(&i.frame);
     tip_stiffness(i) i.five().tip_stiffness(&i.stiffness, &i.near);

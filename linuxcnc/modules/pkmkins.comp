@@ -1,0 +1,124 @@
+component pkmkins "Kinematics of an Exechon-like machine of five axes, for motmod";
+
+description """
+Joints 0, 1, 2 are the lengths of the three screws in mm, joints 3 and 4 the wrist in degrees. Axes X Y Z are the tool's tip in
+mm in the frame B of the machine's base, A and B the wrist's joints in degrees: the coordinates of `pkm-host compensate`.
+
+Both directions are closed forms. A target that is unreachable, beyond travel or limits, or too near to a singularity is
+refused with a message, and motmod then does not begin the move, or stops on the way before it gets there.
+
+.B loadrt pkmkins machine=0123456789abcdef wrist=0123456789abcdef
+
+loads only where the machine and the wrist that are compiled in have these checksums.""";
+
+author "pkm";
+license "Dual MIT/GPL";
+option singleton yes;
+option extra_setup yes;
+include "pkm.h";
+
+pin out s32 why "why the last refusal was: a PkmError of pkm.h; 0 after a target that was not refused";
+pin out u32 refused "targets and joint values refused so far";
+pin out float share "of the last target: distance from the singular surface of the five axes, 1 at home, 0 on it";
+pin out float inverse-axis-#[5] "last target that was not refused: X Y Z A B";
+pin out float inverse-joint-#[5] "its joints";
+pin out float forward-joint-#[5] "last joint values that were not refused";
+pin out float forward-axis-#[5] "their X Y Z A B";
+pin out s32 inverse-ns "time of the last inverse";
+pin out s32 forward-ns "time of the last forward";
+pin io s32 inverse-max-ns "longest time of an inverse; may be set to 0";
+pin io s32 forward-max-ns "longest time of a forward; may be set to 0";
+;;
+
+#include <string.h>
+#include <kinematics.h>
+
+static char *machine, *wrist;
+RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for");
+RTAPI_MP_STRING(wrist, "and of its wrist, with the tool's length");
+
+static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
+
+static PkmError said;
+
+int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVERSE_FLAGS *iflags,
+                      KINEMATICS_FORWARD_FLAGS *fflags) {
+    (void)iflags;
+    (void)fflags;
+    struct __comp_state *__comp_inst = __comp_first_inst;
+    const long long begun = rtapi_get_time();
+    const double axis[5] = {world->tran.x, world->tran.y, world->tran.z, world->a, world->b};
+    const PkmTip_f64 tip = {{axis[0] / MM, axis[1] / MM, axis[2] / MM}, {axis[3] / DEG, axis[4] / DEG}};
+    PkmHold_f64 hold;
+    const PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
+    if (found != PKM_ERROR_OK) {
+        refused++;
+        /* once for a row of the same */
+        if (found != said) rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: target refused: %s\n", pkm_error_text(found));
+        why = said = found;
+        return -1;
+    }
+    why = said = found;
+    share = hold.home_share;
+    for (int i = 0; i < 5; i++) {
+        joint[i] = i < 3 ? hold.joints.lengths.q_m[i] * MM : axis[i];
+        inverse_axis(i) = axis[i];
+        inverse_joint(i) = joint[i];
+    }
+    inverse_ns = rtapi_get_time() - begun;
+    if (inverse_ns > inverse_max_ns) inverse_max_ns = inverse_ns;
+    return 0;
+}
+
+int kinematicsForward(const double *joint, EmcPose *world, const KINEMATICS_FORWARD_FLAGS *fflags,
+                      KINEMATICS_INVERSE_FLAGS *iflags) {
+    (void)fflags;
+    (void)iflags;
+    struct __comp_state *__comp_inst = __comp_first_inst;
+    const long long begun = rtapi_get_time();
+    const PkmJoints_f64 joints = {{{joint[0] / MM, joint[1] / MM, joint[2] / MM}}, {joint[3] / DEG, joint[4] / DEG}};
+    PkmToolPlace_f64 place;
+    const PkmError found = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
+    if (found != PKM_ERROR_OK) {
+        /* without a word: before homing they mean nothing */
+        refused++;
+        why = found;
+        return -1;
+    }
+    const double *tip_m = place.tool.tip_m;
+    const double axis[5] = {tip_m[0] * MM, tip_m[1] * MM, tip_m[2] * MM, joint[3], joint[4]};
+    *world = (EmcPose){.tran = {axis[0], axis[1], axis[2]}, .a = axis[3], .b = axis[4]};
+    for (int i = 0; i < 5; i++) {
+        forward_joint(i) = joint[i];
+        forward_axis(i) = axis[i];
+    }
+    forward_ns = rtapi_get_time() - begun;
+    if (forward_ns > forward_max_ns) forward_max_ns = forward_ns;
+    return 0;
+}
+
+KINEMATICS_TYPE kinematicsType(void) {
+    return KINEMATICS_BOTH;
+}
+
+KINS_NOT_SWITCHABLE
+EXPORT_SYMBOL(kinematicsType);
+EXPORT_SYMBOL(kinematicsInverse);
+EXPORT_SYMBOL(kinematicsForward);
+
+static int is_for(const char *what, const char *wanted, unsigned long long compiled_in) {
+    char text[17];
+    rtapi_snprintf(text, sizeof(text), "%016llx", compiled_in);
+    if (!wanted || !strcmp(wanted, text)) return 1;
+    rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: the %s compiled in is %s, this configuration is for %s: build modules and "
+                    "configuration from one machine file (cargo xtask linuxcnc build)\n", what, text, wanted);
+    return 0;
+}
+
+EXTRA_SETUP() {
+    (void)prefix;
+    (void)extra_arg;
+    (void)__comp_inst;
+    const int fits = is_for("machine", machine, pkm_machine_checksum()) && is_for("wrist", wrist, pkm_wrist_checksum());
+    return fits ? 0 : -EINVAL;
+}
