@@ -382,9 +382,7 @@ impl Solid {
                 ],
             );
             part("screw", &[("outer_mm", mm(of(|t| t.screw.outer_m)))]);
-            let seats: [(&str, fn(&Telescope) -> Seat); 2] = [("bearing", |t| t.bearing), ("nut", |t| t.nut)];
-            for (name, pick) in seats {
-                let seats = [pick(a), pick(b), pick(c)];
+            for (name, seats) in [("bearing", [a, b, c].map(|t| t.bearing)), ("nut", [a, b, c].map(|t| t.nut))] {
                 part(
                     name,
                     &[
