@@ -10,7 +10,7 @@ use pkm_core::{Configuration, JointValues, Pose, Tool};
 use pkm_host::commands;
 use pkm_host::fit::TermChoice;
 use pkm_host::machine_file::MachineFile;
-use pkm_host::place::job::Job;
+use pkm_host::place::job::{Job, Position};
 use pkm_host::source::Source;
 
 use crate::{Outcome, c, output, root};
@@ -238,8 +238,8 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
     );
     let mut near = home(machine);
     for (n, series) in job.series.iter().enumerate() {
-        let [dx, dy] = slide_mm.get(n).copied().unwrap_or_default().map(|mm| mm / 1e3);
-        let plate = job.table_in_base([dx, dy, 0.0]);
+        let [dx_m, dy_m] = slide_mm.get(n).copied().unwrap_or_default().map(|mm| mm / 1e3);
+        let plate = job.table_in_base(&Position { dx_m, dy_m, rotary_rad: 0.0 });
         for (m, hole) in series.holes.iter().enumerate() {
             let (tip, axis) = (plate.origin_m + plate.rotation * hole.tip_m, plate.rotation * hole.axis);
             let mut point = |depth_mm: f64| {
