@@ -17,7 +17,7 @@ option singleton yes;
 option extra_setup yes;
 include "pkm.h";
 
-pin out s32 why "why the last refusal was: a PkmError of pkm.h; 0 after a target that was not refused";
+pin out s32 why "why the last refusal was, of a target or of joint values: a PkmError of pkm.h; 0 after a good target";
 pin out u32 refused "targets and joint values refused so far";
 pin out float share "of the last target: distance from the singular surface of the five axes, 1 at home, 0 on it";
 pin out float inverse-axis-#[5] "last target that was not refused: X Y Z A B";
@@ -31,6 +31,7 @@ pin io s32 forward-max-ns "longest time of a forward; may be set to 0";
 ;;
 
 #include <string.h>
+#include <rtapi_math.h>
 #include <kinematics.h>
 
 static char *machine, *wrist;
@@ -40,6 +41,12 @@ RTAPI_MP_STRING(wrist, "and of its wrist, with the tool's length");
 static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
 
 static PkmError said;
+
+/* mm and degrees: a target this near to where the machine stands is where it stands */
+static const double STANDS = 0.05;
+
+/* whether forward-joint and forward-axis tell where the machine stands */
+static int known;
 
 int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVERSE_FLAGS *iflags,
                       KINEMATICS_FORWARD_FLAGS *fflags) {
@@ -52,6 +59,17 @@ int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVE
     PkmHold_f64 hold;
     const PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
     if (found != PKM_ERROR_OK) {
+        /* motmod asks for where it stands when it begins to move by axes; refused, it would command every joint to 0 for a
+           period. A machine may well stand where nothing may be sent: jogged there joint by joint, or run on after a stop. */
+        double off = 0;
+        for (int i = 0; i < 5; i++) {
+            const double d = fabs(axis[i] - forward_axis(i));
+            if (!(d <= off)) off = d;
+        }
+        if (known && off <= STANDS) {
+            for (int i = 0; i < 5; i++) joint[i] = forward_joint(i);
+            return 0;
+        }
         refused++;
         /* once for a row of the same */
         if (found != said) rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: target refused: %s\n", pkm_error_text(found));
@@ -80,9 +98,10 @@ int kinematicsForward(const double *joint, EmcPose *world, const KINEMATICS_FORW
     PkmToolPlace_f64 place;
     const PkmError found = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
     if (found != PKM_ERROR_OK) {
-        /* without a word: before homing they mean nothing */
+        /* without a message: it is asked in every period */
         refused++;
         why = found;
+        known = 0;
         return -1;
     }
     const double *tip_m = place.tool.tip_m;
@@ -92,6 +111,7 @@ int kinematicsForward(const double *joint, EmcPose *world, const KINEMATICS_FORW
         forward_joint(i) = joint[i];
         forward_axis(i) = axis[i];
     }
+    known = 1;
     forward_ns = rtapi_get_time() - begun;
     if (forward_ns > forward_max_ns) forward_max_ns = forward_ns;
     return 0;

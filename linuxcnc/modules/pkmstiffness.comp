@@ -3,7 +3,7 @@ component pkmstiffness "Stiffness, deflection and compensation of an Exechon-lik
 description """
 Every period: the stiffness K_m where the machine stands, what the load on the tool does to it, and how far to move the joints
 so that the loaded tool, tip and axis, stands where the unloaded one would. After a refusal, such as a pose that has no
-stiffness or a load that cannot be made up for, \\fBok\\fR is false and the results stay what they were.
+stiffness or a load that cannot be made up for, \\fBok\\fR is false, the offsets are 0 and the other results stay what they were.
 
 Feed \\fBjoint-N\\fR with where the joints stand without the compensation, else it would be made up for itself.""";
 
@@ -100,6 +100,10 @@ FUNCTION(_) {
     table_low = (hal_u32_t)pkm_table_checksum();
     why = compute(__comp_inst);
     ok = why == PKM_ERROR_OK;
+    if (!ok) {
+        /* an offset of another place would push the drives beyond travel */
+        for (int i = 0; i < 5; i++) offset(i) = 0;
+    }
     last_ns = rtapi_get_time() - begun;
     if (last_ns > max_ns) max_ns = last_ns;
 }

@@ -83,7 +83,8 @@ EXTRA_SETUP() {
 
 EXTRA_CLEANUP() {
     struct __comp_state *__comp_inst = __comp_first_inst;
-    FILE *to = fopen(file, "wb");
+    /* also called when the set-up failed */
+    FILE *to = __comp_inst ? fopen(file, "wb") : NULL;
     if (to) {
         fwrite(kept, sizeof(double) * ROW, rows, to);
         fclose(to);

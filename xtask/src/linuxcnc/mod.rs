@@ -91,7 +91,15 @@ fn build_own(options: &[&str]) -> Outcome {
     }
     let setup =
         Setup { machine: machine.into(), data: data.into(), job: value("--job").map(PathBuf::from), slide_mm: &[] };
-    build(&setup, Path::new(out), &OURS)
+    let out = Path::new(out);
+    if out.join("pkm.ini").exists() {
+        return Err(format!(
+            "{}: there is a configuration already, and it may have been changed: build to another --out, and take modules and \
+             checksums from there",
+            out.display()
+        ));
+    }
+    build(&setup, out, &OURS)
 }
 
 fn build_ready(name: &str) -> Result<PathBuf, String> {
@@ -189,7 +197,8 @@ fn ini(machine: &MachineFile) -> Result<String, String> {
         axes.push_str(&section(&format!("AXIS_{letter}"), limits, [100.0, 500.0], ""));
     }
     for (i, letter) in ["A", "B"].into_iter().enumerate() {
-        axes.push_str(&section(&format!("AXIS_{letter}"), range(i + 3), [30.0, 200.0], ""));
+        // slow: LinuxCNC holds the axes' velocities, not the joints', and a turn with the tip held moves the screws
+        axes.push_str(&section(&format!("AXIS_{letter}"), range(i + 3), [10.0, 100.0], ""));
     }
     for (i, stands) in in_file_units(&at).into_iter().enumerate() {
         let (kind, limits, to) =
@@ -221,6 +230,11 @@ fn section(name: &str, [min, max]: [f64; 2], [velocity, acceleration]: [f64; 2],
     )
 }
 
+/// A name as part of a comment.
+fn plain(name: &str) -> String {
+    name.replace(['(', ')'], " ")
+}
+
 /// Before a hole, and how deep it is, mm.
 const CLEAR_MM: f64 = 10.0;
 const DEEP_MM: f64 = 5.0;
@@ -234,8 +248,10 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
         "%\n(Machine {}: X Y Z are the tip in the base's frame, z away from the base; A B turn the wrist.)\n\
          (M67 tells the load of the cut to the stiffness component: E0 to E5 are N and N m on the tool.)\n\
          G17 G21 G40 G49 G80 G90 G94 G64 P0.001\nT1 M6\nS1000 M3\n",
-        machine.name
+        plain(&machine.name)
     );
+    // an aborted program leaves its load
+    text.extend((0..6).map(|i| format!("M68 E{i} Q0\n")));
     let mut near = home(machine);
     for (n, series) in job.series.iter().enumerate() {
         let [dx_m, dy_m] = slide_mm.get(n).copied().unwrap_or_default().map(|mm| mm / 1e3);
@@ -250,7 +266,7 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
                 let [a, b] = near.beta_rad.map(f64::to_degrees);
                 Ok::<_, String>(format!("X{x:.6} Y{y:.6} Z{z:.6} A{a:.8} B{b:.8}\n"))
             };
-            write!(text, "(hole {} of series {})\nG0 {}", m + 1, series.name, point(-CLEAR_MM)?).ok();
+            write!(text, "(hole {} of series {})\nG0 {}", m + 1, plain(&series.name), point(-CLEAR_MM)?).ok();
             write!(text, "G0 {}", point(-1.0)?).ok();
             let load = series.wrench.force_n.into_iter().chain(series.wrench.moment_nm).enumerate();
             let load: Vec<(usize, f64)> = load.filter(|(_, v)| *v != 0.0).collect();

@@ -478,9 +478,9 @@ fn judge_rows(host: &Host, rows: &[Vec<f64>], load: &[f64; 6], periods: usize) -
     rows.iter().try_for_each(|row| seen.take(host, row, load))?;
     seen.print(rows);
     let enough = rows.len() >= periods && seen.loaded >= 1000 && seen.stepped >= 100 && seen.inside > 0;
-    let exact = [seen.inverse, seen.forward, seen.offsets].into_iter().all(|d| d <= 1e-9)
-        && seen.deflection <= 1e-6
-        && seen.stiffness <= 1e-12;
+    let exact = [seen.inverse, seen.forward, seen.offsets].into_iter().all(|d| d <= 1e-11)
+        && seen.deflection <= 1e-10
+        && seen.stiffness == 0.0;
     // the fastest joint does 120 mm/s
     let steady = seen.jump <= 0.121;
     for (holds, what) in [
