@@ -26,19 +26,21 @@ fn compliance() -> [[f64; 6]; 6] {
     c
 }
 
-/// A program that answers like `ccx`, but only to decks without the text `refused`; every run leaves a line in a file.
+/// A program that answers like `ccx`, but only to decks without the text `refused`; where θ is 5° all is twice as soft. Every run
+/// leaves a line in a file.
 fn stand_in(folder: &Folder, refused: &str) -> String {
-    let mut printed = String::new();
-    for column in compliance() {
-        for three in [&column[..3], &column[3..]] {
-            printed += &format!("  17 {:e} {:e} {:e}\n", three[0], three[1], three[2]);
-        }
-    }
+    let printed = |times: f64| {
+        let columns = compliance().map(|column| column.map(|c| times * c));
+        let threes = columns.iter().flat_map(|c| [&c[..3], &c[3..]]);
+        threes.map(|c| format!("  17 {:e} {:e} {:e}\n", c[0], c[1], c[2])).collect::<String>()
+    };
     let script = format!(
         "#!/bin/sh\nif [ \"$1\" = -v ]; then echo 'This is Version 0.0'; exit; fi\n\
          if grep -q '{refused}' case.inp; then echo ' *ERROR in something: too bad'; exit 201; fi\n\
-         echo run >>{}\ncat >case.dat <<END\n{printed}END\n",
-        folder.path("runs")
+         echo run >>{}\nif grep -q 'theta 5 ' case.inp; then cat >case.dat <<END\n{}END\nelse cat >case.dat <<END\n{}END\nfi\n",
+        folder.path("runs"),
+        printed(2.0),
+        printed(1.0)
     );
     let path = folder.write("ccx", &script);
     fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
@@ -199,7 +201,10 @@ fn readings_are_the_solids_deflections_with_the_noise_that_was_asked_for() {
     // along z nothing couples: the error of three readings of a series
     let errors: Vec<[f64; 3]> = rows[1..]
         .chunks(3)
-        .map(|s| std::array::from_fn(|i| value(&s[i], "dz_um") - 4e-3 * value(&s[i], "fz_n")))
+        .map(|s| {
+            let soft = if s[0].starts_with("p2") { 2.0 } else { 1.0 };
+            std::array::from_fn(|i| value(&s[i], "dz_um") - soft * 4e-3 * value(&s[i], "fz_n"))
+        })
         .collect();
     let n = errors.len() as f64;
     let within = errors.iter().map(|[a, b, _]| (a - b).powi(2) / 2.0).sum::<f64>() / n;
@@ -208,6 +213,22 @@ fn readings_are_the_solids_deflections_with_the_noise_that_was_asked_for() {
     assert!((shared / 0.16 - 1.0).abs() < 5.0 * (4.0 / n).sqrt(), "{shared}");
     assert_eq!(value(&rows[1], "sigma_linear_um"), 0.5);
     assert!(rows.iter().filter(|r| r.ends_with(",unload") || r.contains(",unload,")).count() == 2 * 30 * 12);
+}
+
+#[test]
+fn readings_are_of_their_own_pose_though_another_stands_twice() {
+    let folder = Folder::new();
+    let text = "pose,theta_deg,sigma_deg,z0_mm\na,0,0,530\nb,0,0,530\nc,5,-3,520\n";
+    let (ccx, poses) = (stand_in(&folder, "never"), folder.write("p.csv", text));
+    let (out, readings) = (folder.path("k.csv"), folder.path("d.csv"));
+    let call = ["fem", "--poses", &poses, "--out", &out, "--ccx", &ccx, "--mesh", "3", "--readings", &readings];
+    json(&[&call[..], &["--noise", "0,0", "--zero", "0,0", "--repeats", "1"]].concat());
+    let written = folder.read("d.csv");
+    for (id, soft) in [("a", 1.0), ("b", 1.0), ("c", 2.0)] {
+        let row = written.lines().find(|l| l.starts_with(&format!("{id},")) && l.contains(",0,0,500,0,0,0,")).unwrap();
+        let dz_um: f64 = row.split(',').nth(15).unwrap().parse().unwrap();
+        assert!((dz_um - soft * 4e-9 * 500.0 * 1e6).abs() < 1e-3, "{row}");
+    }
 }
 
 #[test]

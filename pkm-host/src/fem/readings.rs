@@ -110,6 +110,12 @@ impl Loads {
             s.stiffness().factor().map_err(|e| Failure::other(format!("pose `{}`: {e}", case.pose.id)))
         });
         let factors = factors.collect::<Result<Vec<_>>>()?;
+        // two ids of one pose are one pose of the readings
+        let of_pose = self.readings.poses.iter().map(|p| {
+            let solved = solved.iter().position(|(case, _)| case.pose.id == p.id);
+            solved.map(|n| &factors[n]).ok_or_else(|| Failure::other(format!("pose `{}` was not computed", p.id)))
+        });
+        let of_pose = of_pose.collect::<Result<Vec<_>>>()?;
         let mut random = fastrand::Rng::with_seed(wish.seed);
         let mut normal = move || {
             // Box and Muller
@@ -122,7 +128,7 @@ impl Loads {
         for (row, reading) in self.sheet.rows.iter().zip(&self.readings.readings) {
             let c = &self.readings.conditions[reading.condition];
             let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m);
-            let deflection = factors[c.pose].deflection(&at_a).map_err(|e| {
+            let deflection = of_pose[c.pose].deflection(&at_a).map_err(|e| {
                 Failure::input(format!("no deflection: {e}")).in_file(&self.sheet.source.name).at_line(row.line)
             })?;
             let seen = deflection.seen_at(c.point_m);
