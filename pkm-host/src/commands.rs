@@ -27,7 +27,7 @@ use crate::place::job::Job;
 use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
 use crate::report;
-use crate::source::{self, Source, fixtures};
+use crate::source::{self, Source};
 use crate::table_file::{TableFile, TableNumbers};
 use crate::tool;
 
@@ -40,7 +40,7 @@ pub struct Output {
 }
 
 fn machine_file(path: Option<&Path>) -> Result<MachineFile> {
-    MachineFile::parse(Source::read_or(path, fixtures::machine)?)
+    MachineFile::parse(Source::read_or(path, pkm_fixtures::MACHINE)?)
 }
 
 fn refused(e: KinematicsError, what: &str) -> Failure {
@@ -326,7 +326,7 @@ pub fn predict(
     out: &Path,
 ) -> Result<Output> {
     let model = Model::read(machine, table, form)?;
-    let source = Source::read_or(data, fixtures::measured)?;
+    let source = Source::read_or(data, pkm_fixtures::MEASURED)?;
     let file = source.name.clone();
     let (sheet, readings) = Readings::read_conditions(source, &model.machine)?;
     let conditions: Vec<_> = readings.readings.iter().map(|r| readings.conditions[r.condition]).collect();
@@ -383,7 +383,7 @@ pub fn plan(
     let pose = |pose: &Pose<f64>| file_units(pose).map(tidy);
     let mut separates = Vec::new();
     let rows: Vec<Vec<String>> = if kind == PlanKind::Discriminate {
-        let readings = Readings::read(Source::read_or(data, fixtures::measured)?, &machine)?;
+        let readings = Readings::read(Source::read_or(data, pkm_fixtures::MEASURED)?, &machine)?;
         let diagnosis = diagnose::diagnose(&machine, &readings, None)?;
         if diagnosis.proposals.is_empty() {
             return Err(
@@ -428,11 +428,11 @@ pub fn fit(
     // the data are the mechanism's at A; what sits on A comes after the table
     let below_tool = MachineParameters { effects: machine.parameters.effects.below_tool(), ..machine.parameters };
     machine.machine = Machine::<f64>::new(&below_tool).map_err(|e| Failure::other(format!("{e:?}")))?;
-    let training = dataset::read_stiffness(Source::read_or(data, fixtures::training)?, &machine)?;
+    let training = dataset::read_stiffness(Source::read_or(data, pkm_fixtures::TRAINING)?, &machine)?;
     // the fixture's verification poses go with the fixture's training poses
     let verification = match (verify, data) {
         (Some(path), _) => Some(Source::read(path)?),
-        (None, None) => Some(fixtures::verification()),
+        (None, None) => Some(Source::embedded(pkm_fixtures::VERIFICATION)),
         (None, Some(_)) => None,
     };
     let verification = verification.map(|s| dataset::read_stiffness(s, &machine)).transpose()?;
@@ -536,7 +536,7 @@ fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Op
 /// Bad files, readings that cannot be diagnosed, a fit that does not converge, an unwritable folder.
 pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Path>, out: &Path) -> Result<Output> {
     let file = machine_file(machine)?;
-    let readings = Readings::read(Source::read_or(data, fixtures::measured)?, &file)?;
+    let readings = Readings::read(Source::read_or(data, pkm_fixtures::MEASURED)?, &file)?;
     let held_out = holdout.map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
     let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref())?;
     let json = diagnosis.to_json();
@@ -671,7 +671,7 @@ pub fn place(
     out: &Path,
 ) -> Result<Output> {
     let model = Model::read(machine, table, form)?;
-    let job = Job::parse(&Source::read_or(job, fixtures::job)?)?;
+    let job = Job::parse(&Source::read_or(job, pkm_fixtures::JOB)?)?;
     let table_sha256 = table.map(|path| Source::read(path).map(|source| source.sha256())).transpose()?;
     let mut objectives: Vec<Objective> = Vec::new();
     for objective in ask.objectives {

@@ -1,11 +1,12 @@
 //! Reads the command line and calls the library. See `--help`.
 
+use std::ffi::OsStr;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use pkm_host::commands::{self, Form, Output};
 use pkm_host::error::{Failure, Result};
 use pkm_host::fem;
@@ -15,6 +16,8 @@ use pkm_host::machine_file::PoseBox;
 use pkm_host::map::Window;
 use pkm_host::path::Request;
 use pkm_host::place::{Method, Objective};
+use pkm_host::source;
+use serde_json::json;
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
 /// that a controller compiles in.
@@ -230,6 +233,17 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// Completions for a shell, on standard output.
+    Completions {
+        /// For which.
+        shell: clap_complete::Shell,
+    },
+    /// Manual pages: one of the program and one of each command.
+    Man {
+        /// Folder for pkm-host.1, pkm-host-fit.1 and so on.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
 }
 
 #[derive(Args)]
@@ -372,6 +386,29 @@ fn list<const N: usize>(text: &str) -> std::result::Result<[f64; N], String> {
     values.try_into().map_err(|v: Vec<f64>| format!("expected {N} numbers with commas between, found {}", v.len()))
 }
 
+fn completions(shell: clap_complete::Shell) -> Result<Output> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "pkm-host", &mut script);
+    let text = String::from_utf8(script).map_err(|e| Failure::other(e.to_string()))?;
+    Ok(Output { json: json!({ "shell": shell.to_string(), "script": text }), text })
+}
+
+fn man(out: &Path) -> Result<Output> {
+    let mut program = Cli::command().disable_help_subcommand(true);
+    program.build();
+    let mut pages = Vec::new();
+    for command in std::iter::once(&program).chain(program.get_subcommands()) {
+        let page = clap_mangen::Man::new(command.clone());
+        let mut roff = Vec::new();
+        page.render(&mut roff).map_err(|e| Failure::other(e.to_string()))?;
+        pages.push((page.get_filename(), roff));
+    }
+    source::write_all(out, &pages.iter().map(|(name, roff)| (OsStr::new(name), roff)).collect::<Vec<_>>())?;
+    let text =
+        format!("wrote {} pages to {}: man -l {}\n", pages.len(), out.display(), out.join(&pages[0].0).display());
+    Ok(Output { text, json: json!({ "files": pages.iter().map(|(name, _)| name).collect::<Vec<_>>() }) })
+}
+
 fn run(cli: &Cli) -> Result<Output> {
     let machine = cli.machine.as_deref();
     match &cli.command {
@@ -483,6 +520,8 @@ fn run(cli: &Cli) -> Result<Output> {
         Command::Fit { data, verify, terms, out } => {
             commands::fit(machine, data.as_deref(), verify.as_deref(), *terms, out)
         }
+        Command::Completions { shell } => completions(*shell),
+        Command::Man { out } => man(out),
     }
 }
 

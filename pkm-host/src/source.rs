@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::io::Write;
 use std::path::Path;
 
+use pkm_fixtures::Fixture;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Failure, Result, printable};
@@ -18,40 +19,6 @@ pub struct Source {
     sha256: String,
 }
 
-/// The fixtures that stand in where a command is not given a file.
-pub mod fixtures {
-    use super::Source;
-
-    fn embedded(name: &str, text: &str) -> Source {
-        Source::new(name.to_owned(), text.as_bytes().to_vec())
-    }
-
-    /// The reference machine.
-    pub fn machine() -> Source {
-        embedded("fixtures/machines/reference.toml", include_str!("../../fixtures/machines/reference.toml"))
-    }
-
-    /// Its stiffness by finite elements at the 49 poses of L49.
-    pub fn training() -> Source {
-        embedded("fixtures/stiffness/fe-l49.csv", include_str!("../../fixtures/stiffness/fe-l49.csv"))
-    }
-
-    /// Readings under load, without any effect but scatter of the declared stiffnesses.
-    pub fn measured() -> Source {
-        embedded("fixtures/measured/p01/measured.csv", include_str!("../../fixtures/measured/p01/measured.csv"))
-    }
-
-    /// Plate with two series of holes.
-    pub fn job() -> Source {
-        embedded("fixtures/jobs/plate.toml", include_str!("../../fixtures/jobs/plate.toml"))
-    }
-
-    /// The same at 25 other poses.
-    pub fn verification() -> Source {
-        embedded("fixtures/stiffness/fe-verify.csv", include_str!("../../fixtures/stiffness/fe-verify.csv"))
-    }
-}
-
 impl Source {
     fn new(name: String, mut bytes: Vec<u8>) -> Self {
         let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
@@ -60,6 +27,11 @@ impl Source {
             bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
         }
         Self { name, bytes, sha256 }
+    }
+
+    /// A fixture.
+    pub fn embedded(fixture: Fixture) -> Self {
+        Self::from_text(fixture.path, fixture.text.to_owned())
     }
 
     /// A text that is about to become a file.
@@ -83,8 +55,8 @@ impl Source {
     ///
     /// # Errors
     /// Those of [`read`](Self::read).
-    pub fn read_or(path: Option<&Path>, fixture: fn() -> Self) -> Result<Self> {
-        path.map_or_else(|| Ok(fixture()), Self::read)
+    pub fn read_or(path: Option<&Path>, fixture: Fixture) -> Result<Self> {
+        path.map_or_else(|| Ok(Self::embedded(fixture)), Self::read)
     }
 
     /// The text without byte-order mark.

@@ -8,7 +8,7 @@ use pkm_core::{Machine, MachineParameters};
 use pkm_host::dataset::{StiffnessData, read_stiffness};
 use pkm_host::fem::{Mode, Request, fem, readings::Wish};
 use pkm_host::machine_file::MachineFile;
-use pkm_host::source::{Source, fixtures};
+use pkm_host::source::Source;
 
 const RIGID: [&str; 2] = ["solid.platform.kind=rigid", "solid.base.kind=rigid"];
 
@@ -68,7 +68,7 @@ fn fixture(name: &str) -> PathBuf {
 }
 
 fn reference() -> MachineFile {
-    MachineFile::parse(fixtures::machine()).unwrap()
+    MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).unwrap()
 }
 
 /// Greatest relative difference of each k_ii, %.
@@ -202,7 +202,7 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
     let poses = bench.poses(16);
     let data = bench.fem(&poses, &[], 1.0, None);
     let text = std::fs::read_to_string(bench.path("k.csv")).unwrap();
-    let fixture = read_stiffness(fixtures::training(), &reference()).unwrap();
+    let fixture = read_stiffness(Source::embedded(pkm_fixtures::TRAINING), &reference()).unwrap();
     for (pose, target) in data.poses.iter().zip(&data.targets) {
         let n = fixture.poses.iter().position(|p| p.id == pose.id).unwrap();
         let (found, kept) = (target.full.unwrap().matrix(), fixture.targets[n].full.unwrap().matrix());

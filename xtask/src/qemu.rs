@@ -14,7 +14,7 @@ use pkm_core::{
 };
 use pkm_host::commands;
 use pkm_host::machine_file::MachineFile;
-use pkm_host::source::{Source, fixtures};
+use pkm_host::source::Source;
 use pkm_host::table_file::TableFile;
 use serde_json::Value;
 
@@ -70,7 +70,7 @@ pub fn run() -> Outcome {
 /// Fits the fixtures' data with effects of modest size on.
 pub fn fit(effects: &[EffectInfo], folder: &Path) -> Outcome {
     let path = folder.join("machine.toml");
-    let mut text = fixtures::machine().text().map_err(|e| e.to_string())?.to_owned();
+    let mut text = Source::embedded(pkm_fixtures::MACHINE).text().map_err(|e| e.to_string())?.to_owned();
     text.extend(effects.iter().map(one_of));
     std::fs::write(&path, text).map_err(|e| e.to_string())?;
     fit_fixtures(Some(&path), folder)

@@ -11,7 +11,7 @@ use pkm_host::diagnose::compare::{self, Zone};
 use pkm_host::diagnose::readings::Readings;
 use pkm_host::fit::ROTATION_ARM_M;
 use pkm_host::machine_file::MachineFile;
-use pkm_host::source::{Source, fixtures};
+use pkm_host::source::Source;
 use pkm_host::table_file::TableFile;
 
 use crate::{Outcome, fit_fixtures, root};
@@ -74,9 +74,10 @@ fn errors(law: Law<'_>, data: &StiffnessData, at: &[usize]) -> Result<[f64; 6], 
 
 pub fn run() -> Outcome {
     let fail = |e: pkm_host::error::Failure| e.to_string();
-    let declared = MachineFile::parse(fixtures::machine()).map_err(fail)?;
+    let declared = MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).map_err(fail)?;
     let read = |source: Source| dataset::read_stiffness(source, &declared).map_err(fail);
-    let (training, verification) = (read(fixtures::training())?, read(fixtures::verification())?);
+    let (training, verification) =
+        (read(Source::embedded(pkm_fixtures::TRAINING))?, read(Source::embedded(pkm_fixtures::VERIFICATION))?);
     let out = root().join("out/showcase");
     std::fs::create_dir_all(&out).map_err(|e| e.to_string())?;
     let write = |name: &str, text: String| std::fs::write(out.join(name), text).map_err(|e| e.to_string());

@@ -343,7 +343,7 @@ fn changed(source: Source, set: &[String]) -> Result<Source> {
 /// # Errors
 /// Bad files and options; a pose at which solids collide; CalculiX missing or failing; an unwritable folder.
 pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
-    let source = changed(Source::read_or(machine, source::fixtures::machine)?, request.set)?;
+    let source = changed(Source::read_or(machine, pkm_fixtures::MACHINE)?, request.set)?;
     let file = MachineFile::parse(source)?;
     let solid = file.solid.as_ref().map_err(Clone::clone)?;
     let of_loads = request.readings.as_ref().and_then(|wish| wish.loads);
