@@ -18,6 +18,10 @@ use crate::scalar::Scalar;
 use crate::stiffness::{self, StiffnessError, StiffnessFactor};
 use crate::types::{Domain, Pose};
 
+/// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
+pub const EQ_11: [[u8; 3]; 9] =
+    [[2, 0, 0], [1, 0, 0], [0, 2, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [0, 0, 0]];
+
 /// Most terms a table may have.
 pub const MAX_TERMS: usize = 64;
 /// Greatest exponent in a term.

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use nalgebra::{DMatrix, DVector, Matrix6};
-use pkm_core::correction::{FACTOR_ENTRIES, MAX_TERMS};
+use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
 use pkm_core::{Basis, Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
@@ -11,10 +11,6 @@ use crate::dataset::{NamedPose, StiffnessData, Target, file_units};
 use crate::error::{Failure, Result};
 use crate::machine_file::{MachineFile, PoseBox};
 use crate::table_file::{TableNumbers, core_units, refuse_not_positive};
-
-/// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
-pub const EQ_11: [[u8; 3]; 9] =
-    [[2, 0, 0], [1, 0, 0], [0, 2, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [0, 0, 0]];
 
 /// Which of them Eq. 12 gives to c11…c66.
 const EQ_12: [[bool; 9]; 6] = {

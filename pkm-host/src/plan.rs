@@ -1,8 +1,9 @@
 //! Where to measure or to compute (paper, Section 4.2; spec: model.md 3).
 
+use pkm_core::correction::EQ_11;
+
 use crate::dataset::{NamedPose, pose_of};
 use crate::error::{Failure, Result};
-use crate::fit::EQ_11;
 use crate::machine_file::{MachineFile, PoseBox, status};
 
 /// Kinds of plans.

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use pkm_core::correction::EQ_11;
+
 use crate::dataset::file_units;
 use crate::error::Result;
 use crate::export::Provenance;
-use crate::fit::{DeflectionErrors, EQ_11, Evaluation, Fit, ROTATION_ARM_M, Sample};
+use crate::fit::{DeflectionErrors, Evaluation, Fit, ROTATION_ARM_M, Sample};
 use crate::plot::{self, Mark, Panel, Series};
 
 pub(crate) const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];

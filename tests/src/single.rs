@@ -2,11 +2,11 @@
 
 use fastrand::Rng;
 use nalgebra::{Matrix6, Vector3};
+use pkm_core::correction::EQ_11;
 use pkm_core::kinematics::SINGULARITY_MARGIN;
 use pkm_core::machine::{BodyKind, Travel};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_core::{Basis, CorrectionTable, Cycle, Machine, MachineParameters, Pose, Wrench};
-use pkm_host::fit::EQ_11;
 
 use crate::{between, keep_worst, log_between, random_parameters, scaled_difference};
 

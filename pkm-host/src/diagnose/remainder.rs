@@ -11,9 +11,9 @@ use pkm_core::{Basis, Machine, MachineParameters, Pose, Stiffness, Wrench};
 use super::readings::{CHANNELS, Condition};
 use super::solve::{Problem, product};
 use crate::error::{Failure, Result};
-use crate::fit::EQ_11;
 use crate::machine_file::PoseBox;
 use crate::table_file::core_units;
+use pkm_core::correction::EQ_11;
 
 /// Standard deviations of the scaled coefficients that are tried.
 const SPREADS: [f64; 7] = [1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3];
