@@ -99,3 +99,23 @@ fn replies_come_back() {
         assert_eq!(Reply::<f64>::parse(later.as_bytes()), None);
     }
 }
+
+/// What serde-json-core takes for JSON, and what it reads null as.
+#[test]
+fn replies_are_json() {
+    let good = br#"{"v":1,"id":null,"answer":{"hello":{"firmware":"f","board":"b","machine":"0000000000000001","table":"0000000000000002","period_s":0.5,"ticks_hz":1,"travel_min_m":[1,2,3],"travel_max_m":[4,5,6],"max_command_bytes":1,"input_bytes":2,"stack_bytes":3}}}"#;
+    assert!(Reply::<f64>::parse(good).is_some());
+    let good = std::str::from_utf8(good).unwrap();
+    for (from, to) in [
+        ("\"f\"", "\"f\0\""),
+        ("\"f\"", "\"f\\n\""),
+        ("0.5", "null"),
+        ("0.5", "1e400"),
+        ("[1,2,3]", "[,1,2,3]"),
+        ("[1,2,3]", "[01,2,3]"),
+        ("[4,5,6]", "[+4,5,6]"),
+    ] {
+        let bad = good.replacen(from, to, 1);
+        assert_eq!(Reply::<f64>::parse(bad.as_bytes()), None, "{bad}");
+    }
+}
