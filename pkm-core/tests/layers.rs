@@ -255,6 +255,40 @@ fn five_axes<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) 
     assert!(matches!(five.compensated(None, &aim, &nowhere, &home), Err(ToolDeflectionError::Stiffness(_))));
 }
 
+/// A table beyond the range of its number type: too stiff, too soft, and no number at all.
+macro_rules! beyond_range {
+    ($test:ident, $t:ty, $machine:ident) => {
+        #[test]
+        fn $test() {
+            let there = pose::<$t>(0.1, -0.05, 0.53);
+            let refused = Err(CorrectionError::Stiffness(StiffnessError::NotPositiveDefinite));
+            for size in [<$t>::MAX / 4.0, <$t>::from_bits(1)] {
+                let (mut factor, diagonal) = ([0.0; FACTOR_ENTRIES], [size; 6]);
+                for i in 0..6 {
+                    factor[i * (i + 3) / 2] = size;
+                }
+                let basis = Basis::<$t>::new([0.0, 0.0, 0.53], [0.3, 0.3, 0.1], &[[0; 3]]).unwrap();
+                let table = CorrectionTable::<$t>::new(basis, &diagonal, Some(&factor)).unwrap();
+                assert_eq!(table.factor_form(&$machine, &there), refused);
+                if size > 1.0 {
+                    assert_eq!(table.diagonal_form(&$machine, &there), refused);
+                }
+            }
+            // infinite times a coefficient of 0
+            let (mut factor, diagonal) = ([0.0; 2 * FACTOR_ENTRIES], [1.0; 12]);
+            for i in 0..6 {
+                factor[i * (i + 3)] = 1.0;
+            }
+            let basis = Basis::<$t>::new([0.0, 0.0, 0.53], [<$t>::MIN_POSITIVE; 3], &[[0; 3], [6, 6, 0]]).unwrap();
+            let table = CorrectionTable::<$t>::new(basis, &diagonal, Some(&factor)).unwrap();
+            assert!(table.factor_form(&$machine, &there).is_err());
+        }
+    };
+}
+
+beyond_range!(tables_beyond_f64, f64, MACHINE_F64);
+beyond_range!(tables_beyond_f32, f32, MACHINE_F32);
+
 macro_rules! layers {
     ($test:ident, $t:ty, $machine:ident, $table:ident) => {
         #[test]
