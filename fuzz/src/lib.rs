@@ -154,6 +154,7 @@ impl<T: Scalar> Rounded<T> for Wrench<f64> {
 }
 
 /// Numbers that the core gave without an error.
+#[track_caller]
 pub fn assert_finite<T: Scalar>(numbers: impl IntoIterator<Item = T>) {
     for number in numbers {
         assert!(number.is_finite());

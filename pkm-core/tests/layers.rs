@@ -286,6 +286,15 @@ macro_rules! beyond_range {
     };
 }
 
+#[test]
+fn levers_beyond_f32() {
+    // with A1 and A2 in A nothing holds the platform about u
+    let mut p = PARAMETERS;
+    p.geometry.a1_m = 1e-29;
+    let machine = Machine::<f32>::new(&p).unwrap();
+    assert_eq!(machine.stiffness(&pose(0.1, 0.0, 0.53)), Err(StiffnessError::NotPositiveDefinite));
+}
+
 beyond_range!(tables_beyond_f64, f64, MACHINE_F64);
 beyond_range!(tables_beyond_f32, f32, MACHINE_F32);
 
