@@ -65,6 +65,13 @@ impl Numbers<'_> {
         usual.map(|usual| self.number(usual))
     }
 
+    fn change(&mut self, all: &mut [&mut f64], times: u8) {
+        for _ in 0..times {
+            let place = usize::from(self.byte()) % all.len();
+            *all[place] = self.number(*all[place]);
+        }
+    }
+
     /// The reference machine with up to fifteen numbers changed, effects among them, and bodies of either kind.
     pub fn machine(&mut self) -> MachineParameters {
         let mut p = PARAMETERS;
@@ -74,39 +81,31 @@ impl Numbers<'_> {
                 limb.body.kind = BodyKind::Diagonal;
             }
         }
-        for _ in 0..first % 16 {
-            let place = usize::from(self.byte());
-            let g = &mut p.geometry;
-            let mut all: Vec<&mut f64> = vec![&mut g.a1_m, &mut g.a2_m, &mut g.b1_m, &mut g.b2_m];
-            all.extend(p.travel.min_m.iter_mut().chain(&mut p.travel.max_m));
-            for limb in &mut p.limbs {
-                for joint in [&mut limb.base_joint, &mut limb.platform_joint] {
-                    all.extend(joint.linear_n_per_m.iter_mut().chain(&mut joint.angular_nm_per_rad));
-                }
-                for tube in [&mut limb.body.rod, &mut limb.body.screw] {
-                    all.extend([&mut tube.young_pa, &mut tube.shear_pa, &mut tube.outer_m, &mut tube.inner_m]);
-                }
+        let g = &mut p.geometry;
+        let mut all: Vec<&mut f64> = Vec::with_capacity(256);
+        all.extend([&mut g.a1_m, &mut g.a2_m, &mut g.b1_m, &mut g.b2_m]);
+        all.extend(p.travel.min_m.iter_mut().chain(&mut p.travel.max_m));
+        for limb in &mut p.limbs {
+            for joint in [&mut limb.base_joint, &mut limb.platform_joint] {
+                all.extend(joint.linear_n_per_m.iter_mut().chain(&mut joint.angular_nm_per_rad));
             }
-            all.extend(p.effects.parameters.as_flattened_mut());
-            let count = all.len();
-            let number = &mut all[place % count];
-            **number = self.number(**number);
+            for tube in [&mut limb.body.rod, &mut limb.body.screw] {
+                all.extend([&mut tube.young_pa, &mut tube.shear_pa, &mut tube.outer_m, &mut tube.inner_m]);
+            }
         }
+        all.extend(p.effects.parameters.as_flattened_mut());
+        self.change(&mut all, first % 16);
         p
     }
 
     /// The reference wrist with up to seven numbers changed.
     pub fn wrist(&mut self) -> WristParameters {
         let mut w = WRIST;
-        for _ in 0..self.byte() % 8 {
-            let place = usize::from(self.byte());
-            let mut all = vec![&mut w.offset_m, &mut w.first_d_m, &mut w.first_b_m, &mut w.second_b_m, &mut w.flange_m];
-            all.extend([&mut w.home_z0_m, &mut w.singularity_margin]);
-            all.extend(w.min_rad.iter_mut().chain(&mut w.max_rad));
-            let count = all.len();
-            let number = &mut all[place % count];
-            **number = self.number(**number);
-        }
+        let mut all = vec![&mut w.offset_m, &mut w.first_d_m, &mut w.first_b_m, &mut w.second_b_m, &mut w.flange_m];
+        all.extend([&mut w.home_z0_m, &mut w.singularity_margin]);
+        all.extend(w.min_rad.iter_mut().chain(&mut w.max_rad));
+        let count = self.byte() % 8;
+        self.change(&mut all, count);
         w
     }
 
