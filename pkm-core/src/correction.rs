@@ -269,6 +269,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
                 *entry *= root;
             }
         }
+        check_range(&lower)?;
         soften_by_tool(machine, &mut lower)?;
         Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
     }
@@ -301,6 +302,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
             }
         }
         linalg::multiply(lower, &g);
+        check_range(lower)?;
         soften_by_tool(machine, lower)
     }
 
@@ -323,6 +325,11 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         }
         values
     }
+}
+
+/// Far outside of its box a table's polynomials leave the range of a number type, up or down.
+fn check_range<T: Scalar>(lower: &Lower<T>) -> Result<(), StiffnessError> {
+    if linalg::is_in_range(lower) { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
 }
 
 /// Takes what lies behind A, which is not in the table, into a factor.

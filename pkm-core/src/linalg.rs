@@ -82,6 +82,21 @@ pub(crate) fn multiply<T: Scalar>(l: &mut Lower<T>, g: &[T; 21]) {
     step::<5, T>(l, g);
 }
 
+/// Whether L Lᵀ is positive definite with finite entries, none of which is beyond its trace.
+pub(crate) fn is_in_range<T: Scalar>(l: &Lower<T>) -> bool {
+    let mut trace = T::ZERO;
+    let mut positive = true;
+    for i in 0..6 {
+        for j in 0..i {
+            trace += l[i][j] * l[i][j];
+        }
+        let pivot = l[i][i] * l[i][i];
+        trace += pivot;
+        positive &= l[i][i] > T::ZERO && pivot > T::ZERO;
+    }
+    positive && trace.is_finite()
+}
+
 /// L Lᵀ, whole.
 pub(crate) fn square<T: Scalar>(l: &Lower<T>) -> [[T; 6]; 6] {
     let mut a = zero();

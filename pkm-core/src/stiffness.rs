@@ -93,7 +93,7 @@ impl<T: Scalar> Stiffness<T> {
     }
 }
 
-/// Softening in series subtracts, and rounding may leave nothing.
+/// Softening in series subtracts, and rounding may leave nothing; squares of levers may be too small for a number.
 fn check_diagonal<T: Scalar>(k: &Lower<T>) -> Result<(), StiffnessError> {
     let positive = (0..6).all(|i| k[i][i] > T::ZERO);
     if positive { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
@@ -454,11 +454,12 @@ impl<T: Scalar> Machine<T> {
     ///
     /// # Errors
     /// Those of [`inverse`](Self::inverse), and [`StiffnessError::NotPositiveDefinite`] when rounding leaves a
-    /// limb without compliance.
+    /// limb without compliance or a direction without stiffness.
     pub fn stiffness(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
         let mut lower = linalg::zero();
         self.add_stiffness_below_tool(&self.posture(pose)?, &mut lower)?;
         self.add_tool_compliance(&mut lower)?;
+        check_diagonal(&lower)?;
         Ok(Stiffness { lower })
     }
 

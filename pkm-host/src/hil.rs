@@ -193,7 +193,7 @@ impl Link {
         Ok(line)
     }
 
-    fn parsed<'a, T: Deserialize<'a>>(&self, line: &'a [u8]) -> Result<Reply<'a, T>> {
+    fn parsed<'a, T: Scalar + Deserialize<'a>>(&self, line: &'a [u8]) -> Result<Reply<'a, T>> {
         let baud = if self.child.is_none() { ": another firmware or baud rate?" } else { "" };
         Reply::parse(line).ok_or_else(|| self.failed(format!("not a reply of this protocol: {}{baud}", shown(line))))
     }

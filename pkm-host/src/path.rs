@@ -117,6 +117,14 @@ fn read(request: &Request<'_>) -> Result<Read> {
     if request.wrench.is_some() {
         return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));
     }
+    read_csv(source).map(|(sheet, moves)| Read::Csv { sheet, moves })
+}
+
+/// A path as a CSV has it: its cells and its moves.
+///
+/// # Errors
+/// See [`Sheet`]; an axis without direction.
+pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
     let known = [&TOOL_COLUMNS[..], &WRENCH_COLUMNS].concat();
     let sheet = Sheet::parse(source, &known)?;
     sheet.require(&known)?;
@@ -131,7 +139,7 @@ fn read(request: &Request<'_>) -> Result<Read> {
         let before = moves.last().map_or(wrench, |m| m.wrench[1]);
         moves.push(Move { line: row.line, to, wrench: [before, wrench] });
     }
-    Ok(Read::Csv { sheet, moves })
+    Ok((sheet, moves))
 }
 
 /// A place as a file holds it. A program has mm to six decimals, axes to nine, degrees to eight; a CSV three more.

@@ -9,7 +9,7 @@ use pkm_core::{
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::request::write_line;
+use crate::request::{objects, write_line};
 use crate::{Code, VERSION};
 
 /// A line from the controller. `T` is the arithmetic of a cycle's numbers.
@@ -206,11 +206,21 @@ impl<T: Scalar + Serialize> Reply<'_, T> {
     }
 }
 
-impl<'a, T: Deserialize<'a>> Reply<'a, T> {
+impl<'a, T: Scalar + Deserialize<'a>> Reply<'a, T> {
     /// Reads a line with or without its line feed. `None` when it is no reply, or one of another version.
     pub fn parse(line: &'a [u8]) -> Option<Self> {
+        let line = line.strip_suffix(b"\n").unwrap_or(line);
+        objects(line, &[b"true", b"false", b"null"])?;
         let (reply, length): (Self, _) = serde_json_core::from_slice(line).ok()?;
-        (length == line.len() && reply.v == VERSION).then_some(reply)
+        // null is read as a number that is none
+        let finite = match &reply.answer {
+            Answer::Hello(h) => {
+                h.travel_min_m.iter().chain(&h.travel_max_m).chain([&h.period_s]).all(|v| v.is_finite())
+            }
+            Answer::Cycle(cycle) => cycle.numbers.as_ref().is_none_or(Numbers::are_finite),
+            Answer::Status(_) | Answer::Sweep(_) | Answer::Error(_) => true,
+        };
+        (length == line.len() && reply.v == VERSION && finite).then_some(reply)
     }
 }
 

@@ -186,7 +186,7 @@ impl Request {
     /// Why it is refused.
     pub fn parse(line: &[u8]) -> Result<Self, Refused> {
         let refused = |id, code| Err(Refused { id, code });
-        if !is_sound(line) {
+        if objects(line, &[]) != Some(1) {
             return refused(None, Code::Syntax);
         }
         let wire: Wire<'_> = match de::from_slice(line) {
@@ -260,9 +260,10 @@ pub(crate) fn write_line<'b>(value: &impl Serialize, buffer: &'b mut [u8]) -> Op
     buffer.get(..=length)
 }
 
-/// What a command may hold: one object; strings without escapes; outside of them JSON's numbers, brackets, commas, colons.
-/// serde-json-core lets more pass: `[,1]`, `[,1 2]`, `+1`, `01`, `1.`, `.5`, null for a number, an object for a name.
-fn is_sound(mut rest: &[u8]) -> bool {
+/// How many objects a line holds; `None` if there is anything in it but strings without escapes and outside of them JSON's numbers,
+/// brackets, commas, colons, and these words. serde-json-core lets more pass: `[,1]`, `[,1 2]`, `+1`, `01`, `1.`, `.5`, null for a
+/// number, an object for a name, line feeds in a string.
+pub(crate) fn objects(mut rest: &[u8], words: &[&[u8]]) -> Option<usize> {
     let mut objects = 0;
     let mut after_bracket = false;
     while let [first, tail @ ..] = rest {
@@ -272,28 +273,26 @@ fn is_sound(mut rest: &[u8]) -> bool {
                 continue;
             }
             b'"' => {
-                let end = tail.iter().position(|b| matches!(b, b'"' | b'\\') || b.is_ascii_control());
-                match end.and_then(|end| tail.get(end).zip(Some(end + 2))) {
-                    Some((b'"', length)) => length,
-                    _ => return false,
-                }
+                let end = tail.iter().position(|b| matches!(b, b'"' | b'\\') || b.is_ascii_control())?;
+                tail.get(end).filter(|b| **b == b'"').map(|_| end + 2)?
             }
-            b',' if after_bracket => return false,
+            b',' if after_bracket => return None,
             b'{' | b'}' | b'[' | b']' | b':' | b',' => 1,
-            _ => {
-                let in_number = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
-                let length = rest.iter().take_while(in_number).count();
-                if !rest.get(..length).is_some_and(is_number) {
-                    return false;
+            _ => match words.iter().find(|word| rest.starts_with(word)) {
+                Some(word) => word.len(),
+                None => {
+                    let in_number = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
+                    let length = rest.iter().take_while(in_number).count();
+                    rest.get(..length).filter(|text| is_number(text))?;
+                    length
                 }
-                length
-            }
+            },
         };
         objects += usize::from(*first == b'{');
         after_bracket = *first == b'[';
-        rest = rest.get(length..).unwrap_or_default();
+        rest = rest.get(length..)?;
     }
-    objects == 1
+    Some(objects)
 }
 
 /// A number of JSON's grammar.

@@ -2,6 +2,7 @@
 
 mod c;
 mod cycles;
+mod fuzz;
 mod hil;
 mod image;
 mod linuxcnc;
@@ -35,6 +36,8 @@ cargo xtask <chore>
   header       write pkm-ffi/include/pkm.h
   f32          errors of a controller's cycle in f32 against f64, as tables; write docs/f32.svg
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
+  fuzz         every target of fuzz/ for ten seconds; with --executions 1e8 until all together have done so many
+  miri         core, protocol and C library under Miri
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
   stack        stack of every public function, by call graph and measured in QEMU, against budgets.toml
@@ -54,6 +57,8 @@ fn main() -> ExitCode {
         Some("stack") => stack::run(),
         Some("targets") => proofs::targets(),
         Some("c") => c::run(),
+        Some("fuzz") => fuzz::run(&std::env::args().skip(2).collect::<Vec<_>>()),
+        Some("miri") => miri(),
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
         Some("f32") => single::run(),
@@ -102,6 +107,35 @@ pub fn output(command: &mut Command) -> Result<String, String> {
     } else {
         Err(format!("{name}: {}\n{}{}", output.status, text(&output.stdout), text(&output.stderr)))
     }
+}
+
+/// Of fuzzing and Miri; nothing else needs one.
+const NIGHTLY: &str = "nightly-2026-05-20";
+
+/// Runs a subcommand of the nightly's cargo in a folder. `install` says how to come by the subcommand.
+pub fn nightly(arguments: &[&str], folder: &Path, install: &str) -> Outcome {
+    let subcommand = arguments.first().copied().unwrap_or_default();
+    output(Command::new("rustup").args(["run", NIGHTLY, "cargo", subcommand, "--version"])).map_err(|e| {
+        let toolchain =
+            format!("rustup toolchain install {NIGHTLY} --no-self-update --profile minimal -c miri -c rust-src");
+        format!("cargo {subcommand} is needed, of Rust's {NIGHTLY}:\n{toolchain}\n{install}\n\n{e}")
+    })?;
+    let mut command = Command::new("rustup");
+    let status = command.args(["run", NIGHTLY, "cargo"]).args(arguments).current_dir(folder).status();
+    match status {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("cargo {}: {status}", arguments.join(" "))),
+        Err(e) => Err(format!("rustup: {e}")),
+    }
+}
+
+/// With a target of 32 bit, as a controller is: on x86-64 libm has inline assembly, which Miri can't run.
+fn miri() -> Outcome {
+    let target = ["--target", "armv7-unknown-linux-gnueabihf"];
+    let test = ["miri", "test", "--locked"];
+    let packages = ["-p", "pkm-core", "-p", "pkm-protocol", "--tests"];
+    nightly(&[&test[..], &target, &packages].concat(), &root(), "")?;
+    nightly(&[&test[..], &target].concat(), &root().join("pkm-ffi"), "")
 }
 
 /// Fits the fixtures' data into a folder, for the reference machine or another.

@@ -1,0 +1,41 @@
+//! G-code of `compensate`. A program written with its own places has the same moves.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use pkm_fuzz::{assert_finite, file, read};
+use pkm_host::gcode::Program;
+use pkm_host::path::NO_LOAD;
+use pkm_host::tool::Toward;
+
+fuzz_target!(|bytes: &[u8]| {
+    let source = file(bytes);
+    let Some(program) = read(Program::parse(&source, Some(NO_LOAD))) else { return };
+    for to in &program.moves {
+        assert_finite(to.to.tip_m);
+        match to.to.toward {
+            Toward::Axis(axis) => assert_finite(axis),
+            Toward::Wrist(beta_rad) => assert_finite(beta_rad),
+        }
+    }
+    // numbers that the six decimals of a program hold
+    let plain = |v: f64| v == 0.0 || (1e-3..1e6).contains(&v.abs());
+    let holds = program.moves.iter().all(|m| {
+        m.to.tip_m.iter().all(|v| plain(v * 1e3))
+            && match m.to.toward {
+                Toward::Axis(axis) => axis.iter().copied().all(plain),
+                Toward::Wrist(beta_rad) => beta_rad.iter().copied().all(plain),
+            }
+    });
+    if !holds {
+        return;
+    }
+    let places: Vec<_> = program.moves.iter().map(|m| vec![m.to]).collect();
+    let written = program.written(&places, &["note".to_owned()]);
+    let again = read(Program::parse(&file(written.as_bytes()), Some(NO_LOAD))).expect("what was written");
+    assert_eq!(program.moves.len(), again.moves.len());
+    for (one, other) in program.moves.iter().zip(&again.moves) {
+        let [way, turn] = one.to.apart(&other.to);
+        assert!(way < 1e-8 && turn < 1e-5, "{:?} {:?}", one.to, other.to);
+        assert_eq!(one.wrench, other.wrench);
+    }
+});

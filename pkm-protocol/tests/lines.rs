@@ -1,0 +1,121 @@
+//! Lines there and back, and what is refused: few and quick, so that Miri can run them (`cargo xtask miri`).
+
+use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
+use pkm_core::{Pose, Wrench};
+use pkm_protocol::{
+    Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, MAX_REPLY,
+    Refused, Reply, Request, Status, Sweep, SweepReply, VERSION,
+};
+
+const DEMAND: Demand = Demand {
+    arithmetic: Arithmetic::F64,
+    pose: Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 },
+    wrench_at_tip: Wrench { force_n: [0.0, 0.0, -400.0], moment_nm: [0.0, 0.0, 5.0] },
+    tip_m: [0.0, 0.0, 0.3],
+};
+
+#[test]
+fn commands_come_back() {
+    let to = Pose { theta_rad: 0.2, sigma_rad: 0.1, z0_m: 0.55 };
+    let sweep = Sweep { from: Demand { arithmetic: Arithmetic::F32, ..DEMAND }, to, steps: 3 };
+    assert_eq!(sweep.demands().map(|d| d.pose).next(), Some(DEMAND.pose));
+    for command in [Command::Hello, Command::Status, Command::Cycle(DEMAND), Command::Sweep(sweep)] {
+        let request = Request { id: 7, command };
+        let mut buffer = [0; MAX_COMMAND + 1];
+        let line = request.write(&mut buffer).unwrap();
+        assert_eq!(request.write(&mut [0; 20]), None);
+        let mut lines = Lines::new();
+        let found: Vec<_> = line.iter().filter_map(|byte| lines.push(*byte)).collect();
+        assert_eq!(found, [Ok(request)]);
+    }
+}
+
+#[test]
+fn bad_lines_are_refused_and_forgotten() {
+    let long = vec![b' '; MAX_COMMAND + 1];
+    let bad: [(&[u8], Option<u32>, Code); 12] = [
+        (&long, None, Code::TooLong),
+        (b"{", None, Code::Syntax),
+        (b"\xff\"", None, Code::Syntax),
+        (br#"{"v":1,"id":01,"cmd":"hello"}"#, None, Code::Syntax),
+        (br#"{"v":1,"id":[,1],"cmd":"hello"}"#, None, Code::Syntax),
+        (br#"{"v":1,"id":1,"cmd":"hel\u006co"}"#, None, Code::Syntax),
+        (br#"{"v":1,"id":1,"cmd":"hello","more":1}"#, None, Code::Field),
+        (br#"{"v":1,"id":4294967296,"cmd":"hello"}"#, None, Code::Range),
+        (br#"{"v":2,"id":1,"cmd":"hello"}"#, Some(1), Code::Version),
+        (br#"{"v":1,"id":1,"cmd":"dance"}"#, Some(1), Code::Command),
+        (br#"{"v":1,"id":1,"cmd":"hello","z0_m":1}"#, Some(1), Code::Field),
+        (br#"{"v":1,"id":1,"cmd":"cycle"}"#, Some(1), Code::Field),
+    ];
+    let mut lines = Lines::new();
+    for (line, id, code) in bad {
+        let found: Vec<_> = line.iter().chain(b"\n").filter_map(|byte| lines.push(*byte)).collect();
+        assert_eq!(found, [Err(Refused { id, code })], "{}", String::from_utf8_lossy(line));
+        let next: Vec<_> =
+            b"\r\n{\"v\":1,\"id\":5,\"cmd\":\"status\"}\n".iter().filter_map(|b| lines.push(*b)).collect();
+        assert_eq!(next, [Ok(Request { id: 5, command: Command::Status })]);
+    }
+}
+
+#[test]
+fn replies_come_back() {
+    let cycle = CycleReply::new(&DEMAND.cycle(&MACHINE_F64, &TABLE_F64), 7312, false);
+    assert_eq!(cycle.status, Status::Ok);
+    let far = Demand { pose: Pose { z0_m: 9.0, ..DEMAND.pose }, ..DEMAND };
+    let refused = CycleReply::new(&far.cycle(&MACHINE_F64, &TABLE_F64), 1, true);
+    assert_eq!((refused.status, refused.numbers), (Status::OutOfTravel, None));
+    let mut sweep = SweepReply::default();
+    sweep.add(&cycle);
+    sweep.add(&refused);
+    assert_eq!((sweep.ok, sweep.refused, sweep.overruns, sweep.worst_ticks), (1, 1, 1, 7312));
+    let hello = Hello {
+        firmware: "f 1",
+        board: "b",
+        machine: Checksum(u64::MAX),
+        table: Checksum(1),
+        period_s: 1e-3,
+        ticks_hz: u32::MAX,
+        travel_min_m: [0.1; 3],
+        travel_max_m: [1.0; 3],
+        max_command_bytes: 1,
+        input_bytes: 2,
+        stack_bytes: 3,
+    };
+    let answers = [
+        Answer::Hello(hello),
+        Answer::Status(Counters::default()),
+        Answer::Cycle(cycle),
+        Answer::Cycle(refused),
+        Answer::Sweep(sweep),
+        Answer::Error(Code::Syntax),
+    ];
+    for answer in answers {
+        let reply = Reply { v: VERSION, id: Some(3), answer };
+        let mut buffer = [0; MAX_REPLY];
+        let line = reply.write(&mut buffer).unwrap();
+        assert_eq!(Reply::<f64>::parse(line), Some(reply));
+        assert_eq!(Reply::<f64>::parse(&line[1..]), None);
+        let later = String::from_utf8(line.to_vec()).unwrap().replacen("\"v\":1", "\"v\":9", 1);
+        assert_eq!(Reply::<f64>::parse(later.as_bytes()), None);
+    }
+}
+
+/// What serde-json-core takes for JSON, and what it reads null as.
+#[test]
+fn replies_are_json() {
+    let good = br#"{"v":1,"id":null,"answer":{"hello":{"firmware":"f","board":"b","machine":"0000000000000001","table":"0000000000000002","period_s":0.5,"ticks_hz":1,"travel_min_m":[1,2,3],"travel_max_m":[4,5,6],"max_command_bytes":1,"input_bytes":2,"stack_bytes":3}}}"#;
+    assert!(Reply::<f64>::parse(good).is_some());
+    let good = std::str::from_utf8(good).unwrap();
+    for (from, to) in [
+        ("\"f\"", "\"f\0\""),
+        ("\"f\"", "\"f\\n\""),
+        ("0.5", "null"),
+        ("0.5", "1e400"),
+        ("[1,2,3]", "[,1,2,3]"),
+        ("[1,2,3]", "[01,2,3]"),
+        ("[4,5,6]", "[+4,5,6]"),
+    ] {
+        let bad = good.replacen(from, to, 1);
+        assert_eq!(Reply::<f64>::parse(bad.as_bytes()), None, "{bad}");
+    }
+}
