@@ -1,0 +1,164 @@
+//! The documents stay true: links lead somewhere, commands run and print what is shown, named code exists.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}
+
+/// Every Markdown file of the repository.
+fn documents(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_str().unwrap();
+        if path.is_dir() && !name.starts_with('.') && !["target", "out"].contains(&name) {
+            documents(&path, found);
+        } else if name.ends_with(".md") {
+            found.push(path);
+        }
+    }
+}
+
+/// A fenced block: the word behind the fence, the line it begins in, its text.
+struct Block {
+    kind: String,
+    line: usize,
+    text: String,
+}
+
+/// Prose with blank lines in place of blocks, and the blocks.
+fn split(text: &str) -> (String, Vec<Block>) {
+    let (mut prose, mut blocks, mut inside) = (String::new(), Vec::<Block>::new(), false);
+    for (n, line) in text.lines().enumerate() {
+        if let Some(kind) = line.trim_start().strip_prefix("```") {
+            if !inside {
+                blocks.push(Block { kind: kind.to_owned(), line: n + 1, text: String::new() });
+            }
+            inside = !inside;
+        } else if inside {
+            blocks.last_mut().unwrap().text += &format!("{line}\n");
+        } else {
+            prose += line;
+        }
+        prose.push('\n');
+    }
+    (prose, blocks)
+}
+
+/// Targets of the links in a text.
+fn links(text: &str) -> impl Iterator<Item = &str> {
+    text.split("](").skip(1).filter_map(|rest| rest.split_once(')').map(|(target, _)| target))
+}
+
+/// What a heading is called in a link, as forges have it.
+fn anchors(text: &str) -> BTreeSet<String> {
+    let headings = split(text).0;
+    let slug = |heading: &str| {
+        let kept = heading.trim().to_lowercase();
+        kept.chars()
+            .filter(|c| c.is_alphanumeric() || " -_".contains(*c))
+            .map(|c| if c == ' ' { '-' } else { c })
+            .collect()
+    };
+    headings.lines().filter(|l| l.starts_with('#')).map(|l| slug(l.trim_start_matches('#'))).collect()
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let mut files = Vec::new();
+    documents(&root(), &mut files);
+    let mut broken = Vec::new();
+    for file in &files {
+        let text = fs::read_to_string(file).unwrap();
+        for link in links(&split(&text).0).filter(|l| !l.starts_with("http")) {
+            let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = if path.is_empty() { file.clone() } else { file.parent().unwrap().join(path) };
+            let known = || anchors(&fs::read_to_string(&target).unwrap_or_default()).contains(anchor);
+            if !target.exists() || (!anchor.is_empty() && !known()) {
+                broken.push(format!("{}: {link}", file.display()));
+            }
+        }
+    }
+    assert!(files.len() > 10 && broken.is_empty(), "{broken:#?}");
+}
+
+/// Lines of a `sh` block that are left out: other programs than this one, and what needs them or takes minutes.
+const NOT_HERE: [&str; 9] =
+    ["cargo ", "make ", "cd ", "alias ", "sudo ", "apt-get ", "pkm-host fem ", "pkm-host hil ", "pkm-host place "];
+
+/// What the README's commands call the engineer's own files.
+const OWN_FILES: [(&str, &str); 6] = [
+    ("my.toml", "machines/reference.toml"),
+    ("k.csv", "stiffness/fe-l49.csv"),
+    ("v.csv", "stiffness/fe-verify.csv"),
+    ("readings.csv", "measured/own-moving-platform-compliance-easy/measured.csv"),
+    ("others.csv", "measured/own-moving-platform-compliance-easy/heldout.csv"),
+    ("part.ngc", "jobs/path.ngc"),
+];
+
+#[test]
+#[cfg(unix)]
+fn commands_run_and_print_what_is_shown() {
+    let mut files = vec![root().join("README.md")];
+    documents(&root().join("docs"), &mut files);
+    files.retain(|f| f.ends_with("README.md") || f.to_str().unwrap().contains("tutorial-"));
+    let program = Path::new(env!("CARGO_BIN_EXE_pkm-host")).parent().unwrap();
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
+    let mut count = 0;
+    for file in &files {
+        // a repository's root as far as the commands see it
+        let here = tempfile::tempdir().unwrap();
+        std::os::unix::fs::symlink(root().join("fixtures"), here.path().join("fixtures")).unwrap();
+        fs::create_dir(here.path().join("out")).unwrap();
+        for (name, fixture) in OWN_FILES {
+            fs::copy(root().join("fixtures").join(fixture), here.path().join(name)).unwrap();
+        }
+        let mut printed = None;
+        for Block { kind, line, text } in split(&fs::read_to_string(file).unwrap()).1 {
+            let place = format!("{}:{line}", file.display());
+            if let ("text", Some(printed)) = (kind.as_str(), printed.take()) {
+                let printed: String = printed;
+                for shown in text.lines().filter(|l| l.trim() != "…") {
+                    assert!(printed.lines().any(|l| l == shown), "{place}: not printed: {shown}\n{printed}");
+                }
+            }
+            if kind == "sh" {
+                let lines = text.replace("\\\n", "");
+                let script = lines.lines().filter(|l| !NOT_HERE.iter().any(|s| l.starts_with(s)));
+                let script = script.collect::<Vec<_>>().join("\n");
+                count += script.matches("pkm-host ").count();
+                let mut shell = Command::new("sh");
+                let output = shell.args(["-ec", &format!("exec 2>&1\n{script}")]);
+                let output = output.current_dir(here.path()).env("PATH", &path).output().unwrap();
+                let text = String::from_utf8_lossy(&output.stdout).into_owned();
+                assert!(output.status.success(), "{place}: {script}\n{text}");
+                printed = Some(text);
+            }
+        }
+    }
+    assert!(count > 20, "only {count} commands were found");
+}
+
+/// A row that links source files names, as `code`, what is defined there.
+#[test]
+fn code_that_the_theory_names_exists() {
+    let theory = fs::read_to_string(root().join("docs/theory.md")).unwrap();
+    let mut count = 0;
+    for row in theory.lines().filter(|l| l.starts_with('|') && l.contains(".rs)")) {
+        let files = links(row).filter(|l| l.ends_with(".rs"));
+        let source: String = files.map(|f| fs::read_to_string(root().join("docs").join(f)).unwrap()).collect();
+        let linked = |name: &str| row.contains(&format!("[`{name}`]"));
+        for name in row.split('`').skip(1).step_by(2).filter(|name| !linked(name)) {
+            let last = name.rsplit("::").next().unwrap();
+            let defined = ["fn", "struct", "enum", "const", "static", "trait", "type"]
+                .iter()
+                .any(|kind| [" ", "(", "<", ":", "{", ";"].iter().any(|end| source.contains(&format!("{kind} {last}{end}"))));
+            assert!(defined, "theory.md: `{name}` is in none of the files of its row: {row}");
+            count += 1;
+        }
+    }
+    assert!(count > 40, "only {count} names were found");
+}
