@@ -22,24 +22,17 @@ fn documents(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// A fenced block: the word behind the fence, the line it begins in, its text.
-struct Block {
-    kind: String,
-    line: usize,
-    text: String,
-}
-
-/// Prose with blank lines in place of blocks, and the blocks.
-fn split(text: &str) -> (String, Vec<Block>) {
-    let (mut prose, mut blocks, mut inside) = (String::new(), Vec::<Block>::new(), false);
+/// Prose with blank lines in place of fenced blocks, and the blocks: the word behind the fence, the line it stands in, the text.
+fn split(text: &str) -> (String, Vec<(String, usize, String)>) {
+    let (mut prose, mut blocks, mut inside) = (String::new(), Vec::<(String, usize, String)>::new(), false);
     for (n, line) in text.lines().enumerate() {
         if let Some(kind) = line.trim_start().strip_prefix("```") {
             if !inside {
-                blocks.push(Block { kind: kind.to_owned(), line: n + 1, text: String::new() });
+                blocks.push((kind.to_owned(), n + 1, String::new()));
             }
             inside = !inside;
         } else if inside {
-            blocks.last_mut().unwrap().text += &format!("{line}\n");
+            blocks.last_mut().unwrap().2 += &format!("{line}\n");
         } else {
             prose += line;
         }
@@ -110,13 +103,13 @@ fn commands_run_and_print_what_is_shown() {
         for (name, fixture) in OWN_FILES {
             fs::copy(root().join("fixtures").join(fixture), here.path().join(name)).unwrap();
         }
-        let mut printed = None;
-        for Block { kind, line, text } in split(&fs::read_to_string(file).unwrap()).1 {
+        // what the last commands printed, and where a block that shows it begins
+        let mut printed = (0, String::new());
+        for (kind, line, text) in split(&fs::read_to_string(file).unwrap()).1 {
             let place = format!("{}:{line}", file.display());
-            if let ("text", Some(printed)) = (kind.as_str(), printed.take()) {
-                let printed: String = printed;
-                for shown in text.lines().filter(|l| l.trim() != "…") {
-                    assert!(printed.lines().any(|l| l == shown), "{place}: not printed: {shown}\n{printed}");
+            if kind == "text" && line == printed.0 {
+                for shown in text.lines() {
+                    assert!(printed.1.lines().any(|l| l == shown), "{place}: not printed: {shown}\n{}", printed.1);
                 }
             }
             if kind == "sh" {
@@ -125,11 +118,9 @@ fn commands_run_and_print_what_is_shown() {
                 let script = format!("exec 2>&1\n{}", here_too.collect::<Vec<_>>().join("\n"));
                 count += script.matches("pkm-host ").count();
                 let mut shell = Command::new("sh");
-                let shell = shell.args(["-ec", &script]).current_dir(here.path()).env("PATH", &path);
-                let output = shell.output().unwrap();
-                let text = String::from_utf8_lossy(&output.stdout).into_owned();
-                assert!(output.status.success(), "{place}: {script}\n{text}");
-                printed = Some(text);
+                let output = shell.args(["-ec", &script]).current_dir(here.path()).env("PATH", &path).output().unwrap();
+                printed = (line + text.lines().count() + 3, String::from_utf8_lossy(&output.stdout).into_owned());
+                assert!(output.status.success(), "{place}: {script}\n{}", printed.1);
             }
         }
     }
