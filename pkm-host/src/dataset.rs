@@ -47,7 +47,14 @@ pub struct Row {
     /// Line in the file, from 1.
     pub line: u64,
     /// Cells without the spaces around them.
-    pub cells: Vec<String>,
+    pub cells: csv::StringRecord,
+}
+
+impl Row {
+    /// The cells, to be changed.
+    pub(crate) fn to_cells(&self) -> Vec<String> {
+        self.cells.iter().map(str::to_owned).collect()
+    }
 }
 
 impl Sheet {
@@ -65,9 +72,12 @@ impl Sheet {
         };
         let unquoted: String = header_line.split('"').step_by(2).collect();
         let semicolons = unquoted.contains(';');
-        if !semicolons && !unquoted.contains(',') && unquoted.contains('\t') {
+        // no list of columns that the program reads has but one
+        if !semicolons && !unquoted.contains(',') {
             let line = 1 + text.lines().take_while(|l| is_skipped(l)).count() as u64;
-            return Err(fail(line, "the cells are separated by tabs: save the file with commas or semicolons".into()));
+            let found = if unquoted.contains('\t') { "tabs" } else { "neither" };
+            let message = format!("expected a header with commas or semicolons between its cells, found {found}");
+            return Err(fail(line, message));
         }
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(if semicolons { b';' } else { b',' })
@@ -96,6 +106,13 @@ impl Sheet {
         let header: Vec<String> = header.iter().map(tidy).collect();
         let mut columns = HashMap::new();
         for (i, name) in header.iter().enumerate() {
+            if name.contains('\n') {
+                return Err(fail(at, "a quote is not closed".into()));
+            }
+            if name.parse::<f64>().is_ok_and(f64::is_finite) {
+                let message = format!("expected a header with names of columns, found numbers such as `{name}`");
+                return Err(fail(at, message));
+            }
             if name.is_empty() {
                 return Err(fail(at, format!("column {} of the header has no name", i + 1)));
             }
@@ -129,7 +146,14 @@ impl Sheet {
             let line = line_of(record.position());
             if record.len() != header.len() {
                 let (found, wide) = (record.len(), header.len());
-                return Err(fail(line, format!("expected {wide} cells as in the header, found {found}")));
+                let advice = if record.iter().any(|cell| cell.contains('\n')) {
+                    ": is a quote not closed?"
+                } else if found > wide && !semicolons {
+                    ": for decimal commas write semicolons between cells"
+                } else {
+                    ""
+                };
+                return Err(fail(line, format!("expected {wide} cells as in the header, found {found}{advice}")));
             }
             rows.push(Row { line, cells: record.iter().map(tidy).collect() });
         }
@@ -171,7 +195,8 @@ impl Sheet {
             Ok(value) if digits && value.is_finite() => Ok(value),
             _ => {
                 let shown: String = cell.chars().take(40).collect();
-                Err(self.failure(row, format!("expected a finite number, found `{shown}`")).at_column(column))
+                let found = if cell.is_empty() { "an empty cell".into() } else { format!("`{shown}`{}", advice(cell)) };
+                Err(self.failure(row, format!("expected a finite number, found {found}")).at_column(column))
             }
         }
     }
@@ -251,6 +276,20 @@ pub fn pose_of(theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Pose<f64> {
 /// A pose in the units of files: °, °, mm.
 pub fn file_units(pose: &Pose<f64>) -> [f64; 3] {
     [pose.theta_rad.to_degrees(), pose.sigma_rad.to_degrees(), pose.z0_m * 1e3]
+}
+
+/// What to do about a cell that looks like a number and is none.
+pub(crate) fn advice(cell: &str) -> &'static str {
+    let begins_with_number = cell.trim_start_matches(['-', '+', '.']).starts_with(|c: char| c.is_ascii_digit());
+    if cell.starts_with(['\u{2212}', '\u{2013}', '\u{2014}']) {
+        ": write the minus as -"
+    } else if begins_with_number && cell.contains(',') && !cell.contains('.') {
+        ": write a decimal point, or semicolons between cells"
+    } else if begins_with_number && cell.ends_with(|c: char| c.is_alphabetic() || "°%'\"".contains(c)) {
+        ": write it without unit"
+    } else {
+        ""
+    }
 }
 
 /// Whether two names differ in case, spaces and underscores alone.

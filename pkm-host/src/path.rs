@@ -425,7 +425,7 @@ fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
     let mut rows = Vec::new();
     for (row, points) in sheet.rows.iter().zip(points) {
         for (n, point) in points.iter().enumerate() {
-            let mut cells = row.cells.clone();
+            let mut cells = row.to_cells();
             let Toward::Axis(axis) = point.place.toward else { continue };
             let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
             let wrench = point.wrench.force_n.into_iter().chain(point.wrench.moment_nm);
