@@ -311,7 +311,10 @@ impl MachineFile {
         let i = usize::from(limb) - 1;
         let mm = |m: f64| (m * 1e6).round() / 1e3;
         let travel = &self.parameters.travel;
-        format!("{} mm long, travel {} to {} mm", mm(lengths.q_m[i]), mm(travel.min_m[i]), mm(travel.max_m[i]))
+        let (q_m, least_m, greatest_m) = (lengths.q_m[i], travel.min_m[i], travel.max_m[i]);
+        // a thousandth of what may be
+        let unit = if (least_m..=greatest_m).contains(&(1e3 * q_m)) { ": are lengths in mm?" } else { "" };
+        format!("{} mm long, travel {} to {} mm{unit}", mm(q_m), mm(least_m), mm(greatest_m))
     }
 
     /// The same machine with screws of any length.
