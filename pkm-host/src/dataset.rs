@@ -19,6 +19,9 @@ pub(crate) const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_
 const OTHER_MEASURED: [&str; 6] =
     ["series", "repeat", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
+/// Far beyond what a machine bears, and its square still a number.
+const MOST_LOAD: f64 = 1e12;
+
 /// Column of the stiffness k_ij, i ≤ j, from 1.
 pub(crate) fn stiffness_column(i: usize, j: usize) -> String {
     format!("k{}{}", i.min(j) + 1, i.max(j) + 1)
@@ -72,6 +75,10 @@ impl Sheet {
         };
         let unquoted: String = header_line.split('"').step_by(2).collect();
         let semicolons = unquoted.contains(';');
+        if header_line.matches('"').count() % 2 == 1 {
+            let line = 1 + text.lines().take_while(|l| is_skipped(l)).count() as u64;
+            return Err(fail(line, "a quote in the header is not closed".into()));
+        }
         // no list of columns that the program reads has but one
         if !semicolons && !unquoted.contains(',') {
             let line = 1 + text.lines().take_while(|l| is_skipped(l)).count() as u64;
@@ -106,9 +113,6 @@ impl Sheet {
         let header: Vec<String> = header.iter().map(tidy).collect();
         let mut columns = HashMap::new();
         for (i, name) in header.iter().enumerate() {
-            if name.contains('\n') {
-                return Err(fail(at, "a quote is not closed".into()));
-            }
             if name.parse::<f64>().is_ok_and(f64::is_finite) {
                 let message = format!("expected a header with names of columns, found numbers such as `{name}`");
                 return Err(fail(at, message));
@@ -438,11 +442,18 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         for row in sheet.rows.iter() {
             // a blank cell is a channel that was not measured
             if !sheet.cell(row, column)?.is_empty() {
-                let value = sheet.number(row, column)?;
-                if column.starts_with("sigma_") && value < 0.0 {
-                    let message = format!("expected a standard deviation of at least 0, found {value}");
-                    return Err(sheet.failure(row, message).at_column(*column));
-                }
+                let value = sheet.number(row, column).map_err(|mut failure| {
+                    failure.message.push_str(" (a channel that was not measured is blank)");
+                    failure
+                })?;
+                let wrong = if column.starts_with("sigma_") && value < 0.0 {
+                    "a standard deviation of at least 0"
+                } else if *column == "temperature_c" && value < -273.15 {
+                    "a temperature above -273.15 °C"
+                } else {
+                    continue;
+                };
+                return Err(sheet.failure(row, format!("expected {wrong}, found {value}")).at_column(*column));
             }
         }
     }
@@ -458,7 +469,12 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         .iter()
         .zip(poses)
         .map(|(row, pose)| {
-            let [fx, fy, fz, mx, my, mz] = sheet.numbers(row, WRENCH_COLUMNS)?;
+            let load = sheet.numbers(row, WRENCH_COLUMNS)?;
+            if let Some(i) = load.iter().position(|f| f.abs() > MOST_LOAD) {
+                let message = format!("expected a load within ±{MOST_LOAD:e} N or N·m, found {}", load[i]);
+                return Err(sheet.failure(row, message).at_column(WRENCH_COLUMNS[i]));
+            }
+            let [fx, fy, fz, mx, my, mz] = load;
             let point_m = if elsewhere { sheet.numbers(row, POINT_COLUMNS)?.map(|mm| mm / 1e3) } else { [0.0; 3] };
             let wrench = pkm_core::Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
             Ok(LoadCase { pose, wrench, point_m })

@@ -252,6 +252,14 @@ impl MachineFile {
             let (key, span, value) = raw.locate(text, e);
             fail(Some(span), &key, format!("expected {}, found {value}", expected(e.problem)))
         })?;
+        let largest = [g.a1_m, g.a2_m, g.b1_m, g.b2_m].into_iter().fold(0.0, f64::max);
+        if parameters.travel.min_m.iter().all(|least| *least > 100.0 * largest) {
+            let message = format!(
+                "platforms of {} mm under screws a hundred times as long: are all lengths in mm?",
+                1e3 * largest
+            );
+            return Err(fail(Some(raw.geometry.a1_mm.span()), "geometry.a1_mm", message));
+        }
         let pose_box = raw.pose_box.as_ref().map_or_else(PoseBox::default, |b| {
             PoseBox([&b.theta_deg, &b.sigma_deg, &b.z0_mm].map(|range| range.get_ref().0))
         });
@@ -422,6 +430,10 @@ pub(crate) fn plain(message: &str) -> String {
             other => other,
         };
         return format!("expected {expected}, found {}", clipped(found));
+    }
+    if let Some((found, expected)) = message.strip_prefix("invalid length ").and_then(|m| m.split_once(", expected ")) {
+        let expected = if expected.starts_with("struct ") { "a table" } else { expected };
+        return format!("expected {expected}, found {found} values");
     }
     if let Some((unknown, known)) = message.strip_prefix("unknown key `").and_then(|m| m.split_once("`, ")) {
         let near = |known: &&str| strsim::osa_distance(known, unknown) <= 2;

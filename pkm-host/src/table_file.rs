@@ -244,7 +244,12 @@ impl TableFile {
 fn unread(key: &str, error: &serde_json::Error) -> Failure {
     let text = error.to_string();
     let said = plain(text.split(" at line ").next().unwrap_or(""));
-    let message = if error.is_data() { said } else { format!("not JSON, or not all of it: {said}") };
+    let message = match said.as_str() {
+        // of an array that has them all
+        "trailing characters" if key != "." => "expected fewer values here".to_owned(),
+        _ if error.is_data() => said,
+        _ => format!("not JSON, or not all of it: {said}"),
+    };
     let failure = Failure::input(message).at_line(error.line() as u64);
     if key == "." { failure } else { failure.at_column(clipped(key)) }
 }

@@ -52,7 +52,12 @@ fn a_kill_at_any_moment_leaves_whole_files() {
         }
         child.kill().unwrap();
         early += usize::from(child.wait().unwrap().signal().is_some());
-        let old_or_new = files().iter().zip(&whole[0].0).zip(&whole[1].0).map(|((file, a), b)| (file == a, file == b)).collect::<Vec<_>>();
+        let old_or_new = files()
+            .iter()
+            .zip(&whole[0].0)
+            .zip(&whole[1].0)
+            .map(|((file, a), b)| (file == a, file == b))
+            .collect::<Vec<_>>();
         assert!(old_or_new.iter().all(|(a, b)| *a || *b), "after {n} kills: {old_or_new:?}");
         mixed += usize::from(old_or_new.iter().any(|which| *which != old_or_new[0]));
         cut_short = unfinished(&out).len();
@@ -134,14 +139,13 @@ fn a_full_disk_leaves_the_old_files() {
     assert!(folder.contents() == before);
 
     let small = "mount -t tmpfs -o size=32k none \"$1\" && echo old > \"$1/fit.json\"";
-    let unshared = |script: &str| {
-        Command::new("unshare").args(["-rm", "sh", "-c", script, program, &out]).output()
-    };
+    let unshared = |script: &str| Command::new("unshare").args(["-rm", "sh", "-c", script, program, &out]).output();
     if !unshared(small).is_ok_and(|output| output.status.success()) {
         println!("skipped: no file system may be mounted here");
         return;
     }
-    let output = unshared(&format!("{small} && \"$0\" fit --out \"$1\"; code=$?; cat \"$1\"/* \"$1\"/.p*; exit $code")).unwrap();
+    let output =
+        unshared(&format!("{small} && \"$0\" fit --out \"$1\"; code=$?; cat \"$1\"/* \"$1\"/.p*; exit $code")).unwrap();
     // nothing else is there, and nothing unfinished
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stdout).as_ref()), (Some(1), "old\n"), "{text}");

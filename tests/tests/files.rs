@@ -30,7 +30,14 @@ fn machine_toml(p: &MachineParameters, z0_m: f64) -> String {
     let mut text = format!(
         "format = 1\nname = \"random\"\n[geometry]\na1_mm = {:?}\na2_mm = {:?}\nb1_mm = {:?}\nb2_mm = {:?}\n[travel]\n\
          min_mm = {:?}\nmax_mm = {:?}\n[box]\ntheta_deg = [-1.0, 1.0]\nsigma_deg = [-1.0, 1.0]\nz0_mm = [{:?}, {:?}]\n",
-        g[0], g[1], g[2], g[3], p.travel.min_m.map(mm), p.travel.max_m.map(mm), mm(0.9 * z0_m), mm(1.1 * z0_m),
+        g[0],
+        g[1],
+        g[2],
+        g[3],
+        p.travel.min_m.map(mm),
+        p.travel.max_m.map(mm),
+        mm(0.9 * z0_m),
+        mm(1.1 * z0_m),
     );
     for limb in &p.limbs {
         let kind = if limb.body.kind == BodyKind::Beam { "beam" } else { "diagonal" };
@@ -55,13 +62,16 @@ fn machine_files_hold_the_machine() {
         let machine = Machine::<f64>::new(&p).expect("good");
         let pose = random_pose(&mut rng, &machine, p.geometry.a1_m + p.geometry.b1_m, 0.2);
         let text = machine_toml(&p, pose.z0_m);
-        let read = MachineFile::parse(Source::from_text("m.toml", text.clone())).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let read =
+            MachineFile::parse(Source::from_text("m.toml", text.clone())).unwrap_or_else(|e| panic!("{e}\n{text}"));
         let k = read.machine.stiffness(&pose).expect("in reach").matrix();
         let expected = machine.stiffness(&pose).expect("in reach").matrix();
         assert!(pkm_tests::scaled_difference(&k, &expected) <= 1e-12, "{text}");
         for (a, b) in read.parameters.limbs.iter().zip(&p.limbs) {
             assert_eq!((a.base_joint, a.platform_joint), (b.base_joint, b.platform_joint));
-            assert!(close(a.body.rod.outer_m, b.body.rod.outer_m) && close(a.body.screw.young_pa, b.body.screw.young_pa));
+            assert!(
+                close(a.body.rod.outer_m, b.body.rod.outer_m) && close(a.body.screw.young_pa, b.body.screw.young_pa)
+            );
         }
     }
 }
@@ -76,7 +86,11 @@ fn tables_keep_their_bits() {
             terms.push([i % 3, i / 3, rng.u8(0..3)]);
         }
         let mut row = |constant: f64| -> Vec<f64> {
-            terms.iter().enumerate().map(|(n, _)| if n == 0 { constant + 0.1 * rng.f64() } else { 0.05 * any(&mut rng) }).collect()
+            terms
+                .iter()
+                .enumerate()
+                .map(|(n, _)| if n == 0 { constant + 0.1 * rng.f64() } else { 0.05 * any(&mut rng) })
+                .collect()
         };
         let diagonal: Vec<Vec<f64>> = (0..6).map(|_| row(0.9)).collect();
         let factor = (0..6).flat_map(|i| (0..=i).map(move |j| f64::from(u8::from(i == j)))).map(&mut row).collect();
@@ -97,7 +111,8 @@ fn tables_keep_their_bits() {
             factor: Some(FactorForm { coefficients: factor }),
         };
         let text = table.to_json().expect("written");
-        let read = TableFile::parse(&Source::from_text("t.json", text.clone())).unwrap_or_else(|e| panic!("{e}\n{text}"));
+        let read =
+            TableFile::parse(&Source::from_text("t.json", text.clone())).unwrap_or_else(|e| panic!("{e}\n{text}"));
         // no number is NaN, so that what is shown is the same when all bits are
         assert_eq!(format!("{read:?}"), format!("{table:?}"));
     }
@@ -148,7 +163,8 @@ fn the_order_of_poses_is_nothing_to_a_fit() {
         let mut rows = lines[1..].to_vec();
         rng.shuffle(&mut rows);
         let found = fitted(&[&lines[..1], &rows].concat());
-        let all = |n: &pkm_host::table_file::TableNumbers| [&n.diagonal[..], n.factor.as_deref().expect("whole")].concat();
+        let all =
+            |n: &pkm_host::table_file::TableNumbers| [&n.diagonal[..], n.factor.as_deref().expect("whole")].concat();
         let worst = all(&found).iter().zip(all(&expected)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(worst <= 1e-9 && found.centre == expected.centre, "{worst:e}");
     }
@@ -169,7 +185,8 @@ fn the_order_of_series_is_nothing_to_a_diagnosis() {
     };
     let expected = diagnosed(&lines);
     let column = lines[0].split(',').position(|name| name == "series").expect("there");
-    let mut series: Vec<&[&str]> = lines[1..].chunk_by(|a, b| a.split(',').nth(column) == b.split(',').nth(column)).collect();
+    let mut series: Vec<&[&str]> =
+        lines[1..].chunk_by(|a, b| a.split(',').nth(column) == b.split(',').nth(column)).collect();
     assert!(series.len() > 10, "{}", series.len());
     rng.shuffle(&mut series);
     let found = diagnosed(&[&lines[..1], &series.concat()].concat());

@@ -68,7 +68,7 @@ const CALLS: &[Call] = &[
     ("NaN", "ik --theta-deg nan --sigma-deg 0 --z0-mm 530", "--theta-deg|finite number"),
     ("infinity", "ik --theta-deg=-inf --sigma-deg 0 --z0-mm 530", "--theta-deg|finite number"),
     ("beyond all numbers", "ik --theta-deg 1e999 --sigma-deg 0 --z0-mm 530", "--theta-deg|finite number"),
-    ("digits without end", "ik --theta-deg LONG --sigma-deg 0 --z0-mm 530", "--theta-deg"),
+    ("digits without end", "ik --theta-deg LONG --sigma-deg 0 --z0-mm 530", "invalid value"),
     ("a decimal comma", "ik --theta-deg 1,5 --sigma-deg 0 --z0-mm 530", "--theta-deg|finite number"),
     ("a minus of typography", "ik --theta-deg \u{2212}5 --sigma-deg 0 --z0-mm 530", "--theta-deg|finite number"),
     ("a degree sign", "ik --theta-deg 5° --sigma-deg 0 --z0-mm 530", "--theta-deg|finite number"),
