@@ -20,7 +20,7 @@ const OTHER_MEASURED: [&str; 6] =
     ["series", "repeat", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
 /// Far beyond what a machine bears, and its square still a number.
-const MOST_LOAD: f64 = 1e12;
+pub(crate) const MOST_LOAD: f64 = 1e12;
 
 /// Column of the stiffness k_ij, i ≤ j, from 1.
 pub(crate) fn stiffness_column(i: usize, j: usize) -> String {
@@ -211,6 +211,18 @@ impl Sheet {
             *value = self.number(row, column)?;
         }
         Ok(values)
+    }
+
+    /// Force and moment of a row.
+    pub(crate) fn load(&self, row: &Row) -> Result<[f64; 6]> {
+        let load = self.numbers(row, WRENCH_COLUMNS)?;
+        match load.iter().position(|f| f.abs() > MOST_LOAD) {
+            None => Ok(load),
+            Some(i) => {
+                let message = format!("expected a load within ±{MOST_LOAD:e} N or N·m, found {:e}", load[i]);
+                Err(self.failure(row, message).at_column(WRENCH_COLUMNS[i]))
+            }
+        }
     }
 
     /// The pose of every row, each within the machine's reach.
@@ -469,12 +481,7 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         .iter()
         .zip(poses)
         .map(|(row, pose)| {
-            let load = sheet.numbers(row, WRENCH_COLUMNS)?;
-            if let Some(i) = load.iter().position(|f| f.abs() > MOST_LOAD) {
-                let message = format!("expected a load within ±{MOST_LOAD:e} N or N·m, found {}", load[i]);
-                return Err(sheet.failure(row, message).at_column(WRENCH_COLUMNS[i]));
-            }
-            let [fx, fy, fz, mx, my, mz] = load;
+            let [fx, fy, fz, mx, my, mz] = sheet.load(row)?;
             let point_m = if elsewhere { sheet.numbers(row, POINT_COLUMNS)?.map(|mm| mm / 1e3) } else { [0.0; 3] };
             let wrench = pkm_core::Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
             Ok(LoadCase { pose, wrench, point_m })

@@ -13,7 +13,7 @@ use pkm_core::{Configuration, CorrectionTable, Domain, Hold, Pose, Tool, ToolDef
 use serde_json::{Value, json};
 
 use crate::commands::Output;
-use crate::dataset::{self, Sheet, WRENCH_COLUMNS, file_units};
+use crate::dataset::{self, MOST_LOAD, Sheet, WRENCH_COLUMNS, file_units};
 use crate::error::{Failure, Result, printable};
 use crate::gcode::Program;
 use crate::machine_file::{MachineFile, PoseBox};
@@ -126,7 +126,7 @@ fn read(request: &Request<'_>) -> Result<Read> {
         if [i, j, k] == [0.0; 3] {
             return Err(sheet.failure(row, "i, j, k are all 0 and give the tool no direction").at_column("i"));
         }
-        let wrench = wrench_of(sheet.numbers(row, WRENCH_COLUMNS)?);
+        let wrench = wrench_of(sheet.load(row)?);
         let to = Place { tip_m: [x, y, z].map(|v| v / 1e3), toward: Toward::Axis([i, j, k]) };
         let before = moves.last().map_or(wrench, |m| m.wrench[1]);
         moves.push(Move { line: row.line, to, wrench: [before, wrench] });
@@ -477,6 +477,10 @@ fn picture(track: &Track) -> Result<String> {
 pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, request: &Request<'_>) -> Result<Output> {
     if let Some(step) = request.step_mm.filter(|step| *step < 0.001) {
         return Err(Failure::usage(format!("--step-mm: expected at least 0.001, found {step}")));
+    }
+    if let Some(load) = request.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MOST_LOAD)) {
+        let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
+        return Err(Failure::usage(message));
     }
     let name = request.out.file_name().filter(|_| !request.out.as_os_str().as_encoded_bytes().ends_with(b"/"));
     let svg = request.out.with_extension("svg");

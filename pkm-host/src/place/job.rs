@@ -7,6 +7,7 @@ use pkm_core::Wrench;
 use serde::Deserialize;
 use toml::Spanned;
 
+use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
 use crate::machine_file::{Numbers, line_at, unread};
 use crate::source::Source;
@@ -258,8 +259,12 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
     }
     let w = raw.wrench.get_ref();
     let wrench = Wrench { force_n: [w.fx_n, w.fy_n, w.fz_n], moment_nm: [w.mx_nm, w.my_nm, w.mz_nm] };
-    if !wrench.force_n.iter().chain(&wrench.moment_nm).all(|v| v.is_finite()) {
-        return fail(raw.wrench.span(), format!("series.{name}.wrench"), "expected finite numbers");
+    if !wrench.force_n.iter().chain(&wrench.moment_nm).all(|v| v.abs() <= MOST_LOAD) {
+        return fail(
+            raw.wrench.span(),
+            format!("series.{name}.wrench"),
+            format!("expected finite numbers within ±{MOST_LOAD:e}"),
+        );
     }
     if raw.holes.get_ref().is_empty() {
         return fail(raw.holes.span(), format!("series.{name}.holes"), format!("series {} has no holes", n + 1));

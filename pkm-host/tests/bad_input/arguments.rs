@@ -128,6 +128,7 @@ const CALLS: &[Call] = &[
     ("a negative seed", "place --seed=-1 --out OUT", "--seed"),
     ("a seed too great", "place --seed 9007199254740992 --out OUT", "--seed"),
     ("a load of five", "compensate --path PATH --wrench 1,2,3,4,5 --out OUT", "--wrench|expected 6 numbers"),
+    ("a load far beyond", "compensate --path PATH --wrench 1e300,0,0,0,0,0 --out OUT", "--wrench: expected numbers within"),
     ("a load for a CSV", "compensate --path PATH --wrench 1,2,3,4,5,6 --out OUT", "--wrench is for G-code"),
     ("a step of nothing along a path", "compensate --path PATH --step-mm 0 --out OUT", "--step-mm: expected at least 0.001"),
     ("a path in the plot's place", "compensate --path PATH --out OUT.svg", "the plot goes there"),

@@ -83,7 +83,7 @@ const TO_DIAGNOSE: &[Kind] = &[
     ("millimetres", Make(|good| columns(good, DEFLECTIONS, |_, c| scaled(c, 1e-3))), ": ", "are they in µm"),
     ("nanometres", Make(|good| columns(good, DEFLECTIONS, |_, c| scaled(c, 1e3))), ": ", "are they in µm"),
     ("no deflection at all", Make(|good| columns(good, DEFLECTIONS, |_, _| String::new())), ": ", "blank deflection columns"),
-    ("no columns of deflections", Make(|good| good.replace("dx_um", "a").replace("dy_um", "b").replace("dz_um", "c").replace("rx_urad", "d").replace("ry_urad", "e").replace("rz_urad", "f").into()), ": ", "deflection"),
+    ("no columns of deflections", Make(|good| good.replace("dx_um", "a").replace("dy_um", "b").replace("dz_um", "c").replace("rx_urad", "d").replace("ry_urad", "e").replace("rz_urad", "f").into()), ":2: dx_um: ", "at least one deflection column"),
     ("no load", Make(|good| columns(good, &["_n", "_nm"], |_, _| "0".into())), ": ", "no reading is under load"),
     ("one bad deflection far down", Make(|good| columns(good, &["dx_um"], |n, c| if n == 20 { "nan".into() } else { c.into() })), ":22: dx_um: ", "number"),
     ("a load of another size", Make(|good| columns(good, &["fx_n"], |n, c| if n == 20 { "1e300".into() } else { c.into() })), ":22: fx_n: ", "1e12"),
