@@ -245,8 +245,8 @@ fn unread(key: &str, error: &serde_json::Error) -> Failure {
     let text = error.to_string();
     let said = plain(text.split(" at line ").next().unwrap_or(""));
     let message = match said.as_str() {
-        // of an array that has them all
-        "trailing characters" if key != "." => "expected fewer values here".to_owned(),
+        // behind an array that has all it should
+        "trailing characters" if key != "." => "not JSON, or more values than expected".to_owned(),
         _ if error.is_data() => said,
         _ => format!("not JSON, or not all of it: {said}"),
     };

@@ -85,7 +85,7 @@ const KINDS: &[Kind] = &[
     ("an unknown key", document!(|t| t["extra"] = 1.into()), ":1: ", "unknown key|extra"),
     ("an unknown key of the box", document!(|t| t["box"]["z0_m"] = serde_json::json!([0.4, 0.6])), ":1: ", "unknown key|z0_m"),
     ("a misspelt key", Put("\"scale\"", "\"scales\""), ":26: scales: ", "did you mean `scale`?"),
-    ("a box of three numbers", document!(|t| t["box"]["theta_deg"] = serde_json::json!([-27, 0, 36])), "", "box.theta_deg|fewer"),
+    ("a box of three numbers", document!(|t| t["box"]["theta_deg"] = serde_json::json!([-27, 0, 36])), "", "box.theta_deg|more values"),
     ("a box of one number", document!(|t| t["box"]["theta_deg"] = serde_json::json!([-27])), "", "box.theta_deg|array of length 2"),
     ("a number for the box", document!(|t| t["box"] = 5.into()), "", "box"),
     ("a center of two numbers", document!(|t| t["center"] = serde_json::json!([4.5, 0])), "", "center|array of length 3"),
