@@ -22,6 +22,9 @@ const OTHER_MEASURED: [&str; 6] =
 /// Far beyond what a machine bears, and its square still a number.
 pub(crate) const MOST_LOAD: f64 = 1e12;
 
+/// Most bytes of a name that is compared with those that are known: a longer one is no slip, and would take its time.
+pub(crate) const LONGEST_SLIP: usize = 64;
+
 /// Column of the stiffness k_ij, i ≤ j, from 1.
 pub(crate) fn stiffness_column(i: usize, j: usize) -> String {
     format!("k{}{}", i.min(j) + 1, i.max(j) + 1)
@@ -132,6 +135,10 @@ impl Sheet {
         };
         let mut unused = Vec::new();
         for name in header.iter().filter(|n| !known.contains(&n.as_str())) {
+            if name.len() > LONGEST_SLIP {
+                unused.push(name.as_str());
+                continue;
+            }
             let meant = known.iter().filter(|k| {
                 looks_the_same(name, k) || (!columns.contains_key(**k) && !of_other_form(k) && looks_like(name, k))
             });

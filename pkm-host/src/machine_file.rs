@@ -14,7 +14,7 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::dataset::{advice, pose_of};
+use crate::dataset::{LONGEST_SLIP, advice, pose_of};
 use crate::error::{Failure, Result, printable};
 use crate::fem::solid::{RawSolid, Solid};
 use crate::source::Source;
@@ -410,6 +410,11 @@ fn slip(line: &str) -> &'static str {
     parts.map(advice).find(|advice| !advice.is_empty()).unwrap_or("")
 }
 
+/// Whether a name is probably a slip for a known one.
+fn is_near(name: &str, known: &str) -> bool {
+    name.len() <= LONGEST_SLIP && strsim::osa_distance(name, known) <= 2
+}
+
 /// A message of serde's in words that don't need the program's source code.
 pub(crate) fn plain(message: &str) -> String {
     let message = message.replace('\n', " ").replace("field", "key").replace("variant", "value");
@@ -436,8 +441,7 @@ pub(crate) fn plain(message: &str) -> String {
         return format!("expected {expected}, found {found} values");
     }
     if let Some((unknown, known)) = message.strip_prefix("unknown key `").and_then(|m| m.split_once("`, ")) {
-        let near = |known: &&str| strsim::osa_distance(known, unknown) <= 2;
-        let meant = known.split('`').skip(1).step_by(2).find(near);
+        let meant = known.split('`').skip(1).step_by(2).find(|known| is_near(unknown, known));
         let meant = meant.map_or(String::new(), |meant| format!(", did you mean `{meant}`?"));
         return format!("unknown key `{}`{meant}; {known}", clipped(unknown));
     }
@@ -547,7 +551,7 @@ fn effects(text: &str, raw: &[Spanned<RawEffect>]) -> std::result::Result<Effect
         let fail = |key: &str, span: Range<usize>, message: String| Err((format!("effect.{key}"), span, message));
         let Some(index) = EFFECTS.iter().position(|e| e.id == id.get_ref()) else {
             let known = EFFECTS.map(|e| e.id);
-            let near = known.iter().find(|known| strsim::osa_distance(known, id.get_ref()) <= 2);
+            let near = known.iter().find(|known| is_near(id.get_ref(), known));
             let meant = near.map_or(String::new(), |meant| format!(", did you mean `{meant}`?"));
             let unknown = clipped(id.get_ref());
             return fail("id", id.span(), format!("unknown effect `{unknown}`{meant}; known are {}", known.join(", ")));
