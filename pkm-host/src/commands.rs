@@ -283,14 +283,16 @@ pub fn stiffness(
 
     let mut header: Vec<String> = POSE_COLUMNS.map(str::to_owned).to_vec();
     header.extend(stiffness_columns().map(|(_, _, name)| name));
-    let mut rows = Vec::new();
-    let mut documents = Vec::new();
-    for (p, s) in poses.iter().zip(&solved) {
+    let rows = poses.iter().zip(&solved).map(|(p, s)| {
         let k = s.factor.stiffness().matrix();
         let mut row = vec![p.id.clone()];
         row.extend(file_units(&p.pose).map(|v| v.to_string()));
         row.extend(stiffness_columns().map(|(i, j, _)| k[i][j].to_string()));
-        rows.push(row);
+        row
+    });
+    let mut documents = Vec::new();
+    for (p, s) in poses.iter().zip(&solved) {
+        let k = s.factor.stiffness().matrix();
         documents.push(json!({
             "pose": p.id,
             "k": k,
@@ -347,7 +349,7 @@ pub fn predict(
         let failed = |e: StiffnessError| Failure::input(format!("no deflection: {e}")).in_file(&file).at_line(row.line);
         let deflection = linear.map_err(failed)?.plus(&extra.map_err(failed)?).plus(&growth.map_err(failed)?);
         let seen = deflection.seen_at(c.point_m);
-        let mut cells = row.cells.clone();
+        let mut cells = row.to_cells();
         cells.resize(header.len(), String::new());
         let micro = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6);
         for (column, value) in columns.iter().zip(micro) {

@@ -19,6 +19,12 @@ pub(crate) const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_
 const OTHER_MEASURED: [&str; 6] =
     ["series", "repeat", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
+/// Far beyond what a machine bears, and its square still a number.
+pub(crate) const MOST_LOAD: f64 = 1e12;
+
+/// Most bytes of a name that is compared with those that are known: a longer one is no slip, and would take its time.
+pub(crate) const LONGEST_SLIP: usize = 64;
+
 /// Column of the stiffness k_ij, i ≤ j, from 1.
 pub(crate) fn stiffness_column(i: usize, j: usize) -> String {
     format!("k{}{}", i.min(j) + 1, i.max(j) + 1)
@@ -47,7 +53,14 @@ pub struct Row {
     /// Line in the file, from 1.
     pub line: u64,
     /// Cells without the spaces around them.
-    pub cells: Vec<String>,
+    pub cells: csv::StringRecord,
+}
+
+impl Row {
+    /// The cells, to be changed.
+    pub(crate) fn to_cells(&self) -> Vec<String> {
+        self.cells.iter().map(str::to_owned).collect()
+    }
 }
 
 impl Sheet {
@@ -65,9 +78,16 @@ impl Sheet {
         };
         let unquoted: String = header_line.split('"').step_by(2).collect();
         let semicolons = unquoted.contains(';');
-        if !semicolons && !unquoted.contains(',') && unquoted.contains('\t') {
+        if header_line.matches('"').count() % 2 == 1 {
             let line = 1 + text.lines().take_while(|l| is_skipped(l)).count() as u64;
-            return Err(fail(line, "the cells are separated by tabs: save the file with commas or semicolons".into()));
+            return Err(fail(line, "a quote in the header is not closed".into()));
+        }
+        // no list of columns that the program reads has but one
+        if !semicolons && !unquoted.contains(',') {
+            let line = 1 + text.lines().take_while(|l| is_skipped(l)).count() as u64;
+            let found = if unquoted.contains('\t') { "tabs" } else { "neither" };
+            let message = format!("expected a header with commas or semicolons between its cells, found {found}");
+            return Err(fail(line, message));
         }
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(if semicolons { b';' } else { b',' })
@@ -96,6 +116,10 @@ impl Sheet {
         let header: Vec<String> = header.iter().map(tidy).collect();
         let mut columns = HashMap::new();
         for (i, name) in header.iter().enumerate() {
+            if name.parse::<f64>().is_ok_and(f64::is_finite) {
+                let message = format!("expected a header with names of columns, found numbers such as `{name}`");
+                return Err(fail(at, message));
+            }
             if name.is_empty() {
                 return Err(fail(at, format!("column {} of the header has no name", i + 1)));
             }
@@ -111,6 +135,10 @@ impl Sheet {
         };
         let mut unused = Vec::new();
         for name in header.iter().filter(|n| !known.contains(&n.as_str())) {
+            if name.len() > LONGEST_SLIP {
+                unused.push(name.as_str());
+                continue;
+            }
             let meant = known.iter().filter(|k| {
                 looks_the_same(name, k) || (!columns.contains_key(**k) && !of_other_form(k) && looks_like(name, k))
             });
@@ -129,7 +157,14 @@ impl Sheet {
             let line = line_of(record.position());
             if record.len() != header.len() {
                 let (found, wide) = (record.len(), header.len());
-                return Err(fail(line, format!("expected {wide} cells as in the header, found {found}")));
+                let advice = if record.iter().any(|cell| cell.contains('\n')) {
+                    ": is a quote not closed?"
+                } else if found > wide && !semicolons {
+                    ": for decimal commas write semicolons between cells"
+                } else {
+                    ""
+                };
+                return Err(fail(line, format!("expected {wide} cells as in the header, found {found}{advice}")));
             }
             rows.push(Row { line, cells: record.iter().map(tidy).collect() });
         }
@@ -171,7 +206,8 @@ impl Sheet {
             Ok(value) if digits && value.is_finite() => Ok(value),
             _ => {
                 let shown: String = cell.chars().take(40).collect();
-                Err(self.failure(row, format!("expected a finite number, found `{shown}`")).at_column(column))
+                let found = if cell.is_empty() { "an empty cell".into() } else { format!("`{shown}`{}", advice(cell)) };
+                Err(self.failure(row, format!("expected a finite number, found {found}")).at_column(column))
             }
         }
     }
@@ -182,6 +218,18 @@ impl Sheet {
             *value = self.number(row, column)?;
         }
         Ok(values)
+    }
+
+    /// Force and moment of a row.
+    pub(crate) fn load(&self, row: &Row) -> Result<[f64; 6]> {
+        let load = self.numbers(row, WRENCH_COLUMNS)?;
+        match load.iter().position(|f| f.abs() > MOST_LOAD) {
+            None => Ok(load),
+            Some(i) => {
+                let message = format!("expected a load within ±{MOST_LOAD:e} N or N·m, found {:e}", load[i]);
+                Err(self.failure(row, message).at_column(WRENCH_COLUMNS[i]))
+            }
+        }
     }
 
     /// The pose of every row, each within the machine's reach.
@@ -251,6 +299,20 @@ pub fn pose_of(theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Pose<f64> {
 /// A pose in the units of files: °, °, mm.
 pub fn file_units(pose: &Pose<f64>) -> [f64; 3] {
     [pose.theta_rad.to_degrees(), pose.sigma_rad.to_degrees(), pose.z0_m * 1e3]
+}
+
+/// What to do about a cell that looks like a number and is none.
+pub(crate) fn advice(cell: &str) -> &'static str {
+    let begins_with_number = cell.trim_start_matches(['-', '+', '.']).starts_with(|c: char| c.is_ascii_digit());
+    if cell.starts_with(['\u{2212}', '\u{2013}', '\u{2014}']) {
+        ": write the minus as -"
+    } else if begins_with_number && cell.contains(',') && !cell.contains('.') {
+        ": write a decimal point, or semicolons between cells"
+    } else if begins_with_number && cell.ends_with(|c: char| c.is_alphabetic() || "°%'\"".contains(c)) {
+        ": write it without unit"
+    } else {
+        ""
+    }
 }
 
 /// Whether two names differ in case, spaces and underscores alone.
@@ -399,11 +461,18 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         for row in sheet.rows.iter() {
             // a blank cell is a channel that was not measured
             if !sheet.cell(row, column)?.is_empty() {
-                let value = sheet.number(row, column)?;
-                if column.starts_with("sigma_") && value < 0.0 {
-                    let message = format!("expected a standard deviation of at least 0, found {value}");
-                    return Err(sheet.failure(row, message).at_column(*column));
-                }
+                let value = sheet.number(row, column).map_err(|mut failure| {
+                    failure.message.push_str(" (a channel that was not measured is blank)");
+                    failure
+                })?;
+                let wrong = if column.starts_with("sigma_") && value < 0.0 {
+                    "a standard deviation of at least 0"
+                } else if *column == "temperature_c" && value < -273.15 {
+                    "a temperature above -273.15 °C"
+                } else {
+                    continue;
+                };
+                return Err(sheet.failure(row, format!("expected {wrong}, found {value}")).at_column(*column));
             }
         }
     }
@@ -419,7 +488,7 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         .iter()
         .zip(poses)
         .map(|(row, pose)| {
-            let [fx, fy, fz, mx, my, mz] = sheet.numbers(row, WRENCH_COLUMNS)?;
+            let [fx, fy, fz, mx, my, mz] = sheet.load(row)?;
             let point_m = if elsewhere { sheet.numbers(row, POINT_COLUMNS)?.map(|mm| mm / 1e3) } else { [0.0; 3] };
             let wrench = pkm_core::Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
             Ok(LoadCase { pose, wrench, point_m })

@@ -21,6 +21,7 @@
 
 use pkm_core::Wrench;
 
+use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result};
 use crate::path::{Move, NO_LOAD, wrench_of};
 use crate::source::Source;
@@ -138,10 +139,12 @@ fn load(comment: &str) -> std::result::Result<Option<Wrench<f64>>, String> {
         return Ok(None);
     }
     let values: Vec<Option<f64>> =
-        rest.split(',').map(|v| v.trim().parse::<f64>().ok().filter(|v| v.is_finite())).collect();
+        rest.split(',').map(|v| v.trim().parse::<f64>().ok().filter(|v| v.abs() <= MOST_LOAD)).collect();
     match values.into_iter().collect::<Option<Vec<_>>>().and_then(|v| <[f64; 6]>::try_from(v).ok()) {
         Some(values) => Ok(Some(wrench_of(values))),
-        None => Err(format!("expected `(wrench fx,fy,fz,mx,my,mz)`, six numbers in N and N·m, found `{inner}`")),
+        None => Err(format!(
+            "expected `(wrench fx,fy,fz,mx,my,mz)`, six numbers in N and N·m within ±{MOST_LOAD:e}, found `{inner}`"
+        )),
     }
 }
 

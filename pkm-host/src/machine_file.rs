@@ -14,7 +14,7 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::dataset::pose_of;
+use crate::dataset::{LONGEST_SLIP, advice, pose_of};
 use crate::error::{Failure, Result, printable};
 use crate::fem::solid::{RawSolid, Solid};
 use crate::source::Source;
@@ -215,12 +215,7 @@ impl MachineFile {
             }
             if key.is_empty() { failure } else { failure.at_column(key) }
         };
-        let raw: RawMachine = toml::from_str(text).map_err(|e| {
-            let (span, key) = located(text, &e);
-            let line = span.as_ref().map_or("", |range| line_of(text, range.start));
-            let found = if line.is_empty() { String::new() } else { format!(" (in `{line}`)") };
-            fail(span, &key, plain(e.message()) + &found)
-        })?;
+        let raw: RawMachine = toml::from_str(text).map_err(|e| unread(&source, text, &e))?;
 
         if *raw.format.get_ref() != 1 {
             let found = raw.format.get_ref();
@@ -238,13 +233,14 @@ impl MachineFile {
         check_ranges(&raw).map_err(|(key, span, message)| fail(Some(span), key, message))?;
 
         let g = &raw.geometry;
+        let g = Geometry {
+            a1_m: metres(*g.a1_mm.get_ref()),
+            a2_m: metres(*g.a2_mm.get_ref()),
+            b1_m: metres(*g.b1_mm.get_ref()),
+            b2_m: metres(*g.b2_mm.get_ref()),
+        };
         let parameters = MachineParameters {
-            geometry: Geometry {
-                a1_m: metres(*g.a1_mm.get_ref()),
-                a2_m: metres(*g.a2_mm.get_ref()),
-                b1_m: metres(*g.b1_mm.get_ref()),
-                b2_m: metres(*g.b2_mm.get_ref()),
-            },
+            geometry: g,
             travel: Travel {
                 min_m: raw.travel.min_mm.get_ref().0.map(metres),
                 max_m: raw.travel.max_mm.get_ref().0.map(metres),
@@ -256,11 +252,23 @@ impl MachineFile {
             let (key, span, value) = raw.locate(text, e);
             fail(Some(span), &key, format!("expected {}, found {value}", expected(e.problem)))
         })?;
+        let largest = [g.a1_m, g.a2_m, g.b1_m, g.b2_m].into_iter().fold(0.0, f64::max);
+        if parameters.travel.min_m.iter().all(|least| *least > 100.0 * largest) {
+            let message = format!(
+                "platforms of {} mm under screws a hundred times as long: are all lengths in mm?",
+                1e3 * largest
+            );
+            return Err(fail(Some(raw.geometry.a1_mm.span()), "geometry.a1_mm", message));
+        }
         let pose_box = raw.pose_box.as_ref().map_or_else(PoseBox::default, |b| {
             PoseBox([&b.theta_deg, &b.sigma_deg, &b.z0_mm].map(|range| range.get_ref().0))
         });
         if !can_assemble(&machine, &parameters.travel, &pose_box) {
-            let message = "impossible machine: no screw lengths within travel assemble these platforms".to_owned();
+            let mut message = "impossible machine: no screw lengths within travel assemble these platforms".to_owned();
+            let mut lengths = [g.a1_m, g.a2_m, g.b1_m, g.b2_m].into_iter().chain(parameters.travel.max_m);
+            if lengths.any(|m| m < 5e-3) {
+                message.push_str(": are all lengths in mm?");
+            }
             return Err(fail(Some(raw.travel.min_mm.span()), "travel", message));
         }
         let name = raw.name.into_inner();
@@ -311,7 +319,10 @@ impl MachineFile {
         let i = usize::from(limb) - 1;
         let mm = |m: f64| (m * 1e6).round() / 1e3;
         let travel = &self.parameters.travel;
-        format!("{} mm long, travel {} to {} mm", mm(lengths.q_m[i]), mm(travel.min_m[i]), mm(travel.max_m[i]))
+        let (q_m, least_m, greatest_m) = (lengths.q_m[i], travel.min_m[i], travel.max_m[i]);
+        // a thousandth of what may be
+        let unit = if (least_m..=greatest_m).contains(&(1e3 * q_m)) { ": are lengths in mm?" } else { "" };
+        format!("{} mm long, travel {} to {} mm{unit}", mm(q_m), mm(least_m), mm(greatest_m))
     }
 
     /// The same machine with screws of any length.
@@ -359,24 +370,90 @@ fn wrist_parameters(wrist: Option<&RawWrist>, pose_box: &PoseBox) -> WristParame
     p
 }
 
-/// The TOML reader's message in words that don't need its source code.
-pub(crate) fn plain(message: &str) -> String {
-    let words = [
-        ("invalid type: ", "expected another kind of value: found "),
-        (", expected f64", " where a number stands"),
-        (", expected i64", " where a whole number stands"),
-        ("a sequence", "an array"),
-        ("field", "key"),
-        ("\n", " "),
-    ];
-    let text = words.iter().fold(message.to_owned(), |text, (from, to)| text.replace(from, to));
-    // names of the program's own
-    match text.split_once("struct Raw") {
-        Some((before, after)) => {
-            format!("{before}a table{}", after.trim_start_matches(|c: char| c.is_ascii_alphanumeric()))
-        }
-        None => text,
+/// Text from a file, cut where it is too long for a message.
+pub(crate) fn clipped(text: &str) -> String {
+    const LONGEST: usize = 120;
+    let end = text.char_indices().nth(LONGEST).map(|(end, _)| end);
+    end.map_or_else(|| text.to_owned(), |end| format!("{}…", &text[..end]))
+}
+
+/// What the TOML reader does not like of a file.
+pub(crate) fn unread(source: &Source, text: &str, error: &toml::de::Error) -> Failure {
+    let (span, key) = located(text, error);
+    let line = span.as_ref().map_or("", |range| line_of(text, range.start));
+    let mut message = plain(error.message());
+    if DeTable::parse(text).is_err() {
+        message.push_str(slip(line));
+    } else if line.starts_with('[') && message.starts_with("expected an array, found a table") {
+        message.push_str(&format!(": write [{line}]"));
     }
+    if !line.is_empty() {
+        message.push_str(&format!(" (in `{}`)", clipped(line)));
+    }
+    let failure = Failure::input(message).in_file(&source.name);
+    let failure = match span {
+        Some(span) => failure.at_line(line_at(text, span.start) as u64),
+        None => failure,
+    };
+    if key.is_empty() { failure } else { failure.at_column(clipped(&key)) }
+}
+
+/// What to do about a line that is no TOML but looks like a key and numbers.
+fn slip(line: &str) -> &'static str {
+    let Some((_, value)) = line.split_once('=') else { return "" };
+    let digit = |c: Option<&char>| c.is_some_and(char::is_ascii_digit);
+    let letters: Vec<char> = value.chars().collect();
+    if letters.windows(3).any(|w| digit(w.first()) && w[1] == ',' && digit(w.last())) {
+        return ": write a decimal point, and no comma for thousands";
+    }
+    let parts = value.split([',', '[', ']', '{', '}', '=']).map(str::trim);
+    parts.map(advice).find(|advice| !advice.is_empty()).unwrap_or("")
+}
+
+/// Whether a name is probably a slip for a known one.
+fn is_near(name: &str, known: &str) -> bool {
+    name.len() <= LONGEST_SLIP && strsim::osa_distance(name, known) <= 2
+}
+
+/// A message of serde's in words that don't need the program's source code.
+pub(crate) fn plain(message: &str) -> String {
+    let message = message.replace('\n', " ").replace("field", "key").replace("variant", "value");
+    if let Some((found, expected)) = message.strip_prefix("invalid type: ").and_then(|m| m.split_once(", expected ")) {
+        let expected = match expected {
+            "f64" => "a number",
+            "i64" | "u32" | "u8" => "a whole number",
+            "a string" => "text in quotes",
+            "a sequence" | "an array" => "an array",
+            // names of the program's own
+            table if table.starts_with("struct ") => "a table",
+            other => other,
+        };
+        let found = match found {
+            "map" if expected == "a number" => "a table or a date",
+            "map" => "a table",
+            "sequence" => "an array",
+            other => other,
+        };
+        return format!("expected {expected}, found {}", clipped(found));
+    }
+    if let Some((found, expected)) = message.strip_prefix("invalid length ").and_then(|m| m.split_once(", expected ")) {
+        let expected = if expected.starts_with("struct ") { "a table" } else { expected };
+        return format!("expected {expected}, found {found} values");
+    }
+    if let Some((unknown, known)) = message.strip_prefix("unknown key `").and_then(|m| m.split_once("`, ")) {
+        let meant = known.split('`').skip(1).step_by(2).find(|known| is_near(unknown, known));
+        let meant = meant.map_or(String::new(), |meant| format!(", did you mean `{meant}`?"));
+        return format!("unknown key `{}`{meant}; {known}", clipped(unknown));
+    }
+    if let Some(key) = message.strip_prefix("duplicate key") {
+        return format!("the key{key} stands twice");
+    }
+    let words = [
+        ("string values must be quoted, expected literal string", "neither a number nor text in quotes"),
+        ("cannot recurse further; max recursion depth met", "nested too deeply"),
+        ("recursion limit exceeded", "nested too deeply"),
+    ];
+    words.into_iter().fold(message, |text, (from, to)| text.replace(from, to))
 }
 
 /// Line, from 1, of a byte.
@@ -390,11 +467,13 @@ fn line_of(text: &str, byte: usize) -> &str {
 }
 
 /// Where a failure of the TOML reader is, unless nothing is written there, and its key from the outermost on.
-pub(crate) fn located(text: &str, error: &toml::de::Error) -> (Option<Range<usize>>, String) {
+fn located(text: &str, error: &toml::de::Error) -> (Option<Range<usize>>, String) {
     let span = error.span().unwrap_or(0..0);
     let Ok(document) = DeTable::parse(text) else {
         // no TOML: the key is what the line starts with
-        let key = line_of(text, span.start).split_once('=').map_or("", |(key, _)| key.trim());
+        let line = line_of(text, span.start);
+        let section = line.strip_prefix('[').and_then(|l| l.strip_suffix(']'));
+        let key = section.or(line.split_once('=').map(|(key, _)| key.trim())).unwrap_or("");
         return (Some(span), key.to_owned());
     };
     let table = key_at(document.get_ref(), &span);
@@ -471,8 +550,11 @@ fn effects(text: &str, raw: &[Spanned<RawEffect>]) -> std::result::Result<Effect
         let RawEffect { id, parameters } = effect.get_ref();
         let fail = |key: &str, span: Range<usize>, message: String| Err((format!("effect.{key}"), span, message));
         let Some(index) = EFFECTS.iter().position(|e| e.id == id.get_ref()) else {
-            let known = EFFECTS.map(|e| e.id).join(", ");
-            return fail("id", id.span(), format!("unknown effect `{}`; known are {known}", id.get_ref()));
+            let known = EFFECTS.map(|e| e.id);
+            let near = known.iter().find(|known| is_near(id.get_ref(), known));
+            let meant = near.map_or(String::new(), |meant| format!(", did you mean `{meant}`?"));
+            let unknown = clipped(id.get_ref());
+            return fail("id", id.span(), format!("unknown effect `{unknown}`{meant}; known are {}", known.join(", ")));
         };
         if !seen.insert(index) {
             return fail("id", id.span(), format!("the effect `{}` stands twice", id.get_ref()));
@@ -485,7 +567,7 @@ fn effects(text: &str, raw: &[Spanned<RawEffect>]) -> std::result::Result<Effect
                 return fail(&key, span, format!("unknown parameter; known are {}", known.join(", ")));
             };
             let Some(number) = float(value) else {
-                return fail(&key, span, format!("expected a number, found {value}"));
+                return fail(&key, span, format!("expected a number, found {}", clipped(&value.to_string())));
             };
             effects.parameters[index][parameter] = number;
         }

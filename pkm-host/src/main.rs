@@ -530,7 +530,8 @@ fn main() -> ExitCode {
     let result = match Cli::try_parse() {
         Ok(cli) => run(&cli),
         Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => e.exit(),
-        Err(e) if !wants_json => e.exit(),
+        // what is endless is clipped below
+        Err(e) if !wants_json && e.to_string().len() < 4000 => e.exit(),
         Err(e) => {
             let text = e.to_string();
             let first = text.split("\n\n").next().unwrap_or("").trim_start_matches("error: ");

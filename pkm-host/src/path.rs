@@ -13,7 +13,7 @@ use pkm_core::{Configuration, CorrectionTable, Domain, Hold, Pose, Tool, ToolDef
 use serde_json::{Value, json};
 
 use crate::commands::Output;
-use crate::dataset::{self, Sheet, WRENCH_COLUMNS, file_units};
+use crate::dataset::{self, MOST_LOAD, Sheet, WRENCH_COLUMNS, file_units};
 use crate::error::{Failure, Result, printable};
 use crate::gcode::Program;
 use crate::machine_file::{MachineFile, PoseBox};
@@ -134,7 +134,7 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
         if [i, j, k] == [0.0; 3] {
             return Err(sheet.failure(row, "i, j, k are all 0 and give the tool no direction").at_column("i"));
         }
-        let wrench = wrench_of(sheet.numbers(row, WRENCH_COLUMNS)?);
+        let wrench = wrench_of(sheet.load(row)?);
         let to = Place { tip_m: [x, y, z].map(|v| v / 1e3), toward: Toward::Axis([i, j, k]) };
         let before = moves.last().map_or(wrench, |m| m.wrench[1]);
         moves.push(Move { line: row.line, to, wrench: [before, wrench] });
@@ -433,7 +433,7 @@ fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
     let mut rows = Vec::new();
     for (row, points) in sheet.rows.iter().zip(points) {
         for (n, point) in points.iter().enumerate() {
-            let mut cells = row.cells.clone();
+            let mut cells = row.to_cells();
             let Toward::Axis(axis) = point.place.toward else { continue };
             let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
             let wrench = point.wrench.force_n.into_iter().chain(point.wrench.moment_nm);
@@ -485,6 +485,10 @@ fn picture(track: &Track) -> Result<String> {
 pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, request: &Request<'_>) -> Result<Output> {
     if let Some(step) = request.step_mm.filter(|step| *step < 0.001) {
         return Err(Failure::usage(format!("--step-mm: expected at least 0.001, found {step}")));
+    }
+    if let Some(load) = request.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MOST_LOAD)) {
+        let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
+        return Err(Failure::usage(message));
     }
     let name = request.out.file_name().filter(|_| !request.out.as_os_str().as_encoded_bytes().ends_with(b"/"));
     let svg = request.out.with_extension("svg");

@@ -216,17 +216,27 @@ fn tendencies(samples: &[Sample], i: usize) -> Result<String> {
     plot::panels(&panels)
 }
 
+/// Most poses that a plot shows.
+const MOST_SHOWN: usize = 2000;
+
+/// Of how many poses one is shown, and the words for that.
+fn thinned(poses: usize) -> (usize, String) {
+    let step = poses.div_ceil(MOST_SHOWN).max(1);
+    (step, if step > 1 { format!(", one of {step} poses") } else { String::new() })
+}
+
 /// Fig. 6: a coefficient over one variable, marked by another.
 fn combinations(samples: &[Sample], i: usize) -> Result<String> {
+    let (step, shown) = thinned(samples.len());
     let panels = [(0, 2), (1, 2), (1, 0)].map(|(x, by)| Panel {
-        title: format!("c{} over {}, by {}", STIFFNESSES[i], VARIABLES[x], VARIABLES[by]),
+        title: format!("c{} over {}, by {}{shown}", STIFFNESSES[i], VARIABLES[x], VARIABLES[by]),
         x_label: VARIABLES[x].into(),
         y_label: format!("c{}", STIFFNESSES[i]),
         series: levels(samples, by)
             .values()
             .map(|(level, members)| {
-                let mut points: Vec<(f64, f64)> =
-                    members.iter().map(|m| (file_units(&samples[*m].pose.pose)[x], samples[*m].ratios()[i])).collect();
+                let point = |m: &usize| (file_units(&samples[*m].pose.pose)[x], samples[*m].ratios()[i]);
+                let mut points: Vec<(f64, f64)> = members.iter().step_by(step).map(point).collect();
                 points.sort_by(|a, b| a.0.total_cmp(&b.0));
                 Series { name: ((level * 100.0).round() / 100.0).to_string(), points, mark: Mark::Line }
             })
@@ -243,10 +253,10 @@ fn residuals(fit: &Fit, i: usize) -> Result<String> {
         100.0 * (table.coefficients(&s.pose.pose)[i] - measured) / measured
     };
     let panels = [0, 1, 2].map(|v| {
-        let series = |name: &str, samples: &[Sample], mark| Series {
-            name: name.into(),
-            points: samples.iter().map(|s| (file_units(&s.pose.pose)[v], relative(s))).collect(),
-            mark,
+        let series = |name: &str, samples: &[Sample], mark| {
+            let (step, shown) = thinned(samples.len());
+            let points = samples.iter().step_by(step).map(|s| (file_units(&s.pose.pose)[v], relative(s))).collect();
+            Series { name: format!("{name}{shown}"), points, mark }
         };
         let mut all = vec![series("training", &fit.training, Mark::Dot)];
         all.extend(fit.verification.as_ref().map(|s| series("verification", s, Mark::Cross)));

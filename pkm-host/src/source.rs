@@ -1,13 +1,19 @@
 //! Text that came from a file or from the embedded fixtures, and files that are written whole or not at all.
 
 use std::ffi::OsStr;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 
 use pkm_fixtures::Fixture;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Failure, Result, printable};
+
+/// Most bytes that a file may have: a million poses, and no endless device.
+const LARGEST: u64 = 500_000_000;
 
 /// A named text.
 #[derive(Clone)]
@@ -15,7 +21,7 @@ pub struct Source {
     /// Path as the user gave it, or the fixture's path in the repository.
     pub name: String,
     /// Lines end with LF or CR LF.
-    bytes: Vec<u8>,
+    bytes: Arc<[u8]>,
     sha256: String,
 }
 
@@ -26,7 +32,7 @@ impl Source {
         if !bytes.contains(&b'\n') {
             bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
         }
-        Self { name, bytes, sha256 }
+        Self { name, bytes: bytes.into(), sha256 }
     }
 
     /// A fixture.
@@ -45,8 +51,12 @@ impl Source {
     /// An input failure when it can't be read.
     pub fn read(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
-        match std::fs::read(path) {
-            Ok(bytes) => Ok(Self::new(name, bytes)),
+        let mut bytes = Vec::new();
+        match File::open(path).and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes)) {
+            Ok(length) if length as u64 > LARGEST => {
+                Err(Failure::input(format!("too large: more than {} MB", LARGEST / 1_000_000)).in_file(name))
+            }
+            Ok(_) => Ok(Self::new(name, bytes)),
             Err(e) => Err(Failure::input(format!("cannot read: {e}")).in_file(name)),
         }
     }
@@ -64,10 +74,19 @@ impl Source {
     /// # Errors
     /// The line that is not UTF-8.
     pub fn text(&self) -> Result<&str> {
-        let text = std::str::from_utf8(&self.bytes).map_err(|e| {
-            let line = 1 + self.bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u64;
-            Failure::input("not UTF-8 text: save the file as UTF-8").in_file(&self.name).at_line(line)
-        })?;
+        let fail = |message: &str| Failure::input(message).in_file(&self.name);
+        let line = |byte: usize| 1 + self.bytes[..byte].iter().filter(|b| **b == b'\n').count() as u64;
+        if self.bytes.starts_with(b"PK\x03\x04") {
+            return Err(fail("not text, but an archive or a spreadsheet's own file: save it as text (a sheet as CSV)"));
+        }
+        if let [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [0, _, ..] | [_, 0, ..] = self.bytes[..] {
+            return Err(fail("text in UTF-16, as it seems: save the file as UTF-8").at_line(1));
+        }
+        let text = std::str::from_utf8(&self.bytes)
+            .map_err(|e| fail("not UTF-8 text: save the file as UTF-8").at_line(line(e.valid_up_to())))?;
+        if let Some(byte) = text.find('\0') {
+            return Err(fail("a NUL byte: not text, or a damaged file").at_line(line(byte)));
+        }
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
     }
 
@@ -82,7 +101,9 @@ impl Source {
     }
 }
 
-/// Writes files so that each is there whole or not at all, and none before all could be written.
+/// Writes files so that each is there whole or not at all, and none before all could be written: they are written beside the old
+/// ones, and take their places, one after the other, when nothing but a name has to change. Who stops the program at that very
+/// moment finds some files old and some new, none in part; what it has written beside them is cleared away by a later run.
 ///
 /// # Errors
 /// What the operating system says, with the path.
@@ -143,13 +164,30 @@ pub fn check_writable(path: &Path) -> Result<()> {
     temporary_in(folder).map(drop).map_err(|e| Failure::io("write", path, &e))
 }
 
+/// How the names of files begin that are not yet whole.
+const UNFINISHED: &str = ".pkm-host-";
+
 /// A temporary file with the permissions of an ordinary one.
 fn temporary_in(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    clear_unfinished(folder);
     let mut builder = tempfile::Builder::new();
+    builder.prefix(UNFINISHED);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(folder)
+}
+
+/// Removes what runs left that were killed while they wrote, if it can: no file takes an hour to write.
+fn clear_unfinished(folder: &Path) {
+    for entry in folder.read_dir().into_iter().flatten().flatten() {
+        let age = || entry.metadata().and_then(|m| m.modified()).ok().and_then(|written| written.elapsed().ok());
+        if entry.file_name().as_encoded_bytes().starts_with(UNFINISHED.as_bytes())
+            && age().is_some_and(|age| age > Duration::from_secs(3600))
+        {
+            drop(std::fs::remove_file(entry.path()));
+        }
+    }
 }

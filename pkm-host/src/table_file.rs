@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Failure, Result};
 use crate::fit::Fit;
-use crate::machine_file::{MachineFile, PoseBox};
+use crate::machine_file::{MachineFile, PoseBox, clipped, plain};
 use crate::source::Source;
 
 /// `coefficients.json`.
@@ -185,9 +185,11 @@ impl TableFile {
     /// Syntax, missing or unknown fields, what the core refuses.
     pub fn parse(source: &Source) -> Result<Self> {
         let in_file = |f: Failure| f.in_file(&source.name);
-        let table: Self = serde_json::from_str(source.text()?).map_err(|e| {
-            in_file(Failure::input(format!("not a table of coefficients: {e}"))).at_line(e.line() as u64)
-        })?;
+        let mut reader = serde_json::Deserializer::from_str(source.text()?);
+        let read = serde_path_to_error::deserialize(&mut reader).map_err(|e| (e.path().to_string(), e.into_inner()));
+        // what stands behind has no key
+        let read = read.and_then(|table: Self| reader.end().map(|()| table).map_err(|e| (".".into(), e)));
+        let table = read.map_err(|(key, e)| in_file(unread(&key, &e)))?;
         if table.format != 1 {
             let message = format!("expected 1, found {}", table.format);
             return Err(in_file(Failure::input(message)).at_column("format"));
@@ -236,6 +238,20 @@ impl TableFile {
             factor: self.factor.as_ref().map(|f| f.coefficients.concat()),
         }
     }
+}
+
+/// What the JSON reader does not like, at a key (`.` for the document).
+fn unread(key: &str, error: &serde_json::Error) -> Failure {
+    let text = error.to_string();
+    let said = plain(text.split(" at line ").next().unwrap_or(""));
+    let message = match said.as_str() {
+        // behind an array that has all it should
+        "trailing characters" if key != "." => "not JSON, or more values than expected".to_owned(),
+        _ if error.is_data() => said,
+        _ => format!("not JSON, or not all of it: {said}"),
+    };
+    let failure = Failure::input(message).at_line(error.line() as u64);
+    if key == "." { failure } else { failure.at_column(clipped(key)) }
 }
 
 /// Refuses a correction that is not positive somewhere in its box.

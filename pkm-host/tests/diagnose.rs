@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use common::{Folder, fixture, json, refused};
+use common::{Folder, fixture, json};
 
 /// A file of a set of the fixtures.
 fn measured(set: &str, file: &str) -> String {
@@ -174,41 +174,6 @@ fn changed(change: impl Fn(usize, &str, &str) -> Option<String>) -> String {
         out.push_str(&(cells.join(",") + "\n"));
     }
     out
-}
-
-/// Refused with a message that holds `words`, and nothing written.
-fn refuse(text: &str, words: &str) {
-    let folder = Folder::new();
-    let data = folder.write("d.csv", text);
-    let error = refused(&["diagnose", "--data", &data, "--out", &folder.path("out")]);
-    assert!(error["message"].as_str().unwrap().contains(words), "`{words}` is not in: {error}");
-    assert!(!folder.has("out"), "something was written");
-}
-
-#[test]
-fn readings_that_cannot_be_diagnosed_are_refused() {
-    let none = |_: usize, _: &str, _: &str| None;
-    // every load another: no repeats, no deviations
-    let single = changed(|n, h, c| (h == "fx_n").then(|| format!("{}", c.parse::<f64>().unwrap() + n as f64 * 1e-3)));
-    refuse(&single, "sigma_linear_um");
-    let all = changed(none);
-    let few: String = all.lines().filter(|l| l.starts_with("pose") || *l < "p04").flat_map(|l| [l, "\n"]).collect();
-    refuse(&few, "poses cannot tell");
-    // mm in a column of µm, and the other way
-    let scaled = |factor: f64| {
-        changed(move |_, h, c| {
-            (h.ends_with("_um") || h.ends_with("_urad")).then(|| format!("{}", c.parse::<f64>().unwrap() * factor))
-        })
-    };
-    refuse(&scaled(1e-3), "are they in µm");
-    refuse(&scaled(1e3), "are they in µm");
-    let blank = changed(|_, h, _| (h.ends_with("_um") || h.ends_with("_urad")).then(String::new));
-    refuse(&blank, "blank deflection columns");
-    let nan = changed(|n, h, _| (n == 3 && h == "dx_um").then(|| "nan".into()));
-    refuse(&nan, "dx_um");
-    // no load at all
-    let idle = changed(|_, h, _| (h.ends_with("_n") || h.ends_with("_nm")).then(|| "0".into()));
-    refuse(&idle, "no reading is under load");
 }
 
 #[test]

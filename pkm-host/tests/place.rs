@@ -280,7 +280,7 @@ fn bad_jobs_are_refused_with_their_place() {
             "series.A.wrench|without a load",
         ),
         ("axis = [0.1, 0.0, -2.0]", "axis = [1e-320, inf, 0.0]", "series.A.holes[2].axis|direction"),
-        ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0]", "job.toml:11|array of length 3"),
+        ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0]", "job.toml:11|expected 3 numbers, found 2"),
         ("tip_mm = [90.0, 30.0, -10.0]", "tip_mm = [90.0, 30.0, -900.0]", "hole 2 of series `A`|mm beyond its travel"),
         ("axis = [0.1, 0.0, -2.0]", "axis = [0.1, 0.0, 2.0]", "hole 2 of series `A`|out of reach"),
         (

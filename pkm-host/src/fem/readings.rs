@@ -133,7 +133,7 @@ impl Loads {
             })?;
             let seen = deflection.seen_at(c.point_m);
             let micro: Vec<f64> = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6).collect();
-            let mut cells = row.cells.clone();
+            let mut cells = row.to_cells();
             cells.resize(header.len(), String::new());
             for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {
                 let value = micro[i] + zeros[reading.series][i] + wish.noise[i / 3] * normal();

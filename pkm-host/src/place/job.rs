@@ -7,8 +7,9 @@ use pkm_core::Wrench;
 use serde::Deserialize;
 use toml::Spanned;
 
+use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
-use crate::machine_file::{line_at, located, plain};
+use crate::machine_file::{Numbers, line_at, unread};
 use crate::source::Source;
 
 /// Greatest limit, mm or °: far beyond any machine.
@@ -154,8 +155,8 @@ struct RawJob {
     base_in_world: Spanned<Vec<Vec<f64>>>,
     table_in_world: Spanned<Vec<Vec<f64>>>,
     cross_slide_in_world: Spanned<Vec<Vec<f64>>>,
-    dx_mm: Option<Spanned<[f64; 2]>>,
-    dy_mm: Option<Spanned<[f64; 2]>>,
+    dx_mm: Option<Spanned<Numbers<2>>>,
+    dy_mm: Option<Spanned<Numbers<2>>>,
     rotary: Option<RawRotary>,
     series: Spanned<Vec<RawSeries>>,
 }
@@ -163,9 +164,9 @@ struct RawJob {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawRotary {
-    axis: Spanned<[f64; 3]>,
-    through_mm: Spanned<[f64; 3]>,
-    range_deg: Spanned<[f64; 2]>,
+    axis: Spanned<Numbers<3>>,
+    through_mm: Spanned<Numbers<3>>,
+    range_deg: Spanned<Numbers<2>>,
 }
 
 #[derive(Deserialize)]
@@ -190,8 +191,8 @@ struct RawWrench {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawHole {
-    tip_mm: Spanned<[f64; 3]>,
-    axis: Spanned<[f64; 3]>,
+    tip_mm: Spanned<Numbers<3>>,
+    axis: Spanned<Numbers<3>>,
 }
 
 /// What is wrong: where, unless nothing is written there, which key, and why.
@@ -225,8 +226,8 @@ fn rigid(key: &str, raw: &Spanned<Vec<Vec<f64>>>) -> Checked<Frame> {
     Ok(Frame { rotation, origin_m })
 }
 
-fn range(key: &str, raw: &Spanned<[f64; 2]>) -> Checked<[f64; 2]> {
-    let [low, high] = *raw.get_ref();
+fn range(key: &str, raw: &Spanned<Numbers<2>>) -> Checked<[f64; 2]> {
+    let [low, high] = raw.get_ref().0;
     if !(low.abs() <= FARTHEST && high.abs() <= FARTHEST) {
         return fail(raw.span(), key, format!("expected numbers within ±{FARTHEST:e}, found [{low}, {high}]"));
     }
@@ -236,18 +237,18 @@ fn range(key: &str, raw: &Spanned<[f64; 2]>) -> Checked<[f64; 2]> {
     Ok([low, high])
 }
 
-fn direction(key: String, raw: &Spanned<[f64; 3]>) -> Checked<Unit<Vector3<f64>>> {
-    let v = Vector3::from(*raw.get_ref());
+fn direction(key: String, raw: &Spanned<Numbers<3>>) -> Checked<Unit<Vector3<f64>>> {
+    let v = Vector3::from(raw.get_ref().0);
     // squares of very long and very short ones would not do
     let v = v / v.amax();
     match Unit::try_new(v, 0.5) {
         Some(unit) if v.iter().all(|v| v.is_finite()) => Ok(unit),
-        _ => fail(raw.span(), key, format!("expected a direction, found {:?}", raw.get_ref())),
+        _ => fail(raw.span(), key, format!("expected a direction, found {:?}", raw.get_ref().0)),
     }
 }
 
-fn point(key: String, raw: &Spanned<[f64; 3]>) -> Checked<Vector3<f64>> {
-    let v = Vector3::from(*raw.get_ref()) / 1e3;
+fn point(key: String, raw: &Spanned<Numbers<3>>) -> Checked<Vector3<f64>> {
+    let v = Vector3::from(raw.get_ref().0) / 1e3;
     if v.iter().all(|v| v.is_finite()) { Ok(v) } else { fail(raw.span(), key, "expected three finite numbers") }
 }
 
@@ -258,8 +259,12 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
     }
     let w = raw.wrench.get_ref();
     let wrench = Wrench { force_n: [w.fx_n, w.fy_n, w.fz_n], moment_nm: [w.mx_nm, w.my_nm, w.mz_nm] };
-    if !wrench.force_n.iter().chain(&wrench.moment_nm).all(|v| v.is_finite()) {
-        return fail(raw.wrench.span(), format!("series.{name}.wrench"), "expected finite numbers");
+    if !wrench.force_n.iter().chain(&wrench.moment_nm).all(|v| v.abs() <= MOST_LOAD) {
+        return fail(
+            raw.wrench.span(),
+            format!("series.{name}.wrench"),
+            format!("expected finite numbers within ±{MOST_LOAD:e}"),
+        );
     }
     if raw.holes.get_ref().is_empty() {
         return fail(raw.holes.span(), format!("series.{name}.holes"), format!("series {} has no holes", n + 1));
@@ -277,7 +282,7 @@ impl RawJob {
         if *self.format.get_ref() != 1 {
             return fail(self.format.span(), "format", format!("expected 1, found {}", self.format.get_ref()));
         }
-        let slide = |key: &str, raw: &Option<Spanned<[f64; 2]>>| match raw {
+        let slide = |key: &str, raw: &Option<Spanned<Numbers<2>>>| match raw {
             Some(raw) => range(key, raw).map(|limits| limits.map(|v| v / 1e3)),
             None if self.rotary.is_some() => Ok([0.0; 2]),
             None => fail(
@@ -338,10 +343,7 @@ impl Job {
                 None => failure,
             }
         };
-        let raw: RawJob = toml::from_str(text).map_err(|e| {
-            let (span, key) = located(text, &e);
-            fail((span, key, plain(e.message())))
-        })?;
+        let raw: RawJob = toml::from_str(text).map_err(|e| unread(source, text, &e))?;
         raw.checked(source).map_err(fail)
     }
 

@@ -89,7 +89,8 @@ impl Folder {
                 if path.is_dir() {
                     folders.push(path);
                 } else {
-                    files.push((path.clone(), std::fs::read(path).unwrap()));
+                    // a link that leads nowhere has no contents
+                    files.push((path.clone(), std::fs::read(path).unwrap_or_default()));
                 }
             }
         }
