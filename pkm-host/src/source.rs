@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use crate::error::{Failure, Result, printable};
 
 /// A named text.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Source {
     /// Path as the user gave it, or the fixture's path in the repository.
     pub name: String,

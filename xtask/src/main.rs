@@ -7,6 +7,7 @@ mod image;
 mod linuxcnc;
 mod proofs;
 mod qemu;
+mod reports;
 mod showcase;
 mod single;
 mod stack;
@@ -35,6 +36,7 @@ cargo xtask <chore>
   header       write pkm-ffi/include/pkm.h
   f32          errors of a controller's cycle in f32 against f64, as tables; write docs/f32.svg
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
+  reports      write every report from the fixtures, look at it in Chromium (screens, dark and light, paper); pictures in out/reports
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
   stack        stack of every public function, by call graph and measured in QEMU, against budgets.toml
@@ -56,6 +58,7 @@ fn main() -> ExitCode {
         Some("c") => c::run(),
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
+        Some("reports") => reports::run(),
         Some("f32") => single::run(),
         Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),

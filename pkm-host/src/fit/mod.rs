@@ -12,6 +12,8 @@ use crate::error::{Failure, Result};
 use crate::machine_file::{MachineFile, PoseBox};
 use crate::table_file::{TableNumbers, core_units, refuse_not_positive};
 
+pub mod report;
+
 /// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
 pub const EQ_11: [[u8; 3]; 9] =
     [[2, 0, 0], [1, 0, 0], [0, 2, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [0, 0, 0]];
