@@ -614,7 +614,10 @@ pub fn map(
         let picture = picture::draw(file, &value, &map, &legend)?;
         let png = picture::png(&picture.whole)?;
         let stem = if sigma_deg.len() == 1 { "map".to_owned() } else { format!("map-sigma-{sigma}") };
-        files.extend([(format!("{stem}.svg").into(), picture.whole.clone().into_bytes()), (format!("{stem}.png").into(), png)]);
+        files.extend([
+            (format!("{stem}.svg").into(), picture.whole.clone().into_bytes()),
+            (format!("{stem}.png").into(), png),
+        ]);
         rows.extend(map.rows());
         text.push_str(&map.summary());
         maps.push(map.to_json());

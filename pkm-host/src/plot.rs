@@ -120,23 +120,41 @@ fn grid(panels: &[Panel], columns: usize, logarithmic: bool) -> Result<String> {
     })
 }
 
+/// A number of an axis without digits that are rounding, or zeros.
+fn plain(v: &f64) -> String {
+    let rounded: f64 = format!("{v:.6e}").parse().unwrap_or(*v);
+    if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) { format!("{rounded:e}") } else { rounded.to_string() }
+}
+
 fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: bool) -> Result<()> {
     let scale = |v: f64| if logarithmic { v.log10() } else { v };
     let scaled = |s: &Series| s.points.iter().map(|(x, y)| (scale(*x), scale(*y))).collect::<Vec<_>>();
     let points = || panel.series.iter().flat_map(scaled);
-    let mut x_range = range(points().map(|p| p.0));
+    let (mut x_range, mut y_range) = (range(points().map(|p| p.0)), range(points().map(|p| p.1)));
+    let mut legend = SeriesLabelPosition::UpperRight;
     if panel.series.len() > 1 {
-        // room for the legend: its mark and some 8 pixels a letter, of a panel's 340
+        // room for the legend, above what is drawn or to its right, whichever costs less: its mark and some 8 pixels a
+        // letter, of 320; some 20 pixels a line, of 215
         let longest = panel.series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-        let share = ((50.0 + 8.0 * longest as f64) / 340.0).min(0.6);
-        x_range.end += share / (1.0 - share) * (x_range.end - x_range.start);
+        let (wide, high) = ((60.0 + 8.0 * longest as f64) / 320.0, (20.0 + 20.0 * panel.series.len() as f64) / 215.0);
+        let grown = |range: &std::ops::Range<f64>, share: f64| share / (1.0 - share) * (range.end - range.start);
+        if high < wide && !logarithmic {
+            y_range.end += grown(&y_range, high);
+        } else {
+            x_range.end += grown(&x_range, wide.min(0.6));
+            if !logarithmic {
+                legend = SeriesLabelPosition::MiddleRight;
+            }
+        }
     }
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, ("sans-serif", 16))
         .margin(8)
+        // half of a number may stand beyond the end of an axis
+        .margin_right(24)
         .x_label_area_size(44)
         .y_label_area_size(72)
-        .build_cartesian_2d(x_range, range(points().map(|p| p.1)))
+        .build_cartesian_2d(x_range, y_range)
         .map_err(failed)?;
     // between powers of ten there are no round numbers to show
     let power = |v: &f64| if v.fract().abs() < 1e-6 { format!("1e{v:.0}") } else { String::new() };
@@ -150,6 +168,8 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
         .light_line_style(TRANSPARENT);
     if logarithmic {
         mesh.x_label_formatter(&power).y_label_formatter(&power);
+    } else {
+        mesh.x_label_formatter(&plain).y_label_formatter(&plain);
     }
     mesh.draw().map_err(failed)?;
     for (i, series) in panel.series.iter().enumerate() {
@@ -175,7 +195,7 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
     if panel.series.len() > 1 {
         chart
             .configure_series_labels()
-            .position(if logarithmic { SeriesLabelPosition::UpperRight } else { SeriesLabelPosition::MiddleRight })
+            .position(legend)
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(190, 190, 190))
             .label_font(("sans-serif", 14))
@@ -307,6 +327,8 @@ pub fn heat_map(map: &HeatMap<'_>) -> Result<String> {
             .disable_mesh()
             .x_desc(&map.x_label)
             .y_desc(&map.y_label)
+            .x_label_formatter(&plain)
+            .y_label_formatter(&plain)
             .label_style(("sans-serif", 16))
             .axis_desc_style(("sans-serif", 17))
             .draw()

@@ -82,7 +82,8 @@ fn every_row_is_what_the_core_says() {
         assert_eq!(map["stiffness"]["k66_nm_per_rad"]["greatest"]["value"].as_f64(), Some(greatest));
     }
     let names: Vec<_> = document["files"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
-    let expected = ["map-sigma--8.svg", "map-sigma--8.png", "map-sigma-0.svg", "map-sigma-0.png", "map.csv", "report.html"];
+    let expected =
+        ["map-sigma--8.svg", "map-sigma--8.png", "map-sigma-0.svg", "map-sigma-0.png", "map.csv", "report.html"];
     assert_eq!(names, expected);
     assert_eq!(folder.contents().len(), expected.len());
 }

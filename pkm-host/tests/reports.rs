@@ -36,14 +36,23 @@ impl Named {
     fn check(&self, args: &[&str], report: &str, names: &[&str]) {
         json(&[args, &["--machine", &self.machine]].concat());
         let html = self.folder.read(report);
-        let escaped = |name: &str| name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;");
+        let escaped =
+            |name: &str| name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;");
         for name in [&[NAME, "<script>machine&\".toml"], names].concat() {
             assert!(html.contains(&escaped(name)), "{report} does not name {name}");
         }
         for word in ["<script", "<link", "<img", "<iframe", "javascript:", "url(", "@import", "src=", "href="] {
             assert!(!html.contains(word), "{report} has {word}");
         }
-        let order = ["<h1>", "<section class=\"verdict", "class=\"headline\"", "<h2>", "<svg", "<figcaption>", "Where this comes from"];
+        let order = [
+            "<h1>",
+            "<section class=\"verdict",
+            "class=\"headline\"",
+            "<h2>",
+            "<svg",
+            "<figcaption>",
+            "Where this comes from",
+        ];
         let mut from = 0;
         for part in order {
             from += html[from..].find(part).unwrap_or_else(|| panic!("{report}: {part} is not in its place"));

@@ -21,6 +21,19 @@ const PAPER: [u32; 2] = [965, 725];
 /// Of body text to what is behind it.
 const CONTRAST: f64 = 7.0;
 
+/// Mistakes that must be seen, made in a report: what is replaced by what, and whether it shows on paper alone.
+const PLANTED: [(&str, &str, &str, bool); 9] = [
+    ("no rule for narrow windows", "width=device-width, initial-scale=1", "", false),
+    ("something from elsewhere", "<h1>", "<h1 style=\"background:url(http://127.0.0.1:9/x.png)\">", false),
+    ("a message in the console", "</h1>", "</h1><script>console.log(1)</script>", false),
+    ("pale letters", "--ink:#14181d", "--ink:#9a9a9a", false),
+    ("tables as wide as they like", "overflow-x:auto", "", false),
+    ("a verdict that nobody sees", "<h1>", "<p style=\"height:2000px\"></p><h1>", false),
+    ("text outside of its picture", "<text x=\"", "<text x=\"9", false),
+    ("large tables on paper", "table{font-size:8.5pt}", "table{font-size:16pt}", true),
+    ("folded parts on paper", "content-visibility:visible", "", true),
+];
+
 /// In the page: what is wrong with it, as sentences.
 const CHECKS: &str = r"(least, paper, width) => {
   const wrong = [], root = document.documentElement;
@@ -72,7 +85,8 @@ pub fn run() -> Outcome {
     let mut browser = Browser::start()?;
     let mut wrong = Vec::new();
     for (name, path) in &reports {
-        for dark in [false, true] {
+        // light last: it is what is printed
+        for dark in [true, false] {
             for window in WINDOWS {
                 let picture = out.join(format!("{name}-{}-{}.png", if dark { "dark" } else { "light" }, window[0]));
                 let faults = browser.look(path, window, dark, false, &picture)?;
@@ -85,11 +99,29 @@ pub fn run() -> Outcome {
         let pages = browser.print(&out.join(format!("{name}.pdf")))?;
         println!("{name}: {pages} pages of paper");
     }
+    wrong.extend(unseen(&mut browser, &reports[0].1, &out)?);
     if wrong.is_empty() {
         println!("{} reports are whole; pictures of them are in {}", reports.len(), out.display());
         return Ok(());
     }
     Err(wrong.join("\n"))
+}
+
+/// Planted mistakes that the checks don't see.
+fn unseen(browser: &mut Browser, report: &Path, out: &Path) -> Result<Vec<String>, String> {
+    let html = std::fs::read_to_string(report).map_err(|e| e.to_string())?;
+    let path = out.join("planted.html");
+    let mut unseen = Vec::new();
+    for (what, from, to, paper) in PLANTED {
+        let spoilt = html.replacen(from, to, 1);
+        std::fs::write(&path, &spoilt).map_err(|e| e.to_string())?;
+        let window = if paper { PAPER } else { WINDOWS[1] };
+        let faults = browser.look(&path, window, false, paper, &out.join("planted.png"))?;
+        if spoilt == html || faults.is_empty() {
+            unseen.push(format!("planted, and not seen: {what}"));
+        }
+    }
+    Ok(unseen)
 }
 
 /// Writes the reports of the fixtures: names and where they are.
@@ -113,14 +145,8 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
             .map_err(fail)?;
     }
     let table = fixture("jobs/wide-table.json");
-    let options = PlaceOptions {
-        objectives: &[],
-        method: None,
-        step_mm: 5.0,
-        step_deg: 5.0,
-        seed: 1,
-        extrapolate: false,
-    };
+    let options =
+        PlaceOptions { objectives: &[], method: None, step_mm: 5.0, step_deg: 5.0, seed: 1, extrapolate: false };
     commands::place(None, None, Some(&table), Form::Auto, &options, &folder("place")).map_err(fail)?;
     commands::map(None, Some(&table), Form::Auto, &[0.0], &Window::default(), &folder("map")).map_err(fail)?;
     let request = |name: &str, mode| (out.join(name), mode);
@@ -148,8 +174,7 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
 /// A stiffness file without couplings.
 fn principal_alone(path: &Path) -> Result<String, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let rows: Vec<Vec<&str>> =
-        text.lines().filter(|l| !l.starts_with('#')).map(|l| l.split(',').collect()).collect();
+    let rows: Vec<Vec<&str>> = text.lines().filter(|l| !l.starts_with('#')).map(|l| l.split(',').collect()).collect();
     let taken = |i: usize| {
         let name: Vec<char> = rows[0][i].chars().collect();
         name[0] != 'k' || name[1] == name[2]
@@ -285,8 +310,7 @@ impl Browser {
         let clip = json!({ "x": 0, "y": 0, "width": width, "height": size["height"], "scale": 1 });
         let shot = json!({ "format": "png", "captureBeyondViewport": true, "clip": clip });
         let whole = self.call("Page.captureScreenshot", shot)?;
-        std::fs::write(picture, bytes(&whole)?)
-            .map_err(|e| format!("{}: {e}", picture.display()))?;
+        std::fs::write(picture, bytes(&whole)?).map_err(|e| format!("{}: {e}", picture.display()))?;
         Ok(wrong)
     }
 

@@ -49,22 +49,6 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             "Unexplained: the model is wrong by more than noise, and no effect that this program knows accounts for it.",
         ),
     }];
-    for e in &d.effects {
-        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
-        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
-        all.push(Finding::good(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class))));
-    }
-    for f in &d.declared {
-        let axis = f.axis.map_or(String::new(), |a| format!("[{a}]"));
-        all.push(Finding::warning(format!(
-            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}",
-            f.parameter,
-            f.declared,
-            f.estimated,
-            f.pull_sd,
-            class(&f.class)
-        )));
-    }
     let held = &d.held_out;
     let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
     if let (Some(before), Some(retuned), Some(after)) =
@@ -86,6 +70,22 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             here.chi2_per_dof.sqrt(),
             there.linear_um_rms,
             there.linear_um_rms / after.linear_um_rms
+        )));
+    }
+    for e in &d.effects {
+        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
+        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
+        all.push(Finding::good(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class))));
+    }
+    for f in &d.declared {
+        let axis = f.axis.map_or(String::new(), |a| format!("[{a}]"));
+        all.push(Finding::warning(format!(
+            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}",
+            f.parameter,
+            f.declared,
+            f.estimated,
+            f.pull_sd,
+            class(&f.class)
         )));
     }
     let hidden: Vec<&str> = d.detectable.iter().filter(|d| d.is_hidden()).map(|d| d.id.as_str()).collect();
@@ -169,9 +169,9 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
         ("tension in limb 3 in N", Box::new(limb(2))),
     ];
     let panels = axes.map(|(label, x)| Panel {
-        title: format!("left over {}", label.split(" in ").next().unwrap_or(label)),
+        title: format!("left over {}", label.rsplit_once(" in ").map_or(label, |(name, _)| name)),
         x_label: label.into(),
-        y_label: "along the force, µm".into(),
+        y_label: "left along the force, µm".into(),
         series: shown
             .iter()
             .map(|(rival, name)| {
@@ -261,7 +261,7 @@ pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>
     groups.extend(
         held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
     );
-    let labels: Vec<&str> = groups.iter().map(|g| g.0.as_str()).collect();
+    let labels: Vec<&str> = groups.iter().map(|(name, _)| name.trim_start_matches("held out, ")).collect();
     let bars: Vec<(&str, Vec<f64>)> = RIVALS
         .iter()
         .map(|(rival, _, name)| {
@@ -269,9 +269,8 @@ pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>
         })
         .collect();
     let on_others = d.steps.iter().all(|s| s.held_out.is_some());
-    let steps: Vec<_> = (d.steps.iter())
-        .map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors))))
-        .collect();
+    let steps: Vec<_> =
+        (d.steps.iter()).map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors)))).collect();
     let structure: Vec<_> = (d.structure.iter())
         .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), format!("{:.2e}", s.p)]))
         .collect();
@@ -286,7 +285,8 @@ pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>
     let body = html! {
         h2 { "Before and after" }
         (picture(
-            "Rms translation error of each model, on the readings that it was fitted to and on others: the others count.",
+            "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that \
+             count.",
             &plot::bars("Translation error, rms", "µm", &labels, &bars)?,
         ))
         h2 { "What is left, over pose, load and limb force" }

@@ -158,7 +158,7 @@ pub fn page(facts: &Facts<'_>) -> Result<String> {
     let facts_of = vec![
         ("Machine file", of_file(&facts.file.source)),
         ("Changed by --set", set),
-        ("Poses", format!("{}: {}", facts.poses_from, facts.cases.len())),
+        ("Poses", format!("{}, {} poses", facts.poses_from, facts.cases.len())),
         ("Size of the elements, relative to the usual", facts.request.size.to_string()),
         ("Computed by", facts.version.to_owned()),
     ];

@@ -90,10 +90,23 @@ fn name(bench: &Bench<'_>, p: &Placement) -> String {
     format!("{} by {}", bench.job.series[p.series].name, p.objective.name())
 }
 
+/// Three digits, for the verdict.
+fn short(objective: Objective, value: f64) -> String {
+    let value = objective.value_in_unit(value);
+    match objective {
+        Objective::Paper => format!("{value:.2e}"),
+        Objective::TipWorst | Objective::TipMean => {
+            let digits = (2.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{value:.digits$} µm")
+        }
+    }
+}
+
 /// What the placements do. The verdict is on those by the tip's deflection, if there are any.
 fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
-    let by_tip = placed.placements.iter().any(|p| p.objective != Objective::Paper);
-    let counts = |p: &&Placement| !by_tip || p.objective != Objective::Paper;
+    let objectives = || placed.placements.iter().map(|p| p.objective);
+    let judged = objectives().find(|o| *o != Objective::Paper).unwrap_or(Objective::Paper);
+    let counts = |p: &&Placement| p.objective == judged;
     let better = |p: &Placement| p.before.as_ref().is_none_or(|(before, _)| p.value <= *before);
     let (mut all, mut gains) = (Vec::new(), Vec::new());
     for p in &placed.placements {
@@ -129,23 +142,31 @@ fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
             finding = Finding::warning(finding.text);
         }
         if counts(&p) {
-            let value = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
-            let than = p.before.as_ref().map_or("out of reach".to_owned(), |(before, _)| value(*before));
-            gains.push(format!("{} instead of {than} (series {})", value(p.value), name(bench, p)));
+            let than = p.before.as_ref().map_or("out of reach".to_owned(), |(before, _)| short(judged, *before));
+            let series = &bench.job.series[p.series].name;
+            gains.push(format!("{} instead of {than} (series {series})", short(judged, p.value)));
         }
-        all.push(finding);
+        all.push((p.objective, finding));
     }
     let counted = || placed.placements.iter().filter(counts);
-    let what = if by_tip { "deflection of the tip" } else { "the paper's objective" };
-    let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
-        Finding::warning(format!("Places found, some of them by extrapolation: {what} {}.", gains.join(", ")))
-    } else if counted().all(better) {
-        Finding::good(format!("Every hole is in reach and better held: {what} {}.", gains.join(", ")))
-    } else {
-        Finding::warning(format!("Every hole is in reach, not all are better held: {what} {}.", gains.join(", ")))
+    let what = match judged {
+        Objective::Paper => "the paper's objective is",
+        Objective::TipWorst => "the tip moves at most",
+        Objective::TipMean => "the tip moves in the mean",
     };
-    all.insert(0, verdict);
-    all
+    let gains = gains.join(", ");
+    let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
+        Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}."))
+    } else if counted().all(better) {
+        Finding::good(format!("Every hole is in reach and better held: {what} {gains}."))
+    } else {
+        Finding::warning(format!("Every hole is in reach, not all are better held: {what} {gains}."))
+    };
+    // those that the verdict is on come first
+    all.sort_by_key(|(objective, _)| *objective != judged);
+    let mut findings = vec![verdict];
+    findings.extend(all.into_iter().map(|(_, finding)| finding));
+    findings
 }
 
 /// For people at a terminal.

@@ -13,9 +13,9 @@ const STYLE: &str = include_str!("style.css");
 /// Sentences beside the first that are shown at once.
 const SHOWN: usize = 5;
 /// Letters beside each other on a printed page of a table: what is wider is cut into several.
-const LETTERS: usize = 118;
+const LETTERS: usize = 130;
 /// What the borders of a cell take of that.
-const BORDERS: usize = 2;
+const BORDERS: usize = 1;
 /// A cell of more letters is a sentence, in as many lines as it needs.
 const SENTENCE: usize = 30;
 
@@ -161,6 +161,7 @@ pub(crate) fn table(caption: &str, heads: &[&str], rows: &[(String, Vec<String>)
     let names = rows.iter().map(|r| word(&r.0)).fold(letters("deflection"), usize::max) + BORDERS;
     let parts = widths.iter().sum::<usize>().div_ceil(LETTERS.saturating_sub(names).max(1)).max(1);
     let columns = heads.len().div_ceil(parts).max(1);
+    let sentences: Vec<bool> = (0..heads.len()).map(|i| rows.iter().any(|r| letters(&r.1[i]) > SENTENCE)).collect();
     html! {
         figure.table {
             figcaption { (caption) }
@@ -168,12 +169,13 @@ pub(crate) fn table(caption: &str, heads: &[&str], rows: &[(String, Vec<String>)
                 @let part = first..heads.len().min(first + columns);
                 div tabindex="0" {
                     table {
-                        thead { tr { td {} @for head in &heads[part.clone()] { th scope="col" { (head) } } } }
+                        thead { tr { td {} @for i in part.clone() { th.words[sentences[i]] scope="col" { (heads[i]) } } } }
                         tbody {
                             @for (name, cells) in rows {
-                                tr { th scope="row" { (name) } @for cell in &cells[part.clone()] {
-                                    td.words[letters(cell) > SENTENCE] { (cell) }
-                                } }
+                                tr {
+                                    th scope="row" { (name) }
+                                    @for i in part.clone() { td.words[sentences[i]] { (cells[i]) } }
+                                }
                             }
                         }
                     }
