@@ -26,7 +26,6 @@ use crate::path::{self, Correction};
 use crate::place::job::Job;
 use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
-use crate::report;
 use crate::source::{self, Source};
 use crate::table_file::{TableFile, TableNumbers};
 use crate::tool;
@@ -171,6 +170,7 @@ struct Model {
 }
 
 struct Table {
+    source: Source,
     numbers: TableNumbers,
     form: Form,
     /// Where it was fitted.
@@ -209,7 +209,7 @@ impl Model {
             (Form::Auto, Some(_)) => Form::Factor,
             (form, _) => form,
         };
-        let table = Table { numbers: file.numbers(), form, pose_box: file.extent.pose_box() };
+        let table = Table { source, numbers: file.numbers(), form, pose_box: file.extent.pose_box() };
         Ok(Self { machine, table: Some(table) })
     }
 
@@ -488,8 +488,8 @@ pub fn fit(
     };
     let rust = rust_source(&provenance, &fit, &machine)?;
     let document = fit_document(&fit, choice_name, &trained, verified.as_ref());
-    let summary = report::summary(&fit, &trained, verified.as_ref());
-    let html = report::fit_report(&provenance, &fit)?;
+    let summary = fit::report::summary(&fit, &trained, verified.as_ref());
+    let html = fit::report::html(&provenance, &fit)?;
     let pretty = |v: &Value| format!("{v:#}\n");
     source::write_all(
         out,
@@ -545,7 +545,7 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
     let machine_toml = outputs::machine_toml(&file, &diagnosis)?;
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
     let (rust, table) = outputs::table(&file, &improved, &readings, &diagnosis)?;
-    let html = diagnose::report::html(&file, &readings, &diagnosis)?;
+    let html = diagnose::report::html(&file, &readings, held_out.as_ref(), &diagnosis)?;
     source::write_all(
         out,
         &[
@@ -606,22 +606,26 @@ pub fn map(
     let pose_box = model.table.as_ref().map_or(file.pose_box, |table| table.pose_box);
 
     let mut files: Vec<(OsString, Vec<u8>)> = Vec::new();
-    let (mut rows, mut maps, mut checked) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut rows, mut maps, mut checked, mut sheets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut text = String::new();
     for &sigma in sigma_deg {
         let map = Map::new(file, &value, sigma, window)?;
         let machine_name: String = file.name.chars().take(60).collect();
         let title = format!("Principal stiffnesses of {machine_name} at A in A-uvw, σ = {sigma}°: {described}");
         let legend = picture::Legend { title: &title, pose_box, table: table.is_some() };
-        let svg = picture::svg(file, &value, &map, &legend)?;
-        let png = picture::png(&svg)?;
+        let picture = picture::draw(file, &value, &map, &legend)?;
+        let png = picture::png(&picture.whole)?;
         let stem = if sigma_deg.len() == 1 { "map".to_owned() } else { format!("map-sigma-{sigma}") };
-        files.extend([(format!("{stem}.svg").into(), svg.into_bytes()), (format!("{stem}.png").into(), png)]);
+        files.extend([
+            (format!("{stem}.svg").into(), picture.whole.clone().into_bytes()),
+            (format!("{stem}.png").into(), png),
+        ]);
         rows.extend(map.rows());
         text.push_str(&map.summary());
         maps.push(map.to_json());
-        for (over, inside_alone) in [("workspace", false), ("box of the table", true)] {
-            let claims = claims::check(&map, inside_alone);
+        let claims = [("workspace", false), ("box of the table", true)]
+            .map(|(over, inside_alone)| (over, claims::check(&map, inside_alone)));
+        for (over, claims) in &claims {
             if !claims.is_empty() {
                 text.push_str(&format!("the paper's Section 5.2, over the {over}:\n"));
             }
@@ -632,8 +636,11 @@ pub fn map(
                 }));
             }
         }
+        sheets.push(map::report::Sheet { map, picture, claims });
     }
+    let html = map::report::html(file, model.table.as_ref().map(|t| &t.source), &described, &sheets);
     files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
+    files.push(("report.html".into(), html.into_bytes()));
     let named: Vec<_> = files.iter().map(|(name, bytes)| (name.as_os_str(), bytes)).collect();
     source::write_all(out, &named)?;
     let names: Vec<_> = files.iter().map(|(name, _)| name.to_string_lossy()).collect();
@@ -674,7 +681,6 @@ pub fn place(
 ) -> Result<Output> {
     let model = Model::read(machine, table, form)?;
     let job = Job::parse(&Source::read_or(job, pkm_fixtures::JOB)?)?;
-    let table_sha256 = table.map(|path| Source::read(path).map(|source| source.sha256())).transpose()?;
     let mut objectives: Vec<Objective> = Vec::new();
     for objective in ask.objectives {
         if !objectives.contains(objective) {
@@ -695,8 +701,9 @@ pub fn place(
     };
     let placed = place::place(&bench, &objectives, &options)?;
     let mut json = place::document(&bench, &options, &placed);
-    json["table_sha256"] = json!(table_sha256);
-    let html = place::html(&bench, &options, &placed)?;
+    let table_source = model.table.as_ref().map(|t| &t.source);
+    json["table_sha256"] = json!(table_source.map(Source::sha256));
+    let html = place::html(&bench, table_source, &options, &placed)?;
     source::write_all(
         out,
         &[(OsStr::new("placement.json"), format!("{json:#}\n")), (OsStr::new("report.html"), html)],

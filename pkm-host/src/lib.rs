@@ -1,7 +1,7 @@
 //! What an engineer runs beside the controller: `pkm-host`.
 //!
 //! Data flows one way: [`source`] (bytes) → [`machine_file`], [`dataset`], [`table_file`] (checked) → [`fit`]
-//! (model) → [`export`], [`report`] (result). [`commands`] puts them together.
+//! (model) → [`export`] (result) → `report` (the design of all pages). [`commands`] puts them together.
 
 pub mod commands;
 pub mod dataset;
@@ -19,7 +19,7 @@ pub mod path;
 pub mod place;
 pub mod plan;
 pub mod plot;
-pub mod report;
+mod report;
 pub mod source;
 pub mod table_file;
 pub mod tool;

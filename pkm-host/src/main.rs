@@ -131,7 +131,7 @@ enum Command {
         /// Between points of the CSV in mm; default: 100 to 250 points along the longer side.
         #[arg(long, value_parser = finite, allow_hyphen_values = true)]
         step_mm: Option<f64>,
-        /// Folder for map.csv, map.svg and map.png (with several σ map-sigma-….svg and .png).
+        /// Folder for map.csv, map.svg, map.png (with several σ map-sigma-….svg and .png) and report.html.
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },

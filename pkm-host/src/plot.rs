@@ -1,5 +1,6 @@
 //! Charts as SVG text.
 
+use maud::html;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
@@ -16,6 +17,9 @@ pub(crate) const COLOURS: [RGBColor; 8] = [
     RGBColor(90, 90, 90),
     RGBColor(148, 103, 40),
 ];
+
+/// Width and height of a chart; its letters are read at this size and a little below.
+const PANEL: (u32, u32) = (420, 315);
 
 /// How the points of a series are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -54,7 +58,9 @@ pub(crate) fn failed(e: impl std::fmt::Display) -> Failure {
     Failure::other(format!("cannot draw a plot: {e}"))
 }
 
+/// Draws what a title names, for readers and for those who can't see it.
 pub(crate) fn svg(
+    title: &str,
     size: (u32, u32),
     draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<()>,
 ) -> Result<String> {
@@ -67,7 +73,8 @@ pub(crate) fn svg(
     }
     // numbers for a screen: a fixed size would not fit a narrow one
     let fixed = format!("width=\"{}\" height=\"{}\" ", size.0, size.1);
-    Ok(text.replacen(&fixed, "", 1))
+    let named = html! { title { (title) } }.into_string();
+    Ok(text.replacen(&fixed, "role=\"img\" ", 1).replacen('>', &format!(">\n{named}"), 1))
 }
 
 /// Range of values with a margin, never empty.
@@ -78,17 +85,20 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     low - margin..high + margin
 }
 
+/// A chart of its own.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn panel(panel: &Panel) -> Result<String> {
+    svg(&panel.title, PANEL, |area| draw(area, panel, false))
+}
+
 /// Charts side by side.
 ///
 /// # Errors
 /// What the drawing library says.
 pub fn panels(panels: &[Panel]) -> Result<String> {
-    svg((420 * panels.len() as u32, 300), |area| {
-        for (cell, panel) in area.split_evenly((1, panels.len())).iter().zip(panels) {
-            draw(cell, panel, false)?;
-        }
-        Ok(())
-    })
+    grid(panels, panels.len(), false)
 }
 
 /// Charts in rows of some, logarithmic both ways: coordinates above 0.
@@ -96,45 +106,70 @@ pub fn panels(panels: &[Panel]) -> Result<String> {
 /// # Errors
 /// What the drawing library says.
 pub fn logarithmic_panels(panels: &[Panel], columns: usize) -> Result<String> {
+    grid(panels, columns, true)
+}
+
+fn grid(panels: &[Panel], columns: usize, logarithmic: bool) -> Result<String> {
     let rows = panels.len().div_ceil(columns);
-    svg((420 * columns as u32, 300 * rows as u32), |area| {
+    let titles: Vec<&str> = panels.iter().map(|p| p.title.as_str()).collect();
+    svg(&titles.join("; "), (PANEL.0 * columns as u32, PANEL.1 * rows as u32), |area| {
         for (cell, panel) in area.split_evenly((rows, columns)).iter().zip(panels) {
-            draw(cell, panel, true)?;
+            draw(cell, panel, logarithmic)?;
         }
         Ok(())
     })
+}
+
+/// A number of an axis without digits that are rounding, or zeros.
+fn plain(v: &f64) -> String {
+    let rounded: f64 = format!("{v:.6e}").parse().unwrap_or(*v);
+    if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) { format!("{rounded:e}") } else { rounded.to_string() }
 }
 
 fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: bool) -> Result<()> {
     let scale = |v: f64| if logarithmic { v.log10() } else { v };
     let scaled = |s: &Series| s.points.iter().map(|(x, y)| (scale(*x), scale(*y))).collect::<Vec<_>>();
     let points = || panel.series.iter().flat_map(scaled);
-    let mut x_range = range(points().map(|p| p.0));
+    let (mut x_range, mut y_range) = (range(points().map(|p| p.0)), range(points().map(|p| p.1)));
+    let mut legend = SeriesLabelPosition::UpperRight;
     if panel.series.len() > 1 {
-        // room for the legend: its mark and some 7 pixels a letter, of a panel's 340
+        // room for the legend, above what is drawn or to its right, whichever costs less: its mark and some 8 pixels a
+        // letter, of 320; some 20 pixels a line, of 215
         let longest = panel.series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-        let share = ((50.0 + 7.0 * longest as f64) / 340.0).min(0.6);
-        x_range.end += share / (1.0 - share) * (x_range.end - x_range.start);
+        let (wide, high) = ((60.0 + 8.0 * longest as f64) / 320.0, (20.0 + 20.0 * panel.series.len() as f64) / 215.0);
+        let grown = |range: &std::ops::Range<f64>, share: f64| share / (1.0 - share) * (range.end - range.start);
+        if high < wide && !logarithmic {
+            y_range.end += grown(&y_range, high);
+        } else {
+            x_range.end += grown(&x_range, wide.min(0.6));
+            if !logarithmic {
+                legend = SeriesLabelPosition::MiddleRight;
+            }
+        }
     }
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, ("sans-serif", 16))
         .margin(8)
-        .x_label_area_size(38)
-        .y_label_area_size(62)
-        .build_cartesian_2d(x_range, range(points().map(|p| p.1)))
+        // half of a number may stand beyond the end of an axis
+        .margin_right(24)
+        .x_label_area_size(44)
+        .y_label_area_size(72)
+        .build_cartesian_2d(x_range, y_range)
         .map_err(failed)?;
     // between powers of ten there are no round numbers to show
     let power = |v: &f64| if v.fract().abs() < 1e-6 { format!("1e{v:.0}") } else { String::new() };
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(&panel.x_label)
         .y_desc(&panel.y_label)
-        .x_labels(7)
+        .x_labels(6)
         .y_labels(6)
-        .label_style(("sans-serif", 12))
-        .axis_desc_style(("sans-serif", 13))
+        .label_style(("sans-serif", 14))
+        .axis_desc_style(("sans-serif", 15))
         .light_line_style(TRANSPARENT);
     if logarithmic {
         mesh.x_label_formatter(&power).y_label_formatter(&power);
+    } else {
+        mesh.x_label_formatter(&plain).y_label_formatter(&plain);
     }
     mesh.draw().map_err(failed)?;
     for (i, series) in panel.series.iter().enumerate() {
@@ -160,10 +195,10 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
     if panel.series.len() > 1 {
         chart
             .configure_series_labels()
-            .position(if logarithmic { SeriesLabelPosition::UpperRight } else { SeriesLabelPosition::MiddleRight })
+            .position(legend)
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(190, 190, 190))
-            .label_font(("sans-serif", 11))
+            .label_font(("sans-serif", 14))
             .draw()
             .map_err(failed)?;
     }
@@ -175,17 +210,17 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
 /// # Errors
 /// What the drawing library says.
 pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, Vec<f64>)]) -> Result<String> {
-    svg((900, 380), |area| {
+    svg(title, (900, 420), |area| {
         let values = || series.iter().flat_map(|(_, v)| v.iter().copied().filter(|v| *v > 0.0));
         let low = 10_f64.powf(values().fold(f64::INFINITY, f64::min).log10().floor());
         // room above the highest bar for the legend
         let room = if series.len() > 4 { 100.0 } else { 10.0 };
         let high = room * 10_f64.powf(values().fold(low * 10.0, f64::max).log10().ceil());
         let mut chart = ChartBuilder::on(area)
-            .caption(title, ("sans-serif", 18))
+            .caption(title, ("sans-serif", 20))
             .margin(10)
             .x_label_area_size(36)
-            .y_label_area_size(70)
+            .y_label_area_size(80)
             .build_cartesian_2d(0.0..labels.len() as f64, (low..high).log_scale())
             .map_err(failed)?;
         chart
@@ -194,8 +229,8 @@ pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, Vec<f6
             .disable_x_axis()
             .y_desc(y_label)
             .y_label_formatter(&|v| format!("{v}"))
-            .label_style(("sans-serif", 13))
-            .axis_desc_style(("sans-serif", 14))
+            .label_style(("sans-serif", 16))
+            .axis_desc_style(("sans-serif", 17))
             .draw()
             .map_err(failed)?;
         let width = 0.8 / series.len() as f64;
@@ -214,7 +249,7 @@ pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, Vec<f6
         for (group, label) in labels.iter().enumerate() {
             let middle = chart.backend_coord(&(group as f64 + 0.5, low));
             let style =
-                ("sans-serif", 14).into_font().into_text_style(area).pos(plotters::style::text_anchor::Pos::new(
+                ("sans-serif", 16).into_font().into_text_style(area).pos(plotters::style::text_anchor::Pos::new(
                     plotters::style::text_anchor::HPos::Center,
                     plotters::style::text_anchor::VPos::Top,
                 ));
@@ -225,7 +260,7 @@ pub fn bars(title: &str, y_label: &str, labels: &[&str], series: &[(&str, Vec<f6
             .position(SeriesLabelPosition::UpperRight)
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(190, 190, 190))
-            .label_font(("sans-serif", 13))
+            .label_font(("sans-serif", 16))
             .draw()
             .map_err(failed)
     })
@@ -258,11 +293,6 @@ const SHADES: usize = 24;
 /// # Errors
 /// What the drawing library says.
 pub fn heat_map(map: &HeatMap<'_>) -> Result<String> {
-    // no hair lines between the cells
-    Ok(plain_heat_map(map)?.replacen('>', "><style>rect{shape-rendering:crispEdges}</style>", 1))
-}
-
-fn plain_heat_map(map: &HeatMap<'_>) -> Result<String> {
     let (nx, ny) = (map.x.len(), map.y.len());
     let (skip_x, skip_y) = (nx.div_ceil(CELLS), ny.div_ceil(CELLS));
     let cells: Vec<(usize, usize, f64)> = (0..ny)
@@ -281,15 +311,15 @@ fn plain_heat_map(map: &HeatMap<'_>) -> Result<String> {
         RGBColor(mix(68.0, 33.0, 253.0) as u8, mix(1.0, 145.0, 231.0) as u8, mix(84.0, 140.0, 37.0) as u8)
     };
     let (step_x, step_y) = (skip_x as f64 * (map.x[1] - map.x[0]), skip_y as f64 * (map.y[1] - map.y[0]));
-    svg((760, 520), |area| {
+    svg(&map.title, (760, 520), |area| {
         let (left, right) = area.split_horizontally(640);
         let x_range = map.x[0] - 0.5 * step_x..map.x[nx - 1] + 0.5 * step_x;
         let y_range = map.y[0] - 0.5 * step_y..map.y[ny - 1] + 0.5 * step_y;
         let mut chart = ChartBuilder::on(&left)
-            .caption(&map.title, ("sans-serif", 16))
+            .caption(&map.title, ("sans-serif", 18))
             .margin(8)
-            .x_label_area_size(38)
-            .y_label_area_size(62)
+            .x_label_area_size(48)
+            .y_label_area_size(76)
             .build_cartesian_2d(x_range, y_range)
             .map_err(failed)?;
         chart
@@ -297,8 +327,10 @@ fn plain_heat_map(map: &HeatMap<'_>) -> Result<String> {
             .disable_mesh()
             .x_desc(&map.x_label)
             .y_desc(&map.y_label)
-            .label_style(("sans-serif", 13))
-            .axis_desc_style(("sans-serif", 14))
+            .x_label_formatter(&plain)
+            .y_label_formatter(&plain)
+            .label_style(("sans-serif", 16))
+            .axis_desc_style(("sans-serif", 17))
             .draw()
             .map_err(failed)?;
         // neighbours of a shade in one piece
@@ -319,14 +351,14 @@ fn plain_heat_map(map: &HeatMap<'_>) -> Result<String> {
             return Ok(());
         }
         let value = |shade: f64| low + (high - low) * (shade / SHADES as f64).powi(2);
-        let text = ("sans-serif", 13).into_font();
+        let text = ("sans-serif", 16).into_font();
         for n in 0..SHADES {
             let (top, bottom) = (470 - 17 * (n as i32 + 1), 470 - 17 * n as i32);
             right.draw(&Rectangle::new([(8, top), (28, bottom)], colour(n).filled())).map_err(failed)?;
             if n % 6 == 0 || n == SHADES - 1 {
                 let (at, y) = if n == 0 { (0.0, bottom) } else { (n as f64 + 1.0, top) };
                 let label = number(value(at));
-                right.draw(&Text::new(label, (33, y - 7), text.clone())).map_err(failed)?;
+                right.draw(&Text::new(label, (33, y - 8), text.clone())).map_err(failed)?;
             }
         }
         Ok(())

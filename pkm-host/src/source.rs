@@ -16,7 +16,7 @@ use crate::error::{Failure, Result, printable};
 const LARGEST: u64 = 500_000_000;
 
 /// A named text.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Source {
     /// Path as the user gave it, or the fixture's path in the repository.
     pub name: String,

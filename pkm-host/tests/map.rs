@@ -82,7 +82,8 @@ fn every_row_is_what_the_core_says() {
         assert_eq!(map["stiffness"]["k66_nm_per_rad"]["greatest"]["value"].as_f64(), Some(greatest));
     }
     let names: Vec<_> = document["files"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
-    let expected = ["map-sigma--8.svg", "map-sigma--8.png", "map-sigma-0.svg", "map-sigma-0.png", "map.csv"];
+    let expected =
+        ["map-sigma--8.svg", "map-sigma--8.png", "map-sigma-0.svg", "map-sigma-0.png", "map.csv", "report.html"];
     assert_eq!(names, expected);
     assert_eq!(folder.contents().len(), expected.len());
 }
@@ -290,7 +291,7 @@ fn a_second_run_writes_the_same_bytes() {
     let machine = fixture("machines/x150.toml");
     json(&["map", "--out", &out, "--machine", &machine]);
     let first = folder.contents();
-    assert_eq!(first.len(), 3);
+    assert_eq!(first.len(), 4);
     json(&["map", "--out", &out, "--machine", &machine]);
     assert!(first == folder.contents());
 }

@@ -8,6 +8,7 @@ mod image;
 mod linuxcnc;
 mod proofs;
 mod qemu;
+mod reports;
 mod showcase;
 mod single;
 mod stack;
@@ -38,6 +39,7 @@ cargo xtask <chore>
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
   fuzz         every target of fuzz/ for ten seconds; with --executions 1e8 until all together have done so many
   miri         core, protocol and C library under Miri
+  reports      write every report from the fixtures, look at it in Chromium (screens, dark and light, paper); pictures in out/reports
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
   stack        stack of every public function, by call graph and measured in QEMU, against budgets.toml
@@ -61,6 +63,7 @@ fn main() -> ExitCode {
         Some("miri") => miri(),
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
+        Some("reports") => reports::run(),
         Some("f32") => single::run(),
         Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),

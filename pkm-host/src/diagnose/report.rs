@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use maud::{Markup, html};
 use pkm_core::{Machine, ScrewLengths};
 
 use super::compare::{Errors, RIVALS, Rival};
@@ -13,7 +14,7 @@ use crate::dataset::file_units;
 use crate::error::Result;
 use crate::machine_file::MachineFile;
 use crate::plot::{self, Mark, Panel, Series};
-use crate::report::{escape, page, table};
+use crate::report::{Finding, Page, charts, fold, of_file, picture, table};
 
 /// Most points of a series: more would only blacken the picture.
 const POINTS: usize = 1500;
@@ -23,73 +24,74 @@ fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
 }
 
 /// The findings in sentences, the most important first.
-fn sentences(d: &Diagnosis) -> Vec<String> {
-    let mut all = Vec::new();
+fn findings(d: &Diagnosis) -> Vec<Finding> {
+    let found: Vec<&str> = d.effects.iter().map(|e| e.id).collect();
+    let found = if found.is_empty() { "what was found".to_owned() } else { found.join(" and ") };
     let class = |class: &[String]| {
         if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
     };
-    all.push(match d.judgement.verdict {
-        Verdict::Adequate if d.declared.is_empty() => {
-            "Adequate: with its stiffnesses re-tuned within their uncertainty the model leaves nothing but noise.".into()
-        }
-        Verdict::Adequate => {
-            "Adequate: no physics is missing, but declared values are wrong by more than their uncertainty.".into()
-        }
-        Verdict::Explained => "Explained: with what was found nothing but noise is left.".into(),
-        Verdict::PartlyExplained => {
-            "Partly explained: something was found, but a significant misfit remains. Don't take the names below for the \
-             whole truth."
-                .into()
-        }
-        Verdict::Ambiguous => {
-            "Ambiguous: what was found has rivals that call for different repairs. Measure what is proposed below.".into()
-        }
-        Verdict::Unexplained => {
-            "Unexplained: the model is wrong by more than noise, and no effect that this program knows accounts for it.".into()
-        }
-    });
-    for e in &d.effects {
-        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
-        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
-        all.push(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class)));
-    }
-    for f in &d.declared {
-        let axis = f.axis.map_or(String::new(), |a| format!("[{a}]"));
-        all.push(format!(
-            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}",
-            f.parameter,
-            f.declared,
-            f.estimated,
-            f.pull_sd,
-            class(&f.class)
-        ));
-    }
+    let mut all = vec![match d.judgement.verdict {
+        Verdict::Adequate if d.declared.is_empty() => Finding::good(
+            "The model is adequate: with its stiffnesses re-tuned within their uncertainty it leaves nothing but noise.",
+        ),
+        Verdict::Adequate => Finding::warning(
+            "The model is adequate, its values are not: no physics is missing, but declared values are wrong by more than \
+             their uncertainty.",
+        ),
+        Verdict::Explained => Finding::good(format!("Explained by {found}: nothing but noise is left.")),
+        Verdict::PartlyExplained => Finding::warning(format!(
+            "Partly explained by {found}: a significant misfit remains. Don't take the names below for the whole truth."
+        )),
+        Verdict::Ambiguous => Finding::warning(format!(
+            "Ambiguous: {found} has rivals that call for different repairs. Measure what is proposed below."
+        )),
+        Verdict::Unexplained => Finding::bad(
+            "Unexplained: the model is wrong by more than noise, and no effect that this program knows accounts for it.",
+        ),
+    }];
     let held = &d.held_out;
     let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
     if let (Some(before), Some(retuned), Some(after)) =
         (of(&held.all, Rival::Declared), of(&held.all, Rival::Retuned), of(&held.all, Rival::After))
     {
-        all.push(format!(
+        all.push(Finding::good(format!(
             "On {how}, rms translation error: {:.2} µm as declared, {:.2} µm re-tuned only, {:.2} µm with what was found.",
             before.linear_um_rms, retuned.linear_um_rms, after.linear_um_rms
-        ));
+        )));
     }
     if let (Some(here), Some(there), Some(after)) =
         (of(&d.errors, Rival::Table), of(&held.all, Rival::Table), of(&held.all, Rival::After))
         && there.linear_um_rms > 1.5 * after.linear_um_rms
         && there.chi2_per_dof > 1.5 * here.chi2_per_dof.min(after.chi2_per_dof)
     {
-        all.push(format!(
+        all.push(Finding::bad(format!(
             "A table refitted to these readings HIDES what is wrong: {:.1} times the noise where it was fitted, but {:.2} µm on \
              {how}, {:.1} times the error of the model above.",
             here.chi2_per_dof.sqrt(),
             there.linear_um_rms,
             there.linear_um_rms / after.linear_um_rms
-        ));
+        )));
+    }
+    for e in &d.effects {
+        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
+        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
+        all.push(Finding::good(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class))));
+    }
+    for f in &d.declared {
+        let axis = f.axis.map_or(String::new(), |a| format!("[{a}]"));
+        all.push(Finding::warning(format!(
+            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}",
+            f.parameter,
+            f.declared,
+            f.estimated,
+            f.pull_sd,
+            class(&f.class)
+        )));
     }
     let hidden: Vec<&str> = d.detectable.iter().filter(|d| d.is_hidden()).map(|d| d.id.as_str()).collect();
     if !hidden.is_empty() {
-        all.push(format!("Not to be seen in these readings at any plausible size: {}.", hidden.join(", ")));
+        let hidden = hidden.join(", ");
+        all.push(Finding::good(format!("Not to be seen in these readings at any plausible size: {hidden}.")));
     }
     all
 }
@@ -97,8 +99,8 @@ fn sentences(d: &Diagnosis) -> Vec<String> {
 /// For the terminal.
 pub fn text(d: &Diagnosis) -> String {
     let mut text = String::new();
-    for sentence in sentences(d) {
-        let _ = writeln!(text, "- {sentence}");
+    for finding in findings(d) {
+        let _ = writeln!(text, "- {}", finding.text);
     }
     let _ = writeln!(text, "  rms translation error in µm           readings   held out, with its 95 % interval");
     for (rival, _, name) in RIVALS {
@@ -137,7 +139,7 @@ fn tensions(machine: &Machine<f64>, c: &Condition, pose: &pkm_core::Pose<f64>) -
 }
 
 /// Residuals along the load, over pose, load and limb force.
-fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<String> {
+fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<Markup> {
     let step = readings.readings.len().div_ceil(POINTS);
     // translation error along the force, µm, for the re-tuned model and the last one
     let along = |predictions: &[[f64; 6]], n: usize| -> Option<f64> {
@@ -158,40 +160,35 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
     let pose = |i: usize| move |c: &Condition| Some(file_units(&readings.poses[c.pose].pose)[i]);
     let force = |c: &Condition| Some(c.wrench.force_n.iter().map(|f| f * f).sum::<f64>().sqrt());
     let limb = |i: usize| move |c: &Condition| tensions(&file.machine, c, &readings.poses[c.pose].pose).map(|n| n[i]);
-    let rows: [[Axis<'_>; 3]; 2] = [
-        [("θ in °", Box::new(pose(0))), ("σ in °", Box::new(pose(1))), ("Z0 in mm", Box::new(pose(2)))],
-        [
-            ("force in N", Box::new(force)),
-            ("tension in limb 1 in N", Box::new(limb(0))),
-            ("tension in limb 3 in N", Box::new(limb(2))),
-        ],
+    let axes: [Axis<'_>; 6] = [
+        ("θ in °", Box::new(pose(0))),
+        ("σ in °", Box::new(pose(1))),
+        ("Z0 in mm", Box::new(pose(2))),
+        ("force in N", Box::new(force)),
+        ("tension in limb 1 in N", Box::new(limb(0))),
+        ("tension in limb 3 in N", Box::new(limb(2))),
     ];
-    let mut html = String::new();
-    for row in &rows {
-        let panels: Vec<Panel> = row
+    let panels = axes.map(|(label, x)| Panel {
+        title: format!("left over {}", label.rsplit_once(" in ").map_or(label, |(name, _)| name)),
+        x_label: label.into(),
+        y_label: "left along the force, µm".into(),
+        series: shown
             .iter()
-            .map(|(label, x)| Panel {
-                title: format!("residual over {}", label.split(" in ").next().unwrap_or(label)),
-                x_label: (*label).into(),
-                y_label: "along the force, µm".into(),
-                series: shown
-                    .iter()
-                    .map(|(rival, name)| {
-                        let predictions = d.own.of(*rival);
-                        let points = (0..readings.readings.len()).step_by(step).filter_map(|n| {
-                            let c = &readings.conditions[readings.readings[n].condition];
-                            Some((x(c)?, along(predictions, n)?))
-                        });
-                        Series { name: (*name).into(), points: points.collect(), mark: Mark::Dot }
-                    })
-                    .collect(),
+            .map(|(rival, name)| {
+                let predictions = d.own.of(*rival);
+                let points = (0..readings.readings.len()).step_by(step).filter_map(|n| {
+                    let c = &readings.conditions[readings.readings[n].condition];
+                    Some((x(c)?, along(predictions, n)?))
+                });
+                Series { name: (*name).into(), points: points.collect(), mark: Mark::Dot }
             })
-            .collect();
-        if panels.iter().all(|p| p.series.iter().any(|s| !s.points.is_empty())) {
-            html.push_str(&plot::panels(&panels)?);
-        }
+            .collect(),
+    });
+    let panels = panels.into_iter().filter(|p| p.series.iter().any(|s| !s.points.is_empty())).collect::<Vec<_>>();
+    if panels.is_empty() {
+        return Ok(html! { p { "There are no readings of translation along a force to show." } });
     }
-    Ok(html)
+    charts("Reading minus model, along the force. What is only noise has no shape.", &panels)
 }
 
 fn interval(e: &Errors) -> String {
@@ -217,61 +214,11 @@ fn error_rows(errors: &[(Rival, Errors)]) -> Vec<(String, Vec<String>)> {
 const ERROR_HEADS: [&str; 7] =
     ["rms µm", "95 % interval", "max µm", "% of translation", "rms µrad", "% of rotation", "χ² a number"];
 
-/// `report.html`.
-///
-/// # Errors
-/// What the drawing library says.
-pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<String> {
-    let mut body = String::new();
-    let mut add = |html: &str| {
-        body.push_str(html);
-        body.push('\n');
-    };
-    let title = format!("Diagnosis of {}", escape(&file.name));
-    add(&format!("<h1>{title}</h1><ul>"));
-    for sentence in sentences(d) {
-        let worse = sentence.contains("HIDES") || sentence.starts_with("Unexplained");
-        let class = if worse { " class=\"worse\"" } else { "" };
-        add(&format!("<li{class}>{}</li>", escape(&sentence)));
-    }
-    add("</ul>");
-
-    add("<h2>Before and after</h2>");
-    let held = &d.held_out;
-    let mut groups = vec![("the readings".to_owned(), &d.errors)];
-    groups.push((if held.given { "held out, all".into() } else { "poses left out".to_owned() }, &held.all));
-    groups.extend(
-        held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
-    );
-    let labels: Vec<&str> = groups.iter().map(|g| g.0.as_str()).collect();
-    let bars: Vec<(&str, Vec<f64>)> = RIVALS
-        .iter()
-        .map(|(rival, _, name)| {
-            (*name, groups.iter().map(|(_, e)| of(e, *rival).map_or(0.0, |e| e.linear_um_rms)).collect())
-        })
-        .collect();
-    add(&plot::bars("Translation error, rms", "µm", &labels, &bars)?);
-    for (name, errors) in &groups {
-        add(&table(&format!("Errors on {name}"), &ERROR_HEADS, &error_rows(errors)));
-    }
-    if d.steps.len() > 1 {
-        let on_others = d.steps.iter().all(|s| s.held_out.is_some());
-        let rows: Vec<_> = (d.steps.iter())
-            .map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors))))
-            .collect();
-        let of = if on_others { "held out, all" } else { "the readings" };
-        add(&table(&format!("After each find, errors on {of}"), &ERROR_HEADS, &rows));
-    }
-
-    add("<h2>What is left, over pose, load and limb force</h2>");
-    add(&residual_plots(file, readings, d)?);
-    let rows: Vec<_> = (d.structure.iter())
-        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), format!("{:.2e}", s.p)]))
-        .collect();
-    add(&table("Share of the misfit left that goes with", &["share", "p"], &rows));
-
-    add("<h2>What was tried</h2>");
-    for (n, (round, names)) in d.search.rounds.iter().zip(&d.names).enumerate() {
+/// The candidates of each round, the best first.
+fn rounds(d: &Diagnosis) -> Markup {
+    let heads =
+        ["drop of χ²", "freedoms", "p", "2 Δ ln E", "left-out gain, %", "poses that gain, %", "put aside because"];
+    let tables = d.search.rounds.iter().zip(&d.names).enumerate().map(|(n, (round, names))| {
         let mut shown: Vec<&str> = Vec::new();
         let rows: Vec<_> = (round.ranking.iter().zip(names))
             .filter(|(_, name)| {
@@ -281,73 +228,100 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
             })
             .take(12)
             .map(|(r, name)| {
-                let gain = r.gain.map_or("-".into(), |g| format!("{g:.1}"));
-                let verdict = r.rejected.map_or(String::new(), str::to_owned);
                 let cells = vec![
                     format!("{:.1}", r.score.statistic),
                     r.score.freedoms.to_string(),
                     format!("{:.1e}", r.score.p),
-                    gain,
+                    r.gain.map_or("-".into(), |g| format!("{g:.1}")),
                     r.gain.map_or("-".into(), |_| format!("{:.2}", 100.0 * r.left_out_gain)),
                     r.gain.map_or("-".into(), |_| format!("{:.0}", 100.0 * r.poses_that_gain)),
-                    verdict,
+                    r.rejected.map_or(String::new(), str::to_owned),
                 ];
                 (name.clone(), cells)
             })
             .collect();
-        let caption = format!(
-            "Round {}: p of so strong a best candidate, if nothing were missing, {:.1e}",
-            n + 1,
-            round.p_family
-        );
-        let heads =
-            ["drop of χ²", "freedoms", "p", "2 Δ ln E", "left-out gain, %", "poses that gain, %", "put aside because"];
-        add(&table(&caption, &heads, &rows));
-    }
+        let p = round.p_family;
+        table(
+            &format!("Round {}: p of so strong a best candidate, if nothing were missing, {p:.1e}", n + 1),
+            &heads,
+            &rows,
+        )
+    });
+    html! { @for table in tables { (table) } }
+}
 
-    add("<h2>What to measure next</h2>");
-    let rows: Vec<_> = (d.proposals.iter().enumerate())
-        .map(|(n, p)| {
-            let pose = next::in_file_units(p).map(|v| v.to_string());
-            let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
-            let load = format!("{f:?} N, {m:?} N·m");
-            let [theta, sigma, z0] = pose;
-            ((n + 1).to_string(), vec![theta, sigma, z0, load, p.separates.join(" from ")])
+/// `report.html`.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>, d: &Diagnosis) -> Result<String> {
+    let held = &d.held_out;
+    let mut groups = vec![("the readings".to_owned(), &d.errors)];
+    groups.push((if held.given { "held out, all".into() } else { "poses left out".to_owned() }, &held.all));
+    groups.extend(
+        held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
+    );
+    let labels: Vec<&str> = groups.iter().map(|(name, _)| name.trim_start_matches("held out, ")).collect();
+    let bars: Vec<(&str, Vec<f64>)> = RIVALS
+        .iter()
+        .map(|(rival, _, name)| {
+            (*name, groups.iter().map(|(_, e)| of(e, *rival).map_or(0.0, |e| e.linear_um_rms)).collect())
         })
         .collect();
-    if rows.is_empty() {
-        add("<p>There are no rivals to tell apart.</p>");
-    } else {
-        add(&table("In this order", &["θ °", "σ °", "Z0 mm", "load at A", "tells"], &rows));
-    }
-
-    add("<h2>What these readings can show</h2>");
-    let rows: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
-    add(&table("Smallest amplitude that would be found (λ = 30), SI", &["amplitude"], &rows));
-
-    add("<h2>Where this comes from</h2><dl>");
+    let on_others = d.steps.iter().all(|s| s.held_out.is_some());
+    let steps: Vec<_> =
+        (d.steps.iter()).map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors)))).collect();
+    let structure: Vec<_> = (d.structure.iter())
+        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), format!("{:.2e}", s.p)]))
+        .collect();
+    let proposals: Vec<_> = (d.proposals.iter().enumerate())
+        .map(|(n, p)| {
+            let [theta, sigma, z0] = next::in_file_units(p).map(|v| v.to_string());
+            let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
+            ((n + 1).to_string(), vec![theta, sigma, z0, format!("{f:?} N, {m:?} N·m"), p.separates.join(" from ")])
+        })
+        .collect();
+    let amplitudes: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
+    let body = html! {
+        h2 { "Before and after" }
+        (picture(
+            "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that \
+             count.",
+            &plot::bars("Translation error, rms", "µm", &labels, &bars)?,
+        ))
+        h2 { "What is left, over pose, load and limb force" }
+        (residual_plots(file, readings, d)?)
+        h2 { "Errors" }
+        @for (name, errors) in &groups { (table(&format!("Errors on {name}"), &ERROR_HEADS, &error_rows(errors))) }
+        @if steps.len() > 1 {
+            @let on = if on_others { "held out, all" } else { "the readings" };
+            (table(&format!("After each find, errors on {on}"), &ERROR_HEADS, &steps))
+        }
+        (table("Share of the misfit left that goes with", &["share", "p"], &structure))
+        h2 { "What to measure next" }
+        @if proposals.is_empty() {
+            p { "There are no rivals to tell apart." }
+        } @else {
+            (table("In this order", &["θ °", "σ °", "Z0 mm", "load at A", "tells"], &proposals))
+        }
+        h2 { "What was tried" }
+        (fold("Candidates, round by round", &rounds(d)))
+        h2 { "What these readings can show" }
+        (fold(
+            "Smallest amplitudes",
+            &table("Smallest amplitude that would be found (λ = 30), SI", &["amplitude"], &amplitudes),
+        ))
+    };
     let micro = |v: [f64; 6]| v.map(|v| format!("{:.2}", v * 1e6)).join(" ");
-    let facts = [
-        ("Tool", format!("pkm-host {}, seed {SEED}", env!("CARGO_PKG_VERSION"))),
-        ("Machine file, SHA-256", file.source.sha256()),
-        (
-            "Data",
-            format!(
-                "{}, {} numbers read at {} poses, SHA-256 {}",
-                readings.source.file_name(),
-                d.size.0,
-                d.size.1,
-                readings.source.sha256()
-            ),
-        ),
+    let facts = vec![
+        ("Seed", SEED.to_string()),
+        ("Machine file", of_file(&file.source)),
+        ("Data", format!("{}, {} numbers read at {} poses", of_file(&readings.source), d.size.0, d.size.1)),
+        ("Held-out readings", held_out.map_or("none: poses left out in turn".into(), |h| of_file(&h.source))),
         ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(d.noise.within), d.noise.source)),
         ("Zero error of a series", micro(d.noise.between)),
         ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),
         ("Lack of fit after", format!("{:.4}, p = {:.2e}", d.judgement.after.statistic, d.judgement.after.p)),
     ];
-    for (name, value) in facts {
-        add(&format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(&value)));
-    }
-    add("</dl>");
-    Ok(page(&title, &body))
+    Ok(Page { title: format!("Diagnosis of {}", file.name), findings: &findings(d), body, facts }.html())
 }

@@ -77,8 +77,8 @@ pub fn svg(deck: &Deck) -> String {
     let gap = 40.0;
     let width: f64 = boxes.iter().map(|[left, right, ..]| (right - left) * scale + gap).sum();
     let mut s = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.0} {:.0}\" font-family=\"sans-serif\" font-size=\"14\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 {:.0} {:.0}\" font-family=\"sans-serif\" \
+         font-size=\"16\">\n<title>The machine in solids, from three sides</title>\n",
         width,
         HEIGHT + 70.0
     );
@@ -122,7 +122,7 @@ pub fn svg(deck: &Deck) -> String {
     let (y, long) = (HEIGHT + 54.0, 0.1 * scale);
     _ = writeln!(
         s,
-        "<path d=\"M20,{y}h{long:.1}\" stroke=\"#111\" stroke-width=\"3\"/><text x=\"{:.0}\" y=\"{:.0}\">100 mm</text>\n</svg>",
+        "<path d=\"M20,{y}h{long:.1}\" stroke=\"#000000\" stroke-width=\"3\"/><text x=\"{:.0}\" y=\"{:.0}\">100 mm</text>\n</svg>",
         28.0 + long,
         y + 5.0
     );

@@ -351,8 +351,10 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         return Err(Failure::usage("--poses: which poses? Give a CSV, such as `plan` writes"));
     };
     let name = path.display().to_string();
+    let poses_source = Source::read(path)?;
+    let poses_from = crate::report::of_file(&poses_source);
     let listed = match request.poses {
-        Some(path) => dataset::read_poses(Source::read(path)?, &file)?,
+        Some(_) => dataset::read_poses(poses_source, &file)?,
         None => Vec::new(),
     };
     let loads = request.readings.as_ref().map(|wish| readings::Loads::new(wish, &listed, &file)).transpose()?;
@@ -397,10 +399,10 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         Mode::Run => ccx::version(request.ccx)?,
         Mode::Collect => String::new(),
         Mode::DryRun => {
-            source::write(
-                &html,
-                report::page(&report::Facts { file: &file, solid, request, cases: &cases, solved: None })?,
-            )?;
+            let version = "nothing yet";
+            let (cases, poses_from) = (&cases, &poses_from);
+            let facts = report::Facts { file: &file, solid, request, cases, solved: None, poses_from, version };
+            source::write(&html, report::page(&facts)?)?;
             let text = about(&format!("nothing computed; the machine is drawn in {}", html.display()));
             let json = json!({ "poses": cases.len(), "nodes": largest.0, "elements": largest.1, "report": html.display().to_string() });
             return Ok(Output { text, json });
@@ -457,7 +459,15 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     let version = versions.into_iter().collect::<Vec<_>>().join(", ");
     let manifest = serde_json::to_string_pretty(&manifest(&file, solid, request, &version, &cases));
     let manifest = manifest.map_err(|e| Failure::other(e.to_string()))? + "\n";
-    let facts = report::Facts { file: &file, solid, request, cases: &cases, solved: Some(&solved) };
+    let facts = report::Facts {
+        file: &file,
+        solid,
+        request,
+        cases: &cases,
+        solved: Some(&solved),
+        poses_from: &poses_from,
+        version: &version,
+    };
     let mut text = about(&format!(
         "{computed} computed, {} taken over\n{}wrote {}, {} and {}",
         cases.len() - computed,

@@ -1,5 +1,6 @@
 //! What came out beside the stiffness file: how far the basic model is off, and a page with a picture of what was computed.
 
+use maud::html;
 use serde_json::{Value, json};
 
 use super::deck::{Deck, Plates};
@@ -8,8 +9,10 @@ use super::{Case, Request, Solved, drawing};
 use crate::dataset::file_units;
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
-use crate::plot::{self, Mark, Panel, Series};
-use crate::report::{STIFFNESSES, escape, table};
+use crate::plot::{Mark, Panel, Series};
+use crate::report::{Finding, Page, charts, fold, of_file, picture, table};
+
+const STIFFNESSES: [&str; 6] = ["k11", "k22", "k33", "k44", "k55", "k66"];
 
 /// All that the page tells of.
 pub struct Facts<'a> {
@@ -23,6 +26,10 @@ pub struct Facts<'a> {
     pub cases: &'a [Case],
     /// `None`: nothing was computed.
     pub solved: Option<&'a [(&'a Case, Solved)]>,
+    /// File of the poses, with its checksum.
+    pub poses_from: &'a str,
+    /// What computed them.
+    pub version: &'a str,
 }
 
 /// k11…k66 by finite elements and by the core's basic model.
@@ -66,82 +73,95 @@ impl Facts<'_> {
     }
 }
 
+fn findings(facts: &Facts<'_>) -> Vec<Finding> {
+    let count = facts.cases.len();
+    let nodes = facts.cases.iter().map(|c| c.size.0).max().unwrap_or(0);
+    let Some(solved) = facts.solved else {
+        return vec![
+            Finding::warning("Drawn only: nothing has been computed yet."),
+            Finding::good(format!("Limbs and platforms fit together without collision at all {count} poses.")),
+            Finding::good(format!("To be computed: up to {nodes} nodes a pose.")),
+        ];
+    };
+    let skew = solved.iter().map(|(_, s)| s.skew).fold(0.0, f64::max);
+    let mut all = vec![
+        Finding::good(format!("The stiffness of {count} poses is computed.")),
+        Finding::good(format!(
+            "Every compliance is symmetric, as it must be, within {:.0e} of √(c_ii c_jj); up to {nodes} nodes a pose.",
+            skew.max(f64::EPSILON)
+        )),
+    ];
+    if let Some([mean, max]) = facts.errors() {
+        let worst = (0..6).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
+        all.push(Finding::good(format!(
+            "The basic model of the core is off by {:.2} % in {} in the mean, up to {:.2} %; less in the others.",
+            mean[worst], STIFFNESSES[worst], max[worst]
+        )));
+    }
+    all
+}
+
+/// k11…k66 of the basic model over those of the solids.
+fn against(pairs: &[Pair]) -> [Panel; 6] {
+    std::array::from_fn(|i| {
+        let (unit, per) = if i < 3 { ("N/µm", 1e-6) } else { ("kN·m/rad", 1e-3) };
+        let series = |name: &str, value: fn(&Pair, usize) -> f64, mark| Series {
+            name: name.into(),
+            points: pairs.iter().map(|p| (p.fem[i] * per, value(p, i) * per)).collect(),
+            mark,
+        };
+        Panel {
+            title: STIFFNESSES[i].into(),
+            x_label: format!("finite elements, {unit}"),
+            y_label: format!("basic model, {unit}"),
+            series: vec![series("poses", |p, i| p.core[i], Mark::Dot), series("equal", |p, i| p.fem[i], Mark::Cross)],
+        }
+    })
+}
+
 /// The page.
 ///
 /// # Errors
 /// What the drawing library says.
 pub fn page(facts: &Facts<'_>) -> Result<String> {
-    let name = escape(&facts.file.name);
-    let title = format!("Stiffness of {name} by finite elements");
-    let mut body = format!("<h1>{title}</h1>\n<ul>");
-    let count = facts.cases.len();
-    let nodes = facts.cases.iter().map(|c| c.size.0).max().unwrap_or(0);
-    let done = if facts.solved.is_some() { "computed" } else { "checked, none computed" };
-    body.push_str(&format!("<li>{count} poses {done}, up to {nodes} nodes each</li>"));
-    if let Some([mean, max]) = facts.errors() {
-        let worst = (0..6).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
-        body.push_str(&format!(
-            "<li>The basic model of the core is off by {:.2} % in k{} in the mean, up to {:.2} %; less in the others</li>",
-            mean[worst],
-            STIFFNESSES[worst],
-            max[worst]
-        ));
-    }
-    body.push_str("</ul>\n<h2>What is computed</h2>\n");
     let first = &facts.cases[0].pose;
     let [theta, sigma, z0] = file_units(&first.pose);
     let plates = Plates::new(facts.solid, &facts.file.parameters, 1.0).map_err(Failure::input)?;
     let deck = Deck::new(facts.solid, &facts.file.parameters, &first.pose, &plates).map_err(Failure::other)?;
-    body.push_str(&drawing::svg(&deck));
-    body.push_str(&format!(
-        "<p>At pose {}: θ {theta:.3}°, σ {sigma:.3}°, Z0 {z0:.2} mm. Rigid platforms have no solid. Joints, bearings, nuts and \
-         guides are springs between rigid rings; they are not drawn.</p>\n",
-        escape(&first.id)
-    ));
-    body.push_str("<p>All its dimensions, as a section of the machine file:</p>\n");
-    body.push_str(&format!("<pre>{}</pre>\n", escape(&facts.solid.toml())));
-    if let Some([mean, max]) = facts.errors() {
-        body.push_str("<h2>Against the basic model</h2>\n");
-        let cells = |v: [f64; 6]| v.map(|v| format!("{v:.3}")).to_vec();
-        let heads = STIFFNESSES.map(|i| format!("k{i}"));
-        body.push_str(&table(
-            "Error of the basic model (with the machine file's effects) in %",
-            &heads.each_ref().map(String::as_str),
-            &[("mean".to_owned(), cells(mean)), ("greatest".to_owned(), cells(max))],
-        ));
-        let pairs = facts.pairs();
-        for three in [[0, 1, 2], [3, 4, 5]] {
-            let panels = three.map(|i| {
-                let (unit, per) = if i < 3 { ("N/µm", 1e-6) } else { ("kN·m/rad", 1e-3) };
-                let series = |name: &str, value: fn(&Pair, usize) -> f64, mark| Series {
-                    name: name.into(),
-                    points: pairs.iter().map(|p| (p.fem[i] * per, value(p, i) * per)).collect(),
-                    mark,
-                };
-                Panel {
-                    title: format!("k{}", STIFFNESSES[i]),
-                    x_label: format!("finite elements, {unit}"),
-                    y_label: format!("basic model, {unit}"),
-                    series: vec![
-                        series("poses", |p, i| p.core[i], Mark::Dot),
-                        series("equal", |p, i| p.fem[i], Mark::Cross),
-                    ],
-                }
-            });
-            body.push_str(&plot::panels(&panels)?);
+    let cells = |v: [f64; 6]| v.map(|v| format!("{v:.3}")).to_vec();
+    let body = html! {
+        h2 { "What is computed" }
+        (picture(
+            &format!(
+                "At pose {}: θ {theta:.3}°, σ {sigma:.3}°, Z0 {z0:.2} mm. Rigid platforms have no solid. Joints, bearings, \
+                 nuts and guides are springs between rigid rings; they are not drawn.",
+                first.id
+            ),
+            &drawing::svg(&deck),
+        ))
+        @if let Some([mean, max]) = facts.errors() {
+            h2 { "Against the basic model" }
+            (charts(
+                "Each pose by both: what lies on the crosses is the same in both.",
+                &against(&facts.pairs()),
+            )?)
+            (table(
+                "Error of the basic model (with the machine file's effects) in %",
+                &STIFFNESSES,
+                &[("mean".to_owned(), cells(mean)), ("greatest".to_owned(), cells(max))],
+            ))
         }
-    }
-    body.push_str("<h2>Where this comes from</h2><dl>");
+        h2 { "Dimensions" }
+        (fold("All of them, as a section of the machine file", &html! { pre tabindex="0" { (facts.solid.toml()) } }))
+    };
     let set = if facts.request.set.is_empty() { "nothing".to_owned() } else { facts.request.set.join(", ") };
-    let entries = [
-        ("Tool", format!("pkm-host {}", env!("CARGO_PKG_VERSION"))),
-        ("Machine file, SHA-256", facts.file.source.sha256()),
+    let facts_of = vec![
+        ("Machine file", of_file(&facts.file.source)),
         ("Changed by --set", set),
+        ("Poses", format!("{}, {} poses", facts.poses_from, facts.cases.len())),
         ("Size of the elements, relative to the usual", facts.request.size.to_string()),
+        ("Computed by", facts.version.to_owned()),
     ];
-    for (what, value) in entries {
-        body.push_str(&format!("<dt>{}</dt><dd>{}</dd>", escape(what), escape(&value)));
-    }
-    body.push_str("</dl>");
-    Ok(crate::report::page(&title, &body))
+    let title = format!("Stiffness of {} by finite elements", facts.file.name);
+    Ok(Page { title, findings: &findings(facts), body, facts: facts_of }.html())
 }

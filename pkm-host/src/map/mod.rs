@@ -16,6 +16,7 @@ use crate::machine_file::MachineFile;
 pub mod claims;
 mod contour;
 pub mod picture;
+pub mod report;
 
 /// Cells along the longer side of a map when no step is given, at least.
 const LEAST_CELLS: f64 = 100.0;

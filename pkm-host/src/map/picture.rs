@@ -52,6 +52,7 @@ pub struct Legend<'a> {
 /// Pixels; the picture is drawn for a screen of high resolution or for print.
 mod size {
     pub const PLOT: (f64, f64) = (600.0, 560.0);
+    pub const SMALL: f64 = 0.62;
     pub const LEAST: f64 = 120.0;
     pub const LEFT: i32 = 110;
     pub const TICKS: i32 = 44;
@@ -63,26 +64,39 @@ mod size {
     pub const ENTRY: i32 = 42;
     pub const TEXT: i32 = 24;
     pub const HATCH: f64 = 18.0;
+    pub const APART: usize = 95;
 }
 
-/// Draws a map as SVG.
+/// A map as SVG.
+pub struct Picture {
+    /// All of it.
+    pub whole: String,
+    /// k11…k66 one by one, for a page: smaller, with the same letters.
+    pub panels: Vec<String>,
+    /// Signs of the legend with what they stand for.
+    pub signs: Vec<(String, String)>,
+}
+
+/// Draws a map.
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn svg(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_>) -> Result<String> {
+pub fn draw(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_>) -> Result<Picture> {
     let region = Region::new(file, model, map)?;
     let [[x0, x1], [z0, z1]] = map.grid.extent_mm();
     let scale = (size::PLOT.0 / (x1 - x0)).min(size::PLOT.1 / (z1 - z0));
-    let [width, height] = [x1 - x0, z1 - z0].map(|mm| (mm * scale).max(size::LEAST) as i32);
-    let (panel_width, panel_height) = (size::LEFT + width + size::RIGHT, size::CAPTION + height + size::BOTTOM);
+    let at = |scale: f64| [x1 - x0, z1 - z0].map(|mm| (mm * scale).max(size::LEAST) as i32);
+    let around = |[width, height]: [i32; 2]| (size::LEFT + width + size::RIGHT, size::CAPTION + height + size::BOTTOM);
+    let (plot, small) = (at(scale), at(scale * size::SMALL));
+    let (panel_width, panel_height) = around(plot);
     let entries = entries(file, map, legend, &region);
     let legend_rows = entries.len().div_ceil(3) as i32;
     let total = (3 * panel_width, size::TITLE + 2 * panel_height + legend_rows * size::ENTRY + 30);
-    plot::svg((total.0 as u32, total.1 as u32), |area| {
+    let whole = plot::svg(legend.title, (total.0 as u32, total.1 as u32), |area| {
         text(area, legend.title, (total.0 / 2, size::TITLE / 2), 34, HPos::Center)?;
         for k in 0..6 {
             let corner = (k as i32 % 3 * panel_width, size::TITLE + k as i32 / 3 * panel_height);
-            panel(area, corner, (width, height), &Panel { k, map, legend, region: &region })?;
+            panel(area, corner, plot, &Panel { k, map, legend, region: &region })?;
         }
         for (n, entry) in entries.iter().enumerate() {
             let x = n as i32 % 3 * panel_width + 40;
@@ -91,7 +105,19 @@ pub fn svg(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_>
             text(area, &entry.name, (x + 96, y), size::TEXT, HPos::Left)?;
         }
         Ok(())
-    })
+    })?;
+    let (small_width, small_height) = around(small);
+    let panels = (0..6).map(|k| {
+        let title = format!("k{0}{0} over X0 and Z0", k + 1);
+        plot::svg(&title, (small_width as u32, small_height as u32), |area| {
+            panel(area, (0, 0), small, &Panel { k, map, legend, region: &region })
+        })
+    });
+    let signs = entries.iter().map(|entry| {
+        let svg = plot::svg(&entry.name, (96, 36), |area| entry.mark.line(area, vec![(8, 18), (88, 18)]))?;
+        Ok((svg, entry.name.clone()))
+    });
+    Ok(Picture { whole, panels: panels.collect::<Result<_>>()?, signs: signs.collect::<Result<_>>()? })
 }
 
 /// The same picture as PNG.
@@ -420,7 +446,7 @@ fn text(
 fn panel(
     area: &DrawingArea<SVGBackend<'_>, Shift>,
     (left, top): Pixel,
-    (width, height): (i32, i32),
+    [width, height]: [i32; 2],
     panel: &Panel<'_>,
 ) -> Result<()> {
     let &Panel { k, map, legend, region } = panel;
@@ -442,8 +468,8 @@ fn panel(
     chart
         .configure_mesh()
         .disable_mesh()
-        .x_labels(7)
-        .y_labels(7)
+        .x_labels(1 + width as usize / size::APART)
+        .y_labels(1 + height as usize / size::APART)
         .x_label_formatter(&number)
         .y_label_formatter(&number)
         .label_style(("sans-serif", size::TEXT))

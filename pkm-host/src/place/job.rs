@@ -130,10 +130,8 @@ pub struct Series {
 /// A checked job file.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// File, as the user named it.
-    pub file: String,
-    /// Of that file.
-    pub sha256: String,
+    /// Where it came from.
+    pub source: Source,
     /// T_B^W.
     pub base_in_world: Frame,
     /// T_U^W with all axes at 0.
@@ -316,8 +314,7 @@ impl RawJob {
             checked.push(series);
         }
         Ok(Job {
-            file: source.name.clone(),
-            sha256: source.sha256(),
+            source: source.clone(),
             base_in_world: rigid("base_in_world", &self.base_in_world)?,
             table_in_world: rigid("table_in_world", &self.table_in_world)?,
             cross_slide_in_world: rigid("cross_slide_in_world", &self.cross_slide_in_world)?,

@@ -129,7 +129,9 @@ impl<'a> Bench<'a> {
         if let Some(series) = job.series.iter().find(idle).filter(|_| objectives.iter().any(|o| *o != Objective::Paper))
         {
             let message = "without a load no tip moves: give the cutting load, or --objective paper";
-            return Err(Failure::input(message).in_file(&job.file).at_column(format!("series.{}.wrench", series.name)));
+            return Err(Failure::input(message)
+                .in_file(&job.source.name)
+                .at_column(format!("series.{}.wrench", series.name)));
         }
         Ok(Self {
             reach: Reach::new(machine)?,

@@ -1,5 +1,6 @@
 //! `placement.json`, the text, and `report.html`.
 
+use maud::{Markup, html};
 use serde_json::{Value, json};
 
 use super::job::{Axis, Position};
@@ -8,7 +9,8 @@ use super::{Bench, Objective, Posture};
 use crate::dataset::file_units;
 use crate::error::Result;
 use crate::plot::{self, HeatMap, Mark, Panel, Series as Points};
-use crate::report::{escape, page, table};
+use crate::report::{Finding, Page, charts, fold, of_file, picture, pictures, table};
+use crate::source::Source;
 
 fn mm(m: f64) -> f64 {
     m * 1e3
@@ -63,14 +65,9 @@ pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value 
             "convergence": p.convergence.iter().map(|(n, v)| (*n, unit(*v))).collect::<Vec<_>>(),
         })
     });
-    let method = match options.method {
-        Method::Grid => "grid",
-        Method::Ga => "ga",
-        Method::De => "de",
-    };
     json!({
         "machine": bench.reach.file.name, "machine_sha256": bench.reach.file.source.sha256(),
-        "job_sha256": bench.job.sha256, "method": method, "allow_extrapolation": bench.extrapolate,
+        "job_sha256": bench.job.source.sha256(), "method": options.method.name(), "allow_extrapolation": bench.extrapolate,
         "seed": (options.method != Method::Grid).then_some(options.seed),
         "series": series.collect::<Vec<_>>(),
     })
@@ -83,57 +80,141 @@ fn digits(objective: Objective, value: f64) -> String {
     }
 }
 
-/// What a placement does, in a sentence or two.
-fn sentences(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Vec<String> {
-    let mut all = Vec::new();
+/// Greatest deflection of the tip over the holes, µm; none with a diagonal table.
+fn worst(holes: &[Posture]) -> Option<f64> {
+    holes.iter().filter_map(um).reduce(f64::max)
+}
+
+/// "A by tip-worst".
+fn name(bench: &Bench<'_>, p: &Placement) -> String {
+    format!("{} by {}", bench.job.series[p.series].name, p.objective.name())
+}
+
+/// Three digits, for the verdict.
+fn short(objective: Objective, value: f64) -> String {
+    let value = objective.value_in_unit(value);
+    match objective {
+        Objective::Paper => format!("{value:.2e}"),
+        Objective::TipWorst | Objective::TipMean => {
+            let digits = (2.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{value:.digits$} µm")
+        }
+    }
+}
+
+/// What the placements do. The verdict is on those by the tip's deflection, if there are any.
+fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
+    let objectives = || placed.placements.iter().map(|p| p.objective);
+    let judged = objectives().find(|o| *o != Objective::Paper).unwrap_or(Objective::Paper);
+    let counts = |p: &&Placement| p.objective == judged;
+    let better = |p: &Placement| p.before.as_ref().is_none_or(|(before, _)| p.value <= *before);
+    let (mut all, mut gains) = (Vec::new(), Vec::new());
     for p in &placed.placements {
         let shown = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
         let turned = match &bench.job.rotary {
-            Some(_) => format!(", {:.3}°", p.position.rotary_rad.to_degrees()),
+            Some(_) => format!(", turned to {:.3}°", p.position.rotary_rad.to_degrees()),
             None => String::new(),
         };
-        let [x, y] = bench.job.in_cross_slide_m(&p.position).map(mm);
         let mut text = format!(
-            "series {}, {}: dx = {:.3} mm, dy = {:.3} mm{turned} (cross slide {x:.3}, {y:.3} mm): {}",
-            bench.job.series[p.series].name,
-            p.objective.name(),
+            "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}, ",
+            name(bench, p),
             mm(p.position.dx_m),
             mm(p.position.dy_m),
             shown(p.value)
         );
         match &p.before {
-            Some((before, _)) => text.push_str(&format!(", {} with the table in the middle", shown(*before))),
-            None => text.push_str("; with the table in the middle not every hole is in reach"),
+            Some((before, _)) => text.push_str(&format!("{} with the table in the middle", shown(*before))),
+            None => text.push_str("with the table in the middle not every hole is in reach"),
         }
-        let worst = p.holes.iter().filter_map(um).fold(0.0, f64::max);
-        if p.objective == Objective::Paper && worst > 0.0 {
-            text.push_str(&format!("; worst tip deflection {worst:.3} µm"));
+        let before = p.before.as_ref().and_then(|(_, postures)| worst(postures));
+        let mut finding = if better(p) { Finding::good(text) } else { Finding::warning(text) };
+        if let Some(um) = worst(&p.holes).filter(|_| p.objective == Objective::Paper) {
+            finding.text.push_str(&format!("; worst tip deflection {um:.3} µm"));
+            if let Some(before) = before.filter(|before| um > *before) {
+                finding.text.push_str(&format!(", WORSE than {before:.3} µm there"));
+                finding = Finding::warning(finding.text);
+            }
         }
-        text.push_str(&format!(
-            "; Q {:.3}; best of the grid {} ({:.1} % of it in reach)",
-            p.q_ratio,
-            shown(p.certified.1),
-            100.0 * p.feasible_share
-        ));
+        finding.text.push('.');
         let outside = p.holes.iter().filter(|h| h.outside_box).count();
         if outside > 0 {
-            text.push_str(&format!("; EXTRAPOLATED: {outside} holes outside the table's box"));
+            finding.text.push_str(&format!(" EXTRAPOLATED: {outside} holes outside the table's box."));
+            finding = Finding::warning(finding.text);
         }
-        all.push(text);
+        if counts(&p) {
+            let than = p.before.as_ref().map_or("out of reach".to_owned(), |(before, _)| short(judged, *before));
+            let series = &bench.job.series[p.series].name;
+            gains.push(format!("{} instead of {than} (series {series})", short(judged, p.value)));
+        }
+        all.push((p.objective, finding));
     }
-    if options.method != Method::Grid {
-        all.push(format!("seed {}", options.seed));
-    }
-    all
+    let counted = || placed.placements.iter().filter(counts);
+    let what = match judged {
+        Objective::Paper => "the paper's objective is",
+        Objective::TipWorst => "the tip moves at most",
+        Objective::TipMean => "the tip moves in the mean",
+    };
+    let gains = gains.join(", ");
+    let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
+        Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}."))
+    } else if counted().all(better) {
+        Finding::good(format!("Every hole is in reach and better held: {what} {gains}."))
+    } else {
+        Finding::warning(format!("Every hole is in reach, not all are better held: {what} {gains}."))
+    };
+    // those that the verdict is on come first
+    all.sort_by_key(|(objective, _)| *objective != judged);
+    let mut findings = vec![verdict];
+    findings.extend(all.into_iter().map(|(_, finding)| finding));
+    findings
 }
 
 /// For people at a terminal.
 pub fn text(bench: &Bench<'_>, options: &Options, placed: &Placed) -> String {
-    sentences(bench, options, placed).iter().map(|s| format!("{s}\n")).collect()
+    let findings = findings(bench, placed).into_iter().map(|f| format!("- {}\n", f.text)).collect::<String>();
+    let seed = if options.method == Method::Grid { String::new() } else { format!("  seed {}\n", options.seed) };
+    findings + &seed
+}
+
+/// All placements in figures.
+fn overview(bench: &Bench<'_>, placed: &Placed) -> Markup {
+    let row = |p: &Placement| {
+        let shown = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
+        let [x, y] = bench.job.in_cross_slide_m(&p.position).map(mm);
+        let cells = vec![
+            format!("{:.3}", mm(p.position.dx_m)),
+            format!("{:.3}", mm(p.position.dy_m)),
+            format!("{:.3}", p.position.rotary_rad.to_degrees()),
+            format!("{x:.3}"),
+            format!("{y:.3}"),
+            shown(p.value),
+            p.before.as_ref().map_or("–".into(), |(before, _)| shown(*before)),
+            shown(p.certified.1),
+            worst(&p.holes).map_or("–".into(), |um| format!("{um:.3}")),
+            format!("{:.3}", p.q_ratio),
+            format!("{:.1}", 100.0 * p.feasible_share),
+        ];
+        (name(bench, p), cells)
+    };
+    let heads = [
+        "dx mm",
+        "dy mm",
+        "rotary °",
+        "cross slide x mm",
+        "y mm",
+        "objective",
+        "in the middle",
+        "best of the grid",
+        "worst tip µm",
+        "Q",
+        "grid in reach %",
+    ];
+    let rows: Vec<_> = placed.placements.iter().map(row).collect();
+    table("Where the table goes, and what that does; objective paper in 1/(N/m + N·m/rad)", &heads, &rows)
 }
 
 /// The map of a grid at the angle of a placement.
-fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<String> {
+fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<Markup> {
     let [xs, ys, angles] = Axis::ALL.map(|axis| &grid.axes[axis]);
     let nearest = |all: &[f64], v: f64| {
         (0..all.len()).min_by(|a, b| (all[*a] - v).abs().total_cmp(&(all[*b] - v).abs())).unwrap_or(0)
@@ -143,18 +224,21 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<S
         let cell = grid.cells[column][(a * ys.len() + y) * xs.len() + x].as_ref();
         cell.map(|c| p.objective.value_in_unit(c.value))
     };
-    let caption = format!("{}: {} in {}", bench.job.series[p.series].name, p.objective.name(), p.objective.unit());
+    let title = format!("{}, {}", name(bench, p), p.objective.unit());
     let in_mm = |v: &[f64]| v.iter().copied().map(mm).collect::<Vec<_>>();
     if xs.len() > 1 && ys.len() > 1 {
-        return plot::heat_map(&HeatMap {
-            title: format!("{caption}; white: a hole is out of reach"),
+        let svg = plot::heat_map(&HeatMap {
+            title,
             x_label: "dx in mm".into(),
             y_label: "dy in mm".into(),
             x: in_mm(xs),
             y: in_mm(ys),
             value: &|x, y| value(x, y, slice),
             mark: Some([mm(p.position.dx_m), mm(p.position.dy_m)]),
-        });
+        })?;
+        let caption = "What the table's position does: low is good, and the ring is the optimum. Where there is no \
+                       colour a hole is out of reach.";
+        return Ok(picture(caption, &svg));
     }
     // one axis alone: a curve
     let (label, points): (&str, Vec<(f64, f64)>) = if angles.len() > 1 {
@@ -167,16 +251,13 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<S
     } else {
         ("dy in mm", (0..ys.len()).filter_map(|y| Some((mm(ys[y]), value(x, y, slice)?))).collect())
     };
-    plot::panels(&[Panel {
-        title: caption.clone(),
-        x_label: label.into(),
-        y_label: p.objective.unit().into(),
-        series: vec![Points { name: "grid".into(), points, mark: Mark::Dot }],
-    }])
+    let series = vec![Points { name: "grid".into(), points, mark: Mark::Dot }];
+    let panel = Panel { title, x_label: label.into(), y_label: p.objective.unit().into(), series };
+    charts("What the position does: low is good.", &[panel])
 }
 
 /// Workpiece and machine from above, in W.
-fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<String> {
+fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<Markup> {
     let job = bench.job;
     let at = |position: &Position, series: usize| -> Vec<(f64, f64)> {
         let table = job.table_in_world_at(position);
@@ -187,37 +268,33 @@ fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<String> {
     let mut series =
         vec![Points { name: "B of the machine".into(), points: vec![(mm(base.x), mm(base.y))], mark: Mark::Cross }];
     for p in &placed.placements {
-        let name = format!("{} by {}", job.series[p.series].name, p.objective.name());
-        series.push(Points { name, points: at(&p.position, p.series), mark: Mark::Dot });
+        series.push(Points { name: name(bench, p), points: at(&p.position, p.series), mark: Mark::Dot });
     }
-    plot::panels(&[Panel {
-        title: "holes at the optima, seen along z of W".into(),
+    let panel = Panel {
+        title: "holes at the optima".into(),
         x_label: "x of W in mm".into(),
         y_label: "y of W in mm".into(),
         series,
-    }])
+    };
+    Ok(pictures("The holes where each objective puts them, seen along z of W.", &[plot::panel(&panel)?]))
 }
 
-fn convergence(bench: &Bench<'_>, placed: &Placed) -> Result<Option<String>> {
-    let panels: Vec<Panel> = placed
-        .placements
-        .iter()
-        .filter(|p| !p.convergence.is_empty())
-        .map(|p| Panel {
-            title: format!("{} by {}", bench.job.series[p.series].name, p.objective.name()),
-            x_label: "evaluations".into(),
-            y_label: format!("best so far, {}", p.objective.unit()),
-            series: vec![Points {
-                name: "best".into(),
-                points: p.convergence.iter().map(|(n, v)| (*n as f64, p.objective.value_in_unit(*v))).collect(),
-                mark: Mark::Line,
-            }],
-        })
-        .collect();
-    if panels.is_empty() { Ok(None) } else { plot::panels(&panels).map(Some) }
+fn convergence(bench: &Bench<'_>, placed: &Placed) -> Vec<Panel> {
+    let evolved = placed.placements.iter().filter(|p| !p.convergence.is_empty());
+    let panel = |p: &Placement| Panel {
+        title: name(bench, p),
+        x_label: "evaluations".into(),
+        y_label: format!("best so far, {}", p.objective.unit()),
+        series: vec![Points {
+            name: "best".into(),
+            points: p.convergence.iter().map(|(n, v)| (*n as f64, p.objective.value_in_unit(*v))).collect(),
+            mark: Mark::Line,
+        }],
+    };
+    evolved.map(panel).collect()
 }
 
-fn hole_table(bench: &Bench<'_>, p: &Placement) -> String {
+fn hole_table(bench: &Bench<'_>, p: &Placement) -> Markup {
     let rows: Vec<_> = (0..p.holes.len())
         .map(|i| {
             let (after, before) = (&p.holes[i], p.before.as_ref().map(|(_, postures)| &postures[i]));
@@ -258,9 +335,8 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> String {
         "status",
     ];
     let caption = format!(
-        "Series {} by {}: postures and stiffness at A, deflection of the tip under the series' wrench; before: table in the middle",
-        bench.job.series[p.series].name,
-        p.objective.name()
+        "Series {}: postures and stiffness at A, deflection of the tip under the series' wrench; before: table in the middle",
+        name(bench, p)
     );
     table(&caption, &head, &rows)
 }
@@ -269,24 +345,31 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> String {
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn html(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Result<String> {
-    let title = format!("Placement on {}", bench.reach.file.name);
-    let mut body = format!("<h1>{}</h1>\n<ul>\n", escape(&title));
-    for sentence in sentences(bench, options, placed) {
-        body.push_str(&format!("<li>{}</li>\n", escape(&sentence)));
-    }
-    body.push_str("</ul>\n<h2>Workpiece</h2>\n");
-    body.push_str(&plan_view(bench, placed)?);
+pub fn html(bench: &Bench<'_>, table: Option<&Source>, options: &Options, placed: &Placed) -> Result<String> {
     let objectives = placed.placements.len() / placed.grids.len();
-    for (n, p) in placed.placements.iter().enumerate() {
-        let heading = format!("Series {} by {}", bench.job.series[p.series].name, p.objective.name());
-        body.push_str(&format!("<h2>{}</h2>\n", escape(&heading)));
-        body.push_str(&map(bench, &placed.grids[p.series], n % objectives, p)?);
-        body.push_str(&hole_table(bench, p));
-    }
-    if let Some(svg) = convergence(bench, placed)? {
-        body.push_str("<h2>Convergence</h2>\n");
-        body.push_str(&svg);
-    }
-    Ok(page(&title, &body))
+    let evolution = convergence(bench, placed);
+    let body = html! {
+        h2 { "Where the table goes" }
+        (overview(bench, placed))
+        (plan_view(bench, placed)?)
+        @for (n, p) in placed.placements.iter().enumerate() {
+            h2 { "Series " (name(bench, p)) }
+            (map(bench, &placed.grids[p.series], n % objectives, p)?)
+            (fold(&format!("{} holes", p.holes.len()), &hole_table(bench, p)))
+        }
+        @if !evolution.is_empty() {
+            h2 { "Convergence" }
+            (charts("The best value so far: it should be flat at its end.", &evolution)?)
+        }
+    };
+    let file = bench.reach.file;
+    let facts = vec![
+        ("Method", options.method.name().to_owned()),
+        ("Seed", if options.method == Method::Grid { "none: a grid".into() } else { options.seed.to_string() }),
+        ("Machine file", of_file(&file.source)),
+        ("Job", of_file(&bench.job.source)),
+        ("Correction table", table.map_or("none: the basic model".into(), of_file)),
+    ];
+    let findings = findings(bench, placed);
+    Ok(Page { title: format!("Placement on {}", file.name), findings: &findings, body, facts }.html())
 }

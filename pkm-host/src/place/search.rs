@@ -22,6 +22,17 @@ pub enum Method {
     De,
 }
 
+impl Method {
+    /// On the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Grid => "grid",
+            Self::Ga => "ga",
+            Self::De => "de",
+        }
+    }
+}
+
 /// How to search.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
@@ -554,7 +565,7 @@ impl Searcher<'_> {
             };
             format!("dx = {:.1} mm, dy = {:.1} mm{turned}", position.dx_m * 1e3, position.dy_m * 1e3)
         };
-        let fail = |status, message: String| Failure::refused(status, message).in_file(&bench.job.file);
+        let fail = |status, message: String| Failure::refused(status, message).in_file(&bench.job.source.name);
         let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
             let each = |hole| bench.postures(&bench.tool(hole, position), &series.wrench).map(drop);
             series.holes.iter().map(each).collect()

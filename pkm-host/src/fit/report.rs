@@ -3,16 +3,21 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use maud::{Markup, html};
 use pkm_core::correction::EQ_11;
 
+use super::{DeflectionErrors, Evaluation, Fit, ROTATION_ARM_M, Sample};
 use crate::dataset::file_units;
 use crate::error::Result;
 use crate::export::Provenance;
-use crate::fit::{DeflectionErrors, Evaluation, Fit, ROTATION_ARM_M, Sample};
 use crate::plot::{self, Mark, Panel, Series};
+use crate::report::{Finding, Page, charts, fold, picture, table};
 
-pub(crate) const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
+/// A mean deflection error that a table may have where it is used, %.
+const USABLE_PERCENT: f64 = 5.0;
+const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
 const LOADS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
+const SYMBOLS: [&str; 3] = ["θ", "σ", "Z0"];
 const VARIABLES: [&str; 3] = ["θ in °", "σ in °", "Z0 in mm"];
 
 /// Tables for the terminal.
@@ -49,8 +54,8 @@ pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -
         }
     }
     let _ = writeln!(text, "  {} terms, condition number of the fit {:.1}", fit.numbers.terms.len(), fit.condition);
-    for sentence in conclusion(trained, verified) {
-        let _ = writeln!(text, "- {sentence}");
+    for finding in conclusion(trained, verified) {
+        let _ = writeln!(text, "- {}", finding.text);
     }
     text
 }
@@ -67,69 +72,77 @@ fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
 }
 
 /// What the fit is worth, in sentences.
-fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<String> {
+fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<Finding> {
     let (e, on) = match verified {
         Some(v) => (v, "the verification poses, which had no part in the fit"),
         None => (trained, "the training poses themselves: give --verify to judge the table by others"),
     };
     let worst = |v: &[f64; 6]| v.iter().copied().fold(0.0, f64::max);
-    let mut sentences = vec![format!(
+    let forms = forms(&e.deflection_percent);
+    let mut findings = vec![verdict(e, verified.is_some())];
+    findings.push(Finding::good(format!(
         "Principal stiffnesses: mean error at most {:.2} % with the table (diagonal form), up to {:.1} % without, on {on}.",
         worst(&e.improved.re_percent.mean),
         worst(&e.basic.re_percent.mean)
-    )];
-    let forms = forms(&e.deflection_percent);
+    )));
+    if e.outside_box > 0 {
+        findings.push(Finding::warning(format!(
+            "{} of these {} poses lie outside the table's box: extrapolated.",
+            e.outside_box, e.poses
+        )));
+    }
     if let Some((_, basic)) = forms.first() {
         for (name, errors) in &forms[1..] {
             let worse = (0..6).filter(|i| errors[*i] > basic[*i]).map(|i| LOADS[i]).collect::<Vec<_>>();
-            sentences.push(if worse.is_empty() {
-                format!(
+            findings.push(if worse.is_empty() {
+                Finding::good(format!(
                     "Under load, {name}: mean deflection error at most {:.2} %, where K_p is wrong by up to {:.1} %.",
                     worst(errors),
                     worst(basic)
-                )
+                ))
             } else {
-                format!(
+                Finding::bad(format!(
                     "Under load, {name}: WORSE than K_p under {} (up to {:.0} % against {:.0} %). Don't predict \
                      deflections with it.",
                     worse.join(", "),
                     worst(errors),
                     worst(basic)
-                )
+                ))
             });
         }
-    } else {
-        sentences.push(
-            "The data hold principal stiffnesses alone: there is no factor form, and nothing can be said about \
-             deflections under load."
-                .into(),
+    }
+    findings
+}
+
+/// Whether to use the table, by its factor form, which is what predicts deflections.
+fn verdict(e: &Evaluation, by_others: bool) -> Finding {
+    let d = &e.deflection_percent;
+    let Some((factor, basic)) = d.factor.as_ref().zip(d.basic.as_ref()) else {
+        return Finding::warning(
+            "The table is for the six principal stiffnesses alone. The data hold no more: there is no factor form, and \
+             nothing can be said about deflections under load.",
         );
+    };
+    let error = factor.mean.iter().copied().fold(0.0, f64::max);
+    if (0..6).any(|i| factor.mean[i] > basic.mean[i]) {
+        Finding::bad(format!("Don't use the table: it predicts deflections worse than no table ({error:.1} % off)."))
+    } else if error > USABLE_PERCENT {
+        Finding::warning(format!(
+            "The table is rough: it predicts deflections with a mean error of {error:.1} %, more than {USABLE_PERCENT} %."
+        ))
+    } else if !by_others {
+        Finding::warning(format!(
+            "The table follows its own data to {error:.1} % in deflection; no other poses have tested it."
+        ))
+    } else {
+        Finding::good(format!(
+            "The table can be used: it predicts deflections with a mean error of {error:.1} % at most, on poses that it \
+             was not fitted to."
+        ))
     }
-    sentences
 }
 
-pub(crate) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
-pub(crate) fn table(caption: &str, head: &[&str], rows: &[(String, Vec<String>)]) -> String {
-    let mut html = format!("<table><caption>{}</caption><tr><th></th>", escape(caption));
-    for h in head {
-        let _ = write!(html, "<th>{}</th>", escape(h));
-    }
-    html.push_str("</tr>\n");
-    for (name, cells) in rows {
-        let _ = write!(html, "<tr><th>{}</th>", escape(name));
-        for cell in cells {
-            let _ = write!(html, "<td>{}</td>", escape(cell));
-        }
-        html.push_str("</tr>\n");
-    }
-    html.push_str("</table>\n");
-    html
-}
-
-fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> String {
+fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> Markup {
     let sets =
         || [("training", Some(trained)), ("verification", verified)].into_iter().filter_map(|(n, e)| Some((n, e?)));
     let cells = |values: &[f64; 6], digits: usize| values.map(|v| format!("{v:.digits$}")).to_vec();
@@ -162,20 +175,19 @@ fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> String {
     }
     let heads = STIFFNESSES.map(|s| format!("k{s}"));
     let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
-    let mut html = table(
-        "Correction effect me of the diagonal form (paper, Table 3, Eq. 13 with absolute values)",
-        &heads,
-        &effect,
+    let deflections = format!(
+        "Deflection error in % under the six unit loads at A and at the tool's tip (wrist joints at 0), rotations times \
+         {ROTATION_ARM_M} m"
     );
-    html.push_str(&table("Relative error of principal stiffnesses in % (paper, Table 4, Eq. 14)", &heads, &error));
-    if !load.is_empty() {
-        let caption = format!(
-            "Deflection error in % under the six unit loads at A and at the tool's tip (wrist joints at 0), rotations \
-             times {ROTATION_ARM_M} m"
-        );
-        html.push_str(&table(&caption, &LOADS, &load));
+    html! {
+        @if !load.is_empty() { (table(&deflections, &LOADS, &load)) }
+        (table("Relative error of principal stiffnesses in % (paper, Table 4, Eq. 14)", &heads, &error))
+        (table(
+            "Correction effect me of the diagonal form (paper, Table 3, Eq. 13 with absolute values)",
+            &heads,
+            &effect,
+        ))
     }
-    html
 }
 
 /// Poses with about the same value of a variable: by value when there are few, else in seven bins.
@@ -197,9 +209,9 @@ fn levels(samples: &[Sample], variable: usize) -> BTreeMap<i64, (f64, Vec<usize>
 }
 
 /// Fig. 5: mean of a coefficient over the levels of each variable.
-fn tendencies(samples: &[Sample], i: usize) -> Result<String> {
-    let panels = [0, 1, 2].map(|v| Panel {
-        title: format!("mean of c{} over {}", STIFFNESSES[i], VARIABLES[v]),
+fn tendencies(samples: &[Sample], i: usize) -> [Panel; 3] {
+    [0, 1, 2].map(|v| Panel {
+        title: format!("mean of c{} over {}", STIFFNESSES[i], SYMBOLS[v]),
         x_label: VARIABLES[v].into(),
         y_label: format!("mean of c{}", STIFFNESSES[i]),
         series: vec![Series {
@@ -212,8 +224,7 @@ fn tendencies(samples: &[Sample], i: usize) -> Result<String> {
                 .collect(),
             mark: Mark::Line,
         }],
-    });
-    plot::panels(&panels)
+    })
 }
 
 /// Most poses that a plot shows.
@@ -226,10 +237,10 @@ fn thinned(poses: usize) -> (usize, String) {
 }
 
 /// Fig. 6: a coefficient over one variable, marked by another.
-fn combinations(samples: &[Sample], i: usize) -> Result<String> {
+fn combinations(samples: &[Sample], i: usize) -> [Panel; 3] {
     let (step, shown) = thinned(samples.len());
-    let panels = [(0, 2), (1, 2), (1, 0)].map(|(x, by)| Panel {
-        title: format!("c{} over {}, by {}{shown}", STIFFNESSES[i], VARIABLES[x], VARIABLES[by]),
+    [(0, 2), (1, 2), (1, 0)].map(|(x, by)| Panel {
+        title: format!("c{} over {}, by {}{shown}", STIFFNESSES[i], SYMBOLS[x], VARIABLES[by]),
         x_label: VARIABLES[x].into(),
         y_label: format!("c{}", STIFFNESSES[i]),
         series: levels(samples, by)
@@ -241,18 +252,17 @@ fn combinations(samples: &[Sample], i: usize) -> Result<String> {
                 Series { name: ((level * 100.0).round() / 100.0).to_string(), points, mark: Mark::Line }
             })
             .collect(),
-    });
-    plot::panels(&panels)
+    })
 }
 
 /// Residuals of a fitted coefficient over each variable, at both sets of poses.
-fn residuals(fit: &Fit, i: usize) -> Result<String> {
+fn residuals(fit: &Fit, i: usize) -> Result<[Panel; 3]> {
     let table = fit.numbers.table()?;
     let relative = |s: &Sample| {
         let measured = s.ratios()[i];
         100.0 * (table.coefficients(&s.pose.pose)[i] - measured) / measured
     };
-    let panels = [0, 1, 2].map(|v| {
+    Ok([0, 1, 2].map(|v| {
         let series = |name: &str, samples: &[Sample], mark| {
             let (step, shown) = thinned(samples.len());
             let points = samples.iter().step_by(step).map(|s| (file_units(&s.pose.pose)[v], relative(s))).collect();
@@ -261,19 +271,18 @@ fn residuals(fit: &Fit, i: usize) -> Result<String> {
         let mut all = vec![series("training", &fit.training, Mark::Dot)];
         all.extend(fit.verification.as_ref().map(|s| series("verification", s, Mark::Cross)));
         Panel {
-            title: format!("k{} after correction, error over {}", STIFFNESSES[i], VARIABLES[v]),
+            title: format!("k{}, corrected: error over {}", STIFFNESSES[i], SYMBOLS[v]),
             x_label: VARIABLES[v].into(),
             y_label: "error in %".into(),
             series: all,
         }
-    });
-    plot::panels(&panels)
+    }))
 }
 
-fn coefficient_tables(fit: &Fit) -> String {
+fn coefficient_tables(fit: &Fit) -> Markup {
     let names = |t: &[u8; 3]| {
         let mut name = String::new();
-        for (symbol, n) in ["θ", "σ", "Z0"].iter().zip(t) {
+        for (symbol, n) in SYMBOLS.iter().zip(t) {
             match n {
                 0 => {}
                 1 => name.push_str(symbol),
@@ -298,16 +307,10 @@ fn coefficient_tables(fit: &Fit) -> String {
             (p.name.clone(), cells)
         })
         .collect();
-    let mut html = table("Coefficients in scaled variables, ± one standard error", &heads, &rows);
     let paper_heads = EQ_11.map(|t| names(&t));
-    let rows: Vec<_> =
+    let paper_rows: Vec<_> =
         (1..).zip(fit.paper_e).map(|(i, row)| (format!("e{i}j"), row.map(|v| format!("{v:.6e}")).to_vec())).collect();
-    html.push_str(&table(
-        "The paper's e_ij of Eq. 11 in ° and mm (with selected terms: those of Eq. 12 on the same data)",
-        &paper_heads.each_ref().map(String::as_str),
-        &rows,
-    ));
-    let rows: Vec<_> = fit
+    let left_out: Vec<_> = fit
         .polynomials
         .iter()
         .map(|p| {
@@ -321,84 +324,66 @@ fn coefficient_tables(fit: &Fit) -> String {
             (p.name.clone(), cells)
         })
         .collect();
-    html.push_str(&table(
-        "Leave-one-out error of each polynomial on the training poses (rms), and what its terms gain over the paper's",
-        &["terms", "rms", "rms with the paper's terms", "gain"],
-        &rows,
-    ));
-    html
+    html! {
+        (table(
+            "Leave-one-out error of each polynomial on the training poses (rms), and what its terms gain over the paper's",
+            &["terms", "rms", "rms with the paper's terms", "gain"],
+            &left_out,
+        ))
+        (table("Coefficients in scaled variables, ± one standard error", &heads, &rows))
+        (table(
+            "The paper's e_ij of Eq. 11 in ° and mm (with selected terms: those of Eq. 12 on the same data)",
+            &paper_heads.each_ref().map(String::as_str),
+            &paper_rows,
+        ))
+    }
 }
 
-const STYLE: &str = "\
-body{font:16px/1.5 sans-serif;max-width:80rem;margin:1rem auto;padding:0 1rem;color:#111;background:#fff}
-h1{font-size:1.5rem}h2{font-size:1.2rem;margin-top:2rem}
-table{border-collapse:collapse;margin:1rem 0;font-size:.85rem;display:block;overflow-x:auto}
-caption{text-align:left;font-weight:bold;padding:.3rem 0;white-space:nowrap}
-td,th{border:1px solid #bbb;padding:.15rem .5rem;text-align:right;white-space:nowrap}
-tr>th:first-child{text-align:left}
-pre{overflow-x:auto}svg{width:100%;height:auto}details{margin:.5rem 0}summary{cursor:pointer}
-.worse{color:#a00;font-weight:bold}dt{font-weight:bold}dd{margin:0 0 .3rem 1rem;overflow-wrap:anywhere}";
-
-/// The self-contained `report.html` of a fit.
+/// `report.html`.
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn fit_report(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
-    let mut body = String::new();
-    let mut add = |html: &str| {
-        body.push_str(html);
-        body.push('\n');
+pub fn html(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
+    let (shown, on) = match p.verified {
+        Some(v) => (v, "verification"),
+        None => (p.training, "training"),
     };
-    let title = format!("Stiffness table of {}", escape(&p.file.machine));
-    add(&format!("<h1>{title}</h1>"));
-    add("<ul>");
-    for sentence in conclusion(p.training, p.verified) {
-        let class = if sentence.contains("WORSE") { " class=\"worse\"" } else { "" };
-        add(&format!("<li{class}>{}</li>", escape(&sentence)));
-    }
-    add("</ul>");
-    let shown = p.verified.unwrap_or(p.training);
-    let on = if p.verified.is_some() { "verification" } else { "training" };
     let bars: Vec<(&str, Vec<f64>)> =
         forms(&shown.deflection_percent).into_iter().map(|(name, errors)| (name, errors.to_vec())).collect();
-    if !bars.is_empty() {
-        add(&plot::bars(&format!("Deflection error under unit loads, {on} poses, mean"), "error in %", &LOADS, &bars)?);
-    }
-    add("<h2>Errors</h2>");
-    add(&error_tables(p.training, p.verified));
-    add("<h2>Correction coefficients over the pose (paper, Figs. 5 and 6) and residuals</h2>");
-    for i in 0..6 {
-        let open = if i == 0 { " open" } else { "" };
-        add(&format!("<details{open}><summary>c{0} and k{0}</summary>", STIFFNESSES[i]));
-        add(&tendencies(&fit.training, i)?);
-        add(&combinations(&fit.training, i)?);
-        add(&residuals(fit, i)?);
-        add("</details>");
-    }
-    add("<h2>Coefficients</h2>");
-    add(&coefficient_tables(fit));
-    add("<h2>Where this comes from</h2><dl>");
+    let body = html! {
+        @if !bars.is_empty() {
+            @let title = format!("Deflection error under unit loads, {on} poses, mean");
+            (picture(
+                "How wrong each model is about the deflection of A under a force or moment along each axis: lower is better.",
+                &plot::bars(&title, "error in %", &LOADS, &bars)?,
+            ))
+        }
+        h2 { "Errors" }
+        (error_tables(p.training, p.verified))
+        h2 { "Over the pose" }
+        @for (i, name) in STIFFNESSES.iter().enumerate() {
+            (fold(&format!("c{name} and k{name}"), &html! {
+                (charts(
+                    &format!("Mean of the correction c{name}, which makes k{name} of K_p that of the data (paper, Fig. 5)"),
+                    &tendencies(&fit.training, i),
+                )?)
+                (charts(&format!("c{name} at every pose, by the value of another variable (paper, Fig. 6)"),
+                    &combinations(&fit.training, i))?)
+                (charts(&format!("What the fitted polynomial leaves of k{name}"), &residuals(fit, i)?)?)
+            }))
+        }
+        h2 { "Coefficients" }
+        (fold("All terms of all polynomials", &coefficient_tables(fit)))
+    };
     let [theta, sigma, z0] = fit.extent.0;
-    let facts = [
+    let facts = vec![
         ("Command", p.command.to_owned()),
-        ("Tool", format!("pkm-host {}", env!("CARGO_PKG_VERSION"))),
         ("Machine file, SHA-256", p.file.machine_sha256.clone()),
         ("Data", format!("{}, {} poses, SHA-256 {}", p.file.data, fit.training.len(), p.file.data_sha256)),
         ("Verification", p.verification.map_or("none".into(), |(name, sha)| format!("{name}, SHA-256 {sha}"))),
         ("Box, outside which the controller gets a status", format!("θ {theta:?}°, σ {sigma:?}°, Z0 {z0:?} mm")),
         ("Condition number of the fit", format!("{:.1}", fit.condition)),
     ];
-    for (name, value) in facts {
-        add(&format!("<dt>{}</dt><dd>{}</dd>", escape(name), escape(&value)));
-    }
-    add("</dl>");
-    Ok(page(&title, &body))
-}
-
-/// A whole page with its style.
-pub(crate) fn page(title: &str, body: &str) -> String {
-    format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n<meta name=\"viewport\" \
-         content=\"width=device-width\">\n<title>{title}</title>\n<style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
-    )
+    let findings = conclusion(p.training, p.verified);
+    Ok(Page { title: format!("Stiffness table of {}", p.file.machine), findings: &findings, body, facts }.html())
 }

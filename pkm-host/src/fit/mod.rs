@@ -12,6 +12,8 @@ use crate::error::{Failure, Result};
 use crate::machine_file::{MachineFile, PoseBox};
 use crate::table_file::{TableNumbers, core_units, refuse_not_positive};
 
+pub mod report;
+
 /// Which of them Eq. 12 gives to c11…c66.
 const EQ_12: [[bool; 9]; 6] = {
     const fn with(cross: Option<usize>) -> [bool; 9] {

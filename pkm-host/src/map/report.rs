@@ -1,0 +1,125 @@
+//! `report.html` of a map.
+
+use maud::{Markup, PreEscaped, html};
+
+use super::claims::Claim;
+use super::picture::Picture;
+use super::{Map, Point};
+use crate::dataset::stiffness_column;
+use crate::machine_file::MachineFile;
+use crate::report::{Finding, Page, fold, of_file, pictures, table};
+use crate::source::Source;
+
+/// Of A-uvw, along which k11, k22 and k33 are.
+const AXES: [&str; 3] = ["u", "v", "w"];
+
+/// All that there is of one σ.
+pub struct Sheet {
+    /// Its values.
+    pub map: Map,
+    /// The same drawn.
+    pub picture: Picture,
+    /// The paper's claims about them: over what, and which.
+    pub claims: [(&'static str, Vec<Claim>); 2],
+}
+
+fn value(p: &Point, k: usize) -> f64 {
+    p.value.map_or(f64::NAN, |v| v.principal[k])
+}
+
+/// Where the machine is softest and stiffest along an axis, and how much of that a table backs.
+fn findings(sheets: &[Sheet], has_table: bool) -> Vec<Finding> {
+    // stiffness, axis and place of all least (0) or greatest (1) values
+    let ends = |end: usize| {
+        sheets.iter().flat_map(move |s| {
+            let extremes = s.map.extremes();
+            (0..3).map(move |k| (value(extremes[k][end], k), k, extremes[k][end], s.map.sigma_deg))
+        })
+    };
+    let words = |(k, axis, p, sigma): (f64, usize, &Point, f64)| {
+        let (x0, z0) = (p.x0_mm, p.z0_mm);
+        format!("{:.2} N/µm along {} (X0 = {x0} mm, Z0 = {z0} mm, σ = {sigma}°)", k / 1e6, AXES[axis])
+    };
+    let softest = ends(0).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(String::new(), words);
+    let stiffest = ends(1).max_by(|a, b| a.0.total_cmp(&b.0)).map_or(String::new(), words);
+    let count = |status: &str| sheets.iter().flat_map(|s| &s.map.points).filter(|p| p.status() == status).count();
+    let (inside, outside, without) = (count("ok"), count("outside_box"), count("no_stiffness"));
+
+    let between = format!("softest {softest}, stiffest {stiffest}.");
+    let mut all = vec![match (has_table, inside, outside) {
+        (false, ..) => Finding::warning(format!("Uncorrected: the basic model, which no data back, says: {between}")),
+        (true, 0, _) => Finding::bad(format!("No point lies inside the table's box: all is extrapolated: {between}")),
+        (true, _, 0) => Finding::good(format!("All of the map lies inside the table's box: {between}")),
+        (true, ..) => Finding::good(format!("Inside the table's box: {between}")),
+    }];
+    if outside > 0 {
+        all.push(Finding::warning(format!(
+            "{:.0} % of what the machine reaches here lies outside the table's box: striped in the maps, extrapolated, \
+             not to be relied on.",
+            100.0 * outside as f64 / (inside + outside) as f64
+        )));
+    }
+    if without > 0 {
+        all.push(Finding::warning(format!("At {without} points the table gives no stiffness: too far from its box.")));
+    }
+    for sheet in sheets {
+        for (over, claims) in sheet.claims.iter().filter(|(_, claims)| !claims.is_empty()) {
+            let held = claims.iter().filter(|c| c.holds).count();
+            all.push(Finding::good(format!(
+                "{held} of {} statements of the paper about its own machine (Section 5.2) hold over the {over} at σ = {}°.",
+                claims.len(),
+                sheet.map.sigma_deg
+            )));
+        }
+    }
+    all
+}
+
+fn extremes(map: &Map) -> Markup {
+    let rows: Vec<_> = (map.extremes().iter().enumerate())
+        .map(|(k, ends)| {
+            let unit = if k < 3 { "N/m" } else { "N·m/rad" };
+            let end = |p: &Point| [format!("{:.4e}", value(p, k)), p.x0_mm.to_string(), p.z0_mm.to_string()];
+            (format!("{} {unit}", stiffness_column(k, k)), ends.iter().flat_map(|p| end(p)).collect())
+        })
+        .collect();
+    let heads = ["least", "at X0 mm", "Z0 mm", "greatest", "at X0 mm", "Z0 mm"];
+    table("Least and greatest values, inside the table's box if there is any", &heads, &rows)
+}
+
+fn claims(over: &str, claims: &[Claim]) -> Markup {
+    let row = |c: &Claim| {
+        let holds = if c.holds { "✓ holds" } else { "✗ does not" };
+        (c.claim.clone(), vec![holds.to_owned(), c.text.clone()])
+    };
+    let rows: Vec<_> = claims.iter().map(row).collect();
+    table(&format!("What the paper's Section 5.2 says of its machine, over the {over}"), &["here", "figures"], &rows)
+}
+
+fn sheet(sheet: &Sheet) -> Markup {
+    let map = &sheet.map;
+    let [[x0, x1], [z0, z1]] = map.grid.extent_mm();
+    html! {
+        h2 { "σ = " (map.sigma_deg) "°" }
+        ul.signs { @for (svg, name) in &sheet.picture.signs { li { (PreEscaped(svg)) (name) } } }
+        (pictures("Stiffness at A in A-uvw, where A stands in the plane of X0 and Z0. Bright is stiff.", &sheet.picture.panels))
+        (extremes(map))
+        @for (over, of) in sheet.claims.iter().filter(|(_, of)| !of.is_empty()) {
+            (fold(&format!("The paper's statements, over the {over}"), &claims(over, of)))
+        }
+        p { "X0 " (x0) " to " (x1) " mm, Z0 " (z0) " to " (z1) " mm, every " (map.grid.step_mm) " mm: "
+            (super::counted(&map.points)) "." }
+    }
+}
+
+/// The page; `described` is the model in words.
+pub fn html(file: &MachineFile, correction: Option<&Source>, described: &str, sheets: &[Sheet]) -> String {
+    let body = html! { @for s in sheets { (sheet(s)) } };
+    let facts = vec![
+        ("Model", described.to_owned()),
+        ("Machine file", of_file(&file.source)),
+        ("Correction table", correction.map_or("none".into(), of_file)),
+    ];
+    let findings = findings(sheets, correction.is_some());
+    Page { title: format!("Stiffness map of {}", file.name), findings: &findings, body, facts }.html()
+}

@@ -1,0 +1,324 @@
+//! All reports, looked at by a browser: Chromium without a window, driven over its DevTools protocol by a pair of pipes.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+use pkm_host::commands::{self, Form, PlaceOptions};
+use pkm_host::fem;
+use pkm_host::fit::TermChoice;
+use pkm_host::map::Window;
+use serde_json::{Value, json};
+
+use crate::{Outcome, root};
+
+const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+/// Width and height: a desktop and a telephone.
+const WINDOWS: [[u32; 2]; 2] = [[1280, 800], [390, 844]];
+/// What the shorter of the two papers leaves of its long side at 96 dots an inch: Letter with margins of 12 mm.
+const PAPER: [u32; 2] = [965, 725];
+/// Of body text to what is behind it.
+const CONTRAST: f64 = 7.0;
+
+/// Mistakes that must be seen, made in a report: what is replaced by what, and whether it shows on paper alone.
+const PLANTED: [(&str, &str, &str, bool); 9] = [
+    ("no rule for narrow windows", "width=device-width, initial-scale=1", "", false),
+    ("something from elsewhere", "<h1>", "<h1 style=\"background:url(http://127.0.0.1:9/x.png)\">", false),
+    ("a message in the console", "</h1>", "</h1><script>console.log(1)</script>", false),
+    ("pale letters", "--ink:#14181d", "--ink:#9a9a9a", false),
+    ("tables as wide as they like", "overflow-x:auto", "", false),
+    ("a verdict that nobody sees", "<h1>", "<p style=\"height:2000px\"></p><h1>", false),
+    ("text outside of its picture", "<text x=\"", "<text x=\"9", false),
+    ("large tables on paper", "table{font-size:8.5pt}", "table{font-size:16pt}", true),
+    ("folded parts on paper", "content-visibility:visible", "", true),
+];
+
+/// In the page: what is wrong with it, as sentences.
+const CHECKS: &str = r"(least, paper, width) => {
+  const wrong = [], root = document.documentElement;
+  if (innerWidth !== width) wrong.push(`the page is laid out for ${innerWidth}, not for the window's ${width}`);
+  if (root.scrollWidth > innerWidth) wrong.push(`the page is ${root.scrollWidth} wide in a window of ${innerWidth}`);
+  const light = c => { const [r, g, b] = c.match(/[\d.]+/g).map(v => v / 255).map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const behind = e => { for (; e; e = e.parentElement) { const c = getComputedStyle(e).backgroundColor; if (c !== 'rgba(0, 0, 0, 0)') return c; } return 'rgb(255, 255, 255)'; };
+  const contrast = (a, b) => { const [x, y] = [light(a), light(b)]; return (Math.max(x, y) + 0.05) / (Math.min(x, y) + 0.05); };
+  for (const e of document.querySelectorAll('body, h1, h2, p, li, summary, figcaption, th, td, dt, dd, pre, .state')) {
+    const c = contrast(getComputedStyle(e).color, behind(e));
+    if (c < least) wrong.push(`${e.tagName} ${e.className} has a contrast of ${c.toFixed(1)}`);
+  }
+  for (const e of document.querySelectorAll('svg text')) {
+    const c = contrast(getComputedStyle(e).fill, behind(e.closest('div, li')));
+    if (c < least) wrong.push(`text of a picture has a contrast of ${c.toFixed(1)}: ${e.textContent}`);
+  }
+  if (!paper && parseFloat(getComputedStyle(document.body).fontSize) < 17) wrong.push('letters are small');
+  const seen = e => e.checkVisibility({ contentVisibilityAuto: true });
+  if (paper) for (const e of document.querySelectorAll('details > *')) if (!seen(e)) { wrong.push('on paper something stays folded'); break; }
+  if (!paper) document.querySelectorAll('details').forEach(e => e.open = true);
+  for (const svg of document.querySelectorAll('svg')) {
+    const box = svg.getBoundingClientRect(), name = svg.querySelector('title')?.textContent;
+    if (!name || svg.getAttribute('role') !== 'img') wrong.push('a picture has no name');
+    if (box.width < 20 || box.height < 10) wrong.push(`picture ${name} has no size`);
+    for (const text of svg.querySelectorAll('text')) {
+      const t = text.getBoundingClientRect();
+      if (t.left < box.left - 1 || t.right > box.right + 1 || t.top < box.top - 1 || t.bottom > box.bottom + 1)
+        wrong.push(`picture ${name} cuts its text ${text.textContent}`);
+    }
+  }
+  for (const e of document.querySelectorAll('table, svg, pre, summary, dd, p, li')) {
+    const right = e.getBoundingClientRect().right;
+    if (paper && right > innerWidth + 1) wrong.push(`${e.tagName} ${e.textContent.slice(0, 40)} is cut on paper: ${right.toFixed(0)} of ${innerWidth}`);
+  }
+  if (root.scrollWidth > innerWidth) wrong.push(`unfolded, the page is ${root.scrollWidth} wide in a window of ${innerWidth}`);
+  for (const what of ['h1', '.verdict .state', '.verdict .headline']) {
+    const box = document.querySelector(what)?.getBoundingClientRect();
+    if (!box || box.height === 0 || box.bottom > innerHeight) wrong.push(`${what} is not at the top`);
+  }
+  if (document.querySelector('script, iframe, link, img')) wrong.push('there is a script, or something from elsewhere');
+  if (!paper) document.querySelectorAll('details').forEach(e => e.open = false);
+  return wrong;
+}";
+
+pub fn run() -> Outcome {
+    let out = root().join("out/reports");
+    let reports = write(&out)?;
+    let mut browser = Browser::start()?;
+    let mut wrong = Vec::new();
+    for (name, path) in &reports {
+        // light last: it is what is printed
+        for dark in [true, false] {
+            for window in WINDOWS {
+                let picture = out.join(format!("{name}-{}-{}.png", if dark { "dark" } else { "light" }, window[0]));
+                let faults = browser.look(path, window, dark, false, &picture)?;
+                wrong.extend(faults.into_iter().map(|f| format!("{name}, {window:?}, dark {dark}: {f}")));
+            }
+            let picture = out.join(format!("{name}-print{}.png", if dark { "-dark" } else { "" }));
+            let faults = browser.look(path, PAPER, dark, true, &picture)?;
+            wrong.extend(faults.into_iter().map(|f| format!("{name}, on paper, dark {dark}: {f}")));
+        }
+        let pages = browser.print(&out.join(format!("{name}.pdf")))?;
+        println!("{name}: {pages} pages of paper");
+    }
+    wrong.extend(unseen(&mut browser, &reports[0].1, &out)?);
+    if wrong.is_empty() {
+        println!("{} reports are whole; pictures of them are in {}", reports.len(), out.display());
+        return Ok(());
+    }
+    Err(wrong.join("\n"))
+}
+
+/// Planted mistakes that the checks don't see.
+fn unseen(browser: &mut Browser, report: &Path, out: &Path) -> Result<Vec<String>, String> {
+    let html = std::fs::read_to_string(report).map_err(|e| e.to_string())?;
+    let path = out.join("planted.html");
+    let mut unseen = Vec::new();
+    for (what, from, to, paper) in PLANTED {
+        let spoilt = html.replacen(from, to, 1);
+        std::fs::write(&path, &spoilt).map_err(|e| e.to_string())?;
+        let window = if paper { PAPER } else { WINDOWS[1] };
+        let faults = browser.look(&path, window, false, paper, &out.join("planted.png"))?;
+        if spoilt == html || faults.is_empty() {
+            unseen.push(format!("planted, and not seen: {what}"));
+        }
+    }
+    Ok(unseen)
+}
+
+/// Writes the reports of the fixtures: names and where they are.
+fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
+    let fail = |e: pkm_host::error::Failure| e.to_string();
+    std::fs::create_dir_all(out).map_err(|e| e.to_string())?;
+    let fixture = |name: &str| root().join("fixtures").join(name);
+    let diagonal = out.join("k-diagonal.csv");
+    std::fs::write(&diagonal, principal_alone(&fixture("stiffness/fe-l49.csv"))?).map_err(|e| e.to_string())?;
+    let poses = out.join("poses.csv");
+    std::fs::write(&poses, "pose,theta_deg,sigma_deg,z0_mm\na,0,0,530\nb,5,-3,520\n").map_err(|e| e.to_string())?;
+    let folder = |name: &str| out.join(name);
+
+    commands::fit(None, None, None, TermChoice::Paper, &folder("fit")).map_err(fail)?;
+    commands::fit(None, None, None, TermChoice::Full, &folder("fit-full")).map_err(fail)?;
+    commands::fit(None, Some(&diagonal), None, TermChoice::Paper, &folder("fit-diagonal")).map_err(fail)?;
+    for set in ["p08", "p10"] {
+        let part = |name: &str| fixture(&format!("measured/{set}/{name}"));
+        let (machine, data, others) = (part("machine.toml"), part("measured.csv"), part("heldout.csv"));
+        commands::diagnose(Some(&machine), Some(&data), Some(&others), &folder(&format!("diagnose-{set}")))
+            .map_err(fail)?;
+    }
+    let table = fixture("jobs/wide-table.json");
+    let options =
+        PlaceOptions { objectives: &[], method: None, step_mm: 5.0, step_deg: 5.0, seed: 1, extrapolate: false };
+    commands::place(None, None, Some(&table), Form::Auto, &options, &folder("place")).map_err(fail)?;
+    commands::map(None, Some(&table), Form::Auto, &[0.0], &Window::default(), &folder("map")).map_err(fail)?;
+    let request = |name: &str, mode| (out.join(name), mode);
+    for (path, mode) in [request("fem.csv", fem::Mode::Run), request("fem-dry.csv", fem::Mode::DryRun)] {
+        let request = fem::Request {
+            poses: Some(&poses),
+            out: &path,
+            set: &[],
+            size: 3.0,
+            jobs: 1,
+            ccx: Path::new("ccx"),
+            work: None,
+            keep: false,
+            mode,
+            readings: None,
+        };
+        fem::fem(None, &request).map_err(fail)?;
+    }
+    let of_folder = ["fit", "fit-full", "fit-diagonal", "diagnose-p08", "diagnose-p10", "place", "map"];
+    let mut all: Vec<_> = of_folder.iter().map(|name| (*name, folder(name).join("report.html"))).collect();
+    all.extend([("fem", folder("fem.html")), ("fem-dry", folder("fem-dry.drawing.html"))]);
+    Ok(all)
+}
+
+/// A stiffness file without couplings.
+fn principal_alone(path: &Path) -> Result<String, String> {
+    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let rows: Vec<Vec<&str>> = text.lines().filter(|l| !l.starts_with('#')).map(|l| l.split(',').collect()).collect();
+    let taken = |i: usize| {
+        let name: Vec<char> = rows[0][i].chars().collect();
+        name[0] != 'k' || name[1] == name[2]
+    };
+    let line = |row: &Vec<&str>| (0..row.len()).filter(|i| taken(*i)).map(|i| row[i]).collect::<Vec<_>>().join(",");
+    Ok(rows.iter().map(|row| line(row) + "\n").collect())
+}
+
+/// What an answer holds.
+fn bytes(answer: &Value) -> Result<Vec<u8>, String> {
+    BASE64_STANDARD.decode(answer["data"].as_str().unwrap_or_default()).map_err(|e| e.to_string())
+}
+
+/// A browser with one page.
+struct Browser {
+    child: Child,
+    to: ChildStdin,
+    from: BufReader<ChildStdout>,
+    session: Option<String>,
+    calls: u64,
+    /// What came between answers.
+    events: Vec<Value>,
+    /// Where it keeps its files.
+    _profile: tempfile::TempDir,
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+impl Browser {
+    fn start() -> Result<Self, String> {
+        let installed = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
+        let program = match std::env::var("PKM_BROWSER") {
+            Ok(program) => program,
+            Err(_) => BROWSERS.iter().copied().find(installed).map(str::to_owned).ok_or(
+                "no browser to look at the reports with: apt-get install chromium, or name one in PKM_BROWSER (Chromium or Chrome)",
+            )?,
+        };
+        let profile = tempfile::tempdir().map_err(|e| e.to_string())?;
+        // the browser reads commands from its file 3 and answers in its file 4
+        let mut child = Command::new("sh")
+            .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null", "sh", &program, "--remote-debugging-pipe"])
+            .args(["--headless", "--no-first-run", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage"])
+            // what is opened is our own; without it no root user, such as a container's, gets a browser
+            .args(["--no-sandbox", "--disable-background-networking", "--disable-component-update"])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|e| format!("{program}: {e}"))?;
+        let (to, from) = child.stdin.take().zip(child.stdout.take()).ok_or("no pipes")?;
+        let from = BufReader::new(from);
+        let mut browser = Self { child, to, from, session: None, calls: 0, events: Vec::new(), _profile: profile };
+        let page = browser.call("Target.createTarget", json!({ "url": "about:blank" }))?;
+        let attach = json!({ "targetId": page["targetId"], "flatten": true });
+        browser.session = browser.call("Target.attachToTarget", attach)?["sessionId"].as_str().map(str::to_owned);
+        for domain in ["Page", "Runtime", "Log", "Network"] {
+            browser.call(&format!("{domain}.enable"), json!({}))?;
+        }
+        Ok(browser)
+    }
+
+    fn receive(&mut self) -> Result<Value, String> {
+        let mut message = Vec::new();
+        self.from.read_until(0, &mut message).map_err(|e| format!("browser: {e}"))?;
+        message.pop();
+        serde_json::from_slice(&message).map_err(|e| format!("the browser has gone: {e}"))
+    }
+
+    fn call(&mut self, method: &str, params: Value) -> Result<Value, String> {
+        self.calls += 1;
+        let mut message = json!({ "id": self.calls, "method": method, "params": params });
+        if let Some(session) = &self.session {
+            message["sessionId"] = session.as_str().into();
+        }
+        write!(self.to, "{message}\0").and_then(|()| self.to.flush()).map_err(|e| format!("browser: {e}"))?;
+        loop {
+            let mut answer = self.receive()?;
+            if answer["id"] == self.calls {
+                let error = &answer["error"];
+                return if error.is_null() { Ok(answer["result"].take()) } else { Err(format!("{method}: {error}")) };
+            }
+            self.events.push(answer);
+        }
+    }
+
+    /// Opens a page, takes its picture, and says what is wrong with it.
+    fn look(
+        &mut self,
+        path: &Path,
+        [width, height]: [u32; 2],
+        dark: bool,
+        paper: bool,
+        picture: &Path,
+    ) -> Result<Vec<String>, String> {
+        let screen = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600 });
+        self.call("Emulation.setDeviceMetricsOverride", screen)?;
+        let scheme = json!([{ "name": "prefers-color-scheme", "value": if dark { "dark" } else { "light" } }]);
+        let media = if paper { "print" } else { "screen" };
+        self.call("Emulation.setEmulatedMedia", json!({ "media": media, "features": scheme }))?;
+        self.events.clear();
+        let url = format!("file://{}", path.display());
+        self.call("Page.navigate", json!({ "url": url }))?;
+        while !self.events.iter().any(|e| e["method"] == "Page.loadEventFired") {
+            let event = self.receive()?;
+            self.events.push(event);
+        }
+        let checks = format!("({CHECKS})({CONTRAST}, {paper}, {width})");
+        let found = self.call("Runtime.evaluate", json!({ "expression": checks, "returnByValue": true }))?;
+        let found = found["result"]["value"].as_array().ok_or_else(|| format!("{}: {found}", path.display()))?.clone();
+        let mut wrong: Vec<String> = found.iter().filter_map(Value::as_str).map(str::to_owned).collect();
+        for event in &self.events {
+            let params = &event["params"];
+            match event["method"].as_str() {
+                Some("Network.requestWillBeSent") if params["request"]["url"] != url.as_str() => {
+                    wrong.push(format!("asks for {}", params["request"]["url"]));
+                }
+                Some("Network.loadingFailed") => wrong.push(format!("a request failed: {}", params["errorText"])),
+                Some("Log.entryAdded") => wrong.push(format!("the browser says: {}", params["entry"]["text"])),
+                Some("Runtime.consoleAPICalled" | "Runtime.exceptionThrown") => {
+                    wrong.push(format!("the console says: {params}"));
+                }
+                _ => {}
+            }
+        }
+        wrong.dedup();
+        let size = self.call("Page.getLayoutMetrics", json!({}))?["cssContentSize"].take();
+        let clip = json!({ "x": 0, "y": 0, "width": width, "height": size["height"], "scale": 1 });
+        let shot = json!({ "format": "png", "captureBeyondViewport": true, "clip": clip });
+        let whole = self.call("Page.captureScreenshot", shot)?;
+        std::fs::write(picture, bytes(&whole)?).map_err(|e| format!("{}: {e}", picture.display()))?;
+        Ok(wrong)
+    }
+
+    /// Prints the page that is open; the number of its pages.
+    fn print(&mut self, path: &Path) -> Result<usize, String> {
+        let printed = self.call("Page.printToPDF", json!({ "preferCSSPageSize": true, "printBackground": true }))?;
+        let pdf = bytes(&printed)?;
+        std::fs::write(path, &pdf).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(pdf.windows(11).filter(|w| w == b"/Type /Page").count())
+    }
+}
