@@ -49,7 +49,7 @@ pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -
         }
     }
     let _ = writeln!(text, "  {} terms, condition number of the fit {:.1}", fit.numbers.terms.len(), fit.condition);
-    for sentence in conclusion(trained, verified) {
+    for sentence in conclusion(fit, trained, verified) {
         let _ = writeln!(text, "- {sentence}");
     }
     text
@@ -67,8 +67,11 @@ fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
 }
 
 /// What the fit is worth, in sentences.
-fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<String> {
+fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<String> {
     let (e, on) = match verified {
+        Some(v) if fit.verification_in_training() > 0 => {
+            (v, "verification poses that had a part in the fit themselves")
+        }
         Some(v) => (v, "the verification poses, which had no part in the fit"),
         None => (trained, "the training poses themselves: give --verify to judge the table by others"),
     };
@@ -81,7 +84,9 @@ fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<String
     let forms = forms(&e.deflection_percent);
     if let Some((_, basic)) = forms.first() {
         for (name, errors) in &forms[1..] {
-            let worse = (0..6).filter(|i| errors[*i] > basic[*i]).map(|i| LOADS[i]).collect::<Vec<_>>();
+            let is_worse = |i: &usize| errors[*i] > basic[*i];
+            let worse: Vec<&str> = (0..6).filter(is_worse).map(|i| LOADS[i]).collect();
+            let worst_of_these = |v: &[f64; 6]| (0..6).filter(is_worse).map(|i| v[i]).fold(0.0, f64::max);
             sentences.push(if worse.is_empty() {
                 format!(
                     "Under load, {name}: mean deflection error at most {:.2} %, where K_p is wrong by up to {:.1} %.",
@@ -93,8 +98,8 @@ fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<String
                     "Under load, {name}: WORSE than K_p under {} (up to {:.0} % against {:.0} %). Don't predict \
                      deflections with it.",
                     worse.join(", "),
-                    worst(errors),
-                    worst(basic)
+                    worst_of_these(errors),
+                    worst_of_these(basic)
                 )
             });
         }
@@ -333,7 +338,7 @@ pre{overflow-x:auto}svg{width:100%;height:auto}details{margin:.5rem 0}summary{cu
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn fit_report(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
+pub fn fit_report(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String> {
     let mut body = String::new();
     let mut add = |html: &str| {
         body.push_str(html);
@@ -342,7 +347,10 @@ pub fn fit_report(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
     let title = format!("Stiffness table of {}", escape(&p.file.machine));
     add(&format!("<h1>{title}</h1>"));
     add("<ul>");
-    for sentence in conclusion(p.training, p.verified) {
+    for warning in warnings {
+        add(&format!("<li class=\"worse\">Warning: {}</li>", escape(warning)));
+    }
+    for sentence in conclusion(fit, p.training, p.verified) {
         let class = if sentence.contains("WORSE") { " class=\"worse\"" } else { "" };
         add(&format!("<li{class}>{}</li>", escape(&sentence)));
     }

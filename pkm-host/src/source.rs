@@ -62,11 +62,22 @@ impl Source {
     /// The text without byte-order mark.
     ///
     /// # Errors
-    /// The line that is not UTF-8.
+    /// The line that is not UTF-8; a spreadsheet that was not saved as text.
     pub fn text(&self) -> Result<&str> {
+        let other = match self.bytes.as_slice() {
+            [b'P', b'K', 3, 4, ..] | [0xd0, 0xcf, 0x11, 0xe0, ..] => Some("this is a workbook (or another archive)"),
+            [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some("this is UTF-16"),
+            _ => None,
+        };
+        if let Some(other) = other {
+            let message = format!("{other}, not UTF-8 text: save it from the spreadsheet as `CSV UTF-8`");
+            return Err(Failure::input(message).in_file(&self.name));
+        }
         let text = std::str::from_utf8(&self.bytes).map_err(|e| {
             let line = 1 + self.bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u64;
-            Failure::input("not UTF-8 text: save the file as UTF-8").in_file(&self.name).at_line(line)
+            Failure::input("not UTF-8 text: save the file as UTF-8 (from a spreadsheet as `CSV UTF-8`)")
+                .in_file(&self.name)
+                .at_line(line)
         })?;
         Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
     }
@@ -82,15 +93,34 @@ impl Source {
     }
 }
 
-/// Writes files so that each is there whole or not at all, and none before all could be written.
+/// Refuses to write over what is read.
 ///
 /// # Errors
-/// What the operating system says, with the path.
-pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)]) -> Result<()> {
+/// The file that would be lost, by whatever way its path or a link leads there.
+pub fn keep_inputs(outputs: &[impl AsRef<Path>], inputs: &[Option<&Path>]) -> Result<()> {
+    // nothing is lost where there is no file yet, nor in a device or a pipe
+    let real = |path: &Path| path.canonicalize().ok().filter(|p| p.is_file());
+    for input in inputs.iter().flatten() {
+        let kept = real(input);
+        if kept.is_some() && outputs.iter().any(|output| real(output.as_ref()) == kept) {
+            let message =
+                format!("--out would overwrite {}, which is read: give another name or folder", input.display());
+            return Err(Failure::usage(message));
+        }
+    }
+    Ok(())
+}
+
+/// Writes files so that each is there whole or not at all, none before all could be written, and none over an input.
+///
+/// # Errors
+/// What the operating system says, with the path; see [`keep_inputs`].
+pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)], inputs: &[Option<&Path>]) -> Result<()> {
+    let paths: Vec<_> = files.iter().map(|(name, _)| folder.join(name)).collect();
+    keep_inputs(&paths, inputs)?;
     std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
     let mut ready = Vec::new();
-    for (name, content) in files {
-        let path = folder.join(name);
+    for (path, (_, content)) in paths.into_iter().zip(files) {
         // a link keeps pointing, a device or a pipe is written to and not replaced
         let path = std::fs::canonicalize(&path).unwrap_or(path);
         let written = match std::fs::metadata(&path) {
@@ -118,11 +148,11 @@ pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)]) -> Result<
 ///
 /// # Errors
 /// What the operating system says, with the path.
-pub fn write(path: &Path, content: String) -> Result<()> {
+pub fn write(path: &Path, content: String, inputs: &[Option<&Path>]) -> Result<()> {
     let name = path.file_name().filter(|_| !path.as_os_str().as_encoded_bytes().ends_with(b"/"));
     let name = name.ok_or_else(|| Failure::usage("expected a file name").in_file(path.display().to_string()))?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    write_all(folder, &[(name, content)])
+    write_all(folder, &[(name, content)], inputs)
 }
 
 /// Whether a file of this name can be written, before a long computation.
