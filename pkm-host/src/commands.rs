@@ -9,6 +9,7 @@ use pkm_core::{
     CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths,
     StiffnessError, StiffnessFactor, Wrench,
 };
+use pkm_fixtures::Fixture;
 use serde_json::{Value, json};
 
 use crate::dataset::{
@@ -16,7 +17,7 @@ use crate::dataset::{
 };
 use crate::diagnose::readings::{REFERENCE_C, Readings};
 use crate::diagnose::{self, outputs};
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, printable};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
@@ -39,7 +40,27 @@ pub struct Output {
 }
 
 fn machine_file(path: Option<&Path>) -> Result<MachineFile> {
-    MachineFile::parse(Source::read_or(path, pkm_fixtures::MACHINE)?)
+    let file = MachineFile::parse(Source::read_or(path, pkm_fixtures::MACHINE)?)?;
+    file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
+    Ok(file)
+}
+
+/// A file, or the fixture, which is the reference machine's: a machine of another size has no use for it.
+fn read_or_fixture(path: Option<&Path>, fixture: Fixture, option: &str, machine: &MachineFile) -> Result<Source> {
+    if path.is_none() {
+        let reference = pkm_core::tables::reference::PARAMETERS;
+        let (own, name) = (&machine.parameters, &machine.source.name);
+        if (own.geometry, own.travel) != (reference.geometry, reference.travel) {
+            let message = format!(
+                "{option} is missing: what comes with the program is the reference machine's, not that of {name}"
+            );
+            return Err(Failure::usage(message));
+        }
+        if own.limbs != reference.limbs {
+            eprintln!("warning: no {option}: {name} gets the reference machine's, {}", fixture.path);
+        }
+    }
+    Source::read_or(path, fixture)
 }
 
 fn refused(e: KinematicsError, what: &str) -> Failure {
@@ -138,18 +159,23 @@ pub(crate) fn margins(
 ///
 /// # Errors
 /// See [`path::compensate`]; a table without factor form.
-pub fn compensate(machine: Option<&Path>, table: Option<&Path>, request: &path::Request<'_>) -> Result<Output> {
-    let model = Model::read(machine, table, Form::Auto)?;
-    let correction = model.table.as_ref().zip(table).map(|(t, file)| {
+pub fn compensate(request: &path::Request<'_>) -> Result<Output> {
+    let model = Model::read(request.machine, request.table, Form::Auto)?;
+    let correction = model.table.as_ref().zip(request.table).map(|(t, file)| {
         let name = file.display().to_string();
         if t.form == Form::Diagonal {
-            let message =
-                "has no factor form, and the diagonal form is wrong for loads: fit it on data with all 21 columns";
-            return Err(Failure::input(message).in_file(name).at_column("factor"));
+            return Err(no_factor_form(request.table, "there is no path without it"));
         }
         Ok(Correction { table: t.numbers.table()?, extent: t.pose_box, name })
     });
     path::compensate(&model.machine, correction.transpose()?.as_ref(), request)
+}
+
+/// Deflections were asked of a table for principal stiffnesses alone.
+fn no_factor_form(table: Option<&Path>, or: &str) -> Failure {
+    let message = "has no factor form, and the diagonal form is wrong for loads: fit it on data with all 21 columns";
+    let failure = Failure::input(format!("{message}; {or}")).at_column("factor");
+    table.map_or(failure.clone(), |path| failure.in_file(path.display().to_string()))
 }
 
 /// Which model gives the stiffness.
@@ -270,6 +296,7 @@ pub fn stiffness(
     form: Form,
     out: Option<&Path>,
 ) -> Result<Output> {
+    let inputs = [machine, Some(poses), table];
     let model = Model::read(machine, table, form)?;
     let source = Source::read(poses)?;
     let file = source.name.clone();
@@ -286,7 +313,7 @@ pub fn stiffness(
     let rows = poses.iter().zip(&solved).map(|(p, s)| {
         let k = s.factor.stiffness().matrix();
         let mut row = vec![p.id.clone()];
-        row.extend(file_units(&p.pose).map(|v| v.to_string()));
+        row.extend(dataset::pose_cells(&p.pose));
         row.extend(stiffness_columns().map(|(i, j, _)| k[i][j].to_string()));
         row
     });
@@ -310,7 +337,7 @@ pub fn stiffness(
         text.push_str(&format!("{:>10} {k}{mark}\n", p.id));
     }
     if let Some(out) = out {
-        source::write(out, dataset::to_csv(b',', &header, rows))?;
+        source::write(out, dataset::to_csv(b',', &header, rows), &inputs)?;
         text.push_str(&format!("wrote {}\n", out.display()));
     }
     Ok(Output { text, json: json!({ "poses": documents }) })
@@ -328,7 +355,10 @@ pub fn predict(
     out: &Path,
 ) -> Result<Output> {
     let model = Model::read(machine, table, form)?;
-    let source = Source::read_or(data, pkm_fixtures::MEASURED)?;
+    if form == Form::Auto && model.table.as_ref().is_some_and(|t| t.form == Form::Diagonal) {
+        return Err(no_factor_form(table, "or give --form diagonal to have it all the same"));
+    }
+    let source = read_or_fixture(data, pkm_fixtures::MEASURED, "--data", &model.machine)?;
     let file = source.name.clone();
     let (sheet, readings) = Readings::read_conditions(source, &model.machine)?;
     let conditions: Vec<_> = readings.readings.iter().map(|r| readings.conditions[r.condition]).collect();
@@ -353,12 +383,12 @@ pub fn predict(
         cells.resize(header.len(), String::new());
         let micro = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6);
         for (column, value) in columns.iter().zip(micro) {
-            cells[*column] = value.to_string();
+            cells[*column] = sheet.written(value);
         }
         rows.push(cells);
     }
     let count = rows.len();
-    source::write(out, dataset::to_csv(if sheet.semicolons { b';' } else { b',' }, &header, rows))?;
+    source::write(out, dataset::to_csv(sheet.delimiter(), &header, rows), &[machine, data, table])?;
     let outside = solved.iter().filter(|s| s.domain == Some(Domain::Outside)).count();
     Ok(Output {
         text: format!("wrote {} rows to {}\n", count, out.display()),
@@ -378,24 +408,26 @@ pub fn plan(
     out: &Path,
 ) -> Result<Output> {
     let kind = PlanKind::parse(kind)?;
+    let inputs = [machine, data];
     let mut machine = machine_file(machine)?;
     machine.pose_box = pose_box.unwrap_or(machine.pose_box);
     let mut header = POSE_COLUMNS.map(str::to_owned).to_vec();
-    let tidy = |v: f64| ((v * 1e9).round() / 1e9).to_string();
-    let pose = |pose: &Pose<f64>| file_units(pose).map(tidy);
     let mut separates = Vec::new();
     let rows: Vec<Vec<String>> = if kind == PlanKind::Discriminate {
-        let readings = Readings::read(Source::read_or(data, pkm_fixtures::MEASURED)?, &machine)?;
+        let source = read_or_fixture(data, pkm_fixtures::MEASURED, "--data", &machine)?;
+        let readings = Readings::read(source, &machine)?;
         let diagnosis = diagnose::diagnose(&machine, &readings, None)?;
         if diagnosis.proposals.is_empty() {
             return Err(
                 Failure::other("these readings leave no two rivals to tell apart").in_file(readings.source.name)
             );
         }
-        header.extend(WRENCH_COLUMNS.map(str::to_owned));
+        // with cells to write the readings in
+        header.extend(WRENCH_COLUMNS.into_iter().chain(DEFLECTION_COLUMNS).map(str::to_owned));
         let row = |(n, p): (usize, &diagnose::next::Proposal)| {
             let load = p.wrench.force_n.into_iter().chain(p.wrench.moment_nm).map(|v| v.to_string());
-            [format!("N{:02}", n + 1)].into_iter().chain(pose(&p.pose)).chain(load).collect()
+            let load = load.chain(DEFLECTION_COLUMNS.map(|_| String::new()));
+            [format!("N{:02}", n + 1)].into_iter().chain(dataset::pose_cells(&p.pose)).chain(load).collect()
         };
         separates = diagnosis.proposals.iter().map(|p| p.separates.clone()).collect();
         diagnosis.proposals.iter().enumerate().map(row).collect()
@@ -404,10 +436,10 @@ pub fn plan(
             return Err(Failure::usage("--data goes with --kind discriminate alone"));
         }
         let poses = plan::plan(kind, &machine.pose_box, &machine)?;
-        poses.iter().map(|p| [p.id.clone()].into_iter().chain(pose(&p.pose)).collect()).collect()
+        poses.iter().map(|p| [p.id.clone()].into_iter().chain(dataset::pose_cells(&p.pose)).collect()).collect()
     };
     let count = rows.len();
-    source::write(out, dataset::to_csv(b',', &header, rows))?;
+    source::write(out, dataset::to_csv(b',', &header, rows), &inputs)?;
     let mut text = format!("wrote {count} poses to {}\n", out.display());
     for (n, [a, b]) in separates.iter().enumerate() {
         text.push_str(&format!("  N{:02} tells {a} from {b}\n", n + 1));
@@ -426,11 +458,17 @@ pub fn fit(
     choice: TermChoice,
     out: &Path,
 ) -> Result<Output> {
+    let inputs = [machine, data, verify];
     let mut machine = machine_file(machine)?;
+    machine.warn_of_wrist();
+    if machine.wrist.is_err() {
+        eprintln!("warning: {}: the wrist is singular at home: coefficients.rs has no WRIST", machine.source.name);
+    }
     // the data are the mechanism's at A; what sits on A comes after the table
     let below_tool = MachineParameters { effects: machine.parameters.effects.below_tool(), ..machine.parameters };
     machine.machine = Machine::<f64>::new(&below_tool).map_err(|e| Failure::other(format!("{e:?}")))?;
-    let training = dataset::read_stiffness(Source::read_or(data, pkm_fixtures::TRAINING)?, &machine)?;
+    let source = read_or_fixture(data, pkm_fixtures::TRAINING, "--data", &machine)?;
+    let training = dataset::read_stiffness(source, &machine)?;
     // the fixture's verification poses go with the fixture's training poses
     let verification = match (verify, data) {
         (Some(path), _) => Some(Source::read(path)?),
@@ -448,23 +486,46 @@ pub fn fit(
     let trained = fit::evaluate(&fit.training, &machine, &fit.numbers).map_err(in_data)?;
     let verified = match (&fit.verification, &verification_source) {
         (Some(samples), Some(source)) => {
-            Some(fit::evaluate(samples, &machine, &fit.numbers).map_err(|f| f.in_file(&source.name))?)
+            let unusable = |f: Failure| {
+                let message = format!("the table fitted to {} is of no use here: {}", data_source.name, f.message);
+                Failure { message, ..f }.in_file(&source.name)
+            };
+            Some(fit::evaluate(samples, &machine, &fit.numbers).map_err(unusable)?)
         }
         _ => None,
     };
 
+    let mut warnings = Vec::new();
     if let Some(v) = verified.as_ref().filter(|v| v.outside_box > 0) {
-        eprintln!(
-            "warning: {} of {} verification poses lie outside the table's box: extrapolated",
+        warnings.push(format!(
+            "{} of {} verification poses lie outside the table's box: extrapolated",
             v.outside_box, v.poses
-        );
+        ));
     }
-    if let Some(ratio) = fit::suspicious_ratio(&fit.training) {
-        eprintln!(
-            "warning: {}: the stiffnesses are {ratio:.1e} times the model's: are they in N/m and N·m/rad?",
-            data_source.name
-        );
+    let fitted_too = fit.verification_in_training();
+    if fitted_too > 0 {
+        warnings.push(format!(
+            "{fitted_too} of {} verification poses are training poses too, and say nothing of others",
+            fit.verification.as_ref().map_or(0, Vec::len)
+        ));
     }
+    let both = [(&data_source, &fit.training)].into_iter().chain(verification_source.iter().zip(&fit.verification));
+    for (source, samples) in both {
+        let columns = fit::suspicious_ratios(samples);
+        if !columns.is_empty() {
+            let shown: Vec<String> = columns.iter().map(|(name, ratio)| format!("{name} {ratio:.1e}")).collect();
+            warnings.push(format!(
+                "{}: stiffnesses far from the declared machine's, in the mean over the poses {} times: are they in N/m \
+                 (1 N/mm = 1000 N/m) and N·m/rad?",
+                printable(&source.name),
+                shown.join(", ")
+            ));
+        }
+    }
+    if fit.extent.0[..2].iter().flatten().all(|angle| angle.abs() < 0.6) {
+        warnings.push(format!("{}: no angle is above 0.6°: are theta_deg and sigma_deg in degrees?", data_source.name));
+    }
+    warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
 
     let file = TableFile::new(&machine, &data_source, &fit);
     let choice_name = match choice {
@@ -487,9 +548,10 @@ pub fn fit(
         verified: verified.as_ref(),
     };
     let rust = rust_source(&provenance, &fit, &machine)?;
-    let document = fit_document(&fit, choice_name, &trained, verified.as_ref());
+    let mut document = fit_document(&fit, choice_name, &trained, verified.as_ref());
+    document["warnings"] = json!(warnings);
     let summary = fit::report::summary(&fit, &trained, verified.as_ref());
-    let html = fit::report::html(&provenance, &fit)?;
+    let html = fit::report::html(&provenance, &fit, &warnings)?;
     let pretty = |v: &Value| format!("{v:#}\n");
     source::write_all(
         out,
@@ -499,6 +561,7 @@ pub fn fit(
             (OsStr::new("fit.json"), pretty(&document)),
             (OsStr::new("report.html"), html),
         ],
+        &inputs,
     )?;
     let text =
         format!("{summary}\nwrote coefficients.rs, coefficients.json, fit.json and report.html to {}\n", out.display());
@@ -538,8 +601,12 @@ fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Op
 /// Bad files, readings that cannot be diagnosed, a fit that does not converge, an unwritable folder.
 pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Path>, out: &Path) -> Result<Output> {
     let file = machine_file(machine)?;
-    let readings = Readings::read(Source::read_or(data, pkm_fixtures::MEASURED)?, &file)?;
+    file.warn_of_wrist();
+    let readings = Readings::read(read_or_fixture(data, pkm_fixtures::MEASURED, "--data", &file)?, &file)?;
     let held_out = holdout.map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
+    if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
+        eprintln!("warning: --holdout has the readings of --data, and says nothing of others");
+    }
     let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref())?;
     let json = diagnosis.to_json();
     let machine_toml = outputs::machine_toml(&file, &diagnosis)?;
@@ -555,6 +622,7 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
             (OsStr::new("coefficients.json"), table.to_json()?),
             (OsStr::new("report.html"), html),
         ],
+        &[machine, data, holdout],
     )?;
     let text = format!(
         "{}wrote diagnosis.json, machine.toml, coefficients.rs, coefficients.json and report.html to {}\n",
@@ -642,7 +710,7 @@ pub fn map(
     files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
     files.push(("report.html".into(), html.into_bytes()));
     let named: Vec<_> = files.iter().map(|(name, bytes)| (name.as_os_str(), bytes)).collect();
-    source::write_all(out, &named)?;
+    source::write_all(out, &named, &[machine, table])?;
     let names: Vec<_> = files.iter().map(|(name, _)| name.to_string_lossy()).collect();
     text.push_str(&format!("wrote {} to {}\n", names.join(", "), out.display()));
     let json = json!({
@@ -680,7 +748,8 @@ pub fn place(
     out: &Path,
 ) -> Result<Output> {
     let model = Model::read(machine, table, form)?;
-    let job = Job::parse(&Source::read_or(job, pkm_fixtures::JOB)?)?;
+    let inputs = [machine, job, table];
+    let job = Job::parse(&read_or_fixture(job, pkm_fixtures::JOB, "--job", &model.machine)?)?;
     let mut objectives: Vec<Objective> = Vec::new();
     for objective in ask.objectives {
         if !objectives.contains(objective) {
@@ -707,6 +776,7 @@ pub fn place(
     source::write_all(
         out,
         &[(OsStr::new("placement.json"), format!("{json:#}\n")), (OsStr::new("report.html"), html)],
+        &inputs,
     )?;
     let text = place::text(&bench, &options, &placed);
     Ok(Output { text: format!("{text}wrote placement.json and report.html to {}\n", out.display()), json })
@@ -757,7 +827,7 @@ pub fn hil(
     let campaign = hil::Campaign { seed, poses, steps, pose_box };
     let (mut text, json) = hil::run(target, &campaign, &twin)?;
     if let Some(out) = out {
-        source::write_all(out, &[(OsStr::new("hil.json"), format!("{json:#}\n"))])?;
+        source::write_all(out, &[(OsStr::new("hil.json"), format!("{json:#}\n"))], &[machine, table])?;
         text.push_str(&format!("wrote hil.json to {}\n", out.display()));
     }
     Ok(Output { text, json })

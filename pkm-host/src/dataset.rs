@@ -1,6 +1,7 @@
-//! CSV files: poses, stiffness, measured readings (`formats.md`, "Data files").
+//! CSV files: poses, stiffness, measured readings.
 
 use std::collections::HashMap;
+use std::fmt::Display;
 
 use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
@@ -44,7 +45,9 @@ pub struct Sheet {
     pub rows: Vec<Row>,
     header_line: u64,
     /// Semicolons between cells: a decimal comma is as good as a point.
-    pub semicolons: bool,
+    semicolons: bool,
+    /// Some number has one.
+    decimal_commas: bool,
     columns: HashMap<String, usize>,
 }
 
@@ -72,7 +75,8 @@ impl Sheet {
         let text = source.text()?;
         let fail = |line: u64, message: String| Failure::input(message).in_file(&source.name).at_line(line);
         // what is no line of data, here and below
-        let is_skipped = |line: &str| line.trim().is_empty() || line.starts_with('#');
+        let is_skipped =
+            |line: &str| line.starts_with('#') || line.chars().all(|c| c.is_whitespace() || c == ';' || c == ',');
         let Some(header_line) = text.lines().find(|l| !is_skipped(l)) else {
             return Err(fail(1, "expected a header line with column names, found nothing".into()));
         };
@@ -109,11 +113,15 @@ impl Sheet {
             inner.unwrap_or(cell).trim().to_owned()
         };
         let mut records =
-            reader.records().filter(|r| !r.as_ref().is_ok_and(|r| r.len() == 1 && r[0].trim().is_empty()));
+            reader.records().filter(|r| !r.as_ref().is_ok_and(|r| r.iter().all(|cell| cell.trim().is_empty())));
         let Some(header) = records.next() else { return Err(fail(1, "expected a header line, found none".into())) };
         let header = header.map_err(read)?;
         let at = line_of(header.position());
-        let header: Vec<String> = header.iter().map(tidy).collect();
+        let mut header: Vec<String> = header.iter().map(tidy).collect();
+        // a spreadsheet keeps columns that once held something
+        while header.last().is_some_and(String::is_empty) {
+            header.pop();
+        }
         let mut columns = HashMap::new();
         for (i, name) in header.iter().enumerate() {
             if name.parse::<f64>().is_ok_and(f64::is_finite) {
@@ -133,7 +141,7 @@ impl Sheet {
         let of_other_form = |name: &str| {
             (angles && LENGTH_COLUMNS.contains(&name)) || (lengths && !angles && POSE_COLUMNS[1..].contains(&name))
         };
-        let mut unused = Vec::new();
+        let (mut unused, mut misspelt) = (Vec::new(), Vec::new());
         for name in header.iter().filter(|n| !known.contains(&n.as_str())) {
             if name.len() > LONGEST_SLIP {
                 unused.push(name.as_str());
@@ -142,10 +150,19 @@ impl Sheet {
             let meant = known.iter().filter(|k| {
                 looks_the_same(name, k) || (!columns.contains_key(**k) && !of_other_form(k) && looks_like(name, k))
             });
-            if let Some(meant) = meant.min_by_key(|k| strsim::osa_distance(name, k)) {
-                return Err(fail(at, format!("unknown column: did you mean `{meant}`?")).at_column(name));
+            match meant.min_by_key(|k| strsim::osa_distance(name, k)) {
+                Some(meant) => misspelt.push((name, meant)),
+                None => unused.push(name.as_str()),
             }
-            unused.push(name.as_str());
+        }
+        if let Some(((name, meant), more)) = misspelt.split_first() {
+            let more: String = more.iter().map(|(name, meant)| format!("; `{meant}` for `{name}`?")).collect();
+            return Err(fail(at, format!("unknown column: did you mean `{meant}`?{more}")).at_column(*name));
+        }
+        if unused.len() == header.len() {
+            let (some, found) = (known.iter().take(4).copied().collect::<Vec<_>>().join(", "), header.join(", "));
+            let message = format!("expected a header with column names such as {some}, found `{found}`");
+            return Err(fail(at, format!("{message}: put # before lines above the header")));
         }
         if !unused.is_empty() {
             eprintln!("warning: {}:{at}: not used: {}", printable(&source.name), printable(&unused.join(", ")));
@@ -155,8 +172,12 @@ impl Sheet {
         for record in records {
             let record = record.map_err(read)?;
             let line = line_of(record.position());
-            if record.len() != header.len() {
-                let (found, wide) = (record.len(), header.len());
+            let mut cells: csv::StringRecord = record.iter().map(tidy).collect();
+            while cells.len() > header.len() && cells[cells.len() - 1].is_empty() {
+                cells.truncate(cells.len() - 1);
+            }
+            if cells.len() != header.len() {
+                let (found, wide) = (cells.len(), header.len());
                 let advice = if record.iter().any(|cell| cell.contains('\n')) {
                     ": is a quote not closed?"
                 } else if found > wide && !semicolons {
@@ -166,12 +187,27 @@ impl Sheet {
                 };
                 return Err(fail(line, format!("expected {wide} cells as in the header, found {found}{advice}")));
             }
-            rows.push(Row { line, cells: record.iter().map(tidy).collect() });
+            rows.push(Row { line, cells });
         }
         if rows.is_empty() {
             return Err(fail(at, "expected rows of data below the header, found none".into()));
         }
-        Ok(Self { header, header_line: at, rows, semicolons, columns, source })
+        let is_number = |cell: &str| cell.contains(',') && cell.replacen(',', ".", 1).parse::<f64>().is_ok();
+        let numbers = columns.iter().filter(|(name, _)| **name != "pose" && known.contains(&name.as_str()));
+        let decimal_commas =
+            semicolons && numbers.into_iter().any(|(_, i)| rows.iter().any(|r| is_number(&r.cells[*i])));
+        Ok(Self { header, header_line: at, rows, semicolons, decimal_commas, columns, source })
+    }
+
+    /// As this file has between cells.
+    pub fn delimiter(&self) -> u8 {
+        if self.semicolons { b';' } else { b',' }
+    }
+
+    /// A number as this file writes them.
+    pub fn written(&self, value: impl Display) -> String {
+        let text = value.to_string();
+        if self.decimal_commas { text.replace('.', ",") } else { text }
     }
 
     pub(crate) fn has(&self, column: &str) -> bool {
@@ -200,13 +236,24 @@ impl Sheet {
     /// A finite number. With semicolons between cells a decimal comma is as good as a point.
     pub(crate) fn number(&self, row: &Row, column: &str) -> Result<f64> {
         let cell = self.cell(row, column)?;
+        if self.decimal_commas && is_grouped(cell, &['.']) {
+            let message = format!("`{cell}`: point or thousands? Other numbers here have decimal commas");
+            return Err(self.failure(row, format!("{message}: save the file {UNGROUPED}")).at_column(column));
+        }
         let text = if self.semicolons { cell.replace(',', ".") } else { cell.to_owned() };
         let digits = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
         match text.parse::<f64>() {
             Ok(value) if digits && value.is_finite() => Ok(value),
             _ => {
                 let shown: String = cell.chars().take(40).collect();
-                let found = if cell.is_empty() { "an empty cell".into() } else { format!("`{shown}`{}", advice(cell)) };
+                let grouped = is_grouped(cell, &['.', ',', '\'', '’', ' ', '\u{a0}', '\u{202f}']);
+                let found = if cell.is_empty() {
+                    "an empty cell".into()
+                } else if grouped {
+                    format!("`{shown}`: save the file {UNGROUPED}")
+                } else {
+                    format!("`{shown}`{}", advice(cell))
+                };
                 Err(self.failure(row, format!("expected a finite number, found {found}")).at_column(column))
             }
         }
@@ -251,6 +298,11 @@ impl Sheet {
             .iter()
             .map(|row| {
                 let id = self.cell(row, "pose")?.to_owned();
+                let columns: &[&str] = if lengths { &LENGTH_COLUMNS } else { &POSE_COLUMNS[1..] };
+                if columns.iter().all(|c| self.cell(row, c).is_ok_and(str::is_empty)) {
+                    let message = format!("row `{id}` has no pose: if it is a sum or a note, delete it");
+                    return Err(self.failure(row, message).at_column(columns[0]));
+                }
                 let refused = |e: KinematicsError, message: String| {
                     let column = match e {
                         KinematicsError::OutOfTravel { limb } if lengths => format!("q{limb}_mm"),
@@ -278,6 +330,18 @@ impl Sheet {
             })
             .collect()
     }
+}
+
+const UNGROUPED: &str = "without separators between thousands";
+
+/// Whether a cell is a number with digits in groups of three.
+fn is_grouped(cell: &str, separators: &[char]) -> bool {
+    let mut groups = cell.trim_start_matches(['+', '-']).split(separators);
+    let digits = |group: &str| !group.is_empty() && group.bytes().all(|b| b.is_ascii_digit());
+    let first = groups.next().is_some_and(|group| group.len() <= 3 && digits(group) && !group.starts_with('0'));
+    // what is behind the last may be a fraction
+    let rest: Vec<&str> = groups.collect();
+    first && rest.first().is_some_and(|group| group.len() == 3) && rest.iter().all(|group| digits(group))
 }
 
 /// A pose from a file.
@@ -315,6 +379,11 @@ pub(crate) fn advice(cell: &str) -> &'static str {
     }
 }
 
+/// The cells of a pose, in the units of files: the way through rad and m costs the last digit.
+pub fn pose_cells(pose: &Pose<f64>) -> [String; 3] {
+    file_units(pose).map(|v| ((v * 1e9).round() / 1e9).to_string())
+}
+
 /// Whether two names differ in case, spaces and underscores alone.
 fn looks_the_same(name: &str, known: &str) -> bool {
     let plain = |s: &str| s.to_lowercase().replace(['_', '-', ' '], "");
@@ -323,6 +392,8 @@ fn looks_the_same(name: &str, known: &str) -> bool {
 
 /// Whether an unknown name is probably a slip for a known one: another unit, a letter, in long names two.
 fn looks_like(name: &str, known: &str) -> bool {
+    // `k12 [N/m]`
+    let name = name.split(['[', '(']).next().map(str::trim_end).filter(|n| !n.is_empty()).unwrap_or(name);
     let stem = |s: &str| s.rsplit_once('_').map(|(stem, _)| stem.to_lowercase());
     let allowed = if known.len() < 7 { 1 } else { 2 };
     let other_number = |a: &str, b: &str| {
@@ -462,7 +533,7 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
             // a blank cell is a channel that was not measured
             if !sheet.cell(row, column)?.is_empty() {
                 let value = sheet.number(row, column).map_err(|mut failure| {
-                    failure.message.push_str(" (a channel that was not measured is blank)");
+                    failure.message.push_str(" (leave the cell empty where nothing was measured)");
                     failure
                 })?;
                 let wrong = if column.starts_with("sigma_") && value < 0.0 {

@@ -10,7 +10,7 @@ pub enum Kind {
     Usage,
     /// Bad file. Exit 2.
     Input,
-    /// A pose that the machine cannot take; carries the status of `formats.md`. Exit 2.
+    /// A pose that the machine cannot take; carries the status. Exit 2.
     Refused(&'static str),
     /// Anything else, such as an unwritable folder. Exit 1.
     Other,

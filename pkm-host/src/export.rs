@@ -51,6 +51,12 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, machine: &MachineFile) -> Resu
     }
     line(&format!("// box: theta {theta:?} deg, sigma {sigma:?} deg, z0 {z0:?} mm"));
     line("// units: SI (m, rad, N/m, N m/rad); centre and half width in rad, rad, m; coefficients have none");
+    if table.factor.is_none() {
+        line(
+            "// no factor form: its data were principal stiffnesses alone; cycle, deflection and compensation fail with",
+        );
+        line("// NoFactorForm");
+    }
     line(&format!("// terms: {}, condition number of the fit {:.1}", table.terms.len(), fit.condition));
     for (name, evaluation) in [("training", Some(p.training)), ("verification", p.verified)] {
         let Some(e) = evaluation else { continue };

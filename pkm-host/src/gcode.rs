@@ -9,6 +9,7 @@
 //! | `A B` | in place of `I J K` all through a program: the wrist's joints β1 and β2 in degrees, axes A and B of a machine whose kinematics keep the tip at X Y Z; modal |
 //! | `F S T`, `M…`, `N…` | passed on; a program may stop (`M0 M1 M2 M30 M60`) on the line of a move, behind it |
 //! | `G4 P…`, `G64 P… Q…` | passed on |
+//! | `O…` | a program's number, alone on the first line: passed on |
 //! | `G17 G18 G19 G21 G40 G49 G61 G80 G90 G91.1 G94` | passed on |
 //! | `( … )`, `; …` | comments, passed on |
 //! | `(wrench fx,fy,fz,mx,my,mz)` | from here on: the cutting load on the tool at its tip in the axes of T_h, N and N·m |
@@ -22,7 +23,7 @@
 use pkm_core::Wrench;
 
 use crate::dataset::MOST_LOAD;
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, printable};
 use crate::path::{Move, NO_LOAD, wrench_of};
 use crate::source::Source;
 use crate::tool::{Place, Toward};
@@ -67,6 +68,8 @@ struct Modal {
 }
 
 const PASSED: [f64; 12] = [4.0, 17.0, 18.0, 19.0, 21.0, 40.0, 49.0, 61.0, 64.0, 90.0, 91.1, 94.0];
+/// For another control's own language.
+const ISO: &str = "is this G-code (DIN/ISO)?";
 const STOPS: [f64; 5] = [0.0, 1.0, 2.0, 30.0, 60.0];
 
 /// Why a G word is none of the dialect, and what to do.
@@ -110,7 +113,7 @@ fn words(text: &str) -> std::result::Result<(Vec<Word>, Vec<String>), String> {
             '#' | '[' | '=' => return Err("parameters and expressions are not of this dialect: write numbers".into()),
             'O' | 'o' => return Err("subroutines are not of this dialect: write the moves out".into()),
             c if c.is_ascii_alphabetic() => {}
-            c => return Err(format!("expected a letter with a number, found `{c}`")),
+            c => return Err(format!("expected a letter with a number, found `{c}`: {ISO}")),
         }
         let letter = first.to_ascii_uppercase();
         let after = rest[1..].trim_start();
@@ -123,7 +126,8 @@ fn words(text: &str) -> std::result::Result<(Vec<Word>, Vec<String>), String> {
             }
             _ => {
                 let found: String = after.chars().take_while(|c| !c.is_whitespace()).take(20).collect();
-                return Err(format!("{letter}: expected a number, found `{found}`"));
+                let hint = if found.starts_with(char::is_alphabetic) { format!(": {ISO}") } else { String::new() };
+                return Err(format!("{letter}: expected a number, found `{found}`{hint}"));
             }
         }
         rest = after[digits..].trim_start();
@@ -155,16 +159,31 @@ impl Program {
     /// The line that is not of the dialect; a cut without a load; no move at all.
     pub fn parse(source: &Source, wrench: Option<Wrench<f64>>) -> Result<Self> {
         let (mut modal, mut wrench) = (Modal::default(), wrench);
+        // the tool in hand, and one that came without a load of its own
+        let (mut tool, mut other_tool) = (None, None);
         let mut program = Self { blocks: Vec::new(), moves: Vec::new() };
         for (index, text) in source.text()?.lines().enumerate() {
             let line = index as u64 + 1;
             let fail = |message: String| Failure::input(message).in_file(&source.name).at_line(line);
-            let (words, comments) =
-                if text.trim() == "%" { (Vec::new(), Vec::new()) } else { words(text).map_err(fail)? };
+            let begun = program.blocks.iter().any(|b| !b.words.is_empty());
+            let is_name = |t: &str| t.strip_prefix(['O', 'o']).is_some_and(|n| n.parse::<u32>().is_ok());
+            let code = if text.trim() == "%" || (!begun && is_name(text.split('(').next().unwrap_or("").trim())) {
+                ""
+            } else {
+                text
+            };
+            let (words, comments) = words(code).map_err(fail)?;
             for comment in &comments {
-                wrench = load(comment).map_err(fail)?.or(wrench);
+                if let Some(set) = load(comment).map_err(fail)? {
+                    (wrench, other_tool) = (Some(set), None);
+                }
             }
             let moves = modal.take(&words).map_err(fail)?;
+            for word in words.iter().filter(|w| w.letter == 'T') {
+                if tool.replace(word.value).is_some_and(|before| before != word.value) {
+                    other_tool = Some(word.written.clone());
+                }
+            }
             if moves {
                 let to = modal.place().map_err(fail)?;
                 let load = match (modal.cuts, wrench) {
@@ -177,6 +196,12 @@ impl Program {
                         return Err(fail(message.into()));
                     }
                 };
+                if let Some(number) = other_tool.take_if(|_| load != NO_LOAD) {
+                    eprintln!(
+                        "warning: {}:{line}: T{number} cuts with the load of the tool before: a line (wrench …) gives another",
+                        printable(&source.name)
+                    );
+                }
                 program.moves.push(Move { line, to, wrench: [load; 2] });
             }
             program.blocks.push(Block { text: text.to_owned(), words, comments, moves });
@@ -281,7 +306,9 @@ impl Modal {
     /// Where the tool is to be.
     fn place(&self) -> std::result::Result<Place, String> {
         let [Some(x), Some(y), Some(z)] = self.tip_mm else {
-            return Err("the first move has to give all of X Y Z: where the tool comes from is not known".into());
+            return Err(
+                "the first move has to give all of X Y Z on one line: where the tool comes from is not known".into()
+            );
         };
         let toward = match (self.axis, self.wrist_deg) {
             ([Some(i), Some(j), Some(k)], _) if [i, j, k] == [0.0; 3] => {

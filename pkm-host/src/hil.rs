@@ -533,7 +533,7 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
         Target::Port { .. } => None,
     };
     let mut text = format!(
-        "{}: {} poses (seed {}), {} bad lines, {:.0} replies/s\n",
+        "{}: {} poses (seed {}), {} bad lines sent on purpose, {:.0} replies/s\n",
         link.name,
         campaign.poses,
         campaign.seed,
@@ -563,6 +563,9 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
             "ticks": { "median": median, "worst": worst },
             "instructions": instructions.map(|[median, worst]| json!({ "median": median, "worst": worst })),
         });
+    }
+    if findings.of.iter().any(|of| of.overruns > 0) {
+        text.push_str("overruns: cycles that took longer than the firmware's period; reported, no failure\n");
     }
     let [q, k, d] = findings.precision;
     text.push_str(&format!("f32 against f64 in the box: screws {q:.1e} m, K_m {k:.1e}, deflection {d:.1e}\n"));

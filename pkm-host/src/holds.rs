@@ -1,7 +1,7 @@
 //! Every way in which the five axes can hold a tool.
 //!
 //! Seen from A, tip t and axis e lie in one plane with the first axis w of the wrist, S2 t + r e = S2 offset u + (S2 h + r C2) w,
-//! with S2, C2 of β2 and r, h of the wrist (spec: model.md 1). For a given β2 that leaves σ from its component along y of B and
+//! with S2, C2 of β2 and r, h of the wrist. For a given β2 that leaves σ from its component along y of B and
 //! θ from the others, in two ways at the most; left is one equation in β2, e·w = C2. It holds twice at β2 = 0 whatever the tool,
 //! which is divided away, and its roots are bracketed.
 

@@ -35,6 +35,8 @@ pub struct MachineFile {
     pub uncertainty: Uncertainty,
     /// Table 1 as the file has it, SI.
     pub wrist_parameters: WristParameters,
+    /// Keys of `[wrist]` that the file leaves to the paper.
+    wrist_left_out: Vec<&'static str>,
     /// The core's wrist made of them; an error only for one that is singular at home.
     pub wrist: std::result::Result<Wrist<f64>, WristError>,
     /// What limbs and platforms are made of; an error where the parts don't fit together.
@@ -273,6 +275,7 @@ impl MachineFile {
         }
         let name = raw.name.into_inner();
         let wrist_parameters = wrist_parameters(raw.wrist.as_ref(), &pose_box);
+        let wrist_left_out = wrist_left_out(raw.wrist.as_ref());
         let wrist = Wrist::<f64>::new(&wrist_parameters);
         if let Err(error) = wrist
             && error != WristError::HomeIsSingular
@@ -300,7 +303,55 @@ impl MachineFile {
             load_direction_rad: declared(|u| u.load_direction_mrad.as_ref(), 0.0) / 1e3,
             load_gain: declared(|u| u.load_gain.as_ref(), 0.0),
         };
-        Ok(Self { name, parameters, machine, pose_box, uncertainty, wrist_parameters, wrist, solid, source })
+        Ok(Self {
+            name,
+            parameters,
+            machine,
+            pose_box,
+            uncertainty,
+            wrist_parameters,
+            wrist_left_out,
+            wrist,
+            solid,
+            source,
+        })
+    }
+
+    /// What is possible and yet looks like another unit: each with its key.
+    pub fn doubts(&self) -> Vec<String> {
+        let mut doubts = Vec::new();
+        let mut doubt = |key: String, value: f64, unlikely: bool, question: &str| {
+            if unlikely {
+                doubts.push(format!("{key}: {value}: {question}"));
+            }
+        };
+        let g = &self.parameters.geometry;
+        for (key, m) in [("a1_mm", g.a1_m), ("a2_mm", g.a2_m), ("b1_mm", g.b1_m), ("b2_mm", g.b2_m)] {
+            doubt(format!("geometry.{key}"), m * 1e3, m < 0.005, "is it in mm?");
+        }
+        for (n, limb) in (1..).zip(&self.parameters.limbs) {
+            for (name, joint) in [("base_joint", &limb.base_joint), ("platform_joint", &limb.platform_joint)] {
+                let softest = joint.linear_n_per_m.into_iter().fold(f64::INFINITY, f64::min);
+                let question = "so soft a joint: is it in N/m (1 N/mm = 1000 N/m)?";
+                doubt(format!("limb.{n}.{name}.linear_n_per_m"), softest, softest < 1e6, question);
+            }
+            for (name, tube) in [("rod", &limb.body.rod), ("screw", &limb.body.screw)] {
+                let key = |what: &str| format!("limb.{n}.body.{name}.{what}");
+                let [young, shear] = [tube.young_pa, tube.shear_pa].map(|pa| pa / 1e9);
+                doubt(key("young_gpa"), young, !(1.0..=1200.0).contains(&young), "is it in GPa (steel has 206)?");
+                doubt(key("shear_gpa"), shear, shear > young, "above young_gpa: is it in GPa (steel has 79)?");
+                doubt(key("outer_mm"), tube.outer_m * 1e3, tube.outer_m < 0.001, "is it in mm?");
+            }
+        }
+        doubts
+    }
+
+    /// Says where the tool sits by another machine's numbers, before they are used.
+    pub fn warn_of_wrist(&self) {
+        if !self.wrist_left_out.is_empty() {
+            let (name, keys) = (&self.source.name, self.wrist_left_out.join(", "));
+            eprintln!("warning: {name}: no {keys}: the paper's Table 1 stands in, and the tool's tip follows from it");
+        }
     }
 
     /// The machine with its wrist.
@@ -344,6 +395,14 @@ impl MachineFile {
             _ => error.to_string(),
         }
     }
+}
+
+/// What the paper's values stand in for. The margin has one of its own, the paper none.
+fn wrist_left_out(wrist: Option<&RawWrist>) -> Vec<&'static str> {
+    let there = wrist
+        .map_or([false; 4], |w| [w.offset_mm.is_some(), w.first.is_some(), w.second.is_some(), w.flange_mm.is_some()]);
+    let keys = ["wrist.offset_mm", "wrist.first", "wrist.second", "wrist.flange_mm"];
+    keys.into_iter().zip(there).filter_map(|(key, there)| (!there).then_some(key)).collect()
 }
 
 /// Table 1; what the file leaves out has the paper's values.
@@ -744,7 +803,7 @@ fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> 
     })
 }
 
-/// The status of `formats.md` for a refusal by the kinematics.
+/// The status of a refusal by the kinematics, as JSON has it.
 pub fn status(error: KinematicsError) -> &'static str {
     match error {
         KinematicsError::Unreachable => "unreachable",

@@ -63,7 +63,7 @@ enum Command {
     },
     /// Measured data with the model's deflections in place of the readings.
     Predict {
-        /// CSV with poses and wrenches; default: simulated readings of the reference machine.
+        /// CSV with poses and wrenches; default, for the reference machine alone: simulated readings.
         #[arg(long, value_name = "CSV")]
         data: Option<PathBuf>,
         #[command(flatten)]
@@ -81,7 +81,7 @@ enum Command {
         /// θ, σ in ° and Z0 in mm, least and greatest of each; default: the machine's box.
         #[arg(long = "box", value_parser = list::<6>, allow_hyphen_values = true, value_name = "T0,T1,S0,S1,Z0,Z1")]
         pose_box: Option<[f64; 6]>,
-        /// Measured CSV, for discriminate; default: simulated readings of the reference machine.
+        /// Measured CSV, for discriminate; default, for the reference machine alone: simulated readings.
         #[arg(long, value_name = "CSV")]
         data: Option<PathBuf>,
         /// CSV to write.
@@ -90,7 +90,7 @@ enum Command {
     },
     /// Correction tables from stiffness data (Eqs. 10-14).
     Fit {
-        /// Stiffness CSV to fit; default: finite elements of the reference machine at 49 poses.
+        /// Stiffness CSV to fit; default, for the reference machine alone: its finite elements at 49 poses.
         #[arg(long, value_name = "CSV")]
         data: Option<PathBuf>,
         /// Stiffness CSV to judge by; default: 25 other poses when --data is not given.
@@ -105,7 +105,7 @@ enum Command {
     },
     /// From measured deflections to the physics that the model lacks: adds it, and compares before and after.
     Diagnose {
-        /// Measured CSV; default: simulated readings of the reference machine.
+        /// Measured CSV; default, for the reference machine alone: simulated readings.
         #[arg(long, value_name = "CSV")]
         data: Option<PathBuf>,
         /// Measured CSV to compare on; default: whole poses of --data in turn (cross-validation).
@@ -138,7 +138,8 @@ enum Command {
     /// Puts the workpiece where the machine is stiff: the best position of a cross slide, a rotary axis, or both, for each
     /// series of holes.
     Place {
-        /// The job (TOML); default: the case study of fixtures/jobs.
+        /// The job (TOML), its loads on the tool at the tip in the tool's axes (z along the tool); default, for the reference
+        /// machine alone: the case study of fixtures/jobs.
         #[arg(long, value_name = "TOML")]
         job: Option<PathBuf>,
         #[command(flatten)]
@@ -403,7 +404,7 @@ fn man(out: &Path) -> Result<Output> {
         page.render(&mut roff).map_err(|e| Failure::other(e.to_string()))?;
         pages.push((page.get_filename(), roff));
     }
-    source::write_all(out, &pages.iter().map(|(name, roff)| (OsStr::new(name), roff)).collect::<Vec<_>>())?;
+    source::write_all(out, &pages.iter().map(|(name, roff)| (OsStr::new(name), roff)).collect::<Vec<_>>(), &[])?;
     let text =
         format!("wrote {} pages to {}: man -l {}\n", pages.len(), out.display(), out.join(&pages[0].0).display());
     Ok(Output { text, json: json!({ "files": pages.iter().map(|(name, _)| name).collect::<Vec<_>>() }) })
@@ -457,8 +458,9 @@ fn run(cli: &Cli) -> Result<Output> {
         }
         Command::Compensate { path, table, wrench, step_mm, allow_extrapolation, out } => {
             let (wrench, step_mm, allow_extrapolation) = (*wrench, *step_mm, *allow_extrapolation);
-            let request = Request { path, wrench, step_mm, allow_extrapolation, out };
-            commands::compensate(machine, table.as_deref(), &request)
+            let table = table.as_deref();
+            let request = Request { machine, table, path, wrench, step_mm, allow_extrapolation, out };
+            commands::compensate(&request)
         }
         Command::Fem(a) => {
             let mode = match (a.dry_run, a.emit, a.collect) {

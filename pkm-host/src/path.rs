@@ -66,6 +66,10 @@ impl Move {
 
 /// What `compensate` is asked for.
 pub struct Request<'a> {
+    /// Machine file.
+    pub machine: Option<&'a Path>,
+    /// `coefficients.json`.
+    pub table: Option<&'a Path>,
     /// CSV or G-code.
     pub path: &'a Path,
     /// The load of a program, unless its comments say otherwise.
@@ -94,13 +98,20 @@ enum Read {
     Program(Program),
 }
 
-/// `--path`: by its name a program, or else a CSV.
+/// Whether a file is a program by its name, or else a CSV, if that says either.
+fn is_program(file: &Path) -> Option<bool> {
+    match file.extension().and_then(OsStr::to_str).unwrap_or("").to_lowercase().as_str() {
+        "csv" => Some(false),
+        "ngc" | "nc" | "gcode" | "cnc" | "tap" => Some(true),
+        _ => None,
+    }
+}
+
+/// `--path`.
 fn read(request: &Request<'_>) -> Result<Read> {
-    let extension = request.path.extension().and_then(OsStr::to_str).unwrap_or("").to_lowercase();
-    let is_program = match extension.as_str() {
-        "csv" => false,
-        "ngc" | "nc" | "gcode" | "cnc" | "tap" => true,
-        _ => {
+    let is_program = match is_program(request.path) {
+        Some(is_program) => is_program,
+        None => {
             let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc or .tap";
             return Err(Failure::usage(message).in_file(request.path.display().to_string()));
         }
@@ -442,40 +453,35 @@ fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
             let values = if n + 1 == points.len() { values.take(6) } else { values.take(12) };
             for (column, value) in columns.iter().zip(values) {
                 if let Some(column) = column {
-                    cells[*column] = (value + 0.0).to_string();
+                    cells[*column] = sheet.written(value + 0.0);
                 }
             }
             rows.push(cells);
         }
     }
     let notes: String = notes.iter().map(|note| format!("# {note}\n")).collect();
-    notes + &dataset::to_csv(if sheet.semicolons { b';' } else { b',' }, &sheet.header, rows)
+    notes + &dataset::to_csv(sheet.delimiter(), &sheet.header, rows)
 }
 
 /// Error of the tip along the way: of as many stretches as a screen shows, the greatest.
 fn picture(track: &Track) -> Result<String> {
     const STRETCHES: usize = 250;
     let stretch = track.curve.len().div_ceil(STRETCHES).max(1);
-    let worst = |column: usize, unit: f64| {
+    let series = |name: &str, column: usize| {
         let of = |part: &[[f64; 3]]| {
             let worst = part.iter().max_by(|a, b| a[column].total_cmp(&b[column]));
-            worst.map(|p| (p[0] * 1e3, p[column] * unit))
+            worst.map(|p| (p[0] * 1e3, p[column] * 1e6))
         };
-        track.curve.chunks(stretch).filter_map(of).collect::<Vec<_>>()
+        let points = track.curve.chunks(stretch).filter_map(of).collect();
+        Series { name: name.to_owned(), points, mark: Mark::Line }
     };
-    let panel = |title: &str, column: usize, unit: f64, name: &str| {
-        let mut points = worst(column, unit);
-        if points.is_empty() {
-            points.push((0.0, 0.0));
-        }
-        Panel {
-            title: title.to_owned(),
-            x_label: "way of the tip in mm".to_owned(),
-            y_label: format!("error of the tip in {name}"),
-            series: vec![Series { name: title.to_owned(), points, mark: Mark::Line }],
-        }
-    };
-    plot::panels(&[panel("as it was", 1, 1e6, "µm"), panel("compensated", 2, 1e9, "nm")])
+    // what is left lies at zero, as it should
+    plot::panels(&[Panel {
+        title: "error of the tip, as the model predicts it".to_owned(),
+        x_label: "way of the tip in mm".to_owned(),
+        y_label: "µm".to_owned(),
+        series: vec![series("as it was", 1), series("compensated", 2)],
+    }])
 }
 
 /// `compensate`: the path that cancels the predicted deflection.
@@ -497,6 +503,10 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
         return Err(Failure::usage(message).in_file(request.out.display().to_string()));
     };
     let path = read(request)?;
+    if is_program(request.out).is_some_and(|to| to != matches!(path, Read::Program(_))) {
+        let message = "expected a name for the kind of file that --path is, CSV or G-code";
+        return Err(Failure::usage(message).in_file(request.out.display().to_string()));
+    }
     let moves = match &path {
         Read::Csv { moves, .. } => (&moves[..], false),
         Read::Program(program) => (&program.moves[..], true),
@@ -517,13 +527,19 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
         Read::Csv { sheet, .. } => csv(sheet, &track.points, &notes),
         Read::Program(program) => {
             let table = correction.map_or("no table", |c| c.name.rsplit(['/', '\\']).next().unwrap_or(&c.name));
-            notes.insert(0, format!("{MARK}: machine {}, {}", machine.name, printable(table)));
+            let load = request
+                .wrench
+                .map_or(String::new(), |w| format!(", load {} N, N m", w.map(|v| v.to_string()).join(" ")));
+            let path = request.path.file_name().unwrap_or(OsStr::new("")).to_string_lossy();
+            let names = [machine.name.as_str(), &printable(table), &printable(&path)].join(", ");
+            notes.insert(0, format!("{MARK}: machine {names}{load}"));
             let places: Vec<Vec<Place>> = track.points.iter().map(|p| p.iter().map(|p| p.place).collect()).collect();
             program.written(&places, &notes)
         }
     };
     let folder = request.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    source::write_all(folder, &[(name, written), (svg_name, picture(&track)?)])?;
+    let inputs = [request.machine, request.table, Some(request.path)];
+    source::write_all(folder, &[(name, written), (svg_name, picture(&track)?)], &inputs)?;
 
     let micro = |t: &Tally| format!("{:.4} at most, {:.4} rms", t.max * 1e6, t.rms() * 1e6);
     let [before, after] = [&track.before, &track.after];

@@ -1,4 +1,4 @@
-//! Where to measure or to compute (paper, Section 4.2; spec: model.md 3).
+//! Where to measure or to compute (paper, Section 4.2).
 
 use pkm_core::correction::EQ_11;
 
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn balance_is_what_the_spec_says() {
+    fn step_3_is_balanced_and_the_papers_step_1_is_not() {
         assert!((largest_vif(&latin(7, 1)) - 7.1).abs() < 0.05, "{}", largest_vif(&latin(7, 1)));
         assert!((largest_vif(&latin(7, 3)) - 1.1).abs() < 0.05, "{}", largest_vif(&latin(7, 3)));
         // 3 and 4 = −3 are mirror images

@@ -72,18 +72,19 @@ impl Source {
     /// The text without byte-order mark.
     ///
     /// # Errors
-    /// The line that is not UTF-8.
+    /// The line that is not UTF-8; a spreadsheet that was not saved as text.
     pub fn text(&self) -> Result<&str> {
         let fail = |message: &str| Failure::input(message).in_file(&self.name);
         let line = |byte: usize| 1 + self.bytes[..byte].iter().filter(|b| **b == b'\n').count() as u64;
-        if self.bytes.starts_with(b"PK\x03\x04") {
-            return Err(fail("not text, but an archive or a spreadsheet's own file: save it as text (a sheet as CSV)"));
+        if let [b'P', b'K', 3, 4, ..] | [0xd0, 0xcf, 0x11, 0xe0, ..] = self.bytes[..] {
+            return Err(fail("not text, but a spreadsheet's own file or an archive: save a sheet as `CSV UTF-8`"));
         }
         if let [0xff, 0xfe, ..] | [0xfe, 0xff, ..] | [0, _, ..] | [_, 0, ..] = self.bytes[..] {
-            return Err(fail("text in UTF-16, as it seems: save the file as UTF-8").at_line(1));
+            return Err(fail("text in UTF-16, as it seems: save the file as UTF-8, a sheet as `CSV UTF-8`").at_line(1));
         }
-        let text = std::str::from_utf8(&self.bytes)
-            .map_err(|e| fail("not UTF-8 text: save the file as UTF-8").at_line(line(e.valid_up_to())))?;
+        let text = std::str::from_utf8(&self.bytes).map_err(|e| {
+            fail("not UTF-8 text: save the file as UTF-8, a sheet as `CSV UTF-8`").at_line(line(e.valid_up_to()))
+        })?;
         if let Some(byte) = text.find('\0') {
             return Err(fail("a NUL byte: not text, or a damaged file").at_line(line(byte)));
         }
@@ -101,17 +102,37 @@ impl Source {
     }
 }
 
-/// Writes files so that each is there whole or not at all, and none before all could be written: they are written beside the old
-/// ones, and take their places, one after the other, when nothing but a name has to change. Who stops the program at that very
-/// moment finds some files old and some new, none in part; what it has written beside them is cleared away by a later run.
+/// Refuses to write over what is read.
 ///
 /// # Errors
-/// What the operating system says, with the path.
-pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)]) -> Result<()> {
+/// The file that would be lost, by whatever way its path or a link leads there.
+pub fn keep_inputs(outputs: &[impl AsRef<Path>], inputs: &[Option<&Path>]) -> Result<()> {
+    // nothing is lost where there is no file yet, nor in a device or a pipe
+    let real = |path: &Path| path.canonicalize().ok().filter(|p| p.is_file());
+    for input in inputs.iter().flatten() {
+        let kept = real(input);
+        if kept.is_some() && outputs.iter().any(|output| real(output.as_ref()) == kept) {
+            let message =
+                format!("--out would overwrite {}, which is read: give another name or folder", input.display());
+            return Err(Failure::usage(message));
+        }
+    }
+    Ok(())
+}
+
+/// Writes files so that each is there whole or not at all, none before all could be written, and none over an input: they are
+/// written beside the old ones, and take their places, one after the other, when nothing but a name has to change. Who stops the
+/// program at that very moment finds some files old and some new, none in part; what it has written beside them is cleared away
+/// by a later run.
+///
+/// # Errors
+/// What the operating system says, with the path; see [`keep_inputs`].
+pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)], inputs: &[Option<&Path>]) -> Result<()> {
+    let paths: Vec<_> = files.iter().map(|(name, _)| folder.join(name)).collect();
+    keep_inputs(&paths, inputs)?;
     std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
     let mut ready = Vec::new();
-    for (name, content) in files {
-        let path = folder.join(name);
+    for (path, (_, content)) in paths.into_iter().zip(files) {
         // a link keeps pointing, a device or a pipe is written to and not replaced
         let path = std::fs::canonicalize(&path).unwrap_or(path);
         let written = match std::fs::metadata(&path) {
@@ -139,11 +160,11 @@ pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)]) -> Result<
 ///
 /// # Errors
 /// What the operating system says, with the path.
-pub fn write(path: &Path, content: String) -> Result<()> {
+pub fn write(path: &Path, content: String, inputs: &[Option<&Path>]) -> Result<()> {
     let name = path.file_name().filter(|_| !path.as_os_str().as_encoded_bytes().ends_with(b"/"));
     let name = name.ok_or_else(|| Failure::usage("expected a file name").in_file(path.display().to_string()))?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    write_all(folder, &[(name, content)])
+    write_all(folder, &[(name, content)], inputs)
 }
 
 /// Whether a file of this name can be written, before a long computation.

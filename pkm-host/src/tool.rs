@@ -29,6 +29,7 @@ impl<'a> Reach<'a> {
     /// # Errors
     /// A wrist that is singular at home.
     pub fn new(file: &'a MachineFile) -> Result<Self> {
+        file.warn_of_wrist();
         let failed = |e: String| Failure::input(e).in_file(&file.source.name);
         let pi = std::f64::consts::PI;
         let wrist_parameters =
@@ -174,7 +175,7 @@ impl<'a> Reach<'a> {
         self.five.tool(&near).ok()
     }
 
-    /// Why the core refuses, with the amount: a status of `formats.md` and a message. `there` is where the machine would stand
+    /// Why the core refuses, with the amount: a status and a message. `there` is where the machine would stand
     /// [without limits](Self::unlimited), if anywhere.
     pub fn refusal(&self, error: ToolError, there: Option<&Hold<f64>>) -> (&'static str, String) {
         let message = match (error, there) {
@@ -264,7 +265,7 @@ impl Place {
     }
 }
 
-/// The status of `formats.md`: a wrist's limits count as travel.
+/// The status as JSON has it: a wrist's limits count as travel.
 fn tool_status(error: ToolError) -> &'static str {
     match error {
         ToolError::WristLimit { .. } => "out_of_travel",

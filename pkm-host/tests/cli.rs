@@ -135,11 +135,14 @@ fn diagonal_data_give_a_diagonal_table() {
     assert_eq!(fit["verify"], Value::Null);
     let table = folder.path("fit/coefficients.json");
     assert_eq!(serde_json::from_str::<Value>(&folder.read("fit/coefficients.json")).unwrap()["factor"], Value::Null);
-    assert!(folder.read("fit/coefficients.rs").contains("&DIAGONAL, None)"));
+    let source = folder.read("fit/coefficients.rs");
+    assert!(source.contains("&DIAGONAL, None)") && source.contains("// no factor form"), "{source}");
     let poses = fixture("poses/table5.csv");
     json(&["stiffness", "--poses", &poses, "--table", &table]);
-    let refused = run(&["stiffness", "--poses", &poses, "--table", &table, "--form", "factor"]);
-    assert_eq!(refused.status.code(), Some(2));
+    let out = folder.path("out.csv");
+    refuse(&["stiffness", "--poses", &poses, "--table", &table, "--form", "factor"], "factor form", None, &folder);
+    refuse(&["predict", "--table", &table, "--out", &out], "no factor form|wrong for loads", None, &folder);
+    json(&["predict", "--table", &table, "--form", "diagonal", "--out", &out]);
 }
 
 #[test]
@@ -236,6 +239,7 @@ fn stiffness_files_go_round() {
     let poses = folder.write("p.csv", &only_poses(&fixture("stiffness/fe-l49.csv")));
     let out = folder.path("k.csv");
     let found = json(&["stiffness", "--poses", &poses, "--out", &out]);
+    assert_eq!(only_poses(&out), folder.read("p.csv"), "as they were written");
     // fitting the model to itself leaves nothing to correct, and nothing to spoil
     let fit = json(&["fit", "--data", &out, "--out", &folder.path("fit")]);
     at_most(numbers(&fit["train"]["basic"]["re_percent"]["max"]), [1e-10; 6], "written digits");
@@ -330,7 +334,9 @@ fn predict_fills_deflections_and_keeps_the_rest() {
     let d = compliance * load;
     let rotation = nalgebra::Vector3::new(d[3], d[4], d[5]);
     let translation = nalgebra::Vector3::new(d[0], d[1], d[2]) + rotation.cross(&r);
-    let tail: Vec<f64> = cells[cells.len() - 5..].iter().map(|c| c.parse().unwrap()).collect();
+    // as the file has them, with a comma
+    let tail: Vec<f64> = cells[cells.len() - 5..].iter().map(|c| c.replacen(',', ".", 1).parse().unwrap()).collect();
+    assert!(!written.lines().nth(1).unwrap().contains('.'), "{written}");
     for (found, expected) in tail.iter().zip([translation.y, translation.z, rotation.x, rotation.y, rotation.z]) {
         assert!((found - expected * 1e6).abs() <= 1e-9 * expected.abs() * 1e6, "{found} {expected}");
     }
@@ -467,4 +473,157 @@ fn verification_outside_the_box_is_said() {
     let fit: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(fit["train"]["outside_box"], 0);
     assert!(fit["verify"]["outside_box"].as_u64().unwrap() > 10);
+}
+
+/// What a successful call says on stderr.
+fn said(args: &[&str]) -> String {
+    let output = run(args);
+    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stderr).unwrap()
+}
+
+/// The machine without a good many millimetres: not the reference machine any more.
+fn foreign_machine() -> String {
+    reference_machine().replace("a1_mm = 180.0", "a1_mm = 178.0")
+}
+
+/// Rows below the header of the 49 poses' stiffness, as another program or a careless hand would have it.
+fn stiffness_file(header: impl Fn(&str) -> String, row: impl Fn(usize, &str) -> String) -> String {
+    let text = std::fs::read_to_string(fixture("stiffness/fe-l49.csv")).unwrap();
+    let mut lines = text.lines().filter(|l| !l.starts_with('#'));
+    let header = header(lines.next().unwrap());
+    header + "\n" + &lines.enumerate().map(|(n, l)| row(n, l) + "\n").collect::<String>()
+}
+
+#[test]
+fn what_is_read_is_not_overwritten() {
+    let folder = Folder::new();
+    let machine = folder.write("fit.json", &reference_machine());
+    let poses = folder.write("p.csv", &only_poses(&fixture("stiffness/fe-l49.csv")));
+    let data = folder.write("d.csv", &std::fs::read_to_string(fixture("measured/p01/measured.csv")).unwrap());
+    let (here, round_about) = (folder.path(""), folder.path("./p.csv"));
+    let mut calls = vec![
+        (vec!["stiffness", "--poses", &poses, "--machine", &machine, "--out", &machine], "fit.json"),
+        (vec!["predict", "--data", &data, "--out", &data], "d.csv"),
+        (vec!["fit", "--machine", &machine, "--out", &here], "fit.json"),
+        (vec!["stiffness", "--poses", &poses, "--out", &round_about], "p.csv"),
+    ];
+    let link = folder.path("link.csv");
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(&data, &link).unwrap();
+        calls.push((vec!["predict", "--data", &data, "--out", &link], "d.csv"));
+    }
+    let before = folder.contents();
+    for (call, file) in calls {
+        let message = refused(&call)["message"].as_str().unwrap().to_owned();
+        assert!(message.contains(&format!("{file}, which is read")), "{message}");
+        assert!(folder.contents() == before, "{call:?}");
+    }
+}
+
+#[test]
+fn another_machine_needs_data_of_its_own() {
+    let folder = Folder::new();
+    let (machine, out) = (folder.write("m.toml", &foreign_machine()), folder.path("out"));
+    for (call, option) in [
+        (vec!["fit"], "--data"),
+        (vec!["diagnose"], "--data"),
+        (vec!["predict"], "--data"),
+        (vec!["plan", "--kind", "discriminate"], "--data"),
+        (vec!["place"], "--job"),
+    ] {
+        let message = refused(&[&call[..], &["--machine", &machine, "--out", &out]].concat())["message"]
+            .as_str()
+            .unwrap()
+            .to_owned();
+        assert!(message.contains(option) && message.contains("reference machine"), "{message}");
+        assert!(!folder.has("out"));
+    }
+    // the same machine in a file of its own, and with joints as somebody else declares them
+    let machine = folder.write("m.toml", &reference_machine());
+    assert!(!said(&["fit", "--machine", &machine, "--out", &out]).contains("--data"));
+    let machine = folder.write("m.toml", &reference_machine().replace("3.0e8", "4.0e8"));
+    assert!(said(&["fit", "--machine", &machine, "--out", &out]).contains("no --data: "));
+}
+
+#[test]
+fn leftovers_of_a_spreadsheet_do_no_harm() {
+    let folder = Folder::new();
+    let poses = "pose;theta_deg;sigma_deg;z0_mm";
+    let read = |text: &str| json(&["stiffness", "--poses", &folder.write("p.csv", text)])["poses"][0]["pose"].clone();
+    assert_eq!(read(&format!(";;;;\n{poses};;\nA;1,5;0;530;;\n;;;;;\n;;;\n")), "A");
+    for (text, words, line) in [
+        (format!("{poses}\nA;1;0;530\nSumme;;;\n"), "theta_deg|row `Summe` has no pose|delete", 3),
+        (format!("Ansys Export 2026\n\n{poses}\nA;1;0;530\n"), "column names such as pose|Ansys|put #", 1),
+        (
+            "Pose;Theta [°];sigma;z0_mm\nA;1;0;530\n".to_owned(),
+            "Pose|`pose`|`theta_deg` for `Theta [°]`|`sigma_deg` for `sigma`",
+            1,
+        ),
+        (format!("{poses}\nA;1;0;530\nB;1;0;0.530,5\n"), "z0_mm|finite number", 3),
+        (format!("{poses}\nA;1,5;0;530\nB;1;0;1.530\n"), "z0_mm|point or thousands", 3),
+        (format!("{poses}\nA;1;0;1'530'000\n"), "z0_mm|without separators", 2),
+    ] {
+        refuse(&["stiffness", "--poses", &folder.write("p.csv", &text)], words, Some(line), &folder);
+    }
+    let file = folder.path("p.csv");
+    for (bytes, words) in [(&b"PK\x03\x04..."[..], "spreadsheet|CSV UTF-8"), (b"\xff\xfep\0o\0", "UTF-16|CSV UTF-8")] {
+        std::fs::write(&file, bytes).unwrap();
+        refuse(&["stiffness", "--poses", &file], words, None, &folder);
+    }
+}
+
+#[test]
+fn likely_slips_are_warned_of() {
+    let folder = Folder::new();
+    let (out, file) = (folder.path("out"), folder.path("k.csv"));
+    let fit = |text: &str| said(&["fit", "--data", &folder.write("k.csv", text), "--out", &out]);
+    let scaled = |columns: std::ops::Range<usize>, factor: f64| {
+        let row = |_: usize, l: &str| {
+            let cells = l.split(',').enumerate().map(|(i, c)| match c.parse::<f64>() {
+                Ok(v) if columns.contains(&i) => (v * factor).to_string(),
+                _ => c.to_owned(),
+            });
+            cells.collect::<Vec<_>>().join(",")
+        };
+        stiffness_file(str::to_owned, row)
+    };
+    // every stiffness in N and mm; angles in radians
+    let warning = fit(&scaled(4..25, 1e-3));
+    assert!(warning.contains("k11 5.") && warning.contains("k66 ") && warning.contains("N/mm"), "{warning}");
+    assert!(folder.read("out/report.html").contains("Warning: "));
+    assert!(fit(&scaled(1..3, 0.017)).contains("in degrees?"));
+    assert_eq!(fit(&scaled(0..0, 1.0)), "");
+
+    let warning = said(&["fit", "--data", &file, "--verify", &file, "--out", &out]);
+    assert!(warning.contains("49 of 49 verification poses are training poses too"), "{warning}");
+    assert!(!folder.read("out/report.html").contains("no part in the fit"));
+
+    let reference = reference_machine();
+    let ik = ["ik", "--theta-deg", "0", "--sigma-deg", "0", "--z0-mm", "530"];
+    for (from, to, key) in [
+        ("3.0e8", "3.0e5", "limb.1.base_joint.linear_n_per_m: 200000"),
+        ("young_gpa = 206.0", "young_gpa = 206000.0", "limb.3.body.screw.young_gpa: 206000"),
+        ("shear_gpa = 79.23", "shear_gpa = 230.0", "limb.2.body.rod.shear_gpa: 230"),
+    ] {
+        assert!(reference.contains(from));
+        let machine = folder.write("m.toml", &reference.replace(from, to).replace("2.0e8", "2.0e5"));
+        let warning = said(&[&ik[..], &["--machine", &machine]].concat());
+        assert!(warning.contains(key), "{warning}");
+    }
+    assert_eq!(said(&ik), "");
+}
+
+#[test]
+fn another_machines_wrist_is_named() {
+    let folder = Folder::new();
+    let reference = reference_machine();
+    let (head, rest) = reference.split_once("[wrist]").unwrap();
+    let (_, rest) = rest.split_once("\n[").unwrap();
+    let machine = folder.write("m.toml", &format!("{head}[{rest}"));
+    let fk = ["fk", "--q-mm", "560,560,560", "--machine", &machine];
+    assert!(!said(&fk).contains("wrist"));
+    let warning = said(&[&fk[..], &["--beta-deg", "0,-10"]].concat());
+    assert!(warning.contains("no wrist.offset_mm, wrist.first, wrist.second, wrist.flange_mm"), "{warning}");
 }

@@ -141,7 +141,8 @@ fn what_others_left_in_the_folder_stays() {
             [&call[..5], &[option, &path]].concat()
         };
         let message = refused(&call)["message"].as_str().unwrap().to_owned();
-        assert!(message.contains("have this name"), "{message}");
+        let expected = if path == poses { "would overwrite" } else { "have this name" };
+        assert!(message.contains(expected), "{message}");
     }
     let output = run(&[&call[..], &["--readings", "/proc/nothing/r.csv"]].concat());
     assert_eq!((output.status.code(), runs(&folder)), (Some(1), 3), "told before anything is computed");
@@ -260,6 +261,14 @@ fn a_section_that_says_all_of_it_is_the_same_machine() {
 }
 
 #[test]
+fn the_screws_bore_reaches_the_solid() {
+    let text = reference_machine().replace("outer_mm = 32.0, inner_mm = 0.0", "outer_mm = 32.0, inner_mm = 25.0");
+    let solid = MachineFile::parse(Source::from_text("m.toml", text)).unwrap().solid.unwrap();
+    let screw = "[solid.screw]\nouter_mm = [32, 32, 32]\ninner_mm = [25, 25, 25]\n";
+    assert!(solid.toml().contains(screw), "{}", solid.toml());
+}
+
+#[test]
 fn what_does_not_fit_is_refused_before_anything_is_computed() {
     let folder = Folder::new();
     let (ccx, poses, out) = (stand_in(&folder, "never"), folder.write("p.csv", POSES), folder.path("k.csv"));
@@ -281,6 +290,7 @@ fn what_does_not_fit_is_refused_before_anything_is_computed() {
         ("solid.base.thickness_mm=900", "limb 1 goes through the base"),
         // at any
         ("solid.ram.length_mm=[300,300,300]", "tube and ram long enough together"),
+        ("solid.screw.inner_mm=[32,0,0]", "a bore below the screw's outer_mm"),
         ("solid.ram.outer_mm=[82,82,82]", "a bore below the tube's outer_mm"),
         ("solid.tube.inner_mm=[50,50,50]", "a bore that ram and screw fit in"),
         ("solid.platform.hub_mm=400", "bores too near"),

@@ -20,7 +20,7 @@ fn machine(name: &str) -> MachineFile {
 #[test]
 fn x150_reaches_its_published_check_points() {
     let x150 = machine("x150.toml").machine;
-    // model.md 1: L = 259.5 mm upright; the tool 90.5 mm beyond A at (100, 330) mm
+    // L = 259.5 mm upright; the tool 90.5 mm beyond A at (100, 330) mm
     let tilt = (100.0_f64 / 330.0).atan();
     let l = 100.0_f64.hypot(330.0) - 90.5;
     for (theta_rad, l_mm, expected_mm) in [(0.0, 259.5, [259.5, 259.5, 276.0]), (tilt, l, [254.319, 254.319, 219.757])]

@@ -8,7 +8,7 @@ use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Configuration, Pose, Tool, Wrench};
 use serde_json::Value;
 
-use common::{FIVE, Folder, fixture, json, numbers, reference_machine, refused};
+use common::{FIVE, Folder, fixture, json, numbers, reference_machine, refused, run};
 
 const HOME: Configuration<f64> =
     Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
@@ -376,7 +376,7 @@ fn a_program_keeps_its_words_and_is_divided() {
     for line in still {
         assert!(lines.any(|l| l == line), "{line}");
     }
-    assert!(written.starts_with("%\n(pkm-host compensate: machine reference, coefficients.json)\n"));
+    assert!(written.starts_with("%\n(pkm-host compensate: machine reference, coefficients.json, path.ngc)\n"));
     assert!(written.contains("N50 G1 F200 M8 X"), "{written}");
     let points = places(&written, "XYZIJK");
     assert_eq!(summary["points"], points.len());
@@ -506,6 +506,9 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
     says(&refuse("G0 X1 Y2 Z3\n"), "input", Some(1), &["where the tool points"]);
     says(&refuse("X1 Y2 Z3 I0 J0 K1\n"), "input", Some(1), &["before any G0 or G1"]);
     says(&refuse("M3 S100\n"), "input", None, &["found none"]);
+    says(&refuse("0 BEGIN PGM PLATE MM\n"), "input", Some(1), &["is this G-code"]);
+    says(&refuse("G0 CYCL DEF\n"), "input", Some(1), &["is this G-code"]);
+    says(&refuse(&format!("{start}O100\n")), "input", Some(3), &["subroutines"]);
     says(&refuse(&format!("{start}G1 X\n").replace('\n', "\r")), "input", Some(3), &["expected a number"]);
 
     let path = folder.write("unloaded.ngc", &format!("{start}G1 X-200\n"));
@@ -517,6 +520,8 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
     says(&refused(&csv), "usage", None, &["columns fx_n"]);
     let svg = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &folder.path("a.svg")];
     says(&refused(&svg), "usage", None, &["the plot goes there"]);
+    let other = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &out];
+    says(&refused(&other), "usage", None, &["the kind of file that --path is"]);
     let odd = ["compensate", "--path", &fixture("machines/reference.toml"), "--out", &out];
     says(&refused(&odd), "usage", None, &[".ngc"]);
     assert!(!folder.has("out.ngc"));
@@ -541,4 +546,34 @@ fn without_a_load_a_path_stays_as_it_is() {
     let summary = json(&["compensate", "--path", &path, "--out", &folder.path("out.csv")]);
     assert_eq!(rows(&folder.read("idle.csv"), ','), rows(&folder.read("out.csv"), ','));
     assert_eq!((&summary["loaded_points"], &summary["error_before_um"]["max"]), (&0.into(), &0.0.into()));
+}
+
+#[test]
+fn a_controls_program_goes_through_and_says_what_was_made_up_for() {
+    let folder = Folder::new();
+    let program = "O1001 (PART)\nT1 M6\nG0 X-205 Y0 Z1137 I0 J0 K1\nG1 X-204 F100\nT2 M6\nG1 X-203\nM30\n";
+    let (path, out) = (folder.write("part.nc", program), folder.path("out.nc"));
+    let output = run(&["compensate", "--path", &path, "--wrench", "10,0,-20.5,0,0,0", "--out", &out]);
+    let warning = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && warning.contains("part.nc:6: T2 cuts with the load"), "{warning}");
+    let head =
+        "(pkm-host compensate: machine reference, no table, part.nc, load 10 0 -20.5 0 0 0 N, N m)\nO1001 (PART)\n";
+    assert!(folder.read("out.nc").starts_with(head), "{}", folder.read("out.nc"));
+    let told = program.replace("T2 M6\n", "T2 M6\n(wrench 1,0,0,0,0,0)\n");
+    let path = folder.write("part.nc", &told);
+    assert!(run(&["compensate", "--path", &path, "--wrench", "10,0,-20.5,0,0,0", "--out", &out]).stderr.is_empty());
+    let overwritten = refused(&["compensate", "--path", &path, "--wrench", "1,0,0,0,0,0", "--out", &path]);
+    says(&overwritten, "usage", None, &["part.nc, which is read"]);
+    assert_eq!(folder.read("part.nc"), told);
+}
+
+#[test]
+fn a_path_with_decimal_commas_keeps_them() {
+    let folder = Folder::new();
+    let text = format!("{}\n-205,5;0;1137;0;0;1;10;0;0;0;0;0\n", HEADER.replace(',', ";"));
+    json(&["compensate", "--path", &folder.write("p.csv", &text), "--out", &folder.path("out.csv")]);
+    let written = folder.read("out.csv");
+    let tip: Vec<f64> =
+        written.lines().nth(1).unwrap().split(';').map(|c| c.replace(',', ".").parse().unwrap()).collect();
+    assert!(!written.contains('.') && off(&tip[..3], &[-205.5, 0.0, 1137.0]) < 1.0, "{written}");
 }

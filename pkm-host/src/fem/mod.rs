@@ -138,7 +138,7 @@ impl Model<'_> {
     /// Makes a folder with the case's deck.
     fn write_deck(&self, case: &Case, folder: &Path) -> Result<()> {
         let (_, text) = self.deck(&case.pose).map_err(Failure::other)?;
-        source::write(&folder.join(ccx::CASE).with_extension("inp"), text)
+        source::write(&folder.join(ccx::CASE).with_extension("inp"), text, &[])
     }
 }
 
@@ -178,7 +178,7 @@ fn compute_one(request: &Request<'_>, version: &str, work: &Path, model: &Model<
             keep(&entry.file_name().to_string_lossy())?;
         }
     }
-    source::write(&folder.join(RESULT), format!("{version}\n{printed}"))
+    source::write(&folder.join(RESULT), format!("{version}\n{printed}"), &[])
 }
 
 /// Computes every case that has no result yet. The count of those that were computed.
@@ -248,7 +248,7 @@ fn stiffness_csv(file: &MachineFile, version: &str, request: &Request<'_>, solve
     header.extend(stiffness_columns().map(|(_, _, name)| name));
     let rows = solved.iter().map(|(case, s)| {
         let mut row = vec![case.pose.id.clone()];
-        row.extend(file_units(&case.pose.pose).map(|v| ((v * 1e9).round() / 1e9).to_string()));
+        row.extend(dataset::pose_cells(&case.pose.pose));
         row.extend(stiffness_columns().map(|(i, j, _)| format!("{:.7e}", s.k[(i, j)])));
         row
     });
@@ -345,6 +345,7 @@ fn changed(source: Source, set: &[String]) -> Result<Source> {
 pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     let source = changed(Source::read_or(machine, pkm_fixtures::MACHINE)?, request.set)?;
     let file = MachineFile::parse(source)?;
+    file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
     let solid = file.solid.as_ref().map_err(Clone::clone)?;
     let of_loads = request.readings.as_ref().and_then(|wish| wish.loads);
     let Some(path) = request.poses.or(of_loads) else {
@@ -385,9 +386,10 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     let manifest_path = beside("manifest.json");
     let readings_path = request.readings.as_ref().map(|wish| wish.out);
     let written: Vec<&Path> = [request.out, &html, &manifest_path].into_iter().chain(readings_path).collect();
-    let read = [request.poses, of_loads].into_iter().flatten();
+    let read = [machine, request.poses, of_loads];
+    source::keep_inputs(&written, &read)?;
     for (i, path) in written.iter().enumerate() {
-        if written[..i].contains(path) || read.clone().any(|r| r == *path) {
+        if written[..i].contains(path) {
             let message = "two files of this call have this name: name --out otherwise, such as k.csv";
             return Err(Failure::usage(message).in_file(path.display().to_string()));
         }
@@ -402,7 +404,7 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
             let version = "nothing yet";
             let (cases, poses_from) = (&cases, &poses_from);
             let facts = report::Facts { file: &file, solid, request, cases, solved: None, poses_from, version };
-            source::write(&html, report::page(&facts)?)?;
+            source::write(&html, report::page(&facts)?, &read)?;
             let text = about(&format!("nothing computed; the machine is drawn in {}", html.display()));
             let json = json!({ "poses": cases.len(), "nodes": largest.0, "elements": largest.1, "report": html.display().to_string() });
             return Ok(Output { text, json });
@@ -478,11 +480,11 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     ));
     let page = report::page(&facts)?;
     if let (Some(wish), Some(loads)) = (&request.readings, &loads) {
-        text.push_str(&loads.write(wish, &file, request, &solved)?);
+        text.push_str(&loads.write(wish, &file, request, &solved, &read)?);
     }
-    source::write(&manifest_path, manifest)?;
-    source::write(&html, page)?;
-    source::write(request.out, stiffness_csv(&file, &version, request, &solved))?;
+    source::write(&manifest_path, manifest, &read)?;
+    source::write(&html, page, &read)?;
+    source::write(request.out, stiffness_csv(&file, &version, request, &solved), &read)?;
     if request.mode == Mode::Run && request.work.is_none() && !request.keep {
         clear(&work, &cases);
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use pkm_core::Wrench;
 
 use super::{Case, Request, Solved};
-use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet, WRENCH_COLUMNS, file_units};
+use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet, WRENCH_COLUMNS};
 use crate::diagnose::readings::Readings;
 use crate::error::{Failure, Result, printable};
 use crate::machine_file::MachineFile;
@@ -51,7 +51,7 @@ fn usual(wish: &Wish<'_>, poses: &[NamedPose]) -> String {
                 for (sign, mark) in [(1.0, "+"), (-1.0, "-")] {
                     for (share, direction) in [(0.5, "load"), (1.0, "load"), (0.5, "unload")] {
                         let mut row = vec![pose.id.clone()];
-                        row.extend(file_units(&pose.pose).map(|v| v.to_string()));
+                        row.extend(dataset::pose_cells(&pose.pose));
                         row.extend(
                             (0..6).map(|i| if i == axis { (sign * share * most).to_string() } else { "0".into() }),
                         );
@@ -95,6 +95,7 @@ impl Loads {
         file: &MachineFile,
         request: &Request<'_>,
         solved: &[(&Case, Solved)],
+        inputs: &[Option<&Path>],
     ) -> Result<String> {
         let given = |c: &&str| self.sheet.has(c);
         let mut wanted: Vec<&str> = DEFLECTION_COLUMNS.into_iter().filter(given).collect();
@@ -138,14 +139,14 @@ impl Loads {
             for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {
                 let value = micro[i] + zeros[reading.series][i] + wish.noise[i / 3] * normal();
                 if let Some(at) = column(name).filter(|_| wanted.contains(name)) {
-                    cells[at] = format!("{value:.4}");
+                    cells[at] = self.sheet.written(format!("{value:.4}"));
                 }
             }
             for (i, name) in SIGMA.iter().enumerate() {
                 let sigma = wish.noise[i].hypot(wish.zero[i]);
                 if let Some(at) = column(name) {
                     // without noise there is nothing to declare
-                    cells[at] = if sigma > 0.0 { format!("{sigma:.4}") } else { String::new() };
+                    cells[at] = if sigma > 0.0 { self.sheet.written(format!("{sigma:.4}")) } else { String::new() };
                 }
             }
             rows.push(cells);
@@ -160,9 +161,9 @@ impl Loads {
             wish.zero[0],
             wish.zero[1],
             wish.seed,
-            dataset::to_csv(if self.sheet.semicolons { b';' } else { b',' }, &header, rows)
+            dataset::to_csv(self.sheet.delimiter(), &header, rows)
         );
-        source::write(wish.out, text)?;
+        source::write(wish.out, text, inputs)?;
         Ok(format!("wrote {count} readings to {}, seed {}\n", wish.out.display(), wish.seed))
     }
 }

@@ -49,6 +49,6 @@ exit $failed
 "#
     );
     let list: String = folders.iter().map(|f| format!("{f}\n")).collect();
-    source::write_all(work, &[(OsStr::new("cases.txt"), list), (OsStr::new(SCRIPT), script)])?;
+    source::write_all(work, &[(OsStr::new("cases.txt"), list), (OsStr::new(SCRIPT), script)], &[])?;
     Ok(tasks)
 }

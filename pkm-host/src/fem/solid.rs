@@ -157,6 +157,7 @@ struct RawRam {
 #[serde(deny_unknown_fields, default)]
 struct RawScrew {
     outer_mm: Triple,
+    inner_mm: Triple,
 }
 
 #[derive(Default, Deserialize)]
@@ -381,7 +382,7 @@ impl Solid {
                     ("length_mm", mm(of(|t| t.ram_m))),
                 ],
             );
-            part("screw", &[("outer_mm", mm(of(|t| t.screw.outer_m)))]);
+            part("screw", &[("outer_mm", mm(of(|t| t.screw.outer_m))), ("inner_mm", mm(of(|t| t.screw.inner_m)))]);
             for (name, seats) in [("bearing", [a, b, c].map(|t| t.bearing)), ("nut", [a, b, c].map(|t| t.nut))] {
                 part(
                     name,
@@ -458,6 +459,7 @@ impl RawSolid {
         let ram_outer = three("solid.ram.outer_mm", &self.ram.outer_mm, MM, POSITIVE, rods.map(|b| b.outer_m))?;
         let ram_inner = three("solid.ram.inner_mm", &self.ram.inner_mm, MM, 0.0, rods.map(|b| b.inner_m))?;
         let screw_outer = three("solid.screw.outer_mm", &self.screw.outer_mm, MM, POSITIVE, screws.map(|b| b.outer_m))?;
+        let screw_inner = three("solid.screw.inner_mm", &self.screw.inner_mm, MM, 0.0, screws.map(|b| b.inner_m))?;
         // the tube goes round it with a gap, and bends as the declared body does
         let inner = std::array::from_fn(|i| 1.06 * ram_outer[i].max(screw_outer[i]));
         let tube_inner = three("solid.tube.inner_mm", &self.tube.inner_mm, MM, POSITIVE, inner)?;
@@ -492,6 +494,12 @@ impl RawSolid {
             let (mm, limb) = (|m: f64| (m / MM * 1e3).round() / 1e3, i + 1);
             let rules = [
                 (ram_inner[i] < ram_outer[i], "ram.inner_mm", &self.ram.inner_mm, "a bore below the ram's outer_mm"),
+                (
+                    screw_inner[i] < screw_outer[i],
+                    "screw.inner_mm",
+                    &self.screw.inner_mm,
+                    "a bore below the screw's outer_mm",
+                ),
                 (
                     tube_inner[i] < tube_outer[i],
                     "tube.inner_mm",
@@ -538,7 +546,7 @@ impl RawSolid {
             behind_m: behind_m[i],
             ram: Bar { outer_m: ram_outer[i], inner_m: ram_inner[i], ..rods[i] },
             ram_m: ram_m[i],
-            screw: Bar { outer_m: screw_outer[i], inner_m: 0.0, ..screws[i] },
+            screw: Bar { outer_m: screw_outer[i], inner_m: screw_inner[i], ..screws[i] },
             bearing: bearing[i],
             nut: nut[i],
             guide_n_per_m: guide[i],

@@ -1,4 +1,4 @@
-//! Fitting correction tables to stiffness data (paper, Eqs. 10-14; spec: model.md 3).
+//! Fitting correction tables to stiffness data (paper, Eqs. 10-14; `docs/theory.md`).
 
 use std::collections::BTreeSet;
 
@@ -56,7 +56,7 @@ pub enum TermChoice {
 pub struct Fit {
     /// What was fitted on, with K_p beside it.
     pub training: Vec<Sample>,
-    /// Poses that had no part in the fit.
+    /// What the fit is judged by; as a rule poses that had no part in it.
     pub verification: Option<Vec<Sample>>,
     /// Middle and half widths of the box in ° and mm.
     pub center: [f64; 3],
@@ -72,6 +72,15 @@ pub struct Fit {
     pub paper_e: [[f64; 9]; 6],
     /// Worst condition number of the polynomials' design matrices, scaled variables.
     pub condition: f64,
+}
+
+impl Fit {
+    /// Poses of the verification that were fitted as well.
+    pub fn verification_in_training(&self) -> usize {
+        let key = |s: &Sample| file_units(&s.pose.pose).map(|v| (v * 1e6).round() as i64);
+        let fitted: BTreeSet<_> = self.training.iter().map(key).collect();
+        self.verification.iter().flatten().filter(|s| fitted.contains(&key(s))).count()
+    }
 }
 
 /// One fitted polynomial over all terms of the table; 0 where it does not use one.
@@ -370,11 +379,11 @@ fn paper_coefficients(c: &[f64], center: [f64; 3], scale: [f64; 3]) -> [f64; 9] 
     e
 }
 
-/// How far the data are from the model, when it is so far that the units are in doubt.
-pub fn suspicious_ratio(samples: &[Sample]) -> Option<f64> {
-    let logs: Vec<f64> = samples.iter().flat_map(|s| s.ratios()).map(f64::ln).collect();
-    let ratio = (logs.iter().sum::<f64>() / logs.len() as f64).exp();
-    (!(0.02..=50.0).contains(&ratio)).then_some(ratio)
+/// Columns in which the data are so far from the model that the units are in doubt, and how far: geometric means.
+pub fn suspicious_ratios(samples: &[Sample]) -> Vec<(String, f64)> {
+    let mean = |i: usize| (samples.iter().map(|s| s.ratios()[i].ln()).sum::<f64>() / samples.len() as f64).exp();
+    let means = (0..6).map(|i| (format!("k{0}{0}", i + 1), mean(i)));
+    means.filter(|(_, ratio)| !(1.0 / 30.0..=30.0).contains(ratio)).collect()
 }
 
 /// Mean, standard deviation (n − 1), greatest and least of six quantities.

@@ -54,7 +54,7 @@ pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -
         }
     }
     let _ = writeln!(text, "  {} terms, condition number of the fit {:.1}", fit.numbers.terms.len(), fit.condition);
-    for finding in conclusion(trained, verified) {
+    for finding in conclusion(fit, trained, verified) {
         let _ = writeln!(text, "- {}", finding.text);
     }
     text
@@ -72,14 +72,17 @@ fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
 }
 
 /// What the fit is worth, in sentences.
-fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<Finding> {
+fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<Finding> {
     let (e, on) = match verified {
+        Some(v) if fit.verification_in_training() > 0 => {
+            (v, "verification poses that had a part in the fit themselves")
+        }
         Some(v) => (v, "the verification poses, which had no part in the fit"),
         None => (trained, "the training poses themselves: give --verify to judge the table by others"),
     };
     let worst = |v: &[f64; 6]| v.iter().copied().fold(0.0, f64::max);
     let forms = forms(&e.deflection_percent);
-    let mut findings = vec![verdict(e, verified.is_some())];
+    let mut findings = vec![verdict(e, verified.is_some() && fit.verification_in_training() == 0)];
     findings.push(Finding::good(format!(
         "Principal stiffnesses: mean error at most {:.2} % with the table (diagonal form), up to {:.1} % without, on {on}.",
         worst(&e.improved.re_percent.mean),
@@ -93,7 +96,9 @@ fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<Findin
     }
     if let Some((_, basic)) = forms.first() {
         for (name, errors) in &forms[1..] {
-            let worse = (0..6).filter(|i| errors[*i] > basic[*i]).map(|i| LOADS[i]).collect::<Vec<_>>();
+            let is_worse = |i: &usize| errors[*i] > basic[*i];
+            let worse: Vec<&str> = (0..6).filter(is_worse).map(|i| LOADS[i]).collect();
+            let worst_of_these = |v: &[f64; 6]| (0..6).filter(is_worse).map(|i| v[i]).fold(0.0, f64::max);
             findings.push(if worse.is_empty() {
                 Finding::good(format!(
                     "Under load, {name}: mean deflection error at most {:.2} %, where K_p is wrong by up to {:.1} %.",
@@ -105,8 +110,8 @@ fn conclusion(trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<Findin
                     "Under load, {name}: WORSE than K_p under {} (up to {:.0} % against {:.0} %). Don't predict \
                      deflections with it.",
                     worse.join(", "),
-                    worst(errors),
-                    worst(basic)
+                    worst_of_these(errors),
+                    worst_of_these(basic)
                 ))
             });
         }
@@ -343,7 +348,7 @@ fn coefficient_tables(fit: &Fit) -> Markup {
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn html(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
+pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String> {
     let (shown, on) = match p.verified {
         Some(v) => (v, "verification"),
         None => (p.training, "training"),
@@ -384,6 +389,7 @@ pub fn html(p: &Provenance<'_>, fit: &Fit) -> Result<String> {
         ("Box, outside which the controller gets a status", format!("θ {theta:?}°, σ {sigma:?}°, Z0 {z0:?} mm")),
         ("Condition number of the fit", format!("{:.1}", fit.condition)),
     ];
-    let findings = conclusion(p.training, p.verified);
+    let mut findings = conclusion(fit, p.training, p.verified);
+    findings.splice(1..1, warnings.iter().map(Finding::warning));
     Ok(Page { title: format!("Stiffness table of {}", p.file.machine), findings: &findings, body, facts }.html())
 }

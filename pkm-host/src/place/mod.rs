@@ -1,4 +1,4 @@
-//! Where the workpiece should stand (paper, Section 6, Eqs. 15-16; spec: model.md 4).
+//! Where the workpiece should stand (paper, Section 6, Eqs. 15-16; `docs/theory.md`).
 
 pub mod job;
 mod report;

@@ -57,7 +57,7 @@ const ANY: [Kind; 10] = [
         "a spreadsheet's own file",
         Make(|_| b"PK\x03\x04\x14\0\x06\0\x08\0\0\0!\0".to_vec()),
         ": ",
-        "spreadsheet|as text",
+        "spreadsheet|CSV UTF-8",
     ),
     ("a picture", Make(|_| b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec()), ":1: ", "UTF-8"),
 ];
