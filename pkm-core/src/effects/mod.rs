@@ -1,8 +1,18 @@
-//! Physics beyond the basic model, by the ids of spec: diagnosis.md.
+//! Physics beyond the basic model: [`EFFECTS`] lists it, `docs/theory.md` has its formulas.
 //!
-//! An effect is a file here and a line in the macro call below. Its parameters are amplitudes, mostly compliances:
-//! all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
-//! series with the whole adds at an end.
+//! An effect is a type in a file here and a name in the macro call below. Its parameters are amplitudes, mostly
+//! compliances: all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
+//! series with the whole adds at an end. A machine file's `[[effect]]` and a `diagnose` of `pkm-host` name them by
+//! [`id`](EffectInfo::id).
+
+mod base;
+mod drive;
+mod geometry;
+mod joints;
+mod load_dependent;
+mod platform;
+mod telescopic;
+mod thermal;
 
 use crate::linalg::Lower;
 use crate::scalar::Scalar;
@@ -318,8 +328,6 @@ const fn same(a: &[u8], b: &[u8]) -> bool {
 
 macro_rules! effects {
     ($($module:ident :: { $($name:ident),+ }),+ $(,)?) => {
-        $(mod $module;)+
-
         /// Position of each effect in [`EFFECTS`].
         enum Index { $($($name,)+)+ Count }
 
@@ -451,17 +459,17 @@ macro_rules! effects {
     };
 }
 
-// The register: module and types.
+// The register: module and types. Their order is that of [`EFFECTS`] and of the parameters in [`Effects`].
 effects! {
-    moving_platform::{MovingPlatformCompliance},
+    platform::{MovingPlatformCompliance},
     base::{BaseCompliance},
     telescopic::{TelescopicLimb},
     drive::{ScrewPosition, Limb1Axial, Limb2Axial, Limb3Axial},
     joints::{UniversalJoint, RevoluteJoint, SphericalJoint, Revolute3Joint},
-    wrist::{WristCompliance},
-    coupling::{LimbCoupling},
+    platform::{WristCompliance},
+    base::{LimbCoupling},
     load_dependent::{Clearance, ContactStiffening, FrictionHysteresis},
-    preload::{Preload},
+    drive::{Preload},
     geometry::{PlatformOffset, GeometryA1, GeometryA2, GeometryB1, GeometryB2},
     thermal::{ThermalModulus, ThermalExpansion},
 }
