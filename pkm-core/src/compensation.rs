@@ -117,8 +117,7 @@ pub(crate) fn deflection<T: Scalar>(
     // by reference: `?` would copy all of it
     match &machine.posture(pose) {
         Ok(posture) => {
-            let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
-            let beyond = machine.load_dependent_deflection_at(posture, wrench, &unloaded)?;
+            let beyond = machine.load_dependent_deflection_at(posture, wrench, &Wrench::ZERO)?;
             Ok(linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond))
         }
         Err(e) => Err((*e).into()),
@@ -235,9 +234,8 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     ) -> Result<Cycle<T>, CycleError> {
         let posture = machine.posture(pose)?;
         let wrench = wrench_at_tip.moved_to_a(tip_m);
-        let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
         // first, with nothing of the rest on the stack
-        let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &unloaded)?;
+        let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &Wrench::ZERO)?;
         self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m)
     }
 

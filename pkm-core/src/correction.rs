@@ -1,4 +1,4 @@
-//! Corrected stiffness from a fitted table (paper, Eqs. 10-12; spec: model.md 3).
+//! Corrected stiffness from a fitted table (paper, Eqs. 10-12; `docs/theory.md`).
 //!
 //! The coefficients are polynomials of the pose in scaled variables t = (x − centre) / half width, each in
 //! −1…1 over the box that the table was fitted on. Two forms:

@@ -49,6 +49,7 @@ pub mod scalar;
 pub mod stiffness;
 pub mod tables;
 pub mod types;
+mod vector;
 pub mod wrist;
 
 pub use compensation::{Compensated, CompensationError, Cycle, CycleError};

@@ -1,4 +1,4 @@
-//! The two rotary joints between moving platform and tool (paper, Table 1; spec: model.md 1).
+//! The two rotary joints between moving platform and tool (paper, Table 1).
 //!
 //! The axis of the first is w, set off along u; the second is square to it. With r = b1 + b2 cos β2 − f sin β2 and
 //! h = d1 + b2 sin β2 + f cos β2 the tip stands at (offset + r cos β1, r sin β1, h) in A-uvw.

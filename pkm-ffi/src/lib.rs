@@ -292,8 +292,7 @@ macro_rules! functions {
                 answer(deflection, || {
                     let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
                     let wrench = given(wrench)?.core();
-                    let zero = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
-                    let turned_at = if turned_at.is_null() { zero } else { given(turned_at)?.core() };
+                    let turned_at = if turned_at.is_null() { Wrench::ZERO } else { given(turned_at)?.core() };
                     let linear = table.factor_form(machine, &pose)?.factor.deflection(&wrench)?;
                     Ok(linear.plus(&machine.load_dependent_deflection(&pose, &wrench, &turned_at)?).into())
                 })
@@ -378,8 +377,7 @@ macro_rules! functions {
             unsafe {
                 answer(place, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let configuration = five.forward(&given(joints)?.core())?;
-                    let tool = five.tool(&configuration)?;
+                    let (configuration, tool) = five.forward(&given(joints)?.core())?;
                     Ok(PkmToolPlace { configuration: configuration.into(), tool: tool.into() })
                 })
             }
@@ -448,8 +446,7 @@ macro_rules! functions {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
                     let (table, tool) = (&given(table)?.0, given(tool)?.core());
                     let (wrench, near) = (given(wrench)?.core(), given(near)?.core());
-                    let found = five.compensated(Some(table), &tool, &wrench, &near)?;
-                    Ok(PkmCompensatedTool::new(found, table.domain(&found.hold.configuration.pose)))
+                    Ok(five.compensated(Some(table), &tool, &wrench, &near)?.into())
                 })
             }
         }

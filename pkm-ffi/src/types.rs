@@ -360,13 +360,14 @@ impl<T> From<Hold<T>> for PkmHold<T> {
     }
 }
 
-impl<T> PkmCompensatedTool<T> {
-    pub(crate) fn new(CompensatedTool { hold, deflection }: CompensatedTool<T>, domain: Domain) -> Self {
+impl<T> From<CompensatedTool<T>> for PkmCompensatedTool<T> {
+    fn from(CompensatedTool { hold, deflection }: CompensatedTool<T>) -> Self {
         Self {
             hold: hold.into(),
             translation_m: deflection.translation_m,
             rotation_rad: deflection.rotation_rad,
-            domain: domain.into(),
+            // every call here has a table, and with one there is a domain
+            domain: deflection.domain.unwrap_or(Domain::Outside).into(),
         }
     }
 }

@@ -17,7 +17,7 @@ mod thermal;
 use crate::linalg::Lower;
 use crate::scalar::Scalar;
 use crate::stiffness::Chain;
-use crate::types::cross;
+use crate::vector::cross;
 
 /// Most parameters that an effect has.
 pub const MAX_PARAMETERS: usize = 6;
