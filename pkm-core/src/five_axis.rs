@@ -95,7 +95,8 @@ pub struct Hold<T> {
 pub enum ToolError {
     /// An input is NaN or infinite, or an axis has no direction.
     NotFinite,
-    /// Out of the machine's reach from where it stands.
+    /// Out of the machine's reach from where it stands, or where it is said to stand is nowhere (Z0 not above 0, an angle
+    /// beyond ±90°).
     Unreachable,
     /// Where it stands, or on the way, two configurations meet that hold the tool alike: the home share of the determinant is
     /// below the wrist's margin.
@@ -198,6 +199,21 @@ pub struct CompensatedTool<T> {
 }
 
 /// A parallel mechanism and its wrist.
+///
+/// ```
+/// use pkm_core::{FiveAxis, JointValues, ScrewLengths, Tool, ToolError, tables::reference};
+/// let five = FiveAxis { machine: &reference::MACHINE_F32, wrist: &reference::WRIST_F32 };
+/// // where the machine stands when it is switched on
+/// let measured = JointValues { lengths: ScrewLengths { q_m: [0.5678, 0.5506, 0.5194] }, beta_rad: [0.2, -0.1] };
+/// let (mut stands, Tool { tip_m: [x, y, z], axis }) = five.forward(&measured)?;
+/// // 10 mm along x in steps of 1 mm
+/// for step in 1..=10 {
+///     let hold = five.inverse(&Tool { tip_m: [x + 1e-3 * step as f32, y, z], axis }, &stands)?;
+///     stands = hold.configuration;
+/// }
+/// assert!((five.tool(&stands)?.tip_m[0] - x - 0.01).abs() < 1e-6);
+/// # Ok::<(), ToolError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct FiveAxis<'a, T> {
     /// The parallel mechanism.
@@ -402,7 +418,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
     }
 
     /// The configuration that holds a tool, on the same side of the singular surface as `near`: damped Newton steps from there,
-    /// at most [`MAX_LOOKS`]. From the last configuration of a path two or three do.
+    /// at most [`MAX_LOOKS`]. From the last configuration of a path two or three do. At its start `near` is where the machine
+    /// stands: [`forward`](Self::forward) of the measured joints.
     ///
     /// # Errors
     /// Not finite; singular: `near`, or the way to the tool, has a [home share](Self::home_share) below the wrist's margin;

@@ -205,6 +205,13 @@ impl<T: Scalar> Machine<T> {
     ///
     /// # Errors
     /// In this order: not finite, out of travel, unreachable, singular.
+    ///
+    /// ```
+    /// use pkm_core::{KinematicsError, ScrewLengths, tables::reference};
+    /// let pose = reference::MACHINE_F64.forward(&ScrewLengths { q_m: [0.5678, 0.5506, 0.5194] })?;
+    /// assert!((pose.theta_rad - 0.1).abs() < 1e-3 && (pose.z0_m - 0.53).abs() < 1e-4);
+    /// # Ok::<(), KinematicsError>(())
+    /// ```
     pub fn forward(&self, lengths: &ScrewLengths<T>) -> Result<Pose<T>, KinematicsError> {
         if !lengths.q_m.iter().all(|q| q.is_finite()) {
             return Err(KinematicsError::NotFinite);

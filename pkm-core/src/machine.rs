@@ -497,6 +497,16 @@ macro_rules! machine {
             ///
             /// # Errors
             /// The first number that [`MachineParameters::check`] refuses.
+            ///
+            /// ```
+            /// use pkm_core::{Machine, machine::Geometry, tables::reference::PARAMETERS};
+            /// let mut mine = PARAMETERS;
+            /// mine.geometry = Geometry { a1_m: 0.17, ..mine.geometry };
+            /// assert!(Machine::<f32>::new(&mine).is_ok());
+            /// mine.geometry.b2_m = 0.0;
+            /// let refused = Machine::<f64>::new(&mine).unwrap_err();
+            /// assert_eq!(refused.to_string(), "the platform size b2 is not above 0, or far beyond any machine");
+            /// ```
             pub const fn new(parameters: &MachineParameters) -> Result<Self, MachineError> {
                 /// 1/k, and 0 for a released direction.
                 const fn inverted(k: [f64; 3]) -> [$t; 3] {

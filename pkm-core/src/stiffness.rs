@@ -452,6 +452,16 @@ impl<T: Scalar> Machine<T> {
     /// # Errors
     /// Those of [`inverse`](Self::inverse), and [`StiffnessError::NotPositiveDefinite`] when rounding leaves a
     /// limb without compliance.
+    ///
+    /// ```
+    /// use pkm_core::{Pose, StiffnessError, tables::reference};
+    /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    /// let k_p = reference::MACHINE_F64.stiffness(&pose)?;
+    /// let [k11, k22, k33, ..] = k_p.principal().map(|k| k / 1e6); // N/µm
+    /// assert!(k33 > k11 && k33 > k22);
+    /// assert_eq!(k_p.matrix()[0][1], k_p.matrix()[1][0]);
+    /// # Ok::<(), StiffnessError>(())
+    /// ```
     pub fn stiffness(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
         let mut lower = linalg::zero();
         self.add_stiffness_below_tool(&self.posture(pose)?, &mut lower)?;

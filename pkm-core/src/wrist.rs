@@ -163,6 +163,14 @@ macro_rules! wrist {
             ///
             /// # Errors
             /// The first number that [`WristParameters::check`] refuses.
+            ///
+            /// ```
+            /// use pkm_core::{Wrist, WristError, WristParameters};
+            /// let longer = WristParameters { flange_m: 0.25, ..WristParameters::PAPER };
+            /// assert!(Wrist::<f32>::new(&longer).is_ok());
+            /// let straight = WristParameters { first_b_m: 0.15, ..longer }; // b1 + b2 = 0
+            /// assert_eq!(Wrist::<f64>::new(&straight), Err(WristError::HomeIsSingular));
+            /// ```
             pub const fn new(p: &WristParameters) -> Result<Self, WristError> {
                 if let Err(error) = p.check() {
                     return Err(error);

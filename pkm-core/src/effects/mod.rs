@@ -276,6 +276,19 @@ impl Effects {
 
     /// The same with an effect, by its id, whatever the order of the effects in this version; parameters that are not
     /// given are 0. `None` for an unknown id, or for more parameters than the effect has.
+    ///
+    /// ```
+    /// use pkm_core::effects::Effects;
+    /// use pkm_core::{Machine, MachineParameters, Pose, tables::reference::PARAMETERS};
+    /// let effects = Effects::NONE.with("base-compliance", [2e-9, 1e-8]).expect("an effect of that name");
+    /// let soft = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS })?;
+    /// let stiff = Machine::<f64>::new(&PARAMETERS)?;
+    /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    /// let k33 = |machine: &Machine<f64>| machine.stiffness(&pose).map(|k| k.principal()[2]);
+    /// assert!(k33(&soft)? < k33(&stiff)?);
+    /// assert_eq!(Effects::NONE.with("no-such-effect", [1.0]), None);
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
     pub const fn with<const N: usize>(mut self, id: &str, parameters: [f64; N]) -> Option<Self> {
         let mut i = 0;
         while i < COUNT {
