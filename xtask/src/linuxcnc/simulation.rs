@@ -385,7 +385,7 @@ impl Seen {
         let Ok((stood, _)) = stood else { return Ok(()) };
         self.valid += 1;
 
-        let force = Wrench::from_array(wrench.try_into().map_err(|_| "a wrench is six numbers")?);
+        let force = Wrench::from_array(<[f64; 6]>::try_from(wrench).map_err(|_| "a wrench is six numbers")?);
         let Computed { tool, stiffness, wanted } = component(&five, &table, stands, &force)?;
         let to: Vec<f64> = in_file_units(&wanted.hold.joints).iter().zip(stands).map(|(to, at)| to - at).collect();
         keep(&mut self.offsets, worst(offsets, &to));
