@@ -178,7 +178,7 @@ both_widths! {
     wrench_to_array(i) i.wrench.to_array();
     wrench_from_array(i) Wrench::from_array(i.matrix[0]);
     deflection_to_array(i) i.deflection.to_array();
-    deflection_from_array(i) Deflection::from_array(i.matrix[0]);
+    deflection_from_array(i) Deflection::from_array(i.matrix[1]); // another row, or the linker would have one function for both
     domain(i) i.table.domain(&i.pose);
     coefficients(i) i.table.coefficients(&i.pose);
     diagonal_form(i) i.table.diagonal_form(&i.machine, &i.pose);
