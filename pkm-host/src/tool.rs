@@ -345,7 +345,8 @@ pub fn ik(file: &MachineFile, tip_mm: [f64; 3], axis: [f64; 3], near: Option<[f6
         None => reach.home(),
         Some([q1, q2, q3, beta1, beta2]) => {
             let joints = joint_values([q1, q2, q3], [beta1, beta2]);
-            forward(&reach, &joints).map_err(|f| Failure { message: format!("--near: {}", f.message), ..f })?
+            let near = forward(&reach, &joints);
+            near.map_err(|f| Failure { message: format!("--near: {}", f.message), ..f })?.0
         }
     };
     let ways = reach.ways(&tool, &near);
