@@ -30,8 +30,6 @@ pub struct Frame {
     welds: Vec<(Node, Node)>,
     /// Nodes of which the translation along a direction follows another's: (follower, leader, direction).
     ties: Vec<(Node, Node, Vector3<f64>)>,
-    /// Nodes that share a place and turn against each other about two axes: (follower, leader, axes).
-    hinges: Vec<(Node, Node, [Vector3<f64>; 2])>,
     /// Groups of nodes that a body carries on springs of their own.
     modes: Vec<Modes>,
 }
@@ -70,7 +68,6 @@ impl Frame {
             stiffness: DMatrix::zeros(6, 6),
             ties: Vec::new(),
             welds: Vec::new(),
-            hinges: Vec::new(),
             modes: Vec::new(),
         }
     }
@@ -116,12 +113,6 @@ impl Frame {
     /// Makes a node part of the same body as another.
     pub fn weld(&mut self, follower: Node, leader: Node) {
         self.welds.push((follower, leader));
-    }
-
-    /// Lets two nodes at one place turn against each other about two axes only. A spring there is a joint of its own.
-    pub fn hinge(&mut self, follower: Node, leader: Node, axes: [Vector3<f64>; 2]) {
-        (0..3).for_each(|axis| self.tie(follower, leader, Vector3::ith(axis, 1.0)));
-        self.hinges.push((follower, leader, axes));
     }
 
     /// Nodes that a body carries elastically: they move with it, and by shapes of their own, each a direction for
@@ -185,7 +176,7 @@ impl Frame {
     }
 
     fn solve(&self, loaded: Node, loads: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        // freedoms in terms of independent ones; a hinge's follower keeps its relative angles in two of its own
+        // freedoms in terms of independent ones
         let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
         let mut dependent: Vec<usize> = (0..6).collect();
         let mut stiffness = self.stiffness.clone();
@@ -225,16 +216,6 @@ impl Frame {
             }
             expand.set_row(6 * follower.0 + kept, &(row / d[kept]));
             dependent.push(6 * follower.0 + kept);
-        }
-        for (follower, leader, axes) in &self.hinges {
-            let first = 6 * follower.0 + 3;
-            for i in 0..3 {
-                let mut row = expand.row(6 * leader.0 + 3 + i).clone_owned();
-                row[first] += axes[0][i];
-                row[first + 1] += axes[1][i];
-                expand.set_row(first + i, &row);
-            }
-            dependent.push(first + 2);
         }
         dependent.sort_unstable();
         let expand = expand.remove_columns_at(&dependent);

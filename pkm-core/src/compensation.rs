@@ -117,8 +117,7 @@ pub(crate) fn deflection<T: Scalar>(
     // by reference: `?` would copy all of it
     match &machine.posture(pose) {
         Ok(posture) => {
-            let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
-            let beyond = machine.load_dependent_deflection_at(posture, wrench, &unloaded)?;
+            let beyond = machine.load_dependent_deflection_at(posture, wrench, &Wrench::ZERO)?;
             Ok(linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond))
         }
         Err(e) => Err((*e).into()),
@@ -159,6 +158,15 @@ impl<T: Scalar> Machine<T> {
     ///
     /// # Errors
     /// Not finite; singular; those of [`inverse`](Self::inverse), for `pose` or for the pose to command.
+    ///
+    /// ```
+    /// use pkm_core::{CompensationError, Deflection, Pose, tables::reference};
+    /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    /// let sagged = Deflection { translation_m: [0.0, 0.0, -20e-6], ..Deflection::ZERO };
+    /// let command = reference::MACHINE_F64.compensated(&pose, &sagged, [0.0, 0.0, 0.3])?;
+    /// assert!(command.pose.z0_m > pose.z0_m);
+    /// # Ok::<(), CompensationError>(())
+    /// ```
     pub fn compensated(
         &self,
         pose: &Pose<T>,
@@ -211,11 +219,18 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     ///
     /// # Arguments
     /// * `wrench_at_tip`: the load on the tip, its moment about the tip, in the axes of A-uvw.
-    /// * `tip_m`: where the tip is in A-uvw.
+    /// * `tip_m`: where the tip is in A-uvw. With a wrist whose joints turn use [`FiveAxis`](crate::FiveAxis), which takes
+    ///   tip and load in the tool's own terms; [`WristParameters::tip_at_zero_m`](crate::WristParameters::tip_at_zero_m)
+    ///   is the tip with both joints at 0.
+    ///
+    /// Outside the table's box ([`Domain::Outside`](crate::Domain::Outside) in [`Cycle::corrected`]) the numbers are
+    /// computed all the same: a controller that may not extrapolate commands [`Cycle::lengths`], without compensation, or
+    /// stops.
     ///
     /// # Errors
     /// Those of [`factor_form`](Self::factor_form), [`Machine::load_dependent_deflection`] and
-    /// [`Machine::compensated`].
+    /// [`Machine::compensated`]. There are no lengths then: hold the last command, or ask [`Machine::inverse`] for those
+    /// without load.
     ///
     /// ```
     /// use pkm_core::{CycleError, Pose, Wrench, tables::reference};
@@ -235,9 +250,8 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     ) -> Result<Cycle<T>, CycleError> {
         let posture = machine.posture(pose)?;
         let wrench = wrench_at_tip.moved_to_a(tip_m);
-        let unloaded = Wrench { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
         // first, with nothing of the rest on the stack
-        let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &unloaded)?;
+        let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &Wrench::ZERO)?;
         self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m)
     }
 

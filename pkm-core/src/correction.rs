@@ -1,4 +1,4 @@
-//! Corrected stiffness from a fitted table (paper, Eqs. 10-12; spec: model.md 3).
+//! Corrected stiffness from a fitted table (paper, Eqs. 10-12; `docs/theory.md`).
 //!
 //! The coefficients are polynomials of the pose in scaled variables t = (x − centre) / half width, each in
 //! −1…1 over the box that the table was fitted on. Two forms:
@@ -138,6 +138,33 @@ impl<T: Scalar> Basis<'_, T> {
 }
 
 /// A correction table: box, terms, coefficients. Borrows its numbers, which on a controller are in flash.
+///
+/// Several machines and tables: hold pairs of `&Machine` and `&CorrectionTable` and pick one. `Machine::new`, `Basis::new`
+/// and `CorrectionTable::new` also run at run time, so that a table may be made of numbers in flash, in a format of your
+/// own: the three check them, and [`checksum`](Self::checksum) of the numbers in `f64` tells whether they are the right
+/// ones. A table holds no mark of its machine: keep the pair together, since with another machine it computes without an
+/// error.
+///
+/// ```
+/// use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
+/// use pkm_core::{Basis, CorrectionTable, Domain, Pose, tables::reference};
+/// // from numbers at run time: the factor form with G = 1 leaves K_p as it is
+/// let basis = Basis::<f64>::new([0.0, 0.0, 0.53], [0.26, 0.26, 0.03], &EQ_11)?;
+/// let (mut diagonal, mut factor) = ([0.0; 6 * 9], [0.0; FACTOR_ENTRIES * 9]);
+/// diagonal.iter_mut().skip(8).step_by(9).for_each(|constant| *constant = 1.0);
+/// for row in [0, 2, 5, 9, 14, 20] {
+///     factor[9 * row + 8] = 1.0;
+/// }
+/// let table = CorrectionTable::<f64>::new(basis, &diagonal, Some(&factor))?;
+/// assert!(table.has_factor_form());
+///
+/// let (machine, pose) = (&reference::MACHINE_F64, Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.6 });
+/// let k_m = table.factor_form(machine, &pose)?;
+/// assert_eq!(k_m.domain, Domain::Outside);
+/// let (k_m, k_p) = (k_m.factor.stiffness().principal(), machine.stiffness(&pose)?.principal());
+/// assert!((k_m[2] / k_p[2] - 1.0).abs() < 1e-12);
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct CorrectionTable<'a, T> {
     basis: Basis<'a, T>,
@@ -243,7 +270,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     }
 
     /// Whether the table has the factor form.
-    pub fn has_factor_form(&self) -> bool {
+    pub const fn has_factor_form(&self) -> bool {
         self.factor.is_some()
     }
 

@@ -1,4 +1,4 @@
-//! The whole machine: parallel mechanism and wrist (paper, Section 3.1, Eq. 2, Table 1; spec: model.md 1).
+//! The whole machine: parallel mechanism and wrist (paper, Section 3.1, Eq. 2, Table 1; `docs/theory.md`).
 //!
 //! In the axes u, y of B and n = BA/|BA|, which are square to each other, with the tip at t from A, the tool's frame
 //! x, y, z (z its axis), r and c = (cos β1, sin β1, 0) of the wrist and its second axis at a from the tip (a square to y_h, in the
@@ -23,7 +23,8 @@ use crate::kinematics::KinematicsError;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{Stiffness, StiffnessError};
-use crate::types::{Deflection, Domain, Pose, ScrewLengths, Wrench, cross};
+use crate::types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
+use crate::vector::{combined, cross, dot, finite, less, unit};
 use crate::wrist::{Held, Wrist};
 
 /// Most configurations that [`FiveAxis::inverse`] looks at.
@@ -94,7 +95,8 @@ pub struct Hold<T> {
 pub enum ToolError {
     /// An input is NaN or infinite, or an axis has no direction.
     NotFinite,
-    /// Out of the machine's reach from where it stands.
+    /// Out of the machine's reach from where it stands, or where it is said to stand is nowhere (Z0 not above 0, an angle
+    /// beyond ±90°).
     Unreachable,
     /// Where it stands, or on the way, two configurations meet that hold the tool alike: the home share of the determinant is
     /// below the wrist's margin.
@@ -197,38 +199,27 @@ pub struct CompensatedTool<T> {
 }
 
 /// A parallel mechanism and its wrist.
+///
+/// ```
+/// use pkm_core::{FiveAxis, JointValues, ScrewLengths, Tool, ToolError, tables::reference};
+/// let five = FiveAxis { machine: &reference::MACHINE_F32, wrist: &reference::WRIST_F32 };
+/// // where the machine stands when it is switched on
+/// let measured = JointValues { lengths: ScrewLengths { q_m: [0.5678, 0.5506, 0.5194] }, beta_rad: [0.2, -0.1] };
+/// let (mut stands, Tool { tip_m: [x, y, z], axis }) = five.forward(&measured)?;
+/// // 10 mm along x in steps of 1 mm
+/// for step in 1..=10 {
+///     let hold = five.inverse(&Tool { tip_m: [x + 1e-3 * step as f32, y, z], axis }, &stands)?;
+///     stands = hold.configuration;
+/// }
+/// assert!((five.tool(&stands)?.tip_m[0] - x - 0.01).abs() < 1e-6);
+/// # Ok::<(), ToolError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct FiveAxis<'a, T> {
     /// The parallel mechanism.
     pub machine: &'a Machine<T>,
     /// The wrist.
     pub wrist: &'a Wrist<T>,
-}
-
-fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn combined<T: Scalar>(axes: &[[T; 3]; 3], v: [T; 3]) -> [T; 3] {
-    let [x, y, z] = axes;
-    [
-        x[0] * v[0] + y[0] * v[1] + z[0] * v[2],
-        x[1] * v[0] + y[1] * v[1] + z[1] * v[2],
-        x[2] * v[0] + y[2] * v[1] + z[2] * v[2],
-    ]
-}
-
-fn less<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn finite<T: Scalar>(v: [T; 3]) -> bool {
-    v.iter().all(|v| v.is_finite())
-}
-
-fn unit<T: Scalar>(v: [T; 3]) -> Option<[T; 3]> {
-    let size = dot(v, v).sqrt();
-    (size > T::ZERO && size.is_finite()).then(|| v.map(|v| v / size))
 }
 
 /// A configuration as the solver turns it about.
@@ -277,18 +268,62 @@ impl<T: Scalar> State<T> {
     }
 }
 
+/// A state in the axes u, y of B and n, and how tip and axis move there.
+struct Motion<T> {
+    tip: [T; 3],
+    /// Of T_h.
+    axes: [[T; 3]; 3],
+    /// Radius of the tip about the first axis.
+    r: T,
+    /// The tip by −β2.
+    swing: [T; 3],
+    /// With β2 by the axis along x and L by the tip along n, what is left: the tip along u and y, the axis along y, by θ, σ,
+    /// β1.
+    m: [[T; 3]; 3],
+    /// Of the last two rows, and with the first: their cross product, and the determinant.
+    m12: [T; 3],
+    determinant: T,
+}
+
 impl<T: Scalar> Wrist<T> {
-    #[inline(never)]
-    fn look(&self, state: &State<T>, target: &Tool<T>) -> Look<T> {
-        let ((sin_theta, cos_theta), (sin, cos)) = (state.theta.sin_cos(), state.sigma.sin_cos());
+    #[inline(always)] // in `look` its parts stay in registers
+    fn motion(&self, state: &State<T>) -> Motion<T> {
+        let (sin, cos) = state.sigma.sin_cos();
         let held = self.held(state.beta);
         let Held { sin1, cos1, sin2, r, h, .. } = held;
-        let l = state.l;
-        // into the axes u, y, n: from A-uvw, and from B-xyz
         let turned = |[u, v, w]: [T; 3]| [u, v * cos - w * sin, v * sin + w * cos];
+        let tip = turned(held.tip);
+        let axes = held.axes().map(turned);
+        let ([x, y, _], tip_n) = (axes, tip[2]);
+        let arm = (r - self.first_b, h - self.first_d);
+        let swing = [-arm.1 * cos1, -arm.1 * sin1 * cos - arm.0 * sin, -arm.1 * sin1 * sin + arm.0 * cos];
+        let m = [
+            [state.l + tip_n + swing[0] * y[1], swing[0] * y[0], r * y[0]],
+            [swing[1] * y[1], swing[1] * y[0] - tip_n, r * y[1]],
+            [x[1], x[0], sin2],
+        ];
+        let m12 = cross(m[1], m[2]);
+        Motion { tip, axes, r, swing, m, m12, determinant: dot(m[0], m12) }
+    }
+
+    /// See [`FiveAxis::home_share`].
+    fn share_of(&self, determinant: T, cos_theta: T) -> T {
+        -determinant / (cos_theta * self.home_determinant)
+    }
+
+    /// See [`FiveAxis::home_share`].
+    #[inline(never)]
+    fn share(&self, state: &State<T>) -> T {
+        self.share_of(self.motion(state).determinant, state.theta.sin_cos().1)
+    }
+
+    #[inline(never)]
+    fn look(&self, state: &State<T>, target: &Tool<T>) -> Look<T> {
+        let (sin_theta, cos_theta) = state.theta.sin_cos();
+        let Motion { tip: [tip_u, tip_y, tip_n], axes: [x, y, z], r, swing, m, m12, determinant } = self.motion(state);
+        let l = state.l;
+        // into the axes u, y, n from B-xyz
         let seen = |[x, y, z]: [T; 3]| [x * cos_theta - z * sin_theta, y, x * sin_theta + z * cos_theta];
-        let [tip_u, tip_y, tip_n] = turned(held.tip);
-        let [x, y, z] = held.axes().map(turned);
         let goal = seen(target.tip_m);
         let off = less(goal, [tip_u, tip_y, tip_n + l]);
         let axis = seen(target.axis);
@@ -300,31 +335,15 @@ impl<T: Scalar> Wrist<T> {
             let size = (turn_x * turn_x + turn_y * turn_y).sqrt() + T::SLACK;
             (turn_x, turn_y) = (turn_x / size, turn_y / size);
         }
-        let arm = (r - self.first_b, h - self.first_d);
-        let swing = [-arm.1 * cos1, -arm.1 * sin1 * cos - arm.0 * sin, -arm.1 * sin1 * sin + arm.0 * cos];
-
-        // β2 by the axis along x, L by the tip along n; left are the tip along u and y, the axis along y
-        let m = [
-            [l + tip_n + swing[0] * y[1], swing[0] * y[0], r * y[0]],
-            [swing[1] * y[1], swing[1] * y[0] - tip_n, r * y[1]],
-            [x[1], x[0], sin2],
-        ];
         let b = [off[0] + swing[0] * turn_x, off[1] + swing[1] * turn_x, -turn_y];
-        let (m12, m20, m01) = (cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1]));
-        let determinant = dot(m[0], m12);
+        let (m20, m01) = (cross(m[2], m[0]), cross(m[0], m[1]));
         let solved = |i: usize| (b[0] * m12[i] + b[1] * m20[i] + b[2] * m01[i]) / determinant;
         let (dtheta, dsigma, dbeta1) = (solved(0), solved(1), solved(2));
         let dbeta2 = y[1] * dtheta + y[0] * dsigma - turn_x;
         let dl = off[2] + tip_u * dtheta - tip_y * dsigma - r * y[2] * dbeta1 - swing[2] * dbeta2;
-        Look {
-            error,
-            share: -determinant / (cos_theta * self.home_determinant),
-            step: [dtheta, dsigma, dl, dbeta1, dbeta2],
-        }
+        Look { error, share: self.share_of(determinant, cos_theta), step: [dtheta, dsigma, dl, dbeta1, dbeta2] }
     }
-}
 
-impl<T: Scalar> Wrist<T> {
     /// A load on the tool at its tip, in the axes of T_h, as one on the platform at A.
     #[inline(never)]
     fn wrench_at_a(&self, beta_rad: [T; 2], wrench: &Wrench<T>) -> Wrench<T> {
@@ -341,22 +360,15 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// # Errors
     /// A number that is not finite, a pose that the parallel mechanism cannot take, a wrist joint beyond its limits.
     pub fn frame(&self, configuration: &Configuration<T>) -> Result<ToolFrame<T>, ToolError> {
-        let Configuration { pose, beta_rad } = configuration;
-        if !beta_rad.iter().all(|beta| beta.is_finite()) {
-            return Err(ToolError::NotFinite);
-        }
-        self.machine.inverse(pose)?;
-        if let Some(joint) = self.wrist.beyond_limits(*beta_rad) {
-            return Err(ToolError::WristLimit { joint });
-        }
+        self.joints(configuration)?;
         Ok(self.frame_of(configuration))
     }
 
     fn frame_of(&self, configuration: &Configuration<T>) -> ToolFrame<T> {
         let State { theta, sigma, l, beta } = State::of(configuration);
         let held = self.wrist.held(beta);
-        let platform = platform_axes(theta, sigma);
         let (sin, cos) = theta.sin_cos();
+        let platform = platform_axes((sin, cos), sigma.sin_cos());
         let [x, y, z] = combined(&platform, held.tip);
         ToolFrame { tip_m: [x + l * sin, y, z + l * cos], axes: held.axes().map(|axis| combined(&platform, axis)) }
     }
@@ -370,13 +382,13 @@ impl<T: Scalar> FiveAxis<'_, T> {
         Ok(Tool { tip_m, axis })
     }
 
-    /// The configuration of joint values.
+    /// Configuration, tip and axis of joint values.
     ///
     /// # Errors
     /// Those of [`Machine::forward`]; a wrist joint beyond its limits.
-    pub fn forward(&self, joints: &JointValues<T>) -> Result<Configuration<T>, ToolError> {
+    pub fn forward(&self, joints: &JointValues<T>) -> Result<(Configuration<T>, Tool<T>), ToolError> {
         let configuration = Configuration { pose: self.machine.forward(&joints.lengths)?, beta_rad: joints.beta_rad };
-        self.frame(&configuration).map(|_| configuration)
+        Ok((configuration, self.tool(&configuration)?))
     }
 
     /// Joint values of a configuration.
@@ -401,12 +413,13 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// # Errors
     /// Those of [`frame`](Self::frame).
     pub fn home_share(&self, configuration: &Configuration<T>) -> Result<T, ToolError> {
-        let ToolFrame { tip_m, axes: [_, _, axis] } = self.frame(configuration)?;
-        Ok(self.wrist.look(&State::of(configuration), &Tool { tip_m, axis }).share)
+        self.joints(configuration)?;
+        Ok(self.wrist.share(&State::of(configuration)))
     }
 
     /// The configuration that holds a tool, on the same side of the singular surface as `near`: damped Newton steps from there,
-    /// at most [`MAX_LOOKS`]. From the last configuration of a path two or three do.
+    /// at most [`MAX_LOOKS`]. From the last configuration of a path two or three do. At its start `near` is where the machine
+    /// stands: [`forward`](Self::forward) of the measured joints.
     ///
     /// # Errors
     /// Not finite; singular: `near`, or the way to the tool, has a [home share](Self::home_share) below the wrist's margin;
@@ -486,8 +499,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         }
         let configuration = state.configuration();
         let joints = self.joints(&configuration)?;
-        let ToolFrame { tip_m, axes: [_, _, axis] } = self.frame_of(&configuration);
-        let home_share = self.wrist.look(&state, &Tool { tip_m, axis }).share;
+        let home_share = self.wrist.share(&state);
         if !(home_share >= self.wrist.margin) {
             return Err(ToolError::Singular);
         }
@@ -594,8 +606,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let sigma = (-w[1]).atan2((w[0] * w[0] + w[2] * w[2]).sqrt());
         let theta = w[0].atan2(w[2]);
         let beta = [(x[1] * cos - z[1] * sin).atan2(y[1]), beta2];
-        let arm = combined(&platform_axes(theta, sigma), self.wrist.held(beta).tip);
         let (sin, cos) = theta.sin_cos();
+        let arm = combined(&platform_axes((sin, cos), sigma.sin_cos()), self.wrist.held(beta).tip);
         let l = (frame.tip_m[0] - arm[0]) * sin + (frame.tip_m[2] - arm[2]) * cos;
         State { theta, sigma, l, beta }.configuration()
     }
@@ -610,7 +622,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         at_a: &Stiffness<T>,
         configuration: &Configuration<T>,
     ) -> Result<Stiffness<T>, ToolError> {
-        self.frame(configuration)?;
+        self.joints(configuration)?;
         let held = self.wrist.held(configuration.beta_rad);
         let (axes, k) = (held.axes(), at_a.matrix());
         let mut seen = [[T::ZERO; 6]; 6];
@@ -667,7 +679,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     fn seen_at_tip(&self, configuration: &Configuration<T>, at_a: &Deflection<T>) -> Deflection<T> {
         let Configuration { pose, beta_rad } = configuration;
         let Deflection { translation_m, rotation_rad } = at_a.seen_at(self.wrist.held(*beta_rad).tip);
-        let platform = platform_axes(pose.theta_rad, pose.sigma_rad);
+        let platform = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
         Deflection {
             translation_m: combined(&platform, translation_m),
             rotation_rad: combined(&platform, rotation_rad),
@@ -734,8 +746,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     }
 }
 
-/// u, v, w in B-xyz.
-fn platform_axes<T: Scalar>(theta: T, sigma: T) -> [[T; 3]; 3] {
-    let ((sin_t, cos_t), (sin_s, cos_s)) = (theta.sin_cos(), sigma.sin_cos());
+/// u, v, w in B-xyz, from sine and cosine of θ and of σ.
+pub fn platform_axes<T: Scalar>((sin_t, cos_t): (T, T), (sin_s, cos_s): (T, T)) -> [[T; 3]; 3] {
     [[cos_t, T::ZERO, -sin_t], [sin_s * sin_t, cos_s, sin_s * cos_t], [cos_s * sin_t, -sin_s, cos_s * cos_t]]
 }

@@ -1,4 +1,4 @@
-//! Inverse and forward kinematics of the parallel mechanism (paper, Eqs. 3-6; spec: model.md 1).
+//! Inverse and forward kinematics of the parallel mechanism (paper, Eqs. 3-6; `docs/theory.md`).
 //!
 //! With L = |AB| = Z0/cos θ the mechanism is two plane problems: limbs 1 and 2 set (L, σ), limb 3 then sets θ.
 
@@ -7,7 +7,8 @@ use core::fmt;
 use crate::linalg::Lower;
 use crate::machine::{Machine, Sizes};
 use crate::scalar::Scalar;
-use crate::types::{Pose, ScrewLengths, cross};
+use crate::types::{Pose, ScrewLengths};
+use crate::vector::{combined, cross, dot, join, split};
 
 /// Least [`SingularityDistance`] at which a pose is accepted.
 pub const SINGULARITY_MARGIN: f64 = 1e-3;
@@ -118,25 +119,16 @@ pub(crate) struct Actual<T> {
 impl<T: Scalar> Actual<T> {
     /// A six-vector in commanded A-uvw as seen in the actual one.
     pub fn seen(&self, v: [T; 6]) -> [T; 6] {
-        let Some([x, y, z]) = self.turn else { return v };
-        let [a, b, c, d, e, f] = v;
-        let row = |r: [T; 3], a, b, c| r[0] * a + r[1] * b + r[2] * c;
-        [row(x, a, b, c), row(y, a, b, c), row(z, a, b, c), row(x, d, e, f), row(y, d, e, f), row(z, d, e, f)]
+        let Some(turn) = self.turn else { return v };
+        let (linear, angular) = split(v);
+        join(turn.map(|row| dot(row, linear)), turn.map(|row| dot(row, angular)))
     }
 
     /// A six-vector in the actual A-uvw as seen in the commanded one.
     pub fn given_back(&self, v: [T; 6]) -> [T; 6] {
-        let Some([x, y, z]) = self.turn else { return v };
-        let [a, b, c, d, e, f] = v;
-        let column = |i: usize, a, b, c| x[i] * a + y[i] * b + z[i] * c;
-        [
-            column(0, a, b, c),
-            column(1, a, b, c),
-            column(2, a, b, c),
-            column(0, d, e, f),
-            column(1, d, e, f),
-            column(2, d, e, f),
-        ]
+        let Some(turn) = &self.turn else { return v };
+        let (linear, angular) = split(v);
+        join(combined(turn, linear), combined(turn, angular))
     }
 
     /// A symmetric matrix in the actual A-uvw, lower triangle, as seen in the commanded one.
@@ -208,11 +200,18 @@ impl<T: Scalar> Machine<T> {
         Ok(ScrewLengths { q_m: self.posture_inline(pose)?.q })
     }
 
-    /// The pose in the working mode for screw lengths, in closed form (spec: model.md 1): the root of a cubic
+    /// The pose in the working mode for screw lengths, in closed form (`docs/theory.md`): the root of a cubic
     /// for cos σ, then θ. Two Newton steps on the cubic restore the digits that its cosine form loses.
     ///
     /// # Errors
     /// In this order: not finite, out of travel, unreachable, singular.
+    ///
+    /// ```
+    /// use pkm_core::{KinematicsError, ScrewLengths, tables::reference};
+    /// let pose = reference::MACHINE_F64.forward(&ScrewLengths { q_m: [0.5678, 0.5506, 0.5194] })?;
+    /// assert!((pose.theta_rad - 0.1).abs() < 1e-3 && (pose.z0_m - 0.53).abs() < 1e-4);
+    /// # Ok::<(), KinematicsError>(())
+    /// ```
     pub fn forward(&self, lengths: &ScrewLengths<T>) -> Result<Pose<T>, KinematicsError> {
         if !lengths.q_m.iter().all(|q| q.is_finite()) {
             return Err(KinematicsError::NotFinite);

@@ -12,10 +12,15 @@
 //! 4. [`correction`]: K_m from a [`CorrectionTable`] fitted by `pkm-host`, with the status of the table's box.
 //! 5. [`compensation`]: [`CorrectionTable::cycle`], from a pose and a load on the tip to screw lengths that make up
 //!    for it; [`Machine::compensated`] alone.
-//! 6. [`tables`]: generated tables.
+//! 6. [`five_axis`], [`wrist`]: all five axes; [`FiveAxis`] borrows a machine and a wrist.
+//! 7. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
+//!    [`tables::reference`]: `PARAMETERS` and `WRIST` are the numbers, `MACHINE_F64`, `TABLE_F64`, `WRIST_F64` and
+//!    those in `F32` what to compute with.
+//! 8. [`types`]: pose, wrench, deflection, their frames and units.
 //!
 //! `no_std`, no allocation, no `unsafe`, no panic path in release, no iteration without a constant bound,
-//! `f32` and `f64`, and the same bits on a host as on a Cortex-M.
+//! `f32` and `f64`, and the same bits on a host as on a Cortex-M. Every error has a text (`Display`); with the feature
+//! `defmt` results and errors derive `defmt::Format`, machines, tables and wrists don't.
 //!
 //! ```
 //! use pkm_core::{CorrectionError, Domain, Pose, Wrench, tables::reference};
@@ -27,6 +32,27 @@
 //! let deflection = corrected.factor.deflection(&push)?;
 //! assert!(deflection.translation_m[2] < 0.0);
 //! # Ok::<(), CorrectionError>(())
+//! ```
+//!
+//! All five axes, loaded, from where the machine stands:
+//!
+//! ```
+//! use pkm_core::{Configuration, FiveAxis, Pose, Tool, ToolDeflectionError, Wrench, tables::reference};
+//!
+//! let five = FiveAxis { machine: &reference::MACHINE_F64, wrist: &reference::WRIST_F64 };
+//! // home; after power-up it is what `FiveAxis::forward` makes of the measured joints, later the last command's
+//! let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: reference::WRIST.home_z0_m };
+//! let near = Configuration { pose, beta_rad: [0.0; 2] };
+//! let tool = Tool { tip_m: [-0.15, 0.02, 1.12], axis: [0.05, 0.0, 1.0] };
+//! let cutting = Wrench { force_n: [120.0, 0.0, -400.0], moment_nm: [0.0, 0.0, 5.0] };
+//! let command = five.compensated(Some(&reference::TABLE_F64), &tool, &cutting, &near)?;
+//! let (_, unloaded) = five.forward(&command.hold.joints)?;
+//! // the load takes the tool from here to where it was asked for
+//! let moved = command.deflection.translation_m;
+//! for i in 0..3 {
+//!     assert!((unloaded.tip_m[i] + moved[i] - tool.tip_m[i]).abs() < 1e-7);
+//! }
+//! # Ok::<(), ToolDeflectionError>(())
 //! ```
 
 #![no_std]
@@ -49,6 +75,7 @@ pub mod scalar;
 pub mod stiffness;
 pub mod tables;
 pub mod types;
+mod vector;
 pub mod wrist;
 
 pub use compensation::{Compensated, CompensationError, Cycle, CycleError};

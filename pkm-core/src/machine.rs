@@ -55,7 +55,7 @@ pub struct LimbParameters {
     pub body: Body,
 }
 
-/// Stiffness of a joint along and about the axes of its frame (spec: model.md 2). Released directions are 0.
+/// Stiffness of a joint along and about the axes of its frame. Released directions are 0.
 ///
 /// | joint | axes | released |
 /// |---|---|---|
@@ -187,6 +187,75 @@ pub struct MachineError {
     /// What is wrong with it.
     pub problem: Problem,
 }
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut size = |size| write!(f, "the platform size {size}");
+        match *self {
+            Self::A1 => size("a1"),
+            Self::A2 => size("a2"),
+            Self::B1 => size("b1"),
+            Self::B2 => size("b2"),
+            Self::TravelMin { limb } => write!(f, "the least length of screw {limb}"),
+            Self::TravelMax { limb } => write!(f, "the greatest length of screw {limb}"),
+            Self::JointLinear { limb, end, axis } => {
+                write!(f, "limb {limb}, {end} joint: the stiffness along axis {axis}")
+            }
+            Self::JointAngular { limb, end, axis } => {
+                write!(f, "limb {limb}, {end} joint: the stiffness about axis {axis}")
+            }
+            Self::Young { limb, member } => write!(f, "limb {limb}, {member}: Young's modulus"),
+            Self::Shear { limb, member } => write!(f, "limb {limb}, {member}: the shear modulus"),
+            Self::Outer { limb, member } => write!(f, "limb {limb}, {member}: the outer diameter"),
+            Self::Inner { limb, member } => write!(f, "limb {limb}, {member}: the inner diameter"),
+            Self::Effect { effect, parameter } => {
+                let info = effects::EFFECTS.get(usize::from(effect));
+                let name = info.and_then(|info| info.parameters.get(usize::from(parameter)));
+                write!(f, "effect {}: {}", info.map_or("?", |info| info.id), name.unwrap_or(&"?"))
+            }
+        }
+    }
+}
+
+impl fmt::Display for End {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Base => "base",
+            Self::Platform => "platform",
+        })
+    }
+}
+
+impl fmt::Display for Member {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Rod => "rod",
+            Self::Screw => "screw",
+        })
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "is not a finite number",
+            Self::NotPositive => "is not above 0, or far beyond any machine",
+            Self::NotReleased => "must be 0, since the joint is free there",
+            Self::Reversed => "is not above the least",
+            Self::Negative => "is negative",
+            Self::TooLarge => "is far beyond any machine",
+            Self::Bore => "is negative or not below the outer one",
+        })
+    }
+}
+
+impl fmt::Display for MachineError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {}", self.parameter, self.problem)
+    }
+}
+
+impl core::error::Error for MachineError {}
 
 /// A checked machine, ready for kinematics and stiffness in `f32` or `f64`.
 ///
@@ -376,9 +445,7 @@ impl MachineParameters {
         }
         Ok(())
     }
-}
 
-impl MachineParameters {
     /// Checksum (FNV-1a, 64 bit) over the bits of all numbers: a generated machine checks itself with it when it is
     /// compiled.
     pub const fn checksum(&self) -> u64 {
@@ -430,6 +497,16 @@ macro_rules! machine {
             ///
             /// # Errors
             /// The first number that [`MachineParameters::check`] refuses.
+            ///
+            /// ```
+            /// use pkm_core::{Machine, machine::Geometry, tables::reference::PARAMETERS};
+            /// let mut mine = PARAMETERS;
+            /// mine.geometry = Geometry { a1_m: 0.17, ..mine.geometry };
+            /// assert!(Machine::<f32>::new(&mine).is_ok());
+            /// mine.geometry.b2_m = 0.0;
+            /// let refused = Machine::<f64>::new(&mine).unwrap_err();
+            /// assert_eq!(refused.to_string(), "the platform size b2 is not above 0, or far beyond any machine");
+            /// ```
             pub const fn new(parameters: &MachineParameters) -> Result<Self, MachineError> {
                 /// 1/k, and 0 for a released direction.
                 const fn inverted(k: [f64; 3]) -> [$t; 3] {

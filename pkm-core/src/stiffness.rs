@@ -1,4 +1,4 @@
-//! Terminal stiffness of the parallel mechanism from its limbs (paper, Eqs. 7-9; spec: model.md 2).
+//! Terminal stiffness of the parallel mechanism from its limbs (paper, Eqs. 7-9; `docs/theory.md`).
 //!
 //! A limb passes on to the moving platform only the wrenches that its free axes cannot release: three for
 //! limbs 1 and 2, two for limb 3. Written as columns H_i, with D_i = H_iᵀ C_i H_i the compliance of everything
@@ -16,7 +16,8 @@ use crate::kinematics::{Actual, KinematicsError, Posture};
 use crate::linalg::{self, Lower};
 use crate::machine::{Machine, Sizes};
 use crate::scalar::Scalar;
-use crate::types::{Deflection, Pose, Wrench, cross};
+use crate::types::{Deflection, Pose, Wrench};
+use crate::vector::{cross, dot};
 
 /// Why there is no stiffness for a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -377,10 +378,6 @@ fn moment_at<T: Scalar>(wrench: &[T; 6], at: [T; 3]) -> [T; 3] {
     [wrench[3] - lever[0], wrench[4] - lever[1], wrench[5] - lever[2]]
 }
 
-fn dot<T: Scalar>(a: [T; 3], b: [T; 3]) -> T {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 fn product<T: Scalar>(a: &[T; 6], b: &[T; 6]) -> T {
     a.iter().zip(b).fold(T::ZERO, |sum, (a, b)| sum + *a * *b)
 }
@@ -419,7 +416,7 @@ impl<T: Scalar> LoadResponse<'_, T> {
         }
         let o = T::ZERO;
         let Some(LimbResponse { actual, moved, m }) = &self.limbs else {
-            return Ok(Deflection::from_array([o; 6]));
+            return Ok(Deflection::ZERO);
         };
         let effects = &self.machine.effects;
         let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
@@ -455,6 +452,16 @@ impl<T: Scalar> Machine<T> {
     /// # Errors
     /// Those of [`inverse`](Self::inverse), and [`StiffnessError::NotPositiveDefinite`] when rounding leaves a
     /// limb without compliance or a direction without stiffness.
+    ///
+    /// ```
+    /// use pkm_core::{Pose, StiffnessError, tables::reference};
+    /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    /// let k_p = reference::MACHINE_F64.stiffness(&pose)?;
+    /// let [k11, k22, k33, ..] = k_p.principal().map(|k| k / 1e6); // N/µm
+    /// assert!(k33 > k11 && k33 > k22);
+    /// assert_eq!(k_p.matrix()[0][1], k_p.matrix()[1][0]);
+    /// # Ok::<(), StiffnessError>(())
+    /// ```
     pub fn stiffness(&self, pose: &Pose<T>) -> Result<Stiffness<T>, StiffnessError> {
         let mut lower = linalg::zero();
         self.add_stiffness_below_tool(&self.posture(pose)?, &mut lower)?;
@@ -553,7 +560,7 @@ impl<T: Scalar> Machine<T> {
     /// K_p or of a corrected K_m). Zero, and next to no work, when the machine has none.
     ///
     /// The tensions N of the three limbs solve N + M ε(N) = N₀, N₀ those of the linear model, by at most
-    /// [`MAX_STEPS`] Newton steps (spec: diagnosis.md). In f32 the whole deflection of the
+    /// [`MAX_STEPS`] Newton steps (`docs/theory.md`, Effects). In f32 the whole deflection of the
     /// reference machine in its box is within 1e-4 of f64.
     ///
     /// `turned_at` is the load at which the loading last turned back: zero when it has only grown. Friction asks for
@@ -654,7 +661,7 @@ impl<T: Scalar> Machine<T> {
         let o = T::ZERO;
         let [limbs, platforms] = self.effects.growth().map(|rate| rate * rise_k);
         if limbs == o && platforms == o {
-            return Ok(Deflection::from_array([o; 6]));
+            return Ok(Deflection::ZERO);
         }
         let actual = self.actual(commanded)?;
         let (p, Sizes { a1, a2, b1, b2 }) = (&actual.posture, self.actual);

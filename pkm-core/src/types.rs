@@ -1,11 +1,12 @@
 //! The quantities that cross the border of this crate.
 //!
-//! Frames (spec: model.md 1). *B-xyz* sits on the fixed platform: x from B to B3, y from B to B2.
+//! Frames (`docs/theory.md`). *B-xyz* sits on the fixed platform: x from B to B3, y from B to B2.
 //! *A-uvw* sits on the moving platform: u from A to A3, v from A to A2. Six-vectors are ordered
 //! `[x, y, z, about x, about y, about z]`, forces before moments, translations before rotations.
 //! Everything is SI: m, rad, N, N·m, N/m, N·m/rad.
 
 use crate::scalar::Scalar;
+use crate::vector::{cross, join, plus, split};
 
 /// Where the moving platform stands: the paper's end variables θ, σ, Z0 (Eq. 3).
 ///
@@ -56,34 +57,54 @@ pub struct Deflection<T> {
 }
 
 impl<T: Scalar> Wrench<T> {
+    /// No load.
+    pub const ZERO: Self = Self { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
+
+    /// From force and moment in one row.
+    pub fn from_array(components: [T; 6]) -> Self {
+        let (force_n, moment_nm) = split(components);
+        Self { force_n, moment_nm }
+    }
+
+    /// Force and moment in one row.
+    pub fn to_array(self) -> [T; 6] {
+        join(self.force_n, self.moment_nm)
+    }
+
     /// The same load, given at the point `at_m` (A-uvw, m), as a load at A.
     pub fn moved_to_a(&self, at_m: [T; 3]) -> Self {
         let lever = cross(at_m, self.force_n);
-        Self { force_n: self.force_n, moment_nm: add(self.moment_nm, lever) }
-    }
-
-    pub(crate) fn to_array(self) -> [T; 6] {
-        join(self.force_n, self.moment_nm)
+        Self { force_n: self.force_n, moment_nm: plus(self.moment_nm, lever) }
     }
 }
 
 impl<T: Scalar> Deflection<T> {
+    /// None.
+    pub const ZERO: Self = Self { translation_m: [T::ZERO; 3], rotation_rad: [T::ZERO; 3] };
+
+    /// From translation and rotation in one row.
+    pub fn from_array(components: [T; 6]) -> Self {
+        let (translation_m, rotation_rad) = split(components);
+        Self { translation_m, rotation_rad }
+    }
+
+    /// Translation and rotation in one row.
+    pub fn to_array(self) -> [T; 6] {
+        join(self.translation_m, self.rotation_rad)
+    }
+
     /// The displacement of the point `at_m` (A-uvw, m) of the moving platform.
     pub fn seen_at(&self, at_m: [T; 3]) -> Self {
         let swing = cross(self.rotation_rad, at_m);
-        Self { translation_m: add(self.translation_m, swing), rotation_rad: self.rotation_rad }
+        Self { translation_m: plus(self.translation_m, swing), rotation_rad: self.rotation_rad }
     }
 
     /// Both together.
     pub fn plus(&self, other: &Self) -> Self {
         Self {
-            translation_m: add(self.translation_m, other.translation_m),
-            rotation_rad: add(self.rotation_rad, other.rotation_rad),
+            translation_m: plus(self.translation_m, other.translation_m),
+            rotation_rad: plus(self.rotation_rad, other.rotation_rad),
         }
-    }
-
-    pub(crate) fn from_array(v: [T; 6]) -> Self {
-        Self { translation_m: [v[0], v[1], v[2]], rotation_rad: [v[3], v[4], v[5]] }
     }
 }
 
@@ -94,18 +115,7 @@ impl<T: Scalar> Deflection<T> {
 pub enum Domain {
     /// In the box or on its edge: the table's stated errors hold.
     Inside,
-    /// Outside: the value is an extrapolation for which nobody has vouched.
+    /// Outside: the value is an extrapolation for which nobody has vouched. It is computed all the same; see
+    /// [`CorrectionTable::cycle`](crate::CorrectionTable::cycle) for what a controller may do then.
     Outside,
-}
-
-pub(crate) fn cross<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn add<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 3] {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-fn join<T: Scalar>(a: [T; 3], b: [T; 3]) -> [T; 6] {
-    [a[0], a[1], a[2], b[0], b[1], b[2]]
 }

@@ -1,4 +1,4 @@
-//! The two rotary joints between moving platform and tool (paper, Table 1; spec: model.md 1).
+//! The two rotary joints between moving platform and tool (paper, Table 1).
 //!
 //! The axis of the first is w, set off along u; the second is square to it. With r = b1 + b2 cos β2 − f sin β2 and
 //! h = d1 + b2 sin β2 + f cos β2 the tip stands at (offset + r cos β1, r sin β1, h) in A-uvw.
@@ -163,6 +163,14 @@ macro_rules! wrist {
             ///
             /// # Errors
             /// The first number that [`WristParameters::check`] refuses.
+            ///
+            /// ```
+            /// use pkm_core::{Wrist, WristError, WristParameters};
+            /// let longer = WristParameters { flange_m: 0.25, ..WristParameters::PAPER };
+            /// assert!(Wrist::<f32>::new(&longer).is_ok());
+            /// let straight = WristParameters { first_b_m: 0.15, ..longer }; // b1 + b2 = 0
+            /// assert_eq!(Wrist::<f64>::new(&straight), Err(WristError::HomeIsSingular));
+            /// ```
             pub const fn new(p: &WristParameters) -> Result<Self, WristError> {
                 if let Err(error) = p.check() {
                     return Err(error);

@@ -5,16 +5,29 @@
  * Frames: B-xyz sits on the fixed platform, x from B to B3, y from B to B2. A-uvw sits on the moving platform, u from A
  * to A3, v from A to A2. Six-vectors: u, v, w, about u, v, w.
  * Errors: every function that computes returns a PkmError and writes its result (the last argument) only when that is
- * PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors.
+ * PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors. GCC and Clang warn when one is ignored.
  * Numbers: functions that end in _f64 compute in double, those in _f32 in float; the same bits on a PC as on a Cortex-M.
  * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
  * interrupts. Input and result may be the same memory.
+ * Stack: the core takes at most 6,144 bytes on a Cortex-M in functions that end in _f64, 3,072 in _f32 (budgets.toml);
+ * copies of inputs and result come on top. Time: bounded; a pkm_tool_inverse looks at no more than 64 configurations, two or
+ * three along a path, and a pkm_tool_compensated calls it at most 9 times. The floating-point unit must be on before the
+ * first call.
+ * One library holds one machine, one wrist and one table. For several, or for tables that change at run time, use the Rust
+ * crate pkm-core.
+ * C99 or C++11.
  */
 
 #ifndef PKM_H
 #define PKM_H
 
 #include <stdint.h>
+
+#if defined(__GNUC__)
+#define PKM_MUST_USE __attribute__((warn_unused_result))
+#else
+#define PKM_MUST_USE
+#endif
 
 // Size of a `PkmMachine` in numbers of its type.
 #define PKM_MACHINE_NUMBERS 208
@@ -57,7 +70,7 @@ enum PkmError
   // The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
   // square to BA.
   PKM_ERROR_NOT_COMPENSABLE = 40,
-  // A tool is out of the five axes' reach from where they stand.
+  // A tool is out of the five axes' reach from where they stand, or `near` is no place where they can (all zeros).
   PKM_ERROR_TOOL_UNREACHABLE = 50,
   // Where the five axes stand, or on the way, two configurations meet that hold the tool alike.
   PKM_ERROR_TOOL_SINGULAR = 51,
@@ -86,7 +99,7 @@ enum PkmDomain
  {
   // In the box or on its edge: the table's stated errors hold.
   PKM_DOMAIN_INSIDE = 0,
-  // Outside: the value is an extrapolation for which nobody has vouched.
+  // Outside: the value is an extrapolation for which nobody has vouched; it is computed all the same.
   PKM_DOMAIN_OUTSIDE = 1,
 };
 #ifndef __cplusplus
@@ -110,7 +123,7 @@ typedef struct PkmWrist_f32 PkmWrist_f32;
 typedef struct PkmWrist_f64 PkmWrist_f64;
 
 // A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
-// `pkm_machine` or `pkm_at_temperature`.
+// `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.
 typedef struct {
   // Not for reading.
   double opaque[PKM_MACHINE_NUMBERS];
@@ -277,7 +290,7 @@ typedef struct {
 } PkmCompensatedTool_f64;
 
 // A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
-// `pkm_machine` or `pkm_at_temperature`.
+// `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.
 typedef struct {
   // Not for reading.
   float opaque[PKM_MACHINE_NUMBERS];
@@ -454,7 +467,9 @@ extern "C" {
 // Version of the library. A library goes with the header of its version.
 const char *pkm_version(void);
 
-// Checksum of the compiled-in machine, as its `coefficients.rs` states it.
+// Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
+// wrist's and the table's when the program starts: a library that was built without PKM_COEFFICIENTS has the reference
+// machine.
 uint64_t pkm_machine_checksum(void);
 
 // Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
@@ -476,27 +491,31 @@ const PkmWrist_f64 *pkm_wrist_f64(void);
 // it. Compute it when the temperature has changed, not in every cycle.
 //
 // Errors: NOT_FINITE, NO_STIFFNESS.
-PkmError pkm_at_temperature_f64(const PkmMachine_f64 *machine, double temperature_c, PkmMachine_f64 *warm);
+PKM_MUST_USE PkmError pkm_at_temperature_f64(const PkmMachine_f64 *machine, double temperature_c, PkmMachine_f64 *warm);
 
 // Inverse kinematics: screw lengths of a pose.
 //
 // Errors: NOT_FINITE, UNREACHABLE, SINGULAR, OUT_OF_TRAVEL_LIMB1 to 3, in this order; called "those of a
 // pose" below.
-PkmError pkm_inverse_f64(const PkmMachine_f64 *machine, const PkmPose_f64 *pose, PkmLengths_f64 *lengths);
+PKM_MUST_USE PkmError pkm_inverse_f64(const PkmMachine_f64 *machine, const PkmPose_f64 *pose, PkmLengths_f64 *lengths);
 
 // Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
 //
 // Errors: those of a pose.
-PkmError pkm_forward_f64(const PkmMachine_f64 *machine, const PkmLengths_f64 *lengths, PkmPose_f64 *pose);
+PKM_MUST_USE PkmError pkm_forward_f64(const PkmMachine_f64 *machine, const PkmLengths_f64 *lengths, PkmPose_f64 *pose);
 
 // Derivatives of the screw lengths by the pose.
 //
 // Errors: those of a pose.
-PkmError pkm_jacobian_f64(const PkmMachine_f64 *machine, const PkmPose_f64 *pose, PkmJacobian_f64 *jacobian);
+PKM_MUST_USE
+PkmError pkm_jacobian_f64(const PkmMachine_f64 *machine,
+                          const PkmPose_f64 *pose,
+                          PkmJacobian_f64 *jacobian);
 
 // How far a pose is from the direct singularities.
 //
 // Errors: those of a pose.
+PKM_MUST_USE
 PkmError pkm_singularity_distance_f64(const PkmMachine_f64 *machine,
                                       const PkmPose_f64 *pose,
                                       PkmSingularityDistance_f64 *distance);
@@ -504,6 +523,7 @@ PkmError pkm_singularity_distance_f64(const PkmMachine_f64 *machine,
 // How far screw lengths are from the nearest end of travel.
 //
 // Errors: NOT_FINITE.
+PKM_MUST_USE
 PkmError pkm_travel_margin_f64(const PkmMachine_f64 *machine,
                                const PkmLengths_f64 *lengths,
                                PkmTravelMargin_f64 *margin);
@@ -511,16 +531,20 @@ PkmError pkm_travel_margin_f64(const PkmMachine_f64 *machine,
 // Basic stiffness K_p, without a table.
 //
 // Errors: those of a pose, NOT_POSITIVE_DEFINITE.
-PkmError pkm_stiffness_f64(const PkmMachine_f64 *machine, const PkmPose_f64 *pose, PkmStiffness_f64 *stiffness);
+PKM_MUST_USE
+PkmError pkm_stiffness_f64(const PkmMachine_f64 *machine,
+                           const PkmPose_f64 *pose,
+                           PkmStiffness_f64 *stiffness);
 
 // Whether a pose lies in the box that the table was fitted on.
 //
 // Errors: NOT_FINITE.
-PkmError pkm_domain_f64(const PkmTable_f64 *table, const PkmPose_f64 *pose, PkmDomain *domain);
+PKM_MUST_USE PkmError pkm_domain_f64(const PkmTable_f64 *table, const PkmPose_f64 *pose, PkmDomain *domain);
 
 // Corrected stiffness K_m, the table's factor form on the basic stiffness.
 //
 // Errors: those of a pose, NOT_POSITIVE_DEFINITE, NO_FACTOR_FORM, NOT_POSITIVE.
+PKM_MUST_USE
 PkmError pkm_corrected_stiffness_f64(const PkmMachine_f64 *machine,
                                      const PkmTable_f64 *table,
                                      const PkmPose_f64 *pose,
@@ -528,9 +552,10 @@ PkmError pkm_corrected_stiffness_f64(const PkmMachine_f64 *machine,
 
 // Displacement of A under a load at A: that of K_m, and what the machine's load-dependent effects add.
 // `turned_at` is the load at which the loading last turned back, for friction; null when it has only grown
-// from zero. Ask `pkm_domain` whether the table may be trusted at the pose.
+// from zero. Outside the table's box it is computed all the same: ask `pkm_domain`.
 //
 // Errors: those of the corrected stiffness, NOT_FINITE, NOT_CONVERGED.
+PKM_MUST_USE
 PkmError pkm_deflection_f64(const PkmMachine_f64 *machine,
                             const PkmTable_f64 *table,
                             const PkmPose_f64 *pose,
@@ -542,6 +567,7 @@ PkmError pkm_deflection_f64(const PkmMachine_f64 *machine,
 // effect `thermal-expansion`; zero without it.
 //
 // Errors: those of a pose.
+PKM_MUST_USE
 PkmError pkm_thermal_deflection_f64(const PkmMachine_f64 *machine,
                                     const PkmPose_f64 *pose,
                                     double rise_k,
@@ -551,6 +577,7 @@ PkmError pkm_thermal_deflection_f64(const PkmMachine_f64 *machine,
 // without. The tip's position is made up for, the orientation is not.
 //
 // Errors: those of a pose, for `pose` or for the one to command; NOT_COMPENSABLE.
+PKM_MUST_USE
 PkmError pkm_compensated_f64(const PkmMachine_f64 *machine,
                              const PkmPose_f64 *pose,
                              const PkmDeflection_f64 *deflection,
@@ -558,9 +585,15 @@ PkmError pkm_compensated_f64(const PkmMachine_f64 *machine,
                              PkmCompensated_f64 *compensated);
 
 // One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
-// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it.
+// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
+// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+//
+// Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
+// `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask
+// `pkm_inverse` for the lengths without load.
 //
 // Errors: those of `pkm_deflection` and of `pkm_compensated`.
+PKM_MUST_USE
 PkmError pkm_cycle_f64(const PkmMachine_f64 *machine,
                        const PkmTable_f64 *table,
                        const PkmPose_f64 *pose,
@@ -571,15 +604,18 @@ PkmError pkm_cycle_f64(const PkmMachine_f64 *machine,
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //
 // Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
 PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
                               const PkmWrist_f64 *wrist,
                               const PkmJoints_f64 *joints,
                               PkmToolPlace_f64 *place);
 
 // Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
-// as `near`, the last configuration of the path.
+// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
 //
 // Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
 PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
                               const PkmWrist_f64 *wrist,
                               const PkmTool_f64 *tool,
@@ -590,16 +626,19 @@ PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
 // are the tip's position and these angles. In closed form, and without a configuration to begin from.
 //
 // Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
 PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
                              const PkmWrist_f64 *wrist,
                              const PkmTip_f64 *tip,
                              PkmHold_f64 *hold);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
 //
 // Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
 // TOOL_NOT_COMPENSABLE.
+PKM_MUST_USE
 PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
                                   const PkmTable_f64 *table,
                                   const PkmWrist_f64 *wrist,
@@ -621,27 +660,31 @@ const PkmWrist_f32 *pkm_wrist_f32(void);
 // it. Compute it when the temperature has changed, not in every cycle.
 //
 // Errors: NOT_FINITE, NO_STIFFNESS.
-PkmError pkm_at_temperature_f32(const PkmMachine_f32 *machine, float temperature_c, PkmMachine_f32 *warm);
+PKM_MUST_USE PkmError pkm_at_temperature_f32(const PkmMachine_f32 *machine, float temperature_c, PkmMachine_f32 *warm);
 
 // Inverse kinematics: screw lengths of a pose.
 //
 // Errors: NOT_FINITE, UNREACHABLE, SINGULAR, OUT_OF_TRAVEL_LIMB1 to 3, in this order; called "those of a
 // pose" below.
-PkmError pkm_inverse_f32(const PkmMachine_f32 *machine, const PkmPose_f32 *pose, PkmLengths_f32 *lengths);
+PKM_MUST_USE PkmError pkm_inverse_f32(const PkmMachine_f32 *machine, const PkmPose_f32 *pose, PkmLengths_f32 *lengths);
 
 // Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
 //
 // Errors: those of a pose.
-PkmError pkm_forward_f32(const PkmMachine_f32 *machine, const PkmLengths_f32 *lengths, PkmPose_f32 *pose);
+PKM_MUST_USE PkmError pkm_forward_f32(const PkmMachine_f32 *machine, const PkmLengths_f32 *lengths, PkmPose_f32 *pose);
 
 // Derivatives of the screw lengths by the pose.
 //
 // Errors: those of a pose.
-PkmError pkm_jacobian_f32(const PkmMachine_f32 *machine, const PkmPose_f32 *pose, PkmJacobian_f32 *jacobian);
+PKM_MUST_USE
+PkmError pkm_jacobian_f32(const PkmMachine_f32 *machine,
+                          const PkmPose_f32 *pose,
+                          PkmJacobian_f32 *jacobian);
 
 // How far a pose is from the direct singularities.
 //
 // Errors: those of a pose.
+PKM_MUST_USE
 PkmError pkm_singularity_distance_f32(const PkmMachine_f32 *machine,
                                       const PkmPose_f32 *pose,
                                       PkmSingularityDistance_f32 *distance);
@@ -649,6 +692,7 @@ PkmError pkm_singularity_distance_f32(const PkmMachine_f32 *machine,
 // How far screw lengths are from the nearest end of travel.
 //
 // Errors: NOT_FINITE.
+PKM_MUST_USE
 PkmError pkm_travel_margin_f32(const PkmMachine_f32 *machine,
                                const PkmLengths_f32 *lengths,
                                PkmTravelMargin_f32 *margin);
@@ -656,16 +700,20 @@ PkmError pkm_travel_margin_f32(const PkmMachine_f32 *machine,
 // Basic stiffness K_p, without a table.
 //
 // Errors: those of a pose, NOT_POSITIVE_DEFINITE.
-PkmError pkm_stiffness_f32(const PkmMachine_f32 *machine, const PkmPose_f32 *pose, PkmStiffness_f32 *stiffness);
+PKM_MUST_USE
+PkmError pkm_stiffness_f32(const PkmMachine_f32 *machine,
+                           const PkmPose_f32 *pose,
+                           PkmStiffness_f32 *stiffness);
 
 // Whether a pose lies in the box that the table was fitted on.
 //
 // Errors: NOT_FINITE.
-PkmError pkm_domain_f32(const PkmTable_f32 *table, const PkmPose_f32 *pose, PkmDomain *domain);
+PKM_MUST_USE PkmError pkm_domain_f32(const PkmTable_f32 *table, const PkmPose_f32 *pose, PkmDomain *domain);
 
 // Corrected stiffness K_m, the table's factor form on the basic stiffness.
 //
 // Errors: those of a pose, NOT_POSITIVE_DEFINITE, NO_FACTOR_FORM, NOT_POSITIVE.
+PKM_MUST_USE
 PkmError pkm_corrected_stiffness_f32(const PkmMachine_f32 *machine,
                                      const PkmTable_f32 *table,
                                      const PkmPose_f32 *pose,
@@ -673,9 +721,10 @@ PkmError pkm_corrected_stiffness_f32(const PkmMachine_f32 *machine,
 
 // Displacement of A under a load at A: that of K_m, and what the machine's load-dependent effects add.
 // `turned_at` is the load at which the loading last turned back, for friction; null when it has only grown
-// from zero. Ask `pkm_domain` whether the table may be trusted at the pose.
+// from zero. Outside the table's box it is computed all the same: ask `pkm_domain`.
 //
 // Errors: those of the corrected stiffness, NOT_FINITE, NOT_CONVERGED.
+PKM_MUST_USE
 PkmError pkm_deflection_f32(const PkmMachine_f32 *machine,
                             const PkmTable_f32 *table,
                             const PkmPose_f32 *pose,
@@ -687,6 +736,7 @@ PkmError pkm_deflection_f32(const PkmMachine_f32 *machine,
 // effect `thermal-expansion`; zero without it.
 //
 // Errors: those of a pose.
+PKM_MUST_USE
 PkmError pkm_thermal_deflection_f32(const PkmMachine_f32 *machine,
                                     const PkmPose_f32 *pose,
                                     float rise_k,
@@ -696,6 +746,7 @@ PkmError pkm_thermal_deflection_f32(const PkmMachine_f32 *machine,
 // without. The tip's position is made up for, the orientation is not.
 //
 // Errors: those of a pose, for `pose` or for the one to command; NOT_COMPENSABLE.
+PKM_MUST_USE
 PkmError pkm_compensated_f32(const PkmMachine_f32 *machine,
                              const PkmPose_f32 *pose,
                              const PkmDeflection_f32 *deflection,
@@ -703,9 +754,15 @@ PkmError pkm_compensated_f32(const PkmMachine_f32 *machine,
                              PkmCompensated_f32 *compensated);
 
 // One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
-// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it.
+// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
+// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+//
+// Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
+// `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask
+// `pkm_inverse` for the lengths without load.
 //
 // Errors: those of `pkm_deflection` and of `pkm_compensated`.
+PKM_MUST_USE
 PkmError pkm_cycle_f32(const PkmMachine_f32 *machine,
                        const PkmTable_f32 *table,
                        const PkmPose_f32 *pose,
@@ -716,15 +773,18 @@ PkmError pkm_cycle_f32(const PkmMachine_f32 *machine,
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //
 // Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
 PkmError pkm_tool_forward_f32(const PkmMachine_f32 *machine,
                               const PkmWrist_f32 *wrist,
                               const PkmJoints_f32 *joints,
                               PkmToolPlace_f32 *place);
 
 // Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
-// as `near`, the last configuration of the path.
+// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
 //
 // Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
 PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
                               const PkmWrist_f32 *wrist,
                               const PkmTool_f32 *tool,
@@ -735,16 +795,19 @@ PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
 // are the tip's position and these angles. In closed form, and without a configuration to begin from.
 //
 // Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
 PkmError pkm_tip_inverse_f32(const PkmMachine_f32 *machine,
                              const PkmWrist_f32 *wrist,
                              const PkmTip_f32 *tip,
                              PkmHold_f32 *hold);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
 //
 // Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
 // TOOL_NOT_COMPENSABLE.
+PKM_MUST_USE
 PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
                                   const PkmTable_f32 *table,
                                   const PkmWrist_f32 *wrist,

@@ -43,7 +43,7 @@ pub enum PkmError {
     /// The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
     /// square to BA.
     NotCompensable = 40,
-    /// A tool is out of the five axes' reach from where they stand.
+    /// A tool is out of the five axes' reach from where they stand, or `near` is no place where they can (all zeros).
     ToolUnreachable = 50,
     /// Where the five axes stand, or on the way, two configurations meet that hold the tool alike.
     ToolSingular = 51,
@@ -76,7 +76,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         30 => c"the table has no factor form",
         31 => c"a coefficient of the table is not positive at this pose",
         40 => c"the screws cannot move the tip in every direction",
-        50 => c"the tool is out of reach from where the machine stands",
+        50 => c"the tool is out of reach from where the machine stands, or the machine cannot stand there",
         51 => c"too near to a singularity of the five axes",
         52 => c"wrist joint 1 would leave its limits",
         53 => c"wrist joint 2 would leave its limits",

@@ -70,7 +70,9 @@ pub extern "C" fn pkm_version() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
 }
 
-/// Checksum of the compiled-in machine, as its `coefficients.rs` states it.
+/// Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
+/// wrist's and the table's when the program starts: a library that was built without PKM_COEFFICIENTS has the reference
+/// machine.
 #[unsafe(no_mangle)]
 pub extern "C" fn pkm_machine_checksum() -> u64 {
     const { coefficients::PARAMETERS.checksum() }
@@ -87,6 +89,10 @@ pub extern "C" fn pkm_wrist_checksum() -> u64 {
 pub extern "C" fn pkm_table_checksum() -> u64 {
     const { coefficients::TABLE_F64.checksum() }
 }
+
+// most of the functions below could only fail
+const _: () =
+    assert!(coefficients::TABLE_F64.has_factor_form(), "the table has no factor form: fit one to all 21 entries");
 
 macro_rules! functions {
     (
@@ -137,6 +143,7 @@ macro_rules! functions {
         /// it. Compute it when the temperature has changed, not in every cycle.
         ///
         /// Errors: NOT_FINITE, NO_STIFFNESS.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $at_temperature(
             machine: *const PkmMachine<$t>,
@@ -151,6 +158,7 @@ macro_rules! functions {
         ///
         /// Errors: NOT_FINITE, UNREACHABLE, SINGULAR, OUT_OF_TRAVEL_LIMB1 to 3, in this order; called "those of a
         /// pose" below.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $inverse(
             machine: *const PkmMachine<$t>,
@@ -164,6 +172,7 @@ macro_rules! functions {
         /// Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
         ///
         /// Errors: those of a pose.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $forward(
             machine: *const PkmMachine<$t>,
@@ -177,6 +186,7 @@ macro_rules! functions {
         /// Derivatives of the screw lengths by the pose.
         ///
         /// Errors: those of a pose.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $jacobian(
             machine: *const PkmMachine<$t>,
@@ -190,6 +200,7 @@ macro_rules! functions {
         /// How far a pose is from the direct singularities.
         ///
         /// Errors: those of a pose.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $singularity_distance(
             machine: *const PkmMachine<$t>,
@@ -205,6 +216,7 @@ macro_rules! functions {
         /// How far screw lengths are from the nearest end of travel.
         ///
         /// Errors: NOT_FINITE.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $travel_margin(
             machine: *const PkmMachine<$t>,
@@ -225,6 +237,7 @@ macro_rules! functions {
         /// Basic stiffness K_p, without a table.
         ///
         /// Errors: those of a pose, NOT_POSITIVE_DEFINITE.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $stiffness(
             machine: *const PkmMachine<$t>,
@@ -238,6 +251,7 @@ macro_rules! functions {
         /// Whether a pose lies in the box that the table was fitted on.
         ///
         /// Errors: NOT_FINITE.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $domain(
             table: *const PkmTable<$t>,
@@ -257,6 +271,7 @@ macro_rules! functions {
         /// Corrected stiffness K_m, the table's factor form on the basic stiffness.
         ///
         /// Errors: those of a pose, NOT_POSITIVE_DEFINITE, NO_FACTOR_FORM, NOT_POSITIVE.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $corrected_stiffness(
             machine: *const PkmMachine<$t>,
@@ -275,9 +290,10 @@ macro_rules! functions {
 
         /// Displacement of A under a load at A: that of K_m, and what the machine's load-dependent effects add.
         /// `turned_at` is the load at which the loading last turned back, for friction; null when it has only grown
-        /// from zero. Ask `pkm_domain` whether the table may be trusted at the pose.
+        /// from zero. Outside the table's box it is computed all the same: ask `pkm_domain`.
         ///
         /// Errors: those of the corrected stiffness, NOT_FINITE, NOT_CONVERGED.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $deflection(
             machine: *const PkmMachine<$t>,
@@ -292,8 +308,7 @@ macro_rules! functions {
                 answer(deflection, || {
                     let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
                     let wrench = given(wrench)?.core();
-                    let zero = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
-                    let turned_at = if turned_at.is_null() { zero } else { given(turned_at)?.core() };
+                    let turned_at = if turned_at.is_null() { Wrench::ZERO } else { given(turned_at)?.core() };
                     let linear = table.factor_form(machine, &pose)?.factor.deflection(&wrench)?;
                     Ok(linear.plus(&machine.load_dependent_deflection(&pose, &wrench, &turned_at)?).into())
                 })
@@ -304,6 +319,7 @@ macro_rules! functions {
         /// effect `thermal-expansion`; zero without it.
         ///
         /// Errors: those of a pose.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $thermal_deflection(
             machine: *const PkmMachine<$t>,
@@ -323,6 +339,7 @@ macro_rules! functions {
         /// without. The tip's position is made up for, the orientation is not.
         ///
         /// Errors: those of a pose, for `pose` or for the one to command; NOT_COMPENSABLE.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $compensated(
             machine: *const PkmMachine<$t>,
@@ -342,9 +359,15 @@ macro_rules! functions {
         }
 
         /// One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
-        /// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it.
+        /// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
+        /// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+        ///
+        /// Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
+        /// `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask
+        /// `pkm_inverse` for the lengths without load.
         ///
         /// Errors: those of `pkm_deflection` and of `pkm_compensated`.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $cycle(
             machine: *const PkmMachine<$t>,
@@ -367,6 +390,7 @@ macro_rules! functions {
         /// Forward kinematics of the five axes: configuration, tip and axis of joint values.
         ///
         /// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_forward(
             machine: *const PkmMachine<$t>,
@@ -378,17 +402,18 @@ macro_rules! functions {
             unsafe {
                 answer(place, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let configuration = five.forward(&given(joints)?.core())?;
-                    let tool = five.tool(&configuration)?;
+                    let (configuration, tool) = five.forward(&given(joints)?.core())?;
                     Ok(PkmToolPlace { configuration: configuration.into(), tool: tool.into() })
                 })
             }
         }
 
         /// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
-        /// as `near`, the last configuration of the path.
+        /// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+        /// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
         ///
         /// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_inverse(
             machine: *const PkmMachine<$t>,
@@ -410,6 +435,7 @@ macro_rules! functions {
         /// are the tip's position and these angles. In closed form, and without a configuration to begin from.
         ///
         /// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tip_inverse(
             machine: *const PkmMachine<$t>,
@@ -428,10 +454,12 @@ macro_rules! functions {
         }
 
         /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-        /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist.
+        /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+        /// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
         ///
         /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
         /// TOOL_NOT_COMPENSABLE.
+        #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_compensated(
             machine: *const PkmMachine<$t>,
@@ -448,8 +476,7 @@ macro_rules! functions {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
                     let (table, tool) = (&given(table)?.0, given(tool)?.core());
                     let (wrench, near) = (given(wrench)?.core(), given(near)?.core());
-                    let found = five.compensated(Some(table), &tool, &wrench, &near)?;
-                    Ok(PkmCompensatedTool::new(found, table.domain(&found.hold.configuration.pose)))
+                    Ok(five.compensated(Some(table), &tool, &wrench, &near)?.into())
                 })
             }
         }

@@ -9,7 +9,7 @@ use pkm_core::{
 pub const PKM_MACHINE_NUMBERS: usize = 208;
 
 /// A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
-/// `pkm_machine` or `pkm_at_temperature`.
+/// `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.
 #[repr(C)]
 pub struct PkmMachine<T> {
     /// Not for reading.
@@ -116,7 +116,7 @@ pub struct PkmStiffness<T> {
 pub enum PkmDomain {
     /// In the box or on its edge: the table's stated errors hold.
     Inside = 0,
-    /// Outside: the value is an extrapolation for which nobody has vouched.
+    /// Outside: the value is an extrapolation for which nobody has vouched; it is computed all the same.
     Outside = 1,
 }
 
@@ -360,13 +360,14 @@ impl<T> From<Hold<T>> for PkmHold<T> {
     }
 }
 
-impl<T> PkmCompensatedTool<T> {
-    pub(crate) fn new(CompensatedTool { hold, deflection }: CompensatedTool<T>, domain: Domain) -> Self {
+impl<T> From<CompensatedTool<T>> for PkmCompensatedTool<T> {
+    fn from(CompensatedTool { hold, deflection }: CompensatedTool<T>) -> Self {
         Self {
             hold: hold.into(),
             translation_m: deflection.translation_m,
             rotation_rad: deflection.rotation_rad,
-            domain: domain.into(),
+            // every call here has a table, and with one there is a domain
+            domain: deflection.domain.unwrap_or(Domain::Outside).into(),
         }
     }
 }

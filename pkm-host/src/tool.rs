@@ -346,7 +346,8 @@ pub fn ik(file: &MachineFile, tip_mm: [f64; 3], axis: [f64; 3], near: Option<[f6
         None => reach.home(),
         Some([q1, q2, q3, beta1, beta2]) => {
             let joints = joint_values([q1, q2, q3], [beta1, beta2]);
-            forward(&reach, &joints).map_err(|f| Failure { message: format!("--near: {}", f.message), ..f })?
+            let near = forward(&reach, &joints);
+            near.map_err(|f| Failure { message: format!("--near: {}", f.message), ..f })?.0
         }
     };
     let ways = reach.ways(&tool, &near);
@@ -374,7 +375,7 @@ fn joint_values(q_mm: [f64; 3], beta_deg: [f64; 2]) -> JointValues<f64> {
     JointValues { lengths: ScrewLengths { q_m: q_mm.map(|q| q / 1e3) }, beta_rad: beta_deg.map(f64::to_radians) }
 }
 
-fn forward(reach: &Reach<'_>, joints: &JointValues<f64>) -> Result<Configuration<f64>> {
+fn forward(reach: &Reach<'_>, joints: &JointValues<f64>) -> Result<(Configuration<f64>, Tool<f64>)> {
     reach.five.forward(joints).map_err(|e| {
         let (_, excess) = reach.excess(joints);
         Failure::refused(tool_status(e), if excess.is_empty() { e.to_string() } else { excess })
@@ -388,8 +389,7 @@ fn forward(reach: &Reach<'_>, joints: &JointValues<f64>) -> Result<Configuration
 pub fn fk(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<Output> {
     let reach = Reach::new(file)?;
     let refused = |e: ToolError| Failure::refused(tool_status(e), e.to_string());
-    let configuration = forward(&reach, &joint_values(q_mm, beta_deg))?;
-    let tool = reach.five.tool(&configuration).map_err(refused)?;
+    let (configuration, tool) = forward(&reach, &joint_values(q_mm, beta_deg))?;
     let home_share = reach.five.home_share(&configuration).map_err(refused)?;
     let tip_mm = tool.tip_m.map(|v| v * 1e3);
     let side = if home_share >= reach.margin() { "" } else { ": not on the home side" };

@@ -16,7 +16,8 @@ pub fn seeded() -> Rng {
     Rng::with_seed(seed)
 }
 
-fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
+/// Uniform.
+pub fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.f64()
 }
 
@@ -99,7 +100,7 @@ pub struct Space {
     pub base: [Vec3; 3],
 }
 
-/// Where everything is at a pose (model.md 1), from rotation matrices and vectors.
+/// Where everything is at a pose, from rotation matrices and vectors.
 pub fn space(g: &Geometry, pose: &Pose<f64>) -> Space {
     let o = real(0.0);
     let one = real(1.0);

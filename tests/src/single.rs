@@ -93,7 +93,8 @@ fn narrow(v: [f64; 3]) -> [f32; 3] {
     v.map(|v| v as f32)
 }
 
-fn narrow_pose(pose: &Pose<f64>) -> Pose<f32> {
+/// In single precision.
+pub fn narrow_pose(pose: &Pose<f64>) -> Pose<f32> {
     Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 }
 }
 

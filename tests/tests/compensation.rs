@@ -130,8 +130,7 @@ fn a_cycle_is_its_parts() {
     let tip = [0.01, -0.02, 0.3];
     let cycle = TABLE_F64.cycle(&machine, &pose, &wrench, tip).unwrap();
     let at_a = wrench.moved_to_a(tip);
-    let none = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
-    let beyond = machine.load_dependent_deflection(&pose, &at_a, &none).unwrap();
+    let beyond = machine.load_dependent_deflection(&pose, &at_a, &Wrench::ZERO).unwrap();
     let corrected = TABLE_F64.factor_form(&machine, &pose).unwrap();
     assert!(beyond.translation_m[2] != 0.0);
     assert_eq!(cycle.lengths, machine.inverse(&pose).unwrap());

@@ -1,7 +1,7 @@
 //! Corrected stiffness against plain linear algebra, its box, and its refusals.
 
 use nalgebra::Matrix6;
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
+use pkm_core::tables::reference::MACHINE_F64;
 use pkm_core::{Basis, CorrectionError, CorrectionTable, Domain, KinematicsError, Pose, TableError};
 use pkm_tests::{keep_worst, scaled_difference, seeded};
 
@@ -50,22 +50,6 @@ fn both_forms_are_their_definitions() {
         keep_worst(&mut worst, scaled_difference(&found.stiffness().matrix(), &expected.into()));
     }
     assert!(worst <= 1e-12, "{worst:e}");
-}
-
-#[test]
-fn single_precision_of_the_corrected_stiffness() {
-    let mut worst = 0.0_f64;
-    for step in 0..1000 {
-        let t = |n: i32| f64::from(step / n % 10) / 4.5 - 1.0;
-        let pose = Pose { theta_rad: 0.26 * t(1), sigma_rad: 0.26 * t(10), z0_m: 0.53 + 0.03 * t(100) };
-        let narrow =
-            Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
-        let double = TABLE_F64.factor_form(&MACHINE_F64, &pose).unwrap().factor.stiffness().matrix();
-        let single = TABLE_F32.factor_form(&MACHINE_F32, &narrow).unwrap().factor.stiffness().matrix();
-        keep_worst(&mut worst, scaled_difference(&single.map(|row| row.map(f64::from)), &double));
-    }
-    println!("f32 K_m against f64: {worst:.1e}");
-    assert!(worst <= 2e-6, "{worst:e}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use pkm_core::machine::{BodyKind, Geometry, MachineError, MachineParameters, Par
 use pkm_core::tables::reference;
 use pkm_core::{Machine, Pose, ScrewLengths, StiffnessError, Wrench};
 use pkm_frame::{Frame, Node, Section};
+use pkm_tests::single::narrow_pose;
 use pkm_tests::{keep_worst, random_parameters, random_pose, scaled_difference, seeded};
 
 /// A parameter of an effect, by its names in files.
@@ -324,12 +325,6 @@ fn elongation(m: &MachineParameters, n: f64) -> f64 {
     play + p("contact-stiffening", "unloaded_m_per_n") * n * (1.0 + x * x).powf(-1.0 / 6.0)
 }
 
-const UNTURNED: Wrench<f64> = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
-
-fn wrench_of(load: [f64; 6]) -> Wrench<f64> {
-    Wrench { force_n: [load[0], load[1], load[2]], moment_nm: [load[3], load[4], load[5]] }
-}
-
 impl Assembled {
     /// Tensions under given displacements of the nodes, with the bodies' own elongations.
     fn tensions(&self, u: &DMatrix<f64>, lag: [f64; 3]) -> [f64; 3] {
@@ -394,11 +389,11 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
         let pose = random_pose(&mut rng, &machine, size, 0.2);
         let mut between = |limit: f64| limit * (2.0 * rng.f64() - 1.0);
         let load: [f64; 6] = std::array::from_fn(|i| between(if i < 3 { 1000.0 } else { 200.0 * size }));
-        let wrench = wrench_of(load);
+        let wrench = Wrench::from_array(load);
 
         let found = settled(&parameters, &pose, load, [0.0; 3]);
         let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
-        let extra = machine.load_dependent_deflection(&pose, &wrench, &UNTURNED).unwrap();
+        let extra = machine.load_dependent_deflection(&pose, &wrench, &Wrench::ZERO).unwrap();
         let sum = Vector3::from(linear.translation_m) + Vector3::from(extra.translation_m);
         keep_worst(&mut worst, (sum - found).norm() / found.norm());
         let part = Vector3::from(extra.translation_m).norm() / found.norm();
@@ -421,8 +416,7 @@ fn load_dependent_deflection_in_single_precision_and_its_refusals() {
     for _ in 0..1000 {
         let mut within = |middle: f64, half: f64| middle + half * (2.0 * rng.f64() - 1.0);
         let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
-        let narrow =
-            Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
+        let narrow = narrow_pose(&pose);
         let force_n: [f64; 3] = std::array::from_fn(|_| within(0.0, 1000.0));
         let wide = Wrench { force_n, moment_nm: [0.0; 3] };
         let slim = Wrench { force_n: force_n.map(|f| f as f32), moment_nm: [0.0; 3] };
@@ -443,8 +437,8 @@ fn load_dependent_deflection_in_single_precision_and_its_refusals() {
     assert!(worst <= 1e-4, "{worst:e}");
     let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
     let bad = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
-    assert_eq!(double.load_dependent_deflection(&pose, &bad, &UNTURNED), Err(StiffnessError::NotFinite));
-    let any = wrench_of([100.0; 6]);
+    assert_eq!(double.load_dependent_deflection(&pose, &bad, &Wrench::ZERO), Err(StiffnessError::NotFinite));
+    let any = Wrench::from_array([100.0; 6]);
     for machine in [double, reference::MACHINE_F64] {
         assert_eq!(machine.load_dependent_deflection(&pose, &any, &bad), Err(StiffnessError::NotFinite));
     }
@@ -495,7 +489,7 @@ fn friction_equals_its_definition_in_the_frame_solver() {
         });
         let expected = settled(&parameters, &pose, load, lag);
 
-        let (wrench, turned_at) = (wrench_of(load), wrench_of(turned_at));
+        let (wrench, turned_at) = (Wrench::from_array(load), Wrench::from_array(turned_at));
         let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
         let extra = machine.load_dependent_deflection(&pose, &wrench, &turned_at).unwrap();
         let found = Vector3::from(linear.plus(&extra).translation_m);
@@ -514,7 +508,7 @@ fn friction_makes_a_loop_of_the_right_sign() {
     let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
     let linear = machine.stiffness(&pose).unwrap().factor().unwrap();
     let peak = [300.0, -200.0, -800.0, 20.0, 10.0, -5.0];
-    let at = |share: f64| wrench_of(peak.map(|f| f * share));
+    let at = |share: f64| Wrench::from_array(peak.map(|f| f * share));
     // displacement along the load, linear and of friction, in the sense of work
     let along = |d: pkm_core::Deflection<f64>| {
         d.translation_m.iter().chain(&d.rotation_rad).zip(peak).map(|(d, f)| d * f).sum::<f64>()
@@ -523,11 +517,11 @@ fn friction_makes_a_loop_of_the_right_sign() {
         let extra = machine.load_dependent_deflection(&pose, &at(share), turned_at).unwrap();
         along(extra) / along(linear.deflection(&at(1.0)).unwrap())
     };
-    assert_eq!(lagging(0.0, &UNTURNED), 0.0);
+    assert_eq!(lagging(0.0, &Wrench::ZERO), 0.0);
     assert_eq!(lagging(1.0, &at(1.0)), 0.0);
     for step in 1..=9 {
         let share = f64::from(step) / 10.0;
-        let (loading, unloading) = (lagging(share, &UNTURNED), lagging(share, &at(1.0)));
+        let (loading, unloading) = (lagging(share, &Wrench::ZERO), lagging(share, &at(1.0)));
         assert!(loading < -1e-3 && unloading > 1e-3, "{share}: {loading:e} {unloading:e}");
     }
     // it does not come back to where it began

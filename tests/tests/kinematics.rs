@@ -102,7 +102,7 @@ fn jacobian_is_the_derivative_of_inverse() {
                 keep_worst(&mut worst, (jacobian[limb][column] - numeric).abs() / unit);
             }
         }
-        // the determinant of model.md 1, for (θ, σ, L), L = Z0 / cos θ
+        // the Jacobian's determinant for (θ, σ, L), L = Z0 / cos θ
         let q = machine.inverse(&pose).unwrap().q_m;
         let (st, ct) = pose.theta_rad.sin_cos();
         let (ss, cs) = pose.sigma_rad.sin_cos();

@@ -455,3 +455,28 @@ fn no_line_is_read_otherwise_than_json_says() {
     println!("{fed} lines: {figures:?}");
     assert!(figures.len() == 8 && figures.values().all(|n| *n > fed / 100_000), "{figures:?}");
 }
+
+/// What the front page of the protocol shows is what it reads, and the words that it lists are all there are.
+#[test]
+fn the_front_page_is_the_protocol() {
+    let page: Vec<&str> =
+        include_str!("../../pkm-protocol/src/lib.rs").lines().filter_map(|line| line.strip_prefix("//! ")).collect();
+    let (replies, commands): (Vec<&str>, Vec<&str>) =
+        page.iter().filter(|line| line.starts_with('{')).partition(|line| line.contains("\"answer\""));
+    for line in &commands {
+        assert!(Request::parse(line.as_bytes()).is_ok(), "{line}");
+    }
+    for line in &replies {
+        assert!(Reply::<f64>::parse(line.as_bytes()).is_some(), "{line}");
+    }
+    assert_eq!((commands.len(), replies.len()), (4, 6));
+
+    // serde's message for a word that is none names all that are
+    fn words<T: serde::de::DeserializeOwned>() -> String {
+        let message = serde_json::from_str::<T>("\"?\"").err().expect("no such word").to_string();
+        message.split('`').skip(3).step_by(2).collect::<Vec<_>>().join(" ")
+    }
+    for words in [words::<Status>(), words::<Code>()] {
+        assert!(page.contains(&words.as_str()), "{words}");
+    }
+}

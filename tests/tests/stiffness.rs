@@ -3,6 +3,7 @@
 use pkm_core::effects::Effects;
 use pkm_core::machine::{BodyKind, MachineParameters};
 use pkm_core::{Machine, Pose, Stiffness, StiffnessError, Wrench};
+use pkm_tests::single::narrow_pose;
 use pkm_tests::{keep_worst, random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
 
 #[test]
@@ -32,8 +33,7 @@ fn single_precision(effects: Effects) -> f64 {
         let parameters = MachineParameters { effects, ..random_parameters(&mut rng, kind) };
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
-        let narrow =
-            Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
+        let narrow = narrow_pose(&pose);
         let k = Machine::<f32>::new(&parameters).unwrap().stiffness(&narrow).unwrap().matrix();
         let k = k.map(|row| row.map(f64::from));
         keep_worst(&mut worst, scaled_difference(&k, &machine.stiffness(&pose).unwrap().matrix()));
@@ -69,8 +69,7 @@ fn single_precision_with_wrong_sizes_stays_near_double_in_the_box() {
     let mut worst = 0.0_f64;
     for _ in 0..10_000 {
         let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
-        let narrow =
-            Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 };
+        let narrow = narrow_pose(&pose);
         let k = single.stiffness(&narrow).unwrap().matrix().map(|row| row.map(f64::from));
         keep_worst(&mut worst, scaled_difference(&k, &double.stiffness(&pose).unwrap().matrix()));
     }
@@ -88,8 +87,8 @@ fn deflection_solves_the_stiffness() {
         let k = machine.stiffness(&pose).unwrap();
         let wrench = Wrench { force_n: [100.0, -50.0, 700.0], moment_nm: [3.0, 20.0, -8.0] };
         let d = k.factor().unwrap().deflection(&wrench).unwrap();
-        let x = [d.translation_m, d.rotation_rad].concat();
-        let load = [wrench.force_n, wrench.moment_nm].concat();
+        let x = d.to_array();
+        let load = wrench.to_array();
         for (row, f) in k.matrix().iter().zip(load) {
             let sum: f64 = row.iter().zip(&x).map(|(k, x)| k * x).sum();
             let size: f64 = row.iter().zip(&x).map(|(k, x)| (k * x).abs()).sum();

@@ -5,7 +5,8 @@ use std::process::Command;
 
 use pkm_core::effects::EFFECTS;
 use pkm_core::{
-    Configuration, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths, Tool, Wrench,
+    Configuration, CorrectionTable, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths, Tool,
+    Wrench,
 };
 
 use crate::image::symbols;
@@ -220,9 +221,8 @@ fn expected<T: Scalar>(
         let linear = k.factor.deflection(&wrench)?;
         Ok(linear.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?))
     });
-    let six = |d: pkm_core::Deflection<T>| [d.translation_m, d.rotation_rad].concat();
-    let none = pkm_core::Deflection { translation_m: t([0.0; 3]), rotation_rad: t([0.0; 3]) };
-    let compensated = machine.compensated(pose, &deflection.unwrap_or(none), tip);
+    let six = |d: Deflection<T>| d.to_array().to_vec();
+    let compensated = machine.compensated(pose, &deflection.unwrap_or(Deflection::ZERO), tip);
     let columns = |rows: [[T; 3]; 3]| (0..9).map(|i| rows[i % 3][i / 3]).collect();
     let cycle = table
         .cycle(machine, pose, &wrench, tip)
@@ -241,7 +241,7 @@ fn expected<T: Scalar>(
         pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) },
         beta_rad: [T::ZERO; 2],
     };
-    let place = five.forward(&JointValues { lengths: set, beta_rad }).and_then(|c| Ok((c, five.tool(&c)?)));
+    let place = five.forward(&JointValues { lengths: set, beta_rad });
     let tool = place.map_or(Tool { tip_m: t([0.0; 3]), axis: t([0.0; 3]) }, |(_, tool)| tool);
     let loaded = five.compensated(Some(table), &tool, &wrench, &home);
     vec![

@@ -127,7 +127,7 @@ impl Host {
         let numbers = self.table.numbers();
         let table = numbers.table().map_err(|e| e.to_string())?;
         let in_double = double(&self.machine.five_axis().map_err(|e| e.to_string())?, &table);
-        let machine = Machine::<f32>::new(&self.machine.parameters).map_err(|e| format!("{e:?}"))?;
+        let machine = Machine::<f32>::new(&self.machine.parameters).map_err(|e| e.to_string())?;
         let narrowed = numbers.narrowed();
         let table = narrowed.table().map_err(|e| e.to_string())?;
         let wrist = Wrist::<f32>::new(&self.machine.wrist_parameters).map_err(|e| e.to_string())?;
@@ -268,9 +268,9 @@ fn values<T: Scalar>(
         ("k_p", lower(&machine.stiffness(pose)?)),
         ("k_m_diagonal", lower(&diagonal.factor.stiffness())),
         ("k_m_factor", lower(&factor.factor.stiffness())),
-        ("deflection", bits(&[d.translation_m, d.rotation_rad].concat())),
+        ("deflection", bits(&d.to_array())),
         ("k_p_warm", lower(&warm.stiffness(pose)?)),
-        ("thermal", bits(&[grown.translation_m, grown.rotation_rad].concat())),
+        ("thermal", bits(&grown.to_array())),
         (
             "compensated",
             bits(&[[cycle.pose.theta_rad, cycle.pose.sigma_rad, cycle.pose.z0_m], cycle.lengths.q_m].concat()),

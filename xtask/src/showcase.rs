@@ -21,8 +21,9 @@ const MOMENT_NM: f64 = 100.0;
 
 fn loads() -> [Wrench<f64>; 6] {
     std::array::from_fn(|axis| {
-        let part = |first: usize, size: f64| std::array::from_fn(|i| if i + first == axis { size } else { 0.0 });
-        Wrench { force_n: part(0, FORCE_N), moment_nm: part(3, MOMENT_NM) }
+        let mut load = [0.0; 6];
+        load[axis] = if axis < 3 { FORCE_N } else { MOMENT_NM };
+        Wrench::from_array(load)
     })
 }
 
@@ -40,8 +41,8 @@ fn readings(data: &StiffnessData) -> Result<String, String> {
         for load in loads() {
             let d = deflection(&k, &load)?;
             let pose = file_units(&p.pose).map(|v| (v * 1e9).round() / 1e9);
-            let numbers = pose.into_iter().chain(load.force_n).chain(load.moment_nm).map(|v| v.to_string());
-            let read = d.translation_m.into_iter().chain(d.rotation_rad).map(|v| format!("{:.4}", v * 1e6));
+            let numbers = pose.into_iter().chain(load.to_array()).map(|v| v.to_string());
+            let read = d.to_array().map(|v| format!("{:.4}", v * 1e6));
             let cells: Vec<String> = numbers.chain(read).collect();
             let _ = writeln!(text, "{},{},1.5,5", p.id, cells.join(","));
         }
@@ -59,14 +60,13 @@ fn errors(law: Law<'_>, data: &StiffnessData, at: &[usize]) -> Result<[f64; 6], 
         let angular: f64 = (0..3).map(|i| (ROTATION_ARM_M * (d.rotation_rad[i] - e.rotation_rad[i])).powi(2)).sum();
         (linear + angular).sqrt()
     };
-    let zero = Deflection { translation_m: [0.0; 3], rotation_rad: [0.0; 3] };
     let mut sums = [0.0; 6];
     for n in at {
         let (model, truth) =
             (law(&data.poses[*n].pose)?, data.targets[*n].full.ok_or("the solids' stiffness is whole")?);
         for (sum, load) in sums.iter_mut().zip(loads()) {
             let (a, b) = (deflection(&model, &load)?, deflection(&truth, &load)?);
-            *sum += 100.0 * norm(&a, &b) / norm(&b, &zero) / at.len() as f64;
+            *sum += 100.0 * norm(&a, &b) / norm(&b, &Deflection::ZERO) / at.len() as f64;
         }
     }
     Ok(sums)
@@ -99,7 +99,7 @@ pub fn run() -> Outcome {
 
     let mut machines = vec![("as declared".to_owned(), declared.machine)];
     for step in &diagnosis.steps {
-        let machine = Machine::<f64>::new(&step.machine).map_err(|e| format!("{e:?}"))?;
+        let machine = Machine::<f64>::new(&step.machine).map_err(|e| e.to_string())?;
         machines.push((format!("+ {}", step.found.last().map_or("", String::as_str)), machine));
     }
     let zones = compare::zones(&data, &held_out);

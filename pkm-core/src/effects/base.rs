@@ -7,7 +7,8 @@ pub(super) struct BaseCompliance;
 impl Effect for BaseCompliance {
     const INFO: EffectInfo = EffectInfo {
         id: "base-compliance",
-        parameters: &["mount_m_per_n", "mount_rad_per_nm", "under_joints_m_per_n"], signed: false
+        parameters: &["mount_m_per_n", "mount_rad_per_nm", "under_joints_m_per_n"],
+        signed: false,
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
@@ -17,5 +18,17 @@ impl Effect for BaseCompliance {
 
     fn at_base<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
         Some([p[0], p[0], p[0], p[1], p[1], p[1]])
+    }
+}
+
+/// The fixed platform gives where limbs 1 and 2 stand, so that the load of one moves the other.
+pub(super) struct LimbCoupling;
+
+impl Effect for LimbCoupling {
+    const INFO: EffectInfo =
+        EffectInfo { id: "limb-coupling", parameters: &["together_m_per_n", "opposed_m_per_n"], signed: false };
+
+    fn between_bases_1_2<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> Option<[T; 2]> {
+        Some([p[0], p[1]])
     }
 }

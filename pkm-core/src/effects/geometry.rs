@@ -6,13 +6,22 @@ use crate::scalar::Scalar;
 pub(super) struct PlatformOffset;
 
 impl Effect for PlatformOffset {
-    const INFO: EffectInfo =
-        EffectInfo { id: "platform-offset", parameters: &["limbs_1_2_m", "limb_3_m", "aside_1_m", "aside_2_m", "aside_3_m"], signed: true };
+    const INFO: EffectInfo = EffectInfo {
+        id: "platform-offset",
+        parameters: &["limbs_1_2_m", "limb_3_m", "aside_1_m", "aside_2_m", "aside_3_m"],
+        signed: true,
+    };
     const LIMITS: [f64; MAX_PARAMETERS] = [0.1; MAX_PARAMETERS];
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
         let [_, _, one, two, three, ..] = *p;
-        let aside = if limb.index == 0 { one } else if limb.index == 1 { two } else { three };
+        let aside = if limb.index == 0 {
+            one
+        } else if limb.index == 1 {
+            two
+        } else {
+            three
+        };
         if aside == T::ZERO {
             return;
         }

@@ -41,11 +41,8 @@ impl Effect for ContactStiffening {
 pub(super) struct FrictionHysteresis;
 
 impl Effect for FrictionHysteresis {
-    const INFO: EffectInfo = EffectInfo {
-        id: "friction-hysteresis",
-        parameters: &["lag_m", "lag_m_per_n", "reversal_n"],
-        signed: false,
-    };
+    const INFO: EffectInfo =
+        EffectInfo { id: "friction-hysteresis", parameters: &["lag_m", "lag_m_per_n", "reversal_n"], signed: false };
     const DEPENDS_ON_LOAD: bool = true;
 
     fn lag<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T, turned_at: T) -> T {

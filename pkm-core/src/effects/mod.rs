@@ -1,13 +1,23 @@
-//! Physics beyond the basic model, by the ids of spec: diagnosis.md.
+//! Physics beyond the basic model: [`EFFECTS`] lists it, `docs/theory.md` has its formulas.
 //!
-//! An effect is a file here and a line in the macro call below. Its parameters are amplitudes, mostly compliances:
-//! all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
-//! series with the whole adds at an end.
+//! An effect is a type in a file here and a name in the macro call below. Its parameters are amplitudes, mostly
+//! compliances: all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
+//! series with the whole adds at an end. A machine file's `[[effect]]` and a `diagnose` of `pkm-host` name them by
+//! [`id`](EffectInfo::id).
+
+mod base;
+mod drive;
+mod geometry;
+mod joints;
+mod load_dependent;
+mod platform;
+mod telescopic;
+mod thermal;
 
 use crate::linalg::Lower;
 use crate::scalar::Scalar;
 use crate::stiffness::Chain;
-use crate::types::cross;
+use crate::vector::cross;
 
 /// Most parameters that an effect has.
 pub const MAX_PARAMETERS: usize = 6;
@@ -266,6 +276,19 @@ impl Effects {
 
     /// The same with an effect, by its id, whatever the order of the effects in this version; parameters that are not
     /// given are 0. `None` for an unknown id, or for more parameters than the effect has.
+    ///
+    /// ```
+    /// use pkm_core::effects::Effects;
+    /// use pkm_core::{Machine, MachineParameters, Pose, tables::reference::PARAMETERS};
+    /// let effects = Effects::NONE.with("base-compliance", [2e-9, 1e-8]).expect("an effect of that name");
+    /// let soft = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS })?;
+    /// let stiff = Machine::<f64>::new(&PARAMETERS)?;
+    /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    /// let k33 = |machine: &Machine<f64>| machine.stiffness(&pose).map(|k| k.principal()[2]);
+    /// assert!(k33(&soft)? < k33(&stiff)?);
+    /// assert_eq!(Effects::NONE.with("no-such-effect", [1.0]), None);
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
     pub const fn with<const N: usize>(mut self, id: &str, parameters: [f64; N]) -> Option<Self> {
         let mut i = 0;
         while i < COUNT {
@@ -318,8 +341,6 @@ const fn same(a: &[u8], b: &[u8]) -> bool {
 
 macro_rules! effects {
     ($($module:ident :: { $($name:ident),+ }),+ $(,)?) => {
-        $(mod $module;)+
-
         /// Position of each effect in [`EFFECTS`].
         enum Index { $($($name,)+)+ Count }
 
@@ -451,17 +472,17 @@ macro_rules! effects {
     };
 }
 
-// The register: module and types.
+// The register: module and types. Their order is that of [`EFFECTS`] and of the parameters in [`Effects`].
 effects! {
-    moving_platform::{MovingPlatformCompliance},
+    platform::{MovingPlatformCompliance},
     base::{BaseCompliance},
     telescopic::{TelescopicLimb},
     drive::{ScrewPosition, Limb1Axial, Limb2Axial, Limb3Axial},
     joints::{UniversalJoint, RevoluteJoint, SphericalJoint, Revolute3Joint},
-    wrist::{WristCompliance},
-    coupling::{LimbCoupling},
+    platform::{WristCompliance},
+    base::{LimbCoupling},
     load_dependent::{Clearance, ContactStiffening, FrictionHysteresis},
-    preload::{Preload},
+    drive::{Preload},
     geometry::{PlatformOffset, GeometryA1, GeometryA2, GeometryB1, GeometryB2},
     thermal::{ThermalModulus, ThermalExpansion},
 }

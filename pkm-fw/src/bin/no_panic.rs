@@ -14,12 +14,13 @@ use cortex_m as _;
 use cortex_m_rt::entry;
 use pkm_core::checksum;
 use pkm_core::correction::narrow;
+use pkm_core::five_axis::platform_axes;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Basis, Configuration, CorrectionTable, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths, Stiffness, Tool,
-    ToolFrame, Wrench, Wrist,
+    Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths,
+    Stiffness, Tool, ToolFrame, Wrench, Wrist,
 };
 
 #[path = "../handler.rs"]
@@ -43,7 +44,8 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     let [a, b, c] = black_box([T::ONE; 3]);
     let pose = black_box(Pose { theta_rad: a, sigma_rad: b, z0_m: c });
     let lengths = black_box(ScrewLengths { q_m: [a, b, c] });
-    let wrench = black_box(Wrench { force_n: [a, b, c], moment_nm: [c, b, a] }).moved_to_a([a, b, c]);
+    let wrench = Wrench::from_array(black_box(Wrench { force_n: [a, b, c], moment_nm: [c, b, a] }).to_array());
+    let wrench = wrench.moved_to_a([a, b, c]);
     if let Err(e) = black_box(machine.inverse(&pose)) {
         show(e);
     }
@@ -67,7 +69,8 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     if let Ok(factor) = stiffness.factor() {
         black_box((factor.stiffness(), factor.lower()));
         if let Ok(deflection) = factor.deflection(&wrench) {
-            black_box(deflection.plus(&deflection).seen_at([a, b, c]));
+            let seen = deflection.plus(&deflection).seen_at([a, b, c]);
+            black_box(Deflection::from_array(black_box(seen.to_array())));
             if let Err(e) = black_box(machine.compensated(&pose, &deflection, [a, b, c])) {
                 show(e);
             }
@@ -89,6 +92,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
 
 fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, wrist: &Wrist<T>) {
     black_box(wrist.arm_m(black_box(T::ZERO), black_box(T::ONE)));
+    black_box(platform_axes(black_box((T::ZERO, T::ONE)), black_box((T::ONE, T::ZERO))));
     let five = FiveAxis { machine, wrist };
     let [a, b, c] = black_box([T::ONE; 3]);
     let near = black_box(Configuration { pose: Pose { theta_rad: a, sigma_rad: b, z0_m: c }, beta_rad: [a, b] });
@@ -134,8 +138,9 @@ macro_rules! call_everything {
                     Err(e) => show(e),
                     Ok(table) => call_everything(machine, &table, &basis),
                 }
-                if let Ok(machine) = Machine::<$t>::new(&$parameters) {
-                    call_everything(&machine, table, &basis);
+                match Machine::<$t>::new(&$parameters) {
+                    Err(e) => show(e),
+                    Ok(machine) => call_everything(&machine, table, &basis),
                 }
             }
         }

@@ -26,7 +26,7 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 173 numbers of 20 digits and their commas, and the names.
+/// Longest line: 174 numbers of 20 digits and their commas, and the names.
 const LINE: usize = 4096;
 
 /// Of the cycle, in A-uvw.
@@ -163,11 +163,11 @@ impl Line {
         self.k_m_factor = lower(&corrected.factor.stiffness());
         let extra = machine.load_dependent_deflection(pose, &wrench, &turned_at)?;
         let d = corrected.factor.deflection(&wrench)?.plus(&extra);
-        self.deflection = bits(d.translation_m.into_iter().chain(d.rotation_rad));
+        self.deflection = bits(d.to_array());
         let warm = machine.at_temperature(T::from_f64(31.5)).map_err(|_| StiffnessError::NotFinite)?;
         self.k_p_warm = lower(&warm.stiffness(pose)?);
         let grown = machine.thermal_deflection(pose, T::from_f64(4.5))?;
-        self.thermal = bits(grown.translation_m.into_iter().chain(grown.rotation_rad));
+        self.thermal = bits(grown.to_array());
         let compensated = table.cycle(machine, pose, &wrench, TIP_M.map(T::from_f64))?.compensated;
         let Pose { theta_rad, sigma_rad, z0_m } = compensated.pose;
         self.compensated = bits([theta_rad, sigma_rad, z0_m].into_iter().chain(compensated.lengths.q_m));

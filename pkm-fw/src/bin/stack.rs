@@ -61,6 +61,7 @@ macro_rules! functions {
             type T = $t;
 
             use super::*;
+            use pkm_core::five_axis::platform_axes as axes;
             use pkm_core::tables::reference;
             use pkm_core::{
                 Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
@@ -174,6 +175,10 @@ both_widths! {
     plus(i) i.deflection.plus(&i.deflection);
     seen_at(i) i.deflection.seen_at(i.tip_m);
     moved_to_a(i) i.wrench.moved_to_a(i.tip_m);
+    wrench_to_array(i) i.wrench.to_array();
+    wrench_from_array(i) Wrench::from_array(i.matrix[0]);
+    deflection_to_array(i) i.deflection.to_array();
+    deflection_from_array(i) Deflection::from_array(i.matrix[1]); // another row, or the linker would have one function for both
     domain(i) i.table.domain(&i.pose);
     coefficients(i) i.table.coefficients(&i.pose);
     diagonal_form(i) i.table.diagonal_form(&i.machine, &i.pose);
@@ -184,6 +189,7 @@ both_widths! {
     new_table(i) CorrectionTable::<T>::new(i.basis, &i.numbers[..6], Some(&i.numbers));
     tool_frame(i) i.five().frame(&i.near);
     tool(i) i.five().tool(&i.near);
+    platform_axes(i) axes((i.numbers[0], i.numbers[1]), (i.numbers[2], i.numbers[3]));
     forward_tool(i) i.five().forward(&i.joints);
     joints(i) i.five().joints(&i.near);
     home_share(i) i.five().home_share(&i.near);

@@ -318,8 +318,7 @@ fn component(
     stands: &[f64],
     force: &Wrench<f64>,
 ) -> Result<Computed, String> {
-    let stood = five.forward(&joints_of(stands)).map_err(|e| e.to_string())?;
-    let tool = five.tool(&stood).map_err(|e| e.to_string())?;
+    let (stood, tool) = five.forward(&joints_of(stands)).map_err(|e| e.to_string())?;
     let stiffness = table.factor_form(five.machine, &stood.pose).map_err(|e| e.to_string())?;
     let wanted = five.compensated(Some(table), &tool, force, &stood).map_err(|e| e.to_string())?;
     Ok(Computed { tool, stiffness, wanted })
@@ -374,8 +373,8 @@ impl Seen {
             keep(&mut self.inverse, (hold.home_share - target_share[0]).abs());
         }
         if felt != [0.0; 5] {
-            let stands = five.forward(&joints_of(felt)).map_err(|e| e.to_string())?;
-            let [x, y, z] = five.tool(&stands).map_err(|e| e.to_string())?.tip_m.map(|m| m * 1e3);
+            let (_, tool) = five.forward(&joints_of(felt)).map_err(|e| e.to_string())?;
+            let [x, y, z] = tool.tip_m.map(|m| m * 1e3);
             keep(&mut self.forward, worst(placed, &[x, y, z, felt[3], felt[4]]));
         }
         let stood = five.forward(&joints_of(stands));
@@ -383,11 +382,10 @@ impl Seen {
             return Err(format!("results and no pose, or the other way round: {row:?}"));
         }
         // as long as the machine is not homed its joints mean nothing
-        let Ok(stood) = stood else { return Ok(()) };
+        let Ok((stood, _)) = stood else { return Ok(()) };
         self.valid += 1;
 
-        let [fx, fy, fz, mx, my, mz] = *wrench else { return Err("a wrench is six numbers".into()) };
-        let force = Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
+        let force = Wrench::from_array(<[f64; 6]>::try_from(wrench).map_err(|_| "a wrench is six numbers")?);
         let Computed { tool, stiffness, wanted } = component(&five, &table, stands, &force)?;
         let to: Vec<f64> = in_file_units(&wanted.hold.joints).iter().zip(stands).map(|(to, at)| to - at).collect();
         keep(&mut self.offsets, worst(offsets, &to));

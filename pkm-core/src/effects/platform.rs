@@ -9,7 +9,8 @@ impl Effect for MovingPlatformCompliance {
     const INFO: EffectInfo = EffectInfo {
         id: "moving-platform-compliance",
         // 1/EI of an arm for bending out of the platform's plane and in it, 1/GJ; turning of the hub; bridge
-        parameters: &["bending_per_nm2", "in_plane_per_nm2", "torsion_per_nm2", "hub_rad_per_nm", "bridge_m_per_n"], signed: false
+        parameters: &["bending_per_nm2", "in_plane_per_nm2", "torsion_per_nm2", "hub_rad_per_nm", "bridge_m_per_n"],
+        signed: false,
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
@@ -24,5 +25,19 @@ impl Effect for MovingPlatformCompliance {
 
     fn between_arms_1_2<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> Option<T> {
         Some(p[4])
+    }
+}
+
+/// Everything between A and the tool.
+pub(super) struct WristCompliance;
+
+impl Effect for WristCompliance {
+    const INFO: EffectInfo =
+        EffectInfo { id: "wrist-compliance", parameters: &["linear_m_per_n", "angular_rad_per_nm"], signed: false };
+
+    const AT_TOOL: bool = true;
+
+    fn at_tool<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {
+        Some([p[0], p[0], p[0], p[1], p[1], p[1]])
     }
 }
