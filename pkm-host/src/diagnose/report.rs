@@ -7,8 +7,8 @@ use pkm_core::{Machine, ScrewLengths};
 use super::compare::{Errors, RIVALS, Rival};
 use super::model::is_measurement;
 use super::readings::{Condition, Readings};
-use super::verdict::Verdict;
-use super::{Diagnosis, SEED, next};
+use super::verdict::{DeclaredFinding, Verdict};
+use super::{Diagnosis, SEED, next, words};
 use crate::dataset::file_units;
 use crate::error::Result;
 use crate::machine_file::MachineFile;
@@ -22,20 +22,40 @@ fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
     errors.iter().find(|e| e.0 == rival).map(|e| &e.1)
 }
 
+/// What a verdict leans on: declared values that had to move far.
+fn far_from_declared(findings: &[DeclaredFinding]) -> String {
+    let of = |is_body: bool| {
+        let ratios =
+            findings.iter().filter(|f| f.parameter.contains("body") == is_body).map(|f| f.estimated / f.declared);
+        ratios.max_by(|a, b| a.ln().abs().total_cmp(&b.ln().abs()))
+    };
+    let said = |what: &str, ratio: f64| {
+        let (how, size) = if ratio > 1.0 { ("stiff", ratio) } else { ("soft", 1.0 / ratio) };
+        format!("{what} up to {size:.1} times as {how} as declared")
+    };
+    let parts: Vec<String> = [(true, "bodies"), (false, "joints")]
+        .into_iter()
+        .filter_map(|(is_body, what)| Some(said(what, of(is_body)?)))
+        .collect();
+    if parts.is_empty() { String::new() } else { format!(", with {}", parts.join(" and ")) }
+}
+
 /// The findings in sentences, the most important first.
 fn sentences(d: &Diagnosis) -> Vec<String> {
-    let mut all = Vec::new();
+    let mut all: Vec<String> = d.doubts.iter().map(|doubt| format!("Check first: {}.", doubt.message)).collect();
+    all.extend(d.suspects.iter().map(|s| format!("Check this reading: {}.", s.text())));
     let class = |class: &[String]| {
         if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
     };
+    let far = far_from_declared(&d.declared);
     all.push(match d.judgement.verdict {
         Verdict::Adequate if d.declared.is_empty() => {
             "Adequate: with its stiffnesses re-tuned within their uncertainty the model leaves nothing but noise.".into()
         }
         Verdict::Adequate => {
-            "Adequate: no physics is missing, but declared values are wrong by more than their uncertainty.".into()
+            format!("Adequate: no physics is missing, but declared values are wrong by more than their uncertainty{far}.")
         }
-        Verdict::Explained => "Explained: with what was found nothing but noise is left.".into(),
+        Verdict::Explained => format!("Explained: with what was found nothing but noise is left{far}."),
         Verdict::PartlyExplained => {
             "Partly explained: something was found, but a significant misfit remains. Don't take the names below for the \
              whole truth."
@@ -45,23 +65,30 @@ fn sentences(d: &Diagnosis) -> Vec<String> {
             "Ambiguous: what was found has rivals that call for different repairs. Measure what is proposed below.".into()
         }
         Verdict::Unexplained => {
-            "Unexplained: the model is wrong by more than noise, and no effect that this program knows accounts for it.".into()
+            let beside = if d.declared.is_empty() { "" } else { " beside what is named below" };
+            format!(
+                "Unexplained{beside}: the model is wrong by more than noise, and no effect that this program knows accounts \
+                 for {}.",
+                if d.declared.is_empty() { "it" } else { "all of it" }
+            )
         }
     });
     for e in &d.effects {
         let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
-        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
-        all.push(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class)));
+        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| words::amplitude(n, *v, Some(*s))).collect();
+        let look = words::inspect_effect(e.id);
+        all.push(format!("{}: {what}; {}{}. Look at {look}.", e.id, parameters.join(", "), class(&e.class)));
     }
     for f in &d.declared {
-        let axis = f.axis.map_or(String::new(), |a| format!("[{a}]"));
+        let axis = f.axis.map_or(String::new(), |a| words::axis(&f.parameter, a));
         all.push(format!(
-            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}",
+            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}. Look at {}.",
             f.parameter,
             f.declared,
             f.estimated,
             f.pull_sd,
-            class(&f.class)
+            class(&f.class),
+            f.inspect
         ));
     }
     let held = &d.held_out;
@@ -107,7 +134,11 @@ pub fn text(d: &Diagnosis) -> String {
             let _ = writeln!(text, "  {name:<36} {own:>9.3} {other:>10.3}   {interval}");
         }
     }
-    let _ = writeln!(text, "  seed {SEED}");
+    let _ = writeln!(
+        text,
+        "  machine.toml: every stiffness differs a little from the declared one, as all are weighed against their declared \
+         uncertainty; what is wrong is named above\n  seed {SEED}"
+    );
     text
 }
 
@@ -195,17 +226,23 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
 }
 
 fn interval(e: &Errors) -> String {
-    e.linear_um_rms_interval.map_or("too few poses".to_owned(), |[low, high]| format!("{low:.3} to {high:.3}"))
+    match e.linear_um_rms_interval {
+        None => "too few poses".to_owned(),
+        Some([low, _]) if e.linear_um_rms_interval_open => format!("{low:.3}, no upper end"),
+        Some([low, high]) => format!("{low:.3} to {high:.3}"),
+    }
 }
 
 fn error_cells(e: &Errors) -> Vec<String> {
+    // no rotation was read
+    let angular = |shown: String| if e.angular_urad_rms == 0.0 { "-".to_owned() } else { shown };
     vec![
         format!("{:.3}", e.linear_um_rms),
         interval(e),
         format!("{:.2}", e.linear_um_max),
         format!("{:.2}", e.linear_percent),
-        format!("{:.3}", e.angular_urad_rms),
-        format!("{:.2}", e.angular_percent),
+        angular(format!("{:.3}", e.angular_urad_rms)),
+        angular(format!("{:.2}", e.angular_percent)),
         format!("{:.2}", e.chi2_per_dof),
     ]
 }
@@ -230,7 +267,7 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
     let title = format!("Diagnosis of {}", escape(&file.name));
     add(&format!("<h1>{title}</h1><ul>"));
     for sentence in sentences(d) {
-        let worse = sentence.contains("HIDES") || sentence.starts_with("Unexplained");
+        let worse = sentence.starts_with("Check") || sentence.contains("HIDES") || sentence.starts_with("Unexplained");
         let class = if worse { " class=\"worse\"" } else { "" };
         add(&format!("<li{class}>{}</li>", escape(&sentence)));
     }
@@ -271,6 +308,8 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
     add(&table("Share of the misfit left that goes with", &["share", "p"], &rows));
 
     add("<h2>What was tried</h2>");
+    let legend = words::LEGEND.map(|(what, means)| format!("{what}: {means}"));
+    add(&format!("<p>{}.</p>", escape(&legend.join(". "))));
     for (n, (round, names)) in d.search.rounds.iter().zip(&d.names).enumerate() {
         let mut shown: Vec<&str> = Vec::new();
         let rows: Vec<_> = (round.ranking.iter().zip(names))
@@ -309,8 +348,7 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
     let rows: Vec<_> = (d.proposals.iter().enumerate())
         .map(|(n, p)| {
             let pose = next::in_file_units(p).map(|v| v.to_string());
-            let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
-            let load = format!("{f:?} N, {m:?} N·m");
+            let load = words::load(&p.wrench);
             let [theta, sigma, z0] = pose;
             ((n + 1).to_string(), vec![theta, sigma, z0, load, p.separates.join(" from ")])
         })
@@ -323,7 +361,7 @@ pub fn html(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<St
 
     add("<h2>What these readings can show</h2>");
     let rows: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
-    add(&table("Smallest amplitude that would be found (λ = 30), SI", &["amplitude"], &rows));
+    add(&table("Smallest amplitude that would be found (λ = 30)", &["amplitude"], &rows));
 
     add("<h2>Where this comes from</h2><dl>");
     let micro = |v: [f64; 6]| v.map(|v| format!("{:.2}", v * 1e6)).join(" ");
