@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::noise::Whitener;
 use super::readings::{CHANNELS, Readings};
 use super::solve::{Fit, Problem};
-use super::verdict::{DeclaredFinding, Judgement, Structure};
+use super::verdict::{DeclaredFinding, Judgement, P_MISFIT, Structure};
 use crate::dataset::DEFLECTION_COLUMNS;
 
 /// How much less of the readings another way to take them must leave, in squares. Where the file's is right, whatever the
@@ -23,9 +23,9 @@ const GRAVITY: f64 = 9.806_65;
 /// Pull that is more than a wrong value, in standard deviations, and how many of these are too many.
 const GREAT_PULL: f64 = 10.0;
 const MANY: usize = 5;
-/// p and share of the misfit from which on what is left goes with the order of the readings.
+/// p and share of a significant misfit from which on what is left goes with the order of the readings and nothing else.
 const P_ORDER: f64 = 1e-4;
-const ORDER_SHARE: f64 = 0.5;
+const ORDER_SHARE: f64 = 0.9;
 /// Residual that noise cannot be, in robust standard deviations of its channel.
 const STANDS_OUT: f64 = 8.0;
 /// Greatest share of a channel's readings that may stand out: more are a misfit of the model.
@@ -68,9 +68,12 @@ impl Suspect {
     }
 }
 
-/// Turns the readings of one kind, three channels, unless some of them are blank or it changes which are.
+/// Turns the readings of one kind, three channels; none where a blank one would have to be known.
 fn turned(observed: &mut [Option<f64>; CHANNELS], kind: usize, turn: &Matrix3<f64>) -> Option<()> {
     let own: [Option<f64>; 3] = std::array::from_fn(|i| observed[3 * kind + i]);
+    if own.iter().all(Option::is_none) {
+        return Some(());
+    }
     for row in 0..3 {
         let mut sum = 0.0;
         for (column, value) in own.iter().enumerate() {
@@ -232,7 +235,7 @@ pub fn taken_otherwise(problem: &Problem<'_>, whitener: &Whitener, tip_m: [f64; 
             let other = Problem::new(&taken.readings, whitener, problem.model);
             let residuals = other.residuals(&[], &[])?;
             // no stiffness mends what is worse to begin with
-            if residuals.norm_squared() > as_said.residuals.norm_squared() {
+            if residuals.norm_squared() >= as_said.residuals.norm_squared() {
                 return None;
             }
             let rest =
@@ -243,9 +246,6 @@ pub fn taken_otherwise(problem: &Problem<'_>, whitener: &Whitener, tip_m: [f64; 
     // of what is alike the first, which is the plainest
     let least = found.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
     let (how, rest) = found.iter().find(|f| f.1 <= 1.1 * least)?;
-    if std::env::var_os("PKM_DOUBT").is_some() {
-        eprintln!("DOUBT {said} {rest} ratio {} {how}", said / rest);
-    }
     let times = |left: f64| format!("{:.1}", left.sqrt());
     (*rest < said / MUCH).then(|| Doubt {
         kind: "readings_taken_otherwise",
@@ -313,7 +313,7 @@ pub fn of_result(judgement: &Judgement, declared: &[DeclaredFinding], structure:
         });
     }
     let order = structure.iter().find(|s| s.factor == "order");
-    if order.is_some_and(|s| s.p < P_ORDER && s.share > ORDER_SHARE) && judgement.after.p < P_ORDER {
+    if order.is_some_and(|s| s.p < P_ORDER && s.share > ORDER_SHARE) && judgement.after.p < P_MISFIT {
         doubts.push(Doubt {
             kind: "order_of_readings",
             message: "what is left goes with the order of the readings: a drift, or a zero that was read anew; give readings \
@@ -336,11 +336,18 @@ pub fn suspects(readings: &Readings, residuals: &[[f64; CHANNELS]], expected: &[
         sizes.sort_by(f64::total_cmp);
         // the median of |r| is 0.6745 standard deviations
         let Some(scale) = sizes.get(sizes.len() / 2).map(|m| m / 0.6745).filter(|s| *s > 0.0) else { continue };
+        // where a repeat of it errs as well, it is the model or the load that errs
+        let alone = |n: usize| {
+            let repeat_of = readings.readings[n].repeat_of;
+            let is_other = |o: usize| o != n && readings.readings[o].repeat_of == repeat_of;
+            read.iter().all(|(o, size)| !is_other(*o) || *size < 0.5 * STANDS_OUT * scale)
+        };
         let standing: Vec<_> = read.iter().filter(|r| r.1 > STANDS_OUT * scale).collect();
         if standing.len() as f64 > (FEW * read.len() as f64).max(1.0) {
             continue;
         }
-        suspects.extend(standing.into_iter().map(|(n, size)| {
+        let standing = standing.into_iter().filter(|(n, _)| alone(*n));
+        suspects.extend(standing.map(|(n, size)| {
             let r = &readings.readings[*n];
             Suspect {
                 line: r.line,

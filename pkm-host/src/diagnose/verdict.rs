@@ -14,7 +14,7 @@ use super::words;
 use crate::machine_file::Uncertainty;
 
 /// p at which a misfit counts as significant.
-const P_MISFIT: f64 = 0.01;
+pub const P_MISFIT: f64 = 0.01;
 /// Least share of the misfit that must be gone.
 const LEAST_SHARE: f64 = 0.5;
 /// Most effects that explain.
