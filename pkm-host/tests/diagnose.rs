@@ -64,6 +64,9 @@ fn sets_are_diagnosed_as_their_truth_says() {
         let truth = std::fs::read_to_string(measured(set, "truth.json")).unwrap();
         let truth: Value = serde_json::from_str(&truth).unwrap();
         let found = diagnose(set, &Folder::new());
+        // whatever the machine lacks, these are readings of it as the file says
+        assert_eq!(found["doubts"], serde_json::json!([]), "{set}");
+        assert_eq!(found["suspect_readings"], serde_json::json!([]), "{set}");
         let (effects, declared) = names(&found);
         let verdict = found["verdict"].as_str().unwrap();
         let contains: Vec<&str> = truth["contains"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
@@ -200,4 +203,63 @@ fn fewer_channels_and_declared_noise_will_do() {
         }
     }
     assert_eq!(diagnosed(&once)["lack_of_fit"]["noise_source"], "declared");
+}
+
+/// Doubts about changed readings of p05, and those that stand out.
+fn doubted(text: &str) -> (Vec<(String, String)>, Value) {
+    let folder = Folder::new();
+    let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", text));
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
+    let text = |d: &Value, key: &str| d[key].as_str().unwrap().to_owned();
+    let doubts = found["doubts"].as_array().unwrap();
+    (doubts.iter().map(|d| (text(d, "kind"), text(d, "message"))).collect(), found["suspect_readings"].clone())
+}
+
+#[test]
+fn another_frame_unit_or_sign_is_said_before_any_physics() {
+    let scaled = |factor: f64, c: &str| Some(format!("{}", c.parse::<f64>().unwrap() * factor));
+    let of_forces = |h: &str| ["fx_n", "fy_n", "fz_n"].contains(&h);
+    let upward = changed(|_, h, c| if h == "dz_um" { scaled(-1.0, c) } else { None });
+    let kilograms = changed(|_, h, c| if of_forces(h) { scaled(1.0 / 9.80665, c) } else { None });
+    for (text, words) in
+        [(upward, "with dx, dy, dz along u, v, −w, rotations as they are"), (kilograms, "forces in kgf")]
+    {
+        let (doubts, _) = doubted(&text);
+        assert_eq!(doubts[0].0, "readings_taken_otherwise");
+        assert!(doubts[0].1.contains(words), "{}", doubts[0].1);
+    }
+    // no fit converges here, and that is the readings' fault
+    let reversed = changed(|_, h, c| if h.ends_with("_um") || h.ends_with("_urad") { scaled(-1.0, c) } else { None });
+    let folder = Folder::new();
+    let data = folder.write("d.csv", &reversed);
+    let args = [
+        "diagnose",
+        "--machine",
+        &measured("p05", "machine.toml"),
+        "--data",
+        &data,
+        "--out",
+        &folder.path("out"),
+        "--json",
+    ];
+    let output = common::run(&args);
+    assert!(matches!(output.status.code(), Some(0 | 2)));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("with all signs reversed"));
+}
+
+#[test]
+fn single_readings_names_and_series_that_cannot_be_are_named() {
+    let slip = changed(|n, h, c| match (n, h) {
+        (100, "dx_um") => Some(format!("{}", c.parse::<f64>().unwrap() + 700.0)),
+        (200, "theta_deg") => Some("1.5".into()),
+        // counted anew at each pose
+        (_, "series") => Some("1".into()),
+        _ => None,
+    });
+    let (doubts, suspects) = doubted(&slip);
+    let kinds: Vec<&str> = doubts.iter().map(|d| d.0.as_str()).collect();
+    assert_eq!(kinds[..2], ["series_at_several_poses", "pose_name_at_several_positions"], "{doubts:?}");
+    assert!(doubts[1].1.contains("in line 202"), "{}", doubts[1].1);
+    // the header is line 1
+    assert_eq!((&suspects[0]["line"], &suspects[0]["column"]), (&102.into(), &"dx_um".into()), "{suspects}");
 }

@@ -1,7 +1,8 @@
-//! Before and after: how the models err on poses that had no part in choosing them (spec: diagnosis.md).
+//! Before and after: how the models err on poses that had no part in choosing them.
 
 use serde::Serialize;
 
+use super::SEED;
 use super::model::{Model, Unknown, is_measurement};
 use super::noise::{Noise, Whitener};
 use super::readings::{CHANNELS, Condition, Readings};
@@ -54,6 +55,8 @@ pub struct Errors {
     /// 95 % interval of that over all poses of the kind that were taken, by resampling these, if they are
     /// enough.
     pub linear_um_rms_interval: Option<[f64; 2]>,
+    /// Whether so few poses err so differently that there is no upper end: then the greatest error stands for it.
+    pub linear_um_rms_interval_open: bool,
     /// Greatest length of the translation error.
     pub linear_um_max: f64,
     /// `linear_um_rms` over the root mean square of the translation.
@@ -251,7 +254,6 @@ pub fn errors(
     noise: &Noise,
     predictions: &[[f64; CHANNELS]],
     of: impl Fn(usize) -> bool,
-    seed: u64,
 ) -> Option<Errors> {
     let mut by_pose: Vec<(f64, f64)> = vec![(0.0, 0.0); readings.poses.len()];
     let (mut linear, mut angular, mut size, mut turn, mut largest) = (0.0, 0.0, 0.0, 0.0, 0.0_f64);
@@ -285,11 +287,14 @@ pub fn errors(
     }
     let rms = |sum: f64| (sum / f64::from(count)).sqrt() * 1e6;
     let percent = |a: f64, b: f64| if b > 0.0 { 100.0 * (a / b).sqrt() } else { 0.0 };
+    let linear_um_max = largest.sqrt() * 1e6;
+    let interval = interval(&by_pose).map(|i| i.map(|squared| squared.sqrt() * 1e6));
     Some(Errors {
         readings: count as usize,
         linear_um_rms: rms(linear),
-        linear_um_rms_interval: interval(&by_pose, seed).map(|i| i.map(|squared| squared.sqrt() * 1e6)),
-        linear_um_max: largest.sqrt() * 1e6,
+        linear_um_rms_interval: interval.map(|[low, high]| [low.min(linear_um_max), high.min(linear_um_max)]),
+        linear_um_rms_interval_open: interval.is_some_and(|[_, high]| high > linear_um_max),
+        linear_um_max,
         linear_percent: percent(linear, size),
         angular_urad_rms: rms(angular),
         angular_percent: percent(angular, turn),
@@ -307,12 +312,12 @@ fn log_mean(poses: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
 
 /// 95 % interval of the mean of squared errors by resampling poses, studentised, on the logarithm: plain quantiles of
 /// resampled means cover too little with some twenty poses of which a few err most.
-fn interval(by_pose: &[(f64, f64)], seed: u64) -> Option<[f64; 2]> {
+fn interval(by_pose: &[(f64, f64)]) -> Option<[f64; 2]> {
     if by_pose.len() < LEAST_POSES {
         return None;
     }
     let (middle, error) = log_mean(by_pose.iter().copied());
-    let mut rng = fastrand::Rng::with_seed(seed);
+    let mut rng = fastrand::Rng::with_seed(SEED);
     let mut studentised: Vec<f64> = (0..RESAMPLES)
         .map(|_| {
             let drawn: Vec<(f64, f64)> = (0..by_pose.len()).map(|_| by_pose[rng.usize(..by_pose.len())]).collect();

@@ -1,25 +1,29 @@
-//! From measured deflections to what the model lacks (spec: diagnosis.md).
+//! From measured deflections to what the model lacks; the method is in docs/theory.md, Diagnosis.
 //!
-//! [`readings`] → [`noise`] (whitened) → [`search`] ([`screen`], full fits by [`solve`] of a [`model`] with unknowns) →
-//! [`verdict`], [`compare`] (before and after, with a table on the [`remainder`]), [`next`] (what to measure).
+//! [`readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
+//! `solve` of a `model` with unknowns) → [`verdict`], [`compare`] (before and after, with a table on the `remainder`), `next`
+//! (what to measure).
 
 pub mod compare;
-pub mod model;
-pub mod next;
-pub mod noise;
-pub mod outputs;
+mod doubts;
+mod model;
+pub(crate) mod next;
+mod noise;
+pub(crate) mod outputs;
 pub mod readings;
-pub mod remainder;
+mod remainder;
 pub mod report;
-pub mod screen;
-pub mod search;
-pub mod solve;
+mod screen;
+mod search;
+mod solve;
 pub mod verdict;
+mod words;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use self::compare::{Errors, RIVALS, Rival, Zone};
+use self::doubts::{Doubt, Suspect};
 use self::model::{Unknown, info};
 use self::noise::Noise;
 use self::readings::Readings;
@@ -75,6 +79,10 @@ pub struct Step {
 
 /// A diagnosis.
 pub struct Diagnosis {
+    /// What speaks against the readings, to be looked at before anything else.
+    pub doubts: Vec<Doubt>,
+    /// Readings that stand out.
+    pub suspects: Vec<Suspect>,
     /// Numbers read and different poses.
     pub size: (usize, usize),
     /// Of the readings.
@@ -109,8 +117,9 @@ pub struct Diagnosis {
     pub names: Vec<Vec<String>>,
 }
 
-fn not_converged(readings: &Readings) -> Failure {
-    Failure::other("the fit of the declared stiffnesses did not converge: are the readings' units µm and µrad?")
+fn not_converged(readings: &Readings, doubts: &[Doubt]) -> Failure {
+    let why = doubts.first().map_or("are these readings of this machine, displacements of A in A-uvw?", |d| &d.message);
+    Failure::input(format!("the fit of the declared stiffnesses did not converge: {why}"))
         .in_file(&readings.source.name)
 }
 
@@ -164,6 +173,72 @@ fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
     Ok(())
 }
 
+/// Errors of all rivals on some of the readings.
+fn all_errors(
+    readings: &Readings,
+    noise: &Noise,
+    predictions: &compare::Predictions,
+    filter: &dyn Fn(usize) -> bool,
+) -> Vec<(Rival, Errors)> {
+    let of = |rival: Rival| compare::errors(readings, noise, predictions.of(rival), filter);
+    RIVALS.iter().filter_map(|(rival, ..)| Some((*rival, of(*rival)?))).collect()
+}
+
+/// Errors on held-out readings.
+fn given(
+    readings: &Readings,
+    other: &Readings,
+    noise: &Noise,
+    model: &model::Model,
+    fitted: &compare::Fitted,
+) -> Option<HeldOut> {
+    let poses: Vec<_> = other.poses.iter().map(|p| p.pose).collect();
+    let found = fitted.predict(model, &poses, &other.conditions, false)?;
+    let zones = compare::zones(readings, other);
+    let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
+        .map(|zone| (zone, all_errors(other, noise, &found, &|n| zones[n] == zone)));
+    Some(HeldOut {
+        given: true,
+        poses: other.poses.len(),
+        all: all_errors(other, noise, &found, &|_| true),
+        zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
+    })
+}
+
+/// Errors on each pose of models that have not seen it.
+fn left_out(readings: &Readings, noise: &Noise, model: &model::Model, search: &Search) -> Option<HeldOut> {
+    let found = compare::cross_validate(readings, noise, model, search)?;
+    let all = all_errors(readings, noise, &found, &|_| true);
+    Some(HeldOut { given: false, poses: readings.poses.len(), all, zones: Vec::new() })
+}
+
+/// The effects among the finds.
+fn effects(problem: &Problem<'_>, search: &Search) -> Vec<Effect> {
+    let (end, model) = (&search.fit, problem.model);
+    let standard_errors = end.standard_errors();
+    let of = |found: &search::Found| {
+        let Candidate::Effect(index) = found.candidate else { return None };
+        let parameters = (end.unknowns.iter().enumerate())
+            .filter_map(|(n, u)| match *u {
+                Unknown::Effect { effect, parameter } if effect == index => Some((
+                    info(effect).parameters[parameter],
+                    model.amplitude(effect, parameter, end.x[n]),
+                    model.amplitude_error(effect, parameter, end.x[n], standard_errors[n]),
+                )),
+                _ => None,
+            })
+            .collect();
+        let mut class: Vec<String> = Vec::new();
+        for name in found.class.iter().flat_map(|c| c.names(problem)) {
+            if !class.contains(&name) {
+                class.push(name);
+            }
+        }
+        Some(Effect { id: info(index).id, index, parameters, confidence: found.confidence, class })
+    };
+    search.found.iter().filter_map(of).collect()
+}
+
 /// Diagnoses readings.
 ///
 /// # Errors
@@ -184,29 +259,25 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     let whitener = noise::Whitener::new(readings, &noise);
     let plain = Problem::new(readings, &whitener, &model);
     check(readings, &plain)?;
-    let whiteners = solve::whiteners(&plain, &file.uncertainty).ok_or_else(|| not_converged(readings))?;
+    let mut doubts = doubts::of_file(readings);
+    doubts.extend(doubts::taken_otherwise(&plain, &whitener, file.wrist_parameters.tip_at_zero_m()));
+    let whiteners = solve::whiteners(&plain, &file.uncertainty).ok_or_else(|| not_converged(readings, &doubts))?;
     let levels = Levels::new(&plain, &whiteners);
     step("what the model lacks");
-    let search = search::search(&levels, SEED).ok_or_else(|| not_converged(readings))?;
-    let judgement = verdict::judge(&levels, &noise, &search).ok_or_else(|| not_converged(readings))?;
+    let search = search::search(&levels).ok_or_else(|| not_converged(readings, &doubts))?;
+    let judgement = verdict::judge(&levels, &noise, &search).ok_or_else(|| not_converged(readings, &doubts))?;
     let problem = &levels.problems[search.levels[1]];
     step("before and after");
-    let fitted = compare::Fitted::new(problem, &search, false).ok_or_else(|| not_converged(readings))?;
+    let fitted = compare::Fitted::new(problem, &search, false).ok_or_else(|| not_converged(readings, &doubts))?;
     let failed = || Failure::other("a model gives no deflection at some held-out pose");
     let own = fitted.predict(&model, &problem.poses, &readings.conditions, true).ok_or_else(failed)?;
-    let of = |readings: &Readings, predictions: &compare::Predictions, filter: &dyn Fn(usize) -> bool| {
-        let all = RIVALS.iter().filter_map(|(rival, ..)| {
-            Some((*rival, compare::errors(readings, &noise, predictions.of(*rival), filter, SEED)?))
-        });
-        all.collect::<Vec<_>>()
-    };
-    let errors = of(readings, &own, &|_| true);
+    let errors = all_errors(readings, &noise, &own, &|_| true);
     let steps = (search.steps.iter())
         .map(|(found, fit)| {
             let on = |readings: &Readings, as_measured: bool| {
                 let poses: Vec<_> = readings.poses.iter().map(|p| p.pose).collect();
                 let said = compare::predict(&model, fit, &poses, &readings.conditions, as_measured)?;
-                compare::errors(readings, &noise, &said, |_| true, SEED)
+                compare::errors(readings, &noise, &said, |_| true)
             };
             Some(Step {
                 found: found.iter().map(|c| c.names(problem).join(" + ")).collect(),
@@ -218,75 +289,34 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         .collect::<Option<Vec<Step>>>()
         .ok_or_else(failed)?;
     let held_out = match held_out {
-        Some(other) => {
-            let poses: Vec<_> = other.poses.iter().map(|p| p.pose).collect();
-            let found = fitted.predict(&model, &poses, &other.conditions, false).ok_or_else(failed)?;
-            let zones = compare::zones(readings, other);
-            let mut by_zone = Vec::new();
-            for zone in [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads] {
-                let errors = of(other, &found, &|n| zones[n] == zone);
-                if !errors.is_empty() {
-                    by_zone.push((zone, errors));
-                }
-            }
-            HeldOut { given: true, poses: other.poses.len(), all: of(other, &found, &|_| true), zones: by_zone }
-        }
-        None => {
-            let found = compare::cross_validate(readings, &noise, &model, &search)
-                .ok_or_else(|| Failure::other("a fit of the cross-validation did not converge"))?;
-            HeldOut {
-                given: false,
-                poses: readings.poses.len(),
-                all: of(readings, &found, &|_| true),
-                zones: Vec::new(),
-            }
-        }
+        Some(other) => given(readings, other, &noise, &model, &fitted).ok_or_else(failed)?,
+        None => left_out(readings, &noise, &model, &search)
+            .ok_or_else(|| Failure::other("a fit of the cross-validation did not converge"))?,
     };
     step("what to measure next");
     let contenders = next::contenders(&levels, &search);
     let proposals = next::propose(problem, &noise, file, &contenders);
-    let structure = verdict::residual_structure(problem, &noise, &file.uncertainty, &search)
-        .ok_or_else(|| not_converged(readings))?;
+    let residuals = verdict::Residuals::new(problem, &noise, &file.uncertainty, &search)
+        .ok_or_else(|| not_converged(readings, &doubts))?;
+    let structure = verdict::residual_structure(readings, &residuals);
+    let suspects = doubts::suspects(readings, &residuals.by_reading, own.of(Rival::After));
     step("report");
     let end = &search.fit;
-    let standard_errors = end.standard_errors();
-    let effects = search
-        .found
-        .iter()
-        .filter_map(|f| {
-            let Candidate::Effect(index) = f.candidate else { return None };
-            let parameters = (end.unknowns.iter().enumerate())
-                .filter_map(|(n, u)| match *u {
-                    Unknown::Effect { effect, parameter } if effect == index => Some((
-                        info(effect).parameters[parameter],
-                        model.amplitude(effect, parameter, end.x[n]),
-                        model.amplitude_error(effect, parameter, end.x[n], standard_errors[n]),
-                    )),
-                    _ => None,
-                })
-                .collect();
-            let mut class: Vec<String> = f.class.iter().flat_map(|c| c.names(problem)).collect();
-            class.dedup();
-            let mut seen = Vec::new();
-            class.retain(|c| {
-                !seen.contains(c) && {
-                    seen.push(c.clone());
-                    true
-                }
-            });
-            Some(Effect { id: info(index).id, index, parameters, confidence: f.confidence, class })
-        })
-        .collect();
+    let effects = effects(problem, &search);
     let names = search
         .rounds
         .iter()
         .map(|r| r.ranking.iter().map(|r| r.candidate.names(problem).join(" + ")).collect())
         .collect();
     progress.finish_and_clear();
+    let declared = verdict::declared_findings(problem, &search);
+    doubts.extend(doubts::of_result(&judgement, &declared, &structure));
     Ok(Diagnosis {
+        doubts,
+        suspects,
         size: (problem.numbers(), readings.poses.len()),
         effects,
-        declared: verdict::declared_findings(problem, &search),
+        declared,
         detectable: verdict::detectable(problem, &search),
         structure,
         machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
@@ -314,7 +344,8 @@ impl Diagnosis {
                 let parameters: serde_json::Map<String, Value> =
                     e.parameters.iter().map(|(n, v, s)| (n.to_string(), json!({ "value": v, "stderr": s }))).collect();
                 json!({ "id": e.id, "parameters": parameters, "confidence": e.confidence, "class": e.class,
-                    "of": if model::is_measurement(e.index) { "measurement" } else { "machine" } })
+                    "of": if model::is_measurement(e.index) { "measurement" } else { "machine" },
+                    "inspect": words::inspect_effect(e.id) })
             })
             .collect();
         let hidden = self.detectable.iter().filter(|d| d.is_hidden());
@@ -349,6 +380,8 @@ impl Diagnosis {
         let micro = |v: [f64; 6]| v.map(|v| v * 1e6);
         json!({
             "verdict": self.judgement.verdict,
+            "doubts": self.doubts,
+            "suspect_readings": self.suspects,
             "effects": effects,
             "declared_value_findings": self.declared,
             "not_detectable": hidden.map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),

@@ -303,10 +303,11 @@ impl Model {
         (0..info(effect).parameters.len()).map(|parameter| Unknown::Effect { effect, parameter }).collect()
     }
 
-    /// Whether an unknown is an amplitude of an effect, and not a stiffness or a shape.
+    /// Whether an unknown is the amplitude of a candidate, and not a stiffness or a shape.
     pub fn is_amplitude(&self, unknown: &Unknown) -> bool {
         match *unknown {
-            Unknown::Stiffness(_) | Unknown::Class(_) => false,
+            Unknown::Stiffness(_) => false,
+            Unknown::Class(_) => true,
             Unknown::Effect { effect, parameter } => {
                 matches!(self.plausible[effect][parameter], Plausible::Amplitude(_))
             }

@@ -1,4 +1,4 @@
-//! What to measure next to tell rivals apart (spec: diagnosis.md, 11).
+//! What to measure next to tell rivals apart.
 
 use nalgebra::DMatrix;
 use pkm_core::{Pose, Wrench};
@@ -13,7 +13,7 @@ use crate::machine_file::MachineFile;
 
 /// How many measurements are proposed.
 const PROPOSED: usize = 8;
-/// Least height of a proposed pose is this part of the box beyond it.
+/// How much wider than the box the poses may lie, half of it on either side.
 const BEYOND: f64 = 0.3;
 /// Levels of θ, σ and Z0 that are considered.
 const LEVELS: [usize; 3] = [5, 5, 3];
@@ -36,15 +36,11 @@ pub struct Contender {
     pub fit: Fit,
 }
 
-/// Picks measurements one by one: each time the one that makes the least separated pair of rivals most different, given
-/// what is known and what was picked.
-pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals: &[Contender]) -> Vec<Proposal> {
-    if rivals.len() < 2 {
-        return Vec::new();
-    }
+/// Loads along each axis either way, as great as those that were measured, and a fifth of them: light loads tell what
+/// depends on the load from what does not.
+fn loads(conditions: &[Condition]) -> Vec<Wrench<f64>> {
     let largest = |pick: fn(&Wrench<f64>) -> [f64; 3]| {
-        let sizes = problem.readings.conditions.iter().flat_map(|c| pick(&c.wrench)).map(f64::abs);
-        sizes.fold(0.0, f64::max)
+        conditions.iter().flat_map(|c| pick(&c.wrench)).map(f64::abs).fold(0.0, f64::max)
     };
     let (force, moment) = (largest(|w| w.force_n), largest(|w| w.moment_nm));
     let mut loads = Vec::new();
@@ -58,12 +54,16 @@ pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals:
             loads.push(Wrench { force_n: unit(0), moment_nm: unit(3) });
         }
     }
-    // light loads tell what depends on the load from what does not
     let light: Vec<_> = loads
         .iter()
         .map(|w| Wrench { force_n: w.force_n.map(|f| 0.2 * f), moment_nm: w.moment_nm.map(|m| 0.2 * m) })
         .collect();
     loads.extend(light);
+    loads
+}
+
+/// A grid of poses over the box and somewhat beyond it, those out of travel left out.
+fn poses(file: &MachineFile) -> Vec<Pose<f64>> {
     let ranges = file.pose_box.0.map(|[low, high]| {
         let more = 0.5 * BEYOND * (high - low);
         [low - more, high + more]
@@ -83,6 +83,46 @@ pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals:
             }
         }
     }
+    poses
+}
+
+/// Predictions by condition and, by unknown, their derivatives.
+type Linear = (Vec<[f64; CHANNELS]>, Vec<Vec<[f64; CHANNELS]>>);
+
+/// The linear form of a fit, in units of one over `scale`.
+fn linear(
+    problem: &Problem<'_>,
+    fit: &Fit,
+    poses: &[Pose<f64>],
+    conditions: &[Condition],
+    scale: [f64; CHANNELS],
+) -> Option<Linear> {
+    let at = |x: &[f64]| -> Option<Vec<[f64; CHANNELS]>> {
+        let found = problem.model.predict(poses, conditions, &fit.unknowns, x)?;
+        Some(found.into_iter().map(|d| std::array::from_fn(|c| d[c] * scale[c])).collect())
+    };
+    let x = fit.x.as_slice();
+    let slopes: Option<Vec<_>> = (0..x.len())
+        .map(|k| {
+            let mut moved = x.to_vec();
+            moved[k] += 1e-3;
+            let (high, low) = (at(&moved)?, {
+                moved[k] -= 2e-3;
+                at(&moved)?
+            });
+            Some((high.iter().zip(&low)).map(|(h, l)| std::array::from_fn(|c| (h[c] - l[c]) / 2e-3)).collect())
+        })
+        .collect();
+    Some((at(x)?, slopes?))
+}
+
+/// Picks measurements one by one: each time the one that makes the least separated pair of rivals most different, given
+/// what is known and what was picked.
+pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals: &[Contender]) -> Vec<Proposal> {
+    if rivals.len() < 2 {
+        return Vec::new();
+    }
+    let (loads, poses) = (loads(&problem.readings.conditions), poses(file));
     let none = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
     let conditions: Vec<Condition> = (0..poses.len())
         .flat_map(|pose| {
@@ -101,30 +141,8 @@ pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals:
     let scale: [f64; CHANNELS] = std::array::from_fn(|c| {
         if used[c] { 1.0 / (noise.within[c].powi(2) + noise.between[c].powi(2)).sqrt() } else { 0.0 }
     });
-    let scaled = |found: Vec<[f64; CHANNELS]>| -> Vec<[f64; CHANNELS]> {
-        found.into_iter().map(|d| std::array::from_fn(|c| d[c] * scale[c])).collect()
-    };
-    type Linear = (Vec<[f64; CHANNELS]>, Vec<Vec<[f64; CHANNELS]>>);
-    let linear: Option<Vec<Linear>> = rivals
-        .par_iter()
-        .map(|rival| {
-            let fit = &rival.fit;
-            let at = |x: &[f64]| Some(scaled(problem.model.predict(&poses, &conditions, &fit.unknowns, x)?));
-            let x = fit.x.as_slice();
-            let slopes: Option<Vec<_>> = (0..x.len())
-                .map(|k| {
-                    let mut moved = x.to_vec();
-                    moved[k] += 1e-3;
-                    let (high, low) = (at(&moved)?, {
-                        moved[k] -= 2e-3;
-                        at(&moved)?
-                    });
-                    Some((high.iter().zip(&low)).map(|(h, l)| std::array::from_fn(|c| (h[c] - l[c]) / 2e-3)).collect())
-                })
-                .collect();
-            Some((at(x)?, slopes?))
-        })
-        .collect();
+    let linear: Option<Vec<Linear>> =
+        rivals.par_iter().map(|rival| linear(problem, &rival.fit, &poses, &conditions, scale)).collect();
     let Some(linear) = linear else { return Vec::new() };
     let mut covariances: Vec<DMatrix<f64>> = rivals.iter().map(|r| r.fit.information.inverse()).collect();
     let rows = |rival: usize, n: usize| {

@@ -1,4 +1,4 @@
-//! How much readings scatter, from repeats or as declared, and the whitening that follows (spec: diagnosis.md, 1).
+//! How much readings scatter, from repeats or as declared, and the whitening that follows.
 
 use std::collections::HashMap;
 

@@ -35,6 +35,8 @@ pub struct Condition {
 /// One line of the file.
 #[derive(Clone, Debug)]
 pub struct Reading {
+    /// Line of the file, from 1.
+    pub line: u64,
     /// Index of its condition.
     pub condition: usize,
     /// The same without the temperature: what makes repeats.
@@ -57,6 +59,8 @@ pub struct Readings {
     pub conditions: Vec<Condition>,
     /// Rows.
     pub readings: Vec<Reading>,
+    /// Names of the series; empty for a row on its own.
+    pub series_names: Vec<String>,
     /// Least step of each channel's numbers as written, m and rad.
     pub resolution: [f64; CHANNELS],
     /// Whether the file has temperatures.
@@ -82,6 +86,34 @@ struct History {
     last: Wrench<f64>,
     turned_at: Wrench<f64>,
     zero_temperature_c: f64,
+}
+
+fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
+    array(a).iter().zip(array(b)).map(|(a, b)| a * b).sum()
+}
+
+impl History {
+    /// Takes the next load, with its direction as the file marks it.
+    fn step(&mut self, load: &Wrench<f64>, direction: &str) {
+        let (along, before) = (inner(load, &self.last), inner(&self.last, &self.last));
+        // past the half way back, or marked as such, the load is going down from the last one
+        let shrinking = along < before && before > 0.0;
+        let growing = along > before && before > 0.0;
+        let came_down = inner(&self.turned_at, &self.turned_at) > 0.0;
+        match direction {
+            "unload" if !came_down && before > 0.0 => self.turned_at = self.last,
+            "unload" if !came_down => {
+                // nothing known of the peak: some way above
+                let up = |v: [f64; 3]| v.map(|f| 2.0 * f);
+                self.turned_at = Wrench { force_n: up(load.force_n), moment_nm: up(load.moment_nm) };
+            }
+            "load" => self.turned_at = NO_LOAD,
+            "" if shrinking && !came_down => self.turned_at = self.last,
+            "" if growing => self.turned_at = NO_LOAD,
+            _ => {}
+        }
+        self.last = *load;
+    }
 }
 
 impl Readings {
@@ -111,6 +143,7 @@ impl Readings {
         let mut poses: Vec<NamedPose> = Vec::new();
         let (mut pose_index, mut conditions_seen, mut repeats_seen) = (HashMap::new(), HashMap::new(), HashMap::new());
         let mut series_index: HashMap<String, usize> = HashMap::new();
+        let mut series_names = Vec::new();
         let mut histories: HashMap<usize, History> = HashMap::new();
         let (mut conditions, mut readings) = (Vec::new(), Vec::new());
         let mut decimals = [0_usize; CHANNELS];
@@ -140,9 +173,11 @@ impl Readings {
             });
             let series_name = if sheet.has("series") { sheet.cell(row, "series")?.to_owned() } else { String::new() };
             // without a name a row is on its own
-            let key = if series_name.is_empty() { format!("\0{n}") } else { series_name };
-            let next = series_index.len();
-            let series = *series_index.entry(key).or_insert(next);
+            let key = if series_name.is_empty() { format!("\0{n}") } else { series_name.clone() };
+            let series = *series_index.entry(key).or_insert_with(|| {
+                series_names.push(series_name);
+                series_names.len() - 1
+            });
             let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
             let temperature_c = optional("temperature_c")?.unwrap_or(REFERENCE_C);
 
@@ -152,29 +187,8 @@ impl Readings {
                 turned_at: NO_LOAD,
                 zero_temperature_c: if unloaded { temperature_c } else { REFERENCE_C },
             });
-            let inner = |a: &Wrench<f64>, b: &Wrench<f64>| -> f64 {
-                array(a).iter().zip(array(b)).map(|(a, b)| a * b).sum::<f64>()
-            };
-            let (along, before) = (inner(&case.wrench, &history.last), inner(&history.last, &history.last));
-            // past the half way back, or marked as such, the load is going down from the last one
-            let shrinking = along < before && before > 0.0;
-            let growing = along > before && before > 0.0;
-            let came_down = inner(&history.turned_at, &history.turned_at) > 0.0;
-            match direction {
-                "unload" if !came_down && before > 0.0 => history.turned_at = history.last,
-                "unload" if !came_down => {
-                    // nothing known of the peak: some way above
-                    let up = |v: [f64; 3]| v.map(|f| 2.0 * f);
-                    history.turned_at =
-                        Wrench { force_n: up(case.wrench.force_n), moment_nm: up(case.wrench.moment_nm) };
-                }
-                "load" => history.turned_at = NO_LOAD,
-                "" if shrinking && !came_down => history.turned_at = history.last,
-                "" if growing => history.turned_at = NO_LOAD,
-                _ => {}
-            }
+            history.step(&case.wrench, direction);
             has_unloading |= inner(&history.turned_at, &history.turned_at) > 0.0;
-            history.last = case.wrench;
             let condition = Condition {
                 pose,
                 wrench: case.wrench,
@@ -194,11 +208,13 @@ impl Readings {
                 conditions.push(condition);
                 conditions.len() - 1
             });
-            readings.push(Reading { condition, repeat_of, series, observed, sigma });
+            readings.push(Reading { line: row.line, condition, repeat_of, series, observed, sigma });
         }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
         let source = sheet.source.clone();
-        Ok((sheet, Self { source, poses, conditions, readings, resolution, has_temperature, has_unloading }))
+        let this =
+            Self { source, poses, conditions, readings, series_names, resolution, has_temperature, has_unloading };
+        Ok((sheet, this))
     }
 
     /// The same poses and conditions without some of the readings.
@@ -208,6 +224,7 @@ impl Readings {
             poses: self.poses.clone(),
             conditions: self.conditions.clone(),
             readings: self.readings.iter().filter(|r| !left_out(r)).cloned().collect(),
+            series_names: self.series_names.clone(),
             resolution: self.resolution,
             has_temperature: self.has_temperature,
             has_unloading: self.has_unloading,

@@ -140,11 +140,6 @@ impl Remainder {
         )
     }
 
-    /// Whether it corrects anything.
-    pub fn is_any(&self) -> bool {
-        self.information.is_some()
-    }
-
     /// The corrected stiffness below the tool at a pose.
     ///
     /// # Errors

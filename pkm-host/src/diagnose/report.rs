@@ -8,8 +8,8 @@ use pkm_core::{Machine, ScrewLengths};
 use super::compare::{Errors, RIVALS, Rival};
 use super::model::is_measurement;
 use super::readings::{Condition, Readings};
-use super::verdict::Verdict;
-use super::{Diagnosis, SEED, next};
+use super::verdict::{DeclaredFinding, Verdict};
+use super::{Diagnosis, SEED, next, words};
 use crate::dataset::file_units;
 use crate::error::Result;
 use crate::machine_file::MachineFile;
@@ -23,6 +23,24 @@ fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
     errors.iter().find(|e| e.0 == rival).map(|e| &e.1)
 }
 
+/// What a verdict leans on: declared values that had to move far.
+fn far_from_declared(findings: &[DeclaredFinding]) -> String {
+    let of = |is_body: bool| {
+        let ratios =
+            findings.iter().filter(|f| f.parameter.contains("body") == is_body).map(|f| f.estimated / f.declared);
+        ratios.max_by(|a, b| a.ln().abs().total_cmp(&b.ln().abs()))
+    };
+    let said = |what: &str, ratio: f64| {
+        let (how, size) = if ratio > 1.0 { ("stiff", ratio) } else { ("soft", 1.0 / ratio) };
+        format!("{what} up to {size:.1} times as {how} as declared")
+    };
+    let parts: Vec<String> = [(true, "bodies"), (false, "joints")]
+        .into_iter()
+        .filter_map(|(is_body, what)| Some(said(what, of(is_body)?)))
+        .collect();
+    if parts.is_empty() { String::new() } else { format!(", with {}", parts.join(" and ")) }
+}
+
 /// The findings in sentences, the most important first.
 fn findings(d: &Diagnosis) -> Vec<Finding> {
     let found: Vec<&str> = d.effects.iter().map(|e| e.id).collect();
@@ -30,25 +48,52 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     let class = |class: &[String]| {
         if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
     };
-    let mut all = vec![match d.judgement.verdict {
+    let far = far_from_declared(&d.declared);
+    // where the readings themselves are in doubt nothing else counts
+    let mut all: Vec<Finding> =
+        d.doubts.iter().map(|doubt| Finding::bad(format!("Check first: {}", doubt.message))).collect();
+    all.push(match d.judgement.verdict {
         Verdict::Adequate if d.declared.is_empty() => Finding::good(
             "The model is adequate: with its stiffnesses re-tuned within their uncertainty it leaves nothing but noise.",
         ),
-        Verdict::Adequate => Finding::warning(
+        Verdict::Adequate => Finding::warning(format!(
             "The model is adequate, its values are not: no physics is missing, but declared values are wrong by more than \
-             their uncertainty.",
-        ),
-        Verdict::Explained => Finding::good(format!("Explained by {found}: nothing but noise is left.")),
+             their uncertainty{far}."
+        )),
+        Verdict::Explained => Finding::good(format!("Explained by {found}: nothing but noise is left{far}.")),
         Verdict::PartlyExplained => Finding::warning(format!(
             "Partly explained by {found}: a significant misfit remains. Don't take the names below for the whole truth."
         )),
         Verdict::Ambiguous => Finding::warning(format!(
             "Ambiguous: {found} has rivals that call for different repairs. Measure what is proposed below."
         )),
-        Verdict::Unexplained => Finding::bad(
+        Verdict::Unexplained if d.declared.is_empty() => Finding::bad(
             "Unexplained: the model is wrong by more than noise, and no effect that this program knows accounts for it.",
         ),
-    }];
+        Verdict::Unexplained => Finding::bad(
+            "Unexplained beside what is named below: the model is wrong by more than noise, and no effect that this program \
+             knows accounts for all of it.",
+        ),
+    });
+    all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
+    for e in &d.effects {
+        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
+        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| words::amplitude(n, *v, Some(*s))).collect();
+        let (parameters, look) = (parameters.join(", "), words::inspect_effect(e.id));
+        all.push(Finding::good(format!("{}: {what}; {parameters}{}. Look at {look}.", e.id, class(&e.class))));
+    }
+    for f in &d.declared {
+        let axis = f.axis.map_or(String::new(), |a| words::axis(&f.parameter, a));
+        all.push(Finding::warning(format!(
+            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}. Look at {}.",
+            f.parameter,
+            f.declared,
+            f.estimated,
+            f.pull_sd,
+            class(&f.class),
+            f.inspect
+        )));
+    }
     let held = &d.held_out;
     let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
     if let (Some(before), Some(retuned), Some(after)) =
@@ -72,22 +117,6 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             there.linear_um_rms / after.linear_um_rms
         )));
     }
-    for e in &d.effects {
-        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
-        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| format!("{n} = {v:.3e} ± {s:.0e}")).collect();
-        all.push(Finding::good(format!("{}: {what}; {}{}", e.id, parameters.join(", "), class(&e.class))));
-    }
-    for f in &d.declared {
-        let axis = f.axis.map_or(String::new(), |a| format!("[{a}]"));
-        all.push(Finding::warning(format!(
-            "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}",
-            f.parameter,
-            f.declared,
-            f.estimated,
-            f.pull_sd,
-            class(&f.class)
-        )));
-    }
     let hidden: Vec<&str> = d.detectable.iter().filter(|d| d.is_hidden()).map(|d| d.id.as_str()).collect();
     if !hidden.is_empty() {
         let hidden = hidden.join(", ");
@@ -109,7 +138,11 @@ pub fn text(d: &Diagnosis) -> String {
             let _ = writeln!(text, "  {name:<36} {own:>9.3} {other:>10.3}   {interval}");
         }
     }
-    let _ = writeln!(text, "  seed {SEED}");
+    let _ = writeln!(
+        text,
+        "  machine.toml: every stiffness differs a little from the declared one, as all are weighed against their declared \
+         uncertainty; what is wrong is named above\n  seed {SEED}"
+    );
     text
 }
 
@@ -192,17 +225,23 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
 }
 
 fn interval(e: &Errors) -> String {
-    e.linear_um_rms_interval.map_or("too few poses".to_owned(), |[low, high]| format!("{low:.3} to {high:.3}"))
+    match e.linear_um_rms_interval {
+        None => "too few poses".to_owned(),
+        Some([low, _]) if e.linear_um_rms_interval_open => format!("{low:.3}, no upper end"),
+        Some([low, high]) => format!("{low:.3} to {high:.3}"),
+    }
 }
 
 fn error_cells(e: &Errors) -> Vec<String> {
+    // no rotation was read
+    let angular = |shown: String| if e.angular_urad_rms == 0.0 { "-".to_owned() } else { shown };
     vec![
         format!("{:.3}", e.linear_um_rms),
         interval(e),
         format!("{:.2}", e.linear_um_max),
         format!("{:.2}", e.linear_percent),
-        format!("{:.3}", e.angular_urad_rms),
-        format!("{:.2}", e.angular_percent),
+        angular(format!("{:.3}", e.angular_urad_rms)),
+        angular(format!("{:.2}", e.angular_percent)),
         format!("{:.2}", e.chi2_per_dof),
     ]
 }
@@ -247,7 +286,11 @@ fn rounds(d: &Diagnosis) -> Markup {
             &rows,
         )
     });
-    html! { @for table in tables { (table) } }
+    let legend = words::LEGEND.map(|(what, means)| format!("{what}: {means}"));
+    html! {
+        p { (legend.join(". ")) "." }
+        @for table in tables { (table) }
+    }
 }
 
 /// `report.html`.
@@ -277,8 +320,7 @@ pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>
     let proposals: Vec<_> = (d.proposals.iter().enumerate())
         .map(|(n, p)| {
             let [theta, sigma, z0] = next::in_file_units(p).map(|v| v.to_string());
-            let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
-            ((n + 1).to_string(), vec![theta, sigma, z0, format!("{f:?} N, {m:?} N·m"), p.separates.join(" from ")])
+            ((n + 1).to_string(), vec![theta, sigma, z0, words::load(&p.wrench), p.separates.join(" from ")])
         })
         .collect();
     let amplitudes: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
@@ -309,7 +351,7 @@ pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>
         h2 { "What these readings can show" }
         (fold(
             "Smallest amplitudes",
-            &table("Smallest amplitude that would be found (λ = 30), SI", &["amplitude"], &amplitudes),
+            &table("Smallest amplitude that would be found (λ = 30)", &["amplitude"], &amplitudes),
         ))
     };
     let micro = |v: [f64; 6]| v.map(|v| format!("{:.2}", v * 1e6)).join(" ");

@@ -1,4 +1,4 @@
-//! Which candidates the residual points at, before any of them is fitted (spec: diagnosis.md, 4).
+//! Which candidates the residual points at, before any of them is fitted.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};

@@ -1,8 +1,9 @@
-//! Which physics the model lacks: screen, full fits, acceptance, classes (spec: diagnosis.md, 4-7).
+//! Which physics the model lacks: screen, full fits, acceptance, classes.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::SEED;
 use super::model::{self, Unknown, info};
 use super::screen::{self, Columns, Score};
 use super::solve::{Fit, Levels, Problem};
@@ -54,6 +55,14 @@ impl Candidate {
                 unknowns
             }
             Self::Class(class) => vec![Unknown::Class(class)],
+        }
+    }
+
+    /// Its id, or the keys of the machine file.
+    pub fn names(&self, problem: &Problem<'_>) -> Vec<String> {
+        match *self {
+            Self::Effect(effect) => vec![info(effect).id.to_owned()],
+            Self::Class(class) => problem.model.classes[class].keys(),
         }
     }
 }
@@ -145,7 +154,7 @@ const SHAPES: [f64; 3] = [0.0, -1.5, 1.5];
 fn columns(problem: &Problem<'_>, fit: &Fit, candidate: &Candidate) -> Option<Columns> {
     let own = candidate.unknowns(problem);
     let (amplitudes, shapes): (Vec<Unknown>, Vec<Unknown>) =
-        own.into_iter().partition(|u| matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(u));
+        own.into_iter().partition(|u| problem.model.is_amplitude(u));
     let n = fit.unknowns.len();
     let unknowns: Vec<Unknown> = fit.unknowns.iter().chain(&amplitudes).chain(&shapes).copied().collect();
     let one_sided: Vec<bool> = amplitudes.iter().map(|u| problem.model.is_one_sided(u)).collect();
@@ -186,7 +195,7 @@ pub fn extended(
     let (mut own, mut start) = (Vec::new(), Vec::new());
     let mut steps = step.iter().copied();
     for u in candidate.unknowns(problem) {
-        let is_amplitude = matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(&u);
+        let is_amplitude = problem.model.is_amplitude(&u);
         // the first shape is where the screen took it, others in their middle
         let is_first_shape = !is_amplitude && own.iter().all(|u| problem.model.is_amplitude(u));
         let first = match (is_amplitude, is_first_shape) {
@@ -226,7 +235,7 @@ pub fn extended(
         let negative = (0..unknowns.len()).filter(one_sided).filter(|i| fit.x[*i] < 0.0);
         let Some(pinned) = negative.min_by(|a, b| fit.x[*a].total_cmp(&fit.x[*b])) else {
             let mine = |u: &Unknown| own.contains(u);
-            let is_amplitude = |u: &Unknown| matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(u);
+            let is_amplitude = |u: &Unknown| problem.model.is_amplitude(u);
             for (u, x) in unknowns.iter().zip(fit.x.iter()).filter(|(u, _)| mine(u)) {
                 if is_amplitude(u) && x.abs() > LARGEST {
                     return Err("larger than plausible");
@@ -239,8 +248,7 @@ pub fn extended(
         };
         unknowns.remove(pinned);
         start.remove(pinned);
-        let is_left =
-            |u: &Unknown| own.contains(u) && (matches!(u, Unknown::Class(_)) || problem.model.is_amplitude(u));
+        let is_left = |u: &Unknown| own.contains(u) && problem.model.is_amplitude(u);
         if !unknowns.iter().any(is_left) {
             return Err("negative compliance");
         }
@@ -274,7 +282,7 @@ fn drop_needless(levels: &Levels<'_>, found: &mut Vec<Found>, level: &mut usize,
     let mut n = 0;
     while n + 1 < found.len() {
         let own = found[n].candidate.unknowns(levels.plain);
-        let is_amplitude = |u: &&Unknown| matches!(u, Unknown::Class(_)) || levels.plain.model.is_amplitude(u);
+        let is_amplitude = |u: &&Unknown| levels.plain.model.is_amplitude(u);
         let has_amplitude = fit.unknowns.iter().filter(is_amplitude).any(|u| own.contains(u));
         let kept: Vec<(Unknown, f64)> =
             fit.unknowns.iter().copied().zip(fit.x.iter().copied()).filter(|(u, _)| !own.contains(u)).collect();
@@ -293,8 +301,71 @@ fn drop_needless(levels: &Levels<'_>, found: &mut Vec<Found>, level: &mut usize,
     }
 }
 
+/// A candidate that was tried, and the fit with it.
+type Tried = (Ranked, Option<(usize, Fit)>);
+
+/// The model that candidates are tried on.
+struct Current<'a> {
+    levels: &'a Levels<'a>,
+    level: usize,
+    fit: &'a Fit,
+    /// Rows by pose, and the squared error of each when it is left out.
+    groups: &'a [Vec<usize>],
+    left_out: Vec<f64>,
+}
+
+impl Current<'_> {
+    /// Ranks a candidate by its score alone, or fits it fully.
+    fn tried(&self, candidate: Candidate, score: Score, shape: f64, fully: bool) -> Tried {
+        let mut ranked = Ranked {
+            candidate,
+            score,
+            shape,
+            gain: None,
+            left_out_gain: 0.0,
+            poses_that_gain: 0.0,
+            from_pulls: 0.0,
+            rejected: None,
+        };
+        if !fully {
+            return (ranked, None);
+        }
+        let (levels, level, fit) = (self.levels, self.level, self.fit);
+        let with = match extended(levels, level, fit, &ranked.candidate, &ranked.score.step, ranked.shape) {
+            Ok(with) => with,
+            Err(why) => {
+                ranked.rejected = Some(why);
+                return (ranked, None);
+            }
+        };
+        // predictions are compared by the noise that the model without it has
+        let same = levels.plain.linear(&with.1.unknowns, with.1.x.clone());
+        let same = same.and_then(|plain| levels.problems[level].relevel(&plain));
+        let errors = same.map_or(vec![f64::INFINITY; self.groups.len()], |f| f.left_out(self.groups));
+        let (sum, rest): (f64, f64) = (self.left_out.iter().sum(), errors.iter().sum());
+        ranked.left_out_gain = (sum - rest) / sum;
+        let gaining = self.left_out.iter().zip(&errors).filter(|(a, b)| a > b).count();
+        ranked.poses_that_gain = gaining as f64 / self.groups.len() as f64;
+        let gain = 2.0 * (with.1.ln_evidence() - fit.ln_evidence());
+        ranked.from_pulls = (fit.x.norm_squared() - with.1.x.norm_squared()) / gain;
+        ranked.gain = Some(gain);
+        (ranked, Some(with))
+    }
+}
+
+/// The candidates that are one with the chosen one, and the probability of them all against the others.
+fn class_of(ranking: &[Tried], chosen: usize, top: f64, same: impl Fn(&Ranked) -> bool) -> (Vec<Candidate>, f64) {
+    let others = ranking.iter().enumerate().filter(|(i, (r, _))| *i != chosen && r.rejected.is_none() && same(r));
+    let class: Vec<Candidate> = others.map(|(_, (r, _))| r.candidate.clone()).collect();
+    let weight = |r: &Ranked| r.gain.map_or(0.0, |g| (0.5 * (g - top)).exp());
+    let all: f64 = ranking.iter().map(|(r, _)| weight(r)).sum();
+    let is_in = |(i, (r, _)): &(usize, &Tried)| *i == chosen || class.contains(&r.candidate);
+    let in_class: f64 = ranking.iter().enumerate().filter(is_in).map(|(_, (r, _))| weight(r)).sum();
+    (class, in_class / all)
+}
+
 /// Searches until nothing more is accepted.
-pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
+pub fn search(levels: &Levels<'_>) -> Option<Search> {
     let plain = levels.plain;
     let stiffnesses = plain.model.stiffnesses();
     let (first_level, base) = levels.fit(&stiffnesses, &vec![0.0; stiffnesses.len()], 0)?;
@@ -316,52 +387,20 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
         let open: Vec<usize> =
             (0..candidates.len()).filter(|i| found.iter().all(|f| f.candidate != candidates[*i])).collect();
         let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
-        let screened = screen::screen(&fit, &open_columns, seed + round as u64);
+        let screened = screen::screen(&fit, &open_columns, SEED + round as u64);
         let mut order: Vec<usize> = (0..open.len()).collect();
         order.sort_by(|a, b| screened.scores[*b].gain.total_cmp(&screened.scores[*a].gain));
-        let without = fit.left_out(&groups);
-        let mut ranking: Vec<(Ranked, Option<(usize, Fit)>)> = order
+        let current = Current { levels, level, fit: &fit, groups: &groups, left_out: fit.left_out(&groups) };
+        let mut ranking: Vec<Tried> = order
             .par_iter()
             .enumerate()
             .map(|(place, i)| {
                 let candidate = candidates[open[*i]].clone();
-                let score = screened.scores[*i].clone();
-                let shape = open_columns[*i].shape;
-                let mut ranked = Ranked {
-                    candidate,
-                    score,
-                    shape,
-                    gain: None,
-                    left_out_gain: 0.0,
-                    poses_that_gain: 0.0,
-                    from_pulls: 0.0,
-                    rejected: None,
-                };
-                if place >= FITTED || screened.p_family > P_FAMILY {
-                    return (ranked, None);
-                }
-                let with = match extended(levels, level, &fit, &ranked.candidate, &ranked.score.step, ranked.shape) {
-                    Ok(with) => with,
-                    Err(why) => {
-                        ranked.rejected = Some(why);
-                        return (ranked, None);
-                    }
-                };
-                // predictions are compared by the noise that the model without it has
-                let same = levels.plain.linear(&with.1.unknowns, with.1.x.clone());
-                let same = same.and_then(|plain| levels.problems[level].relevel(&plain));
-                let errors = same.map_or(vec![f64::INFINITY; groups.len()], |f| f.left_out(&groups));
-                let (sum, rest): (f64, f64) = (without.iter().sum(), errors.iter().sum());
-                ranked.left_out_gain = (sum - rest) / sum;
-                let gaining = without.iter().zip(&errors).filter(|(a, b)| a > b).count();
-                ranked.poses_that_gain = gaining as f64 / groups.len() as f64;
-                let gain = 2.0 * (with.1.ln_evidence() - fit.ln_evidence());
-                ranked.from_pulls = (fit.x.norm_squared() - with.1.x.norm_squared()) / gain;
-                ranked.gain = Some(gain);
-                (ranked, Some(with))
+                let fully = place < FITTED && screened.p_family <= P_FAMILY;
+                current.tried(candidate, screened.scores[*i].clone(), open_columns[*i].shape, fully)
             })
             .collect();
-        let raw = |r: &(Ranked, Option<(usize, Fit)>)| r.0.gain.unwrap_or(f64::NEG_INFINITY);
+        let raw = |r: &Tried| r.0.gain.unwrap_or(f64::NEG_INFINITY);
         ranking.sort_by(|a, b| raw(b).total_cmp(&raw(a)).then(a.0.score.p.total_cmp(&b.0.score.p)));
         // tempered by what the best of them leaves
         let c = ranking.first().and_then(|r| r.1.as_ref()).map_or(1.0, |r| temper(plain, &r.1));
@@ -384,27 +423,11 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
             let chosen = ranking.iter().position(|(r, _)| plain(r)).unwrap_or(best);
             let column_of = |c: &Candidate| &columns[candidates.iter().position(|o| o == c).unwrap_or(0)];
             let own = column_of(&ranking[chosen].0.candidate);
-            let class: Vec<Candidate> = ranking
-                .iter()
-                .enumerate()
-                .filter(|(i, (r, _))| {
-                    *i != chosen
-                        && r.rejected.is_none()
-                        && (within(r) || indistinguishable(&fit, own, column_of(&r.candidate)))
-                })
-                .map(|(_, (r, _))| r.candidate.clone())
-                .collect();
-            let weight = |r: &Ranked| r.gain.map_or(0.0, |g| (0.5 * (g - top)).exp());
-            let all: f64 = ranking.iter().map(|(r, _)| weight(r)).sum();
-            let in_class: f64 = ranking
-                .iter()
-                .enumerate()
-                .filter(|(i, (r, _))| *i == chosen || class.contains(&r.candidate))
-                .map(|(_, (r, _))| weight(r))
-                .sum();
+            let same = |r: &Ranked| within(r) || indistinguishable(&fit, own, column_of(&r.candidate));
+            let (class, confidence) = class_of(&ranking, chosen, top, same);
             gained += ranking[chosen].0.gain.unwrap_or(0.0);
             let candidate = ranking[chosen].0.candidate.clone();
-            found.push(Found { candidate, class, confidence: in_class / all });
+            found.push(Found { candidate, class, confidence });
             if let Some(with) = ranking[chosen].1.take() {
                 (level, fit) = with;
             }
@@ -420,14 +443,4 @@ pub fn search(levels: &Levels<'_>, seed: u64) -> Option<Search> {
         }
     }
     Some(Search { base, fit, levels: [first_level, level], found, steps, rounds, candidates, columns: at_base })
-}
-
-impl Candidate {
-    /// Its id, or the keys of the machine file.
-    pub fn names(&self, problem: &Problem<'_>) -> Vec<String> {
-        match *self {
-            Self::Effect(effect) => vec![info(effect).id.to_owned()],
-            Self::Class(class) => problem.model.classes[class].keys(),
-        }
-    }
 }

@@ -1,4 +1,4 @@
-//! What the search amounts to (spec: diagnosis.md, 3, 7-10): lack of fit, verdict, structure of the residual, what cannot be seen.
+//! What the search amounts to: lack of fit, verdict, structure of the residual, what cannot be seen.
 
 use std::collections::BTreeMap;
 
@@ -7,13 +7,14 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::model::{self, Unknown, info};
 use super::noise::{Noise, NoiseSource, Whitener};
-use super::readings::CHANNELS;
+use super::readings::{CHANNELS, Readings};
 use super::search::{Candidate, Search};
 use super::solve::{self, Fit, Levels, Problem};
+use super::words;
 use crate::machine_file::Uncertainty;
 
 /// p at which a misfit counts as significant.
-const P_MISFIT: f64 = 0.01;
+pub const P_MISFIT: f64 = 0.01;
 /// Least share of the misfit that must be gone.
 const LEAST_SHARE: f64 = 0.5;
 /// Most effects that explain.
@@ -74,7 +75,7 @@ pub enum Verdict {
     Unexplained,
 }
 
-/// What one repair mends: candidates of one kind are one class whatever is measured at the tool (spec: diagnosis.md).
+/// What one repair mends: candidates of one kind are one class whatever is measured at the tool.
 fn repair(candidate: &Candidate, problem: &Problem<'_>) -> String {
     match *candidate {
         Candidate::Effect(effect) => match info(effect).id {
@@ -168,6 +169,8 @@ pub struct DeclaredFinding {
     pub estimated: f64,
     /// ln of their ratio in units of the declared uncertainty.
     pub pull_sd: f64,
+    /// Where to look on the machine.
+    pub inspect: String,
 }
 
 /// Values that were declared wrong: classes that the search found, and pulls beyond three.
@@ -178,7 +181,8 @@ pub fn declared_findings(problem: &Problem<'_>, search: &Search) -> Vec<Declared
     let finding = |d: &model::Declared, class: Vec<String>| {
         let (declared, estimated) = (d.value(&model.declared), d.value(&state.machine));
         let pull_sd = (estimated / declared).ln() / model.uncertainty;
-        DeclaredFinding { parameter: d.key(), axis: d.axis(), class, declared, estimated, pull_sd }
+        let inspect = words::inspect_declared(d);
+        DeclaredFinding { parameter: d.key(), axis: d.axis(), class, declared, estimated, pull_sd, inspect }
     };
     for f in &search.found {
         let Candidate::Class(class) = f.candidate else { continue };
@@ -233,7 +237,7 @@ impl Detectable {
             return why.clone();
         }
         let shown = |(name, size): &(String, Option<f64>)| match size {
-            Some(size) => format!("{name} {size:.1e}"),
+            Some(size) => words::amplitude(name, *size, None),
             None => format!("{name}: none that is plausible"),
         };
         self.smallest.iter().map(shown).collect::<Vec<_>>().join(", ")
@@ -279,25 +283,34 @@ pub struct Structure {
     pub p: f64,
 }
 
-/// Splits what the end of a search leaves of every reading by pose, load, sign, direction, temperature and order.
-pub fn residual_structure(
-    problem: &Problem<'_>,
-    noise: &Noise,
-    uncertainty: &Uncertainty,
-    search: &Search,
-) -> Option<Vec<Structure>> {
-    let readings = problem.readings;
-    let n = readings.readings.len();
-    let by_reading = Whitener::by_reading(readings, noise);
-    let plain = Problem::new(readings, &by_reading, problem.model);
-    let whitener = solve::whiteners(&plain, uncertainty)?.swap_remove(search.levels[1]);
-    let left =
-        Problem::new(readings, &whitener, problem.model).residuals(&search.fit.unknowns, search.fit.x.as_slice())?;
-    // residuals by reading and channel, each in its own noise
-    let mut residuals = vec![[0.0; CHANNELS]; n];
-    for (e, r) in whitener.entries.iter().zip(left.iter()) {
-        residuals[e.readings[0]][e.channel] = *r;
+/// What the end of a search leaves of every reading.
+pub struct Residuals {
+    /// By reading and channel, each in its own noise; 0 for a blank.
+    pub by_reading: Vec<[f64; CHANNELS]>,
+    /// Squared, beyond what noise brings.
+    excess: f64,
+}
+
+impl Residuals {
+    /// Of the model at the end of a search.
+    pub fn new(problem: &Problem<'_>, noise: &Noise, uncertainty: &Uncertainty, search: &Search) -> Option<Self> {
+        let readings = problem.readings;
+        let by_reading = Whitener::by_reading(readings, noise);
+        let plain = Problem::new(readings, &by_reading, problem.model);
+        let whitener = solve::whiteners(&plain, uncertainty)?.swap_remove(search.levels[1]);
+        let left = Problem::new(readings, &whitener, problem.model)
+            .residuals(&search.fit.unknowns, search.fit.x.as_slice())?;
+        let mut by_reading = vec![[0.0; CHANNELS]; readings.readings.len()];
+        for (e, r) in whitener.entries.iter().zip(left.iter()) {
+            by_reading[e.readings[0]][e.channel] = *r;
+        }
+        Some(Self { by_reading, excess: (left.norm_squared() - left.len() as f64).max(0.0) })
     }
+}
+
+/// Splits residuals by pose, load, sign, direction, temperature and order.
+pub fn residual_structure(readings: &Readings, residuals: &Residuals) -> Vec<Structure> {
+    let n = readings.readings.len();
     let largest = |i: usize| {
         let c = &readings.conditions[readings.readings[i].condition];
         let (f, m) = (c.wrench.force_n, c.wrench.moment_nm);
@@ -332,12 +345,12 @@ pub fn residual_structure(
         ),
         ("order", Box::new(move |i| (10 * i / n.max(1)) as i64), &one),
     ];
-    let excess = (left.norm_squared() - left.len() as f64).max(0.0);
-    let structures = factors
+    let excess = residuals.excess;
+    factors
         .iter()
         .map(|(factor, level, sign)| {
             let mut groups: BTreeMap<(i64, usize), ([f64; CHANNELS], f64)> = BTreeMap::new();
-            for (i, r) in residuals.iter().enumerate() {
+            for (i, r) in residuals.by_reading.iter().enumerate() {
                 let group = groups.entry((level(i), largest(i).0)).or_insert(([0.0; CHANNELS], 0.0));
                 group.1 += 1.0;
                 for c in 0..CHANNELS {
@@ -352,6 +365,5 @@ pub fn residual_structure(
             let share = if excess > 0.0 { ((between - freedoms) / excess).clamp(0.0, 1.0) } else { 0.0 };
             Structure { factor, share, p }
         })
-        .collect();
-    Some(structures)
+        .collect()
 }

@@ -1,0 +1,364 @@
+//! What speaks against the readings themselves: a frame, sign, point or unit other than the file's, a series that cannot be
+//! one, single readings that stand out.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DVector, Matrix3, Vector3};
+use pkm_core::{Pose, Wrench};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::noise::Whitener;
+use super::readings::{CHANNELS, Readings};
+use super::solve::{Fit, Problem};
+use super::verdict::{DeclaredFinding, Judgement, P_MISFIT, Structure};
+use crate::dataset::DEFLECTION_COLUMNS;
+
+/// How much less of the readings another way to take them must leave, in squares. Where the file's is right, whatever the
+/// machine lacks, the best of the others leaves more than it in all sets of the fixtures; where it is wrong, the right one
+/// leaves less than a tenth.
+const MUCH: f64 = 4.0;
+/// Standard acceleration of gravity, m/s².
+const GRAVITY: f64 = 9.806_65;
+/// Pull that is more than a wrong value, in standard deviations, and how many of these are too many.
+const GREAT_PULL: f64 = 10.0;
+const MANY: usize = 5;
+/// p and share of a significant misfit from which on what is left goes with the order of the readings and nothing else.
+const P_ORDER: f64 = 1e-4;
+const ORDER_SHARE: f64 = 0.9;
+/// Residual that noise cannot be, in robust standard deviations of its channel.
+const STANDS_OUT: f64 = 8.0;
+/// Greatest share of a channel's readings that may stand out: more are a misfit of the model.
+const FEW: f64 = 0.01;
+/// Most readings that are named.
+const NAMED: usize = 3;
+
+/// A reason to look at the readings before the machine.
+#[derive(Clone, Debug, Serialize)]
+pub struct Doubt {
+    /// `readings_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `order_of_readings` or
+    /// `many_great_changes`.
+    pub kind: &'static str,
+    /// For people.
+    pub message: String,
+}
+
+/// A reading that stands out.
+#[derive(Clone, Debug, Serialize)]
+pub struct Suspect {
+    /// Line of the file.
+    pub line: u64,
+    /// Its column.
+    pub column: &'static str,
+    /// As read, in µm or µrad.
+    pub value: f64,
+    /// As the final model gives it.
+    pub expected: f64,
+    /// Residual in robust standard deviations of its channel.
+    pub studentised: f64,
+}
+
+impl Suspect {
+    /// For people.
+    pub fn text(&self) -> String {
+        format!(
+            "line {}, {}: read {:.2}, expected {:.2}, {:.0} times the scatter of the others",
+            self.line, self.column, self.value, self.expected, self.studentised
+        )
+    }
+}
+
+/// Turns the readings of one kind, three channels; none where a blank one would have to be known.
+fn turned(observed: &mut [Option<f64>; CHANNELS], kind: usize, turn: &Matrix3<f64>) -> Option<()> {
+    let own: [Option<f64>; 3] = std::array::from_fn(|i| observed[3 * kind + i]);
+    if own.iter().all(Option::is_none) {
+        return Some(());
+    }
+    for row in 0..3 {
+        let mut sum = 0.0;
+        for (column, value) in own.iter().enumerate() {
+            let share = turn[(row, column)];
+            match value {
+                Some(value) => sum += share * value,
+                // a blank that stays where it is does no harm
+                None if share == 0.0 || (row == column && share.abs() == 1.0) => {}
+                None => return None,
+            }
+        }
+        if own[row].is_some() {
+            observed[3 * kind + row] = Some(sum);
+        } else if turn[(row, row)].abs() != 1.0 {
+            return None;
+        }
+    }
+    Some(())
+}
+
+fn turned_load(w: &Wrench<f64>, turn: &Matrix3<f64>, axial: f64) -> Wrench<f64> {
+    Wrench {
+        force_n: (turn * Vector3::from(w.force_n)).into(),
+        moment_nm: (turn * Vector3::from(w.moment_nm) * axial).into(),
+    }
+}
+
+/// From B-xyz to A-uvw.
+fn into_a(pose: &Pose<f64>) -> Matrix3<f64> {
+    let ((st, ct), (ss, cs)) = (pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
+    // the transpose of R_y(θ) R_x(σ)
+    Matrix3::new(ct, 0.0, -st, ss * st, cs, ss * ct, cs * st, -ss, cs * ct)
+}
+
+/// The 47 ways to exchange and reverse three axes, with their names, the plainest first.
+fn exchanges() -> Vec<(String, Matrix3<f64>)> {
+    let mut all = Vec::new();
+    for order in [[0, 1, 2], [1, 0, 2], [0, 2, 1], [2, 1, 0], [1, 2, 0], [2, 0, 1]] {
+        for signs in 0..8_u8 {
+            let sign = |i: usize| if signs >> i & 1 == 1 { -1.0 } else { 1.0 };
+            // what stands in column i is ±the component along axis order[i]
+            let mut turn = Matrix3::zeros();
+            (0..3).for_each(|i| turn[(order[i], i)] = sign(i));
+            let name: Vec<String> = (0..3)
+                .map(|i| format!("{}{}", if sign(i) < 0.0 { "−" } else { "" }, ["u", "v", "w"][order[i]]))
+                .collect();
+            if turn != Matrix3::identity() {
+                all.push((name.join(", "), turn));
+            }
+        }
+    }
+    all
+}
+
+/// Another way to take the readings, as `… fit the declared machine much better …`.
+struct Taken {
+    how: String,
+    readings: Readings,
+    /// Whether loads and points are those of the file, so that its predictions hold.
+    same_loads: bool,
+}
+
+/// All ways that are tried.
+fn other_ways(readings: &Readings, tip_m: [f64; 3]) -> Vec<Taken> {
+    let mut all = Vec::new();
+    // turns of translations, rotations and loads, by pose
+    type Turns<'a> = &'a dyn Fn(&Pose<f64>) -> [Matrix3<f64>; 2];
+    let mut turn = |how: String, turns: Turns<'_>, loads: Option<f64>| {
+        let mut other = readings.without(|_| false);
+        for r in &mut other.readings {
+            let [linear, angular] = turns(&readings.poses[readings.conditions[r.condition].pose].pose);
+            if turned(&mut r.observed, 0, &linear).and_then(|()| turned(&mut r.observed, 1, &angular)).is_none() {
+                return;
+            }
+        }
+        if let Some(axial) = loads {
+            for c in &mut other.conditions {
+                let [linear, _] = turns(&readings.poses[c.pose].pose);
+                c.wrench = turned_load(&c.wrench, &linear, axial);
+                c.turned_at = turned_load(&c.turned_at, &linear, axial);
+            }
+        }
+        all.push(Taken { how, readings: other, same_loads: loads.is_none() });
+    };
+    let plain = Matrix3::identity();
+    turn("with all signs reversed".into(), &|_| [-plain, -plain], None);
+    turn("as displacements in B".into(), &|p| [into_a(p); 2], None);
+    turn("with displacements and loads in B".into(), &|p| [into_a(p); 2], Some(1.0));
+    let has_rotations = readings.channels()[3..].contains(&true);
+    for (name, exchange) in exchanges() {
+        let axial = exchange.determinant();
+        let how = format!("with dx, dy, dz along {name}");
+        if has_rotations {
+            turn(format!("{how}, rotations as they are"), &|_| [exchange, plain], None);
+        }
+        turn(how, &|_| [exchange, exchange * axial], None);
+        turn(
+            format!("in B with dx, dy, dz along x, y, z taken as {name}"),
+            &|p| [into_a(p) * exchange, into_a(p) * exchange * axial],
+            None,
+        );
+        turn(format!("in axes that are {name}, loads as well"), &|_| [exchange, exchange * axial], Some(axial));
+    }
+    let mut loaded = |how: &str, force: f64, moment: f64| {
+        let mut other = readings.without(|_| false);
+        let scaled = |w: &Wrench<f64>| Wrench {
+            force_n: w.force_n.map(|f| f * force),
+            moment_nm: w.moment_nm.map(|m| m * moment),
+        };
+        for c in &mut other.conditions {
+            (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
+        }
+        all.push(Taken { how: how.into(), readings: other, same_loads: false });
+    };
+    loaded("with forces in kgf or daN", GRAVITY, 1.0);
+    loaded("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY);
+    loaded("with moments in N·mm", 1.0, 1e-3);
+    loaded("with forces in kN", 1e3, 1.0);
+    if readings.conditions.iter().all(|c| c.point_m == [0.0; 3]) {
+        let mut elsewhere = |how: String, load_too: bool| {
+            let mut other = readings.without(|_| false);
+            for c in &mut other.conditions {
+                c.point_m = tip_m;
+                if !load_too {
+                    // the same load, seen from there
+                    let back = tip_m.map(|x| -x);
+                    (c.wrench, c.turned_at) = (c.wrench.moved_to_a(back), c.turned_at.moved_to_a(back));
+                }
+            }
+            all.push(Taken { how, readings: other, same_loads: false });
+        };
+        let [u, v, w] = tip_m.map(|x| format!("{:.0}", x * 1e3));
+        let tip = format!("at the tool's tip (u, v, w = {u}, {v}, {w} mm)");
+        elsewhere(format!("as displacements {tip}"), false);
+        elsewhere(format!("with displacements and loads {tip}"), true);
+    }
+    all
+}
+
+/// What a linear form at the declared values leaves of some residuals when the stiffnesses move as their uncertainty lets
+/// them, in noise variances a number.
+fn left(linear: &Fit, residuals: &DVector<f64>) -> f64 {
+    let along = linear.jacobian.tr_mul(residuals);
+    let rest = residuals.norm_squared() - along.dot(&linear.information.solve(&along));
+    rest.max(0.0) / residuals.len() as f64
+}
+
+/// Whether the readings fit the declared machine much better when they are taken otherwise. Linearised, so that there is
+/// an answer even where no fit converges.
+pub fn taken_otherwise(problem: &Problem<'_>, whitener: &Whitener, tip_m: [f64; 3]) -> Option<Doubt> {
+    let stiffnesses = problem.model.stiffnesses();
+    let declared = vec![0.0; stiffnesses.len()];
+    let at_declared = |problem: &Problem<'_>| problem.linear(&stiffnesses, declared.clone().into());
+    let as_said = at_declared(problem)?;
+    let said = left(&as_said, &as_said.residuals);
+    let found: Vec<(String, f64)> = other_ways(problem.readings, tip_m)
+        .into_par_iter()
+        .filter_map(|taken| {
+            let other = Problem::new(&taken.readings, whitener, problem.model);
+            let residuals = other.residuals(&[], &[])?;
+            // no stiffness mends what is worse to begin with
+            if residuals.norm_squared() >= as_said.residuals.norm_squared() {
+                return None;
+            }
+            let rest =
+                if taken.same_loads { left(&as_said, &residuals) } else { left(&at_declared(&other)?, &residuals) };
+            Some((taken.how, rest))
+        })
+        .collect();
+    // of what is alike the first, which is the plainest
+    let least = found.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
+    let (how, rest) = found.iter().find(|f| f.1 <= 1.1 * least)?;
+    let times = |left: f64| format!("{:.1}", left.sqrt());
+    (*rest < said / MUCH).then(|| Doubt {
+        kind: "readings_taken_otherwise",
+        message: format!(
+            "the readings fit the declared machine much better {how} ({} times their noise is left) than as the file says, \
+             displacements of A in A-uvw under loads at A ({} times): are they?",
+            times(*rest),
+            times(said)
+        ),
+    })
+}
+
+/// What the file itself gives away: series and names of poses that stand at several poses.
+pub fn of_file(readings: &Readings) -> Vec<Doubt> {
+    let mut doubts = Vec::new();
+    let mut poses_of: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for r in readings.readings.iter().filter(|r| !readings.series_names[r.series].is_empty()) {
+        let poses = poses_of.entry(r.series).or_default();
+        let pose = readings.conditions[r.condition].pose;
+        if !poses.contains(&pose) {
+            poses.push(pose);
+        }
+    }
+    let wide: Vec<_> = poses_of.iter().filter(|(_, poses)| poses.len() > 1).collect();
+    if let Some((series, poses)) = wide.first() {
+        let others = if wide.len() > 1 { format!(", {} more at several", wide.len() - 1) } else { String::new() };
+        doubts.push(Doubt {
+            kind: "series_at_several_poses",
+            message: format!(
+                "series {} stands at {} poses{others}: the readings of a series share the error of one zero reading; if the \
+                 sensor was zeroed anew at each pose, number the series through",
+                readings.series_names[**series],
+                poses.len()
+            ),
+        });
+    }
+    let twice = (readings.poses.iter().enumerate())
+        .filter_map(|(n, p)| Some((readings.poses[..n].iter().find(|o| o.id == p.id && !p.id.is_empty())?, p)));
+    let twice: Vec<_> = twice.collect();
+    if let Some((first, other)) = twice.first() {
+        let more = if twice.len() > 1 { format!(" (and {} more)", twice.len() - 1) } else { String::new() };
+        doubts.push(Doubt {
+            kind: "pose_name_at_several_positions",
+            message: format!(
+                "pose {} stands at other coordinates in line {} than in line {}{more}: they are taken as different poses; look \
+                 for a slip of the pen",
+                other.id, other.line, first.line
+            ),
+        });
+    }
+    doubts
+}
+
+/// What the result gives away.
+pub fn of_result(judgement: &Judgement, declared: &[DeclaredFinding], structure: &[Structure]) -> Vec<Doubt> {
+    let mut doubts = Vec::new();
+    let great = declared.iter().filter(|f| f.pull_sd.abs() > GREAT_PULL).count();
+    if great > MANY {
+        doubts.push(Doubt {
+            kind: "many_great_changes",
+            message: format!(
+                "{great} declared values would have to change by more than {GREAT_PULL} standard deviations: a wrong frame, \
+                 point, unit or sign of the readings is likelier than so many wrong stiffnesses"
+            ),
+        });
+    }
+    let order = structure.iter().find(|s| s.factor == "order");
+    if order.is_some_and(|s| s.p < P_ORDER && s.share > ORDER_SHARE) && judgement.after.p < P_MISFIT {
+        doubts.push(Doubt {
+            kind: "order_of_readings",
+            message: "what is left goes with the order of the readings: a drift, or a zero that was read anew; give readings \
+                      that share a zero reading one number in the column `series`"
+                .into(),
+        });
+    }
+    doubts
+}
+
+/// Readings that stand out of what the final model leaves of their channel, the worst first. `residuals` and `expected`
+/// are by reading and by condition.
+pub fn suspects(readings: &Readings, residuals: &[[f64; CHANNELS]], expected: &[[f64; CHANNELS]]) -> Vec<Suspect> {
+    let mut suspects = Vec::new();
+    for channel in 0..CHANNELS {
+        let read: Vec<(usize, f64)> = (readings.readings.iter().zip(residuals).enumerate())
+            .filter_map(|(n, (r, left))| r.observed[channel].map(|_| (n, left[channel].abs())))
+            .collect();
+        let mut sizes: Vec<f64> = read.iter().map(|r| r.1).collect();
+        sizes.sort_by(f64::total_cmp);
+        // the median of |r| is 0.6745 standard deviations
+        let Some(scale) = sizes.get(sizes.len() / 2).map(|m| m / 0.6745).filter(|s| *s > 0.0) else { continue };
+        // where a repeat of it errs as well, it is the model or the load that errs
+        let alone = |n: usize| {
+            let repeat_of = readings.readings[n].repeat_of;
+            let is_other = |o: usize| o != n && readings.readings[o].repeat_of == repeat_of;
+            read.iter().all(|(o, size)| !is_other(*o) || *size < 0.5 * STANDS_OUT * scale)
+        };
+        let standing: Vec<_> = read.iter().filter(|r| r.1 > STANDS_OUT * scale).collect();
+        if standing.len() as f64 > (FEW * read.len() as f64).max(1.0) {
+            continue;
+        }
+        let standing = standing.into_iter().filter(|(n, _)| alone(*n));
+        suspects.extend(standing.map(|(n, size)| {
+            let r = &readings.readings[*n];
+            Suspect {
+                line: r.line,
+                column: DEFLECTION_COLUMNS[channel],
+                value: r.observed[channel].unwrap_or(f64::NAN) * 1e6,
+                expected: expected[r.condition][channel] * 1e6,
+                studentised: size / scale,
+            }
+        }));
+    }
+    suspects.sort_by(|a, b| b.studentised.total_cmp(&a.studentised));
+    suspects.truncate(NAMED);
+    suspects
+}

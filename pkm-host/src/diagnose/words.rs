@@ -1,0 +1,134 @@
+//! Findings in a machinist's words: what to inspect, units that he thinks in, what the figures mean.
+
+use pkm_core::Wrench;
+
+use super::model::{Declared, Part};
+
+/// What the statistics of a report mean, a line each.
+pub const LEGEND: [(&str, &str); 7] = [
+    (
+        "λ",
+        "an effect's signal that re-tuned stiffnesses cannot imitate, squared, in noise variances: seen from about 30 on",
+    ),
+    ("lack of fit", "misfit over noise, near 1 for a good model; p below 0.01: more than noise"),
+    ("drop of χ²", "squared misfit, in noise variances, that a candidate could take away"),
+    ("freedoms", "numbers that it may choose for that"),
+    ("2 Δ ln E", "how much likelier it makes the readings: more than 6 counts, for a second find more than 10"),
+    ("left-out gain", "how much better poses are predicted that its fit has not seen"),
+    ("order", "of the readings in the file"),
+];
+
+/// Where to look on the machine when an effect is found.
+pub fn inspect_effect(id: &str) -> &'static str {
+    match id {
+        "moving-platform-compliance" => "the moving platform: its hub, its arms and the bridge between joints",
+        "base-compliance" => "the base: its frame, its mounts and the seats of the joints",
+        "telescopic-limb" => "the limbs: tube, ram and guides",
+        "screw-position" => "the limbs: screw, nut and bearing",
+        "limb-1-axial" => "limb 1: joint, bearing or drive along its axis",
+        "limb-2-axial" => "limb 2: joint, bearing or drive along its axis",
+        "limb-3-axial" => "limb 3: joint, bearing or drive along its axis",
+        "universal-joint" => "limbs 1 and 2: the universal joints at the base",
+        "revolute-joint" => "limbs 1 and 2: the revolute joints at the platform",
+        "spherical-joint" => "limb 3: the spherical joint at the platform",
+        "revolute-3-joint" => "limb 3: the revolute joint at the base",
+        "platform-offset" => "the platform: where the joint centres lie",
+        "clearance" => "the limbs: play in joints, nuts and bearings",
+        "contact-stiffening" => "the limbs: preload of joints, nuts and bearings",
+        "friction-hysteresis" => "the limbs: friction in joints, screws and guides",
+        "preload" => "the limbs: forces in them without a load",
+        "thermal-modulus" | "thermal-expansion" => "temperatures of limbs and platforms during the readings",
+        "sensor-rotation" => "the sensor: directions of its axes",
+        "sensor-scale" => "the sensor: its calibration",
+        "load-gain" => "the load cell or weights: their calibration",
+        "load-point" => "the loading gear: where the load acts",
+        "wrist-compliance" => "the wrist and what is mounted at A",
+        "limb-coupling" => "the base between the joints of limbs 1 and 2",
+        _ => "the declared geometry: measure it",
+    }
+}
+
+/// Where to look on the machine when a declared value is wrong.
+pub fn inspect_declared(declared: &Declared) -> String {
+    let limb = declared.limb + 1;
+    let what = match declared.part {
+        Part::BaseLinear(2) | Part::PlatformLinear(2) => "joint, bearing or drive along its axis",
+        Part::BaseLinear(_) => "the joint at the base, across the limb",
+        Part::BaseAngular(_) => "the joint at the base, against tilting",
+        Part::PlatformLinear(_) => "the joint at the platform, across the limb",
+        Part::PlatformAngular(_) => "the joint at the platform, against tilting",
+        Part::Young | Part::Shear => "rod and screw, with what holds them",
+    };
+    format!("limb {limb}: {what}")
+}
+
+/// What the axis of a joint's stiffness stands for.
+pub fn axis(key: &str, axis: usize) -> String {
+    let about = if key.contains("angular") { "about " } else { "along " };
+    match axis {
+        2 => format!("[2] ({about}the limb)"),
+        _ => format!("[{axis}] ({about}the joint's {})", ["x", "y"][axis]),
+    }
+}
+
+/// A parameter's name without its unit, the unit that people use, and how many of these are one in SI.
+fn units(name: &str) -> (&str, &'static str, f64) {
+    let known = [
+        ("_rad_per_nm", "µrad/(N·m)", 1e6),
+        ("_m_per_n", "nm/N", 1e9),
+        ("_per_nm2", "nm/N at 1 m", 1e9),
+        ("_per_n", "nm/N per m", 1e9),
+        ("_per_k", "ppm/K", 1e6),
+        ("_rad", "mrad", 1e3),
+        ("_n", "N", 1.0),
+    ];
+    if let Some((bare, unit, factor)) = known.iter().find_map(|(end, u, f)| Some((name.strip_suffix(end)?, *u, *f))) {
+        return (bare, unit, factor);
+    }
+    match name.strip_suffix("_m") {
+        Some(bare @ ("play" | "lag")) => (bare, "µm", 1e6),
+        Some(bare) => (bare, "mm", 1e3),
+        None => (name, "%", 100.0),
+    }
+}
+
+/// Four figures at most, without a power of ten where it can be helped.
+fn figures(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".into(),
+        size if (1e-3..1e5).contains(&size) => format!("{value:.*}", (2 - size.log10().floor() as i32).max(0) as usize),
+        _ => format!("{value:.1e}"),
+    }
+}
+
+/// An amplitude, as `play 6.8 ± 0.2 µm`.
+pub fn amplitude(name: &str, value: f64, error: Option<f64>) -> String {
+    let (bare, unit, factor) = units(name);
+    let error = error.map_or(String::new(), |e| format!(" ± {}", figures(factor * e)));
+    format!("{} {}{error} {unit}", bare.replace('_', " "), figures(factor * value))
+}
+
+/// A load, as `Fx −400 N`.
+pub fn load(w: &Wrench<f64>) -> String {
+    let of = |names: [&str; 3], values: [f64; 3], unit: &str| {
+        let parts = names.into_iter().zip(values).filter(|(_, v)| *v != 0.0);
+        parts.map(|(n, v)| format!("{n} {v:.0} {unit}").replace('-', "−")).collect::<Vec<_>>()
+    };
+    let parts = [of(["Fx", "Fy", "Fz"], w.force_n, "N"), of(["Mx", "My", "Mz"], w.moment_nm, "N·m")].concat();
+    if parts.is_empty() { "none".into() } else { parts.join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn amplitudes_and_loads_read_as_people_say_them() {
+        assert_eq!(amplitude("play_m", 6.8e-6, Some(2e-7)), "play 6.80 ± 0.200 µm");
+        assert_eq!(amplitude("axial_m_per_n", 5.2e-9, None), "axial 5.20 nm/N");
+        assert_eq!(amplitude("error_m", -4e-3, None), "error -4.00 mm");
+        assert_eq!(amplitude("forces", 0.05, None), "forces 5.00 %");
+        let w = Wrench { force_n: [-400.0, 0.0, 0.0], moment_nm: [0.0, 0.0, 25.0] };
+        assert_eq!(load(&w), "Fx −400 N, Mz 25 N·m");
+    }
+}
