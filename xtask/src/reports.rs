@@ -81,8 +81,8 @@ const CHECKS: &str = r"(least, paper, width) => {
 
 pub fn run() -> Outcome {
     let out = root().join("out/reports");
-    let reports = write(&out)?;
     let mut browser = Browser::start()?;
+    let reports = write(&out)?;
     let mut wrong = Vec::new();
     for (name, path) in &reports {
         // light last: it is what is printed
