@@ -121,8 +121,10 @@ fn grid(panels: &[Panel], columns: usize, logarithmic: bool) -> Result<String> {
 }
 
 /// A number of an axis without digits that are rounding, or zeros.
-fn plain(v: &f64) -> String {
-    let rounded: f64 = format!("{v:.6e}").parse().unwrap_or(*v);
+fn plain(v: &f64, range: &std::ops::Range<f64>) -> String {
+    // what should be 0 is rounding of the axis' length
+    let v = if v.abs() < 1e-6 * (range.end - range.start) { 0.0 } else { *v };
+    let rounded: f64 = format!("{v:.6e}").parse().unwrap_or(v);
     if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) { format!("{rounded:e}") } else { rounded.to_string() }
 }
 
@@ -154,10 +156,11 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
         .margin_right(24)
         .x_label_area_size(44)
         .y_label_area_size(72)
-        .build_cartesian_2d(x_range, y_range)
+        .build_cartesian_2d(x_range.clone(), y_range.clone())
         .map_err(failed)?;
     // between powers of ten there are no round numbers to show
     let power = |v: &f64| if v.fract().abs() < 1e-6 { format!("1e{v:.0}") } else { String::new() };
+    let (of_x, of_y) = (|v: &f64| plain(v, &x_range), |v: &f64| plain(v, &y_range));
     let mut mesh = chart.configure_mesh();
     mesh.x_desc(&panel.x_label)
         .y_desc(&panel.y_label)
@@ -169,7 +172,7 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
     if logarithmic {
         mesh.x_label_formatter(&power).y_label_formatter(&power);
     } else {
-        mesh.x_label_formatter(&plain).y_label_formatter(&plain);
+        mesh.x_label_formatter(&of_x).y_label_formatter(&of_y);
     }
     mesh.draw().map_err(failed)?;
     for (i, series) in panel.series.iter().enumerate() {
@@ -320,15 +323,15 @@ pub fn heat_map(map: &HeatMap<'_>) -> Result<String> {
             .margin(8)
             .x_label_area_size(48)
             .y_label_area_size(76)
-            .build_cartesian_2d(x_range, y_range)
+            .build_cartesian_2d(x_range.clone(), y_range.clone())
             .map_err(failed)?;
         chart
             .configure_mesh()
             .disable_mesh()
             .x_desc(&map.x_label)
             .y_desc(&map.y_label)
-            .x_label_formatter(&plain)
-            .y_label_formatter(&plain)
+            .x_label_formatter(&|v| plain(v, &x_range))
+            .y_label_formatter(&|v| plain(v, &y_range))
             .label_style(("sans-serif", 16))
             .axis_desc_style(("sans-serif", 17))
             .draw()

@@ -81,8 +81,8 @@ const CHECKS: &str = r"(least, paper, width) => {
 
 pub fn run() -> Outcome {
     let out = root().join("out/reports");
-    let reports = write(&out)?;
     let mut browser = Browser::start()?;
+    let reports = write(&out)?;
     let mut wrong = Vec::new();
     for (name, path) in &reports {
         // light last: it is what is printed
@@ -211,16 +211,18 @@ impl Drop for Browser {
 impl Browser {
     fn start() -> Result<Self, String> {
         let installed = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
-        let program = match std::env::var("PKM_BROWSER") {
-            Ok(program) => program,
-            Err(_) => BROWSERS.iter().copied().find(installed).map(str::to_owned).ok_or(
-                "no browser to look at the reports with: apt-get install chromium, or name one in PKM_BROWSER (Chromium or Chrome)",
-            )?,
+        let named = std::env::var("PKM_BROWSER").ok();
+        let program = match &named {
+            Some(program) => Some(program.as_str()).filter(installed),
+            None => BROWSERS.iter().copied().find(installed),
         };
+        let program = program.ok_or(
+            "no browser to look at the reports with: apt-get install chromium, or name another Chromium or Chrome in PKM_BROWSER",
+        )?;
         let profile = tempfile::tempdir().map_err(|e| e.to_string())?;
         // the browser reads commands from its file 3 and answers in its file 4
         let mut child = Command::new("sh")
-            .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null", "sh", &program, "--remote-debugging-pipe"])
+            .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null", "sh", program, "--remote-debugging-pipe"])
             .args(["--headless", "--no-first-run", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage"])
             // what is opened is our own; without it no root user, such as a container's, gets a browser
             .args(["--no-sandbox", "--disable-background-networking", "--disable-component-update"])

@@ -165,6 +165,10 @@ fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
     // those that the verdict is on come first
     all.sort_by_key(|(objective, _)| *objective != judged);
     let mut findings = vec![verdict];
+    if bench.table.is_none() {
+        findings
+            .push(Finding::warning("Uncorrected: no correction table was given, and no data back the basic model."));
+    }
     findings.extend(all.into_iter().map(|(_, finding)| finding));
     findings
 }
