@@ -327,7 +327,7 @@ fn spreadsheets_are_read_as_they_are() {
     let line = found.lines().last().unwrap();
     assert!(line.starts_with("\"first; cut\";") && line.ends_with(";100;-50;-60,5;0;0;1"), "{line}");
     let expected = folder.read("plain-out.csv");
-    let expected = expected.lines().last().unwrap().replace(',', ";").replace("-60.5", "-60,5");
+    let expected = expected.lines().last().unwrap().replace(',', ";").replace('.', ",");
     assert_eq!(line, format!("\"first; cut\";{expected}"));
 
     let bad = |header: &str, body: &str| {
@@ -565,15 +565,4 @@ fn a_controls_program_goes_through_and_says_what_was_made_up_for() {
     let overwritten = refused(&["compensate", "--path", &path, "--wrench", "1,0,0,0,0,0", "--out", &path]);
     says(&overwritten, "usage", None, &["part.nc, which is read"]);
     assert_eq!(folder.read("part.nc"), told);
-}
-
-#[test]
-fn a_path_with_decimal_commas_keeps_them() {
-    let folder = Folder::new();
-    let text = format!("{}\n-205,5;0;1137;0;0;1;10;0;0;0;0;0\n", HEADER.replace(',', ";"));
-    json(&["compensate", "--path", &folder.write("p.csv", &text), "--out", &folder.path("out.csv")]);
-    let written = folder.read("out.csv");
-    let tip: Vec<f64> =
-        written.lines().nth(1).unwrap().split(';').map(|c| c.replace(',', ".").parse().unwrap()).collect();
-    assert!(!written.contains('.') && off(&tip[..3], &[-205.5, 0.0, 1137.0]) < 1.0, "{written}");
 }
