@@ -43,6 +43,13 @@ pub struct Doubt {
     pub message: String,
 }
 
+impl Doubt {
+    /// With its full stop, where it is no question.
+    pub fn sentence(&self) -> String {
+        format!("{}{}", self.message, if self.message.ends_with('?') { "" } else { "." })
+    }
+}
+
 /// A reading that stands out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Suspect {

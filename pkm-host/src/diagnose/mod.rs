@@ -259,8 +259,8 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     let whitener = noise::Whitener::new(readings, &noise);
     let plain = Problem::new(readings, &whitener, &model);
     check(readings, &plain)?;
-    let mut doubts = doubts::of_file(readings);
-    doubts.extend(doubts::taken_otherwise(&plain, &whitener, file.wrist_parameters.tip_at_zero_m()));
+    let otherwise = doubts::taken_otherwise(&plain, &whitener, file.wrist_parameters.tip_at_zero_m());
+    let mut doubts: Vec<Doubt> = otherwise.into_iter().chain(doubts::of_file(readings)).collect();
     let whiteners = solve::whiteners(&plain, &file.uncertainty).ok_or_else(|| not_converged(readings, &doubts))?;
     let levels = Levels::new(&plain, &whiteners);
     step("what the model lacks");

@@ -42,7 +42,7 @@ fn far_from_declared(findings: &[DeclaredFinding]) -> String {
 
 /// The findings in sentences, the most important first.
 fn sentences(d: &Diagnosis) -> Vec<String> {
-    let mut all: Vec<String> = d.doubts.iter().map(|doubt| format!("Check first: {}", doubt.message)).collect();
+    let mut all: Vec<String> = d.doubts.iter().map(|doubt| format!("Check first: {}", doubt.sentence())).collect();
     all.extend(d.suspects.iter().map(|s| format!("Check this reading: {}.", s.text())));
     let class = |class: &[String]| {
         if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
