@@ -89,7 +89,12 @@ impl Sheet {
         // no list of columns that the program reads has but one
         if !semicolons && !unquoted.contains(',') {
             let line = 1 + text.lines().take_while(|l| is_skipped(l)).count() as u64;
-            let found = if unquoted.contains('\t') { "tabs" } else { "neither" };
+            let title: String = unquoted.chars().take(40).collect();
+            let found = if unquoted.contains('\t') {
+                "tabs".into()
+            } else {
+                format!("`{}`: put # before lines above the header", printable(&title))
+            };
             let message = format!("expected a header with commas or semicolons between its cells, found {found}");
             return Err(fail(line, message));
         }

@@ -43,6 +43,13 @@ pub struct Doubt {
     pub message: String,
 }
 
+impl Doubt {
+    /// With its full stop, where it is no question.
+    pub fn sentence(&self) -> String {
+        format!("{}{}", self.message, if self.message.ends_with('?') { "" } else { "." })
+    }
+}
+
 /// A reading that stands out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Suspect {
@@ -214,10 +221,12 @@ fn other_ways(readings: &Readings, tip_m: [f64; 3]) -> Vec<Taken> {
 }
 
 /// What a linear form at the declared values leaves of some residuals when the stiffnesses move as their uncertainty lets
-/// them, in noise variances a number.
-fn left(linear: &Fit, residuals: &DVector<f64>) -> f64 {
+/// them, in noise variances a number. No step is so long that a compliance would become negative.
+fn left(linear: &Fit, residuals: &DVector<f64>, uncertainty: f64) -> f64 {
     let along = linear.jacobian.tr_mul(residuals);
-    let rest = residuals.norm_squared() - along.dot(&linear.information.solve(&along));
+    let step = linear.information.solve(&along);
+    let part = 1.0 / (uncertainty * step.amax()).max(1.0);
+    let rest = residuals.norm_squared() - (2.0 - part) * part * along.dot(&step);
     rest.max(0.0) / residuals.len() as f64
 }
 
@@ -228,6 +237,7 @@ pub fn taken_otherwise(problem: &Problem<'_>, whitener: &Whitener, tip_m: [f64; 
     let declared = vec![0.0; stiffnesses.len()];
     let at_declared = |problem: &Problem<'_>| problem.linear(&stiffnesses, declared.clone().into());
     let as_said = at_declared(problem)?;
+    let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, problem.model.uncertainty);
     let said = left(&as_said, &as_said.residuals);
     let found: Vec<(String, f64)> = other_ways(problem.readings, tip_m)
         .into_par_iter()

@@ -119,8 +119,7 @@ pub struct Diagnosis {
 
 fn not_converged(readings: &Readings, doubts: &[Doubt]) -> Failure {
     let why = doubts.first().map_or("are these readings of this machine, displacements of A in A-uvw?", |d| &d.message);
-    Failure::input(format!("the fit of the declared stiffnesses did not converge: {why}"))
-        .in_file(&readings.source.name)
+    Failure::input(format!("a fit did not converge: {why}")).in_file(&readings.source.name)
 }
 
 /// Refuses what cannot be diagnosed, and says what is missing.
@@ -259,8 +258,8 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     let whitener = noise::Whitener::new(readings, &noise);
     let plain = Problem::new(readings, &whitener, &model);
     check(readings, &plain)?;
-    let mut doubts = doubts::of_file(readings);
-    doubts.extend(doubts::taken_otherwise(&plain, &whitener, file.wrist_parameters.tip_at_zero_m()));
+    let otherwise = doubts::taken_otherwise(&plain, &whitener, file.wrist_parameters.tip_at_zero_m());
+    let mut doubts: Vec<Doubt> = otherwise.into_iter().chain(doubts::of_file(readings)).collect();
     let whiteners = solve::whiteners(&plain, &file.uncertainty).ok_or_else(|| not_converged(readings, &doubts))?;
     let levels = Levels::new(&plain, &whiteners);
     step("what the model lacks");
@@ -290,8 +289,7 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         .ok_or_else(failed)?;
     let held_out = match held_out {
         Some(other) => given(readings, other, &noise, &model, &fitted).ok_or_else(failed)?,
-        None => left_out(readings, &noise, &model, &search)
-            .ok_or_else(|| Failure::other("a fit of the cross-validation did not converge"))?,
+        None => left_out(readings, &noise, &model, &search).ok_or_else(|| not_converged(readings, &doubts))?,
     };
     step("what to measure next");
     let contenders = next::contenders(&levels, &search);

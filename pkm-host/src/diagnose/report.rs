@@ -51,7 +51,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     let far = far_from_declared(&d.declared);
     // where the readings themselves are in doubt nothing else counts
     let mut all: Vec<Finding> =
-        d.doubts.iter().map(|doubt| Finding::bad(format!("Check first: {}", doubt.message))).collect();
+        d.doubts.iter().map(|doubt| Finding::bad(format!("Check first: {}", doubt.sentence()))).collect();
     all.push(match d.judgement.verdict {
         Verdict::Adequate if d.declared.is_empty() => Finding::good(
             "The model is adequate: with its stiffnesses re-tuned within their uncertainty it leaves nothing but noise.",
