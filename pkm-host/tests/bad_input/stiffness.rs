@@ -63,7 +63,6 @@ const KINDS: &[Kind] = &[
     ("a column without its unit", Put("theta_deg", "theta"), ":3: theta: ", "did you mean `theta_deg`?"),
     ("a column without its number", Put(",k11,", ",k1,"), ":3: k1: ", "did you mean `k11`?"),
     ("a column without a name", Put("pose,theta_deg", ",theta_deg"), ":3: ", "column 1 of the header has no name"),
-    ("a comma at the header's end", Put(",k66\n", ",k66,\n"), ":3: ", "column 26 of the header has no name"),
     ("some of the couplings", Put(",k12,", ",note,"), ":3: k12: ", "all 15 couplings or none"),
     ("a pose in both forms", Put(",k66\n", ",q1_mm\n"), ":3: q1_mm: ", "not both"),
     ("screw lengths, one of them missing", Make(|good| good.replace("theta_deg,sigma_deg,z0_mm", "q1_mm,q2_mm,note").into()), ":3: q3_mm: ", "missing column"),
