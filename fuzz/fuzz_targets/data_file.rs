@@ -9,10 +9,9 @@ use pkm_host::dataset::{NamedPose, read_poses, read_stiffness};
 use pkm_host::diagnose::readings::Readings;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::path;
-use pkm_host::source::fixtures;
 
 static MACHINE: LazyLock<MachineFile> =
-    LazyLock::new(|| MachineFile::parse(fixtures::machine()).expect("the reference machine"));
+    LazyLock::new(|| MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).expect("the reference machine"));
 
 /// The machine takes what was read.
 fn assert_possible(poses: &[NamedPose]) {

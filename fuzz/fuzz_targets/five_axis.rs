@@ -29,8 +29,9 @@ fn walk<T: Scalar>(
     table: &CorrectionTable<'_, T>,
     (near, joints, tool, wrench): (Configuration<T>, JointValues<T>, Tool<T>, Wrench<T>),
 ) {
-    if let Ok(configuration) = five.forward(&joints) {
+    if let Ok((configuration, tool)) = five.forward(&joints) {
         assert_configuration(&configuration);
+        assert!(tool.tip_m.iter().chain(&tool.axis).all(|v| v.is_finite()));
     }
     if let Ok(frame) = five.frame(&near) {
         assert_frame(&frame);
