@@ -6,8 +6,8 @@ use std::path::Path;
 use pkm_core::effects::Effects;
 use pkm_core::tables::reference;
 use pkm_core::{
-    CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths,
-    StiffnessError, StiffnessFactor, Wrench,
+    CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, Pose, ScrewLengths, StiffnessError,
+    StiffnessFactor, Wrench,
 };
 use pkm_fixtures::Fixture;
 use serde_json::{Value, json};
@@ -381,7 +381,7 @@ pub fn predict(
         let seen = deflection.seen_at(c.point_m);
         let mut cells = row.to_cells();
         cells.resize(header.len(), String::new());
-        let micro = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6);
+        let micro = seen.to_array().map(|v| v * 1e6);
         for (column, value) in columns.iter().zip(micro) {
             cells[*column] = sheet.written(value);
         }
@@ -425,8 +425,8 @@ pub fn plan(
         // with cells to write the readings in
         header.extend(WRENCH_COLUMNS.into_iter().chain(DEFLECTION_COLUMNS).map(str::to_owned));
         let row = |(n, p): (usize, &diagnose::next::Proposal)| {
-            let load = p.wrench.force_n.into_iter().chain(p.wrench.moment_nm).map(|v| v.to_string());
-            let load = load.chain(DEFLECTION_COLUMNS.map(|_| String::new()));
+            let load = p.wrench.to_array().map(|v| v.to_string());
+            let load = load.into_iter().chain(DEFLECTION_COLUMNS.map(|_| String::new()));
             [format!("N{:02}", n + 1)].into_iter().chain(dataset::pose_cells(&p.pose)).chain(load).collect()
         };
         separates = diagnosis.proposals.iter().map(|p| p.separates.clone()).collect();
@@ -459,14 +459,13 @@ pub fn fit(
     out: &Path,
 ) -> Result<Output> {
     let inputs = [machine, data, verify];
-    let mut machine = machine_file(machine)?;
+    let machine = machine_file(machine)?;
     machine.warn_of_wrist();
     if machine.wrist.is_err() {
         eprintln!("warning: {}: the wrist is singular at home: coefficients.rs has no WRIST", machine.source.name);
     }
     // the data are the mechanism's at A; what sits on A comes after the table
-    let below_tool = MachineParameters { effects: machine.parameters.effects.below_tool(), ..machine.parameters };
-    machine.machine = Machine::<f64>::new(&below_tool).map_err(|e| Failure::other(format!("{e:?}")))?;
+    let (below, tip_m) = (machine.below_tool()?, machine.wrist_parameters.tip_at_zero_m());
     let source = read_or_fixture(data, pkm_fixtures::TRAINING, "--data", &machine)?;
     let training = dataset::read_stiffness(source, &machine)?;
     // the fixture's verification poses go with the fixture's training poses
@@ -480,17 +479,17 @@ pub fn fit(
     let data_source = training.source.clone();
     let in_data = |f: Failure| if f.file.is_none() { f.in_file(&data_source.name) } else { f };
     let verification_source = verification.as_ref().map(|v| v.source.clone());
-    let training = fit::samples(&machine.machine, training)?;
-    let verification = verification.map(|v| fit::samples(&machine.machine, v)).transpose()?;
+    let training = fit::samples(&below, training)?;
+    let verification = verification.map(|v| fit::samples(&below, v)).transpose()?;
     let fit = fit::fit(training, verification, choice).map_err(in_data)?;
-    let trained = fit::evaluate(&fit.training, &machine, &fit.numbers).map_err(in_data)?;
+    let trained = fit::evaluate(&fit.training, &below, tip_m, &fit.numbers).map_err(in_data)?;
     let verified = match (&fit.verification, &verification_source) {
         (Some(samples), Some(source)) => {
             let unusable = |f: Failure| {
                 let message = format!("the table fitted to {} is of no use here: {}", data_source.name, f.message);
                 Failure { message, ..f }.in_file(&source.name)
             };
-            Some(fit::evaluate(samples, &machine, &fit.numbers).map_err(unusable)?)
+            Some(fit::evaluate(samples, &below, tip_m, &fit.numbers).map_err(unusable)?)
         }
         _ => None,
     };
@@ -816,7 +815,7 @@ pub fn hil(
             numbers = table.numbers();
             single = numbers.narrowed();
             let double = numbers.table()?;
-            let narrow = Machine::<f32>::new(&file.parameters).map_err(|e| Failure::other(format!("{e:?}")))?;
+            let narrow = Machine::<f32>::new(&file.parameters).map_err(|e| Failure::other(e.to_string()))?;
             hil::Twin {
                 checksums: [file.parameters.checksum(), double.checksum()],
                 double: (file.machine, double),

@@ -564,9 +564,8 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         .iter()
         .zip(poses)
         .map(|(row, pose)| {
-            let [fx, fy, fz, mx, my, mz] = sheet.load(row)?;
+            let wrench = pkm_core::Wrench::from_array(sheet.load(row)?);
             let point_m = if elsewhere { sheet.numbers(row, POINT_COLUMNS)?.map(|mm| mm / 1e3) } else { [0.0; 3] };
-            let wrench = pkm_core::Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
             Ok(LoadCase { pose, wrench, point_m })
         })
         .collect::<Result<Vec<_>>>()?;

@@ -376,6 +376,15 @@ impl MachineFile {
         format!("{} mm long, travel {} to {} mm{unit}", mm(q_m), mm(least_m), mm(greatest_m))
     }
 
+    /// What sits below the tool alone: a table applies to it, and its data are the mechanism's at A.
+    ///
+    /// # Errors
+    /// What the core refuses.
+    pub fn below_tool(&self) -> Result<Machine<f64>> {
+        let parameters = MachineParameters { effects: self.parameters.effects.below_tool(), ..self.parameters };
+        Machine::<f64>::new(&parameters).map_err(|e| Failure::other(e.to_string()))
+    }
+
     /// The same machine with screws of any length.
     pub fn without_travel(&self) -> Option<Machine<f64>> {
         let travel = Travel { min_m: [1e-9; 3], max_m: [1e9; 3] };

@@ -33,8 +33,6 @@ const MOST_STEPS: f64 = 5e6;
 /// line, only with something to tell.
 const MARK: &str = "pkm-host compensate";
 const TOOL_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "z_mm", "i", "j", "k"];
-/// Of a wrench that is none.
-pub const NO_LOAD: Wrench<f64> = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
 
 /// A straight move.
 #[derive(Clone, Copy, Debug)]
@@ -47,11 +45,6 @@ pub struct Move {
     pub wrench: [Wrench<f64>; 2],
 }
 
-/// fx, fy, fz in N and mx, my, mz in N·m.
-pub fn wrench_of([fx, fy, fz, mx, my, mz]: [f64; 6]) -> Wrench<f64> {
-    Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] }
-}
-
 /// A share of the way from one wrench to another.
 fn part_of([a, b]: &[Wrench<f64>; 2], share: f64) -> Wrench<f64> {
     let part = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
@@ -60,7 +53,7 @@ fn part_of([a, b]: &[Wrench<f64>; 2], share: f64) -> Wrench<f64> {
 
 impl Move {
     fn is_loaded(&self) -> bool {
-        self.wrench != [NO_LOAD; 2]
+        self.wrench != [Wrench::ZERO; 2]
     }
 }
 
@@ -123,7 +116,7 @@ fn read(request: &Request<'_>) -> Result<Read> {
         return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
     }
     if is_program {
-        return Ok(Read::Program(Program::parse(&source, request.wrench.map(wrench_of))?));
+        return Ok(Read::Program(Program::parse(&source, request.wrench.map(Wrench::from_array))?));
     }
     if request.wrench.is_some() {
         return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));
@@ -145,7 +138,7 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
         if [i, j, k] == [0.0; 3] {
             return Err(sheet.failure(row, "i, j, k are all 0 and give the tool no direction").at_column("i"));
         }
-        let wrench = wrench_of(sheet.load(row)?);
+        let wrench = Wrench::from_array(sheet.load(row)?);
         let to = Place { tip_m: [x, y, z].map(|v| v / 1e3), toward: Toward::Axis([i, j, k]) };
         let before = moves.last().map_or(wrench, |m| m.wrench[1]);
         moves.push(Move { line: row.line, to, wrench: [before, wrench] });
@@ -420,7 +413,7 @@ fn walk<'a>(
             near = hold.configuration;
             walk.track.least_share = walk.track.least_share.min(hold.home_share);
             let wrench = part_of(&mv.wrench, share);
-            if wrench != NO_LOAD && (fill || ends) {
+            if wrench != Wrench::ZERO && (fill || ends) {
                 near = walk.loaded(&asked, &near, &wrench)?.configuration;
                 if !fill {
                     walk.last = None;
@@ -447,7 +440,7 @@ fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
             let mut cells = row.to_cells();
             let Toward::Axis(axis) = point.place.toward else { continue };
             let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
-            let wrench = point.wrench.force_n.into_iter().chain(point.wrench.moment_nm);
+            let wrench = point.wrench.to_array();
             // a row's own wrench stays as it was written
             let values = tip.into_iter().chain(axis).chain(wrench);
             let values = if n + 1 == points.len() { values.take(6) } else { values.take(12) };

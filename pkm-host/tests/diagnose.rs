@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use common::{Folder, fixture, json};
+use common::{Folder, fixture, json, refused};
 
 /// A file of a set of the fixtures.
 fn measured(set: &str, file: &str) -> String {

@@ -211,10 +211,7 @@ impl Zone {
 /// Zones of the readings of one file with respect to those of another.
 pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
     let extent = extent(measured);
-    let components = |c: &Condition| -> [f64; 6] {
-        let (f, m) = (c.wrench.force_n, c.wrench.moment_nm);
-        [f[0], f[1], f[2], m[0], m[1], m[2]]
-    };
+    let components = |c: &Condition| c.wrench.to_array();
     let loads: Vec<[f64; 6]> = measured.conditions.iter().map(components).collect();
     // a load is like a measured one when each component is: its own size, a zero, or a size between
     let known = |w: [f64; 6]| {

@@ -403,9 +403,8 @@ impl Diagnosis {
                 .map(|s| json!({ "found": s.found, "error": s.errors, "holdout": s.held_out })).collect::<Vec<_>>(),
             "next_measurements": self.proposals.iter().map(|p| {
                 let [theta_deg, sigma_deg, z0_mm] = next::in_file_units(p);
-                let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
                 json!({ "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
-                    "wrench": [f[0], f[1], f[2], m[0], m[1], m[2]], "separates": p.separates })
+                    "wrench": p.wrench.to_array(), "separates": p.separates })
             }).collect::<Vec<_>>(),
             "residual_structure": self.structure,
             "ranking": ranking,

@@ -231,9 +231,8 @@ impl Model {
         let factor = file.machine.stiffness(&pose).ok()?.factor().ok()?;
         let mut own = [0.0; 6];
         for (i, own) in own.iter_mut().enumerate() {
-            let unit = |range: std::ops::Range<usize>| std::array::from_fn(|k| f64::from(range.start + k == i));
-            let d = factor.deflection(&Wrench { force_n: unit(0..3), moment_nm: unit(3..6) }).ok()?;
-            *own = if i < 3 { d.translation_m[i] } else { d.rotation_rad[i - 3] };
+            let unit = Wrench::from_array(std::array::from_fn(|k| f64::from(k == i)));
+            *own = factor.deflection(&unit).ok()?.to_array()[i];
         }
         // three limbs share a load along w, and bend side by side along u
         let (axial, across) = (3.0 * own[2], 3.0 * own[0]);

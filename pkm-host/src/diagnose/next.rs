@@ -123,14 +123,13 @@ pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals:
         return Vec::new();
     }
     let (loads, poses) = (loads(&problem.readings.conditions), poses(file));
-    let none = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
     let conditions: Vec<Condition> = (0..poses.len())
         .flat_map(|pose| {
             loads.iter().map(move |wrench| Condition {
                 pose,
                 wrench: *wrench,
                 point_m: [0.0; 3],
-                turned_at: none,
+                turned_at: Wrench::ZERO,
                 temperature_c: REFERENCE_C,
                 rise_k: 0.0,
             })

@@ -6,7 +6,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6, Vector6};
 use pkm_core::effects::Effects;
-use pkm_core::{Basis, Machine, MachineParameters, Pose, Stiffness, Wrench};
+use pkm_core::{Basis, Deflection, Machine, MachineParameters, Pose, Stiffness, Wrench};
 
 use super::readings::{CHANNELS, Condition};
 use super::solve::{Problem, product};
@@ -168,14 +168,9 @@ impl Remainder {
 }
 
 fn at_a(wrench: &Wrench<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    let w = wrench.moved_to_a(point_m);
-    let ([a, b, c], [d, e, f]) = (w.force_n, w.moment_nm);
-    Vector6::new(a, b, c, d, e, f)
+    wrench.moved_to_a(point_m).to_array().into()
 }
 
 fn seen_at(d: &Vector6<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    let d =
-        pkm_core::Deflection { translation_m: [d[0], d[1], d[2]], rotation_rad: [d[3], d[4], d[5]] }.seen_at(point_m);
-    let ([a, b, c], [e, f, g]) = (d.translation_m, d.rotation_rad);
-    Vector6::new(a, b, c, e, f, g)
+    Deflection::from_array((*d).into()).seen_at(point_m).to_array().into()
 }

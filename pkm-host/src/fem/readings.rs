@@ -133,7 +133,7 @@ impl Loads {
                 Failure::input(format!("no deflection: {e}")).in_file(&self.sheet.source.name).at_line(row.line)
             })?;
             let seen = deflection.seen_at(c.point_m);
-            let micro: Vec<f64> = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6).collect();
+            let micro = seen.to_array().map(|v| v * 1e6);
             let mut cells = row.to_cells();
             cells.resize(header.len(), String::new());
             for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::dataset::{NamedPose, StiffnessData, Target, file_units};
 use crate::error::{Failure, Result};
-use crate::machine_file::{MachineFile, PoseBox};
+use crate::machine_file::PoseBox;
 use crate::table_file::{TableNumbers, core_units, refuse_not_positive};
 
 pub mod report;
@@ -489,8 +489,7 @@ fn unit_deflections(k: &Stiffness<f64>, at_m: [f64; 3]) -> Option<[[f64; 6]; 6]>
     let mut columns = [[0.0; 6]; 6];
     for (i, column) in columns.iter_mut().enumerate() {
         let unit: [f64; 6] = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
-        let wrench = Wrench { force_n: [unit[0], unit[1], unit[2]], moment_nm: [unit[3], unit[4], unit[5]] };
-        let d = factor.deflection(&wrench.moved_to_a(at_m)).ok()?.seen_at(at_m);
+        let d = factor.deflection(&Wrench::from_array(unit).moved_to_a(at_m)).ok()?.seen_at(at_m);
         let r = d.rotation_rad.map(|r| r * ROTATION_ARM_M);
         *column = [d.translation_m[0], d.translation_m[1], d.translation_m[2], r[0], r[1], r[2]];
     }
@@ -518,13 +517,17 @@ fn deflection_error(
     Some(DeflectionError { mean: statistics.mean, max: statistics.max })
 }
 
-/// Holds basic and corrected model against data.
+/// Holds basic and corrected model against data; `tip_m` is where the tool's tip is at home, in A-uvw.
 ///
 /// # Errors
 /// A corrected stiffness that the core refuses, outside the box.
-pub fn evaluate(samples: &[Sample], file: &MachineFile, numbers: &TableNumbers) -> Result<Evaluation> {
+pub fn evaluate(
+    samples: &[Sample],
+    machine: &Machine<f64>,
+    tip_m: [f64; 3],
+    numbers: &TableNumbers,
+) -> Result<Evaluation> {
     let table = numbers.table()?;
-    let machine = &file.machine;
     let corrected = |sample: &Sample| table.diagonal_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let factored = |sample: &Sample| table.factor_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let relative =
@@ -581,6 +584,6 @@ pub fn evaluate(samples: &[Sample], file: &MachineFile, numbers: &TableNumbers) 
         basic: Basic { re_percent: Statistics::new(&basic) },
         factor: table.has_factor_form().then(|| Basic { re_percent: Statistics::new(&factor) }),
         deflection_percent: under_load([0.0; 3]),
-        tip_deflection_percent: under_load(file.wrist_parameters.tip_at_zero_m()),
+        tip_deflection_percent: under_load(tip_m),
     })
 }
