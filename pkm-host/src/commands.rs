@@ -1,6 +1,5 @@
 //! The commands: read, compute, write, and the document for `--json`.
 
-use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 use pkm_core::effects::Effects;
@@ -12,21 +11,20 @@ use pkm_core::{
 use pkm_fixtures::Fixture;
 use serde_json::{Value, json};
 
-use crate::dataset::{
-    self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, WRENCH_COLUMNS, file_units, pose_of, stiffness_columns,
-};
+use crate::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, stiffness_columns};
 use crate::diagnose::readings::{REFERENCE_C, Readings};
 use crate::diagnose::{self, outputs};
-use crate::error::{Failure, Result, printable};
+use crate::error::{Failure, Result, printable, status};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
-use crate::machine_file::{MachineFile, PoseBox, status};
+use crate::machine_file::MachineFile;
 use crate::map::{self, Map, Window, claims, picture};
 use crate::path::{self, Correction};
 use crate::place::job::Job;
 use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
+use crate::pose::{NamedPose, PoseBox, file_units, pose_of};
 use crate::source::{self, Source};
 use crate::table_file::{TableFile, TableNumbers};
 use crate::tool;
@@ -235,7 +233,7 @@ impl Model {
             (Form::Auto, Some(_)) => Form::Factor,
             (form, _) => form,
         };
-        let table = Table { source, numbers: file.numbers(), form, pose_box: file.extent.pose_box() };
+        let table = Table { source, numbers: file.numbers(), form, pose_box: file.extent };
         Ok(Self { machine, table: Some(table) })
     }
 
@@ -435,7 +433,7 @@ pub fn plan(
         if data.is_some() {
             return Err(Failure::usage("--data goes with --kind discriminate alone"));
         }
-        let poses = plan::plan(kind, &machine.pose_box, &machine)?;
+        let poses = plan::plan(kind, &machine)?;
         poses.iter().map(|p| [p.id.clone()].into_iter().chain(dataset::pose_cells(&p.pose)).collect()).collect()
     };
     let count = rows.len();
@@ -521,7 +519,7 @@ pub fn fit(
             ));
         }
     }
-    if fit.extent.0[..2].iter().flatten().all(|angle| angle.abs() < 0.6) {
+    if fit.extent.ranges()[..2].iter().flatten().all(|angle| angle.abs() < 0.6) {
         warnings.push(format!("{}: no angle is above 0.6°: are theta_deg and sigma_deg in degrees?", data_source.name));
     }
     warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
@@ -551,20 +549,17 @@ pub fn fit(
     document["warnings"] = json!(warnings);
     let summary = fit::report::summary(&fit, &trained, verified.as_ref());
     let html = fit::report::html(&provenance, &fit, &warnings)?;
-    let pretty = |v: &Value| format!("{v:#}\n");
-    source::write_all(
+    let wrote = source::write_all(
         out,
         &[
-            (OsStr::new("coefficients.rs"), rust),
-            (OsStr::new("coefficients.json"), file.to_json()?),
-            (OsStr::new("fit.json"), pretty(&document)),
-            (OsStr::new("report.html"), html),
+            ("coefficients.rs", rust),
+            ("coefficients.json", file.to_json()),
+            ("fit.json", source::json(&document)),
+            ("report.html", html),
         ],
         &inputs,
     )?;
-    let text =
-        format!("{summary}\nwrote coefficients.rs, coefficients.json, fit.json and report.html to {}\n", out.display());
-    Ok(Output { text, json: document })
+    Ok(Output { text: format!("{summary}\n{wrote}"), json: document })
 }
 
 fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Option<&fit::Evaluation>) -> Value {
@@ -612,23 +607,18 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
     let (rust, table) = outputs::table(&file, &improved, &readings, &diagnosis)?;
     let html = diagnose::report::html(&file, &readings, held_out.as_ref(), &diagnosis)?;
-    source::write_all(
+    let wrote = source::write_all(
         out,
         &[
-            (OsStr::new("diagnosis.json"), format!("{json:#}\n")),
-            (OsStr::new("machine.toml"), machine_toml),
-            (OsStr::new("coefficients.rs"), rust),
-            (OsStr::new("coefficients.json"), table.to_json()?),
-            (OsStr::new("report.html"), html),
+            ("diagnosis.json", source::json(&json)),
+            ("machine.toml", machine_toml),
+            ("coefficients.rs", rust),
+            ("coefficients.json", table.to_json()),
+            ("report.html", html),
         ],
         &[machine, data, holdout],
     )?;
-    let text = format!(
-        "{}wrote diagnosis.json, machine.toml, coefficients.rs, coefficients.json and report.html to {}\n",
-        diagnose::report::text(&diagnosis),
-        out.display()
-    );
-    Ok(Output { text, json })
+    Ok(Output { text: diagnose::report::text(&diagnosis) + &wrote, json })
 }
 
 /// `map`: principal stiffnesses over the workspace, and the paper's claims about them (Section 5.2).
@@ -672,7 +662,7 @@ pub fn map(
     };
     let pose_box = model.table.as_ref().map_or(file.pose_box, |table| table.pose_box);
 
-    let mut files: Vec<(OsString, Vec<u8>)> = Vec::new();
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let (mut rows, mut maps, mut checked, mut sheets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut text = String::new();
     for &sigma in sigma_deg {
@@ -683,10 +673,7 @@ pub fn map(
         let picture = picture::draw(file, &value, &map, &legend)?;
         let png = picture::png(&picture.whole)?;
         let stem = if sigma_deg.len() == 1 { "map".to_owned() } else { format!("map-sigma-{sigma}") };
-        files.extend([
-            (format!("{stem}.svg").into(), picture.whole.clone().into_bytes()),
-            (format!("{stem}.png").into(), png),
-        ]);
+        files.extend([(format!("{stem}.svg"), picture.whole.clone().into_bytes()), (format!("{stem}.png"), png)]);
         rows.extend(map.rows());
         text.push_str(&map.summary());
         maps.push(map.to_json());
@@ -708,9 +695,8 @@ pub fn map(
     let html = map::report::html(file, model.table.as_ref().map(|t| &t.source), &described, &sheets);
     files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
     files.push(("report.html".into(), html.into_bytes()));
-    let named: Vec<_> = files.iter().map(|(name, bytes)| (name.as_os_str(), bytes)).collect();
-    source::write_all(out, &named, &[machine, table])?;
-    let names: Vec<_> = files.iter().map(|(name, _)| name.to_string_lossy()).collect();
+    source::write_all(out, &files, &[machine, table])?;
+    let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
     text.push_str(&format!("wrote {} to {}\n", names.join(", "), out.display()));
     let json = json!({
         "machine": file.name, "model": name, "maps": maps, "claims": checked, "files": names,
@@ -772,13 +758,8 @@ pub fn place(
     let table_source = model.table.as_ref().map(|t| &t.source);
     json["table_sha256"] = json!(table_source.map(Source::sha256));
     let html = place::html(&bench, table_source, &options, &placed)?;
-    source::write_all(
-        out,
-        &[(OsStr::new("placement.json"), format!("{json:#}\n")), (OsStr::new("report.html"), html)],
-        &inputs,
-    )?;
-    let text = place::text(&bench, &options, &placed);
-    Ok(Output { text: format!("{text}wrote placement.json and report.html to {}\n", out.display()), json })
+    let wrote = source::write_all(out, &[("placement.json", source::json(&json)), ("report.html", html)], &inputs)?;
+    Ok(Output { text: place::text(&bench, &options, &placed) + &wrote, json })
 }
 
 /// `hil`: firmware that runs the core, held against the host reply by reply.
@@ -811,7 +792,7 @@ pub fn hil(
         Some(path) => {
             let source = Source::read(path)?;
             let table = TableFile::parse(&source)?;
-            pose_box = table.extent.pose_box();
+            pose_box = table.extent;
             numbers = table.numbers();
             single = numbers.narrowed();
             let double = numbers.table()?;
@@ -826,8 +807,7 @@ pub fn hil(
     let campaign = hil::Campaign { seed, poses, steps, pose_box };
     let (mut text, json) = hil::run(target, &campaign, &twin)?;
     if let Some(out) = out {
-        source::write_all(out, &[(OsStr::new("hil.json"), format!("{json:#}\n"))], &[machine, table])?;
-        text.push_str(&format!("wrote hil.json to {}\n", out.display()));
+        text.push_str(&source::write_all(out, &[("hil.json", source::json(&json))], &[machine, table])?);
     }
     Ok(Output { text, json })
 }

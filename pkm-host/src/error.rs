@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::Path;
 
+use pkm_core::{KinematicsError, ToolError};
+
 /// Whose fault it is; sets the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -125,6 +127,26 @@ impl fmt::Display for Failure {
             write!(f, "{}: ", printable(column))?;
         }
         f.write_str(&printable(&self.message))
+    }
+}
+
+/// The status of a refusal by the kinematics, as JSON has it.
+pub fn status(error: KinematicsError) -> &'static str {
+    match error {
+        KinematicsError::Unreachable => "unreachable",
+        KinematicsError::Singular => "singular",
+        KinematicsError::OutOfTravel { .. } => "out_of_travel",
+        _ => "not_finite",
+    }
+}
+
+/// The status as JSON has it: a wrist's limits count as travel.
+pub fn tool_status(error: ToolError) -> &'static str {
+    match error {
+        ToolError::WristLimit { .. } => "out_of_travel",
+        ToolError::Singular => "singular",
+        ToolError::Kinematics(e) => status(e),
+        _ => "unreachable",
     }
 }
 

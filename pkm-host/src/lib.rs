@@ -19,6 +19,8 @@ pub mod path;
 pub mod place;
 pub mod plan;
 pub mod plot;
+pub mod pose;
+mod progress;
 mod report;
 pub mod source;
 pub mod table_file;

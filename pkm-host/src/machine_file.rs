@@ -14,9 +14,10 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::dataset::{LONGEST_SLIP, advice, pose_of};
+use crate::dataset::{LONGEST_SLIP, advice};
 use crate::error::{Failure, Result, printable};
 use crate::fem::solid::{RawSolid, Solid};
+use crate::pose::{PoseBox, pose_of};
 use crate::source::Source;
 
 /// A checked machine file.
@@ -41,17 +42,6 @@ pub struct MachineFile {
     pub wrist: std::result::Result<Wrist<f64>, WristError>,
     /// What limbs and platforms are made of; an error where the parts don't fit together.
     pub solid: Result<Solid>,
-}
-
-/// A box of poses in the units of files: θ in °, σ in °, Z0 in mm, each least and greatest.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PoseBox(pub [[f64; 2]; 3]);
-
-impl Default for PoseBox {
-    /// The paper's Table 2.
-    fn default() -> Self {
-        Self([[-15.0, 15.0], [-15.0, 15.0], [500.0, 560.0]])
-    }
 }
 
 /// Standard deviations, as the machine file declares them.
@@ -263,7 +253,7 @@ impl MachineFile {
             return Err(fail(Some(raw.geometry.a1_mm.span()), "geometry.a1_mm", message));
         }
         let pose_box = raw.pose_box.as_ref().map_or_else(PoseBox::default, |b| {
-            PoseBox([&b.theta_deg, &b.sigma_deg, &b.z0_mm].map(|range| range.get_ref().0))
+            [&b.theta_deg, &b.sigma_deg, &b.z0_mm].map(|range| range.get_ref().0).into()
         });
         if !can_assemble(&machine, &parameters.travel, &pose_box) {
             let mut message = "impossible machine: no screw lengths within travel assemble these platforms".to_owned();
@@ -416,8 +406,8 @@ fn wrist_left_out(wrist: Option<&RawWrist>) -> Vec<&'static str> {
 
 /// Table 1; what the file leaves out has the paper's values.
 fn wrist_parameters(wrist: Option<&RawWrist>, pose_box: &PoseBox) -> WristParameters {
-    let [_, _, [low, high]] = pose_box.0;
-    let mut p = WristParameters { home_z0_m: metres((low + high) / 2.0), ..WristParameters::PAPER };
+    let [_, _, z0_mm] = pose_box.middle();
+    let mut p = WristParameters { home_z0_m: metres(z0_mm), ..WristParameters::PAPER };
     let Some(wrist) = wrist else { return p };
     let put = |to: &mut f64, n: &Option<Number>, turned: fn(f64) -> f64| {
         if let Some(n) = n {
@@ -798,7 +788,7 @@ fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplaced> {
 /// Whether the middle of the box, or any lengths of a grid over travel, close to a posture.
 fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> bool {
     const STEPS: usize = 16;
-    let [theta, sigma, z0] = pose_box.0.map(|[low, high]| (low + high) / 2.0);
+    let [theta, sigma, z0] = pose_box.middle();
     if machine.inverse(&pose_of(theta, sigma, z0)).is_ok() {
         return true;
     }
@@ -810,14 +800,4 @@ fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> 
         let steps = [n % (STEPS + 1), n / (STEPS + 1) % (STEPS + 1), n / (STEPS + 1).pow(2)];
         machine.forward(&ScrewLengths { q_m: std::array::from_fn(|i| length(i, steps[i])) }).is_ok()
     })
-}
-
-/// The status of a refusal by the kinematics, as JSON has it.
-pub fn status(error: KinematicsError) -> &'static str {
-    match error {
-        KinematicsError::Unreachable => "unreachable",
-        KinematicsError::Singular => "singular",
-        KinematicsError::OutOfTravel { .. } => "out_of_travel",
-        _ => "not_finite",
-    }
 }

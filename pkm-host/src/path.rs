@@ -6,18 +6,18 @@
 
 use std::ffi::OsStr;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pkm_core::{Configuration, CorrectionTable, Domain, Hold, Pose, Tool, ToolDeflectionError, Wrench};
 use serde_json::{Value, json};
 
 use crate::commands::Output;
-use crate::dataset::{self, MOST_LOAD, Sheet, WRENCH_COLUMNS, file_units};
+use crate::dataset::{self, MOST_LOAD, Sheet, WRENCH_COLUMNS};
 use crate::error::{Failure, Result, printable};
 use crate::gcode::Program;
-use crate::machine_file::{MachineFile, PoseBox};
+use crate::machine_file::MachineFile;
 use crate::plot::{self, Mark, Panel, Series};
+use crate::pose::{PoseBox, file_units};
+use crate::progress;
 use crate::source::{self, Source};
 use crate::tool::{Place, Reach, Toward};
 
@@ -215,7 +215,7 @@ struct Track {
 fn outside_by(pose: &Pose<f64>, extent: &PoseBox) -> String {
     let names = [("θ", "°"), ("σ", "°"), ("Z0", " mm")];
     let beyond =
-        file_units(pose).into_iter().zip(extent.0).zip(names).filter_map(|((v, [low, high]), (name, unit))| {
+        file_units(pose).into_iter().zip(extent.ranges()).zip(names).filter_map(|((v, [low, high]), (name, unit))| {
             let by = (low - v).max(v - high);
             (by > 0.0).then(|| format!("{name} = {v:.4}{unit} is {by:.4}{unit} outside {low} to {high}{unit}"))
         });
@@ -368,11 +368,7 @@ fn walk<'a>(
             format!("{all:.0} steps, {MOST_STEPS:.0} at the most: give a greater --step-mm (are lengths in mm?)");
         return Err(Failure::input(message).in_file(file.display().to_string()));
     }
-    let bar = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::hidden());
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos} of {len} points") {
-        bar.set_style(style);
-    }
-    let start = Instant::now();
+    let bar = progress::late_bar(all as u64, "{bar:30} {pos} of {len} points");
     let track = Track { least_share: f64::INFINITY, ..Track::default() };
     let file = file.display().to_string();
     let allow_extrapolation = request.allow_extrapolation;
@@ -421,10 +417,7 @@ fn walk<'a>(
             } else if ends || (fill && mv.is_loaded()) {
                 walk.put(Point { place: rounded(&asked, in_program), wrench });
             }
-            bar.inc(1);
-            if bar.is_hidden() && start.elapsed() > Duration::from_secs(1) {
-                bar.set_draw_target(ProgressDrawTarget::stderr_with_hz(10));
-            }
+            progress::advance(&bar, 1);
         }
     }
     bar.finish_and_clear();
@@ -489,9 +482,9 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
         let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
         return Err(Failure::usage(message));
     }
-    let name = request.out.file_name().filter(|_| !request.out.as_os_str().as_encoded_bytes().ends_with(b"/"));
     let svg = request.out.with_extension("svg");
-    let (Some(name), Some(svg_name)) = (name, svg.file_name().filter(|_| svg != request.out)) else {
+    let (Some(name), Some(svg_name)) = (source::name_of(request.out), svg.file_name().filter(|_| svg != request.out))
+    else {
         let message = "expected the name of a file other than .svg: the plot goes there";
         return Err(Failure::usage(message).in_file(request.out.display().to_string()));
     };
@@ -530,9 +523,8 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
             program.written(&places, &notes)
         }
     };
-    let folder = request.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let inputs = [request.machine, request.table, Some(request.path)];
-    source::write_all(folder, &[(name, written), (svg_name, picture(&track)?)], &inputs)?;
+    source::write_all(source::folder_of(request.out), &[(name, written), (svg_name, picture(&track)?)], &inputs)?;
 
     let micro = |t: &Tally| format!("{:.4} at most, {:.4} rms", t.max * 1e6, t.rms() * 1e6);
     let [before, after] = [&track.before, &track.after];

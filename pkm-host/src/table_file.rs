@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Failure, Result};
 use crate::fit::Fit;
-use crate::machine_file::{MachineFile, PoseBox, clipped, plain};
-use crate::source::Source;
+use crate::machine_file::{MachineFile, clipped, plain};
+use crate::pose::{PoseBox, core_units};
+use crate::source::{self, Source};
 
 /// `coefficients.json`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -25,7 +26,7 @@ pub struct TableFile {
     pub data_sha256: String,
     /// Extent of the data.
     #[serde(rename = "box")]
-    pub extent: Extent,
+    pub extent: PoseBox,
     /// Middle of the box: θ in °, σ in °, Z0 in mm.
     pub center: [f64; 3],
     /// Half widths of the box in the same units.
@@ -36,32 +37,6 @@ pub struct TableFile {
     pub diagonal: DiagonalForm,
     /// The factor form, when the data had all 21 columns.
     pub factor: Option<FactorForm>,
-}
-
-/// A box of poses in the units of files.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Extent {
-    /// θ, least and greatest.
-    pub theta_deg: [f64; 2],
-    /// σ.
-    pub sigma_deg: [f64; 2],
-    /// Z0.
-    pub z0_mm: [f64; 2],
-}
-
-impl Extent {
-    /// The same box as a machine file has it.
-    pub fn pose_box(&self) -> PoseBox {
-        PoseBox([self.theta_deg, self.sigma_deg, self.z0_mm])
-    }
-}
-
-impl From<PoseBox> for Extent {
-    fn from(b: PoseBox) -> Self {
-        let [theta_deg, sigma_deg, z0_mm] = b.0;
-        Self { theta_deg, sigma_deg, z0_mm }
-    }
 }
 
 /// Rows c11…c66.
@@ -147,11 +122,6 @@ impl TableNumbers<f32> {
     }
 }
 
-/// Box values in ° and mm as the core has them, rad and m.
-pub fn core_units([theta_deg, sigma_deg, z0_mm]: [f64; 3]) -> [f64; 3] {
-    [theta_deg.to_radians(), sigma_deg.to_radians(), z0_mm / 1e3]
-}
-
 impl TableFile {
     /// A fitted table with where it comes from.
     pub fn new(machine: &MachineFile, data: &Source, fit: &Fit) -> Self {
@@ -162,7 +132,7 @@ impl TableFile {
             machine_sha256: machine.source.sha256(),
             data: data.file_name(),
             data_sha256: data.sha256(),
-            extent: fit.extent.into(),
+            extent: fit.extent,
             center: fit.center,
             scale: fit.scale,
             terms: fit.numbers.terms.clone(),
@@ -172,11 +142,8 @@ impl TableFile {
     }
 
     /// `coefficients.json`.
-    ///
-    /// # Errors
-    /// None that is known.
-    pub fn to_json(&self) -> Result<String> {
-        serde_json::to_string_pretty(self).map(|t| t + "\n").map_err(|e| Failure::other(e.to_string()))
+    pub fn to_json(&self) -> String {
+        source::json(self)
     }
 
     /// Reads a table and lets the core check it.
@@ -215,8 +182,7 @@ impl TableFile {
         if (1..self.terms.len()).any(|i| self.terms[..i].contains(&self.terms[i])) {
             return fail("terms", "expected different terms, found one twice".into());
         }
-        let ranges = [self.extent.theta_deg, self.extent.sigma_deg, self.extent.z0_mm];
-        for ((range, center), scale) in ranges.iter().zip(self.center).zip(self.scale) {
+        for ((range, center), scale) in self.extent.ranges().iter().zip(self.center).zip(self.scale) {
             if (range[0] - center + scale).abs().max((range[1] - center - scale).abs()) > 1e-6 * scale.abs() {
                 return fail("box", format!("expected center ± scale, found {range:?} for {center} ± {scale}"));
             }

@@ -7,10 +7,10 @@ use pkm_core::{
 use serde_json::{Value, json};
 
 use crate::commands::{Output, margins};
-use crate::dataset::file_units;
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, tool_status};
 use crate::holds::holds;
-use crate::machine_file::{MachineFile, status};
+use crate::machine_file::MachineFile;
+use crate::pose::{file_units, tidy};
 
 /// A machine with its wrist, and the same without limits: it says how far beyond them a tool lies.
 pub struct Reach<'a> {
@@ -152,7 +152,8 @@ impl<'a> Reach<'a> {
             let by = (wrist.min_rad[i] - beta).max(beta - wrist.max_rad[i]);
             if by > 0.0 {
                 sum += by;
-                let [beta, by, low, high] = [beta, by, wrist.min_rad[i], wrist.max_rad[i]].map(degrees);
+                let [beta, by, low, high] =
+                    [beta, by, wrist.min_rad[i], wrist.max_rad[i]].map(|rad: f64| tidy(rad.to_degrees()));
                 let n = i + 1;
                 words.push(format!("β{n} would be {by:.3}° beyond its limits: {beta:.3}°, limits {low} to {high}°"));
             }
@@ -263,21 +264,6 @@ impl Place {
         };
         [way, turn]
     }
-}
-
-/// The status as JSON has it: a wrist's limits count as travel.
-fn tool_status(error: ToolError) -> &'static str {
-    match error {
-        ToolError::WristLimit { .. } => "out_of_travel",
-        ToolError::Singular => "singular",
-        ToolError::Kinematics(e) => status(e),
-        _ => "unreachable",
-    }
-}
-
-/// Degrees without the last digits' noise.
-fn degrees(rad: f64) -> f64 {
-    (rad.to_degrees() * 1e9).round() / 1e9
 }
 
 /// A tool in the units of files.

@@ -9,8 +9,7 @@ use super::readings::{CHANNELS, Condition, Readings};
 use super::remainder::Remainder;
 use super::search::Search;
 use super::solve::{Fit, Problem};
-use crate::dataset::file_units;
-use crate::machine_file::PoseBox;
+use crate::pose::{PoseBox, file_units};
 
 /// Resamples of the poses for intervals.
 const RESAMPLES: usize = 1000;
@@ -81,15 +80,7 @@ pub struct Fitted {
 
 /// Extent of the poses that were read.
 pub fn extent(readings: &Readings) -> PoseBox {
-    let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
-    let used = readings.readings.iter().map(|r| readings.conditions[r.condition].pose);
-    for pose in used {
-        for (range, value) in extent.iter_mut().zip(file_units(&readings.poses[pose].pose)) {
-            let value = (value * 1e9).round() / 1e9;
-            *range = [range[0].min(value), range[1].max(value)];
-        }
-    }
-    PoseBox(extent)
+    PoseBox::of(readings.readings.iter().map(|r| &readings.poses[readings.conditions[r.condition].pose].pose))
 }
 
 /// Predictions of one fit; without errors of the measurement when the truth has none.
@@ -227,7 +218,7 @@ pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
         .map(|r| {
             let c = &held_out.conditions[r.condition];
             let pose = file_units(&held_out.poses[c.pose].pose);
-            let depth = pose.iter().zip(extent.0).map(|(v, [low, high])| {
+            let depth = pose.iter().zip(extent.ranges()).map(|(v, [low, high])| {
                 let half = 0.5 * (high - low);
                 if half > 0.0 { (half - (v - 0.5 * (low + high)).abs()) / half } else { 1.0 }
             });

@@ -226,8 +226,8 @@ impl Model {
     /// Scales of effects follow from the machine's own compliance in the middle of its box.
     pub fn new(file: &MachineFile) -> Option<Self> {
         let declared = file.parameters;
-        let [theta, sigma, z0] = file.pose_box.0.map(|[low, high]| (low + high) / 2.0);
-        let pose = crate::dataset::pose_of(theta, sigma, z0);
+        let [theta, sigma, z0] = file.pose_box.middle();
+        let pose = crate::pose::pose_of(theta, sigma, z0);
         let factor = file.machine.stiffness(&pose).ok()?.factor().ok()?;
         let mut own = [0.0; 6];
         for (i, own) in own.iter_mut().enumerate() {

@@ -6,11 +6,12 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 use super::Diagnosis;
 use super::compare::extent;
 use super::readings::Readings;
-use crate::dataset::{NamedPose, StiffnessData, Target, pose_of};
+use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, TermChoice};
 use crate::machine_file::MachineFile;
+use crate::pose::{NamedPose, pose_of};
 use crate::table_file::TableFile;
 
 /// Levels of each variable at which the table on the remainder is taken.
@@ -91,15 +92,12 @@ pub fn table(
     diagnosis: &Diagnosis,
 ) -> Result<(String, TableFile)> {
     let bounds = extent(readings);
-    let level = |i: usize, n: usize| {
-        let [low, high] = bounds.0[i];
-        low + (high - low) * n as f64 / (LEVELS - 1) as f64
-    };
     let machine = improved.below_tool()?;
     let mut poses = Vec::new();
     for n in 0..LEVELS.pow(3) {
         let [i, j, k] = [n % LEVELS, n / LEVELS % LEVELS, n / LEVELS.pow(2)];
-        let pose = pose_of(level(0, i), level(1, j), level(2, k));
+        let [theta, sigma, z0] = bounds.level([LEVELS; 3], [i, j, k]);
+        let pose = pose_of(theta, sigma, z0);
         if machine.inverse(&pose).is_ok() {
             poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
         }

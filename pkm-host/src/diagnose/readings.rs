@@ -4,9 +4,10 @@ use std::collections::HashMap;
 
 use pkm_core::Wrench;
 
-use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet};
+use crate::dataset::{self, DEFLECTION_COLUMNS, Sheet};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
+use crate::pose::NamedPose;
 use crate::source::Source;
 
 /// Deflection channels: three translations, then three rotations.

@@ -7,19 +7,20 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use nalgebra::Matrix6;
 use pkm_core::Stiffness;
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 
 use self::deck::{Deck, Plates};
 use self::solid::Solid;
 use crate::commands::Output;
-use crate::dataset::{self, NamedPose, POSE_COLUMNS, file_units, stiffness_columns};
+use crate::dataset::{self, POSE_COLUMNS, stiffness_columns};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
+use crate::pose::{NamedPose, file_units};
+use crate::progress;
 use crate::source::{self, Source};
 
 pub mod ccx;
@@ -126,13 +127,12 @@ impl Model<'_> {
 
     fn case(&self, pose: &NamedPose) -> std::result::Result<Case, String> {
         let (deck, text) = self.deck(pose)?;
-        let hex = |bytes: &[u8]| Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect::<String>();
         let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
         let name: String = pose.id.chars().take(40).map(plain).collect();
         // ids that look alike once made plain are still told apart
-        let of_both = hex(format!("{}\n{text}", pose.id).as_bytes());
+        let of_both = source::sha256(format!("{}\n{text}", pose.id).as_bytes());
         let folder = format!("case-{name}-{}", &of_both[..16]);
-        Ok(Case { pose: pose.clone(), folder, sha256: hex(text.as_bytes()), size: deck.size() })
+        Ok(Case { pose: pose.clone(), folder, sha256: source::sha256(text.as_bytes()), size: deck.size() })
     }
 
     /// Makes a folder with the case's deck.
@@ -142,11 +142,8 @@ impl Model<'_> {
     }
 }
 
-fn progress(of: usize) -> ProgressBar {
-    let bar = ProgressBar::new(of as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} poses, {elapsed} gone, {eta} left") {
-        bar.set_style(style);
-    }
+fn bar(of: usize) -> ProgressBar {
+    let bar = progress::bar(of as u64, "{bar:30} {pos}/{len} poses, {elapsed} gone, {eta} left");
     bar.tick();
     bar
 }
@@ -202,7 +199,7 @@ fn compute(request: &Request<'_>, version: &str, work: &Path, model: &Model<'_>,
             _ = std::fs::remove_dir_all(entry.path());
         }
     }
-    let bar = progress(pending.len());
+    let bar = bar(pending.len());
     let computed = AtomicUsize::new(0);
     let one = |case: &&Case| {
         compute_one(request, version, work, model, case)?;
@@ -410,7 +407,7 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
             return Ok(Output { text, json });
         }
         Mode::EmitSlurm => {
-            let bar = progress(cases.len());
+            let bar = bar(cases.len());
             cases.par_iter().try_for_each(|case| {
                 let written = model.write_deck(case, &work.join(&case.folder));
                 bar.inc(1);
@@ -459,8 +456,7 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
 
     let versions: BTreeSet<&str> = solved.iter().map(|(_, s)| s.version.as_str()).collect();
     let version = versions.into_iter().collect::<Vec<_>>().join(", ");
-    let manifest = serde_json::to_string_pretty(&manifest(&file, solid, request, &version, &cases));
-    let manifest = manifest.map_err(|e| Failure::other(e.to_string()))? + "\n";
+    let manifest = source::json(&manifest(&file, solid, request, &version, &cases));
     let facts = report::Facts {
         file: &file,
         solid,

@@ -6,10 +6,11 @@ use std::path::Path;
 use pkm_core::Wrench;
 
 use super::{Case, Request, Solved};
-use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet, WRENCH_COLUMNS};
+use crate::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::diagnose::readings::Readings;
 use crate::error::{Failure, Result, printable};
 use crate::machine_file::MachineFile;
+use crate::pose::NamedPose;
 use crate::source::{self, Source};
 
 /// What is to be read.

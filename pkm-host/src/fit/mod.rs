@@ -7,10 +7,10 @@ use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
 use pkm_core::{Basis, Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
-use crate::dataset::{NamedPose, StiffnessData, Target, file_units};
+use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
-use crate::machine_file::PoseBox;
-use crate::table_file::{TableNumbers, core_units, refuse_not_positive};
+use crate::pose::{NamedPose, PoseBox, ROTATION_ARM_M, core_units, file_units};
+use crate::table_file::{TableNumbers, refuse_not_positive};
 
 pub mod report;
 
@@ -34,9 +34,6 @@ const EQ_12: [[bool; 9]; 6] = {
         with(Some(SIGMA_Z0)),
     ]
 };
-
-/// Length that makes a rotation comparable with a translation in deflection errors.
-pub const ROTATION_ARM_M: f64 = 0.2;
 
 /// Least ratio of singular values at which terms count as determined.
 const RANK_LIMIT: f64 = 1e-8;
@@ -149,10 +146,9 @@ pub fn samples(machine: &Machine<f64>, data: StiffnessData) -> Result<Vec<Sample
 /// # Errors
 /// Poses that cannot determine the terms; a correction that is not positive somewhere in its box.
 pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: TermChoice) -> Result<Fit> {
-    let extent = extent(&training);
-    let center = extent.0.map(|[low, high]| (low + high) / 2.0);
-    // a variable that does not vary gets width 1, so that its terms are 0 and the rank check names them
-    let scale = extent.0.map(|[low, high]| if high > low { (high - low) / 2.0 } else { 1.0 });
+    let extent = PoseBox::of(training.iter().map(|s| &s.pose.pose));
+    // the terms of a variable that does not vary are 0, and the rank check names them
+    let (center, scale) = (extent.middle(), extent.half_widths());
     let centre = core_units(center);
     let half_width = core_units(scale);
 
@@ -226,18 +222,6 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     }
     let condition = polynomials.iter().map(|p| condition(&columns(&design, &p.used))).fold(1.0, f64::max);
     Ok(Fit { training, verification, center, scale, extent, numbers, polynomials, paper_e, condition })
-}
-
-fn extent(samples: &[Sample]) -> PoseBox {
-    let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
-    for sample in samples {
-        for (range, value) in extent.iter_mut().zip(file_units(&sample.pose.pose)) {
-            // ° and mm as they were written: the way through rad and m costs the last digit
-            let value = (value * 1e9).round() / 1e9;
-            *range = [range[0].min(value), range[1].max(value)];
-        }
-    }
-    PoseBox(extent)
 }
 
 /// What `select` may pick, the constant first: products up to the fourth order (second in Z0), and single
