@@ -5,7 +5,7 @@ use libfuzzer_sys::fuzz_target;
 use pkm_core::Wrench;
 use pkm_fuzz::{assert_finite, file, read};
 use pkm_host::gcode::Program;
-use pkm_host::tool::Toward;
+use pkm_host::path::Toward;
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);

@@ -4,13 +4,11 @@ use std::path::Path;
 
 use pkm_core::effects::Effects;
 use pkm_core::tables::reference;
-use pkm_core::{
-    CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, Pose, ScrewLengths, StiffnessError,
-    StiffnessFactor, Wrench,
-};
+use pkm_core::{CorrectionError, CorrectionTable, Domain, Machine, Pose, StiffnessError, StiffnessFactor, Wrench};
 use pkm_fixtures::Fixture;
 use serde_json::{Value, json};
 
+use crate::compensate::{self, Correction};
 use crate::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, stiffness_columns};
 use crate::diagnose::readings::{REFERENCE_C, Readings};
 use crate::diagnose::{self, outputs};
@@ -20,28 +18,13 @@ use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
 use crate::machine_file::MachineFile;
 use crate::map::{self, Map, Window, claims, picture};
-use crate::path::{self, Correction};
+use crate::output::Output;
 use crate::place::job::Job;
 use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
-use crate::pose::{NamedPose, PoseBox, file_units, pose_of};
+use crate::pose::{NamedPose, PoseBox};
 use crate::source::{self, Source};
 use crate::table_file::{TableFile, TableNumbers};
-use crate::tool;
-
-/// What a command prints: text for people, or a document for programs.
-pub struct Output {
-    /// Without `--json`.
-    pub text: String,
-    /// With `--json`.
-    pub json: Value,
-}
-
-fn machine_file(path: Option<&Path>) -> Result<MachineFile> {
-    let file = MachineFile::parse(Source::read_or(path, pkm_fixtures::MACHINE)?)?;
-    file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
-    Ok(file)
-}
 
 /// A file, or the fixture, which is the reference machine's: a machine of another size has no use for it.
 fn read_or_fixture(path: Option<&Path>, fixture: Fixture, option: &str, machine: &MachineFile) -> Result<Source> {
@@ -61,103 +44,11 @@ fn read_or_fixture(path: Option<&Path>, fixture: Fixture, option: &str, machine:
     Source::read_or(path, fixture)
 }
 
-fn refused(e: KinematicsError, what: &str) -> Failure {
-    Failure::refused(status(e), format!("{what}: {e}"))
-}
-
-/// `ik`: screw lengths of a pose.
-///
-/// # Errors
-/// A pose that the machine cannot take.
-pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Result<Output> {
-    let file = machine_file(machine)?;
-    let machine = file.machine;
-    let pose = pose_of(theta_deg, sigma_deg, z0_mm);
-    let lengths = machine.inverse(&pose).map_err(|e| {
-        let why = file.refusal(e, &pose);
-        Failure::refused(status(e), format!("θ = {theta_deg}°, σ = {sigma_deg}°, Z0 = {z0_mm} mm: {why}"))
-    })?;
-    let q_mm = lengths.q_m.map(|q| q * 1e3);
-    let (mut json, margins) = margins(&machine, &pose, &lengths)?;
-    json["status"] = "ok".into();
-    json["q_mm"] = json!(q_mm);
-    Ok(Output { text: format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), json })
-}
-
-/// `fk`: pose of screw lengths; with the wrist's joints also tip and axis.
-///
-/// # Errors
-/// Lengths out of travel, or that don't assemble.
-pub fn fk(machine: Option<&Path>, q_mm: [f64; 3], beta_deg: Option<[f64; 2]>) -> Result<Output> {
-    let file = machine_file(machine)?;
-    let machine = file.machine;
-    let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
-    let what = format!("q = {}, {}, {} mm", q_mm[0], q_mm[1], q_mm[2]);
-    let pose = machine.forward(&lengths).map_err(|e| match e {
-        KinematicsError::OutOfTravel { limb } => {
-            Failure::refused(status(e), format!("{what}: {e}: {}", file.travel_of(limb, &lengths)))
-        }
-        e => refused(e, &what),
-    })?;
-    let [theta_deg, sigma_deg, z0_mm] = file_units(&pose);
-    let (mut json, margins) = margins(&machine, &pose, &lengths)?;
-    json["status"] = "ok".into();
-    json["theta_deg"] = theta_deg.into();
-    json["sigma_deg"] = sigma_deg.into();
-    json["z0_mm"] = z0_mm.into();
-    let mut text = format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}");
-    if let Some(beta_deg) = beta_deg {
-        let held = tool::fk(&file, q_mm, beta_deg)?;
-        text.push_str(&held.text);
-        if let (Value::Object(json), Value::Object(held)) = (&mut json, held.json) {
-            json.extend(held);
-        }
-    }
-    Ok(Output { text, json })
-}
-
-/// `ik --tip-mm --axis`: joint values that hold a tool.
-///
-/// # Errors
-/// See [`tool::ik`].
-pub fn ik_tool(
-    machine: Option<&Path>,
-    tip_mm: [f64; 3],
-    axis: [f64; 3],
-    near: Option<[f64; 5]>,
-    all: bool,
-) -> Result<Output> {
-    tool::ik(&machine_file(machine)?, tip_mm, axis, near, all)
-}
-
-/// What the engineer wants to know besides: how far travel and singularities are.
-pub(crate) fn margins(
-    machine: &Machine<f64>,
-    pose: &Pose<f64>,
-    lengths: &ScrewLengths<f64>,
-) -> Result<(Value, String)> {
-    let (margin_m, limb) = machine.travel_margin_m(lengths);
-    let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
-    let json = json!({
-        "travel_margin_mm": margin_m * 1e3,
-        "travel_margin_limb": limb + 1,
-        "singularity_distance": { "limbs_1_2": distance.limbs_1_2, "limb_3": distance.limb_3 },
-    });
-    let text = format!(
-        "travel left: {:.3} mm (limb {}); distance to singularity (0…1): limbs 1 and 2 {:.3}, limb 3 {:.3}\n",
-        margin_m * 1e3,
-        limb + 1,
-        distance.limbs_1_2,
-        distance.limb_3
-    );
-    Ok((json, text))
-}
-
 /// `compensate`: a tool path that cancels the deflection that the model predicts along it.
 ///
 /// # Errors
-/// See [`path::compensate`]; a table without factor form.
-pub fn compensate(request: &path::Request<'_>) -> Result<Output> {
+/// See [`compensate::compensate`]; a table without factor form.
+pub fn compensate(request: &compensate::Request<'_>) -> Result<Output> {
     let model = Model::read(request.machine, request.table, Form::Auto)?;
     let correction = model.table.as_ref().zip(request.table).map(|(t, file)| {
         let name = file.display().to_string();
@@ -166,7 +57,7 @@ pub fn compensate(request: &path::Request<'_>) -> Result<Output> {
         }
         Ok(Correction { table: t.numbers.table()?, extent: t.pose_box, name })
     });
-    path::compensate(&model.machine, correction.transpose()?.as_ref(), request)
+    compensate::compensate(&model.machine, correction.transpose()?.as_ref(), request)
 }
 
 /// Deflections were asked of a table for principal stiffnesses alone.
@@ -209,7 +100,7 @@ struct Solved {
 
 impl Model {
     fn read(machine: Option<&Path>, table: Option<&Path>, form: Form) -> Result<Self> {
-        let machine = machine_file(machine)?;
+        let machine = MachineFile::read(machine)?;
         let Some(path) = table else {
             if form != Form::Auto {
                 return Err(Failure::usage("--form says how a table is applied: give --table as well"));
@@ -407,7 +298,7 @@ pub fn plan(
 ) -> Result<Output> {
     let kind = PlanKind::parse(kind)?;
     let inputs = [machine, data];
-    let mut machine = machine_file(machine)?;
+    let mut machine = MachineFile::read(machine)?;
     machine.pose_box = pose_box.unwrap_or(machine.pose_box);
     let mut header = POSE_COLUMNS.map(str::to_owned).to_vec();
     let mut separates = Vec::new();
@@ -457,7 +348,7 @@ pub fn fit(
     out: &Path,
 ) -> Result<Output> {
     let inputs = [machine, data, verify];
-    let machine = machine_file(machine)?;
+    let machine = MachineFile::read(machine)?;
     machine.warn_of_wrist();
     if machine.wrist.is_err() {
         eprintln!("warning: {}: the wrist is singular at home: coefficients.rs has no WRIST", machine.source.name);
@@ -594,7 +485,7 @@ fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Op
 /// # Errors
 /// Bad files, readings that cannot be diagnosed, a fit that does not converge, an unwritable folder.
 pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Path>, out: &Path) -> Result<Output> {
-    let file = machine_file(machine)?;
+    let file = MachineFile::read(machine)?;
     file.warn_of_wrist();
     let readings = Readings::read(read_or_fixture(data, pkm_fixtures::MEASURED, "--data", &file)?, &file)?;
     let held_out = holdout.map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
@@ -775,7 +666,7 @@ pub fn hil(
     steps: u32,
     out: Option<&Path>,
 ) -> Result<Output> {
-    let file = machine_file(machine)?;
+    let file = MachineFile::read(machine)?;
     let (pose_box, numbers, single);
     let twin = match table {
         None => {

@@ -24,9 +24,8 @@ use pkm_core::Wrench;
 
 use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
-use crate::path::Move;
+use crate::path::{Move, Place, Toward};
 use crate::source::Source;
-use crate::tool::{Place, Toward};
 
 /// A program: its lines and the moves among them.
 pub struct Program {

@@ -4,6 +4,7 @@
 //! (model) → [`export`] (result) → `report` (the design of all pages). [`commands`] puts them together.
 
 pub mod commands;
+pub mod compensate;
 pub mod dataset;
 pub mod diagnose;
 pub mod error;
@@ -13,15 +14,17 @@ pub mod fit;
 pub mod gcode;
 pub mod hil;
 pub mod holds;
+pub mod ik;
 pub mod machine_file;
 pub mod map;
+pub mod output;
 pub mod path;
 pub mod place;
 pub mod plan;
 pub mod plot;
 pub mod pose;
 mod progress;
+pub mod reach;
 mod report;
 pub mod source;
 pub mod table_file;
-pub mod tool;

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::path::Path;
 
 use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{
@@ -193,6 +194,24 @@ struct RawEffect {
 }
 
 impl MachineFile {
+    /// A machine file, or the reference machine's when none is named, with a warning for what looks like a slip.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse).
+    pub fn read(path: Option<&Path>) -> Result<Self> {
+        Self::parse_with_warnings(Source::read_or(path, pkm_fixtures::MACHINE)?)
+    }
+
+    /// The same of a text.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse).
+    pub fn parse_with_warnings(source: Source) -> Result<Self> {
+        let file = Self::parse(source)?;
+        file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
+        Ok(file)
+    }
+
     /// Reads and checks a machine file.
     ///
     /// # Errors
@@ -308,7 +327,7 @@ impl MachineFile {
     }
 
     /// What is possible and yet looks like another unit: each with its key.
-    pub fn doubts(&self) -> Vec<String> {
+    fn doubts(&self) -> Vec<String> {
         let mut doubts = Vec::new();
         let mut doubt = |key: String, value: f64, unlikely: bool, question: &str| {
             if unlikely {

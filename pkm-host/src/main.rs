@@ -6,13 +6,15 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use pkm_host::commands::{self, Form, Output};
+use pkm_host::commands::{self, Form};
+use pkm_host::compensate::Request;
 use pkm_host::error::{Failure, Result};
 use pkm_host::fem;
 use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
+use pkm_host::ik;
 use pkm_host::map::Window;
-use pkm_host::path::Request;
+use pkm_host::output::Output;
 use pkm_host::place::{Method, Objective};
 use pkm_host::pose::PoseBox;
 use pkm_host::source;
@@ -413,13 +415,13 @@ fn run(cli: &Cli) -> Result<Output> {
     let machine = cli.machine.as_deref();
     match &cli.command {
         Command::Ik(IkArgs { theta_deg: Some(theta_deg), sigma_deg: Some(sigma_deg), z0_mm: Some(z0_mm), .. }) => {
-            commands::ik(machine, *theta_deg, *sigma_deg, *z0_mm)
+            ik::ik(machine, *theta_deg, *sigma_deg, *z0_mm)
         }
         Command::Ik(IkArgs { tip_mm: Some(tip_mm), axis: Some(axis), near, all, .. }) => {
-            commands::ik_tool(machine, *tip_mm, *axis, *near, *all)
+            ik::of_tool(machine, *tip_mm, *axis, *near, *all)
         }
         Command::Ik(_) => Err(Failure::usage("give a pose or a tool, see --help")),
-        Command::Fk { q_mm, beta_deg } => commands::fk(machine, *q_mm, *beta_deg),
+        Command::Fk { q_mm, beta_deg } => ik::fk(machine, *q_mm, *beta_deg),
         Command::Stiffness { poses, table, out } => {
             commands::stiffness(machine, poses, table.table.as_deref(), table.form, out.as_deref())
         }

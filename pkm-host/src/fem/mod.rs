@@ -15,10 +15,10 @@ use serde_json::{Value, json};
 
 use self::deck::{Deck, Plates};
 use self::solid::Solid;
-use crate::commands::Output;
 use crate::dataset::{self, POSE_COLUMNS, stiffness_columns};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
+use crate::output::Output;
 use crate::pose::{NamedPose, file_units};
 use crate::progress;
 use crate::source::{self, Source};
@@ -341,8 +341,7 @@ fn changed(source: Source, set: &[String]) -> Result<Source> {
 /// Bad files and options; a pose at which solids collide; CalculiX missing or failing; an unwritable folder.
 pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     let source = changed(Source::read_or(machine, pkm_fixtures::MACHINE)?, request.set)?;
-    let file = MachineFile::parse(source)?;
-    file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
+    let file = MachineFile::parse_with_warnings(source)?;
     let solid = file.solid.as_ref().map_err(Clone::clone)?;
     let of_loads = request.readings.as_ref().and_then(|wish| wish.loads);
     let Some(path) = request.poses.or(of_loads) else {

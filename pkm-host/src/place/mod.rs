@@ -8,8 +8,8 @@ use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, St
 
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
+use crate::reach::Reach;
 use crate::table_file::TableNumbers;
-use crate::tool::Reach;
 use job::{Hole, Job, Position, Series};
 
 pub use report::{document, html, text};
