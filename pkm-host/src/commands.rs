@@ -10,7 +10,6 @@ use serde_json::{Value, json};
 
 use crate::compensate::{self, Correction};
 use crate::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, stiffness_columns};
-use crate::diagnose::readings::{REFERENCE_C, Readings};
 use crate::diagnose::{self, outputs};
 use crate::error::{Failure, Result, printable, status};
 use crate::export::{Provenance, rust_source};
@@ -23,8 +22,10 @@ use crate::place::job::Job;
 use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
 use crate::pose::{NamedPose, PoseBox};
+use crate::readings::{REFERENCE_C, Readings};
 use crate::source::{self, Source};
-use crate::table_file::{TableFile, TableNumbers};
+use crate::table_file::TableFile;
+use crate::table_numbers::TableNumbers;
 
 /// A file, or the fixture, which is the reference machine's: a machine of another size has no use for it.
 fn read_or_fixture(path: Option<&Path>, fixture: Fixture, option: &str, machine: &MachineFile) -> Result<Source> {

@@ -5,7 +5,7 @@ use std::fmt::Display;
 
 use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
-use crate::error::{Failure, Result, printable, status};
+use crate::error::{Failure, LONGEST_SLIP, Result, advice, printable, status};
 use crate::machine_file::MachineFile;
 use crate::pose::{NamedPose, pose_of, written_units};
 use crate::source::Source;
@@ -23,9 +23,6 @@ const OTHER_MEASURED: [&str; 6] =
 
 /// Far beyond what a machine bears, and its square still a number.
 pub(crate) const MOST_LOAD: f64 = 1e12;
-
-/// Most bytes of a name that is compared with those that are known: a longer one is no slip, and would take its time.
-pub(crate) const LONGEST_SLIP: usize = 64;
 
 /// Column of the stiffness k_ij, i ≤ j, from 1.
 pub(crate) fn stiffness_column(i: usize, j: usize) -> String {
@@ -348,20 +345,6 @@ fn is_grouped(cell: &str, separators: &[char]) -> bool {
     // what is behind the last may be a fraction
     let rest: Vec<&str> = groups.collect();
     first && rest.first().is_some_and(|group| group.len() == 3) && rest.iter().all(|group| digits(group))
-}
-
-/// What to do about a cell that looks like a number and is none.
-pub(crate) fn advice(cell: &str) -> &'static str {
-    let begins_with_number = cell.trim_start_matches(['-', '+', '.']).starts_with(|c: char| c.is_ascii_digit());
-    if cell.starts_with(['\u{2212}', '\u{2013}', '\u{2014}']) {
-        ": write the minus as -"
-    } else if begins_with_number && cell.contains(',') && !cell.contains('.') {
-        ": write a decimal point, or semicolons between cells"
-    } else if begins_with_number && cell.ends_with(|c: char| c.is_alphabetic() || "°%'\"".contains(c)) {
-        ": write it without unit"
-    } else {
-        ""
-    }
 }
 
 /// The cells of a pose, in the units of files.

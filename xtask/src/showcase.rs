@@ -8,9 +8,9 @@ use pkm_host::commands;
 use pkm_host::dataset::{self, StiffnessData};
 use pkm_host::diagnose;
 use pkm_host::diagnose::compare::{self, Zone};
-use pkm_host::diagnose::readings::Readings;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::pose::{ROTATION_ARM_M, written_units};
+use pkm_host::readings::Readings;
 use pkm_host::source::Source;
 use pkm_host::table_file::TableFile;
 

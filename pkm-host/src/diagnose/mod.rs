@@ -1,6 +1,6 @@
 //! From measured deflections to what the model lacks; the method is in docs/theory.md, Diagnosis.
 //!
-//! [`readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
+//! [`crate::readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
 //! `solve` of a `model` with unknowns) → [`verdict`], [`compare`] (before and after, with a table on the `remainder`), `next`
 //! (what to measure).
 
@@ -10,7 +10,6 @@ mod model;
 pub(crate) mod next;
 mod noise;
 pub(crate) mod outputs;
-pub mod readings;
 mod remainder;
 pub mod report;
 mod screen;
@@ -25,7 +24,6 @@ use self::compare::{Errors, RIVALS, Rival, Zone};
 use self::doubts::{Doubt, Suspect};
 use self::model::{Unknown, info};
 use self::noise::Noise;
-use self::readings::Readings;
 use self::search::{Candidate, Search};
 use self::solve::{Levels, Problem};
 use self::verdict::{DeclaredFinding, Detectable, Judgement, Structure};
@@ -33,6 +31,7 @@ use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
 use crate::pose::written_units;
 use crate::progress;
+use crate::readings::Readings;
 
 /// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
 pub const SEED: u64 = 20_201;

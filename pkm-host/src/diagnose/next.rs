@@ -5,11 +5,11 @@ use pkm_core::{Pose, Wrench};
 use rayon::prelude::*;
 
 use super::noise::Noise;
-use super::readings::{CHANNELS, Condition, REFERENCE_C};
 use super::search::Search;
 use super::solve::{Fit, Levels, Problem};
 use crate::machine_file::MachineFile;
 use crate::pose::{PoseBox, pose_of};
+use crate::readings::{CHANNELS, Condition, REFERENCE_C};
 
 /// How many measurements are proposed.
 const PROPOSED: usize = 8;

@@ -5,13 +5,13 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
 use super::compare::extent;
-use super::readings::Readings;
 use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, TermChoice};
 use crate::machine_file::MachineFile;
 use crate::pose::{NamedPose, pose_of};
+use crate::readings::Readings;
 use crate::table_file::TableFile;
 
 /// Levels of each variable at which the table on the remainder is taken.

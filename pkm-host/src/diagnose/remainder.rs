@@ -9,10 +9,10 @@ use pkm_core::correction::EQ_11;
 use pkm_core::effects::Effects;
 use pkm_core::{Basis, Deflection, Machine, MachineParameters, Pose, Stiffness, Wrench};
 
-use super::readings::{CHANNELS, Condition};
 use super::solve::{Problem, product};
 use crate::error::{Failure, Result};
 use crate::pose::{PoseBox, core_units};
+use crate::readings::{CHANNELS, Condition};
 
 /// Standard deviations of the scaled coefficients that are tried.
 const SPREADS: [f64; 7] = [1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3];

@@ -7,13 +7,13 @@ use pkm_core::{Machine, ScrewLengths};
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::model::is_measurement;
-use super::readings::{Condition, Readings};
 use super::verdict::{DeclaredFinding, Verdict};
 use super::{Diagnosis, SEED, words};
 use crate::error::Result;
 use crate::machine_file::MachineFile;
 use crate::plot::{self, Mark, Panel, Series};
 use crate::pose::{file_units, written_units};
+use crate::readings::{Condition, Readings};
 use crate::report::{Finding, Page, charts, fold, of_file, picture, table};
 
 /// Most points of a series: more would only blacken the picture.

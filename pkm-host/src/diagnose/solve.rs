@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use super::model::{Model, Unknown};
 use super::noise::{Entry, Whitener};
-use super::readings::{Condition, Readings};
 use crate::machine_file::Uncertainty;
+use crate::readings::{Condition, Readings};
 
 /// Data, noise and model together.
 pub struct Problem<'a> {

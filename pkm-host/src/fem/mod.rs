@@ -1,7 +1,7 @@
 //! `fem`: the stiffness of a machine that is built in solids, by CalculiX, pose by pose: what the paper takes from a
 //! commercial program (its Section 5.1).
 //!
-//! Machine file → [`solid`] → [`mesh`], [`deck`] → [`ccx`] → stiffness → [`readings`], [`report`].
+//! Machine file → [`Solid`] → [`mesh`], [`deck`] → [`ccx`] → stiffness → [`readings`], [`report`].
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -14,13 +14,13 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use self::deck::{Deck, Plates};
-use self::solid::Solid;
 use crate::dataset::{self, POSE_COLUMNS, stiffness_columns};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
 use crate::output::Output;
 use crate::pose::{NamedPose, file_units};
 use crate::progress;
+use crate::solid::Solid;
 use crate::source::{self, Source};
 
 pub mod ccx;
@@ -30,7 +30,6 @@ pub mod mesh;
 pub mod readings;
 pub mod report;
 pub mod slurm;
-pub mod solid;
 
 /// What is done with the cases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -318,7 +317,7 @@ fn changed(source: Source, set: &[String]) -> Result<Source> {
     MachineFile::parse(source.clone())?;
     let fail = |message: String| Failure::usage(format!("--set: {message}"));
     let document = source.text()?.parse::<toml_edit::DocumentMut>();
-    let mut document = document.map_err(|e| fail(crate::machine_file::plain(e.message())))?;
+    let mut document = document.map_err(|e| fail(crate::toml_error::plain(e.message())))?;
     for change in set {
         let Some((path, value)) = change.split_once('=').map(|(p, v)| (p.trim(), v.trim())) else {
             return Err(fail(format!("expected key.key=value, found `{change}`")));

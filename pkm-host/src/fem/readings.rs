@@ -7,10 +7,10 @@ use pkm_core::Wrench;
 
 use super::{Case, Request, Solved};
 use crate::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
-use crate::diagnose::readings::Readings;
 use crate::error::{Failure, Result, printable};
 use crate::machine_file::MachineFile;
 use crate::pose::NamedPose;
+use crate::readings::Readings;
 use crate::source::{self, Source};
 
 /// What is to be read.

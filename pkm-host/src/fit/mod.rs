@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
 use crate::pose::{NamedPose, PoseBox, ROTATION_ARM_M, core_units, file_units};
-use crate::table_file::{TableNumbers, refuse_not_positive};
+use crate::table_numbers::{TableNumbers, refuse_not_positive};
 
 pub mod report;
 

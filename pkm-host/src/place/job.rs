@@ -9,8 +9,8 @@ use toml::Spanned;
 
 use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
-use crate::machine_file::{Numbers, line_at, unread};
 use crate::source::Source;
+use crate::toml_error::{Numbers, line_at, parsed};
 
 /// Greatest limit, mm or °: far beyond any machine.
 const FARTHEST: f64 = 1e6;
@@ -340,8 +340,7 @@ impl Job {
                 None => failure,
             }
         };
-        let raw: RawJob = toml::from_str(text).map_err(|e| unread(source, text, &e))?;
-        raw.checked(source).map_err(fail)
+        parsed::<RawJob>(source)?.checked(source).map_err(fail)
     }
 
     /// Whether cross slide and rotary axis both move.

@@ -9,7 +9,7 @@ use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, St
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
 use crate::reach::Reach;
-use crate::table_file::TableNumbers;
+use crate::table_numbers::TableNumbers;
 use job::{Hole, Job, Position, Series};
 
 pub use report::{document, html, text};
