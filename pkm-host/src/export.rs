@@ -5,7 +5,7 @@
 use std::fmt::Write;
 
 use pkm_core::effects::{EFFECTS, MAX_PARAMETERS};
-use pkm_core::machine::{Body, BodyKind, Joint, LimbParameters, Tube};
+use pkm_core::machine::{Body, LimbParameters};
 use pkm_core::{MachineParameters, WristParameters};
 
 use crate::error::Result;
@@ -185,30 +185,22 @@ fn numbers(line: &mut impl FnMut(&str), name: &str, values: &[f64], terms: usize
     line("];");
 }
 
-/// A literal of plain data. `{:?}` prints the shortest decimals that give the same bits.
+/// A literal of plain data. `{:?}` prints Rust, and the shortest decimals that give the same bits.
 fn parameters_literal(p: &MachineParameters) -> String {
-    let (g, t) = (&p.geometry, &p.travel);
     let mut out = String::from("MachineParameters {\n");
     let mut add = |text: String| writeln!(out, "    {text}").expect("writing to memory");
-    add(format!(
-        "geometry: Geometry {{ a1_m: {:?}, a2_m: {:?}, b1_m: {:?}, b2_m: {:?} }},",
-        g.a1_m, g.a2_m, g.b1_m, g.b2_m
-    ));
-    add(format!("travel: Travel {{ min_m: {:?}, max_m: {:?} }},", t.min_m, t.max_m));
+    add(format!("geometry: {:?},", p.geometry));
+    add(format!("travel: {:?},", p.travel));
     add("limbs: [".into());
     for LimbParameters { base_joint, platform_joint, body } in &p.limbs {
         add("    LimbParameters {".into());
-        add(format!("        base_joint: {},", joint_literal(base_joint)));
-        add(format!("        platform_joint: {},", joint_literal(platform_joint)));
+        add(format!("        base_joint: {base_joint:?},"));
+        add(format!("        platform_joint: {platform_joint:?},"));
         let Body { kind, rod, screw } = body;
-        let kind = match kind {
-            BodyKind::Beam => "Beam",
-            BodyKind::Diagonal => "Diagonal",
-        };
         add("        body: Body {".into());
-        add(format!("            kind: BodyKind::{kind},"));
-        add(format!("            rod: {},", tube_literal(rod)));
-        add(format!("            screw: {},", tube_literal(screw)));
+        add(format!("            kind: BodyKind::{kind:?},"));
+        add(format!("            rod: {rod:?},"));
+        add(format!("            screw: {screw:?},"));
         add("        },".into());
         add("    },".into());
     }
@@ -245,15 +237,4 @@ fn wrist_literal(p: &WristParameters) -> String {
     add("singularity_margin", singularity_margin);
     out.push('}');
     out
-}
-
-fn joint_literal(j: &Joint) -> String {
-    format!("Joint {{ linear_n_per_m: {:?}, angular_nm_per_rad: {:?} }}", j.linear_n_per_m, j.angular_nm_per_rad)
-}
-
-fn tube_literal(t: &Tube) -> String {
-    format!(
-        "Tube {{ young_pa: {:?}, shear_pa: {:?}, outer_m: {:?}, inner_m: {:?} }}",
-        t.young_pa, t.shear_pa, t.outer_m, t.inner_m
-    )
 }
