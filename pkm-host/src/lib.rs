@@ -5,20 +5,19 @@
 //!
 //! 1. [`error`], [`output`], `progress`: failures, what a command prints, bars
 //! 2. [`pose`], [`path`], [`holds`]: poses, moves and ways to hold a tool, as plain numbers
-//! 3. [`source`]: bytes in and out of files
-//! 4. `toml_error`: TOML in words
-//! 5. [`plot`], `report`: charts, the design of all pages
-//! 6. [`solid`]: what limbs and platforms are made of
-//! 7. [`machine_file`]: the machine, checked
-//! 8. [`dataset`]: CSV of poses and stiffness, checked
-//! 9. [`reach`]: which way a tool is held, or by how much there is none
-//! 10. [`readings`], [`gcode`], [`plan`]: measured data; programs; poses to measure at
-//! 11. [`table_numbers`]: a table as the core borrows it
-//! 12. [`fit`]: from stiffness to a table
-//! 13. [`table_file`]: `coefficients.json`
-//! 14. [`export`]: `coefficients.rs`, and `report` in [`fit`], which quotes its head
-//! 15. [`ik`], [`compensate`], [`fem`], [`map`], [`place`], [`hil`], [`diagnose`]: each a command's work, none of another's
-//! 16. [`commands`]: puts them together
+//! 3. [`source`], [`plot`]: bytes in and out of files, charts
+//! 4. `toml_error`, `report`: TOML in words, the design of all pages
+//! 5. [`solid`]: what limbs and platforms are made of
+//! 6. [`machine_file`]: the machine, checked
+//! 7. [`dataset`]: CSV of poses and stiffness, checked
+//! 8. [`reach`]: which way a tool is held, or by how much there is none
+//! 9. [`readings`], [`gcode`], [`plan`]: measured data; programs; poses to measure at
+//! 10. [`table_numbers`]: a table as the core borrows it
+//! 11. [`fit`]: from stiffness to a table
+//! 12. [`table_file`]: `coefficients.json`
+//! 13. [`export`]: `coefficients.rs`, and `report` in [`fit`], which quotes its head
+//! 14. [`ik`], [`compensate`], [`fem`], [`map`], [`place`], [`hil`], [`diagnose`]: each a command's work, none of another's
+//! 15. [`commands`]: puts them together
 
 pub mod commands;
 pub mod compensate;

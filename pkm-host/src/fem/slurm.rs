@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::RESULT;
+use super::cases::RESULT;
 use crate::error::Result;
 use crate::source;
 
