@@ -14,7 +14,7 @@
 //! 9. [`readings`], [`gcode`], [`plan`]: measured data; programs; poses to measure at
 //! 10. [`table_numbers`]: a table as the core borrows it
 //! 11. [`fit`]: from stiffness to a table
-//! 12. [`table_file`]: `coefficients.json`
+//! 12. [`table_file`]: a table with where it comes from, as `coefficients.json`
 //! 13. [`export`]: `coefficients.rs`, and `report` in [`fit`], which quotes its head
 //! 14. [`ik`], [`compensate`], [`fem`], [`map`], [`place`], [`hil`], [`diagnose`]: each a command's work, none of another's
 //! 15. [`commands`]: puts them together
