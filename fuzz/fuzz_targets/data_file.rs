@@ -7,9 +7,9 @@ use libfuzzer_sys::fuzz_target;
 use pkm_fuzz::{assert_finite, file, read};
 use pkm_host::compensate;
 use pkm_host::dataset::{read_poses, read_stiffness};
-use pkm_host::readings::Readings;
 use pkm_host::machine_file::MachineFile;
 use pkm_host::pose::NamedPose;
+use pkm_host::readings::Readings;
 use pkm_host::source::fixtures;
 
 static MACHINE: LazyLock<MachineFile> =
