@@ -5,10 +5,12 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use pkm_fuzz::{assert_finite, file, read};
-use pkm_host::dataset::{NamedPose, read_poses, read_stiffness};
-use pkm_host::diagnose::readings::Readings;
+use pkm_host::compensate;
+use pkm_host::dataset::{read_poses, read_stiffness};
 use pkm_host::machine_file::MachineFile;
-use pkm_host::path;
+use pkm_host::pose::NamedPose;
+use pkm_host::readings::Readings;
+use pkm_host::source::Source;
 
 static MACHINE: LazyLock<MachineFile> =
     LazyLock::new(|| MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).expect("the reference machine"));
@@ -43,7 +45,7 @@ fuzz_target!(|bytes: &[u8]| {
             assert_finite(reading.observed.into_iter().chain(reading.sigma).flatten());
         }
     }
-    if let Some((_, moves)) = read(path::read_csv(source)) {
+    if let Some((_, moves)) = read(compensate::read_csv(source)) {
         for to in moves {
             assert_finite(to.to.tip_m.into_iter().chain(to.wrench[1].force_n).chain(to.wrench[1].moment_nm));
         }

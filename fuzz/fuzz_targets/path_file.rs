@@ -2,14 +2,14 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use pkm_core::Wrench;
 use pkm_fuzz::{assert_finite, file, read};
 use pkm_host::gcode::Program;
-use pkm_host::path::NO_LOAD;
-use pkm_host::tool::Toward;
+use pkm_host::path::Toward;
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);
-    let Some(program) = read(Program::parse(&source, Some(NO_LOAD))) else { return };
+    let Some(program) = read(Program::parse(&source, Some(Wrench::ZERO))) else { return };
     for to in &program.moves {
         assert_finite(to.to.tip_m);
         match to.to.toward {
@@ -31,7 +31,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     let places: Vec<_> = program.moves.iter().map(|m| vec![m.to]).collect();
     let written = program.written(&places, &["note".to_owned()]);
-    let again = read(Program::parse(&file(written.as_bytes()), Some(NO_LOAD))).expect("what was written");
+    let again = read(Program::parse(&file(written.as_bytes()), Some(Wrench::ZERO))).expect("what was written");
     assert_eq!(program.moves.len(), again.moves.len());
     for (one, other) in program.moves.iter().zip(&again.moves) {
         let [way, turn] = one.to.apart(&other.to);

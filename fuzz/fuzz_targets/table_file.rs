@@ -9,9 +9,9 @@ use pkm_host::table_file::TableFile;
 
 fuzz_target!(|bytes: &[u8]| {
     let Some(table) = read(TableFile::parse(&file(bytes))) else { return };
-    let written = table.to_json().expect("every number is finite");
+    let written = table.to_json();
     let again = read(TableFile::parse(&file(written.as_bytes()))).expect("what was written");
-    assert_eq!(again.to_json().expect("every number is finite"), written);
+    assert_eq!(again.to_json(), written);
 
     let numbers = table.numbers();
     let core = numbers.table().expect("the core has checked it");

@@ -1,49 +1,31 @@
 //! The commands: read, compute, write, and the document for `--json`.
 
-use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 use pkm_core::effects::Effects;
 use pkm_core::tables::reference;
-use pkm_core::{
-    CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths,
-    StiffnessError, StiffnessFactor, Wrench,
-};
+use pkm_core::{CorrectionError, CorrectionTable, Domain, Machine, Pose, StiffnessError, StiffnessFactor, Wrench};
 use pkm_fixtures::Fixture;
 use serde_json::{Value, json};
 
-use crate::dataset::{
-    self, DEFLECTION_COLUMNS, NamedPose, POSE_COLUMNS, WRENCH_COLUMNS, file_units, pose_of, stiffness_columns,
-};
-use crate::diagnose::readings::{REFERENCE_C, Readings};
+use crate::compensate::{self, Correction};
+use crate::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, stiffness_columns};
 use crate::diagnose::{self, outputs};
-use crate::error::{Failure, Result, printable};
+use crate::error::{Failure, Result, printable, status};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
-use crate::machine_file::{MachineFile, PoseBox, status};
+use crate::machine_file::MachineFile;
 use crate::map::{self, Map, Window, claims, picture};
-use crate::path::{self, Correction};
+use crate::output::Output;
 use crate::place::job::Job;
 use crate::place::{self, Bench, Objective};
 use crate::plan::{self, PlanKind};
+use crate::pose::{NamedPose, PoseBox};
+use crate::readings::{REFERENCE_C, Readings};
 use crate::source::{self, Source};
-use crate::table_file::{TableFile, TableNumbers};
-use crate::tool;
-
-/// What a command prints: text for people, or a document for programs.
-pub struct Output {
-    /// Without `--json`.
-    pub text: String,
-    /// With `--json`.
-    pub json: Value,
-}
-
-fn machine_file(path: Option<&Path>) -> Result<MachineFile> {
-    let file = MachineFile::parse(Source::read_or(path, pkm_fixtures::MACHINE)?)?;
-    file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
-    Ok(file)
-}
+use crate::table_file::TableFile;
+use crate::table_numbers::TableNumbers;
 
 /// A file, or the fixture, which is the reference machine's: a machine of another size has no use for it.
 fn read_or_fixture(path: Option<&Path>, fixture: Fixture, option: &str, machine: &MachineFile) -> Result<Source> {
@@ -63,103 +45,11 @@ fn read_or_fixture(path: Option<&Path>, fixture: Fixture, option: &str, machine:
     Source::read_or(path, fixture)
 }
 
-fn refused(e: KinematicsError, what: &str) -> Failure {
-    Failure::refused(status(e), format!("{what}: {e}"))
-}
-
-/// `ik`: screw lengths of a pose.
-///
-/// # Errors
-/// A pose that the machine cannot take.
-pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Result<Output> {
-    let file = machine_file(machine)?;
-    let machine = file.machine;
-    let pose = pose_of(theta_deg, sigma_deg, z0_mm);
-    let lengths = machine.inverse(&pose).map_err(|e| {
-        let why = file.refusal(e, &pose);
-        Failure::refused(status(e), format!("θ = {theta_deg}°, σ = {sigma_deg}°, Z0 = {z0_mm} mm: {why}"))
-    })?;
-    let q_mm = lengths.q_m.map(|q| q * 1e3);
-    let (mut json, margins) = margins(&machine, &pose, &lengths)?;
-    json["status"] = "ok".into();
-    json["q_mm"] = json!(q_mm);
-    Ok(Output { text: format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), json })
-}
-
-/// `fk`: pose of screw lengths; with the wrist's joints also tip and axis.
-///
-/// # Errors
-/// Lengths out of travel, or that don't assemble.
-pub fn fk(machine: Option<&Path>, q_mm: [f64; 3], beta_deg: Option<[f64; 2]>) -> Result<Output> {
-    let file = machine_file(machine)?;
-    let machine = file.machine;
-    let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
-    let what = format!("q = {}, {}, {} mm", q_mm[0], q_mm[1], q_mm[2]);
-    let pose = machine.forward(&lengths).map_err(|e| match e {
-        KinematicsError::OutOfTravel { limb } => {
-            Failure::refused(status(e), format!("{what}: {e}: {}", file.travel_of(limb, &lengths)))
-        }
-        e => refused(e, &what),
-    })?;
-    let [theta_deg, sigma_deg, z0_mm] = file_units(&pose);
-    let (mut json, margins) = margins(&machine, &pose, &lengths)?;
-    json["status"] = "ok".into();
-    json["theta_deg"] = theta_deg.into();
-    json["sigma_deg"] = sigma_deg.into();
-    json["z0_mm"] = z0_mm.into();
-    let mut text = format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}");
-    if let Some(beta_deg) = beta_deg {
-        let held = tool::fk(&file, q_mm, beta_deg)?;
-        text.push_str(&held.text);
-        if let (Value::Object(json), Value::Object(held)) = (&mut json, held.json) {
-            json.extend(held);
-        }
-    }
-    Ok(Output { text, json })
-}
-
-/// `ik --tip-mm --axis`: joint values that hold a tool.
-///
-/// # Errors
-/// See [`tool::ik`].
-pub fn ik_tool(
-    machine: Option<&Path>,
-    tip_mm: [f64; 3],
-    axis: [f64; 3],
-    near: Option<[f64; 5]>,
-    all: bool,
-) -> Result<Output> {
-    tool::ik(&machine_file(machine)?, tip_mm, axis, near, all)
-}
-
-/// What the engineer wants to know besides: how far travel and singularities are.
-pub(crate) fn margins(
-    machine: &Machine<f64>,
-    pose: &Pose<f64>,
-    lengths: &ScrewLengths<f64>,
-) -> Result<(Value, String)> {
-    let (margin_m, limb) = machine.travel_margin_m(lengths);
-    let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
-    let json = json!({
-        "travel_margin_mm": margin_m * 1e3,
-        "travel_margin_limb": limb + 1,
-        "singularity_distance": { "limbs_1_2": distance.limbs_1_2, "limb_3": distance.limb_3 },
-    });
-    let text = format!(
-        "travel left: {:.3} mm (limb {}); distance to singularity (0…1): limbs 1 and 2 {:.3}, limb 3 {:.3}\n",
-        margin_m * 1e3,
-        limb + 1,
-        distance.limbs_1_2,
-        distance.limb_3
-    );
-    Ok((json, text))
-}
-
 /// `compensate`: a tool path that cancels the deflection that the model predicts along it.
 ///
 /// # Errors
-/// See [`path::compensate`]; a table without factor form.
-pub fn compensate(request: &path::Request<'_>) -> Result<Output> {
+/// See [`compensate::compensate`]; a table without factor form.
+pub fn compensate(request: &compensate::Request<'_>) -> Result<Output> {
     let model = Model::read(request.machine, request.table, Form::Auto)?;
     let correction = model.table.as_ref().zip(request.table).map(|(t, file)| {
         let name = file.display().to_string();
@@ -168,7 +58,7 @@ pub fn compensate(request: &path::Request<'_>) -> Result<Output> {
         }
         Ok(Correction { table: t.numbers.table()?, extent: t.pose_box, name })
     });
-    path::compensate(&model.machine, correction.transpose()?.as_ref(), request)
+    compensate::compensate(&model.machine, correction.transpose()?.as_ref(), request)
 }
 
 /// Deflections were asked of a table for principal stiffnesses alone.
@@ -211,7 +101,7 @@ struct Solved {
 
 impl Model {
     fn read(machine: Option<&Path>, table: Option<&Path>, form: Form) -> Result<Self> {
-        let machine = machine_file(machine)?;
+        let machine = MachineFile::read(machine)?;
         let Some(path) = table else {
             if form != Form::Auto {
                 return Err(Failure::usage("--form says how a table is applied: give --table as well"));
@@ -235,7 +125,7 @@ impl Model {
             (Form::Auto, Some(_)) => Form::Factor,
             (form, _) => form,
         };
-        let table = Table { source, numbers: file.numbers(), form, pose_box: file.extent.pose_box() };
+        let table = Table { source, numbers: file.numbers(), form, pose_box: file.extent };
         Ok(Self { machine, table: Some(table) })
     }
 
@@ -381,7 +271,7 @@ pub fn predict(
         let seen = deflection.seen_at(c.point_m);
         let mut cells = row.to_cells();
         cells.resize(header.len(), String::new());
-        let micro = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6);
+        let micro = seen.to_array().map(|v| v * 1e6);
         for (column, value) in columns.iter().zip(micro) {
             cells[*column] = sheet.written(value);
         }
@@ -409,7 +299,7 @@ pub fn plan(
 ) -> Result<Output> {
     let kind = PlanKind::parse(kind)?;
     let inputs = [machine, data];
-    let mut machine = machine_file(machine)?;
+    let mut machine = MachineFile::read(machine)?;
     machine.pose_box = pose_box.unwrap_or(machine.pose_box);
     let mut header = POSE_COLUMNS.map(str::to_owned).to_vec();
     let mut separates = Vec::new();
@@ -425,8 +315,8 @@ pub fn plan(
         // with cells to write the readings in
         header.extend(WRENCH_COLUMNS.into_iter().chain(DEFLECTION_COLUMNS).map(str::to_owned));
         let row = |(n, p): (usize, &diagnose::next::Proposal)| {
-            let load = p.wrench.force_n.into_iter().chain(p.wrench.moment_nm).map(|v| v.to_string());
-            let load = load.chain(DEFLECTION_COLUMNS.map(|_| String::new()));
+            let load = p.wrench.to_array().map(|v| v.to_string());
+            let load = load.into_iter().chain(DEFLECTION_COLUMNS.map(|_| String::new()));
             [format!("N{:02}", n + 1)].into_iter().chain(dataset::pose_cells(&p.pose)).chain(load).collect()
         };
         separates = diagnosis.proposals.iter().map(|p| p.separates.clone()).collect();
@@ -435,7 +325,7 @@ pub fn plan(
         if data.is_some() {
             return Err(Failure::usage("--data goes with --kind discriminate alone"));
         }
-        let poses = plan::plan(kind, &machine.pose_box, &machine)?;
+        let poses = plan::plan(kind, &machine)?;
         poses.iter().map(|p| [p.id.clone()].into_iter().chain(dataset::pose_cells(&p.pose)).collect()).collect()
     };
     let count = rows.len();
@@ -459,14 +349,13 @@ pub fn fit(
     out: &Path,
 ) -> Result<Output> {
     let inputs = [machine, data, verify];
-    let mut machine = machine_file(machine)?;
+    let machine = MachineFile::read(machine)?;
     machine.warn_of_wrist();
     if machine.wrist.is_err() {
         eprintln!("warning: {}: the wrist is singular at home: coefficients.rs has no WRIST", machine.source.name);
     }
     // the data are the mechanism's at A; what sits on A comes after the table
-    let below_tool = MachineParameters { effects: machine.parameters.effects.below_tool(), ..machine.parameters };
-    machine.machine = Machine::<f64>::new(&below_tool).map_err(|e| Failure::other(format!("{e:?}")))?;
+    let (below, tip_m) = (machine.below_tool()?, machine.wrist_parameters.tip_at_zero_m());
     let source = read_or_fixture(data, pkm_fixtures::TRAINING, "--data", &machine)?;
     let training = dataset::read_stiffness(source, &machine)?;
     // the fixture's verification poses go with the fixture's training poses
@@ -480,17 +369,17 @@ pub fn fit(
     let data_source = training.source.clone();
     let in_data = |f: Failure| if f.file.is_none() { f.in_file(&data_source.name) } else { f };
     let verification_source = verification.as_ref().map(|v| v.source.clone());
-    let training = fit::samples(&machine.machine, training)?;
-    let verification = verification.map(|v| fit::samples(&machine.machine, v)).transpose()?;
+    let training = fit::samples(&below, training)?;
+    let verification = verification.map(|v| fit::samples(&below, v)).transpose()?;
     let fit = fit::fit(training, verification, choice).map_err(in_data)?;
-    let trained = fit::evaluate(&fit.training, &machine, &fit.numbers).map_err(in_data)?;
+    let trained = fit::evaluate(&fit.training, &below, tip_m, &fit.numbers).map_err(in_data)?;
     let verified = match (&fit.verification, &verification_source) {
         (Some(samples), Some(source)) => {
             let unusable = |f: Failure| {
                 let message = format!("the table fitted to {} is of no use here: {}", data_source.name, f.message);
                 Failure { message, ..f }.in_file(&source.name)
             };
-            Some(fit::evaluate(samples, &machine, &fit.numbers).map_err(unusable)?)
+            Some(fit::evaluate(samples, &below, tip_m, &fit.numbers).map_err(unusable)?)
         }
         _ => None,
     };
@@ -522,7 +411,7 @@ pub fn fit(
             ));
         }
     }
-    if fit.extent.0[..2].iter().flatten().all(|angle| angle.abs() < 0.6) {
+    if fit.extent.ranges()[..2].iter().flatten().all(|angle| angle.abs() < 0.6) {
         warnings.push(format!("{}: no angle is above 0.6°: are theta_deg and sigma_deg in degrees?", data_source.name));
     }
     warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
@@ -552,20 +441,17 @@ pub fn fit(
     document["warnings"] = json!(warnings);
     let summary = fit::report::summary(&fit, &trained, verified.as_ref());
     let html = fit::report::html(&provenance, &fit, &warnings)?;
-    let pretty = |v: &Value| format!("{v:#}\n");
-    source::write_all(
+    let wrote = source::write_all(
         out,
         &[
-            (OsStr::new("coefficients.rs"), rust),
-            (OsStr::new("coefficients.json"), file.to_json()?),
-            (OsStr::new("fit.json"), pretty(&document)),
-            (OsStr::new("report.html"), html),
+            ("coefficients.rs", rust),
+            ("coefficients.json", file.to_json()),
+            ("fit.json", source::json(&document)),
+            ("report.html", html),
         ],
         &inputs,
     )?;
-    let text =
-        format!("{summary}\nwrote coefficients.rs, coefficients.json, fit.json and report.html to {}\n", out.display());
-    Ok(Output { text, json: document })
+    Ok(Output { text: format!("{summary}\n{wrote}"), json: document })
 }
 
 fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Option<&fit::Evaluation>) -> Value {
@@ -600,7 +486,7 @@ fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Op
 /// # Errors
 /// Bad files, readings that cannot be diagnosed, a fit that does not converge, an unwritable folder.
 pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Path>, out: &Path) -> Result<Output> {
-    let file = machine_file(machine)?;
+    let file = MachineFile::read(machine)?;
     file.warn_of_wrist();
     let readings = Readings::read(read_or_fixture(data, pkm_fixtures::MEASURED, "--data", &file)?, &file)?;
     let held_out = holdout.map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
@@ -613,23 +499,18 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
     let (rust, table) = outputs::table(&file, &improved, &readings, &diagnosis)?;
     let html = diagnose::report::html(&file, &readings, held_out.as_ref(), &diagnosis)?;
-    source::write_all(
+    let wrote = source::write_all(
         out,
         &[
-            (OsStr::new("diagnosis.json"), format!("{json:#}\n")),
-            (OsStr::new("machine.toml"), machine_toml),
-            (OsStr::new("coefficients.rs"), rust),
-            (OsStr::new("coefficients.json"), table.to_json()?),
-            (OsStr::new("report.html"), html),
+            ("diagnosis.json", source::json(&json)),
+            ("machine.toml", machine_toml),
+            ("coefficients.rs", rust),
+            ("coefficients.json", table.to_json()),
+            ("report.html", html),
         ],
         &[machine, data, holdout],
     )?;
-    let text = format!(
-        "{}wrote diagnosis.json, machine.toml, coefficients.rs, coefficients.json and report.html to {}\n",
-        diagnose::report::text(&diagnosis),
-        out.display()
-    );
-    Ok(Output { text, json })
+    Ok(Output { text: diagnose::report::text(&diagnosis) + &wrote, json })
 }
 
 /// `map`: principal stiffnesses over the workspace, and the paper's claims about them (Section 5.2).
@@ -673,7 +554,7 @@ pub fn map(
     };
     let pose_box = model.table.as_ref().map_or(file.pose_box, |table| table.pose_box);
 
-    let mut files: Vec<(OsString, Vec<u8>)> = Vec::new();
+    let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let (mut rows, mut maps, mut checked, mut sheets) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut text = String::new();
     for &sigma in sigma_deg {
@@ -684,10 +565,7 @@ pub fn map(
         let picture = picture::draw(file, &value, &map, &legend)?;
         let png = picture::png(&picture.whole)?;
         let stem = if sigma_deg.len() == 1 { "map".to_owned() } else { format!("map-sigma-{sigma}") };
-        files.extend([
-            (format!("{stem}.svg").into(), picture.whole.clone().into_bytes()),
-            (format!("{stem}.png").into(), png),
-        ]);
+        files.extend([(format!("{stem}.svg"), picture.whole.clone().into_bytes()), (format!("{stem}.png"), png)]);
         rows.extend(map.rows());
         text.push_str(&map.summary());
         maps.push(map.to_json());
@@ -709,9 +587,8 @@ pub fn map(
     let html = map::report::html(file, model.table.as_ref().map(|t| &t.source), &described, &sheets);
     files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
     files.push(("report.html".into(), html.into_bytes()));
-    let named: Vec<_> = files.iter().map(|(name, bytes)| (name.as_os_str(), bytes)).collect();
-    source::write_all(out, &named, &[machine, table])?;
-    let names: Vec<_> = files.iter().map(|(name, _)| name.to_string_lossy()).collect();
+    source::write_all(out, &files, &[machine, table])?;
+    let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
     text.push_str(&format!("wrote {} to {}\n", names.join(", "), out.display()));
     let json = json!({
         "machine": file.name, "model": name, "maps": maps, "claims": checked, "files": names,
@@ -773,13 +650,8 @@ pub fn place(
     let table_source = model.table.as_ref().map(|t| &t.source);
     json["table_sha256"] = json!(table_source.map(Source::sha256));
     let html = place::html(&bench, table_source, &options, &placed)?;
-    source::write_all(
-        out,
-        &[(OsStr::new("placement.json"), format!("{json:#}\n")), (OsStr::new("report.html"), html)],
-        &inputs,
-    )?;
-    let text = place::text(&bench, &options, &placed);
-    Ok(Output { text: format!("{text}wrote placement.json and report.html to {}\n", out.display()), json })
+    let wrote = source::write_all(out, &[("placement.json", source::json(&json)), ("report.html", html)], &inputs)?;
+    Ok(Output { text: place::text(&bench, &options, &placed) + &wrote, json })
 }
 
 /// `hil`: firmware that runs the core, held against the host reply by reply.
@@ -795,7 +667,7 @@ pub fn hil(
     steps: u32,
     out: Option<&Path>,
 ) -> Result<Output> {
-    let file = machine_file(machine)?;
+    let file = MachineFile::read(machine)?;
     let (pose_box, numbers, single);
     let twin = match table {
         None => {
@@ -812,11 +684,11 @@ pub fn hil(
         Some(path) => {
             let source = Source::read(path)?;
             let table = TableFile::parse(&source)?;
-            pose_box = table.extent.pose_box();
+            pose_box = table.extent;
             numbers = table.numbers();
             single = numbers.narrowed();
             let double = numbers.table()?;
-            let narrow = Machine::<f32>::new(&file.parameters).map_err(|e| Failure::other(format!("{e:?}")))?;
+            let narrow = Machine::<f32>::new(&file.parameters).map_err(|e| Failure::other(e.to_string()))?;
             hil::Twin {
                 checksums: [file.parameters.checksum(), double.checksum()],
                 double: (file.machine, double),
@@ -827,8 +699,7 @@ pub fn hil(
     let campaign = hil::Campaign { seed, poses, steps, pose_box };
     let (mut text, json) = hil::run(target, &campaign, &twin)?;
     if let Some(out) = out {
-        source::write_all(out, &[(OsStr::new("hil.json"), format!("{json:#}\n"))], &[machine, table])?;
-        text.push_str(&format!("wrote hil.json to {}\n", out.display()));
+        text.push_str(&source::write_all(out, &[("hil.json", source::json(&json))], &[machine, table])?);
     }
     Ok(Output { text, json })
 }

@@ -5,8 +5,9 @@ use std::fmt::Display;
 
 use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
-use crate::error::{Failure, Result, printable};
-use crate::machine_file::{MachineFile, status};
+use crate::error::{Failure, LONGEST_SLIP, Result, advice, printable, status};
+use crate::machine_file::MachineFile;
+use crate::pose::{NamedPose, pose_of, written_units};
 use crate::source::Source;
 
 /// The pose columns, in the order in which they are written.
@@ -22,9 +23,6 @@ const OTHER_MEASURED: [&str; 6] =
 
 /// Far beyond what a machine bears, and its square still a number.
 pub(crate) const MOST_LOAD: f64 = 1e12;
-
-/// Most bytes of a name that is compared with those that are known: a longer one is no slip, and would take its time.
-pub(crate) const LONGEST_SLIP: usize = 64;
 
 /// Column of the stiffness k_ij, i ≤ j, from 1.
 pub(crate) fn stiffness_column(i: usize, j: usize) -> String {
@@ -349,44 +347,9 @@ fn is_grouped(cell: &str, separators: &[char]) -> bool {
     first && rest.first().is_some_and(|group| group.len() == 3) && rest.iter().all(|group| digits(group))
 }
 
-/// A pose from a file.
-#[derive(Clone, Debug)]
-pub struct NamedPose {
-    /// Any text.
-    pub id: String,
-    /// Line in the file, from 1.
-    pub line: u64,
-    /// The pose.
-    pub pose: Pose<f64>,
-}
-
-/// A pose from the units of files: °, °, mm.
-pub fn pose_of(theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Pose<f64> {
-    Pose { theta_rad: theta_deg.to_radians(), sigma_rad: sigma_deg.to_radians(), z0_m: z0_mm / 1e3 }
-}
-
-/// A pose in the units of files: °, °, mm.
-pub fn file_units(pose: &Pose<f64>) -> [f64; 3] {
-    [pose.theta_rad.to_degrees(), pose.sigma_rad.to_degrees(), pose.z0_m * 1e3]
-}
-
-/// What to do about a cell that looks like a number and is none.
-pub(crate) fn advice(cell: &str) -> &'static str {
-    let begins_with_number = cell.trim_start_matches(['-', '+', '.']).starts_with(|c: char| c.is_ascii_digit());
-    if cell.starts_with(['\u{2212}', '\u{2013}', '\u{2014}']) {
-        ": write the minus as -"
-    } else if begins_with_number && cell.contains(',') && !cell.contains('.') {
-        ": write a decimal point, or semicolons between cells"
-    } else if begins_with_number && cell.ends_with(|c: char| c.is_alphabetic() || "°%'\"".contains(c)) {
-        ": write it without unit"
-    } else {
-        ""
-    }
-}
-
-/// The cells of a pose, in the units of files: the way through rad and m costs the last digit.
+/// The cells of a pose, in the units of files.
 pub fn pose_cells(pose: &Pose<f64>) -> [String; 3] {
-    file_units(pose).map(|v| ((v * 1e9).round() / 1e9).to_string())
+    written_units(pose).map(|v| v.to_string())
 }
 
 /// Whether two names differ in case, spaces and underscores alone.
@@ -564,9 +527,8 @@ pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, 
         .iter()
         .zip(poses)
         .map(|(row, pose)| {
-            let [fx, fy, fz, mx, my, mz] = sheet.load(row)?;
+            let wrench = pkm_core::Wrench::from_array(sheet.load(row)?);
             let point_m = if elsewhere { sheet.numbers(row, POINT_COLUMNS)?.map(|mm| mm / 1e3) } else { [0.0; 3] };
-            let wrench = pkm_core::Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] };
             Ok(LoadCase { pose, wrench, point_m })
         })
         .collect::<Result<Vec<_>>>()?;

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::path::Path;
 
+use pkm_core::{KinematicsError, ToolError};
+
 /// Whose fault it is; sets the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -127,6 +129,50 @@ impl fmt::Display for Failure {
         f.write_str(&printable(&self.message))
     }
 }
+
+/// The status of a refusal by the kinematics, as JSON has it.
+pub fn status(error: KinematicsError) -> &'static str {
+    match error {
+        KinematicsError::Unreachable => "unreachable",
+        KinematicsError::Singular => "singular",
+        KinematicsError::OutOfTravel { .. } => "out_of_travel",
+        _ => "not_finite",
+    }
+}
+
+/// The status as JSON has it: a wrist's limits count as travel.
+pub fn tool_status(error: ToolError) -> &'static str {
+    match error {
+        ToolError::WristLimit { .. } => "out_of_travel",
+        ToolError::Singular => "singular",
+        ToolError::Kinematics(e) => status(e),
+        _ => "unreachable",
+    }
+}
+
+/// Text from a file, cut where it is too long for a message.
+pub(crate) fn clipped(text: &str) -> String {
+    const LONGEST: usize = 120;
+    let end = text.char_indices().nth(LONGEST).map(|(end, _)| end);
+    end.map_or_else(|| text.to_owned(), |end| format!("{}…", &text[..end]))
+}
+
+/// What to do about a cell that looks like a number and is none.
+pub(crate) fn advice(cell: &str) -> &'static str {
+    let begins_with_number = cell.trim_start_matches(['-', '+', '.']).starts_with(|c: char| c.is_ascii_digit());
+    if cell.starts_with(['\u{2212}', '\u{2013}', '\u{2014}']) {
+        ": write the minus as -"
+    } else if begins_with_number && cell.contains(',') && !cell.contains('.') {
+        ": write a decimal point, or semicolons between cells"
+    } else if begins_with_number && cell.ends_with(|c: char| c.is_alphabetic() || "°%'\"".contains(c)) {
+        ": write it without unit"
+    } else {
+        ""
+    }
+}
+
+/// Most bytes of a name that is compared with those that are known: a longer one is no slip, and would take its time.
+pub(crate) const LONGEST_SLIP: usize = 64;
 
 /// Text from a file, fit for a terminal or a comment: no control or direction marks, not endless.
 pub fn printable(text: &str) -> String {

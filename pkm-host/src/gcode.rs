@@ -24,9 +24,8 @@ use pkm_core::Wrench;
 
 use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
-use crate::path::{Move, NO_LOAD, wrench_of};
+use crate::path::{Move, Place, Toward};
 use crate::source::Source;
-use crate::tool::{Place, Toward};
 
 /// A program: its lines and the moves among them.
 pub struct Program {
@@ -145,7 +144,7 @@ fn load(comment: &str) -> std::result::Result<Option<Wrench<f64>>, String> {
     let values: Vec<Option<f64>> =
         rest.split(',').map(|v| v.trim().parse::<f64>().ok().filter(|v| v.abs() <= MOST_LOAD)).collect();
     match values.into_iter().collect::<Option<Vec<_>>>().and_then(|v| <[f64; 6]>::try_from(v).ok()) {
-        Some(values) => Ok(Some(wrench_of(values))),
+        Some(values) => Ok(Some(Wrench::from_array(values))),
         None => Err(format!(
             "expected `(wrench fx,fy,fz,mx,my,mz)`, six numbers in N and N·m within ±{MOST_LOAD:e}, found `{inner}`"
         )),
@@ -188,7 +187,7 @@ impl Program {
                 let to = modal.place().map_err(fail)?;
                 let load = match (modal.cuts, wrench) {
                     (None, _) => return Err(fail("a move before any G0 or G1".into())),
-                    (Some(false), _) => NO_LOAD,
+                    (Some(false), _) => Wrench::ZERO,
                     (_, Some(wrench)) => wrench,
                     (_, None) => {
                         let message =
@@ -196,7 +195,7 @@ impl Program {
                         return Err(fail(message.into()));
                     }
                 };
-                if let Some(number) = other_tool.take_if(|_| load != NO_LOAD) {
+                if let Some(number) = other_tool.take_if(|_| load != Wrench::ZERO) {
                     eprintln!(
                         "warning: {}:{line}: T{number} cuts with the load of the tool before: a line (wrench …) gives another",
                         printable(&source.name)

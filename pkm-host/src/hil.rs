@@ -10,7 +10,6 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant};
 
 use fastrand::Rng;
-use indicatif::{ProgressBar, ProgressStyle};
 use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
 use pkm_protocol::{
     Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, Numbers,
@@ -20,9 +19,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::error::{Failure, Result, printable};
-use crate::fit::ROTATION_ARM_M;
-use crate::machine_file::PoseBox;
-use crate::table_file::core_units;
+use crate::pose::{PoseBox, ROTATION_ARM_M, core_units};
+use crate::progress;
 
 /// Virtual time of an instruction in QEMU is 2 to this in ns: 62.5 million a second.
 const ICOUNT_SHIFT: u32 = 4;
@@ -245,7 +243,7 @@ fn shown(line: &[u8]) -> String {
 
 fn demand(rng: &mut Rng, pose_box: &PoseBox, arithmetic: Arithmetic) -> Demand {
     let kind = rng.u8(0..100);
-    let [theta, sigma, z0] = pose_box.0;
+    let [theta, sigma, z0] = pose_box.ranges();
     let mut within = |[low, high]: [f64; 2], by: f64| {
         let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
         middle + by * half * (2.0 * rng.f64() - 1.0)
@@ -462,10 +460,7 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
     let before = link.status()?;
     let mut findings = Findings::default();
     let mut rng = Rng::with_seed(campaign.seed);
-    let progress = ProgressBar::new(campaign.poses);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} poses, {per_sec}, {eta} left {msg}") {
-        progress.set_style(style);
-    }
+    let bar = progress::bar(campaign.poses, "{bar:30} {pos}/{len} poses, {per_sec}, {eta} left {msg}");
     let begun = Instant::now();
     let mut overruns = before.overruns;
     let mut id = 0_u32;
@@ -504,13 +499,13 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
             let reply = link.reply(&sent.line)?;
             bytes -= sent.line.len();
             findings.check(&link, twin, &sent, &reply)?;
-            progress.inc(match sent.due {
+            bar.inc(match sent.due {
                 Due::Cycle { .. } => 1,
                 Due::Sweep { sweep, .. } => sweep.steps.into(),
                 Due::Error { .. } => 0,
             });
             if findings.differing > 0 {
-                progress.set_message(format!("{} differ", findings.differing));
+                bar.set_message(format!("{} differ", findings.differing));
             }
         }
         status = link.status()?;
@@ -519,7 +514,7 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
         overruns = status.overruns;
     }
     let seconds = begun.elapsed().as_secs_f64();
-    progress.finish_and_clear();
+    bar.finish_and_clear();
 
     let refused = status.bad_lines.wrapping_sub(before.bad_lines);
     if u64::from(refused) != findings.bad_lines {

@@ -5,6 +5,7 @@
 //! θ from the others, in two ways at the most; left is one equation in β2, e·w = C2. It holds twice at β2 = 0 whatever the tool,
 //! which is divided away, and its roots are bracketed.
 
+use pkm_core::five_axis::platform_axes;
 use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
 
 /// Steps over all of β2.
@@ -22,22 +23,8 @@ struct Bent<'a> {
     axis: [f64; 3],
 }
 
-/// How the platform is turned.
-struct Platform {
-    sin_theta: f64,
-    cos_theta: f64,
-    sin_sigma: f64,
-    cos_sigma: f64,
-}
-
-impl Platform {
-    /// u, v, w in B-xyz.
-    fn axes(&self) -> [[f64; 3]; 3] {
-        let &Self { sin_theta, cos_theta, sin_sigma, cos_sigma } = self;
-        let w = [cos_sigma * sin_theta, -sin_sigma, cos_sigma * cos_theta];
-        [[cos_theta, 0.0, -sin_theta], [sin_sigma * sin_theta, cos_sigma, sin_sigma * cos_theta], w]
-    }
-}
+/// Sine and cosine of an angle.
+type Turn = (f64, f64);
 
 impl Bent<'_> {
     /// The equation's left side, and on the right what stands at u and at w.
@@ -47,8 +34,8 @@ impl Bent<'_> {
         (left, [sin * self.wrist.offset_m, sin * h + r * cos])
     }
 
-    /// How a β2 asks the platform to be turned.
-    fn platform(&self, beta2: f64, side: f64) -> Option<Platform> {
+    /// How a β2 asks the platform to be turned: θ and σ.
+    fn platform(&self, beta2: f64, side: f64) -> Option<(Turn, Turn)> {
         let (sin, cos) = beta2.sin_cos();
         let ([x, y, z], [along_u, along_w]) = self.sides(sin, cos);
         let sin_sigma = -y / along_w;
@@ -58,18 +45,14 @@ impl Bent<'_> {
             return None;
         }
         let along_n = side * along2_n.sqrt();
-        Some(Platform {
-            sin_theta: (along_n * x - along_u * z) / size2,
-            cos_theta: (along_u * x + along_n * z) / size2,
-            sin_sigma,
-            cos_sigma: cos2_sigma.sqrt(),
-        })
+        let theta = ((along_n * x - along_u * z) / size2, (along_u * x + along_n * z) / size2);
+        Some((theta, (sin_sigma, cos2_sigma.sqrt())))
     }
 
     /// (C2 − e·w) / S2²; NaN where the platform cannot be turned so.
     fn off(&self, beta2: f64, side: f64) -> f64 {
-        let Some(platform) = self.platform(beta2, side) else { return f64::NAN };
-        let [_, _, w] = platform.axes();
+        let Some((theta, sigma)) = self.platform(beta2, side) else { return f64::NAN };
+        let [_, _, w] = platform_axes(theta, sigma);
         let apart2: f64 = w.iter().zip(self.axis).map(|(w, e)| (w - e) * (w - e)).sum();
         // 1 − e·w and 1 − C2 by what vanishes with β2, or nothing would be left of their difference
         let (sin, half) = (beta2.sin(), (beta2 / 2.0).sin());
@@ -77,9 +60,9 @@ impl Bent<'_> {
     }
 
     fn configuration(&self, beta2: f64, side: f64) -> Option<Configuration<f64>> {
-        let platform = self.platform(beta2, side)?;
-        let Platform { sin_theta, cos_theta, sin_sigma, cos_sigma } = platform;
-        let [u, v, w] = platform.axes();
+        let (theta, sigma) = self.platform(beta2, side)?;
+        let ((sin_theta, cos_theta), (sin_sigma, cos_sigma)) = (theta, sigma);
+        let [u, v, w] = platform_axes(theta, sigma);
         let (sin, cos) = beta2.sin_cos();
         let [r, h] = self.core.arm_m(sin, cos);
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::path::Path;
 
 use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{
@@ -12,12 +13,12 @@ use pkm_core::{
 };
 use serde::Deserialize;
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
 
-use crate::dataset::{LONGEST_SLIP, advice, pose_of};
-use crate::error::{Failure, Result, printable};
-use crate::fem::solid::{RawSolid, Solid};
+use crate::error::{Failure, Result, clipped, printable};
+use crate::pose::{PoseBox, pose_of};
+use crate::solid::{RawSolid, Solid};
 use crate::source::Source;
+use crate::toml_error::{Numbers, is_near, line_at, parsed};
 
 /// A checked machine file.
 pub struct MachineFile {
@@ -41,17 +42,6 @@ pub struct MachineFile {
     pub wrist: std::result::Result<Wrist<f64>, WristError>,
     /// What limbs and platforms are made of; an error where the parts don't fit together.
     pub solid: Result<Solid>,
-}
-
-/// A box of poses in the units of files: θ in °, σ in °, Z0 in mm, each least and greatest.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PoseBox(pub [[f64; 2]; 3]);
-
-impl Default for PoseBox {
-    /// The paper's Table 2.
-    fn default() -> Self {
-        Self([[-15.0, 15.0], [-15.0, 15.0], [500.0, 560.0]])
-    }
 }
 
 /// Standard deviations, as the machine file declares them.
@@ -83,19 +73,6 @@ struct RawMachine {
 }
 
 type Number = Spanned<f64>;
-
-/// An array of just so many numbers: serde's own would leave out what is too much.
-#[derive(Clone, Copy, Deserialize)]
-#[serde(try_from = "Vec<f64>")]
-pub(crate) struct Numbers<const N: usize>(pub(crate) [f64; N]);
-
-impl<const N: usize> TryFrom<Vec<f64>> for Numbers<N> {
-    type Error = String;
-
-    fn try_from(values: Vec<f64>) -> std::result::Result<Self, String> {
-        values.try_into().map(Self).map_err(|v: Vec<f64>| format!("expected {N} numbers, found {}", v.len()))
-    }
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -203,6 +180,24 @@ struct RawEffect {
 }
 
 impl MachineFile {
+    /// A machine file, or the reference machine's when none is named, with a warning for what looks like a slip.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse).
+    pub fn read(path: Option<&Path>) -> Result<Self> {
+        Self::parse_with_warnings(Source::read_or(path, pkm_fixtures::MACHINE)?)
+    }
+
+    /// The same of a text.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse).
+    pub fn parse_with_warnings(source: Source) -> Result<Self> {
+        let file = Self::parse(source)?;
+        file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
+        Ok(file)
+    }
+
     /// Reads and checks a machine file.
     ///
     /// # Errors
@@ -217,7 +212,7 @@ impl MachineFile {
             }
             if key.is_empty() { failure } else { failure.at_column(key) }
         };
-        let raw: RawMachine = toml::from_str(text).map_err(|e| unread(&source, text, &e))?;
+        let raw: RawMachine = parsed(&source)?;
 
         if *raw.format.get_ref() != 1 {
             let found = raw.format.get_ref();
@@ -263,7 +258,7 @@ impl MachineFile {
             return Err(fail(Some(raw.geometry.a1_mm.span()), "geometry.a1_mm", message));
         }
         let pose_box = raw.pose_box.as_ref().map_or_else(PoseBox::default, |b| {
-            PoseBox([&b.theta_deg, &b.sigma_deg, &b.z0_mm].map(|range| range.get_ref().0))
+            [&b.theta_deg, &b.sigma_deg, &b.z0_mm].map(|range| range.get_ref().0).into()
         });
         if !can_assemble(&machine, &parameters.travel, &pose_box) {
             let mut message = "impossible machine: no screw lengths within travel assemble these platforms".to_owned();
@@ -318,7 +313,7 @@ impl MachineFile {
     }
 
     /// What is possible and yet looks like another unit: each with its key.
-    pub fn doubts(&self) -> Vec<String> {
+    fn doubts(&self) -> Vec<String> {
         let mut doubts = Vec::new();
         let mut doubt = |key: String, value: f64, unlikely: bool, question: &str| {
             if unlikely {
@@ -376,6 +371,15 @@ impl MachineFile {
         format!("{} mm long, travel {} to {} mm{unit}", mm(q_m), mm(least_m), mm(greatest_m))
     }
 
+    /// What sits below the tool alone: a table applies to it, and its data are the mechanism's at A.
+    ///
+    /// # Errors
+    /// What the core refuses.
+    pub fn below_tool(&self) -> Result<Machine<f64>> {
+        let parameters = MachineParameters { effects: self.parameters.effects.below_tool(), ..self.parameters };
+        Machine::<f64>::new(&parameters).map_err(|e| Failure::other(e.to_string()))
+    }
+
     /// The same machine with screws of any length.
     pub fn without_travel(&self) -> Option<Machine<f64>> {
         let travel = Travel { min_m: [1e-9; 3], max_m: [1e9; 3] };
@@ -407,8 +411,8 @@ fn wrist_left_out(wrist: Option<&RawWrist>) -> Vec<&'static str> {
 
 /// Table 1; what the file leaves out has the paper's values.
 fn wrist_parameters(wrist: Option<&RawWrist>, pose_box: &PoseBox) -> WristParameters {
-    let [_, _, [low, high]] = pose_box.0;
-    let mut p = WristParameters { home_z0_m: metres((low + high) / 2.0), ..WristParameters::PAPER };
+    let [_, _, z0_mm] = pose_box.middle();
+    let mut p = WristParameters { home_z0_m: metres(z0_mm), ..WristParameters::PAPER };
     let Some(wrist) = wrist else { return p };
     let put = |to: &mut f64, n: &Option<Number>, turned: fn(f64) -> f64| {
         if let Some(n) = n {
@@ -427,140 +431,6 @@ fn wrist_parameters(wrist: Option<&RawWrist>, pose_box: &PoseBox) -> WristParame
         (p.min_rad[1], p.max_rad[1]) = (j.min_deg.get_ref().to_radians(), j.max_deg.get_ref().to_radians());
     }
     p
-}
-
-/// Text from a file, cut where it is too long for a message.
-pub(crate) fn clipped(text: &str) -> String {
-    const LONGEST: usize = 120;
-    let end = text.char_indices().nth(LONGEST).map(|(end, _)| end);
-    end.map_or_else(|| text.to_owned(), |end| format!("{}…", &text[..end]))
-}
-
-/// What the TOML reader does not like of a file.
-pub(crate) fn unread(source: &Source, text: &str, error: &toml::de::Error) -> Failure {
-    let (span, key) = located(text, error);
-    let line = span.as_ref().map_or("", |range| line_of(text, range.start));
-    let mut message = plain(error.message());
-    if DeTable::parse(text).is_err() {
-        message.push_str(slip(line));
-    } else if line.starts_with('[') && message.starts_with("expected an array, found a table") {
-        message.push_str(&format!(": write [{line}]"));
-    }
-    if !line.is_empty() {
-        message.push_str(&format!(" (in `{}`)", clipped(line)));
-    }
-    let failure = Failure::input(message).in_file(&source.name);
-    let failure = match span {
-        Some(span) => failure.at_line(line_at(text, span.start) as u64),
-        None => failure,
-    };
-    if key.is_empty() { failure } else { failure.at_column(clipped(&key)) }
-}
-
-/// What to do about a line that is no TOML but looks like a key and numbers.
-fn slip(line: &str) -> &'static str {
-    let Some((_, value)) = line.split_once('=') else { return "" };
-    let digit = |c: Option<&char>| c.is_some_and(char::is_ascii_digit);
-    let letters: Vec<char> = value.chars().collect();
-    if letters.windows(3).any(|w| digit(w.first()) && w[1] == ',' && digit(w.last())) {
-        return ": write a decimal point, and no comma for thousands";
-    }
-    let parts = value.split([',', '[', ']', '{', '}', '=']).map(str::trim);
-    parts.map(advice).find(|advice| !advice.is_empty()).unwrap_or("")
-}
-
-/// Whether a name is probably a slip for a known one.
-fn is_near(name: &str, known: &str) -> bool {
-    name.len() <= LONGEST_SLIP && strsim::osa_distance(name, known) <= 2
-}
-
-/// A message of serde's in words that don't need the program's source code.
-pub(crate) fn plain(message: &str) -> String {
-    let message = message.replace('\n', " ").replace("field", "key").replace("variant", "value");
-    if let Some((found, expected)) = message.strip_prefix("invalid type: ").and_then(|m| m.split_once(", expected ")) {
-        let expected = match expected {
-            "f64" => "a number",
-            "i64" | "u32" | "u8" => "a whole number",
-            "a string" => "text in quotes",
-            "a sequence" | "an array" => "an array",
-            // names of the program's own
-            table if table.starts_with("struct ") => "a table",
-            other => other,
-        };
-        let found = match found {
-            "map" if expected == "a number" => "a table or a date",
-            "map" => "a table",
-            "sequence" => "an array",
-            other => other,
-        };
-        return format!("expected {expected}, found {}", clipped(found));
-    }
-    if let Some((found, expected)) = message.strip_prefix("invalid length ").and_then(|m| m.split_once(", expected ")) {
-        let expected = if expected.starts_with("struct ") { "a table" } else { expected };
-        return format!("expected {expected}, found {found} values");
-    }
-    if let Some((unknown, known)) = message.strip_prefix("unknown key `").and_then(|m| m.split_once("`, ")) {
-        let meant = known.split('`').skip(1).step_by(2).find(|known| is_near(unknown, known));
-        let meant = meant.map_or(String::new(), |meant| format!(", did you mean `{meant}`?"));
-        return format!("unknown key `{}`{meant}; {known}", clipped(unknown));
-    }
-    if let Some(key) = message.strip_prefix("duplicate key") {
-        return format!("the key{key} stands twice");
-    }
-    let words = [
-        ("string values must be quoted, expected literal string", "neither a number nor text in quotes"),
-        ("cannot recurse further; max recursion depth met", "nested too deeply"),
-        ("recursion limit exceeded", "nested too deeply"),
-    ];
-    words.into_iter().fold(message, |text, (from, to)| text.replace(from, to))
-}
-
-/// Line, from 1, of a byte.
-pub(crate) fn line_at(text: &str, byte: usize) -> usize {
-    1 + text.bytes().take(byte).filter(|b| *b == b'\n').count()
-}
-
-/// That line.
-fn line_of(text: &str, byte: usize) -> &str {
-    text.lines().nth(line_at(text, byte) - 1).unwrap_or("").trim()
-}
-
-/// Where a failure of the TOML reader is, unless nothing is written there, and its key from the outermost on.
-fn located(text: &str, error: &toml::de::Error) -> (Option<Range<usize>>, String) {
-    let span = error.span().unwrap_or(0..0);
-    let Ok(document) = DeTable::parse(text) else {
-        // no TOML: the key is what the line starts with
-        let line = line_of(text, span.start);
-        let section = line.strip_prefix('[').and_then(|l| l.strip_suffix(']'));
-        let key = section.or(line.split_once('=').map(|(key, _)| key.trim())).unwrap_or("");
-        return (Some(span), key.to_owned());
-    };
-    let table = key_at(document.get_ref(), &span);
-    match (error.message().strip_prefix("missing field `").and_then(|m| m.split('`').next()), table) {
-        // the span is that of the table that lacks it
-        (Some(missing), Some(table)) => (Some(span), format!("{table}.{missing}")),
-        (Some(missing), None) => (None, missing.to_owned()),
-        (None, key) => (Some(span), key.unwrap_or_default()),
-    }
-}
-
-/// The key that a span is written for. Tables of an array count from 1, values from 0.
-fn key_at(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
-    fn below(value: &Spanned<DeValue<'_>>, span: &Range<usize>, path: String) -> Option<String> {
-        let inner = match value.get_ref() {
-            DeValue::Table(table) => key_at(table, span).map(|key| format!("{path}.{key}")),
-            DeValue::Array(array) => array.iter().enumerate().find_map(|(i, value)| {
-                let place = if value.get_ref().is_table() { format!(".{}", i + 1) } else { format!("[{i}]") };
-                below(value, span, format!("{path}{place}"))
-            }),
-            _ => None,
-        };
-        inner.or_else(|| (value.span() == *span).then_some(path))
-    }
-    table.iter().find_map(|(key, value)| {
-        let name = key.get_ref().to_string();
-        if key.span() == *span { Some(name) } else { below(value, span, name) }
-    })
 }
 
 fn metres(mm: f64) -> f64 {
@@ -789,7 +659,7 @@ fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplaced> {
 /// Whether the middle of the box, or any lengths of a grid over travel, close to a posture.
 fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> bool {
     const STEPS: usize = 16;
-    let [theta, sigma, z0] = pose_box.0.map(|[low, high]| (low + high) / 2.0);
+    let [theta, sigma, z0] = pose_box.middle();
     if machine.inverse(&pose_of(theta, sigma, z0)).is_ok() {
         return true;
     }
@@ -801,14 +671,4 @@ fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> 
         let steps = [n % (STEPS + 1), n / (STEPS + 1) % (STEPS + 1), n / (STEPS + 1).pow(2)];
         machine.forward(&ScrewLengths { q_m: std::array::from_fn(|i| length(i, steps[i])) }).is_ok()
     })
-}
-
-/// The status of a refusal by the kinematics, as JSON has it.
-pub fn status(error: KinematicsError) -> &'static str {
-    match error {
-        KinematicsError::Unreachable => "unreachable",
-        KinematicsError::Singular => "singular",
-        KinematicsError::OutOfTravel { .. } => "out_of_travel",
-        _ => "not_finite",
-    }
 }

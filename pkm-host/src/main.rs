@@ -1,21 +1,22 @@
 //! Reads the command line and calls the library. See `--help`.
 
-use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use pkm_host::commands::{self, Form, Output};
+use pkm_host::commands::{self, Form};
+use pkm_host::compensate::Request;
 use pkm_host::error::{Failure, Result};
 use pkm_host::fem;
 use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
-use pkm_host::machine_file::PoseBox;
+use pkm_host::ik;
 use pkm_host::map::Window;
-use pkm_host::path::Request;
+use pkm_host::output::Output;
 use pkm_host::place::{Method, Objective};
+use pkm_host::pose::PoseBox;
 use pkm_host::source;
 use serde_json::json;
 
@@ -404,7 +405,7 @@ fn man(out: &Path) -> Result<Output> {
         page.render(&mut roff).map_err(|e| Failure::other(e.to_string()))?;
         pages.push((page.get_filename(), roff));
     }
-    source::write_all(out, &pages.iter().map(|(name, roff)| (OsStr::new(name), roff)).collect::<Vec<_>>(), &[])?;
+    source::write_all(out, &pages, &[])?;
     let text =
         format!("wrote {} pages to {}: man -l {}\n", pages.len(), out.display(), out.join(&pages[0].0).display());
     Ok(Output { text, json: json!({ "files": pages.iter().map(|(name, _)| name).collect::<Vec<_>>() }) })
@@ -414,13 +415,13 @@ fn run(cli: &Cli) -> Result<Output> {
     let machine = cli.machine.as_deref();
     match &cli.command {
         Command::Ik(IkArgs { theta_deg: Some(theta_deg), sigma_deg: Some(sigma_deg), z0_mm: Some(z0_mm), .. }) => {
-            commands::ik(machine, *theta_deg, *sigma_deg, *z0_mm)
+            ik::ik(machine, *theta_deg, *sigma_deg, *z0_mm)
         }
         Command::Ik(IkArgs { tip_mm: Some(tip_mm), axis: Some(axis), near, all, .. }) => {
-            commands::ik_tool(machine, *tip_mm, *axis, *near, *all)
+            ik::of_tool(machine, *tip_mm, *axis, *near, *all)
         }
         Command::Ik(_) => Err(Failure::usage("give a pose or a tool, see --help")),
-        Command::Fk { q_mm, beta_deg } => commands::fk(machine, *q_mm, *beta_deg),
+        Command::Fk { q_mm, beta_deg } => ik::fk(machine, *q_mm, *beta_deg),
         Command::Stiffness { poses, table, out } => {
             commands::stiffness(machine, poses, table.table.as_deref(), table.form, out.as_deref())
         }
@@ -428,9 +429,9 @@ fn run(cli: &Cli) -> Result<Output> {
             commands::predict(machine, data.as_deref(), table.table.as_deref(), table.form, out)
         }
         Command::Plan { kind, pose_box, data, out } => {
-            let pose_box = pose_box.map(|b| PoseBox([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
-            if let Some(b) = pose_box.filter(|b| b.0.iter().any(|[low, high]| low >= high)) {
-                return Err(Failure::usage(format!("--box: expected least,greatest of each, found {:?}", b.0)));
+            let pose_box = pose_box.map(|b| PoseBox::from([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
+            if let Some(b) = pose_box.filter(|b| b.ranges().iter().any(|[low, high]| low >= high)) {
+                return Err(Failure::usage(format!("--box: expected least,greatest of each, found {:?}", b.ranges())));
             }
             commands::plan(machine, kind, pose_box, data.as_deref(), out)
         }

@@ -2,9 +2,9 @@
 
 use pkm_core::correction::EQ_11;
 
-use crate::dataset::{NamedPose, pose_of};
-use crate::error::{Failure, Result};
-use crate::machine_file::{MachineFile, PoseBox, status};
+use crate::error::{Failure, Result, status};
+use crate::machine_file::MachineFile;
+use crate::pose::{NamedPose, pose_of, tidy};
 
 /// Kinds of plans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,11 +46,11 @@ impl PlanKind {
     }
 }
 
-/// Lays the poses of a plan into a box.
+/// Lays the poses of a plan into the machine's box.
 ///
 /// # Errors
 /// A pose that the machine cannot take.
-pub fn plan(kind: PlanKind, pose_box: &PoseBox, machine: &MachineFile) -> Result<Vec<NamedPose>> {
+pub fn plan(kind: PlanKind, machine: &MachineFile) -> Result<Vec<NamedPose>> {
     let (letter, points) = match kind {
         PlanKind::L49 => ('O', latin(7, 1)),
         PlanKind::L49Balanced => ('O', latin(7, 3)),
@@ -60,9 +60,9 @@ pub fn plan(kind: PlanKind, pose_box: &PoseBox, machine: &MachineFile) -> Result
     };
     let width = points.len().to_string().len();
     let at = |i: usize, t: f64| {
-        let [low, high] = pose_box.0[i];
+        let [low, high] = machine.pose_box.ranges()[i];
         // levels like -15, -10, … 15 exactly, not -9.999999999999998
-        ((low + (high - low) * t) * 1e9).round() / 1e9
+        tidy(low + (high - low) * t)
     };
     points
         .into_iter()

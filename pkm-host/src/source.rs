@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pkm_fixtures::Fixture;
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Failure, Result, printable};
@@ -27,7 +28,7 @@ pub struct Source {
 
 impl Source {
     fn new(name: String, mut bytes: Vec<u8>) -> Self {
-        let sha256 = Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect();
+        let sha256 = sha256(&bytes);
         // some spreadsheets end lines with CR alone, which nobody counts as lines
         if !bytes.contains(&b'\n') {
             bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
@@ -102,6 +103,26 @@ impl Source {
     }
 }
 
+/// SHA-256, hexadecimal.
+pub fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// A document as a file has it.
+pub fn json(document: &impl Serialize) -> String {
+    serde_json::to_string_pretty(document).expect("keys are text") + "\n"
+}
+
+/// The folder that a file is in.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The name of a file, unless the path is that of a folder.
+pub fn name_of(path: &Path) -> Option<&OsStr> {
+    path.file_name().filter(|_| !path.as_os_str().as_encoded_bytes().ends_with(b"/"))
+}
+
 /// Refuses to write over what is read.
 ///
 /// # Errors
@@ -123,11 +144,15 @@ pub fn keep_inputs(outputs: &[impl AsRef<Path>], inputs: &[Option<&Path>]) -> Re
 /// Writes files so that each is there whole or not at all, none before all could be written, and none over an input: they are
 /// written beside the old ones, and take their places, one after the other, when nothing but a name has to change. Who stops the
 /// program at that very moment finds some files old and some new, none in part; what it has written beside them is cleared away
-/// by a later run.
+/// by a later run. Says what it wrote, as a line for the user.
 ///
 /// # Errors
 /// What the operating system says, with the path; see [`keep_inputs`].
-pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)], inputs: &[Option<&Path>]) -> Result<()> {
+pub fn write_all(
+    folder: &Path,
+    files: &[(impl AsRef<Path>, impl AsRef<[u8]>)],
+    inputs: &[Option<&Path>],
+) -> Result<String> {
     let paths: Vec<_> = files.iter().map(|(name, _)| folder.join(name)).collect();
     keep_inputs(&paths, inputs)?;
     std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
@@ -153,7 +178,12 @@ pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)], inputs: &[
     for (file, path) in ready {
         file.persist(&path).map_err(|e| Failure::io("write", &path, &e.error))?;
     }
-    Ok(())
+    let names: Vec<_> = files.iter().map(|(name, _)| name.as_ref().display().to_string()).collect();
+    let names = match names.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => names.concat(),
+    };
+    Ok(format!("wrote {names} to {}\n", folder.display()))
 }
 
 /// Writes one file, see [`write_all`].
@@ -161,10 +191,9 @@ pub fn write_all(folder: &Path, files: &[(&OsStr, impl AsRef<[u8]>)], inputs: &[
 /// # Errors
 /// What the operating system says, with the path.
 pub fn write(path: &Path, content: String, inputs: &[Option<&Path>]) -> Result<()> {
-    let name = path.file_name().filter(|_| !path.as_os_str().as_encoded_bytes().ends_with(b"/"));
-    let name = name.ok_or_else(|| Failure::usage("expected a file name").in_file(path.display().to_string()))?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    write_all(folder, &[(name, content)], inputs)
+    let name =
+        name_of(path).ok_or_else(|| Failure::usage("expected a file name").in_file(path.display().to_string()))?;
+    write_all(folder_of(path), &[(name, content)], inputs).map(drop)
 }
 
 /// Whether a file of this name can be written, before a long computation.
@@ -172,7 +201,7 @@ pub fn write(path: &Path, content: String, inputs: &[Option<&Path>]) -> Result<(
 /// # Errors
 /// What the operating system says, with the path.
 pub fn check_writable(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
     if path.is_dir() {
         let error = std::io::Error::other("a folder of this name is in the way");

@@ -1,13 +1,15 @@
-//! A correction table that owns its numbers: as the fit makes it, as JSON, and as the core's view of it.
+//! `coefficients.json`: a correction table with where it comes from.
 
 use pkm_core::correction::FACTOR_ENTRIES;
-use pkm_core::{Basis, CorrectionTable};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, clipped};
 use crate::fit::Fit;
-use crate::machine_file::{MachineFile, PoseBox, clipped, plain};
-use crate::source::Source;
+use crate::machine_file::MachineFile;
+use crate::pose::{PoseBox, core_units};
+use crate::source::{self, Source};
+use crate::table_numbers::{TableNumbers, refuse_not_positive};
+use crate::toml_error::plain;
 
 /// `coefficients.json`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -25,7 +27,7 @@ pub struct TableFile {
     pub data_sha256: String,
     /// Extent of the data.
     #[serde(rename = "box")]
-    pub extent: Extent,
+    pub extent: PoseBox,
     /// Middle of the box: θ in °, σ in °, Z0 in mm.
     pub center: [f64; 3],
     /// Half widths of the box in the same units.
@@ -36,32 +38,6 @@ pub struct TableFile {
     pub diagonal: DiagonalForm,
     /// The factor form, when the data had all 21 columns.
     pub factor: Option<FactorForm>,
-}
-
-/// A box of poses in the units of files.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Extent {
-    /// θ, least and greatest.
-    pub theta_deg: [f64; 2],
-    /// σ.
-    pub sigma_deg: [f64; 2],
-    /// Z0.
-    pub z0_mm: [f64; 2],
-}
-
-impl Extent {
-    /// The same box as a machine file has it.
-    pub fn pose_box(&self) -> PoseBox {
-        PoseBox([self.theta_deg, self.sigma_deg, self.z0_mm])
-    }
-}
-
-impl From<PoseBox> for Extent {
-    fn from(b: PoseBox) -> Self {
-        let [theta_deg, sigma_deg, z0_mm] = b.0;
-        Self { theta_deg, sigma_deg, z0_mm }
-    }
 }
 
 /// Rows c11…c66.
@@ -83,75 +59,6 @@ pub struct FactorForm {
     pub coefficients: Vec<Vec<f64>>,
 }
 
-/// The numbers of a table in the core's units, for the core to borrow.
-#[derive(Clone, Debug)]
-pub struct TableNumbers<T = f64> {
-    /// Middle of the box, rad, rad, m.
-    pub centre: [T; 3],
-    /// Half widths, rad, rad, m.
-    pub half_width: [T; 3],
-    /// Exponents of the scaled θ, σ, Z0.
-    pub terms: Vec<[u8; 3]>,
-    /// Six rows, c11…c66.
-    pub diagonal: Vec<T>,
-    /// 21 rows of G's lower triangle.
-    pub factor: Option<Vec<T>>,
-}
-
-impl TableNumbers {
-    /// The polynomials that must be positive: c_ii, and the diagonal of G.
-    pub fn positive_rows(&self) -> Vec<(String, &[f64])> {
-        let n = self.terms.len();
-        let diagonal = (0..6).map(|i| (format!("c{0}{0}", i + 1), &self.diagonal[i * n..(i + 1) * n]));
-        let factor = self.factor.iter().flat_map(|f| {
-            (0..6).map(move |i| {
-                let row = i * (i + 3) / 2;
-                (format!("g{0}{0}", i + 1), &f[row * n..(row + 1) * n])
-            })
-        });
-        diagonal.chain(factor).collect()
-    }
-
-    /// The core's table.
-    ///
-    /// # Errors
-    /// What the core refuses.
-    pub fn table(&self) -> Result<CorrectionTable<'_, f64>> {
-        Basis::<f64>::new(self.centre, self.half_width, &self.terms)
-            .and_then(|basis| CorrectionTable::<f64>::new(basis, &self.diagonal, self.factor.as_deref()))
-            .map_err(|e| Failure::input(e.to_string()))
-    }
-
-    /// The same in `f32`, as generated source has them.
-    pub fn narrowed(&self) -> TableNumbers<f32> {
-        let narrow = |v: &Vec<f64>| v.iter().map(|x| *x as f32).collect();
-        TableNumbers {
-            centre: self.centre.map(|v| v as f32),
-            half_width: self.half_width.map(|v| v as f32),
-            terms: self.terms.clone(),
-            diagonal: narrow(&self.diagonal),
-            factor: self.factor.as_ref().map(narrow),
-        }
-    }
-}
-
-impl TableNumbers<f32> {
-    /// The core's table.
-    ///
-    /// # Errors
-    /// What the core refuses.
-    pub fn table(&self) -> Result<CorrectionTable<'_, f32>> {
-        Basis::<f32>::new(self.centre, self.half_width, &self.terms)
-            .and_then(|basis| CorrectionTable::<f32>::new(basis, &self.diagonal, self.factor.as_deref()))
-            .map_err(|e| Failure::input(e.to_string()))
-    }
-}
-
-/// Box values in ° and mm as the core has them, rad and m.
-pub fn core_units([theta_deg, sigma_deg, z0_mm]: [f64; 3]) -> [f64; 3] {
-    [theta_deg.to_radians(), sigma_deg.to_radians(), z0_mm / 1e3]
-}
-
 impl TableFile {
     /// A fitted table with where it comes from.
     pub fn new(machine: &MachineFile, data: &Source, fit: &Fit) -> Self {
@@ -162,7 +69,7 @@ impl TableFile {
             machine_sha256: machine.source.sha256(),
             data: data.file_name(),
             data_sha256: data.sha256(),
-            extent: fit.extent.into(),
+            extent: fit.extent,
             center: fit.center,
             scale: fit.scale,
             terms: fit.numbers.terms.clone(),
@@ -172,11 +79,8 @@ impl TableFile {
     }
 
     /// `coefficients.json`.
-    ///
-    /// # Errors
-    /// None that is known.
-    pub fn to_json(&self) -> Result<String> {
-        serde_json::to_string_pretty(self).map(|t| t + "\n").map_err(|e| Failure::other(e.to_string()))
+    pub fn to_json(&self) -> String {
+        source::json(self)
     }
 
     /// Reads a table and lets the core check it.
@@ -215,8 +119,7 @@ impl TableFile {
         if (1..self.terms.len()).any(|i| self.terms[..i].contains(&self.terms[i])) {
             return fail("terms", "expected different terms, found one twice".into());
         }
-        let ranges = [self.extent.theta_deg, self.extent.sigma_deg, self.extent.z0_mm];
-        for ((range, center), scale) in ranges.iter().zip(self.center).zip(self.scale) {
+        for ((range, center), scale) in self.extent.ranges().iter().zip(self.center).zip(self.scale) {
             if (range[0] - center + scale).abs().max((range[1] - center - scale).abs()) > 1e-6 * scale.abs() {
                 return fail("box", format!("expected center ± scale, found {range:?} for {center} ± {scale}"));
             }
@@ -252,60 +155,4 @@ fn unread(key: &str, error: &serde_json::Error) -> Failure {
     };
     let failure = Failure::input(message).at_line(error.line() as u64);
     if key == "." { failure } else { failure.at_column(clipped(key)) }
-}
-
-/// Refuses a correction that is not positive somewhere in its box.
-///
-/// # Errors
-/// A place in the box, in ° and mm.
-pub fn refuse_not_positive(
-    name: &str,
-    coefficients: &[f64],
-    terms: &[[u8; 3]],
-    (center, scale): ([f64; 3], [f64; 3]),
-) -> Result<()> {
-    positive_in_box(coefficients, terms).map_err(|t| {
-        let [theta, sigma, z0]: [f64; 3] = std::array::from_fn(|i| center[i] + scale[i] * t[i]);
-        Failure::input(format!(
-            "the correction {name} is not positive at θ = {theta:.2}°, σ = {sigma:.2}°, Z0 = {z0:.1} mm, inside its box: \
-             fit with more poses there, or with other terms"
-        ))
-    })
-}
-
-/// Proves that a polynomial is positive on [−1, 1]³ by dividing the box until a slope bound decides.
-/// `Err` holds a point where it is not, or where a million boxes did not decide.
-fn positive_in_box(c: &[f64], terms: &[[u8; 3]]) -> std::result::Result<(), [f64; 3]> {
-    let value = |t: [f64; 3]| -> f64 {
-        c.iter().zip(terms).map(|(c, n)| c * (0..3).map(|i| t[i].powi(n[i].into())).product::<f64>()).sum()
-    };
-    let slope: [f64; 3] = std::array::from_fn(|i| c.iter().zip(terms).map(|(c, n)| c.abs() * f64::from(n[i])).sum());
-    let mut boxes = vec![([0.0; 3], [1.0; 3])];
-    let mut count = 0;
-    while let Some((middle, half)) = boxes.pop() {
-        let here = value(middle);
-        count += 1;
-        if !(here > 0.0) || count > 1_000_000 {
-            return Err(middle);
-        }
-        let drop: [f64; 3] = std::array::from_fn(|i| slope[i] * half[i]);
-        if here > drop.iter().sum() {
-            continue;
-        }
-        let widest = if drop[0] >= drop[1] && drop[0] >= drop[2] {
-            0
-        } else if drop[1] >= drop[2] {
-            1
-        } else {
-            2
-        };
-        let mut narrower = half;
-        narrower[widest] /= 2.0;
-        for side in [-1.0, 1.0] {
-            let mut moved = middle;
-            moved[widest] += side * narrower[widest];
-            boxes.push((moved, narrower));
-        }
-    }
-    Ok(())
 }

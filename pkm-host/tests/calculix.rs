@@ -220,7 +220,8 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
 #[test]
 #[ignore = "needs CalculiX"]
 fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
-    use pkm_host::diagnose::{diagnose, readings::Readings, verdict::Verdict};
+    use pkm_host::diagnose::{diagnose, verdict::Verdict};
+    use pkm_host::readings::Readings;
     let bench = Bench::new();
     let poses = bench.poses(5);
     for (set, id) in [

@@ -75,7 +75,7 @@ fn table_from_json_gives_the_bits_of_the_generated_one() {
     let found = json(&["stiffness", "--poses", &poses, "--table", &table]);
     for (line, pose) in found["poses"].as_array().unwrap().iter().zip(only_poses_values(&poses)) {
         use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
-        let pose = pkm_host::dataset::pose_of(pose[0], pose[1], pose[2]);
+        let pose = pkm_host::pose::pose_of(pose[0], pose[1], pose[2]);
         let expected = TABLE_F64.factor_form(&MACHINE_F64, &pose).unwrap().factor.stiffness().matrix();
         assert_eq!(line["k"], serde_json::json!(expected));
         assert_eq!(line["inside_domain"], true);
@@ -151,7 +151,7 @@ fn paper_coefficients_are_the_same_polynomial_in_degrees_and_millimetres() {
     folder.table();
     let table: Value = serde_json::from_str(&folder.read("fit/coefficients.json")).unwrap();
     let (theta, sigma, z0) = (7.3, -4.1, 541.7);
-    let pose = pkm_host::dataset::pose_of(theta, sigma, z0);
+    let pose = pkm_host::pose::pose_of(theta, sigma, z0);
     let expected = pkm_core::tables::reference::TABLE_F64.coefficients(&pose);
     let terms = [theta * theta, theta, sigma * sigma, sigma, z0, theta * sigma, theta * z0, sigma * z0, 1.0];
     for i in 0..6 {
@@ -326,7 +326,7 @@ fn predict_fills_deflections_and_keeps_the_rest() {
 
     // by hand: C at A, carried to the point
     let machine = &pkm_core::tables::reference::MACHINE_F64;
-    let k = machine.stiffness(&pkm_host::dataset::pose_of(3.5, -2.0, 530.0)).unwrap().matrix();
+    let k = machine.stiffness(&pkm_host::pose::pose_of(3.5, -2.0, 530.0)).unwrap().matrix();
     let compliance = nalgebra::Matrix6::from(k).try_inverse().unwrap();
     let (force, r) = (nalgebra::Vector3::new(100.0, 0.0, -400.0), nalgebra::Vector3::new(0.01, -0.02, 0.0905));
     let moment = nalgebra::Vector3::new(0.0, 5.5, 0.0) + r.cross(&force);

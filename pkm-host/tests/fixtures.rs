@@ -5,8 +5,9 @@ use std::path::Path;
 use pkm_core::machine::Joint;
 use pkm_core::tables::reference;
 use pkm_core::{CorrectionTable, Domain, Machine, Pose, Scalar};
-use pkm_host::dataset::{NamedPose, read_poses};
+use pkm_host::dataset::read_poses;
 use pkm_host::machine_file::MachineFile;
+use pkm_host::pose::NamedPose;
 use pkm_host::source::Source;
 
 fn fixture(path: &str) -> Source {
@@ -38,10 +39,10 @@ fn x150_reaches_its_published_check_points() {
 fn boxes_lie_within_travel() {
     for name in ["reference.toml", "x150.toml"] {
         let file = machine(name);
-        let [theta, sigma, z0] = file.pose_box.0;
+        let [theta, sigma, z0] = file.pose_box.ranges();
         for corner in 0..8 {
             let pick = |range: [f64; 2], bit: usize| range[corner >> bit & 1];
-            let pose = pkm_host::dataset::pose_of(pick(theta, 0), pick(sigma, 1), pick(z0, 2));
+            let pose = pkm_host::pose::pose_of(pick(theta, 0), pick(sigma, 1), pick(z0, 2));
             assert!(file.machine.inverse(&pose).is_ok(), "{name}: {pose:?}");
         }
     }
@@ -79,7 +80,7 @@ fn mobility_is_one_by_formula_and_three_by_rank() {
     assert_eq!(6 * (bodies - joints - 1) + freedoms, 1);
 
     // Wrenches that a limb with a free screw transmits are reciprocal to the twists of all its joints.
-    let pose = pkm_host::dataset::pose_of(7.0, -4.0, 530.0);
+    let pose = pkm_host::pose::pose_of(7.0, -4.0, 530.0);
     let (locked, free) =
         (pkm_tests::transmitted(&file.parameters, &pose, true), pkm_tests::transmitted(&file.parameters, &pose, false));
     let rank = |m: &nalgebra::DMatrix<f64>| m.rank(1e-9);

@@ -27,7 +27,7 @@ fn text(values: &[f64]) -> String {
 }
 
 fn at(theta_deg: f64, sigma_deg: f64, z0_mm: f64, beta_deg: [f64; 2]) -> Configuration<f64> {
-    let pose = pkm_host::dataset::pose_of(theta_deg, sigma_deg, z0_mm);
+    let pose = pkm_host::pose::pose_of(theta_deg, sigma_deg, z0_mm);
     Configuration { pose, beta_rad: beta_deg.map(f64::to_radians) }
 }
 

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use pkm_core::{Deflection, Machine, Pose, Stiffness, Wrench};
 use pkm_host::commands;
-use pkm_host::dataset::{self, StiffnessData, file_units};
+use pkm_host::dataset::{self, StiffnessData};
 use pkm_host::diagnose;
 use pkm_host::diagnose::compare::{self, Zone};
-use pkm_host::diagnose::readings::Readings;
-use pkm_host::fit::ROTATION_ARM_M;
 use pkm_host::machine_file::MachineFile;
+use pkm_host::pose::{ROTATION_ARM_M, written_units};
+use pkm_host::readings::Readings;
 use pkm_host::source::Source;
 use pkm_host::table_file::TableFile;
 
@@ -40,7 +40,7 @@ fn readings(data: &StiffnessData) -> Result<String, String> {
         let k = target.full.ok_or("the solids' stiffness is whole")?;
         for load in loads() {
             let d = deflection(&k, &load)?;
-            let pose = file_units(&p.pose).map(|v| (v * 1e9).round() / 1e9);
+            let pose = written_units(&p.pose);
             let numbers = pose.into_iter().chain(load.to_array()).map(|v| v.to_string());
             let read = d.to_array().map(|v| format!("{:.4}", v * 1e6));
             let cells: Vec<String> = numbers.chain(read).collect();

@@ -5,12 +5,11 @@ use serde::Serialize;
 use super::SEED;
 use super::model::{Model, Unknown, is_measurement};
 use super::noise::{Noise, Whitener};
-use super::readings::{CHANNELS, Condition, Readings};
 use super::remainder::Remainder;
 use super::search::Search;
 use super::solve::{Fit, Problem};
-use crate::dataset::file_units;
-use crate::machine_file::PoseBox;
+use crate::pose::{PoseBox, file_units};
+use crate::readings::{CHANNELS, Condition, Readings};
 
 /// Resamples of the poses for intervals.
 const RESAMPLES: usize = 1000;
@@ -81,15 +80,7 @@ pub struct Fitted {
 
 /// Extent of the poses that were read.
 pub fn extent(readings: &Readings) -> PoseBox {
-    let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
-    let used = readings.readings.iter().map(|r| readings.conditions[r.condition].pose);
-    for pose in used {
-        for (range, value) in extent.iter_mut().zip(file_units(&readings.poses[pose].pose)) {
-            let value = (value * 1e9).round() / 1e9;
-            *range = [range[0].min(value), range[1].max(value)];
-        }
-    }
-    PoseBox(extent)
+    PoseBox::of(readings.readings.iter().map(|r| &readings.poses[readings.conditions[r.condition].pose].pose))
 }
 
 /// Predictions of one fit; without errors of the measurement when the truth has none.
@@ -162,7 +153,7 @@ pub fn cross_validate(readings: &Readings, noise: &Noise, model: &Model, search:
     let folds = FOLDS.min(readings.poses.len());
     let mut all: Option<Predictions> = None;
     for fold in 0..folds {
-        let left_out = |r: &super::readings::Reading| readings.conditions[r.condition].pose % folds == fold;
+        let left_out = |r: &crate::readings::Reading| readings.conditions[r.condition].pose % folds == fold;
         let kept = readings.without(left_out);
         let whitener = Whitener::new(&kept, noise);
         let problem = Problem::new(&kept, &whitener, model);
@@ -211,10 +202,7 @@ impl Zone {
 /// Zones of the readings of one file with respect to those of another.
 pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
     let extent = extent(measured);
-    let components = |c: &Condition| -> [f64; 6] {
-        let (f, m) = (c.wrench.force_n, c.wrench.moment_nm);
-        [f[0], f[1], f[2], m[0], m[1], m[2]]
-    };
+    let components = |c: &Condition| c.wrench.to_array();
     let loads: Vec<[f64; 6]> = measured.conditions.iter().map(components).collect();
     // a load is like a measured one when each component is: its own size, a zero, or a size between
     let known = |w: [f64; 6]| {
@@ -230,7 +218,7 @@ pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
         .map(|r| {
             let c = &held_out.conditions[r.condition];
             let pose = file_units(&held_out.poses[c.pose].pose);
-            let depth = pose.iter().zip(extent.0).map(|(v, [low, high])| {
+            let depth = pose.iter().zip(extent.ranges()).map(|(v, [low, high])| {
                 let half = 0.5 * (high - low);
                 if half > 0.0 { (half - (v - 0.5 * (low + high)).abs()) / half } else { 1.0 }
             });

@@ -1,6 +1,6 @@
 //! From measured deflections to what the model lacks; the method is in docs/theory.md, Diagnosis.
 //!
-//! [`readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
+//! [`crate::readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
 //! `solve` of a `model` with unknowns) → [`verdict`], [`compare`] (before and after, with a table on the `remainder`), `next`
 //! (what to measure).
 
@@ -10,7 +10,6 @@ mod model;
 pub(crate) mod next;
 mod noise;
 pub(crate) mod outputs;
-pub mod readings;
 mod remainder;
 pub mod report;
 mod screen;
@@ -19,19 +18,20 @@ mod solve;
 pub mod verdict;
 mod words;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 
 use self::compare::{Errors, RIVALS, Rival, Zone};
 use self::doubts::{Doubt, Suspect};
 use self::model::{Unknown, info};
 use self::noise::Noise;
-use self::readings::Readings;
 use self::search::{Candidate, Search};
 use self::solve::{Levels, Problem};
 use self::verdict::{DeclaredFinding, Detectable, Judgement, Structure};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
+use crate::pose::written_units;
+use crate::progress;
+use crate::readings::Readings;
 
 /// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
 pub const SEED: u64 = 20_201;
@@ -243,13 +243,10 @@ fn effects(problem: &Problem<'_>, search: &Search) -> Vec<Effect> {
 /// # Errors
 /// Readings that cannot be diagnosed, a fit that does not converge.
 pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>) -> Result<Diagnosis> {
-    let progress = ProgressBar::new(5);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {msg}") {
-        progress.set_style(style);
-    }
+    let bar = progress::bar(5, "{bar:30} {msg}");
     let step = |message: &'static str| {
-        progress.set_message(message);
-        progress.inc(1);
+        bar.set_message(message);
+        bar.inc(1);
     };
     step("noise");
     let noise = Noise::new(readings)?;
@@ -306,7 +303,7 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         .iter()
         .map(|r| r.ranking.iter().map(|r| r.candidate.names(problem).join(" + ")).collect())
         .collect();
-    progress.finish_and_clear();
+    bar.finish_and_clear();
     let declared = verdict::declared_findings(problem, &search);
     doubts.extend(doubts::of_result(&judgement, &declared, &structure));
     Ok(Diagnosis {
@@ -402,10 +399,9 @@ impl Diagnosis {
             "steps": self.steps.iter()
                 .map(|s| json!({ "found": s.found, "error": s.errors, "holdout": s.held_out })).collect::<Vec<_>>(),
             "next_measurements": self.proposals.iter().map(|p| {
-                let [theta_deg, sigma_deg, z0_mm] = next::in_file_units(p);
-                let (f, m) = (p.wrench.force_n, p.wrench.moment_nm);
+                let [theta_deg, sigma_deg, z0_mm] = written_units(&p.pose);
                 json!({ "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
-                    "wrench": [f[0], f[1], f[2], m[0], m[1], m[2]], "separates": p.separates })
+                    "wrench": p.wrench.to_array(), "separates": p.separates })
             }).collect::<Vec<_>>(),
             "residual_structure": self.structure,
             "ranking": ranking,

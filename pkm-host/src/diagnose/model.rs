@@ -6,8 +6,8 @@ use pkm_core::effects::{EFFECTS, EffectInfo, MAX_PARAMETERS};
 use pkm_core::machine::{Joint, Tube};
 use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
 
-use super::readings::{CHANNELS, Condition};
 use crate::machine_file::MachineFile;
+use crate::readings::{CHANNELS, Condition};
 
 /// Errors of the measurement: no part of the machine, and none of the model that the controller runs.
 pub const MEASUREMENT: [EffectInfo; 4] = [
@@ -226,14 +226,13 @@ impl Model {
     /// Scales of effects follow from the machine's own compliance in the middle of its box.
     pub fn new(file: &MachineFile) -> Option<Self> {
         let declared = file.parameters;
-        let [theta, sigma, z0] = file.pose_box.0.map(|[low, high]| (low + high) / 2.0);
-        let pose = crate::dataset::pose_of(theta, sigma, z0);
+        let [theta, sigma, z0] = file.pose_box.middle();
+        let pose = crate::pose::pose_of(theta, sigma, z0);
         let factor = file.machine.stiffness(&pose).ok()?.factor().ok()?;
         let mut own = [0.0; 6];
         for (i, own) in own.iter_mut().enumerate() {
-            let unit = |range: std::ops::Range<usize>| std::array::from_fn(|k| f64::from(range.start + k == i));
-            let d = factor.deflection(&Wrench { force_n: unit(0..3), moment_nm: unit(3..6) }).ok()?;
-            *own = if i < 3 { d.translation_m[i] } else { d.rotation_rad[i - 3] };
+            let unit = Wrench::from_array(std::array::from_fn(|k| f64::from(k == i)));
+            *own = factor.deflection(&unit).ok()?.to_array()[i];
         }
         // three limbs share a load along w, and bend side by side along u
         let (axial, across) = (3.0 * own[2], 3.0 * own[0]);

@@ -5,11 +5,11 @@ use pkm_core::{Pose, Wrench};
 use rayon::prelude::*;
 
 use super::noise::Noise;
-use super::readings::{CHANNELS, Condition, REFERENCE_C};
 use super::search::Search;
 use super::solve::{Fit, Levels, Problem};
-use crate::dataset::{file_units, pose_of};
 use crate::machine_file::MachineFile;
+use crate::pose::{PoseBox, pose_of};
+use crate::readings::{CHANNELS, Condition, REFERENCE_C};
 
 /// How many measurements are proposed.
 const PROPOSED: usize = 8;
@@ -64,19 +64,16 @@ fn loads(conditions: &[Condition]) -> Vec<Wrench<f64>> {
 
 /// A grid of poses over the box and somewhat beyond it, those out of travel left out.
 fn poses(file: &MachineFile) -> Vec<Pose<f64>> {
-    let ranges = file.pose_box.0.map(|[low, high]| {
+    let wider = PoseBox::from(file.pose_box.ranges().map(|[low, high]| {
         let more = 0.5 * BEYOND * (high - low);
         [low - more, high + more]
-    });
-    let level = |i: usize, n: usize| {
-        let [low, high] = ranges[i];
-        ((low + (high - low) * n as f64 / (LEVELS[i] - 1) as f64) * 10.0).round() / 10.0
-    };
+    }));
     let mut poses = Vec::new();
     for i in 0..LEVELS[0] {
         for j in 0..LEVELS[1] {
             for k in 0..LEVELS[2] {
-                let pose = pose_of(level(0, i), level(1, j), level(2, k));
+                let [theta, sigma, z0] = wider.level(LEVELS, [i, j, k]).map(|v| (v * 10.0).round() / 10.0);
+                let pose = pose_of(theta, sigma, z0);
                 if file.machine.inverse(&pose).is_ok() {
                     poses.push(pose);
                 }
@@ -123,14 +120,13 @@ pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals:
         return Vec::new();
     }
     let (loads, poses) = (loads(&problem.readings.conditions), poses(file));
-    let none = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
     let conditions: Vec<Condition> = (0..poses.len())
         .flat_map(|pose| {
             loads.iter().map(move |wrench| Condition {
                 pose,
                 wrench: *wrench,
                 point_m: [0.0; 3],
-                turned_at: none,
+                turned_at: Wrench::ZERO,
                 temperature_c: REFERENCE_C,
                 rise_k: 0.0,
             })
@@ -195,11 +191,6 @@ pub fn propose(problem: &Problem<'_>, noise: &Noise, file: &MachineFile, rivals:
         });
     }
     proposals
-}
-
-/// A proposal's pose in the units of files.
-pub fn in_file_units(p: &Proposal) -> [f64; 3] {
-    file_units(&p.pose).map(|v| (v * 1e9).round() / 1e9)
 }
 
 /// The best of what was tried in the round that settled most, as contenders: what was found with its class, or the two that

@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use super::readings::{CHANNELS, Readings};
 use crate::dataset::DEFLECTION_COLUMNS;
 use crate::error::{Failure, Result};
+use crate::readings::{CHANNELS, Readings};
 
 /// Least degrees of freedom at which a channel's scatter is taken from its own repeats; with fewer, translations are
 /// taken together, and rotations.

@@ -1,17 +1,17 @@
 //! The files that a diagnosis leaves for the controller: the machine with its effects, and a table on what is left.
 
 use pkm_core::effects::EFFECTS;
-use pkm_core::{Machine, MachineParameters};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
 use super::compare::extent;
-use super::readings::Readings;
-use crate::dataset::{NamedPose, StiffnessData, Target, pose_of};
+use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
 use crate::export::{Provenance, rust_source};
 use crate::fit::{self, TermChoice};
 use crate::machine_file::MachineFile;
+use crate::pose::{NamedPose, pose_of};
+use crate::readings::Readings;
 use crate::table_file::TableFile;
 
 /// Levels of each variable at which the table on the remainder is taken.
@@ -92,33 +92,27 @@ pub fn table(
     diagnosis: &Diagnosis,
 ) -> Result<(String, TableFile)> {
     let bounds = extent(readings);
-    let level = |i: usize, n: usize| {
-        let [low, high] = bounds.0[i];
-        low + (high - low) * n as f64 / (LEVELS - 1) as f64
-    };
-    // a table applies below what sits on A
-    let below = MachineParameters { effects: improved.parameters.effects.below_tool(), ..improved.parameters };
-    let mut machine = MachineFile::parse(improved.source.clone())?;
-    machine.machine = Machine::<f64>::new(&below).map_err(|e| Failure::other(format!("{e:?}")))?;
+    let machine = improved.below_tool()?;
     let mut poses = Vec::new();
     for n in 0..LEVELS.pow(3) {
         let [i, j, k] = [n % LEVELS, n / LEVELS % LEVELS, n / LEVELS.pow(2)];
-        let pose = pose_of(level(0, i), level(1, j), level(2, k));
-        if machine.machine.inverse(&pose).is_ok() {
+        let [theta, sigma, z0] = bounds.level([LEVELS; 3], [i, j, k]);
+        let pose = pose_of(theta, sigma, z0);
+        if machine.inverse(&pose).is_ok() {
             poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
         }
     }
     let corrected: Result<Vec<_>> = poses.iter().map(|p| diagnosis.fitted.remainder().stiffness(&p.pose)).collect();
     let stiffnesses = corrected.or_else(|e| {
         eprintln!("warning: {}; the table is left at 1", e.message);
-        let own = poses.iter().map(|p| machine.machine.stiffness(&p.pose));
+        let own = poses.iter().map(|p| machine.stiffness(&p.pose));
         own.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Failure::other(e.to_string()))
     })?;
     let targets = stiffnesses.iter().map(|k| Target { principal: k.principal(), full: Some(*k) }).collect();
     let data = StiffnessData { source: readings.source.clone(), poses, targets };
-    let fit = fit::fit(fit::samples(&machine.machine, data)?, None, TermChoice::Full)?;
-    let trained = fit::evaluate(&fit.training, &machine, &fit.numbers)?;
-    let file = TableFile::new(&machine, &readings.source, &fit);
+    let fit = fit::fit(fit::samples(&machine, data)?, None, TermChoice::Full)?;
+    let trained = fit::evaluate(&fit.training, &machine, improved.wrist_parameters.tip_at_zero_m(), &fit.numbers)?;
+    let file = TableFile::new(improved, &readings.source, &fit);
     let command = format!(
         "pkm-host diagnose --machine {} --data {} (table: what the readings ask for beyond the effects, on a grid)",
         declared.source.file_name(),

@@ -5,15 +5,14 @@
 //! what makes the readings most likely.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6, Vector6};
+use pkm_core::correction::EQ_11;
 use pkm_core::effects::Effects;
-use pkm_core::{Basis, Machine, MachineParameters, Pose, Stiffness, Wrench};
+use pkm_core::{Basis, Deflection, Machine, MachineParameters, Pose, Stiffness, Wrench};
 
-use super::readings::{CHANNELS, Condition};
 use super::solve::{Problem, product};
 use crate::error::{Failure, Result};
-use crate::machine_file::PoseBox;
-use crate::table_file::core_units;
-use pkm_core::correction::EQ_11;
+use crate::pose::{PoseBox, core_units};
+use crate::readings::{CHANNELS, Condition};
 
 /// Standard deviations of the scaled coefficients that are tried.
 const SPREADS: [f64; 7] = [1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3];
@@ -50,12 +49,10 @@ impl Remainder {
         residuals: &DVector<f64>,
         extent: &PoseBox,
     ) -> Option<Self> {
-        let center = extent.0.map(|[low, high]| 0.5 * (low + high));
-        let scale = extent.0.map(|[low, high]| if high > low { 0.5 * (high - low) } else { 1.0 });
         let mut this = Self {
             machine: below_tool(parameters)?,
-            centre: core_units(center),
-            half_width: core_units(scale),
+            centre: core_units(extent.middle()),
+            half_width: core_units(extent.half_widths()),
             coefficients: DVector::zeros(ENTRIES * EQ_11.len()),
             information: None,
         };
@@ -168,14 +165,9 @@ impl Remainder {
 }
 
 fn at_a(wrench: &Wrench<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    let w = wrench.moved_to_a(point_m);
-    let ([a, b, c], [d, e, f]) = (w.force_n, w.moment_nm);
-    Vector6::new(a, b, c, d, e, f)
+    wrench.moved_to_a(point_m).to_array().into()
 }
 
 fn seen_at(d: &Vector6<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    let d =
-        pkm_core::Deflection { translation_m: [d[0], d[1], d[2]], rotation_rad: [d[3], d[4], d[5]] }.seen_at(point_m);
-    let ([a, b, c], [e, f, g]) = (d.translation_m, d.rotation_rad);
-    Vector6::new(a, b, c, e, f, g)
+    Deflection::from_array((*d).into()).seen_at(point_m).to_array().into()
 }

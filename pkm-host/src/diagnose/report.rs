@@ -7,13 +7,13 @@ use pkm_core::{Machine, ScrewLengths};
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::model::is_measurement;
-use super::readings::{Condition, Readings};
 use super::verdict::{DeclaredFinding, Verdict};
-use super::{Diagnosis, SEED, next, words};
-use crate::dataset::file_units;
+use super::{Diagnosis, SEED, words};
 use crate::error::Result;
 use crate::machine_file::MachineFile;
 use crate::plot::{self, Mark, Panel, Series};
+use crate::pose::{file_units, written_units};
+use crate::readings::{Condition, Readings};
 use crate::report::{Finding, Page, charts, fold, of_file, picture, table};
 
 /// Most points of a series: more would only blacken the picture.
@@ -319,7 +319,7 @@ pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>
         .collect();
     let proposals: Vec<_> = (d.proposals.iter().enumerate())
         .map(|(n, p)| {
-            let [theta, sigma, z0] = next::in_file_units(p).map(|v| v.to_string());
+            let [theta, sigma, z0] = written_units(&p.pose).map(|v| v.to_string());
             ((n + 1).to_string(), vec![theta, sigma, z0, words::load(&p.wrench), p.separates.join(" from ")])
         })
         .collect();

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use super::model::{Model, Unknown};
 use super::noise::{Entry, Whitener};
-use super::readings::{Condition, Readings};
 use crate::machine_file::Uncertainty;
+use crate::readings::{Condition, Readings};
 
 /// Data, noise and model together.
 pub struct Problem<'a> {
@@ -109,8 +109,7 @@ impl<'a> Problem<'a> {
         let readings = self.readings;
         // the line of a load, whichever way along it and however large
         let line = |c: &Condition| -> (usize, Vec<i64>) {
-            let (f, m) = (c.wrench.force_n, c.wrench.moment_nm);
-            let all = [f[0], f[1], f[2], m[0], m[1], m[2]];
+            let all = c.wrench.to_array();
             let size = all.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
             let sign = all.iter().find(|v| **v != 0.0).map_or(1.0, |v| v.signum());
             (c.pose, all.iter().map(|v| (1e3 * sign * v / size).round() as i64).collect())

@@ -7,11 +7,11 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::model::{self, Unknown, info};
 use super::noise::{Noise, NoiseSource, Whitener};
-use super::readings::{CHANNELS, Readings};
 use super::search::{Candidate, Search};
 use super::solve::{self, Fit, Levels, Problem};
 use super::words;
 use crate::machine_file::Uncertainty;
+use crate::readings::{CHANNELS, Readings};
 
 /// p at which a misfit counts as significant.
 pub const P_MISFIT: f64 = 0.01;

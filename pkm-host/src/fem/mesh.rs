@@ -8,7 +8,7 @@ use spade::{
     AngleLimit, ConstrainedDelaunayTriangulation, DelaunayTriangulation, Point2, RefinementParameters, Triangulation,
 };
 
-use super::solid::{Bar, Plate};
+use crate::solid::{Bar, Plate};
 
 /// Nodes and elements of one material, numbered from 0.
 #[derive(Clone, Debug, Default)]
@@ -66,6 +66,20 @@ fn divisions(length: f64, element: f64, least: usize) -> usize {
     ((length / element - 1e-9).ceil() as usize).max(least)
 }
 
+/// Nodes of an element of second order: corners below and above, middles of sides below and above, corners half-way up.
+fn element<const SIDES: usize, const NODES: usize>(
+    corners: [(usize, usize); SIDES],
+    middles: [(usize, usize); SIDES],
+    mut node: impl FnMut((usize, usize), usize) -> usize,
+) -> [usize; NODES] {
+    let layers = [(corners, 0), (corners, 2), (middles, 0), (middles, 2), (corners, 1)];
+    let mut all = layers.into_iter().flat_map(|(places, up)| places.map(|place| (place, up)));
+    std::array::from_fn(|_| {
+        let (place, up) = all.next().expect("five layers");
+        node(place, up)
+    })
+}
+
 /// A bar with cross-sections at the stations, in ascending order; `size` 1 is the usual fineness, 0.5 twice as fine.
 pub fn bar(bar: &Bar, stations: &[f64], size: f64) -> BarMesh {
     let around = divisions(12.0, size, 4);
@@ -94,24 +108,11 @@ pub fn bar(bar: &Bar, stations: &[f64], size: f64) -> BarMesh {
     let (mut hexahedra, mut wedges) = (Vec::new(), Vec::new());
     for k in (0..2 * (heights.len() - 1)).step_by(2) {
         for i in (0..2 * around).step_by(2) {
+            let at = |(turn, j), up| node(i + turn, j, k + up);
             if inner > 0.0 {
-                let corners = [(0, 0), (0, 2), (2, 2), (2, 0)];
-                let middles = [(0, 1), (1, 2), (2, 1), (1, 0)];
-                let layers = [(corners, 0), (corners, 2), (middles, 0), (middles, 2), (corners, 1)];
-                let mut all = layers.iter().flat_map(|(places, up)| places.map(|(di, j)| (i + di, j, k + up)));
-                hexahedra.push(std::array::from_fn(|_| {
-                    let (i, j, k) = all.next().expect("five layers of four");
-                    node(i, j, k)
-                }));
+                hexahedra.push(element([(0, 0), (0, 2), (2, 2), (2, 0)], [(0, 1), (1, 2), (2, 1), (1, 0)], at));
             } else {
-                let corners = [(0, 0), (0, 2), (2, 2)];
-                let middles = [(0, 1), (1, 2), (2, 1)];
-                let layers = [(corners, 0), (corners, 2), (middles, 0), (middles, 2), (corners, 1)];
-                let mut all = layers.iter().flat_map(|(places, up)| places.map(|(di, j)| (i + di, j, k + up)));
-                wedges.push(std::array::from_fn(|_| {
-                    let (i, j, k) = all.next().expect("five layers of three");
-                    node(i, j, k)
-                }));
+                wedges.push(element([(0, 0), (0, 2), (2, 2)], [(0, 1), (1, 2), (2, 1)], at));
             }
         }
     }

@@ -6,10 +6,11 @@ use std::path::Path;
 use pkm_core::Wrench;
 
 use super::{Case, Request, Solved};
-use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet, WRENCH_COLUMNS};
-use crate::diagnose::readings::Readings;
+use crate::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::error::{Failure, Result, printable};
 use crate::machine_file::MachineFile;
+use crate::pose::NamedPose;
+use crate::readings::Readings;
 use crate::source::{self, Source};
 
 /// What is to be read.
@@ -133,7 +134,7 @@ impl Loads {
                 Failure::input(format!("no deflection: {e}")).in_file(&self.sheet.source.name).at_line(row.line)
             })?;
             let seen = deflection.seen_at(c.point_m);
-            let micro: Vec<f64> = seen.translation_m.into_iter().chain(seen.rotation_rad).map(|v| v * 1e6).collect();
+            let micro = seen.to_array().map(|v| v * 1e6);
             let mut cells = row.to_cells();
             cells.resize(header.len(), String::new());
             for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {

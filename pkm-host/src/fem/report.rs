@@ -4,13 +4,13 @@ use maud::html;
 use serde_json::{Value, json};
 
 use super::deck::{Deck, Plates};
-use super::solid::Solid;
 use super::{Case, Request, Solved, drawing};
-use crate::dataset::file_units;
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
 use crate::plot::{Mark, Panel, Series};
+use crate::pose::file_units;
 use crate::report::{Finding, Page, charts, fold, of_file, picture, table};
+use crate::solid::Solid;
 
 const STIFFNESSES: [&str; 6] = ["k11", "k22", "k33", "k44", "k55", "k66"];
 

@@ -1,9 +1,8 @@
 //! Cases as an array job for Slurm. The nodes need CalculiX, nothing else.
 
-use std::ffi::OsStr;
 use std::path::Path;
 
-use super::RESULT;
+use super::cases::RESULT;
 use crate::error::Result;
 use crate::source;
 
@@ -49,6 +48,6 @@ exit $failed
 "#
     );
     let list: String = folders.iter().map(|f| format!("{f}\n")).collect();
-    source::write_all(work, &[(OsStr::new("cases.txt"), list), (OsStr::new(SCRIPT), script)], &[])?;
+    source::write_all(work, &[("cases.txt", list), (SCRIPT, script)], &[])?;
     Ok(tasks)
 }

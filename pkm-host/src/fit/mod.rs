@@ -7,10 +7,10 @@ use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
 use pkm_core::{Basis, Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
-use crate::dataset::{NamedPose, StiffnessData, Target, file_units};
+use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
-use crate::machine_file::{MachineFile, PoseBox};
-use crate::table_file::{TableNumbers, core_units, refuse_not_positive};
+use crate::pose::{NamedPose, PoseBox, ROTATION_ARM_M, core_units, file_units};
+use crate::table_numbers::{TableNumbers, refuse_not_positive};
 
 pub mod report;
 
@@ -34,9 +34,6 @@ const EQ_12: [[bool; 9]; 6] = {
         with(Some(SIGMA_Z0)),
     ]
 };
-
-/// Length that makes a rotation comparable with a translation in deflection errors.
-pub const ROTATION_ARM_M: f64 = 0.2;
 
 /// Least ratio of singular values at which terms count as determined.
 const RANK_LIMIT: f64 = 1e-8;
@@ -149,10 +146,9 @@ pub fn samples(machine: &Machine<f64>, data: StiffnessData) -> Result<Vec<Sample
 /// # Errors
 /// Poses that cannot determine the terms; a correction that is not positive somewhere in its box.
 pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: TermChoice) -> Result<Fit> {
-    let extent = extent(&training);
-    let center = extent.0.map(|[low, high]| (low + high) / 2.0);
-    // a variable that does not vary gets width 1, so that its terms are 0 and the rank check names them
-    let scale = extent.0.map(|[low, high]| if high > low { (high - low) / 2.0 } else { 1.0 });
+    let extent = PoseBox::of(training.iter().map(|s| &s.pose.pose));
+    // the terms of a variable that does not vary are 0, and the rank check names them
+    let (center, scale) = (extent.middle(), extent.half_widths());
     let centre = core_units(center);
     let half_width = core_units(scale);
 
@@ -226,18 +222,6 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     }
     let condition = polynomials.iter().map(|p| condition(&columns(&design, &p.used))).fold(1.0, f64::max);
     Ok(Fit { training, verification, center, scale, extent, numbers, polynomials, paper_e, condition })
-}
-
-fn extent(samples: &[Sample]) -> PoseBox {
-    let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
-    for sample in samples {
-        for (range, value) in extent.iter_mut().zip(file_units(&sample.pose.pose)) {
-            // ° and mm as they were written: the way through rad and m costs the last digit
-            let value = (value * 1e9).round() / 1e9;
-            *range = [range[0].min(value), range[1].max(value)];
-        }
-    }
-    PoseBox(extent)
 }
 
 /// What `select` may pick, the constant first: products up to the fourth order (second in Z0), and single
@@ -489,8 +473,7 @@ fn unit_deflections(k: &Stiffness<f64>, at_m: [f64; 3]) -> Option<[[f64; 6]; 6]>
     let mut columns = [[0.0; 6]; 6];
     for (i, column) in columns.iter_mut().enumerate() {
         let unit: [f64; 6] = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
-        let wrench = Wrench { force_n: [unit[0], unit[1], unit[2]], moment_nm: [unit[3], unit[4], unit[5]] };
-        let d = factor.deflection(&wrench.moved_to_a(at_m)).ok()?.seen_at(at_m);
+        let d = factor.deflection(&Wrench::from_array(unit).moved_to_a(at_m)).ok()?.seen_at(at_m);
         let r = d.rotation_rad.map(|r| r * ROTATION_ARM_M);
         *column = [d.translation_m[0], d.translation_m[1], d.translation_m[2], r[0], r[1], r[2]];
     }
@@ -518,13 +501,17 @@ fn deflection_error(
     Some(DeflectionError { mean: statistics.mean, max: statistics.max })
 }
 
-/// Holds basic and corrected model against data.
+/// Holds basic and corrected model against data; `tip_m` is where the tool's tip is at home, in A-uvw.
 ///
 /// # Errors
 /// A corrected stiffness that the core refuses, outside the box.
-pub fn evaluate(samples: &[Sample], file: &MachineFile, numbers: &TableNumbers) -> Result<Evaluation> {
+pub fn evaluate(
+    samples: &[Sample],
+    machine: &Machine<f64>,
+    tip_m: [f64; 3],
+    numbers: &TableNumbers,
+) -> Result<Evaluation> {
     let table = numbers.table()?;
-    let machine = &file.machine;
     let corrected = |sample: &Sample| table.diagonal_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let factored = |sample: &Sample| table.factor_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let relative =
@@ -581,6 +568,6 @@ pub fn evaluate(samples: &[Sample], file: &MachineFile, numbers: &TableNumbers) 
         basic: Basic { re_percent: Statistics::new(&basic) },
         factor: table.has_factor_form().then(|| Basic { re_percent: Statistics::new(&factor) }),
         deflection_percent: under_load([0.0; 3]),
-        tip_deflection_percent: under_load(file.wrist_parameters.tip_at_zero_m()),
+        tip_deflection_percent: under_load(tip_m),
     })
 }

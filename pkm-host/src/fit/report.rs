@@ -6,11 +6,11 @@ use std::fmt::Write;
 use maud::{Markup, html};
 use pkm_core::correction::EQ_11;
 
-use super::{DeflectionErrors, Evaluation, Fit, ROTATION_ARM_M, Sample};
-use crate::dataset::file_units;
+use super::{DeflectionErrors, Evaluation, Fit, Sample};
 use crate::error::Result;
 use crate::export::Provenance;
 use crate::plot::{self, Mark, Panel, Series};
+use crate::pose::{ROTATION_ARM_M, file_units};
 use crate::report::{Finding, Page, charts, fold, picture, table};
 
 /// A mean deflection error that a table may have where it is used, %.
@@ -380,7 +380,7 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
         h2 { "Coefficients" }
         (fold("All terms of all polynomials", &coefficient_tables(fit)))
     };
-    let [theta, sigma, z0] = fit.extent.0;
+    let [theta, sigma, z0] = fit.extent.ranges();
     let facts = vec![
         ("Command", p.command.to_owned()),
         ("Machine file, SHA-256", p.file.machine_sha256.clone()),

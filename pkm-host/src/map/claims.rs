@@ -7,7 +7,7 @@
 use serde_json::{Map as Object, Value as Json, json};
 
 use super::{Map, Point};
-use crate::fit::ROTATION_ARM_M;
+use crate::pose::ROTATION_ARM_M;
 
 const NAMES: [&str; 6] = ["k11", "k22", "k33", "k44", "k55", "k66"];
 const PARTS: [&str; 3] = ["left", "middle", "right"];

@@ -3,15 +3,15 @@
 //! A moves in the plane Y0 = 0 of B-xyz, where X0 = Z0·tan θ; a map shows that plane at one σ.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget};
 use pkm_core::{Machine, Pose};
 use serde_json::json;
 
-use crate::dataset::{pose_of, stiffness_column};
+use crate::dataset::stiffness_column;
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
+use crate::pose::{pose_of, tidy};
+use crate::progress;
 
 pub mod claims;
 mod contour;
@@ -76,7 +76,7 @@ pub struct Grid {
 impl Grid {
     /// X0 and Z0, mm.
     pub fn place(&self, column: usize, row: usize) -> [f64; 2] {
-        let at = |axis: usize, n: usize| ((self.least_mm[axis] + n as f64 * self.step_mm) * 1e9).round() / 1e9;
+        let at = |axis: usize, n: usize| tidy(self.least_mm[axis] + n as f64 * self.step_mm);
         [at(0, column), at(1, row)]
     }
 
@@ -116,23 +116,18 @@ impl Map {
     pub fn new(file: &MachineFile, model: &Model<'_>, sigma_deg: f64, window: &Window) -> Result<Self> {
         let grid = grid(file, sigma_deg, window)?;
         let total = grid.count[0] * grid.count[1];
-        let (begun, progress) = (Instant::now(), ProgressBar::hidden());
-        progress.set_length(total as u64);
+        let bar = progress::late_bar(total as u64, "{wide_bar} {pos}/{len}");
         let mut points = Vec::with_capacity(total);
         for row in 0..grid.count[1] {
-            // what is done in a second needs no bar
-            if progress.is_hidden() && begun.elapsed() > Duration::from_secs(1) {
-                progress.set_draw_target(ProgressDrawTarget::stderr());
-            }
             for column in 0..grid.count[0] {
                 let [x0_mm, z0_mm] = grid.place(column, row);
                 let theta_deg = theta_deg([x0_mm, z0_mm]);
                 let value = model(&file.machine, &pose_of(theta_deg, sigma_deg, z0_mm));
                 points.push(Point { x0_mm, z0_mm, theta_deg, value });
             }
-            progress.inc(grid.count[0] as u64);
+            progress::advance(&bar, grid.count[0] as u64);
         }
-        progress.finish_and_clear();
+        bar.finish_and_clear();
         if points.iter().all(|p| p.value.is_err()) {
             let [[x0, x1], [z0, z1]] = grid.extent_mm();
             return Err(Failure::usage(format!(

@@ -9,10 +9,10 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::contour::{self, Corner, Pixel};
 use super::{Map, Model, theta_deg};
-use crate::dataset::pose_of;
 use crate::error::{Failure, Result};
-use crate::machine_file::{MachineFile, PoseBox};
+use crate::machine_file::MachineFile;
 use crate::plot::{self, COLOURS, failed};
+use crate::pose::{PoseBox, pose_of};
 
 /// Cells along the longer side of the picture's own grid: it is smooth whatever the step of the map.
 const CELLS: f64 = 160.0;
@@ -307,7 +307,7 @@ fn entries(file: &MachineFile, map: &Map, legend: &Legend<'_>, region: &Region) 
     }
     let owner = if legend.table { "table" } else { "machine" };
     if !box_edges(map, legend).is_empty() {
-        let [[t0, t1], _, [z0, z1]] = legend.pose_box.0;
+        let [[t0, t1], _, [z0, z1]] = legend.pose_box.ranges();
         let name = format!("box of the {owner}: θ {t0} to {t1}°, Z0 {z0} to {z1} mm");
         entries.push(Entry { mark: Mark::BOX, name });
     }
@@ -319,7 +319,7 @@ fn entries(file: &MachineFile, map: &Map, legend: &Legend<'_>, region: &Region) 
 
 /// The box in the plane as a·X0 + b·Z0 ≥ c; a box that ends before this σ is none.
 fn box_planes(map: &Map, legend: &Legend<'_>) -> Option<[[f64; 3]; 4]> {
-    let [[t0, t1], [s0, s1], [z0, z1]] = legend.pose_box.0;
+    let [[t0, t1], [s0, s1], [z0, z1]] = legend.pose_box.ranges();
     let [left, right] = [t0, t1].map(|t| t.to_radians().tan());
     let inside = s0 <= map.sigma_deg && map.sigma_deg <= s1;
     inside.then_some([[1.0, -left, 0.0], [-1.0, right, 0.0], [0.0, 1.0, z0], [0.0, -1.0, -z1]])
@@ -335,7 +335,7 @@ fn box_edges(map: &Map, legend: &Legend<'_>) -> Vec<[[f64; 2]; 2]> {
     if box_planes(map, legend).is_none() {
         return Vec::new();
     }
-    let [theta, _, z0] = legend.pose_box.0;
+    let [theta, _, z0] = legend.pose_box.ranges();
     let corner = |t: usize, z: usize| [z0[z] * theta[t].to_radians().tan(), z0[z]];
     let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
     let side = |i: usize| {

@@ -9,8 +9,8 @@ use toml::Spanned;
 
 use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
-use crate::machine_file::{Numbers, line_at, unread};
 use crate::source::Source;
+use crate::toml_error::{Numbers, line_at, parsed};
 
 /// Greatest limit, mm or °: far beyond any machine.
 const FARTHEST: f64 = 1e6;
@@ -256,8 +256,8 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
         return fail(raw.name.span(), "series.name", "expected a name of one line of ordinary text");
     }
     let w = raw.wrench.get_ref();
-    let wrench = Wrench { force_n: [w.fx_n, w.fy_n, w.fz_n], moment_nm: [w.mx_nm, w.my_nm, w.mz_nm] };
-    if !wrench.force_n.iter().chain(&wrench.moment_nm).all(|v| v.abs() <= MOST_LOAD) {
+    let wrench = Wrench::from_array([w.fx_n, w.fy_n, w.fz_n, w.mx_nm, w.my_nm, w.mz_nm]);
+    if !wrench.to_array().iter().all(|v| v.abs() <= MOST_LOAD) {
         return fail(
             raw.wrench.span(),
             format!("series.{name}.wrench"),
@@ -340,8 +340,7 @@ impl Job {
                 None => failure,
             }
         };
-        let raw: RawJob = toml::from_str(text).map_err(|e| unread(source, text, &e))?;
-        raw.checked(source).map_err(fail)
+        parsed::<RawJob>(source)?.checked(source).map_err(fail)
     }
 
     /// Whether cross slide and rotary axis both move.

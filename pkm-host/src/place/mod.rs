@@ -8,8 +8,8 @@ use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, St
 
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
-use crate::table_file::TableNumbers;
-use crate::tool::Reach;
+use crate::reach::Reach;
+use crate::table_numbers::TableNumbers;
 use job::{Hole, Job, Position, Series};
 
 pub use report::{document, html, text};
@@ -125,7 +125,7 @@ impl<'a> Bench<'a> {
             )
             .at_column("factor"));
         }
-        let idle = |s: &&Series| s.wrench.force_n.iter().chain(&s.wrench.moment_nm).all(|v| *v == 0.0);
+        let idle = |s: &&Series| s.wrench == Wrench::ZERO;
         if let Some(series) = job.series.iter().find(idle).filter(|_| objectives.iter().any(|o| *o != Objective::Paper))
         {
             let message = "without a load no tip moves: give the cutting load, or --objective paper";

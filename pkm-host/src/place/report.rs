@@ -6,9 +6,9 @@ use serde_json::{Value, json};
 use super::job::{Axis, Position};
 use super::search::{Grid, Method, Options, Placed, Placement};
 use super::{Bench, Objective, Posture};
-use crate::dataset::file_units;
 use crate::error::Result;
 use crate::plot::{self, HeatMap, Mark, Panel, Series as Points};
+use crate::pose::file_units;
 use crate::report::{Finding, Page, charts, fold, of_file, picture, pictures, table};
 use crate::source::Source;
 

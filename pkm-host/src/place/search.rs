@@ -3,13 +3,14 @@
 use std::f64::consts::PI;
 
 use fastrand::Rng;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use pkm_core::Configuration;
 use rayon::prelude::*;
 
 use super::job::{Axis, Job, PerAxis, Position, Series};
 use super::{Bench, Miss, Objective, Posture};
 use crate::error::{Failure, Result};
+use crate::progress;
 
 /// How the optimum is searched for. The grid certifies it in any case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -287,13 +288,8 @@ fn places([low, high]: [f64; 2], step: f64) -> Vec<f64> {
     (0..=count).map(|i| if count == 0 { low } else { low + (high - low) * i as f64 / count as f64 }).collect()
 }
 
-fn bar(length: usize, what: &str) -> ProgressBar {
-    let bar = ProgressBar::new(length as u64);
-    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {pos}/{len}, {eta} left") {
-        bar.set_style(style);
-    }
-    bar.set_message(what.to_owned());
-    bar
+fn bar(length: usize, what: String) -> ProgressBar {
+    progress::bar(length as u64, "{msg} {bar:30} {pos}/{len}, {eta} left").with_message(what)
 }
 
 /// Whether holes of a series are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
@@ -439,7 +435,7 @@ impl Searcher<'_> {
     fn grid(&self, objectives: &[Objective], axes: PerAxis<Vec<f64>>) -> Grid {
         let PerAxis { dx_m: xs, dy_m: ys, rotary_rad: angles } = &axes;
         let rows: Vec<(f64, f64)> = angles.iter().flat_map(|a| ys.iter().map(move |y| (*a, *y))).collect();
-        let progress = bar(rows.len(), &format!("series {}", self.series.name));
+        let progress = bar(rows.len(), format!("series {}", self.series.name));
         let found: Vec<Vec<Vec<Option<Cell>>>> = rows
             .par_iter()
             .map(|&(rotary_rad, dy_m)| {
@@ -493,7 +489,7 @@ impl Searcher<'_> {
         let better = |a: (usize, f64), b: (usize, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).is_lt();
         let mut all: Vec<Shares> = (0..POPULATION).map(|_| [rng.f64(), rng.f64(), rng.f64()]).collect();
         let mut costs = judged(&all);
-        let progress = bar(GENERATIONS, &format!("series {}, {}", self.series.name, objective.name()));
+        let progress = bar(GENERATIONS, format!("series {}, {}", self.series.name, objective.name()));
         for generation in 0..=GENERATIONS {
             let best = (0..POPULATION)
                 .min_by(|a, b| costs[*a].0.cmp(&costs[*b].0).then(costs[*a].1.total_cmp(&costs[*b].1)))?;

@@ -11,7 +11,8 @@ use pkm_core::{
 };
 use pkm_host::machine_file::MachineFile;
 use pkm_host::source::Source;
-use pkm_host::table_file::{TableFile, TableNumbers};
+use pkm_host::table_file::TableFile;
+use pkm_host::table_numbers::TableNumbers;
 use serde_json::{Value, json};
 
 use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, template};

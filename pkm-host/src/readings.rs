@@ -4,9 +4,10 @@ use std::collections::HashMap;
 
 use pkm_core::Wrench;
 
-use crate::dataset::{self, DEFLECTION_COLUMNS, NamedPose, Sheet};
+use crate::dataset::{self, DEFLECTION_COLUMNS, Sheet};
 use crate::error::{Failure, Result};
 use crate::machine_file::MachineFile;
+use crate::pose::NamedPose;
 use crate::source::Source;
 
 /// Deflection channels: three translations, then three rotations.
@@ -74,13 +75,6 @@ fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| (v + 0.0).to_bits()).collect()
 }
 
-fn array(w: &Wrench<f64>) -> [f64; 6] {
-    let ([a, b, c], [d, e, f]) = (w.force_n, w.moment_nm);
-    [a, b, c, d, e, f]
-}
-
-const NO_LOAD: Wrench<f64> = Wrench { force_n: [0.0; 3], moment_nm: [0.0; 3] };
-
 /// The load history of one series.
 struct History {
     last: Wrench<f64>,
@@ -89,7 +83,7 @@ struct History {
 }
 
 fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
-    array(a).iter().zip(array(b)).map(|(a, b)| a * b).sum()
+    a.to_array().iter().zip(b.to_array()).map(|(a, b)| a * b).sum()
 }
 
 impl History {
@@ -107,9 +101,9 @@ impl History {
                 let up = |v: [f64; 3]| v.map(|f| 2.0 * f);
                 self.turned_at = Wrench { force_n: up(load.force_n), moment_nm: up(load.moment_nm) };
             }
-            "load" => self.turned_at = NO_LOAD,
+            "load" => self.turned_at = Wrench::ZERO,
             "" if shrinking && !came_down => self.turned_at = self.last,
-            "" if growing => self.turned_at = NO_LOAD,
+            "" if growing => self.turned_at = Wrench::ZERO,
             _ => {}
         }
         self.last = *load;
@@ -181,10 +175,10 @@ impl Readings {
             let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
             let temperature_c = optional("temperature_c")?.unwrap_or(REFERENCE_C);
 
-            let unloaded = array(&case.wrench).iter().all(|f| *f == 0.0);
+            let unloaded = case.wrench.to_array().iter().all(|f| *f == 0.0);
             let history = histories.entry(series).or_insert_with(|| History {
-                last: NO_LOAD,
-                turned_at: NO_LOAD,
+                last: Wrench::ZERO,
+                turned_at: Wrench::ZERO,
                 zero_temperature_c: if unloaded { temperature_c } else { REFERENCE_C },
             });
             history.step(&case.wrench, direction);
@@ -197,9 +191,9 @@ impl Readings {
                 temperature_c,
                 rise_k: if has_temperature { temperature_c - history.zero_temperature_c } else { 0.0 },
             };
-            let mut key = bits(&array(&case.wrench));
+            let mut key = bits(&case.wrench.to_array());
             key.extend(bits(&case.point_m));
-            key.extend(bits(&array(&history.turned_at)));
+            key.extend(bits(&history.turned_at.to_array()));
             key.push(pose as u64);
             let repeats = repeats_seen.len();
             let repeat_of = *repeats_seen.entry(key.clone()).or_insert(repeats);
