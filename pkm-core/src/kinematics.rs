@@ -284,8 +284,9 @@ impl<T: Scalar> Machine<T> {
 
     fn check_travel(&self, lengths: &ScrewLengths<T>) -> Result<(), KinematicsError> {
         let (margin, limb) = self.travel_margin_m(lengths);
-        // a pose that came from lengths on the very end of travel must not be refused for its rounding
-        if margin >= -T::SLACK * self.q_max[0] {
+        // a pose that came from lengths on the very end of travel must not be refused for its rounding; where travel is endless
+        // that rounding is more than any length
+        if margin >= -T::SLACK * self.q_max[0] && lengths.q_m.iter().all(|q| *q > T::ZERO) {
             Ok(())
         } else {
             Err(KinematicsError::OutOfTravel { limb: limb as u8 + 1 })

@@ -151,6 +151,10 @@ fn refusals_are_typed() {
     assert_eq!(machine.forward(&open), Err(KinematicsError::Unreachable));
     let long = ScrewLengths { q_m: [0.5, 0.5, 0.78] };
     assert_eq!(machine.forward(&long), Err(KinematicsError::OutOfTravel { limb: 3 }));
+    parameters.travel.max_m[0] = 1e20;
+    let endless = Machine::<f64>::new(&parameters).unwrap();
+    let negative = ScrewLengths { q_m: [0.57, -0.57, 0.52] };
+    assert_eq!(endless.forward(&negative), Err(KinematicsError::OutOfTravel { limb: 2 }));
 }
 
 #[test]
