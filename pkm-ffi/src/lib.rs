@@ -108,7 +108,7 @@ macro_rules! functions {
         const _: () = assert!(
             size_of::<Machine<$t>>() == size_of::<PkmMachine<$t>>()
                 && align_of::<Machine<$t>>() == align_of::<PkmMachine<$t>>(),
-            "PKM_MACHINE_NUMBERS is not the size of a machine"
+            "a machine has another size in numbers in the other arithmetic"
         );
 
         impl PkmMachine<$t> {

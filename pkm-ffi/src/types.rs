@@ -2,11 +2,11 @@
 
 use pkm_core::{
     Compensated, CompensatedTool, Configuration, Corrected, CorrectionTable, Cycle, Deflection, Domain, Hold,
-    JointValues, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, Tool, Wrench, Wrist,
+    JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, Tool, Wrench, Wrist,
 };
 
 /// Size of a `PkmMachine` in numbers of its type.
-pub const PKM_MACHINE_NUMBERS: usize = 208;
+pub const PKM_MACHINE_NUMBERS: usize = size_of::<Machine<f64>>() / size_of::<f64>();
 
 /// A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
 /// `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.

@@ -61,8 +61,14 @@ fn header_now() -> Result<Vec<u8>, String> {
     // cbindgen sees no macros, and the pinned compiler expands them only with its unstable options on
     let mut expand = cargo("rustc");
     expand.args(["--profile", "check", "--", "-Zunpretty=expanded"]).env("RUSTC_BOOTSTRAP", "1");
+    let expanded = output(&mut expand)?;
+    // nor does it work out a size
+    let size = size_of::<pkm_core::Machine<f64>>() / size_of::<f64>();
+    let (before, rest) = expanded.split_once("PKM_MACHINE_NUMBERS: usize =").ok_or("no size of a machine")?;
+    let (_, after) = rest.split_once(';').ok_or("no size of a machine")?;
     let source = tempfile::NamedTempFile::new().map_err(|e| e.to_string())?;
-    std::fs::write(source.path(), output(&mut expand)?).map_err(|e| e.to_string())?;
+    let text = format!("{before}PKM_MACHINE_NUMBERS: usize = {size};{after}");
+    std::fs::write(source.path(), text).map_err(|e| e.to_string())?;
     let config = cbindgen::Config::from_file(folder().join("cbindgen.toml"))?;
     let bindings = cbindgen::Builder::new().with_config(config).with_src(source.path()).generate();
     let mut header = Vec::new();

@@ -37,15 +37,3 @@ macro_rules! softer_drive {
 softer_drive!(Limb1Axial, 0, "limb-1-axial");
 softer_drive!(Limb2Axial, 1, "limb-2-axial");
 softer_drive!(Limb3Axial, 2, "limb-3-axial");
-
-/// Tension (above 0) or compression in the limbs before any load. A limb under tension N holds its platform end back
-/// by N/q in the direction across it in which its joints let it swing.
-pub(super) struct Preload;
-
-impl Effect for Preload {
-    const INFO: EffectInfo = EffectInfo { id: "preload", parameters: &["limbs_1_2_n", "limb_3_n"], signed: true };
-
-    fn tension<T: Scalar>(p: &[T; MAX_PARAMETERS], limb: usize) -> T {
-        if limb == 2 { p[1] } else { p[0] }
-    }
-}

@@ -1,18 +1,9 @@
 //! Physics beyond the basic model: [`EFFECTS`] lists it, `docs/theory.md` has its formulas.
 //!
-//! An effect is a type in a file here and a name in the macro call below. Its parameters are amplitudes, mostly
+//! An effect is a file here and a line in the register at the end. Its parameters are amplitudes, mostly
 //! compliances: all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
 //! series with the whole adds at an end. A machine file's `[[effect]]` and a `diagnose` of `pkm-host` name them by
 //! [`id`](EffectInfo::id).
-
-mod base;
-mod drive;
-mod geometry;
-mod joints;
-mod load_dependent;
-mod platform;
-mod telescopic;
-mod thermal;
 
 use crate::linalg::Lower;
 use crate::scalar::Scalar;
@@ -341,6 +332,8 @@ const fn same(a: &[u8], b: &[u8]) -> bool {
 
 macro_rules! effects {
     ($($module:ident :: { $($name:ident),+ }),+ $(,)?) => {
+        $(mod $module;)+
+
         /// Position of each effect in [`EFFECTS`].
         enum Index { $($($name,)+)+ Count }
 
@@ -474,15 +467,15 @@ macro_rules! effects {
 
 // The register: module and types. Their order is that of [`EFFECTS`] and of the parameters in [`Effects`].
 effects! {
-    platform::{MovingPlatformCompliance},
+    moving_platform::{MovingPlatformCompliance},
     base::{BaseCompliance},
     telescopic::{TelescopicLimb},
     drive::{ScrewPosition, Limb1Axial, Limb2Axial, Limb3Axial},
     joints::{UniversalJoint, RevoluteJoint, SphericalJoint, Revolute3Joint},
-    platform::{WristCompliance},
-    base::{LimbCoupling},
+    wrist::{WristCompliance},
+    coupling::{LimbCoupling},
     load_dependent::{Clearance, ContactStiffening, FrictionHysteresis},
-    drive::{Preload},
+    preload::{Preload},
     geometry::{PlatformOffset, GeometryA1, GeometryA2, GeometryB1, GeometryB2},
     thermal::{ThermalModulus, ThermalExpansion},
 }
