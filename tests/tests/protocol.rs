@@ -162,6 +162,9 @@ fn every_bad_line_gets_its_code() {
         (r#"{"v":1,"id":1,"cmd":"hello"#, Code::Syntax),
         (r#"{"v":01,"id":1,"cmd":"hello"}"#, Code::Syntax),
         (r#"[1,1,"hello"]"#, Code::Syntax),
+        (r#"{"v":1,"id":1,"cmd":"hello"}}"#, Code::Syntax),
+        (r#"{'v':1,"id":1,"cmd":"hello"}"#, Code::Syntax),
+        (r#"{v:1,"id":1,"cmd":"hello"}"#, Code::Syntax),
         (&nested, Code::Field),
         ("{}", Code::Field),
         (r#"{"v":1,"id":1}"#, Code::Field),
@@ -194,6 +197,13 @@ fn every_bad_line_gets_its_code() {
         (with("0.53", ".53"), Code::Syntax, None),
         (with("0.53", "53."), Code::Syntax, None),
         (with("0.53", "5e"), Code::Syntax, None),
+        (with("0.53", "-"), Code::Syntax, None),
+        (with("0.53", "--0.53"), Code::Syntax, None),
+        (with("0.53", "0,53"), Code::Syntax, None),
+        (with("0.53", "1_000"), Code::Syntax, None),
+        (with("0.53", "530 mm"), Code::Syntax, None),
+        (with("0.53", "true"), Code::Syntax, None),
+        (with("[1,2,3.5]", "3.5"), Code::Field, None),
         (with("0.53", "0x1p-1"), Code::Syntax, None),
         (with("0.53", "\"0.53\""), Code::Range, None),
         (with("0.53", "[0.53]"), Code::Range, None),
@@ -209,6 +219,7 @@ fn every_bad_line_gets_its_code() {
         (with("\"z0_m\"", "\"theta_rad\""), Code::Field, None),
     ])
     .collect();
+    assert!(cases.len() >= 60, "{} kinds", cases.len());
     for (line, code, id) in cases {
         assert_eq!(Request::parse(line.as_bytes()), Err(Refused { id, code }), "{line}");
         assert_eq!(judged(line.as_bytes()).filter(|_| !line.contains('\\')), None, "{line}");
