@@ -118,7 +118,8 @@ pub(crate) fn deflection<T: Scalar>(
     match &machine.posture(pose) {
         Ok(posture) => {
             let beyond = machine.load_dependent_deflection_at(posture, wrench, &Wrench::ZERO)?;
-            Ok(linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond))
+            let deflection = linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond);
+            Ok(stiffness::finite(deflection)?)
         }
         Err(e) => Err((*e).into()),
     }

@@ -22,7 +22,7 @@ use crate::correction::{CorrectionError, CorrectionTable};
 use crate::kinematics::KinematicsError;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::{Stiffness, StiffnessError};
+use crate::stiffness::{self, Stiffness, StiffnessError};
 use crate::types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
 use crate::vector::{combined, cross, dot, finite, less, unit};
 use crate::wrist::{Held, Wrist};
@@ -670,7 +670,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
         let Configuration { pose, beta_rad } = configuration;
         let at_a = compensation::deflection(self.machine, table, pose, &self.wrist.wrench_at_a(*beta_rad, wrench))?;
-        let Deflection { translation_m, rotation_rad } = self.seen_at_tip(configuration, &at_a);
+        let Deflection { translation_m, rotation_rad } = stiffness::finite(self.seen_at_tip(configuration, &at_a))?;
         Ok(ToolDeflection { translation_m, rotation_rad, domain: table.map(|table| table.domain(pose)) })
     }
 

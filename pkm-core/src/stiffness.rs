@@ -123,7 +123,7 @@ impl<T: Scalar> StiffnessFactor<T> {
     /// # Errors
     /// [`StiffnessError::NotFinite`] when the wrench or the result is not finite.
     pub fn deflection(&self, wrench: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
-        finite(linalg::solve(&self.lower, &wrench.to_array()))
+        finite(Deflection::from_array(linalg::solve(&self.lower, &wrench.to_array())))
     }
 
     /// The factor's entries; above the diagonal they are 0.
@@ -382,8 +382,9 @@ fn product<T: Scalar>(a: &[T; 6], b: &[T; 6]) -> T {
     a.iter().zip(b).fold(T::ZERO, |sum, (a, b)| sum + *a * *b)
 }
 
-fn finite<T: Scalar>(d: [T; 6]) -> Result<Deflection<T>, StiffnessError> {
-    if d.iter().all(|v| v.is_finite()) { Ok(Deflection::from_array(d)) } else { Err(StiffnessError::NotFinite) }
+/// What can be said: a deflection that overflows cannot.
+pub(crate) fn finite<T: Scalar>(d: Deflection<T>) -> Result<Deflection<T>, StiffnessError> {
+    if d.to_array().iter().all(|v| v.is_finite()) { Ok(d) } else { Err(StiffnessError::NotFinite) }
 }
 
 /// How a machine with load-dependent effects answers loads at one pose.
@@ -437,7 +438,7 @@ impl<T: Scalar> LoadResponse<'_, T> {
                 *d += e * *c;
             }
         }
-        finite(actual.given_back(d))
+        finite(Deflection::from_array(actual.given_back(d)))
     }
 }
 
@@ -682,7 +683,7 @@ impl<T: Scalar> Machine<T> {
         let dtheta = (dl * (l - b2 * p.sin_theta) + grown) / (b2 * (l * p.cos_theta - a2 * p.sin_theta));
         let (n, y) = (p.n(), p.y());
         let moved = [l * dtheta, dl * n[1], dl * n[2], dsigma, dtheta * y[1], dtheta * y[2]];
-        finite(actual.given_back(moved))
+        finite(Deflection::from_array(actual.given_back(moved)))
     }
 
     /// Softens K by what lies between A and the tool; true if there was any.
