@@ -161,13 +161,19 @@ impl Frame {
 
     /// 6×6 compliance at a node: its displacement under unit loads. `None` when the structure can move freely.
     pub fn compliance(&self, node: Node) -> Option<Matrix6<f64>> {
-        let all = self.solve(node, &DMatrix::identity(6, 6))?;
+        let mut loads = DMatrix::zeros(6 * self.positions.len(), 6);
+        loads.rows_mut(6 * node.0, 6).fill_with_identity();
+        let all = self.solve(&loads)?;
         Some(all.fixed_view::<6, 6>(6 * node.0, 0).into())
     }
 
-    /// Displacement of every node under a load on one: ask with [`of`](Self::of). `None` when it can move freely.
-    pub fn displacements(&self, loaded: Node, load: [f64; 6]) -> Option<DMatrix<f64>> {
-        self.solve(loaded, &DMatrix::from_column_slice(6, 1, &load))
+    /// Displacement of every node under loads: ask with [`of`](Self::of). `None` when it can move freely.
+    pub fn displacements(&self, loads: &[(Node, [f64; 6])]) -> Option<DMatrix<f64>> {
+        let mut all = DMatrix::zeros(6 * self.positions.len(), 1);
+        for (node, load) in loads {
+            (0..6).for_each(|i| all[6 * node.0 + i] += load[i]);
+        }
+        self.solve(&all)
     }
 
     /// A node's translation in the result of [`displacements`](Self::displacements).
@@ -175,7 +181,7 @@ impl Frame {
         displacements.fixed_view::<3, 1>(6 * node.0, 0).into()
     }
 
-    fn solve(&self, loaded: Node, loads: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    fn solve(&self, loads: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         // freedoms in terms of independent ones
         let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
         let mut dependent: Vec<usize> = (0..6).collect();
@@ -223,7 +229,7 @@ impl Frame {
         // unit diagonal: newtons and newton metres side by side cost digits
         let scale = DMatrix::from_diagonal(&k.diagonal().map(|v| 1.0 / v.sqrt()));
         let factor = (&scale * k * &scale).cholesky()?;
-        let loads = &scale * expand.rows(6 * loaded.0, 6).transpose() * loads;
+        let loads = &scale * expand.rows(0, loads.nrows()).tr_mul(loads);
         Some(expand * (&scale * factor.solve(&loads)))
     }
 }

@@ -16,6 +16,17 @@ pub fn seeded() -> Rng {
     Rng::with_seed(seed)
 }
 
+/// How many random cases a test takes: `all`, or the share of them that `PKM_SHARE` says, such as 0.01.
+pub fn cases(all: usize) -> usize {
+    let share = std::env::var("PKM_SHARE").ok().and_then(|s| s.parse::<f64>().ok()).unwrap_or(1.0);
+    ((all as f64 * share) as usize).max(2)
+}
+
+/// The first that a draw gives. Draws end, so that a core that gives nothing fails a test instead of holding it up.
+pub fn first<T>(draw: impl FnMut() -> Option<T>) -> T {
+    std::iter::repeat_with(draw).take(10_000).flatten().next().expect("one of 10,000 draws")
+}
+
 /// Uniform.
 pub fn between(rng: &mut Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * rng.f64()
@@ -55,19 +66,15 @@ pub fn random_parameters(rng: &mut Rng, kind: BodyKind) -> MachineParameters {
 
 /// A pose of the machine in its working mode, at least `margin` away from the singularities.
 pub fn random_pose(rng: &mut Rng, machine: &Machine<f64>, size: f64, margin: f64) -> Pose<f64> {
-    loop {
+    first(|| {
         let pose = Pose {
             theta_rad: between(rng, -1.2, 1.2),
             sigma_rad: between(rng, -1.2, 1.2),
             z0_m: size * between(rng, 0.1, 3.0),
         };
-        if let Ok(d) = machine.singularity_distance(&pose)
-            && d.limbs_1_2 >= margin
-            && d.limb_3 >= margin
-        {
-            return pose;
-        }
-    }
+        let d = machine.singularity_distance(&pose).ok()?;
+        (d.limbs_1_2 >= margin && d.limb_3 >= margin).then_some(pose)
+    })
 }
 
 /// Double-double: the dense way loses six digits and more to the stiff directions of slender limbs.

@@ -8,7 +8,7 @@ use pkm_core::machine::{BodyKind, Travel};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_core::{Basis, CorrectionTable, Cycle, Machine, MachineParameters, Pose, Wrench};
 
-use crate::{between, keep_worst, log_between, random_parameters, scaled_difference};
+use crate::{between, first, keep_worst, log_between, random_parameters, scaled_difference};
 
 /// Where demands are drawn from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,12 +164,7 @@ impl Region {
 
     /// A demand that `f64` answers, and what `f32` makes of it.
     pub fn draw(self, rng: &mut Rng) -> Case {
-        loop {
-            let case = if self == Self::Box { in_box(rng) } else { self.anywhere(rng) };
-            if let Some(case) = case {
-                return case;
-            }
-        }
+        first(|| if self == Self::Box { in_box(rng) } else { self.anywhere(rng) })
     }
 
     fn anywhere(self, rng: &mut Rng) -> Option<Case> {

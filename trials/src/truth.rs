@@ -380,7 +380,8 @@ impl World {
         if !self.depends_on_load() {
             return all;
         }
-        let solve = |node: Node, load: Vector6<f64>| frame.displacements(node, load.into()).expect("it stood just now");
+        let solve =
+            |node: Node, load: Vector6<f64>| frame.displacements(&[(node, load.into())]).expect("it stood just now");
         let stretch = |u: &nalgebra::DMatrix<f64>, i: usize| {
             let (foot, head, z, _) = &limbs[i];
             z.dot(&(Frame::of(u, *head) - Frame::of(u, *foot)))

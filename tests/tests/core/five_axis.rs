@@ -11,9 +11,10 @@ use pkm_core::tables::reference::{
 };
 use pkm_core::{
     Configuration, Domain, FiveAxis, Hold, JointValues, KinematicsError, Machine, MachineParameters, Pose,
-    ScrewLengths, Tool, ToolDeflectionError, ToolError, ToolFrame, Wrench, Wrist, WristError, WristParameters,
+    ScrewLengths, StiffnessError, Tool, ToolDeflectionError, ToolError, ToolFrame, Wrench, Wrist, WristError,
+    WristParameters,
 };
-use pkm_tests::{between, random_parameters, random_pose, seeded};
+use pkm_tests::{between, cases, first, random_parameters, random_pose, seeded};
 
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
 const HOME: Configuration<f64> =
@@ -30,12 +31,10 @@ fn configuration(rng: &mut Rng) -> Configuration<f64> {
 
 /// Within the wrist's margin and limits and the screws' travel.
 fn holdable(rng: &mut Rng, five: &FiveAxis<'_, f64>) -> (Configuration<f64>, Tool<f64>) {
-    loop {
+    first(|| {
         let c = configuration(rng);
-        if let (Ok(tool), Ok(0.1..)) = (five.tool(&c), five.home_share(&c)) {
-            return (c, tool);
-        }
-    }
+        matches!(five.home_share(&c), Ok(0.1..)).then_some((c, five.tool(&c).ok()?))
+    })
 }
 
 /// Eq. 2 to the letter: T_p by its own definition, the wrist as four rows of Table 1.
@@ -80,7 +79,7 @@ fn determinant_by_differences(c: &Configuration<f64>, p: &WristParameters) -> f6
 
 fn random_wrist(rng: &mut Rng) -> WristParameters {
     let mut w = |low: f64, high: f64| between(rng, low, high);
-    loop {
+    first(|| {
         let p = WristParameters {
             offset_m: w(-0.1, 0.1),
             first_d_m: w(-0.1, 0.6),
@@ -92,10 +91,8 @@ fn random_wrist(rng: &mut Rng) -> WristParameters {
             home_z0_m: w(0.3, 1.0),
             singularity_margin: 0.1,
         };
-        if (p.first_b_m + p.second_b_m).abs() > 0.05 {
-            return p;
-        }
-    }
+        ((p.first_b_m + p.second_b_m).abs() > 0.05).then_some(p)
+    })
 }
 
 fn apart(a: &Tool<f64>, b: &Tool<f64>) -> [f64; 2] {
@@ -111,7 +108,7 @@ fn configurations_apart(a: &Configuration<f64>, b: &Configuration<f64>) -> f64 {
 #[test]
 fn the_frame_is_the_product_of_table_1() {
     let mut rng = seeded();
-    for _ in 0..2000 {
+    for _ in 0..cases(2000) {
         let parameters = random_parameters(&mut rng, BodyKind::Beam);
         let machine = Machine::<f64>::new(&parameters).expect("a machine");
         let p = random_wrist(&mut rng);
@@ -143,8 +140,8 @@ fn the_frame_is_the_product_of_table_1() {
 fn every_reachable_tool_on_the_home_side_is_found() {
     let mut rng = seeded();
     let (mut worst, mut at_once, mut same) = ([0.0_f64; 2], 0, 0);
-    const TARGETS: usize = 100_000;
-    for _ in 0..TARGETS {
+    let targets = cases(100_000);
+    for _ in 0..targets {
         let (c, tool) = holdable(&mut rng, &FIVE);
         at_once += usize::from(FIVE.inverse(&tool, &HOME).is_ok());
         let found = FIVE.search(&tool, &HOME).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
@@ -156,14 +153,14 @@ fn every_reachable_tool_on_the_home_side_is_found() {
     println!("worst {worst:?}; {at_once} straight from home; {same} as drawn");
     assert!(worst[0] <= 1e-12 && worst[1] <= 1e-12, "{worst:?}");
     // 99.2 %; and on its home side this machine holds a tool in one way only
-    assert!(at_once > TARGETS * 99 / 100 && same == TARGETS, "{at_once} {same}");
+    assert!(at_once > targets * 99 / 100 && same == targets, "{at_once} {same}");
 }
 
 #[test]
 fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
     let mut rng = seeded();
     let mut worst = 0.0_f64;
-    for _ in 0..100_000 {
+    for _ in 0..cases(100_000) {
         let (c, tool) = holdable(&mut rng, &FIVE);
         let found = FIVE.inverse_at(tool.tip_m, c.beta_rad).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
         worst = worst.max(configurations_apart(&found.configuration, &c));
@@ -184,12 +181,12 @@ fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
     let turned = Configuration { beta_rad: [0.0, 1.6], ..HOME };
     let tip_m = table_1(&turned, &WRIST).fixed_view::<3, 1>(0, 3).into();
     assert_eq!(FIVE.inverse_at(tip_m, turned.beta_rad), Err(ToolError::WristLimit { joint: 2 }));
-    let mut beyond = 0;
-    while beyond < 1000 {
-        let c = configuration(&mut rng);
-        let (Ok(tool), Ok(..0.0999)) = (FIVE.tool(&c), FIVE.home_share(&c)) else { continue };
+    for _ in 0..cases(1000) {
+        let (c, tool) = first(|| {
+            let c = configuration(&mut rng);
+            matches!(FIVE.home_share(&c), Ok(..0.0999)).then_some((c, FIVE.tool(&c).ok()?))
+        });
         assert_eq!(FIVE.inverse_at(tool.tip_m, c.beta_rad), Err(ToolError::Singular));
-        beyond += 1;
     }
 }
 
@@ -197,7 +194,7 @@ fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
 fn other_machines_hold_tools_on_their_home_side() {
     let mut rng = seeded();
     let (mut found, mut tried) = (0, 0);
-    for _ in 0..300 {
+    for _ in 0..cases(300) {
         let parameters = random_parameters(&mut rng, BodyKind::Beam);
         let machine = Machine::<f64>::new(&parameters).expect("a machine");
         let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
@@ -233,7 +230,7 @@ fn other_machines_hold_tools_on_their_home_side() {
 fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
     let mut rng = seeded();
     let (mut looks, mut refused, mut done) = (Vec::new(), 0, 0);
-    for _ in 0..300 {
+    for _ in 0..cases(300) {
         let (mut c, _) = holdable(&mut rng, &FIVE);
         let to = configuration(&mut rng);
         // through configurations in a straight line, so that the right ones are known
@@ -277,7 +274,7 @@ fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
 #[test]
 fn a_whole_frame_is_solved_in_closed_form() {
     let mut rng = seeded();
-    for n in 0..20_000 {
+    for n in 0..cases(20_000) {
         let (mut c, _) = holdable(&mut rng, &FIVE);
         // on and about the configurations where the wrist's second axis is square to the plane y = 0
         match n % 4 {
@@ -328,23 +325,21 @@ fn wrench(rng: &mut Rng, force_n: f64, moment_nm: f64) -> Wrench<f64> {
 }
 
 fn in_box(rng: &mut Rng) -> Configuration<f64> {
-    loop {
+    first(|| {
         let mut c = configuration(rng);
         c.pose = Pose {
             theta_rad: between(rng, -0.25, 0.25),
             sigma_rad: between(rng, -0.25, 0.25),
             z0_m: between(rng, 0.505, 0.555),
         };
-        if matches!(FIVE.home_share(&c), Ok(0.12..)) {
-            return c;
-        }
-    }
+        matches!(FIVE.home_share(&c), Ok(0.12..)).then_some(c)
+    })
 }
 
 #[test]
 fn stiffness_and_deflection_are_carried_to_the_tip() {
     let mut rng = seeded();
-    for _ in 0..500 {
+    for _ in 0..cases(500) {
         let c = in_box(&mut rng);
         let (x, tool) = transport(&c, &WRIST);
         let k_m = TABLE_F64.factor_form(&MACHINE_F64, &c.pose).expect("in the box").factor.stiffness();
@@ -374,7 +369,7 @@ fn loaded(tool: &Tool<f64>, translation_m: [f64; 3], rotation_rad: [f64; 3]) -> 
 fn left(five: &FiveAxis<'_, f64>, machine: &Machine<f64>, table: bool, rng: &mut Rng) -> [f64; 2] {
     let table = table.then_some(&TABLE_F64);
     let mut worst = [0.0_f64; 2];
-    for _ in 0..300 {
+    for _ in 0..cases(300) {
         let c = in_box(rng);
         let target = five.tool(&c).expect("a tool");
         let w = wrench(rng, 2000.0, 200.0);
@@ -415,7 +410,7 @@ fn single_precision_follows() {
     let narrow = |v: [f64; 3]| v.map(|v| v as f32);
     let near = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
     let (mut worst, mut left): ([f64; 2], f64) = ([0.0; 2], 0.0);
-    for _ in 0..5000 {
+    for _ in 0..cases(5000) {
         let c = in_box(&mut rng);
         let tool = FIVE.tool(&c).expect("a tool");
         let target = Tool { tip_m: narrow(tool.tip_m), axis: narrow(tool.axis) };
@@ -485,4 +480,32 @@ fn what_cannot_be_is_refused() {
     ] {
         assert_eq!(Wrist::<f64>::new(&p), Err(error));
     }
+}
+
+/// A load that is finite at A may bend a soft machine beyond the greatest number at a far tip.
+#[test]
+fn a_deflection_that_overflows_is_refused() {
+    let mut parameters = PARAMETERS;
+    for limb in &mut parameters.limbs {
+        for joint in [&mut limb.base_joint, &mut limb.platform_joint] {
+            joint.linear_n_per_m = [1e-3; 3];
+        }
+    }
+    let machine = Machine::<f64>::new(&parameters).expect("a machine");
+    let wrist = Wrist::<f64>::new(&WristParameters { flange_m: 90.0, ..WRIST }).expect("a wrist");
+    let five = FiveAxis { machine: &machine, wrist: &wrist };
+    let mut refused = 0;
+    for exponent in 290..=305 {
+        let load = Wrench { force_n: [10_f64.powi(exponent), 0.0, 0.0], moment_nm: [0.0; 3] };
+        match five.deflection(None, &HOME, &load) {
+            Ok(d) => {
+                assert!(d.translation_m.iter().chain(&d.rotation_rad).all(|v| v.is_finite()), "1e{exponent} N: {d:?}")
+            }
+            Err(e) => {
+                assert_eq!(e, ToolDeflectionError::Stiffness(StiffnessError::NotFinite.into()));
+                refused += 1;
+            }
+        }
+    }
+    assert!((1..16).contains(&refused), "{refused}");
 }

@@ -4,13 +4,13 @@ use pkm_core::effects::Effects;
 use pkm_core::machine::{BodyKind, MachineParameters};
 use pkm_core::{Machine, Pose, Stiffness, StiffnessError, Wrench};
 use pkm_tests::single::narrow_pose;
-use pkm_tests::{keep_worst, random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
+use pkm_tests::{cases, keep_worst, random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
 
 #[test]
 fn transmitted_wrenches_equal_the_structural_matrix() {
     let mut rng = seeded();
     let mut worst = 0.0_f64;
-    for n in 0..10_000 {
+    for n in 0..cases(10_000) {
         let kind = if n % 2 == 0 { BodyKind::Beam } else { BodyKind::Diagonal };
         let parameters = random_parameters(&mut rng, kind);
         let machine = Machine::<f64>::new(&parameters).unwrap();
@@ -28,7 +28,7 @@ fn transmitted_wrenches_equal_the_structural_matrix() {
 fn single_precision(effects: Effects) -> f64 {
     let mut rng = seeded();
     let mut worst = 0.0_f64;
-    for n in 0..10_000 {
+    for n in 0..cases(10_000) {
         let kind = if n % 2 == 0 { BodyKind::Beam } else { BodyKind::Diagonal };
         let parameters = MachineParameters { effects, ..random_parameters(&mut rng, kind) };
         let machine = Machine::<f64>::new(&parameters).unwrap();
@@ -67,7 +67,7 @@ fn single_precision_with_wrong_sizes_stays_near_double_in_the_box() {
     let mut rng = seeded();
     let mut within = |middle: f64, half: f64| middle + half * (2.0 * rng.f64() - 1.0);
     let mut worst = 0.0_f64;
-    for _ in 0..10_000 {
+    for _ in 0..cases(10_000) {
         let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
         let narrow = narrow_pose(&pose);
         let k = single.stiffness(&narrow).unwrap().matrix().map(|row| row.map(f64::from));
@@ -80,7 +80,7 @@ fn single_precision_with_wrong_sizes_stays_near_double_in_the_box() {
 #[test]
 fn deflection_solves_the_stiffness() {
     let mut rng = seeded();
-    for _ in 0..1000 {
+    for _ in 0..cases(1000) {
         let parameters = random_parameters(&mut rng, BodyKind::Beam);
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.1);

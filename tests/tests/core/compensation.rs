@@ -9,7 +9,7 @@ use pkm_core::{
     Wrench,
 };
 use pkm_tests::single::Region;
-use pkm_tests::{keep_worst, random_parameters, random_pose, seeded};
+use pkm_tests::{cases, keep_worst, random_parameters, random_pose, seeded};
 
 /// A point of the displaced moving platform in B-xyz.
 fn placed(pose: &Pose<f64>, deflection: Option<&Deflection<f64>>, tip: [f64; 3]) -> Vector3<f64> {
@@ -82,7 +82,7 @@ fn random_wrench(rng: &mut Rng, force: f64, moment: f64) -> Wrench<f64> {
 fn the_loaded_tip_stands_where_the_unloaded_one_would() {
     let mut rng = seeded();
     let mut worst = Worst::default();
-    for _ in 0..10_000 {
+    for _ in 0..cases(10_000) {
         let mut within = |half: f64| half * (2.0 * rng.f64() - 1.0);
         let pose = Pose { theta_rad: within(0.26), sigma_rad: within(0.26), z0_m: 0.53 + within(0.03) };
         let tip = [within(0.05), within(0.05), 0.3 + within(0.1)];
@@ -99,7 +99,7 @@ fn the_loaded_tip_stands_where_the_unloaded_one_would() {
 fn what_is_left_on_random_machines_is_of_second_order() {
     let mut rng = seeded();
     let mut worst = Worst::default();
-    for _ in 0..10_000 {
+    for _ in 0..cases(10_000) {
         let parameters = random_parameters(&mut rng, BodyKind::Beam);
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.2);
@@ -177,7 +177,7 @@ fn a_cycle_in_single_precision() {
     for region in [Region::Box, Region::Machines, Region::Wide, Region::Edge] {
         let mut found: [Vec<f64>; 4] = Default::default();
         let mut of_condition = 0.0_f64;
-        for _ in 0..10_000 {
+        for _ in 0..cases(10_000) {
             let case = region.draw(&mut rng);
             let bound = Region::bound(case.condition);
             let Some(errors) = case.errors else {

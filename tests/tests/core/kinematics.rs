@@ -2,7 +2,7 @@
 
 use pkm_core::machine::BodyKind;
 use pkm_core::{KinematicsError, Machine, Pose, ScrewLengths};
-use pkm_tests::{distance, keep_worst, random_parameters, random_pose, seeded, space};
+use pkm_tests::{cases, distance, keep_worst, random_parameters, random_pose, seeded, space};
 
 const MACHINES: usize = 100_000;
 
@@ -10,7 +10,7 @@ const MACHINES: usize = 100_000;
 fn forward_and_inverse_undo_each_other_on_random_machines() {
     let mut rng = seeded();
     let (mut worst_pose, mut worst_lengths, mut worst_geometry) = (0.0_f64, 0.0_f64, 0.0_f64);
-    for _ in 0..MACHINES {
+    for _ in 0..cases(MACHINES) {
         let parameters = random_parameters(&mut rng, BodyKind::Beam);
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
@@ -62,7 +62,7 @@ fn sine_and_cosine_in_f32() {
 fn forward_in_f32_returns_the_pose() {
     let mut rng = seeded();
     let mut worst = 0.0_f64;
-    for _ in 0..MACHINES / 10 {
+    for _ in 0..cases(MACHINES / 10) {
         let parameters = random_parameters(&mut rng, BodyKind::Beam);
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.2);
@@ -81,7 +81,7 @@ fn forward_in_f32_returns_the_pose() {
 fn jacobian_is_the_derivative_of_inverse() {
     let mut rng = seeded();
     let mut worst = 0.0_f64;
-    for _ in 0..1000 {
+    for _ in 0..cases(1000) {
         let parameters = random_parameters(&mut rng, BodyKind::Beam);
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let g = parameters.geometry;

@@ -1,0 +1,8 @@
+//! The core against independent code. One program, so that a change of the core is built against once.
+
+mod compensation;
+mod correction;
+mod effects;
+mod five_axis;
+mod kinematics;
+mod stiffness;
