@@ -230,7 +230,8 @@ fn other_machines_hold_tools_on_their_home_side() {
 fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
     let mut rng = seeded();
     let (mut looks, mut refused, mut done) = (Vec::new(), 0, 0);
-    for _ in 0..cases(300) {
+    let paths = cases(300).max(100);
+    for _ in 0..paths {
         let (mut c, _) = holdable(&mut rng, &FIVE);
         let to = configuration(&mut rng);
         // through configurations in a straight line, so that the right ones are known
@@ -268,7 +269,7 @@ fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
     looks.sort_unstable();
     let (median, most) = (looks[looks.len() / 2], looks[looks.len() - 1]);
     println!("looks: median {median}, most {most}; {done} paths to their end, {refused} up to the surface");
-    assert!(median <= 3 && most <= 6 && done > 30 && refused > 30, "{median} {most} {done} {refused}");
+    assert!(median <= 3 && most <= 6 && done > paths / 10 && refused > paths / 10, "{median} {most} {done} {refused}");
 }
 
 #[test]
