@@ -1,11 +1,13 @@
 //! The commands: read, compute, write, and the document for `--json`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use pkm_core::effects::Effects;
 use pkm_core::tables::reference;
 use pkm_core::{CorrectionError, CorrectionTable, Domain, Machine, Pose, StiffnessError, StiffnessFactor, Wrench};
 use pkm_fixtures::Fixture;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::compensate::{self, Correction};
@@ -207,16 +209,19 @@ pub fn stiffness(
         row.extend(stiffness_columns().map(|(i, j, _)| k[i][j].to_string()));
         row
     });
-    let mut documents = Vec::new();
-    for (p, s) in poses.iter().zip(&solved) {
-        let k = s.factor.stiffness().matrix();
-        documents.push(json!({
-            "pose": p.id,
-            "k": k,
-            "status": if s.domain == Some(Domain::Outside) { "outside_box" } else { "ok" },
-            "inside_domain": s.domain.map(|d| d == Domain::Inside),
-        }));
+    #[derive(Serialize)]
+    struct Document<'a> {
+        inside_domain: Option<bool>,
+        k: [[f64; 6]; 6],
+        pose: &'a str,
+        status: &'static str,
     }
+    let documents = poses.iter().zip(&solved).map(|(p, s)| Document {
+        inside_domain: s.domain.map(|d| d == Domain::Inside),
+        k: s.factor.stiffness().matrix(),
+        pose: &p.id,
+        status: if s.domain == Some(Domain::Outside) { "outside_box" } else { "ok" },
+    });
     let mut text = format!(
         "{:>10} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11}\n",
         "pose", "k11 N/m", "k22 N/m", "k33 N/m", "k44 Nm/rad", "k55 Nm/rad", "k66 Nm/rad"
@@ -230,7 +235,7 @@ pub fn stiffness(
         source::write(out, dataset::to_csv(b',', &header, rows), &inputs)?;
         text.push_str(&format!("wrote {}\n", out.display()));
     }
-    Ok(Output { text, json: json!({ "poses": documents }) })
+    Output::new(text, &BTreeMap::from([("poses", documents.collect::<Vec<_>>())]))
 }
 
 /// `predict`: measured data with the deflections of the model in place of the readings.
@@ -280,10 +285,10 @@ pub fn predict(
     let count = rows.len();
     source::write(out, dataset::to_csv(sheet.delimiter(), &header, rows), &[machine, data, table])?;
     let outside = solved.iter().filter(|s| s.domain == Some(Domain::Outside)).count();
-    Ok(Output {
-        text: format!("wrote {} rows to {}\n", count, out.display()),
-        json: json!({ "rows": count, "outside_box": outside, "out": out.display().to_string() }),
-    })
+    Output::new(
+        format!("wrote {} rows to {}\n", count, out.display()),
+        &json!({ "rows": count, "outside_box": outside, "out": out.display().to_string() }),
+    )
 }
 
 /// `plan`: poses to measure or compute at; with loads where the plan is to tell rivals apart.
@@ -334,7 +339,7 @@ pub fn plan(
     for (n, [a, b]) in separates.iter().enumerate() {
         text.push_str(&format!("  N{:02} tells {a} from {b}\n", n + 1));
     }
-    Ok(Output { text, json: json!({ "poses": count, "separates": separates, "out": out.display().to_string() }) })
+    Output::new(text, &json!({ "poses": count, "separates": separates, "out": out.display().to_string() }))
 }
 
 /// `fit`: correction tables from stiffness data.
@@ -451,7 +456,7 @@ pub fn fit(
         ],
         &inputs,
     )?;
-    Ok(Output { text: format!("{summary}\n{wrote}"), json: document })
+    Output::new(format!("{summary}\n{wrote}"), &document)
 }
 
 fn fit_document(fit: &Fit, choice: &str, trained: &fit::Evaluation, verified: Option<&fit::Evaluation>) -> Value {
@@ -510,7 +515,7 @@ pub fn diagnose(machine: Option<&Path>, data: Option<&Path>, holdout: Option<&Pa
         ],
         &[machine, data, holdout],
     )?;
-    Ok(Output { text: diagnose::report::text(&diagnosis) + &wrote, json })
+    Output::new(diagnose::report::text(&diagnosis) + &wrote, &json)
 }
 
 /// `map`: principal stiffnesses over the workspace, and the paper's claims about them (Section 5.2).
@@ -593,7 +598,7 @@ pub fn map(
     let json = json!({
         "machine": file.name, "model": name, "maps": maps, "claims": checked, "files": names,
     });
-    Ok(Output { text, json })
+    Output::new(text, &json)
 }
 
 /// What `place` is asked for.
@@ -651,7 +656,7 @@ pub fn place(
     json["table_sha256"] = json!(table_source.map(Source::sha256));
     let html = place::html(&bench, table_source, &options, &placed)?;
     let wrote = source::write_all(out, &[("placement.json", source::json(&json)), ("report.html", html)], &inputs)?;
-    Ok(Output { text: place::text(&bench, &options, &placed) + &wrote, json })
+    Output::new(place::text(&bench, &options, &placed) + &wrote, &json)
 }
 
 /// `hil`: firmware that runs the core, held against the host reply by reply.
@@ -701,5 +706,5 @@ pub fn hil(
     if let Some(out) = out {
         text.push_str(&source::write_all(out, &[("hil.json", source::json(&json))], &[machine, table])?);
     }
-    Ok(Output { text, json })
+    Output::new(text, &json)
 }

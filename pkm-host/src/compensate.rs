@@ -534,5 +534,5 @@ pub fn compensate(machine: &MachineFile, correction: Option<&Correction<'_>>, re
         "out": request.out.display().to_string(),
         "plot": svg.display().to_string(),
     });
-    Ok(Output { text, json })
+    Output::new(text, &json)
 }

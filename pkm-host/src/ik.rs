@@ -51,7 +51,7 @@ pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
     let (mut json, margins) = margins(&machine, &pose, &lengths)?;
     json["status"] = "ok".into();
     json["q_mm"] = json!(q_mm);
-    Ok(Output { text: format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), json })
+    Output::new(format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), &json)
 }
 
 /// `fk`: pose of screw lengths; with the wrist's joints also tip and axis.
@@ -77,13 +77,13 @@ pub fn fk(machine: Option<&Path>, q_mm: [f64; 3], beta_deg: Option<[f64; 2]>) ->
     json["z0_mm"] = z0_mm.into();
     let mut text = format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}");
     if let Some(beta_deg) = beta_deg {
-        let held = tool_of(&file, q_mm, beta_deg)?;
-        text.push_str(&held.text);
-        if let (Value::Object(json), Value::Object(held)) = (&mut json, held.json) {
+        let (in_words, held) = tool_of(&file, q_mm, beta_deg)?;
+        text.push_str(&in_words);
+        if let (Value::Object(json), Value::Object(held)) = (&mut json, held) {
             json.extend(held);
         }
     }
-    Ok(Output { text, json })
+    Output::new(text, &json)
 }
 
 fn solution(reach: &Reach<'_>, hold: &Hold<f64>) -> Value {
@@ -152,7 +152,7 @@ pub fn of_tool(
             text.push_str(&format!("{side}{}", in_words(hold)));
         }
     }
-    Ok(Output { text, json })
+    Output::new(text, &json)
 }
 
 fn joint_values(q_mm: [f64; 3], beta_deg: [f64; 2]) -> JointValues<f64> {
@@ -167,7 +167,7 @@ fn forward(reach: &Reach<'_>, joints: &JointValues<f64>) -> Result<(Configuratio
 }
 
 /// `fk --beta-deg`: tip and axis of joint values, and how far the singular surface is: for the pose's document and its text.
-fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<Output> {
+fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<(String, Value)> {
     let reach = Reach::new(file)?;
     let refused = |e: ToolError| Failure::refused(tool_status(e), e.to_string());
     let (configuration, tool) = forward(&reach, &joint_values(q_mm, beta_deg))?;
@@ -175,8 +175,8 @@ fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<Out
     let tip_mm = tool.tip_m.map(|v| v * 1e3);
     let side = if home_share >= reach.margin() { "" } else { ": not on the home side" };
     let ([x, y, z], [i, j, k]) = (tip_mm, tool.axis);
-    Ok(Output {
-        text: format!("tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  home share {home_share:.4}{side}\n"),
-        json: json!({ "tip_mm": tip_mm, "axis": tool.axis, "home_share": home_share }),
-    })
+    Ok((
+        format!("tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  home share {home_share:.4}{side}\n"),
+        json!({ "tip_mm": tip_mm, "axis": tool.axis, "home_share": home_share }),
+    ))
 }

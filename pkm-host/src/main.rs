@@ -392,7 +392,8 @@ fn completions(shell: clap_complete::Shell) -> Result<Output> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "pkm-host", &mut script);
     let text = String::from_utf8(script).map_err(|e| Failure::other(e.to_string()))?;
-    Ok(Output { json: json!({ "shell": shell.to_string(), "script": text }), text })
+    let json = json!({ "shell": shell.to_string(), "script": &text });
+    Output::new(text, &json)
 }
 
 fn man(out: &Path) -> Result<Output> {
@@ -408,7 +409,7 @@ fn man(out: &Path) -> Result<Output> {
     source::write_all(out, &pages, &[])?;
     let text =
         format!("wrote {} pages to {}: man -l {}\n", pages.len(), out.display(), out.join(&pages[0].0).display());
-    Ok(Output { text, json: json!({ "files": pages.iter().map(|(name, _)| name).collect::<Vec<_>>() }) })
+    Output::new(text, &json!({ "files": pages.iter().map(|(name, _)| name).collect::<Vec<_>>() }))
 }
 
 fn run(cli: &Cli) -> Result<Output> {

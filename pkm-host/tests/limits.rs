@@ -151,3 +151,42 @@ fn a_full_disk_leaves_the_old_files() {
     assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stdout).as_ref()), (Some(1), "old\n"), "{text}");
     assert!(text.starts_with("error: ") && text.contains("No space left"), "{text}");
 }
+
+/// Megabytes of address space, which is more than what is used, for files of 100,000 lines.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_hundred_thousand_lines_need_bounded_memory() {
+    const LINES: usize = 100_000;
+    let folder = Folder::new();
+    let mut rng = fastrand::Rng::with_seed(1);
+    let mut within = |half: f64| half * (2.0 * rng.f64() - 1.0);
+    let mut poses = "pose,theta_deg,sigma_deg,z0_mm\n".to_owned();
+    let mut measured = "pose,series,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n".to_owned();
+    for n in 0..LINES {
+        let [theta, sigma, z0] = [within(14.0), within(14.0), 530.0 + within(30.0)];
+        poses += &format!("P{n},{theta:.4},{sigma:.4},{z0:.3}\n");
+        measured += &format!("P{n},{},{theta:.4},{sigma:.4},{z0:.3},0,0,{:.1},0,0,0\n", n / 100, within(400.0));
+    }
+    let (poses, measured) = (folder.write("poses.csv", &poses), folder.write("measured.csv", &measured));
+    let (k, out) = (folder.path("k.csv"), folder.path("out"));
+    for (megabytes, args) in [
+        (400, &["stiffness", "--poses", &poses, "--out", &k][..]),
+        (400, &["stiffness", "--poses", &poses, "--json"]),
+        (500, &["fit", "--data", &k, "--out", &out]),
+        (400, &["predict", "--data", &measured, "--out", &folder.path("predicted.csv")]),
+    ] {
+        let limited = Command::new("sh")
+            .args([
+                "-c",
+                &format!("ulimit -v {}; exec \"$0\" \"$@\"", 1024 * megabytes),
+                env!("CARGO_BIN_EXE_pkm-host"),
+            ])
+            .args(args)
+            // every thread sets some aside
+            .env("RAYON_NUM_THREADS", "2")
+            .stdout(Stdio::null())
+            .output()
+            .unwrap();
+        assert!(limited.status.success(), "{args:?}: {}", String::from_utf8_lossy(&limited.stderr));
+    }
+}

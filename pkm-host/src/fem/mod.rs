@@ -265,11 +265,11 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
             let json = json!({
                 "poses": cases.len(), "nodes": largest.0, "elements": largest.1, "report": html.display().to_string(),
             });
-            return Ok(Output { text: about(&what), json });
+            return Output::new(about(&what), &json);
         }
         Mode::EmitSlurm => {
             let (what, json) = emit_slurm(&model, &work, &cases)?;
-            return Ok(Output { text: about(&what), json });
+            return Output::new(about(&what), &json);
         }
     };
 
@@ -317,5 +317,5 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         "basic_model": facts.against_core(), "out": request.out.display().to_string(),
         "readings": readings_path.map(|p| p.display().to_string()), "seed": request.readings.as_ref().map(|w| w.seed),
     });
-    Ok(Output { text, json })
+    Output::new(text, &json)
 }

@@ -24,6 +24,52 @@ fn transmitted_wrenches_equal_the_structural_matrix() {
     println!("K_p against 24x24: {worst:.1e}");
 }
 
+/// A machine seen in a mirror has limbs 1 and 2 exchanged and the other σ; one of another size has the stiffness of that size.
+#[test]
+fn mirrored_and_scaled_machines_have_mirrored_and_scaled_stiffness() {
+    let mut rng = seeded();
+    let mut worst = [0.0_f64; 2];
+    for n in 0..cases(10_000) {
+        let kind = if n % 2 == 0 { BodyKind::Beam } else { BodyKind::Diagonal };
+        let parameters = random_parameters(&mut rng, kind);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
+        let k = machine.stiffness(&pose).unwrap().matrix();
+
+        let mut mirrored = parameters;
+        mirrored.limbs.swap(0, 1);
+        let there = Pose { sigma_rad: -pose.sigma_rad, ..pose };
+        let found = Machine::<f64>::new(&mirrored).unwrap().stiffness(&there).unwrap().matrix();
+        let sign = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
+        let expected = std::array::from_fn(|i| std::array::from_fn(|j| sign[i] * k[i][j] * sign[j]));
+        keep_worst(&mut worst[0], scaled_difference(&found, &expected));
+
+        // Young's modulus stays; a length in place of 1 in N/m, a volume in N·m/rad
+        let s = 0.1 * 100_f64.powf(rng.f64());
+        let mut scaled = parameters;
+        let g = &mut scaled.geometry;
+        for length in [&mut g.a1_m, &mut g.a2_m, &mut g.b1_m, &mut g.b2_m] {
+            *length *= s;
+        }
+        for limb in &mut scaled.limbs {
+            for joint in [&mut limb.base_joint, &mut limb.platform_joint] {
+                joint.linear_n_per_m = joint.linear_n_per_m.map(|k| k * s);
+                joint.angular_nm_per_rad = joint.angular_nm_per_rad.map(|k| k * s.powi(3));
+            }
+            for tube in [&mut limb.body.rod, &mut limb.body.screw] {
+                (tube.outer_m, tube.inner_m) = (tube.outer_m * s, tube.inner_m * s);
+            }
+        }
+        let there = Pose { z0_m: pose.z0_m * s, ..pose };
+        let found = Machine::<f64>::new(&scaled).unwrap().stiffness(&there).unwrap().matrix();
+        let size = |i: usize| if i < 3 { 1.0 } else { s };
+        let expected = std::array::from_fn(|i| std::array::from_fn(|j| size(i) * k[i][j] * size(j) * s));
+        keep_worst(&mut worst[1], scaled_difference(&found, &expected));
+    }
+    println!("mirrored {:.1e}, scaled {:.1e}", worst[0], worst[1]);
+    assert!(worst.iter().all(|w| *w <= 1e-12), "{worst:?}");
+}
+
 /// Worst scaled difference of f32 from f64 over random machines with the given effects.
 fn single_precision(effects: Effects) -> f64 {
     let mut rng = seeded();
