@@ -1,8 +1,12 @@
 //! Corrected stiffness against plain linear algebra, its box, and its refusals.
 
-use nalgebra::Matrix6;
-use pkm_core::tables::reference::MACHINE_F64;
-use pkm_core::{Basis, CorrectionError, CorrectionTable, Domain, KinematicsError, Pose, TableError};
+use nalgebra::{Matrix6, Vector6};
+use pkm_core::effects::Effects;
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS};
+use pkm_core::{
+    Basis, CorrectionError, CorrectionTable, Domain, KinematicsError, Machine, MachineParameters, Pose, StiffnessError,
+    TableError,
+};
 use pkm_tests::{cases, keep_worst, scaled_difference, seeded};
 
 const CENTRE: [f64; 3] = [0.05, -0.02, 0.53];
@@ -52,6 +56,28 @@ fn both_forms_are_their_definitions() {
     assert!(worst <= 1e-12, "{worst:e}");
 }
 
+/// A compliance behind A is no part of what the table corrects.
+#[test]
+fn what_lies_behind_a_comes_after_the_table() {
+    let diagonal = coefficients(6, |_| true);
+    let factor = coefficients(21, |r| [0, 2, 5, 9, 14, 20].contains(&r));
+    let table = CorrectionTable::<f64>::new(basis(), &diagonal, Some(&factor)).unwrap();
+    let (linear, angular) = (2e-9, 4e-7);
+    let behind = Matrix6::from_diagonal(&Vector6::new(linear, linear, linear, angular, angular, angular));
+    let effects = Effects::NONE.with("wrist-compliance", [linear, angular]).unwrap();
+    let soft = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    let forms: [fn(&CorrectionTable<'_, f64>, &Machine<f64>, &Pose<f64>) -> Matrix6<f64>; 2] = [
+        |table, machine, pose| table.diagonal_form(machine, pose).unwrap().factor.stiffness().matrix().into(),
+        |table, machine, pose| table.factor_form(machine, pose).unwrap().factor.stiffness().matrix().into(),
+    ];
+    for form in forms {
+        let compliance = form(&table, &MACHINE_F64, &pose).try_inverse().unwrap() + behind;
+        let expected = compliance.try_inverse().unwrap();
+        assert!(scaled_difference(&form(&table, &soft, &pose).into(), &expected.into()) <= 1e-12);
+    }
+}
+
 #[test]
 fn the_edge_of_the_box_is_inside() {
     let edge = |factor: f64, axis: usize| {
@@ -73,18 +99,29 @@ fn refusals_are_typed() {
     let diagonal = coefficients(6, |_| true);
     let table = CorrectionTable::<f64>::new(basis(), &diagonal, None).unwrap();
     let inside = Pose { theta_rad: 0.05, sigma_rad: 0.0, z0_m: 0.53 };
+    assert!(!table.has_factor_form());
     assert_eq!(table.factor_form(&MACHINE_F64, &inside), Err(CorrectionError::NoFactorForm));
     let nan = Pose { theta_rad: f64::NAN, ..inside };
     assert_eq!(table.diagonal_form(&MACHINE_F64, &nan), Err(KinematicsError::NotFinite.into()));
     let mut negative = diagonal.clone();
-    negative[9] = -1.0;
-    let table = CorrectionTable::<f64>::new(basis(), &negative, None).unwrap();
-    assert_eq!(table.diagonal_form(&MACHINE_F64, &inside), Err(CorrectionError::NotPositive { row: 4 }));
+    for bad in [[-1.0, 0.0, 0.0], [0.0; 3]] {
+        negative[9..12].copy_from_slice(&bad);
+        let table = CorrectionTable::<f64>::new(basis(), &negative, None).unwrap();
+        assert_eq!(table.diagonal_form(&MACHINE_F64, &inside), Err(CorrectionError::NotPositive { row: 4 }));
+    }
     let mut factor = coefficients(21, |r| [0, 2, 5, 9, 14, 20].contains(&r));
     factor[3 * 14] = 0.0;
     factor[3 * 14 + 1] = 0.0;
     let table = CorrectionTable::<f64>::new(basis(), &diagonal, Some(&factor)).unwrap();
+    assert!(table.has_factor_form());
     assert_eq!(table.factor_form(&MACHINE_F64, &inside), Err(CorrectionError::NotPositive { row: 5 }));
+    // polynomials that overflow far outside of a narrow box
+    let narrow = Basis::<f32>::new([0.0, 0.0, 0.52], [0.2, 0.2, 1e-6], &[[0, 0, 0], [0, 0, 6]]).unwrap();
+    let (of_two, beyond) = ([1.0, 1e20].repeat(21), Err(StiffnessError::NotPositiveDefinite.into()));
+    let table = CorrectionTable::<f32>::new(narrow, &of_two[..12], Some(&of_two)).unwrap();
+    let inside = Pose { theta_rad: 0.05, sigma_rad: 0.0, z0_m: 0.53 };
+    assert_eq!(table.diagonal_form(&MACHINE_F32, &inside).map(|c| c.domain), beyond);
+    assert_eq!(table.factor_form(&MACHINE_F32, &inside).map(|c| c.domain), beyond);
 }
 
 #[test]

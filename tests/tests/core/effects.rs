@@ -1,7 +1,7 @@
 //! Effects against the frame solver: the whole 6×6, on random machines.
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Vector3};
-use pkm_core::effects::{COUNT, EFFECTS};
+use pkm_core::effects::{COUNT, EFFECTS, Effects, MAX_PARAMETERS};
 use pkm_core::machine::{BodyKind, Geometry, MachineError, MachineParameters, Parameter, Problem, TemperatureError};
 use pkm_core::tables::reference;
 use pkm_core::{Machine, Pose, ScrewLengths, StiffnessError, Wrench};
@@ -641,6 +641,24 @@ fn only_signed_effects_may_be_negative_and_all_have_bounds() {
             }
         }
     }
+    // see `Problem::TooLarge`
+    for (e, effect) in EFFECTS.iter().enumerate().filter(|(_, effect)| !effect.id.starts_with("geometry-")) {
+        for (p, name) in effect.parameters.iter().enumerate() {
+            let limit = match effect.id {
+                "platform-offset" => 0.1,
+                "thermal-modulus" => 0.05,
+                "thermal-expansion" => 1e-3,
+                _ if name.ends_with("per_nm2") => 1e3,
+                _ if name.ends_with("_per_n") || name.ends_with("_per_nm") => 1e-3,
+                _ => 1e6,
+            };
+            for (share, expected) in [(0.999, true), (1.001, false)] {
+                let mut parameters = reference::PARAMETERS;
+                parameters.effects.parameters[e][p] = share * limit;
+                assert_eq!(parameters.check().is_ok(), expected, "{} {name}", effect.id);
+            }
+        }
+    }
     let geometry = reference::PARAMETERS.geometry;
     let sizes = [geometry.a1_m, geometry.a2_m, geometry.b1_m, geometry.b2_m];
     for (id, size) in ["geometry-a1", "geometry-a2", "geometry-b1", "geometry-b2"].into_iter().zip(sizes) {
@@ -649,6 +667,27 @@ fn only_signed_effects_may_be_negative_and_all_have_bounds() {
             MachineParameters { effects, ..reference::PARAMETERS }.check().is_ok()
         };
         assert!(check(0.49) && check(-0.49) && !check(0.5) && !check(-0.5), "{id}");
+    }
+}
+
+#[test]
+fn effects_are_set_by_their_names() {
+    for (e, effect) in EFFECTS.iter().enumerate() {
+        let mut expected = Effects::NONE;
+        expected.parameters[e][0] = 1e-9;
+        assert_eq!(Effects::NONE.with(effect.id, [1e-9]), Some(expected));
+        // what was there goes; what does not exist is 0 or refused
+        let mut other = expected;
+        other.parameters[e] = [2e-9; MAX_PARAMETERS];
+        assert_eq!(other.with(effect.id, [1e-9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), Some(expected));
+        assert_eq!(Effects::NONE.with(effect.id, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e-9]), None);
+    }
+    for unknown in ["no-such-effect", "", "clearanc", "clearances"] {
+        assert_eq!(Effects::NONE.with(unknown, [1e-9]), None);
+    }
+    let all = Effects { parameters: [[1e-9; MAX_PARAMETERS]; COUNT] };
+    for (effect, left) in EFFECTS.iter().zip(all.below_tool().parameters) {
+        assert_eq!(left == [0.0; MAX_PARAMETERS], effect.id == "wrist-compliance", "{}", effect.id);
     }
 }
 

@@ -3,6 +3,7 @@
 mod compensation;
 mod correction;
 mod effects;
+mod errors;
 mod five_axis;
 mod kinematics;
 mod stiffness;
