@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 use super::deck::{Deck, Plates};
 use super::{Case, Request, Solved, drawing};
 use crate::error::{Failure, Result};
+use crate::fit::report::USABLE_PERCENT;
 use crate::machine_file::MachineFile;
 use crate::plot::{Mark, Panel, Series};
 use crate::pose::file_units;
@@ -93,10 +94,15 @@ fn findings(facts: &Facts<'_>) -> Vec<Finding> {
     ];
     if let Some([mean, max]) = facts.errors() {
         let worst = (0..6).max_by(|a, b| mean[*a].total_cmp(&mean[*b])).unwrap_or(0);
-        all.push(Finding::good(format!(
+        let off = format!(
             "The basic model of the core is off by {:.2} % in {} in the mean, up to {:.2} %; less in the others.",
             mean[worst], STIFFNESSES[worst], max[worst]
-        )));
+        );
+        all.push(if mean[worst] > USABLE_PERCENT {
+            Finding::warning(format!("{off} It needs a table: fit one to this file."))
+        } else {
+            Finding::good(off)
+        });
     }
     all
 }

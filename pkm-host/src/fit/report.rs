@@ -13,8 +13,8 @@ use crate::plot::{self, Mark, Panel, Series};
 use crate::pose::{ROTATION_ARM_M, file_units};
 use crate::report::{Finding, Page, charts, fold, picture, table};
 
-/// A mean deflection error that a table may have where it is used, %.
-const USABLE_PERCENT: f64 = 5.0;
+/// A mean error that a model of the stiffness may have where it is used, %.
+pub(crate) const USABLE_PERCENT: f64 = 5.0;
 const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
 const LOADS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 const SYMBOLS: [&str; 3] = ["θ", "σ", "Z0"];
