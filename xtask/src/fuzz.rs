@@ -18,7 +18,7 @@ struct Row {
 }
 
 /// Ten seconds a target from its seeds; with `--executions N` a minute in turn, with a corpus that stays, until all together
-/// have done so many.
+/// have done so many. libFuzzer's own seed is the number of the turn: what it tries changes with the code, not with the day.
 pub fn run(options: &[String]) -> Outcome {
     let wanted = match options {
         [] => None,
@@ -47,7 +47,7 @@ pub fn run(options: &[String]) -> Outcome {
         let index = (0..rows.len()).filter(|i| open(&rows[*i])).min_by_key(|i| rows[*i].slots)?;
         rows[index].running = true;
         rows[index].slots += 1;
-        Some((index, rows[index].target.clone()))
+        Some((index, rows[index].target.clone(), rows[index].slots))
     };
     let rows = Mutex::new(rows);
     let seconds = if wanted.is_some() { 60 } else { 10 };
@@ -56,9 +56,9 @@ pub fn run(options: &[String]) -> Outcome {
         for _ in 0..workers {
             scope.spawn(|| {
                 let lock = || rows.lock().expect("no worker panics while it holds the rows");
-                while let Some((index, target)) = { next(&mut lock()) } {
+                while let Some((index, target, turn)) = { next(&mut lock()) } {
                     let started = Instant::now();
-                    let slot = slot(&folder, &corpora, &target, seconds);
+                    let slot = slot(&folder, &corpora, &target, (turn, seconds));
                     let row = &mut lock()[index];
                     row.running = false;
                     row.seconds += started.elapsed().as_secs_f64();
@@ -87,7 +87,12 @@ pub fn run(options: &[String]) -> Outcome {
 }
 
 /// Runs a target for a while: executions, and what was found.
-fn slot(folder: &Path, corpora: &Path, target: &str, seconds: u32) -> Result<(u64, Option<String>), String> {
+fn slot(
+    folder: &Path,
+    corpora: &Path,
+    target: &str,
+    (turn, seconds): (usize, u32),
+) -> Result<(u64, Option<String>), String> {
     let program = folder.join("target/x86_64-unknown-linux-gnu/release").join(target);
     let [corpus, artifacts] = [corpora.join(target), folder.join("artifacts").join(target)];
     for folder in [&corpus, &artifacts] {
@@ -95,7 +100,7 @@ fn slot(folder: &Path, corpora: &Path, target: &str, seconds: u32) -> Result<(u6
     }
     let mut command = Command::new(&program);
     command.args([&corpus, &folder.join("seeds").join(target)]);
-    command.arg(format!("-max_total_time={seconds}"));
+    command.args([format!("-max_total_time={seconds}"), format!("-seed={turn}")]);
     command.arg(format!("-artifact_prefix={}/", artifacts.display()));
     // what the target prints is hidden: warnings by the thousand
     command.args(["-timeout=10", "-rss_limit_mb=2048", "-close_fd_mask=3", "-print_final_stats=1"]);

@@ -6,6 +6,7 @@ mod fuzz;
 mod hil;
 mod image;
 mod linuxcnc;
+mod mutants;
 mod proofs;
 mod qemu;
 mod reports;
@@ -39,6 +40,8 @@ cargo xtask <chore>
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
   fuzz         every target of fuzz/ for ten seconds; with --executions 1e8 until all together have done so many
   miri         core, protocol and C library under Miri
+  mutants      small mistakes in the core and in the diagnosis' statistics: which the tests find; takes cargo-mutants' options, such as
+               --shard 0/8 for a sample
   reports      write every report from the fixtures, look at it in Chromium (screens, dark and light, paper); pictures in out/reports
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
         Some("c") => c::run(),
         Some("fuzz") => fuzz::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("miri") => miri(),
+        Some("mutants") => mutants::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
         Some("reports") => reports::run(),

@@ -457,6 +457,12 @@ fn what_cannot_be_is_refused() {
         let w = Wrench { force_n: [bad, 0.0, 0.0], moment_nm: [0.0; 3] };
         assert!(matches!(FIVE.compensated(None, &tool, &w, &HOME), Err(ToolDeflectionError::Stiffness(_))));
     }
+    for (theta_rad, sigma_rad, z0_m) in
+        [(1.6, 0.0, -0.5), (0.0, 1.6, 0.5), (0.0, -1.6, 0.5), (0.0, 0.0, -0.5), (0.0, 0.0, 0.0)]
+    {
+        let near = Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, ..HOME };
+        assert_eq!(FIVE.inverse(&tool, &near), Err(ToolError::Unreachable), "{near:?}");
+    }
     assert_eq!(FIVE.inverse(&Tool { axis: [0.0; 3], ..tool }, &HOME), Err(ToolError::NotFinite));
     let aside = Tool { tip_m: [0.0, 4.0, 0.9], ..tool };
     assert!(matches!(FIVE.search(&aside, &HOME), Err(ToolError::Unreachable | ToolError::Singular)));
