@@ -290,6 +290,19 @@ fn a_whole_frame_is_solved_in_closed_form() {
         let found = FIVE.inverse_frame(&frame).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
         assert!(configurations_apart(&found.configuration, &c) < 1e-9, "{found:?} {c:?}");
     }
+    // a wrist that turns almost all the way round: the closed form's angle leaves ±180°
+    let wide = WristParameters { min_rad: [-3.1; 2], max_rad: [3.1; 2], ..WRIST };
+    let five = FiveAxis { wrist: &Wrist::<f64>::new(&wide).expect("a wrist"), ..FIVE };
+    for _ in 0..cases(20_000) {
+        let c = first(|| {
+            let beta_rad = [between(&mut rng, -3.1, 3.1), between(&mut rng, -3.1, 3.1)];
+            let c = Configuration { beta_rad, ..configuration(&mut rng) };
+            matches!(five.home_share(&c), Ok(0.1..)).then_some(c)
+        });
+        let frame = five.frame(&c).expect("a frame");
+        let found = five.inverse_frame(&frame).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
+        assert!(configurations_apart(&found.configuration, &c) < 1e-7, "{found:?} {c:?}");
+    }
     let frame = FIVE.frame(&HOME).expect("a frame");
     let [x, y, z] = frame.axes;
     for axes in [[x, y, y], [y, x, z], [[0.0; 3], y, z], [y, [-1.0, 0.0, 0.0], z]] {
