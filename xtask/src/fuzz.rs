@@ -59,7 +59,8 @@ pub fn run(options: &[String]) -> Outcome {
                 while let Some((index, target, turn)) = { next(&mut lock()) } {
                     let started = Instant::now();
                     let slot = slot(&folder, &corpora, &target, (turn, seconds));
-                    let row = &mut lock()[index];
+                    let mut rows = lock();
+                    let row = &mut rows[index];
                     row.running = false;
                     row.seconds += started.elapsed().as_secs_f64();
                     match slot {
@@ -68,6 +69,10 @@ pub fn run(options: &[String]) -> Outcome {
                             row.finding = finding;
                         }
                         Err(message) => row.finding = Some(message),
+                    }
+                    if let Some(wanted) = wanted {
+                        let done = rows.iter().map(|row| row.executions).sum::<u64>();
+                        eprintln!("{:>4} %, after {target}", 100 * done / wanted);
                     }
                 }
             });
