@@ -4,7 +4,10 @@
 use nalgebra::{DMatrix, DVector};
 use pkm_core::Wrench;
 
+use super::model::{COUNT, Declared, Model, Part, Unknown, info};
 use super::noise::{Noise, NoiseSource, Whitener};
+use super::solve::{self, Fit, Levels, Problem};
+use crate::machine_file::{MachineFile, Uncertainty};
 use crate::pose::{NamedPose, pose_of};
 use crate::readings::{CHANNELS, Condition, REFERENCE_C, Reading, Readings};
 use crate::source::Source;
@@ -37,7 +40,8 @@ fn reading(condition: usize, series: usize, observed: [Option<f64>; CHANNELS]) -
 
 fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Readings {
     let used = conditions.iter().map(|c| c.pose + 1).max().unwrap_or(0);
-    let named = |[theta, sigma, z0]: &[f64; 3]| NamedPose { id: String::new(), line: 1, pose: pose_of(*theta, *sigma, *z0) };
+    let named =
+        |[theta, sigma, z0]: &[f64; 3]| NamedPose { id: String::new(), line: 1, pose: pose_of(*theta, *sigma, *z0) };
     Readings {
         source: Source::from_text("readings.csv", String::new()),
         poses: POSES[..used].iter().map(named).collect(),
@@ -83,7 +87,8 @@ fn variance_analysis(readings: &Readings, channel: usize) -> [f64; 5] {
         return [0.0; 5];
     }
     let y = DVector::from_fn(rows.len(), |i, _| rows[i].observed[channel].unwrap());
-    let of = |key: fn(&Reading) -> usize| DMatrix::from_fn(rows.len(), 20, |i, k| f64::from(u8::from(key(rows[i]) == k)));
+    let of =
+        |key: fn(&Reading) -> usize| DMatrix::from_fn(rows.len(), 20, |i, k| f64::from(u8::from(key(rows[i]) == k)));
     let (groups, series) = (of(|r| r.repeat_of), of(|r| r.series));
     let mut both = DMatrix::zeros(rows.len(), 40);
     both.columns_mut(0, 20).copy_from(&groups);
@@ -218,7 +223,8 @@ fn noise_may_be_declared_and_must_be_known() {
 /// Readings with all that whitening takes into account: series that are alike, repeats within a series, blanks, roughness of the
 /// file.
 fn varied(rng: &mut fastrand::Rng) -> Readings {
-    let layout = [(0, 0), (1, 0), (0, 1), (1, 0), (0, 0), (1, 1), (2, 1), (2, 2), (3, 0), (5, 0), (2, 1), (4, 3), (4, 3)];
+    let layout =
+        [(0, 0), (1, 0), (0, 1), (1, 0), (0, 0), (1, 1), (2, 1), (2, 2), (3, 0), (5, 0), (2, 1), (4, 3), (4, 3)];
     let mut file = scattered(&layout, rng, |row, c| (row + 2 * c) % 9 == 5);
     file.resolution[2] = 3e-6;
     for r in &mut file.readings {
@@ -236,14 +242,13 @@ fn covariance(file: &Readings, noise: &Noise) -> (Vec<(usize, usize)>, DMatrix<f
         .collect();
     let variance = |r: usize, c: usize| match noise.source {
         NoiseSource::Repeats => noise.within[c].powi(2),
-        NoiseSource::Declared => {
-            file.readings[r].sigma[c / 3].unwrap().powi(2).max(file.resolution[c].powi(2) / 12.0)
-        }
+        NoiseSource::Declared => file.readings[r].sigma[c / 3].unwrap().powi(2).max(file.resolution[c].powi(2) / 12.0),
     };
     let c = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
         let ((a, channel), (b, other)) = (rows[i], rows[j]);
         let shared = channel == other && file.readings[a].series == file.readings[b].series;
-        f64::from(u8::from(i == j)) * variance(a, channel) + f64::from(u8::from(shared)) * noise.between[channel].powi(2)
+        f64::from(u8::from(i == j)) * variance(a, channel)
+            + f64::from(u8::from(shared)) * noise.between[channel].powi(2)
     });
     (rows, c)
 }
@@ -252,10 +257,7 @@ fn covariance(file: &Readings, noise: &Noise) -> (Vec<(usize, usize)>, DMatrix<f
 fn noises() -> [Noise; 2] {
     let within = [1e-6, 1.5e-6, 1e-6, 2e-6, 1e-6, 3e-6];
     let noise = |source, between| Noise { source, within, between, freedom: 0.0 };
-    [
-        noise(NoiseSource::Repeats, [2e-6, 0.5e-6, 0.0, 1e-6, 5e-6, 2e-6]),
-        noise(NoiseSource::Declared, [0.0; CHANNELS]),
-    ]
+    [noise(NoiseSource::Repeats, [2e-6, 0.5e-6, 0.0, 1e-6, 5e-6, 2e-6]), noise(NoiseSource::Declared, [0.0; CHANNELS])]
 }
 
 #[test]
@@ -270,7 +272,8 @@ fn whitening_is_the_inverse_of_the_covariance() {
         assert!(averaged.entries.len() < rows.len());
         for _ in 0..3 {
             let said: Vec<[f64; CHANNELS]> = (0..20).map(|_| std::array::from_fn(|_| 5.0 * micro(&mut rng))).collect();
-            let error = |r: usize, c: usize| file.readings[r].observed[c].unwrap() - said[file.readings[r].condition][c];
+            let error =
+                |r: usize, c: usize| file.readings[r].observed[c].unwrap() - said[file.readings[r].condition][c];
             let r = DVector::from_fn(rows.len(), |i, _| error(rows[i].0, rows[i].1));
             for whitener in [&averaged, &single] {
                 let mean = |e: &super::noise::Entry| {
@@ -283,7 +286,8 @@ fn whitening_is_the_inverse_of_the_covariance() {
         }
         // errors of loads, in groups that share nothing; four directions in one or two entries, and a column of nothing
         let n = averaged.entries.len();
-        let parts = [(0..n).filter(|i| i % 2 == 0).collect(), vec![1], (0..n).filter(|i| i % 2 == 1 && *i > 1).collect()];
+        let parts =
+            [(0..n).filter(|i| i % 2 == 0).collect(), vec![1], (0..n).filter(|i| i % 2 == 1 && *i > 1).collect()];
         let groups: Vec<(Vec<usize>, DMatrix<f64>)> = (parts.into_iter())
             .map(|entries: Vec<usize>| {
                 let u = DMatrix::from_fn(entries.len(), 4, |_, k| if k == 2 { 0.0 } else { normal(&mut rng) });
@@ -308,5 +312,317 @@ fn whitening_is_the_inverse_of_the_covariance() {
         near(all.iter().map(|z| z * z).sum(), quadratic(&full, &DVector::from_vec(z.clone())), 1e-9);
         loaded.shrink(&mut z);
         assert_eq!(z, all);
+    }
+}
+
+fn machine() -> MachineFile {
+    MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).unwrap()
+}
+
+fn effect(id: &str, parameter: usize) -> Unknown {
+    Unknown::Effect { effect: (0..COUNT).find(|e| info(*e).id == id).unwrap(), parameter }
+}
+
+/// Two unknowns by which predictions are linear.
+fn gains() -> [Unknown; 2] {
+    [effect("load-gain", 0), effect("load-gain", 1)]
+}
+
+fn stiffness(limb: usize, part: Part) -> Unknown {
+    Unknown::Stiffness(Declared { limb, part })
+}
+
+/// Forces and moments at some poses.
+fn loads(poses: usize) -> Vec<Condition> {
+    let loads = [
+        [200.0, 0.0, 0.0, 0.0, 0.0, 15.0],
+        [0.0, 150.0, 40.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, -300.0, 25.0, 0.0, 0.0],
+        [0.0, 30.0, 0.0, 0.0, 20.0, 10.0],
+    ];
+    (0..poses).flat_map(|pose| loads.map(|load| condition(pose, load))).collect()
+}
+
+/// Deflection of the bare machine, by its compliance.
+fn deflection(file: &MachineFile, pose: usize, wrench: [f64; 6]) -> [f64; 6] {
+    let [theta, sigma, z0] = POSES[pose];
+    let factor = file.machine.stiffness(&pose_of(theta, sigma, z0)).unwrap().factor().unwrap();
+    factor.deflection(&Wrench::from_array(wrench)).unwrap().to_array()
+}
+
+/// One reading of every condition, each its own series, as the model has it at `x`.
+fn simulated(model: &Model, conditions: Vec<Condition>, truth: (&[Unknown], &[f64]), s: f64, seed: u64) -> Readings {
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let mut file = readings(conditions, Vec::new());
+    let poses: Vec<_> = file.poses.iter().map(|p| p.pose).collect();
+    let said = model.predict(&poses, &file.conditions, truth.0, truth.1).unwrap();
+    let read = |(n, said): (usize, &[f64; CHANNELS])| reading(n, n, said.map(|d| Some(d + s * normal(&mut rng))));
+    file.readings = said.iter().enumerate().map(read).collect();
+    file
+}
+
+/// The same noise in all channels.
+fn even(s: f64) -> Noise {
+    Noise { source: NoiseSource::Repeats, within: [s; CHANNELS], between: [0.0; CHANNELS], freedom: 0.0 }
+}
+
+fn close(found: &DMatrix<f64>, truth: &DMatrix<f64>, tolerance: f64) {
+    assert_eq!(found.shape(), truth.shape());
+    assert!((found - truth).amax() <= tolerance * truth.amax().max(1e-9), "{found} instead of {truth}");
+}
+
+/// ln N(r; 0, C), less the constant.
+fn ln_likelihood(c: &DMatrix<f64>, r: &DVector<f64>) -> f64 {
+    -0.5 * (quadratic(c, r) + c.determinant().ln())
+}
+
+/// (I + A Aᵀ)⁻¹, what is left of a residual when unknowns with priors are fitted.
+fn unexplained(a: &DMatrix<f64>) -> DMatrix<f64> {
+    (DMatrix::identity(a.nrows(), a.nrows()) + a * a.transpose()).try_inverse().unwrap()
+}
+
+#[test]
+fn a_linear_fit_is_the_closed_form() {
+    let file = machine();
+    let model = Model::new(&file).unwrap();
+    let s = 15e-6;
+    let mut data = simulated(&model, loads(4), (&gains(), &[1.4, -0.8]), s, 11);
+    // a reading is repeated in its series, and one has a blank
+    let again =
+        Reading { observed: data.readings[2].observed.map(|o| o.map(|o| o + 3e-6)), ..data.readings[2].clone() };
+    data.readings.push(again);
+    data.readings[5].observed[1] = None;
+    let whitener = Whitener::new(&data, &even(s));
+    let problem = Problem::new(&data, &whitener, &model);
+    let n = whitener.entries.len();
+    assert_eq!((n, problem.numbers()), (16 * 6 - 1, 17 * 6 - 1));
+
+    // columns, residuals and solution by hand
+    let row = |i: usize, forces: f64, moments: f64| {
+        let (e, c) = (&whitener.entries[i], &data.conditions[whitener.entries[i].condition]);
+        let [f, m] = [c.wrench.force_n, c.wrench.moment_nm];
+        let load = [f[0] * forces, f[1] * forces, f[2] * forces, m[0] * moments, m[1] * moments, m[2] * moments];
+        deflection(&file, c.pose, load)[e.channel] * (e.readings.len() as f64).sqrt() / s
+    };
+    let a = DMatrix::from_fn(n, 2, |i, k| 0.05 * row(i, f64::from(k == 0), f64::from(k == 1)));
+    let read = |i: usize| {
+        let e = &whitener.entries[i];
+        let values: Vec<f64> = e.readings.iter().map(|r| data.readings[*r].observed[e.channel].unwrap()).collect();
+        values.iter().sum::<f64>() / (values.len() as f64).sqrt() / s
+    };
+    let r0 = DVector::from_fn(n, |i, _| read(i) - row(i, 1.0, 1.0));
+    let normal_matrix = a.transpose() * &a + DMatrix::identity(2, 2);
+    let inverse = normal_matrix.clone().try_inverse().unwrap();
+    let x = &inverse * a.transpose() * &r0;
+
+    let fit = problem.fit(&gains(), &[0.3, -0.2]).unwrap();
+    close(&DMatrix::from_columns(&[fit.x.clone()]), &DMatrix::from_columns(&[x.clone()]), 1e-5);
+    close(&fit.jacobian, &a, 1e-6);
+    let r = &r0 - &a * &x;
+    close(&DMatrix::from_columns(&[fit.residuals.clone()]), &DMatrix::from_columns(&[r.clone()]), 1e-5);
+    near(fit.chi2, r.norm_squared(), 1e-5);
+    near(fit.objective, r.norm_squared() + x.norm_squared(), 1e-5);
+    // six pairs of readings 3 µm apart
+    near(problem.chi2(&fit), r.norm_squared() + 6.0 * 2.0 * (1.5e-6 / s).powi(2), 1e-5);
+    near(problem.pure_error(), 6.0 * 2.0 * (1.5e-6 / s).powi(2), 1e-6);
+    assert!(problem.fit(&[], &[]).is_none());
+    assert_eq!(problem.jacobian(&gains(), &[0.0; 2], 0..0).unwrap().shape(), (n, 0));
+
+    // what follows from the linear form, at the bottom and beside it
+    let eigenvalues = (a.transpose() * &a).symmetric_eigenvalues();
+    let evidence = ln_likelihood(&(DMatrix::identity(n, n) + &a * a.transpose()), &r0);
+    for fit in [&fit, &problem.linear(&gains(), DVector::from_vec(vec![0.4, 0.9])).unwrap()] {
+        near(fit.ln_evidence(), evidence, 1e-5);
+        near(fit.used_freedoms(), eigenvalues.iter().map(|l| l / (1.0 + l)).sum(), 1e-5);
+        (0..2).for_each(|k| near(fit.standard_errors()[k], inverse[(k, k)].sqrt(), 1e-5));
+        let columns = DMatrix::from_fn(n, 3, |i, k| ((i + 1) * (k + 2)) as f64 % 7.0 - 3.0 + a[(i, k % 2)]);
+        close(&fit.remaining(&columns), &(columns.transpose() * unexplained(&a) * &columns), 1e-5);
+    }
+    let groups: Vec<Vec<usize>> = (0..4)
+        .map(|p| (0..n).filter(|i| data.conditions[whitener.entries[*i].condition].pose == p).collect())
+        .collect();
+    for (group, found) in groups.iter().zip(fit.left_out(&groups)) {
+        let others: Vec<usize> = (0..n).filter(|i| !group.contains(i)).collect();
+        let (kept, read) = (a.select_rows(&others), r0.select_rows(&others));
+        let from_others = (kept.transpose() * &kept + DMatrix::identity(2, 2)).lu().solve(&(kept.transpose() * read));
+        let missed = r0.select_rows(group) - a.select_rows(group) * from_others.unwrap();
+        near(found, missed.norm_squared(), 1e-5);
+    }
+}
+
+#[test]
+fn a_curved_fit_ends_at_the_bottom() {
+    let model = Model::new(&machine()).unwrap();
+    let unknowns = [stiffness(0, Part::Young), stiffness(1, Part::BaseAngular(2)), effect("limb-3-axial", 0)];
+    let data = simulated(&model, loads(3), (&unknowns, &[-2.0, 1.5, 0.7]), 0.3e-6, 12);
+    let whitener = Whitener::new(&data, &even(0.3e-6));
+    let problem = Problem::new(&data, &whitener, &model);
+    let fit = problem.fit(&unknowns, &[0.0; 3]).unwrap();
+    // a Newton step would win next to nothing, and the truth is within the errors
+    let slope = fit.jacobian.transpose() * &fit.residuals - &fit.x;
+    assert!(slope.dot(&fit.information.solve(&slope)) < 1e-6);
+    let errors = fit.standard_errors();
+    for (k, truth) in [-2.0, 1.5, 0.7].into_iter().enumerate() {
+        assert!((fit.x[k] - truth).abs() < 4.0 * errors[k] && errors[k] < 0.9, "{}{errors}", fit.x);
+        let beside = |by: f64| {
+            let mut x = fit.x.clone();
+            x[k] += by * errors[k];
+            problem.residuals(&unknowns, x.as_slice()).unwrap().norm_squared() + x.norm_squared() - fit.objective
+        };
+        assert!(beside(0.3) > 0.05 && beside(-0.3) > 0.05);
+    }
+}
+
+#[test]
+fn pure_error_is_that_of_repeats_about_their_means() {
+    let model = Model::new(&machine()).unwrap();
+    let mut rng = fastrand::Rng::with_seed(13);
+    for noise in noises() {
+        let mut file = varied(&mut rng);
+        // two conditions that differ by their temperature alone
+        file.readings.iter_mut().filter(|r| r.repeat_of == 2).for_each(|r| r.repeat_of = 1);
+        let (rows, c) = covariance(&file, &noise);
+        let value = |(r, c): (usize, usize)| file.readings[r].observed[c].unwrap();
+        let group = |(r, c): (usize, usize)| (file.readings[r].repeat_of, c);
+        let mean = |at: (usize, usize)| {
+            let all: Vec<f64> = rows.iter().filter(|o| group(**o) == group(at)).map(|o| value(*o)).collect();
+            all.iter().sum::<f64>() / all.len() as f64
+        };
+        let r = DVector::from_fn(rows.len(), |i, _| value(rows[i]) - mean(rows[i]));
+        for whitener in [Whitener::new(&file, &noise), Whitener::by_reading(&file, &noise)] {
+            near(Problem::new(&file, &whitener, &model).pure_error(), quadratic(&c, &r), 1e-7);
+        }
+    }
+}
+
+#[test]
+fn unknowns_are_alike_whose_columns_are_parallel() {
+    let model = Model::new(&machine()).unwrap();
+    let mut unknowns = gains().to_vec();
+    unknowns.extend((0..2).map(|p| effect("sensor-scale", p)));
+    unknowns.extend((0..3).map(|p| effect("sensor-rotation", p)));
+    unknowns.extend((0..3).flat_map(|l| [stiffness(l, Part::Young), stiffness(l, Part::BaseLinear(2))]));
+    // forces and translations alone: a gain of one is a scale of the other
+    let forces = loads(2).into_iter().map(|c| Condition { wrench: Wrench { moment_nm: [0.0; 3], ..c.wrench }, ..c });
+    let mut data = simulated(&model, forces.collect(), (&[], &[]), 1e-6, 14);
+    data.readings.iter_mut().for_each(|r| r.observed[3..].fill(None));
+    for s in [1e-6, 1e-3] {
+        let whitener = Whitener::new(&data, &even(s));
+        let fit = Problem::new(&data, &whitener, &model).linear(&unknowns, DVector::zeros(unknowns.len())).unwrap();
+        assert!(fit.alike(unknowns[0]).contains(&unknowns[2]));
+        assert_eq!(fit.alike(effect("load-point", 0)), []);
+        let unit = |j: usize| fit.jacobian.column(j).normalize();
+        for own in (0..unknowns.len()).filter(|j| fit.jacobian.column(*j).norm() > 0.0) {
+            let is_alike =
+                |j: &usize| *j != own && fit.jacobian.column(*j).norm() > 0.0 && unit(own).dot(&unit(*j)).abs() > 0.95;
+            let truth: Vec<Unknown> = (0..unknowns.len()).filter(is_alike).map(|j| unknowns[j]).collect();
+            assert_eq!(fit.alike(unknowns[own]), truth);
+        }
+    }
+}
+
+/// Loads of one line, of others near it and of other poses, and the line of each.
+fn lines() -> (Vec<Condition>, [usize; 9]) {
+    let loads = [
+        (0, [33.0, 41.0, 7.0, 0.0, 0.0, 0.0]),
+        (0, [-33.0, -41.0, -7.0, 0.0, 0.0, 0.0]),
+        (0, [66.0, 82.0, 14.0, 0.0, 0.0, 0.0]),
+        (0, [41.0, 33.0, 7.0, 0.0, 0.0, 0.0]),
+        (0, [0.0, 0.0, -90.0, 4.0, 5.0, 6.0]),
+        (0, [0.0, 0.0, 90.0, -4.0, -5.0, -6.0]),
+        (1, [33.0, 41.0, 7.0, 0.0, 0.0, 0.0]),
+        (1, [0.0, 0.0, 0.0, 0.0, 12.0, 0.0]),
+        (1, [0.0, 0.0, 0.0, 0.0, -6.0, 0.0]),
+    ];
+    (loads.map(|(pose, load)| Condition { rise_k: 3.0, ..condition(pose, load) }).to_vec(), [0, 0, 0, 1, 2, 2, 3, 4, 4])
+}
+
+/// Whitened displacements of 1 rad about u, v, w and of twice the load, four columns for each line.
+fn load_columns(file: &MachineFile, data: &Readings, whitener: &Whitener, line: &[usize], s: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(whitener.entries.len(), 4 * line.len(), |i, k| {
+        let e = &whitener.entries[i];
+        let c = &data.conditions[e.condition];
+        if line[e.condition] != k / 4 {
+            return 0.0;
+        }
+        let turned = |v: [f64; 3]| match k % 4 {
+            0 => [0.0, -v[2], v[1]],
+            1 => [v[2], 0.0, -v[0]],
+            2 => [-v[1], v[0], 0.0],
+            _ => v,
+        };
+        let ([a, b, c0], [d, f, g]) = (turned(c.wrench.force_n), turned(c.wrench.moment_nm));
+        deflection(file, c.pose, [a, b, c0, d, f, g])[e.channel] / s
+    })
+}
+
+#[test]
+fn errors_of_a_load_move_all_readings_under_it() {
+    let file = machine();
+    let mut model = Model::new(&file).unwrap();
+    // what grows with warmth does not turn with the load
+    model.declared.effects = model.declared.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
+    let (conditions, line) = lines();
+    let s = 2e-6;
+    let data = simulated(&model, conditions, (&gains(), &[0.5, 0.1]), s, 15);
+    let whitener = Whitener::new(&data, &even(s));
+    let plain = Problem::new(&data, &whitener, &model);
+    let groups = plain.load_errors().unwrap();
+    assert_eq!(groups.len(), 5);
+    let truth = load_columns(&file, &data, &whitener, &line, s);
+    for (entries, u) in &groups {
+        let own = line[whitener.entries[entries[0]].condition];
+        assert_eq!(entries.len(), 6 * line.iter().filter(|l| **l == own).count());
+        close(u, &truth.columns(4 * own, 4).select_rows(entries), 1e-6);
+    }
+
+    // declared errors, and more of them level by level
+    let declared = Uncertainty { stiffness: 0.1, load_direction_rad: 3e-3, load_gain: 5e-3 };
+    let whiteners = solve::whiteners(&plain, &declared).unwrap();
+    let levels = Levels::new(&plain, &whiteners);
+    assert_eq!((levels.problems.len(), Levels::load_error(0)), (6, 0.0));
+    let x = DVector::from_vec(vec![0.3, -0.4]);
+    let unlevelled = plain.linear(&gains(), x.clone()).unwrap();
+    let n = whitener.entries.len();
+    let r0 = &unlevelled.residuals + &unlevelled.jacobian * &x;
+    for (level, problem) in levels.problems.iter().enumerate() {
+        let more = Levels::load_error(level);
+        assert!(level == 0 || (more > Levels::load_error(level - 1) && more < 0.01));
+        let (turn, gain) = ((9e-6 + more * more).sqrt(), (25e-6 + more * more).sqrt());
+        let u = DMatrix::from_fn(n, truth.ncols(), |i, k| truth[(i, k)] * if k % 4 == 3 { gain } else { turn });
+        let a = &unlevelled.jacobian;
+        let c = DMatrix::identity(n, n) + &u * u.transpose() + a * a.transpose();
+        for fit in [problem.linear(&gains(), x.clone()), problem.relevel(&unlevelled)] {
+            near(fit.unwrap().ln_evidence(), ln_likelihood(&c, &r0), 1e-5);
+        }
+    }
+}
+
+#[test]
+fn the_level_of_load_errors_is_the_most_likely() {
+    let file = machine();
+    let model = Model::new(&file).unwrap();
+    let (conditions, line) = lines();
+    let s = 0.1e-6;
+    let mut data = simulated(&model, conditions, (&gains(), &[0.2, 0.1]), s, 16);
+    let whitener = Whitener::new(&data, &even(s));
+    let u = load_columns(&file, &data, &whitener, &line, 1.0);
+    let mut rng = fastrand::Rng::with_seed(17);
+    let errors = DVector::from_fn(u.ncols(), |_, _| 4e-3 * normal(&mut rng));
+    for (e, by) in whitener.entries.iter().zip((u * errors).iter()) {
+        *data.readings[e.readings[0]].observed[e.channel].as_mut().unwrap() += by;
+    }
+    let plain = Problem::new(&data, &whitener, &model);
+    let whiteners = solve::whiteners(&plain, &Uncertainty { stiffness: 0.1, load_direction_rad: 0.0, load_gain: 0.0 });
+    let whiteners = whiteners.unwrap();
+    let levels = Levels::new(&plain, &whiteners);
+    let fits: Vec<Fit> = levels.problems.iter().map(|p| p.fit(&gains(), &[0.0; 2]).unwrap()).collect();
+    let evidence = |l: &usize| fits[*l].ln_evidence();
+    let best = (0..6).max_by(|a, b| evidence(a).total_cmp(&evidence(b))).unwrap();
+    assert!(best > 1 && best < 6);
+    for start in [best - 1, best] {
+        let (level, fit) = levels.fit(&gains(), &[0.0; 2], start).unwrap();
+        assert_eq!(level, best);
+        close(&DMatrix::from_columns(&[fit.x.clone()]), &DMatrix::from_columns(&[fits[best].x.clone()]), 1e-4);
     }
 }
