@@ -4,8 +4,11 @@
 use nalgebra::{DMatrix, DVector};
 use pkm_core::Wrench;
 
+use super::compare::{self, Errors, Fitted, Rival, Zone};
 use super::model::{COUNT, Declared, Model, Part, Unknown, info};
 use super::noise::{Noise, NoiseSource, Whitener};
+use super::screen::{self, Columns};
+use super::search::Search;
 use super::solve::{self, Fit, Levels, Problem};
 use crate::machine_file::{MachineFile, Uncertainty};
 use crate::pose::{NamedPose, pose_of};
@@ -44,7 +47,7 @@ fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Readings {
         |[theta, sigma, z0]: &[f64; 3]| NamedPose { id: String::new(), line: 1, pose: pose_of(*theta, *sigma, *z0) };
     Readings {
         source: Source::from_text("readings.csv", String::new()),
-        poses: POSES[..used].iter().map(named).collect(),
+        poses: (0..used).map(|n| named(&POSES[n % POSES.len()])).collect(),
         conditions,
         readings,
         series_names: Vec::new(),
@@ -624,5 +627,350 @@ fn the_level_of_load_errors_is_the_most_likely() {
         let (level, fit) = levels.fit(&gains(), &[0.0; 2], start).unwrap();
         assert_eq!(level, best);
         close(&DMatrix::from_columns(&[fit.x.clone()]), &DMatrix::from_columns(&[fits[best].x.clone()]), 1e-4);
+    }
+}
+
+/// The linear form of a fit of unknowns with columns `a` to whitened readings, at the bottom.
+fn linear_form(a: &DMatrix<f64>, r0: &DVector<f64>) -> Fit {
+    let model = Model::new(&machine()).unwrap();
+    let data = simulated(&model, loads(1), (&[], &[]), 1e-6, 21);
+    let whitener = Whitener::new(&data, &even(1e-6));
+    let mut fit = Problem::new(&data, &whitener, &model).linear(&gains(), DVector::zeros(2)).unwrap();
+    fit.information = (a.transpose() * a + DMatrix::identity(a.ncols(), a.ncols())).cholesky().unwrap();
+    fit.x = fit.information.solve(&(a.transpose() * r0));
+    fit.residuals = r0 - a * &fit.x;
+    fit.jacobian = a.clone();
+    fit
+}
+
+/// Probability that χ² of a few freedoms is larger.
+fn larger(chi2: f64, freedoms: usize) -> f64 {
+    let (e, odd) = ((-chi2 / 2.0).exp(), statrs::function::erf::erfc((chi2 / 2.0).sqrt()));
+    match freedoms {
+        0 => 1.0,
+        1 => odd,
+        2 => e,
+        3 => odd + (2.0 * chi2 / std::f64::consts::PI).sqrt() * e,
+        _ => e * (1.0 + chi2 / 2.0),
+    }
+}
+
+/// What counts of columns K beside others, as whitened rows: |W r|² is what χ² drops by when they come in freely.
+fn seen_of(a: &DMatrix<f64>, k: &DMatrix<f64>) -> DMatrix<f64> {
+    let p = unexplained(a);
+    if k.is_empty() {
+        return DMatrix::zeros(0, k.nrows());
+    }
+    let eigen = (k.transpose() * &p * k).symmetric_eigen();
+    let used: Vec<usize> = (0..k.ncols()).filter(|i| eigen.eigenvalues[*i] > 0.1).collect();
+    let mut w = eigen.eigenvectors.select_columns(&used).transpose() * k.transpose() * p;
+    used.iter().enumerate().for_each(|(row, i)| w.row_mut(row).scale_mut(1.0 / eigen.eigenvalues[*i].sqrt()));
+    w
+}
+
+/// Gain of 2 ln E and amplitudes of the best choice of columns, by exact likelihoods.
+fn best_of(a: &DMatrix<f64>, r0: &DVector<f64>, columns: &Columns) -> (f64, DVector<f64>) {
+    let n = columns.matrix.ncols();
+    let c0 = DMatrix::identity(a.nrows(), a.nrows()) + a * a.transpose();
+    let mut best: Option<(f64, DVector<f64>)> = None;
+    for choice in 1..2_usize.pow(n as u32) {
+        let mut k = columns.matrix.clone();
+        (0..n).filter(|i| (choice / 2_usize.pow(*i as u32)).is_multiple_of(2)).for_each(|i| k.column_mut(i).fill(0.0));
+        let c = &c0 + &k * k.transpose();
+        // their posterior mean
+        let step = k.transpose() * c.clone().lu().solve(r0).unwrap();
+        let gain = 2.0 * (ln_likelihood(&c, r0) - ln_likelihood(&c0, r0));
+        let allowed = (0..n).all(|i| !columns.one_sided[i] || step[i] >= 0.0);
+        if allowed && best.as_ref().is_none_or(|b| gain > b.0) {
+            best = Some((gain, step));
+        }
+    }
+    best.unwrap_or((0.0, DVector::zeros(n)))
+}
+
+#[test]
+fn the_screen_says_what_each_candidate_could_bring() {
+    let mut rng = fastrand::Rng::with_seed(22);
+    let n = 24;
+    let mut random = |columns: usize, size: f64| DMatrix::from_fn(n, columns, |_, _| size * normal(&mut rng));
+    let a = random(3, 1.0);
+    let mut nearly = random(2, 1.0);
+    let first = nearly.column(0).clone_owned();
+    nearly.set_column(1, &(first + random(1, 1e-3).column(0)));
+    let matrices = [
+        random(1, 0.7),
+        random(2, 0.5),
+        random(3, 0.6),
+        random(4, 0.3),
+        random(1, 1e-3),
+        nearly,
+        DMatrix::zeros(n, 0),
+        random(3, 1.5),
+    ];
+    let candidates: Vec<Columns> = (matrices.into_iter().enumerate())
+        .map(|(i, matrix)| {
+            let one_sided = (0..matrix.ncols()).map(|k| (i + k) % 3 > 0).collect();
+            Columns { matrix, one_sided, shape: 0.0 }
+        })
+        .collect();
+    let noise = [random(1, 1.0), random(1, 1.0), random(1, 1.0)];
+    let truth = candidates[2].matrix.column(0) * 0.4 + candidates[3].matrix.column(2);
+    let columns = |m: &DMatrix<f64>| m.column(0).clone_owned();
+    let cases = [
+        columns(&noise[0]),
+        columns(&noise[1]) + &truth,
+        columns(&noise[2]) + &truth * 2.0,
+        columns(&noise[2]) - &truth * 6.0,
+        DVector::zeros(n),
+    ];
+    let rows: Vec<DMatrix<f64>> = candidates.iter().map(|c| seen_of(&a, &c.matrix)).collect();
+    // the null: readings of unit variance, unknowns as their priors have them
+    let null: Vec<f64> = (0..4000)
+        .map(|_| {
+            let r = DVector::from_fn(n, |_, _| normal(&mut rng)) + &a * DVector::from_fn(3, |_, _| normal(&mut rng));
+            rows.iter().map(|w| larger((w * &r).norm_squared(), w.nrows())).fold(1.0, f64::min)
+        })
+        .collect();
+    let mut families = Vec::new();
+    for r0 in &cases {
+        let fit = linear_form(&a, r0);
+        let found = screen::screen(&fit, &candidates, 5);
+        let mut least = 1.0_f64;
+        for ((score, c), w) in found.scores.iter().zip(&candidates).zip(&rows) {
+            assert_eq!(score.freedoms, w.nrows());
+            let drop = (w * r0).norm_squared();
+            assert!((score.statistic - drop).abs() < 1e-8 * drop.max(1.0), "{} {drop}", score.statistic);
+            let p = larger(drop, w.nrows());
+            assert!((score.p - p).abs() < 1e-6 * p + 1e-30, "{} {p}", score.p);
+            least = least.min(p);
+            let (gain, step) = best_of(&a, r0, c);
+            assert!((score.gain - gain).abs() < 1e-7 * gain.abs().max(1.0), "{} {gain}", score.gain);
+            assert!((&score.step - &step).norm() < 1e-7 * step.norm().max(1.0), "{} {step}", score.step);
+            assert!((screen::gain(&fit, c) - gain).abs() < 1e-7 * gain.abs().max(1.0));
+        }
+        let drawn = null.iter().filter(|p| **p <= least).count() as f64 / null.len() as f64;
+        families.push((found.p_family, drawn, least));
+    }
+    for (found, drawn, _) in &families[..3] {
+        assert!((found - drawn).abs() < 4.0 * (2.0 * drawn / 4000.0).sqrt(), "{families:?}");
+    }
+    assert!(families[0].0 > 0.2 && families[2].0 < 0.05 && families[2].0 > 0.002, "{families:?}");
+    // far out it is the number of candidates that bounds it
+    near(families[3].0, 8.0 * families[3].2, 1e-5);
+    assert!(families[3].2 > 0.0);
+    assert_eq!(families[4].0, 1.0);
+}
+
+#[test]
+fn normal_numbers_are_normal() {
+    let mut rng = fastrand::Rng::with_seed(23);
+    let drawn: Vec<f64> = (0..20_000).map(|_| screen::normal(&mut rng)).collect();
+    let mean = |f: &dyn Fn(f64) -> f64| drawn.iter().map(|x| f(*x)).sum::<f64>() / drawn.len() as f64;
+    assert!(mean(&|x| x).abs() < 0.02);
+    near(mean(&|x| x * x), 1.0, 0.03);
+    near(mean(&|x| x.powi(4)), 3.0, 0.08);
+    near(mean(&|x| f64::from(u8::from(x > 1.0))), 0.158_655, 0.05);
+}
+
+/// Errors of readings, given with predictions and poses in µm, translation along u alone.
+fn errors_of(squares: &[(usize, f64)]) -> Errors {
+    let conditions = squares.iter().map(|(pose, _)| condition(*pose, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])).collect();
+    let read = |n: usize| reading(n, n, [Some(1e-3), None, None, None, None, None]);
+    let file = readings(conditions, (0..squares.len()).map(read).collect());
+    let said: Vec<[f64; CHANNELS]> =
+        squares.iter().map(|(_, square)| [1e-3 + 1e-6 * square.sqrt(), 9.0, 9.0, 9.0, 9.0, 9.0]).collect();
+    compare::errors(&file, &even(1e-6), &said, |_| true).unwrap()
+}
+
+#[test]
+fn errors_are_root_mean_squares() {
+    let some = |v: [f64; 6], blank: &[usize]| -> [Option<f64>; 6] {
+        std::array::from_fn(|c| (!blank.contains(&c)).then_some(v[c] * 1e-6))
+    };
+    let load = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let file = readings(
+        vec![condition(0, load), condition(1, load), condition(2, load)],
+        vec![
+            reading(0, 0, some([10.0, 20.0, -20.0, 5.0, 0.0, 0.0], &[4, 5])),
+            reading(1, 1, some([0.0, 6.0, 8.0, 3.0, 4.0, 0.0], &[0])),
+            reading(2, 2, some([1.0; 6], &[])),
+        ],
+    );
+    let noise =
+        Noise { within: [3e-6, 3e-6, 3e-6, 2e-6, 2e-6, 2e-6], between: [4e-6, 4e-6, 4e-6, 0.0, 0.0, 0.0], ..even(1.0) };
+    let said =
+        [[13.0, 20.0, -24.0, 5.0, 7.0, 7.0], [99.0, 6.0, 20.0, 6.0, 8.0, 0.0], [0.0; 6]].map(|d| d.map(|v| v * 1e-6));
+    let found = compare::errors(&file, &noise, &said, |n| n < 2).unwrap();
+    assert_eq!(found.readings, 2);
+    near(found.linear_um_rms, (169.0_f64 / 2.0).sqrt(), 1e-9);
+    near(found.linear_um_max, 12.0, 1e-9);
+    near(found.linear_percent, 100.0 * (169.0_f64 / 1000.0).sqrt(), 1e-9);
+    near(found.angular_urad_rms, 12.5_f64.sqrt(), 1e-9);
+    near(found.angular_percent, 100.0 * 0.5_f64.sqrt(), 1e-9);
+    near(found.chi2_per_dof, (169.0 / 25.0 + 25.0 / 4.0) / 9.0, 1e-9);
+    assert!(found.linear_um_rms_interval.is_none() && !found.linear_um_rms_interval_open);
+    assert!(compare::errors(&file, &noise, &said, |_| false).is_none());
+    assert_eq!(errors_of(&[(0, 4.0)]).angular_percent, 0.0);
+}
+
+#[test]
+fn intervals_hold_the_mean_of_all_poses() {
+    // by definition: t of resampled poses, on the logarithm of the ratio of two sums
+    let mut rng = fastrand::Rng::with_seed(31);
+    let squares: Vec<(usize, f64)> = (0..60).map(|n| (n % 24, (1.0 + rng.f64()) * (n % 5 + 1) as f64)).collect();
+    let mut poses: Vec<Vec<f64>> = vec![Vec::new(); 24];
+    squares.iter().for_each(|(pose, square)| poses[*pose].push(*square));
+    let studied = |chosen: &[&Vec<f64>]| {
+        let all: Vec<f64> = chosen.iter().copied().flatten().copied().collect();
+        let mean = all.iter().sum::<f64>() / all.len() as f64;
+        let n = chosen.len() as f64;
+        let scatter: f64 = chosen.iter().map(|p| p.iter().map(|square| square / mean - 1.0).sum::<f64>().powi(2)).sum();
+        (mean.ln(), (scatter * n / (n - 1.0)).sqrt() / all.len() as f64)
+    };
+    let (middle, error) = studied(&poses.iter().collect::<Vec<_>>());
+    let mut t: Vec<f64> = (0..4000)
+        .map(|_| {
+            let drawn: Vec<&Vec<f64>> = (0..poses.len()).map(|_| &poses[rng.usize(..poses.len())]).collect();
+            let (there, own) = studied(&drawn);
+            (there - middle) / own
+        })
+        .collect();
+    t.sort_by(f64::total_cmp);
+    let found = errors_of(&squares);
+    let [low, high] = found.linear_um_rms_interval.unwrap();
+    assert!(!found.linear_um_rms_interval_open);
+    for (end, t) in [(low, t[3899]), (high, t[99])] {
+        let (found, truth) = (2.0 * end.ln() - middle, -t * error);
+        assert!((found - truth).abs() < 0.1 * truth.abs(), "{found} instead of {truth}");
+    }
+
+    // four poses are too few; one that errs most leaves no upper end
+    let few = |n: usize| {
+        errors_of(&(0..n).map(|pose| (pose, if pose == 0 { 1e4 } else { 1.0 + pose as f64 })).collect::<Vec<_>>())
+    };
+    assert!(few(4).linear_um_rms_interval.is_none());
+    let open = few(5);
+    assert!(open.linear_um_rms_interval_open);
+    near(open.linear_um_rms_interval.unwrap()[1], 100.0, 1e-9);
+
+    // coverage: poses differ, and readings at each
+    let held = (0..60).filter(|_| {
+        let squares: Vec<(usize, f64)> = (0..14)
+            .flat_map(|pose| {
+                let size = (0.5 * normal(&mut rng)).exp();
+                [0; 2].map(|_| (pose, size * (0..3).map(|_| normal(&mut rng).powi(2)).sum::<f64>()))
+            })
+            .collect();
+        let [low, high] = errors_of(&squares).linear_um_rms_interval.unwrap();
+        let truth = (3.0 * (0.125_f64).exp()).sqrt();
+        low < truth && truth < high
+    });
+    let held = held.count();
+    assert!((52..60).contains(&held), "{held} of 60");
+}
+
+#[test]
+fn zones_are_told_by_box_and_load() {
+    let f = |size: f64, degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [size * cos, size * sin, 0.0, 0.0, 0.0, 0.0]
+    };
+    let mixed = [0.0, 0.0, -30.0, 6.0, 0.0, 0.0];
+    // a box of ±10°, ±5°, 500…560 mm
+    let at = |pose: [f64; 3], load: [f64; 6]| {
+        let mut file = readings(vec![condition(0, load)], vec![reading(0, 0, [Some(1e-6); 6])]);
+        file.poses[0].pose = pose_of(pose[0], pose[1], pose[2]);
+        file
+    };
+    let measured = |sigma: f64| {
+        let mut file = readings(vec![condition(0, f(100.0, 0.0)), condition(1, mixed)], Vec::new());
+        file.readings = vec![reading(0, 0, [Some(1e-6); 6]), reading(1, 1, [Some(1e-6); 6])];
+        file.poses[0].pose = pose_of(-10.0, -sigma, 560.0);
+        file.poses[1].pose = pose_of(10.0, sigma, 500.0);
+        file
+    };
+    let (inside, edge, beyond, other) = (Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads);
+    let middle = [1.0, -1.0, 525.0];
+    for (pose, load, zone) in [
+        (middle, f(100.0, 0.0), inside),
+        (middle, f(30.0, 0.0), inside),
+        (middle, mixed, inside),
+        (middle, mixed.map(|v| 0.5 * v), inside),
+        (middle, [0.0; 6], inside),
+        (middle, f(100.0, 2.0), inside),
+        (middle, f(100.0, 4.0), other),
+        (middle, f(0.5, 4.0), other),
+        (middle, f(100.5, 0.0), other),
+        (middle, f(-100.0, 0.0), other),
+        (middle, f(20.0, 80.0), other),
+        ([8.9, 0.0, 530.0], f(100.0, 0.0), inside),
+        ([9.1, 0.0, 530.0], f(100.0, 0.0), edge),
+        ([0.0, -4.6, 530.0], f(100.0, 0.0), edge),
+        ([0.0, 0.0, 501.0], f(100.0, 0.0), edge),
+        ([0.0, 0.0, 501.0], f(101.0, 0.0), other),
+        ([-10.0, 5.0, 560.0], f(100.0, 0.0), edge),
+        ([-10.1, 0.0, 530.0], f(100.0, 0.0), beyond),
+        ([0.0, 0.0, 561.0], f(101.0, 0.0), beyond),
+    ] {
+        assert_eq!(compare::zones(&measured(5.0), &at(pose, load)), [zone], "{pose:?} {load:?}");
+    }
+    // what was not varied is no edge
+    assert_eq!(compare::zones(&measured(0.0), &at([0.0, 3.0, 530.0], mixed)), [inside]);
+    assert_eq!([inside, edge, beyond, other].map(Zone::name), ["inside", "edge", "beyond", "other_loads"]);
+}
+
+#[test]
+fn rivals_are_fitted_without_the_pose_that_they_predict() {
+    let model = Model::new(&machine()).unwrap();
+    let unknowns = [stiffness(0, Part::Young), effect("limb-3-axial", 0), effect("load-gain", 0)];
+    let truth = [-1.0, 0.8, 0.6];
+    let s = 0.1e-6;
+    let mut data = simulated(&model, loads(2), (&unknowns, &truth), s, 41);
+    let poses: Vec<_> = data.poses.iter().map(|p| p.pose).collect();
+    // and something that no rival has
+    data.readings.iter_mut().for_each(|r| r.observed[2] = r.observed[2].map(|d| 1.3 * d));
+    let noise = even(s);
+    let fits = |data: &Readings| -> [Fit; 2] {
+        let whitener = Whitener::new(data, &noise);
+        let problem = Problem::new(data, &whitener, &model);
+        [problem.fit(&unknowns[..1], &[0.0]).unwrap(), problem.fit(&unknowns, &[0.0; 3]).unwrap()]
+    };
+    let [base, fit] = fits(&data);
+    let bare = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (found, steps, rounds, candidates, columns) = bare;
+    let search = Search { base, fit, levels: [0; 2], found, steps, rounds, candidates, columns };
+
+    // errors of the measurement are left out where the truth has none
+    let of = |fit: &Fit, x: &[f64]| model.predict(&poses, &data.conditions, &fit.unknowns, x).unwrap();
+    let x = &search.fit.x;
+    let said =
+        |as_measured: bool| compare::predict(&model, &search.fit, &poses, &data.conditions, as_measured).unwrap();
+    assert_eq!(said(true), of(&search.fit, x.as_slice()));
+    assert_eq!(said(false), of(&search.fit, &[x[0], x[1], 0.0]));
+
+    let whitener = Whitener::new(&data, &noise);
+    let problem = Problem::new(&data, &whitener, &model);
+    let fitted = Fitted::new(&problem, &search, false).unwrap();
+    let own = fitted.predict(&model, &poses, &data.conditions, true).unwrap();
+    assert_eq!(own.of(Rival::Declared), of(&search.fit, &[0.0; 3]));
+    assert_eq!(own.of(Rival::Retuned), of(&search.base, search.base.x.as_slice()));
+    assert_eq!(own.of(Rival::After), said(true));
+    let table = fitted.remainder().predict(&poses, &data.conditions).unwrap();
+    assert!(table[0][2] != 0.0);
+    let sum = |n: usize| -> [f64; CHANNELS] { std::array::from_fn(|c| said(true)[n][c] + table[n][c]) };
+    assert_eq!(own.of(Rival::AfterAndTable), (0..table.len()).map(sum).collect::<Vec<_>>());
+    let rms = |rival: Rival| compare::errors(&data, &noise, own.of(rival), |_| true).unwrap().linear_um_rms;
+    assert!(rms(Rival::Table) < 0.8 * rms(Rival::Declared));
+    assert!(rms(Rival::AfterAndTable) < rms(Rival::After));
+
+    let held_out = compare::cross_validate(&data, &noise, &model, &search).unwrap();
+    for pose in 0..2 {
+        let [base, fit] = fits(&data.without(|r| data.conditions[r.condition].pose == pose));
+        for (n, _) in data.conditions.iter().enumerate().filter(|(_, c)| c.pose == pose) {
+            for (rival, fit) in [(Rival::Retuned, &base), (Rival::After, &fit)] {
+                let truth = of(fit, fit.x.as_slice())[n];
+                (0..CHANNELS).for_each(|c| assert!((held_out.of(rival)[n][c] - truth[c]).abs() < 1e-9));
+            }
+        }
     }
 }
