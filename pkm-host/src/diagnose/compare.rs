@@ -288,12 +288,13 @@ pub fn errors(
     })
 }
 
-/// ln of the mean of squared errors, given by pose as their sum and count, and its standard error.
+/// ln of the mean of squared errors, given by pose as their sum and count, and its standard error but for a factor that
+/// follows from the number of poses, and cancels.
 fn log_mean(poses: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
-    let (sum, count, n) = poses.clone().fold((0.0, 0.0, 0.0), |(s, c, n), p| (s + p.0, c + p.1, n + 1.0));
+    let (sum, count) = poses.clone().fold((0.0, 0.0), |(s, c), p| (s + p.0, c + p.1));
     let mean = sum / count;
     let scatter: f64 = poses.map(|p| (p.0 - mean * p.1).powi(2)).sum();
-    (mean.ln(), (scatter * n / (n - 1.0)).sqrt() / sum)
+    (mean.ln(), scatter.sqrt() / sum)
 }
 
 /// 95 % interval of the mean of squared errors by resampling poses, studentised, on the logarithm: plain quantiles of
