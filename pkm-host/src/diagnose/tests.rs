@@ -446,7 +446,9 @@ fn a_linear_fit_is_the_closed_form() {
     let groups: Vec<Vec<usize>> = (0..4)
         .map(|p| (0..n).filter(|i| data.conditions[whitener.entries[*i].condition].pose == p).collect())
         .collect();
-    for (group, found) in groups.iter().zip(fit.left_out(&groups)) {
+    let left_out = fit.left_out(&groups);
+    assert_eq!(left_out.len(), 4);
+    for (group, found) in groups.iter().zip(left_out) {
         let others: Vec<usize> = (0..n).filter(|i| !group.contains(i)).collect();
         let (kept, read) = (a.select_rows(&others), r0.select_rows(&others));
         let from_others = (kept.transpose() * &kept + DMatrix::identity(2, 2)).lu().solve(&(kept.transpose() * read));
