@@ -163,8 +163,7 @@ pub fn cross_validate(readings: &Readings, noise: &Noise, model: &Model, search:
             None => all = Some(found),
             Some(all) => {
                 for (all, found) in all.0.iter_mut().zip(&found.0) {
-                    for (n, c) in readings.conditions.iter().enumerate().filter(|(_, c)| c.pose % folds == fold) {
-                        debug_assert!(c.pose < readings.poses.len());
+                    for (n, _) in readings.conditions.iter().enumerate().filter(|(_, c)| c.pose % folds == fold) {
                         all[n] = found[n];
                     }
                 }
@@ -246,8 +245,7 @@ pub fn errors(
     let mut by_pose: Vec<(f64, f64)> = vec![(0.0, 0.0); readings.poses.len()];
     let (mut linear, mut angular, mut size, mut turn, mut largest) = (0.0, 0.0, 0.0, 0.0, 0.0_f64);
     let (mut count, mut chi2, mut numbers) = (0, 0.0, 0.0);
-    for (n, r) in readings.readings.iter().enumerate().filter(|(n, _)| of(*n)) {
-        debug_assert!(n < readings.readings.len());
+    for (_, r) in readings.readings.iter().enumerate().filter(|(n, _)| of(*n)) {
         let found = &predictions[r.condition];
         let (mut squares, mut sizes) = ([0.0; 2], [0.0; 2]);
         for c in 0..CHANNELS {
@@ -270,7 +268,7 @@ pub fn errors(
         pose.1 += 1.0;
     }
     by_pose.retain(|p| p.1 > 0.0);
-    if count == 0 || by_pose.is_empty() {
+    if count == 0 {
         return None;
     }
     let rms = |sum: f64| (sum / f64::from(count)).sqrt() * 1e6;
@@ -290,12 +288,13 @@ pub fn errors(
     })
 }
 
-/// ln of the mean of squared errors, given by pose as their sum and count, and its standard error.
+/// ln of the mean of squared errors, given by pose as their sum and count, and its standard error but for a factor that
+/// follows from the number of poses, and cancels.
 fn log_mean(poses: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
-    let (sum, count, n) = poses.clone().fold((0.0, 0.0, 0.0), |(s, c, n), p| (s + p.0, c + p.1, n + 1.0));
+    let (sum, count) = poses.clone().fold((0.0, 0.0), |(s, c), p| (s + p.0, c + p.1));
     let mean = sum / count;
     let scatter: f64 = poses.map(|p| (p.0 - mean * p.1).powi(2)).sum();
-    (mean.ln(), (scatter * n / (n - 1.0)).sqrt() / sum)
+    (mean.ln(), scatter.sqrt() / sum)
 }
 
 /// 95 % interval of the mean of squared errors by resampling poses, studentised, on the logarithm: plain quantiles of

@@ -15,6 +15,8 @@ pub mod report;
 mod screen;
 mod search;
 mod solve;
+#[cfg(test)]
+mod tests;
 pub mod verdict;
 mod words;
 

@@ -36,6 +36,9 @@ pub struct Screen {
 
 /// Eigenvalues above the limit with their vectors.
 fn seen(v: &DMatrix<f64>, limit: f64) -> (Vec<f64>, DMatrix<f64>) {
+    if v.is_empty() {
+        return (Vec::new(), v.clone());
+    }
     let eigen = v.clone().symmetric_eigen();
     let kept: Vec<usize> = (0..v.nrows()).filter(|i| eigen.eigenvalues[*i] > limit).collect();
     (kept.iter().map(|i| eigen.eigenvalues[*i]).collect(), eigen.eigenvectors.select_columns(&kept))
@@ -45,7 +48,7 @@ fn seen(v: &DMatrix<f64>, limit: f64) -> (Vec<f64>, DMatrix<f64>) {
 /// one-sided ones positive: by trying all choices of at most a few columns.
 fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, DVector<f64>) {
     let n = s.len();
-    let mut best = (0.0, DVector::zeros(n));
+    let mut best: Option<(f64, DVector<f64>)> = None;
     for choice in 1_u32..1 << n {
         let used: Vec<usize> = (0..n).filter(|i| choice & (1 << i) != 0).collect();
         let part = s.select_rows(&used);
@@ -56,13 +59,13 @@ fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, 
             continue;
         }
         let gain = step.dot(&part) - factor.ln_determinant();
-        if gain > best.0 || best.1.amax() == 0.0 {
+        if best.as_ref().is_none_or(|b| gain > b.0) {
             let mut all = DVector::zeros(n);
             used.iter().zip(step.iter()).for_each(|(i, x)| all[*i] = *x);
-            best = (gain, all);
+            best = Some((gain, all));
         }
     }
-    best
+    best.unwrap_or_else(|| (0.0, DVector::zeros(n)))
 }
 
 /// Columns of a candidate.
