@@ -6,4 +6,5 @@ mod effects;
 mod errors;
 mod five_axis;
 mod kinematics;
+mod machine;
 mod stiffness;
