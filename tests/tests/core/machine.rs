@@ -1,5 +1,8 @@
 //! Every number of a machine is checked, and an error names it.
 
+use std::collections::HashSet;
+
+use pkm_core::effects::EFFECTS;
 use pkm_core::machine::{End, Joint, MachineError, MachineParameters, Member, Parameter, Problem, Tube};
 use pkm_core::tables::reference::PARAMETERS;
 
@@ -32,6 +35,21 @@ fn is_free(limb: usize, end: End, axis: usize) -> bool {
         (0 | 1, End::Base) => axis < 2,
         (2, End::Platform) => true,
         _ => axis == 0,
+    }
+}
+
+/// Which effect, which of its numbers, and what it is; the numbers of the machine itself are checked when a table compiles.
+#[test]
+fn a_checksum_covers_every_effect() {
+    let mut sums = HashSet::from([PARAMETERS.checksum()]);
+    for (e, effect) in EFFECTS.iter().enumerate() {
+        for n in 0..effect.parameters.len() {
+            for value in [1e-9, 2e-9] {
+                let mut p = PARAMETERS;
+                p.effects.parameters[e][n] = value;
+                assert!(sums.insert(p.checksum()), "{} {n}", effect.id);
+            }
+        }
     }
 }
 

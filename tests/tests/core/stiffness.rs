@@ -1,7 +1,8 @@
 //! Basic stiffness against the dense 24×24 of Eq. 8.
 
 use pkm_core::effects::Effects;
-use pkm_core::machine::{BodyKind, MachineParameters};
+use pkm_core::machine::{BodyKind, MachineParameters, Travel};
+use pkm_core::tables::reference::PARAMETERS;
 use pkm_core::{Machine, Pose, Stiffness, StiffnessError, Wrench};
 use pkm_tests::single::narrow_pose;
 use pkm_tests::{cases, keep_worst, random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
@@ -173,4 +174,12 @@ fn failures_are_typed() {
     }
     k[5][0] = 2.0;
     assert_eq!(Stiffness::from_lower(&k).factor(), Err(StiffnessError::NotPositiveDefinite));
+    // platforms so small that squares of their levers are no numbers of f32
+    let mut parameters = PARAMETERS;
+    let g = &mut parameters.geometry;
+    (g.a1_m, g.a2_m, g.b1_m, g.b2_m) = (1e-28, 1e-28, 1e-28, 1e-28);
+    parameters.travel = Travel { min_m: [0.1; 3], max_m: [10.0; 3] };
+    let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 1.0 };
+    let slim = Machine::<f32>::new(&parameters).unwrap();
+    assert_eq!(slim.stiffness(&pose), Err(StiffnessError::NotPositiveDefinite));
 }
