@@ -117,6 +117,11 @@ fn the_frame_is_the_product_of_table_1() {
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m, 0.05);
         let c = Configuration { pose, beta_rad: [between(&mut rng, -2.0, 2.0), between(&mut rng, -2.0, 2.0)] };
         let frame = five.frame(&c).expect("a frame");
+        let upright = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 1.0 }, ..HOME };
+        let above = table_1(&upright, &p);
+        for (i, tip) in p.tip_at_zero_m().into_iter().enumerate() {
+            assert!((tip - above[(i, 3)] + if i == 2 { 1.0 } else { 0.0 }).abs() < 1e-14);
+        }
         let t = table_1(&c, &p);
         for i in 0..3 {
             assert!((frame.tip_m[i] - t[(i, 3)]).abs() < 1e-14 * (1.0 + pose.z0_m));
