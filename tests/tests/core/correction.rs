@@ -67,14 +67,14 @@ fn what_lies_behind_a_comes_after_the_table() {
     let effects = Effects::NONE.with("wrist-compliance", [linear, angular]).unwrap();
     let soft = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
-    let forms: [fn(&CorrectionTable<'_, f64>, &Machine<f64>, &Pose<f64>) -> Matrix6<f64>; 2] = [
-        |table, machine, pose| table.diagonal_form(machine, pose).unwrap().factor.stiffness().matrix().into(),
-        |table, machine, pose| table.factor_form(machine, pose).unwrap().factor.stiffness().matrix().into(),
-    ];
-    for form in forms {
-        let compliance = form(&table, &MACHINE_F64, &pose).try_inverse().unwrap() + behind;
-        let expected = compliance.try_inverse().unwrap();
-        assert!(scaled_difference(&form(&table, &soft, &pose).into(), &expected.into()) <= 1e-12);
+    for in_factors in [false, true] {
+        let compliance = |machine: &Machine<f64>| {
+            let corrected =
+                if in_factors { table.factor_form(machine, &pose) } else { table.diagonal_form(machine, &pose) };
+            Matrix6::from(corrected.unwrap().factor.stiffness().matrix()).try_inverse().unwrap()
+        };
+        let (found, expected) = (compliance(&soft), compliance(&MACHINE_F64) + behind);
+        assert!(scaled_difference(&found.into(), &expected.into()) <= 1e-12, "{found} {expected}");
     }
 }
 
