@@ -5,12 +5,12 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use pkm_fuzz::{assert_finite, file, read};
-use pkm_host::compensate;
-use pkm_host::dataset::{read_poses, read_stiffness};
-use pkm_host::machine_file::MachineFile;
+use pkm_host::plan::compensate;
+use pkm_host::files::dataset::{read_poses, read_stiffness};
+use pkm_host::files::machine::MachineFile;
 use pkm_host::pose::NamedPose;
-use pkm_host::readings::Readings;
-use pkm_host::source::Source;
+use pkm_host::files::readings::Readings;
+use pkm_host::files::source::Source;
 
 static MACHINE: LazyLock<MachineFile> =
     LazyLock::new(|| MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).expect("the reference machine"));

@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use pkm_fuzz::{file, read};
-use pkm_host::place::job::Job;
+use pkm_host::files::job::Job;
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);

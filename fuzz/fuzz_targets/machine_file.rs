@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use pkm_fuzz::{file, read};
-use pkm_host::machine_file::MachineFile;
+use pkm_host::files::machine::MachineFile;
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);

@@ -4,7 +4,7 @@ use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{PARAMETERS, WRIST};
 use pkm_core::{MachineParameters, Pose, Scalar, Wrench, WristParameters};
 use pkm_host::error::Result;
-use pkm_host::source::Source;
+use pkm_host::files::source::Source;
 
 /// The file's name in every text target.
 const FILE: &str = "input";

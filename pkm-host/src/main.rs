@@ -6,18 +6,18 @@ use std::process::ExitCode;
 
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand};
-use pkm_host::commands::{self, Form};
-use pkm_host::compensate::Request;
+use pkm_host::cli::commands::{self, Form};
+use pkm_host::cli::output::Output;
 use pkm_host::error::{Failure, Result};
 use pkm_host::fem;
+use pkm_host::files::source;
 use pkm_host::fit::TermChoice;
 use pkm_host::hil::{self, Target};
-use pkm_host::ik;
-use pkm_host::map::Window;
-use pkm_host::output::Output;
-use pkm_host::place::{Method, Objective};
+use pkm_host::plan::compensate::Request;
+use pkm_host::plan::ik;
+use pkm_host::plan::map::Window;
+use pkm_host::plan::place::{Method, Objective};
 use pkm_host::pose::PoseBox;
-use pkm_host::source;
 use serde_json::json;
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector};
 use pkm_core::effects::EFFECTS;
 use pkm_core::{Machine, MachineParameters};
-use pkm_host::dataset::{StiffnessData, read_stiffness};
 use pkm_host::fem::{Mode, Request, fem, readings::Wish};
-use pkm_host::machine_file::MachineFile;
-use pkm_host::source::Source;
+use pkm_host::files::dataset::{StiffnessData, read_stiffness};
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
 
 const RIGID: [&str; 2] = ["solid.platform.kind=rigid", "solid.base.kind=rigid"];
 
@@ -221,7 +221,7 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
 #[ignore = "needs CalculiX"]
 fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
     use pkm_host::diagnose::{diagnose, verdict::Verdict};
-    use pkm_host::readings::Readings;
+    use pkm_host::files::readings::Readings;
     let bench = Bench::new();
     let poses = bench.poses(5);
     for (set, id) in [

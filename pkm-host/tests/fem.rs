@@ -8,8 +8,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
 use common::{Folder, fixture, json, numbers, reference_machine, refused, run};
-use pkm_host::machine_file::MachineFile;
-use pkm_host::source::Source;
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
 use serde_json::Value;
 
 /// Two poses of the reference machine.

@@ -5,10 +5,10 @@ use std::path::Path;
 use pkm_core::machine::Joint;
 use pkm_core::tables::reference;
 use pkm_core::{CorrectionTable, Domain, Machine, Pose, Scalar};
-use pkm_host::dataset::read_poses;
-use pkm_host::machine_file::MachineFile;
+use pkm_host::files::dataset::read_poses;
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
 use pkm_host::pose::NamedPose;
-use pkm_host::source::Source;
 
 fn fixture(path: &str) -> Source {
     Source::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures").join(path)).unwrap()

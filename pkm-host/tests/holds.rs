@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use pkm_core::tables::reference::{MACHINE_F64, WRIST, WRIST_F64};
 use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
-use pkm_host::holds::holds;
+use pkm_host::plan::inverse_all::holds;
 use pkm_tests::seeded;
 
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };

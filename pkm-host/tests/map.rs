@@ -8,9 +8,9 @@ use std::path::Path;
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{CorrectionError, Domain};
 use pkm_host::error::status;
-use pkm_host::machine_file::MachineFile;
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
 use pkm_host::pose::pose_of;
-use pkm_host::source::Source;
 use resvg::tiny_skia::Pixmap;
 use serde_json::Value;
 

@@ -3,15 +3,15 @@
 use fastrand::Rng;
 use pkm_core::Machine;
 use pkm_core::machine::{BodyKind, Joint, MachineParameters, Tube};
-use pkm_host::dataset::{POSE_COLUMNS, read_stiffness, stiffness_columns, to_csv};
 use pkm_host::diagnose;
+use pkm_host::files::dataset::{POSE_COLUMNS, read_stiffness, stiffness_columns, to_csv};
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::readings::Readings;
+use pkm_host::files::source::Source;
+use pkm_host::files::table::{DiagonalForm, FactorForm, TableFile};
+use pkm_host::files::table_numbers::TableNumbers;
 use pkm_host::fit::{self, TermChoice};
-use pkm_host::machine_file::MachineFile;
 use pkm_host::pose::PoseBox;
-use pkm_host::readings::Readings;
-use pkm_host::source::Source;
-use pkm_host::table_file::{DiagonalForm, FactorForm, TableFile};
-use pkm_host::table_numbers::TableNumbers;
 use pkm_tests::{random_parameters, random_pose, seeded};
 
 fn reference() -> MachineFile {

@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use pkm_host::commands;
+use pkm_host::cli::commands;
 use pkm_host::hil::Target;
 
 use crate::proofs::firmware;

@@ -17,7 +17,7 @@ mod stack;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-use pkm_host::commands;
+use pkm_host::cli::commands;
 use pkm_host::fit::TermChoice;
 
 /// What a chore returns: a message when it failed.

@@ -12,10 +12,10 @@ use pkm_core::{
     Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar, Stiffness,
     StiffnessError, Tool, ToolDeflectionError, Wrench, Wrist,
 };
-use pkm_host::commands;
-use pkm_host::machine_file::MachineFile;
-use pkm_host::source::Source;
-use pkm_host::table_file::TableFile;
+use pkm_host::cli::commands;
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
+use pkm_host::files::table::TableFile;
 use serde_json::Value;
 
 use crate::proofs::firmware;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use pkm_host::commands::{self, Form, PlaceOptions};
+use pkm_host::cli::commands::{self, Form, PlaceOptions};
 use pkm_host::fem;
 use pkm_host::fit::TermChoice;
-use pkm_host::map::Window;
+use pkm_host::plan::map::Window;
 use serde_json::{Value, json};
 
 use crate::{Outcome, root};

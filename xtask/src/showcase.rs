@@ -4,15 +4,15 @@ use std::fmt::Write;
 use std::path::Path;
 
 use pkm_core::{Deflection, Machine, Pose, Stiffness, Wrench};
-use pkm_host::commands;
-use pkm_host::dataset::{self, StiffnessData};
+use pkm_host::cli::commands;
 use pkm_host::diagnose;
 use pkm_host::diagnose::compare::{self, Zone};
-use pkm_host::machine_file::MachineFile;
+use pkm_host::files::dataset::{self, StiffnessData};
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::readings::Readings;
+use pkm_host::files::source::Source;
+use pkm_host::files::table::TableFile;
 use pkm_host::pose::{ROTATION_ARM_M, written_units};
-use pkm_host::readings::Readings;
-use pkm_host::source::Source;
-use pkm_host::table_file::TableFile;
 
 use crate::{Outcome, fit_fixtures, root};
 

@@ -8,8 +8,8 @@ use super::noise::{Noise, Whitener};
 use super::remainder::Remainder;
 use super::search::Search;
 use super::solve::{Fit, Problem};
+use crate::files::readings::{CHANNELS, Condition, Readings};
 use crate::pose::{PoseBox, file_units};
-use crate::readings::{CHANNELS, Condition, Readings};
 
 /// Resamples of the poses for intervals.
 const RESAMPLES: usize = 1000;
@@ -153,7 +153,7 @@ pub fn cross_validate(readings: &Readings, noise: &Noise, model: &Model, search:
     let folds = FOLDS.min(readings.poses.len());
     let mut all: Option<Predictions> = None;
     for fold in 0..folds {
-        let left_out = |r: &crate::readings::Reading| readings.conditions[r.condition].pose % folds == fold;
+        let left_out = |r: &crate::files::readings::Reading| readings.conditions[r.condition].pose % folds == fold;
         let kept = readings.without(left_out);
         let whitener = Whitener::new(&kept, noise);
         let problem = Problem::new(&kept, &whitener, model);

@@ -11,8 +11,8 @@ use serde::Serialize;
 use super::noise::Whitener;
 use super::solve::{Fit, Problem};
 use super::verdict::{DeclaredFinding, Judgement, P_MISFIT, Structure};
-use crate::dataset::DEFLECTION_COLUMNS;
-use crate::readings::{CHANNELS, Readings};
+use crate::files::dataset::DEFLECTION_COLUMNS;
+use crate::files::readings::{CHANNELS, Readings};
 
 /// How much less of the readings another way to take them must leave, in squares. Where the file's is right, whatever the
 /// machine lacks, the best of the others leaves more than it in all sets of the fixtures; where it is wrong, the right one

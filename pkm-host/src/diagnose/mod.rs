@@ -1,6 +1,6 @@
 //! From measured deflections to what the model lacks; the method is in docs/theory.md, Diagnosis.
 //!
-//! [`crate::readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
+//! [`crate::files::readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
 //! `solve` of a `model` with unknowns) → [`verdict`], [`compare`] (before and after, with a table on the `remainder`), `next`
 //! (what to measure).
 
@@ -29,11 +29,11 @@ use self::noise::Noise;
 use self::search::{Candidate, Search};
 use self::solve::{Levels, Problem};
 use self::verdict::{DeclaredFinding, Detectable, Judgement, Structure};
+use crate::cli::progress;
 use crate::error::{Failure, Result};
-use crate::machine_file::MachineFile;
+use crate::files::machine::MachineFile;
+use crate::files::readings::Readings;
 use crate::pose::written_units;
-use crate::progress;
-use crate::readings::Readings;
 
 /// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
 pub const SEED: u64 = 20_201;

@@ -6,8 +6,8 @@ use pkm_core::effects::{EFFECTS, EffectInfo, MAX_PARAMETERS};
 use pkm_core::machine::{Joint, Tube};
 use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
 
-use crate::machine_file::MachineFile;
-use crate::readings::{CHANNELS, Condition};
+use crate::files::machine::MachineFile;
+use crate::files::readings::{CHANNELS, Condition};
 
 /// Errors of the measurement: no part of the machine, and none of the model that the controller runs.
 pub const MEASUREMENT: [EffectInfo; 4] = [

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use super::noise::Noise;
 use super::search::Search;
 use super::solve::{Fit, Levels, Problem};
-use crate::machine_file::MachineFile;
+use crate::files::machine::MachineFile;
+use crate::files::readings::{CHANNELS, Condition, REFERENCE_C};
 use crate::pose::{PoseBox, pose_of};
-use crate::readings::{CHANNELS, Condition, REFERENCE_C};
 
 /// How many measurements are proposed.
 const PROPOSED: usize = 8;

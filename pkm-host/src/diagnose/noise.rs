@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
-use crate::dataset::DEFLECTION_COLUMNS;
 use crate::error::{Failure, Result};
-use crate::readings::{CHANNELS, Readings};
+use crate::files::dataset::DEFLECTION_COLUMNS;
+use crate::files::readings::{CHANNELS, Readings};
 
 /// Least degrees of freedom at which a channel's scatter is taken from its own repeats; with fewer, translations are
 /// taken together, and rotations.

@@ -5,14 +5,14 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
 use super::compare::extent;
-use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
-use crate::export::{Provenance, rust_source};
+use crate::files::dataset::{StiffnessData, Target};
+use crate::files::machine::MachineFile;
+use crate::files::readings::Readings;
+use crate::files::table::TableFile;
 use crate::fit::{self, TermChoice};
-use crate::machine_file::MachineFile;
 use crate::pose::{NamedPose, pose_of};
-use crate::readings::Readings;
-use crate::table_file::TableFile;
+use crate::report::export::{Provenance, rust_source};
 
 /// Levels of each variable at which the table on the remainder is taken.
 const LEVELS: usize = 5;

@@ -11,8 +11,8 @@ use pkm_core::{Basis, Deflection, Machine, MachineParameters, Pose, Stiffness, W
 
 use super::solve::{Problem, product};
 use crate::error::{Failure, Result};
+use crate::files::readings::{CHANNELS, Condition};
 use crate::pose::{PoseBox, core_units};
-use crate::readings::{CHANNELS, Condition};
 
 /// Standard deviations of the scaled coefficients that are tried.
 const SPREADS: [f64; 7] = [1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3];

@@ -10,11 +10,11 @@ use super::model::is_measurement;
 use super::verdict::{DeclaredFinding, Verdict};
 use super::{Diagnosis, SEED, words};
 use crate::error::Result;
-use crate::machine_file::MachineFile;
-use crate::plot::{self, Mark, Panel, Series};
+use crate::files::machine::MachineFile;
+use crate::files::readings::{Condition, Readings};
 use crate::pose::{file_units, written_units};
-use crate::readings::{Condition, Readings};
-use crate::report::{Finding, Page, charts, fold, of_file, picture, table};
+use crate::report::page::{Finding, Page, charts, fold, of_file, picture, table};
+use crate::report::plot::{self, Mark, Panel, Series};
 
 /// Most points of a series: more would only blacken the picture.
 const POINTS: usize = 1500;

@@ -10,8 +10,8 @@ use rayon::prelude::*;
 
 use super::model::{Model, Unknown};
 use super::noise::{Entry, Whitener};
-use crate::machine_file::Uncertainty;
-use crate::readings::{Condition, Readings};
+use crate::files::machine::Uncertainty;
+use crate::files::readings::{Condition, Readings};
 
 /// Data, noise and model together.
 pub struct Problem<'a> {

@@ -10,10 +10,10 @@ use super::noise::{Noise, NoiseSource, Whitener};
 use super::screen::{self, Columns};
 use super::search::Search;
 use super::solve::{self, Fit, Levels, Problem};
-use crate::machine_file::{MachineFile, Uncertainty};
+use crate::files::machine::{MachineFile, Uncertainty};
+use crate::files::readings::{CHANNELS, Condition, REFERENCE_C, Reading, Readings};
+use crate::files::source::Source;
 use crate::pose::{NamedPose, pose_of};
-use crate::readings::{CHANNELS, Condition, REFERENCE_C, Reading, Readings};
-use crate::source::Source;
 
 /// Poses in ° and mm, the corners of a box first.
 const POSES: [[f64; 3]; 7] = [

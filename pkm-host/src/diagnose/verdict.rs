@@ -10,8 +10,8 @@ use super::noise::{Noise, NoiseSource, Whitener};
 use super::search::{Candidate, Search};
 use super::solve::{self, Fit, Levels, Problem};
 use super::words;
-use crate::machine_file::Uncertainty;
-use crate::readings::{CHANNELS, Readings};
+use crate::files::machine::Uncertainty;
+use crate::files::readings::{CHANNELS, Readings};
 
 /// p at which a misfit counts as significant.
 pub const P_MISFIT: f64 = 0.01;

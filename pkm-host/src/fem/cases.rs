@@ -10,12 +10,12 @@ use rayon::prelude::*;
 
 use super::deck::{Deck, Plates};
 use super::{Request, ccx};
+use crate::cli::progress;
 use crate::error::{Failure, Result};
-use crate::machine_file::MachineFile;
+use crate::files::machine::MachineFile;
+use crate::files::solid::Solid;
+use crate::files::source;
 use crate::pose::{NamedPose, file_units};
-use crate::progress;
-use crate::solid::Solid;
-use crate::source;
 
 /// A pose as a folder of its own.
 pub struct Case {

@@ -9,7 +9,7 @@ use pkm_core::Pose;
 use pkm_core::machine::{Joint, MachineParameters};
 
 use super::mesh::{self, Mesh, PlateMesh};
-use crate::solid::{Bar, LimbSolid, Plate, Solid, Telescope};
+use crate::files::solid::{Bar, LimbSolid, Plate, Solid, Telescope};
 
 /// Least overlap of tube and ram: as in the core's effect, less in a small machine.
 fn least_overlap_m(q: f64) -> f64 {

@@ -8,7 +8,7 @@ use spade::{
     AngleLimit, ConstrainedDelaunayTriangulation, DelaunayTriangulation, Point2, RefinementParameters, Triangulation,
 };
 
-use crate::solid::{Bar, Plate};
+use crate::files::solid::{Bar, Plate};
 
 /// Nodes and elements of one material, numbered from 0.
 #[derive(Clone, Debug, Default)]

@@ -12,21 +12,19 @@ use serde_json::{Value, json};
 pub use self::cases::{Case, Solved};
 use self::cases::{Model, bar, clear, compute};
 use self::deck::Plates;
-use crate::dataset::{self, POSE_COLUMNS, stiffness_columns};
+use crate::cli::output::Output;
 use crate::error::{Failure, Result};
-use crate::machine_file::MachineFile;
-use crate::output::Output;
+use crate::files::dataset::{self, POSE_COLUMNS, stiffness_columns};
+use crate::files::machine::MachineFile;
+use crate::files::solid::Solid;
+use crate::files::source::{self, Source};
 use crate::pose::NamedPose;
-use crate::solid::Solid;
-use crate::source::{self, Source};
 
 mod cases;
 pub mod ccx;
 pub mod deck;
-pub mod drawing;
 pub mod mesh;
 pub mod readings;
-pub mod report;
 pub mod slurm;
 
 /// What is done with the cases.
@@ -145,7 +143,7 @@ fn changed(source: Source, set: &[String]) -> Result<Source> {
     MachineFile::parse(source.clone())?;
     let fail = |message: String| Failure::usage(format!("--set: {message}"));
     let document = source.text()?.parse::<toml_edit::DocumentMut>();
-    let mut document = document.map_err(|e| fail(crate::toml_error::plain(e.message())))?;
+    let mut document = document.map_err(|e| fail(crate::files::toml_error::plain(e.message())))?;
     for change in set {
         let Some((path, value)) = change.split_once('=').map(|(p, v)| (p.trim(), v.trim())) else {
             return Err(fail(format!("expected key.key=value, found `{change}`")));
@@ -223,7 +221,7 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     };
     let name = path.display().to_string();
     let poses_source = Source::read(path)?;
-    let poses_from = crate::report::of_file(&poses_source);
+    let poses_from = crate::report::page::of_file(&poses_source);
     let listed = match request.poses {
         Some(_) => dataset::read_poses(poses_source, &file)?,
         None => Vec::new(),
@@ -259,8 +257,9 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         Mode::DryRun => {
             let version = "nothing yet";
             let (cases, poses_from) = (&cases, &poses_from);
-            let facts = report::Facts { file: &file, solid, request, cases, solved: None, poses_from, version };
-            source::write(&html, report::page(&facts)?, &read)?;
+            let facts =
+                crate::report::fem::Facts { file: &file, solid, request, cases, solved: None, poses_from, version };
+            source::write(&html, crate::report::fem::page(&facts)?, &read)?;
             let what = format!("nothing computed; the machine is drawn in {}", html.display());
             let json = json!({
                 "poses": cases.len(), "nodes": largest.0, "elements": largest.1, "report": html.display().to_string(),
@@ -284,7 +283,7 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
     let versions: BTreeSet<&str> = solved.iter().map(|(_, s)| s.version.as_str()).collect();
     let version = versions.into_iter().collect::<Vec<_>>().join(", ");
     let manifest = source::json(&manifest(&file, solid, request, &version, &cases));
-    let facts = report::Facts {
+    let facts = crate::report::fem::Facts {
         file: &file,
         solid,
         request,
@@ -301,7 +300,7 @@ pub fn fem(machine: Option<&Path>, request: &Request<'_>) -> Result<Output> {
         manifest_path.display(),
         html.display()
     ));
-    let page = report::page(&facts)?;
+    let page = crate::report::fem::page(&facts)?;
     if let (Some(wish), Some(loads)) = (&request.readings, &loads) {
         text.push_str(&loads.write(wish, &file, request, &solved, &read)?);
     }

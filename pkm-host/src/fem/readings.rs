@@ -6,12 +6,12 @@ use std::path::Path;
 use pkm_core::Wrench;
 
 use super::{Case, Request, Solved};
-use crate::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::error::{Failure, Result, printable};
-use crate::machine_file::MachineFile;
+use crate::files::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
+use crate::files::machine::MachineFile;
+use crate::files::readings::Readings;
+use crate::files::source::{self, Source};
 use crate::pose::NamedPose;
-use crate::readings::Readings;
-use crate::source::{self, Source};
 
 /// What is to be read.
 pub struct Wish<'a> {

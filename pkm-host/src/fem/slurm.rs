@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::cases::RESULT;
 use crate::error::Result;
-use crate::source;
+use crate::files::source;
 
 /// Name of the script.
 pub const SCRIPT: &str = "run.sbatch";

@@ -7,12 +7,10 @@ use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
 use pkm_core::{Basis, Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
-use crate::dataset::{StiffnessData, Target};
 use crate::error::{Failure, Result};
+use crate::files::dataset::{StiffnessData, Target};
+use crate::files::table_numbers::{TableNumbers, refuse_not_positive};
 use crate::pose::{NamedPose, PoseBox, ROTATION_ARM_M, core_units, file_units};
-use crate::table_numbers::{TableNumbers, refuse_not_positive};
-
-pub mod report;
 
 /// Which of them Eq. 12 gives to c11…c66.
 const EQ_12: [[bool; 9]; 6] = {

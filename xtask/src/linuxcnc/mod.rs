@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pkm_core::{Configuration, JointValues, Pose, Tool};
-use pkm_host::commands;
+use pkm_host::cli::commands;
+use pkm_host::files::job::{Job, Position};
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
 use pkm_host::fit::TermChoice;
-use pkm_host::machine_file::MachineFile;
-use pkm_host::place::job::{Job, Position};
-use pkm_host::source::Source;
 
 use crate::{Outcome, c, output, root};
 

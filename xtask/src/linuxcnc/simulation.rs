@@ -9,10 +9,10 @@ use pkm_core::{
     CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, Hold, JointValues, ScrewLengths,
     Tool, ToolError, Wrench,
 };
-use pkm_host::machine_file::MachineFile;
-use pkm_host::source::Source;
-use pkm_host::table_file::TableFile;
-use pkm_host::table_numbers::TableNumbers;
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
+use pkm_host::files::table::TableFile;
+use pkm_host::files::table_numbers::TableNumbers;
 use serde_json::{Value, json};
 
 use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, template};

@@ -4,12 +4,12 @@ use pkm_core::correction::FACTOR_ENTRIES;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Failure, Result, clipped};
+use crate::files::machine::MachineFile;
+use crate::files::source::{self, Source};
+use crate::files::table_numbers::{TableNumbers, refuse_not_positive};
+use crate::files::toml_error::plain;
 use crate::fit::Fit;
-use crate::machine_file::MachineFile;
 use crate::pose::{PoseBox, core_units};
-use crate::source::{self, Source};
-use crate::table_numbers::{TableNumbers, refuse_not_positive};
-use crate::toml_error::plain;
 
 /// `coefficients.json`.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -7,10 +7,10 @@ use indicatif::ProgressBar;
 use pkm_core::Configuration;
 use rayon::prelude::*;
 
-use super::job::{Axis, Job, PerAxis, Position, Series};
 use super::{Bench, Miss, Objective, Posture};
+use crate::cli::progress;
 use crate::error::{Failure, Result};
-use crate::progress;
+use crate::files::job::{Axis, Job, PerAxis, Position, Series};
 
 /// How the optimum is searched for. The grid certifies it in any case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

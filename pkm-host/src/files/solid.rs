@@ -9,7 +9,7 @@ use pkm_core::machine::{LimbParameters, Tube};
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::toml_error::Numbers;
+use crate::files::toml_error::Numbers;
 
 /// A machine in solids, SI.
 #[derive(Clone, Debug, PartialEq)]

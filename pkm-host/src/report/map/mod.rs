@@ -1,14 +1,17 @@
 //! `report.html` of a map.
 
+mod contour;
+pub mod picture;
+
 use maud::{Markup, PreEscaped, html};
 
-use super::claims::Claim;
-use super::picture::Picture;
-use super::{Map, Point};
-use crate::dataset::stiffness_column;
-use crate::machine_file::MachineFile;
-use crate::report::{Finding, Page, fold, of_file, pictures, table};
-use crate::source::Source;
+use self::picture::Picture;
+use crate::files::dataset::stiffness_column;
+use crate::files::machine::MachineFile;
+use crate::files::source::Source;
+use crate::plan::map::claims::Claim;
+use crate::plan::map::{Map, Point};
+use crate::report::page::{Finding, Page, fold, of_file, pictures, table};
 
 /// Of A-uvw, along which k11, k22 and k33 are.
 const AXES: [&str; 3] = ["u", "v", "w"];
@@ -108,7 +111,7 @@ fn sheet(sheet: &Sheet) -> Markup {
             (fold(&format!("The paper's statements, over the {over}"), &claims(over, of)))
         }
         p { "X0 " (x0) " to " (x1) " mm, Z0 " (z0) " to " (z1) " mm, every " (map.grid.step_mm) " mm: "
-            (super::counted(&map.points)) "." }
+            (crate::plan::map::counted(&map.points)) "." }
     }
 }
 

@@ -15,10 +15,10 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::error::{Failure, Result, clipped, printable};
+use crate::files::solid::{RawSolid, Solid};
+use crate::files::source::Source;
+use crate::files::toml_error::{Numbers, is_near, line_at, parsed};
 use crate::pose::{PoseBox, pose_of};
-use crate::solid::{RawSolid, Solid};
-use crate::source::Source;
-use crate::toml_error::{Numbers, is_near, line_at, parsed};
 
 /// A checked machine file.
 pub struct MachineFile {

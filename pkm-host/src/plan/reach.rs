@@ -5,9 +5,9 @@ use pkm_core::{
 };
 
 use crate::error::{Failure, Result, tool_status};
-use crate::holds::holds;
-use crate::machine_file::MachineFile;
-use crate::path::{Place, Toward, unit};
+use crate::files::machine::MachineFile;
+use crate::files::path::{Place, Toward, unit};
+use crate::plan::inverse_all::holds;
 use crate::pose::tidy;
 
 /// A machine with its wrist, and the same without limits: it says how far beyond them a tool lies.

@@ -8,11 +8,11 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::contour::{self, Corner, Pixel};
-use super::{Map, Model, theta_deg};
 use crate::error::{Failure, Result};
-use crate::machine_file::MachineFile;
-use crate::plot::{self, COLOURS, failed};
+use crate::files::machine::MachineFile;
+use crate::plan::map::{Map, Model, theta_deg};
 use crate::pose::{PoseBox, pose_of};
+use crate::report::plot::{self, COLOURS, failed};
 
 /// Cells along the longer side of the picture's own grid: it is smooth whatever the step of the map.
 const CELLS: f64 = 160.0;

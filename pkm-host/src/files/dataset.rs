@@ -6,9 +6,9 @@ use std::fmt::Display;
 use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
 use crate::error::{Failure, LONGEST_SLIP, Result, advice, printable, status};
-use crate::machine_file::MachineFile;
+use crate::files::machine::MachineFile;
+use crate::files::source::Source;
 use crate::pose::{NamedPose, pose_of, written_units};
-use crate::source::Source;
 
 /// The pose columns, in the order in which they are written.
 pub const POSE_COLUMNS: [&str; 4] = ["pose", "theta_deg", "sigma_deg", "z0_mm"];

@@ -1,18 +1,15 @@
 //! Where the workpiece should stand (paper, Section 6, Eqs. 15-16; `docs/theory.md`).
 
-pub mod job;
-mod report;
-mod search;
+pub(crate) mod search;
 
 use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, Stiffness, Tool, ToolError, Wrench};
 
 use crate::error::{Failure, Result};
-use crate::machine_file::MachineFile;
-use crate::reach::Reach;
-use crate::table_numbers::TableNumbers;
-use job::{Hole, Job, Position, Series};
+use crate::files::job::{Hole, Job, Position, Series};
+use crate::files::machine::MachineFile;
+use crate::files::table_numbers::TableNumbers;
+use crate::plan::reach::Reach;
 
-pub use report::{document, html, text};
 pub use search::{Grid, Method, Options, Placed, Placement, place};
 
 /// What is to be small.
@@ -95,12 +92,12 @@ enum Miss {
 
 /// All that a position is judged by.
 pub struct Bench<'a> {
-    reach: Reach<'a>,
-    table: Option<CorrectionTable<'a, f64>>,
+    pub(crate) reach: Reach<'a>,
+    pub(crate) table: Option<CorrectionTable<'a, f64>>,
     /// Principal stiffnesses by the paper's form.
     diagonal: bool,
-    job: &'a Job,
-    extrapolate: bool,
+    pub(crate) job: &'a Job,
+    pub(crate) extrapolate: bool,
 }
 
 impl<'a> Bench<'a> {

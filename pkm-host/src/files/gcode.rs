@@ -22,10 +22,10 @@
 
 use pkm_core::Wrench;
 
-use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
-use crate::path::{Move, Place, Toward};
-use crate::source::Source;
+use crate::files::dataset::MOST_LOAD;
+use crate::files::path::{Move, Place, Toward};
+use crate::files::source::Source;
 
 /// A program: its lines and the moves among them.
 pub struct Program {

@@ -6,12 +6,12 @@ use std::fmt::Write;
 use maud::{Markup, html};
 use pkm_core::correction::EQ_11;
 
-use super::{DeflectionErrors, Evaluation, Fit, Sample};
 use crate::error::Result;
-use crate::export::Provenance;
-use crate::plot::{self, Mark, Panel, Series};
+use crate::fit::{DeflectionErrors, Evaluation, Fit, Sample};
 use crate::pose::{ROTATION_ARM_M, file_units};
-use crate::report::{Finding, Page, charts, fold, picture, table};
+use crate::report::export::Provenance;
+use crate::report::page::{Finding, Page, charts, fold, picture, table};
+use crate::report::plot::{self, Mark, Panel, Series};
 
 /// A mean error that a model of the stiffness may have where it is used, %.
 pub(crate) const USABLE_PERCENT: f64 = 5.0;

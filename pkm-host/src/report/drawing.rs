@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use nalgebra::{Rotation3, Vector3};
 
-use super::deck::Deck;
+use crate::fem::deck::Deck;
 
 /// Corners of the faces of a hexahedron and of a wedge, counter-clockwise as seen from outside.
 const HEXAHEDRON: [&[usize]; 6] =

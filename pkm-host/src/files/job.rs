@@ -7,10 +7,10 @@ use pkm_core::Wrench;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::dataset::MOST_LOAD;
 use crate::error::{Failure, Result, printable};
-use crate::source::Source;
-use crate::toml_error::{Numbers, line_at, parsed};
+use crate::files::dataset::MOST_LOAD;
+use crate::files::source::Source;
+use crate::files::toml_error::{Numbers, line_at, parsed};
 
 /// Greatest limit, mm or °: far beyond any machine.
 const FARTHEST: f64 = 1e6;

@@ -7,16 +7,13 @@ use std::collections::BTreeMap;
 use pkm_core::{Machine, Pose};
 use serde_json::json;
 
-use crate::dataset::stiffness_column;
+use crate::cli::progress;
 use crate::error::{Failure, Result};
-use crate::machine_file::MachineFile;
+use crate::files::dataset::stiffness_column;
+use crate::files::machine::MachineFile;
 use crate::pose::{pose_of, tidy};
-use crate::progress;
 
 pub mod claims;
-mod contour;
-pub mod picture;
-pub mod report;
 
 /// Cells along the longer side of a map when no step is given, at least.
 const LEAST_CELLS: f64 = 100.0;
@@ -140,7 +137,7 @@ impl Map {
     }
 
     /// Where each stiffness is least and greatest, among points that can be trusted if there are any.
-    fn extremes(&self) -> [[&Point; 2]; 6] {
+    pub(crate) fn extremes(&self) -> [[&Point; 2]; 6] {
         let any_ok = self.points.iter().any(|p| p.status() == "ok");
         let counts = |p: &&Point| if any_ok { p.status() == "ok" } else { p.value.is_ok() };
         std::array::from_fn(|k| {
@@ -218,7 +215,7 @@ fn counts(points: &[Point]) -> BTreeMap<&'static str, usize> {
 }
 
 /// "12 ok, 3 out_of_travel".
-fn counted(points: &[Point]) -> String {
+pub(crate) fn counted(points: &[Point]) -> String {
     counts(points).iter().map(|(status, n)| format!("{n} {status}")).collect::<Vec<_>>().join(", ")
 }
 
@@ -231,7 +228,7 @@ pub fn header() -> Vec<String> {
 }
 
 /// θ of a place of A.
-fn theta_deg([x0_mm, z0_mm]: [f64; 2]) -> f64 {
+pub(crate) fn theta_deg([x0_mm, z0_mm]: [f64; 2]) -> f64 {
     x0_mm.atan2(z0_mm).to_degrees()
 }
 

@@ -3,14 +3,14 @@
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
-use super::job::{Axis, Position};
-use super::search::{Grid, Method, Options, Placed, Placement};
-use super::{Bench, Objective, Posture};
 use crate::error::Result;
-use crate::plot::{self, HeatMap, Mark, Panel, Series as Points};
+use crate::files::job::{Axis, Position};
+use crate::files::source::Source;
+use crate::plan::place::search::{Grid, Method, Options, Placed, Placement};
+use crate::plan::place::{Bench, Objective, Posture};
 use crate::pose::file_units;
-use crate::report::{Finding, Page, charts, fold, of_file, picture, pictures, table};
-use crate::source::Source;
+use crate::report::page::{Finding, Page, charts, fold, of_file, picture, pictures, table};
+use crate::report::plot::{self, HeatMap, Mark, Panel, Series as Points};
 
 fn mm(m: f64) -> f64 {
     m * 1e3

@@ -8,7 +8,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{Failure, LONGEST_SLIP, Result, advice, clipped};
-use crate::source::Source;
+use crate::files::source::Source;
 
 /// An array of just so many numbers: serde's own would leave out what is too much.
 #[derive(Clone, Copy, Deserialize)]

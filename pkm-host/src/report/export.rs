@@ -9,9 +9,9 @@ use pkm_core::machine::{Body, LimbParameters};
 use pkm_core::{MachineParameters, WristParameters};
 
 use crate::error::Result;
+use crate::files::machine::MachineFile;
+use crate::files::table::TableFile;
 use crate::fit::{Evaluation, Fit};
-use crate::machine_file::MachineFile;
-use crate::table_file::TableFile;
 
 /// Where a table came from.
 pub struct Provenance<'a> {

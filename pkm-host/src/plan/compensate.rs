@@ -10,17 +10,17 @@ use std::path::Path;
 use pkm_core::{Configuration, CorrectionTable, Domain, Hold, Pose, Tool, ToolDeflectionError, Wrench};
 use serde_json::{Value, json};
 
-use crate::dataset::{self, MOST_LOAD, Sheet, WRENCH_COLUMNS};
+use crate::cli::output::Output;
+use crate::cli::progress;
 use crate::error::{Failure, Result, printable};
-use crate::gcode::Program;
-use crate::machine_file::MachineFile;
-use crate::output::Output;
-use crate::path::{Move, Place, Toward, part_of};
-use crate::plot::{self, Mark, Panel, Series};
+use crate::files::dataset::{self, MOST_LOAD, Sheet, WRENCH_COLUMNS};
+use crate::files::gcode::Program;
+use crate::files::machine::MachineFile;
+use crate::files::path::{Move, Place, Toward, part_of};
+use crate::files::source::{self, Source};
+use crate::plan::reach::Reach;
 use crate::pose::{PoseBox, file_units};
-use crate::progress;
-use crate::reach::Reach;
-use crate::source::{self, Source};
+use crate::report::plot::{self, Mark, Panel, Series};
 
 /// Longest way of the tip in one step when none is given, mm.
 pub const STEP_MM: f64 = 2.0;

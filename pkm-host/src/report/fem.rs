@@ -3,15 +3,16 @@
 use maud::html;
 use serde_json::{Value, json};
 
-use super::deck::{Deck, Plates};
-use super::{Case, Request, Solved, drawing};
 use crate::error::{Failure, Result};
-use crate::fit::report::USABLE_PERCENT;
-use crate::machine_file::MachineFile;
-use crate::plot::{Mark, Panel, Series};
+use crate::fem::deck::{Deck, Plates};
+use crate::fem::{Case, Request, Solved};
+use crate::files::machine::MachineFile;
+use crate::files::solid::Solid;
 use crate::pose::file_units;
-use crate::report::{Finding, Page, charts, fold, of_file, picture, table};
-use crate::solid::Solid;
+use crate::report::drawing;
+use crate::report::fit::USABLE_PERCENT;
+use crate::report::page::{Finding, Page, charts, fold, of_file, picture, table};
+use crate::report::plot::{Mark, Panel, Series};
 
 const STIFFNESSES: [&str; 6] = ["k11", "k22", "k33", "k44", "k55", "k66"];
 

@@ -5,12 +5,12 @@ use std::path::Path;
 use pkm_core::{Configuration, Hold, JointValues, KinematicsError, Machine, Pose, ScrewLengths, Tool, ToolError};
 use serde_json::{Value, json};
 
+use crate::cli::output::Output;
 use crate::error::{Failure, Result, status, tool_status};
-use crate::machine_file::MachineFile;
-use crate::output::Output;
-use crate::path::unit;
+use crate::files::machine::MachineFile;
+use crate::files::path::unit;
+use crate::plan::reach::{Reach, shown};
 use crate::pose::{file_units, pose_of};
-use crate::reach::{Reach, shown};
 
 fn refused(e: KinematicsError, what: &str) -> Failure {
     Failure::refused(status(e), format!("{what}: {e}"))

@@ -3,7 +3,7 @@
 use pkm_core::correction::EQ_11;
 
 use crate::error::{Failure, Result, status};
-use crate::machine_file::MachineFile;
+use crate::files::machine::MachineFile;
 use crate::pose::{NamedPose, pose_of, tidy};
 
 /// Kinds of plans.

@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use pkm_core::Wrench;
 
-use crate::dataset::{self, DEFLECTION_COLUMNS, Sheet};
 use crate::error::{Failure, Result};
-use crate::machine_file::MachineFile;
+use crate::files::dataset::{self, DEFLECTION_COLUMNS, Sheet};
+use crate::files::machine::MachineFile;
+use crate::files::source::Source;
 use crate::pose::NamedPose;
-use crate::source::Source;
 
 /// Deflection channels: three translations, then three rotations.
 pub const CHANNELS: usize = 6;

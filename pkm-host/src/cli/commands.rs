@@ -10,24 +10,25 @@ use pkm_fixtures::Fixture;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::compensate::{self, Correction};
-use crate::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, stiffness_columns};
+use crate::cli::output::Output;
 use crate::diagnose::{self, outputs};
 use crate::error::{Failure, Result, printable, status};
-use crate::export::{Provenance, rust_source};
+use crate::files::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, stiffness_columns};
+use crate::files::job::Job;
+use crate::files::machine::MachineFile;
+use crate::files::readings::{REFERENCE_C, Readings};
+use crate::files::source::{self, Source};
+use crate::files::table::TableFile;
+use crate::files::table_numbers::TableNumbers;
 use crate::fit::{self, Fit, TermChoice};
 use crate::hil;
-use crate::machine_file::MachineFile;
-use crate::map::{self, Map, Window, claims, picture};
-use crate::output::Output;
-use crate::place::job::Job;
-use crate::place::{self, Bench, Objective};
-use crate::plan::{self, PlanKind};
+use crate::plan::compensate::{self, Correction};
+use crate::plan::map::{self, Map, Window, claims};
+use crate::plan::place::{self, Bench, Objective};
+use crate::plan::poses::{self, PlanKind};
 use crate::pose::{NamedPose, PoseBox};
-use crate::readings::{REFERENCE_C, Readings};
-use crate::source::{self, Source};
-use crate::table_file::TableFile;
-use crate::table_numbers::TableNumbers;
+use crate::report::export::{Provenance, rust_source};
+use crate::report::map::picture;
 
 /// A file, or the fixture, which is the reference machine's: a machine of another size has no use for it.
 fn read_or_fixture(path: Option<&Path>, fixture: Fixture, option: &str, machine: &MachineFile) -> Result<Source> {
@@ -330,8 +331,8 @@ pub fn plan(
         if data.is_some() {
             return Err(Failure::usage("--data goes with --kind discriminate alone"));
         }
-        let poses = plan::plan(kind, &machine)?;
-        poses.iter().map(|p| [p.id.clone()].into_iter().chain(dataset::pose_cells(&p.pose)).collect()).collect()
+        let laid = poses::plan(kind, &machine)?;
+        laid.iter().map(|p| [p.id.clone()].into_iter().chain(dataset::pose_cells(&p.pose)).collect()).collect()
     };
     let count = rows.len();
     source::write(out, dataset::to_csv(b',', &header, rows), &inputs)?;
@@ -444,8 +445,8 @@ pub fn fit(
     let rust = rust_source(&provenance, &fit, &machine)?;
     let mut document = fit_document(&fit, choice_name, &trained, verified.as_ref());
     document["warnings"] = json!(warnings);
-    let summary = fit::report::summary(&fit, &trained, verified.as_ref());
-    let html = fit::report::html(&provenance, &fit, &warnings)?;
+    let summary = crate::report::fit::summary(&fit, &trained, verified.as_ref());
+    let html = crate::report::fit::html(&provenance, &fit, &warnings)?;
     let wrote = source::write_all(
         out,
         &[
@@ -587,9 +588,9 @@ pub fn map(
                 }));
             }
         }
-        sheets.push(map::report::Sheet { map, picture, claims });
+        sheets.push(crate::report::map::Sheet { map, picture, claims });
     }
-    let html = map::report::html(file, model.table.as_ref().map(|t| &t.source), &described, &sheets);
+    let html = crate::report::map::html(file, model.table.as_ref().map(|t| &t.source), &described, &sheets);
     files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
     files.push(("report.html".into(), html.into_bytes()));
     source::write_all(out, &files, &[machine, table])?;
@@ -651,12 +652,12 @@ pub fn place(
         seed: ask.seed,
     };
     let placed = place::place(&bench, &objectives, &options)?;
-    let mut json = place::document(&bench, &options, &placed);
+    let mut json = crate::report::place::document(&bench, &options, &placed);
     let table_source = model.table.as_ref().map(|t| &t.source);
     json["table_sha256"] = json!(table_source.map(Source::sha256));
-    let html = place::html(&bench, table_source, &options, &placed)?;
+    let html = crate::report::place::html(&bench, table_source, &options, &placed)?;
     let wrote = source::write_all(out, &[("placement.json", source::json(&json)), ("report.html", html)], &inputs)?;
-    Output::new(place::text(&bench, &options, &placed) + &wrote, &json)
+    Output::new(crate::report::place::text(&bench, &options, &placed) + &wrote, &json)
 }
 
 /// `hil`: firmware that runs the core, held against the host reply by reply.

@@ -18,9 +18,9 @@ use pkm_protocol::{
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::cli::progress;
 use crate::error::{Failure, Result, printable};
 use crate::pose::{PoseBox, ROTATION_ARM_M, core_units};
-use crate::progress;
 
 /// Virtual time of an instruction in QEMU is 2 to this in ns: 62.5 million a second.
 const ICOUNT_SHIFT: u32 = 4;

@@ -1,0 +1,13 @@
+//! Files that the program reads: from bytes to checked values, with file, line and column of what is wrong.
+
+pub mod dataset;
+pub mod gcode;
+pub mod job;
+pub mod machine;
+pub mod path;
+pub mod readings;
+pub mod solid;
+pub mod source;
+pub mod table;
+pub mod table_numbers;
+pub(crate) mod toml_error;
