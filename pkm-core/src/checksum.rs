@@ -8,6 +8,17 @@ pub const fn over_byte(hash: u64, byte: u8) -> u64 {
     (hash ^ byte as u64).wrapping_mul(0x0000_0100_0000_01b3)
 }
 
+/// Takes in the bytes of a text.
+pub const fn over_text(mut hash: u64, text: &str) -> u64 {
+    let bytes = text.as_bytes();
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = over_byte(hash, bytes[i]);
+        i += 1;
+    }
+    hash
+}
+
 /// Takes in the bytes of numbers, each from its lowest.
 pub const fn over_numbers(mut hash: u64, values: &[f64]) -> u64 {
     let mut i = 0;

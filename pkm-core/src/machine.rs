@@ -5,8 +5,8 @@
 
 use core::fmt;
 
-use crate::checksum::{START, over_byte, over_numbers};
-use crate::effects::{self, ActiveEffects, Effects, Size};
+use crate::checksum::{START, over_byte, over_numbers, over_text};
+use crate::effects::{self, ActiveEffects, Effects, Misfit, Size};
 use crate::scalar::Scalar;
 
 /// The numbers of one machine, SI, unchecked. The limbs are in the order of the paper.
@@ -117,7 +117,8 @@ impl Tube {
     }
 }
 
-/// Which number of [`MachineParameters`] an error is about. Limbs count from 1, axes from 0.
+/// Which number of [`MachineParameters`] an error is about. Limbs count from 1; axes, effects, elements and their parameters
+/// from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[allow(missing_docs)] // the variants are the fields' own names
@@ -135,6 +136,10 @@ pub enum Parameter {
     Outer { limb: u8, member: Member },
     Inner { limb: u8, member: Member },
     Effect { effect: u8, parameter: u8 },
+    ElementPlace { element: u8 },
+    ElementMotion { element: u8 },
+    ElementLaw { element: u8 },
+    Element { element: u8, parameter: u8 },
 }
 
 /// An end of a limb.
@@ -176,6 +181,9 @@ pub enum Problem {
     TooLarge,
     /// The bore is negative or not smaller than the outer diameter.
     Bore,
+    /// An element's place has no such limb, motion or law: only a limb has a length, and only its axial motion may depend
+    /// on the load.
+    NotOfPlace,
 }
 
 /// Why [`Machine::new`] refused.
@@ -213,6 +221,10 @@ impl fmt::Display for Parameter {
                 let name = info.and_then(|info| info.parameters.get(usize::from(parameter)));
                 write!(f, "effect {}: {}", info.map_or("?", |info| info.id), name.unwrap_or(&"?"))
             }
+            Self::ElementPlace { element } => write!(f, "element {element}: the limb"),
+            Self::ElementMotion { element } => write!(f, "element {element}: the motion"),
+            Self::ElementLaw { element } => write!(f, "element {element}: the law"),
+            Self::Element { element, parameter } => write!(f, "element {element}: parameter {parameter}"),
         }
     }
 }
@@ -245,6 +257,7 @@ impl fmt::Display for Problem {
             Self::Negative => "is negative",
             Self::TooLarge => "is far beyond any machine",
             Self::Bore => "is negative or not below the outer one",
+            Self::NotOfPlace => "is none that this place has",
         })
     }
 }
@@ -269,8 +282,9 @@ pub struct Machine<T> {
     pub(crate) q_min: [T; 3],
     pub(crate) q_max: [T; 3],
     pub(crate) limbs: [LimbCompliance<T>; 3],
-    /// Where `limbs` holds, °C.
-    pub(crate) temperature_c: T,
+    /// `limbs` at [`DECLARED_TEMPERATURE_C`]: every other temperature starts from them, so that updates do not add up
+    /// their rounding.
+    declared_limbs: [LimbCompliance<T>; 3],
     pub(crate) effects: ActiveEffects<T>,
 }
 
@@ -364,6 +378,34 @@ const fn check_tube(tube: &Tube, limb: usize, member: Member) -> Result<(), Mach
     Ok(())
 }
 
+const fn check_element(found: &effects::Element, element: u8) -> Result<(), MachineError> {
+    let parameter = match found.misfit() {
+        None => {
+            let mut i = 0;
+            while i < effects::MAX_PARAMETERS {
+                let (value, limit) = (found.parameters[i], found.limit(i));
+                let parameter = Parameter::Element { element, parameter: i as u8 };
+                if !value.is_finite() {
+                    return Err(MachineError { parameter, problem: Problem::NotFinite });
+                }
+                if value != 0.0 && value.abs() >= limit {
+                    return Err(MachineError { parameter, problem: Problem::TooLarge });
+                }
+                // the pitch
+                if matches!(found.law, effects::Law::Periodic) && i == 2 {
+                    check!(check_positive(value, parameter));
+                }
+                i += 1;
+            }
+            return Ok(());
+        }
+        Some(Misfit::Limb) => Parameter::ElementPlace { element },
+        Some(Misfit::Motion) => Parameter::ElementMotion { element },
+        Some(Misfit::Law) => Parameter::ElementLaw { element },
+    };
+    Err(MachineError { parameter, problem: Problem::NotOfPlace })
+}
+
 /// Temperature that stiffnesses are declared for, °C.
 pub const DECLARED_TEMPERATURE_C: f64 = 20.0;
 
@@ -443,6 +485,13 @@ impl MachineParameters {
             }
             i += 1;
         }
+        let mut i = 0;
+        while i < effects::MAX_ELEMENTS {
+            if let Some(element) = &self.effects.elements[i] {
+                check!(check_element(element, i as u8));
+            }
+            i += 1;
+        }
         Ok(())
     }
 
@@ -473,15 +522,22 @@ impl MachineParameters {
             while n < effects::MAX_PARAMETERS {
                 // what is off leaves no trace, so that a later version with more effects gives the same sum
                 if values[n] != 0.0 {
-                    let id = effects::EFFECTS[i].id.as_bytes();
-                    let mut c = 0;
-                    while c < id.len() {
-                        hash = over_byte(hash, id[c]);
-                        c += 1;
-                    }
+                    hash = over_text(hash, effects::EFFECTS[i].id);
                     hash = over_numbers(over_byte(hash, n as u8), &[values[n]]);
                 }
                 n += 1;
+            }
+            i += 1;
+        }
+        let mut i = 0;
+        while i < effects::MAX_ELEMENTS {
+            if let Some(element) = &self.effects.elements[i] {
+                let place = match element.place.name() {
+                    Some(name) => name,
+                    None => "",
+                };
+                hash = over_text(over_text(over_text(hash, place), element.motion.name()), element.law.name());
+                hash = over_numbers(hash, &element.parameters);
             }
             i += 1;
         }
@@ -544,13 +600,14 @@ macro_rules! machine {
                     Sizes { a1: g.a1_m as $t, a2: g.a2_m as $t, b1: g.b1_m as $t, b2: g.b2_m as $t }
                 }
                 let l = &parameters.limbs;
+                let limbs = [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])];
                 Ok(Self {
                     declared: sizes(&parameters.geometry),
                     actual: sizes(&parameters.actual_geometry()),
                     q_min: narrow(parameters.travel.min_m),
                     q_max: narrow(parameters.travel.max_m),
-                    limbs: [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])],
-                    temperature_c: DECLARED_TEMPERATURE_C as $t,
+                    limbs,
+                    declared_limbs: limbs,
                     effects: ActiveEffects::<$t>::new(&parameters.effects),
                 })
             }
@@ -600,8 +657,9 @@ impl<T: Scalar> LimbCompliance<T> {
 
 impl<T: Scalar> Machine<T> {
     /// The machine at a temperature in °C, by its `thermal-modulus` effect: of every declared stiffness of a limb body
-    /// (of a joint) the share 1 − rate × (T − 20 °C) is left. Stiffnesses that other effects bring stay. Without the
-    /// effect it is the same machine. The temperature is that of the result, whatever that of `self` was.
+    /// (of a joint) the share 1 − rate × (T − 20 °C) is left. Stiffnesses that other effects bring stay. Elements whose law
+    /// is the temperature get theirs. Without either it is the same machine. The temperature is that of the result,
+    /// whatever that of `self` was.
     ///
     /// # Errors
     /// The temperature is not finite, or the share would not be above 0.
@@ -623,17 +681,16 @@ impl<T: Scalar> Machine<T> {
         }
         let mut machine = *self;
         let rates = self.effects.softening();
-        if rates == [T::ZERO; 2] {
+        if rates == [T::ZERO; 2] && !self.effects.elements.depend_on_temperature() {
             return Ok(machine);
         }
-        let declared = T::from_f64(DECLARED_TEMPERATURE_C);
-        let left = |temperature: T| rates.map(|rate| T::ONE - rate * (temperature - declared));
-        let ([body, joints], [body_now, joints_now]) = (left(temperature_c), left(self.temperature_c));
+        let warmer_k = temperature_c - T::from_f64(DECLARED_TEMPERATURE_C);
+        let [body, joints] = rates.map(|rate| T::ONE - rate * warmer_k);
         if !(body > T::ZERO && joints > T::ZERO && body.is_finite() && joints.is_finite()) {
             return Err(TemperatureError::NoStiffness);
         }
-        machine.temperature_c = temperature_c;
-        machine.limbs = self.limbs.map(|limb| limb.softened(body_now / body, joints_now / joints));
+        machine.effects.elements.set_temperature(warmer_k);
+        machine.limbs = self.declared_limbs.map(|limb| limb.softened(T::ONE / body, T::ONE / joints));
         Ok(machine)
     }
 

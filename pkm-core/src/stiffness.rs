@@ -17,7 +17,7 @@ use crate::linalg::{self, Lower};
 use crate::machine::{Machine, Sizes};
 use crate::scalar::Scalar;
 use crate::types::{Deflection, Pose, Wrench};
-use crate::vector::{cross, dot};
+use crate::vector::{cross, dot, less};
 
 /// Why there is no stiffness for a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -307,62 +307,29 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
 /// All components of a six-vector.
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
-/// Most Newton steps that a load-dependent deflection takes.
-pub const MAX_STEPS: usize = 30;
+/// Most iterations for the tensions of preloaded limbs under load-dependent elongation.
+pub const MAX_ITERATIONS: usize = 30;
 
-/// N with N + M ε(N) = N₀, by Newton steps that are halved while they don't bring it nearer. M is positive
-/// semidefinite and ε grows, so that there is one solution; limbs preloaded by compression may take that from M, and then
-/// the steps may find none.
+/// N with N = N₀ − M ε(N), by fixed-point iteration. Without preload M is 0 and N is N₀: an elongation turns the
+/// mechanism's screws, and six equations of balance fix the tensions of a mechanism whose screws move freely
+/// (`docs/theory.md`, Effects). With preload M ε' is the ratio of the geometric stiffness to that of the contacts.
 fn tensions<T: Scalar>(
     m: &[[T; 3]; 3],
     linear: &[T; 3],
-    elongation: impl Fn(T) -> (T, T),
+    elongations: impl Fn(&[T; 3]) -> [T; 3],
 ) -> Result<[T; 3], StiffnessError> {
-    let residual = |n: &[T; 3]| {
-        let e = n.map(|n| elongation(n).0);
-        let mut g = [T::ZERO; 3];
-        for i in 0..3 {
-            g[i] = n[i] - linear[i] + dot(m[i], e);
-        }
-        g
-    };
-    let size = dot(*linear, *linear).sqrt();
-    let enough = T::SLACK * (size + T::ONE);
+    let tolerance = T::SLACK * (dot(*linear, *linear).sqrt() + T::ONE);
     let mut n = *linear;
-    let mut g = residual(&n);
-    for _ in 0..MAX_STEPS {
-        let error = dot(g, g).sqrt();
-        if error <= enough {
+    for _ in 0..MAX_ITERATIONS {
+        let e = elongations(&n);
+        let mut next = *linear;
+        for (next, row) in next.iter_mut().zip(m) {
+            *next -= dot(*row, e);
+        }
+        let change = less(next, n);
+        n = next;
+        if dot(change, change).sqrt() <= tolerance {
             return Ok(n);
-        }
-        let slope = n.map(|n| elongation(n).1);
-        let mut a = [[T::ZERO; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                a[i][j] = m[i][j] * slope[j] + if i == j { T::ONE } else { T::ZERO };
-            }
-        }
-        // Cramer's rule: with M semidefinite the determinant is at least 1
-        let (c0, c1, c2) = (cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1]));
-        let determinant = dot(a[0], c0);
-        let mut step = [T::ZERO; 3];
-        for i in 0..3 {
-            step[i] = (c0[i] * g[0] + c1[i] * g[1] + c2[i] * g[2]) / determinant;
-        }
-        let mut share = T::ONE;
-        let mut nearer = false;
-        for _ in 0..8 {
-            let trial = [n[0] - share * step[0], n[1] - share * step[1], n[2] - share * step[2]];
-            let there = residual(&trial);
-            if dot(there, there).sqrt() < error {
-                (n, g) = (trial, there);
-                nearer = true;
-                break;
-            }
-            share *= T::from_f64(0.5);
-        }
-        if !nearer {
-            break;
         }
     }
     Err(StiffnessError::NotConverged)
@@ -400,7 +367,7 @@ struct LimbResponse<T> {
     actual: Actual<T>,
     /// Displacement of A per unit of elongation of each limb.
     moved: [[T; 6]; 3],
-    /// Tension in limb i taken by a unit of elongation of limb j.
+    /// Tension in limb i taken by a unit of elongation of limb j: 0 unless limbs are preloaded.
     m: [[T; 3]; 3],
 }
 
@@ -424,16 +391,17 @@ impl<T: Scalar> LoadResponse<'_, T> {
         let mut linear = moved.map(|moved| product(&moved, &load));
         let mut lag = [o; 3];
         for i in 0..3 {
-            lag[i] = effects.lag(linear[i], product(&moved[i], &turned_at));
+            lag[i] = effects.lag(i, linear[i], product(&moved[i], &turned_at));
         }
         // the lag is known from the linear tensions: what it does to them comes before the solve
         for (linear, row) in linear.iter_mut().zip(m) {
             *linear -= dot(*row, lag);
         }
-        let found = tensions(m, &linear, |n| effects.elongation(n))?;
+        let elongations = |n: &[T; 3]| [0, 1, 2].map(|limb| effects.elongation(limb, n[limb]));
+        let elongations = elongations(&tensions(m, &linear, elongations)?);
         let mut d = [o; 6];
-        for (moved, (n, lag)) in moved.iter().zip(found.into_iter().zip(lag)) {
-            let e = effects.elongation(n).0 + lag;
+        for (moved, (e, lag)) in moved.iter().zip(elongations.into_iter().zip(lag)) {
+            let e = e + lag;
             for (d, c) in d.iter_mut().zip(moved) {
                 *d += e * *c;
             }
@@ -503,10 +471,11 @@ impl<T: Scalar> Machine<T> {
         let (n, x, y) = (p.n(), p.x(), p.y());
         let at = n.map(|c| -p.l * c);
         let axes = [x, y, cross(x, y)];
-        self.effects.at_base(|compliance| Series { at, axes, compliance }.soften(k));
-        self.effects.at_hub(|compliance| Series::at_a(compliance).soften(k));
+        let mut definite = true;
+        self.effects.at_base(|compliance| definite &= Series { at, axes, compliance }.soften(k));
+        self.effects.at_hub(|compliance| definite &= Series::at_a(compliance).soften(k));
         actual.given_back_matrix(k);
-        check_diagonal(k)
+        if definite { check_diagonal(k) } else { Err(StiffnessError::NotPositiveDefinite) }
     }
 
     #[inline(never)]
@@ -560,8 +529,8 @@ impl<T: Scalar> Machine<T> {
     /// What load-dependent effects add to the displacement of A under a wrench, on top of the linear deflection (of
     /// K_p or of a corrected K_m). Zero, and next to no work, when the machine has none.
     ///
-    /// The tensions N of the three limbs solve N + M ε(N) = N₀, N₀ those of the linear model, by at most
-    /// [`MAX_STEPS`] Newton steps (`docs/theory.md`, Effects). In f32 the whole deflection of the
+    /// The tensions of the three limbs are those of the linear model; under preload they are found by at most
+    /// [`MAX_ITERATIONS`] fixed-point iterations (`docs/theory.md`, Effects). In f32 the whole deflection of the
     /// reference machine in its box is within 1e-4 of f64.
     ///
     /// `turned_at` is the load at which the loading last turned back: zero when it has only grown. Friction asks for
@@ -615,9 +584,12 @@ impl<T: Scalar> Machine<T> {
         for (moved, wrench) in limbs.moved.iter_mut().zip(&wrenches) {
             *moved = linalg::solve(&lower, wrench);
         }
+        let preloaded = (0..3).any(|limb| self.effects.tension(limb) != T::ZERO);
         for i in 0..3 {
             for j in 0..3 {
-                limbs.m[i][j] -= product(&wrenches[i], &limbs.moved[j]);
+                // without preload the two cancel but for rounding
+                let left = limbs.m[i][j] - product(&wrenches[i], &limbs.moved[j]);
+                limbs.m[i][j] = if preloaded { left } else { T::ZERO };
             }
         }
         Ok(LoadResponse { machine: self, limbs: Some(limbs) })
@@ -688,17 +660,17 @@ impl<T: Scalar> Machine<T> {
 
     /// Softens K by what lies between A and the tool; true if there was any.
     pub(crate) fn add_tool_compliance(&self, k: &mut Lower<T>) -> Result<bool, StiffnessError> {
-        let mut any = false;
+        let (mut any, mut definite) = (false, true);
         if self.effects.any() {
             self.effects.at_tool(|compliance| {
                 any = true;
-                Series::at_a(compliance).soften(k);
+                definite &= Series::at_a(compliance).soften(k);
             });
         }
         if any {
             check_diagonal(k)?;
         }
-        Ok(any)
+        if definite { Ok(any) } else { Err(StiffnessError::NotPositiveDefinite) }
     }
 
     fn add_effects_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 3>, beside: &mut Lower<T>) {

@@ -1,6 +1,23 @@
 use super::{Effect, EffectInfo, MAX_PARAMETERS};
 use crate::scalar::Scalar;
 
+/// Half of a free play is taken up either way, within some force (at least 1 N).
+pub(super) fn taken_up<T: Scalar>(play: T, within: T, tension: T) -> T {
+    let half = play * T::from_f64(0.5);
+    let width = if within > T::ONE { within } else { T::ONE };
+    half * tension / (tension * tension + width * width).sqrt()
+}
+
+/// A lag with a fixed part and one that grows with the load, built up within some force (at least 1 N) after the loading
+/// has turned.
+pub(super) fn lagging<T: Scalar>([fixed, growing, reversal]: [T; 3], tension: T, turned_at: T) -> T {
+    let width = if reversal > T::ONE { reversal } else { T::ONE };
+    let (here, there) = (tension.abs(), turned_at.abs());
+    let most = fixed + growing * if here > there { here } else { there };
+    let x = (tension - turned_at) / width;
+    -(most * x / (T::ONE + x * x).sqrt())
+}
+
 /// Free play in the force path of every limb: half of it is taken up either way, within some `taken_up_n`
 /// (at least 1 N) of load.
 pub(super) struct Clearance;
@@ -9,12 +26,8 @@ impl Effect for Clearance {
     const INFO: EffectInfo = EffectInfo { id: "clearance", parameters: &["play_m", "taken_up_n"], signed: false };
     const DEPENDS_ON_LOAD: bool = true;
 
-    fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> (T, T) {
-        let half = p[0] * T::from_f64(0.5);
-        let width = if p[1] > T::ONE { p[1] } else { T::ONE };
-        let size = (tension * tension + width * width).sqrt();
-        let share = width / size;
-        (half * tension / size, half * share * share / size)
+    fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> T {
+        taken_up(p[0], p[1], tension)
     }
 }
 
@@ -27,12 +40,11 @@ impl Effect for ContactStiffening {
         EffectInfo { id: "contact-stiffening", parameters: &["unloaded_m_per_n", "reference_n"], signed: false };
     const DEPENDS_ON_LOAD: bool = true;
 
-    fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> (T, T) {
+    fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> T {
         let reference = if p[1] > T::ONE { p[1] } else { T::ONE };
         let x = tension / reference;
         let grown = T::ONE + x * x;
-        let softness = p[0] / grown.sqrt().cbrt();
-        (softness * tension, softness * (T::ONE - x * x / (T::from_f64(3.0) * grown)))
+        p[0] / grown.sqrt().cbrt() * tension
     }
 }
 
@@ -47,10 +59,6 @@ impl Effect for FrictionHysteresis {
 
     fn lag<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T, turned_at: T) -> T {
         let [fixed, growing, reversal, ..] = *p;
-        let width = if reversal > T::ONE { reversal } else { T::ONE };
-        let (here, there) = (tension.abs(), turned_at.abs());
-        let most = fixed + growing * if here > there { here } else { there };
-        let x = (tension - turned_at) / width;
-        -(most * x / (T::ONE + x * x).sqrt())
+        lagging([fixed, growing, reversal], tension, turned_at)
     }
 }

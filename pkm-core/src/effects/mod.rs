@@ -3,12 +3,18 @@
 //! An effect is a file here and a line in the register at the end. Its parameters are amplitudes, mostly
 //! compliances: all zero is the basic model. What is elastic inside a limb adds to the limb's compliance, what is in
 //! series with the whole adds at an end. A machine file's `[[effect]]` and a `diagnose` of `pkm-host` name them by
-//! [`id`](EffectInfo::id).
+//! [`id`](EffectInfo::id). What is on no list is an [`Element`]: a place, a motion and a law.
 
 use crate::linalg::Lower;
 use crate::scalar::Scalar;
 use crate::stiffness::Chain;
 use crate::vector::cross;
+
+mod elements;
+
+use elements::ActiveElements;
+pub(crate) use elements::Misfit;
+pub use elements::{Element, Law, MAX_ELEMENTS, Motion, Place};
 
 /// Most parameters that an effect has.
 pub const MAX_PARAMETERS: usize = 6;
@@ -101,9 +107,12 @@ impl<T: Scalar> Series<T> {
         Self { at: [o; 3], axes: [[i, o, o], [o, i, o], [o, o, i]], compliance }
     }
 
-    /// K := (K⁻¹ + C)⁻¹, a direction at a time (Sherman and Morrison). Lower triangle.
-    pub fn soften(&self, k: &mut Lower<T>) {
+    /// K := (K⁻¹ + C)⁻¹, a direction at a time (Sherman and Morrison). Lower triangle. False when a negative compliance
+    /// leaves it not positive definite.
+    #[must_use]
+    pub fn soften(&self, k: &mut Lower<T>) -> bool {
         let o = T::ZERO;
+        let mut definite = true;
         for (axis, (linear, angular)) in
             self.axes.iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
         {
@@ -111,7 +120,7 @@ impl<T: Scalar> Series<T> {
             let [rx, ry, rz] = cross(self.at, *axis);
             // displacement of A when the spring gives by one unit
             for (compliance, motion) in [(*linear, [x, y, z, o, o, o]), (*angular, [rx, ry, rz, x, y, z])] {
-                if !(compliance > o) {
+                if compliance == o {
                     continue;
                 }
                 let mut force = [o; 6];
@@ -125,6 +134,8 @@ impl<T: Scalar> Series<T> {
                     work += force[i] * motion[i];
                 }
                 let share = T::ONE / (T::ONE / compliance + work);
+                // det K changes by the factor 1 + compliance × work, which must stay positive
+                definite &= compliance > o || !(share > o);
                 for i in 0..6 {
                     for j in 0..=i {
                         k[i][j] -= share * force[i] * force[j];
@@ -132,6 +143,7 @@ impl<T: Scalar> Series<T> {
                 }
             }
         }
+        definite
     }
 }
 
@@ -151,10 +163,9 @@ pub(crate) trait Effect {
     /// Whether [`elongation`](Self::elongation) does anything.
     const DEPENDS_ON_LOAD: bool = false;
 
-    /// How much longer a limb gets under a tension in N than its linear compliance says, in m, and the derivative of
-    /// that in m/N, which must not be negative.
-    fn elongation<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _tension: T) -> (T, T) {
-        (T::ZERO, T::ZERO)
+    /// How much longer a limb gets under a tension in N than its linear compliance says, in m.
+    fn elongation<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _tension: T) -> T {
+        T::ZERO
     }
 
     /// The part of a limb's elongation that depends on where the loading last turned, in m: from the tensions of the
@@ -216,16 +227,25 @@ pub(crate) trait Effect {
 /// The effects of one machine, ready to be applied.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ActiveEffects<T> {
-    /// A bit an effect that has a parameter other than 0.
+    /// A bit an effect that has a parameter other than 0, and one for elements.
     active: u32,
     parameters: [[T; MAX_PARAMETERS]; COUNT],
+    pub(crate) elements: ActiveElements<T>,
 }
 
+/// The bit of [`ActiveEffects::active`] for elements.
+const ELEMENTS: u32 = 1 << 31;
+const _: () = assert!(COUNT < 31, "a bit for each effect");
+
 impl<T: Scalar> ActiveEffects<T> {
-    /// True when any effect is on.
+    /// True when any effect is on or any element there.
     #[inline]
     pub fn any(&self) -> bool {
         self.active != 0
+    }
+
+    fn has_elements(&self) -> bool {
+        self.active & ELEMENTS != 0
     }
 }
 
@@ -233,7 +253,18 @@ macro_rules! active_effects {
     ($t:ty) => {
         impl ActiveEffects<$t> {
             pub const fn new(effects: &Effects) -> Self {
-                let mut new = Self { active: 0, parameters: [[0.0; MAX_PARAMETERS]; COUNT] };
+                let mut new = Self {
+                    active: 0,
+                    parameters: [[0.0; MAX_PARAMETERS]; COUNT],
+                    elements: ActiveElements::<$t>::new(&effects.elements),
+                };
+                let mut i = 0;
+                while i < MAX_ELEMENTS {
+                    if effects.elements[i].is_some() {
+                        new.active |= ELEMENTS;
+                    }
+                    i += 1;
+                }
                 let mut i = 0;
                 while i < COUNT * MAX_PARAMETERS {
                     let (effect, parameter) = (i / MAX_PARAMETERS, i % MAX_PARAMETERS);
@@ -253,17 +284,20 @@ macro_rules! active_effects {
 active_effects!(f32);
 active_effects!(f64);
 
-/// Parameters of every effect of a machine, SI: by effect in the order of [`EFFECTS`], then in the order of its
-/// parameters. An effect with all parameters 0 is off and costs one comparison for all together.
+/// Physics beyond the basic model of one machine: parameters of every effect, and elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effects {
-    /// Amplitudes; at least 0 unless the effect is [`signed`](EffectInfo::signed).
+    /// Amplitudes, SI, by effect in the order of [`EFFECTS`], then in the order of its parameters; at least 0 unless the
+    /// effect is [`signed`](EffectInfo::signed). An effect with all parameters 0 is off and costs one comparison for all
+    /// together.
     pub parameters: [[f64; MAX_PARAMETERS]; COUNT],
+    /// Compliances that are no effect's.
+    pub elements: [Option<Element>; MAX_ELEMENTS],
 }
 
 impl Effects {
     /// The basic model.
-    pub const NONE: Self = Self { parameters: [[0.0; MAX_PARAMETERS]; COUNT] };
+    pub const NONE: Self = Self { parameters: [[0.0; MAX_PARAMETERS]; COUNT], elements: [None; MAX_ELEMENTS] };
 
     /// The same with an effect, by its id, whatever the order of the effects in this version; parameters that are not
     /// given are 0. `None` for an unknown id, or for more parameters than the effect has.
@@ -311,7 +345,46 @@ impl Effects {
             }
             i += 1;
         }
+        let mut i = 0;
+        while i < MAX_ELEMENTS {
+            if let Some(Element { place: Place::Tool, .. }) = self.elements[i] {
+                self.elements[i] = None;
+            }
+            i += 1;
+        }
         self
+    }
+
+    /// The same with one more element, by its names in files. `None` for names that are unknown or do not fit together,
+    /// for more parameters than the law has, or beyond [`MAX_ELEMENTS`].
+    ///
+    /// ```
+    /// use pkm_core::effects::Effects;
+    /// use pkm_core::{Machine, MachineParameters, Pose, tables::reference::PARAMETERS};
+    /// let soft_screw = Effects::NONE.with_element("limb.2.body", "axial", "extension", [2e-9, 1e-8]).expect("an element");
+    /// let machine = Machine::<f64>::new(&MachineParameters { effects: soft_screw, ..PARAMETERS })?;
+    /// let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
+    /// // one limb that is softer than its twin couples a push along w with a turn about u
+    /// assert!(machine.stiffness(&pose)?.matrix()[3][2] < -1e5);
+    /// assert_eq!(Effects::NONE.with_element("base", "axial", "constant", [1e-9]), None);
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
+    pub const fn with_element<const N: usize>(
+        mut self,
+        place: &str,
+        motion: &str,
+        law: &str,
+        parameters: [f64; N],
+    ) -> Option<Self> {
+        let mut i = 0;
+        while i < MAX_ELEMENTS {
+            if self.elements[i].is_none() {
+                self.elements[i] = Element::from_names(place, motion, law, parameters);
+                return if self.elements[i].is_some() { Some(self) } else { None };
+            }
+            i += 1;
+        }
+        None
     }
 }
 
@@ -355,32 +428,34 @@ macro_rules! effects {
                 $($(if self.active & (1 << Index::$name as u32) != 0 {
                     $module::$name::in_limb(&self.parameters[Index::$name as usize], limb);
                 })+)+
+                if self.has_elements() {
+                    self.elements.in_limb(limb);
+                }
             }
 
             /// Whether anything active depends on the load.
             pub(crate) fn depend_on_load(&self) -> bool {
                 const MASK: u32 =
                     0 $($(| if <$module::$name as Effect>::DEPENDS_ON_LOAD { 1 << Index::$name as u32 } else { 0 })+)+;
-                self.active & MASK != 0
+                self.active & MASK != 0 || self.has_elements() && self.elements.depend_on_load()
             }
 
-            /// Elongation of a limb under tension beyond the linear one, and its derivative.
-            pub(crate) fn elongation(&self, tension: T) -> (T, T) {
-                let mut sum = (T::ZERO, T::ZERO);
+            /// Elongation of a limb (0, 1, 2) under tension beyond the linear one.
+            pub(crate) fn elongation(&self, limb: usize, tension: T) -> T {
+                let mut sum = T::ZERO;
                 $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
-                    let (e, slope) = $module::$name::elongation(&self.parameters[Index::$name as usize], tension);
-                    sum = (sum.0 + e, sum.1 + slope);
+                    sum += $module::$name::elongation(&self.parameters[Index::$name as usize], tension);
                 })+)+
-                sum
+                if self.has_elements() { sum + self.elements.elongation(limb, tension) } else { sum }
             }
 
             /// What lags behind the load in a limb's elongation.
-            pub(crate) fn lag(&self, tension: T, turned_at: T) -> T {
+            pub(crate) fn lag(&self, limb: usize, tension: T, turned_at: T) -> T {
                 let mut sum = T::ZERO;
                 $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
                     sum += $module::$name::lag(&self.parameters[Index::$name as usize], tension, turned_at);
                 })+)+
-                sum
+                if self.has_elements() { sum + self.elements.lag(limb, tension, turned_at) } else { sum }
             }
 
             /// Tension in a limb before any load.
@@ -438,28 +513,37 @@ macro_rules! effects {
                 })+)+
             }
 
-            /// Calls `add` with the compliance at B of every active effect that has one.
+            /// Calls `add` with the compliance at B of every active effect that has one, and of the elements there.
             pub(crate) fn at_base(&self, mut add: impl FnMut([T; 6])) {
                 $($(if self.active & (1 << Index::$name as u32) != 0
                     && let Some(c) = $module::$name::at_base(&self.parameters[Index::$name as usize]) {
                     add(c);
                 })+)+
+                if self.has_elements() {
+                    self.elements.at(Place::Base, add);
+                }
             }
 
-            /// Calls `add` with the compliance between limbs and A of every active effect that has one.
+            /// Calls `add` with the compliance between limbs and A of every active effect that has one, and of the elements there.
             pub(crate) fn at_hub(&self, mut add: impl FnMut([T; 6])) {
                 $($(if self.active & (1 << Index::$name as u32) != 0
                     && let Some(c) = $module::$name::at_hub(&self.parameters[Index::$name as usize]) {
                     add(c);
                 })+)+
+                if self.has_elements() {
+                    self.elements.at(Place::MovingPlatform, add);
+                }
             }
 
-            /// Calls `add` with the compliance at A of every active effect that has one.
+            /// Calls `add` with the compliance at A of every active effect that has one, and of the elements there.
             pub(crate) fn at_tool(&self, mut add: impl FnMut([T; 6])) {
                 $($(if self.active & (1 << Index::$name as u32) != 0
                     && let Some(c) = $module::$name::at_tool(&self.parameters[Index::$name as usize]) {
                     add(c);
                 })+)+
+                if self.has_elements() {
+                    self.elements.at(Place::Tool, add);
+                }
             }
         }
     };

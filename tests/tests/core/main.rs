@@ -3,6 +3,7 @@
 mod compensation;
 mod correction;
 mod effects;
+mod elements;
 mod errors;
 mod five_axis;
 mod kinematics;
