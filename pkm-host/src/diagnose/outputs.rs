@@ -7,6 +7,7 @@ use super::Diagnosis;
 use super::compare::extent;
 use crate::error::{Failure, Result};
 use crate::files::dataset::{StiffnessData, Target};
+use crate::files::elements;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
 use crate::files::table::TableFile;
@@ -66,6 +67,10 @@ pub fn machine_toml(file: &MachineFile, diagnosis: &Diagnosis) -> Result<String>
     }
     if !effects.is_empty() {
         document["effect"] = Item::ArrayOfTables(effects);
+    }
+    document.remove("element");
+    if let Some(tables) = elements::tables(&machine.effects.elements) {
+        document["element"] = Item::ArrayOfTables(tables);
     }
     Ok(document.to_string())
 }

@@ -15,6 +15,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::error::{Failure, Result, clipped, printable};
+use crate::files::elements::{self, RawElement};
 use crate::files::solid::{RawSolid, Solid};
 use crate::files::source::Source;
 use crate::files::toml_error::{Numbers, is_near, line_at, parsed};
@@ -70,6 +71,8 @@ struct RawMachine {
     limb: Spanned<Vec<RawLimb>>,
     #[serde(default)]
     effect: Vec<Spanned<RawEffect>>,
+    #[serde(default)]
+    element: Vec<Spanned<RawElement>>,
 }
 
 type Number = Spanned<f64>;
@@ -226,7 +229,9 @@ impl MachineFile {
             let message = "expected a name of one line of ordinary text".to_owned();
             return Err(fail(Some(raw.name.span()), "name", message));
         }
-        let effects = effects(text, &raw.effect).map_err(|(key, span, message)| fail(Some(span), &key, message))?;
+        let misplaced = |(key, span, message): (String, _, _)| fail(Some(span), &key, message);
+        let mut effects = effects(text, &raw.effect).map_err(misplaced)?;
+        effects.elements = elements::elements(text, &raw.element).map_err(misplaced)?;
         check_ranges(&raw).map_err(|(key, span, message)| fail(Some(span), key, message))?;
 
         let g = &raw.geometry;
@@ -491,7 +496,7 @@ fn effects(text: &str, raw: &[Spanned<RawEffect>]) -> std::result::Result<Effect
         for (name, value) in parameters {
             let key = format!("{}.{name}", id.get_ref());
             let known = EFFECTS[index].parameters;
-            let span = place_of(text, effect, name);
+            let span = place_of(text, effect.span(), name);
             let Some(parameter) = known.iter().position(|p| p == name) else {
                 return fail(&key, span, format!("unknown parameter; known are {}", known.join(", ")));
             };
@@ -509,13 +514,14 @@ fn effects(text: &str, raw: &[Spanned<RawEffect>]) -> std::result::Result<Effect
 }
 
 /// A TOML number, whole or not.
-fn float(value: &toml::Value) -> Option<f64> {
+pub fn float(value: &toml::Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
 }
 
-/// Where a key of an `[[effect]]` is written: the parameters' own spans are lost with their names free to choose.
-fn place_of(text: &str, effect: &Spanned<RawEffect>, name: &str) -> Range<usize> {
-    let start = effect.span().start;
+/// Where a key of an `[[effect]]` or `[[element]]` is written: the parameters' own spans are lost with their names free to
+/// choose.
+pub fn place_of(text: &str, table: Range<usize>, name: &str) -> Range<usize> {
+    let start = table.start;
     let mut at = start;
     for line in text.get(start..).unwrap_or("").split_inclusive('\n') {
         if line.split('=').next().is_some_and(|key| key.trim() == name) {
@@ -523,7 +529,7 @@ fn place_of(text: &str, effect: &Spanned<RawEffect>, name: &str) -> Range<usize>
         }
         at += line.len();
     }
-    effect.span()
+    table
 }
 
 /// A span, the key's name and the value that it holds.
@@ -576,9 +582,18 @@ impl RawMachine {
                 let raw = self.effect.iter().find(|e| e.get_ref().id.get_ref() == info.id);
                 let (span, value) = raw.map_or((0..0, f64::NAN), |e| {
                     let value = e.get_ref().parameters.get(name).and_then(float).unwrap_or(0.0);
-                    (place_of(text, e, name), value)
+                    (place_of(text, e.span(), name), value)
                 });
                 (format!("effect.{}.{name}", info.id), span, value)
+            }
+            Parameter::Element { element, parameter } => {
+                elements::locate(text, &self.element[usize::from(element)], parameter.into())
+            }
+            // places, motions and laws were matched by name
+            Parameter::ElementPlace { element }
+            | Parameter::ElementMotion { element }
+            | Parameter::ElementLaw { element } => {
+                ("element".into(), self.element[usize::from(element)].span(), f64::NAN)
             }
             Parameter::Inner { limb, member } => {
                 let (key, tube) = tube(limb, member);
@@ -596,6 +611,7 @@ fn expected(problem: Problem) -> &'static str {
         Problem::Reversed => "a greatest length above the least",
         Problem::Negative => "a number of at least 0",
         Problem::TooLarge => "a smaller number, whatever its sign (are the units m, N, N·m, rad and K?)",
+        Problem::NotOfPlace => "what this place has",
         Problem::Bore => "a bore of at least 0 and below the outer diameter",
     }
 }

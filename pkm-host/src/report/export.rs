@@ -4,7 +4,7 @@
 
 use std::fmt::Write;
 
-use pkm_core::effects::{EFFECTS, MAX_PARAMETERS};
+use pkm_core::effects::{EFFECTS, Effects, MAX_PARAMETERS};
 use pkm_core::machine::{Body, LimbParameters};
 use pkm_core::{MachineParameters, WristParameters};
 
@@ -80,7 +80,7 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, machine: &MachineFile) -> Resu
     line("");
     let active: Vec<_> =
         EFFECTS.iter().zip(parameters.effects.parameters).filter(|(_, v)| *v != [0.0; MAX_PARAMETERS]).collect();
-    if active.is_empty() {
+    if parameters.effects == Effects::NONE {
         line("const EFFECTS: Effects = Effects::NONE;");
     } else {
         line("const EFFECTS: Effects = {");
@@ -89,6 +89,15 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, machine: &MachineFile) -> Resu
             let values = &values[..info.parameters.len()];
             line(&format!("    let Some(effects) = effects.with({:?}, {values:?}) else {{", info.id));
             line("        panic!(\"an effect that this version of pkm-core does not know\")");
+            line("    };");
+        }
+        for element in parameters.effects.elements.iter().flatten() {
+            let values = &element.parameters[..element.parameter_names().len()];
+            let (place, motion, law) = (element.place.name().unwrap_or(""), element.motion.name(), element.law.name());
+            line(&format!(
+                "    let Some(effects) = effects.with_element({place:?}, {motion:?}, {law:?}, {values:?}) else {{"
+            ));
+            line("        panic!(\"an element that this version of pkm-core does not know\")");
             line("    };");
         }
         line("    effects");
