@@ -471,7 +471,7 @@ fn no_line_is_read_otherwise_than_json_says() {
 #[test]
 fn the_front_page_is_the_protocol() {
     let page: Vec<&str> =
-        include_str!("../../pkm-protocol/src/lib.rs").lines().filter_map(|line| line.strip_prefix("//! ")).collect();
+        include_str!("../../embed/protocol/src/lib.rs").lines().filter_map(|line| line.strip_prefix("//! ")).collect();
     let (replies, commands): (Vec<&str>, Vec<&str>) =
         page.iter().filter(|line| line.starts_with('{')).partition(|line| line.contains("\"answer\""));
     for line in &commands {

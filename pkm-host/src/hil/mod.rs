@@ -35,7 +35,7 @@ const BAD_EVERY: u8 = 50;
 pub const F32_BOUNDS: [f64; 3] = [5e-7, 2e-6, 1e-4];
 
 /// Where `pkm-fw` builds the firmware, seen from the top of the repository.
-pub const DEFAULT_ELF: &str = "pkm-fw/target/thumbv7em-none-eabihf/release/cyclic";
+pub const DEFAULT_ELF: &str = "embed/firmware/target/thumbv7em-none-eabihf/release/cyclic";
 
 /// Where the firmware is.
 pub enum Target {
@@ -117,7 +117,7 @@ impl Link {
             }
             Target::Qemu { board, elf } => {
                 if !elf.is_file() {
-                    let message = "no firmware there: build it with `cargo build --release --bin cyclic` in pkm-fw, or \
+                    let message = "no firmware there: build it with `cargo build --release --bin cyclic` in embed/firmware, or \
                                    name another with --elf";
                     return Err(Failure::input(message).in_file(elf.display().to_string()));
                 }

@@ -1,0 +1,278 @@
+//! The C library: its header, what its objects ask for, and C programs on this computer and on Cortex-M processors.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use pkm_core::effects::EFFECTS;
+use pkm_core::{
+    Configuration, CorrectionTable, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths, Tool,
+    Wrench,
+};
+
+use crate::image::symbols;
+use crate::qemu::{Host, boot, fit};
+use crate::{Outcome, output, root};
+
+/// Where a C program runs.
+struct Platform {
+    name: &'static str,
+    compiler: &'static str,
+    flags: &'static [&'static str],
+    /// Target and `target-cpu` of the library.
+    target: Option<(&'static str, &'static str)>,
+    /// Machine of QEMU.
+    board: Option<&'static str>,
+}
+
+const ARM: &str = "thumbv7em-none-eabihf";
+
+const PLATFORMS: [Platform; 3] = [
+    Platform { name: "this computer", compiler: "cc", flags: &[], target: None, board: None },
+    Platform {
+        name: "Cortex-M4F",
+        compiler: "arm-none-eabi-gcc",
+        flags: &["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"],
+        target: Some((ARM, "cortex-m4")),
+        board: Some("mps2-an386"),
+    },
+    Platform {
+        name: "Cortex-M7",
+        compiler: "arm-none-eabi-gcc",
+        flags: &["-mcpu=cortex-m7", "-mfpu=fpv5-d16"],
+        target: Some((ARM, "cortex-m7")),
+        board: Some("mps2-an500"),
+    },
+];
+
+const STRICT: [&str; 3] = ["-Wall", "-Wextra", "-Werror"];
+
+fn folder() -> PathBuf {
+    root().join("embed/c")
+}
+
+fn cargo(command: &str) -> Command {
+    let mut cargo = Command::new("cargo");
+    cargo.current_dir(folder()).args([command, "--locked", "--quiet"]);
+    cargo
+}
+
+/// The header as cbindgen writes it now.
+fn header_now() -> Result<Vec<u8>, String> {
+    // cbindgen sees no macros, and the pinned compiler expands them only with its unstable options on
+    let mut expand = cargo("rustc");
+    expand.args(["--profile", "check", "--", "-Zunpretty=expanded"]).env("RUSTC_BOOTSTRAP", "1");
+    let expanded = output(&mut expand)?;
+    // nor does it work out a size
+    let size = size_of::<pkm_core::Machine<f64>>() / size_of::<f64>();
+    let (before, rest) = expanded.split_once("PKM_MACHINE_NUMBERS: usize =").ok_or("no size of a machine")?;
+    let (_, after) = rest.split_once(';').ok_or("no size of a machine")?;
+    let source = tempfile::NamedTempFile::new().map_err(|e| e.to_string())?;
+    let text = format!("{before}PKM_MACHINE_NUMBERS: usize = {size};{after}");
+    std::fs::write(source.path(), text).map_err(|e| e.to_string())?;
+    let config = cbindgen::Config::from_file(folder().join("cbindgen.toml"))?;
+    let bindings = cbindgen::Builder::new().with_config(config).with_src(source.path()).generate();
+    let mut header = Vec::new();
+    bindings.map_err(|e| e.to_string())?.write(&mut header);
+    Ok(header)
+}
+
+/// Writes the header.
+pub fn header() -> Outcome {
+    let path = folder().join("include/pkm.h");
+    std::fs::write(&path, header_now()?).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// Everything that holds of the C library.
+pub fn run() -> Outcome {
+    let path = folder().join("include/pkm.h");
+    if std::fs::read(&path).map_err(|e| e.to_string())? != header_now()? {
+        return Err("include/pkm.h is not what cbindgen writes: cargo xtask header".into());
+    }
+    let mut cpp = Command::new("c++");
+    output(cpp.args(["-fsyntax-only", "-x", "c++", "-std=c++11"]).args(STRICT).arg(&path))?;
+    println!("header: as cbindgen writes it; valid C++");
+    output(&mut cargo("test"))?;
+    println!("misuse from Rust: an error, and nothing is written");
+
+    let fitted = tempfile::tempdir().map_err(|e| e.to_string())?;
+    fit(&EFFECTS, fitted.path())?;
+    let host = Host::read(fitted.path())?;
+    let mut greeting = None;
+    for platform in &PLATFORMS {
+        let at = |message: String| format!("{}: {message}", platform.name);
+        let planted = platform.library(fitted.path(), &["--features", "planted-panic"])?;
+        if check_symbols(&planted, platform).is_ok() {
+            return Err(at("a planted panic was not found".into()));
+        }
+        let library = platform.library(fitted.path(), &[])?;
+        check_symbols(&library, platform).map_err(at)?;
+        let run = |source: &str| platform.run(source, &library, fitted.path()).map_err(at);
+
+        let cycle = run("examples/cycle.c")?;
+        let first = greeting.get_or_insert_with(|| cycle.clone());
+        if *first != cycle {
+            return Err(at(format!("cycle.c prints other numbers than on this computer:\n{first}{cycle}")));
+        }
+        run("tests/misuse.c")?;
+        let lines = compare(&run("tests/parity.c")?, &host).map_err(at)?;
+        println!(
+            "{}: no panic, no allocator; misuse is refused; {lines} results, every bit as the host's",
+            platform.name
+        );
+    }
+    print!("examples/cycle.c prints, with every effect on:\n{}", greeting.unwrap_or_default());
+    Ok(())
+}
+
+/// The library for this computer, with the `coefficients.rs` of a folder.
+pub fn library_here(fitted: &Path) -> Result<PathBuf, String> {
+    let fitted = fitted.canonicalize().map_err(|e| format!("{}: {e}", fitted.display()))?;
+    PLATFORMS[0].library(&fitted, &[])
+}
+
+impl Platform {
+    fn library(&self, fitted: &Path, features: &[&str]) -> Result<PathBuf, String> {
+        let mut build = cargo("build");
+        build.arg("--release").args(features).env("PKM_COEFFICIENTS", fitted.join("coefficients.rs"));
+        let mut path = folder().join("target").join(self.name.replace(' ', "-"));
+        build.arg("--target-dir").arg(&path);
+        if let Some((target, cpu)) = self.target {
+            build.args(["--target", target]).env("RUSTFLAGS", format!("-C target-cpu={cpu}"));
+            path.push(target);
+        }
+        output(&mut build)?;
+        Ok(path.join("release/libpkm.a"))
+    }
+
+    /// What a program prints.
+    fn run(&self, source: &str, library: &Path, to: &Path) -> Result<String, String> {
+        let ffi = folder();
+        let program = to.join(Path::new(source).with_extension("elf").file_name().expect("a name"));
+        let mut compile = Command::new(self.compiler);
+        compile.current_dir(&ffi).args(["-std=c11", "-O2", "-Iinclude"]).args(STRICT).args(self.flags).arg(source);
+        if self.board.is_some() {
+            compile.args(["-mthumb", "-mfloat-abi=hard", "--specs=rdimon.specs", "-nostartfiles", "-Wl,--gc-sections"]);
+            compile.args(["-T", "examples/mps2.ld", "examples/start.c"]);
+        }
+        output(compile.arg(library).args(["-lm", "-o"]).arg(&program))?;
+        match self.board {
+            Some(board) => boot(board, &program, &[]),
+            None => output(&mut Command::new(&program)),
+        }
+    }
+}
+
+/// No panic, no allocator, and on a controller no memory of its own.
+fn check_symbols(library: &Path, platform: &Platform) -> Outcome {
+    for symbol in symbols(library)? {
+        let refused = match symbol.kind {
+            _ if symbol.name == "pkm_a_panic_is_reachable" => "a panic is reachable",
+            _ if symbol.name.contains("alloc") => "an allocator is named",
+            'b' | 'B' | 'd' | 'D' | 'C' if platform.board.is_some() => "memory is taken",
+            _ => continue,
+        };
+        return Err(format!("{refused}: {}", symbol.name));
+    }
+    Ok(())
+}
+
+/// Holds what `parity.c` prints against the host; returns the number of results.
+fn compare(text: &str, host: &Host) -> Result<usize, String> {
+    let mut lines = text.lines();
+    let mut results = 0;
+    while let Some(line) = lines.next() {
+        let pose: Vec<u64> = line.split(' ').skip(2).map_while(|bits| u64::from_str_radix(bits, 16).ok()).collect();
+        let [theta, sigma, z0] = pose[..] else { return Err(format!("not a pose: {line}")) };
+        let bits = [theta, sigma, z0].map(f64::from_bits);
+        let (double, single) = host.both(|m, t| expected(m, t, bits), |m, t| expected(m, t, bits))?;
+        for (name, expected) in if line.starts_with("pose_f64") { double } else { single } {
+            let line = lines.next().ok_or("the program stopped early")?;
+            let mut words = line.split(' ');
+            let found = words.next() == Some(name);
+            let same = match &expected {
+                Some(values) => words.eq(std::iter::once("0").chain(values.iter().map(String::as_str))),
+                None => words.next().is_some_and(|error| error != "0") && words.next().is_none(),
+            };
+            if !(found && same) {
+                return Err(format!("{line}\nwhere the host has {name} {expected:?}"));
+            }
+            results += 1;
+        }
+    }
+    if results < 4000 { Err(format!("the program stopped early: {results} results")) } else { Ok(results) }
+}
+
+/// What `parity.c` prints at a pose: name, and numbers unless there is an error.
+fn expected<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    table: &CorrectionTable<'_, T>,
+    pose: [f64; 3],
+) -> Vec<(&'static str, Option<Vec<String>>)> {
+    fn line<T: Scalar, E>(name: &'static str, result: Result<Vec<T>, E>) -> (&'static str, Option<Vec<String>>) {
+        let bits = |v: &T| format!("{:016x}", v.to_f64().to_bits());
+        (name, result.ok().map(|values| values.iter().map(bits).collect()))
+    }
+    let machine = five.machine;
+    let t = |values: [f64; 3]| values.map(T::from_f64);
+    let [theta_rad, sigma_rad, z0_m] = t(pose);
+    let pose = &Pose { theta_rad, sigma_rad, z0_m };
+    let wrench = Wrench { force_n: t([100.0, -50.0, -400.0]), moment_nm: t([2.0, -8.0, 5.0]) };
+    let turned_at = Wrench { force_n: t([150.0, -20.0, -600.0]), moment_nm: t([3.0, -8.0, 9.0]) };
+    let tip = t([0.03, -0.02, 0.3]);
+    let flat = |p: Pose<T>, q: ScrewLengths<T>| [[p.theta_rad, p.sigma_rad, p.z0_m], q.q_m].concat();
+    let lengths = machine.inverse(pose);
+    let set = lengths.unwrap_or(ScrewLengths { q_m: t([0.0; 3]) });
+    let (margin_m, limb) = machine.travel_margin_m(&set);
+    let deflection = table.factor_form(machine, pose).and_then(|k| {
+        let linear = k.factor.deflection(&wrench)?;
+        Ok(linear.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?))
+    });
+    let six = |d: Deflection<T>| d.to_array().to_vec();
+    let compensated = machine.compensated(pose, &deflection.unwrap_or(Deflection::ZERO), tip);
+    let columns = |rows: [[T; 3]; 3]| (0..9).map(|i| rows[i % 3][i / 3]).collect();
+    let cycle = table
+        .cycle(machine, pose, &wrench, tip)
+        .map(|c| [c.lengths.q_m.to_vec(), six(c.deflection), flat(c.compensated.pose, c.compensated.lengths)].concat());
+    let whole = |k: pkm_core::Stiffness<T>| k.matrix().concat();
+    let warm = machine.at_temperature(T::from_f64(31.5));
+    let ok = |name, text: String| (name, Some(vec![text]));
+    // as the structures of the header have them
+    let beta_rad = [0.3, -0.2].map(T::from_f64);
+    let stands = |c: &Configuration<T>| [&[c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m][..], &c.beta_rad].concat();
+    let hold = |h: &Hold<T>| {
+        let JointValues { lengths, beta_rad } = &h.joints;
+        [stands(&h.configuration), lengths.q_m.to_vec(), beta_rad.to_vec(), vec![h.home_share]].concat()
+    };
+    let home = Configuration {
+        pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) },
+        beta_rad: [T::ZERO; 2],
+    };
+    let place = five.forward(&JointValues { lengths: set, beta_rad });
+    let tool = place.map_or(Tool { tip_m: t([0.0; 3]), axis: t([0.0; 3]) }, |(_, tool)| tool);
+    let loaded = five.compensated(Some(table), &tool, &wrench, &home);
+    vec![
+        line("inverse", lengths.map(|q| q.q_m.to_vec())),
+        line("forward", machine.forward(&set).map(|p| flat(p, set)[..3].to_vec())),
+        line("jacobian", machine.jacobian(pose).map(columns)),
+        line("distance", machine.singularity_distance(pose).map(|d| vec![d.limbs_1_2, d.limb_3])),
+        line("margin", Ok::<_, ()>(vec![margin_m])),
+        ok("limb", (limb + 1).to_string()),
+        line("k_p", machine.stiffness(pose).map(whole)),
+        line("domain", Ok::<Vec<T>, ()>(vec![])),
+        ok("outside", i32::from(table.domain(pose) == Domain::Outside).to_string()),
+        line("k_m", table.factor_form(machine, pose).map(|k| whole(k.factor.stiffness()))),
+        line("deflection", deflection.map(six)),
+        line("compensated", compensated.map(|c| flat(c.pose, c.lengths))),
+        line("thermal", machine.thermal_deflection(pose, T::from_f64(4.5)).map(six)),
+        line("cycle", cycle),
+        line("warm", warm.map(|_| Vec::<T>::new())),
+        line("k_p_warm", warm.map_err(drop).and_then(|m| m.stiffness(pose).map(whole).map_err(drop))),
+        line("tool_forward", place.map(|(c, tool)| [stands(&c), tool.tip_m.to_vec(), tool.axis.to_vec()].concat())),
+        line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
+        line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| hold(&h))),
+        line(
+            "tool_compensated",
+            loaded.map(|l| [hold(&l.hold), [l.deflection.translation_m, l.deflection.rotation_rad].concat()].concat()),
+        ),
+    ]
+}

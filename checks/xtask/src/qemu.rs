@@ -1,0 +1,279 @@
+//! The firmware in QEMU, held against the host bit for bit.
+//!
+//! The firmware runs with the `coefficients.rs` of a fit; the host computes the same poses from the machine
+//! file and the `coefficients.json` of that fit. So the generated source, the compiler and the target's
+//! arithmetic are all in the comparison.
+
+use std::path::Path;
+use std::process::Command;
+
+use pkm_core::effects::{EFFECTS, EffectInfo};
+use pkm_core::{
+    Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar, Stiffness,
+    StiffnessError, Tool, ToolDeflectionError, Wrench, Wrist,
+};
+use pkm_host::cli::commands;
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::source::Source;
+use pkm_host::files::table::TableFile;
+use serde_json::Value;
+
+use crate::proofs::firmware;
+use crate::{Outcome, fit_fixtures, output, root};
+
+/// Where the firmware's machine and table come from.
+enum Origin {
+    /// A fit of the fixtures.
+    Fit,
+    /// The same with every effect on.
+    EveryEffect,
+    /// A diagnosis of measured data that lack two effects.
+    Diagnosis,
+}
+
+/// Machine of QEMU, processor, the `target-cpu` to build for (f64 in hardware needs the M7's), origin.
+const RUNS: [(&str, &str, Option<&str>, Origin); 5] = [
+    ("mps2-an386", "Cortex-M4F", None, Origin::Fit),
+    ("mps2-an386", "Cortex-M4F", None, Origin::EveryEffect),
+    ("mps2-an386", "Cortex-M4F", None, Origin::Diagnosis),
+    ("mps2-an500", "Cortex-M7", None, Origin::Fit),
+    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), Origin::Fit),
+];
+
+pub fn run() -> Outcome {
+    for (board, processor, cpu, origin) in RUNS {
+        let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let with = match origin {
+            Origin::Diagnosis => {
+                let measured = root().join("fixtures/measured/p08");
+                let (machine, data) = (measured.join("machine.toml"), measured.join("measured.csv"));
+                commands::diagnose(Some(&machine), Some(&data), None, folder.path()).map_err(|e| e.to_string())?;
+                ", the machine of a diagnosis"
+            }
+            Origin::Fit => {
+                fit(&[], folder.path())?;
+                ""
+            }
+            Origin::EveryEffect => {
+                fit(&EFFECTS, folder.path())?;
+                ", every effect on"
+            }
+        };
+        let (mut build, elf) = firmware("parity", cpu);
+        output(build.env("PKM_COEFFICIENTS", folder.path().join("coefficients.rs")))?;
+        let lines = compare(&boot(board, &elf, &[])?, &Host::read(folder.path())?)?;
+        println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
+    }
+    Ok(())
+}
+
+/// Fits the fixtures' data with effects of modest size on.
+pub fn fit(effects: &[EffectInfo], folder: &Path) -> Outcome {
+    let path = folder.join("machine.toml");
+    let mut text = Source::embedded(pkm_fixtures::MACHINE).text().map_err(|e| e.to_string())?.to_owned();
+    text.extend(effects.iter().map(one_of));
+    std::fs::write(&path, text).map_err(|e| e.to_string())?;
+    fit_fixtures(Some(&path), folder)
+}
+
+/// An `[[effect]]` of modest size.
+fn one_of(effect: &EffectInfo) -> String {
+    let value = |name: &str| match name {
+        "tube_m" | "ram_m" => 0.3,
+        "aside_1_m" | "aside_2_m" | "aside_3_m" => 1e-3,
+        "play_m" => 1e-5,
+        "taken_up_n" | "reference_n" | "reversal_n" => 50.0,
+        "lag_m" => 1e-6,
+        "limbs_1_2_n" | "limb_3_n" => 1e3,
+        "limbs_1_2_m" | "limb_3_m" => -2e-3,
+        "error_m" => 1e-4,
+        "bodies_per_k" | "joints_per_k" => 3e-4,
+        "limbs_per_k" | "platforms_per_k" => 12e-6,
+        name if name.ends_with("rad_per_nm") => 1e-7,
+        name if name.ends_with("per_nm2") => 1e-6,
+        _ => 1e-10,
+    };
+    let values: String = effect.parameters.iter().map(|p| format!("{p} = {:e}\n", value(p))).collect();
+    format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
+}
+
+/// Runs an image to its end and returns what it printed.
+pub fn boot(board: &str, elf: &Path, options: &[&str]) -> Result<String, String> {
+    let mut command = Command::new("qemu-system-arm");
+    command.args(["-M", board, "-nographic", "-monitor", "none", "-serial", "null"]).args(options);
+    output(command.args(["-semihosting-config", "enable=on,target=native", "-kernel"]).arg(elf))
+}
+
+/// The host's side: machine and table of a fit or a diagnosis from their files, not from generated source.
+pub struct Host {
+    machine: MachineFile,
+    table: TableFile,
+}
+
+impl Host {
+    pub fn read(folder: &Path) -> Result<Self, String> {
+        let read = |name: &str| Source::read(&folder.join(name)).map_err(|e| e.to_string());
+        let table = TableFile::parse(&read("coefficients.json")?).map_err(|e| e.to_string())?;
+        let machine = MachineFile::parse(read("machine.toml")?).map_err(|e| e.to_string())?;
+        Ok(Self { machine, table })
+    }
+
+    /// Calls one with machine, wrist and table in `f64`, the other with those in `f32`, and gives what the calls give.
+    pub fn both<R>(
+        &self,
+        double: impl FnOnce(&FiveAxis<'_, f64>, &CorrectionTable<'_, f64>) -> R,
+        single: impl FnOnce(&FiveAxis<'_, f32>, &CorrectionTable<'_, f32>) -> R,
+    ) -> Result<(R, R), String> {
+        let numbers = self.table.numbers();
+        let table = numbers.table().map_err(|e| e.to_string())?;
+        let in_double = double(&self.machine.five_axis().map_err(|e| e.to_string())?, &table);
+        let machine = Machine::<f32>::new(&self.machine.parameters).map_err(|e| e.to_string())?;
+        let narrowed = numbers.narrowed();
+        let table = narrowed.table().map_err(|e| e.to_string())?;
+        let wrist = Wrist::<f32>::new(&self.machine.wrist_parameters).map_err(|e| e.to_string())?;
+        Ok((in_double, single(&FiveAxis { machine: &machine, wrist: &wrist }, &table)))
+    }
+}
+
+/// Checks every line; returns their number.
+fn compare(text: &str, host: &Host) -> Result<usize, String> {
+    let (mut lines, mut outside, mut refused, mut loaded) = (0, 0, 0, 0);
+    for text in text.lines() {
+        let line: Value = serde_json::from_str(text).map_err(|e| format!("not a line of the firmware: {e}: {text}"))?;
+        let pose = bits(&line["pose"])?;
+        let (double, single) = host.both(|m, t| expected(m, t, &pose), |m, t| expected(m, t, &pose))?;
+        let expected = match line["float_bits"].as_u64() {
+            Some(64) => double,
+            Some(32) => single,
+            other => return Err(format!("unknown width {other:?}")),
+        };
+        let found = |key: &str| bits(&line[key]);
+        if expected.error != line["error"].is_string() || Some(expected.inside) != line["inside"].as_bool() {
+            return Err(format!("another status than on the host: {text}"));
+        }
+        refused += usize::from(expected.error);
+        outside += usize::from(!expected.inside && !expected.error);
+        if !expected.error {
+            loaded += usize::from(!found("loaded")?.is_empty());
+            for (key, values) in expected.values {
+                if found(key)? != values {
+                    return Err(format!("{key} differs from the host's {values:?}: {text}"));
+                }
+            }
+        }
+        lines += 1;
+    }
+    if lines < 500 || outside < 100 || refused < 6 || loaded < 400 {
+        return Err(format!(
+            "the firmware stopped early: {lines} lines, {outside} outside, {refused} refused, {loaded} with five axes"
+        ));
+    }
+    Ok(lines)
+}
+
+fn bits(value: &Value) -> Result<Vec<u64>, String> {
+    let numbers = value.as_array().and_then(|a| a.iter().map(Value::as_u64).collect());
+    numbers.ok_or_else(|| format!("expected bits, found {value}"))
+}
+
+struct Expected {
+    error: bool,
+    inside: bool,
+    values: Vec<(&'static str, Vec<u64>)>,
+}
+
+fn expected<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &[u64]) -> Expected {
+    let at = |i: usize| T::from_f64(f64::from_bits(pose[i]));
+    let pose = Pose { theta_rad: at(0), sigma_rad: at(1), z0_m: at(2) };
+    let values = values(five.machine, table, &pose).map(|mut values| {
+        values.extend(five_axes(five, table, &pose));
+        values
+    });
+    Expected {
+        error: values.is_err(),
+        inside: table.domain(&pose) == Domain::Inside,
+        values: values.unwrap_or_default(),
+    }
+}
+
+fn bits_of<T: Scalar>(values: &[T]) -> Vec<u64> {
+    values.iter().map(|v| v.to_f64().to_bits()).collect()
+}
+
+fn lower_of<T: Scalar>(k: &Stiffness<T>) -> Vec<u64> {
+    let k = k.matrix();
+    bits_of(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
+}
+
+/// Configuration, screw lengths and home share.
+fn hold_numbers<T: Scalar>(hold: &Hold<T>) -> Vec<T> {
+    let Configuration { pose, beta_rad } = &hold.configuration;
+    let stands = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
+    [&stands[..], beta_rad, &hold.joints.lengths.q_m, &[hold.home_share]].concat()
+}
+
+/// What the five axes do, with nothing from the first error on, as embed/firmware/src/bin/parity.rs has it.
+fn five_axes<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    table: &CorrectionTable<'_, T>,
+    pose: &Pose<T>,
+) -> [(&'static str, Vec<u64>); 4] {
+    let mut found = ["hold", "hold_frame", "tip_stiffness", "loaded"].map(|name| (name, Vec::new()));
+    let [(_, hold), (_, hold_frame), (_, tip_stiffness), (_, loaded)] = &mut found;
+    let mut compute = || {
+        let stands = Configuration { pose: *pose, beta_rad: [0.3, -0.2].map(T::from_f64) };
+        let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
+        let frame = five.frame(&stands)?;
+        let tool = Tool { tip_m: frame.tip_m, axis: frame.axes[2] };
+        let near = Configuration { pose: upright, beta_rad: [T::ZERO; 2] };
+        *hold = bits_of(&hold_numbers(&five.inverse(&tool, &near)?));
+        *hold_frame = bits_of(&hold_numbers(&five.inverse_frame(&frame)?));
+        *tip_stiffness = lower_of(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
+        let wrench =
+            Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+        let table = table.has_factor_form().then_some(table);
+        let command = five.compensated(table, &tool, &wrench, &stands)?;
+        let moved = [command.deflection.translation_m, command.deflection.rotation_rad].concat();
+        *loaded = bits_of(&[hold_numbers(&command.hold), moved].concat());
+        Ok::<(), ToolDeflectionError>(())
+    };
+    // the firmware's error shows in what is empty there
+    compute().ok();
+    found
+}
+
+fn values<T: Scalar>(
+    machine: &Machine<T>,
+    table: &CorrectionTable<'_, T>,
+    pose: &Pose<T>,
+) -> Result<Vec<(&'static str, Vec<u64>)>, CycleError> {
+    let (bits, lower) = (bits_of::<T>, lower_of::<T>);
+    // the loads, the tip and the temperature that embed/firmware/src/bin/parity.rs applies
+    let wrench =
+        Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+    let turned_at =
+        Wrench { force_n: [150.0, -20.0, -600.0].map(T::from_f64), moment_nm: [3.0, -8.0, 9.0].map(T::from_f64) };
+    let warm = machine.at_temperature(T::from_f64(31.5)).map_err(|_| StiffnessError::NotFinite)?;
+    let grown = machine.thermal_deflection(pose, T::from_f64(4.5))?;
+    let diagonal = table.diagonal_form(machine, pose)?;
+    let factor = table.factor_form(machine, pose)?;
+    let d = factor.factor.deflection(&wrench)?.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?);
+    let lengths = machine.inverse(pose)?;
+    let forward = machine.forward(&lengths)?;
+    let cycle = table.cycle(machine, pose, &wrench, [0.01, -0.02, 0.3].map(T::from_f64))?.compensated;
+    Ok(vec![
+        ("q", bits(&lengths.q_m)),
+        ("forward", bits(&[forward.theta_rad, forward.sigma_rad, forward.z0_m])),
+        ("jacobian", bits(machine.jacobian(pose)?.as_flattened())),
+        ("k_p", lower(&machine.stiffness(pose)?)),
+        ("k_m_diagonal", lower(&diagonal.factor.stiffness())),
+        ("k_m_factor", lower(&factor.factor.stiffness())),
+        ("deflection", bits(&d.to_array())),
+        ("k_p_warm", lower(&warm.stiffness(pose)?)),
+        ("thermal", bits(&grown.to_array())),
+        (
+            "compensated",
+            bits(&[[cycle.pose.theta_rad, cycle.pose.sigma_rad, cycle.pose.z0_m], cycle.lengths.q_m].concat()),
+        ),
+    ])
+}

@@ -1,0 +1,826 @@
+/* pkm: kinematics and stiffness of an Exechon-like parallel kinematic machine. Generated from embed/c/src by
+ * `cargo xtask header`; change it there.
+ *
+ * Units: SI, in every name: m, rad, N, N m; temperatures in degrees Celsius.
+ * Frames: B-xyz sits on the fixed platform, x from B to B3, y from B to B2. A-uvw sits on the moving platform, u from A
+ * to A3, v from A to A2. Six-vectors: u, v, w, about u, v, w.
+ * Errors: every function that computes returns a PkmError and writes its result (the last argument) only when that is
+ * PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors. GCC and Clang warn when one is ignored.
+ * Numbers: functions that end in _f64 compute in double, those in _f32 in float; the same bits on a PC as on a Cortex-M.
+ * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
+ * interrupts. Input and result may be the same memory.
+ * Stack: the core takes at most 6,144 bytes on a Cortex-M in functions that end in _f64, 3,072 in _f32 (checks/budgets.toml);
+ * copies of inputs and result come on top. Time: bounded; a pkm_tool_inverse looks at no more than 64 configurations, two or
+ * three along a path, and a pkm_tool_compensated calls it at most 9 times. The floating-point unit must be on before the
+ * first call.
+ * One library holds one machine, one wrist and one table. For several, or for tables that change at run time, use the Rust
+ * crate pkm-core.
+ * C99 or C++11.
+ */
+
+#ifndef PKM_H
+#define PKM_H
+
+#include <stdint.h>
+
+#if defined(__GNUC__)
+#define PKM_MUST_USE __attribute__((warn_unused_result))
+#else
+#define PKM_MUST_USE
+#endif
+
+// Size of a `PkmMachine` in numbers of its type.
+#define PKM_MACHINE_NUMBERS 208
+
+// What every function returns. The numbers stay what they are in later versions; new ones may come.
+enum PkmError
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // The result was written.
+  PKM_ERROR_OK = 0,
+  // A pointer is null.
+  PKM_ERROR_NULL_POINTER = 1,
+  // A pointer is not aligned for its type.
+  PKM_ERROR_MISALIGNED = 2,
+  // An input, or what would come of it, is NaN or infinite.
+  PKM_ERROR_NOT_FINITE = 3,
+  // No assembly exists in the working mode: an angle beyond a right angle, Z0 not above 0, the far side of a
+  // singularity, or lengths that don't close.
+  PKM_ERROR_UNREACHABLE = 10,
+  // Too near to a direct singularity.
+  PKM_ERROR_SINGULAR = 11,
+  // The screw of limb 1 would leave its travel, further than the others.
+  PKM_ERROR_OUT_OF_TRAVEL_LIMB1 = 12,
+  // The screw of limb 2 would leave its travel, further than the others.
+  PKM_ERROR_OUT_OF_TRAVEL_LIMB2 = 13,
+  // The screw of limb 3 would leave its travel, further than the others.
+  PKM_ERROR_OUT_OF_TRAVEL_LIMB3 = 14,
+  // The stiffness is not positive definite in this number type.
+  PKM_ERROR_NOT_POSITIVE_DEFINITE = 20,
+  // The limb forces under load-dependent effects were not found.
+  PKM_ERROR_NOT_CONVERGED = 21,
+  // No stiffness would be left at this temperature.
+  PKM_ERROR_NO_STIFFNESS = 22,
+  // The table has no factor form.
+  PKM_ERROR_NO_FACTOR_FORM = 30,
+  // A coefficient of the table that must be positive is not, at this pose; only outside the table's box.
+  PKM_ERROR_NOT_POSITIVE = 31,
+  // The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
+  // square to BA.
+  PKM_ERROR_NOT_COMPENSABLE = 40,
+  // A tool is out of the five axes' reach from where they stand, or `near` is no place where they can (all zeros).
+  PKM_ERROR_TOOL_UNREACHABLE = 50,
+  // Where the five axes stand, or on the way, two configurations meet that hold the tool alike.
+  PKM_ERROR_TOOL_SINGULAR = 51,
+  // The first joint of the wrist would leave its limits.
+  PKM_ERROR_WRIST_LIMIT1 = 52,
+  // The second joint of the wrist would leave its limits.
+  PKM_ERROR_WRIST_LIMIT2 = 53,
+  // The deflection of the tool changes too much on the way to be made up for.
+  PKM_ERROR_TOOL_NOT_COMPENSABLE = 54,
+  // An error of the core that has no number here.
+  PKM_ERROR_UNKNOWN = 255,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PkmError PkmError;
+#else
+typedef int32_t PkmError;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// Where a pose stands to the box that a table was fitted on.
+enum PkmDomain
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // In the box or on its edge: the table's stated errors hold.
+  PKM_DOMAIN_INSIDE = 0,
+  // Outside: the value is an extrapolation for which nobody has vouched; it is computed all the same.
+  PKM_DOMAIN_OUTSIDE = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PkmDomain PkmDomain;
+#else
+typedef int32_t PkmDomain;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// A correction table.
+typedef struct PkmTable_f32 PkmTable_f32;
+
+// A correction table.
+typedef struct PkmTable_f64 PkmTable_f64;
+
+// A wrist: the two rotary joints between moving platform and tool.
+typedef struct PkmWrist_f32 PkmWrist_f32;
+
+// A wrist: the two rotary joints between moving platform and tool.
+typedef struct PkmWrist_f64 PkmWrist_f64;
+
+// A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
+// `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.
+typedef struct {
+  // Not for reading.
+  double opaque[PKM_MACHINE_NUMBERS];
+} PkmMachine_f64;
+
+// Where the moving platform stands, R_y(theta) R_x(sigma).
+typedef struct {
+  // About y of B, within a right angle either way.
+  double theta_rad;
+  // About u, within a right angle either way.
+  double sigma_rad;
+  // Height of A over B along z of B, above 0.
+  double z0_m;
+} PkmPose_f64;
+
+// Lengths |A_i B_i| of limbs 1, 2, 3: what the screws set.
+typedef struct {
+  // q1, q2, q3.
+  double q_m[3];
+} PkmLengths_f64;
+
+// Derivatives of the screw lengths of limbs 1, 2, 3.
+typedef struct {
+  // By theta.
+  double by_theta_m_per_rad[3];
+  // By sigma.
+  double by_sigma_m_per_rad[3];
+  // By Z0.
+  double by_z0_m_per_m[3];
+} PkmJacobian_f64;
+
+// Distances to the two direct singularities, without dimension: 0 there, 1 at the most.
+typedef struct {
+  // Of limbs 1 and 2.
+  double limbs_1_2;
+  // Of limb 3.
+  double limb_3;
+} PkmSingularityDistance_f64;
+
+// Distance to the nearest end of travel.
+typedef struct {
+  // Negative outside.
+  double margin_m;
+  // The limb it belongs to: 1, 2, 3.
+  uint32_t limb;
+} PkmTravelMargin_f64;
+
+// A symmetric stiffness at A in A-uvw, order u, v, w, about u, v, w.
+typedef struct {
+  // By block: N/m, N/rad; N m/m, N m/rad.
+  double k_si[6][6];
+} PkmStiffness_f64;
+
+// Corrected stiffness K_m, and whether it may be trusted.
+typedef struct {
+  // K_m.
+  PkmStiffness_f64 stiffness;
+  // Where the pose stands to the table's box.
+  PkmDomain domain;
+} PkmCorrected_f64;
+
+// A load on the moving platform, in the axes of A-uvw.
+typedef struct {
+  // Along u, v, w.
+  double force_n[3];
+  // About A (or about the tip, where a function says so), around u, v, w.
+  double moment_nm[3];
+} PkmWrench_f64;
+
+// Displacement of the moving platform at A, in A-uvw.
+typedef struct {
+  // Of A along u, v, w.
+  double translation_m[3];
+  // About u, v, w.
+  double rotation_rad[3];
+} PkmDeflection_f64;
+
+// A point of the moving platform in A-uvw.
+typedef struct {
+  // From A along u, v, w.
+  double uvw_m[3];
+} PkmPoint_f64;
+
+// What to command so that a loaded tip is where it should be.
+typedef struct {
+  // The pose to command.
+  PkmPose_f64 pose;
+  // Its screw lengths.
+  PkmLengths_f64 lengths;
+} PkmCompensated_f64;
+
+// What one cycle of a controller computes.
+typedef struct {
+  // Screw lengths of the pose without load.
+  PkmLengths_f64 lengths;
+  // Displacement of A under the load.
+  PkmDeflection_f64 deflection;
+  // What to command under the load.
+  PkmCompensated_f64 compensated;
+  // Where the pose stands to the table's box.
+  PkmDomain domain;
+} PkmCycle_f64;
+
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f64 lengths;
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmJoints_f64;
+
+// Where the five axes stand.
+typedef struct {
+  // Of the moving platform.
+  PkmPose_f64 pose;
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmConfiguration_f64;
+
+// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Of length 1 where a function gives it, any length above 0 where one takes it.
+  double axis[3];
+} PkmTool_f64;
+
+// Where joint values put the five axes and the tool.
+typedef struct {
+  // Of the five axes.
+  PkmConfiguration_f64 configuration;
+  // Of the tool.
+  PkmTool_f64 tool;
+} PkmToolPlace_f64;
+
+// How a machine holds a tool.
+typedef struct {
+  // Where the five axes stand.
+  PkmConfiguration_f64 configuration;
+  // What the drives are told.
+  PkmJoints_f64 joints;
+  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  double home_share;
+} PkmHold_f64;
+
+// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmTip_f64;
+
+// What to command so that a loaded tool is where it should be.
+typedef struct {
+  // What to command, and where the five axes then would stand without the load.
+  PkmHold_f64 hold;
+  // What the load moves the tip by there, along x, y, z of B.
+  double translation_m[3];
+  // What it turns the tool by, about x, y, z of B.
+  double rotation_rad[3];
+  // Where the commanded pose stands to the table's box.
+  PkmDomain domain;
+} PkmCompensatedTool_f64;
+
+// A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
+// `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.
+typedef struct {
+  // Not for reading.
+  float opaque[PKM_MACHINE_NUMBERS];
+} PkmMachine_f32;
+
+// Where the moving platform stands, R_y(theta) R_x(sigma).
+typedef struct {
+  // About y of B, within a right angle either way.
+  float theta_rad;
+  // About u, within a right angle either way.
+  float sigma_rad;
+  // Height of A over B along z of B, above 0.
+  float z0_m;
+} PkmPose_f32;
+
+// Lengths |A_i B_i| of limbs 1, 2, 3: what the screws set.
+typedef struct {
+  // q1, q2, q3.
+  float q_m[3];
+} PkmLengths_f32;
+
+// Derivatives of the screw lengths of limbs 1, 2, 3.
+typedef struct {
+  // By theta.
+  float by_theta_m_per_rad[3];
+  // By sigma.
+  float by_sigma_m_per_rad[3];
+  // By Z0.
+  float by_z0_m_per_m[3];
+} PkmJacobian_f32;
+
+// Distances to the two direct singularities, without dimension: 0 there, 1 at the most.
+typedef struct {
+  // Of limbs 1 and 2.
+  float limbs_1_2;
+  // Of limb 3.
+  float limb_3;
+} PkmSingularityDistance_f32;
+
+// Distance to the nearest end of travel.
+typedef struct {
+  // Negative outside.
+  float margin_m;
+  // The limb it belongs to: 1, 2, 3.
+  uint32_t limb;
+} PkmTravelMargin_f32;
+
+// A symmetric stiffness at A in A-uvw, order u, v, w, about u, v, w.
+typedef struct {
+  // By block: N/m, N/rad; N m/m, N m/rad.
+  float k_si[6][6];
+} PkmStiffness_f32;
+
+// Corrected stiffness K_m, and whether it may be trusted.
+typedef struct {
+  // K_m.
+  PkmStiffness_f32 stiffness;
+  // Where the pose stands to the table's box.
+  PkmDomain domain;
+} PkmCorrected_f32;
+
+// A load on the moving platform, in the axes of A-uvw.
+typedef struct {
+  // Along u, v, w.
+  float force_n[3];
+  // About A (or about the tip, where a function says so), around u, v, w.
+  float moment_nm[3];
+} PkmWrench_f32;
+
+// Displacement of the moving platform at A, in A-uvw.
+typedef struct {
+  // Of A along u, v, w.
+  float translation_m[3];
+  // About u, v, w.
+  float rotation_rad[3];
+} PkmDeflection_f32;
+
+// A point of the moving platform in A-uvw.
+typedef struct {
+  // From A along u, v, w.
+  float uvw_m[3];
+} PkmPoint_f32;
+
+// What to command so that a loaded tip is where it should be.
+typedef struct {
+  // The pose to command.
+  PkmPose_f32 pose;
+  // Its screw lengths.
+  PkmLengths_f32 lengths;
+} PkmCompensated_f32;
+
+// What one cycle of a controller computes.
+typedef struct {
+  // Screw lengths of the pose without load.
+  PkmLengths_f32 lengths;
+  // Displacement of A under the load.
+  PkmDeflection_f32 deflection;
+  // What to command under the load.
+  PkmCompensated_f32 compensated;
+  // Where the pose stands to the table's box.
+  PkmDomain domain;
+} PkmCycle_f32;
+
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f32 lengths;
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmJoints_f32;
+
+// Where the five axes stand.
+typedef struct {
+  // Of the moving platform.
+  PkmPose_f32 pose;
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmConfiguration_f32;
+
+// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+typedef struct {
+  // x, y, z of the tip.
+  float tip_m[3];
+  // Of length 1 where a function gives it, any length above 0 where one takes it.
+  float axis[3];
+} PkmTool_f32;
+
+// Where joint values put the five axes and the tool.
+typedef struct {
+  // Of the five axes.
+  PkmConfiguration_f32 configuration;
+  // Of the tool.
+  PkmTool_f32 tool;
+} PkmToolPlace_f32;
+
+// How a machine holds a tool.
+typedef struct {
+  // Where the five axes stand.
+  PkmConfiguration_f32 configuration;
+  // What the drives are told.
+  PkmJoints_f32 joints;
+  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  float home_share;
+} PkmHold_f32;
+
+// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+typedef struct {
+  // x, y, z of the tip.
+  float tip_m[3];
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmTip_f32;
+
+// What to command so that a loaded tool is where it should be.
+typedef struct {
+  // What to command, and where the five axes then would stand without the load.
+  PkmHold_f32 hold;
+  // What the load moves the tip by there, along x, y, z of B.
+  float translation_m[3];
+  // What it turns the tool by, about x, y, z of B.
+  float rotation_rad[3];
+  // Where the commanded pose stands to the table's box.
+  PkmDomain domain;
+} PkmCompensatedTool_f32;
+
+
+
+
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// Version of the library. A library goes with the header of its version.
+const char *pkm_version(void);
+
+// Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
+// wrist's and the table's when the program starts: a library that was built without PKM_COEFFICIENTS has the reference
+// machine.
+uint64_t pkm_machine_checksum(void);
+
+// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
+uint64_t pkm_wrist_checksum(void);
+
+// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
+uint64_t pkm_table_checksum(void);
+
+// The compiled-in machine.
+const PkmMachine_f64 *pkm_machine_f64(void);
+
+// The compiled-in correction table.
+const PkmTable_f64 *pkm_table_f64(void);
+
+// The compiled-in wrist.
+const PkmWrist_f64 *pkm_wrist_f64(void);
+
+// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
+// it. Compute it when the temperature has changed, not in every cycle.
+//
+// Errors: NOT_FINITE, NO_STIFFNESS.
+PKM_MUST_USE PkmError pkm_at_temperature_f64(const PkmMachine_f64 *machine, double temperature_c, PkmMachine_f64 *warm);
+
+// Inverse kinematics: screw lengths of a pose.
+//
+// Errors: NOT_FINITE, UNREACHABLE, SINGULAR, OUT_OF_TRAVEL_LIMB1 to 3, in this order; called "those of a
+// pose" below.
+PKM_MUST_USE PkmError pkm_inverse_f64(const PkmMachine_f64 *machine, const PkmPose_f64 *pose, PkmLengths_f64 *lengths);
+
+// Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
+//
+// Errors: those of a pose.
+PKM_MUST_USE PkmError pkm_forward_f64(const PkmMachine_f64 *machine, const PkmLengths_f64 *lengths, PkmPose_f64 *pose);
+
+// Derivatives of the screw lengths by the pose.
+//
+// Errors: those of a pose.
+PKM_MUST_USE
+PkmError pkm_jacobian_f64(const PkmMachine_f64 *machine,
+                          const PkmPose_f64 *pose,
+                          PkmJacobian_f64 *jacobian);
+
+// How far a pose is from the direct singularities.
+//
+// Errors: those of a pose.
+PKM_MUST_USE
+PkmError pkm_singularity_distance_f64(const PkmMachine_f64 *machine,
+                                      const PkmPose_f64 *pose,
+                                      PkmSingularityDistance_f64 *distance);
+
+// How far screw lengths are from the nearest end of travel.
+//
+// Errors: NOT_FINITE.
+PKM_MUST_USE
+PkmError pkm_travel_margin_f64(const PkmMachine_f64 *machine,
+                               const PkmLengths_f64 *lengths,
+                               PkmTravelMargin_f64 *margin);
+
+// Basic stiffness K_p, without a table.
+//
+// Errors: those of a pose, NOT_POSITIVE_DEFINITE.
+PKM_MUST_USE
+PkmError pkm_stiffness_f64(const PkmMachine_f64 *machine,
+                           const PkmPose_f64 *pose,
+                           PkmStiffness_f64 *stiffness);
+
+// Whether a pose lies in the box that the table was fitted on.
+//
+// Errors: NOT_FINITE.
+PKM_MUST_USE PkmError pkm_domain_f64(const PkmTable_f64 *table, const PkmPose_f64 *pose, PkmDomain *domain);
+
+// Corrected stiffness K_m, the table's factor form on the basic stiffness.
+//
+// Errors: those of a pose, NOT_POSITIVE_DEFINITE, NO_FACTOR_FORM, NOT_POSITIVE.
+PKM_MUST_USE
+PkmError pkm_corrected_stiffness_f64(const PkmMachine_f64 *machine,
+                                     const PkmTable_f64 *table,
+                                     const PkmPose_f64 *pose,
+                                     PkmCorrected_f64 *corrected);
+
+// Displacement of A under a load at A: that of K_m, and what the machine's load-dependent effects add.
+// `turned_at` is the load at which the loading last turned back, for friction; null when it has only grown
+// from zero. Outside the table's box it is computed all the same: ask `pkm_domain`.
+//
+// Errors: those of the corrected stiffness, NOT_FINITE, NOT_CONVERGED.
+PKM_MUST_USE
+PkmError pkm_deflection_f64(const PkmMachine_f64 *machine,
+                            const PkmTable_f64 *table,
+                            const PkmPose_f64 *pose,
+                            const PkmWrench_f64 *wrench,
+                            const PkmWrench_f64 *turned_at,
+                            PkmDeflection_f64 *deflection);
+
+// Displacement of A without load when the machine is warmer by `rise_k` than at the zero reading, by its
+// effect `thermal-expansion`; zero without it.
+//
+// Errors: those of a pose.
+PKM_MUST_USE
+PkmError pkm_thermal_deflection_f64(const PkmMachine_f64 *machine,
+                                    const PkmPose_f64 *pose,
+                                    double rise_k,
+                                    PkmDeflection_f64 *deflection);
+
+// Pose and screw lengths to command so that the tip, displaced by `deflection` of A, stands where it would
+// without. The tip's position is made up for, the orientation is not.
+//
+// Errors: those of a pose, for `pose` or for the one to command; NOT_COMPENSABLE.
+PKM_MUST_USE
+PkmError pkm_compensated_f64(const PkmMachine_f64 *machine,
+                             const PkmPose_f64 *pose,
+                             const PkmDeflection_f64 *deflection,
+                             const PkmPoint_f64 *tip,
+                             PkmCompensated_f64 *compensated);
+
+// One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
+// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
+// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+//
+// Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
+// `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask
+// `pkm_inverse` for the lengths without load.
+//
+// Errors: those of `pkm_deflection` and of `pkm_compensated`.
+PKM_MUST_USE
+PkmError pkm_cycle_f64(const PkmMachine_f64 *machine,
+                       const PkmTable_f64 *table,
+                       const PkmPose_f64 *pose,
+                       const PkmWrench_f64 *wrench_at_tip,
+                       const PkmPoint_f64 *tip,
+                       PkmCycle_f64 *cycle);
+
+// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmJoints_f64 *joints,
+                              PkmToolPlace_f64 *place);
+
+// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
+//
+// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmTool_f64 *tool,
+                              const PkmConfiguration_f64 *near,
+                              PkmHold_f64 *hold);
+
+// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+//
+// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
+                             const PkmWrist_f64 *wrist,
+                             const PkmTip_f64 *tip,
+                             PkmHold_f64 *hold);
+
+// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+//
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+// TOOL_NOT_COMPENSABLE.
+PKM_MUST_USE
+PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
+                                  const PkmTable_f64 *table,
+                                  const PkmWrist_f64 *wrist,
+                                  const PkmTool_f64 *tool,
+                                  const PkmWrench_f64 *wrench,
+                                  const PkmConfiguration_f64 *near,
+                                  PkmCompensatedTool_f64 *compensated);
+
+// The compiled-in machine.
+const PkmMachine_f32 *pkm_machine_f32(void);
+
+// The compiled-in correction table.
+const PkmTable_f32 *pkm_table_f32(void);
+
+// The compiled-in wrist.
+const PkmWrist_f32 *pkm_wrist_f32(void);
+
+// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
+// it. Compute it when the temperature has changed, not in every cycle.
+//
+// Errors: NOT_FINITE, NO_STIFFNESS.
+PKM_MUST_USE PkmError pkm_at_temperature_f32(const PkmMachine_f32 *machine, float temperature_c, PkmMachine_f32 *warm);
+
+// Inverse kinematics: screw lengths of a pose.
+//
+// Errors: NOT_FINITE, UNREACHABLE, SINGULAR, OUT_OF_TRAVEL_LIMB1 to 3, in this order; called "those of a
+// pose" below.
+PKM_MUST_USE PkmError pkm_inverse_f32(const PkmMachine_f32 *machine, const PkmPose_f32 *pose, PkmLengths_f32 *lengths);
+
+// Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
+//
+// Errors: those of a pose.
+PKM_MUST_USE PkmError pkm_forward_f32(const PkmMachine_f32 *machine, const PkmLengths_f32 *lengths, PkmPose_f32 *pose);
+
+// Derivatives of the screw lengths by the pose.
+//
+// Errors: those of a pose.
+PKM_MUST_USE
+PkmError pkm_jacobian_f32(const PkmMachine_f32 *machine,
+                          const PkmPose_f32 *pose,
+                          PkmJacobian_f32 *jacobian);
+
+// How far a pose is from the direct singularities.
+//
+// Errors: those of a pose.
+PKM_MUST_USE
+PkmError pkm_singularity_distance_f32(const PkmMachine_f32 *machine,
+                                      const PkmPose_f32 *pose,
+                                      PkmSingularityDistance_f32 *distance);
+
+// How far screw lengths are from the nearest end of travel.
+//
+// Errors: NOT_FINITE.
+PKM_MUST_USE
+PkmError pkm_travel_margin_f32(const PkmMachine_f32 *machine,
+                               const PkmLengths_f32 *lengths,
+                               PkmTravelMargin_f32 *margin);
+
+// Basic stiffness K_p, without a table.
+//
+// Errors: those of a pose, NOT_POSITIVE_DEFINITE.
+PKM_MUST_USE
+PkmError pkm_stiffness_f32(const PkmMachine_f32 *machine,
+                           const PkmPose_f32 *pose,
+                           PkmStiffness_f32 *stiffness);
+
+// Whether a pose lies in the box that the table was fitted on.
+//
+// Errors: NOT_FINITE.
+PKM_MUST_USE PkmError pkm_domain_f32(const PkmTable_f32 *table, const PkmPose_f32 *pose, PkmDomain *domain);
+
+// Corrected stiffness K_m, the table's factor form on the basic stiffness.
+//
+// Errors: those of a pose, NOT_POSITIVE_DEFINITE, NO_FACTOR_FORM, NOT_POSITIVE.
+PKM_MUST_USE
+PkmError pkm_corrected_stiffness_f32(const PkmMachine_f32 *machine,
+                                     const PkmTable_f32 *table,
+                                     const PkmPose_f32 *pose,
+                                     PkmCorrected_f32 *corrected);
+
+// Displacement of A under a load at A: that of K_m, and what the machine's load-dependent effects add.
+// `turned_at` is the load at which the loading last turned back, for friction; null when it has only grown
+// from zero. Outside the table's box it is computed all the same: ask `pkm_domain`.
+//
+// Errors: those of the corrected stiffness, NOT_FINITE, NOT_CONVERGED.
+PKM_MUST_USE
+PkmError pkm_deflection_f32(const PkmMachine_f32 *machine,
+                            const PkmTable_f32 *table,
+                            const PkmPose_f32 *pose,
+                            const PkmWrench_f32 *wrench,
+                            const PkmWrench_f32 *turned_at,
+                            PkmDeflection_f32 *deflection);
+
+// Displacement of A without load when the machine is warmer by `rise_k` than at the zero reading, by its
+// effect `thermal-expansion`; zero without it.
+//
+// Errors: those of a pose.
+PKM_MUST_USE
+PkmError pkm_thermal_deflection_f32(const PkmMachine_f32 *machine,
+                                    const PkmPose_f32 *pose,
+                                    float rise_k,
+                                    PkmDeflection_f32 *deflection);
+
+// Pose and screw lengths to command so that the tip, displaced by `deflection` of A, stands where it would
+// without. The tip's position is made up for, the orientation is not.
+//
+// Errors: those of a pose, for `pose` or for the one to command; NOT_COMPENSABLE.
+PKM_MUST_USE
+PkmError pkm_compensated_f32(const PkmMachine_f32 *machine,
+                             const PkmPose_f32 *pose,
+                             const PkmDeflection_f32 *deflection,
+                             const PkmPoint_f32 *tip,
+                             PkmCompensated_f32 *compensated);
+
+// One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
+// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
+// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+//
+// Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
+// `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask
+// `pkm_inverse` for the lengths without load.
+//
+// Errors: those of `pkm_deflection` and of `pkm_compensated`.
+PKM_MUST_USE
+PkmError pkm_cycle_f32(const PkmMachine_f32 *machine,
+                       const PkmTable_f32 *table,
+                       const PkmPose_f32 *pose,
+                       const PkmWrench_f32 *wrench_at_tip,
+                       const PkmPoint_f32 *tip,
+                       PkmCycle_f32 *cycle);
+
+// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_forward_f32(const PkmMachine_f32 *machine,
+                              const PkmWrist_f32 *wrist,
+                              const PkmJoints_f32 *joints,
+                              PkmToolPlace_f32 *place);
+
+// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
+//
+// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
+                              const PkmWrist_f32 *wrist,
+                              const PkmTool_f32 *tool,
+                              const PkmConfiguration_f32 *near,
+                              PkmHold_f32 *hold);
+
+// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+//
+// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_f32(const PkmMachine_f32 *machine,
+                             const PkmWrist_f32 *wrist,
+                             const PkmTip_f32 *tip,
+                             PkmHold_f32 *hold);
+
+// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+//
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+// TOOL_NOT_COMPENSABLE.
+PKM_MUST_USE
+PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
+                                  const PkmTable_f32 *table,
+                                  const PkmWrist_f32 *wrist,
+                                  const PkmTool_f32 *tool,
+                                  const PkmWrench_f32 *wrench,
+                                  const PkmConfiguration_f32 *near,
+                                  PkmCompensatedTool_f32 *compensated);
+
+// What a number of `PkmError` means, in English; never null, also for a number that is none.
+const char *pkm_error_text(int32_t error);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* PKM_H */
