@@ -2,7 +2,7 @@
 //!
 //! Data flows one way, as in a compiler, and a room imports from rooms above it in this list alone:
 //!
-//! 1. [`error`], [`pose`]: failures; poses as plain numbers
+//! 1. [`error`], [`pose`], [`progress`]: failures; poses as plain numbers; how far a computation is
 //! 2. [`files`]: machine, job, table, CSV and G-code, from bytes to checked values
 //! 3. [`fit`], [`diagnose`], [`plan`], [`fem`], [`hil`]: each computes, none from another's results
 //! 4. [`report`]: from a finished result to pages, charts and generated source
@@ -17,4 +17,5 @@ pub mod fit;
 pub mod hil;
 pub mod plan;
 pub mod pose;
+pub mod progress;
 pub mod report;

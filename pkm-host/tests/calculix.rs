@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector};
 use pkm_core::effects::EFFECTS;
 use pkm_core::{Machine, MachineParameters};
-use pkm_host::fem::{Mode, Request, fem, readings::Wish};
+use pkm_host::cli;
 use pkm_host::files::dataset::{StiffnessData, read_stiffness};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::source::Source;
@@ -32,7 +32,7 @@ impl Bench {
         self.path("poses.csv")
     }
 
-    fn fem(&self, poses: &Path, set: &[&str], size: f64, readings: Option<Wish<'_>>) -> StiffnessData {
+    fn fem(&self, poses: &Path, set: &[&str], size: f64, readings: &[&str]) -> StiffnessData {
         self.fem_of(None, poses, set, size, readings)
     }
 
@@ -42,23 +42,16 @@ impl Bench {
         poses: &Path,
         set: &[&str],
         size: f64,
-        readings: Option<Wish<'_>>,
+        readings: &[&str],
     ) -> StiffnessData {
-        let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
         let out = self.path("k.csv");
-        let request = Request {
-            poses: Some(poses),
-            out: &out,
-            set: &set,
-            size,
-            jobs: 2,
-            ccx: Path::new("ccx"),
-            work: None,
-            keep: false,
-            mode: Mode::Run,
-            readings,
-        };
-        fem(machine, &request).unwrap_or_else(|e| panic!("{e}"));
+        let shown = |path: &Path| path.display().to_string();
+        let mut args = vec!["fem".into(), "--poses".into(), shown(poses), "--out".into(), shown(&out)];
+        args.extend(machine.into_iter().flat_map(|path| ["--machine".into(), shown(path)]));
+        args.extend(set.iter().flat_map(|s| ["--set".into(), (*s).into()]));
+        args.extend(["--mesh".into(), size.to_string(), "--jobs".into(), "2".into()]);
+        args.extend(readings.iter().map(|a| (*a).to_owned()));
+        cli::run(args).unwrap_or_else(|e| panic!("{e}"));
         read_stiffness(Source::read(&out).unwrap(), &reference()).unwrap()
     }
 }
@@ -154,10 +147,10 @@ const PLATFORM: (&str, &[f64]) = ("moving-platform-compliance", &[1e-6, 1e-8, 1e
 #[ignore = "needs CalculiX"]
 fn with_rigid_platforms_and_uniform_limbs_the_core_agrees() {
     let bench = Bench::new();
-    let data = bench.fem(&bench.poses(1), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 2.0, None);
+    let data = bench.fem(&bench.poses(1), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 2.0, &[]);
     assert_eq!(data.poses.len(), 49);
     below(0.3, apart(&reference().parameters, &data), "49 poses, few elements");
-    let data = bench.fem(&bench.poses(12), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 1.0, None);
+    let data = bench.fem(&bench.poses(12), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 1.0, &[]);
     below(0.1, apart(&reference().parameters, &data), "5 poses");
 }
 
@@ -171,7 +164,7 @@ fn with_its_effects_fitted_the_core_agrees_with_telescopes_and_an_elastic_platfo
     let machine = bench.path("machine.toml");
     std::fs::write(&machine, text.split("[solid]").next().unwrap()).unwrap();
     let poses = bench.poses(1);
-    let compute = |set: &[&str]| bench.fem_of(Some(&machine), &poses, set, 2.0, None);
+    let compute = |set: &[&str]| bench.fem_of(Some(&machine), &poses, set, 2.0, &[]);
     // the telescopic effect knows of tube, ram and screw, not of nut and bearing: these stiff
     let stiff = ["nut", "bearing"].map(|part| format!("solid.{part}.axial_n_per_m=[1.5e9,1.5e9,1.5e9]"));
     let data = compute(&["solid.base.kind=rigid", &stiff[0], &stiff[1]]);
@@ -189,8 +182,8 @@ fn with_its_effects_fitted_the_core_agrees_with_telescopes_and_an_elastic_platfo
 fn elements_half_as_long_change_little() {
     let bench = Bench::new();
     let poses = bench.poses(48);
-    let usual = bench.fem(&poses, &[], 1.0, None);
-    let fine = bench.fem(&poses, &[], 0.5, None);
+    let usual = bench.fem(&poses, &[], 1.0, &[]);
+    let fine = bench.fem(&poses, &[], 0.5, &[]);
     let found: Vec<[f64; 6]> = usual.targets.iter().map(|t| t.principal).collect();
     below(0.2, greatest(&found, &fine), "usual elements against twice as fine");
 }
@@ -200,7 +193,7 @@ fn elements_half_as_long_change_little() {
 fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
     let bench = Bench::new();
     let poses = bench.poses(16);
-    let data = bench.fem(&poses, &[], 1.0, None);
+    let data = bench.fem(&poses, &[], 1.0, &[]);
     let text = std::fs::read_to_string(bench.path("k.csv")).unwrap();
     let fixture = read_stiffness(Source::embedded(pkm_fixtures::TRAINING), &reference()).unwrap();
     for (pose, target) in data.poses.iter().zip(&data.targets) {
@@ -213,7 +206,7 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
             }
         }
     }
-    bench.fem(&poses, &[], 1.0, None);
+    bench.fem(&poses, &[], 1.0, &[]);
     assert_eq!(std::fs::read_to_string(bench.path("k.csv")).unwrap(), text);
 }
 
@@ -222,6 +215,7 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
 fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
     use pkm_host::diagnose::{diagnose, verdict::Verdict};
     use pkm_host::files::readings::Readings;
+    use pkm_host::progress::silent;
     let bench = Bench::new();
     let poses = bench.poses(5);
     for (set, id) in [
@@ -229,12 +223,11 @@ fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
         (&[][..], "moving-platform-compliance"),
     ] {
         let out = bench.path("readings.csv");
-        let (noise, zero) = ([0.2, 0.5], [0.2, 0.5]);
-        let wish = Wish { out: &out, loads: None, force_n: 500.0, moment_nm: 50.0, repeats: 2, noise, zero, seed: 1 };
-        bench.fem(&poses, &[&["solid.limb=uniform", "solid.base.kind=rigid"], set].concat(), 2.0, Some(wish));
+        let asked = ["--readings", &out.display().to_string(), "--seed", "1"];
+        bench.fem(&poses, &[&["solid.limb=uniform", "solid.base.kind=rigid"], set].concat(), 2.0, &asked);
         let file = reference();
         let readings = Readings::read(Source::read(&out).unwrap(), &file).unwrap();
-        let diagnosis = diagnose(&file, &readings, None).unwrap();
+        let diagnosis = diagnose(&file, &readings, None, &silent).unwrap();
         let found: Vec<&str> = diagnosis.effects.iter().map(|e| e.id).collect();
         println!("{id}: {found:?}, {:?}", diagnosis.judgement.verdict);
         assert_eq!((found, diagnosis.judgement.verdict), (vec![id], Verdict::Explained));

@@ -60,7 +60,7 @@ fn the_core_reports_table_5_outside_the_box() {
         let corrected = table.diagonal_form(machine, &pose).unwrap();
         assert_eq!(corrected.domain, Domain::Outside, "the value must carry the status");
     }
-    let poses = read_poses(fixture("poses/table5.csv"), &machine("reference.toml")).unwrap();
+    let (poses, _) = read_poses(fixture("poses/table5.csv"), &machine("reference.toml")).unwrap();
     assert_eq!(poses.len(), 7);
     for NamedPose { pose, .. } in &poses {
         check(&reference::MACHINE_F64, &reference::TABLE_F64, pose);

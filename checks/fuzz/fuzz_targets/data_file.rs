@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use pkm_fuzz::{assert_finite, file, read};
-use pkm_host::plan::compensate;
+use pkm_host::files::tool_path;
 use pkm_host::files::dataset::{read_poses, read_stiffness};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::pose::NamedPose;
@@ -24,7 +24,7 @@ fn assert_possible(poses: &[NamedPose]) {
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);
-    if let Some(poses) = read(read_poses(source.clone(), &MACHINE)) {
+    if let Some((poses, _)) = read(read_poses(source.clone(), &MACHINE)) {
         assert_possible(&poses);
     }
     if let Some(data) = read(read_stiffness(source.clone(), &MACHINE)) {
@@ -45,7 +45,7 @@ fuzz_target!(|bytes: &[u8]| {
             assert_finite(reading.observed.into_iter().chain(reading.sigma).flatten());
         }
     }
-    if let Some((_, moves)) = read(compensate::read_csv(source)) {
+    if let Some((_, moves)) = read(tool_path::read_csv(source)) {
         for to in moves {
             assert_finite(to.to.tip_m.into_iter().chain(to.wrench[1].force_n).chain(to.wrench[1].moment_nm));
         }

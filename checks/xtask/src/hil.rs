@@ -5,8 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-use pkm_host::cli::commands;
-use pkm_host::hil::Target;
+use pkm_host::cli;
 
 use crate::proofs::firmware;
 use crate::{Outcome, output};
@@ -31,8 +30,11 @@ pub fn run(options: &[String]) -> Outcome {
             other => return Err(format!("unknown option {other}")),
         }
     }
-    let drive = |target: Target, poses: u64, steps: u32| {
-        let output = commands::hil(None, None, &target, seed, poses, steps, None).map_err(|e| e.to_string())?;
+    let drive = |target: &[&str], poses: u64, steps: u32| {
+        let numbers = [("--seed", seed), ("--poses", poses), ("--steps", steps.into())];
+        let numbers = numbers.map(|(option, n)| format!("{option}={n}"));
+        let args = ["hil"].iter().chain(target).map(|a| (*a).to_owned()).chain(numbers);
+        let output = cli::run(args).map_err(|e| e.to_string())?;
         print!("{}", output.text);
         Ok::<(), String>(())
     };
@@ -40,13 +42,15 @@ pub fn run(options: &[String]) -> Outcome {
         println!("== {processor}");
         let (mut build, elf) = firmware("cyclic", cpu);
         output(build.args(feature.iter().flat_map(|f| ["--features", f])))?;
-        drive(Target::Qemu { board: board.into(), elf: elf.clone() }, poses, 1)?;
+        let file = elf.display().to_string();
+        let in_qemu = ["--qemu", "--board", board, "--elf", &file];
+        drive(&in_qemu, poses, 1)?;
         if cpu.is_some() {
-            drive(Target::Qemu { board: board.into(), elf: elf.clone() }, swept, 1000)?;
+            drive(&in_qemu, swept, 1000)?;
         }
         if (cpu, feature) == (None, None) {
             let board = OverPort::start(board, &elf)?;
-            drive(Target::Port { name: board.port.clone(), baud: 115_200 }, POSES_OVER_PORT, 1)?;
+            drive(&["--port", &board.port], POSES_OVER_PORT, 1)?;
         }
     }
     Ok(())

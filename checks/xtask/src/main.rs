@@ -17,8 +17,7 @@ mod stack;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-use pkm_host::cli::commands;
-use pkm_host::fit::TermChoice;
+use pkm_host::cli;
 
 /// What a chore returns: a message when it failed.
 pub type Outcome = Result<(), String>;
@@ -147,7 +146,9 @@ fn miri() -> Outcome {
 
 /// Fits the fixtures' data into a folder, for the reference machine or another.
 pub fn fit_fixtures(machine: Option<&Path>, out: &Path) -> Outcome {
-    commands::fit(machine, None, None, TermChoice::Paper, out).map(drop).map_err(|e| e.to_string())
+    let mut args = vec!["fit".as_ref(), "--out".as_ref(), out.as_os_str()];
+    args.extend(machine.into_iter().flat_map(|path| ["--machine".as_ref(), path.as_os_str()]));
+    cli::run(args).map(drop).map_err(|e| e.to_string())
 }
 
 fn regenerate() -> Outcome {

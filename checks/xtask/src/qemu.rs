@@ -12,7 +12,7 @@ use pkm_core::{
     Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar, Stiffness,
     StiffnessError, Tool, ToolDeflectionError, Wrench, Wrist,
 };
-use pkm_host::cli::commands;
+use pkm_host::cli;
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::source::Source;
 use pkm_host::files::table::TableFile;
@@ -47,7 +47,16 @@ pub fn run() -> Outcome {
             Origin::Diagnosis => {
                 let measured = root().join("fixtures/measured/p08");
                 let (machine, data) = (measured.join("machine.toml"), measured.join("measured.csv"));
-                commands::diagnose(Some(&machine), Some(&data), None, folder.path()).map_err(|e| e.to_string())?;
+                let args = [
+                    "diagnose".as_ref(),
+                    "--machine".as_ref(),
+                    machine.as_os_str(),
+                    "--data".as_ref(),
+                    data.as_os_str(),
+                    "--out".as_ref(),
+                    folder.path().as_os_str(),
+                ];
+                cli::run(args).map_err(|e| e.to_string())?;
                 ", the machine of a diagnosis"
             }
             Origin::Fit => {

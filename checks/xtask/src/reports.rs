@@ -5,10 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use base64::prelude::{BASE64_STANDARD, Engine};
-use pkm_host::cli::commands::{self, Form, PlaceOptions};
-use pkm_host::fem;
-use pkm_host::fit::TermChoice;
-use pkm_host::plan::map::Window;
+use pkm_host::cli;
 use serde_json::{Value, json};
 
 use crate::{Outcome, root};
@@ -126,7 +123,6 @@ fn unseen(browser: &mut Browser, report: &Path, out: &Path) -> Result<Vec<String
 
 /// Writes the reports of the fixtures: names and where they are.
 fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
-    let fail = |e: pkm_host::error::Failure| e.to_string();
     std::fs::create_dir_all(out).map_err(|e| e.to_string())?;
     let fixture = |name: &str| root().join("fixtures").join(name);
     let diagonal = out.join("k-diagonal.csv");
@@ -135,36 +131,26 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
     std::fs::write(&poses, "pose,theta_deg,sigma_deg,z0_mm\na,0,0,530\nb,5,-3,520\n").map_err(|e| e.to_string())?;
     let folder = |name: &str| out.join(name);
 
-    commands::fit(None, None, None, TermChoice::Paper, &folder("fit")).map_err(fail)?;
-    commands::fit(None, None, None, TermChoice::Full, &folder("fit-full")).map_err(fail)?;
-    commands::fit(None, Some(&diagonal), None, TermChoice::Paper, &folder("fit-diagonal")).map_err(fail)?;
+    let run = |args: &[&str], out: &Path| {
+        let out = format!("--out={}", out.display());
+        cli::run(args.iter().copied().chain([out.as_str()])).map(drop).map_err(|e| e.to_string())
+    };
+    let option = |name: &str, path: &Path| format!("--{name}={}", path.display());
+    run(&["fit"], &folder("fit"))?;
+    run(&["fit", "--terms=full"], &folder("fit-full"))?;
+    run(&["fit", &option("data", &diagonal)], &folder("fit-diagonal"))?;
     for set in ["p08", "p10"] {
-        let part = |name: &str| fixture(&format!("measured/{set}/{name}"));
-        let (machine, data, others) = (part("machine.toml"), part("measured.csv"), part("heldout.csv"));
-        commands::diagnose(Some(&machine), Some(&data), Some(&others), &folder(&format!("diagnose-{set}")))
-            .map_err(fail)?;
+        let part = |what: &str, name: &str| option(what, &fixture(&format!("measured/{set}/{name}")));
+        let files = [part("machine", "machine.toml"), part("data", "measured.csv"), part("holdout", "heldout.csv")];
+        let [machine, data, others] = files.each_ref().map(String::as_str);
+        run(&["diagnose", machine, data, others], &folder(&format!("diagnose-{set}")))?;
     }
-    let table = fixture("jobs/wide-table.json");
-    let options =
-        PlaceOptions { objectives: &[], method: None, step_mm: 5.0, step_deg: 5.0, seed: 1, extrapolate: false };
-    commands::place(None, None, Some(&table), Form::Auto, &options, &folder("place")).map_err(fail)?;
-    commands::map(None, Some(&table), Form::Auto, &[0.0], &Window::default(), &folder("map")).map_err(fail)?;
-    let request = |name: &str, mode| (out.join(name), mode);
-    for (path, mode) in [request("fem.csv", fem::Mode::Run), request("fem-dry.csv", fem::Mode::DryRun)] {
-        let request = fem::Request {
-            poses: Some(&poses),
-            out: &path,
-            set: &[],
-            size: 3.0,
-            jobs: 1,
-            ccx: Path::new("ccx"),
-            work: None,
-            keep: false,
-            mode,
-            readings: None,
-        };
-        fem::fem(None, &request).map_err(fail)?;
-    }
+    let table = option("table", &fixture("jobs/wide-table.json"));
+    run(&["place", &table, "--step-mm=5", "--step-deg=5", "--seed=1"], &folder("place"))?;
+    run(&["map", &table], &folder("map"))?;
+    let poses = option("poses", &poses);
+    run(&["fem", &poses, "--mesh=3", "--jobs=1"], &out.join("fem.csv"))?;
+    run(&["fem", &poses, "--mesh=3", "--jobs=1", "--dry-run"], &out.join("fem-dry.csv"))?;
     let of_folder = ["fit", "fit-full", "fit-diagonal", "diagnose-p08", "diagnose-p10", "place", "map"];
     let mut all: Vec<_> = of_folder.iter().map(|name| (*name, folder(name).join("report.html"))).collect();
     all.extend([("fem", folder("fem.html")), ("fem-dry", folder("fem-dry.drawing.html"))]);

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use pkm_core::{Deflection, Machine, Pose, Stiffness, Wrench};
-use pkm_host::cli::commands;
+use pkm_host::cli;
 use pkm_host::diagnose;
 use pkm_host::diagnose::compare::{self, Zone};
 use pkm_host::files::dataset::{self, StiffnessData};
@@ -13,6 +13,7 @@ use pkm_host::files::readings::Readings;
 use pkm_host::files::source::Source;
 use pkm_host::files::table::TableFile;
 use pkm_host::pose::{ROTATION_ARM_M, written_units};
+use pkm_host::progress::silent;
 
 use crate::{Outcome, fit_fixtures, root};
 
@@ -84,12 +85,21 @@ pub fn run() -> Outcome {
     write("measured.csv", readings(&training)?)?;
     write("heldout.csv", readings(&verification)?)?;
     let (data, held_out) = (out.join("measured.csv"), out.join("heldout.csv"));
-    print!("{}", commands::diagnose(None, Some(&data), Some(&held_out), &out).map_err(fail)?.text);
+    let said = cli::run([
+        "diagnose".as_ref(),
+        "--data".as_ref(),
+        data.as_os_str(),
+        "--holdout".as_ref(),
+        held_out.as_os_str(),
+        "--out".as_ref(),
+        out.as_os_str(),
+    ]);
+    print!("{}", said.map_err(fail)?.text);
 
     // once more for what was found one after another, then a factor table of the solids on the machine that came out
     let load = |path: &Path| Source::read(path).and_then(|s| Readings::read(s, &declared)).map_err(fail);
     let (data, held_out) = (load(&data)?, load(&held_out)?);
-    let diagnosis = diagnose::diagnose(&declared, &data, Some(&held_out)).map_err(fail)?;
+    let diagnosis = diagnose::diagnose(&declared, &data, Some(&held_out), &silent).map_err(fail)?;
     let improved = out.join("machine.toml");
     fit_fixtures(Some(&improved), &out.join("fit"))?;
     let table = Source::read(&out.join("fit/coefficients.json")).and_then(|s| TableFile::parse(&s)).map_err(fail)?;

@@ -1,5 +1,136 @@
-//! The commands of `pkm-host`.
+//! The command line: one file a command, which reads, has computed, has reported, and writes. Nothing else prints.
 
-pub mod commands;
-pub mod output;
-pub(crate) mod progress;
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+use serde_json::json;
+
+pub use self::session::Output;
+use self::session::Session;
+use crate::error::{Failure, Result};
+
+mod arguments;
+mod bar;
+mod compensate;
+mod completions;
+mod diagnose;
+mod fem;
+mod fit;
+mod fk;
+mod hil;
+mod ik;
+mod map;
+mod place;
+mod plan;
+mod predict;
+mod session;
+mod stiffness;
+
+/// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
+/// that a controller compiles in.
+///
+/// Every command takes --json (one document on stdout) and --machine (default: the reference machine).
+/// Exit 0: success; 2: bad usage, bad input or a refused pose; 1: anything else.
+#[derive(Parser)]
+#[command(name = "pkm-host", version)]
+struct Cli {
+    /// One JSON document on stdout, messages on stderr.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Machine file (TOML); default: the reference machine.
+    #[arg(long, global = true, value_name = "FILE")]
+    machine: Option<PathBuf>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Ik(ik::Args),
+    Fk(fk::Args),
+    Stiffness(stiffness::Args),
+    Predict(predict::Args),
+    Plan(plan::Args),
+    Fit(fit::Args),
+    Diagnose(diagnose::Args),
+    Map(map::Args),
+    Place(place::Args),
+    Compensate(compensate::Args),
+    Fem(fem::Args),
+    Hil(hil::Args),
+    Completions(completions::Args),
+    Man(completions::ManArgs),
+}
+
+impl Cli {
+    /// What the command prints, and the warnings.
+    fn run(self) -> (Result<Output>, Vec<String>) {
+        let mut session = Session { machine_path: self.machine, warnings: Vec::new() };
+        let s = &mut session;
+        let result = match &self.command {
+            Command::Ik(args) => ik::run(args, s),
+            Command::Fk(args) => fk::run(args, s),
+            Command::Stiffness(args) => stiffness::run(args, s),
+            Command::Predict(args) => predict::run(args, s),
+            Command::Plan(args) => plan::run(args, s),
+            Command::Fit(args) => fit::run(args, s),
+            Command::Diagnose(args) => diagnose::run(args, s),
+            Command::Map(args) => map::run(args, s),
+            Command::Place(args) => place::run(args, s),
+            Command::Compensate(args) => compensate::run(args, s),
+            Command::Fem(args) => fem::run(args, s),
+            Command::Hil(args) => hil::run(args, s),
+            Command::Completions(args) => completions::run(args, s),
+            Command::Man(args) => completions::man(args, s),
+        };
+        (result, session.warnings)
+    }
+}
+
+/// Runs a command as the program does, given its arguments without the program's name, and returns what it would print.
+///
+/// # Errors
+/// The failure that the program would print.
+pub fn run<A: Into<OsString>>(args: impl IntoIterator<Item = A>) -> Result<Output> {
+    let args = std::iter::once("pkm-host".into()).chain(args.into_iter().map(Into::into));
+    Cli::try_parse_from(args).map_err(|e| Failure::usage(e.to_string()))?.run().0
+}
+
+/// The program.
+pub fn main() -> ExitCode {
+    let wants_json = std::env::args_os().any(|a| a == "--json");
+    let (result, warnings) = match Cli::try_parse() {
+        Ok(cli) => cli.run(),
+        Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => e.exit(),
+        // what is endless is clipped below
+        Err(e) if !wants_json && e.to_string().len() < 4000 => e.exit(),
+        Err(e) => {
+            let text = e.to_string();
+            let first = text.split("\n\n").next().unwrap_or("").trim_start_matches("error: ");
+            (Err(Failure::usage(first.split_whitespace().collect::<Vec<_>>().join(" "))), Vec::new())
+        }
+    };
+    let printed = result.and_then(|output| {
+        let text = if wants_json { format!("{}\n", output.json) } else { output.text };
+        match std::io::stdout().lock().write_all(text.as_bytes()) {
+            // a reader that closes the pipe early is no failure
+            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+                Err(Failure::other(format!("standard output: {e}")))
+            }
+            _ => Ok(()),
+        }
+    });
+    let Err(failure) = printed else { return ExitCode::SUCCESS };
+    eprintln!("error: {failure}");
+    if wants_json {
+        let mut document = failure.to_json();
+        document["warnings"] = json!(warnings);
+        // nothing is left to tell when standard output itself failed
+        drop(writeln!(std::io::stdout().lock(), "{document}"));
+    }
+    ExitCode::from(failure.exit_code())
+}

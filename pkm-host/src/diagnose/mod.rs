@@ -29,11 +29,11 @@ use self::noise::Noise;
 use self::search::{Candidate, Search};
 use self::solve::{Levels, Problem};
 use self::verdict::{DeclaredFinding, Detectable, Judgement, Structure};
-use crate::cli::progress;
 use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
 use crate::pose::written_units;
+use crate::progress::Progress;
 
 /// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
 pub const SEED: u64 = 20_201;
@@ -244,13 +244,14 @@ fn effects(problem: &Problem<'_>, search: &Search) -> Vec<Effect> {
 ///
 /// # Errors
 /// Readings that cannot be diagnosed, a fit that does not converge.
-pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>) -> Result<Diagnosis> {
-    let bar = progress::bar(5, "{bar:30} {msg}");
-    let step = |message: &'static str| {
-        bar.set_message(message);
-        bar.inc(1);
-    };
-    step("noise");
+pub fn diagnose(
+    file: &MachineFile,
+    readings: &Readings,
+    held_out: Option<&Readings>,
+    progress: &Progress<'_>,
+) -> Result<Diagnosis> {
+    let step = |done: u64, what: &str| progress(what, done, 5);
+    step(0, "noise");
     let noise = Noise::new(readings)?;
     let model = model::Model::new(file)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
@@ -261,11 +262,11 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
     let mut doubts: Vec<Doubt> = otherwise.into_iter().chain(doubts::of_file(readings)).collect();
     let whiteners = solve::whiteners(&plain, &file.uncertainty).ok_or_else(|| not_converged(readings, &doubts))?;
     let levels = Levels::new(&plain, &whiteners);
-    step("what the model lacks");
+    step(1, "what the model lacks");
     let search = search::search(&levels).ok_or_else(|| not_converged(readings, &doubts))?;
     let judgement = verdict::judge(&levels, &noise, &search).ok_or_else(|| not_converged(readings, &doubts))?;
     let problem = &levels.problems[search.levels[1]];
-    step("before and after");
+    step(2, "before and after");
     let fitted = compare::Fitted::new(problem, &search, false).ok_or_else(|| not_converged(readings, &doubts))?;
     let failed = || Failure::other("a model gives no deflection at some held-out pose");
     let own = fitted.predict(&model, &problem.poses, &readings.conditions, true).ok_or_else(failed)?;
@@ -290,14 +291,14 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         Some(other) => given(readings, other, &noise, &model, &fitted).ok_or_else(failed)?,
         None => left_out(readings, &noise, &model, &search).ok_or_else(|| not_converged(readings, &doubts))?,
     };
-    step("what to measure next");
+    step(3, "what to measure next");
     let contenders = next::contenders(&levels, &search);
     let proposals = next::propose(problem, &noise, file, &contenders);
     let residuals = verdict::Residuals::new(problem, &noise, &file.uncertainty, &search)
         .ok_or_else(|| not_converged(readings, &doubts))?;
     let structure = verdict::residual_structure(readings, &residuals);
     let suspects = doubts::suspects(readings, &residuals.by_reading, own.of(Rival::After));
-    step("report");
+    step(4, "report");
     let end = &search.fit;
     let effects = effects(problem, &search);
     let names = search
@@ -305,7 +306,7 @@ pub fn diagnose(file: &MachineFile, readings: &Readings, held_out: Option<&Readi
         .iter()
         .map(|r| r.ranking.iter().map(|r| r.candidate.names(problem).join(" + ")).collect())
         .collect();
-    bar.finish_and_clear();
+    step(5, "report");
     let declared = verdict::declared_findings(problem, &search);
     doubts.extend(doubts::of_result(&judgement, &declared, &structure));
     Ok(Diagnosis {

@@ -86,7 +86,8 @@ fn set_entry(array: &mut Item, i: usize, number: f64) {
     }
 }
 
-/// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it.
+/// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it; and a warning
+/// where there is none.
 ///
 /// # Errors
 /// A correction that is not positive somewhere in its box.
@@ -95,7 +96,7 @@ pub fn table(
     improved: &MachineFile,
     readings: &Readings,
     diagnosis: &Diagnosis,
-) -> Result<(String, TableFile)> {
+) -> Result<(String, TableFile, Option<String>)> {
     let bounds = extent(readings);
     let machine = improved.below_tool()?;
     let mut poses = Vec::new();
@@ -108,16 +109,17 @@ pub fn table(
         }
     }
     let corrected: Result<Vec<_>> = poses.iter().map(|p| diagnosis.fitted.remainder().stiffness(&p.pose)).collect();
+    let mut warning = None;
     let stiffnesses = corrected.or_else(|e| {
-        eprintln!("warning: {}; the table is left at 1", e.message);
+        warning = Some(format!("{}; the table is left at 1", e.message));
         let own = poses.iter().map(|p| machine.stiffness(&p.pose));
         own.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Failure::other(e.to_string()))
     })?;
     let targets = stiffnesses.iter().map(|k| Target { principal: k.principal(), full: Some(*k) }).collect();
-    let data = StiffnessData { source: readings.source.clone(), poses, targets };
+    let data = StiffnessData { source: readings.source.clone(), poses, targets, warnings: Vec::new() };
     let fit = fit::fit(fit::samples(&machine, data)?, None, TermChoice::Full)?;
     let trained = fit::evaluate(&fit.training, &machine, improved.wrist_parameters.tip_at_zero_m(), &fit.numbers)?;
-    let file = TableFile::new(improved, &readings.source, &fit);
+    let file = fit.table_file(improved, &readings.source);
     let command = format!(
         "pkm-host diagnose --machine {} --data {} (table: what the readings ask for beyond the effects, on a grid)",
         declared.source.file_name(),
@@ -125,5 +127,5 @@ pub fn table(
     );
     let provenance =
         Provenance { command: &command, file: &file, verification: None, training: &trained, verified: None };
-    Ok((rust_source(&provenance, &fit, improved)?, file))
+    Ok((rust_source(&provenance, &fit, improved)?, file, warning))
 }

@@ -297,7 +297,13 @@ fn rounds(d: &Diagnosis) -> Markup {
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>, d: &Diagnosis) -> Result<String> {
+pub fn html(
+    file: &MachineFile,
+    readings: &Readings,
+    held_out: Option<&Readings>,
+    d: &Diagnosis,
+    warnings: &[String],
+) -> Result<String> {
     let held = &d.held_out;
     let mut groups = vec![("the readings".to_owned(), &d.errors)];
     groups.push((if held.given { "held out, all".into() } else { "poses left out".to_owned() }, &held.all));
@@ -365,5 +371,5 @@ pub fn html(file: &MachineFile, readings: &Readings, held_out: Option<&Readings>
         ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),
         ("Lack of fit after", format!("{:.4}, p = {:.2e}", d.judgement.after.statistic, d.judgement.after.p)),
     ];
-    Ok(Page { title: format!("Diagnosis of {}", file.name), findings: &findings(d), body, facts }.html())
+    Ok(Page { title: format!("Diagnosis of {}", file.name), findings: &findings(d), warnings, body, facts }.html())
 }

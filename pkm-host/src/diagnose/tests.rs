@@ -54,6 +54,7 @@ fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Readings {
         resolution: [1e-9; CHANNELS],
         has_temperature: false,
         has_unloading: false,
+        warnings: Vec::new(),
     }
 }
 

@@ -3,19 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use indicatif::ProgressBar;
 use nalgebra::Matrix6;
 use pkm_core::Stiffness;
 use rayon::prelude::*;
 
 use super::deck::{Deck, Plates};
-use super::{Request, ccx};
-use crate::cli::progress;
+use super::{Settings, ccx};
 use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
 use crate::files::solid::Solid;
 use crate::files::source;
 use crate::pose::{NamedPose, file_units};
+use crate::progress::Progress;
 
 /// A pose as a folder of its own.
 pub struct Case {
@@ -59,9 +58,12 @@ impl Solved {
 }
 
 /// The machine in solids, its plates meshed.
-pub(super) struct Model<'a> {
+pub struct Model<'a> {
+    /// As changed by `--set`.
     pub file: &'a MachineFile,
+    /// Of the file.
     pub solid: &'a Solid,
+    /// Of the platforms.
     pub plates: Plates,
 }
 
@@ -73,7 +75,7 @@ impl Model<'_> {
         Ok((deck, text))
     }
 
-    pub fn case(&self, pose: &NamedPose) -> std::result::Result<Case, String> {
+    fn case(&self, pose: &NamedPose) -> std::result::Result<Case, String> {
         let (deck, text) = self.deck(pose)?;
         let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
         let name: String = pose.id.chars().take(40).map(plain).collect();
@@ -84,21 +86,30 @@ impl Model<'_> {
     }
 
     /// Makes a folder with the case's deck.
-    pub fn write_deck(&self, case: &Case, folder: &Path) -> Result<()> {
+    pub(super) fn write_deck(&self, case: &Case, folder: &Path) -> Result<()> {
         let (_, text) = self.deck(&case.pose).map_err(Failure::other)?;
         source::write(&folder.join(ccx::CASE).with_extension("inp"), text, &[])
     }
 }
 
-/// A bar of poses.
-pub(super) fn bar(of: usize) -> ProgressBar {
-    let bar = progress::bar(of as u64, "{bar:30} {pos}/{len} poses, {elapsed} gone, {eta} left");
-    bar.tick();
-    bar
+/// The poses as cases.
+///
+/// # Errors
+/// A pose at which solids collide; `name` is its file.
+pub fn cases_of(model: &Model<'_>, poses: &[NamedPose], name: &str) -> Result<Vec<Case>> {
+    let cases: Vec<_> = poses.par_iter().map(|p| model.case(p)).collect();
+    let mut collisions = poses.iter().zip(&cases).filter_map(|(p, c)| Some((p, c.as_ref().err()?)));
+    if let Some((pose, why)) = collisions.next() {
+        let more = collisions.count();
+        let more = if more > 0 { format!(" ({more} more poses collide)") } else { String::new() };
+        let message = format!("pose `{}` collides: {why}{more}", pose.id);
+        return Err(Failure::input(message).in_file(name).at_line(pose.line).at_column("pose"));
+    }
+    Ok(cases.into_iter().flatten().collect())
 }
 
 /// Computes a case in a folder of its own, and moves what is worth keeping to the case's.
-fn compute_one(request: &Request<'_>, version: &str, work: &Path, model: &Model<'_>, case: &Case) -> Result<()> {
+fn compute_one(settings: &Settings<'_>, version: &str, work: &Path, model: &Model<'_>, case: &Case) -> Result<()> {
     let folder = work.join(&case.folder);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::io("create the folder", &folder, &e))?;
     let scratch = tempfile::Builder::new().prefix(SCRATCH).tempdir_in(work);
@@ -108,7 +119,7 @@ fn compute_one(request: &Request<'_>, version: &str, work: &Path, model: &Model<
         let (from, to) = (scratch.path().join(name), folder.join(name));
         std::fs::rename(&from, &to).map_err(|e| Failure::io("write", &to, &e)).map(|()| to.display().to_string())
     };
-    let printed = match ccx::run(request.ccx, scratch.path()) {
+    let printed = match ccx::run(settings.ccx, scratch.path()) {
         Ok(printed) => printed,
         Err(ccx::Failed::NotStarted(failure)) => return Err(failure),
         Err(ccx::Failed::Said(message)) => return Err(Failure::other(message).in_file(keep(ccx::LOG)?)),
@@ -119,7 +130,7 @@ fn compute_one(request: &Request<'_>, version: &str, work: &Path, model: &Model<
             format!("ccx ended without an error, but {message}: is something in [solid] far too soft or too stiff?");
         return Err(Failure::other(message).in_file(keep(ccx::LOG)?));
     }
-    if request.keep {
+    if settings.keep {
         for entry in std::fs::read_dir(scratch.path()).into_iter().flatten().flatten() {
             keep(&entry.file_name().to_string_lossy())?;
         }
@@ -128,15 +139,19 @@ fn compute_one(request: &Request<'_>, version: &str, work: &Path, model: &Model<
 }
 
 /// Computes every case that has no result yet. The count of those that were computed.
-pub(super) fn compute(
-    request: &Request<'_>,
+///
+/// # Errors
+/// CalculiX fails, another run works in the folder, an unwritable folder.
+pub fn compute(
+    settings: &Settings<'_>,
     version: &str,
     work: &Path,
     model: &Model<'_>,
     cases: &[Case],
+    progress: &Progress<'_>,
 ) -> Result<usize> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(request.jobs).build();
-    let pool = pool.map_err(|e| Failure::other(format!("cannot start {} jobs: {e}", request.jobs)))?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(settings.jobs).build();
+    let pool = pool.map_err(|e| Failure::other(format!("cannot start {} jobs: {e}", settings.jobs)))?;
     let pending: Vec<&Case> = cases.iter().filter(|c| Solved::read(&result_of(work, c)).is_none()).collect();
     if pending.is_empty() {
         return Ok(0);
@@ -154,16 +169,15 @@ pub(super) fn compute(
             _ = std::fs::remove_dir_all(entry.path());
         }
     }
-    let bar = bar(pending.len());
     let computed = AtomicUsize::new(0);
+    progress("poses", 0, pending.len() as u64);
     let one = |case: &&Case| {
-        compute_one(request, version, work, model, case)?;
-        computed.fetch_add(1, Ordering::Relaxed);
-        bar.inc(1);
+        compute_one(settings, version, work, model, case)?;
+        let done = computed.fetch_add(1, Ordering::Relaxed) + 1;
+        progress("poses", done as u64, pending.len() as u64);
         Ok(())
     };
     let done: Result<()> = pool.install(|| pending.par_iter().try_for_each(one));
-    bar.finish_and_clear();
     let computed = computed.into_inner();
     _ = std::fs::remove_file(&lock);
     match done {
@@ -180,7 +194,7 @@ pub(super) fn compute(
 }
 
 /// Takes away what a run left that is of no more use, and nothing else.
-pub(super) fn clear(work: &Path, cases: &[Case]) {
+pub fn clear(work: &Path, cases: &[Case]) {
     for case in cases {
         let folder = work.join(&case.folder);
         [RESULT, ccx::LOG].iter().for_each(|name| _ = std::fs::remove_file(folder.join(name)));
@@ -198,7 +212,7 @@ fn result_of(work: &Path, case: &Case) -> PathBuf {
 ///
 /// # Errors
 /// Cases without a result.
-pub(super) fn gather<'a>(work: &Path, cases: &'a [Case]) -> Result<Vec<(&'a Case, Solved)>> {
+pub fn gather<'a>(work: &Path, cases: &'a [Case]) -> Result<Vec<(&'a Case, Solved)>> {
     let mut solved = Vec::new();
     let mut missing = Vec::new();
     for case in cases {

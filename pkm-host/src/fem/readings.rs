@@ -1,24 +1,18 @@
 //! Measured data made of the solids' stiffness: deflections under loads, with noise and zero errors, in the measured format.
 //! With an effect in the solids that the machine file does not declare they are what `diagnose` is for.
 
-use std::path::Path;
-
 use pkm_core::Wrench;
 
-use super::{Case, Request, Solved};
+use super::{Case, Solved};
 use crate::error::{Failure, Result, printable};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
-use crate::files::source::{self, Source};
+use crate::files::source::Source;
 use crate::pose::NamedPose;
 
-/// What is to be read.
-pub struct Wish<'a> {
-    /// File to write.
-    pub out: &'a Path,
-    /// Poses and wrenches of a measured file; `None`: the usual ones at every pose.
-    pub loads: Option<&'a Path>,
+/// How readings are simulated.
+pub struct Simulation {
     /// Greatest force of the usual loads.
     pub force_n: f64,
     /// Greatest moment.
@@ -40,15 +34,15 @@ pub struct Loads {
 }
 
 /// Along and about every axis, both ways: half the load, the whole, and half of it again on the way back.
-fn usual(wish: &Wish<'_>, poses: &[NamedPose]) -> String {
+fn usual(simulation: &Simulation, poses: &[NamedPose]) -> String {
     let mut header: Vec<String> = dataset::POSE_COLUMNS.map(str::to_owned).to_vec();
     header.extend(WRENCH_COLUMNS.map(str::to_owned));
     header.extend(["series", "repeat", "direction"].map(str::to_owned));
     let mut rows = Vec::new();
     for pose in poses {
-        for repeat in 1..=wish.repeats {
+        for repeat in 1..=simulation.repeats {
             for (axis, name) in WRENCH_COLUMNS.iter().enumerate() {
-                let most = if axis < 3 { wish.force_n } else { wish.moment_nm };
+                let most = if axis < 3 { simulation.force_n } else { simulation.moment_nm };
                 for (sign, mark) in [(1.0, "+"), (-1.0, "-")] {
                     for (share, direction) in [(0.5, "load"), (1.0, "load"), (0.5, "unload")] {
                         let mut row = vec![pose.id.clone()];
@@ -68,15 +62,17 @@ fn usual(wish: &Wish<'_>, poses: &[NamedPose]) -> String {
 }
 
 impl Loads {
-    /// Reads the loads, or makes the usual ones.
+    /// Poses and wrenches of a measured file, or the usual loads at every pose.
     ///
     /// # Errors
     /// Those of a measured file.
-    pub fn new(wish: &Wish<'_>, poses: &[NamedPose], file: &MachineFile) -> Result<Self> {
-        let source = match wish.loads {
-            Some(path) => Source::read(path)?,
-            None => Source::from_text("the usual loads", usual(wish, poses)),
-        };
+    pub fn new(
+        simulation: &Simulation,
+        loads: Option<Source>,
+        poses: &[NamedPose],
+        file: &MachineFile,
+    ) -> Result<Self> {
+        let source = loads.unwrap_or_else(|| Source::from_text("the usual loads", usual(simulation, poses)));
         let (sheet, readings) = Readings::read_conditions(source, file)?;
         Ok(Self { sheet, readings })
     }
@@ -86,18 +82,22 @@ impl Loads {
         &self.readings.poses
     }
 
-    /// Writes the readings, and says so.
+    /// What is wrong with the file and yet not refused.
+    pub fn warnings(&self) -> &[String] {
+        &self.sheet.warnings
+    }
+
+    /// The readings as CSV, and how many they are.
     ///
     /// # Errors
-    /// What the operating system says.
-    pub fn write(
+    /// A stiffness that is not positive definite.
+    pub fn csv(
         &self,
-        wish: &Wish<'_>,
+        simulation: &Simulation,
         file: &MachineFile,
-        request: &Request<'_>,
+        set: &[String],
         solved: &[(&Case, Solved)],
-        inputs: &[Option<&Path>],
-    ) -> Result<String> {
+    ) -> Result<(String, usize)> {
         let given = |c: &&str| self.sheet.has(c);
         let mut wanted: Vec<&str> = DEFLECTION_COLUMNS.into_iter().filter(given).collect();
         if wanted.is_empty() {
@@ -118,14 +118,15 @@ impl Loads {
             solved.map(|n| &factors[n]).ok_or_else(|| Failure::other(format!("pose `{}` was not computed", p.id)))
         });
         let of_pose = of_pose.collect::<Result<Vec<_>>>()?;
-        let mut random = fastrand::Rng::with_seed(wish.seed);
+        let mut random = fastrand::Rng::with_seed(simulation.seed);
         let mut normal = move || {
             // Box and Muller
             let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
             radius * (std::f64::consts::TAU * random.f64()).cos()
         };
         let series = self.readings.readings.iter().map(|r| r.series + 1).max().unwrap_or(0);
-        let zeros: Vec<[f64; 6]> = (0..series).map(|_| std::array::from_fn(|i| wish.zero[i / 3] * normal())).collect();
+        let zeros: Vec<[f64; 6]> =
+            (0..series).map(|_| std::array::from_fn(|i| simulation.zero[i / 3] * normal())).collect();
         let mut rows = Vec::new();
         for (row, reading) in self.sheet.rows.iter().zip(&self.readings.readings) {
             let c = &self.readings.conditions[reading.condition];
@@ -138,13 +139,13 @@ impl Loads {
             let mut cells = row.to_cells();
             cells.resize(header.len(), String::new());
             for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {
-                let value = micro[i] + zeros[reading.series][i] + wish.noise[i / 3] * normal();
+                let value = micro[i] + zeros[reading.series][i] + simulation.noise[i / 3] * normal();
                 if let Some(at) = column(name).filter(|_| wanted.contains(name)) {
                     cells[at] = self.sheet.written(format!("{value:.4}"));
                 }
             }
             for (i, name) in SIGMA.iter().enumerate() {
-                let sigma = wish.noise[i].hypot(wish.zero[i]);
+                let sigma = simulation.noise[i].hypot(simulation.zero[i]);
                 if let Some(at) = column(name) {
                     // without noise there is nothing to declare
                     cells[at] = if sigma > 0.0 { self.sheet.written(format!("{sigma:.4}")) } else { String::new() };
@@ -153,18 +154,17 @@ impl Loads {
             rows.push(cells);
         }
         let count = rows.len();
-        let [linear, angular] = wish.noise;
+        let [linear, angular] = simulation.noise;
         let text = format!(
             "# readings of machine `{}` in solids, simulated by finite elements; --set {}; noise {linear} um, {angular} urad, \
              zero {} um, {} urad, seed {}\n{}",
             file.name,
-            if request.set.is_empty() { "nothing".to_owned() } else { printable(&request.set.join(", ")) },
-            wish.zero[0],
-            wish.zero[1],
-            wish.seed,
+            if set.is_empty() { "nothing".to_owned() } else { printable(&set.join(", ")) },
+            simulation.zero[0],
+            simulation.zero[1],
+            simulation.seed,
             dataset::to_csv(self.sheet.delimiter(), &header, rows)
         );
-        source::write(wish.out, text, inputs)?;
-        Ok(format!("wrote {count} readings to {}, seed {}\n", wish.out.display(), wish.seed))
+        Ok((text, count))
     }
 }

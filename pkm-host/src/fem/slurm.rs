@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::cases::RESULT;
+use rayon::prelude::*;
+
+use super::cases::{Case, Model, RESULT};
 use crate::error::Result;
 use crate::files::source;
 
@@ -12,12 +14,13 @@ pub const SCRIPT: &str = "run.sbatch";
 /// Most tasks of an array: a usual limit is 1001.
 const MOST_TASKS: usize = 1000;
 
-/// Writes the script and the list of folders beside the cases; the number of tasks.
+/// Writes the decks, the script and the list of folders; the number of tasks.
 ///
 /// # Errors
 /// What the operating system says.
-pub fn write(work: &Path, folders: &[&str]) -> Result<usize> {
-    let tasks = folders.len().min(MOST_TASKS);
+pub fn emit(model: &Model<'_>, work: &Path, cases: &[Case]) -> Result<usize> {
+    cases.par_iter().try_for_each(|case| model.write_deck(case, &work.join(&case.folder)))?;
+    let tasks = cases.len().min(MOST_TASKS);
     let script = format!(
         r#"#!/bin/bash
 #SBATCH --job-name=pkm-fem
@@ -47,7 +50,7 @@ done
 exit $failed
 "#
     );
-    let list: String = folders.iter().map(|f| format!("{f}\n")).collect();
+    let list: String = cases.iter().map(|c| format!("{}\n", c.folder)).collect();
     source::write_all(work, &[("cases.txt", list), (SCRIPT, script)], &[])?;
     Ok(tasks)
 }

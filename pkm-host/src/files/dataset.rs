@@ -47,6 +47,8 @@ pub struct Sheet {
     /// Some number has one.
     decimal_commas: bool,
     columns: HashMap<String, usize>,
+    /// Names the columns that are not used.
+    pub warnings: Vec<String>,
 }
 
 /// A line of a [`Sheet`].
@@ -167,9 +169,8 @@ impl Sheet {
             let message = format!("expected a header with column names such as {some}, found `{found}`");
             return Err(fail(at, format!("{message}: put # before lines above the header")));
         }
-        if !unused.is_empty() {
-            eprintln!("warning: {}:{at}: not used: {}", printable(&source.name), printable(&unused.join(", ")));
-        }
+        let warning = || format!("{}:{at}: not used: {}", printable(&source.name), printable(&unused.join(", ")));
+        let warnings = (!unused.is_empty()).then(warning).into_iter().collect();
 
         let mut rows = Vec::new();
         for record in records {
@@ -199,7 +200,7 @@ impl Sheet {
         let numbers = columns.iter().filter(|(name, _)| **name != "pose" && known.contains(&name.as_str()));
         let decimal_commas =
             semicolons && numbers.into_iter().any(|(_, i)| rows.iter().any(|r| is_number(&r.cells[*i])));
-        Ok(Self { header, header_line: at, rows, semicolons, decimal_commas, columns, source })
+        Ok(Self { header, header_line: at, rows, semicolons, decimal_commas, columns, warnings, source })
     }
 
     /// As this file has between cells.
@@ -387,13 +388,14 @@ pub fn refuse_doubled_ids(file: &str, poses: &[NamedPose]) -> Result<()> {
     Ok(())
 }
 
-/// Reads a list of poses. Ids may repeat, as in a measured file.
+/// Reads a list of poses, with warnings. Ids may repeat, as in a measured file.
 ///
 /// # Errors
 /// See [`Sheet`].
-pub fn read_poses(source: Source, machine: &MachineFile) -> Result<Vec<NamedPose>> {
+pub fn read_poses(source: Source, machine: &MachineFile) -> Result<(Vec<NamedPose>, Vec<String>)> {
     let known = [&POSE_COLUMNS[..], &LENGTH_COLUMNS].concat();
-    Sheet::parse(source, &known)?.poses(machine)
+    let sheet = Sheet::parse(source, &known)?;
+    Ok((sheet.poses(machine)?, sheet.warnings))
 }
 
 /// What a stiffness file says of one pose.
@@ -413,6 +415,8 @@ pub struct StiffnessData {
     pub poses: Vec<NamedPose>,
     /// Stiffness at each.
     pub targets: Vec<Target>,
+    /// What is wrong with the file and yet not refused.
+    pub warnings: Vec<String>,
 }
 
 /// Reads a stiffness file.
@@ -467,7 +471,7 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
         }
     };
     let targets = sheet.rows.iter().map(read).collect::<Result<Vec<_>>>()?;
-    Ok(StiffnessData { poses, targets, source: sheet.source })
+    Ok(StiffnessData { poses, targets, source: sheet.source, warnings: sheet.warnings })
 }
 
 /// A load case of a measured file.

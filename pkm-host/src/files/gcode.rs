@@ -32,6 +32,8 @@ pub struct Program {
     blocks: Vec<Block>,
     /// In the program's order.
     pub moves: Vec<Move>,
+    /// Names the lines that may not mean what they say.
+    pub warnings: Vec<String>,
 }
 
 /// A line.
@@ -160,7 +162,7 @@ impl Program {
         let (mut modal, mut wrench) = (Modal::default(), wrench);
         // the tool in hand, and one that came without a load of its own
         let (mut tool, mut other_tool) = (None, None);
-        let mut program = Self { blocks: Vec::new(), moves: Vec::new() };
+        let mut program = Self { blocks: Vec::new(), moves: Vec::new(), warnings: Vec::new() };
         for (index, text) in source.text()?.lines().enumerate() {
             let line = index as u64 + 1;
             let fail = |message: String| Failure::input(message).in_file(&source.name).at_line(line);
@@ -196,10 +198,10 @@ impl Program {
                     }
                 };
                 if let Some(number) = other_tool.take_if(|_| load != Wrench::ZERO) {
-                    eprintln!(
-                        "warning: {}:{line}: T{number} cuts with the load of the tool before: a line (wrench …) gives another",
+                    program.warnings.push(format!(
+                        "{}:{line}: T{number} cuts with the load of the tool before: a line (wrench …) gives another",
                         printable(&source.name)
-                    );
+                    ));
                 }
                 program.moves.push(Move { line, to, wrench: [load; 2] });
             }

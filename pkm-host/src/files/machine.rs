@@ -37,6 +37,8 @@ pub struct MachineFile {
     pub uncertainty: Uncertainty,
     /// Table 1 as the file has it, SI.
     pub wrist_parameters: WristParameters,
+    /// What is possible and yet looks like another unit.
+    pub warnings: Vec<String>,
     /// Keys of `[wrist]` that the file leaves to the paper.
     wrist_left_out: Vec<&'static str>,
     /// The core's wrist made of them; an error only for one that is singular at home.
@@ -183,22 +185,12 @@ struct RawEffect {
 }
 
 impl MachineFile {
-    /// A machine file, or the reference machine's when none is named, with a warning for what looks like a slip.
+    /// A machine file, or the reference machine's when none is named.
     ///
     /// # Errors
     /// Those of [`parse`](Self::parse).
     pub fn read(path: Option<&Path>) -> Result<Self> {
-        Self::parse_with_warnings(Source::read_or(path, pkm_fixtures::MACHINE)?)
-    }
-
-    /// The same of a text.
-    ///
-    /// # Errors
-    /// Those of [`parse`](Self::parse).
-    pub fn parse_with_warnings(source: Source) -> Result<Self> {
-        let file = Self::parse(source)?;
-        file.doubts().iter().for_each(|doubt| eprintln!("warning: {}: {doubt}", file.source.name));
-        Ok(file)
+        Self::parse(Source::read_or(path, pkm_fixtures::MACHINE)?)
     }
 
     /// Reads and checks a machine file.
@@ -310,6 +302,7 @@ impl MachineFile {
             pose_box,
             uncertainty,
             wrist_parameters,
+            warnings: unlikely_values(&source.name, &parameters),
             wrist_left_out,
             wrist,
             solid,
@@ -317,41 +310,12 @@ impl MachineFile {
         })
     }
 
-    /// What is possible and yet looks like another unit: each with its key.
-    fn doubts(&self) -> Vec<String> {
-        let mut doubts = Vec::new();
-        let mut doubt = |key: String, value: f64, unlikely: bool, question: &str| {
-            if unlikely {
-                doubts.push(format!("{key}: {value}: {question}"));
-            }
-        };
-        let g = &self.parameters.geometry;
-        for (key, m) in [("a1_mm", g.a1_m), ("a2_mm", g.a2_m), ("b1_mm", g.b1_m), ("b2_mm", g.b2_m)] {
-            doubt(format!("geometry.{key}"), m * 1e3, m < 0.005, "is it in mm?");
-        }
-        for (n, limb) in (1..).zip(&self.parameters.limbs) {
-            for (name, joint) in [("base_joint", &limb.base_joint), ("platform_joint", &limb.platform_joint)] {
-                let softest = joint.linear_n_per_m.into_iter().fold(f64::INFINITY, f64::min);
-                let question = "so soft a joint: is it in N/m (1 N/mm = 1000 N/m)?";
-                doubt(format!("limb.{n}.{name}.linear_n_per_m"), softest, softest < 1e6, question);
-            }
-            for (name, tube) in [("rod", &limb.body.rod), ("screw", &limb.body.screw)] {
-                let key = |what: &str| format!("limb.{n}.body.{name}.{what}");
-                let [young, shear] = [tube.young_pa, tube.shear_pa].map(|pa| pa / 1e9);
-                doubt(key("young_gpa"), young, !(1.0..=1200.0).contains(&young), "is it in GPa (steel has 206)?");
-                doubt(key("shear_gpa"), shear, shear > young, "above young_gpa: is it in GPa (steel has 79)?");
-                doubt(key("outer_mm"), tube.outer_m * 1e3, tube.outer_m < 0.001, "is it in mm?");
-            }
-        }
-        doubts
-    }
-
-    /// Says where the tool sits by another machine's numbers, before they are used.
-    pub fn warn_of_wrist(&self) {
-        if !self.wrist_left_out.is_empty() {
-            let (name, keys) = (&self.source.name, self.wrist_left_out.join(", "));
-            eprintln!("warning: {name}: no {keys}: the paper's Table 1 stands in, and the tool's tip follows from it");
-        }
+    /// For commands that need the wrist: a warning where the paper's values stand in for keys that the file leaves out.
+    pub fn wrist_warning(&self) -> Option<String> {
+        let (name, keys) = (&self.source.name, self.wrist_left_out.join(", "));
+        let warning =
+            || format!("{name}: no {keys}: the paper's Table 1 stands in, and the tool's tip follows from it");
+        (!self.wrist_left_out.is_empty()).then(warning)
     }
 
     /// The machine with its wrist.
@@ -404,6 +368,35 @@ impl MachineFile {
             _ => error.to_string(),
         }
     }
+}
+
+/// Warnings about values that are possible and yet look like another unit.
+fn unlikely_values(file: &str, parameters: &MachineParameters) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let mut check = |key: String, value: f64, unlikely: bool, question: &str| {
+        if unlikely {
+            warnings.push(format!("{file}: {key}: {value}: {question}"));
+        }
+    };
+    let g = &parameters.geometry;
+    for (key, m) in [("a1_mm", g.a1_m), ("a2_mm", g.a2_m), ("b1_mm", g.b1_m), ("b2_mm", g.b2_m)] {
+        check(format!("geometry.{key}"), m * 1e3, m < 0.005, "is it in mm?");
+    }
+    for (n, limb) in (1..).zip(&parameters.limbs) {
+        for (name, joint) in [("base_joint", &limb.base_joint), ("platform_joint", &limb.platform_joint)] {
+            let softest = joint.linear_n_per_m.into_iter().fold(f64::INFINITY, f64::min);
+            let question = "so soft a joint: is it in N/m (1 N/mm = 1000 N/m)?";
+            check(format!("limb.{n}.{name}.linear_n_per_m"), softest, softest < 1e6, question);
+        }
+        for (name, tube) in [("rod", &limb.body.rod), ("screw", &limb.body.screw)] {
+            let key = |what: &str| format!("limb.{n}.body.{name}.{what}");
+            let [young, shear] = [tube.young_pa, tube.shear_pa].map(|pa| pa / 1e9);
+            check(key("young_gpa"), young, !(1.0..=1200.0).contains(&young), "is it in GPa (steel has 206)?");
+            check(key("shear_gpa"), shear, shear > young, "above young_gpa: is it in GPa (steel has 79)?");
+            check(key("outer_mm"), tube.outer_m * 1e3, tube.outer_m < 0.001, "is it in mm?");
+        }
+    }
+    warnings
 }
 
 /// What the paper's values stand in for. The margin has one of its own, the paper none.

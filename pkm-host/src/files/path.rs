@@ -69,6 +69,17 @@ impl Place {
     }
 }
 
+/// A place as a file holds it. A program has mm to six decimals, axes to nine, degrees to eight; a CSV three more.
+pub fn rounded(place: &Place, in_program: bool) -> Place {
+    let finer = if in_program { 1.0 } else { 1e3 };
+    let to = |v: f64, unit: f64| (v * unit * finer).round() / (unit * finer);
+    let toward = match place.toward {
+        Toward::Axis(axis) => Toward::Axis(axis.map(|v| to(v, 1e9))),
+        Toward::Wrist(beta) => Toward::Wrist(beta.map(|v| to(v.to_degrees(), 1e8).to_radians())),
+    };
+    Place { tip_m: place.tip_m.map(|v| to(v * 1e3, 1e6) / 1e3), toward }
+}
+
 /// The same direction with length 1.
 pub fn unit(v: [f64; 3]) -> [f64; 3] {
     let longest = v.iter().fold(0.0_f64, |longest, v| longest.max(v.abs()));

@@ -68,6 +68,8 @@ pub struct Readings {
     pub has_temperature: bool,
     /// Whether some readings were taken while the load went down.
     pub has_unloading: bool,
+    /// What is wrong with the file and yet not refused.
+    pub warnings: Vec<String>,
 }
 
 fn bits(values: &[f64]) -> Vec<u64> {
@@ -206,8 +208,17 @@ impl Readings {
         }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
         let source = sheet.source.clone();
-        let this =
-            Self { source, poses, conditions, readings, series_names, resolution, has_temperature, has_unloading };
+        let this = Self {
+            source,
+            poses,
+            conditions,
+            readings,
+            series_names,
+            resolution,
+            has_temperature,
+            has_unloading,
+            warnings: sheet.warnings.clone(),
+        };
         Ok((sheet, this))
     }
 
@@ -222,6 +233,7 @@ impl Readings {
             resolution: self.resolution,
             has_temperature: self.has_temperature,
             has_unloading: self.has_unloading,
+            warnings: self.warnings.clone(),
         }
     }
 

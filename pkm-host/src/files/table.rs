@@ -4,11 +4,9 @@ use pkm_core::correction::FACTOR_ENTRIES;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Failure, Result, clipped};
-use crate::files::machine::MachineFile;
 use crate::files::source::{self, Source};
 use crate::files::table_numbers::{TableNumbers, refuse_not_positive};
 use crate::files::toml_error::plain;
-use crate::fit::Fit;
 use crate::pose::{PoseBox, core_units};
 
 /// `coefficients.json`.
@@ -60,24 +58,6 @@ pub struct FactorForm {
 }
 
 impl TableFile {
-    /// A fitted table with where it comes from.
-    pub fn new(machine: &MachineFile, data: &Source, fit: &Fit) -> Self {
-        let rows = |n: &[f64]| n.chunks(fit.numbers.terms.len()).map(<[f64]>::to_vec).collect::<Vec<_>>();
-        Self {
-            format: 1,
-            machine: machine.name.clone(),
-            machine_sha256: machine.source.sha256(),
-            data: data.file_name(),
-            data_sha256: data.sha256(),
-            extent: fit.extent,
-            center: fit.center,
-            scale: fit.scale,
-            terms: fit.numbers.terms.clone(),
-            diagonal: DiagonalForm { coefficients: rows(&fit.numbers.diagonal), paper_e: fit.paper_e },
-            factor: fit.numbers.factor.as_deref().map(|f| FactorForm { coefficients: rows(f) }),
-        }
-    }
-
     /// `coefficients.json`.
     pub fn to_json(&self) -> String {
         source::json(self)

@@ -7,8 +7,11 @@ use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
 use pkm_core::{Basis, Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, printable};
 use crate::files::dataset::{StiffnessData, Target};
+use crate::files::machine::MachineFile;
+use crate::files::source::Source;
+use crate::files::table::{DiagonalForm, FactorForm, TableFile};
 use crate::files::table_numbers::{TableNumbers, refuse_not_positive};
 use crate::pose::{NamedPose, PoseBox, ROTATION_ARM_M, core_units, file_units};
 
@@ -47,6 +50,17 @@ pub enum TermChoice {
     Select,
 }
 
+impl TermChoice {
+    /// As `--terms` has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Full => "full",
+            Self::Select => "select",
+        }
+    }
+}
+
 /// A fitted table with all that is reported about it.
 pub struct Fit {
     /// What was fitted on, with K_p beside it.
@@ -75,6 +89,60 @@ impl Fit {
         let key = |s: &Sample| file_units(&s.pose.pose).map(|v| (v * 1e6).round() as i64);
         let fitted: BTreeSet<_> = self.training.iter().map(key).collect();
         self.verification.iter().flatten().filter(|s| fitted.contains(&key(s))).count()
+    }
+
+    /// What is doubtful about the data or the figures.
+    pub fn warnings(&self, data: &Source, verification: Option<&Source>, verified: Option<&Evaluation>) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(v) = verified.filter(|v| v.outside_box > 0) {
+            warnings.push(format!(
+                "{} of {} verification poses lie outside the table's box: extrapolated",
+                v.outside_box, v.poses
+            ));
+        }
+        let fitted_too = self.verification_in_training();
+        if fitted_too > 0 {
+            warnings.push(format!(
+                "{fitted_too} of {} verification poses are training poses too, and say nothing of others",
+                self.verification.as_ref().map_or(0, Vec::len)
+            ));
+        }
+        for (source, samples) in
+            [(data, &self.training)].into_iter().chain(verification.zip(self.verification.as_ref()))
+        {
+            let columns = suspicious_ratios(samples);
+            if !columns.is_empty() {
+                let shown: Vec<String> = columns.iter().map(|(name, ratio)| format!("{name} {ratio:.1e}")).collect();
+                warnings.push(format!(
+                    "{}: stiffnesses far from the declared machine's, in the mean over the poses {} times: are they in N/m \
+                     (1 N/mm = 1000 N/m) and N·m/rad?",
+                    printable(&source.name),
+                    shown.join(", ")
+                ));
+            }
+        }
+        if self.extent.ranges()[..2].iter().flatten().all(|angle| angle.abs() < 0.6) {
+            warnings.push(format!("{}: no angle is above 0.6°: are theta_deg and sigma_deg in degrees?", data.name));
+        }
+        warnings
+    }
+
+    /// The table with where it comes from.
+    pub fn table_file(&self, machine: &MachineFile, data: &Source) -> TableFile {
+        let rows = |n: &[f64]| n.chunks(self.numbers.terms.len()).map(<[f64]>::to_vec).collect::<Vec<_>>();
+        TableFile {
+            format: 1,
+            machine: machine.name.clone(),
+            machine_sha256: machine.source.sha256(),
+            data: data.file_name(),
+            data_sha256: data.sha256(),
+            extent: self.extent,
+            center: self.center,
+            scale: self.scale,
+            terms: self.numbers.terms.clone(),
+            diagonal: DiagonalForm { coefficients: rows(&self.numbers.diagonal), paper_e: self.paper_e },
+            factor: self.numbers.factor.as_deref().map(|f| FactorForm { coefficients: rows(f) }),
+        }
     }
 }
 
@@ -362,7 +430,7 @@ fn paper_coefficients(c: &[f64], center: [f64; 3], scale: [f64; 3]) -> [f64; 9] 
 }
 
 /// Columns in which the data are so far from the model that the units are in doubt, and how far: geometric means.
-pub fn suspicious_ratios(samples: &[Sample]) -> Vec<(String, f64)> {
+fn suspicious_ratios(samples: &[Sample]) -> Vec<(String, f64)> {
     let mean = |i: usize| (samples.iter().map(|s| s.ratios()[i].ln()).sum::<f64>() / samples.len() as f64).exp();
     let means = (0..6).map(|i| (format!("k{0}{0}", i + 1), mean(i)));
     means.filter(|(_, ratio)| !(1.0 / 30.0..=30.0).contains(ratio)).collect()

@@ -18,9 +18,9 @@ use pkm_protocol::{
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::cli::progress;
 use crate::error::{Failure, Result, printable};
 use crate::pose::{PoseBox, ROTATION_ARM_M, core_units};
+use crate::progress::Progress;
 
 /// Virtual time of an instruction in QEMU is 2 to this in ns: 62.5 million a second.
 const ICOUNT_SHIFT: u32 = 4;
@@ -442,7 +442,7 @@ impl Findings {
 ///
 /// # Errors
 /// No firmware there, another machine or table in it, a line that is no reply, silence; and any difference.
-pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(String, Value)> {
+pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>, progress: &Progress<'_>) -> Result<(String, Value)> {
     let mut link = Link::open(target)?;
     let name = link.name.clone();
     let (mut document, ticks_hz, input_bytes) = link.hello(|hello| {
@@ -460,7 +460,8 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
     let before = link.status()?;
     let mut findings = Findings::default();
     let mut rng = Rng::with_seed(campaign.seed);
-    let bar = progress::bar(campaign.poses, "{bar:30} {pos}/{len} poses, {per_sec}, {eta} left {msg}");
+    let mut done = 0;
+    progress("poses", done, campaign.poses);
     let begun = Instant::now();
     let mut overruns = before.overruns;
     let mut id = 0_u32;
@@ -499,14 +500,14 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
             let reply = link.reply(&sent.line)?;
             bytes -= sent.line.len();
             findings.check(&link, twin, &sent, &reply)?;
-            bar.inc(match sent.due {
+            done += match sent.due {
                 Due::Cycle { .. } => 1,
                 Due::Sweep { sweep, .. } => sweep.steps.into(),
                 Due::Error { .. } => 0,
-            });
-            if findings.differing > 0 {
-                bar.set_message(format!("{} differ", findings.differing));
-            }
+            };
+            let differ =
+                if findings.differing > 0 { format!("poses, {} differ", findings.differing) } else { "poses".into() };
+            progress(&differ, done, campaign.poses);
         }
         status = link.status()?;
         let of = &mut findings.of[usize::from(arithmetic == Arithmetic::F64)];
@@ -514,7 +515,6 @@ pub fn run(target: &Target, campaign: &Campaign, twin: &Twin<'_>) -> Result<(Str
         overruns = status.overruns;
     }
     let seconds = begun.elapsed().as_secs_f64();
-    bar.finish_and_clear();
 
     let refused = status.bad_lines.wrapping_sub(before.bad_lines);
     if u64::from(refused) != findings.bad_lines {

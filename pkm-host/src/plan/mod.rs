@@ -1,9 +1,9 @@
 //! Where to measure, where to put the workpiece, how stiff the machine is where, and how to move the tool.
 
 pub mod compensate;
-pub mod ik;
 pub mod inverse_all;
 pub mod map;
+pub mod model;
 pub mod place;
 pub mod poses;
 pub mod reach;

@@ -27,7 +27,6 @@ impl<'a> Reach<'a> {
     /// # Errors
     /// A wrist that is singular at home.
     pub fn new(file: &'a MachineFile) -> Result<Self> {
-        file.warn_of_wrist();
         let failed = |e: String| Failure::input(e).in_file(&file.source.name);
         let pi = std::f64::consts::PI;
         let wrist_parameters =

@@ -3,9 +3,10 @@
 use maud::html;
 use serde_json::{Value, json};
 
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, printable};
 use crate::fem::deck::{Deck, Plates};
-use crate::fem::{Case, Request, Solved};
+use crate::fem::{Case, Settings, Solved};
+use crate::files::dataset::{self, stiffness_columns};
 use crate::files::machine::MachineFile;
 use crate::files::solid::Solid;
 use crate::pose::file_units;
@@ -13,6 +14,7 @@ use crate::report::drawing;
 use crate::report::fit::USABLE_PERCENT;
 use crate::report::page::{Finding, Page, charts, fold, of_file, picture, table};
 use crate::report::plot::{Mark, Panel, Series};
+use crate::report::stiffness::header as stiffness_header;
 
 const STIFFNESSES: [&str; 6] = ["k11", "k22", "k33", "k44", "k55", "k66"];
 
@@ -22,8 +24,8 @@ pub struct Facts<'a> {
     pub file: &'a MachineFile,
     /// Of the file.
     pub solid: &'a Solid,
-    /// The call.
-    pub request: &'a Request<'a>,
+    /// How it was computed.
+    pub settings: &'a Settings<'a>,
     /// In the order of the poses.
     pub cases: &'a [Case],
     /// `None`: nothing was computed.
@@ -126,11 +128,54 @@ fn against(pairs: &[Pair]) -> [Panel; 6] {
     })
 }
 
+/// The stiffness file. Eight digits: `ccx` prints seven.
+pub fn stiffness_csv(facts: &Facts<'_>, solved: &[(&Case, Solved)]) -> String {
+    let (file, version, settings) = (facts.file, facts.version, facts.settings);
+    let rows = solved.iter().map(|(case, s)| {
+        let mut row = vec![case.pose.id.clone()];
+        row.extend(dataset::pose_cells(&case.pose.pose));
+        row.extend(stiffness_columns().map(|(i, j, _)| format!("{:.7e}", s.k[(i, j)])));
+        row
+    });
+    let mut set = settings.set.join(", ");
+    if !set.is_empty() {
+        set = format!(", with {}", printable(&set));
+    }
+    format!(
+        "# terminal stiffness of machine `{}`{set} by finite elements ({version}, pkm-host {}, mesh {}); simulated\n\
+         # K at A in A-uvw, SI; inverse of the compliance from six unit wrenches at A\n{}",
+        file.name,
+        env!("CARGO_PKG_VERSION"),
+        settings.size,
+        dataset::to_csv(b',', &stiffness_header(), rows)
+    )
+}
+
+/// How the data came about, without what differs from run to run.
+pub fn manifest(facts: &Facts<'_>) -> Value {
+    let (file, solid, settings, version, cases) = (facts.file, facts.solid, facts.settings, facts.version, facts.cases);
+    let poses: Vec<Value> = cases
+        .iter()
+        .map(|c| json!({ "pose": c.pose.id, "deck_sha256": c.sha256, "nodes": c.size.0, "elements": c.size.1 }))
+        .collect();
+    json!({
+        "format": 1,
+        "tool": format!("pkm-host {}", env!("CARGO_PKG_VERSION")),
+        "solver": version,
+        "machine": file.name,
+        "machine_sha256": file.source.sha256(),
+        "set": settings.set,
+        "mesh": settings.size,
+        "solid": solid.toml(),
+        "poses": poses,
+    })
+}
+
 /// The page.
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn page(facts: &Facts<'_>) -> Result<String> {
+pub fn page(facts: &Facts<'_>, warnings: &[String]) -> Result<String> {
     let first = &facts.cases[0].pose;
     let [theta, sigma, z0] = file_units(&first.pose);
     let plates = Plates::new(facts.solid, &facts.file.parameters, 1.0).map_err(Failure::input)?;
@@ -161,14 +206,14 @@ pub fn page(facts: &Facts<'_>) -> Result<String> {
         h2 { "Dimensions" }
         (fold("All of them, as a section of the machine file", &html! { pre tabindex="0" { (facts.solid.toml()) } }))
     };
-    let set = if facts.request.set.is_empty() { "nothing".to_owned() } else { facts.request.set.join(", ") };
+    let set = if facts.settings.set.is_empty() { "nothing".to_owned() } else { facts.settings.set.join(", ") };
     let facts_of = vec![
         ("Machine file", of_file(&facts.file.source)),
         ("Changed by --set", set),
         ("Poses", format!("{}, {} poses", facts.poses_from, facts.cases.len())),
-        ("Size of the elements, relative to the usual", facts.request.size.to_string()),
+        ("Size of the elements, relative to the usual", facts.settings.size.to_string()),
         ("Computed by", facts.version.to_owned()),
     ];
     let title = format!("Stiffness of {} by finite elements", facts.file.name);
-    Ok(Page { title, findings: &findings(facts), body, facts: facts_of }.html())
+    Ok(Page { title, findings: &findings(facts), warnings, body, facts: facts_of }.html())
 }

@@ -7,11 +7,12 @@ use maud::{Markup, html};
 use pkm_core::correction::EQ_11;
 
 use crate::error::Result;
-use crate::fit::{DeflectionErrors, Evaluation, Fit, Sample};
+use crate::fit::{DeflectionErrors, Evaluation, Fit, Sample, TermChoice};
 use crate::pose::{ROTATION_ARM_M, file_units};
 use crate::report::export::Provenance;
 use crate::report::page::{Finding, Page, charts, fold, picture, table};
 use crate::report::plot::{self, Mark, Panel, Series};
+use serde_json::{Value, json};
 
 /// A mean error that a model of the stiffness may have where it is used, %.
 pub(crate) const USABLE_PERCENT: f64 = 5.0;
@@ -345,6 +346,34 @@ fn coefficient_tables(fit: &Fit) -> Markup {
     }
 }
 
+/// `fit.json`, but for its warnings.
+pub fn document(fit: &Fit, choice: TermChoice, trained: &Evaluation, verified: Option<&Evaluation>) -> Value {
+    let polynomials: Vec<Value> = fit
+        .polynomials
+        .iter()
+        .map(|p| {
+            let terms: Vec<_> =
+                fit.numbers.terms.iter().zip(&p.used).filter_map(|(t, used)| used.then_some(*t)).collect();
+            json!({
+                "name": p.name,
+                "terms": terms,
+                "coefficients": p.coefficients,
+                "standard_errors": p.standard_errors,
+                "leave_one_out_rms": p.loo_rms,
+                "leave_one_out_rms_paper_terms": p.paper_loo_rms,
+            })
+        })
+        .collect();
+    json!({
+        "train": trained,
+        "verify": verified,
+        "condition": fit.condition,
+        "terms": fit.numbers.terms,
+        "term_choice": choice.name(),
+        "selected": polynomials,
+    })
+}
+
 /// `report.html`.
 ///
 /// # Errors
@@ -390,7 +419,7 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
         ("Box, outside which the controller gets a status", format!("θ {theta:?}°, σ {sigma:?}°, Z0 {z0:?} mm")),
         ("Condition number of the fit", format!("{:.1}", fit.condition)),
     ];
-    let mut findings = conclusion(fit, p.training, p.verified);
-    findings.splice(1..1, warnings.iter().map(Finding::warning));
-    Ok(Page { title: format!("Stiffness table of {}", p.file.machine), findings: &findings, body, facts }.html())
+    let findings = conclusion(fit, p.training, p.verified);
+    Ok(Page { title: format!("Stiffness table of {}", p.file.machine), findings: &findings, warnings, body, facts }
+        .html())
 }

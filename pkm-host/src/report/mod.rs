@@ -1,5 +1,6 @@
 //! From a finished result to what people read and controllers compile: pages, charts, generated source.
 
+pub mod compensate;
 pub mod drawing;
 pub mod export;
 pub mod fem;
@@ -8,3 +9,4 @@ pub mod map;
 pub(crate) mod page;
 pub mod place;
 pub mod plot;
+pub mod stiffness;

@@ -78,6 +78,8 @@ pub(crate) struct Page<'a> {
     pub(crate) title: String,
     /// At least one.
     pub(crate) findings: &'a [Finding],
+    /// Of the files and the call, said after the first finding.
+    pub(crate) warnings: &'a [String],
     /// Pictures, then tables.
     pub(crate) body: Markup,
     /// Where it comes from, beside the program's version.
@@ -86,9 +88,11 @@ pub(crate) struct Page<'a> {
 
 impl Page<'_> {
     pub(crate) fn html(self) -> String {
-        let (verdict, others) = (&self.findings[0], &self.findings[1..]);
+        let verdict = &self.findings[0];
+        let warnings: Vec<Finding> = self.warnings.iter().map(Finding::warning).collect();
+        let others: Vec<&Finding> = warnings.iter().chain(&self.findings[1..]).collect();
         let (shown, more) = others.split_at(others.len().min(SHOWN));
-        let list = |findings: &[Finding]| {
+        let list = |findings: &[&Finding]| {
             html! {
                 ul {
                     @for f in findings {

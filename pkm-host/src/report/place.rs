@@ -349,7 +349,13 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> Markup {
 ///
 /// # Errors
 /// What the drawing library says.
-pub fn html(bench: &Bench<'_>, table: Option<&Source>, options: &Options, placed: &Placed) -> Result<String> {
+pub fn html(
+    bench: &Bench<'_>,
+    table: Option<&Source>,
+    options: &Options,
+    placed: &Placed,
+    warnings: &[String],
+) -> Result<String> {
     let objectives = placed.placements.len() / placed.grids.len();
     let evolution = convergence(bench, placed);
     let body = html! {
@@ -375,5 +381,5 @@ pub fn html(bench: &Bench<'_>, table: Option<&Source>, options: &Options, placed
         ("Correction table", table.map_or("none: the basic model".into(), of_file)),
     ];
     let findings = findings(bench, placed);
-    Ok(Page { title: format!("Placement on {}", file.name), findings: &findings, body, facts }.html())
+    Ok(Page { title: format!("Placement on {}", file.name), findings: &findings, warnings, body, facts }.html())
 }

@@ -7,11 +7,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pkm_core::{Configuration, JointValues, Pose, Tool};
-use pkm_host::cli::commands;
+use pkm_host::cli;
 use pkm_host::files::job::{Job, Position};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::source::Source;
-use pkm_host::fit::TermChoice;
 
 use crate::{Outcome, c, output, root};
 
@@ -119,7 +118,16 @@ fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
     };
     let modules = out.join("modules");
     std::fs::create_dir_all(&modules).map_err(|e| format!("{}: {e}", out.display()))?;
-    let fitted = commands::fit(Some(&setup.machine), Some(&setup.data), None, TermChoice::Select, out);
+    let fitted = cli::run([
+        "fit".as_ref(),
+        "--machine".as_ref(),
+        setup.machine.as_os_str(),
+        "--data".as_ref(),
+        setup.data.as_os_str(),
+        "--terms=select".as_ref(),
+        "--out".as_ref(),
+        out.as_os_str(),
+    ]);
     fitted.map_err(|e| e.to_string())?;
     compile(components, &c::library_here(out)?, &modules)?;
     let write = |name: &str, text: String| {

@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 use pkm_core::{Machine, Pose};
 use serde_json::json;
 
-use crate::cli::progress;
 use crate::error::{Failure, Result};
 use crate::files::dataset::stiffness_column;
 use crate::files::machine::MachineFile;
 use crate::pose::{pose_of, tidy};
+use crate::progress::Progress;
 
 pub mod claims;
 
@@ -110,21 +110,26 @@ impl Map {
     ///
     /// # Errors
     /// A window that is empty, too fine, or that the machine does not reach.
-    pub fn new(file: &MachineFile, model: &Model<'_>, sigma_deg: f64, window: &Window) -> Result<Self> {
+    pub fn new(
+        file: &MachineFile,
+        model: &Model<'_>,
+        sigma_deg: f64,
+        window: &Window,
+        progress: &Progress<'_>,
+    ) -> Result<Self> {
         let grid = grid(file, sigma_deg, window)?;
         let total = grid.count[0] * grid.count[1];
-        let bar = progress::late_bar(total as u64, "{wide_bar} {pos}/{len}");
         let mut points = Vec::with_capacity(total);
         for row in 0..grid.count[1] {
+            progress("points", (row * grid.count[0]) as u64, total as u64);
             for column in 0..grid.count[0] {
                 let [x0_mm, z0_mm] = grid.place(column, row);
                 let theta_deg = theta_deg([x0_mm, z0_mm]);
                 let value = model(&file.machine, &pose_of(theta_deg, sigma_deg, z0_mm));
                 points.push(Point { x0_mm, z0_mm, theta_deg, value });
             }
-            progress::advance(&bar, grid.count[0] as u64);
         }
-        bar.finish_and_clear();
+        progress("points", total as u64, total as u64);
         if points.iter().all(|p| p.value.is_err()) {
             let [[x0, x1], [z0, z1]] = grid.extent_mm();
             return Err(Failure::usage(format!(

@@ -1,16 +1,16 @@
 //! Grid and polish, the paper's genetic algorithm, differential evolution.
 
 use std::f64::consts::PI;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use fastrand::Rng;
-use indicatif::ProgressBar;
 use pkm_core::Configuration;
 use rayon::prelude::*;
 
 use super::{Bench, Miss, Objective, Posture};
-use crate::cli::progress;
 use crate::error::{Failure, Result};
 use crate::files::job::{Axis, Job, PerAxis, Position, Series};
+use crate::progress::Progress;
 
 /// How the optimum is searched for. The grid certifies it in any case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -129,6 +129,7 @@ struct Searcher<'a> {
     series: &'a Series,
     /// More than one posture reached a hole somewhere: all have to be looked for everywhere.
     several: bool,
+    progress: &'a Progress<'a>,
 }
 
 impl Searcher<'_> {
@@ -288,10 +289,6 @@ fn places([low, high]: [f64; 2], step: f64) -> Vec<f64> {
     (0..=count).map(|i| if count == 0 { low } else { low + (high - low) * i as f64 / count as f64 }).collect()
 }
 
-fn bar(length: usize, what: String) -> ProgressBar {
-    progress::bar(length as u64, "{msg} {bar:30} {pos}/{len}, {eta} left").with_message(what)
-}
-
 /// Whether holes of a series are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
 fn in_several_ways(bench: &Bench<'_>, series: &Series) -> bool {
     lattice(bench.job).par_iter().any(|position| {
@@ -316,12 +313,17 @@ fn lattice(job: &Job) -> Vec<Position> {
 ///
 /// # Errors
 /// No position of the grid reaches every hole: which, and by how much.
-pub fn place(bench: &Bench<'_>, objectives: &[Objective], options: &Options) -> Result<Placed> {
+pub fn place(
+    bench: &Bench<'_>,
+    objectives: &[Objective],
+    options: &Options,
+    progress: &Progress<'_>,
+) -> Result<Placed> {
     let job = bench.job;
     let axes = grid_axes(job, options)?;
     let (mut placements, mut grids) = (Vec::new(), Vec::new());
     for (n, series) in job.series.iter().enumerate() {
-        let searcher = Searcher { bench, series, several: in_several_ways(bench, series) };
+        let searcher = Searcher { bench, series, several: in_several_ways(bench, series), progress };
         let grid = searcher.grid(objectives, axes.clone());
         for (o, objective) in objectives.iter().enumerate() {
             let Some(certified) = grid.best(o) else { return Err(searcher.unreachable(options)) };
@@ -435,7 +437,9 @@ impl Searcher<'_> {
     fn grid(&self, objectives: &[Objective], axes: PerAxis<Vec<f64>>) -> Grid {
         let PerAxis { dx_m: xs, dy_m: ys, rotary_rad: angles } = &axes;
         let rows: Vec<(f64, f64)> = angles.iter().flat_map(|a| ys.iter().map(move |y| (*a, *y))).collect();
-        let progress = bar(rows.len(), format!("series {}", self.series.name));
+        let told = format!("series {}", self.series.name);
+        let (done, count) = (AtomicU64::new(0), rows.len() as u64);
+        (self.progress)(&told, 0, count);
         let found: Vec<Vec<Vec<Option<Cell>>>> = rows
             .par_iter()
             .map(|&(rotary_rad, dy_m)| {
@@ -451,11 +455,10 @@ impl Searcher<'_> {
                         .collect()
                 });
                 let row = row.collect();
-                progress.inc(1);
+                (self.progress)(&told, done.fetch_add(1, Ordering::Relaxed) + 1, count);
                 row
             })
             .collect();
-        progress.finish_and_clear();
         let cells = (0..objectives.len()).map(|o| found.iter().flatten().map(|cell| cell[o]).collect()).collect();
         Grid { axes, cells }
     }
@@ -489,18 +492,17 @@ impl Searcher<'_> {
         let better = |a: (usize, f64), b: (usize, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).is_lt();
         let mut all: Vec<Shares> = (0..POPULATION).map(|_| [rng.f64(), rng.f64(), rng.f64()]).collect();
         let mut costs = judged(&all);
-        let progress = bar(GENERATIONS, format!("series {}, {}", self.series.name, objective.name()));
+        let told = format!("series {}, {}", self.series.name, objective.name());
         for generation in 0..=GENERATIONS {
+            (self.progress)(&told, generation as u64, GENERATIONS as u64);
             let best = (0..POPULATION)
                 .min_by(|a, b| costs[*a].0.cmp(&costs[*b].0).then(costs[*a].1.total_cmp(&costs[*b].1)))?;
             if costs[best].0 == 0 {
                 convergence.push(((generation + 1) * POPULATION, costs[best].1));
             }
             if generation == GENERATIONS {
-                progress.finish_and_clear();
                 return (costs[best].0 == 0).then(|| position(&all[best]));
             }
-            progress.inc(1);
             let next: Vec<Shares> = match method {
                 Method::De => (0..POPULATION)
                     .map(|i| {

@@ -4,6 +4,7 @@ mod contour;
 pub mod picture;
 
 use maud::{Markup, PreEscaped, html};
+use serde_json::{Value, json};
 
 use self::picture::Picture;
 use crate::files::dataset::stiffness_column;
@@ -115,8 +116,38 @@ fn sheet(sheet: &Sheet) -> Markup {
     }
 }
 
+/// For the terminal.
+pub fn text(sheet: &Sheet) -> String {
+    let mut text = sheet.map.summary();
+    for (over, claims) in &sheet.claims {
+        if !claims.is_empty() {
+            text.push_str(&format!("the paper's Section 5.2, over the {over}:\n"));
+        }
+        for c in claims {
+            text.push_str(&format!("  {:<5}  {}\n         {}\n", c.holds, c.claim, c.text));
+        }
+    }
+    text
+}
+
+/// The paper's claims for `--json`.
+pub fn claims_json(sheet: &Sheet) -> Vec<Value> {
+    let claim = |over: &str, c: &Claim| {
+        json!({
+            "sigma_deg": sheet.map.sigma_deg, "over": over, "claim": c.claim, "holds": c.holds, "figures": c.figures,
+        })
+    };
+    sheet.claims.iter().flat_map(|(over, claims)| claims.iter().map(move |c| claim(over, c))).collect()
+}
+
 /// The page; `described` is the model in words.
-pub fn html(file: &MachineFile, correction: Option<&Source>, described: &str, sheets: &[Sheet]) -> String {
+pub fn html(
+    file: &MachineFile,
+    correction: Option<&Source>,
+    described: &str,
+    sheets: &[Sheet],
+    warnings: &[String],
+) -> String {
     let body = html! { @for s in sheets { (sheet(s)) } };
     let facts = vec![
         ("Model", described.to_owned()),
@@ -124,5 +155,5 @@ pub fn html(file: &MachineFile, correction: Option<&Source>, described: &str, sh
         ("Correction table", correction.map_or("none".into(), of_file)),
     ];
     let findings = findings(sheets, correction.is_some());
-    Page { title: format!("Stiffness map of {}", file.name), findings: &findings, body, facts }.html()
+    Page { title: format!("Stiffness map of {}", file.name), findings: &findings, warnings, body, facts }.html()
 }

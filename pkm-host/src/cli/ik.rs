@@ -1,23 +1,75 @@
-//! The commands `ik` and `fk`, of three axes and of five.
+//! `ik`: screw lengths of a pose, joint values of a tool.
 
-use std::path::Path;
-
-use pkm_core::{Configuration, Hold, JointValues, KinematicsError, Machine, Pose, ScrewLengths, Tool, ToolError};
+use pkm_core::{Configuration, Hold, JointValues, KinematicsError, Machine, Pose, ScrewLengths, Tool};
 use serde_json::{Value, json};
 
-use crate::cli::output::Output;
+use super::arguments::{finite, list};
+use super::session::{Output, Session};
 use crate::error::{Failure, Result, status, tool_status};
-use crate::files::machine::MachineFile;
 use crate::files::path::unit;
 use crate::plan::reach::{Reach, shown};
 use crate::pose::{file_units, pose_of};
 
-fn refused(e: KinematicsError, what: &str) -> Failure {
+/// Screw lengths of a pose; or of a tool, with the wrist's joints.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// θ in °, about y of B, within ±90.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    theta_deg: Option<f64>,
+    /// σ in °, about u, within ±90.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    sigma_deg: Option<f64>,
+    /// Height of A over B in mm, above 0.
+    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    z0_mm: Option<f64>,
+    /// The tool's tip in B in mm, in place of a pose.
+    #[arg(
+        long,
+        requires = "axis",
+        conflicts_with_all = ["theta_deg", "sigma_deg", "z0_mm"],
+        value_parser = list::<3>,
+        allow_hyphen_values = true,
+        value_name = "X,Y,Z"
+    )]
+    tip_mm: Option<[f64; 3]>,
+    /// The tool's axis in B, from the flange toward the tip, of any length.
+    #[arg(long, requires = "tip_mm", value_parser = list::<3>, allow_hyphen_values = true, value_name = "I,J,K")]
+    axis: Option<[f64; 3]>,
+    /// q1,q2,q3 in mm and β1,β2 in °: of several ways to hold the tool on the home side the nearest to it (θ, σ, β1, β2 in rad
+    /// and Z0 as a share of home's); default: the zero pose, Z0 in the middle of the box.
+    #[arg(
+        long,
+        requires = "tip_mm",
+        value_parser = list::<5>,
+        allow_hyphen_values = true,
+        value_name = "Q1,Q2,Q3,B1,B2"
+    )]
+    near: Option<[f64; 5]>,
+    /// Every way to hold the tool within travel and limits, on either side of the singular surface.
+    #[arg(long, requires = "tip_mm")]
+    all: bool,
+}
+
+pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
+    match args {
+        Args { theta_deg: Some(theta_deg), sigma_deg: Some(sigma_deg), z0_mm: Some(z0_mm), .. } => {
+            of_pose(session, *theta_deg, *sigma_deg, *z0_mm)
+        }
+        Args { tip_mm: Some(tip_mm), axis: Some(axis), .. } => of_tool(session, args, *tip_mm, *axis),
+        _ => Err(Failure::usage("give a pose or a tool, see --help")),
+    }
+}
+
+pub(super) fn refused(e: KinematicsError, what: &str) -> Failure {
     Failure::refused(status(e), format!("{what}: {e}"))
 }
 
 /// What the engineer wants to know besides: how far travel and singularities are.
-fn margins(machine: &Machine<f64>, pose: &Pose<f64>, lengths: &ScrewLengths<f64>) -> Result<(Value, String)> {
+pub(super) fn margins(
+    machine: &Machine<f64>,
+    pose: &Pose<f64>,
+    lengths: &ScrewLengths<f64>,
+) -> Result<(Value, String)> {
     let (margin_m, limb) = machine.travel_margin_m(lengths);
     let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
     let json = json!({
@@ -35,12 +87,8 @@ fn margins(machine: &Machine<f64>, pose: &Pose<f64>, lengths: &ScrewLengths<f64>
     Ok((json, text))
 }
 
-/// `ik`: screw lengths of a pose.
-///
-/// # Errors
-/// A pose that the machine cannot take.
-pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Result<Output> {
-    let file = MachineFile::read(machine)?;
+fn of_pose(session: &mut Session, theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Result<Output> {
+    let file = session.machine()?;
     let machine = file.machine;
     let pose = pose_of(theta_deg, sigma_deg, z0_mm);
     let lengths = machine.inverse(&pose).map_err(|e| {
@@ -51,39 +99,7 @@ pub fn ik(machine: Option<&Path>, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
     let (mut json, margins) = margins(&machine, &pose, &lengths)?;
     json["status"] = "ok".into();
     json["q_mm"] = json!(q_mm);
-    Output::new(format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), &json)
-}
-
-/// `fk`: pose of screw lengths; with the wrist's joints also tip and axis.
-///
-/// # Errors
-/// Lengths out of travel, or that don't assemble.
-pub fn fk(machine: Option<&Path>, q_mm: [f64; 3], beta_deg: Option<[f64; 2]>) -> Result<Output> {
-    let file = MachineFile::read(machine)?;
-    let machine = file.machine;
-    let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
-    let what = format!("q = {}, {}, {} mm", q_mm[0], q_mm[1], q_mm[2]);
-    let pose = machine.forward(&lengths).map_err(|e| match e {
-        KinematicsError::OutOfTravel { limb } => {
-            Failure::refused(status(e), format!("{what}: {e}: {}", file.travel_of(limb, &lengths)))
-        }
-        e => refused(e, &what),
-    })?;
-    let [theta_deg, sigma_deg, z0_mm] = file_units(&pose);
-    let (mut json, margins) = margins(&machine, &pose, &lengths)?;
-    json["status"] = "ok".into();
-    json["theta_deg"] = theta_deg.into();
-    json["sigma_deg"] = sigma_deg.into();
-    json["z0_mm"] = z0_mm.into();
-    let mut text = format!("θ = {theta_deg:.6}°  σ = {sigma_deg:.6}°  Z0 = {z0_mm:.4} mm\n{margins}");
-    if let Some(beta_deg) = beta_deg {
-        let (in_words, held) = tool_of(&file, q_mm, beta_deg)?;
-        text.push_str(&in_words);
-        if let (Value::Object(json), Value::Object(held)) = (&mut json, held) {
-            json.extend(held);
-        }
-    }
-    Output::new(text, &json)
+    session.output(format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), &json)
 }
 
 fn solution(reach: &Reach<'_>, hold: &Hold<f64>) -> Value {
@@ -109,24 +125,15 @@ fn in_words(hold: &Hold<f64>) -> String {
     )
 }
 
-/// `ik --tip-mm --axis`: joint values that hold a tool.
-///
-/// # Errors
-/// No axis, `near` that the machine cannot take, a tool that it cannot hold.
-pub fn of_tool(
-    machine: Option<&Path>,
-    tip_mm: [f64; 3],
-    axis: [f64; 3],
-    near: Option<[f64; 5]>,
-    all: bool,
-) -> Result<Output> {
-    let file = MachineFile::read(machine)?;
+fn of_tool(session: &mut Session, args: &Args, tip_mm: [f64; 3], axis: [f64; 3]) -> Result<Output> {
+    let file = session.machine()?;
+    session.warn(file.wrist_warning());
     let reach = Reach::new(&file)?;
     if axis == [0.0; 3] {
         return Err(Failure::usage("--axis: expected a direction, found 0, 0, 0"));
     }
     let tool = Tool { tip_m: tip_mm.map(|v| v / 1e3), axis: unit(axis) };
-    let near = match near {
+    let near = match args.near {
         None => reach.home(),
         Some([q1, q2, q3, beta1, beta2]) => {
             let joints = joint_values([q1, q2, q3], [beta1, beta2]);
@@ -144,7 +151,7 @@ pub fn of_tool(
     if let (Value::Object(json), Value::Object(solution)) = (&mut json, solution(&reach, &hold)) {
         json.extend(solution);
     }
-    if all {
+    if args.all {
         json["solutions"] = ways.iter().map(|hold| solution(&reach, hold)).collect();
         text.push_str(&format!("\nways to hold it: {}, the nearest first:\n", ways.len()));
         for hold in &ways {
@@ -152,31 +159,16 @@ pub fn of_tool(
             text.push_str(&format!("{side}{}", in_words(hold)));
         }
     }
-    Output::new(text, &json)
+    session.output(text, &json)
 }
 
-fn joint_values(q_mm: [f64; 3], beta_deg: [f64; 2]) -> JointValues<f64> {
+pub(super) fn joint_values(q_mm: [f64; 3], beta_deg: [f64; 2]) -> JointValues<f64> {
     JointValues { lengths: ScrewLengths { q_m: q_mm.map(|q| q / 1e3) }, beta_rad: beta_deg.map(f64::to_radians) }
 }
 
-fn forward(reach: &Reach<'_>, joints: &JointValues<f64>) -> Result<(Configuration<f64>, Tool<f64>)> {
+pub(super) fn forward(reach: &Reach<'_>, joints: &JointValues<f64>) -> Result<(Configuration<f64>, Tool<f64>)> {
     reach.five.forward(joints).map_err(|e| {
         let (_, excess) = reach.excess(joints);
         Failure::refused(tool_status(e), if excess.is_empty() { e.to_string() } else { excess })
     })
-}
-
-/// `fk --beta-deg`: tip and axis of joint values, and how far the singular surface is: for the pose's document and its text.
-fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<(String, Value)> {
-    let reach = Reach::new(file)?;
-    let refused = |e: ToolError| Failure::refused(tool_status(e), e.to_string());
-    let (configuration, tool) = forward(&reach, &joint_values(q_mm, beta_deg))?;
-    let home_share = reach.five.home_share(&configuration).map_err(refused)?;
-    let tip_mm = tool.tip_m.map(|v| v * 1e3);
-    let side = if home_share >= reach.margin() { "" } else { ": not on the home side" };
-    let ([x, y, z], [i, j, k]) = (tip_mm, tool.axis);
-    Ok((
-        format!("tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  home share {home_share:.4}{side}\n"),
-        json!({ "tip_mm": tip_mm, "axis": tool.axis, "home_share": home_share }),
-    ))
 }

@@ -1,0 +1,137 @@
+//! `compensate`: a tool path that cancels the deflection that the model predicts along it.
+
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::arguments::{TableArgs, finite, list};
+use super::bar::bar;
+use super::session::{Output, Session};
+use crate::error::{Failure, Result, printable};
+use crate::files::dataset::MOST_LOAD;
+use crate::files::source;
+use crate::files::tool_path::{MARK, ToolPath, is_program};
+use crate::plan::compensate::{Correction, Request, Track, walk};
+use crate::plan::model::{Form, Model, no_factor_form};
+use crate::report::compensate as report;
+
+/// A tool path that cancels the deflection that the model predicts along it; beside it a plot of the tip's error.
+///
+/// The machine is led along the path step by step and never changes sides of a singularity. G-code, in mm:
+/// G0 and G1 with X Y Z, the tip in B, and I J K, the tool's axis in B, or A B, the wrist's β1 and β2 in degrees; a comment
+/// (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. F S T M N, comments and modes that change nothing
+/// are passed on; arcs, inches, increments, offsets, cycles and all else are refused with their line.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// CSV with x_mm,y_mm,z_mm,i,j,k (tip and axis in B) and fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm (on the tool at the tip, in
+    /// the tool's frame), or G-code (.ngc, .nc, .gcode, .cnc, .tap).
+    #[arg(long, value_name = "FILE")]
+    path: PathBuf,
+    /// coefficients.json of `fit`; without it the basic model with the machine file's effects.
+    #[arg(long, value_name = "JSON")]
+    table: Option<PathBuf>,
+    /// For G-code: the cutting load on the tool at its tip, in the tool's frame, N and N·m.
+    #[arg(long, value_parser = list::<6>, allow_hyphen_values = true, value_name = "FX,FY,FZ,MX,MY,MZ")]
+    wrench: Option<[f64; 6]>,
+    /// Cuts are divided so that from point to point the tip goes no farther than this and the axis (or a wrist's joint)
+    /// turns by no more than 1°. Default: 2 for G-code; a CSV keeps its rows as they are unless this is given.
+    #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM")]
+    step_mm: Option<f64>,
+    /// Lets points pass that lie outside the table's box, and says so in the file.
+    #[arg(long)]
+    allow_extrapolation: bool,
+    /// File to write, in the path's format; the plot goes to the same name with .svg.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+impl Args {
+    fn check(&self) -> Result<()> {
+        if let Some(step) = self.step_mm.filter(|step| *step < 0.001) {
+            return Err(Failure::usage(format!("--step-mm: expected at least 0.001, found {step}")));
+        }
+        if let Some(load) = self.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MOST_LOAD)) {
+            let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
+            return Err(Failure::usage(message));
+        }
+        Ok(())
+    }
+
+    /// Names of the path and of the plot beside it.
+    fn names(&self, svg: &Path) -> Result<[OsString; 2]> {
+        match (source::name_of(&self.out), svg.file_name().filter(|_| svg != self.out)) {
+            (Some(name), Some(svg_name)) => Ok([name.into(), svg_name.into()]),
+            _ => {
+                let message = "expected the name of a file other than .svg: the plot goes there";
+                Err(Failure::usage(message).in_file(self.out.display().to_string()))
+            }
+        }
+    }
+
+    /// What a program's first comment says of it.
+    fn origin(&self, model: &Model) -> String {
+        let table = model.table.as_ref().map_or("no table".to_owned(), |t| t.source.file_name());
+        let load =
+            self.wrench.map_or(String::new(), |w| format!(", load {} N, N m", w.map(|v| v.to_string()).join(" ")));
+        let path = self.path.file_name().unwrap_or(OsStr::new("")).to_string_lossy();
+        let names = [model.machine.name.as_str(), &table, &printable(&path)].join(", ");
+        format!("{MARK}: machine {names}{load}")
+    }
+}
+
+pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
+    let model = session.model(&TableArgs { table: args.table.clone(), form: Form::Auto })?;
+    let table = model.table.as_ref().map(|t| match t.form {
+        Form::Diagonal => Err(no_factor_form(&t.source, "there is no path without it")),
+        _ => Ok(Correction { table: t.numbers.table()?, extent: t.pose_box, name: t.source.name.clone() }),
+    });
+    let correction = table.transpose()?;
+    args.check()?;
+    let svg = args.out.with_extension("svg");
+    let [name, svg_name] = args.names(&svg)?;
+    let path = ToolPath::read(&args.path, args.wrench)?;
+    session.warn(path.warnings().to_vec());
+    let in_program = matches!(path, ToolPath::Program(_));
+    if is_program(&args.out).is_some_and(|to| to != in_program) {
+        let message = "expected a name for the kind of file that --path is, CSV or G-code";
+        return Err(Failure::usage(message).in_file(args.out.display().to_string()));
+    }
+    session.warn(model.machine.wrist_warning());
+    let request = Request {
+        file: &args.path.display().to_string(),
+        moves: path.moves(),
+        in_program,
+        step_mm: args.step_mm,
+        allow_extrapolation: args.allow_extrapolation,
+    };
+    let track = walk(&model.machine, correction.as_ref(), &request, &bar())?;
+    let written = path.written(&track.points, &notes(args, &model, &track, in_program, session));
+    let inputs = [session.machine_path(), args.table.as_deref(), Some(&args.path)];
+    let files = [(name, written), (svg_name, report::picture(&track)?)];
+    source::write_all(source::folder_of(&args.out), &files, &inputs)?;
+    let [out, plot] = [&args.out, &svg].map(|path| path.display().to_string());
+    let points: usize = track.points.iter().map(Vec::len).sum();
+    let text = format!("wrote {points} points to {out} and their errors to {plot}\n{}", report::text(&track));
+    let mut json = report::document(&track);
+    (json["out"], json["plot"]) = (json!(out), json!(plot));
+    session.output(text, &json)
+}
+
+/// What stands at the head of the new path.
+fn notes(args: &Args, model: &Model, track: &Track, in_program: bool, session: &mut Session) -> Vec<String> {
+    if track.curve.is_empty() {
+        session.warn(["no load anywhere on the path: nothing to make up for".to_owned()]);
+    }
+    let mut notes = Vec::new();
+    if in_program {
+        notes.push(args.origin(model));
+    }
+    if track.extrapolated > 0 {
+        let points: usize = track.points.iter().map(Vec::len).sum();
+        let beyond = format!("{} of {points} points lie outside the table's box: extrapolated", track.extrapolated);
+        notes.push(format!("{MARK}: {beyond}"));
+        session.warn([beyond]);
+    }
+    notes
+}

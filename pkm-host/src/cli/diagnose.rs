@@ -1,0 +1,57 @@
+//! `diagnose`: from readings to what the model lacks.
+
+use std::path::PathBuf;
+
+use super::bar::bar;
+use super::session::{Output, Session};
+use crate::diagnose::{self, outputs, report};
+use crate::error::Result;
+use crate::files::machine::MachineFile;
+use crate::files::readings::Readings;
+use crate::files::source::{self, Source};
+
+/// From measured deflections to the physics that the model lacks: adds it, and compares before and after.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Measured CSV; default, for the reference machine alone: simulated readings.
+    #[arg(long, value_name = "CSV")]
+    data: Option<PathBuf>,
+    /// Measured CSV to compare on; default: whole poses of --data in turn (cross-validation).
+    #[arg(long, value_name = "CSV")]
+    holdout: Option<PathBuf>,
+    /// Folder for diagnosis.json, machine.toml, coefficients.rs and report.html.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
+    let Args { data, holdout, out } = args;
+    let file = session.machine()?;
+    session.warn(file.wrist_warning());
+    let source = session.read_or_fixture(data.as_deref(), pkm_fixtures::MEASURED, "--data", &file)?;
+    let readings = Readings::read(source, &file)?;
+    let held_out = holdout.as_deref().map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
+    session.warn(readings.warnings.iter().chain(held_out.iter().flat_map(|h| &h.warnings)).cloned());
+    if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
+        session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
+    }
+    let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), &bar())?;
+    let json = diagnosis.to_json();
+    let machine_toml = outputs::machine_toml(&file, &diagnosis)?;
+    let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
+    let (rust, table, warning) = outputs::table(&file, &improved, &readings, &diagnosis)?;
+    session.warn(warning);
+    let html = report::html(&file, &readings, held_out.as_ref(), &diagnosis, &session.warnings)?;
+    let wrote = source::write_all(
+        out,
+        &[
+            ("diagnosis.json", source::json(&json)),
+            ("machine.toml", machine_toml),
+            ("coefficients.rs", rust),
+            ("coefficients.json", table.to_json()),
+            ("report.html", html),
+        ],
+        &[session.machine_path(), data.as_deref(), holdout.as_deref()],
+    )?;
+    session.output(report::text(&diagnosis) + &wrote, &json)
+}

@@ -1,0 +1,83 @@
+//! `place`: where the workpiece should stand.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::arguments::{TableArgs, positive};
+use super::bar::bar;
+use super::session::{Output, Session};
+use crate::error::Result;
+use crate::files::job::Job;
+use crate::files::source::{self, Source};
+use crate::plan::model::Form;
+use crate::plan::place::{self, Bench, Method, Objective, Options};
+use crate::report::place as report;
+
+/// Puts the workpiece where the machine is stiff: the best position of a cross slide, a rotary axis, or both, for each
+/// series of holes.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The job (TOML), its loads on the tool at the tip in the tool's axes (z along the tool); default, for the reference
+    /// machine alone: the case study of fixtures/jobs.
+    #[arg(long, value_name = "TOML")]
+    job: Option<PathBuf>,
+    #[command(flatten)]
+    table: TableArgs,
+    /// What should be small; several may be given. Default: paper and tip-worst.
+    #[arg(long, value_enum, num_args = 1..)]
+    objective: Vec<Objective>,
+    /// How the optimum is searched for; the grid certifies it in any case. Default: grid, and de when cross slide and
+    /// rotary axis both move.
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+    /// Of the grid (ten times as much, and five times the angle, when cross slide and rotary axis both move).
+    #[arg(long, default_value_t = 2.0, value_parser = positive, allow_hyphen_values = true)]
+    step_mm: f64,
+    /// The same for a rotary axis.
+    #[arg(long, default_value_t = 1.0, value_parser = positive, allow_hyphen_values = true)]
+    step_deg: f64,
+    /// Of an evolution; default: drawn, and printed.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53))]
+    seed: Option<u64>,
+    /// Count positions outside of the table's box as well.
+    #[arg(long)]
+    allow_extrapolation: bool,
+    /// Folder for placement.json and report.html.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
+    let model = session.model(&args.table)?;
+    let job = session.read_or_fixture(args.job.as_deref(), pkm_fixtures::JOB, "--job", &model.machine)?;
+    let job = Job::parse(&job)?;
+    session.warn(model.machine.wrist_warning());
+    let mut objectives: Vec<Objective> = Vec::new();
+    for objective in &args.objective {
+        if !objectives.contains(objective) {
+            objectives.push(*objective);
+        }
+    }
+    if objectives.is_empty() {
+        objectives = vec![Objective::Paper, Objective::TipWorst];
+    }
+    let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
+    let bench = Bench::new(&model.machine, table, &job, &objectives, args.allow_extrapolation)?;
+    let usual = if job.slides_and_turns() { Method::De } else { Method::Grid };
+    let options = Options {
+        method: args.method.unwrap_or(usual),
+        step_m: args.step_mm / 1e3,
+        step_rad: args.step_deg.to_radians(),
+        seed: args.seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
+    };
+    let placed = place::place(&bench, &objectives, &options, &bar())?;
+    let mut json = report::document(&bench, &options, &placed);
+    let table_source = model.table.as_ref().map(|t| &t.source);
+    json["table_sha256"] = json!(table_source.map(Source::sha256));
+    let html = report::html(&bench, table_source, &options, &placed, &session.warnings)?;
+    let inputs = [session.machine_path(), args.job.as_deref(), args.table.table.as_deref()];
+    let files = [("placement.json", source::json(&json)), ("report.html", html)];
+    let wrote = source::write_all(&args.out, &files, &inputs)?;
+    session.output(report::text(&bench, &options, &placed) + &wrote, &json)
+}

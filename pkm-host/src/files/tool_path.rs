@@ -1,0 +1,149 @@
+//! A tool path, CSV or G-code: read for `compensate`, and written again with other places.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use pkm_core::Wrench;
+
+use crate::error::{Failure, Result};
+use crate::files::dataset::{self, Sheet, WRENCH_COLUMNS};
+use crate::files::gcode::Program;
+use crate::files::path::{Move, Place, Toward};
+use crate::files::source::Source;
+
+/// How a comment begins that says of a path that it went through `compensate`: in every program; in a CSV, which others read
+/// line by line, only with something to tell.
+pub const MARK: &str = "pkm-host compensate";
+const TOOL_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "z_mm", "i", "j", "k"];
+
+/// A path as it was read.
+pub enum ToolPath {
+    /// A move a row.
+    Csv {
+        /// The cells.
+        sheet: Sheet,
+        /// In the rows' order.
+        moves: Vec<Move>,
+    },
+    /// G-code.
+    Program(Program),
+}
+
+/// A point of a new path.
+#[derive(Clone, Copy)]
+pub struct Point {
+    /// Where the tool is commanded to.
+    pub place: Place,
+    /// Its load there, in the axes of T_h.
+    pub wrench: Wrench<f64>,
+}
+
+/// Whether a file is a program by its name, or else a CSV, if that says either.
+pub fn is_program(file: &Path) -> Option<bool> {
+    match file.extension().and_then(OsStr::to_str).unwrap_or("").to_lowercase().as_str() {
+        "csv" => Some(false),
+        "ngc" | "nc" | "gcode" | "cnc" | "tap" => Some(true),
+        _ => None,
+    }
+}
+
+impl ToolPath {
+    /// Reads a path, its kind by its name. `wrench` is a program's load until a comment sets another.
+    ///
+    /// # Errors
+    /// See [`read_csv`] and [`Program::parse`]; another name; a path that is compensated already.
+    pub fn read(path: &Path, wrench: Option<[f64; 6]>) -> Result<Self> {
+        let Some(is_program) = is_program(path) else {
+            let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc or .tap";
+            return Err(Failure::usage(message).in_file(path.display().to_string()));
+        };
+        let source = Source::read(path)?;
+        let marked = |l: &str| l.strip_prefix(['(', '#']).is_some_and(|l| l.trim_start().starts_with(MARK));
+        if let Some(line) = source.text()?.lines().position(marked) {
+            let message = "this path is compensated already: give the one that it was made from";
+            return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
+        }
+        if is_program {
+            return Ok(Self::Program(Program::parse(&source, wrench.map(Wrench::from_array))?));
+        }
+        if wrench.is_some() {
+            return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));
+        }
+        read_csv(source).map(|(sheet, moves)| Self::Csv { sheet, moves })
+    }
+
+    /// In the file's order.
+    pub fn moves(&self) -> &[Move] {
+        match self {
+            Self::Csv { moves, .. } => moves,
+            Self::Program(program) => &program.moves,
+        }
+    }
+
+    /// What is wrong with the file and yet not refused.
+    pub fn warnings(&self) -> &[String] {
+        match self {
+            Self::Csv { sheet, .. } => &sheet.warnings,
+            Self::Program(program) => &program.warnings,
+        }
+    }
+
+    /// The path with other places, several where a move was divided, and notes at its head.
+    pub fn written(&self, points: &[Vec<Point>], notes: &[String]) -> String {
+        match self {
+            Self::Csv { sheet, .. } => csv(sheet, points, notes),
+            Self::Program(program) => {
+                let places: Vec<Vec<Place>> = points.iter().map(|p| p.iter().map(|p| p.place).collect()).collect();
+                program.written(&places, notes)
+            }
+        }
+    }
+}
+
+/// A path as a CSV has it: its cells and its moves.
+///
+/// # Errors
+/// See [`Sheet`]; an axis without direction.
+pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
+    let known = [&TOOL_COLUMNS[..], &WRENCH_COLUMNS].concat();
+    let sheet = Sheet::parse(source, &known)?;
+    sheet.require(&known)?;
+    let mut moves: Vec<Move> = Vec::new();
+    for row in &sheet.rows {
+        let [x, y, z, i, j, k] = sheet.numbers(row, TOOL_COLUMNS)?;
+        if [i, j, k] == [0.0; 3] {
+            return Err(sheet.failure(row, "i, j, k are all 0 and give the tool no direction").at_column("i"));
+        }
+        let wrench = Wrench::from_array(sheet.load(row)?);
+        let to = Place { tip_m: [x, y, z].map(|v| v / 1e3), toward: Toward::Axis([i, j, k]) };
+        let before = moves.last().map_or(wrench, |m| m.wrench[1]);
+        moves.push(Move { line: row.line, to, wrench: [before, wrench] });
+    }
+    Ok((sheet, moves))
+}
+
+/// The rows with other places, several where a cut was divided, and notes above the header.
+fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
+    let place = |name: &str| sheet.header.iter().position(|h| h == name);
+    let columns: Vec<Option<usize>> = TOOL_COLUMNS.iter().chain(&WRENCH_COLUMNS).map(|name| place(name)).collect();
+    let mut rows = Vec::new();
+    for (row, points) in sheet.rows.iter().zip(points) {
+        for (n, point) in points.iter().enumerate() {
+            let mut cells = row.to_cells();
+            let Toward::Axis(axis) = point.place.toward else { continue };
+            let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
+            let wrench = point.wrench.to_array();
+            // a row's own wrench stays as it was written
+            let values = tip.into_iter().chain(axis).chain(wrench);
+            let values = if n + 1 == points.len() { values.take(6) } else { values.take(12) };
+            for (column, value) in columns.iter().zip(values) {
+                if let Some(column) = column {
+                    cells[*column] = sheet.written(value + 0.0);
+                }
+            }
+            rows.push(cells);
+        }
+    }
+    let notes: String = notes.iter().map(|note| format!("# {note}\n")).collect();
+    notes + &dataset::to_csv(sheet.delimiter(), &sheet.header, rows)
+}
