@@ -10,7 +10,8 @@ use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::source::{self, Source};
 use crate::files::table::TableFile;
-use crate::hil::{self, Campaign, Target, Twin};
+use crate::hil::{self, Campaign, HostModel, Target};
+use crate::report::hil as report;
 
 /// Drives firmware that runs the core (pkm-fw's `cyclic`) and compares every bit with the host.
 #[derive(clap::Args)]
@@ -55,13 +56,13 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let seed = args.seed.unwrap_or_else(|| fastrand::u64(..));
     let file = session.machine()?;
     let (pose_box, numbers, single);
-    let twin = match &args.table {
+    let host = match &args.table {
         None => {
             if session.machine_path().is_some() {
                 return Err(Failure::usage("give --table as well: the firmware of a machine has its table"));
             }
             pose_box = file.pose_box;
-            Twin {
+            HostModel {
                 checksums: [file.parameters.checksum(), reference::TABLE_F64.checksum()],
                 double: (file.machine, reference::TABLE_F64),
                 single: (reference::MACHINE_F32, reference::TABLE_F32),
@@ -74,7 +75,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             single = numbers.narrowed();
             let double = numbers.table()?;
             let narrow = Machine::<f32>::new(&file.parameters).map_err(|e| Failure::other(e.to_string()))?;
-            Twin {
+            HostModel {
                 checksums: [file.parameters.checksum(), double.checksum()],
                 double: (file.machine, double),
                 single: (narrow, single.table()?),
@@ -82,7 +83,13 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         }
     };
     let campaign = Campaign { seed, poses: args.poses, steps: args.steps, pose_box };
-    let (mut text, json) = hil::run(&target, &campaign, &twin, &bar())?;
+    let outcome = hil::run(&target, &campaign, &host, &bar())?;
+    let (mut text, json) = (report::text(&outcome, &campaign), report::document(&outcome, &campaign));
+    if let Some(failure) = outcome.failure() {
+        eprint!("{text}");
+        return Err(failure);
+    }
+    text.push_str("every reply as on the host, to the last bit\n");
     if let Some(out) = &args.out {
         let inputs = [session.machine_path(), args.table.as_deref()];
         text.push_str(&source::write_all(out, &[("hil.json", source::json(&json))], &inputs)?);

@@ -9,7 +9,7 @@ use toml::Spanned;
 use toml_edit::{ArrayOfTables, Table, value};
 
 use crate::error::clipped;
-use crate::files::machine::{float, place_of};
+use crate::files::toml_error::{float, place_of};
 
 /// A table as it stands in the file.
 #[derive(Deserialize)]

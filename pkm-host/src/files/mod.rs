@@ -6,6 +6,7 @@ pub mod gcode;
 pub mod job;
 pub mod machine;
 pub mod machine_edit;
+mod machine_raw;
 pub mod path;
 pub mod readings;
 pub mod solid;

@@ -158,3 +158,22 @@ fn key_at(table: &DeTable<'_>, span: &Range<usize>) -> Option<String> {
         if key.span() == *span { Some(name) } else { below(value, span, name) }
     })
 }
+
+/// A TOML number, whole or not.
+pub(crate) fn float(value: &toml::Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|i| i as f64))
+}
+
+/// Where a key of an `[[effect]]` or `[[element]]` is written: the parameters' own spans are lost with their names free to
+/// choose.
+pub(crate) fn place_of(text: &str, table: Range<usize>, name: &str) -> Range<usize> {
+    let start = table.start;
+    let mut at = start;
+    for line in text.get(start..).unwrap_or("").split_inclusive('\n') {
+        if line.split('=').next().is_some_and(|key| key.trim() == name) {
+            return at..at + line.len();
+        }
+        at += line.len();
+    }
+    table
+}

@@ -5,6 +5,7 @@ pub mod drawing;
 pub mod export;
 pub mod fem;
 pub mod fit;
+pub mod hil;
 pub mod map;
 pub(crate) mod page;
 pub mod place;
