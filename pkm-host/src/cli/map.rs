@@ -32,7 +32,7 @@ pub(crate) struct Args {
     /// Between points of the CSV in mm; default: 100 to 250 points along the longer side.
     #[arg(long, value_parser = finite, allow_hyphen_values = true)]
     step_mm: Option<f64>,
-    /// Folder for map.csv, map.svg, map.png (with several σ map-sigma-….svg and .png) and report.html.
+    /// Folder for map.csv, map.svg (with several σ map-sigma-….svg) and report.html; built with the feature png, PNG pictures too.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -85,9 +85,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         let title = format!("Principal stiffnesses of {machine_name} at A in A-uvw, σ = {sigma}°: {described}");
         let legend = picture::Legend { title: &title, pose_box, table: model.table.is_some() };
         let picture = picture::draw(file, &value, &map, &legend)?;
-        let png = picture::png(&picture.whole)?;
         let stem = if args.sigma_deg.len() == 1 { "map".to_owned() } else { format!("map-sigma-{sigma}") };
-        files.extend([(format!("{stem}.svg"), picture.whole.clone().into_bytes()), (format!("{stem}.png"), png)]);
+        files.push((format!("{stem}.svg"), picture.whole.clone().into_bytes()));
+        #[cfg(feature = "png")]
+        files.push((format!("{stem}.png"), picture::png(&picture.whole)?));
         rows.extend(map.rows());
         maps.push(map.to_json());
         let claims = [("workspace", false), ("box of the table", true)]

@@ -124,6 +124,7 @@ pub fn draw(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_
 ///
 /// # Errors
 /// What the drawing library says.
+#[cfg(feature = "png")]
 pub fn png(svg: &str) -> Result<Vec<u8>> {
     let mut options = resvg::usvg::Options::default();
     options.fontdb_mut().load_font_data(dejavu::sans::regular().to_vec());
