@@ -3,8 +3,10 @@
 //! A moves in the plane Y0 = 0 of B-xyz, where X0 = Z0·tan θ; a map shows that plane at one σ.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use pkm_core::{Machine, Pose};
+use rayon::prelude::*;
 use serde_json::json;
 
 use crate::error::{Failure, Result};
@@ -33,7 +35,7 @@ pub struct Value {
 }
 
 /// A model: the value of a machine at a pose, or the status that says why there is none.
-pub type Model<'a> = dyn Fn(&Machine<f64>, &Pose<f64>) -> std::result::Result<Value, &'static str> + 'a;
+pub type Model<'a> = dyn Fn(&Machine<f64>, &Pose<f64>) -> std::result::Result<Value, &'static str> + Sync + 'a;
 
 /// A point of a map.
 #[derive(Clone, Copy, Debug)]
@@ -119,17 +121,21 @@ impl Map {
     ) -> Result<Self> {
         let grid = grid(file, sigma_deg, window)?;
         let total = grid.count[0] * grid.count[1];
-        let mut points = Vec::with_capacity(total);
-        for row in 0..grid.count[1] {
-            progress("points", (row * grid.count[0]) as u64, total as u64);
-            for column in 0..grid.count[0] {
+        let done = AtomicUsize::new(0);
+        progress("points", 0, total as u64);
+        let row = |row: usize| {
+            let point = |column| {
                 let [x0_mm, z0_mm] = grid.place(column, row);
                 let theta_deg = theta_deg([x0_mm, z0_mm]);
                 let value = model(&file.machine, &pose_of(theta_deg, sigma_deg, z0_mm));
-                points.push(Point { x0_mm, z0_mm, theta_deg, value });
-            }
-        }
-        progress("points", total as u64, total as u64);
+                Point { x0_mm, z0_mm, theta_deg, value }
+            };
+            let points: Vec<Point> = (0..grid.count[0]).map(point).collect();
+            let before = done.fetch_add(points.len(), Ordering::Relaxed);
+            progress("points", (before + points.len()) as u64, total as u64);
+            points
+        };
+        let points = (0..grid.count[1]).into_par_iter().map(row).collect::<Vec<_>>().concat();
         if points.iter().all(|p| p.value.is_err()) {
             let [[x0, x1], [z0, z1]] = grid.extent_mm();
             return Err(Failure::usage(format!(
