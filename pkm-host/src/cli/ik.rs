@@ -142,8 +142,11 @@ fn of_tool(session: &mut Session, args: &Args, tip_mm: [f64; 3], axis: [f64; 3])
         }
     };
     let ways = reach.ways(&tool, &near);
-    let hold =
-        reach.chosen(&ways, &tool).map_err(|f| Failure { message: format!("{}: {}", shown(&tool), f.message), ..f })?;
+    let hold = match reach.chosen(&ways, &tool) {
+        // in the other working mode alone
+        Err(_) if args.all && !ways.is_empty() => ways[0],
+        chosen => chosen.map_err(|f| Failure { message: format!("{}: {}", shown(&tool), f.message), ..f })?,
+    };
     let pose = &hold.configuration.pose;
     let (mut json, margins) = margins(&file.machine, pose, &hold.joints.lengths)?;
     let mut text = format!("{}{margins}", in_words(&hold));
