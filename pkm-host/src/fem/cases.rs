@@ -159,10 +159,13 @@ pub fn compute(
     std::fs::create_dir_all(work).map_err(|e| Failure::io("create the folder", work, &e))?;
     let lock = work.join("lock");
     let file = std::fs::File::create(&lock).map_err(|e| Failure::io("write", &lock, &e))?;
-    if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
-        let message = "another run works in this folder: wait for it, or name another one with --work";
-        return Err(Failure::other(message).in_file(work.display().to_string()));
-    }
+    file.try_lock().map_err(|e| match e {
+        std::fs::TryLockError::WouldBlock => {
+            let message = "another run works in this folder: wait for it, or name another one with --work";
+            Failure::other(message).in_file(work.display().to_string())
+        }
+        std::fs::TryLockError::Error(e) => Failure::io("lock", &lock, &e),
+    })?;
     // nobody works there: what a killed run left
     for entry in std::fs::read_dir(work).into_iter().flatten().flatten() {
         if entry.file_name().to_string_lossy().starts_with(SCRATCH) {
