@@ -611,6 +611,38 @@ fn likely_slips_are_warned_of() {
 }
 
 #[test]
+fn each_key_of_the_wrist_has_its_default() {
+    let folder = Folder::new();
+    let reference = reference_machine();
+    let (first, second) = (
+        "first  = { d_mm = 417.0, b_mm = -35.0, min_deg = -90.0, max_deg = 90.0 }",
+        "second = { b_mm = -150.0, min_deg = -90.0, max_deg = 90.0 }",
+    );
+    assert!(reference.contains(first) && reference.contains(second));
+    let short = reference.replace(first, "first = { d_mm = 417.0 }").replace(second, "second = { max_deg = 90.0 }");
+    let machine = folder.write("m.toml", &short);
+    let fk = ["fk", "--q-mm", "560,560,560", "--beta-deg", "3,-10"];
+    let (found, full) = (json(&[&fk[..], &["--machine", &machine]].concat()), json(&fk));
+    assert_eq!((&found["tip_mm"], &found["axis"]), (&full["tip_mm"], &full["axis"]));
+    let warning = said(&[&fk[..], &["--machine", &machine]].concat());
+    let left_out =
+        "no wrist.first.b_mm, wrist.first.min_deg, wrist.first.max_deg, wrist.second.b_mm, wrist.second.min_deg:";
+    assert!(warning.contains(left_out), "{warning}");
+}
+
+#[test]
+fn a_row_whose_name_begins_with_a_hash_is_not_skipped_silently() {
+    let folder = Folder::new();
+    let header = "# by hand\npose,theta_deg,sigma_deg,z0_mm\n";
+    let poses = folder.write("bare.csv", &format!("{header}#1,1,2,530\n#2,1,3,530\np3,1,4,530\n"));
+    let warning = said(&["stiffness", "--poses", &poses]);
+    assert!(warning.contains("bare.csv:3: a comment that looks like a row is skipped, and 1 more"), "{warning}");
+    let poses = folder.write("quoted.csv", &format!("{header}\"#1\",1,2,530\n"));
+    assert_eq!(said(&["stiffness", "--poses", &poses]), "");
+    assert_eq!(json(&["stiffness", "--poses", &poses])["poses"][0]["pose"], "#1");
+}
+
+#[test]
 fn another_machines_wrist_is_named() {
     let folder = Folder::new();
     let reference = reference_machine();

@@ -47,8 +47,25 @@ pub struct Sheet {
     /// Some number has one.
     decimal_commas: bool,
     columns: HashMap<String, usize>,
-    /// Names the columns that are not used.
+    /// Names the columns that are not used, and comments that look like rows.
     pub warnings: Vec<String>,
+}
+
+/// The first comment with as many cells as the header, most of them numbers: a row that was switched off, or one whose name begins
+/// with #, which is read in quotes alone.
+fn commented_rows(text: &str, semicolons: bool, width: usize) -> Option<String> {
+    let is_number = |cell: &&str| cell.trim().replace(',', ".").parse::<f64>().is_ok();
+    let is_row = |line: &str| {
+        let cells: Vec<&str> = line.split(if semicolons { ';' } else { ',' }).collect();
+        line.starts_with('#') && cells.len() == width && 2 * cells.iter().filter(|c| is_number(c)).count() > width
+    };
+    let mut lines = (1..).zip(text.lines()).filter(|(_, line)| is_row(line)).map(|(n, _)| n);
+    let first: u64 = lines.next()?;
+    let more = match lines.count() {
+        0 => String::new(),
+        n => format!(", and {n} more"),
+    };
+    Some(format!("{first}: a comment that looks like a row is skipped{more}: put a name that begins with # in quotes"))
 }
 
 /// A line of a [`Sheet`].
@@ -170,7 +187,10 @@ impl Sheet {
             return Err(fail(at, format!("{message}: put # before lines above the header")));
         }
         let warning = || format!("{}:{at}: not used: {}", printable(&source.name), printable(&unused.join(", ")));
-        let warnings = (!unused.is_empty()).then(warning).into_iter().collect();
+        let mut warnings: Vec<String> = (!unused.is_empty()).then(warning).into_iter().collect();
+        warnings.extend(
+            commented_rows(text, semicolons, header.len()).map(|what| format!("{}:{what}", printable(&source.name))),
+        );
 
         let mut rows = Vec::new();
         for record in records {

@@ -10,10 +10,11 @@ use pkm_core::{
 use toml::Spanned;
 
 use super::elements;
-use super::machine_raw::{RawLimb, RawMachine, check_ranges, effects, expected, wrist_left_out, wrist_parameters};
+use super::machine_raw::{RawLimb, RawMachine, check_ranges, effects, expected};
 use super::solid::{RawSolid, Solid};
 use super::source::Source;
 use super::toml_error::{line_at, parsed};
+use super::wrist::{wrist_left_out, wrist_parameters};
 use crate::error::{Failure, Result, printable};
 use crate::pose::PoseBox;
 

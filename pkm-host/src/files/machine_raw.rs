@@ -7,13 +7,14 @@ use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{
     Body, BodyKind, End, Geometry, Joint, LimbParameters, MachineError, Member, Parameter, Problem, Travel, Tube,
 };
-use pkm_core::{Machine, MachineParameters, ScrewLengths, WristParameters};
+use pkm_core::{Machine, MachineParameters, ScrewLengths};
 use serde::Deserialize;
 use toml::Spanned;
 
 use super::elements::{self, RawElement};
 use super::solid::RawSolid;
 use super::toml_error::{Numbers, float, is_near, place_of};
+use super::wrist::{RawWrist, wrist_numbers};
 use crate::error::clipped;
 use crate::pose::{PoseBox, pose_of};
 
@@ -71,33 +72,6 @@ pub(super) struct RawBox {
     pub(super) theta_deg: Spanned<Numbers<2>>,
     pub(super) sigma_deg: Spanned<Numbers<2>>,
     pub(super) z0_mm: Spanned<Numbers<2>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawWrist {
-    pub(super) offset_mm: Option<Number>,
-    pub(super) first: Option<RawFirstJoint>,
-    pub(super) second: Option<RawSecondJoint>,
-    pub(super) flange_mm: Option<Number>,
-    pub(super) singularity_margin: Option<Number>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawFirstJoint {
-    pub(super) d_mm: Number,
-    pub(super) b_mm: Number,
-    pub(super) min_deg: Number,
-    pub(super) max_deg: Number,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct RawSecondJoint {
-    pub(super) b_mm: Number,
-    pub(super) min_deg: Number,
-    pub(super) max_deg: Number,
 }
 
 #[derive(Default, Deserialize)]
@@ -392,31 +366,19 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
         }
     }
     let mut numbers: Vec<(&'static str, &Number, bool)> = Vec::new();
-    if let Some(w) = &raw.wrist {
-        numbers.extend(w.offset_mm.iter().map(|n| ("wrist.offset_mm", n, false)));
-        numbers.extend(w.flange_mm.iter().map(|n| ("wrist.flange_mm", n, true)));
-        numbers.extend(w.singularity_margin.iter().map(|n| ("wrist.singularity_margin", n, true)));
-        let mut limits = Vec::new();
-        if let Some(j) = &w.first {
-            numbers.extend([("wrist.first.d_mm", &j.d_mm, false), ("wrist.first.b_mm", &j.b_mm, false)]);
-            limits.push(("wrist.first.min_deg", &j.min_deg, "wrist.first.max_deg", &j.max_deg));
-        }
-        if let Some(j) = &w.second {
-            numbers.push(("wrist.second.b_mm", &j.b_mm, false));
-            limits.push(("wrist.second.min_deg", &j.min_deg, "wrist.second.max_deg", &j.max_deg));
-        }
-        for (min_key, min, max_key, max) in limits {
-            numbers.extend([(min_key, min, false), (max_key, max, false)]);
-            if min.get_ref() >= max.get_ref() {
-                let message = format!("expected a limit above {}, found {}", min.get_ref(), max.get_ref());
-                return Err((max_key, max.span(), message));
-            }
-        }
+    if let Some(wrist) = &raw.wrist {
+        numbers.extend(wrist_numbers(wrist)?);
     }
     if let Some(u) = &raw.uncertainty {
         let keys = ["uncertainty.stiffness", "uncertainty.load_direction_mrad", "uncertainty.load_gain"];
         for (key, n) in keys.into_iter().zip([&u.stiffness, &u.load_direction_mrad, &u.load_gain]) {
             numbers.extend(n.as_ref().map(|n| (key, n, true)));
+        }
+        if let Some(n) = &u.stiffness
+            && !(*n.get_ref() > 0.0 && *n.get_ref() <= 1.0)
+        {
+            let message = format!("expected a relative standard deviation above 0, at most 1, found {}", n.get_ref());
+            return Err(("uncertainty.stiffness", n.span(), message));
         }
     }
     for (key, n, not_negative) in numbers {
@@ -427,38 +389,6 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
         }
     }
     Ok(())
-}
-
-/// What the paper's values stand in for. The margin has one of its own, the paper none.
-pub(super) fn wrist_left_out(wrist: Option<&RawWrist>) -> Vec<&'static str> {
-    let there = wrist
-        .map_or([false; 4], |w| [w.offset_mm.is_some(), w.first.is_some(), w.second.is_some(), w.flange_mm.is_some()]);
-    let keys = ["wrist.offset_mm", "wrist.first", "wrist.second", "wrist.flange_mm"];
-    keys.into_iter().zip(there).filter_map(|(key, there)| (!there).then_some(key)).collect()
-}
-
-/// Table 1; what the file leaves out has the paper's values.
-pub(super) fn wrist_parameters(wrist: Option<&RawWrist>, pose_box: &PoseBox) -> WristParameters {
-    let [_, _, z0_mm] = pose_box.middle();
-    let mut p = WristParameters { home_z0_m: metres(z0_mm), ..WristParameters::PAPER };
-    let Some(wrist) = wrist else { return p };
-    let put = |to: &mut f64, n: &Option<Number>, turned: fn(f64) -> f64| {
-        if let Some(n) = n {
-            *to = turned(*n.get_ref());
-        }
-    };
-    put(&mut p.offset_m, &wrist.offset_mm, metres);
-    put(&mut p.flange_m, &wrist.flange_mm, metres);
-    put(&mut p.singularity_margin, &wrist.singularity_margin, |margin| margin);
-    if let Some(j) = &wrist.first {
-        (p.first_d_m, p.first_b_m) = (metres(*j.d_mm.get_ref()), metres(*j.b_mm.get_ref()));
-        (p.min_rad[0], p.max_rad[0]) = (j.min_deg.get_ref().to_radians(), j.max_deg.get_ref().to_radians());
-    }
-    if let Some(j) = &wrist.second {
-        p.second_b_m = metres(*j.b_mm.get_ref());
-        (p.min_rad[1], p.max_rad[1]) = (j.min_deg.get_ref().to_radians(), j.max_deg.get_ref().to_radians());
-    }
-    p
 }
 
 /// Whether the middle of the box, or any lengths of a grid over travel, close to a posture.

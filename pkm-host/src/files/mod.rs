@@ -15,3 +15,4 @@ pub mod table;
 pub mod table_numbers;
 pub(crate) mod toml_error;
 pub mod tool_path;
+mod wrist;
