@@ -213,7 +213,7 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
 #[test]
 #[ignore = "needs CalculiX"]
 fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
-    use pkm_host::diagnose::{diagnose, verdict::Verdict};
+    use pkm_host::diagnose::{Verdict, diagnose};
     use pkm_host::files::readings::Readings;
     use pkm_host::progress::silent;
     let bench = Bench::new();

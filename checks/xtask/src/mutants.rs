@@ -14,7 +14,7 @@ const PARTS: [(&str, &[&str]); 2] = [
     ("core", &["-p", "pkm-core", "-C=--package=pkm-tests", "-C=--test=core"]),
     (
         "statistics",
-        &["-p", "pkm-host", "-f", "noise.rs", "-f", "solve.rs", "-f", "screen.rs", "-f", "compare.rs", "-C=--lib"],
+        &["-p", "pkm-diagnosis", "-f", "{noise,whitening,fit,solve,screening,validation}.rs"],
     ),
 ];
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::bar::bar;
 use super::session::{Output, Session};
-use crate::diagnose::{self, outputs, report};
+use crate::diagnose::{self, report, write};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
@@ -37,9 +37,9 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     }
     let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), &bar())?;
     let json = diagnosis.to_json();
-    let machine_toml = outputs::machine_toml(&file, &diagnosis)?;
+    let machine_toml = write::machine_toml(&file, &diagnosis)?;
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
-    let (rust, table, warning) = outputs::table(&file, &improved, &readings, &diagnosis)?;
+    let (rust, table, warning) = write::table(&file, &improved, &readings, &diagnosis)?;
     session.warn(warning);
     let html = report::html(&file, &readings, held_out.as_ref(), &diagnosis, &session.warnings)?;
     let wrote = source::write_all(

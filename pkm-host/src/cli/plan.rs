@@ -7,7 +7,7 @@ use serde_json::json;
 use super::arguments::list;
 use super::bar::bar;
 use super::session::{Output, Session};
-use crate::diagnose::{self, next::Proposal};
+use crate::diagnose::{self, design::Proposal};
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS};
 use crate::files::machine::MachineFile;

@@ -1,22 +1,15 @@
 //! Before and after: how the models err on poses that had no part in choosing them.
 
+use pkm_diagnosis::validation::{self, KindErrors};
+use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Whitener};
 use serde::Serialize;
 
-use super::SEED;
-use super::model::{Model, Unknown, is_measurement};
-use super::noise::{Noise, Whitener};
+use super::experiment::{self, Experiment};
+use super::model::{Meaning, Model, is_measurement};
 use super::remainder::Remainder;
-use super::search::Search;
-use super::solve::{Fit, Problem};
 use crate::files::readings::{CHANNELS, Condition, Readings};
 use crate::pose::{PoseBox, file_units};
 
-/// Resamples of the poses for intervals.
-const RESAMPLES: usize = 1000;
-/// Least poses that are resampled.
-const LEAST_POSES: usize = 5;
-/// Folds of the cross-validation.
-const FOLDS: usize = 10;
 /// Width of the edge of the measured box, relative to its half width.
 const EDGE: f64 = 0.1;
 
@@ -83,6 +76,11 @@ pub fn extent(readings: &Readings) -> PoseBox {
     PoseBox::of(readings.readings.iter().map(|r| &readings.poses[readings.conditions[r.condition].pose].pose))
 }
 
+/// Extent of the poses of some of the readings.
+fn extent_of(readings: &Readings, some: &Observations) -> PoseBox {
+    PoseBox::of(some.readings.iter().map(|r| &readings.poses[some.pose(r)].pose))
+}
+
 /// Predictions of one fit; without errors of the measurement when the truth has none.
 pub fn predict(
     model: &Model,
@@ -92,8 +90,8 @@ pub fn predict(
     as_measured: bool,
 ) -> Option<Vec<[f64; CHANNELS]>> {
     let x: Vec<f64> = (fit.unknowns.iter().zip(fit.x.iter()))
-        .map(|(u, x)| match u {
-            Unknown::Effect { effect, .. } if is_measurement(*effect) && !as_measured => 0.0,
+        .map(|(u, x)| match model.meaning(*u) {
+            Meaning::Effect { effect, .. } if is_measurement(effect) && !as_measured => 0.0,
             _ => *x,
         })
         .collect();
@@ -101,16 +99,22 @@ pub fn predict(
 }
 
 impl Fitted {
-    /// Fits all rivals to some readings, beginning where a search ended.
-    pub fn new(problem: &Problem<'_>, search: &Search, again: bool) -> Option<Self> {
+    /// Fits all rivals to some of the readings, beginning where a search ended.
+    pub fn new(
+        problem: &Problem<'_>,
+        experiment: &Experiment<'_>,
+        extent: &PoseBox,
+        search: &Search,
+        again: bool,
+    ) -> Option<Self> {
         let fit = |fit: &Fit| if again { problem.fit(&fit.unknowns, fit.x.as_slice()) } else { Some(fit.clone()) };
         let (base, end) = (fit(&search.base)?, fit(&search.fit)?);
-        let extent = extent(problem.readings);
         let declared = problem.residuals(&[], &[])?;
-        let machine = |fit: &Fit| problem.model.state(&fit.unknowns, fit.x.as_slice(), false).machine;
+        let model = experiment.model;
+        let machine = model.state(&end.unknowns, end.x.as_slice(), false).machine;
         let tables = [
-            Remainder::fit(problem, &problem.model.declared, &declared, &extent)?,
-            Remainder::fit(problem, &machine(&end), &end.residuals, &extent)?,
+            Remainder::fit(problem, experiment, &model.declared, &declared, extent)?,
+            Remainder::fit(problem, experiment, &machine, &end.residuals, extent)?,
         ];
         Some(Self { base, end, tables })
     }
@@ -149,28 +153,24 @@ impl Predictions {
 }
 
 /// Predictions for every reading from models that have not seen its pose.
-pub fn cross_validate(readings: &Readings, noise: &Noise, model: &Model, search: &Search) -> Option<Predictions> {
-    let folds = FOLDS.min(readings.poses.len());
-    let mut all: Option<Predictions> = None;
-    for fold in 0..folds {
-        let left_out = |r: &crate::files::readings::Reading| readings.conditions[r.condition].pose % folds == fold;
-        let kept = readings.without(left_out);
-        let whitener = Whitener::new(&kept, noise);
-        let problem = Problem::new(&kept, &whitener, model);
-        let fitted = Fitted::new(&problem, search, true)?;
-        let found = fitted.predict(model, &problem.poses, &readings.conditions, true)?;
-        match &mut all {
-            None => all = Some(found),
-            Some(all) => {
-                for (all, found) in all.0.iter_mut().zip(&found.0) {
-                    for (n, _) in readings.conditions.iter().enumerate().filter(|(_, c)| c.pose % folds == fold) {
-                        all[n] = found[n];
-                    }
-                }
-            }
-        }
-    }
-    all
+pub fn cross_validate(
+    readings: &Readings,
+    noise: &Noise,
+    model: &Model,
+    search: &Search,
+    rules: &Rules,
+) -> Option<Predictions> {
+    let experiment = Experiment::new(model, readings);
+    let refit = |kept: &Observations| {
+        let whitener = Whitener::new(kept, noise);
+        let problem = Problem::new(kept, &whitener, &experiment, rules);
+        let fitted = Fitted::new(&problem, &experiment, &extent_of(readings, kept), search, true)?;
+        let found = fitted.predict(model, &experiment.poses, &readings.conditions, true)?;
+        Some(found.0.map(Vec::into_flattened).into())
+    };
+    let found = validation::cross_validate(&experiment::observations(readings), rules, refit)?;
+    let tables: Vec<Vec<[f64; CHANNELS]>> = found.iter().map(|f| f.as_chunks().0.to_vec()).collect();
+    Some(Predictions(tables.try_into().ok()?))
 }
 
 /// Where a held-out reading lies.
@@ -237,84 +237,26 @@ pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
 
 /// Errors of predictions by condition on some of the readings.
 pub fn errors(
-    readings: &Readings,
+    observations: &Observations,
     noise: &Noise,
     predictions: &[[f64; CHANNELS]],
     of: impl Fn(usize) -> bool,
+    rules: &Rules,
 ) -> Option<Errors> {
-    let mut by_pose: Vec<(f64, f64)> = vec![(0.0, 0.0); readings.poses.len()];
-    let (mut linear, mut angular, mut size, mut turn, mut largest) = (0.0, 0.0, 0.0, 0.0, 0.0_f64);
-    let (mut count, mut chi2, mut numbers) = (0, 0.0, 0.0);
-    for (_, r) in readings.readings.iter().enumerate().filter(|(n, _)| of(*n)) {
-        let found = &predictions[r.condition];
-        let (mut squares, mut sizes) = ([0.0; 2], [0.0; 2]);
-        for c in 0..CHANNELS {
-            let Some(observed) = r.observed[c] else { continue };
-            let error = found[c] - observed;
-            squares[c / 3] += error * error;
-            sizes[c / 3] += observed * observed;
-            let variance = noise.within[c].powi(2) + noise.between[c].powi(2);
-            chi2 += error * error / variance;
-            numbers += 1.0;
-        }
-        count += 1;
-        linear += squares[0];
-        angular += squares[1];
-        size += sizes[0];
-        turn += sizes[1];
-        largest = largest.max(squares[0]);
-        let pose = &mut by_pose[readings.conditions[r.condition].pose];
-        pose.0 += squares[0];
-        pose.1 += 1.0;
-    }
-    by_pose.retain(|p| p.1 > 0.0);
-    if count == 0 {
-        return None;
-    }
-    let rms = |sum: f64| (sum / f64::from(count)).sqrt() * 1e6;
-    let percent = |a: f64, b: f64| if b > 0.0 { 100.0 * (a / b).sqrt() } else { 0.0 };
-    let linear_um_max = largest.sqrt() * 1e6;
-    let interval = interval(&by_pose).map(|i| i.map(|squared| squared.sqrt() * 1e6));
+    let found = validation::errors(observations, noise, predictions.as_flattened(), of, rules)?;
+    let [linear, angular]: [KindErrors; 2] = found.kinds.try_into().ok()?;
+    let micro = |si: f64| si * 1e6;
+    let linear_um_max = micro(linear.max);
+    let interval = linear.rms_interval.map(|i| i.map(micro));
     Some(Errors {
-        readings: count as usize,
-        linear_um_rms: rms(linear),
+        readings: found.readings,
+        linear_um_rms: micro(linear.rms),
         linear_um_rms_interval: interval.map(|[low, high]| [low.min(linear_um_max), high.min(linear_um_max)]),
         linear_um_rms_interval_open: interval.is_some_and(|[_, high]| high > linear_um_max),
         linear_um_max,
-        linear_percent: percent(linear, size),
-        angular_urad_rms: rms(angular),
-        angular_percent: percent(angular, turn),
-        chi2_per_dof: chi2 / numbers,
+        linear_percent: linear.percent,
+        angular_urad_rms: micro(angular.rms),
+        angular_percent: angular.percent,
+        chi2_per_dof: found.chi2_per_dof,
     })
-}
-
-/// ln of the mean of squared errors, given by pose as their sum and count, and its standard error but for a factor that
-/// follows from the number of poses, and cancels.
-fn log_mean(poses: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
-    let (sum, count) = poses.clone().fold((0.0, 0.0), |(s, c), p| (s + p.0, c + p.1));
-    let mean = sum / count;
-    let scatter: f64 = poses.map(|p| (p.0 - mean * p.1).powi(2)).sum();
-    (mean.ln(), scatter.sqrt() / sum)
-}
-
-/// 95 % interval of the mean of squared errors by resampling poses, studentised, on the logarithm: plain quantiles of
-/// resampled means cover too little with some twenty poses of which a few err most.
-fn interval(by_pose: &[(f64, f64)]) -> Option<[f64; 2]> {
-    if by_pose.len() < LEAST_POSES {
-        return None;
-    }
-    let (middle, error) = log_mean(by_pose.iter().copied());
-    let mut rng = fastrand::Rng::with_seed(SEED);
-    let mut studentised: Vec<f64> = (0..RESAMPLES)
-        .map(|_| {
-            let drawn: Vec<(f64, f64)> = (0..by_pose.len()).map(|_| by_pose[rng.usize(..by_pose.len())]).collect();
-            let (there, error) = log_mean(drawn.iter().copied());
-            (there - middle) / error
-        })
-        .filter(|t| t.is_finite())
-        .collect();
-    studentised.sort_by(f64::total_cmp);
-    let quantile = |q: f64| studentised.get((q * studentised.len() as f64) as usize);
-    let (low, high) = (quantile(0.975)?, quantile(0.025)?);
-    Some([low, high].map(|t| (middle - t * error).exp()))
 }

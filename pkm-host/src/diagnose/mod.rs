@@ -1,45 +1,41 @@
 //! From measured deflections to what the model lacks; the method is in docs/theory.md, Diagnosis.
 //!
-//! [`crate::files::readings`] → `noise` (whitened) → `doubts` (are the readings what they are taken for?) → `search` (`screen`, full fits by
-//! `solve` of a `model` with unknowns) → [`verdict`], [`compare`] (before and after, with a table on the `remainder`), `next`
-//! (what to measure).
+//! The statistics are the crate `pkm-diagnosis`, which knows no machine. Here stands what they need of this one:
+//! [`crate::files::readings`] → `experiment` (readings and `model` as the engine takes them) → `checks` (are the readings what they
+//! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with a table on the `remainder`), `design`
+//! (what to measure) → `json`, `report`, `write`.
 
+mod checks;
 pub mod compare;
-mod doubts;
+mod declared;
+pub(crate) mod design;
+mod experiment;
+pub mod findings;
+mod json;
 mod model;
-pub(crate) mod next;
-mod noise;
-pub(crate) mod outputs;
 mod remainder;
 pub mod report;
-mod screen;
-mod search;
-mod solve;
+mod state;
 #[cfg(test)]
 mod tests;
-pub mod verdict;
-mod words;
+mod text;
+pub(crate) mod write;
 
-use serde_json::{Value, json};
+use pkm_diagnosis::residuals::{Residuals, Structure};
+use pkm_diagnosis::verdict::{self, Judgement};
+use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Search, UnknownNoise, Whitener, levels, search};
+pub use pkm_diagnosis::{SEED, verdict::Verdict};
 
-use self::compare::{Errors, RIVALS, Rival, Zone};
-use self::doubts::{Doubt, Suspect};
-use self::model::{Unknown, info};
-use self::noise::Noise;
-use self::search::{Candidate, Search};
-use self::solve::{Levels, Problem};
-use self::verdict::{DeclaredFinding, Detectable, Judgement, Structure};
+use self::checks::{Suspect, Warning};
+use self::compare::{Errors, Fitted, Predictions, RIVALS, Rival, Zone};
+use self::experiment::{Experiment, observations};
+use self::findings::{DeclaredFinding, Detectable};
+use self::model::{Meaning, Model, Recorded, info};
 use crate::error::{Failure, Result};
+use crate::files::dataset::DEFLECTION_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
-use crate::pose::written_units;
 use crate::progress::Progress;
-
-/// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
-pub const SEED: u64 = 20_201;
-
-/// Least poses.
-const LEAST_POSES: usize = 4;
 
 /// Held-out errors of all rivals, over all readings and by zone.
 pub struct HeldOut {
@@ -82,15 +78,17 @@ pub struct Step {
 /// A diagnosis.
 pub struct Diagnosis {
     /// What speaks against the readings, to be looked at before anything else.
-    pub doubts: Vec<Doubt>,
+    pub warnings: Vec<Warning>,
     /// Readings that stand out.
     pub suspects: Vec<Suspect>,
-    /// Numbers read and different poses.
+    /// Scalar observations and different poses.
     pub size: (usize, usize),
     /// Of the readings.
     pub noise: Noise,
     /// What was tried and found.
     pub search: Search,
+    /// Relative error of the loads beyond the declared one, as the readings suggest.
+    pub load_error: f64,
     /// What it amounts to.
     pub judgement: Judgement,
     /// Effects that were found.
@@ -105,40 +103,53 @@ pub struct Diagnosis {
     pub held_out: HeldOut,
     /// After each find.
     pub steps: Vec<Step>,
-    /// Of what is left.
+    /// Of the residuals.
     pub structure: Vec<Structure>,
     /// What to measure next.
-    pub proposals: Vec<next::Proposal>,
+    pub proposals: Vec<design::Proposal>,
     /// The machine with re-tuned stiffnesses and effects.
     pub machine: pkm_core::MachineParameters,
     /// The rivals, fitted to all readings.
-    pub fitted: compare::Fitted,
+    pub fitted: Fitted,
     /// Their predictions of the readings.
-    pub own: compare::Predictions,
+    pub own: Predictions,
     /// Names of candidates by round, for reports.
     pub names: Vec<Vec<String>>,
 }
 
-fn not_converged(readings: &Readings, doubts: &[Doubt]) -> Failure {
-    let why = doubts.first().map_or("are these readings of this machine, displacements of A in A-uvw?", |d| &d.message);
+fn not_converged(readings: &Readings, warnings: &[Warning]) -> Failure {
+    let why =
+        warnings.first().map_or("are these readings of this machine, displacements of A in A-uvw?", |w| &w.message);
     Failure::input(format!("a fit did not converge: {why}")).in_file(&readings.source.name)
 }
 
+fn unknown_noise(readings: &Readings, unknown: UnknownNoise) -> Failure {
+    let column = ["sigma_linear_um", "sigma_angular_urad"][unknown.channel / 3];
+    Failure::input(format!(
+        "no repeats to take the noise of {} from, and no declared one: repeat some readings (same pose, load and direction), \
+         or add the column {column} with one standard deviation of a reading",
+        DEFLECTION_COLUMNS[unknown.channel]
+    ))
+    .in_file(&readings.source.name)
+    .at_column(column)
+}
+
 /// Refuses what cannot be diagnosed, and says what is missing.
-fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
+fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>) -> Result<()> {
     let fail = |message: String| Err(Failure::input(message).in_file(&readings.source.name));
-    if readings.poses.len() < LEAST_POSES {
+    let least = problem.rules.min_poses;
+    if readings.poses.len() < least {
         return fail(format!(
-            "{} poses cannot tell an effect from a wrong stiffness: at least {LEAST_POSES} different ones are needed, \
+            "{} poses cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
              20 spread over the box are good (`pkm-host plan --kind levels 5`)",
             readings.poses.len()
         ));
     }
-    let unknowns = problem.model.stiffnesses().len();
+    let unknowns = problem.model.declared().len();
     if problem.numbers() < 2 * unknowns {
         return fail(format!("{} numbers read are too few for {unknowns} unknown stiffnesses", problem.numbers()));
     }
-    let Some(found) = problem.model.predict(&problem.poses, &readings.conditions, &[], &[]) else {
+    let Some(found) = experiment.model.predict(&experiment.poses, experiment.conditions, &[], &[]) else {
         return fail("the declared machine gives no deflection at some pose or load".into());
     };
     if found.iter().all(|d| d.iter().all(|v| *v == 0.0)) {
@@ -163,7 +174,7 @@ fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
     }
     for (logs, (what, units)) in logs.iter_mut().zip([("translations", "µm"), ("rotations", "µrad")]) {
         logs.sort_by(f64::total_cmp);
-        if let Some(middle) = logs.get(logs.len() / 2).filter(|m| m.abs() > 1.5) {
+        if let Some(middle) = logs.get(logs.len() / 2).filter(|m| m.abs() > problem.rules.max_log10_scale) {
             return fail(format!(
                 "the {what} read are {:.0e} times what the declared machine gives: are they in {units}, and loads in N and \
                  N·m?",
@@ -174,65 +185,86 @@ fn check(readings: &Readings, problem: &Problem<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Errors of all rivals on some of the readings.
-fn all_errors(
-    readings: &Readings,
-    noise: &Noise,
-    predictions: &compare::Predictions,
-    filter: &dyn Fn(usize) -> bool,
-) -> Vec<(Rival, Errors)> {
-    let of = |rival: Rival| compare::errors(readings, noise, predictions.of(rival), filter);
-    RIVALS.iter().filter_map(|(rival, ..)| Some((*rival, of(*rival)?))).collect()
+/// What errors are judged by.
+struct Judges<'a> {
+    noise: &'a Noise,
+    model: &'a Model,
+    rules: &'a Rules,
 }
 
-/// Errors on held-out readings.
-fn given(
-    readings: &Readings,
-    other: &Readings,
-    noise: &Noise,
-    model: &model::Model,
-    fitted: &compare::Fitted,
-) -> Option<HeldOut> {
-    let poses: Vec<_> = other.poses.iter().map(|p| p.pose).collect();
-    let found = fitted.predict(model, &poses, &other.conditions, false)?;
-    let zones = compare::zones(readings, other);
-    let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
-        .map(|zone| (zone, all_errors(other, noise, &found, &|n| zones[n] == zone)));
-    Some(HeldOut {
-        given: true,
-        poses: other.poses.len(),
-        all: all_errors(other, noise, &found, &|_| true),
-        zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
-    })
-}
+impl Judges<'_> {
+    /// Errors of all rivals on some of the readings.
+    fn errors(
+        &self,
+        observations: &Observations,
+        predictions: &Predictions,
+        filter: &dyn Fn(usize) -> bool,
+    ) -> Vec<(Rival, Errors)> {
+        let of = |rival| compare::errors(observations, self.noise, predictions.of(rival), filter, self.rules);
+        RIVALS.iter().filter_map(|(rival, ..)| Some((*rival, of(*rival)?))).collect()
+    }
 
-/// Errors on each pose of models that have not seen it.
-fn left_out(readings: &Readings, noise: &Noise, model: &model::Model, search: &Search) -> Option<HeldOut> {
-    let found = compare::cross_validate(readings, noise, model, search)?;
-    let all = all_errors(readings, noise, &found, &|_| true);
-    Some(HeldOut { given: false, poses: readings.poses.len(), all, zones: Vec::new() })
+    /// Errors on held-out readings.
+    fn given(&self, readings: &Readings, other: &Readings, fitted: &Fitted) -> Option<HeldOut> {
+        let (poses, observations) = (experiment::poses(other), observations(other));
+        let found = fitted.predict(self.model, &poses, &other.conditions, false)?;
+        let zones = compare::zones(readings, other);
+        let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
+            .map(|zone| (zone, self.errors(&observations, &found, &|n| zones[n] == zone)));
+        Some(HeldOut {
+            given: true,
+            poses: other.poses.len(),
+            all: self.errors(&observations, &found, &|_| true),
+            zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
+        })
+    }
+
+    /// Errors on each pose of models that have not seen it.
+    fn left_out(&self, readings: &Readings, observations: &Observations, search: &Search) -> Option<HeldOut> {
+        let found = compare::cross_validate(readings, self.noise, self.model, search, self.rules)?;
+        let all = self.errors(observations, &found, &|_| true);
+        Some(HeldOut { given: false, poses: readings.poses.len(), all, zones: Vec::new() })
+    }
+
+    /// The model after each find.
+    fn steps(&self, readings: &Readings, held_out: Option<&Readings>, search: &Search) -> Option<Vec<Step>> {
+        let step = |(found, fit): &(Vec<usize>, pkm_diagnosis::Fit)| {
+            let on = |readings: &Readings, as_measured: bool| {
+                let poses = experiment::poses(readings);
+                let said = compare::predict(self.model, fit, &poses, &readings.conditions, as_measured)?;
+                compare::errors(&observations(readings), self.noise, &said, |_| true, self.rules)
+            };
+            Some(Step {
+                found: found.iter().map(|c| self.model.candidates[*c].name()).collect(),
+                machine: self.model.state(&fit.unknowns, fit.x.as_slice(), false).machine,
+                errors: on(readings, true)?,
+                held_out: held_out.and_then(|other| on(other, false)),
+            })
+        };
+        search.steps.iter().map(step).collect()
+    }
 }
 
 /// The effects among the finds.
-fn effects(problem: &Problem<'_>, search: &Search) -> Vec<Effect> {
-    let (end, model) = (&search.fit, problem.model);
+fn effects(model: &Model, search: &Search) -> Vec<Effect> {
+    let end = &search.fit;
     let standard_errors = end.standard_errors();
     let of = |found: &search::Found| {
-        let Candidate::Effect(index) = found.candidate else { return None };
+        let index = model.effect_of(found.candidate)?;
         let parameters = (end.unknowns.iter().enumerate())
-            .filter_map(|(n, u)| match *u {
-                Unknown::Effect { effect, parameter } if effect == index => Some((
-                    info(effect).parameters[parameter],
-                    model.amplitude(effect, parameter, end.x[n]),
-                    model.amplitude_error(effect, parameter, end.x[n], standard_errors[n]),
-                )),
+            .filter_map(|(n, u)| match model.meaning(*u) {
+                Meaning::Effect { effect, parameter } if effect == index => {
+                    let prior = model.parameters[u.0].prior;
+                    let (value, error) = (prior.value(end.x[n]), prior.error(end.x[n], standard_errors[n]));
+                    Some((info(effect).parameters[parameter], value, error))
+                }
                 _ => None,
             })
             .collect();
         let mut class: Vec<String> = Vec::new();
-        for name in found.class.iter().flat_map(|c| c.names(problem)) {
-            if !class.contains(&name) {
-                class.push(name);
+        for name in found.class.iter().flat_map(|c| &model.candidates[*c].names) {
+            if !class.contains(name) {
+                class.push(name.clone());
             }
         }
         Some(Effect { id: info(index).id, index, parameters, confidence: found.confidence, class })
@@ -251,73 +283,62 @@ pub fn diagnose(
     progress: &Progress<'_>,
 ) -> Result<Diagnosis> {
     let step = |done: u64, what: &str| progress(what, done, 5);
+    let rules = &Rules::DEFAULT;
     step(0, "noise");
-    let noise = Noise::new(readings)?;
-    let model = model::Model::new(file)
+    let read = observations(readings);
+    let noise = Noise::estimate(&read, rules).map_err(|unknown| unknown_noise(readings, unknown))?;
+    let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
+    let model = Model::new(file, recorded)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
-    let whitener = noise::Whitener::new(readings, &noise);
-    let plain = Problem::new(readings, &whitener, &model);
-    check(readings, &plain)?;
-    let otherwise = doubts::taken_otherwise(&plain, &whitener, file.wrist_parameters.tip_at_zero_m());
-    let mut doubts: Vec<Doubt> = otherwise.into_iter().chain(doubts::of_file(readings)).collect();
-    let whiteners = solve::whiteners(&plain, &file.uncertainty).ok_or_else(|| not_converged(readings, &doubts))?;
+    let experiment = Experiment::new(&model, readings);
+    let whitener = Whitener::new(&read, &noise);
+    let plain = Problem::new(&read, &whitener, &experiment, rules);
+    check(readings, &plain, &experiment)?;
+    let tip_m = file.wrist_parameters.tip_at_zero_m();
+    let otherwise = checks::taken_otherwise(&plain, &whitener, &model, readings, tip_m);
+    let mut warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).collect();
+    let not_converged = || not_converged(readings, &warnings);
+    let whiteners = levels::whiteners(&plain).ok_or_else(not_converged)?;
     let levels = Levels::new(&plain, &whiteners);
     step(1, "what the model lacks");
-    let search = search::search(&levels).ok_or_else(|| not_converged(readings, &doubts))?;
-    let judgement = verdict::judge(&levels, &noise, &search).ok_or_else(|| not_converged(readings, &doubts))?;
+    let search = search::search(&levels).ok_or_else(not_converged)?;
+    let judgement = verdict::judge(&levels, &noise, &search).ok_or_else(not_converged)?;
     let problem = &levels.problems[search.levels[1]];
     step(2, "before and after");
-    let fitted = compare::Fitted::new(problem, &search, false).ok_or_else(|| not_converged(readings, &doubts))?;
+    let extent = compare::extent(readings);
+    let fitted = Fitted::new(problem, &experiment, &extent, &search, false).ok_or_else(not_converged)?;
     let failed = || Failure::other("a model gives no deflection at some held-out pose");
-    let own = fitted.predict(&model, &problem.poses, &readings.conditions, true).ok_or_else(failed)?;
-    let errors = all_errors(readings, &noise, &own, &|_| true);
-    let steps = (search.steps.iter())
-        .map(|(found, fit)| {
-            let on = |readings: &Readings, as_measured: bool| {
-                let poses: Vec<_> = readings.poses.iter().map(|p| p.pose).collect();
-                let said = compare::predict(&model, fit, &poses, &readings.conditions, as_measured)?;
-                compare::errors(readings, &noise, &said, |_| true)
-            };
-            Some(Step {
-                found: found.iter().map(|c| c.names(problem).join(" + ")).collect(),
-                machine: model.state(&fit.unknowns, fit.x.as_slice(), false).machine,
-                errors: on(readings, true)?,
-                held_out: held_out.and_then(|other| on(other, false)),
-            })
-        })
-        .collect::<Option<Vec<Step>>>()
-        .ok_or_else(failed)?;
+    let own = fitted.predict(&model, &experiment.poses, &readings.conditions, true).ok_or_else(failed)?;
+    let judges = Judges { noise: &noise, model: &model, rules };
+    let errors = judges.errors(&read, &own, &|_| true);
+    let steps = judges.steps(readings, held_out, &search).ok_or_else(failed)?;
     let held_out = match held_out {
-        Some(other) => given(readings, other, &noise, &model, &fitted).ok_or_else(failed)?,
-        None => left_out(readings, &noise, &model, &search).ok_or_else(|| not_converged(readings, &doubts))?,
+        Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
+        None => judges.left_out(readings, &read, &search).ok_or_else(not_converged)?,
     };
     step(3, "what to measure next");
-    let contenders = next::contenders(&levels, &search);
-    let proposals = next::propose(problem, &noise, file, &contenders);
-    let residuals = verdict::Residuals::new(problem, &noise, &file.uncertainty, &search)
-        .ok_or_else(|| not_converged(readings, &doubts))?;
-    let structure = verdict::residual_structure(readings, &residuals);
-    let suspects = doubts::suspects(readings, &residuals.by_reading, own.of(Rival::After));
+    let rivals = pkm_diagnosis::design::rivals(&levels, &search);
+    let proposals = design::propose(&model, readings, &noise, file, &rivals, rules);
+    let residuals = Residuals::new(problem, &noise, &search).ok_or_else(not_converged)?;
+    let structure = findings::residual_structure(readings, &read, &residuals);
+    let suspects = checks::suspects(readings, &residuals.outliers(&read, rules), own.of(Rival::After));
     step(4, "report");
     let end = &search.fit;
-    let effects = effects(problem, &search);
-    let names = search
-        .rounds
-        .iter()
-        .map(|r| r.ranking.iter().map(|r| r.candidate.names(problem).join(" + ")).collect())
-        .collect();
+    let name = |r: &search::Ranked| model.candidates[r.candidate].name();
+    let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
     step(5, "report");
-    let declared = verdict::declared_findings(problem, &search);
-    doubts.extend(doubts::of_result(&judgement, &declared, &structure));
+    let declared = findings::declared_findings(problem, &model, &search);
+    warnings.extend(checks::of_result(&judgement, &declared, &structure, rules));
     Ok(Diagnosis {
-        doubts,
+        warnings,
         suspects,
         size: (problem.numbers(), readings.poses.len()),
-        effects,
+        effects: effects(&model, &search),
         declared,
-        detectable: verdict::detectable(problem, &search),
+        detectable: findings::detectable(problem, &model, &search),
         structure,
         machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
+        load_error: levels.load_error(search.levels[1]),
         noise,
         judgement,
         search,
@@ -329,86 +350,4 @@ pub fn diagnose(
         own,
         names,
     })
-}
-
-impl Diagnosis {
-    /// The document of `formats.md`.
-    pub fn to_json(&self) -> Value {
-        let of = |errors: &[(Rival, Errors)], rival: Rival| {
-            errors.iter().find(|e| e.0 == rival).map_or(Value::Null, |e| json!(e.1))
-        };
-        let effects: Vec<Value> = (self.effects.iter())
-            .map(|e| {
-                let parameters: serde_json::Map<String, Value> =
-                    e.parameters.iter().map(|(n, v, s)| (n.to_string(), json!({ "value": v, "stderr": s }))).collect();
-                json!({ "id": e.id, "parameters": parameters, "confidence": e.confidence, "class": e.class,
-                    "of": if model::is_measurement(e.index) { "measurement" } else { "machine" },
-                    "inspect": words::inspect_effect(e.id) })
-            })
-            .collect();
-        let hidden = self.detectable.iter().filter(|d| d.is_hidden());
-        let ranking: Vec<Value> = (self.search.rounds.iter().zip(&self.names))
-            .map(|(round, names)| {
-                let rows: Vec<Value> = (round.ranking.iter().zip(names).take(12))
-                    .map(|(r, name)| {
-                        json!({ "candidate": name, "statistic": r.score.statistic, "freedoms": r.score.freedoms,
-                            "p": r.score.p, "gain_2_ln_evidence": r.gain, "left_out_gain": r.left_out_gain,
-                            "poses_that_gain": r.poses_that_gain, "gain_from_pulls": r.from_pulls,
-                            "rejected": r.rejected })
-                    })
-                    .collect();
-                json!({ "p_family": round.p_family, "candidates": rows })
-            })
-            .collect();
-        let mut held_out = json!({
-            "poses": self.held_out.poses,
-            "chosen": if self.held_out.given { "given" } else { "by cross-validation" },
-        });
-        for (rival, key, _) in RIVALS {
-            held_out[key] = of(&self.held_out.all, rival);
-        }
-        let zones: serde_json::Map<String, Value> = (self.held_out.zones.iter())
-            .map(|(zone, errors)| {
-                let rivals: serde_json::Map<String, Value> =
-                    RIVALS.iter().map(|(rival, key, _)| (key.to_string(), of(errors, *rival))).collect();
-                (zone.name().to_owned(), rivals.into())
-            })
-            .collect();
-        held_out["zones"] = zones.into();
-        let micro = |v: [f64; 6]| v.map(|v| v * 1e6);
-        json!({
-            "verdict": self.judgement.verdict,
-            "doubts": self.doubts,
-            "suspect_readings": self.suspects,
-            "effects": effects,
-            "declared_value_findings": self.declared,
-            "not_detectable": hidden.map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
-            "detectable": self.detectable.iter().filter(|d| !d.is_hidden())
-                .map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
-            "lack_of_fit": self.judgement.before,
-            "lack_of_fit_after": self.judgement.after,
-            "load_error": { "direction_mrad": 1e3 * Levels::load_error(self.search.levels[1]),
-                "gain": Levels::load_error(self.search.levels[1]),
-                "about": "beyond the declared one, as the readings suggest" },
-            "misfit_explained": self.judgement.gone,
-            "noise": { "source": self.noise.source, "reading_um_urad": micro(self.noise.within),
-                "series_um_urad": micro(self.noise.between) },
-            "error_before": of(&self.errors, Rival::Declared),
-            "error_after": of(&self.errors, Rival::After),
-            "error_after_and_table": of(&self.errors, Rival::AfterAndTable),
-            "error_retuned_only": of(&self.errors, Rival::Retuned),
-            "error_table_only": of(&self.errors, Rival::Table),
-            "holdout": held_out,
-            "steps": self.steps.iter()
-                .map(|s| json!({ "found": s.found, "error": s.errors, "holdout": s.held_out })).collect::<Vec<_>>(),
-            "next_measurements": self.proposals.iter().map(|p| {
-                let [theta_deg, sigma_deg, z0_mm] = written_units(&p.pose);
-                json!({ "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
-                    "wrench": p.wrench.to_array(), "separates": p.separates })
-            }).collect::<Vec<_>>(),
-            "residual_structure": self.structure,
-            "ranking": ranking,
-            "seed": SEED,
-        })
-    }
 }

@@ -9,7 +9,9 @@ use pkm_core::correction::EQ_11;
 use pkm_core::effects::Effects;
 use pkm_core::{Basis, Deflection, Machine, MachineParameters, Pose, Stiffness, Wrench};
 
-use super::solve::{Problem, product};
+use pkm_diagnosis::{Problem, product};
+
+use super::experiment::Experiment;
 use crate::error::{Failure, Result};
 use crate::files::readings::{CHANNELS, Condition};
 use crate::pose::{PoseBox, core_units};
@@ -45,6 +47,7 @@ impl Remainder {
     /// Fits S to the residuals of a model.
     pub fn fit(
         problem: &Problem<'_>,
+        experiment: &Experiment<'_>,
         parameters: &MachineParameters,
         residuals: &DVector<f64>,
         extent: &PoseBox,
@@ -56,7 +59,7 @@ impl Remainder {
             coefficients: DVector::zeros(ENTRIES * EQ_11.len()),
             information: None,
         };
-        let rows = this.rows(&problem.poses, &problem.readings.conditions)?;
+        let rows = this.rows(&experiment.poses, experiment.conditions)?;
         let mut design = DMatrix::zeros(residuals.len(), ENTRIES * EQ_11.len());
         for j in 0..design.ncols() {
             let mut column: Vec<f64> =

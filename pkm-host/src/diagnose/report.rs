@@ -6,9 +6,9 @@ use maud::{Markup, html};
 use pkm_core::{Machine, ScrewLengths};
 
 use super::compare::{Errors, RIVALS, Rival};
+use super::findings::DeclaredFinding;
 use super::model::is_measurement;
-use super::verdict::{DeclaredFinding, Verdict};
-use super::{Diagnosis, SEED, words};
+use super::{Diagnosis, SEED, Verdict, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{Condition, Readings};
@@ -51,7 +51,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     let far = far_from_declared(&d.declared);
     // where the readings themselves are in doubt nothing else counts
     let mut all: Vec<Finding> =
-        d.doubts.iter().map(|doubt| Finding::bad(format!("Check first: {}", doubt.sentence()))).collect();
+        d.warnings.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
     all.push(match d.judgement.verdict {
         Verdict::Adequate if d.declared.is_empty() => Finding::good(
             "The model is adequate: with its stiffnesses re-tuned within their uncertainty it leaves nothing but noise.",
@@ -78,12 +78,12 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
     for e in &d.effects {
         let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
-        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| words::amplitude(n, *v, Some(*s))).collect();
-        let (parameters, look) = (parameters.join(", "), words::inspect_effect(e.id));
+        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
+        let (parameters, look) = (parameters.join(", "), text::inspect_effect(e.id));
         all.push(Finding::good(format!("{}: {what}; {parameters}{}. Look at {look}.", e.id, class(&e.class))));
     }
     for f in &d.declared {
-        let axis = f.axis.map_or(String::new(), |a| words::axis(&f.parameter, a));
+        let axis = f.axis.map_or(String::new(), |a| text::axis(&f.parameter, a));
         all.push(Finding::warning(format!(
             "{}{axis}: declared {:.4e}, estimated {:.4e}, {:+.1} standard deviations{}. Look at {}.",
             f.parameter,
@@ -269,7 +269,7 @@ fn rounds(d: &Diagnosis) -> Markup {
             .map(|(r, name)| {
                 let cells = vec![
                     format!("{:.1}", r.score.statistic),
-                    r.score.freedoms.to_string(),
+                    r.score.dof.to_string(),
                     format!("{:.1e}", r.score.p),
                     r.gain.map_or("-".into(), |g| format!("{g:.1}")),
                     r.gain.map_or("-".into(), |_| format!("{:.2}", 100.0 * r.left_out_gain)),
@@ -286,7 +286,7 @@ fn rounds(d: &Diagnosis) -> Markup {
             &rows,
         )
     });
-    let legend = words::LEGEND.map(|(what, means)| format!("{what}: {means}"));
+    let legend = text::LEGEND.map(|(what, means)| format!("{what}: {means}"));
     html! {
         p { (legend.join(". ")) "." }
         @for table in tables { (table) }
@@ -326,7 +326,7 @@ pub fn html(
     let proposals: Vec<_> = (d.proposals.iter().enumerate())
         .map(|(n, p)| {
             let [theta, sigma, z0] = written_units(&p.pose).map(|v| v.to_string());
-            ((n + 1).to_string(), vec![theta, sigma, z0, words::load(&p.wrench), p.separates.join(" from ")])
+            ((n + 1).to_string(), vec![theta, sigma, z0, text::load(&p.wrench), p.separates.join(" from ")])
         })
         .collect();
     let amplitudes: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
@@ -360,14 +360,14 @@ pub fn html(
             &table("Smallest amplitude that would be found (λ = 30)", &["amplitude"], &amplitudes),
         ))
     };
-    let micro = |v: [f64; 6]| v.map(|v| format!("{:.2}", v * 1e6)).join(" ");
+    let micro = |v: &[f64]| v.iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
     let facts = vec![
         ("Seed", SEED.to_string()),
         ("Machine file", of_file(&file.source)),
         ("Data", format!("{}, {} numbers read at {} poses", of_file(&readings.source), d.size.0, d.size.1)),
         ("Held-out readings", held_out.map_or("none: poses left out in turn".into(), |h| of_file(&h.source))),
-        ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(d.noise.within), d.noise.source)),
-        ("Zero error of a series", micro(d.noise.between)),
+        ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(&d.noise.within), d.noise.source)),
+        ("Zero error of a series", micro(&d.noise.between)),
         ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),
         ("Lack of fit after", format!("{:.4}, p = {:.2e}", d.judgement.after.statistic, d.judgement.after.p)),
     ];

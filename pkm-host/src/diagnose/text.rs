@@ -2,7 +2,7 @@
 
 use pkm_core::Wrench;
 
-use super::model::{Declared, Part};
+use super::declared::{Declared, Part};
 
 /// What the statistics of a report mean, a line each.
 pub const LEGEND: [(&str, &str); 7] = [

@@ -3,21 +3,16 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::solve::Fit;
-
-/// Draws from the null distribution of the smallest p.
-const DRAWS: usize = 4000;
-
-/// Least signal of a plausible amplitude, in standard deviations squared, at which a direction counts as seen.
-const LEAST_SIGNAL: f64 = 0.1;
+use crate::fit::Fit;
+use crate::rules::Rules;
 
 /// What the screen says of one candidate.
 #[derive(Clone, Debug)]
 pub struct Score {
-    /// Drop of χ² that its columns could bring, linearised.
+    /// Δχ² that its columns could bring, linearised.
     pub statistic: f64,
-    /// Directions that it adds.
-    pub freedoms: usize,
+    /// Degrees of freedom that it adds.
+    pub dof: usize,
     /// Probability of so large a statistic without the effect.
     pub p: f64,
     /// Gain of 2 ln E by the best choice of its columns, linearised; 0 for none.
@@ -30,7 +25,7 @@ pub struct Score {
 pub struct Screen {
     /// By candidate.
     pub scores: Vec<Score>,
-    /// Probability that any candidate looks as good as the best, if there is no effect.
+    /// Probability that any candidate looks as good as the best, if nothing is missing.
     pub p_family: f64,
 }
 
@@ -85,11 +80,10 @@ pub fn gain(fit: &Fit, columns: &Columns) -> f64 {
     best_choice(&s, &fit.remaining(&columns.matrix), &columns.one_sided).0
 }
 
-/// Holds the columns of every candidate against the residual of a fit.
-pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64) -> Screen {
-    let widths: Vec<usize> = candidates.iter().map(|c| c.matrix.ncols()).collect();
-    let total: usize = widths.iter().sum();
-    let mut all = DMatrix::zeros(fit.residuals.len(), total);
+/// The columns of all candidates side by side, and where those of each begin.
+fn side_by_side(rows: usize, candidates: &[Columns]) -> (DMatrix<f64>, Vec<usize>) {
+    let total: usize = candidates.iter().map(|c| c.matrix.ncols()).sum();
+    let mut all = DMatrix::zeros(rows, total);
     let mut starts = Vec::new();
     let mut at = 0;
     for columns in candidates {
@@ -97,6 +91,13 @@ pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64) -> Screen {
         starts.push(at);
         at += columns.matrix.ncols();
     }
+    (all, starts)
+}
+
+/// Tests the columns of every candidate against the residuals of a fit.
+pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64, rules: &Rules) -> Screen {
+    let widths: Vec<usize> = candidates.iter().map(|c| c.matrix.ncols()).collect();
+    let (all, starts) = side_by_side(fit.residuals.len(), candidates);
     let s = all.tr_mul(&fit.residuals);
     let v = fit.remaining(&all);
     // each candidate's whitening: t = |w s|²
@@ -104,7 +105,7 @@ pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64) -> Screen {
     let mut scores = Vec::new();
     for ((start, width), columns) in starts.iter().zip(&widths).zip(candidates) {
         let own = v.view((*start, *start), (*width, *width)).clone_owned();
-        let (values, vectors) = seen(&own, LEAST_SIGNAL);
+        let (values, vectors) = seen(&own, rules.min_signal);
         let mut whitener = vectors.transpose();
         for (i, value) in values.iter().enumerate() {
             whitener.row_mut(i).scale_mut(1.0 / value.sqrt());
@@ -112,46 +113,61 @@ pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64) -> Screen {
         let part = s.rows(*start, *width).clone_owned();
         let whitened = &whitener * &part;
         let statistic = whitened.norm_squared();
-        let freedoms = values.len();
+        let dof = values.len();
         let (gain, step) = best_choice(&part, &own, &columns.one_sided);
-        scores.push(Score { statistic, freedoms, p: tail(statistic, freedoms), gain, step });
+        scores.push(Score { statistic, dof, p: tail(statistic, dof), gain, step });
         whiteners.push(whitener);
     }
     let least = scores.iter().map(|s| s.p).fold(1.0, f64::min);
-    // thresholds of the statistic that would give as small a p, by freedoms
-    let limits: Vec<f64> = (0..=widths.iter().copied().max().unwrap_or(0)).map(|k| inverse_tail(least, k)).collect();
-    let (values, vectors) = seen(&v, 1e-9);
+    let as_small = draws_as_small(&v, &whiteners, &starts, least, rules.null_draws, seed);
+    // a p below what the draws resolve is bounded by the number of candidates
+    let resolved = (as_small as f64 + 1.0) / (rules.null_draws as f64 + 1.0);
+    let bonferroni = least * candidates.len() as f64;
+    Screen { scores, p_family: if as_small == 0 { resolved.min(bonferroni) } else { resolved } }
+}
+
+/// How many draws of all scores from N(0, v) have a candidate with a p as small as `least`.
+fn draws_as_small(
+    v: &DMatrix<f64>,
+    whiteners: &[DMatrix<f64>],
+    starts: &[usize],
+    least: f64,
+    draws: usize,
+    seed: u64,
+) -> usize {
+    // thresholds of the statistic that would give as small a p, by degrees of freedom
+    let most = whiteners.iter().map(DMatrix::ncols).max().unwrap_or(0);
+    let limits: Vec<f64> = (0..=most).map(|k| inverse_tail(least, k)).collect();
+    let (values, vectors) = seen(v, 1e-9);
     let mut root = vectors;
     for (i, value) in values.iter().enumerate() {
         root.column_mut(i).scale_mut(value.sqrt());
     }
     let mut rng = fastrand::Rng::with_seed(seed);
     let mut as_small = 0;
-    for _ in 0..DRAWS {
+    for _ in 0..draws {
         let u = &root * DVector::from_fn(values.len(), |_, _| normal(&mut rng));
-        let hit = whiteners.iter().zip(&starts).zip(&widths).any(|((w, start), width)| {
-            w.nrows() > 0 && (w * u.rows(*start, *width)).norm_squared() >= limits[w.nrows()]
-        });
+        let hit = whiteners
+            .iter()
+            .zip(starts)
+            .any(|(w, start)| w.nrows() > 0 && (w * u.rows(*start, w.ncols())).norm_squared() >= limits[w.nrows()]);
         as_small += usize::from(hit);
     }
-    // a p below what the draws resolve is bounded by the number of candidates
-    let resolved = (as_small as f64 + 1.0) / (DRAWS as f64 + 1.0);
-    let bonferroni = least * candidates.len() as f64;
-    Screen { scores, p_family: if as_small == 0 { resolved.min(bonferroni) } else { resolved } }
+    as_small
 }
 
-fn tail(statistic: f64, freedoms: usize) -> f64 {
-    ChiSquared::new(freedoms as f64).map_or(1.0, |d| d.sf(statistic))
+fn tail(statistic: f64, dof: usize) -> f64 {
+    ChiSquared::new(dof as f64).map_or(1.0, |d| d.sf(statistic))
 }
 
-fn inverse_tail(p: f64, freedoms: usize) -> f64 {
+fn inverse_tail(p: f64, dof: usize) -> f64 {
     let (mut low, mut high) = (0.0, 10.0);
-    while tail(high, freedoms) > p && high < 1e6 {
+    while tail(high, dof) > p && high < 1e6 {
         high *= 2.0;
     }
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if tail(middle, freedoms) > p { low = middle } else { high = middle }
+        if tail(middle, dof) > p { low = middle } else { high = middle }
     }
     0.5 * (low + high)
 }

@@ -5,37 +5,24 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DVector, Matrix3, Vector3};
 use pkm_core::{Pose, Wrench};
+use pkm_diagnosis::residuals::{Outlier, Structure};
+use pkm_diagnosis::verdict::Judgement;
+use pkm_diagnosis::{Fit, Problem, Rules, Whitener};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::noise::Whitener;
-use super::solve::{Fit, Problem};
-use super::verdict::{DeclaredFinding, Judgement, P_MISFIT, Structure};
+use super::experiment::{self, Experiment};
+use super::findings::DeclaredFinding;
+use super::model::Model;
 use crate::files::dataset::DEFLECTION_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
 
-/// How much less of the readings another way to take them must leave, in squares. Where the file's is right, whatever the
-/// machine lacks, the best of the others leaves more than it in all sets of the fixtures; where it is wrong, the right one
-/// leaves less than a tenth.
-const MUCH: f64 = 4.0;
 /// Standard acceleration of gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
-/// Pull that is more than a wrong value, in standard deviations, and how many of these are too many.
-const GREAT_PULL: f64 = 10.0;
-const MANY: usize = 5;
-/// p and share of a significant misfit from which on what is left goes with the order of the readings and nothing else.
-const P_ORDER: f64 = 1e-4;
-const ORDER_SHARE: f64 = 0.9;
-/// Residual that noise cannot be, in robust standard deviations of its channel.
-const STANDS_OUT: f64 = 8.0;
-/// Greatest share of a channel's readings that may stand out: more are a misfit of the model.
-const FEW: f64 = 0.01;
-/// Most readings that are named.
-const NAMED: usize = 3;
 
 /// A reason to look at the readings before the machine.
 #[derive(Clone, Debug, Serialize)]
-pub struct Doubt {
+pub struct Warning {
     /// `readings_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `order_of_readings` or
     /// `many_great_changes`.
     pub kind: &'static str,
@@ -43,7 +30,7 @@ pub struct Doubt {
     pub message: String,
 }
 
-impl Doubt {
+impl Warning {
     /// With its full stop, where it is no question.
     pub fn sentence(&self) -> String {
         format!("{}{}", self.message, if self.message.ends_with('?') { "" } else { "." })
@@ -232,17 +219,25 @@ fn left(linear: &Fit, residuals: &DVector<f64>, uncertainty: f64) -> f64 {
 
 /// Whether the readings fit the declared machine much better when they are taken otherwise. Linearised, so that there is
 /// an answer even where no fit converges.
-pub fn taken_otherwise(problem: &Problem<'_>, whitener: &Whitener, tip_m: [f64; 3]) -> Option<Doubt> {
-    let stiffnesses = problem.model.stiffnesses();
+pub fn taken_otherwise(
+    problem: &Problem<'_>,
+    whitener: &Whitener,
+    model: &Model,
+    readings: &Readings,
+    tip_m: [f64; 3],
+) -> Option<Warning> {
+    let stiffnesses = problem.model.declared();
     let declared = vec![0.0; stiffnesses.len()];
     let at_declared = |problem: &Problem<'_>| problem.linear(&stiffnesses, declared.clone().into());
     let as_said = at_declared(problem)?;
-    let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, problem.model.uncertainty);
+    let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, model.uncertainty.stiffness);
     let said = left(&as_said, &as_said.residuals);
-    let found: Vec<(String, f64)> = other_ways(problem.readings, tip_m)
+    let found: Vec<(String, f64)> = other_ways(readings, tip_m)
         .into_par_iter()
         .filter_map(|taken| {
-            let other = Problem::new(&taken.readings, whitener, problem.model);
+            let (observations, experiment) =
+                (experiment::observations(&taken.readings), Experiment::new(model, &taken.readings));
+            let other = Problem::new(&observations, whitener, &experiment, problem.rules);
             let residuals = other.residuals(&[], &[])?;
             // no stiffness mends what is worse to begin with
             if residuals.norm_squared() >= as_said.residuals.norm_squared() {
@@ -257,7 +252,7 @@ pub fn taken_otherwise(problem: &Problem<'_>, whitener: &Whitener, tip_m: [f64; 
     let least = found.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
     let (how, rest) = found.iter().find(|f| f.1 <= 1.1 * least)?;
     let times = |left: f64| format!("{:.1}", left.sqrt());
-    (*rest < said / MUCH).then(|| Doubt {
+    (*rest < said / problem.rules.min_rss_ratio).then(|| Warning {
         kind: "readings_taken_otherwise",
         message: format!(
             "the readings fit the declared machine much better {how} ({} times their noise is left) than as the file says, \
@@ -269,8 +264,8 @@ pub fn taken_otherwise(problem: &Problem<'_>, whitener: &Whitener, tip_m: [f64; 
 }
 
 /// What the file itself gives away: series and names of poses that stand at several poses.
-pub fn of_file(readings: &Readings) -> Vec<Doubt> {
-    let mut doubts = Vec::new();
+pub fn of_file(readings: &Readings) -> Vec<Warning> {
+    let mut warnings = Vec::new();
     let mut poses_of: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for r in readings.readings.iter().filter(|r| !readings.series_names[r.series].is_empty()) {
         let poses = poses_of.entry(r.series).or_default();
@@ -282,7 +277,7 @@ pub fn of_file(readings: &Readings) -> Vec<Doubt> {
     let wide: Vec<_> = poses_of.iter().filter(|(_, poses)| poses.len() > 1).collect();
     if let Some((series, poses)) = wide.first() {
         let others = if wide.len() > 1 { format!(", {} more at several", wide.len() - 1) } else { String::new() };
-        doubts.push(Doubt {
+        warnings.push(Warning {
             kind: "series_at_several_poses",
             message: format!(
                 "series {} stands at {} poses{others}: the readings of a series share the error of one zero reading; if the \
@@ -297,7 +292,7 @@ pub fn of_file(readings: &Readings) -> Vec<Doubt> {
     let twice: Vec<_> = twice.collect();
     if let Some((first, other)) = twice.first() {
         let more = if twice.len() > 1 { format!(" (and {} more)", twice.len() - 1) } else { String::new() };
-        doubts.push(Doubt {
+        warnings.push(Warning {
             kind: "pose_name_at_several_positions",
             message: format!(
                 "pose {} stands at other coordinates in line {} than in line {}{more}: they are taken as different poses; look \
@@ -306,69 +301,53 @@ pub fn of_file(readings: &Readings) -> Vec<Doubt> {
             ),
         });
     }
-    doubts
+    warnings
 }
 
 /// What the result gives away.
-pub fn of_result(judgement: &Judgement, declared: &[DeclaredFinding], structure: &[Structure]) -> Vec<Doubt> {
-    let mut doubts = Vec::new();
-    let great = declared.iter().filter(|f| f.pull_sd.abs() > GREAT_PULL).count();
-    if great > MANY {
-        doubts.push(Doubt {
+pub fn of_result(
+    judgement: &Judgement,
+    declared: &[DeclaredFinding],
+    structure: &[Structure],
+    rules: &Rules,
+) -> Vec<Warning> {
+    let limit = rules.implausible_pull_sd;
+    let mut warnings = Vec::new();
+    let great = declared.iter().filter(|f| f.pull_sd.abs() > limit).count();
+    if great > rules.max_implausible_pulls {
+        warnings.push(Warning {
             kind: "many_great_changes",
             message: format!(
-                "{great} declared values would have to change by more than {GREAT_PULL} standard deviations: a wrong frame, \
+                "{great} declared values would have to change by more than {limit} standard deviations: a wrong frame, \
                  point, unit or sign of the readings is likelier than so many wrong stiffnesses"
             ),
         });
     }
     let order = structure.iter().find(|s| s.factor == "order");
-    if order.is_some_and(|s| s.p < P_ORDER && s.share > ORDER_SHARE) && judgement.after.p < P_MISFIT {
-        doubts.push(Doubt {
+    if order.is_some_and(|s| s.p < rules.max_order_p && s.share > rules.min_order_share)
+        && judgement.after.p < rules.max_misfit_p
+    {
+        warnings.push(Warning {
             kind: "order_of_readings",
             message: "what is left goes with the order of the readings: a drift, or a zero that was read anew; give readings \
                       that share a zero reading one number in the column `series`"
                 .into(),
         });
     }
-    doubts
+    warnings
 }
 
-/// Readings that stand out of what the final model leaves of their channel, the worst first. `residuals` and `expected`
-/// are by reading and by condition.
-pub fn suspects(readings: &Readings, residuals: &[[f64; CHANNELS]], expected: &[[f64; CHANNELS]]) -> Vec<Suspect> {
-    let mut suspects = Vec::new();
-    for channel in 0..CHANNELS {
-        let read: Vec<(usize, f64)> = (readings.readings.iter().zip(residuals).enumerate())
-            .filter_map(|(n, (r, left))| r.observed[channel].map(|_| (n, left[channel].abs())))
-            .collect();
-        let mut sizes: Vec<f64> = read.iter().map(|r| r.1).collect();
-        sizes.sort_by(f64::total_cmp);
-        // the median of |r| is 0.6745 standard deviations
-        let Some(scale) = sizes.get(sizes.len() / 2).map(|m| m / 0.6745).filter(|s| *s > 0.0) else { continue };
-        // where a repeat of it errs as well, it is the model or the load that errs
-        let alone = |n: usize| {
-            let repeat_of = readings.readings[n].repeat_of;
-            let is_other = |o: usize| o != n && readings.readings[o].repeat_of == repeat_of;
-            read.iter().all(|(o, size)| !is_other(*o) || *size < 0.5 * STANDS_OUT * scale)
-        };
-        let standing: Vec<_> = read.iter().filter(|r| r.1 > STANDS_OUT * scale).collect();
-        if standing.len() as f64 > (FEW * read.len() as f64).max(1.0) {
-            continue;
+/// Outliers as the file has them; `expected` is by condition.
+pub fn suspects(readings: &Readings, outliers: &[Outlier], expected: &[[f64; CHANNELS]]) -> Vec<Suspect> {
+    let of = |o: &Outlier| {
+        let r = &readings.readings[o.reading];
+        Suspect {
+            line: r.line,
+            column: DEFLECTION_COLUMNS[o.channel],
+            value: r.observed[o.channel].unwrap_or(f64::NAN) * 1e6,
+            expected: expected[r.condition][o.channel] * 1e6,
+            studentised: o.studentised,
         }
-        let standing = standing.into_iter().filter(|(n, _)| alone(*n));
-        suspects.extend(standing.map(|(n, size)| {
-            let r = &readings.readings[*n];
-            Suspect {
-                line: r.line,
-                column: DEFLECTION_COLUMNS[channel],
-                value: r.observed[channel].unwrap_or(f64::NAN) * 1e6,
-                expected: expected[r.condition][channel] * 1e6,
-                studentised: size / scale,
-            }
-        }));
-    }
-    suspects.sort_by(|a, b| b.studentised.total_cmp(&a.studentised));
-    suspects.truncate(NAMED);
-    suspects
+    };
+    outliers.iter().map(of).collect()
 }

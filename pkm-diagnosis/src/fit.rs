@@ -1,0 +1,106 @@
+//! The linear form of a model at its most likely values, and what follows from it.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use crate::model::Unknown;
+
+/// A converged fit and its linear form.
+#[derive(Clone)]
+pub struct Fit {
+    /// What was unknown.
+    pub unknowns: Vec<Unknown>,
+    /// Where the fit ended.
+    pub x: DVector<f64>,
+    /// Whitened readings less predictions.
+    pub residuals: DVector<f64>,
+    /// Of the whitened predictions.
+    pub jacobian: DMatrix<f64>,
+    /// Cholesky factor of AᵀA + I.
+    pub information: Cholesky<f64, Dyn>,
+    /// |r|².
+    pub chi2: f64,
+    /// |r|² + |x|².
+    pub objective: f64,
+    /// ln|I + UUᵀ| of the common errors under which it was made.
+    log_determinant: f64,
+}
+
+/// Aᵀ B. What `tr_mul` does takes several times as long.
+pub fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    a.transpose() * b
+}
+
+impl Fit {
+    /// Puts it together; none where the information matrix is not finite.
+    pub fn new(
+        unknowns: Vec<Unknown>,
+        x: DVector<f64>,
+        residuals: DVector<f64>,
+        jacobian: DMatrix<f64>,
+        log_determinant: f64,
+    ) -> Option<Self> {
+        let information = (product(&jacobian, &jacobian) + DMatrix::identity(x.len(), x.len())).cholesky()?;
+        let chi2 = residuals.norm_squared();
+        let objective = chi2 + x.norm_squared();
+        Some(Self { unknowns, x, residuals, jacobian, information, chi2, objective, log_determinant })
+    }
+
+    /// ½ ln|AᵀA + I|.
+    fn half_log_determinant(&self) -> f64 {
+        self.information.l_dirty().diagonal().iter().map(|d| d.ln()).sum()
+    }
+
+    /// ln of the probability of the readings under the model (Laplace), up to a constant of the data.
+    pub fn ln_evidence(&self) -> f64 {
+        // what is still to gain by a step to the minimum
+        let slope = self.jacobian.tr_mul(&self.residuals) - &self.x;
+        let rest = slope.dot(&self.information.solve(&slope));
+        -0.5 * (self.objective - rest + self.log_determinant) - self.half_log_determinant()
+    }
+
+    /// Effective number of parameters: tr[(AᵀA + I)⁻¹ AᵀA].
+    pub fn effective_parameters(&self) -> f64 {
+        self.x.len() as f64 - self.information.inverse().trace()
+    }
+
+    /// Standard errors of the unknowns.
+    pub fn standard_errors(&self) -> DVector<f64> {
+        self.information.inverse().diagonal().map(f64::sqrt)
+    }
+
+    /// Unknowns whose signals are nearly that of another: cosine beyond a limit.
+    pub fn alike(&self, of: Unknown, cosine_limit: f64) -> Vec<Unknown> {
+        let Some(own) = self.unknowns.iter().position(|u| *u == of) else { return Vec::new() };
+        let a = self.jacobian.column(own);
+        let cosine = |j: usize| {
+            let b = self.jacobian.column(j);
+            a.dot(&b).abs() / (a.norm() * b.norm()).max(f64::MIN_POSITIVE)
+        };
+        (0..self.unknowns.len()).filter(|j| *j != own && cosine(*j) > cosine_limit).map(|j| self.unknowns[j]).collect()
+    }
+
+    /// V = Jᵀ (I + AAᵀ)⁻¹ J: what of some columns the unknowns of this fit cannot take.
+    pub fn remaining(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        let cross = product(&self.jacobian, columns);
+        product(columns, columns) - cross.tr_mul(&self.information.solve(&cross))
+    }
+
+    /// Squared errors of prediction, group by group of whitened readings, each predicted from the others: the linear
+    /// form without the group is exact for it.
+    pub fn left_out(&self, groups: &[Vec<usize>]) -> Vec<f64> {
+        let m = self.information.l();
+        let m = &m * m.transpose();
+        groups
+            .par_iter()
+            .map(|group| {
+                let a = self.jacobian.select_rows(group);
+                let r = self.residuals.select_rows(group);
+                let b = a.tr_mul(&r);
+                let gram = a.tr_mul(&a);
+                let shift = (&m - &gram).cholesky().map(|c| c.solve(&b));
+                shift.map_or(f64::INFINITY, |s| r.norm_squared() + 2.0 * s.dot(&b) + s.dot(&(&gram * &s)))
+            })
+            .collect()
+    }
+}

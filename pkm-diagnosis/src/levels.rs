@@ -1,0 +1,52 @@
+//! One problem at several sizes of the errors that readings have in common, such as those of the loads: nobody declares all.
+
+use rayon::prelude::*;
+
+use crate::fit::Fit;
+use crate::model::Unknown;
+use crate::solve::Problem;
+use crate::whitening::Whitener;
+
+/// One problem at every level of common errors.
+pub struct Levels<'a> {
+    /// Without any.
+    pub plain: &'a Problem<'a>,
+    /// From the declared ones on.
+    pub problems: Vec<Problem<'a>>,
+}
+
+/// Whitenings for [`Levels`], from the declared common errors on.
+pub fn whiteners(plain: &Problem<'_>) -> Option<Vec<Whitener>> {
+    let (groups, declared) = plain.common_errors()?;
+    let at = |more: &f64| {
+        let scale: Vec<f64> = declared.iter().map(|sd| sd.hypot(*more)).collect();
+        plain.whitener.with_common_errors(&groups, &scale)
+    };
+    Some(plain.rules.load_error_levels.iter().map(at).collect())
+}
+
+impl<'a> Levels<'a> {
+    /// Puts them together.
+    pub fn new(plain: &'a Problem<'a>, whiteners: &'a [Whitener]) -> Self {
+        Self { plain, problems: whiteners.iter().map(|w| plain.with(w)).collect() }
+    }
+
+    /// The relative error beyond the declared one at a level.
+    pub fn load_error(&self, level: usize) -> f64 {
+        self.plain.rules.load_error_levels[level]
+    }
+
+    /// Fits at a level, then at the one that makes the readings most likely.
+    pub fn fit(&self, unknowns: &[Unknown], start: &[f64], level: usize) -> Option<(usize, Fit)> {
+        let fit = self.problems[level].fit(unknowns, start)?;
+        let plain = self.plain.linear(unknowns, fit.x.clone())?;
+        let fits: Vec<Option<Fit>> = self.problems.par_iter().map(|p| p.relevel(&plain)).collect();
+        let evidence = |l: &usize| fits[*l].as_ref().map_or(f64::NEG_INFINITY, Fit::ln_evidence);
+        let best = (0..fits.len()).max_by(|a, b| evidence(a).total_cmp(&evidence(b)))?;
+        if best == level {
+            Some((level, fit))
+        } else {
+            Some((best, self.problems[best].fit(unknowns, fit.x.as_slice())?))
+        }
+    }
+}

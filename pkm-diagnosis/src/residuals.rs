@@ -1,0 +1,125 @@
+//! What a model leaves of every reading: outliers, and what the rest goes with.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use crate::levels;
+use crate::noise::Noise;
+use crate::observations::Observations;
+use crate::rules::Rules;
+use crate::search::Search;
+use crate::solve::Problem;
+use crate::whitening::Whitener;
+
+/// What the end of a search leaves of every reading.
+pub struct Residuals {
+    /// By reading and channel, each in its own noise; 0 where nothing was read.
+    pub by_reading: Vec<Vec<f64>>,
+    /// Squared, beyond what noise brings.
+    excess: f64,
+}
+
+/// A scalar observation that stands out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outlier {
+    /// Reading.
+    pub reading: usize,
+    /// Its channel.
+    pub channel: usize,
+    /// Residual in robust standard deviations of its channel.
+    pub studentised: f64,
+}
+
+/// A share of the misfit that goes with something.
+#[derive(Clone, Debug, Serialize)]
+pub struct Structure {
+    /// What it goes with.
+    pub factor: &'static str,
+    /// Share of the misfit, 0…1.
+    pub share: f64,
+    /// Probability of as much by chance.
+    pub p: f64,
+}
+
+/// A factor that residuals may go with.
+pub struct Factor<'a> {
+    /// As in reports.
+    pub name: &'static str,
+    /// Group of a reading.
+    pub group: &'a dyn Fn(usize) -> (i64, usize),
+    /// Sign with which a reading's residuals are summed up in its group.
+    pub sign: &'a dyn Fn(usize) -> f64,
+}
+
+impl Residuals {
+    /// Of the model at the end of a search.
+    pub fn new(problem: &Problem<'_>, noise: &Noise, search: &Search) -> Option<Self> {
+        let observations = problem.observations;
+        let by_reading = Whitener::by_reading(observations, noise);
+        let plain = problem.with(&by_reading);
+        let whitener = levels::whiteners(&plain)?.swap_remove(search.levels[1]);
+        let left = problem.with(&whitener).residuals(&search.fit.unknowns, search.fit.x.as_slice())?;
+        let mut by_reading = vec![vec![0.0; observations.channels.len()]; observations.readings.len()];
+        for (e, r) in whitener.entries.iter().zip(left.iter()) {
+            by_reading[e.readings[0]][e.channel] = *r;
+        }
+        Some(Self { by_reading, excess: (left.norm_squared() - left.len() as f64).max(0.0) })
+    }
+
+    /// Scalar observations that stand out of the residuals of their channel, the worst first.
+    pub fn outliers(&self, observations: &Observations, rules: &Rules) -> Vec<Outlier> {
+        outliers(observations, &self.by_reading, rules)
+    }
+
+    /// How much of the misfit goes with a factor.
+    pub fn structure(&self, observations: &Observations, factor: &Factor<'_>) -> Structure {
+        let channels = observations.channels.len();
+        let mut groups: BTreeMap<(i64, usize), (Vec<f64>, f64)> = BTreeMap::new();
+        for (i, r) in self.by_reading.iter().enumerate() {
+            let group = groups.entry((factor.group)(i)).or_insert((vec![0.0; channels], 0.0));
+            group.1 += 1.0;
+            for c in 0..channels {
+                group.0[c] += (factor.sign)(i) * r[c];
+            }
+        }
+        let between: f64 = groups.values().map(|(sums, count)| sums.iter().map(|s| s * s).sum::<f64>() / count).sum();
+        let used = observations.used_channels().iter().filter(|c| **c).count();
+        let dof = (groups.len() * used) as f64;
+        let p = ChiSquared::new(dof).map_or(f64::NAN, |d| d.sf(between));
+        let share = if self.excess > 0.0 { ((between - dof) / self.excess).clamp(0.0, 1.0) } else { 0.0 };
+        Structure { factor: factor.name, share, p }
+    }
+}
+
+/// See [`Residuals::outliers`]; `residuals` are by reading and channel.
+pub fn outliers(observations: &Observations, residuals: &[Vec<f64>], rules: &Rules) -> Vec<Outlier> {
+    let readings = &observations.readings;
+    let mut found = Vec::new();
+    for channel in 0..observations.channels.len() {
+        let read: Vec<(usize, f64)> = (readings.iter().zip(residuals).enumerate())
+            .filter_map(|(n, (r, left))| r.observed[channel].map(|_| (n, left[channel].abs())))
+            .collect();
+        let mut sizes: Vec<f64> = read.iter().map(|r| r.1).collect();
+        sizes.sort_by(f64::total_cmp);
+        // the median of |r| is 0.6745 standard deviations
+        let Some(scale) = sizes.get(sizes.len() / 2).map(|m| m / 0.6745).filter(|s| *s > 0.0) else { continue };
+        // where a repeat of it errs as well, it is the model or the load that errs
+        let alone = |n: usize| {
+            let repeat_of = readings[n].repeat_of;
+            let is_other = |o: usize| o != n && readings[o].repeat_of == repeat_of;
+            let limit = rules.outlier_repeat_share * rules.outlier_sd * scale;
+            read.iter().all(|(o, size)| !is_other(*o) || *size < limit)
+        };
+        let standing: Vec<_> = read.iter().filter(|r| r.1 > rules.outlier_sd * scale).collect();
+        if standing.len() as f64 > (rules.max_outlier_share * read.len() as f64).max(1.0) {
+            continue;
+        }
+        let standing = standing.into_iter().filter(|(n, _)| alone(*n));
+        found.extend(standing.map(|(n, size)| Outlier { reading: *n, channel, studentised: size / scale }));
+    }
+    found.sort_by(|a, b| b.studentised.total_cmp(&a.studentised));
+    found.truncate(rules.max_outliers);
+    found
+}

@@ -1,0 +1,163 @@
+//! Every number that decides something in a diagnosis, with its reason.
+
+/// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
+pub const SEED: u64 = 20_201;
+
+/// Thresholds of a diagnosis. They were found by simulated trials; the rates of right and wrong names that they lead to
+/// are in docs/trials.md.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rules {
+    /// Least degrees of freedom at which a channel's noise is estimated from its own repeats; with fewer, channels of one
+    /// kind are pooled. At 20 a standard deviation is known to 16 %.
+    pub min_dof_of_channel: f64,
+    /// Least degrees of freedom of a kind of channels at which noise is estimated from repeats at all.
+    pub min_dof_of_kind: f64,
+    /// The same where noise was declared as well: a declared deviation is better than a few repeats.
+    pub min_dof_beside_declared: f64,
+    /// Relative errors of load direction (rad) and size beyond the declared ones that are considered, as nobody declares
+    /// all: from none to about 0.5°, doubling.
+    pub load_error_levels: [f64; 6],
+
+    /// Draws from the null distribution of the smallest p: they resolve 1/4000, well below `max_family_p`.
+    pub null_draws: usize,
+    /// Least signal of a plausible amplitude, squared and in noise variances, at which a direction counts as one more
+    /// degree of freedom: below it, no amplitude that is plausible could be noticed.
+    pub min_signal: f64,
+
+    /// Candidates that are fitted in full in each round, the best of the screen: the rest of the time of a diagnosis.
+    pub full_fits: usize,
+    /// Largest family-wise p-value at which something is accepted: the rate of false names that the specification allows.
+    pub max_family_p: f64,
+    /// Least gain of 2 ln E for the first find and for later ones: odds of 20 and of 150.
+    pub min_gain: [f64; 2],
+    /// Least gain as a share of what was gained before: a form that is nearly right leaves some of its signal, which must
+    /// not pass for something else.
+    pub min_gain_share: f64,
+    /// Least share of the poses that a candidate must predict better when each is left out: one pose must not decide.
+    pub min_poses_gaining: f64,
+    /// Largest relative increase of the left-out squared error at which a candidate is accepted for reducing the deviation
+    /// of stiffnesses from their declared values: stiffnesses far off may predict as well.
+    pub max_left_out_loss: f64,
+    /// Least share of such a candidate's gain that comes from smaller prior deviations.
+    pub min_prior_gain_share: f64,
+    /// Most finds.
+    pub max_found: usize,
+    /// Most rounds of the search; one more than finds, as a find may be dropped again.
+    pub max_rounds: usize,
+    /// Largest plausible amplitude, in units of its scale.
+    pub max_amplitude: f64,
+    /// Largest first step of an amplitude that is fitted at all, three times `max_amplitude`: what begins farther out does not
+    /// come back into bounds.
+    pub max_first_step: f64,
+    /// Largest plausible deviation of a shape, in standard deviations of its prior.
+    pub max_shape_sd: f64,
+    /// Where the first shape of a candidate is tried, in standard deviations of its prior.
+    pub shape_starts: [f64; 3],
+    /// Least share of signal in common, both ways, at which two candidates count as the same.
+    pub same_signal_share: f64,
+
+    /// Largest p of a misfit that counts as more than noise.
+    pub max_misfit_p: f64,
+    /// Least share of the misfit that the finds must account for.
+    pub min_explained_share: f64,
+    /// Most effects that explain: three mimic most things.
+    pub max_explaining_effects: usize,
+    /// Most errors of the measurement that explain: two at once mimic much that is neither.
+    pub max_explaining_measurement_errors: usize,
+    /// Largest undeclared relative error of the loads beside which something counts as explained.
+    pub max_explaining_load_error: f64,
+    /// Deviation from its declared value beyond which a declared value is a finding, in standard deviations of its prior.
+    pub large_pull_sd: f64,
+    /// Least cosine between the signals of two declared values that the readings cannot tell apart.
+    pub alike_cosine: f64,
+    /// Detectability λ at which an amplitude counts as detectable, from the specification of the method.
+    pub detectable: f64,
+
+    /// Folds of the cross-validation.
+    pub folds: usize,
+    /// Resamples of the poses for intervals.
+    pub resamples: usize,
+    /// Least poses that are resampled.
+    pub min_resampled_poses: usize,
+
+    /// Least different poses of a diagnosis.
+    pub min_poses: usize,
+    /// Largest |log10| of readings over predictions, median, that is no matter of units: a model is never wrong by a factor
+    /// of 30.
+    pub max_log10_scale: f64,
+    /// Ratio of residual sums of squares from which on another frame, sign or unit is suggested. Where the declared one is
+    /// right, no other reached it in any set of the fixtures; where it is wrong, the right one leaves less than a tenth.
+    pub min_rss_ratio: f64,
+    /// Deviation from a declared value that no machine has, in standard deviations of its prior.
+    pub implausible_pull_sd: f64,
+    /// Most of these before the readings themselves are in doubt.
+    pub max_implausible_pulls: usize,
+    /// Largest p, and least share of a significant misfit, at which the residuals go with the order of the readings and
+    /// nothing else.
+    pub max_order_p: f64,
+    /// See `max_order_p`.
+    pub min_order_share: f64,
+    /// Least residual of an outlier, in robust standard deviations of its channel: one in 10¹⁵ by noise.
+    pub outlier_sd: f64,
+    /// Residual of a repeat, as a share of `outlier_sd`, from which on the model or the load is wrong and not one reading.
+    pub outlier_repeat_share: f64,
+    /// Largest share of a channel's readings that are outliers: more are a misfit of the model.
+    pub max_outlier_share: f64,
+    /// Most outliers that are named.
+    pub max_outliers: usize,
+
+    /// Measurements that are proposed.
+    pub proposals: usize,
+    /// Rivals that further measurements are to tell apart.
+    pub rivals: usize,
+}
+
+impl Rules {
+    /// As published.
+    pub const DEFAULT: Self = Self {
+        min_dof_of_channel: 20.0,
+        min_dof_of_kind: 3.0,
+        min_dof_beside_declared: 40.0,
+        load_error_levels: [0.0, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3],
+        null_draws: 4000,
+        min_signal: 0.1,
+        full_fits: 10,
+        max_family_p: 0.01,
+        min_gain: [6.0, 10.0],
+        min_gain_share: 0.03,
+        min_poses_gaining: 0.5,
+        max_left_out_loss: 0.01,
+        min_prior_gain_share: 0.5,
+        max_found: 3,
+        max_rounds: 4,
+        max_amplitude: 2.0,
+        max_first_step: 6.0,
+        max_shape_sd: 2.5,
+        shape_starts: [0.0, -1.5, 1.5],
+        same_signal_share: 0.9,
+        max_misfit_p: 0.01,
+        min_explained_share: 0.5,
+        max_explaining_effects: 2,
+        max_explaining_measurement_errors: 1,
+        max_explaining_load_error: 5e-4,
+        large_pull_sd: 3.0,
+        alike_cosine: 0.95,
+        detectable: 30.0,
+        folds: 10,
+        resamples: 1000,
+        min_resampled_poses: 5,
+        min_poses: 4,
+        max_log10_scale: 1.5,
+        min_rss_ratio: 4.0,
+        implausible_pull_sd: 10.0,
+        max_implausible_pulls: 5,
+        max_order_p: 1e-4,
+        min_order_share: 0.9,
+        outlier_sd: 8.0,
+        outlier_repeat_share: 0.5,
+        max_outlier_share: 0.01,
+        max_outliers: 3,
+        proposals: 8,
+        rivals: 3,
+    };
+}

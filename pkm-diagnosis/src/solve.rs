@@ -1,0 +1,256 @@
+//! Least squares with priors: the fit of any set of unknowns.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
+use nalgebra::storage::Owned;
+use nalgebra::{DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use crate::fit::{Fit, product};
+use crate::model::{ForwardModel, Parameter, Unknown};
+use crate::observations::Observations;
+use crate::rules::Rules;
+use crate::whitening::{Entry, Whitener};
+
+/// Readings, noise and model together.
+#[derive(Clone)]
+pub struct Problem<'a> {
+    /// What was read.
+    pub observations: &'a Observations,
+    /// By the noise.
+    pub whitener: &'a Whitener,
+    /// What predicts, under the conditions of the readings.
+    pub model: &'a dyn ForwardModel,
+    /// What decides.
+    pub rules: &'a Rules,
+    /// Means of the readings, by entry.
+    means: Vec<f64>,
+    /// The same, whitened.
+    observed: DVector<f64>,
+}
+
+/// Whitened entries that have errors in common, and what one unit of each does to them.
+pub type CommonGroup = (Vec<usize>, DMatrix<f64>);
+
+/// Step of the central differences, in units of the priors: truncation and rounding are both near 1e-9.
+const STEP: f64 = 1e-4;
+/// Step of the one-sided ones.
+const SHORT_STEP: f64 = 1e-6;
+
+impl<'a> Problem<'a> {
+    /// Puts them together.
+    pub fn new(
+        observations: &'a Observations,
+        whitener: &'a Whitener,
+        model: &'a dyn ForwardModel,
+        rules: &'a Rules,
+    ) -> Self {
+        let mean = |e: &Entry| {
+            let sum: f64 = e.readings.iter().filter_map(|r| observations.readings[*r].observed[e.channel]).sum();
+            sum / e.readings.len() as f64
+        };
+        let means: Vec<f64> = whitener.entries.iter().map(mean).collect();
+        let mut observed = means.clone();
+        whitener.whiten(&mut observed);
+        Self { observations, whitener, model, rules, means, observed: observed.into() }
+    }
+
+    /// The same readings and model under another whitening of the same entries.
+    pub fn with(&self, whitener: &'a Whitener) -> Self {
+        Self::new(self.observations, whitener, self.model, self.rules)
+    }
+
+    /// What is known of an unknown.
+    pub fn parameter(&self, unknown: Unknown) -> &Parameter {
+        &self.model.parameters()[unknown.0]
+    }
+
+    /// Number of whitened means of readings.
+    fn count(&self) -> usize {
+        self.observed.len()
+    }
+
+    /// Number of scalar observations.
+    pub fn numbers(&self) -> usize {
+        self.whitener.entries.iter().map(|e| e.readings.len()).sum()
+    }
+
+    /// χ² of a fit over all scalar observations.
+    pub fn chi2(&self, fit: &Fit) -> f64 {
+        fit.chi2 + self.whitener.averaged
+    }
+
+    /// Squared whitened scatter of repeats about their means.
+    pub fn pure_error(&self) -> f64 {
+        let key = |e: &Entry| (self.observations.readings[e.readings[0]].repeat_of, e.channel);
+        let mut sums: HashMap<(usize, usize), (f64, f64)> = HashMap::new();
+        for (e, mean) in self.whitener.entries.iter().zip(&self.means) {
+            let sum = sums.entry(key(e)).or_default();
+            sum.0 += mean * e.readings.len() as f64;
+            sum.1 += e.readings.len() as f64;
+        }
+        let of = |e: &Entry| sums.get(&key(e)).map_or(0.0, |(sum, n)| sum / n);
+        let mut scatter: Vec<f64> =
+            self.whitener.entries.iter().zip(&self.means).map(|(e, mean)| mean - of(e)).collect();
+        self.whitener.whiten(&mut scatter);
+        scatter.iter().map(|s| s * s).sum::<f64>() + self.whitener.averaged
+    }
+
+    /// Values by entry from those by condition and channel, whitened.
+    pub fn whitened(&self, by_condition: &[f64]) -> Vec<f64> {
+        let channels = self.observations.channels.len();
+        let mut values: Vec<f64> =
+            self.whitener.entries.iter().map(|e| by_condition[e.condition * channels + e.channel]).collect();
+        self.whitener.whiten(&mut values);
+        values
+    }
+
+    /// Rows of the whitened readings by pose.
+    pub fn by_pose(&self) -> Vec<Vec<usize>> {
+        let mut groups = vec![Vec::new(); self.observations.poses()];
+        for (i, e) in self.whitener.entries.iter().enumerate() {
+            groups[self.observations.pose_of[e.condition]].push(i);
+        }
+        groups
+    }
+
+    /// Whitened effects of the errors that readings have in common, group by group, and their declared standard
+    /// deviations.
+    pub fn common_errors(&self) -> Option<(Vec<CommonGroup>, Vec<f64>)> {
+        let errors = self.model.common_errors()?;
+        let columns: Vec<Vec<f64>> = errors.columns.iter().map(|c| self.whitened(c)).collect();
+        let mut groups: Vec<Vec<usize>> = vec![Vec::new(); errors.group_of.iter().map(|g| g + 1).max().unwrap_or(0)];
+        for (n, e) in self.whitener.entries.iter().enumerate() {
+            groups[errors.group_of[e.condition]].push(n);
+        }
+        groups.retain(|entries| !entries.is_empty());
+        let of = |entries: Vec<usize>| {
+            let u = DMatrix::from_fn(entries.len(), columns.len(), |i, k| columns[k][entries[i]]);
+            (entries, u)
+        };
+        Some((groups.into_iter().map(of).collect(), errors.sd))
+    }
+
+    /// Whitened predictions.
+    pub fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
+        let values = self.whitened(&self.model.predict(unknowns, x)?);
+        values.iter().all(|v| v.is_finite()).then(|| values.into())
+    }
+
+    /// Derivatives of the whitened predictions by some of the unknowns.
+    pub fn jacobian(&self, unknowns: &[Unknown], x: &[f64], columns: Range<usize>) -> Option<DMatrix<f64>> {
+        let columns: Option<Vec<DVector<f64>>> = columns
+            .into_par_iter()
+            .map(|i| {
+                let at = |step: f64| {
+                    let mut x = x.to_vec();
+                    x[i] += step;
+                    self.predict(unknowns, &x)
+                };
+                Some((at(STEP)? - at(-STEP)?) / (2.0 * STEP))
+            })
+            .collect();
+        let columns = columns?;
+        if columns.is_empty() { Some(DMatrix::zeros(self.count(), 0)) } else { Some(DMatrix::from_columns(&columns)) }
+    }
+
+    /// The same by all unknowns, from the predictions there: good enough for the way to a minimum, at half the work.
+    fn slopes(&self, unknowns: &[Unknown], x: &[f64], there: &DVector<f64>) -> Option<DMatrix<f64>> {
+        let slope = |i: usize| {
+            let mut x = x.to_vec();
+            x[i] += SHORT_STEP;
+            Some((self.predict(unknowns, &x)? - there) / SHORT_STEP)
+        };
+        let columns: Option<Vec<DVector<f64>>> = (0..x.len()).into_par_iter().map(slope).collect();
+        Some(DMatrix::from_columns(&columns?))
+    }
+
+    /// Whitened readings less predictions.
+    pub fn residuals(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
+        Some(&self.observed - self.predict(unknowns, x)?)
+    }
+
+    /// The linear form at a point.
+    pub fn linear(&self, unknowns: &[Unknown], x: DVector<f64>) -> Option<Fit> {
+        let residuals = self.residuals(unknowns, x.as_slice())?;
+        let jacobian = self.jacobian(unknowns, x.as_slice(), 0..unknowns.len())?;
+        Fit::new(unknowns.to_vec(), x, residuals, jacobian, self.whitener.log_determinant)
+    }
+
+    /// A linear form without common errors, taken under those of this problem.
+    pub fn relevel(&self, plain: &Fit) -> Option<Fit> {
+        let (mut residuals, mut jacobian) = (plain.residuals.clone(), plain.jacobian.clone());
+        self.whitener.shrink(residuals.as_mut_slice());
+        for mut column in jacobian.column_iter_mut() {
+            self.whitener.shrink(column.as_mut_slice());
+        }
+        Fit::new(plain.unknowns.clone(), plain.x.clone(), residuals, jacobian, self.whitener.log_determinant)
+    }
+
+    /// Most likely values of the unknowns, from a start.
+    pub fn fit(&self, unknowns: &[Unknown], start: &[f64]) -> Option<Fit> {
+        if unknowns.is_empty() {
+            return None;
+        }
+        let mut squares = Squares { problem: self, unknowns, x: DVector::from_column_slice(start), reduced: None };
+        squares.reduced = squares.reduce();
+        let (found, report) = LevenbergMarquardt::new()
+            .with_ftol(1e-6)
+            .with_xtol(1e-5)
+            .with_gtol(1e-6)
+            .with_patience(2)
+            .minimize(squares);
+        let usable =
+            report.termination.was_successful() || matches!(report.termination, TerminationReason::LostPatience);
+        if !usable { None } else { self.linear(unknowns, found.x) }
+    }
+}
+
+/// The sum of squares to minimise: residuals, then the unknowns themselves (their priors). Thousands of readings are first
+/// reduced to as many numbers as there are unknowns, and one for the rest that no unknown reaches: the same sum, gradient
+/// and curvature for a fraction of the work.
+struct Squares<'p, 'a> {
+    problem: &'p Problem<'a>,
+    unknowns: &'p [Unknown],
+    x: DVector<f64>,
+    reduced: Option<(DVector<f64>, DMatrix<f64>)>,
+}
+
+impl Squares<'_, '_> {
+    fn reduce(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let k = self.x.len();
+        let predicted = self.problem.predict(self.unknowns, self.x.as_slice())?;
+        let j = self.problem.slopes(self.unknowns, self.x.as_slice(), &predicted)?;
+        let r = predicted - &self.problem.observed;
+        // (J; I) = Q U and (r; x) = Q c + a part orthogonal to all columns
+        let u = (product(&j, &j) + DMatrix::identity(k, k)).cholesky()?.l();
+        let c = u.solve_lower_triangular(&(j.tr_mul(&r) + &self.x))?;
+        let rest = (r.norm_squared() + self.x.norm_squared() - c.norm_squared()).max(0.0).sqrt();
+        Some((c.push(rest), u.transpose().insert_row(k, 0.0)))
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Squares<'_, '_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, x: &DVector<f64>) {
+        self.x.copy_from(x);
+        self.reduced = self.reduce();
+    }
+
+    fn params(&self) -> DVector<f64> {
+        self.x.clone()
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        self.reduced.as_ref().map(|r| r.0.clone())
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        self.reduced.as_ref().map(|r| r.1.clone())
+    }
+}

@@ -1,0 +1,225 @@
+//! Whitening: turns readings or predictions into numbers of unit variance without correlation.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+
+use crate::noise::{Noise, NoiseSource};
+use crate::observations::Observations;
+
+/// Numbers of one channel under one condition that are told from one another by noise alone: their mean counts.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Rows of the file.
+    pub readings: Vec<usize>,
+    /// Index of their condition.
+    pub condition: usize,
+    /// Which.
+    pub channel: usize,
+}
+
+/// Turns readings or predictions into numbers that have unit variance and no correlation, if the model is right.
+#[derive(Clone)]
+pub struct Whitener {
+    /// In the order of the whitened numbers.
+    pub entries: Vec<Entry>,
+    /// Whitened squared scatter that went into the means of entries.
+    pub averaged: f64,
+    /// One over the standard deviation of each, apart from zero errors.
+    weight: Vec<f64>,
+    /// Entries that share a zero error.
+    shared: Vec<Shared>,
+    /// Orthogonal directions in which common errors move a group of entries, and how much to shrink them.
+    common: Vec<CommonError>,
+    /// ln|I + U Uᵀ| of these.
+    pub log_determinant: f64,
+}
+
+/// A zero error as a whitened direction v over a range of entries.
+#[derive(Clone)]
+struct Shared {
+    entries: Range<usize>,
+    direction: Vec<f64>,
+    /// (1 − 1/√(1 + |v|²)) / |v|²
+    share: f64,
+}
+
+impl Shared {
+    /// (I + v vᵀ)^-½: the part along v shrinks to 1/√(1 + |v|²).
+    fn shrink(&self, part: &mut [f64]) {
+        let along: f64 = part.iter().zip(&self.direction).map(|(p, d)| p * d).sum();
+        for (p, d) in part.iter_mut().zip(&self.direction) {
+            *p -= self.share * along * d;
+        }
+    }
+}
+
+/// Errors that some entries have in common, as whitened directions.
+#[derive(Clone)]
+struct CommonError {
+    entries: Vec<usize>,
+    directions: Vec<(Vec<f64>, f64)>,
+}
+
+/// Condition, bits of the weight, readings: those of one channel in one series that are alike.
+type Cell = (usize, u64, Vec<usize>);
+/// What must be the same of two series in a channel: condition, bits of the weight and number of each cell.
+type Pattern = (usize, Vec<(usize, u64, usize)>);
+
+impl Whitener {
+    /// By the noise of the readings alone. What was repeated within a series, and series that are repeats of one
+    /// another, come in by their means, which says the same of the model for less work.
+    pub fn new(observations: &Observations, noise: &Noise) -> Self {
+        Self::build(observations, noise, true)
+    }
+
+    /// The same with every reading on its own.
+    pub fn by_reading(observations: &Observations, noise: &Noise) -> Self {
+        Self::build(observations, noise, false)
+    }
+
+    fn build(observations: &Observations, noise: &Noise, average: bool) -> Self {
+        let mut groups: Vec<Vec<usize>> = Vec::new();
+        for (i, r) in observations.readings.iter().enumerate() {
+            if r.series >= groups.len() {
+                groups.resize(r.series + 1, Vec::new());
+            }
+            groups[r.series].push(i);
+        }
+        // series that are alike in a channel, in the order in which they appear
+        let mut alike: HashMap<Pattern, usize> = HashMap::new();
+        let mut blocks: Vec<(usize, Vec<Vec<Cell>>)> = Vec::new();
+        for group in &groups {
+            for channel in 0..observations.channels.len() {
+                let cells = cells(observations, noise, group, channel, average);
+                let key =
+                    (channel, cells.iter().map(|(condition, weight, r)| (*condition, *weight, r.len())).collect());
+                let next = blocks.len();
+                let block = if average { *alike.entry(key).or_insert(next) } else { next };
+                if block == next {
+                    blocks.push((channel, Vec::new()));
+                }
+                blocks[block].1.push(cells);
+            }
+        }
+        let mut this = Self {
+            entries: Vec::new(),
+            averaged: 0.0,
+            weight: Vec::new(),
+            shared: Vec::new(),
+            common: Vec::new(),
+            log_determinant: 0.0,
+        };
+        for (channel, series) in blocks {
+            this.add(observations, noise, channel, &series);
+        }
+        this
+    }
+
+    /// Adds series that are alike in a channel.
+    fn add(&mut self, observations: &Observations, noise: &Noise, channel: usize, series: &[Vec<Cell>]) {
+        let observed = |reading: &usize| observations.readings[*reading].observed[channel].unwrap_or(f64::NAN);
+        let mean = |rows: &[usize]| rows.iter().map(observed).sum::<f64>() / rows.len() as f64;
+        let start = self.entries.len();
+        let weights: Vec<f64> =
+            series[0].iter().map(|(_, weight, rows)| f64::from_bits(*weight) * (rows.len() as f64).sqrt()).collect();
+        let direction: Vec<f64> = weights.iter().map(|w| w * noise.between[channel]).collect();
+        let v2 = direction.iter().map(|v| v * v).sum::<f64>();
+        let entries = start..start + weights.len();
+        let shared = (v2 > 0.0).then(|| Shared { entries, direction, share: (1.0 - 1.0 / (1.0 + v2).sqrt()) / v2 });
+        for (n, (condition, ..)) in series[0].iter().enumerate() {
+            let rows: Vec<usize> = series.iter().flat_map(|cells| cells[n].2.iter().copied()).collect();
+            self.entries.push(Entry { readings: rows, condition: *condition, channel });
+            self.weight.push(weights[n] * (series.len() as f64).sqrt());
+        }
+        for cells in series {
+            let mut scatter = Vec::new();
+            for ((cell, weight), entry) in cells.iter().zip(&weights).zip(&self.entries[start..]) {
+                let own = mean(&cell.2);
+                scatter.push(weight * (own - mean(&entry.readings)));
+                let squares: f64 = cell.2.iter().map(|r| (f64::from_bits(cell.1) * (observed(r) - own)).powi(2)).sum();
+                self.averaged += squares;
+            }
+            if let Some(shared) = &shared {
+                shared.shrink(&mut scatter);
+            }
+            self.averaged += scatter.iter().map(|s| s * s).sum::<f64>();
+        }
+        self.shared.extend(shared);
+    }
+
+    /// The same with common errors: for each group of entries, whitened columns of one standard deviation.
+    pub fn with_common_errors(&self, groups: &[(Vec<usize>, DMatrix<f64>)], scale: &[f64]) -> Self {
+        let mut log_determinant = 0.0;
+        let common = groups
+            .iter()
+            .map(|(entries, u)| {
+                let mut u = u.clone();
+                for (k, scale) in scale.iter().enumerate() {
+                    u.column_mut(k).scale_mut(*scale);
+                }
+                // (I + U Uᵀ)^-½ shrinks the principal directions of U
+                let svd = u.svd(true, false);
+                let values = svd.singular_values;
+                let directions = svd.u.map_or(Vec::new(), |u| {
+                    (0..values.len())
+                        .filter(|k| values[*k] > 1e-9)
+                        .map(|k| {
+                            let grown = 1.0 + values[k] * values[k];
+                            log_determinant += grown.ln();
+                            (u.column(k).iter().copied().collect(), 1.0 - 1.0 / grown.sqrt())
+                        })
+                        .collect()
+                });
+                CommonError { entries: entries.clone(), directions }
+            })
+            .collect();
+        Self { common, log_determinant, ..self.clone() }
+    }
+
+    /// Whitens numbers given by entry, in SI units.
+    pub fn whiten(&self, values: &mut [f64]) {
+        for (value, weight) in values.iter_mut().zip(&self.weight) {
+            *value *= weight;
+        }
+        for shared in &self.shared {
+            shared.shrink(&mut values[shared.entries.clone()]);
+        }
+        self.shrink(values);
+    }
+
+    /// The part of the whitening that is due to common errors, on numbers that are white but for these.
+    pub fn shrink(&self, values: &mut [f64]) {
+        for CommonError { entries, directions } in &self.common {
+            for (direction, shrink) in directions {
+                let along: f64 = entries.iter().zip(direction).map(|(e, d)| values[*e] * d).sum();
+                for (e, d) in entries.iter().zip(direction) {
+                    values[*e] -= shrink * along * d;
+                }
+            }
+        }
+    }
+}
+
+/// What one series reads in a channel.
+fn cells(observations: &Observations, noise: &Noise, series: &[usize], channel: usize, average: bool) -> Vec<Cell> {
+    let mut cells: Vec<Cell> = Vec::new();
+    let mut places: HashMap<(usize, u64), usize> = HashMap::new();
+    for reading in series {
+        let r = &observations.readings[*reading];
+        if r.observed[channel].is_none() {
+            continue;
+        }
+        let declared = r.sigma[observations.channels[channel].kind].filter(|_| noise.source == NoiseSource::Declared);
+        let floor = observations.channels[channel].resolution / 12.0_f64.sqrt();
+        let weight = (1.0 / declared.map_or(noise.within[channel], |s| s.max(floor))).to_bits();
+        let next = cells.len();
+        let place = if average { *places.entry((r.condition, weight)).or_insert(next) } else { next };
+        if place == next {
+            cells.push((r.condition, weight, Vec::new()));
+        }
+        cells[place].2.push(*reading);
+    }
+    cells
+}

@@ -1,0 +1,9 @@
+//! The statistics against what they are by definition: dense covariance matrices, textbook analysis of variance, models that are
+//! really fitted without a reading, simulation; and another machine than the one that the engine was written for.
+
+mod fits;
+mod noise;
+mod screening;
+mod spring_chain;
+mod support;
+mod validation;

@@ -1,0 +1,253 @@
+//! Noise and whitening against textbook analysis of variance and dense covariance matrices.
+
+use nalgebra::{DMatrix, DVector};
+use pkm_diagnosis::{Entry, Noise, NoiseSource, Observations, Reading, Rules, UnknownNoise, Whitener};
+
+use crate::support::*;
+
+/// What is left of columns when those of `of` are projected out, as the projector.
+fn without(of: &DMatrix<f64>) -> DMatrix<f64> {
+    let inverse = of.clone().pseudo_inverse(1e-9).unwrap();
+    DMatrix::identity(of.nrows(), of.nrows()) - of * inverse
+}
+
+/// Within, its freedoms, total, its freedoms, weight of t² of one channel by linear algebra on the repeated readings.
+fn variance_analysis(readings: &Observations, channel: usize) -> [f64; 5] {
+    let rows: Vec<&Reading> = readings.readings.iter().filter(|r| r.observed[channel].is_some()).collect();
+    let repeats = |g: usize| rows.iter().filter(|r| r.repeat_of == g).count();
+    let rows: Vec<&&Reading> = rows.iter().filter(|r| repeats(r.repeat_of) > 1).collect();
+    if rows.is_empty() {
+        return [0.0; 5];
+    }
+    let y = DVector::from_fn(rows.len(), |i, _| rows[i].observed[channel].unwrap());
+    let of =
+        |key: fn(&Reading) -> usize| DMatrix::from_fn(rows.len(), 20, |i, k| f64::from(u8::from(key(rows[i]) == k)));
+    let (groups, series) = (of(|r| r.repeat_of), of(|r| r.series));
+    let mut both = DMatrix::zeros(rows.len(), 40);
+    both.columns_mut(0, 20).copy_from(&groups);
+    both.columns_mut(20, 20).copy_from(&series);
+    let (by_group, by_both) = (without(&groups), without(&both));
+    let weight = (series.transpose() * &by_group * series).trace();
+    [(&by_both * &y).norm_squared(), by_both.trace(), (&by_group * &y).norm_squared(), by_group.trace(), weight]
+}
+
+/// Variances of a reading and of a zero, so that 1/variance is right on average.
+fn deviations([within, within_dof, total, total_dof, weight]: [f64; 5]) -> (f64, f64) {
+    let variance = |sum: f64, n: f64| if n > 4.5 { sum / (n - 2.0) } else { sum / n };
+    if within_dof < 0.5 {
+        return (variance(total, total_dof).sqrt(), 0.0);
+    }
+    let s2 = variance(within, within_dof);
+    let more = total_dof - within_dof;
+    let t2 = if more < 0.5 { 0.0 } else { (variance(total - within, more) - s2) * more / weight };
+    (s2.sqrt(), t2.max(0.0).sqrt())
+}
+
+/// Series and condition of each reading, each in all channels but where `blank` says so.
+fn scattered(layout: &[(usize, usize)], rng: &mut fastrand::Rng, blank: impl Fn(usize, usize) -> bool) -> Observations {
+    let zeros: Vec<[f64; CHANNELS]> = (0..20).map(|_| std::array::from_fn(|_| 2.0 * micro(rng))).collect();
+    let read = |(n, (series, at)): (usize, &(usize, usize))| {
+        let observed = std::array::from_fn(|c| {
+            let value = 20e-6 * *at as f64 + zeros[*series][c] + micro(rng);
+            (!blank(n, c)).then_some(value)
+        });
+        reading(*at, *series, observed)
+    };
+    let rows = layout.iter().enumerate().map(read).collect();
+    observations((0..20).map(|n| n % 3).collect(), rows)
+}
+
+#[test]
+fn noise_is_that_of_an_analysis_of_variance() {
+    let mut rng = fastrand::Rng::with_seed(1);
+    let pair = |a: usize, b: usize, at: usize| [(a, at), (b, at)];
+    let mut layouts: Vec<Vec<(usize, usize)>> = vec![
+        // one freedom within, two components
+        [pair(0, 1, 0), pair(0, 1, 1), pair(2, 3, 2)].concat(),
+        // one between
+        vec![(0, 0), (0, 0), (0, 0), (1, 0), (1, 0)],
+        // one series; every reading its own
+        vec![(0, 0), (0, 0), (0, 0), (0, 1), (0, 1), (0, 1)],
+        vec![(0, 0), (1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3), (7, 3)],
+    ];
+    for n in 0..14 {
+        layouts.push((0..6 + 2 * n).map(|_| (rng.usize(..3 + n / 4), rng.usize(..2 + n / 4))).collect());
+    }
+    let mut seen = [false; 3];
+    for (n, layout) in layouts.iter().enumerate() {
+        // one channel alone, or some with blanks
+        let blank = |row: usize, c: usize| if n % 3 == 0 || n == 1 { c != 1 } else { c > 3 || (row + c) % 7 == 3 };
+        let file = scattered(layout, &mut rng, blank);
+        let parts: Vec<[f64; 5]> = (0..CHANNELS).map(|c| variance_analysis(&file, c)).collect();
+        let pooled = |kind: usize| std::array::from_fn(|k| parts[3 * kind..3 * kind + 3].iter().map(|p| p[k]).sum());
+        let pools: [[f64; 5]; 2] = [pooled(0), pooled(1)];
+        let channels = file.used_channels();
+        if (0..CHANNELS).any(|c| channels[c] && pools[c / 3][3] < 2.5) {
+            assert!(Noise::estimate(&file, &Rules::DEFAULT).is_err());
+            continue;
+        }
+        let noise = Noise::estimate(&file, &Rules::DEFAULT).unwrap();
+        assert_eq!(noise.source, NoiseSource::Repeats);
+        near(noise.dof, parts.iter().map(|p| p[3]).sum(), 1e-9);
+        for c in (0..CHANNELS).filter(|c| channels[*c]) {
+            let own = parts[c][3] > 19.5;
+            let (s, t) = deviations(if own { parts[c] } else { pools[c / 3] });
+            near(noise.within[c], s, 1e-5);
+            near(noise.between[c], t, 1e-4);
+            seen = [seen[0] | own, seen[1] | !own, seen[2] | (t > 0.0)];
+        }
+    }
+    assert_eq!(seen, [true; 3]);
+}
+
+#[test]
+fn simulated_noise_is_found() {
+    let mut rng = fastrand::Rng::with_seed(2);
+    let layout: Vec<(usize, usize)> = (0..10).flat_map(|series| (0..4).map(move |at| (series, at))).collect();
+    let (mut information, mut between) = (0.0, 0.0);
+    for _ in 0..60 {
+        let noise = Noise::estimate(&scattered(&layout, &mut rng, |_, c| c == 3), &Rules::DEFAULT).unwrap();
+        information += noise.within.iter().filter(|s| **s > 0.0).map(|s| 1e-12 / (s * s)).sum::<f64>() / 300.0;
+        between += noise.between.iter().map(|t| t * t * 1e12).sum::<f64>() / 300.0;
+    }
+    // 27 and 9 freedoms: what a zero's variance gains by two freedoms less is known
+    near(information, 1.0, 0.04);
+    near(between, ((1.0 + 4.0 * 4.0) * 9.0 / 7.0 - 1.0) / 4.0, 0.12);
+}
+
+#[test]
+fn noise_may_be_declared_and_must_be_known() {
+    let layout = [(0, 0), (1, 1), (2, 2)];
+    let sigma = |file: &mut Observations, linear: [Option<f64>; 3]| {
+        for (r, linear) in file.readings.iter_mut().zip(linear) {
+            r.sigma = vec![linear, Some(2e-6)];
+        }
+    };
+    let mut file = scattered(&layout, &mut fastrand::Rng::with_seed(3), |row, c| c == 5 || (row == 1 && c == 0));
+    [2, 4].iter().for_each(|c| file.channels[*c].resolution = 12e-6);
+    // the one that is not declared is blank in one channel alone
+    sigma(&mut file, [Some(3e-6), None, Some(4e-6)]);
+    assert_eq!(Noise::estimate(&file, &Rules::DEFAULT).unwrap_err(), UnknownNoise { channel: 1 });
+    sigma(&mut file, [Some(1e-6), Some(2e-6), Some(2e-6)]);
+    let noise = Noise::estimate(&file, &Rules::DEFAULT).unwrap();
+    assert_eq!((noise.source, noise.dof, noise.between), (NoiseSource::Declared, 0.0, vec![0.0; CHANNELS]));
+    // root mean squares, or the rounding of the file
+    let rounding = 12e-6 / 12.0_f64.sqrt();
+    let truth = [2.5_f64.sqrt() * 1e-6, 3.0_f64.sqrt() * 1e-6, rounding, 2e-6, rounding, 0.0];
+    noise.within.iter().zip(truth).for_each(|(found, truth)| near(*found, truth, 1e-12));
+
+    // repeats: 39 freedoms a kind are too few beside declared deviations, 42 are enough, and rounding counts
+    let repeats = |n: usize| {
+        let layout: Vec<(usize, usize)> = (0..n).map(|_| (0, 0)).collect();
+        let mut file = scattered(&layout, &mut fastrand::Rng::with_seed(4), |_, _| false);
+        file.readings.iter_mut().for_each(|r| r.sigma = vec![Some(1e-6); 2]);
+        file.channels[1].resolution = 12e-6;
+        Noise::estimate(&file, &Rules::DEFAULT).unwrap()
+    };
+    assert_eq!(repeats(14).source, NoiseSource::Declared);
+    let noise = repeats(15);
+    assert_eq!(noise.source, NoiseSource::Repeats);
+    assert!(noise.within[0] < 2e-6);
+    near(noise.within[1], rounding, 1e-12);
+}
+
+/// Readings with all that whitening takes into account: series that are alike, repeats within a series, blanks, roughness of the
+/// file.
+pub fn varied(rng: &mut fastrand::Rng) -> Observations {
+    let layout =
+        [(0, 0), (1, 0), (0, 1), (1, 0), (0, 0), (1, 1), (2, 1), (2, 2), (3, 0), (5, 0), (2, 1), (4, 3), (4, 3)];
+    let mut file = scattered(&layout, rng, |row, c| (row + 2 * c) % 9 == 5);
+    file.channels[2].resolution = 3e-6;
+    for r in &mut file.readings {
+        let some = [0.5e-6, 0.5e-6, 1e-6, 2e-6];
+        r.sigma = vec![Some(some[rng.usize(..4)]), Some(some[rng.usize(..4)])];
+    }
+    file
+}
+
+/// Numbers read, as reading and channel, and their covariance.
+pub fn covariance(file: &Observations, noise: &Noise) -> (Vec<(usize, usize)>, DMatrix<f64>) {
+    let rows: Vec<(usize, usize)> = (0..file.readings.len())
+        .flat_map(|r| (0..CHANNELS).map(move |c| (r, c)))
+        .filter(|(r, c)| file.readings[*r].observed[*c].is_some())
+        .collect();
+    let variance = |r: usize, c: usize| match noise.source {
+        NoiseSource::Repeats => noise.within[c].powi(2),
+        NoiseSource::Declared => {
+            file.readings[r].sigma[c / 3].unwrap().powi(2).max(file.channels[c].resolution.powi(2) / 12.0)
+        }
+    };
+    let c = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+        let ((a, channel), (b, other)) = (rows[i], rows[j]);
+        let shared = channel == other && file.readings[a].series == file.readings[b].series;
+        f64::from(u8::from(i == j)) * variance(a, channel)
+            + f64::from(u8::from(shared)) * noise.between[channel].powi(2)
+    });
+    (rows, c)
+}
+
+/// Noise of both kinds, in one channel without zero errors.
+pub fn noises() -> [Noise; 2] {
+    let within = [1e-6, 1.5e-6, 1e-6, 2e-6, 1e-6, 3e-6];
+    let noise = |source, between: [f64; CHANNELS]| Noise {
+        source,
+        within: within.to_vec(),
+        between: between.to_vec(),
+        dof: 0.0,
+    };
+    [noise(NoiseSource::Repeats, [2e-6, 0.5e-6, 0.0, 1e-6, 5e-6, 2e-6]), noise(NoiseSource::Declared, [0.0; CHANNELS])]
+}
+
+#[test]
+fn whitening_is_the_inverse_of_the_covariance() {
+    let mut rng = fastrand::Rng::with_seed(5);
+    for noise in noises() {
+        let file = varied(&mut rng);
+        let (rows, c) = covariance(&file, &noise);
+        let averaged = Whitener::new(&file, &noise);
+        let single = Whitener::by_reading(&file, &noise);
+        assert_eq!((single.averaged, single.entries.len()), (0.0, rows.len()));
+        assert!(averaged.entries.len() < rows.len());
+        for _ in 0..3 {
+            let said: Vec<[f64; CHANNELS]> = (0..20).map(|_| std::array::from_fn(|_| 5.0 * micro(&mut rng))).collect();
+            let error =
+                |r: usize, c: usize| file.readings[r].observed[c].unwrap() - said[file.readings[r].condition][c];
+            let r = DVector::from_fn(rows.len(), |i, _| error(rows[i].0, rows[i].1));
+            for whitener in [&averaged, &single] {
+                let mean =
+                    |e: &Entry| e.readings.iter().map(|r| error(*r, e.channel)).sum::<f64>() / e.readings.len() as f64;
+                let mut z: Vec<f64> = whitener.entries.iter().map(mean).collect();
+                whitener.whiten(&mut z);
+                near(z.iter().map(|z| z * z).sum::<f64>() + whitener.averaged, quadratic(&c, &r), 1e-8);
+            }
+        }
+        // errors of loads, in groups that share nothing; four directions in one or two entries, and a column of nothing
+        let n = averaged.entries.len();
+        let parts =
+            [(0..n).filter(|i| i % 2 == 0).collect(), vec![1], (0..n).filter(|i| i % 2 == 1 && *i > 1).collect()];
+        let groups: Vec<(Vec<usize>, DMatrix<f64>)> = (parts.into_iter())
+            .map(|entries: Vec<usize>| {
+                let u = DMatrix::from_fn(entries.len(), 4, |_, k| if k == 2 { 0.0 } else { normal(&mut rng) });
+                (entries, u)
+            })
+            .collect();
+        let scale = [0.5, 2.0, 1.0, 0.3];
+        let loaded = averaged.with_common_errors(&groups, &scale);
+        let mut u = DMatrix::zeros(n, 12);
+        for (g, (entries, own)) in groups.iter().enumerate() {
+            for (row, entry) in entries.iter().enumerate() {
+                (0..4).for_each(|k| u[(*entry, 4 * g + k)] = scale[k] * own[(row, k)]);
+            }
+        }
+        let full = DMatrix::identity(n, n) + &u * u.transpose();
+        near(loaded.log_determinant, full.determinant().ln(), 1e-9);
+        near(loaded.averaged, averaged.averaged, 0.0);
+        let mut z: Vec<f64> = (0..n).map(|_| micro(&mut rng)).collect();
+        let mut all = z.clone();
+        averaged.whiten(&mut z);
+        loaded.whiten(&mut all);
+        near(all.iter().map(|z| z * z).sum(), quadratic(&full, &DVector::from_vec(z.clone())), 1e-9);
+        loaded.shrink(&mut z);
+        assert_eq!(z, all);
+    }
+}

@@ -1,0 +1,195 @@
+//! Another machine: a telescoping chain of three springs under one force, read by one gauge.
+
+use pkm_diagnosis::verdict::{self, Verdict};
+use pkm_diagnosis::{
+    Candidate, Channel, CommonErrors, ForwardModel, Kind, Levels, Noise, Observations, Parameter, Prior, Problem,
+    Reading, Role, Rules, Search, Unknown, Whitener, design, levels, residuals::Residuals, search,
+};
+
+use crate::support::normal;
+
+/// Declared compliance of a spring at its full length, m/N.
+const COMPLIANCE: f64 = 1e-7;
+/// Of the gauge, m.
+const NOISE: f64 = 0.1e-6;
+
+/// Unknown number of what is not a spring.
+const FOUNDATION: usize = 3;
+const PLAY: usize = 4;
+const PLAY_FORCE: usize = 5;
+const GAUGE: usize = 6;
+const ALL_SPRINGS: usize = 7;
+
+/// The chain under conditions: the share of each spring's length that is out, and a force in N.
+struct Chain {
+    conditions: Vec<([f64; 3], f64)>,
+    parameters: Vec<Parameter>,
+    candidates: Vec<Candidate>,
+}
+
+impl Chain {
+    fn new(conditions: Vec<([f64; 3], f64)>) -> Self {
+        let stiffness = |sd| Prior::LogNormal { middle: 1.0, sd };
+        let of = |prior, role| Parameter { prior, role, ambiguous: false };
+        let one_sided = Role::Amplitude { one_sided: true };
+        let signed = Role::Amplitude { one_sided: false };
+        let mut parameters = vec![of(stiffness(0.1), Role::Declared); 3];
+        parameters.push(of(Prior::Normal { scale: COMPLIANCE }, one_sided));
+        parameters.push(of(Prior::Normal { scale: 20e-6 }, one_sided));
+        parameters.push(of(Prior::LogNormal { middle: 30.0, sd: 1.0 }, Role::Shape));
+        parameters.push(of(Prior::Normal { scale: 0.05 }, signed));
+        parameters.push(of(stiffness(0.5), signed));
+        let candidate = |name: &str, kind, unknowns: &[usize]| Candidate {
+            names: vec![name.into()],
+            kind,
+            place: name.into(),
+            unknowns: unknowns.iter().copied().map(Unknown).collect(),
+        };
+        let candidates = vec![
+            candidate("foundation", Kind::Effect, &[FOUNDATION]),
+            candidate("play", Kind::Effect, &[PLAY, PLAY_FORCE]),
+            candidate("gauge", Kind::Measurement, &[GAUGE]),
+            candidate("springs", Kind::DeclaredValues, &[ALL_SPRINGS]),
+        ];
+        Self { conditions, parameters, candidates }
+    }
+}
+
+impl ForwardModel for Chain {
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<Vec<f64>> {
+        let of = |n: usize| {
+            let x = unknowns.iter().position(|u| u.0 == n).map_or(0.0, |k| x[k]);
+            self.parameters[n].prior.value(x)
+        };
+        let deflection = |(out, force): &([f64; 3], f64)| {
+            let springs: f64 = (0..3).map(|i| COMPLIANCE * out[i] / (of(i) * of(ALL_SPRINGS))).sum();
+            let elastic = force * (springs + of(FOUNDATION));
+            (elastic + of(PLAY) * (force / of(PLAY_FORCE)).tanh()) * (1.0 + of(GAUGE))
+        };
+        Some(self.conditions.iter().map(deflection).collect())
+    }
+
+    fn common_errors(&self) -> Option<CommonErrors> {
+        // the force, common to all that was read in one pose
+        let column = self.predict(&[], &[])?;
+        let group_of = (0..self.conditions.len()).map(|n| n / 6).collect();
+        Some(CommonErrors { columns: vec![column], sd: vec![1e-4], group_of })
+    }
+}
+
+/// Fourteen poses under six forces.
+fn chain() -> Chain {
+    let mut rng = fastrand::Rng::with_seed(51);
+    let poses: Vec<[f64; 3]> = (0..14).map(|_| std::array::from_fn(|_| 0.3 + 1.4 * rng.f64())).collect();
+    let forces = [-200.0, -60.0, -15.0, 15.0, 60.0, 200.0];
+    Chain::new(poses.into_iter().flat_map(|pose| forces.map(|force| (pose, force))).collect())
+}
+
+/// Readings in three series of a chain with springs that differ from the declared ones, and some more unknowns.
+fn read(chain: &Chain, truth: &[(usize, f64)], seed: u64) -> Observations {
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let springs = [0, 1, 2].map(|n| (n, normal(&mut rng)));
+    let (unknowns, x): (Vec<Unknown>, Vec<f64>) = springs.iter().chain(truth).map(|(n, x)| (Unknown(*n), *x)).unzip();
+    let said = chain.predict(&unknowns, &x).unwrap();
+    let mut readings = Vec::new();
+    for series in 0..3 {
+        let zero = 0.06e-6 * normal(&mut rng);
+        for (condition, d) in said.iter().enumerate() {
+            let observed = vec![Some(d + zero + NOISE * normal(&mut rng))];
+            readings.push(Reading { condition, repeat_of: condition, series, observed, sigma: vec![None] });
+        }
+    }
+    let channels = vec![Channel { kind: 0, resolution: 1e-9 }];
+    Observations { channels, pose_of: (0..said.len()).map(|n| n / 6).collect(), readings }
+}
+
+/// Names of what is found, with the verdict, and what else a test looks at.
+fn diagnosed<T>(
+    chain: &Chain,
+    read: &Observations,
+    more: impl Fn(&Levels<'_>, &Noise, &Search) -> T,
+) -> (Vec<String>, Verdict, T) {
+    let rules = Rules::DEFAULT;
+    let noise = Noise::estimate(read, &rules).unwrap();
+    let whitener = Whitener::new(read, &noise);
+    let plain = Problem::new(read, &whitener, chain, &rules);
+    let whiteners = levels::whiteners(&plain).unwrap();
+    let levels = Levels::new(&plain, &whiteners);
+    let search = search::search(&levels).unwrap();
+    let judgement = verdict::judge(&levels, &noise, &search).unwrap();
+    let names = search.found.iter().map(|f| chain.candidates[f.candidate].name()).collect();
+    let more = more(&levels, &noise, &search);
+    (names, judgement.verdict, more)
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_missing() {
+    let chain = chain();
+    for seed in 0..20 {
+        let (names, verdict, ()) = diagnosed(&chain, &read(&chain, &[], 60 + seed), |_, _, _| ());
+        assert_eq!((names, verdict), (vec![], Verdict::Adequate), "seed {seed}");
+    }
+}
+
+#[test]
+fn what_is_missing_is_named_and_measured() {
+    let chain = chain();
+    for (seed, name, truth) in [
+        (80, "foundation", vec![(FOUNDATION, 0.5)]),
+        (81, "play", vec![(PLAY, 0.6), (PLAY_FORCE, -0.5)]),
+        (82, "springs", vec![(ALL_SPRINGS, -1.2)]),
+    ] {
+        let (names, verdict, found) = diagnosed(&chain, &read(&chain, &truth, seed), |_, _, search| {
+            let fit = &search.fit;
+            let errors = fit.standard_errors();
+            let at = |n: usize| fit.unknowns.iter().position(|u| u.0 == n);
+            truth.iter().filter_map(|(n, x)| at(*n).map(|k| (fit.x[k] - x) / errors[k])).collect::<Vec<f64>>()
+        });
+        assert_eq!(names, [name]);
+        assert_eq!(verdict, if name == "springs" { Verdict::Adequate } else { Verdict::Explained });
+        assert_eq!(found.len(), truth.len());
+        assert!(found.iter().all(|off| off.abs() < 4.0), "{name}: {found:?}");
+    }
+}
+
+#[test]
+fn what_the_readings_can_show_is_said_and_what_to_read_next() {
+    let chain = chain();
+    let readings = read(&chain, &[(FOUNDATION, 0.5)], 83);
+    let (_, _, (hidden, proposals)) = diagnosed(&chain, &readings, |levels, noise, search| {
+        let hidden: Vec<bool> = (0..chain.candidates.len())
+            .map(|c| verdict::smallest_detectable(levels.plain, search, c).iter().all(|(_, size)| size.is_none()))
+            .collect();
+        let rivals = design::rivals(levels, search);
+        let proposals = design::propose(&chain, &[1.0 / noise.variance(0).sqrt()], &rivals, 3);
+        (hidden, proposals)
+    });
+    assert!(!hidden[0] && !hidden[1]);
+    assert_eq!(proposals.len(), 3);
+    // none is proposed twice
+    let mut conditions: Vec<usize> = proposals.iter().map(|p| p.condition).collect();
+    conditions.sort_unstable();
+    conditions.dedup();
+    assert_eq!(conditions.len(), 3);
+    assert!(proposals.iter().all(|p| p.separates[0] < p.separates[1]));
+}
+
+#[test]
+fn a_gross_error_stands_out() {
+    let chain = chain();
+    let mut readings = read(&chain, &[], 84);
+    *readings.readings[100].observed[0].as_mut().unwrap() += 40.0 * NOISE;
+    let (_, _, outliers) = diagnosed(&chain, &readings, |levels, noise, search| {
+        let residuals = Residuals::new(&levels.problems[search.levels[1]], noise, search).unwrap();
+        residuals.outliers(&readings, &Rules::DEFAULT)
+    });
+    assert_eq!(outliers.iter().map(|o| (o.reading, o.channel)).collect::<Vec<_>>(), [(100, 0)]);
+}

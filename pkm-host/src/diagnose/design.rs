@@ -1,0 +1,107 @@
+//! What to measure next to tell rivals apart.
+
+use pkm_core::{Pose, Wrench};
+use pkm_diagnosis::design::{self, Rival};
+use pkm_diagnosis::{Noise, Rules};
+
+use super::experiment::Experiment;
+use super::model::Model;
+use crate::files::machine::MachineFile;
+use crate::files::readings::{CHANNELS, Condition, REFERENCE_C, Readings};
+use crate::pose::{PoseBox, pose_of};
+
+/// How much wider than the box the poses may lie, half of it on either side.
+const BEYOND: f64 = 0.3;
+/// Levels of θ, σ and Z0 that are considered.
+const LEVELS: [usize; 3] = [5, 5, 3];
+
+/// One proposed measurement.
+pub struct Proposal {
+    /// Where.
+    pub pose: Pose<f64>,
+    /// Load at A, in A-uvw.
+    pub wrench: Wrench<f64>,
+    /// The two that it tells apart best.
+    pub separates: [String; 2],
+}
+
+/// Loads along each axis either way, as great as those that were measured, and a fifth of them: light loads tell what
+/// depends on the load from what does not.
+fn loads(conditions: &[Condition]) -> Vec<Wrench<f64>> {
+    let largest = |pick: fn(&Wrench<f64>) -> [f64; 3]| {
+        conditions.iter().flat_map(|c| pick(&c.wrench)).map(f64::abs).fold(0.0, f64::max)
+    };
+    let (force, moment) = (largest(|w| w.force_n), largest(|w| w.moment_nm));
+    let mut loads = Vec::new();
+    for axis in 0..6 {
+        for sign in [1.0, -1.0] {
+            let size = sign * if axis < 3 { force } else { moment };
+            if size == 0.0 {
+                continue;
+            }
+            let unit = |first: usize| std::array::from_fn(|i| if i + first == axis { size } else { 0.0 });
+            loads.push(Wrench { force_n: unit(0), moment_nm: unit(3) });
+        }
+    }
+    let light: Vec<_> = loads
+        .iter()
+        .map(|w| Wrench { force_n: w.force_n.map(|f| 0.2 * f), moment_nm: w.moment_nm.map(|m| 0.2 * m) })
+        .collect();
+    loads.extend(light);
+    loads
+}
+
+/// A grid of poses over the box and somewhat beyond it, those out of travel left out.
+fn poses(file: &MachineFile) -> Vec<Pose<f64>> {
+    let wider = PoseBox::from(file.pose_box.ranges().map(|[low, high]| {
+        let more = 0.5 * BEYOND * (high - low);
+        [low - more, high + more]
+    }));
+    let mut poses = Vec::new();
+    for i in 0..LEVELS[0] {
+        for j in 0..LEVELS[1] {
+            for k in 0..LEVELS[2] {
+                let [theta, sigma, z0] = wider.level(LEVELS, [i, j, k]).map(|v| (v * 10.0).round() / 10.0);
+                let pose = pose_of(theta, sigma, z0);
+                if file.machine.inverse(&pose).is_ok() {
+                    poses.push(pose);
+                }
+            }
+        }
+    }
+    poses
+}
+
+/// Measurements that tell rivals apart, under loads as great as those that were applied.
+pub fn propose(
+    model: &Model,
+    readings: &Readings,
+    noise: &Noise,
+    file: &MachineFile,
+    rivals: &[Rival],
+    rules: &Rules,
+) -> Vec<Proposal> {
+    let (loads, poses) = (loads(&readings.conditions), poses(file));
+    let conditions: Vec<Condition> = (0..poses.len())
+        .flat_map(|pose| {
+            loads.iter().map(move |wrench| Condition {
+                pose,
+                wrench: *wrench,
+                point_m: [0.0; 3],
+                turned_at: Wrench::ZERO,
+                temperature_c: REFERENCE_C,
+                rise_k: 0.0,
+            })
+        })
+        .collect();
+    let used = readings.channels();
+    let scale: [f64; CHANNELS] = std::array::from_fn(|c| if used[c] { 1.0 / noise.variance(c).sqrt() } else { 0.0 });
+    let experiment = Experiment { model, poses, conditions: &conditions };
+    let proposals = design::propose(&experiment, &scale, rivals, rules.proposals);
+    let of = |p: design::Proposal| {
+        let c = &conditions[p.condition];
+        let separates = p.separates.map(|r| rivals[r].name.clone());
+        Proposal { pose: experiment.poses[c.pose], wrench: c.wrench, separates }
+    };
+    proposals.into_iter().map(of).collect()
+}

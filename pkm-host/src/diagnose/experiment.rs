@@ -1,0 +1,99 @@
+//! Readings and model as the diagnosis engine takes them.
+
+use std::collections::BTreeMap;
+
+use pkm_core::{Pose, Wrench};
+use pkm_diagnosis::{Candidate, Channel, CommonErrors, ForwardModel, Observations, Parameter, Reading, Unknown};
+
+use super::model::Model;
+use crate::files::readings::{CHANNELS, Condition, Readings};
+
+/// Readings as scalar observations: translations are channels of kind 0, rotations of kind 1.
+pub fn observations(readings: &Readings) -> Observations {
+    Observations {
+        channels: (0..CHANNELS).map(|c| Channel { kind: c / 3, resolution: readings.resolution[c] }).collect(),
+        pose_of: readings.conditions.iter().map(|c| c.pose).collect(),
+        readings: (readings.readings.iter())
+            .map(|r| Reading {
+                condition: r.condition,
+                repeat_of: r.repeat_of,
+                series: r.series,
+                observed: r.observed.to_vec(),
+                sigma: r.sigma.to_vec(),
+            })
+            .collect(),
+    }
+}
+
+/// Poses of readings.
+pub fn poses(readings: &Readings) -> Vec<Pose<f64>> {
+    readings.poses.iter().map(|p| p.pose).collect()
+}
+
+/// A model under some conditions.
+pub struct Experiment<'a> {
+    /// What predicts.
+    pub model: &'a Model,
+    /// Commanded poses.
+    pub poses: Vec<Pose<f64>>,
+    /// What predictions depend on.
+    pub conditions: &'a [Condition],
+}
+
+impl<'a> Experiment<'a> {
+    /// Under the conditions of some readings.
+    pub fn new(model: &'a Model, readings: &'a Readings) -> Self {
+        Self { model, poses: poses(readings), conditions: &readings.conditions }
+    }
+}
+
+/// The line of a load, whichever way along it and however large, and its pose.
+fn line(c: &Condition) -> (usize, Vec<i64>) {
+    let all = c.wrench.to_array();
+    let size = all.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+    let sign = all.iter().find(|v| **v != 0.0).map_or(1.0, |v| v.signum());
+    (c.pose, all.iter().map(|v| (1e3 * sign * v / size).round() as i64).collect())
+}
+
+/// Unit turn of a vector about an axis.
+fn turned(v: [f64; 3], axis: usize) -> [f64; 3] {
+    let unit: [f64; 3] = std::array::from_fn(|i| f64::from(i == axis));
+    [unit[1] * v[2] - unit[2] * v[1], unit[2] * v[0] - unit[0] * v[2], unit[0] * v[1] - unit[1] * v[0]]
+}
+
+impl ForwardModel for Experiment<'_> {
+    fn parameters(&self) -> &[Parameter] {
+        &self.model.parameters
+    }
+
+    fn candidates(&self) -> &[Candidate] {
+        &self.model.candidates
+    }
+
+    fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<Vec<f64>> {
+        Some(self.model.predict(&self.poses, self.conditions, unknowns, x)?.into_flattened())
+    }
+
+    /// Errors of the loads: for every pose and line of load, three turns of its direction by 1 rad and a gain by 1.
+    fn common_errors(&self) -> Option<CommonErrors> {
+        let columns: Option<Vec<Vec<f64>>> = (0..4)
+            .map(|kind| {
+                let changed = |v: [f64; 3]| if kind < 3 { turned(v, kind) } else { v };
+                let conditions: Vec<Condition> = (self.conditions.iter())
+                    .map(|c| {
+                        let wrench =
+                            Wrench { force_n: changed(c.wrench.force_n), moment_nm: changed(c.wrench.moment_nm) };
+                        Condition { wrench, rise_k: 0.0, ..*c }
+                    })
+                    .collect();
+                Some(self.model.predict(&self.poses, &conditions, &[], &[])?.into_flattened())
+            })
+            .collect();
+        let uncertainty = &self.model.uncertainty;
+        let (turn, gain) = (uncertainty.load_direction_rad, uncertainty.load_gain);
+        let mut groups: BTreeMap<(usize, Vec<i64>), usize> = self.conditions.iter().map(|c| (line(c), 0)).collect();
+        groups.values_mut().enumerate().for_each(|(n, group)| *group = n);
+        let group_of = self.conditions.iter().map(|c| groups[&line(c)]).collect();
+        Some(CommonErrors { columns: columns?, sd: vec![turn, turn, turn, gain], group_of })
+    }
+}

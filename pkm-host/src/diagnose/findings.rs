@@ -1,0 +1,153 @@
+//! What a search found, in the machine's terms: declared values that are wrong, what cannot be seen, what residuals go with.
+
+use pkm_diagnosis::residuals::{Factor, Residuals, Structure};
+use pkm_diagnosis::verdict::smallest_detectable;
+use pkm_diagnosis::{Observations, Problem, Search};
+use serde::Serialize;
+
+use super::declared::Declared;
+use super::model::{self, Meaning, Model, info};
+use super::text;
+use crate::files::readings::Readings;
+
+/// A declared value that is wrong.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeclaredFinding {
+    /// Key of the machine file, without the axis.
+    pub parameter: String,
+    /// Axis of a joint's stiffness, from 0; none for a modulus.
+    pub axis: Option<usize>,
+    /// What the data cannot tell from it.
+    pub class: Vec<String>,
+    /// As declared; moduli in GPa.
+    pub declared: f64,
+    /// As estimated.
+    pub estimated: f64,
+    /// ln of their ratio in units of the declared uncertainty.
+    pub pull_sd: f64,
+    /// Where to look on the machine.
+    pub inspect: String,
+}
+
+/// Values that were declared wrong: classes that the search found, and pulls beyond three.
+pub fn declared_findings(problem: &Problem<'_>, model: &Model, search: &Search) -> Vec<DeclaredFinding> {
+    let state = model.state(&search.fit.unknowns, search.fit.x.as_slice(), false);
+    let mut findings: Vec<DeclaredFinding> = Vec::new();
+    let finding = |d: &Declared, class: Vec<String>| {
+        let (declared, estimated) = (d.value(&model.declared), d.value(&state.machine));
+        let pull_sd = (estimated / declared).ln() / model.uncertainty.stiffness;
+        let inspect = text::inspect_declared(d);
+        DeclaredFinding { parameter: d.key(), axis: d.axis(), class, declared, estimated, pull_sd, inspect }
+    };
+    for f in &search.found {
+        let Some(class) = model.class_of(f.candidate) else { continue };
+        let alike = f.class.iter().chain([&f.candidate]);
+        let mut names: Vec<String> = alike.flat_map(|c| model.candidates[*c].names.clone()).collect();
+        names.sort();
+        names.dedup();
+        for d in &class.members {
+            let own = finding(d, names.iter().filter(|n| **n != d.key()).cloned().collect());
+            // one line a key: the axis that moved most
+            match findings.iter_mut().find(|f| f.parameter == own.parameter) {
+                Some(there) if there.pull_sd.abs() < own.pull_sd.abs() => *there = own,
+                Some(_) => {}
+                None => findings.push(own),
+            }
+        }
+    }
+    for (u, x) in search.fit.unknowns.iter().zip(search.fit.x.iter()) {
+        let Meaning::Stiffness(d) = model.meaning(*u) else { continue };
+        if x.abs() > problem.rules.large_pull_sd && findings.iter().all(|f| f.parameter != d.key()) {
+            // stiffnesses that look alike
+            let alike = search.fit.alike(*u, problem.rules.alike_cosine);
+            let key = |o| if let Meaning::Stiffness(d) = model.meaning(o) { Some(d.key()) } else { None };
+            let class = alike.into_iter().filter_map(key);
+            let mut class: Vec<String> = class.filter(|k| *k != d.key()).collect();
+            class.dedup();
+            findings.push(finding(&d, class));
+        }
+    }
+    findings
+}
+
+/// What the data could show of an effect.
+#[derive(Clone, Debug, Serialize)]
+pub struct Detectable {
+    /// The effect.
+    pub id: String,
+    /// Least amplitude of each parameter that would be found, alone; none when it could not be told from a re-tuned model.
+    pub smallest: Vec<(String, Option<f64>)>,
+    /// Why it is not looked for.
+    pub why_not: Option<String>,
+}
+
+impl Detectable {
+    /// Whether no plausible amplitude can be seen.
+    pub fn is_hidden(&self) -> bool {
+        self.smallest.iter().all(|(_, s)| s.is_none())
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        if let Some(why) = &self.why_not {
+            return why.clone();
+        }
+        let shown = |(name, size): &(String, Option<f64>)| match size {
+            Some(size) => text::amplitude(name, *size, None),
+            None => format!("{name}: none that is plausible"),
+        };
+        self.smallest.iter().map(shown).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Smallest detectable amplitudes at the base fit.
+pub fn detectable(problem: &Problem<'_>, model: &Model, search: &Search) -> Vec<Detectable> {
+    (0..model::COUNT)
+        .map(|effect| {
+            let id = info(effect).id.to_owned();
+            let Some(candidate) = (0..model.candidates.len()).find(|c| model.effect_of(*c) == Some(effect)) else {
+                let why = "needs the column temperature_c, with temperatures that differ".to_owned();
+                return Detectable { id, smallest: Vec::new(), why_not: Some(why) };
+            };
+            let name = |unknown| match model.meaning(unknown) {
+                Meaning::Effect { parameter, .. } => info(effect).parameters[parameter].to_owned(),
+                Meaning::Stiffness(_) | Meaning::Class(_) => String::new(),
+            };
+            let smallest = smallest_detectable(problem, search, candidate);
+            let smallest = smallest.into_iter().map(|(unknown, size)| (name(unknown), size)).collect();
+            Detectable { id, smallest, why_not: None }
+        })
+        .collect()
+}
+
+/// Splits residuals by pose, load, sign, direction, temperature and order.
+pub fn residual_structure(readings: &Readings, observations: &Observations, residuals: &Residuals) -> Vec<Structure> {
+    let n = readings.readings.len();
+    let condition = |i: usize| &readings.conditions[readings.readings[i].condition];
+    let largest = |i: usize| {
+        let (f, m) = (condition(i).wrench.force_n, condition(i).wrench.moment_nm);
+        let all = [f[0], f[1], f[2], m[0] * 5.0, m[1] * 5.0, m[2] * 5.0];
+        (0..6).max_by(|a, b| all[*a].abs().total_cmp(&all[*b].abs())).map_or((0, 0.0), |k| (k, all[k]))
+    };
+    let temperatures: Vec<f64> = readings.conditions.iter().map(|c| c.temperature_c).collect();
+    let (low, high) = temperatures.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(*t), h.max(*t)));
+    let fifths = |t: f64| if high > low { (5.0 * (t - low) / (high - low)) as i64 } else { 0 };
+    let unloading = |i: usize| condition(i).turned_at.to_array().iter().any(|f| *f != 0.0);
+    // what turns round with the load is taken with its sign
+    let signed = |i: usize| if largest(i).1 < 0.0 { -1.0 } else { 1.0 };
+    type Level<'a> = &'a dyn Fn(usize) -> i64;
+    let levels: [(&'static str, Level<'_>, bool); 6] = [
+        ("pose", &|i| condition(i).pose as i64, true),
+        ("load", &|i| (4.0 * largest(i).1.abs().max(1e-9).log2()).round() as i64, true),
+        ("sign", &|i| i64::from(largest(i).1 < 0.0), false),
+        ("direction", &|i| i64::from(unloading(i)), true),
+        ("temperature", &|i| fifths(condition(i).temperature_c), true),
+        ("order", &|i| (10 * i / n.max(1)) as i64, false),
+    ];
+    let of = |(name, level, with_sign): (&'static str, Level<'_>, bool)| {
+        let group = |i: usize| (level(i), largest(i).0);
+        let sign = |i: usize| if with_sign { signed(i) } else { 1.0 };
+        residuals.structure(observations, &Factor { name, group: &group, sign: &sign })
+    };
+    levels.map(of).into()
+}

@@ -1,0 +1,89 @@
+//! The document of `formats.md`.
+
+use serde_json::{Map, Value, json};
+
+use super::compare::{Errors, RIVALS, Rival};
+use super::{Diagnosis, SEED, model, text};
+use crate::pose::written_units;
+
+impl Diagnosis {
+    /// The document of `formats.md`.
+    pub fn to_json(&self) -> Value {
+        let of = |errors: &[(Rival, Errors)], rival: Rival| {
+            errors.iter().find(|e| e.0 == rival).map_or(Value::Null, |e| json!(e.1))
+        };
+        let effects: Vec<Value> = (self.effects.iter())
+            .map(|e| {
+                let parameters: Map<String, Value> =
+                    e.parameters.iter().map(|(n, v, s)| (n.to_string(), json!({ "value": v, "stderr": s }))).collect();
+                json!({ "id": e.id, "parameters": parameters, "confidence": e.confidence, "class": e.class,
+                    "of": if model::is_measurement(e.index) { "measurement" } else { "machine" },
+                    "inspect": text::inspect_effect(e.id) })
+            })
+            .collect();
+        let hidden = self.detectable.iter().filter(|d| d.is_hidden());
+        let ranking: Vec<Value> = (self.search.rounds.iter().zip(&self.names))
+            .map(|(round, names)| {
+                let rows: Vec<Value> = (round.ranking.iter().zip(names).take(12))
+                    .map(|(r, name)| {
+                        json!({ "candidate": name, "statistic": r.score.statistic, "freedoms": r.score.dof,
+                            "p": r.score.p, "gain_2_ln_evidence": r.gain, "left_out_gain": r.left_out_gain,
+                            "poses_that_gain": r.poses_that_gain, "gain_from_pulls": r.from_pulls,
+                            "rejected": r.rejected })
+                    })
+                    .collect();
+                json!({ "p_family": round.p_family, "candidates": rows })
+            })
+            .collect();
+        let mut held_out = json!({
+            "poses": self.held_out.poses,
+            "chosen": if self.held_out.given { "given" } else { "by cross-validation" },
+        });
+        for (rival, key, _) in RIVALS {
+            held_out[key] = of(&self.held_out.all, rival);
+        }
+        let zones: Map<String, Value> = (self.held_out.zones.iter())
+            .map(|(zone, errors)| {
+                let rivals: Map<String, Value> =
+                    RIVALS.iter().map(|(rival, key, _)| (key.to_string(), of(errors, *rival))).collect();
+                (zone.name().to_owned(), rivals.into())
+            })
+            .collect();
+        held_out["zones"] = zones.into();
+        let micro = |v: &[f64]| v.iter().map(|v| v * 1e6).collect::<Vec<f64>>();
+        json!({
+            "verdict": self.judgement.verdict,
+            "doubts": self.warnings,
+            "suspect_readings": self.suspects,
+            "effects": effects,
+            "declared_value_findings": self.declared,
+            "not_detectable": hidden.map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
+            "detectable": self.detectable.iter().filter(|d| !d.is_hidden())
+                .map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
+            "lack_of_fit": self.judgement.before,
+            "lack_of_fit_after": self.judgement.after,
+            "load_error": { "direction_mrad": 1e3 * self.load_error,
+                "gain": self.load_error,
+                "about": "beyond the declared one, as the readings suggest" },
+            "misfit_explained": self.judgement.gone,
+            "noise": { "source": self.noise.source, "reading_um_urad": micro(&self.noise.within),
+                "series_um_urad": micro(&self.noise.between) },
+            "error_before": of(&self.errors, Rival::Declared),
+            "error_after": of(&self.errors, Rival::After),
+            "error_after_and_table": of(&self.errors, Rival::AfterAndTable),
+            "error_retuned_only": of(&self.errors, Rival::Retuned),
+            "error_table_only": of(&self.errors, Rival::Table),
+            "holdout": held_out,
+            "steps": self.steps.iter()
+                .map(|s| json!({ "found": s.found, "error": s.errors, "holdout": s.held_out })).collect::<Vec<_>>(),
+            "next_measurements": self.proposals.iter().map(|p| {
+                let [theta_deg, sigma_deg, z0_mm] = written_units(&p.pose);
+                json!({ "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
+                    "wrench": p.wrench.to_array(), "separates": p.separates })
+            }).collect::<Vec<_>>(),
+            "residual_structure": self.structure,
+            "ranking": ranking,
+            "seed": SEED,
+        })
+    }
+}

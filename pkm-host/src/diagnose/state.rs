@@ -1,0 +1,83 @@
+//! What a sensor reads on a machine with given parameters: the core's deflection, and errors of the measurement.
+
+use pkm_core::effects::{EFFECTS, MAX_PARAMETERS};
+use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
+
+use super::model::MEASUREMENT;
+use crate::files::readings::{CHANNELS, Condition};
+
+/// Parameters of a machine and of a measurement, at which predictions are made.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Of the machine.
+    pub machine: MachineParameters,
+    /// By effect and parameter, as in [`MEASUREMENT`].
+    pub measurement: [[f64; MAX_PARAMETERS]; MEASUREMENT.len()],
+}
+
+/// What determines the deflections of a machine at a pose.
+fn answer<'a>(machine: &'a Machine<f64>, pose: &Pose<f64>) -> Option<(StiffnessFactor<f64>, LoadResponse<'a, f64>)> {
+    Some((machine.stiffness(pose).ok()?.factor().ok()?, machine.load_response(pose).ok()?))
+}
+
+impl State {
+    /// A machine that is measured without errors.
+    pub fn of(machine: MachineParameters) -> Self {
+        Self { machine, measurement: [[0.0; MAX_PARAMETERS]; MEASUREMENT.len()] }
+    }
+
+    /// What the sensor reads in each condition, m and rad.
+    pub fn predict(&self, poses: &[Pose<f64>], conditions: &[Condition]) -> Option<Vec<[f64; CHANNELS]>> {
+        let machine = Machine::<f64>::new(&self.machine).ok()?;
+        let [rotation, scale, gain, point] = self.measurement;
+        let loaded = |w: &Wrench<f64>, at: [f64; 3]| {
+            let w = Wrench {
+                force_n: w.force_n.map(|f| f * (1.0 + gain[0])),
+                moment_nm: w.moment_nm.map(|m| m * (1.0 + gain[1])),
+            };
+            w.moved_to_a([at[0] + point[0], at[1] + point[1], at[2] + point[2]])
+        };
+        let on = |ids: &[&str]| {
+            let parameters = self.machine.effects.parameters;
+            EFFECTS.iter().zip(parameters).any(|(e, p)| ids.contains(&e.id) && p.iter().any(|v| *v != 0.0))
+        };
+        let warms = on(&["thermal-modulus"]);
+        let grows = on(&["thermal-expansion"]);
+        // one stiffness a pose, unless it changes with every temperature
+        let mut at: Vec<Option<(StiffnessFactor<f64>, LoadResponse<'_, f64>)>> = vec![None; poses.len()];
+        let mut found = Vec::with_capacity(conditions.len());
+        for c in conditions {
+            let pose = &poses[c.pose];
+            let warm;
+            let (machine, (factor, response)) = if warms {
+                warm = machine.at_temperature(c.temperature_c).ok()?;
+                (&warm, answer(&warm, pose)?)
+            } else {
+                let there = match at[c.pose] {
+                    Some(there) => there,
+                    None => *at[c.pose].insert(answer(&machine, pose)?),
+                };
+                (&machine, there)
+            };
+            let wrench = loaded(&c.wrench, c.point_m);
+            let turned_at = loaded(&c.turned_at, c.point_m);
+            let linear: Deflection<f64> = factor.deflection(&wrench).ok()?;
+            let mut d = linear.plus(&response.deflection(&wrench, &turned_at).ok()?);
+            if grows {
+                d = d.plus(&machine.thermal_deflection(pose, c.rise_k).ok()?);
+            }
+            let d = d.seen_at(c.point_m);
+            let turned = |v: [f64; 3], scale: f64| -> [f64; 3] {
+                let [x, y, z, ..] = rotation;
+                [
+                    (v[0] + y * v[2] - z * v[1]) * (1.0 + scale),
+                    (v[1] + z * v[0] - x * v[2]) * (1.0 + scale),
+                    (v[2] + x * v[1] - y * v[0]) * (1.0 + scale),
+                ]
+            };
+            let ([a, b, c], [d, e, f]) = (turned(d.translation_m, scale[0]), turned(d.rotation_rad, scale[1]));
+            found.push([a, b, c, d, e, f]);
+        }
+        Some(found)
+    }
+}
