@@ -171,8 +171,8 @@ pub(crate) fn advice(cell: &str) -> &'static str {
     }
 }
 
-/// Most bytes of a name that is compared with those that are known: a longer one is no slip, and would take its time.
-pub(crate) const LONGEST_SLIP: usize = 64;
+/// Most bytes of a name that is compared with those that are known: a longer one is no typing error, and would take its time.
+pub(crate) const MAX_TYPO_BYTES: usize = 64;
 
 /// Text from a file, fit for a terminal or a comment: no control or direction marks, not endless.
 pub fn printable(text: &str) -> String {

@@ -12,9 +12,9 @@ use pkm_host::files::source::Source;
 
 const RIGID: [&str; 2] = ["solid.platform.kind=rigid", "solid.base.kind=rigid"];
 
-struct Bench(tempfile::TempDir);
+struct Scratch(tempfile::TempDir);
 
-impl Bench {
+impl Scratch {
     fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
@@ -146,25 +146,25 @@ const PLATFORM: (&str, &[f64]) = ("moving-platform-compliance", &[1e-6, 1e-8, 1e
 #[test]
 #[ignore = "needs CalculiX"]
 fn with_rigid_platforms_and_uniform_limbs_the_core_agrees() {
-    let bench = Bench::new();
-    let data = bench.fem(&bench.poses(1), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 2.0, &[]);
+    let scratch = Scratch::new();
+    let data = scratch.fem(&scratch.poses(1), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 2.0, &[]);
     assert_eq!(data.poses.len(), 49);
     below(0.3, apart(&reference().parameters, &data), "49 poses, few elements");
-    let data = bench.fem(&bench.poses(12), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 1.0, &[]);
+    let data = scratch.fem(&scratch.poses(12), &[&RIGID[..], &["solid.limb=uniform"]].concat(), 1.0, &[]);
     below(0.1, apart(&reference().parameters, &data), "5 poses");
 }
 
 #[test]
 #[ignore = "needs CalculiX"]
 fn with_its_effects_fitted_the_core_agrees_with_telescopes_and_an_elastic_platform() {
-    let bench = Bench::new();
+    let scratch = Scratch::new();
     let reference = reference().parameters;
     // without a section [solid] the ram is the declared rod, and the tube bends like the declared body
     let text = std::fs::read_to_string(fixture("machines/reference.toml")).unwrap();
-    let machine = bench.path("machine.toml");
+    let machine = scratch.path("machine.toml");
     std::fs::write(&machine, text.split("[solid]").next().unwrap()).unwrap();
-    let poses = bench.poses(1);
-    let compute = |set: &[&str]| bench.fem_of(Some(&machine), &poses, set, 2.0, &[]);
+    let poses = scratch.poses(1);
+    let compute = |set: &[&str]| scratch.fem_of(Some(&machine), &poses, set, 2.0, &[]);
     // the telescopic effect knows of tube, ram and screw, not of nut and bearing: these stiff
     let stiff = ["nut", "bearing"].map(|part| format!("solid.{part}.axial_n_per_m=[1.5e9,1.5e9,1.5e9]"));
     let data = compute(&["solid.base.kind=rigid", &stiff[0], &stiff[1]]);
@@ -180,10 +180,10 @@ fn with_its_effects_fitted_the_core_agrees_with_telescopes_and_an_elastic_platfo
 #[test]
 #[ignore = "needs CalculiX"]
 fn elements_half_as_long_change_little() {
-    let bench = Bench::new();
-    let poses = bench.poses(48);
-    let usual = bench.fem(&poses, &[], 1.0, &[]);
-    let fine = bench.fem(&poses, &[], 0.5, &[]);
+    let scratch = Scratch::new();
+    let poses = scratch.poses(48);
+    let usual = scratch.fem(&poses, &[], 1.0, &[]);
+    let fine = scratch.fem(&poses, &[], 0.5, &[]);
     let found: Vec<[f64; 6]> = usual.targets.iter().map(|t| t.principal).collect();
     below(0.2, greatest(&found, &fine), "usual elements against twice as fine");
 }
@@ -191,10 +191,10 @@ fn elements_half_as_long_change_little() {
 #[test]
 #[ignore = "needs CalculiX"]
 fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
-    let bench = Bench::new();
-    let poses = bench.poses(16);
-    let data = bench.fem(&poses, &[], 1.0, &[]);
-    let text = std::fs::read_to_string(bench.path("k.csv")).unwrap();
+    let scratch = Scratch::new();
+    let poses = scratch.poses(16);
+    let data = scratch.fem(&poses, &[], 1.0, &[]);
+    let text = std::fs::read_to_string(scratch.path("k.csv")).unwrap();
     let fixture = read_stiffness(Source::embedded(pkm_fixtures::TRAINING), &reference()).unwrap();
     for (pose, target) in data.poses.iter().zip(&data.targets) {
         let n = fixture.poses.iter().position(|p| p.id == pose.id).unwrap();
@@ -206,8 +206,8 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
             }
         }
     }
-    bench.fem(&poses, &[], 1.0, &[]);
-    assert_eq!(std::fs::read_to_string(bench.path("k.csv")).unwrap(), text);
+    scratch.fem(&poses, &[], 1.0, &[]);
+    assert_eq!(std::fs::read_to_string(scratch.path("k.csv")).unwrap(), text);
 }
 
 #[test]
@@ -216,15 +216,15 @@ fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
     use pkm_host::diagnose::{Verdict, diagnose};
     use pkm_host::files::readings::Readings;
     use pkm_host::progress::silent;
-    let bench = Bench::new();
-    let poses = bench.poses(5);
+    let scratch = Scratch::new();
+    let poses = scratch.poses(5);
     for (set, id) in [
         (&["solid.platform.kind=rigid", "solid.offset_mm=[20,20,20]"][..], "platform-offset"),
         (&[][..], "moving-platform-compliance"),
     ] {
-        let out = bench.path("readings.csv");
+        let out = scratch.path("readings.csv");
         let asked = ["--readings", &out.display().to_string(), "--seed", "1"];
-        bench.fem(&poses, &[&["solid.limb=uniform", "solid.base.kind=rigid"], set].concat(), 2.0, &asked);
+        scratch.fem(&poses, &[&["solid.limb=uniform", "solid.base.kind=rigid"], set].concat(), 2.0, &asked);
         let file = reference();
         let readings = Readings::read(Source::read(&out).unwrap(), &file).unwrap();
         let diagnosis = diagnose(&file, &readings, None, &silent).unwrap();

@@ -570,7 +570,7 @@ fn leftovers_of_a_spreadsheet_do_no_harm() {
 }
 
 #[test]
-fn likely_slips_are_warned_of() {
+fn likely_typing_errors_are_warned_of() {
     let folder = Folder::new();
     let (out, file) = (folder.path("out"), folder.path("k.csv"));
     let fit = |text: &str| said(&["fit", "--data", &folder.write("k.csv", text), "--out", &out]);

@@ -319,7 +319,7 @@ fn what_does_not_fit_is_refused_before_anything_is_computed() {
     assert!(!folder.has("k.csv") && !folder.has("k.html") && !folder.has("k.work"));
     let doubled = folder.write("doubled.csv", "pose,theta_deg,sigma_deg,z0_mm\na,0,0,530\na,1,0,530\n");
     let message = refused(&["fem", "--poses", &doubled, "--out", &out])["message"].as_str().unwrap().to_owned();
-    assert!(message.contains("stands twice"), "{message}");
+    assert!(message.contains("duplicate"), "{message}");
 }
 
 #[test]

@@ -183,10 +183,10 @@ fn a_tool_that_cannot_be_held_is_refused_with_the_amount() {
         &["limb 1", "beyond its travel", "mm long", "gets as far as"],
     );
     says(&ik("-205,0,137", "0,0,1"), "unreachable", None, &["no posture", "gets as far as tip"]);
-    // β2 = 30° at home: beyond the singular surface
+    // β2 = 30° at home: in the opposite working mode
     let far = FIVE.tool(&at(0.0, 0.0, 530.0, [0.0, 30.0])).unwrap();
     let error = ik(&text(&far.tip_m.map(|v| v * 1e3)), &text(&far.axis));
-    says(&error, "singular", None, &["home share -0.15", "at least 0.1"]);
+    says(&error, "singular", None, &["normalised determinant -0.15", "at least 0.1"]);
     says(
         &refused(&["fk", "--q-mm", "556,556,553", "--beta-deg", "95,-3"]),
         "out_of_travel",
@@ -300,9 +300,9 @@ fn a_path_that_the_machine_cannot_go_is_refused_with_its_line() {
         error
     };
     let wrench = "100,0,-100,0,0,1";
-    // β2 from −10° over the singular surface (25.8°) to 50°; both ends could be held, and no row stands on the surface
+    // β2 from −10° over the singularity locus (25.8°) to 50°; both ends could be held, and no row stands on the surface
     let turn: String = [-10.0, 10.0, 50.0].map(|b| row(&at(0.0, 0.0, 530.0, [0.0, b]), wrench)).concat();
-    says(&refuse(&turn), "singular", Some(5), &["on the way from line 4", "home share", "at least 0.1"]);
+    says(&refuse(&turn), "singular", Some(5), &["on the way from line 4", "normalised determinant", "at least 0.1"]);
     let out_of_travel = format!("{}-205,0,1437,0,0,1,{wrench}\n", row(&HOME, wrench));
     says(
         &refuse(&out_of_travel),
@@ -472,7 +472,7 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
         error
     };
     for (line, words) in [
-        ("G2 X-200 Y5 I5 J0", "arcs are not of this dialect"),
+        ("G2 X-200 Y5 I5 J0", "arcs are not supported"),
         ("G03 X-200 Y5 R5", "arcs"),
         ("G20", "mm (G21)"),
         ("G91", "absolute"),
@@ -481,10 +481,10 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
         ("G43 H1", "machine file"),
         ("G28 Z0", "reference points"),
         ("G81 X-200 Z3 R1", "canned cycles"),
-        ("G5 X-200", "`G5`: not of this dialect"),
-        ("G1 X-200 C10", "`C10` is not of this dialect"),
+        ("G5 X-200", "`G5`: not supported"),
+        ("G1 X-200 C10", "`C10` is not supported"),
         ("G1 X-200 A10", "I J K and A B"),
-        ("G1 X-200 X-201", "X stands twice"),
+        ("G1 X-200 X-201", "duplicate X"),
         ("G0 G1 X-200", "second motion"),
         ("G4 P1 X-200", "G4 with a move"),
         ("G1 X", "X: expected a number, found ``"),

@@ -264,7 +264,7 @@ fn bad_jobs_are_refused_with_their_place() {
         ("[1,0,0,0],[0,-1,0,0],[0,0,-1,1140]", "[1,0,0,0],[0,1,0,0],[0,0,-1,1140]", "base_in_world|reflection"),
         ("[0,0,0,1]]\ntable", "[0,0,0,2]]\ntable", "base_in_world|last row"),
         ("axis = [0.1, 0.0, -2.0]", "axis = [0.0, 0.0, 0.0]", "series.A.holes[2].axis|direction"),
-        ("name = \"B\"", "name = \"A\"", "stands twice"),
+        ("name = \"B\"", "name = \"A\"", "duplicate"),
         ("fx_n = 20", "fx_n = nan", "series.A.wrench|finite"),
         ("fx_n = 20", "fx_kn = 20", "fx_kn"),
         ("format = 1", "format = 2", "format|expected 1"),
@@ -286,7 +286,7 @@ fn bad_jobs_are_refused_with_their_place() {
         (
             "tip_mm = [0.0, 0.0, 0.0], axis = [0.0, 0.0, -1.0] }, { tip_mm = [90.0",
             "tip_mm = [-300.0, 0.0, 0.0], axis = [0.0, 0.0, -1.0] }, { tip_mm = [350.0",
-            "no position looked at reaches all 2 holes|hole 2 is missing",
+            "the best position reaches 1 of 2 holes|hole 2 is out of reach",
         ),
     ] {
         assert!(good.contains(from), "{from}");

@@ -1,4 +1,4 @@
-//! Instructions of the core on a Cortex-M, counted in QEMU and held against limits.
+//! Instructions of the core on a Cortex-M, counted in QEMU and compared with limits.
 //!
 //! Instructions, not clock cycles: QEMU knows no pipeline, cache or flash.
 

@@ -1,4 +1,4 @@
-//! The firmware in QEMU, held against the host bit for bit.
+//! The firmware in QEMU, compared with the host bit for bit.
 //!
 //! The firmware runs with the `coefficients.rs` of a fit; the host computes the same poses from the machine
 //! file and the `coefficients.json` of that fit. So the generated source, the compiler and the target's

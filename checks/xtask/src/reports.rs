@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::{Outcome, root};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
-/// Width and height: a desktop and a telephone.
+/// Width and height: a desktop and a mobile.
 const WINDOWS: [[u32; 2]; 2] = [[1280, 800], [390, 844]];
 /// What the shorter of the two papers leaves of its long side at 96 dots an inch: Letter with margins of 12 mm.
 const PAPER: [u32; 2] = [965, 725];

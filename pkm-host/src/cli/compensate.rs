@@ -112,7 +112,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     source::write_all(source::folder_of(&args.out), &files, &inputs)?;
     let [out, plot] = [&args.out, &svg].map(|path| path.display().to_string());
     let points: usize = track.points.iter().map(Vec::len).sum();
-    let text = format!("wrote {points} points to {out} and their errors to {plot}\n{}", report::text(&track));
+    let text = format!(
+        "wrote {points} points to {out} and their errors to {plot}\n{}",
+        report::text(&track, model.machine.wrist_parameters.singularity_margin)
+    );
     let mut json = report::document(&track);
     (json["out"], json["plot"]) = (json!(out), json!(plot));
     session.output(text, &json)
@@ -121,7 +124,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
 /// What stands at the head of the new path.
 fn notes(args: &Args, model: &Model, track: &Track, in_program: bool, session: &mut Session) -> Vec<String> {
     if track.curve.is_empty() {
-        session.warn(["no load anywhere on the path: nothing to make up for".to_owned()]);
+        session.warn(["no load anywhere on the path: nothing to compensate".to_owned()]);
     }
     let mut notes = Vec::new();
     if in_program {

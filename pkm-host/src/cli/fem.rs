@@ -84,7 +84,7 @@ pub(crate) struct Args {
     /// 1 sd of the error that all readings of a series share.
     #[arg(long, default_value = "0.2,0.5", value_parser = list::<2>, allow_hyphen_values = true, requires = "readings", value_name = "UM,URAD")]
     zero: [f64; 2],
-    /// Of the errors; default: drawn, and printed.
+    /// Random seed of the errors; default: random, printed.
     #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53), requires = "readings")]
     seed: Option<u64>,
 }

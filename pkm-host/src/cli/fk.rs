@@ -51,17 +51,19 @@ pub(crate) fn run(&Args { q_mm, beta_deg }: &Args, session: &mut Session) -> Res
     session.output(text, &json)
 }
 
-/// `fk --beta-deg`: tip and axis of joint values, and how far the singular surface is: for the pose's document and its text.
+/// `fk --beta-deg`: tip and axis of joint values, and how far a singularity is: for the pose's document and its text.
 fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<(String, Value)> {
     let reach = Reach::new(file)?;
     let refused = |e: ToolError| Failure::refused(tool_status(e), e.to_string());
     let (configuration, tool) = forward(&reach, &joint_values(q_mm, beta_deg))?;
     let home_share = reach.five.home_share(&configuration).map_err(refused)?;
     let tip_mm = tool.tip_m.map(|v| v * 1e3);
-    let side = if home_share >= reach.margin() { "" } else { ": not on the home side" };
+    let side = if home_share >= reach.margin() { "" } else { ": opposite working mode" };
     let ([x, y, z], [i, j, k]) = (tip_mm, tool.axis);
     Ok((
-        format!("tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  home share {home_share:.4}{side}\n"),
+        format!(
+            "tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  normalised determinant {home_share:.4}{side}\n"
+        ),
         json!({ "tip_mm": tip_mm, "axis": tool.axis, "home_share": home_share }),
     ))
 }

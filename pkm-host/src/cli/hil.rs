@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// Poses a command: more than one makes sweeps from pose to pose, answered by a checksum of all results, for long runs.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     steps: u32,
-    /// Repeats a run; default: drawn, and printed.
+    /// Random seed; default: random, printed.
     #[arg(long)]
     seed: Option<u64>,
     /// coefficients.json of the firmware's table; default: the reference machine's.

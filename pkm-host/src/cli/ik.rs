@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// The tool's axis in B, from the flange toward the tip, of any length.
     #[arg(long, requires = "tip_mm", value_parser = list::<3>, allow_hyphen_values = true, value_name = "I,J,K")]
     axis: Option<[f64; 3]>,
-    /// q1,q2,q3 in mm and β1,β2 in °: of several ways to hold the tool on the home side the nearest to it (θ, σ, β1, β2 in rad
+    /// q1,q2,q3 in mm and β1,β2 in °: of several solutions in the home working mode the nearest to it is taken (θ, σ, β1, β2 in rad
     /// and Z0 as a share of home's); default: the zero pose, Z0 in the middle of the box.
     #[arg(
         long,
@@ -45,7 +45,7 @@ pub(crate) struct Args {
         value_name = "Q1,Q2,Q3,B1,B2"
     )]
     near: Option<[f64; 5]>,
-    /// Every way to hold the tool within travel and limits, on either side of the singular surface.
+    /// Every inverse-kinematics solution within travel and limits, in either working mode.
     #[arg(long, requires = "tip_mm")]
     all: bool,
 }
@@ -120,7 +120,7 @@ fn in_words(hold: &Hold<f64>) -> String {
     let [beta1, beta2] = hold.configuration.beta_rad.map(f64::to_degrees);
     format!(
         "q = {:.4} {:.4} {:.4} mm  β1 = {beta1:.6}°  β2 = {beta2:.6}°\n\
-         θ = {theta:.6}°  σ = {sigma:.6}°  Z0 = {z0:.4} mm  home share {:.4}\n",
+         θ = {theta:.6}°  σ = {sigma:.6}°  Z0 = {z0:.4} mm  normalised determinant {:.4}\n",
         q[0], q[1], q[2], hold.home_share
     )
 }
@@ -156,9 +156,9 @@ fn of_tool(session: &mut Session, args: &Args, tip_mm: [f64; 3], axis: [f64; 3])
     }
     if args.all {
         json["solutions"] = ways.iter().map(|hold| solution(&reach, hold)).collect();
-        text.push_str(&format!("\nways to hold it: {}, the nearest first:\n", ways.len()));
+        text.push_str(&format!("\ninverse-kinematics solutions: {}, the nearest first:\n", ways.len()));
         for hold in &ways {
-            let side = if hold.home_share >= reach.margin() { "" } else { "not on the home side:\n" };
+            let side = if hold.home_share >= reach.margin() { "" } else { "opposite working mode:\n" };
             text.push_str(&format!("{side}{}", in_words(hold)));
         }
     }

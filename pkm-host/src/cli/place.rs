@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::files::job::Job;
 use crate::files::source::{self, Source};
 use crate::plan::model::Form;
-use crate::plan::place::{self, Bench, Method, Objective, Options};
+use crate::plan::place::{self, Method, Objective, Options, PlacementModel};
 use crate::report::place as report;
 
 /// Puts the workpiece where the machine is stiff: the best position of a cross slide, a rotary axis, or both, for each
@@ -31,13 +31,13 @@ pub(crate) struct Args {
     /// rotary axis both move.
     #[arg(long, value_enum)]
     method: Option<Method>,
-    /// Of the grid (ten times as much, and five times the angle, when cross slide and rotary axis both move).
+    /// Grid spacing in mm; ten times coarser when cross slide and rotary axis both move.
     #[arg(long, default_value_t = 2.0, value_parser = positive, allow_hyphen_values = true)]
     step_mm: f64,
-    /// The same for a rotary axis.
+    /// Grid spacing of a rotary axis in °; five times coarser when a cross slide moves too.
     #[arg(long, default_value_t = 1.0, value_parser = positive, allow_hyphen_values = true)]
     step_deg: f64,
-    /// Of an evolution; default: drawn, and printed.
+    /// Random seed for `ga` and `de`; default: random, printed.
     #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53))]
     seed: Option<u64>,
     /// Count positions outside of the table's box as well.
@@ -63,7 +63,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         objectives = vec![Objective::Paper, Objective::TipWorst];
     }
     let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
-    let bench = Bench::new(&model.machine, table, &job, &objectives, args.allow_extrapolation)?;
+    let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation)?;
     let usual = if job.slides_and_turns() { Method::De } else { Method::Grid };
     let options = Options {
         method: args.method.unwrap_or(usual),
@@ -71,13 +71,13 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         step_rad: args.step_deg.to_radians(),
         seed: args.seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
     };
-    let placed = place::place(&bench, &objectives, &options, &bar())?;
-    let mut json = report::document(&bench, &options, &placed);
+    let placed = place::place(&placement, &objectives, &options, &bar())?;
+    let mut json = report::document(&placement, &options, &placed);
     let table_source = model.table.as_ref().map(|t| &t.source);
     json["table_sha256"] = json!(table_source.map(Source::sha256));
-    let html = report::html(&bench, table_source, &options, &placed, &session.warnings)?;
+    let html = report::html(&placement, table_source, &options, &placed, &session.warnings)?;
     let inputs = [session.machine_path(), args.job.as_deref(), args.table.table.as_deref()];
     let files = [("placement.json", source::json(&json)), ("report.html", html)];
     let wrote = source::write_all(&args.out, &files, &inputs)?;
-    session.output(report::text(&bench, &options, &placed) + &wrote, &json)
+    session.output(report::text(&placement, &options, &placed) + &wrote, &json)
 }

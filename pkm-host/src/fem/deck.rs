@@ -1,6 +1,6 @@
 //! The machine at a pose as an input deck for CalculiX, SI, in A-uvw with A as the origin.
 //!
-//! Kinematics stand here once more, on purpose: what is computed here is what the core is held against.
+//! Kinematics stand here once more, on purpose: what is computed here is what the core is compared with.
 
 use std::fmt::Write as _;
 

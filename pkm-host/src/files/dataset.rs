@@ -5,7 +5,7 @@ use std::fmt::Display;
 
 use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
-use crate::error::{Failure, LONGEST_SLIP, Result, advice, printable, status};
+use crate::error::{Failure, MAX_TYPO_BYTES, Result, advice, printable, status};
 use crate::files::machine::MachineFile;
 use crate::files::source::Source;
 use crate::pose::{NamedPose, pose_of, written_units};
@@ -154,7 +154,7 @@ impl Sheet {
                 return Err(fail(at, format!("column {} of the header has no name", i + 1)));
             }
             if columns.insert(name.clone(), i).is_some() {
-                return Err(fail(at, "this column stands twice in the header".into()).at_column(name));
+                return Err(fail(at, "duplicate column in the header".into()).at_column(name));
             }
         }
         // a file with the pose in one form needs no column of the other
@@ -165,7 +165,7 @@ impl Sheet {
         };
         let (mut unused, mut misspelt) = (Vec::new(), Vec::new());
         for name in header.iter().filter(|n| !known.contains(&n.as_str())) {
-            if name.len() > LONGEST_SLIP {
+            if name.len() > MAX_TYPO_BYTES {
                 unused.push(name.as_str());
                 continue;
             }
@@ -379,7 +379,7 @@ fn looks_the_same(name: &str, known: &str) -> bool {
     plain(name) == plain(known)
 }
 
-/// Whether an unknown name is probably a slip for a known one: another unit, a letter, in long names two.
+/// Whether an unknown name is probably a typing error for a known one: another unit, a letter, in long names two.
 fn looks_like(name: &str, known: &str) -> bool {
     // `k12 [N/m]`
     let name = name.split(['[', '(']).next().map(str::trim_end).filter(|n| !n.is_empty()).unwrap_or(name);
@@ -401,7 +401,7 @@ pub fn refuse_doubled_ids(file: &str, poses: &[NamedPose]) -> Result<()> {
     let mut seen: HashMap<&str, u64> = HashMap::new();
     for pose in poses {
         if let Some(first) = seen.insert(&pose.id, pose.line) {
-            let message = format!("pose `{}` stands twice, first in line {first}", pose.id);
+            let message = format!("duplicate pose `{}`, first in line {first}", pose.id);
             return Err(Failure::input(message).in_file(file).at_line(pose.line).at_column("pose"));
         }
     }

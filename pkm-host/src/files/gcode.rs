@@ -73,22 +73,22 @@ const PASSED: [f64; 12] = [4.0, 17.0, 18.0, 19.0, 21.0, 40.0, 49.0, 61.0, 64.0, 
 const ISO: &str = "is this G-code (DIN/ISO)?";
 const STOPS: [f64; 5] = [0.0, 1.0, 2.0, 30.0, 60.0];
 
-/// Why a G word is none of the dialect, and what to do.
+/// Why a G word is not supported, and what to do.
 fn advice(g: f64) -> &'static str {
     match g {
-        2.0 | 3.0 => "arcs are not of this dialect: let the CAM system write them as short straight lines (G1)",
-        20.0 => "inches are not of this dialect: write the program in mm (G21)",
-        91.0 => "increments are not of this dialect: write absolute coordinates (G90)",
-        93.0 | 95.0 => "this feed mode is not of this dialect, since moves are divided: write the feed a minute (G94)",
-        28.0 | 30.0 => "reference points are not of this dialect: write the move with G0 and coordinates",
+        2.0 | 3.0 => "arcs are not supported: let the CAM system write them as short straight lines (G1)",
+        20.0 => "inches are not supported: write the program in mm (G21)",
+        91.0 => "increments are not supported: write absolute coordinates (G90)",
+        93.0 | 95.0 => "this feed mode is not supported, since moves are divided: write the feed a minute (G94)",
+        28.0 | 30.0 => "reference points are not supported: write the move with G0 and coordinates",
         41.0..=43.9 => {
-            "compensation is not of this dialect: X Y Z are the tip, with the tool as long as the machine file says"
+            "compensation is not supported: X Y Z are the tip, with the tool as long as the machine file says"
         }
         10.0 | 52.0..=59.9 | 92.0..=92.9 => {
-            "offsets are not of this dialect: write the coordinates in B, the base's frame, and delete this word"
+            "offsets are not supported: write the coordinates in B, the base's frame, and delete this word"
         }
-        73.0..=89.9 => "canned cycles are not of this dialect: let the CAM system write their moves (G0, G1)",
-        _ => "not of this dialect; known are G0 G1 G4 G17 G18 G19 G21 G40 G49 G61 G64 G80 G90 G91.1 G94",
+        73.0..=89.9 => "canned cycles are not supported: let the CAM system write their moves (G0, G1)",
+        _ => "not supported; known are G0 G1 G4 G17 G18 G19 G21 G40 G49 G61 G64 G80 G90 G91.1 G94",
     }
 }
 
@@ -109,10 +109,10 @@ fn words(text: &str) -> std::result::Result<(Vec<Word>, Vec<String>), String> {
         }
         match first {
             '/' => {
-                return Err("block delete (`/`) is not of this dialect: whether the move is made is not known".into());
+                return Err("block delete (`/`) is not supported: whether the move is made is not known".into());
             }
-            '#' | '[' | '=' => return Err("parameters and expressions are not of this dialect: write numbers".into()),
-            'O' | 'o' => return Err("subroutines are not of this dialect: write the moves out".into()),
+            '#' | '[' | '=' => return Err("parameters and expressions are not supported: write numbers".into()),
+            'O' | 'o' => return Err("subroutines are not supported: write the moves out".into()),
             c if c.is_ascii_alphabetic() => {}
             c => return Err(format!("expected a letter with a number, found `{c}`: {ISO}")),
         }
@@ -123,7 +123,7 @@ fn words(text: &str) -> std::result::Result<(Vec<Word>, Vec<String>), String> {
         match written.parse::<f64>() {
             Ok(value) if value.is_finite() => words.push(Word { letter, value, written: written.to_owned() }),
             _ if after.starts_with(['#', '[']) => {
-                return Err(format!("{letter}: parameters and expressions are not of this dialect: write a number"));
+                return Err(format!("{letter}: parameters and expressions are not supported: write a number"));
             }
             _ => {
                 let found: String = after.chars().take_while(|c| !c.is_whitespace()).take(20).collect();
@@ -157,7 +157,7 @@ impl Program {
     /// Reads a program. `wrench` is the cutting load until a comment sets another.
     ///
     /// # Errors
-    /// The line that is not of the dialect; a cut without a load; no move at all.
+    /// The line that is not supported; a cut without a load; no move at all.
     pub fn parse(source: &Source, wrench: Option<Wrench<f64>>) -> Result<Self> {
         let (mut modal, mut wrench) = (Modal::default(), wrench);
         // the tool in hand, and one that came without a load of its own
@@ -264,7 +264,7 @@ impl Modal {
         for (i, word) in words.iter().enumerate() {
             let shown = format!("{}{}", word.letter, word.written);
             if !"GM".contains(word.letter) && words[..i].iter().any(|w| w.letter == word.letter) {
-                return Err(format!("`{shown}`: {} stands twice in the line", word.letter));
+                return Err(format!("`{shown}`: duplicate {} in the line", word.letter));
             }
             let value = Some(word.value);
             match word.letter {
@@ -290,7 +290,7 @@ impl Modal {
                 'P' | 'Q' if pauses => {}
                 _ => {
                     let known = "known are G M, X Y Z, I J K or A B, F S T, N first, P with G4 or G64";
-                    return Err(format!("`{shown}` is not of this dialect: {known}"));
+                    return Err(format!("`{shown}` is not supported: {known}"));
                 }
             }
         }

@@ -13,7 +13,7 @@ use crate::files::source::Source;
 use crate::files::toml_error::{Numbers, line_at, parsed};
 
 /// Greatest limit, mm or °: far beyond any machine.
-const FARTHEST: f64 = 1e6;
+const MAX_LIMIT: f64 = 1e6;
 /// How far a matrix may be from a rotation.
 const RIGID: f64 = 1e-6;
 
@@ -226,8 +226,8 @@ fn rigid(key: &str, raw: &Spanned<Vec<Vec<f64>>>) -> Checked<Frame> {
 
 fn range(key: &str, raw: &Spanned<Numbers<2>>) -> Checked<[f64; 2]> {
     let [low, high] = raw.get_ref().0;
-    if !(low.abs() <= FARTHEST && high.abs() <= FARTHEST) {
-        return fail(raw.span(), key, format!("expected numbers within ±{FARTHEST:e}, found [{low}, {high}]"));
+    if !(low.abs() <= MAX_LIMIT && high.abs() <= MAX_LIMIT) {
+        return fail(raw.span(), key, format!("expected numbers within ±{MAX_LIMIT:e}, found [{low}, {high}]"));
     }
     if low > high {
         return fail(raw.span(), key, format!("reversed limits: expected [least, greatest], found [{low}, {high}]"));
@@ -309,7 +309,7 @@ impl RawJob {
         for (n, raw) in all.iter().enumerate() {
             let series = series(n, raw)?;
             if checked.iter().any(|other| other.name == series.name) {
-                return fail(raw.name.span(), "series.name", format!("the series `{}` stands twice", series.name));
+                return fail(raw.name.span(), "series.name", format!("duplicate series `{}`", series.name));
             }
             checked.push(series);
         }

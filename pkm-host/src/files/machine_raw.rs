@@ -184,7 +184,7 @@ pub(super) fn effects(
             return fail("id", id.span(), format!("unknown effect `{unknown}`{meant}; known are {}", known.join(", ")));
         };
         if !seen.insert(index) {
-            return fail("id", id.span(), format!("the effect `{}` stands twice", id.get_ref()));
+            return fail("id", id.span(), format!("duplicate effect `{}`", id.get_ref()));
         }
         for (name, value) in parameters {
             let key = format!("{}.{name}", id.get_ref());

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::error::{Failure, LONGEST_SLIP, Result, advice, clipped};
+use crate::error::{Failure, MAX_TYPO_BYTES, Result, advice, clipped};
 use crate::files::source::Source;
 
 /// An array of just so many numbers: serde's own would leave out what is too much.
@@ -38,7 +38,7 @@ fn unread(source: &Source, text: &str, error: &toml::de::Error) -> Failure {
     let line = span.as_ref().map_or("", |range| line_of(text, range.start));
     let mut message = plain(error.message());
     if DeTable::parse(text).is_err() {
-        message.push_str(slip(line));
+        message.push_str(typing_error(line));
     } else if line.starts_with('[') && message.starts_with("expected an array, found a table") {
         message.push_str(&format!(": write [{line}]"));
     }
@@ -54,7 +54,7 @@ fn unread(source: &Source, text: &str, error: &toml::de::Error) -> Failure {
 }
 
 /// What to do about a line that is no TOML but looks like a key and numbers.
-fn slip(line: &str) -> &'static str {
+fn typing_error(line: &str) -> &'static str {
     let Some((_, value)) = line.split_once('=') else { return "" };
     let digit = |c: Option<&char>| c.is_some_and(char::is_ascii_digit);
     let letters: Vec<char> = value.chars().collect();
@@ -65,9 +65,9 @@ fn slip(line: &str) -> &'static str {
     parts.map(advice).find(|advice| !advice.is_empty()).unwrap_or("")
 }
 
-/// Whether a name is probably a slip for a known one.
+/// Whether a name is probably a typing error for a known one.
 pub(crate) fn is_near(name: &str, known: &str) -> bool {
-    name.len() <= LONGEST_SLIP && strsim::osa_distance(name, known) <= 2
+    name.len() <= MAX_TYPO_BYTES && strsim::osa_distance(name, known) <= 2
 }
 
 /// A message of serde's in words that don't need the program's source code.
@@ -101,7 +101,7 @@ pub(crate) fn plain(message: &str) -> String {
         return format!("unknown key `{}`{meant}; {known}", clipped(unknown));
     }
     if let Some(key) = message.strip_prefix("duplicate key") {
-        return format!("the key{key} stands twice");
+        return format!("duplicate key{key}");
     }
     let words = [
         ("string values must be quoted, expected literal string", "neither a number nor text in quotes"),

@@ -80,7 +80,7 @@ pub struct DeflectionErrors {
     pub basic: Option<DeflectionError>,
     /// √C K_p √C.
     pub diagonal: Option<DeflectionError>,
-    /// Eq. 10 to the letter: the diagonal alone.
+    /// Eq. 10 as published: the diagonal alone.
     pub diagonal_literal: Option<DeflectionError>,
     /// (L G)(L G)ᵀ.
     pub factor: Option<DeflectionError>,

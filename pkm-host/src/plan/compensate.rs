@@ -14,7 +14,7 @@ use crate::plan::reach::Reach;
 use crate::pose::{PoseBox, file_units};
 use crate::progress::Progress;
 
-/// Longest way of the tip in one step when none is given, mm.
+/// Longest path of the tip in one step when none is given, mm.
 pub const STEP_MM: f64 = 2.0;
 /// Furthest turn of the axis or of a wrist's joint in one step, rad.
 const STEP_RAD: f64 = std::f64::consts::PI / 180.0;
@@ -30,7 +30,7 @@ pub struct Request<'a> {
     pub moves: &'a [Move],
     /// G-code rather than CSV: always divided into steps, and rounded to its digits.
     pub in_program: bool,
-    /// Longest way of the tip between two points; without it the rows of a CSV stay as they are.
+    /// Longest path of the tip between two points; without it the rows of a CSV stay as they are.
     pub step_mm: Option<f64>,
     /// Whether points outside the table's box are let through.
     pub allow_extrapolation: bool,
@@ -70,7 +70,7 @@ impl Tally {
 }
 
 /// A loaded tool against what was asked: of the tip in m, of the axis in rad.
-struct Met {
+struct LoadedTool {
     hold: Hold<f64>,
     off: [f64; 2],
     domain: Option<Domain>,
@@ -85,9 +85,9 @@ pub struct Track {
     pub before: [Tally; 2],
     /// As it becomes.
     pub after: [Tally; 2],
-    /// Tip, half-way from point to point.
+    /// Of the tip in m, at midpoints between points.
     pub halfway: Tally,
-    /// Least home share of the determinant.
+    /// Least normalised Jacobian determinant.
     pub least_share: f64,
     /// Points outside the table's box.
     pub extrapolated: usize,
@@ -108,7 +108,7 @@ fn outside_by(pose: &Pose<f64>, extent: &PoseBox) -> String {
 
 /// Where a walk is, for a message.
 #[derive(Clone, Copy)]
-struct Spot {
+struct PathPosition {
     line: u64,
     /// Line of the place that it comes from, when it is on the way.
     from: Option<u64>,
@@ -126,7 +126,7 @@ struct Walk<'a> {
     /// The last loaded point: as asked, and as commanded.
     last: Option<(Place, Point)>,
     way_m: f64,
-    spot: Spot,
+    position: PathPosition,
 }
 
 impl Walk<'_> {
@@ -141,7 +141,7 @@ impl Walk<'_> {
         wrench: &Wrench<f64>,
         asked: &Tool<f64>,
         near: &Configuration<f64>,
-    ) -> std::result::Result<Met, ToolDeflectionError> {
+    ) -> std::result::Result<LoadedTool, ToolDeflectionError> {
         let hold = self.reach.stand(command, near)?;
         let tool = self.reach.five.tool(&hold.configuration)?;
         let moved = self.reach.five.deflection(self.table(), &hold.configuration, wrench)?;
@@ -150,7 +150,7 @@ impl Walk<'_> {
         let off = |now: [f64; 3], by: [f64; 3], goal: [f64; 3]| {
             (0..3).map(|i| (now[i] + by[i] - goal[i]).powi(2)).sum::<f64>().sqrt()
         };
-        Ok(Met {
+        Ok(LoadedTool {
             hold,
             off: [off(tool.tip_m, moved.translation_m, asked.tip_m), off(tool.axis, swing, asked.axis)],
             domain: moved.domain,
@@ -158,10 +158,10 @@ impl Walk<'_> {
     }
 
     fn here(&self, failure: Failure) -> Failure {
-        let [x, y, z] = self.spot.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
-        let way = self.spot.from.map_or(String::new(), |line| format!("on the way from line {line} to here, "));
+        let [x, y, z] = self.position.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
+        let way = self.position.from.map_or(String::new(), |line| format!("on the way from line {line} to here, "));
         let message = format!("{way}tip {x}, {y}, {z} mm: {}", failure.message);
-        Failure { message, ..failure }.in_file(self.file).at_line(self.spot.line)
+        Failure { message, ..failure }.in_file(self.file).at_line(self.position.line)
     }
 
     fn failure(&self, e: ToolDeflectionError, there: Option<Hold<f64>>) -> Failure {
@@ -183,7 +183,7 @@ impl Walk<'_> {
         let command = self.reach.five.compensated(self.table(), &tool, wrench, near).map_err(|e| {
             let there = self.reach.unlimited().compensated(self.table(), &tool, wrench, near);
             let failure = self.failure(e, there.ok().map(|c| c.hold));
-            Failure { message: format!("{} (with the deflection made up for)", failure.message), ..failure }
+            Failure { message: format!("{} (with the deflection compensated)", failure.message), ..failure }
         })?;
         let configuration = command.hold.configuration;
         let Tool { tip_m, axis } = tool_at(&configuration)?;
@@ -259,9 +259,9 @@ pub fn walk<'a>(
     let (mut done, all) = (0, all as u64);
     let track = Track { least_share: f64::INFINITY, ..Track::default() };
     let allow_extrapolation = request.allow_extrapolation;
-    let spot = Spot { line: 0, from: None, tip_m: [0.0; 3] };
+    let position = PathPosition { line: 0, from: None, tip_m: [0.0; 3] };
     let mut walk =
-        Walk { reach, correction, file, allow_extrapolation, in_program, track, last: None, way_m: 0.0, spot };
+        Walk { reach, correction, file, allow_extrapolation, in_program, track, last: None, way_m: 0.0, position };
     let mut near = walk.reach.home();
     for (index, mv) in moves.iter().enumerate() {
         walk.track.points.push(Vec::new());
@@ -283,7 +283,8 @@ pub fn walk<'a>(
             let (ends, share) = (k == n, k as f64 / n as f64);
             let asked = if ends { mv.to } else { from.between(&mv.to, share) };
             walk.way_m = begun + share * length;
-            walk.spot = Spot { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
+            walk.position =
+                PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
             let hold = match asked.toward {
                 Toward::Axis(axis) if index == 0 => {
                     walk.reach.nearest(&Tool { tip_m: asked.tip_m, axis }, &near).map_err(|f| walk.here(f))?

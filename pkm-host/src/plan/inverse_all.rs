@@ -16,7 +16,7 @@ const STRETCH: usize = 48;
 const NEAR_ZERO: f64 = 1e-7;
 
 /// A wrist at a β2, and the tool that it is to hold.
-struct Bent<'a> {
+struct ToolEquation<'a> {
     wrist: &'a WristParameters,
     core: &'a Wrist<f64>,
     tip: [f64; 3],
@@ -26,7 +26,7 @@ struct Bent<'a> {
 /// Sine and cosine of an angle.
 type Turn = (f64, f64);
 
-impl Bent<'_> {
+impl ToolEquation<'_> {
     /// The equation's left side, and on the right what stands at u and at w.
     fn sides(&self, sin: f64, cos: f64) -> ([f64; 3], [f64; 2]) {
         let [r, h] = self.core.arm_m(sin, cos);
@@ -175,19 +175,19 @@ fn least(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Every configuration within travel and limits that holds a tool, on either side of the singular surface (see `home_share`), by β2.
-pub fn holds(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Tool<f64>) -> Vec<Hold<f64>> {
+/// Every configuration within travel and limits that holds a tool, in either working mode (see `home_share`), by β2.
+pub fn inverse_all(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Tool<f64>) -> Vec<Hold<f64>> {
     let size = tool.axis.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let bent = Bent { wrist, core: five.wrist, tip: tool.tip_m, axis: tool.axis.map(|v| v / size) };
+    let equation = ToolEquation { wrist, core: five.wrist, tip: tool.tip_m, axis: tool.axis.map(|v| v / size) };
     let mut found: Vec<Hold<f64>> = Vec::new();
-    let breaks = bent.stretches();
+    let breaks = equation.stretches();
     for side in [1.0, -1.0] {
-        for beta2 in bent.fitting(side, &breaks) {
-            let Some(configuration) = bent.configuration(beta2, side) else { continue };
+        for beta2 in equation.fitting(side, &breaks) {
+            let Some(configuration) = equation.configuration(beta2, side) else { continue };
             let Ok(held) = five.tool(&configuration) else { continue };
             // a crossing may be a jump
             let off = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
-            if off(held.tip_m, bent.tip) > 1e-6 || off(held.axis, bent.axis) > 1e-6 {
+            if off(held.tip_m, equation.tip) > 1e-6 || off(held.axis, equation.axis) > 1e-6 {
                 continue;
             }
             let (Ok(joints), Ok(home_share)) = (five.joints(&configuration), five.home_share(&configuration)) else {

@@ -7,7 +7,7 @@ use pkm_core::{
 use crate::error::{Failure, Result, tool_status};
 use crate::files::machine::MachineFile;
 use crate::files::path::{Place, Toward, unit};
-use crate::plan::inverse_all::holds;
+use crate::plan::inverse_all::inverse_all;
 use crate::pose::tidy;
 
 /// A machine with its wrist, and the same without limits: it says how far beyond them a tool lies.
@@ -51,7 +51,7 @@ impl<'a> Reach<'a> {
         Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m }, beta_rad: [0.0; 2] }
     }
 
-    /// Least home share, as the machine file has it.
+    /// Least normalised Jacobian determinant, as the machine file has it.
     pub(crate) fn margin(&self) -> f64 {
         self.file.wrist_parameters.singularity_margin
     }
@@ -65,24 +65,24 @@ impl<'a> Reach<'a> {
         all(a).iter().zip(all(b)).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
     }
 
-    /// Every way to hold a tool.
+    /// Every inverse-kinematics solution.
     fn all(&self, tool: &Tool<f64>) -> Vec<Hold<f64>> {
-        holds(&self.five, &self.file.wrist_parameters, tool)
+        inverse_all(&self.five, &self.file.wrist_parameters, tool)
     }
 
-    /// Every way to hold a tool on home's side of the singular surface.
+    /// Every inverse-kinematics solution in home's working mode.
     pub fn on_home_side(&self, tool: &Tool<f64>) -> impl Iterator<Item = Hold<f64>> {
         self.all(tool).into_iter().filter(|hold| hold.home_share >= self.margin())
     }
 
-    /// Every way to hold a tool, the nearest first.
+    /// Every inverse-kinematics solution, the nearest first.
     pub(crate) fn ways(&self, tool: &Tool<f64>, near: &Configuration<f64>) -> Vec<Hold<f64>> {
         let mut ways = self.all(tool);
         ways.sort_by(|a, b| self.apart(&a.configuration, near).total_cmp(&self.apart(&b.configuration, near)));
         ways
     }
 
-    /// The way to hold a tool that is nearest to a configuration, on home's side of the singular surface.
+    /// The inverse-kinematics solution nearest to a configuration, in home's working mode.
     ///
     /// # Errors
     /// Refused, with the amount: see [`refusal`](Self::refusal).
@@ -98,15 +98,15 @@ impl<'a> Reach<'a> {
         let singular = |share: f64| {
             let margin = self.margin();
             let message = format!(
-                "only beyond the singular surface of the five axes or too near to it: home share {share:.4}, at least \
-                 {margin} is asked (wrist.singularity_margin): turn the axis or move the tip"
+                "only in the opposite working mode or too near a singularity: normalised determinant {share:.4}, at least \
+                 {margin} is required (wrist.singularity_margin): turn the axis or move the tip"
             );
             Err(Failure::refused("singular", message))
         };
         if !ways.is_empty() {
             return singular(best(ways));
         }
-        let beyond = holds(&self.unlimited(), &self.wrist_parameters, tool);
+        let beyond = inverse_all(&self.unlimited(), &self.wrist_parameters, tool);
         let on_home_side = beyond.iter().filter(|hold| hold.home_share >= self.margin());
         let least = on_home_side.map(|hold| self.excess(&hold.joints)).min_by(|a, b| a.0.total_cmp(&b.0));
         let hint = || {
@@ -182,10 +182,10 @@ impl<'a> Reach<'a> {
             }
             (ToolError::Singular, there) => {
                 let share = there.map_or("it would change sides".to_owned(), |hold| {
-                    format!("the home share would be {:.4}", hold.home_share)
+                    format!("the normalised determinant would be {:.4}", hold.home_share)
                 });
                 format!(
-                    "it crosses the singular surface of the five axes or comes too near: {share}, at least {} is asked \
+                    "it crosses the singularity locus of the five axes or comes too near: {share}, at least {} is required \
                      (wrist.singularity_margin): turn the axis or move the tip",
                     self.margin()
                 )

@@ -21,17 +21,17 @@ pub fn picture(track: &Track) -> Result<String> {
         let points = track.curve.chunks(stretch).filter_map(of).collect();
         Series { name: name.to_owned(), points, mark: Mark::Line }
     };
-    // what is left lies at zero, as it should
+    // residuals near zero are as intended
     plot::panels(&[Panel {
         title: "error of the tip, as the model predicts it".to_owned(),
-        x_label: "way of the tip in mm".to_owned(),
+        x_label: "path length in mm".to_owned(),
         y_label: "µm".to_owned(),
-        series: vec![series("as it was", 1), series("compensated", 2)],
+        series: vec![series("uncompensated", 1), series("compensated", 2)],
     }])
 }
 
-/// For the terminal.
-pub fn text(track: &Track) -> String {
+/// For the terminal; `limit` is the least normalised determinant that the machine file allows.
+pub fn text(track: &Track, limit: f64) -> String {
     let micro = |t: &Tally| format!("{:.4} at most, {:.4} rms", t.max * 1e6, t.rms() * 1e6);
     let [before, after] = [&track.before, &track.after];
     let mut text = format!(
@@ -43,9 +43,10 @@ pub fn text(track: &Track) -> String {
         micro(&after[1]),
     );
     if track.halfway.count > 0 {
-        text.push_str(&format!("of the tip half-way between points in µm: {}\n", micro(&track.halfway)));
+        text.push_str(&format!("of the tip at midpoints between points in µm: {}\n", micro(&track.halfway)));
     }
-    text.push_str(&format!("least home share of the determinant {:.4}\n", track.least_share));
+    let [least, limit] = [track.least_share, limit].map(|share| 100.0 * share);
+    text.push_str(&format!("closest to a singularity: determinant at {least:.1} % of home (limit {limit} %)\n"));
     text
 }
 

@@ -44,7 +44,7 @@ fn faces(deck: &Deck) -> Vec<(&str, Vec<Vector3<f64>>)> {
     all
 }
 
-/// The machine from the front, from the side and askew, the base platform upright, with a bar of 100 mm.
+/// The machine from the front, from the side and isometric, the base platform upright, with a bar of 100 mm.
 pub fn svg(deck: &Deck) -> String {
     const HEIGHT: f64 = 420.0;
     let faces = faces(deck);
@@ -52,7 +52,7 @@ pub fn svg(deck: &Deck) -> String {
         ("along y of B", Rotation3::identity()),
         ("along x of B", Rotation3::from_axis_angle(&Vector3::z_axis(), -90_f64.to_radians())),
         (
-            "askew",
+            "isometric",
             Rotation3::from_axis_angle(&Vector3::x_axis(), 25_f64.to_radians())
                 * Rotation3::from_axis_angle(&Vector3::z_axis(), -125_f64.to_radians()),
         ),

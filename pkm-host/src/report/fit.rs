@@ -65,7 +65,7 @@ pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -
 fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
     let all = [
         ("K_p", &d.basic),
-        ("Eq. 10 to the letter", &d.diagonal_literal),
+        ("Eq. 10 as published", &d.diagonal_literal),
         ("diagonal form", &d.diagonal),
         ("factor form", &d.factor),
     ];

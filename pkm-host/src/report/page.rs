@@ -1,4 +1,4 @@
-//! The one design of all reports: a page that stands alone, without script, for screen, telephone and paper.
+//! The one design of all reports: a page that stands alone, without script, for screen, mobile and paper.
 //!
 //! Commands make their own pictures and tables; what a page is made of, and in which order, is said here.
 
@@ -139,7 +139,7 @@ pub(crate) fn of_file(source: &Source) -> String {
     format!("{}, SHA-256 {}", source.file_name(), source.sha256())
 }
 
-/// A picture that is too wide for a telephone.
+/// A picture that is too wide for a mobile.
 pub(crate) fn picture(caption: &str, svg: &str) -> Markup {
     html! { figure.picture { div tabindex="0" { (PreEscaped(svg)) } figcaption { (caption) } } }
 }

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::files::job::{Axis, Position};
 use crate::files::source::Source;
 use crate::plan::place::search::{Grid, Method, Options, Placed, Placement};
-use crate::plan::place::{Bench, Objective, Posture};
+use crate::plan::place::{Objective, PlacementModel, Posture};
 use crate::pose::file_units;
 use crate::report::page::{Finding, Page, charts, fold, of_file, picture, pictures, table};
 use crate::report::plot::{self, HeatMap, Mark, Panel, Series as Points};
@@ -38,16 +38,16 @@ fn holes(placement: &Placement) -> Vec<Value> {
 }
 
 /// `placement.json`.
-pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value {
+pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Value {
     let series = placed.placements.iter().map(|p| {
         let unit = |value: f64| p.objective.value_in_unit(value);
         let (at, value) = p.certified;
         let step = placed.grids[p.series].spacing();
         json!({
-            "name": bench.job.series[p.series].name,
+            "name": model.job.series[p.series].name,
             "objective": p.objective.name(),
             "dx_mm": mm(p.position.dx_m), "dy_mm": mm(p.position.dy_m), "rotary_deg": p.position.rotary_rad.to_degrees(),
-            "cross_slide_mm": bench.job.in_cross_slide_m(&p.position).map(mm),
+            "cross_slide_mm": model.job.in_cross_slide_m(&p.position).map(mm),
             "value": unit(p.value), "unit": p.objective.unit(),
             "q_ratio": p.q_ratio,
             "grid_certified": {
@@ -66,8 +66,8 @@ pub fn document(bench: &Bench<'_>, options: &Options, placed: &Placed) -> Value 
         })
     });
     json!({
-        "machine": bench.reach.file.name, "machine_sha256": bench.reach.file.source.sha256(),
-        "job_sha256": bench.job.source.sha256(), "method": options.method.name(), "allow_extrapolation": bench.extrapolate,
+        "machine": model.reach.file.name, "machine_sha256": model.reach.file.source.sha256(),
+        "job_sha256": model.job.source.sha256(), "method": options.method.name(), "allow_extrapolation": model.extrapolate,
         "seed": (options.method != Method::Grid).then_some(options.seed),
         "series": series.collect::<Vec<_>>(),
     })
@@ -86,8 +86,8 @@ fn worst(holes: &[Posture]) -> Option<f64> {
 }
 
 /// "A by tip-worst".
-fn name(bench: &Bench<'_>, p: &Placement) -> String {
-    format!("{} by {}", bench.job.series[p.series].name, p.objective.name())
+fn name(model: &PlacementModel<'_>, p: &Placement) -> String {
+    format!("{} by {}", model.job.series[p.series].name, p.objective.name())
 }
 
 /// Three digits, for the verdict.
@@ -103,7 +103,7 @@ fn short(objective: Objective, value: f64) -> String {
 }
 
 /// What the placements do. The verdict is on those by the tip's deflection, if there are any.
-fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
+fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
     let objectives = || placed.placements.iter().map(|p| p.objective);
     let judged = objectives().find(|o| *o != Objective::Paper).unwrap_or(Objective::Paper);
     let counts = |p: &&Placement| p.objective == judged;
@@ -111,13 +111,13 @@ fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
     let (mut all, mut gains) = (Vec::new(), Vec::new());
     for p in &placed.placements {
         let shown = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
-        let turned = match &bench.job.rotary {
+        let turned = match &model.job.rotary {
             Some(_) => format!(", turned to {:.3}°", p.position.rotary_rad.to_degrees()),
             None => String::new(),
         };
         let mut text = format!(
             "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}, ",
-            name(bench, p),
+            name(model, p),
             mm(p.position.dx_m),
             mm(p.position.dy_m),
             shown(p.value)
@@ -143,7 +143,7 @@ fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
         }
         if counts(&p) {
             let than = p.before.as_ref().map_or("out of reach".to_owned(), |(before, _)| short(judged, *before));
-            let series = &bench.job.series[p.series].name;
+            let series = &model.job.series[p.series].name;
             gains.push(format!("{} instead of {than} (series {series})", short(judged, p.value)));
         }
         all.push((p.objective, finding));
@@ -165,7 +165,7 @@ fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
     // those that the verdict is on come first
     all.sort_by_key(|(objective, _)| *objective != judged);
     let mut findings = vec![verdict];
-    if bench.table.is_none() {
+    if model.table.is_none() {
         findings
             .push(Finding::warning("Uncorrected: no correction table was given, and no data back the basic model."));
     }
@@ -174,17 +174,17 @@ fn findings(bench: &Bench<'_>, placed: &Placed) -> Vec<Finding> {
 }
 
 /// For people at a terminal.
-pub fn text(bench: &Bench<'_>, options: &Options, placed: &Placed) -> String {
-    let findings = findings(bench, placed).into_iter().map(|f| format!("- {}\n", f.text)).collect::<String>();
+pub fn text(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> String {
+    let findings = findings(model, placed).into_iter().map(|f| format!("- {}\n", f.text)).collect::<String>();
     let seed = if options.method == Method::Grid { String::new() } else { format!("  seed {}\n", options.seed) };
     findings + &seed
 }
 
 /// All placements in figures.
-fn overview(bench: &Bench<'_>, placed: &Placed) -> Markup {
+fn overview(model: &PlacementModel<'_>, placed: &Placed) -> Markup {
     let row = |p: &Placement| {
         let shown = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
-        let [x, y] = bench.job.in_cross_slide_m(&p.position).map(mm);
+        let [x, y] = model.job.in_cross_slide_m(&p.position).map(mm);
         let cells = vec![
             format!("{:.3}", mm(p.position.dx_m)),
             format!("{:.3}", mm(p.position.dy_m)),
@@ -198,7 +198,7 @@ fn overview(bench: &Bench<'_>, placed: &Placed) -> Markup {
             format!("{:.3}", p.q_ratio),
             format!("{:.1}", 100.0 * p.feasible_share),
         ];
-        (name(bench, p), cells)
+        (name(model, p), cells)
     };
     let heads = [
         "dx mm",
@@ -218,7 +218,7 @@ fn overview(bench: &Bench<'_>, placed: &Placed) -> Markup {
 }
 
 /// The map of a grid at the angle of a placement.
-fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<Markup> {
+fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<Markup> {
     let [xs, ys, angles] = Axis::ALL.map(|axis| &grid.axes[axis]);
     let nearest = |all: &[f64], v: f64| {
         (0..all.len()).min_by(|a, b| (all[*a] - v).abs().total_cmp(&(all[*b] - v).abs())).unwrap_or(0)
@@ -228,7 +228,7 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<M
         let cell = grid.cells[column][(a * ys.len() + y) * xs.len() + x].as_ref();
         cell.map(|c| p.objective.value_in_unit(c.value))
     };
-    let title = format!("{}, {}", name(bench, p), p.objective.unit());
+    let title = format!("{}, {}", name(model, p), p.objective.unit());
     let in_mm = |v: &[f64]| v.iter().copied().map(mm).collect::<Vec<_>>();
     if xs.len() > 1 && ys.len() > 1 {
         let svg = plot::heat_map(&HeatMap {
@@ -261,8 +261,8 @@ fn map(bench: &Bench<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<M
 }
 
 /// Workpiece and machine from above, in W.
-fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<Markup> {
-    let job = bench.job;
+fn plan_view(model: &PlacementModel<'_>, placed: &Placed) -> Result<Markup> {
+    let job = model.job;
     let at = |position: &Position, series: usize| -> Vec<(f64, f64)> {
         let table = job.table_in_world_at(position);
         let holes = job.series[series].holes.iter();
@@ -272,7 +272,7 @@ fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<Markup> {
     let mut series =
         vec![Points { name: "B of the machine".into(), points: vec![(mm(base.x), mm(base.y))], mark: Mark::Cross }];
     for p in &placed.placements {
-        series.push(Points { name: name(bench, p), points: at(&p.position, p.series), mark: Mark::Dot });
+        series.push(Points { name: name(model, p), points: at(&p.position, p.series), mark: Mark::Dot });
     }
     let panel = Panel {
         title: "holes at the optima".into(),
@@ -283,10 +283,10 @@ fn plan_view(bench: &Bench<'_>, placed: &Placed) -> Result<Markup> {
     Ok(pictures("The holes where each objective puts them, seen along z of W.", &[plot::panel(&panel)?]))
 }
 
-fn convergence(bench: &Bench<'_>, placed: &Placed) -> Vec<Panel> {
+fn convergence(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Panel> {
     let evolved = placed.placements.iter().filter(|p| !p.convergence.is_empty());
     let panel = |p: &Placement| Panel {
-        title: name(bench, p),
+        title: name(model, p),
         x_label: "evaluations".into(),
         y_label: format!("best so far, {}", p.objective.unit()),
         series: vec![Points {
@@ -298,7 +298,7 @@ fn convergence(bench: &Bench<'_>, placed: &Placed) -> Vec<Panel> {
     evolved.map(panel).collect()
 }
 
-fn hole_table(bench: &Bench<'_>, p: &Placement) -> Markup {
+fn hole_table(model: &PlacementModel<'_>, p: &Placement) -> Markup {
     let rows: Vec<_> = (0..p.holes.len())
         .map(|i| {
             let (after, before) = (&p.holes[i], p.before.as_ref().map(|(_, postures)| &postures[i]));
@@ -340,7 +340,7 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> Markup {
     ];
     let caption = format!(
         "Series {}: postures and stiffness at A, deflection of the tip under the series' wrench; before: table in the middle",
-        name(bench, p)
+        name(model, p)
     );
     table(&caption, &head, &rows)
 }
@@ -350,36 +350,36 @@ fn hole_table(bench: &Bench<'_>, p: &Placement) -> Markup {
 /// # Errors
 /// What the drawing library says.
 pub fn html(
-    bench: &Bench<'_>,
+    model: &PlacementModel<'_>,
     table: Option<&Source>,
     options: &Options,
     placed: &Placed,
     warnings: &[String],
 ) -> Result<String> {
     let objectives = placed.placements.len() / placed.grids.len();
-    let evolution = convergence(bench, placed);
+    let evolution = convergence(model, placed);
     let body = html! {
         h2 { "Where the table goes" }
-        (overview(bench, placed))
-        (plan_view(bench, placed)?)
+        (overview(model, placed))
+        (plan_view(model, placed)?)
         @for (n, p) in placed.placements.iter().enumerate() {
-            h2 { "Series " (name(bench, p)) }
-            (map(bench, &placed.grids[p.series], n % objectives, p)?)
-            (fold(&format!("{} holes", p.holes.len()), &hole_table(bench, p)))
+            h2 { "Series " (name(model, p)) }
+            (map(model, &placed.grids[p.series], n % objectives, p)?)
+            (fold(&format!("{} holes", p.holes.len()), &hole_table(model, p)))
         }
         @if !evolution.is_empty() {
             h2 { "Convergence" }
             (charts("The best value so far: it should be flat at its end.", &evolution)?)
         }
     };
-    let file = bench.reach.file;
+    let file = model.reach.file;
     let facts = vec![
         ("Method", options.method.name().to_owned()),
         ("Seed", if options.method == Method::Grid { "none: a grid".into() } else { options.seed.to_string() }),
         ("Machine file", of_file(&file.source)),
-        ("Job", of_file(&bench.job.source)),
+        ("Job", of_file(&model.job.source)),
         ("Correction table", table.map_or("none: the basic model".into(), of_file)),
     ];
-    let findings = findings(bench, placed);
+    let findings = findings(model, placed);
     Ok(Page { title: format!("Placement on {}", file.name), findings: &findings, warnings, body, facts }.html())
 }

@@ -79,7 +79,7 @@ const KINDS: &[Kind] = &[
     ("no series", Make(|good| format!("{}series = []\n", &good[..good.find("[[series]]").unwrap()]).into()), ":14: series: ", "at least one [[series]]"),
     ("no key of series", Make(|good| good[..good.find("[[series]]").unwrap()].into()), ": series: ", "missing"),
     ("one series, not one of several", Make(|good| good[..good.rfind("[[series]]").unwrap()].replace("[[series]]", "[series]").into()), ":14: series: ", "[[series]]"),
-    ("a series' name twice", Put("\"B\"", "\"A\""), ":25: series.name: ", "stands twice"),
+    ("a series' name twice", Put("\"B\"", "\"A\""), ":25: series.name: ", "duplicate"),
     ("an empty name", Put("\"A\"", "\"\""), ":15: series.name: ", "one line"),
     ("a name of two lines", Put("\"A\"", "\"A\\nB\""), ":15: series.name: ", "one line"),
     ("a rotary axis of no direction", Put("\n[[series]]", "\nrotary = { axis = [0,0,0], through_mm = [0,0,0], range_deg = [-180, 180] }\n[[series]]"), ":14: rotary.axis: ", "direction"),

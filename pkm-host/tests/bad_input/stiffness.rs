@@ -90,7 +90,7 @@ const KINDS: &[Kind] = &[
     ("a million digits", Make(|good| good.replacen("4.1715142e6", &"9".repeat(1_000_000), 1).into()), ":4: k11: ", "number"),
     ("10 MB in a cell", Make(|good| good.replacen("4.1715142e6", &"x".repeat(10_000_000), 1).into()), ":4: k11: ", "number"),
     // poses and matrices
-    ("an id twice", Put("O02,", "O01,"), ":5: pose: ", "`O01` stands twice|line 4"),
+    ("an id twice", Put("O02,", "O01,"), ":5: pose: ", "duplicate pose `O01`|line 4"),
     ("out of travel", Put("O01,-15", "O01,-45"), ":4: pose: ", "O01|travel|mm"),
     ("out of reach", Put("O01,-15", "O01,95"), ":4: pose: ", "O01"),
     ("metres for mm", Make(|good| cells(good, |n, c| if n > 0 { c[3] = scaled(&c[3], 1e-3) })), ":2: pose: ", "are lengths in mm?"),

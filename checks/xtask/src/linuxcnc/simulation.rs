@@ -1,4 +1,4 @@
-//! Machines under LinuxCNC in simulation: driven by a script, recorded in every period, and held against the host.
+//! Machines under LinuxCNC in simulation: driven by a script, recorded in every period, and compared with the host.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -168,7 +168,7 @@ fn near_a_singularity(five: &FiveAxis<'_, f64>, home: Configuration<f64>) -> Opt
     })
 }
 
-/// Drives a machine through homing, moves, loads, refusals and its program, and holds every period against the host.
+/// Drives a machine through homing, moves, loads, refusals and its program, and compares every period with the host.
 fn drive(name: &str, periods: usize) -> Outcome {
     let fails = |what: String| Err(format!("{name}: {what}"));
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;

@@ -1,4 +1,4 @@
-//! What the paper's Section 5.2 says of its Fig. 7, held against a map.
+//! What the paper's Section 5.2 says of its Fig. 7, compared with a map.
 //!
 //! Each claim is given a sense that can be computed from the CSV alone, over all points that have a stiffness or over
 //! those inside the table's box. The X0 extent of these points is cut into three equal parts, left (least X0), middle

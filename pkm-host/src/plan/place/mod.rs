@@ -50,7 +50,7 @@ impl Objective {
     fn cost(self, posture: &Posture) -> f64 {
         match self {
             Self::Paper => 1.0 / posture.k.iter().sum::<f64>(),
-            // a bench for these has deflections
+            // a model for these has deflections
             Self::TipWorst | Self::TipMean => posture.deflection_m.unwrap_or(f64::INFINITY),
         }
     }
@@ -82,7 +82,7 @@ pub struct Posture {
 /// Why a hole is out of reach somewhere.
 #[derive(Clone, Copy, Debug)]
 enum Miss {
-    /// No posture within travel and limits on the home side.
+    /// No posture within travel and limits in home's working mode.
     Reach,
     /// There is one, and it lies outside of the table's box.
     Table,
@@ -91,7 +91,7 @@ enum Miss {
 }
 
 /// All that a position is judged by.
-pub struct Bench<'a> {
+pub struct PlacementModel<'a> {
     pub(crate) reach: Reach<'a>,
     pub(crate) table: Option<CorrectionTable<'a, f64>>,
     /// Principal stiffnesses by the paper's form.
@@ -100,7 +100,7 @@ pub struct Bench<'a> {
     pub(crate) extrapolate: bool,
 }
 
-impl<'a> Bench<'a> {
+impl<'a> PlacementModel<'a> {
     /// `table`: with whether its diagonal form gives the principal stiffnesses.
     ///
     /// # Errors
@@ -172,7 +172,7 @@ impl<'a> Bench<'a> {
         Ok(Posture { hold, k, deflection_m, outside_box })
     }
 
-    /// Every posture that reaches a tool on the home side.
+    /// Every posture that reaches a tool in home's working mode.
     fn postures(&self, tool: &Tool<f64>, wrench: &Wrench<f64>) -> std::result::Result<Vec<Posture>, Miss> {
         let mut miss = Miss::Reach;
         let mut found = Vec::new();

@@ -7,7 +7,7 @@ use fastrand::Rng;
 use pkm_core::Configuration;
 use rayon::prelude::*;
 
-use super::{Bench, Miss, Objective, Posture};
+use super::{Miss, Objective, PlacementModel, Posture};
 use crate::error::{Failure, Result};
 use crate::files::job::{Axis, Job, PerAxis, Position, Series};
 use crate::progress::Progress;
@@ -125,7 +125,7 @@ type Judged = (f64, Vec<Posture>);
 type Polished = (f64, Position, Vec<Posture>);
 
 struct Searcher<'a> {
-    bench: &'a Bench<'a>,
+    model: &'a PlacementModel<'a>,
     series: &'a Series,
     /// More than one posture reached a hole somewhere: all have to be looked for everywhere.
     several: bool,
@@ -139,11 +139,11 @@ impl Searcher<'_> {
         hole: usize,
         near: &mut Configuration<f64>,
     ) -> std::result::Result<Vec<Posture>, Miss> {
-        let tool = self.bench.tool(&self.series.holes[hole], position);
+        let tool = self.model.tool(&self.series.holes[hole], position);
         if self.several {
-            self.bench.postures(&tool, &self.series.wrench)
+            self.model.postures(&tool, &self.series.wrench)
         } else {
-            self.bench.only(&tool, &self.series.wrench, near)
+            self.model.only(&tool, &self.series.wrench, near)
         }
     }
 
@@ -180,7 +180,7 @@ impl Searcher<'_> {
 
     fn state(&self) -> State {
         let count = self.series.holes.len();
-        State { near: vec![self.bench.reach.home(); count], order: (0..count).collect() }
+        State { near: vec![self.model.reach.home(); count], order: (0..count).collect() }
     }
 }
 
@@ -266,7 +266,7 @@ impl Polish<'_> {
     }
 
     fn limited(&self, axis: Axis, value: f64) -> f64 {
-        let [low, high] = self.searcher.bench.job.limits[axis];
+        let [low, high] = self.searcher.model.job.limits[axis];
         value.clamp(low, high)
     }
 }
@@ -290,9 +290,9 @@ fn places([low, high]: [f64; 2], step: f64) -> Vec<f64> {
 }
 
 /// Whether holes of a series are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
-fn in_several_ways(bench: &Bench<'_>, series: &Series) -> bool {
-    lattice(bench.job).par_iter().any(|position| {
-        series.holes.iter().any(|hole| bench.reach.on_home_side(&bench.tool(hole, position)).count() > 1)
+fn in_several_ways(model: &PlacementModel<'_>, series: &Series) -> bool {
+    lattice(model.job).par_iter().any(|position| {
+        series.holes.iter().any(|hole| model.reach.on_home_side(&model.tool(hole, position)).count() > 1)
     })
 }
 
@@ -314,16 +314,16 @@ fn lattice(job: &Job) -> Vec<Position> {
 /// # Errors
 /// No position of the grid reaches every hole: which, and by how much.
 pub fn place(
-    bench: &Bench<'_>,
+    model: &PlacementModel<'_>,
     objectives: &[Objective],
     options: &Options,
     progress: &Progress<'_>,
 ) -> Result<Placed> {
-    let job = bench.job;
+    let job = model.job;
     let axes = grid_axes(job, options)?;
     let (mut placements, mut grids) = (Vec::new(), Vec::new());
     for (n, series) in job.series.iter().enumerate() {
-        let searcher = Searcher { bench, series, several: in_several_ways(bench, series), progress };
+        let searcher = Searcher { model, series, several: in_several_ways(model, series), progress };
         let grid = searcher.grid(objectives, axes.clone());
         for (o, objective) in objectives.iter().enumerate() {
             let Some(certified) = grid.best(o) else { return Err(searcher.unreachable(options)) };
@@ -482,7 +482,7 @@ impl Searcher<'_> {
         let mut rng = Rng::with_seed(seed);
         let position = |shares: &Shares| {
             PerAxis::of(|axis| {
-                let [low, high] = self.bench.job.limits[axis];
+                let [low, high] = self.model.job.limits[axis];
                 low + shares[axis as usize] * (high - low)
             })
         };
@@ -553,19 +553,19 @@ impl Searcher<'_> {
 
     /// Why no position reaches every hole: which hole, and by how much.
     fn unreachable(&self, options: &Options) -> Failure {
-        let (bench, series) = (self.bench, self.series);
-        let lattice = lattice(bench.job);
+        let (model, series) = (self.model, self.series);
+        let lattice = lattice(model.job);
         let at = |position: &Position| {
-            let turned = if bench.job.rotary.is_some() {
+            let turned = if model.job.rotary.is_some() {
                 format!(", {:.1}°", position.rotary_rad.to_degrees())
             } else {
                 String::new()
             };
             format!("dx = {:.1} mm, dy = {:.1} mm{turned}", position.dx_m * 1e3, position.dy_m * 1e3)
         };
-        let fail = |status, message: String| Failure::refused(status, message).in_file(&bench.job.source.name);
+        let fail = |status, message: String| Failure::refused(status, message).in_file(&model.job.source.name);
         let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
-            let each = |hole| bench.postures(&bench.tool(hole, position), &series.wrench).map(drop);
+            let each = |hole| model.postures(&model.tool(hole, position), &series.wrench).map(drop);
             series.holes.iter().map(each).collect()
         };
         let all: Vec<_> = lattice.par_iter().map(|position| (*position, reached(position))).collect();
@@ -597,9 +597,9 @@ impl Searcher<'_> {
                     }
                     Err(Miss::Stiffness) => (0.0, "unreachable", "without a stiffness of the model".to_owned()),
                     _ => {
-                        let (far, words) = bench.reach.shortfall(&bench.tool(&series.holes[h], position))?;
+                        let (far, words) = model.reach.shortfall(&model.tool(&series.holes[h], position))?;
                         if words.is_empty() {
-                            (far, "singular", "too near to the singular surface of the five axes".to_owned())
+                            (far, "singular", "too near a singularity of the five axes".to_owned())
                         } else {
                             (far, "out_of_travel", words)
                         }
@@ -610,12 +610,12 @@ impl Searcher<'_> {
             .min_by(|a, b| a.0.total_cmp(&b.0));
         match (alone, nearest) {
             (true, Some((_, _, status, words))) => {
-                fail(status, format!("{named} is out of reach from every position looked at; nearest is: {words}"))
+                fail(status, format!("{named} is out of reach from every position tried; nearest is: {words}"))
             }
             (true, None) => fail(
                 "unreachable",
                 format!(
-                    "{named} is out of reach from every position looked at, whatever travel and limits are: is its axis towards the machine's back?"
+                    "{named} is out of reach from every position tried, whatever travel and limits are: is its axis towards the machine's back?"
                 ),
             ),
             (false, nearest) => {
@@ -624,7 +624,7 @@ impl Searcher<'_> {
                         (h, status, format!(": {words}"))
                     });
                 let message = format!(
-                    "no position looked at reaches all {} holes of series `{}`, at the most {most}; then hole {} is missing{words}",
+                    "series `{1}`: the best position reaches {most} of {0} holes; hole {2} is out of reach{words}",
                     series.holes.len(),
                     series.name,
                     h + 1

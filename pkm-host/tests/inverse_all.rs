@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use pkm_core::tables::reference::{MACHINE_F64, WRIST, WRIST_F64};
 use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
-use pkm_host::plan::inverse_all::holds;
+use pkm_host::plan::inverse_all::inverse_all;
 use pkm_tests::seeded;
 
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
@@ -45,7 +45,7 @@ fn every_way_to_hold_a_tool_is_found() {
         if share.abs() < 1e-3 {
             continue;
         }
-        let found = holds(&FIVE, &WRIST, &tool);
+        let found = inverse_all(&FIVE, &WRIST, &tool);
         counts[found.len()] += 1;
         for hold in &found {
             worst = worst.max(off(&FIVE, hold, &tool));
@@ -68,7 +68,7 @@ fn no_search_finds_another() {
         let five = FiveAxis { machine: &MACHINE_F64, wrist: &wrist };
         for _ in 0..300 {
             let Ok(tool) = five.tool(&configuration(&mut rng, 3.0)) else { continue };
-            let found = holds(&five, &p, &tool);
+            let found = inverse_all(&five, &p, &tool);
             several += usize::from(found.iter().filter(|h| h.home_share > 0.1).count() > 1);
             for _ in 0..30 {
                 let Ok(hold) = five.inverse(&tool, &configuration(&mut rng, 3.0)) else { continue };
@@ -77,6 +77,6 @@ fn no_search_finds_another() {
             }
         }
     }
-    println!("{several} tools in several ways on the home side");
+    println!("{several} tools in several ways in home's working mode");
     assert!(several > 0);
 }
