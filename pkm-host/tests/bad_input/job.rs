@@ -25,8 +25,8 @@ const KINDS: &[Kind] = &[
     ("a bracket too many", Put("[0, 0, 0, 1]]\n", "[0, 0, 0, 1]]]\n"), ":6: ", "expected"),
     ("an unclosed quote", Put("\"A\"", "\"A"), ":15: ", "expected"),
     ("no quotes", Put("\"A\"", "A"), ":15: ", "quote"),
-    ("a key twice", Put("dx_mm = [-400.0, 400.0]", "dx_mm = [-400.0, 400.0]\ndx_mm = [-400.0, 400.0]"), ":11: dx_mm: ", "twice"),
-    ("a name twice in a series", Put("name = \"A\"", "name = \"A\"\nname = \"B\""), ":16: name: ", "twice"),
+    ("a key twice", Put("dx_mm = [-400.0, 400.0]", "dx_mm = [-400.0, 400.0]\ndx_mm = [-400.0, 400.0]"), ":11: dx_mm: ", "duplicate"),
+    ("a name twice in a series", Put("name = \"A\"", "name = \"A\"\nname = \"B\""), ":16: name: ", "duplicate"),
     ("10,000 brackets", Make(|good| good.replacen("[0, 0, -1]", &"[".repeat(10_000), 1).into()), ":18: ", "nested"),
     ("a line of 10 MB", Make(|good| good.replacen("\"A\"", &"A".repeat(10_000_000), 1).into()), ":15: ", "neither a number nor text in quotes"),
     // numbers

@@ -98,7 +98,7 @@ const KINDS: &[Kind] = &[
     ("two limbs", Make(|good| good[..good.rfind("[[limb]]").unwrap()].into()), ":32: limb: ", "three [[limb]] tables, found 2"),
     ("four limbs", Make(|good| good.replacen("# What", &format!("{}\n#", &good[good.rfind("[[limb]]").unwrap()..good.find("# What").unwrap()]), 1).into()), ":32: limb: ", "three [[limb]] tables, found 4"),
     ("no limbs", Make(|good| good[..good.find("[[limb]]").unwrap()].into()), ": limb: ", "missing"),
-    ("limbs of a misspelt name", Put("[[limb]]\n[limb.base_joint]\nlinear_n_per_m     = [2.5e8", "[[limbs]]\n[limb.base_joint]\nlinear_n_per_m     = [2.5e8"), ":57: limb.base_joint: ", "twice"),
+    ("limbs of a misspelt name", Put("[[limb]]\n[limb.base_joint]\nlinear_n_per_m     = [2.5e8", "[[limbs]]\n[limb.base_joint]\nlinear_n_per_m     = [2.5e8"), ":57: limb.base_joint: ", "duplicate"),
     // keys
     ("an unknown key at the top", Put("name = ", "nome = 1\nname = "), ":3: nome: ", "unknown key|`name`"),
     ("an unknown section", Put("[uncertainty]", "[uncertainties]"), ":27: uncertainties: ", "unknown key|`uncertainty`"),
@@ -108,9 +108,9 @@ const KINDS: &[Kind] = &[
     ("a missing section", Put("[travel]\nmin_mm = [420.0, 420.0, 420.0]\nmax_mm = [770.0, 770.0, 770.0]\n", ""), ": travel: ", "missing"),
     ("a missing joint", Put("[limb.platform_joint]\nlinear_n_per_m     = [2.5e8, 2.5e8, 2.5e8]\nangular_nm_per_rad = [0.0, 3.0e5, 3.0e5]\n", ""), ":32: limb.1.platform_joint: ", "missing"),
     ("a missing key of a tube", Put("outer_mm = 60.0, ", ""), ":41: limb.1.body.rod.outer_mm: ", "missing"),
-    ("a key twice", Put("a1_mm = 180.0", "a1_mm = 180.0\na1_mm = 180.0"), ":7: a1_mm: ", "twice"),
-    ("a section twice", Put("[travel]", "[geometry]\n[travel]"), ":11: geometry: ", "twice"),
-    ("a key twice, once with dots", Put("[geometry]", "geometry.a1_mm = 180.0\n[geometry]"), ":6: geometry: ", "twice"),
+    ("a key twice", Put("a1_mm = 180.0", "a1_mm = 180.0\na1_mm = 180.0"), ":7: a1_mm: ", "duplicate"),
+    ("a section twice", Put("[travel]", "[geometry]\n[travel]"), ":11: geometry: ", "duplicate"),
+    ("a key twice, once with dots", Put("[geometry]", "geometry.a1_mm = 180.0\n[geometry]"), ":6: geometry: ", "duplicate"),
     ("no format", Put("format = 1\n", ""), ": format: ", "missing"),
     ("another format", Put("format = 1", "format = 2"), ":2: format: ", "expected 1, found 2"),
     ("a format in quotes", Put("format = 1", "format = \"1\""), ":2: format: ", "expected a whole number, found string"),
@@ -134,5 +134,5 @@ const KINDS: &[Kind] = &[
     ("text for an effect's parameter", effect!("id = \"wrist-compliance\"\nlinear_m_per_n = \"x\""), ":81: effect.wrist-compliance.linear_m_per_n: ", "expected a number"),
     ("an endless text for it", Make(|good| format!("{good}[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = \"{}\"\n", "x".repeat(1_000_000)).into()), ":81: effect.wrist-compliance.linear_m_per_n: ", "expected a number"),
     ("an effect of another size", effect!("id = \"base-compliance\"\nmount_m_per_n = 1e305"), ":81: effect.base-compliance.mount_m_per_n: ", "smaller number"),
-    ("an effect twice", effect!("id = \"wrist-compliance\"\nlinear_m_per_n = 1e-9\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1"), ":83: effect.id: ", "twice"),
+    ("an effect twice", effect!("id = \"wrist-compliance\"\nlinear_m_per_n = 1e-9\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1"), ":83: effect.id: ", "duplicate"),
 ];

@@ -55,7 +55,7 @@ const KINDS: &[Kind] = &[
     ("kelvins", Put("temperature_c", "temperature_k"), ":1: temperature_k: ", "did you mean `temperature_c`?"),
     ("a misspelt series", Put("series", "serie"), ":1: serie: ", "did you mean `series`?"),
     ("a point without its height", Put("point_w_mm", "note"), ":1: point_w_mm: ", "missing column"),
-    ("a deflection twice", Put("dy_um", "dx_um"), ":1: dx_um: ", "twice"),
+    ("a deflection twice", Put("dy_um", "dx_um"), ":1: dx_um: ", "duplicate"),
     ("a direction of another name", Put("unload", "down"), ":4: direction: ", "expected `load` or `unload`, found `down`"),
     ("a direction in capitals", Put("unload", "Unload"), ":4: direction: ", "expected `load` or `unload`, found `Unload`"),
     ("an endless direction", Make(|good| good.replace("unload", &"x".repeat(1_000_000)).into()), ":4: direction: ", "expected `load` or `unload`"),

@@ -100,7 +100,7 @@ const SHEETS: &[Kind] = &[
     ("metres", Put("z_mm", "z_m"), ":4: z_m: ", "did you mean `z_mm`?"),
     ("no force", Put(",fz_n", ",note"), ":4: fz_n: ", "missing column"),
     ("no axis", Put(",k,", ",note,"), ":4: k: ", "missing column"),
-    ("an axis twice", Put(",k,", ",j,"), ":4: j: ", "twice"),
+    ("an axis twice", Put(",k,", ",j,"), ":4: j: ", "duplicate"),
     ("wrist's joints for an axis", Put(",i,j,k,", ",a,b,c,"), ":4: a: ", "did you mean `i`?"),
     ("NaN", Put("-205.000,-20.000", "-205.000,nan"), ":5: y_mm: ", "number"),
     ("nothing", Put("-205.000,-20.000", "-205.000,"), ":5: y_mm: ", "empty cell"),

@@ -57,7 +57,7 @@ const BY_LENGTHS: &[Kind] = &[
     ("lengths that nothing closes", Put("567.6,549.6,523.5", "420,770,500"), ":2: pose: ", "pose `a`"),
     ("a length missing", Put("q2_mm", "note"), ":1: q2_mm: ", "missing column"),
     ("a length in another unit", Put("q2_mm", "q2_m"), ":1: q2_m: ", "did you mean `q2_mm`?"),
-    ("a length twice", Put("q2_mm", "q1_mm"), ":1: q1_mm: ", "twice"),
+    ("a length twice", Put("q2_mm", "q1_mm"), ":1: q1_mm: ", "duplicate"),
     ("a fourth length", Put("q3_mm\n", "q3_mm,q4_mm\n"), ":2: ", "expected 5 cells"),
     ("an angle as well", Make(|_| "pose,q1_mm,q2_mm,q3_mm,theta_deg\na,560,560,560,0\n".into()), ":1: q1_mm: ", "not both"),
     ("an empty length", Put("567.6", ""), ":2: q1_mm: ", "number|empty cell"),

@@ -54,7 +54,7 @@ const KINDS: &[Kind] = &[
     ("a missing column", Put(",k66\n", ",note\n"), ":3: k66: ", "missing column"),
     ("a missing column of the pose", Make(|good| cells(good, |_, c| drop(c.remove(3)))), ":1: z0_mm: ", "missing column"),
     ("no column of ids", Make(|good| cells(good, |_, c| drop(c.remove(0)))), ":1: pose: ", "missing column"),
-    ("a column twice", Put("pose,theta_deg", "pose,sigma_deg"), ":3: sigma_deg: ", "twice"),
+    ("a column twice", Put("pose,theta_deg", "pose,sigma_deg"), ":3: sigma_deg: ", "duplicate"),
     ("a misspelt column", Put("sigma_deg", "simga_deg"), ":3: simga_deg: ", "did you mean `sigma_deg`?"),
     ("a column in capitals", Put("pose,", "POSE,"), ":3: POSE: ", "did you mean `pose`?"),
     ("a column without its underscore", Put("z0_mm", "z0mm"), ":3: z0mm: ", "did you mean `z0_mm`?"),
