@@ -126,17 +126,16 @@ pub fn bar(bar: &Bar, stations: &[f64], size: f64) -> BarMesh {
 /// Most points of a plate's plane.
 const MOST_POINTS: usize = 30_000;
 
-/// A plate with its bores, each with its centre and its diameter; `None` when it takes too many elements.
-pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> Option<PlateMesh> {
-    let widest = bores.iter().map(|(_, diameter)| *diameter).fold(0.0, f64::max);
-    // a thin plate bends within a few thicknesses of what holds it
-    let element = size * (0.5 * widest).min(2.5 * plate.thickness_m);
-    let on_circle = |[x, y]: [f64; 2], radius: f64, n: usize, of: usize| {
-        let angle = 2.0 * PI * n as f64 / of as f64;
-        Point2::new(x + radius * angle.cos(), y + radius * angle.sin())
-    };
+/// A plate's plane as triangles, and those of them that are outside.
+type Plane = (ConstrainedDelaunayTriangulation<Point2<f64>>, BTreeSet<usize>);
 
-    // the outline: hull of the rims, its long sides divided
+fn on_circle([x, y]: [f64; 2], radius: f64, n: usize, of: usize) -> Point2<f64> {
+    let angle = 2.0 * PI * n as f64 / of as f64;
+    Point2::new(x + radius * angle.cos(), y + radius * angle.sin())
+}
+
+/// The outline of a plate: hull of the rims, its long sides divided.
+fn outline(plate: &Plate, bores: &[([f64; 2], f64)], element: f64) -> Vec<Point2<f64>> {
     let mut rims = DelaunayTriangulation::<Point2<f64>>::new();
     for (at, diameter) in bores {
         for n in 0..32 {
@@ -152,7 +151,11 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> Option<Plat
             Point2::new(from.x + share * (to.x - from.x), from.y + share * (to.y - from.y))
         }));
     }
+    outline
+}
 
+/// The plane within an outline, without the bores; `None` when it takes too many elements.
+fn plane(outline: Vec<Point2<f64>>, bores: &[([f64; 2], f64)], element: f64, size: f64) -> Option<Plane> {
     let triangle = 3.0_f64.sqrt() / 4.0 * element * element;
     let next = outline.iter().cycle().skip(1);
     let area: f64 = outline.iter().zip(next).map(|(a, b)| 0.5 * (a.x * b.y - a.y * b.x)).sum();
@@ -178,6 +181,15 @@ pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> Option<Plat
         return None;
     }
     let outside: BTreeSet<usize> = refined.excluded_faces.iter().map(FixedFaceHandle::index).collect();
+    Some((flat, outside))
+}
+
+/// A plate with its bores, each with its centre and its diameter; `None` when it takes too many elements.
+pub fn plate(plate: &Plate, bores: &[([f64; 2], f64)], size: f64) -> Option<PlateMesh> {
+    let widest = bores.iter().map(|(_, diameter)| *diameter).fold(0.0, f64::max);
+    // a thin plate bends within a few thicknesses of what holds it
+    let element = size * (0.5 * widest).min(2.5 * plate.thickness_m);
+    let (flat, outside) = plane(outline(plate, bores, element), bores, element, size)?;
 
     // where a point lies: on the wall of a bore, on the edge, or inside
     let on_bore = |p: [f64; 2]| {

@@ -1,6 +1,8 @@
 //! Where the workpiece should stand (paper, Section 6, Eqs. 15-16; `docs/theory.md`).
 
+mod evolution;
 pub(crate) mod search;
+mod unreachable;
 
 use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, Stiffness, Tool, ToolError, Wrench};
 

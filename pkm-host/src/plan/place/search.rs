@@ -1,9 +1,7 @@
-//! Grid and polish, the paper's genetic algorithm, differential evolution.
+//! Grid and polish, and which method finds a placement.
 
-use std::f64::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use fastrand::Rng;
 use pkm_core::Configuration;
 use rayon::prelude::*;
 
@@ -47,9 +45,6 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Individuals, and generations after the first: 4,960 evaluations.
-const POPULATION: usize = 40;
-const GENERATIONS: usize = 123;
 /// Positions of a coarse lattice along each axis, to see in how many ways holes are reached.
 const LATTICE: usize = 21;
 /// Grid optima that are polished.
@@ -62,9 +57,6 @@ const MOST_POSITIONS: f64 = 4e6;
 const FINEST: f64 = 1e-6;
 /// Of the polish, at the most.
 const ROUNDS: usize = 4;
-/// Shares of the genetic algorithm's children that are crossed, and of their genes that are mutated.
-const CROSSED: f64 = 0.9;
-const MUTATED: f64 = 0.2;
 
 /// One position of the grid as an objective sees it.
 #[derive(Clone, Copy, Debug)]
@@ -117,19 +109,18 @@ pub struct Placed {
     pub grids: Vec<Grid>,
 }
 
-/// An individual of an evolution: where between its limits each axis stands, 0 to 1.
-type Shares = [f64; 3];
 /// A position's value, and its postures, one a hole.
 type Judged = (f64, Vec<Posture>);
 /// The same with the position.
 type Polished = (f64, Position, Vec<Posture>);
 
-struct Searcher<'a> {
-    model: &'a PlacementModel<'a>,
-    series: &'a Series,
+/// Looks for positions of one series of holes.
+pub(super) struct Searcher<'a> {
+    pub(super) model: &'a PlacementModel<'a>,
+    pub(super) series: &'a Series,
     /// More than one posture reached a hole somewhere: all have to be looked for everywhere.
     several: bool,
-    progress: &'a Progress<'a>,
+    pub(super) progress: &'a Progress<'a>,
 }
 
 impl Searcher<'_> {
@@ -168,7 +159,7 @@ impl Searcher<'_> {
     }
 
     /// For evolution: holes out of reach, then the value.
-    fn penalised(&self, objective: Objective, position: &Position, state: &mut State) -> (usize, f64) {
+    pub(super) fn penalised(&self, objective: Objective, position: &Position, state: &mut State) -> (usize, f64) {
         let count = self.series.holes.len();
         let found: Vec<_> =
             (0..count).filter_map(|hole| self.reached(position, hole, &mut state.near[hole]).ok()).collect();
@@ -178,14 +169,14 @@ impl Searcher<'_> {
         }
     }
 
-    fn state(&self) -> State {
+    pub(super) fn state(&self) -> State {
         let count = self.series.holes.len();
         State { near: vec![self.model.reach.home(); count], order: (0..count).collect() }
     }
 }
 
 /// What the next position starts from.
-struct State {
+pub(super) struct State {
     near: Vec<Configuration<f64>>,
     order: Vec<usize>,
 }
@@ -296,7 +287,7 @@ fn in_several_ways(model: &PlacementModel<'_>, series: &Series) -> bool {
     })
 }
 
-fn lattice(job: &Job) -> Vec<Position> {
+pub(super) fn lattice(job: &Job) -> Vec<Position> {
     let along = |limits: [f64; 2]| places(limits, ((limits[1] - limits[0]) / (LATTICE - 1) as f64).max(1e-12));
     let [xs, ys, angles] = Axis::ALL.map(|axis| along(job.limits[axis]));
     let mut all = Vec::new();
@@ -469,174 +460,4 @@ impl Searcher<'_> {
         let all: Vec<Polished> = starts.par_iter().filter_map(|start| polish.from(*start)).collect();
         all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
     }
-
-    /// The paper's genetic algorithm, real-coded: tournaments, blend crossover, mutation that narrows, the best two kept; or
-    /// differential evolution (the sum of one and the weighted difference of two others).
-    fn evolved(
-        &self,
-        objective: Objective,
-        method: Method,
-        seed: u64,
-        convergence: &mut Vec<(usize, f64)>,
-    ) -> Option<Position> {
-        let mut rng = Rng::with_seed(seed);
-        let position = |shares: &Shares| {
-            PerAxis::of(|axis| {
-                let [low, high] = self.model.job.limits[axis];
-                low + shares[axis as usize] * (high - low)
-            })
-        };
-        let judged = |all: &[Shares]| -> Vec<(usize, f64)> {
-            all.par_iter().map(|shares| self.penalised(objective, &position(shares), &mut self.state())).collect()
-        };
-        let better = |a: (usize, f64), b: (usize, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).is_lt();
-        let mut all: Vec<Shares> = (0..POPULATION).map(|_| [rng.f64(), rng.f64(), rng.f64()]).collect();
-        let mut costs = judged(&all);
-        let told = format!("series {}, {}", self.series.name, objective.name());
-        for generation in 0..=GENERATIONS {
-            (self.progress)(&told, generation as u64, GENERATIONS as u64);
-            let best = (0..POPULATION)
-                .min_by(|a, b| costs[*a].0.cmp(&costs[*b].0).then(costs[*a].1.total_cmp(&costs[*b].1)))?;
-            if costs[best].0 == 0 {
-                convergence.push(((generation + 1) * POPULATION, costs[best].1));
-            }
-            if generation == GENERATIONS {
-                return (costs[best].0 == 0).then(|| position(&all[best]));
-            }
-            let next: Vec<Shares> = match method {
-                Method::De => (0..POPULATION)
-                    .map(|i| {
-                        let [a, b, c] = [0; 3].map(|_| all[rng.usize(..POPULATION)]);
-                        let (weight, kept) = (0.5 + 0.5 * rng.f64(), rng.usize(..3));
-                        std::array::from_fn(|d| {
-                            let mixed = a[d] + weight * (b[d] - c[d]);
-                            if d == kept || rng.f64() < 0.9 { reflected(mixed) } else { all[i][d] }
-                        })
-                    })
-                    .collect(),
-                _ => {
-                    let width = 0.2 * (1.0 - generation as f64 / GENERATIONS as f64).powi(3) + 5e-4;
-                    let mut tournament = || {
-                        let [a, b] = [0; 2].map(|_| rng.usize(..POPULATION));
-                        let winner = all[if better(costs[b], costs[a]) { b } else { a }];
-                        (winner, rng.f64(), [rng.f64(), rng.f64(), rng.f64()])
-                    };
-                    let mut children: Vec<Shares> = Vec::with_capacity(POPULATION);
-                    while children.len() < POPULATION {
-                        let ((a, crossed, share), (b, ..)) = (tournament(), tournament());
-                        // from a third beyond the one to a third beyond the other
-                        let mixed = |d: usize| a[d] + (share[d] * 5.0 / 3.0 - 1.0 / 3.0) * (b[d] - a[d]);
-                        children.push(std::array::from_fn(|d| if crossed < CROSSED { mixed(d) } else { a[d] }));
-                    }
-                    for gene in children.iter_mut().flatten() {
-                        if rng.f64() < MUTATED {
-                            *gene += width * (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (2.0 * PI * rng.f64()).cos();
-                        }
-                        *gene = reflected(*gene);
-                    }
-                    let second = (0..POPULATION).filter(|i| *i != best).fold(best, |second, i| {
-                        if second == best || better(costs[i], costs[second]) { i } else { second }
-                    });
-                    (children[0], children[1]) = (all[best], all[second]);
-                    children
-                }
-            };
-            let found = judged(&next);
-            for i in 0..POPULATION {
-                if method != Method::De || !better(costs[i], found[i]) {
-                    (all[i], costs[i]) = (next[i], found[i]);
-                }
-            }
-        }
-        None
-    }
-
-    /// Why no position reaches every hole: which hole, and by how much.
-    fn unreachable(&self, options: &Options) -> Failure {
-        let (model, series) = (self.model, self.series);
-        let lattice = lattice(model.job);
-        let at = |position: &Position| {
-            let turned = if model.job.rotary.is_some() {
-                format!(", {:.1}°", position.rotary_rad.to_degrees())
-            } else {
-                String::new()
-            };
-            format!("dx = {:.1} mm, dy = {:.1} mm{turned}", position.dx_m * 1e3, position.dy_m * 1e3)
-        };
-        let fail = |status, message: String| Failure::refused(status, message).in_file(&model.job.source.name);
-        let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
-            let each = |hole| model.postures(&model.tool(hole, position), &series.wrench).map(drop);
-            series.holes.iter().map(each).collect()
-        };
-        let all: Vec<_> = lattice.par_iter().map(|position| (*position, reached(position))).collect();
-        let count = |hole: usize| all.iter().filter(|(_, reached)| reached[hole].is_ok()).count();
-        let hole = (0..series.holes.len()).min_by_key(|hole| count(*hole)).unwrap_or(0);
-        let named = format!("hole {} of series `{}`", hole + 1, series.name);
-        // where most holes are in reach, and this one is nearest to it
-        let most = all.iter().map(|(_, reached)| reached.iter().filter(|r| r.is_ok()).count()).max().unwrap_or(0);
-        if let Some((position, _)) = all.iter().find(|(_, reached)| reached.iter().all(|r| r.is_ok())) {
-            let step = options.step_m * 1e3;
-            return Failure::usage(format!(
-                "series `{}`: the grid of --step-mm {step} is too coarse: no position of it reaches every hole, {} does",
-                series.name,
-                at(position)
-            ));
-        }
-        let alone = count(hole) == 0;
-        let candidates =
-            all.iter().filter(|(_, reached)| alone || reached.iter().filter(|r| r.is_ok()).count() == most);
-        let nearest = candidates
-            .flat_map(|(position, reached)| {
-                let missing = (0..series.holes.len()).filter(|h| reached[*h].is_err() && (!alone || *h == hole));
-                missing.map(move |h| (position, h, &reached[h])).collect::<Vec<_>>()
-            })
-            .filter_map(|(position, h, reached)| {
-                let (far, status, words) = match reached {
-                    Err(Miss::Table) => {
-                        (0.0, "outside_box", "outside of the table's box (see --allow-extrapolation)".to_owned())
-                    }
-                    Err(Miss::Stiffness) => (0.0, "unreachable", "without a stiffness of the model".to_owned()),
-                    _ => {
-                        let (far, words) = model.reach.shortfall(&model.tool(&series.holes[h], position))?;
-                        if words.is_empty() {
-                            (far, "singular", "too near a singularity of the five axes".to_owned())
-                        } else {
-                            (far, "out_of_travel", words)
-                        }
-                    }
-                };
-                Some((far, h, status, format!("{words} at {}", at(position))))
-            })
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        match (alone, nearest) {
-            (true, Some((_, _, status, words))) => {
-                fail(status, format!("{named} is out of reach from every position tried; nearest is: {words}"))
-            }
-            (true, None) => fail(
-                "unreachable",
-                format!(
-                    "{named} is out of reach from every position tried, whatever travel and limits are: is its axis towards the machine's back?"
-                ),
-            ),
-            (false, nearest) => {
-                let (h, status, words) = nearest
-                    .map_or((hole, "unreachable", String::new()), |(_, h, status, words)| {
-                        (h, status, format!(": {words}"))
-                    });
-                let message = format!(
-                    "series `{1}`: the best position reaches {most} of {0} holes; hole {2} is out of reach{words}",
-                    series.holes.len(),
-                    series.name,
-                    h + 1
-                );
-                fail(status, message)
-            }
-        }
-    }
-}
-
-/// Back into 0…1 from beyond.
-fn reflected(share: f64) -> f64 {
-    let folded = share.rem_euclid(2.0);
-    if folded > 1.0 { 2.0 - folded } else { folded }
 }
