@@ -54,8 +54,8 @@ const KINDS: &[Kind] = &[
     ("10,000 brackets for a name", Make(|good| good.replacen("\"reference\"", &"[".repeat(10_000), 1).into()), ":3: ", "machine"),
     ("10,000 brackets at the top", Make(|_| "[".repeat(10_000).into()), ":1: ", "found an array"),
     ("10,000 brackets under an unknown key", Make(|good| good.replacen("\"format\"", &format!("\"x\": {}", "[".repeat(10_000)), 1).into()), ":2: ", "x"),
-    ("a key twice", Put("\"format\": 1,", "\"format\": 1,\n  \"format\": 1,"), ":3: ", "format|twice"),
-    ("a machine twice", Put("\"data\":", "\"machine\": \"x\",\n  \"data\":"), ":5: ", "machine|twice"),
+    ("a key twice", Put("\"format\": 1,", "\"format\": 1,\n  \"format\": 1,"), ":3: ", "duplicate key|format"),
+    ("a machine twice", Put("\"data\":", "\"machine\": \"x\",\n  \"data\":"), ":5: ", "duplicate key|machine"),
     ("a line of 10 MB", Make(|good| good.replacen("{", &format!("{{{}", " x".repeat(5_000_000)), 1).into()), ":1: ", "not JSON"),
     ("a key of 10 MB", Make(|good| good.replacen("\"format\"", &format!("\"{}\"", "x".repeat(10_000_000)), 1).into()), ":2: ", "unknown key"),
     // numbers
