@@ -283,6 +283,28 @@ fn effects_soften_the_machine_and_reach_the_generated_source() {
 }
 
 #[test]
+fn elements_soften_the_machine_and_reach_the_generated_source() {
+    let folder = Folder::new();
+    let text = format!(
+        "{}\n[[element]]\nplace = \"limb.2.body\"\nmotion = \"axial\"\nlaw = \"extension\"\ncompliance_m_per_n = 2e-9\nslope_per_n = 1e-9\nlength_m = 0.5\n\n[[element]]\nplace = \"base\"\nmotion = \"rz\"\nlaw = \"constant\"\ncompliance_rad_per_nm = 1e-8\n",
+        reference_machine()
+    );
+    let machine = folder.write("soft.toml", &text);
+    let poses = fixture("poses/table5.csv");
+    let soft = json(&["stiffness", "--machine", &machine, "--poses", &poses]);
+    let stiff = json(&["stiffness", "--poses", &poses]);
+    for i in [1, 2, 3, 5] {
+        let k = |document: &Value| document["poses"][0]["k"][i][i].as_f64().unwrap();
+        assert!(k(&soft) < k(&stiff), "k{0}{0}", i + 1);
+    }
+    json(&["fit", "--machine", &machine, "--out", &folder.path("fit")]);
+    let source = folder.read("fit/coefficients.rs");
+    let expected = "effects.with_element(\"limb.2.body\", \"axial\", \"extension\", [2e-9, 1e-9, 0.0, 0.5])";
+    assert!(source.contains(expected), "{source}");
+    assert!(source.contains("effects.with_element(\"base\", \"rz\", \"constant\", [1e-8])"), "{source}");
+}
+
+#[test]
 fn predict_knows_load_dependent_effects() {
     let folder = Folder::new();
     let play = format!("{}\n[[effect]]\nid = \"clearance\"\nplay_m = 2e-5\ntaken_up_n = 20\n", reference_machine());

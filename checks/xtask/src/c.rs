@@ -10,7 +10,7 @@ use pkm_core::{
 };
 
 use crate::image::symbols;
-use crate::qemu::{Host, boot, fit};
+use crate::qemu::{ELEMENTS, Host, boot, fit};
 use crate::{Outcome, output, root};
 
 /// Where a C program runs.
@@ -95,7 +95,7 @@ pub fn run() -> Outcome {
     println!("misuse from Rust: an error, and nothing is written");
 
     let fitted = tempfile::tempdir().map_err(|e| e.to_string())?;
-    fit(&EFFECTS, fitted.path())?;
+    fit(&EFFECTS, ELEMENTS, fitted.path())?;
     let host = Host::read(fitted.path())?;
     let mut greeting = None;
     for platform in &PLATFORMS {

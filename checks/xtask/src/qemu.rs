@@ -25,7 +25,7 @@ use crate::{Outcome, fit_fixtures, output, root};
 enum Origin {
     /// A fit of the fixtures.
     Fit,
-    /// The same with every effect on.
+    /// The same with every effect on, and elements.
     EveryEffect,
     /// A diagnosis of measured data that lack two effects.
     Diagnosis,
@@ -60,12 +60,12 @@ pub fn run() -> Outcome {
                 ", the machine of a diagnosis"
             }
             Origin::Fit => {
-                fit(&[], folder.path())?;
+                fit(&[], "", folder.path())?;
                 ""
             }
             Origin::EveryEffect => {
-                fit(&EFFECTS, folder.path())?;
-                ", every effect on"
+                fit(&EFFECTS, ELEMENTS, folder.path())?;
+                ", every effect on, elements of every law"
             }
         };
         let (mut build, elf) = firmware("parity", cpu);
@@ -76,14 +76,68 @@ pub fn run() -> Outcome {
     Ok(())
 }
 
-/// Fits the fixtures' data with effects of modest size on.
-pub fn fit(effects: &[EffectInfo], folder: &Path) -> Outcome {
+/// Fits the fixtures' data with effects of modest size and elements on.
+pub fn fit(effects: &[EffectInfo], elements: &str, folder: &Path) -> Outcome {
     let path = folder.join("machine.toml");
     let mut text = Source::embedded(pkm_fixtures::MACHINE).text().map_err(|e| e.to_string())?.to_owned();
     text.extend(effects.iter().map(one_of));
+    text.push_str(elements);
     std::fs::write(&path, text).map_err(|e| e.to_string())?;
     fit_fixtures(Some(&path), folder)
 }
+
+/// An element of every law and outside the limbs.
+pub const ELEMENTS: &str = r#"
+[[element]]
+place = "limb.1.base_joint"
+motion = "tilting"
+law = "constant"
+compliance_rad_per_nm = 1e-7
+[[element]]
+place = "limb.2.body"
+motion = "axial"
+law = "extension"
+compliance_m_per_n = 1e-10
+slope_per_n = 1e-10
+curvature_per_nm = -1e-10
+length_m = 0.5
+[[element]]
+place = "limb.3.body"
+motion = "tilting"
+law = "periodic"
+amplitude_rad_per_nm = 1e-8
+pitch_m = 0.01
+phase_rad = 0.3
+[[element]]
+place = "limb.1.platform_joint"
+motion = "lateral"
+law = "temperature"
+compliance_m_per_n_per_k = 1e-11
+[[element]]
+place = "limb.2.body"
+motion = "axial"
+law = "load"
+asymmetric_m_per_n = 1e-10
+even_m_per_n2 = -1e-13
+odd_m_per_n2 = 1e-13
+cubic_m_per_n3 = 1e-16
+play_m = 1e-6
+[[element]]
+place = "limb.3.platform_joint"
+motion = "axial"
+law = "direction"
+lag_m = 1e-6
+[[element]]
+place = "base"
+motion = "rz"
+law = "constant"
+compliance_rad_per_nm = 1e-8
+[[element]]
+place = "tool"
+motion = "w"
+law = "constant"
+compliance_m_per_n = -1e-11
+"#;
 
 /// An `[[effect]]` of modest size.
 fn one_of(effect: &EffectInfo) -> String {

@@ -103,3 +103,34 @@ pub fn tables(elements: &[Option<Element>; MAX_ELEMENTS]) -> Option<ArrayOfTable
     }
     (!tables.is_empty()).then_some(tables)
 }
+
+#[cfg(test)]
+mod tests {
+    use pkm_core::effects::Effects;
+
+    use super::*;
+    use crate::files::machine::MachineFile;
+    use crate::files::source::Source;
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let mut effects = Effects::NONE;
+        for (place, motion, law, parameters) in [
+            ("limb.1.base_joint", "tilting", "extension", [1e-7, -2e-8, 3e-9, 0.55, 0.0, 0.0]),
+            ("limb.2.body", "axial", "load", [0.0, 1e-13, 0.0, 0.0, 2e-6, 40.0]),
+            ("limb.3.platform_joint", "axial", "direction", [0.0, 1e-9, 20.0, 0.0, 0.0, 0.0]),
+            ("limb.3.body", "torsion", "periodic", [0.0, 1e-7, 0.01, -0.5, 0.0, 0.0]),
+            ("moving_platform", "w", "constant", [-1e-10, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            ("base", "rx", "temperature", [1e-10, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            ("tool", "u", "constant", [3e-10, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ] {
+            effects = effects.with_element(place, motion, law, parameters).unwrap();
+        }
+        let mut document: toml_edit::DocumentMut =
+            Source::embedded(pkm_fixtures::MACHINE).text().unwrap().parse().unwrap();
+        document["element"] = toml_edit::Item::ArrayOfTables(tables(&effects.elements).unwrap());
+        let read = MachineFile::parse(Source::from_text("m.toml", document.to_string())).unwrap();
+        assert_eq!(read.parameters.effects, effects);
+        assert!(tables(&Effects::NONE.elements).is_none());
+    }
+}

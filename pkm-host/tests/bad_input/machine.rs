@@ -17,6 +17,13 @@ macro_rules! effect {
     };
 }
 
+/// An `[[element]]` there.
+macro_rules! element {
+    ($text:literal) => {
+        Make(|good| format!("{good}[[element]]\n{}\n", $text).into_bytes())
+    };
+}
+
 #[rustfmt::skip] // a kind a line
 const KINDS: &[Kind] = &[
     // no TOML, or not all of it
@@ -135,4 +142,14 @@ const KINDS: &[Kind] = &[
     ("an endless text for it", Make(|good| format!("{good}[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = \"{}\"\n", "x".repeat(1_000_000)).into()), ":81: effect.wrist-compliance.linear_m_per_n: ", "expected a number"),
     ("an effect of another size", effect!("id = \"base-compliance\"\nmount_m_per_n = 1e305"), ":81: effect.base-compliance.mount_m_per_n: ", "smaller number"),
     ("an effect twice", effect!("id = \"wrist-compliance\"\nlinear_m_per_n = 1e-9\n[[effect]]\nid = \"wrist-compliance\"\nlinear_m_per_n = 1"), ":83: effect.id: ", "duplicate"),
+    // elements
+    ("an element of no place", element!("place = \"limb.4.body\"\nmotion = \"axial\"\nlaw = \"constant\"\ncompliance_m_per_n = 1e-9"), ":80: element.place: ", "limb.3.body"),
+    ("a motion of another place", element!("place = \"base\"\nmotion = \"axial\"\nlaw = \"constant\"\ncompliance_m_per_n = 1e-9"), ":81: element.motion: ", "x, y, z, rx, ry, rz"),
+    ("a law of another place", element!("place = \"base\"\nmotion = \"x\"\nlaw = \"load\"\nplay_m = 1e-6"), ":82: element.law: ", "constant, temperature"),
+    ("a law of another motion", element!("place = \"limb.1.body\"\nmotion = \"lateral\"\nlaw = \"load\"\nplay_m = 1e-6"), ":82: element.law: ", "constant, extension, periodic"),
+    ("an element without a parameter", element!("place = \"base\"\nmotion = \"x\"\nlaw = \"constant\""), ":82: element.law: ", "compliance_m_per_n"),
+    ("a parameter of a rotation", element!("place = \"base\"\nmotion = \"x\"\nlaw = \"constant\"\ncompliance_rad_per_nm = 1e-9"), ":83: element.compliance_rad_per_nm: ", "compliance_m_per_n"),
+    ("text for an element's parameter", element!("place = \"base\"\nmotion = \"x\"\nlaw = \"constant\"\ncompliance_m_per_n = \"soft\""), ":83: element.compliance_m_per_n: ", "expected a number"),
+    ("an element of another size", element!("place = \"base\"\nmotion = \"x\"\nlaw = \"constant\"\ncompliance_m_per_n = 1e-3"), ":83: element.compliance_m_per_n: ", "smaller number"),
+    ("too many elements", Make(|good| format!("{good}{}", "[[element]]\nplace = \"base\"\nmotion = \"x\"\nlaw = \"constant\"\ncompliance_m_per_n = 1e-9\n".repeat(9)).into()), ":119: element: ", "at most 8"),
 ];

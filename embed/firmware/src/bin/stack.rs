@@ -23,7 +23,7 @@ mod semihosting;
 const DEPTH: usize = 32 * 1024;
 const PAINT: u32 = 0x5AFE_57AC;
 
-/// Every effect on, a little, with a telescope of some length: all code is reached.
+/// Every effect on, a little, with a telescope of some length, and elements: all code is reached.
 const EVERY_EFFECT: MachineParameters = {
     let mut effects = Effects::NONE;
     let mut i = 0;
@@ -38,6 +38,14 @@ const EVERY_EFFECT: MachineParameters = {
     let Some(effects) = effects.with("telescopic-limb", [0.3, 0.3, 1e-9, 1e-9, 1e-9, 1e-9]) else {
         panic!("the effect has another name");
     };
+    let Some(effects) = effects.with_element("limb.1.base_joint", "lateral", "constant", [1e-9]) else { panic!() };
+    let Some(effects) = effects.with_element("limb.2.body", "tilting", "extension", [1e-9, 1e-9]) else { panic!() };
+    let Some(effects) = effects.with_element("limb.3.body", "axial", "periodic", [0.0, 1e-9, 0.01]) else { panic!() };
+    let Some(effects) = effects.with_element("limb.3.body", "tilting", "temperature", [1e-9]) else { panic!() };
+    let Some(effects) = effects.with_element("limb.2.body", "axial", "load", [1e-9, 1e-12, 1e-12, 1e-15]) else { panic!() };
+    let Some(effects) = effects.with_element("limb.3.body", "axial", "direction", [1e-9]) else { panic!() };
+    let Some(effects) = effects.with_element("base", "rz", "constant", [1e-9]) else { panic!() };
+    let Some(effects) = effects.with_element("tool", "w", "constant", [-1e-12]) else { panic!() };
     MachineParameters { effects, ..PARAMETERS }
 };
 
