@@ -67,6 +67,7 @@ pub mod checksum;
 pub mod compensation;
 pub mod correction;
 pub mod effects;
+mod elastic;
 pub mod five_axis;
 pub mod kinematics;
 mod linalg;
@@ -74,6 +75,7 @@ pub mod machine;
 pub mod scalar;
 pub mod stiffness;
 pub mod tables;
+pub mod thermal;
 pub mod types;
 mod vector;
 pub mod wrist;
@@ -85,8 +87,9 @@ pub use five_axis::{
     ToolFrame,
 };
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
-pub use machine::{Machine, MachineError, MachineParameters, TemperatureError};
+pub use machine::{Machine, MachineError, MachineParameters};
 pub use scalar::Scalar;
 pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor};
+pub use thermal::TemperatureError;
 pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
 pub use wrist::{Wrist, WristError, WristParameters};

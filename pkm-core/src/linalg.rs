@@ -8,6 +8,9 @@ use crate::scalar::Scalar;
 /// A 6×6 matrix of which only the lower triangle has a meaning.
 pub(crate) type Lower<T> = [[T; 6]; 6];
 
+/// A matrix is not positive definite in its number type.
+pub(crate) struct NotPositiveDefinite;
+
 pub(crate) fn zero<T: Scalar>() -> Lower<T> {
     [[T::ZERO; 6]; 6]
 }

@@ -3,12 +3,12 @@
 
 use pkm_core::correction::{FACTOR_ENTRIES, TableError, narrow};
 use pkm_core::effects::{EFFECTS, Effects};
-use pkm_core::machine::{MachineError, Parameter, Problem, TemperatureError};
+use pkm_core::machine::{MachineError, Parameter, Problem};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST};
 use pkm_core::{
     Basis, CompensationError, Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis,
     JointValues, KinematicsError, Machine, MachineParameters, Pose, Scalar, ScrewLengths, Stiffness, StiffnessError,
-    Tool, ToolDeflectionError, ToolError, Wrench, Wrist, WristError, WristParameters, checksum,
+    TemperatureError, Tool, ToolDeflectionError, ToolError, Wrench, Wrist, WristError, WristParameters, checksum,
 };
 
 fn pose<T: Scalar>(theta_rad: f64, sigma_rad: f64, z0_m: f64) -> Pose<T> {

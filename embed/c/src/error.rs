@@ -2,7 +2,7 @@
 
 use core::ffi::{CStr, c_char};
 
-use pkm_core::machine::TemperatureError;
+use pkm_core::TemperatureError;
 use pkm_core::{
     CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, ToolDeflectionError, ToolError,
 };

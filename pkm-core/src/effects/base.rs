@@ -1,4 +1,5 @@
-use super::{Effect, EffectInfo, Limb, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
 /// The machine's mount on the ground, common to all limbs, at B; and the fixed platform under each base joint.

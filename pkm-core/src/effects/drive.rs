@@ -1,4 +1,5 @@
-use super::{Effect, EffectInfo, Limb, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
 fn along<T: Scalar, const N: usize>(compliance: T, limb: &mut Limb<'_, T, N>) {

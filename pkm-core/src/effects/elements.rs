@@ -5,7 +5,8 @@
 //! there. A law says how c changes with the limb's length and the temperature. Under the laws that depend on the load
 //! the elongation of a limb is no multiple of its force; they add to the deflection, not to the stiffness.
 
-use super::{Limb, MAX_PARAMETERS, ends_with, load_dependent, same};
+use super::{MAX_PARAMETERS, ends_with, load_dependent, same};
+use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
 /// Most elements that a machine has.

@@ -1,4 +1,5 @@
-use super::{Effect, EffectInfo, Limb, MAX_PARAMETERS, Size};
+use super::{Effect, EffectInfo, MAX_PARAMETERS, Size};
+use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
 /// A_i out of the uv plane, and bodies that lie beside the line from joint to joint, toward x of the limb: stiffness

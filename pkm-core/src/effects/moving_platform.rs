@@ -1,4 +1,5 @@
-use super::{Effect, EffectInfo, Limb, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
 /// The moving platform as three arms from A to A_i, clamped to a hub at A that gives to moments; arms 1 and 2

@@ -1,4 +1,5 @@
-use super::{Effect, EffectInfo, Limb, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
 /// A ram slides in a tube. The tube ends at a fixed distance from B_i, the ram at a fixed distance from A_i; guides at both

@@ -5,7 +5,7 @@
 //! θ from the others, in two ways at the most; left is one equation in β2, e·w = C2. It holds twice at β2 = 0 whatever the tool,
 //! which is divided away, and its roots are bracketed.
 
-use pkm_core::five_axis::platform_axes;
+use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
 
 /// Steps over all of β2.

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, Rotation3, Vector3};
 use pkm_core::effects::{COUNT, EFFECTS, Effects, MAX_PARAMETERS};
-use pkm_core::machine::{BodyKind, Geometry, MachineError, MachineParameters, Parameter, Problem, TemperatureError};
+use pkm_core::machine::{BodyKind, Geometry, MachineError, MachineParameters, Parameter, Problem};
 use pkm_core::tables::reference;
-use pkm_core::{Machine, Pose, ScrewLengths, StiffnessError, Wrench};
+use pkm_core::{Machine, Pose, ScrewLengths, StiffnessError, TemperatureError, Wrench};
 use pkm_frame::{Frame, Node, Section};
 use pkm_tests::single::narrow_pose;
 use pkm_tests::{cases, keep_worst, random_parameters, random_pose, scaled_difference, seeded};

@@ -3,10 +3,10 @@
 use std::collections::HashSet;
 use std::fmt::Display;
 
-use pkm_core::machine::{End, MachineError, Member, Parameter, Problem, TemperatureError};
+use pkm_core::machine::{End, MachineError, Member, Parameter, Problem};
 use pkm_core::{
-    CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, TableError, ToolDeflectionError,
-    ToolError, WristError,
+    CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, TableError, TemperatureError,
+    ToolDeflectionError, ToolError, WristError,
 };
 
 /// Text of each, all different.

@@ -14,7 +14,7 @@ use cortex_m as _;
 use cortex_m_rt::entry;
 use pkm_core::checksum;
 use pkm_core::correction::narrow;
-use pkm_core::five_axis::platform_axes;
+use pkm_core::kinematics::platform_axes;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };

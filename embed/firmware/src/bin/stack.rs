@@ -69,7 +69,7 @@ macro_rules! functions {
             type T = $t;
 
             use super::*;
-            use pkm_core::five_axis::platform_axes as axes;
+            use pkm_core::kinematics::platform_axes as axes;
             use pkm_core::tables::reference;
             use pkm_core::{
                 Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,

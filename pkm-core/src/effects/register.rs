@@ -1,0 +1,147 @@
+//! What follows from the list of effects at the end of `mod.rs`: their numbers, and a switch over them for each hook.
+
+macro_rules! effects {
+    ($($module:ident :: { $($name:ident),+ }),+ $(,)?) => {
+        $(mod $module;)+
+
+        /// Position of each effect in [`EFFECTS`].
+        enum Index { $($($name,)+)+ Count }
+
+        /// Number of effects.
+        pub const COUNT: usize = Index::Count as usize;
+
+        /// Every effect.
+        pub const EFFECTS: [EffectInfo; COUNT] = [$($(<$module::$name as Effect>::INFO),+),+];
+
+        const AT_TOOL: [bool; COUNT] = [$($(<$module::$name as Effect>::AT_TOOL),+),+];
+
+        pub(crate) const LIMITS: [[f64; MAX_PARAMETERS]; COUNT] = [$($(<$module::$name as Effect>::LIMITS),+),+];
+
+        pub(crate) const SIZES: [Option<Size>; COUNT] = [$($(<$module::$name as Effect>::SIZE),+),+];
+
+        impl<T: Scalar> ActiveEffects<T> {
+            /// Adds what every active effect has inside a limb.
+            pub(crate) fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    $module::$name::in_limb(&self.parameters[Index::$name as usize], limb);
+                })+)+
+                if self.has_elements() {
+                    self.elements.in_limb(limb);
+                }
+            }
+
+            /// Whether anything active depends on the load.
+            pub(crate) fn depend_on_load(&self) -> bool {
+                const MASK: u32 =
+                    0 $($(| if <$module::$name as Effect>::DEPENDS_ON_LOAD { 1 << Index::$name as u32 } else { 0 })+)+;
+                self.active & MASK != 0 || self.has_elements() && self.elements.depend_on_load()
+            }
+
+            /// Elongation of a limb (0, 1, 2) under tension beyond the linear one.
+            pub(crate) fn elongation(&self, limb: usize, tension: T) -> T {
+                let mut sum = T::ZERO;
+                $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
+                    sum += $module::$name::elongation(&self.parameters[Index::$name as usize], tension);
+                })+)+
+                if self.has_elements() { sum + self.elements.elongation(limb, tension) } else { sum }
+            }
+
+            /// What lags behind the load in a limb's elongation.
+            pub(crate) fn lag(&self, limb: usize, tension: T, turned_at: T) -> T {
+                let mut sum = T::ZERO;
+                $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
+                    sum += $module::$name::lag(&self.parameters[Index::$name as usize], tension, turned_at);
+                })+)+
+                if self.has_elements() { sum + self.elements.lag(limb, tension, turned_at) } else { sum }
+            }
+
+            /// Tension in a limb before any load.
+            pub(crate) fn tension(&self, limb: usize) -> T {
+                let mut sum = T::ZERO;
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    sum += $module::$name::tension(&self.parameters[Index::$name as usize], limb);
+                })+)+
+                sum
+            }
+
+            /// How far A_1 and A_2, and A_3, are out of their plane.
+            pub(crate) fn offset(&self) -> [T; 2] {
+                let mut sum = [T::ZERO; 2];
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    let [a, b] = $module::$name::offset(&self.parameters[Index::$name as usize]);
+                    sum = [sum[0] + a, sum[1] + b];
+                })+)+
+                sum
+            }
+
+            /// Loss of stiffness per kelvin: limb bodies, joints.
+            pub(crate) fn softening(&self) -> [T; 2] {
+                let mut sum = [T::ZERO; 2];
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    let [a, b] = $module::$name::softening(&self.parameters[Index::$name as usize]);
+                    sum = [sum[0] + a, sum[1] + b];
+                })+)+
+                sum
+            }
+
+            /// Growth per kelvin: limbs, platforms.
+            pub(crate) fn growth(&self) -> [T; 2] {
+                let mut sum = [T::ZERO; 2];
+                $($(if self.active & (1 << Index::$name as u32) != 0 {
+                    let [a, b] = $module::$name::growth(&self.parameters[Index::$name as usize]);
+                    sum = [sum[0] + a, sum[1] + b];
+                })+)+
+                sum
+            }
+
+            /// Calls `add` with the coupling of B_1 and B_2 of every active effect that has one.
+            pub(crate) fn between_bases_1_2(&self, mut add: impl FnMut([T; 2])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::between_bases_1_2(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+            }
+
+            /// Calls `add` with the compliance shared by arms 1 and 2 of every active effect that has one.
+            pub(crate) fn between_arms_1_2(&self, mut add: impl FnMut(T)) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::between_arms_1_2(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+            }
+
+            /// Calls `add` with the compliance at B of every active effect that has one, and of the elements there.
+            pub(crate) fn at_base(&self, mut add: impl FnMut([T; 6])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::at_base(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+                if self.has_elements() {
+                    self.elements.at(Place::Base, add);
+                }
+            }
+
+            /// Calls `add` with the compliance between limbs and A of every active effect that has one, and of the elements there.
+            pub(crate) fn at_hub(&self, mut add: impl FnMut([T; 6])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::at_hub(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+                if self.has_elements() {
+                    self.elements.at(Place::MovingPlatform, add);
+                }
+            }
+
+            /// Calls `add` with the compliance at A of every active effect that has one, and of the elements there.
+            pub(crate) fn at_tool(&self, mut add: impl FnMut([T; 6])) {
+                $($(if self.active & (1 << Index::$name as u32) != 0
+                    && let Some(c) = $module::$name::at_tool(&self.parameters[Index::$name as usize]) {
+                    add(c);
+                })+)+
+                if self.has_elements() {
+                    self.elements.at(Place::Tool, add);
+                }
+            }
+        }
+    };
+}

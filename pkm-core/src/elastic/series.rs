@@ -1,0 +1,62 @@
+//! Compliance in series with the whole mechanism.
+
+use crate::linalg::Lower;
+use crate::scalar::Scalar;
+use crate::vector::cross;
+
+/// Compliance between ground or tool and the whole mechanism, at a point with axes, both in A-uvw.
+pub(crate) struct Series<T> {
+    /// m.
+    pub at: [T; 3],
+    /// Three unit vectors.
+    pub axes: [[T; 3]; 3],
+    /// Along and about the axes, m/N and rad/(N·m).
+    pub compliance: [T; 6],
+}
+
+impl<T: Scalar> Series<T> {
+    /// At A, along and about u, v, w.
+    pub fn at_a(compliance: [T; 6]) -> Self {
+        let (o, i) = (T::ZERO, T::ONE);
+        Self { at: [o; 3], axes: [[i, o, o], [o, i, o], [o, o, i]], compliance }
+    }
+
+    /// K := (K⁻¹ + C)⁻¹, a direction at a time (Sherman and Morrison). Lower triangle. False when a negative compliance
+    /// leaves it not positive definite.
+    #[must_use]
+    pub fn soften(&self, k: &mut Lower<T>) -> bool {
+        let o = T::ZERO;
+        let mut definite = true;
+        for (axis, (linear, angular)) in
+            self.axes.iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
+        {
+            let [x, y, z] = *axis;
+            let [rx, ry, rz] = cross(self.at, *axis);
+            // displacement of A when the spring gives by one unit
+            for (compliance, motion) in [(*linear, [x, y, z, o, o, o]), (*angular, [rx, ry, rz, x, y, z])] {
+                if compliance == o {
+                    continue;
+                }
+                let mut force = [o; 6];
+                for i in 0..6 {
+                    for j in 0..6 {
+                        force[i] += if j <= i { k[i][j] } else { k[j][i] } * motion[j];
+                    }
+                }
+                let mut work = o;
+                for i in 0..6 {
+                    work += force[i] * motion[i];
+                }
+                let share = T::ONE / (T::ONE / compliance + work);
+                // det K changes by the factor 1 + compliance × work, which must stay positive
+                definite &= compliance > o || !(share > o);
+                for i in 0..6 {
+                    for j in 0..=i {
+                        k[i][j] -= share * force[i] * force[j];
+                    }
+                }
+            }
+        }
+        definite
+    }
+}

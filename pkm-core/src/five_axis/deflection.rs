@@ -1,0 +1,162 @@
+//! Stiffness and deflection at the tool, and their compensation.
+
+use super::{CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError};
+use crate::compensation;
+use crate::correction::CorrectionTable;
+use crate::kinematics::platform_axes;
+use crate::scalar::Scalar;
+use crate::stiffness::{self, Stiffness};
+use crate::types::{Deflection, Wrench};
+use crate::vector::{combined, cross, dot, less, unit};
+use crate::wrist::Wrist;
+
+/// Most times that [`FiveAxis::compensated`] works out a deflection.
+pub const MAX_DEFLECTIONS: usize = 8;
+/// What [`FiveAxis::compensated`] leaves of a deflection, at the most: of the tip's plus home's Z0 times the axis's.
+pub const COMPENSATED_TO: f64 = 1e-4;
+
+impl<T: Scalar> Wrist<T> {
+    /// A load on the tool at its tip, in the axes of T_h, as one on the platform at A.
+    #[inline(never)]
+    fn wrench_at_a(&self, beta_rad: [T; 2], wrench: &Wrench<T>) -> Wrench<T> {
+        let held = self.held(beta_rad);
+        let axes = held.axes();
+        let turned = Wrench { force_n: combined(&axes, wrench.force_n), moment_nm: combined(&axes, wrench.moment_nm) };
+        turned.moved_to_a(held.tip)
+    }
+}
+
+impl<T: Scalar> FiveAxis<'_, T> {
+    /// A stiffness at A in A-uvw as the tool sees it: at the tip, in the axes of T_h. What is elastic in the wrist has to be in it
+    /// (effect `wrist-compliance`).
+    ///
+    /// # Errors
+    /// Those of [`frame`](Self::frame).
+    pub fn tip_stiffness(
+        &self,
+        at_a: &Stiffness<T>,
+        configuration: &Configuration<T>,
+    ) -> Result<Stiffness<T>, ToolError> {
+        self.joints(configuration)?;
+        let held = self.wrist.held(configuration.beta_rad);
+        let (axes, k) = (held.axes(), at_a.matrix());
+        let mut seen = [[T::ZERO; 6]; 6];
+        for (column, seen) in seen.iter_mut().enumerate() {
+            let turning = column >= 3;
+            let axis = axes[column % 3];
+            // what A does when the tip moves along an axis, or the tool turns about one at the tip
+            let (v, w) = if turning { (cross(held.tip, axis), axis) } else { (axis, [T::ZERO; 3]) };
+            let wrench = k.map(|row| dot([row[0], row[1], row[2]], v) + dot([row[3], row[4], row[5]], w));
+            let force = [wrench[0], wrench[1], wrench[2]];
+            let lever = cross(held.tip, force);
+            let moment = [wrench[3] - lever[0], wrench[4] - lever[1], wrench[5] - lever[2]];
+            for i in 0..3 {
+                (seen[i], seen[3 + i]) = (dot(axes[i], force), dot(axes[i], moment));
+            }
+        }
+        // symmetric, so that columns are rows
+        Ok(Stiffness::from_lower(&seen))
+    }
+
+    /// How a load moves the tool, by K_m in the factor form or, without a table, by K_p; with what load-dependent effects add.
+    ///
+    /// # Arguments
+    /// * `wrench`: on the tool at its tip, in the axes of T_h.
+    ///
+    /// # Errors
+    /// Those of [`frame`](Self::frame), [`CorrectionTable::factor_form`] and [`Machine::load_dependent_deflection`](crate::Machine::load_dependent_deflection).
+    pub fn deflection(
+        &self,
+        table: Option<&CorrectionTable<'_, T>>,
+        configuration: &Configuration<T>,
+        wrench: &Wrench<T>,
+    ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
+        self.joints(configuration)?;
+        self.deflection_of(table, configuration, wrench)
+    }
+
+    // what is turned before and after it takes no stack while the mechanism's own is worked out
+    #[inline(never)]
+    fn deflection_of(
+        &self,
+        table: Option<&CorrectionTable<'_, T>>,
+        configuration: &Configuration<T>,
+        wrench: &Wrench<T>,
+    ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
+        let Configuration { pose, beta_rad } = configuration;
+        let at_a = compensation::deflection(self.machine, table, pose, &self.wrist.wrench_at_a(*beta_rad, wrench))?;
+        let Deflection { translation_m, rotation_rad } = stiffness::finite(self.seen_at_tip(configuration, &at_a))?;
+        Ok(ToolDeflection { translation_m, rotation_rad, domain: table.map(|table| table.domain(pose)) })
+    }
+
+    /// A displacement of A, in A-uvw, as that of the tip, in B-xyz.
+    #[inline(never)]
+    fn seen_at_tip(&self, configuration: &Configuration<T>, at_a: &Deflection<T>) -> Deflection<T> {
+        let Configuration { pose, beta_rad } = configuration;
+        let Deflection { translation_m, rotation_rad } = at_a.seen_at(self.wrist.held(*beta_rad).tip);
+        let platform = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
+        Deflection {
+            translation_m: combined(&platform, translation_m),
+            rotation_rad: combined(&platform, rotation_rad),
+        }
+    }
+
+    /// The configuration to command so that the loaded tool stands where `tool` asks, tip and axis: the tool is held where
+    /// the deflection of the last try takes it from there, until the deflection changes by no more than [`COMPENSATED_TO`].
+    ///
+    /// # Arguments
+    /// * `wrench`: on the tool at its tip, in the axes of T_h, which the load turns with.
+    /// * `near`: as for [`inverse`](Self::inverse).
+    ///
+    /// # Errors
+    /// Those of [`inverse`](Self::inverse) and of [`deflection`](Self::deflection), on the way as at its end;
+    /// [`ToolDeflectionError::NotConverged`] after [`MAX_DEFLECTIONS`] tries.
+    pub fn compensated(
+        &self,
+        table: Option<&CorrectionTable<'_, T>>,
+        tool: &Tool<T>,
+        wrench: &Wrench<T>,
+        near: &Configuration<T>,
+    ) -> Result<CompensatedTool<T>, ToolDeflectionError> {
+        // by reference: `?` would copy all of it
+        let mut found = self.inverse(tool, near);
+        let hold = match &mut found {
+            Ok(hold) => hold,
+            Err(e) => return Err((*e).into()),
+        };
+        let mut met = [[T::ZERO; 3]; 2];
+        for _ in 0..MAX_DEFLECTIONS {
+            match &self.deflection_of(table, &hold.configuration, wrench) {
+                Ok(deflection) => {
+                    if self.is_met(tool, deflection, &mut met, hold)? {
+                        return Ok(CompensatedTool { hold: *hold, deflection: *deflection });
+                    }
+                }
+                Err(e) => return Err(*e),
+            }
+        }
+        Err(ToolDeflectionError::NotConverged)
+    }
+
+    /// Whether a deflection is the one that is met, of tip and axis. If not, it is from now on, and the tool is held where it
+    /// takes the tool to its place.
+    #[inline(never)] // what it works with takes no stack while the next deflection is worked out
+    fn is_met(
+        &self,
+        tool: &Tool<T>,
+        deflection: &ToolDeflection<T>,
+        met: &mut [[T; 3]; 2],
+        hold: &mut Hold<T>,
+    ) -> Result<bool, ToolError> {
+        let axis = unit(tool.axis).ok_or(ToolError::NotFinite)?;
+        let now = [deflection.translation_m, cross(deflection.rotation_rad, less(axis, met[1]))];
+        let size = |[tip, axis]: [[T; 3]; 2]| dot(tip, tip).sqrt() + self.wrist.home_z0 * dot(axis, axis).sqrt();
+        if size([less(now[0], met[0]), less(now[1], met[1])]) <= T::from_f64(COMPENSATED_TO) * size(now) {
+            return Ok(true);
+        }
+        *met = now;
+        let held = Tool { tip_m: less(tool.tip_m, now[0]), axis: less(axis, now[1]) };
+        *hold = self.inverse(&held, &hold.configuration)?;
+        Ok(false)
+    }
+}

@@ -1,0 +1,71 @@
+//! From configurations and joint values to the tool.
+
+use super::state::State;
+use super::{Configuration, FiveAxis, JointValues, Tool, ToolError, ToolFrame};
+use crate::kinematics::platform_axes;
+use crate::scalar::Scalar;
+use crate::vector::combined;
+
+impl<T: Scalar> FiveAxis<'_, T> {
+    /// T_h of a configuration (Eq. 2).
+    ///
+    /// # Errors
+    /// A number that is not finite, a pose that the parallel mechanism cannot take, a wrist joint beyond its limits.
+    pub fn frame(&self, configuration: &Configuration<T>) -> Result<ToolFrame<T>, ToolError> {
+        self.joints(configuration)?;
+        Ok(self.frame_of(configuration))
+    }
+
+    pub(super) fn frame_of(&self, configuration: &Configuration<T>) -> ToolFrame<T> {
+        let State { theta, sigma, l, beta } = State::of(configuration);
+        let held = self.wrist.held(beta);
+        let (sin, cos) = theta.sin_cos();
+        let platform = platform_axes((sin, cos), sigma.sin_cos());
+        let [x, y, z] = combined(&platform, held.tip);
+        ToolFrame { tip_m: [x + l * sin, y, z + l * cos], axes: held.axes().map(|axis| combined(&platform, axis)) }
+    }
+
+    /// Tip and axis of a configuration.
+    ///
+    /// # Errors
+    /// Those of [`frame`](Self::frame).
+    pub fn tool(&self, configuration: &Configuration<T>) -> Result<Tool<T>, ToolError> {
+        let ToolFrame { tip_m, axes: [_, _, axis] } = self.frame(configuration)?;
+        Ok(Tool { tip_m, axis })
+    }
+
+    /// Configuration, tip and axis of joint values.
+    ///
+    /// # Errors
+    /// Those of [`Machine::forward`](crate::Machine::forward); a wrist joint beyond its limits.
+    pub fn forward(&self, joints: &JointValues<T>) -> Result<(Configuration<T>, Tool<T>), ToolError> {
+        let configuration = Configuration { pose: self.machine.forward(&joints.lengths)?, beta_rad: joints.beta_rad };
+        Ok((configuration, self.tool(&configuration)?))
+    }
+
+    /// Joint values of a configuration.
+    ///
+    /// # Errors
+    /// Those of [`frame`](Self::frame).
+    pub fn joints(&self, configuration: &Configuration<T>) -> Result<JointValues<T>, ToolError> {
+        let Configuration { pose, beta_rad } = *configuration;
+        if !beta_rad.iter().all(|beta| beta.is_finite()) {
+            return Err(ToolError::NotFinite);
+        }
+        let lengths = self.machine.inverse(&pose)?;
+        match self.wrist.beyond_limits(beta_rad) {
+            Some(joint) => Err(ToolError::WristLimit { joint }),
+            None => Ok(JointValues { lengths, beta_rad }),
+        }
+    }
+
+    /// How far a configuration is from the singular surface of the five axes: the determinant of ∂(tip, axis)/∂(θ, σ, Z0, β1, β2)
+    /// as a share of that of the home configuration. 0 on the surface, negative beyond.
+    ///
+    /// # Errors
+    /// Those of [`frame`](Self::frame).
+    pub fn home_share(&self, configuration: &Configuration<T>) -> Result<T, ToolError> {
+        self.joints(configuration)?;
+        Ok(self.wrist.share(&State::of(configuration)))
+    }
+}

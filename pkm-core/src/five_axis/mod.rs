@@ -1,0 +1,131 @@
+//! The whole machine: parallel mechanism and wrist (paper, Section 3.1, Eq. 2, Table 1; `docs/theory.md`).
+//!
+//! In the axes u, y of B and n = BA/|BA|, which are square to each other, with the tip at t from A, the tool's frame
+//! x, y, z (z its axis), r and c = (cos β1, sin β1, 0) of the wrist and its second axis at a from the tip (a square to y_h, in the
+//! wrist's plane), tip and axis move with (θ, σ, L, β1, β2), L = |AB|, by
+//!
+//! | | tip along u, y, n | axis along x_h | along y_h |
+//! |---|---|---|---|
+//! | dθ | L + t_n, 0, −t_u | y_h·y | −x_h·y |
+//! | dσ | 0, −t_n, t_y | y_h·u | −x_h·u |
+//! | dL | 0, 0, 1 | 0 | 0 |
+//! | dβ1 | r y_h | 0 | −sin β2 |
+//! | dβ2 | (r − b1) w − (h − d1) c | −1 | 0 |
+//!
+//! so that dL and dβ2 drop out and a Newton step is a system of three. Its determinant, divided by cos θ to count dZ0 in
+//! place of dL, is that of all five; where it vanishes two configurations meet that hold the tool alike.
+
+use crate::machine::Machine;
+use crate::types::{Domain, Pose, ScrewLengths};
+use crate::wrist::Wrist;
+
+mod deflection;
+mod error;
+mod forward;
+mod frame;
+mod inverse;
+mod state;
+
+pub use deflection::{COMPENSATED_TO, MAX_DEFLECTIONS};
+pub use error::{ToolDeflectionError, ToolError};
+pub use inverse::MAX_LOOKS;
+
+/// Where the five axes of a machine stand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Configuration<T> {
+    /// Of the moving platform.
+    pub pose: Pose<T>,
+    /// β1 and β2 of the wrist, rad.
+    pub beta_rad: [T; 2],
+}
+
+/// What the five drives are told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct JointValues<T> {
+    /// Of the three screws.
+    pub lengths: ScrewLengths<T>,
+    /// β1 and β2 of the wrist, rad.
+    pub beta_rad: [T; 2],
+}
+
+/// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Tool<T> {
+    /// m.
+    pub tip_m: [T; 3],
+    /// Of length 1 where a function gives it; any length above 0 where one takes it.
+    pub axis: [T; 3],
+}
+
+/// T_h of the paper's Eq. 2: the tool's frame in B-xyz.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ToolFrame<T> {
+    /// The tip, m.
+    pub tip_m: [T; 3],
+    /// x, y and z of the frame in B-xyz; z is the tool's axis.
+    pub axes: [[T; 3]; 3],
+}
+
+/// How a machine holds a tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Hold<T> {
+    /// Where the five axes stand.
+    pub configuration: Configuration<T>,
+    /// What the drives are told.
+    pub joints: JointValues<T>,
+    /// Distance from the singular surface, see [`FiveAxis::home_share`].
+    pub home_share: T,
+    /// Configurations that were looked at on the way; 0 in closed form.
+    pub looks: u8,
+}
+
+/// How a load moves a tool, in B-xyz.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ToolDeflection<T> {
+    /// Of the tip, m.
+    pub translation_m: [T; 3],
+    /// Of the tool, rad.
+    pub rotation_rad: [T; 3],
+    /// Whether the table may be trusted here; `None` without a table.
+    pub domain: Option<Domain>,
+}
+
+/// What to command so that a loaded tool is where it should be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CompensatedTool<T> {
+    /// What to command, and the configuration that the machine then would have without the load.
+    pub hold: Hold<T>,
+    /// What the load does to the tool there.
+    pub deflection: ToolDeflection<T>,
+}
+
+/// A parallel mechanism and its wrist.
+///
+/// ```
+/// use pkm_core::{FiveAxis, JointValues, ScrewLengths, Tool, ToolError, tables::reference};
+/// let five = FiveAxis { machine: &reference::MACHINE_F32, wrist: &reference::WRIST_F32 };
+/// // where the machine stands when it is switched on
+/// let measured = JointValues { lengths: ScrewLengths { q_m: [0.5678, 0.5506, 0.5194] }, beta_rad: [0.2, -0.1] };
+/// let (mut stands, Tool { tip_m: [x, y, z], axis }) = five.forward(&measured)?;
+/// // 10 mm along x in steps of 1 mm
+/// for step in 1..=10 {
+///     let hold = five.inverse(&Tool { tip_m: [x + 1e-3 * step as f32, y, z], axis }, &stands)?;
+///     stands = hold.configuration;
+/// }
+/// assert!((five.tool(&stands)?.tip_m[0] - x - 0.01).abs() < 1e-6);
+/// # Ok::<(), ToolError>(())
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct FiveAxis<'a, T> {
+    /// The parallel mechanism.
+    pub machine: &'a Machine<T>,
+    /// The wrist.
+    pub wrist: &'a Wrist<T>,
+}

@@ -1,0 +1,132 @@
+//! What the model knows of one machine: geometry, travel, and the stiffness of joints and bodies.
+//!
+//! [`MachineParameters`] is plain data that a generated table can hold as a `const`.
+//! [`Machine::new`] checks it and turns it into what the formulas need; both work at compile time.
+
+mod check;
+mod error;
+mod parameters;
+
+pub use error::{End, MachineError, Member, Parameter, Problem};
+pub use parameters::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};
+
+use crate::effects::ActiveEffects;
+
+/// A checked machine, ready for kinematics and stiffness in `f32` or `f64`.
+///
+/// Every division by a stiffness is done here, once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Machine<T> {
+    /// What the controller computes with.
+    pub(crate) declared: Sizes<T>,
+    /// What stands there: another thing only under an effect on geometry.
+    pub(crate) actual: Sizes<T>,
+    pub(crate) q_min: [T; 3],
+    pub(crate) q_max: [T; 3],
+    pub(crate) limbs: [LimbCompliance<T>; 3],
+    /// `limbs` at [`DECLARED_TEMPERATURE_C`](crate::thermal::DECLARED_TEMPERATURE_C): every other temperature starts from them, so that updates do not add up
+    /// their rounding.
+    pub(crate) declared_limbs: [LimbCompliance<T>; 3],
+    pub(crate) effects: ActiveEffects<T>,
+}
+
+/// [`Geometry`] in a machine's number type.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sizes<T> {
+    pub a1: T,
+    pub a2: T,
+    pub b1: T,
+    pub b2: T,
+}
+
+/// Compliances of one limb. An entry of a released direction is 0 and never asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LimbCompliance<T> {
+    pub base_linear: [T; 3],
+    pub base_angular: [T; 3],
+    pub platform_linear: [T; 3],
+    pub platform_angular: [T; 3],
+    /// 1/EA.
+    pub axial: T,
+    /// 1/EI.
+    pub bending: T,
+    /// 1/GJ.
+    pub torsion: T,
+    /// Whether the cantilever couples translation and rotation ([`BodyKind::Beam`]).
+    pub coupled: bool,
+}
+
+macro_rules! machine {
+    ($t:ty) => {
+        impl Machine<$t> {
+            /// Checks the parameters and prepares them. Works in a `const`, so that a generated table
+            /// with a bad number does not compile.
+            ///
+            /// # Errors
+            /// The first number that [`MachineParameters::check`] refuses.
+            ///
+            /// ```
+            /// use pkm_core::{Machine, machine::Geometry, tables::reference::PARAMETERS};
+            /// let mut mine = PARAMETERS;
+            /// mine.geometry = Geometry { a1_m: 0.17, ..mine.geometry };
+            /// assert!(Machine::<f32>::new(&mine).is_ok());
+            /// mine.geometry.b2_m = 0.0;
+            /// let refused = Machine::<f64>::new(&mine).unwrap_err();
+            /// assert_eq!(refused.to_string(), "the platform size b2 is not above 0, or far beyond any machine");
+            /// ```
+            pub const fn new(parameters: &MachineParameters) -> Result<Self, MachineError> {
+                /// 1/k, and 0 for a released direction.
+                const fn inverted(k: [f64; 3]) -> [$t; 3] {
+                    let mut c = [0.0; 3];
+                    let mut i = 0;
+                    while i < 3 {
+                        if k[i] != 0.0 {
+                            c[i] = (1.0 / k[i]) as $t;
+                        }
+                        i += 1;
+                    }
+                    c
+                }
+                const fn compliance(limb: &LimbParameters) -> LimbCompliance<$t> {
+                    let (rod, screw) = (&limb.body.rod, &limb.body.screw);
+                    let ea = rod.young_pa * rod.area_m2() + screw.young_pa * screw.area_m2();
+                    let ei = rod.young_pa * rod.second_moment_m4() + screw.young_pa * screw.second_moment_m4();
+                    let gj = 2.0 * (rod.shear_pa * rod.second_moment_m4() + screw.shear_pa * screw.second_moment_m4());
+                    LimbCompliance {
+                        base_linear: inverted(limb.base_joint.linear_n_per_m),
+                        base_angular: inverted(limb.base_joint.angular_nm_per_rad),
+                        platform_linear: inverted(limb.platform_joint.linear_n_per_m),
+                        platform_angular: inverted(limb.platform_joint.angular_nm_per_rad),
+                        axial: (1.0 / ea) as $t,
+                        bending: (1.0 / ei) as $t,
+                        torsion: (1.0 / gj) as $t,
+                        coupled: matches!(limb.body.kind, BodyKind::Beam),
+                    }
+                }
+                const fn narrow(v: [f64; 3]) -> [$t; 3] {
+                    [v[0] as $t, v[1] as $t, v[2] as $t]
+                }
+                if let Err(error) = parameters.check() {
+                    return Err(error);
+                }
+                const fn sizes(g: &Geometry) -> Sizes<$t> {
+                    Sizes { a1: g.a1_m as $t, a2: g.a2_m as $t, b1: g.b1_m as $t, b2: g.b2_m as $t }
+                }
+                let l = &parameters.limbs;
+                let limbs = [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])];
+                Ok(Self {
+                    declared: sizes(&parameters.geometry),
+                    actual: sizes(&parameters.actual_geometry()),
+                    q_min: narrow(parameters.travel.min_m),
+                    q_max: narrow(parameters.travel.max_m),
+                    limbs,
+                    declared_limbs: limbs,
+                    effects: ActiveEffects::<$t>::new(&parameters.effects),
+                })
+            }
+        }
+    };
+}
+
+machine!(f32);
+machine!(f64);

@@ -1,0 +1,149 @@
+//! The limbs of a machine at a posture: transmitted wrenches, and the compliance of joints, bodies and effects.
+
+use crate::elastic::{Chain, Limb};
+use crate::kinematics::Posture;
+use crate::linalg::Lower;
+use crate::machine::Machine;
+use crate::scalar::Scalar;
+use crate::vector::cross;
+
+impl<T: Scalar> Machine<T> {
+    #[inline(never)]
+    pub(super) fn put_limb_with_effects<const LIMB: usize>(
+        &self,
+        p: &Posture<T>,
+        h: T,
+        pair: &mut Chain<T, 6>,
+        beside: &mut Lower<T>,
+    ) {
+        let mut limb = self.chain_1_2::<LIMB, true>(p, h);
+        self.add_effects_1_2::<LIMB>(p, h, &mut limb, beside);
+        pair.put::<LIMB>(&limb);
+    }
+
+    fn add_effects_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 3>, beside: &mut Lower<T>) {
+        let (y, n, u) = (p.y(), p.n(), [T::ONE, T::ZERO, T::ZERO]);
+        let side = if LIMB == 0 { -T::ONE } else { T::ONE };
+        let (zy, zn) = (p.along_y[LIMB] / p.q[LIMB], p.along_n[LIMB] / p.q[LIMB]);
+        let mix = |a: T, b: T| [a * y[0] + b * n[0], a * y[1] + b * n[1], a * y[2] + b * n[2]];
+        let z = mix(zy, zn);
+        self.add_effects(
+            Limb {
+                index: LIMB,
+                q: p.q[LIMB],
+                base: mix(side * self.actual.b1, -p.l),
+                platform: [T::ZERO, side * self.actual.a1, h],
+                axes: [u, cross(z, u), z],
+                base_axes: [u, y, cross(u, y)],
+                axial: self.limbs[LIMB].axial,
+                bending: self.limbs[LIMB].bending,
+                torsion: self.limbs[LIMB].torsion,
+                chain,
+            },
+            beside,
+        );
+    }
+
+    #[inline(never)]
+    pub(super) fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
+        let (x, z) = Self::leaning_3(p, h);
+        let axes = [x, cross(z, x), z];
+        let platform = [self.actual.a2, T::ZERO, h];
+        let q = p.q[2];
+        self.add_effects(
+            Limb {
+                index: 2,
+                q,
+                base: [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]],
+                platform,
+                axes,
+                base_axes: axes,
+                axial: self.limbs[2].axial,
+                bending: self.limbs[2].bending,
+                torsion: self.limbs[2].torsion,
+                chain,
+            },
+            beside,
+        );
+    }
+
+    /// Adds what effects have inside a limb to it, and what its tension adds to K beside it.
+    fn add_effects<const N: usize>(&self, mut limb: Limb<'_, T, N>, beside: &mut Lower<T>) {
+        self.effects.in_limb(&mut limb);
+        let tension = self.effects.tension(limb.index);
+        if tension != T::ZERO {
+            let [_, across, _] = limb.axes;
+            let ([x, y, z], [a, b, c]) = (across, cross(limb.platform, across));
+            let wrench = [x, y, z, a, b, c];
+            let spring = tension / limb.q;
+            for i in 0..6 {
+                for j in 0..=i {
+                    beside[i][j] += spring * wrench[i] * wrench[j];
+                }
+            }
+        }
+    }
+
+    /// Limb 1 (`LIMB` = 0) or 2. All of it lies in the plane of y of B and n = BA/|BA|, square to u. The wrenches are the
+    /// axial force, the force along u through B_i, and the couple about n. With `OFFSET` A_i is `h` out of its plane.
+    pub(super) fn chain_1_2<const LIMB: usize, const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 3> {
+        let side = if LIMB == 0 { -T::ONE } else { T::ONE };
+        let c = &self.limbs[LIMB];
+        let (q, sin, cos) = (p.q[LIMB], p.sin_sigma, p.cos_sigma);
+        // limb axis in (y, n), and in A-uvw, where y = (0, cos σ, −sin σ) and n = (0, sin σ, cos σ)
+        let (zy, zn) = (p.along_y[LIMB] / q, p.along_n[LIMB] / q);
+        let (zv, zw) = (zy * cos + zn * sin, zn * cos - zy * sin);
+        let o = T::ZERO;
+        let b = side * self.actual.b1;
+        let lever = side * self.actual.a1 * zw;
+        let wrenches = [
+            [o, zv, zw, if OFFSET { lever - h * zv } else { lever }, o, o],
+            [T::ONE, o, o, o, -p.l * cos - b * sin, p.l * sin - b * cos],
+            [o, o, o, o, sin, cos],
+        ];
+
+        // The force through B_i meets the cantilever like a load on its tip that leaves no moment at B_i; the
+        // uncoupled one (diagonal) takes the tip's moment −q as a second load.
+        let (force_share, mixed_share) = if c.coupled { (1.0 / 3.0, 0.5) } else { (4.0 / 3.0, 1.0) };
+        let bend = q * c.bending;
+        let tilt = c.platform_angular[1];
+        let (zy2, zn2) = (zy * zy, zn * zn);
+        let axial = zy2 * c.base_linear[1] + zn2 * c.base_linear[2] + q * c.axial + c.platform_linear[2];
+        let force = c.base_linear[0] + c.platform_linear[0] + q * q * (T::from_f64(force_share) * bend + tilt);
+        let mixed = zy * q * (T::from_f64(mixed_share) * bend + tilt);
+        let couple = c.base_angular[2] + zy2 * (bend + tilt) + zn2 * (q * c.torsion + c.platform_angular[2]);
+        Chain { wrenches, compliance: [[axial, o, o], [o, force, o], [o, mixed, couple]] }
+    }
+
+    /// x and z of limb 3 in A-uvw when A3 is `h` along w out of its plane: then it leans out of the plane across y of B.
+    fn leaning_3(p: &Posture<T>, h: T) -> ([T; 3], [T; 3]) {
+        let (y, n, q) = (p.y(), p.n(), p.q[2]);
+        let [zu, zn, zy] = [p.limb_3[0] / q, p.limb_3[1] / q, -p.sin_sigma * h / q];
+        let z = [zu, zn * n[1] + zy * y[1], zn * n[2] + zy * y[2]];
+        let size = (T::ONE - zy * zy).sqrt();
+        ([-zy * z[0] / size, (y[1] - zy * z[1]) / size, (y[2] - zy * z[2]) / size], z)
+    }
+
+    /// Limb 3: the axial force and the force along y of B, both through A3. With `OFFSET` A3 is `h` along w out of its plane.
+    pub(super) fn chain_3<const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 2> {
+        let c = &self.limbs[2];
+        let q = p.q[2];
+        let a2 = self.actual.a2;
+        let wrenches = if OFFSET {
+            let (x, z) = Self::leaning_3(p, h);
+            [z, x].map(|f| {
+                let [a, b, c] = cross([a2, T::ZERO, h], f);
+                [f[0], f[1], f[2], a, b, c]
+            })
+        } else {
+            let (zu, zn) = (p.limb_3[0] / q, p.limb_3[1] / q);
+            let through_a3 = |u: T, v: T, w: T| [u, v, w, T::ZERO, -a2 * w, a2 * v];
+            [through_a3(zu, zn * p.sin_sigma, zn * p.cos_sigma), through_a3(T::ZERO, p.cos_sigma, -p.sin_sigma)]
+        };
+        let axial = c.base_linear[2] + q * c.axial + c.platform_linear[2];
+        let sideways = c.base_linear[0]
+            + c.platform_linear[0]
+            + q * q * (c.base_angular[1] + q * c.bending * T::from_f64(1.0 / 3.0));
+        Chain { wrenches, compliance: [[axial, T::ZERO], [T::ZERO, sideways]] }
+    }
+}

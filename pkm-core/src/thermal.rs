@@ -1,0 +1,137 @@
+//! The machine at other temperatures than the declared one: softer, and grown.
+
+use core::fmt;
+
+use crate::machine::{LimbCompliance, Machine, Sizes};
+use crate::scalar::Scalar;
+use crate::stiffness::{self, StiffnessError};
+use crate::types::{Deflection, Pose};
+
+/// Temperature that stiffnesses are declared for, °C.
+pub const DECLARED_TEMPERATURE_C: f64 = 20.0;
+
+/// Why there is no machine at a temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum TemperatureError {
+    /// NaN or infinite.
+    NotFinite,
+    /// The `thermal-modulus` effect would leave no stiffness.
+    NoStiffness,
+}
+
+impl fmt::Display for TemperatureError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "the temperature is not finite",
+            Self::NoStiffness => "no stiffness would be left at this temperature",
+        })
+    }
+}
+
+impl core::error::Error for TemperatureError {}
+
+impl<T: Scalar> LimbCompliance<T> {
+    /// Compliances of body and joints times a factor each.
+    fn softened(mut self, body: T, joints: T) -> Self {
+        for c in [&mut self.axial, &mut self.bending, &mut self.torsion] {
+            *c *= body;
+        }
+        let ends =
+            [&mut self.base_linear, &mut self.base_angular, &mut self.platform_linear, &mut self.platform_angular];
+        for c in ends.into_iter().flatten() {
+            *c *= joints;
+        }
+        self
+    }
+}
+
+impl<T: Scalar> Machine<T> {
+    /// The machine at a temperature in °C, by its `thermal-modulus` effect: of every declared stiffness of a limb body
+    /// (of a joint) the share 1 − rate × (T − 20 °C) is left. Stiffnesses that other effects bring stay. Elements whose law
+    /// is the temperature get theirs. Without either it is the same machine. The temperature is that of the result,
+    /// whatever that of `self` was.
+    ///
+    /// # Errors
+    /// The temperature is not finite, or the share would not be above 0.
+    ///
+    /// ```
+    /// use pkm_core::thermal::TemperatureError;
+    /// use pkm_core::tables::reference::{MACHINE_F64, PARAMETERS};
+    /// use pkm_core::{Machine, MachineParameters};
+    /// assert_eq!(MACHINE_F64.at_temperature(35.0), Ok(MACHINE_F64));
+    /// let effects = PARAMETERS.effects.with("thermal-modulus", [4e-4, 4e-4, 0.0]).unwrap();
+    /// let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    /// assert_ne!(steel.at_temperature(35.0), Ok(steel));
+    /// assert_eq!(steel.at_temperature(20.0), Ok(steel));
+    /// assert_eq!(steel.at_temperature(1e4), Err(TemperatureError::NoStiffness));
+    /// ```
+    pub fn at_temperature(&self, temperature_c: T) -> Result<Self, TemperatureError> {
+        if !temperature_c.is_finite() {
+            return Err(TemperatureError::NotFinite);
+        }
+        let mut machine = *self;
+        let rates = self.effects.softening();
+        if rates == [T::ZERO; 2] && !self.effects.elements.depend_on_temperature() {
+            return Ok(machine);
+        }
+        let warmer_k = temperature_c - T::from_f64(DECLARED_TEMPERATURE_C);
+        let [body, joints] = rates.map(|rate| T::ONE - rate * warmer_k);
+        if !(body > T::ZERO && joints > T::ZERO && body.is_finite() && joints.is_finite()) {
+            return Err(TemperatureError::NoStiffness);
+        }
+        machine.effects.elements.set_temperature(warmer_k);
+        machine.limbs = self.declared_limbs.map(|limb| limb.softened(T::ONE / body, T::ONE / joints));
+        Ok(machine)
+    }
+
+    /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first
+    /// order, by its `thermal-expansion` effect: limbs and platforms grow, the encoders read the same. Zero when the
+    /// machine has none. Growth of everything alike moves A by its share of L along BA and turns nothing.
+    ///
+    /// # Errors
+    /// Those of [`inverse`](Self::inverse); a rise or a displacement that is not finite.
+    ///
+    /// ```
+    /// use pkm_core::tables::reference::PARAMETERS;
+    /// use pkm_core::{Machine, MachineParameters, Pose};
+    /// let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
+    /// let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    /// let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
+    /// let moved = steel.thermal_deflection(&pose, 10.0)?;
+    /// assert!((moved.translation_m[2] - 10.0 * 11e-6 * 0.53).abs() < 1e-12);
+    /// # Ok::<(), pkm_core::StiffnessError>(())
+    /// ```
+    pub fn thermal_deflection(&self, pose: &Pose<T>, rise_k: T) -> Result<Deflection<T>, StiffnessError> {
+        let commanded = self.posture(pose)?;
+        if !rise_k.is_finite() {
+            return Err(StiffnessError::NotFinite);
+        }
+        let o = T::ZERO;
+        let [limbs, platforms] = self.effects.growth().map(|rate| rate * rise_k);
+        if limbs == o && platforms == o {
+            return Ok(Deflection::ZERO);
+        }
+        let actual = self.actual(commanded)?;
+        let (p, Sizes { a1, a2, b1, b2 }) = (&actual.posture, self.actual);
+        let (sin, cos, l) = (p.sin_sigma, p.cos_sigma, p.l);
+        let [q1, q2, q3] = p.q;
+        // q dq = … of each limb, with what its own growth and the platforms' bring on the right
+        let (along, across) = (p.along_n, p.along_y[0]);
+        let both = across * across;
+        let first = limbs * q1 * q1 - platforms * (both - along[0] * sin * a1);
+        let second = limbs * q2 * q2 - platforms * (both + along[1] * sin * a1);
+        let (sum, difference) = (first + second, second - first);
+        let half = T::from_f64(0.5) / (l * l * cos - a1 * b1 * sin * sin);
+        let dl = half * (sum * l * cos - difference * b1 * sin);
+        let dsigma = half * (difference * l / a1 - sum * sin);
+        // limb 3, whose q² is L² + a2² + b2² − 2 b2 (L sin θ + a2 cos θ)
+        let reach = l * p.sin_theta + a2 * p.cos_theta;
+        let grown = platforms * (a2 * a2 + b2 * b2 - b2 * (reach + a2 * p.cos_theta)) - limbs * q3 * q3;
+        let dtheta = (dl * (l - b2 * p.sin_theta) + grown) / (b2 * (l * p.cos_theta - a2 * p.sin_theta));
+        let (n, y) = (p.n(), p.y());
+        let moved = [l * dtheta, dl * n[1], dl * n[2], dsigma, dtheta * y[1], dtheta * y[2]];
+        stiffness::finite(Deflection::from_array(actual.given_back(moved)))
+    }
+}
