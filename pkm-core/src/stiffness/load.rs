@@ -84,7 +84,9 @@ impl<T: Scalar> LoadResponse<'_, T> {
         for (linear, row) in linear.iter_mut().zip(m) {
             *linear -= dot(*row, lag);
         }
-        let elongations = |n: &[T; 3]| [0, 1, 2].map(|limb| effects.elongation(limb, n[limb]));
+        let elongations = |[one, two, three]: &[T; 3]| {
+            [effects.elongation(0, *one), effects.elongation(1, *two), effects.elongation(2, *three)]
+        };
         let elongations = elongations(&tensions(m, &linear, elongations)?);
         let mut d = [o; 6];
         for (moved, (e, lag)) in moved.iter().zip(elongations.into_iter().zip(lag)) {
