@@ -54,6 +54,8 @@ pub trait Scalar:
     fn sqrt(self) -> Self;
     /// Cube root.
     fn cbrt(self) -> Self;
+    /// Greatest whole number that is not greater.
+    fn floor(self) -> Self;
     /// Sine and cosine of an angle in rad; in `f32` within 1.5 units in the last place up to a right angle.
     fn sin_cos(self) -> (Self, Self);
     /// Cosine of an angle in rad.
@@ -65,7 +67,7 @@ pub trait Scalar:
 }
 
 macro_rules! scalar {
-    ($t:ty, $slack:expr, $sqrt:path, $cbrt:path, $sincos:path, $cos:path, $acos:path, $atan2:path) => {
+    ($t:ty, $slack:expr, $sqrt:path, $cbrt:path, $floor:path, $sincos:path, $cos:path, $acos:path, $atan2:path) => {
         impl Scalar for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -97,6 +99,10 @@ macro_rules! scalar {
                 $cbrt(self)
             }
             #[inline]
+            fn floor(self) -> Self {
+                $floor(self)
+            }
+            #[inline]
             fn sin_cos(self) -> (Self, Self) {
                 $sincos(self)
             }
@@ -116,8 +122,8 @@ macro_rules! scalar {
     };
 }
 
-scalar!(f32, 1e-5, libm::sqrtf, libm::cbrtf, sin_cos, libm::cosf, libm::acosf, libm::atan2f);
-scalar!(f64, 1e-9, libm::sqrt, libm::cbrt, libm::sincos, libm::cos, libm::acos, libm::atan2);
+scalar!(f32, 1e-5, libm::sqrtf, libm::cbrtf, libm::floorf, sin_cos, libm::cosf, libm::acosf, libm::atan2f);
+scalar!(f64, 1e-9, libm::sqrt, libm::cbrt, libm::floor, libm::sincos, libm::cos, libm::acos, libm::atan2);
 
 /// Polynomials in z = x² for |x| ≤ π/4 (sin x / x and cos x, least greatest error: 3.6e-9 and 1e-10), and beyond by what is
 /// left to the right angle.

@@ -387,6 +387,35 @@ macro_rules! active_elements {
 active_elements!(f32);
 active_elements!(f64);
 
+/// sin 2πt by its series up to the 17th power on a quarter turn, within 1e-13 in `f64` and 3e-7 in `f32` for few turns. Not
+/// `libm`'s: that takes 1 KB of stack where the stack is deepest, to reduce angles of any size.
+fn sine_of_turns<T: Scalar>(turns: T) -> T {
+    /// 1/n!, with alternating signs, from n = 17 down to 1.
+    const SERIES: [f64; 9] = [
+        1.0 / 355_687_428_096_000.0,
+        -1.0 / 1_307_674_368_000.0,
+        1.0 / 6_227_020_800.0,
+        -1.0 / 39_916_800.0,
+        1.0 / 362_880.0,
+        -1.0 / 5_040.0,
+        1.0 / 120.0,
+        -1.0 / 6.0,
+        1.0,
+    ];
+    let (half, quarter) = (T::from_f64(0.5), T::from_f64(0.25));
+    let within = turns - (turns + half).floor();
+    let folded = if within > quarter {
+        half - within
+    } else if within < -quarter {
+        -half - within
+    } else {
+        within
+    };
+    let x = T::from_f64(core::f64::consts::TAU) * folded;
+    let square = x * x;
+    SERIES.iter().fold(T::ZERO, |sum, c| sum * square + T::from_f64(*c)) * x
+}
+
 impl<T: Scalar> Active<T> {
     /// At a length of the limb, m, and a temperature, K above 20 °C; 0 under a law of the load.
     fn compliance(&self, q: T, warmer_k: T) -> T {
@@ -397,10 +426,7 @@ impl<T: Scalar> Active<T> {
                 let x = q - third;
                 c + x * (first + x * second)
             }
-            Law::Periodic => {
-                let (sin, _) = (T::from_f64(core::f64::consts::TAU) * q / second + third).sin_cos();
-                c + first * sin
-            }
+            Law::Periodic => c + first * sine_of_turns(q / second + third * T::from_f64(0.5 / core::f64::consts::PI)),
             Law::Temperature => c * warmer_k,
             Law::Load | Law::Direction => T::ZERO,
         }
