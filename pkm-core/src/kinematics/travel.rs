@@ -20,13 +20,18 @@ impl<T: Scalar> Machine<T> {
     }
 
     pub(super) fn check_travel(&self, lengths: &ScrewLengths<T>) -> Result<(), KinematicsError> {
-        let (margin, limb) = self.travel_margin_m(lengths);
-        // a pose that came from lengths on the very end of travel must not be refused for its rounding; where travel is endless
-        // that rounding is more than any length
-        if margin >= -T::SLACK * self.q_max[0] && lengths.q_m.iter().all(|q| *q > T::ZERO) {
-            Ok(())
-        } else {
-            Err(KinematicsError::OutOfTravel { limb: limb as u8 + 1 })
+        let mut furthest = (T::ZERO, 0);
+        for (limb, ((q, lo), hi)) in [1, 2, 3].into_iter().zip(lengths.q_m.into_iter().zip(self.q_min).zip(self.q_max))
+        {
+            let beyond = if q < lo { lo - q } else { q - hi };
+            // a pose that came from lengths on the very end of travel must not be refused for its rounding; where travel is
+            // endless that rounding is more than any length
+            let excess = beyond - T::SLACK * hi;
+            if excess > furthest.0 || !(q > T::ZERO) {
+                furthest = (excess, limb);
+            }
         }
+        let (_, limb) = furthest;
+        if limb == 0 { Ok(()) } else { Err(KinematicsError::OutOfTravel { limb }) }
     }
 }

@@ -1,6 +1,7 @@
 //! Inverse and forward kinematics on random machines, against geometry in space and check points.
 
 use pkm_core::machine::BodyKind;
+use pkm_core::tables::reference;
 use pkm_core::{KinematicsError, Machine, Pose, ScrewLengths};
 use pkm_tests::{cases, distance, keep_worst, random_parameters, random_pose, seeded, space};
 
@@ -166,4 +167,15 @@ fn travel_margin_names_the_nearest_limit() {
     assert!((margin - 0.01).abs() < 1e-12 && limb == 2, "{margin} {limb}");
     let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: [0.4, 0.6, 0.76] });
     assert!((margin + 0.02).abs() < 1e-12 && limb == 0, "{margin} {limb}");
+}
+
+/// Rounding is allowed for by each limb's own length: a long limb 1 must not let the others out of their travel.
+#[test]
+fn each_limb_has_the_slack_of_its_own_length() {
+    let mut parameters = reference::PARAMETERS;
+    parameters.travel.max_m = [1e3, 0.6, 0.77];
+    let machine = Machine::<f32>::new(&parameters).unwrap();
+    let at = |q2: f32| machine.forward(&ScrewLengths { q_m: [0.59, q2, 0.55] });
+    assert!(at(0.6).is_ok() && at(0.600_004).is_ok());
+    assert_eq!(at(0.6001), Err(KinematicsError::OutOfTravel { limb: 2 }));
 }
