@@ -34,7 +34,7 @@ impl core::error::Error for TemperatureError {}
 
 impl<T: Scalar> LimbCompliance<T> {
     /// Compliances of body and joints times a factor each.
-    fn softened(mut self, body: T, joints: T) -> Self {
+    pub(crate) fn softened(mut self, [body, joints]: [T; 2]) -> Self {
         for c in [&mut self.axial, &mut self.bending, &mut self.torsion] {
             *c *= body;
         }
@@ -82,7 +82,7 @@ impl<T: Scalar> Machine<T> {
             return Err(TemperatureError::NoStiffness);
         }
         machine.effects.elements.set_temperature(warmer_k);
-        machine.limbs = self.declared_limbs.map(|limb| limb.softened(T::ONE / body, T::ONE / joints));
+        machine.softness = [T::ONE / body, T::ONE / joints];
         Ok(machine)
     }
 

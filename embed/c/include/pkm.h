@@ -30,7 +30,7 @@
 #endif
 
 // Size of a `PkmMachine` in numbers of its type.
-#define PKM_MACHINE_NUMBERS 312
+#define PKM_MACHINE_NUMBERS 266
 
 // What every function returns. The numbers stay what they are in later versions; new ones may come.
 enum PkmError

@@ -24,9 +24,9 @@ pub struct Machine<T> {
     pub(crate) q_min: [T; 3],
     pub(crate) q_max: [T; 3],
     pub(crate) limbs: [LimbCompliance<T>; 3],
-    /// `limbs` at [`DECLARED_TEMPERATURE_C`](crate::thermal::DECLARED_TEMPERATURE_C): every other temperature starts from them, so that updates do not add up
-    /// their rounding.
-    pub(crate) declared_limbs: [LimbCompliance<T>; 3],
+    /// By what the compliances of bodies and joints are multiplied: 1 at the declared temperature. Applied where they are
+    /// used, so that updates do not add up their rounding.
+    pub(crate) softness: [T; 2],
     pub(crate) effects: ActiveEffects<T>,
 }
 
@@ -113,14 +113,13 @@ macro_rules! machine {
                     Sizes { a1: g.a1_m as $t, a2: g.a2_m as $t, b1: g.b1_m as $t, b2: g.b2_m as $t }
                 }
                 let l = &parameters.limbs;
-                let limbs = [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])];
                 Ok(Self {
                     declared: sizes(&parameters.geometry),
                     actual: sizes(&parameters.actual_geometry()),
                     q_min: narrow(parameters.travel.min_m),
                     q_max: narrow(parameters.travel.max_m),
-                    limbs,
-                    declared_limbs: limbs,
+                    limbs: [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])],
+                    softness: [1.0; 2],
                     effects: ActiveEffects::<$t>::new(&parameters.effects),
                 })
             }

@@ -16,9 +16,14 @@ impl<T: Scalar> Machine<T> {
         pair: &mut Chain<T, 6>,
         beside: &mut Lower<T>,
     ) {
-        let mut limb = self.chain_1_2::<LIMB, true>(p, h);
+        let mut limb = self.softened_chain_1_2::<LIMB>(p, h);
         self.add_effects_1_2::<LIMB>(p, h, &mut limb, beside);
         pair.put::<LIMB>(&limb);
+    }
+
+    #[inline(never)] // what it works with takes no stack while effects are added
+    fn softened_chain_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T) -> Chain<T, 3> {
+        self.chain_1_2::<LIMB, true>(p, h)
     }
 
     fn add_effects_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 3>, beside: &mut Lower<T>) {
@@ -27,6 +32,7 @@ impl<T: Scalar> Machine<T> {
         let (zy, zn) = (p.along_y[LIMB] / p.q[LIMB], p.along_n[LIMB] / p.q[LIMB]);
         let mix = |a: T, b: T| [a * y[0] + b * n[0], a * y[1] + b * n[1], a * y[2] + b * n[2]];
         let z = mix(zy, zn);
+        let [body, _] = self.softness;
         self.add_effects(
             Limb {
                 index: LIMB,
@@ -35,9 +41,9 @@ impl<T: Scalar> Machine<T> {
                 platform: [T::ZERO, side * self.actual.a1, h],
                 axes: [u, cross(z, u), z],
                 base_axes: [u, y, cross(u, y)],
-                axial: self.limbs[LIMB].axial,
-                bending: self.limbs[LIMB].bending,
-                torsion: self.limbs[LIMB].torsion,
+                axial: self.limbs[LIMB].axial * body,
+                bending: self.limbs[LIMB].bending * body,
+                torsion: self.limbs[LIMB].torsion * body,
                 chain,
             },
             beside,
@@ -49,7 +55,7 @@ impl<T: Scalar> Machine<T> {
         let (x, z) = Self::leaning_3(p, h);
         let axes = [x, cross(z, x), z];
         let platform = [self.actual.a2, T::ZERO, h];
-        let q = p.q[2];
+        let (q, [body, _]) = (p.q[2], self.softness);
         self.add_effects(
             Limb {
                 index: 2,
@@ -58,9 +64,9 @@ impl<T: Scalar> Machine<T> {
                 platform,
                 axes,
                 base_axes: axes,
-                axial: self.limbs[2].axial,
-                bending: self.limbs[2].bending,
-                torsion: self.limbs[2].torsion,
+                axial: self.limbs[2].axial * body,
+                bending: self.limbs[2].bending * body,
+                torsion: self.limbs[2].torsion * body,
                 chain,
             },
             beside,
@@ -88,7 +94,14 @@ impl<T: Scalar> Machine<T> {
     /// axial force, the force along u through B_i, and the couple about n. With `OFFSET` A_i is `h` out of its plane.
     pub(super) fn chain_1_2<const LIMB: usize, const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 3> {
         let side = if LIMB == 0 { -T::ONE } else { T::ONE };
-        let c = &self.limbs[LIMB];
+        // without effects no temperature changes anything
+        let softened;
+        let c = if OFFSET {
+            softened = self.limbs[LIMB].softened(self.softness);
+            &softened
+        } else {
+            &self.limbs[LIMB]
+        };
         let (q, sin, cos) = (p.q[LIMB], p.sin_sigma, p.cos_sigma);
         // limb axis in (y, n), and in A-uvw, where y = (0, cos σ, −sin σ) and n = (0, sin σ, cos σ)
         let (zy, zn) = (p.along_y[LIMB] / q, p.along_n[LIMB] / q);
@@ -126,7 +139,13 @@ impl<T: Scalar> Machine<T> {
 
     /// Limb 3: the axial force and the force along y of B, both through A3. With `OFFSET` A3 is `h` along w out of its plane.
     pub(super) fn chain_3<const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 2> {
-        let c = &self.limbs[2];
+        let softened;
+        let c = if OFFSET {
+            softened = self.limbs[2].softened(self.softness);
+            &softened
+        } else {
+            &self.limbs[2]
+        };
         let q = p.q[2];
         let a2 = self.actual.a2;
         let wrenches = if OFFSET {
