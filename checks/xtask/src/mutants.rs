@@ -12,10 +12,7 @@ const LEAST_PERCENT: usize = 90;
 /// What is changed and the tests that run against it.
 const PARTS: [(&str, &[&str]); 2] = [
     ("core", &["-p", "pkm-core", "-C=--package=pkm-tests", "-C=--test=core"]),
-    (
-        "statistics",
-        &["-p", "pkm-diagnosis", "-f", "{noise,whitening,fit,solve,screening,validation}.rs"],
-    ),
+    ("statistics", &["-p", "pkm-diagnosis", "-f", "{noise,whitening,fit,solve,screening,validation}.rs"]),
 ];
 
 /// By what became of them: caught, not in time, missed, not Rust.
