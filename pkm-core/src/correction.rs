@@ -321,6 +321,13 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     ) -> Result<(), CorrectionError> {
         let rows = self.factor.ok_or(CorrectionError::NoFactorForm)?;
         machine.add_stiffness_below_tool(posture, lower)?;
+        self.correct_factor(rows, pose, lower)?;
+        soften_by_tool(machine, lower)
+    }
+
+    /// Turns K_p into the factor of K_m.
+    #[inline(never)] // as `soften_by_tool`: neither takes stack while K_p is put together
+    fn correct_factor(&self, rows: &[T], pose: &Pose<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
         stiffness::factor(lower)?;
         let g: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
         for (row, d) in (1..).zip([g[0], g[2], g[5], g[9], g[14], g[20]]) {
@@ -329,8 +336,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
             }
         }
         linalg::multiply(lower, &g);
-        check_range(lower)?;
-        soften_by_tool(machine, lower)
+        Ok(check_range(lower)?)
     }
 
     /// `ROWS` polynomials with the table's terms at a pose.
@@ -360,6 +366,7 @@ fn check_range<T: Scalar>(lower: &Lower<T>) -> Result<(), StiffnessError> {
 }
 
 /// Takes what lies behind A, which is not in the table, into a factor.
+#[inline(never)]
 fn soften_by_tool<T: Scalar>(machine: &Machine<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
     if machine.effects.any() {
         let mut stiffness = linalg::square(lower);

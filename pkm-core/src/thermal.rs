@@ -113,7 +113,7 @@ impl<T: Scalar> Machine<T> {
         if limbs == o && platforms == o {
             return Ok(Deflection::ZERO);
         }
-        let actual = self.actual(commanded)?;
+        let actual = self.actual(&commanded)?;
         let (p, Sizes { a1, a2, b1, b2 }) = (&actual.posture, self.actual);
         let (sin, cos, l) = (p.sin_sigma, p.cos_sigma, p.l);
         let [q1, q2, q3] = p.q;

@@ -21,10 +21,16 @@ macro_rules! effects {
 
         impl<T: Scalar> ActiveEffects<T> {
             /// Adds what every active effect has inside a limb.
+            #[inline(never)] // apart from the elements, so that the stack does not hold what both work with
             pub(crate) fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
                 $($(if self.active & (1 << Index::$name as u32) != 0 {
                     $module::$name::in_limb(&self.parameters[Index::$name as usize], limb);
                 })+)+
+            }
+
+            /// Adds what every element has inside a limb.
+            #[inline(never)]
+            pub(crate) fn elements_in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
                 if self.has_elements() {
                     self.elements.in_limb(limb);
                 }

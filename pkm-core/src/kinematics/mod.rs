@@ -170,14 +170,14 @@ impl<T: Scalar> Machine<T> {
     /// Where the mechanism stands when it is told to take a posture: the lengths are those of the declared sizes, the
     /// rest follows from the actual ones.
     #[inline(never)]
-    pub(crate) fn actual(&self, commanded: Posture<T>) -> Result<Actual<T>, KinematicsError> {
+    pub(crate) fn actual(&self, commanded: &Posture<T>) -> Result<Actual<T>, KinematicsError> {
         if self.actual == self.declared {
-            return Ok(Actual { posture: commanded, turn: None });
+            return Ok(Actual { posture: *commanded, turn: None });
         }
         let pose = self.actual.forward(&ScrewLengths { q_m: commanded.q })?;
         let posture = self.actual.posture(&pose)?;
         let axes = |p: &Posture<T>| [p.x(), p.y(), cross(p.x(), p.y())];
-        let (there, here) = (axes(&posture), axes(&commanded));
+        let (there, here) = (axes(&posture), axes(commanded));
         let mut turn = [[T::ZERO; 3]; 3];
         for (there, here) in there.iter().zip(&here) {
             for (row, t) in turn.iter_mut().zip(there) {

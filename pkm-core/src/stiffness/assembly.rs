@@ -64,17 +64,28 @@ impl<T: Scalar> Machine<T> {
 
     #[inline(never)]
     fn add_stiffness_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
-        let actual = self.actual(*p)?;
-        let p = &actual.posture;
-        self.add_limbs_with_effects(p, k)?;
+        // by reference: `?` would copy all of it
+        let actual = self.actual(p);
+        let actual = match &actual {
+            Ok(actual) => actual,
+            Err(e) => return Err((*e).into()),
+        };
+        self.add_limbs_with_effects(&actual.posture, k)?;
+        let definite = self.add_compliance_in_series(&actual.posture, k);
+        actual.given_back_matrix(k);
+        if definite { check_diagonal(k) } else { Err(StiffnessError::NotPositiveDefinite) }
+    }
+
+    /// Softens K by what yields at B and between limbs and A; false when a negative compliance leaves nothing definite.
+    #[inline(never)]
+    fn add_compliance_in_series(&self, p: &Posture<T>, k: &mut Lower<T>) -> bool {
         let (n, x, y) = (p.n(), p.x(), p.y());
         let at = n.map(|c| -p.l * c);
         let axes = [x, y, cross(x, y)];
         let mut definite = true;
         self.effects.at_base(|compliance| definite &= Series { at, axes, compliance }.soften(k));
         self.effects.at_hub(|compliance| definite &= Series::at_a(compliance).soften(k));
-        actual.given_back_matrix(k);
-        if definite { check_diagonal(k) } else { Err(StiffnessError::NotPositiveDefinite) }
+        definite
     }
 
     #[inline(never)]
@@ -101,8 +112,13 @@ impl<T: Scalar> Machine<T> {
         let (p, [h, h_3]) = (&p, offset);
         self.put_limb_with_effects::<0>(p, h, pair, beside);
         self.put_limb_with_effects::<1>(p, h, pair, beside);
-        *third = self.chain_3::<true>(p, h_3);
+        self.turn_into_limb_3(p, h_3, third);
         self.add_effects_3(p, h_3, third, beside);
+        self.couple_limbs_1_2(p, pair);
+    }
+
+    #[inline(never)]
+    fn couple_limbs_1_2(&self, p: &Posture<T>, pair: &mut Chain<T, 6>) {
         let z = cross(p.x(), p.y());
         let w = [T::ZERO, T::ZERO, T::ONE];
         self.effects.between_arms_1_2(|bridge| pair.add_mode(w, T::ONE, bridge));

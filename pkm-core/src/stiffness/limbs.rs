@@ -16,66 +16,82 @@ impl<T: Scalar> Machine<T> {
         pair: &mut Chain<T, 6>,
         beside: &mut Lower<T>,
     ) {
-        let mut limb = self.softened_chain_1_2::<LIMB>(p, h);
-        self.add_effects_1_2::<LIMB>(p, h, &mut limb, beside);
-        pair.put::<LIMB>(&limb);
+        let mut chain = Chain::zero();
+        self.turn_into_limb_1_2::<LIMB>(p, h, &mut chain);
+        let mut limb = self.limb_1_2::<LIMB>(p, h, &mut chain);
+        self.add_effects(&mut limb, beside);
+        pair.put::<LIMB>(&chain);
     }
 
-    #[inline(never)] // what it works with takes no stack while effects are added
-    fn softened_chain_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T) -> Chain<T, 3> {
-        self.chain_1_2::<LIMB, true>(p, h)
+    // what these four work with takes no stack while effects are added
+
+    #[inline(never)]
+    fn turn_into_limb_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 3>) {
+        *chain = self.chain_1_2::<LIMB, true>(p, h);
     }
 
-    fn add_effects_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 3>, beside: &mut Lower<T>) {
+    #[inline(never)]
+    pub(super) fn turn_into_limb_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>) {
+        *chain = self.chain_3::<true>(p, h);
+    }
+
+    #[inline(never)]
+    fn limb_1_2<'c, const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &'c mut Chain<T, 3>) -> Limb<'c, T, 3> {
         let (y, n, u) = (p.y(), p.n(), [T::ONE, T::ZERO, T::ZERO]);
         let side = if LIMB == 0 { -T::ONE } else { T::ONE };
         let (zy, zn) = (p.along_y[LIMB] / p.q[LIMB], p.along_n[LIMB] / p.q[LIMB]);
         let mix = |a: T, b: T| [a * y[0] + b * n[0], a * y[1] + b * n[1], a * y[2] + b * n[2]];
         let z = mix(zy, zn);
         let [body, _] = self.softness;
-        self.add_effects(
-            Limb {
-                index: LIMB,
-                q: p.q[LIMB],
-                base: mix(side * self.actual.b1, -p.l),
-                platform: [T::ZERO, side * self.actual.a1, h],
-                axes: [u, cross(z, u), z],
-                base_axes: [u, y, cross(u, y)],
-                axial: self.limbs[LIMB].axial * body,
-                bending: self.limbs[LIMB].bending * body,
-                torsion: self.limbs[LIMB].torsion * body,
-                chain,
-            },
-            beside,
-        );
+        Limb {
+            index: LIMB,
+            q: p.q[LIMB],
+            base: mix(side * self.actual.b1, -p.l),
+            platform: [T::ZERO, side * self.actual.a1, h],
+            axes: [u, cross(z, u), z],
+            base_axes: [u, y, cross(u, y)],
+            axial: self.limbs[LIMB].axial * body,
+            bending: self.limbs[LIMB].bending * body,
+            torsion: self.limbs[LIMB].torsion * body,
+            chain,
+        }
     }
 
     #[inline(never)]
-    pub(super) fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
+    fn limb_3<'c>(&self, p: &Posture<T>, h: T, chain: &'c mut Chain<T, 2>) -> Limb<'c, T, 2> {
         let (x, z) = Self::leaning_3(p, h);
         let axes = [x, cross(z, x), z];
         let platform = [self.actual.a2, T::ZERO, h];
         let (q, [body, _]) = (p.q[2], self.softness);
-        self.add_effects(
-            Limb {
-                index: 2,
-                q,
-                base: [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]],
-                platform,
-                axes,
-                base_axes: axes,
-                axial: self.limbs[2].axial * body,
-                bending: self.limbs[2].bending * body,
-                torsion: self.limbs[2].torsion * body,
-                chain,
-            },
-            beside,
-        );
+        Limb {
+            index: 2,
+            q,
+            base: [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]],
+            platform,
+            axes,
+            base_axes: axes,
+            axial: self.limbs[2].axial * body,
+            bending: self.limbs[2].bending * body,
+            torsion: self.limbs[2].torsion * body,
+            chain,
+        }
+    }
+
+    #[inline(never)]
+    pub(super) fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
+        self.add_effects(&mut self.limb_3(p, h, chain), beside);
     }
 
     /// Adds what effects have inside a limb to it, and what its tension adds to K beside it.
-    fn add_effects<const N: usize>(&self, mut limb: Limb<'_, T, N>, beside: &mut Lower<T>) {
-        self.effects.in_limb(&mut limb);
+    #[inline(never)]
+    fn add_effects<const N: usize>(&self, limb: &mut Limb<'_, T, N>, beside: &mut Lower<T>) {
+        self.effects.in_limb(limb);
+        self.effects.elements_in_limb(limb);
+        self.add_tension(limb, beside);
+    }
+
+    #[inline(never)]
+    fn add_tension<const N: usize>(&self, limb: &Limb<'_, T, N>, beside: &mut Lower<T>) {
         let tension = self.effects.tension(limb.index);
         if tension != T::ZERO {
             let [_, across, _] = limb.axes;

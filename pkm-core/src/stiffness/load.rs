@@ -150,7 +150,7 @@ impl<T: Scalar> Machine<T> {
         if !self.effects.depend_on_load() {
             return Ok(LoadResponse { machine: self, limbs: None });
         }
-        let mut limbs = LimbResponse { actual: self.actual(*posture)?, moved: [[T::ZERO; 6]; 3], m: [[T::ZERO; 3]; 3] };
+        let mut limbs = LimbResponse { actual: self.actual(posture)?, moved: [[T::ZERO; 6]; 3], m: [[T::ZERO; 3]; 3] };
         let mut lower = linalg::zero();
         self.add_limb_response(&mut limbs, &mut lower)?;
         factor(&mut lower)?;
