@@ -14,6 +14,7 @@ use cortex_m as _;
 use cortex_m_rt::entry;
 use pkm_core::checksum;
 use pkm_core::correction::narrow;
+use pkm_core::effects::{Element, Law, Place};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
@@ -147,11 +148,37 @@ macro_rules! call_everything {
     };
 }
 
+/// What an element's names say.
+fn call_elements() {
+    let (Some(place), Some(law)) = (Place::from_name(black_box("base")), Law::from_name(black_box("load"))) else {
+        return;
+    };
+    black_box((place.name(), place.limb(), law.name()));
+    for motion in place.motions() {
+        black_box((motion.name(), motion.is_rotation()));
+    }
+    if let Some(element) =
+        Element::from_names(black_box("tool"), black_box("u"), black_box("load"), black_box([1.0; 8]))
+    {
+        black_box(element.parameter_names());
+    }
+}
+
 #[entry]
 fn main() -> ! {
     let parameters = black_box(PARAMETERS);
     black_box((parameters.check().is_ok(), parameters.checksum(), parameters.actual_geometry()));
     black_box(parameters.effects.with(black_box("preload"), black_box([1.0; 3])));
+    if let Some(effects) = parameters.effects.with_element(
+        black_box("limb.1.body"),
+        black_box("axial"),
+        black_box("extension"),
+        black_box([1.0; 8]),
+    ) {
+        black_box(effects);
+    }
+    black_box(checksum::over_text(checksum::START, black_box("text")));
+    call_elements();
     black_box((parameters.effects.below_tool(), narrow(black_box(&[1.0; 8])), black_box(&TABLE_F64).checksum()));
     black_box(checksum::over_numbers(checksum::over_byte(checksum::START, black_box(1)), black_box(&[1.0; 3])));
     let wrist = black_box(WRIST);

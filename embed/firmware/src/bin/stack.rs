@@ -42,7 +42,9 @@ const EVERY_EFFECT: MachineParameters = {
     let Some(effects) = effects.with_element("limb.2.body", "tilting", "extension", [1e-9, 1e-9]) else { panic!() };
     let Some(effects) = effects.with_element("limb.3.body", "axial", "periodic", [0.0, 1e-9, 0.01]) else { panic!() };
     let Some(effects) = effects.with_element("limb.3.body", "tilting", "temperature", [1e-9]) else { panic!() };
-    let Some(effects) = effects.with_element("limb.2.body", "axial", "load", [1e-9, 1e-12, 1e-12, 1e-15]) else { panic!() };
+    let Some(effects) = effects.with_element("limb.2.body", "axial", "load", [1e-9, 1e-12, 1e-12, 1e-15]) else {
+        panic!()
+    };
     let Some(effects) = effects.with_element("limb.3.body", "axial", "direction", [1e-9]) else { panic!() };
     let Some(effects) = effects.with_element("base", "rz", "constant", [1e-9]) else { panic!() };
     let Some(effects) = effects.with_element("tool", "w", "constant", [-1e-12]) else { panic!() };
