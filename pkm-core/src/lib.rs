@@ -89,7 +89,7 @@ pub use five_axis::{
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters};
 pub use scalar::Scalar;
-pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor};
+pub use stiffness::{LimbFrame, LoadResponse, Stiffness, StiffnessError, StiffnessFactor, Transmission};
 pub use thermal::TemperatureError;
 pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
 pub use wrist::{Wrist, WristError, WristParameters};

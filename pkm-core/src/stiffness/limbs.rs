@@ -145,7 +145,7 @@ impl<T: Scalar> Machine<T> {
     }
 
     /// x and z of limb 3 in A-uvw when A3 is `h` along w out of its plane: then it leans out of the plane across y of B.
-    fn leaning_3(p: &Posture<T>, h: T) -> ([T; 3], [T; 3]) {
+    pub(super) fn leaning_3(p: &Posture<T>, h: T) -> ([T; 3], [T; 3]) {
         let (y, n, q) = (p.y(), p.n(), p.q[2]);
         let [zu, zn, zy] = [p.limb_3[0] / q, p.limb_3[1] / q, -p.sin_sigma * h / q];
         let z = [zu, zn * n[1] + zy * y[1], zn * n[2] + zy * y[2]];

@@ -19,8 +19,10 @@ use crate::types::{Deflection, Wrench};
 mod assembly;
 mod limbs;
 mod load;
+mod transmission;
 
 pub use load::{LoadResponse, MAX_ITERATIONS};
+pub use transmission::{LimbFrame, Transmission};
 
 /// Why there is no stiffness for a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -25,6 +25,37 @@ fn transmitted_wrenches_equal_the_structural_matrix() {
     println!("K_p against 24x24: {worst:.1e}");
 }
 
+/// Wrenches, compliance and frames of single limbs: their sum is K_p, an axial force acts along B_i A_i through both joints.
+#[test]
+fn transmitted_wrenches_one_by_one_make_up_the_structural_matrix() {
+    let mut rng = seeded();
+    for n in 0..cases(2_000) {
+        let kind = if n % 2 == 0 { BodyKind::Beam } else { BodyKind::Diagonal };
+        let parameters = random_parameters(&mut rng, kind);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
+        let t = machine.transmission(&pose).unwrap();
+        let h = nalgebra::SMatrix::<f64, 6, 8>::from_fn(|i, k| t.wrenches[k][i]);
+        let d = nalgebra::SMatrix::<f64, 8, 8>::from_fn(|i, j| t.compliance[i.max(j)][i.min(j)]);
+        let k = h * d.cholesky().unwrap().solve(&h.transpose());
+        let k = std::array::from_fn(|i| std::array::from_fn(|j| k[(i, j)]));
+        let difference = scaled_difference(&k, &structural_stiffness(&parameters, &pose));
+        assert!(difference <= 1e-11, "{difference:e} at {pose:?} of {parameters:?}");
+        let lengths = machine.inverse(&pose).unwrap().q_m;
+        for (limb, first) in t.limbs.iter().zip([0, 3, 6]) {
+            let [base, platform] = limb.joints_m.map(nalgebra::Vector3::from);
+            let along = platform - base;
+            let w = t.wrenches[first];
+            let (force, moment) =
+                (nalgebra::Vector3::from([w[0], w[1], w[2]]), nalgebra::Vector3::from([w[3], w[4], w[5]]));
+            assert!((along.norm() - limb.length_m).abs() < 1e-12 && lengths.contains(&limb.length_m));
+            assert!((along / limb.length_m - force).norm() < 1e-12);
+            assert!((moment - platform.cross(&force)).norm() < 1e-12);
+            assert!((nalgebra::Vector3::from(limb.axes[1][2]) - force).norm() < 1e-12);
+        }
+    }
+}
+
 /// A machine seen in a mirror has limbs 1 and 2 exchanged and the other σ; one of another size has the stiffness of that size.
 #[test]
 fn mirrored_and_scaled_machines_have_mirrored_and_scaled_stiffness() {
