@@ -14,6 +14,7 @@ pub mod levels;
 mod model;
 mod noise;
 mod observations;
+pub mod places;
 pub mod residuals;
 mod rules;
 pub mod screening;

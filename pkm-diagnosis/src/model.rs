@@ -89,8 +89,10 @@ impl Parameter {
 /// What a candidate belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Physics that the model lacks.
+    /// Physics that the model lacks, by a formula.
     Effect,
+    /// Physics that the model lacks and that has no formula of its own, at a place: named where no formula does as well.
+    Element,
     /// An error of the measurement.
     Measurement,
     /// Declared values that are wrong.

@@ -106,6 +106,39 @@ pub struct Rules {
     /// Most outliers that are named.
     pub max_outliers: usize,
 
+    /// Prior scales of blocks, as multiples of the compliance that is declared or usual at the place: a zero-mean prior pays
+    /// for its width, so that the right order of magnitude has to be among them.
+    pub block_scales: [f64; 6],
+    /// Scatter of declared values in units of the declared one: nobody's 10 % is exact.
+    pub declared_scatters: [f64; 2],
+    /// Levels of load error, out of `load_error_levels`, under which sets of blocks are compared.
+    pub block_levels: [usize; 3],
+    /// ln of the prior weight of a larger scatter, and of each higher level.
+    pub ln_prior_of_scatter: f64,
+    /// See `ln_prior_of_scatter`.
+    pub ln_prior_of_level: f64,
+    /// ln of the prior weight of each low rank beside the whole compliance.
+    pub ln_prior_of_low_rank: f64,
+    /// Least gain of ln E for a block: odds of 400. Between 4 and 8 few sets change.
+    pub min_block_gain: f64,
+    /// Most blocks in a set.
+    pub max_blocks: usize,
+    /// Blocks that are made linear about their own optimum in each step.
+    pub blocks_tried: usize,
+    /// Gauss-Newton steps of each.
+    pub block_steps: usize,
+    /// ln E behind the best within which an exchange is tried about its own optimum: linear at the best state, evidence is
+    /// off by several units.
+    pub exchange_margin: f64,
+    /// The same for the rivals of a finding, and how many at most.
+    pub rival_margin: f64,
+    /// See `rival_margin`.
+    pub rivals_tried: usize,
+    /// Least probability at which a place is named beside the likeliest.
+    pub min_place_probability: f64,
+    /// Degrees of freedom of noise that was declared: as good as known.
+    pub dof_of_declared_noise: f64,
+
     /// Measurements that are proposed.
     pub proposals: usize,
     /// Rivals that further measurements are to tell apart.
@@ -157,6 +190,21 @@ impl Rules {
         outlier_repeat_share: 0.5,
         max_outlier_share: 0.01,
         max_outliers: 3,
+        block_scales: [0.01, 0.03, 0.1, 0.3, 1.0, 3.0],
+        declared_scatters: [1.0, 2.0],
+        block_levels: [0, 2, 4],
+        ln_prior_of_scatter: -0.7,
+        ln_prior_of_level: -0.3,
+        ln_prior_of_low_rank: -2.0,
+        min_block_gain: 6.0,
+        max_blocks: 4,
+        blocks_tried: 5,
+        block_steps: 4,
+        exchange_margin: 15.0,
+        rival_margin: 60.0,
+        rivals_tried: 10,
+        min_place_probability: 0.03,
+        dof_of_declared_noise: 1e6,
         proposals: 8,
         rivals: 3,
     };

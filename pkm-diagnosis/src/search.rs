@@ -203,10 +203,13 @@ impl State<'_> {
         let Some(best) = ranking.iter().position(|(r, _)| self.passes(r)) else { return false };
         let top = ranking[best].0.gain.unwrap_or(0.0);
         let within = |r: &Ranked| r.gain.is_some_and(|g| top - g <= rules.min_gain[0]);
-        // of what is as likely a wrong declared value is the simpler explanation
+        // of what is as likely a wrong declared value is the simplest explanation, and a formula simpler than none
         let kind = |r: &Ranked| problem.model.candidates()[r.candidate].kind;
-        let simpler = |r: &Ranked| kind(r) == Kind::DeclaredValues && within(r) && self.passes(r);
-        let chosen = ranking.iter().position(|(r, _)| simpler(r)).unwrap_or(best);
+        let as_likely = |simpler: &dyn Fn(Kind) -> bool| {
+            ranking.iter().position(|(r, _)| simpler(kind(r)) && within(r) && self.passes(r))
+        };
+        let declared = as_likely(&|kind| kind == Kind::DeclaredValues);
+        let chosen = declared.or_else(|| as_likely(&|kind| kind != Kind::Element)).unwrap_or(best);
         let own = &columns[ranking[chosen].0.candidate];
         let same =
             |r: &Ranked| within(r) || indistinguishable(&self.fit, own, &columns[r.candidate], rules.same_signal_share);
@@ -221,8 +224,22 @@ impl State<'_> {
     }
 }
 
-/// Searches until nothing more is accepted.
-pub fn search(levels: &Levels<'_>) -> Option<Search> {
+/// Candidates that may still be named: each find uses up one of the sites, the first that it could be at.
+fn open(candidates: usize, found: &[Found], sites: Option<&[Vec<usize>]>) -> Vec<usize> {
+    let is_new = |c: &usize| found.iter().all(|f| f.candidate != *c);
+    let Some(sites) = sites else { return (0..candidates).filter(is_new).collect() };
+    let mut free: Vec<&Vec<usize>> = sites.iter().collect();
+    for f in found {
+        if let Some(at) = free.iter().position(|s| s.contains(&f.candidate)) {
+            free.remove(at);
+        }
+    }
+    (0..candidates).filter(is_new).filter(|c| free.iter().any(|s| s.contains(c))).collect()
+}
+
+/// Searches until nothing more is accepted. With `sites`, lists of candidates of which each may give one name, nothing else is
+/// named.
+pub fn search(levels: &Levels<'_>, sites: Option<&[Vec<usize>]>) -> Option<Search> {
     let (plain, rules) = (levels.plain, levels.plain.rules);
     let declared = plain.model.declared();
     let (first_level, base) = levels.fit(&declared, &vec![0.0; declared.len()], 0)?;
@@ -240,8 +257,10 @@ pub fn search(levels: &Levels<'_>) -> Option<Search> {
             break;
         }
         let columns = if round == 0 { at_base.clone() } else { all_columns(&state.fit, state.level) };
-        let open: Vec<usize> =
-            (0..candidates.len()).filter(|i| state.found.iter().all(|f| f.candidate != *i)).collect();
+        let open = open(candidates.len(), &state.found, sites);
+        if open.is_empty() {
+            break;
+        }
         let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
         let screened = screening::screen(&state.fit, &open_columns, SEED + round as u64, rules);
         let left_out = state.fit.left_out(&groups);

@@ -67,6 +67,11 @@ impl<'a> Problem<'a> {
         &self.model.parameters()[unknown.0]
     }
 
+    /// Whitened means of readings.
+    pub fn observed(&self) -> &DVector<f64> {
+        &self.observed
+    }
+
     /// Number of whitened means of readings.
     fn count(&self) -> usize {
         self.observed.len()
@@ -85,15 +90,19 @@ impl<'a> Problem<'a> {
     /// Squared whitened scatter of repeats about their means.
     pub fn pure_error(&self) -> f64 {
         let key = |e: &Entry| (self.observations.readings[e.readings[0]].repeat_of, e.channel);
+        // repeats under loads that were recorded differently differ by that as well
+        let said = self.model.predict(&[], &[]).unwrap_or_default();
+        let place = |e: &Entry| e.condition * self.observations.channels.len() + e.channel;
+        let beyond = |(e, mean): (&Entry, &f64)| mean - said.get(place(e)).unwrap_or(&0.0);
+        let means: Vec<f64> = self.whitener.entries.iter().zip(&self.means).map(beyond).collect();
         let mut sums: HashMap<(usize, usize), (f64, f64)> = HashMap::new();
-        for (e, mean) in self.whitener.entries.iter().zip(&self.means) {
+        for (e, mean) in self.whitener.entries.iter().zip(&means) {
             let sum = sums.entry(key(e)).or_default();
             sum.0 += mean * e.readings.len() as f64;
             sum.1 += e.readings.len() as f64;
         }
         let of = |e: &Entry| sums.get(&key(e)).map_or(0.0, |(sum, n)| sum / n);
-        let mut scatter: Vec<f64> =
-            self.whitener.entries.iter().zip(&self.means).map(|(e, mean)| mean - of(e)).collect();
+        let mut scatter: Vec<f64> = self.whitener.entries.iter().zip(&means).map(|(e, mean)| mean - of(e)).collect();
         self.whitener.whiten(&mut scatter);
         scatter.iter().map(|s| s * s).sum::<f64>() + self.whitener.averaged
     }

@@ -85,7 +85,8 @@ fn is_ambiguous(problem: &Problem<'_>, search: &Search) -> bool {
     let all = problem.model.candidates();
     let elsewhere = |f: &Found| {
         let own = &all[f.candidate];
-        own.kind != Kind::DeclaredValues && f.class.iter().any(|c| all[*c].place != own.place)
+        let rival = |c: &usize| all[*c].kind != Kind::Element && all[*c].place != own.place;
+        own.kind != Kind::DeclaredValues && f.class.iter().any(rival)
     };
     follows_much || leans || search.found.iter().any(elsewhere)
 }

@@ -1,7 +1,7 @@
 //! Fits, evidence and common errors against closed forms.
 
 use nalgebra::{DMatrix, DVector};
-use pkm_diagnosis::{CommonErrors, Fit, Levels, Problem, Rules, Unknown, Whitener, levels};
+use pkm_diagnosis::{CommonErrors, Fit, ForwardModel, Levels, Problem, Rules, Unknown, Whitener, levels};
 
 use crate::noise::{covariance, noises, varied};
 use crate::support::*;
@@ -111,10 +111,14 @@ fn pure_error_is_that_of_repeats_about_their_means() {
     let model = Table::random(&mut rng, 20, 0, 0.0);
     for noise in noises() {
         let mut file = varied(&mut rng);
-        // two conditions that differ by their temperature alone
+        // two conditions of one nominal load: what the model says they differ by is no scatter
         file.readings.iter_mut().filter(|r| r.repeat_of == 2).for_each(|r| r.repeat_of = 1);
         let (rows, c) = covariance(&file, &noise);
-        let value = |(r, c): (usize, usize)| file.readings[r].observed[c].unwrap();
+        let said = model.predict(&[], &[]).unwrap();
+        let value = |(r, c): (usize, usize)| {
+            let reading = &file.readings[r];
+            reading.observed[c].unwrap() - said[reading.condition * file.channels.len() + c]
+        };
         let group = |(r, c): (usize, usize)| (file.readings[r].repeat_of, c);
         let mean = |at: (usize, usize)| {
             let all: Vec<f64> = rows.iter().filter(|o| group(**o) == group(at)).map(|o| value(*o)).collect();

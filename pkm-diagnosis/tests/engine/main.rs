@@ -3,6 +3,7 @@
 
 mod fits;
 mod noise;
+mod places;
 mod screening;
 mod spring_chain;
 mod support;

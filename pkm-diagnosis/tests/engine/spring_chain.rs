@@ -9,7 +9,7 @@ use pkm_diagnosis::{
 use crate::support::normal;
 
 /// Declared compliance of a spring at its full length, m/N.
-const COMPLIANCE: f64 = 1e-7;
+pub const COMPLIANCE: f64 = 1e-7;
 /// Of the gauge, m.
 const NOISE: f64 = 0.1e-6;
 
@@ -21,8 +21,8 @@ const GAUGE: usize = 6;
 const ALL_SPRINGS: usize = 7;
 
 /// The chain under conditions: the share of each spring's length that is out, and a force in N.
-struct Chain {
-    conditions: Vec<([f64; 3], f64)>,
+pub struct Chain {
+    pub conditions: Vec<([f64; 3], f64)>,
     parameters: Vec<Parameter>,
     candidates: Vec<Candidate>,
 }
@@ -86,7 +86,7 @@ impl ForwardModel for Chain {
 }
 
 /// Fourteen poses under six forces.
-fn chain() -> Chain {
+pub fn chain() -> Chain {
     let mut rng = fastrand::Rng::with_seed(51);
     let poses: Vec<[f64; 3]> = (0..14).map(|_| std::array::from_fn(|_| 0.3 + 1.4 * rng.f64())).collect();
     let forces = [-200.0, -60.0, -15.0, 15.0, 60.0, 200.0];
@@ -94,7 +94,7 @@ fn chain() -> Chain {
 }
 
 /// Readings in three series of a chain with springs that differ from the declared ones, and some more unknowns.
-fn read(chain: &Chain, truth: &[(usize, f64)], seed: u64) -> Observations {
+pub fn read(chain: &Chain, truth: &[(usize, f64)], seed: u64) -> Observations {
     let mut rng = fastrand::Rng::with_seed(seed);
     let springs = [0, 1, 2].map(|n| (n, normal(&mut rng)));
     let (unknowns, x): (Vec<Unknown>, Vec<f64>) = springs.iter().chain(truth).map(|(n, x)| (Unknown(*n), *x)).unzip();
@@ -123,7 +123,7 @@ fn diagnosed<T>(
     let plain = Problem::new(read, &whitener, chain, &rules);
     let whiteners = levels::whiteners(&plain).unwrap();
     let levels = Levels::new(&plain, &whiteners);
-    let search = search::search(&levels).unwrap();
+    let search = search::search(&levels, None).unwrap();
     let judgement = verdict::judge(&levels, &noise, &search).unwrap();
     let names = search.found.iter().map(|f| chain.candidates[f.candidate].name()).collect();
     let more = more(&levels, &noise, &search);

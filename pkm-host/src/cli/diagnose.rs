@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::bar::bar;
 use super::session::{Output, Session};
-use crate::diagnose::{self, report, write};
+use crate::diagnose::{self, Method, report, write};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
@@ -22,10 +22,14 @@ pub(crate) struct Args {
     /// Folder for diagnosis.json, machine.toml, coefficients.rs and report.html.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// `formulas`: effects with a formula, one after another. `places`: first where the machine yields, whatever the formula,
+    /// then a formula only there; what has none is found as `element`. Rates of both: docs/trials.md.
+    #[arg(long, value_enum, default_value = "formulas")]
+    method: Method,
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { data, holdout, out } = args;
+    let Args { data, holdout, out, method } = args;
     let file = session.machine()?;
     session.warn(file.wrist_warning());
     let source = session.read_or_fixture(data.as_deref(), pkm_fixtures::MEASURED, "--data", &file)?;
@@ -35,7 +39,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
         session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
     }
-    let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), &bar())?;
+    let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), *method, &bar())?;
     let json = diagnosis.to_json();
     let machine_toml = write::machine_toml(&file, &diagnosis)?;
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;

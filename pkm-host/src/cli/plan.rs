@@ -7,7 +7,7 @@ use serde_json::json;
 use super::arguments::list;
 use super::bar::bar;
 use super::session::{Output, Session};
-use crate::diagnose::{self, design::Proposal};
+use crate::diagnose::{self, Method, design::Proposal};
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS};
 use crate::files::machine::MachineFile;
@@ -72,7 +72,7 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
     let source = session.read_or_fixture(args.data.as_deref(), pkm_fixtures::MEASURED, "--data", machine)?;
     let readings = Readings::read(source, machine)?;
     session.warn(readings.warnings.clone());
-    let diagnosis = diagnose::diagnose(machine, &readings, None, &bar())?;
+    let diagnosis = diagnose::diagnose(machine, &readings, None, Method::Formulas, &bar())?;
     if diagnosis.proposals.is_empty() {
         let message = "these readings leave no two rivals to tell apart";
         return Err(Failure::other(message).in_file(readings.source.name));

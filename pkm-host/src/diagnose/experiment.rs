@@ -1,6 +1,6 @@
 //! Readings and model as the diagnosis engine takes them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use pkm_core::{Pose, Wrench};
 use pkm_diagnosis::{Candidate, Channel, CommonErrors, ForwardModel, Observations, Parameter, Reading, Unknown};
@@ -44,6 +44,21 @@ impl<'a> Experiment<'a> {
     /// Under the conditions of some readings.
     pub fn new(model: &'a Model, readings: &'a Readings) -> Self {
         Self { model, poses: poses(readings), conditions: &readings.conditions }
+    }
+
+    /// Readings as they would be if all repeats had the load of the first, by the declared machine: what repeats still differ
+    /// by is noise. The same where it has no prediction.
+    pub fn at_nominal_loads(&self, read: &Observations) -> Observations {
+        let mut nominal = read.clone();
+        let Some(said) = self.model.predict(&self.poses, self.conditions, &[], &[]) else { return nominal };
+        let mut first: HashMap<usize, usize> = HashMap::new();
+        for r in &mut nominal.readings {
+            let there = *first.entry(r.repeat_of).or_insert(r.condition);
+            for (c, value) in r.observed.iter_mut().enumerate() {
+                *value = value.map(|v| v - (said[r.condition][c] - said[there][c]));
+            }
+        }
+        nominal
     }
 }
 

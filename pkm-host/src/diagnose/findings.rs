@@ -111,7 +111,7 @@ pub fn detectable(problem: &Problem<'_>, model: &Model, search: &Search) -> Vec<
             };
             let name = |unknown| match model.meaning(unknown) {
                 Meaning::Effect { parameter, .. } => info(effect).parameters[parameter].to_owned(),
-                Meaning::Stiffness(_) | Meaning::Class(_) => String::new(),
+                Meaning::Stiffness(_) | Meaning::Class(_) | Meaning::Element(_) => String::new(),
             };
             let smallest = smallest_detectable(problem, search, candidate);
             let smallest = smallest.into_iter().map(|(unknown, size)| (name(unknown), size)).collect();

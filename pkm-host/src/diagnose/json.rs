@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::compare::{Errors, RIVALS, Rival};
-use super::{Diagnosis, SEED, model, text};
+use super::{Diagnosis, SEED, text};
 use crate::pose::written_units;
 
 impl Diagnosis {
@@ -16,9 +16,10 @@ impl Diagnosis {
             .map(|e| {
                 let parameters: Map<String, Value> =
                     e.parameters.iter().map(|(n, v, s)| (n.to_string(), json!({ "value": v, "stderr": s }))).collect();
-                json!({ "id": e.id, "parameters": parameters, "confidence": e.confidence, "class": e.class,
-                    "of": if model::is_measurement(e.index) { "measurement" } else { "machine" },
-                    "inspect": text::inspect_effect(e.id) })
+                json!({ "id": e.id, "where": e.place, "where_class": e.place_class, "motion": e.motion, "law": e.law,
+                    "probability": e.probability, "parameters": parameters, "confidence": e.confidence, "class": e.class,
+                    "of": if e.is_measurement() { "measurement" } else { "machine" },
+                    "inspect": text::inspect_effect(e.id, &e.place) })
             })
             .collect();
         let hidden = self.detectable.iter().filter(|d| d.is_hidden());
@@ -81,6 +82,9 @@ impl Diagnosis {
                 json!({ "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
                     "wrench": p.wrench.to_array(), "separates": p.separates })
             }).collect::<Vec<_>>(),
+            "alternatives": self.alternatives.iter()
+                .map(|(effects, probability)| json!({ "effects": effects, "probability": probability })).collect::<Vec<_>>(),
+            "none_of_these": self.none_of_these,
             "residual_structure": self.structure,
             "ranking": ranking,
             "seed": SEED,

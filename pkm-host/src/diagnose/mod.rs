@@ -9,10 +9,12 @@ mod checks;
 pub mod compare;
 mod declared;
 pub(crate) mod design;
+mod elements;
 mod experiment;
 pub mod findings;
 mod json;
 mod model;
+pub(crate) mod places;
 mod remainder;
 pub mod report;
 mod state;
@@ -21,9 +23,12 @@ mod tests;
 mod text;
 pub(crate) mod write;
 
+use pkm_diagnosis::places::{Inferred, NOWHERE};
 use pkm_diagnosis::residuals::{Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
-use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Search, UnknownNoise, Whitener, levels, search};
+use pkm_diagnosis::{
+    Levels, Noise, Observations, Problem, Rules, Search, Unknown, UnknownNoise, Whitener, levels, search,
+};
 pub use pkm_diagnosis::{SEED, verdict::Verdict};
 
 use self::checks::{Suspect, Warning};
@@ -31,6 +36,8 @@ use self::compare::{Errors, Fitted, Predictions, RIVALS, Rival, Zone};
 use self::experiment::{Experiment, observations};
 use self::findings::{DeclaredFinding, Detectable};
 use self::model::{Meaning, Model, Recorded, info};
+use self::places::World;
+use self::places::sites::{self, Site};
 use crate::error::{Failure, Result};
 use crate::files::dataset::DEFLECTION_COLUMNS;
 use crate::files::machine::MachineFile;
@@ -53,14 +60,29 @@ pub struct HeldOut {
 pub struct Effect {
     /// Its id.
     pub id: &'static str,
-    /// Index over machine and measurement.
-    pub index: usize,
+    /// Place of `[[element]]`, or `geometry`, `sensor`, `load`, `time`.
+    pub place: String,
+    /// Places that the readings cannot tell apart from it.
+    pub place_class: Vec<String>,
+    /// In which direction it gives.
+    pub motion: &'static str,
+    /// What it depends on.
+    pub law: &'static str,
+    /// Probability of the place and its class.
+    pub probability: f64,
     /// Name, value, standard error.
-    pub parameters: Vec<(&'static str, f64, f64)>,
+    pub parameters: Vec<(String, f64, f64)>,
     /// Probability against what is not in its class.
     pub confidence: f64,
     /// What the data cannot tell from it.
     pub class: Vec<String>,
+}
+
+impl Effect {
+    /// Whether it is an error of the measurement and no part of the machine.
+    pub fn is_measurement(&self) -> bool {
+        matches!(self.place.as_str(), "sensor" | "load" | "time")
+    }
 }
 
 /// The model after one of the finds.
@@ -93,6 +115,10 @@ pub struct Diagnosis {
     pub judgement: Judgement,
     /// Effects that were found.
     pub effects: Vec<Effect>,
+    /// Places of the sets of findings that were compared, with their probabilities.
+    pub alternatives: Vec<(Vec<String>, f64)>,
+    /// Probability that the rest goes with no place; none by formulas.
+    pub none_of_these: Option<f64>,
     /// Values that were declared wrong.
     pub declared: Vec<DeclaredFinding>,
     /// By effect.
@@ -245,20 +271,43 @@ impl Judges<'_> {
     }
 }
 
-/// The effects among the finds.
-fn effects(model: &Model, search: &Search) -> Vec<Effect> {
+/// What an effect is called that has no formula.
+pub const ELEMENT: &str = "element";
+
+/// What stands at the sites: effects by their formula, and what yields without one. Declared values have a list of their own.
+fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
     let end = &search.fit;
     let standard_errors = end.standard_errors();
-    let of = |found: &search::Found| {
-        let index = model.effect_of(found.candidate)?;
+    let at = |site: &Site| Effect {
+        id: ELEMENT,
+        place: site.place.clone(),
+        place_class: site.place_class.clone(),
+        motion: site.motion,
+        law: site.law,
+        probability: site.probability,
+        parameters: Vec::new(),
+        confidence: site.probability,
+        class: Vec::new(),
+    };
+    let of = |found: &search::Found, site: &Site| {
+        // wrong declared values have a list of their own
+        if model.class_of(found.candidate).is_some() {
+            return None;
+        }
+        let effect = model.effect_of(found.candidate);
+        let name = |u: Unknown| match model.meaning(u) {
+            Meaning::Effect { effect: own, parameter } if effect == Some(own) => {
+                Some(info(own).parameters[parameter].to_owned())
+            }
+            Meaning::Element(element) if effect.is_none() => Some(model.elements[element].name()),
+            _ => None,
+        };
+        let own = &model.candidates[found.candidate].unknowns;
         let parameters = (end.unknowns.iter().enumerate())
-            .filter_map(|(n, u)| match model.meaning(*u) {
-                Meaning::Effect { effect, parameter } if effect == index => {
-                    let prior = model.parameters[u.0].prior;
-                    let (value, error) = (prior.value(end.x[n]), prior.error(end.x[n], standard_errors[n]));
-                    Some((info(effect).parameters[parameter], value, error))
-                }
-                _ => None,
+            .filter(|(_, u)| own.contains(u))
+            .filter_map(|(n, u)| {
+                let prior = model.parameters[u.0].prior;
+                Some((name(*u)?, prior.value(end.x[n]), prior.error(end.x[n], standard_errors[n])))
             })
             .collect();
         let mut class: Vec<String> = Vec::new();
@@ -267,9 +316,38 @@ fn effects(model: &Model, search: &Search) -> Vec<Effect> {
                 class.push(name.clone());
             }
         }
-        Some(Effect { id: info(index).id, index, parameters, confidence: found.confidence, class })
+        let id = effect.map_or(ELEMENT, |effect| info(effect).id);
+        Some(Effect { id, parameters, confidence: found.confidence, class, ..at(site) })
     };
-    search.found.iter().filter_map(of).collect()
+    let named = sites::named_at(sites, search);
+    let all = sites.iter().zip(named).filter(|(site, _)| site.place != NOWHERE);
+    all.filter_map(|(site, found)| found.map_or_else(|| Some(at(site)), |n| of(&search.found[n], site))).collect()
+}
+
+/// Sets of findings as `place: law`; sets of equal places and laws are one.
+fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64)> {
+    let mut all: Vec<(Vec<String>, f64)> = Vec::new();
+    for (blocks, probability) in &inferred.alternatives {
+        let name = |b: &usize| {
+            let block = world.block(*b);
+            format!("{}: {}", block.places.first().map_or(NOWHERE, String::as_str), block.law)
+        };
+        let names: Vec<String> = blocks.iter().map(name).collect();
+        match all.iter_mut().find(|a| a.0 == names) {
+            Some(there) => there.1 += probability,
+            None => all.push((names, *probability)),
+        }
+    }
+    all
+}
+
+/// How a diagnosis searches for what the model lacks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Candidates with a formula, one after another.
+    Formulas,
+    /// Places first, whatever the formula; a formula is named only where a place asks for one.
+    Places,
 }
 
 /// Diagnoses readings.
@@ -280,17 +358,19 @@ pub fn diagnose(
     file: &MachineFile,
     readings: &Readings,
     held_out: Option<&Readings>,
+    method: Method,
     progress: &Progress<'_>,
 ) -> Result<Diagnosis> {
     let step = |done: u64, what: &str| progress(what, done, 5);
     let rules = &Rules::DEFAULT;
     step(0, "noise");
     let read = observations(readings);
-    let noise = Noise::estimate(&read, rules).map_err(|unknown| unknown_noise(readings, unknown))?;
     let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
-    let model = Model::new(file, recorded)
+    let model = Model::new(file, recorded, method)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
     let experiment = Experiment::new(&model, readings);
+    let noise = Noise::estimate(&experiment.at_nominal_loads(&read), rules)
+        .map_err(|unknown| unknown_noise(readings, unknown))?;
     let whitener = Whitener::new(&read, &noise);
     let plain = Problem::new(&read, &whitener, &experiment, rules);
     check(readings, &plain, &experiment)?;
@@ -301,8 +381,20 @@ pub fn diagnose(
     let whiteners = levels::whiteners(&plain).ok_or_else(not_converged)?;
     let levels = Levels::new(&plain, &whiteners);
     step(1, "what the model lacks");
-    let search = search::search(&levels).ok_or_else(not_converged)?;
-    let judgement = verdict::judge(&levels, &noise, &search).ok_or_else(not_converged)?;
+    let inferred = match method {
+        Method::Formulas => None,
+        Method::Places => Some(places::infer(&levels, &noise, &model, readings).ok_or_else(not_converged)?),
+    };
+    let sites = inferred.as_ref().map(|(world, inferred)| sites::sites(world, inferred, &model, rules));
+    let permitted = sites.as_ref().map(|sites| sites::permitted(sites, &model));
+    let search = search::search(&levels, permitted.as_deref()).ok_or_else(not_converged)?;
+    let sites = sites.unwrap_or_else(|| sites::of_search(&model, &search));
+    let mut judgement = verdict::judge(&levels, &noise, &search).ok_or_else(not_converged)?;
+    let effects = effects(&model, &search, &sites);
+    if effects.iter().any(|e| e.parameters.is_empty()) {
+        // something yields for which there is no formula, so that what was found is not all
+        judgement.verdict = Verdict::PartlyExplained;
+    }
     let problem = &levels.problems[search.levels[1]];
     step(2, "before and after");
     let extent = compare::extent(readings);
@@ -333,7 +425,9 @@ pub fn diagnose(
         warnings,
         suspects,
         size: (problem.numbers(), readings.poses.len()),
-        effects: effects(&model, &search),
+        effects,
+        alternatives: inferred.as_ref().map(|(world, inferred)| alternatives(world, inferred)).unwrap_or_default(),
+        none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these),
         declared,
         detectable: findings::detectable(problem, &model, &search),
         structure,

@@ -2,12 +2,17 @@
 //!
 //! Every unknown is a number x with a standard normal prior, so that all of them weigh alike.
 
+use std::collections::HashMap;
+
 use pkm_core::effects::{EFFECTS, EffectInfo};
 use pkm_core::{MachineParameters, Pose, Wrench};
 use pkm_diagnosis::{Candidate, Kind, Parameter, Prior, Role, Unknown};
 
 use super::declared::{Class, Declared};
+use super::elements::{ElementParameter, Family, Usual, families};
+use super::places::Whereabouts;
 use super::state::State;
+use super::{ELEMENT, Method};
 use crate::files::machine::{MachineFile, Uncertainty};
 use crate::files::readings::{CHANNELS, Condition};
 
@@ -40,6 +45,8 @@ pub enum Meaning {
     /// A whole class of stiffnesses declared wrong, by its place in [`Model::classes`]: ln of a common factor in units
     /// of [`CLASS_SD`].
     Class(usize),
+    /// A parameter of elements, by its place in [`Model::elements`].
+    Element(usize),
     /// A parameter of an effect.
     Effect {
         /// Index over machine and measurement.
@@ -69,6 +76,10 @@ pub struct Model {
     pub uncertainty: Uncertainty,
     /// Stiffnesses that may be declared wrong together.
     pub classes: Vec<Class>,
+    /// Parameters of elements.
+    pub elements: Vec<ElementParameter>,
+    /// Where the elements of a candidate are, by candidate.
+    pub element_places: HashMap<usize, Whereabouts>,
     /// What may be missing.
     pub candidates: Vec<Candidate>,
     /// What is known of each unknown.
@@ -90,9 +101,8 @@ fn around(middle: f64, sd: f64) -> Prior {
     Prior::LogNormal { middle, sd }
 }
 
-/// Priors of the effects' parameters. Scales follow from the machine's own compliance in the middle of its box.
-fn priors(file: &MachineFile) -> Option<Vec<Vec<Prior>>> {
-    let declared = file.parameters;
+/// The machine's own compliance in the middle of its box.
+fn usual(file: &MachineFile) -> Option<Usual> {
     let [theta, sigma, z0] = file.pose_box.middle();
     let pose = crate::pose::pose_of(theta, sigma, z0);
     let factor = file.machine.stiffness(&pose).ok()?.factor().ok()?;
@@ -101,8 +111,17 @@ fn priors(file: &MachineFile) -> Option<Vec<Vec<Prior>>> {
         let unit = Wrench::from_array(std::array::from_fn(|k| f64::from(k == i)));
         *own = factor.deflection(&unit).ok()?.to_array()[i];
     }
+    let travel = &file.parameters.travel;
+    let (short, long) = (travel.min_m[0], travel.max_m[0]);
     // three limbs share a load along w, and bend side by side along u
     let (axial, across) = (3.0 * own[2], 3.0 * own[0]);
+    Some(Usual { terminal: own, axial, across, travel_m: [0.5 * (short + long), 0.5 * (long - short)] })
+}
+
+/// Priors of the effects' parameters. Scales follow from what is usual in the machine.
+fn priors(file: &MachineFile, usual: &Usual) -> Vec<Vec<Prior>> {
+    let declared = file.parameters;
+    let (own, axial, across) = (&usual.terminal, usual.axial, usual.across);
     let turning = own[3..].iter().copied().fold(f64::INFINITY, f64::min);
     let g = &declared.geometry;
     let (arm, stroke) = (0.5 * (g.a1_m + g.a2_m), declared.travel.min_m[0]);
@@ -152,7 +171,7 @@ fn priors(file: &MachineFile) -> Option<Vec<Vec<Prior>>> {
         let info = info(effect);
         info.parameters.iter().map(|name| prior(info.id, name)).collect()
     };
-    Some((0..COUNT).map(of).collect())
+    (0..COUNT).map(of).collect()
 }
 
 /// Where an effect is: effects of one place are one class whatever is measured at the tool.
@@ -171,7 +190,7 @@ const LIMB_3: &str = "joints and screw of limb 3";
 
 impl Model {
     /// Of a machine, for readings with some of the columns.
-    pub fn new(file: &MachineFile, recorded: Recorded) -> Option<Self> {
+    pub fn new(file: &MachineFile, recorded: Recorded, method: Method) -> Option<Self> {
         let declared = file.parameters;
         let (mut meanings, mut parameters) = (Vec::new(), Vec::new());
         let mut add = |meaning: Meaning, prior: Prior, role: Role, ambiguous: bool| {
@@ -183,8 +202,9 @@ impl Model {
             let prior = Prior::LogNormal { middle: 1.0, sd: file.uncertainty.stiffness };
             add(Meaning::Stiffness(d), prior, Role::Declared, false);
         }
+        let usual = usual(file)?;
         let mut candidates = Vec::new();
-        for (effect, priors) in priors(file)?.into_iter().enumerate() {
+        for (effect, priors) in priors(file, &usual).into_iter().enumerate() {
             let info = info(effect);
             let mut unknowns = Vec::new();
             for (parameter, prior) in priors.into_iter().enumerate() {
@@ -222,7 +242,23 @@ impl Model {
                 unknowns: vec![unknown],
             });
         }
-        Some(Self { declared, uncertainty: file.uncertainty, classes, candidates, parameters, meanings })
+        let (mut elements, mut element_places) = (Vec::new(), HashMap::new());
+        let families = if method == Method::Places { families(&usual) } else { Vec::new() };
+        for family in families {
+            let mut unknowns = Vec::new();
+            for p in family.parameters {
+                let role = Role::Amplitude { one_sided: p.one_sided };
+                unknowns.push(add(Meaning::Element(elements.len()), p.prior, role, false));
+                elements.push(p);
+            }
+            let name = format!("{ELEMENT} at {}, {}, {}", family.places.join(", "), family.motion, family.law);
+            let Family { places, motion, law, .. } = family;
+            let place = places.join(", ");
+            element_places.insert(candidates.len(), Whereabouts { places, motion, law, ln_prior: 0.0 });
+            candidates.push(Candidate { names: vec![name], kind: Kind::Element, place, unknowns });
+        }
+        let uncertainty = file.uncertainty;
+        Some(Self { declared, uncertainty, classes, elements, element_places, candidates, parameters, meanings })
     }
 
     /// What an unknown changes.
@@ -239,7 +275,7 @@ impl Model {
     pub fn effect_of(&self, candidate: usize) -> Option<usize> {
         match self.meaning(*self.candidates[candidate].unknowns.first()?) {
             Meaning::Effect { effect, .. } => Some(effect),
-            Meaning::Stiffness(_) | Meaning::Class(_) => None,
+            Meaning::Stiffness(_) | Meaning::Class(_) | Meaning::Element(_) => None,
         }
     }
 
@@ -247,7 +283,7 @@ impl Model {
     pub fn class_of(&self, candidate: usize) -> Option<&Class> {
         match self.meaning(*self.candidates[candidate].unknowns.first()?) {
             Meaning::Class(class) => Some(&self.classes[class]),
-            Meaning::Stiffness(_) | Meaning::Effect { .. } => None,
+            Meaning::Stiffness(_) | Meaning::Effect { .. } | Meaning::Element(_) => None,
         }
     }
 
@@ -273,6 +309,7 @@ impl Model {
                 Meaning::Class(class) => {
                     self.classes[class].members.iter().for_each(|d| d.each(&mut state.machine, |v| *v *= value));
                 }
+                Meaning::Element(element) => self.elements[element].add_to(&mut state.machine, value),
                 Meaning::Effect { effect, parameter } => match EFFECTS.get(effect) {
                     Some(_) => state.machine.effects.parameters[effect][parameter] += value,
                     None => state.measurement[effect - EFFECTS.len()][parameter] += value,

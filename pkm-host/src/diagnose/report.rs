@@ -7,7 +7,6 @@ use pkm_core::{Machine, ScrewLengths};
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::findings::DeclaredFinding;
-use super::model::is_measurement;
 use super::{Diagnosis, SEED, Verdict, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
@@ -77,10 +76,12 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     });
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
     for e in &d.effects {
-        let what = if is_measurement(e.index) { "an error of the measurement, not of the machine" } else { "physics" };
+        let what = if e.is_measurement() { "an error of the measurement, not of the machine" } else { "physics" };
+        let among = if e.place_class.is_empty() { String::new() } else { format!(" or {}", e.place_class.join(", ")) };
+        let place = format!("at {}{among} ({}, law: {}, probability {:.2})", e.place, e.motion, e.law, e.probability);
         let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
-        let (parameters, look) = (parameters.join(", "), text::inspect_effect(e.id));
-        all.push(Finding::good(format!("{}: {what}; {parameters}{}. Look at {look}.", e.id, class(&e.class))));
+        let (parameters, look) = (parameters.join(", "), text::inspect_effect(e.id, &e.place));
+        all.push(Finding::good(format!("{}: {what} {place}; {parameters}{}. Look at {look}.", e.id, class(&e.class))));
     }
     for f in &d.declared {
         let axis = f.axis.map_or(String::new(), |a| text::axis(&f.parameter, a));

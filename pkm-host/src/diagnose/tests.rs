@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use pkm_core::Wrench;
 use pkm_diagnosis::{Fit, ForwardModel, Noise, NoiseSource, Problem, Rules, Search, Unknown, Whitener};
 
+use super::Method;
 use super::compare::{self, Fitted, Rival, Zone};
 use super::declared::{Declared, Part};
 use super::experiment::{Experiment, observations};
@@ -141,7 +142,7 @@ fn lines() -> (Vec<Condition>, [usize; 9]) {
 #[test]
 fn gains_of_loads_are_those_of_the_deflection() {
     let file = machine();
-    let model = Model::new(&file, Recorded::default()).unwrap();
+    let model = Model::new(&file, Recorded::default(), Method::Formulas).unwrap();
     let data = readings(loads(4), Vec::new());
     let found = Experiment::new(&model, &data).predict(&gains(&model), &[1.4, -0.8]).unwrap();
     for (n, c) in data.conditions.iter().enumerate() {
@@ -155,7 +156,8 @@ fn gains_of_loads_are_those_of_the_deflection() {
 #[test]
 fn candidates_follow_from_what_was_recorded() {
     let file = machine();
-    let of = |temperatures, unloading| Model::new(&file, Recorded { temperatures, unloading }).unwrap();
+    let of =
+        |temperatures, unloading| Model::new(&file, Recorded { temperatures, unloading }, Method::Formulas).unwrap();
     let names = |model: &Model| model.candidates.iter().map(|c| c.name()).collect::<Vec<_>>();
     let thermal = |model: &Model| names(model).iter().filter(|n| n.starts_with("thermal-")).count();
     assert_eq!((thermal(&of(false, false)), thermal(&of(true, false))), (0, 2));
@@ -195,7 +197,7 @@ fn errors_of_a_load_move_all_readings_under_it() {
     let mut file = machine();
     file.uncertainty.load_direction_rad = 3e-3;
     file.uncertainty.load_gain = 5e-3;
-    let mut model = Model::new(&file, Recorded::default()).unwrap();
+    let mut model = Model::new(&file, Recorded::default(), Method::Formulas).unwrap();
     // what grows with warmth does not turn with the load
     model.declared.effects = model.declared.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
     let (conditions, line) = lines();
@@ -265,7 +267,7 @@ fn zones_are_told_by_box_and_load() {
 
 #[test]
 fn rivals_are_fitted_without_the_pose_that_they_predict() {
-    let model = Model::new(&machine(), Recorded::default()).unwrap();
+    let model = Model::new(&machine(), Recorded::default(), Method::Formulas).unwrap();
     let unknowns =
         [stiffness(&model, 0, Part::Young), effect(&model, "limb-3-axial", 0), effect(&model, "load-gain", 0)];
     let truth = [-1.0, 0.8, 0.6];

@@ -18,9 +18,12 @@ pub const LEGEND: [(&str, &str); 7] = [
     ("order", "of the readings in the file"),
 ];
 
-/// Where to look on the machine when an effect is found.
-pub fn inspect_effect(id: &str) -> &'static str {
-    match id {
+/// Where to look on the machine when an effect is found; an effect without a formula has its place alone.
+pub fn inspect_effect(id: &str, place: &str) -> String {
+    if id == super::ELEMENT {
+        return place.replace("limb.", "limb ").replace('.', ", ").replace('_', " ");
+    }
+    let what = match id {
         "moving-platform-compliance" => "the moving platform: its hub, its arms and the bridge between joints",
         "base-compliance" => "the base: its frame, its mounts and the seats of the joints",
         "telescopic-limb" => "the limbs: tube, ram and guides",
@@ -45,7 +48,8 @@ pub fn inspect_effect(id: &str) -> &'static str {
         "wrist-compliance" => "the wrist and what is mounted at A",
         "limb-coupling" => "the base between the joints of limbs 1 and 2",
         _ => "the declared geometry: measure it",
-    }
+    };
+    what.to_owned()
 }
 
 /// Where to look on the machine when a declared value is wrong.

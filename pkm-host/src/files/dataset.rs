@@ -16,8 +16,8 @@ pub const WRENCH_COLUMNS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm",
 /// The deflection, loaded minus unloaded.
 pub const DEFLECTION_COLUMNS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
 pub(crate) const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
-const OTHER_MEASURED: [&str; 6] =
-    ["series", "repeat", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
+const OTHER_MEASURED: [&str; 7] =
+    ["series", "repeat", "load", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
 /// Far beyond what a machine bears, and its square still a number.
 pub(crate) const MOST_LOAD: f64 = 1e12;

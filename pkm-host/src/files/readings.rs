@@ -88,6 +88,22 @@ fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
     a.to_array().iter().zip(b.to_array()).map(|(a, b)| a * b).sum()
 }
 
+/// Lever at which a moment counts like a force, m.
+const LEVER_M: f64 = 0.2;
+/// Share of the largest force within which recorded wrenches are of one nominal load.
+const SAME_LOAD: f64 = 0.02;
+
+/// Whether two wrenches are of one nominal load: a load cell records each repeat a little differently.
+fn are_repeats(a: &Wrench<f64>, b: &Wrench<f64>) -> bool {
+    let forces = |w: &Wrench<f64>| {
+        let [x, y, z, mx, my, mz] = w.to_array();
+        [x, y, z, mx / LEVER_M, my / LEVER_M, mz / LEVER_M]
+    };
+    let (a, b) = (forces(a), forces(b));
+    let largest = a.iter().chain(&b).fold(0.0, |m: f64, v| m.max(v.abs()));
+    a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= SAME_LOAD * largest)
+}
+
 impl History {
     /// Takes the next load, with its direction as the file marks it.
     fn step(&mut self, load: &Wrench<f64>, direction: &str) {
@@ -138,6 +154,7 @@ impl Readings {
         let (sheet, cases) = dataset::read_load_cases(source, machine)?;
         let mut poses: Vec<NamedPose> = Vec::new();
         let (mut pose_index, mut conditions_seen, mut repeats_seen) = (HashMap::new(), HashMap::new(), HashMap::new());
+        let mut repeats = 0;
         let mut series_index: HashMap<String, usize> = HashMap::new();
         let mut series_names = Vec::new();
         let mut histories: HashMap<usize, History> = HashMap::new();
@@ -197,8 +214,22 @@ impl Readings {
             key.extend(bits(&case.point_m));
             key.extend(bits(&history.turned_at.to_array()));
             key.push(pose as u64);
-            let repeats = repeats_seen.len();
-            let repeat_of = *repeats_seen.entry(key.clone()).or_insert(repeats);
+            let mut branch = bits(&case.point_m);
+            branch.push(pose as u64);
+            let name = if sheet.has("load") { sheet.cell(row, "load")?.to_owned() } else { String::new() };
+            let loads: &mut Vec<(String, [Wrench<f64>; 2], usize)> = repeats_seen.entry(branch).or_default();
+            let is_same = |(other, [wrench, turned_at], _): &&(String, [Wrench<f64>; 2], usize)| {
+                let is_named = !name.is_empty() && name == *other;
+                (is_named || are_repeats(wrench, &case.wrench)) && are_repeats(turned_at, &history.turned_at)
+            };
+            let repeat_of = match loads.iter().find(is_same) {
+                Some((.., index)) => *index,
+                None => {
+                    loads.push((name, [case.wrench, history.turned_at], repeats));
+                    repeats += 1;
+                    repeats - 1
+                }
+            };
             key.extend(bits(&[temperature_c, condition.rise_k]));
             let condition = *conditions_seen.entry(key).or_insert_with(|| {
                 conditions.push(condition);

@@ -1,0 +1,79 @@
+//! Where something yields, whatever its formula.
+//!
+//! Candidates with a formula (`crate::search`) share a weakness: what a formula misses becomes another name. Here each place
+//! has *blocks*: columns for everything that may yield there, under a zero-mean normal prior whose scale the evidence
+//! chooses. Sets of blocks are compared by evidence, each linear about its own optimum; steps forward, removal and
+//! exchange. The result is places with probabilities, which decide what the search by formulas may name.
+
+mod evidence;
+mod low_rank;
+mod search;
+
+use nalgebra::{DMatrix, DVector};
+
+pub use search::{NOWHERE, infer};
+
+/// A family of columns at one place.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Where it is; several when it acts alike in several places, the most affected first; none for a smooth residual that
+    /// goes with no place.
+    pub places: Vec<String>,
+    /// In which direction it gives.
+    pub motion: &'static str,
+    /// What it depends on.
+    pub law: &'static str,
+    /// Columns.
+    pub columns: usize,
+    /// Number of forces when the columns are the entries of a symmetric compliance on these, row by row of the lower triangle
+    /// and scaled so that an off-diagonal amplitude is twice the entry; else 0.
+    pub forces: usize,
+    /// ln of the prior weight.
+    pub ln_prior: f64,
+}
+
+/// Values of the unknowns.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Declared values, in units of their uncertainty.
+    pub declared: Vec<f64>,
+    /// Amplitudes of blocks, in units of their prior scale 1.
+    pub blocks: Vec<(usize, Vec<f64>)>,
+}
+
+/// A forward model with blocks.
+pub trait PlaceModel: Sync {
+    /// Number of declared values.
+    fn declared(&self) -> usize;
+
+    /// What may yield.
+    fn blocks(&self) -> &[Block];
+
+    /// Whitened predictions at a state, and their derivatives by the declared values and by the amplitudes of some blocks, in
+    /// that order. `None` where the model has no prediction.
+    fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)>;
+}
+
+/// Something that was found.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// The likeliest block.
+    pub block: usize,
+    /// Gain in ln evidence over the set without it.
+    pub gain: f64,
+    /// Places with their probabilities, given the other findings; the likeliest first.
+    pub places: Vec<(String, f64)>,
+}
+
+/// What was inferred.
+#[derive(Clone, Debug)]
+pub struct Inferred {
+    /// In the order of their gains.
+    pub findings: Vec<Finding>,
+    /// Sets of blocks that were compared, with their probabilities; the likeliest first.
+    pub alternatives: Vec<(Vec<usize>, f64)>,
+    /// Probability that the rest goes with no place: of sets with a block that has none.
+    pub none_of_these: f64,
+    /// Reduced χ² of the whitened readings.
+    pub reduced_chi2: f64,
+}

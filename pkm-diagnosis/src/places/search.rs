@@ -1,0 +1,221 @@
+//! The search over sets of blocks: steps forward, removal, exchange.
+
+use rayon::prelude::*;
+
+use super::evidence::{Evidence, Family, Linear, Set};
+use super::{Finding, Inferred, PlaceModel, State, low_rank};
+use crate::levels::Levels;
+use crate::noise::Noise;
+
+/// The place of a block that has none.
+pub const NOWHERE: &str = "none";
+
+/// A set that was compared, linear about its own optimum.
+#[derive(Clone)]
+struct Tried {
+    ln: f64,
+    set: Set,
+    state: State,
+}
+
+struct Search<'a> {
+    evidence: Evidence<'a>,
+    best: Tried,
+    /// All families at the best state.
+    linear: Linear,
+    /// Every set that was compared, by families.
+    compared: Vec<(Vec<usize>, f64)>,
+}
+
+/// Infers where the readings ask for more than the declared model.
+pub fn infer(levels: &Levels<'_>, noise: &Noise, model: &dyn PlaceModel) -> Option<Inferred> {
+    let rules = levels.plain.rules;
+    let families = (0..model.blocks().len())
+        .map(|block| Family { block, combinations: None, ln_prior: model.blocks()[block].ln_prior })
+        .collect();
+    let evidence = Evidence {
+        model,
+        whiteners: rules.block_levels.iter().map(|l| levels.problems[*l].whitener).collect(),
+        dof: if noise.dof > 0.0 { noise.dof.max(rules.min_dof_of_kind) } else { rules.dof_of_declared_noise },
+        observed: levels.plain.observed(),
+        rules,
+        families,
+    };
+    let start = State { declared: vec![0.0; model.declared()], blocks: Vec::new() };
+    let none = Set { members: Vec::new(), level: 0, scatter: 0 };
+    let (ln, set, state) = evidence.optimum(&start, &none, rules.block_steps)?;
+    let all: Vec<usize> = (0..evidence.families.len()).collect();
+    let linear = evidence.linear(&state, &all)?;
+    let mut search = Search { evidence, linear, compared: vec![(Vec::new(), ln)], best: Tried { ln, set, state } };
+    for _ in 0..rules.max_blocks {
+        if !search.forward()? {
+            break;
+        }
+        search.revise()?;
+    }
+    search.result()
+}
+
+impl Search<'_> {
+    fn all(&self) -> Vec<usize> {
+        (0..self.evidence.families.len()).collect()
+    }
+
+    fn open(&self) -> Vec<usize> {
+        let is_open = |f: &usize| self.best.set.members.iter().all(|m| m.0 != *f);
+        self.all().into_iter().filter(is_open).collect()
+    }
+
+    /// Takes over a set.
+    fn accept(&mut self, tried: Tried) -> Option<()> {
+        self.best = tried;
+        self.linear = self.evidence.linear(&self.best.state, &self.all())?;
+        Some(())
+    }
+
+    /// A set about its own optimum.
+    fn tried(&mut self, set: &Set) -> Option<Tried> {
+        let (ln, set, state) = self.evidence.optimum(&self.best.state, set, self.evidence.rules.block_steps)?;
+        let mut families: Vec<usize> = set.members.iter().map(|m| m.0).collect();
+        families.sort_unstable();
+        self.compared.push((families, ln));
+        Some(Tried { ln, set, state })
+    }
+
+    /// Adds families of low rank about what the whole compliances would be.
+    fn derive(&mut self) -> Option<()> {
+        let e = &self.evidence;
+        let mut new = Vec::new();
+        for f in self.open() {
+            let (block, family) = (e.block(f), &e.families[f]);
+            if block.forces == 0 || family.combinations.is_some() {
+                continue;
+            }
+            let set = self.best.set.with(f, e.rules.block_scales[0]);
+            let last = set.members.len() - 1;
+            let (_, set) = e.best_scale(&self.linear, &set, last);
+            let Some((state, _)) = e.solve(&self.linear, &set) else { continue };
+            for rank in 1..=2 {
+                if let Some(combinations) = low_rank::tangent(&state.blocks[last].1, block.forces, rank) {
+                    let ln_prior = family.ln_prior + e.rules.ln_prior_of_low_rank;
+                    new.push(Family { block: family.block, combinations: Some(combinations), ln_prior });
+                }
+            }
+        }
+        self.evidence.families.extend(new);
+        self.linear = self.evidence.linear(&self.best.state, &self.all())?;
+        Some(())
+    }
+
+    /// Sets that differ from the best by one member, by their evidence at the best state.
+    fn ranked(&self, change: impl Fn(usize) -> (Set, usize) + Sync) -> Vec<(f64, Set)> {
+        let of = |f: usize| {
+            let (set, member) = change(f);
+            self.evidence.best_scale(&self.linear, &set, member)
+        };
+        let mut ranked: Vec<(f64, Set)> = self.open().into_par_iter().map(of).collect();
+        ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
+        ranked
+    }
+
+    /// Adds the best family; false if none gains enough.
+    fn forward(&mut self) -> Option<bool> {
+        self.derive()?;
+        let members = self.best.set.members.len();
+        let scale = self.evidence.rules.block_scales[0];
+        let ranked = self.ranked(|f| (self.best.set.with(f, scale), members));
+        let tried = ranked.iter().take(self.evidence.rules.blocks_tried);
+        let tried: Vec<Tried> = tried.filter_map(|(_, set)| self.tried(set)).collect();
+        let best = tried.into_iter().max_by(|a, b| a.ln.total_cmp(&b.ln));
+        let least = self.best.ln + self.evidence.rules.min_block_gain;
+        match best.filter(|b| b.ln > least) {
+            Some(best) => self.accept(best).map(|()| true),
+            None => Some(false),
+        }
+    }
+
+    /// Removes members that others have made needless, and exchanges members for likelier ones.
+    fn revise(&mut self) -> Option<()> {
+        let rules = self.evidence.rules;
+        let mut at = 0;
+        while at < self.best.set.members.len() && self.best.set.members.len() > 1 {
+            let without = self.best.set.without(at);
+            if let Some(tried) = self.tried(&without).filter(|t| t.ln > self.best.ln - rules.min_block_gain) {
+                self.accept(tried)?;
+                continue;
+            }
+            let exchanged = |f: usize| {
+                let mut set = self.best.set.clone();
+                set.members[at].0 = f;
+                (set, at)
+            };
+            let ranked = self.ranked(exchanged);
+            let floor = self.best.ln - rules.exchange_margin;
+            let close: Vec<Set> = ranked.into_iter().take(3).filter(|r| r.0 > floor).map(|r| r.1).collect();
+            let tried: Vec<Tried> = close.iter().filter_map(|set| self.tried(set)).collect();
+            let best = tried.into_iter().max_by(|a, b| a.ln.total_cmp(&b.ln));
+            if let Some(best) = best.filter(|b| b.ln > self.best.ln + 0.5) {
+                self.accept(best)?;
+            }
+            at += 1;
+        }
+        Some(())
+    }
+
+    /// One member's place: all that could stand there, the other members kept.
+    fn finding(&mut self, at: usize) -> Finding {
+        let own = self.best.set.members[at].0;
+        let exchanged = |f: usize| {
+            let mut set = self.best.set.clone();
+            set.members[at].0 = f;
+            (set, at)
+        };
+        let ranked = self.ranked(exchanged);
+        let floor = self.best.ln - self.evidence.rules.rival_margin;
+        let close: Vec<Set> =
+            ranked.into_iter().take(self.evidence.rules.rivals_tried).filter(|r| r.0 > floor).map(|r| r.1).collect();
+        let mut rivals = vec![(own, self.best.ln)];
+        for set in close {
+            rivals.extend(self.tried(&set).map(|t| (set.members[at].0, t.ln)));
+        }
+        let top = rivals.iter().fold(f64::NEG_INFINITY, |m, r| m.max(r.1));
+        let total: f64 = rivals.iter().map(|r| (r.1 - top).exp()).sum();
+        let mut places: Vec<(String, f64)> = Vec::new();
+        for (family, ln) in &rivals {
+            let p = (ln - top).exp() / total;
+            let place = self.evidence.block(*family).places.first().map_or(NOWHERE, String::as_str);
+            match places.iter_mut().find(|x| x.0 == place) {
+                Some(there) => there.1 += p,
+                None => places.push((place.to_owned(), p)),
+            }
+        }
+        places.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let likeliest = rivals.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(own, |r| r.0);
+        let without = self.best.set.without(at);
+        let gain = self.tried(&without).map_or(0.0, |t| self.best.ln - t.ln);
+        Finding { block: self.evidence.families[likeliest].block, gain, places }
+    }
+
+    fn result(mut self) -> Option<Inferred> {
+        let mut findings: Vec<Finding> = (0..self.best.set.members.len()).map(|at| self.finding(at)).collect();
+        findings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let (_, rest) = self.evidence.solve(&self.linear, &self.best.set)?;
+        let top = self.compared.iter().fold(f64::NEG_INFINITY, |m, c| m.max(c.1));
+        self.compared.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut sets: Vec<(Vec<usize>, f64)> = Vec::new();
+        for (families, ln) in &self.compared {
+            let mut blocks: Vec<usize> = families.iter().map(|f| self.evidence.families[*f].block).collect();
+            blocks.sort_unstable();
+            if sets.iter().all(|s| s.0 != blocks) {
+                sets.push((blocks, (ln - top).exp()));
+            }
+        }
+        let total: f64 = sets.iter().map(|s| s.1).sum();
+        sets.iter_mut().for_each(|s| s.1 /= total);
+        let nowhere = |s: &&(Vec<usize>, f64)| s.0.iter().any(|b| self.evidence.model.blocks()[*b].places.is_empty());
+        let none_of_these = sets.iter().filter(nowhere).map(|s| s.1).sum();
+        sets.truncate(self.evidence.rules.rivals_tried);
+        let reduced_chi2 = rest / self.evidence.observed.len() as f64;
+        Some(Inferred { findings, alternatives: sets, none_of_these, reduced_chi2 })
+    }
+}

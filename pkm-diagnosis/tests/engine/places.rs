@@ -1,0 +1,118 @@
+//! Places inferred by blocks, on the chain of springs: what yields there follows no formula that any block has.
+
+use nalgebra::{DMatrix, DVector};
+use pkm_diagnosis::places::{Block, Inferred, NOWHERE, PlaceModel, State, infer};
+use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Unknown, Whitener, levels};
+
+use crate::spring_chain::{COMPLIANCE, Chain, chain, read};
+
+/// What one column of a block adds to the deflection, from the parts of the springs that are out and the force.
+type Column = fn(&[f64; 3], f64) -> f64;
+
+/// The chain with blocks.
+struct Blocks<'a> {
+    chain: &'a Chain,
+    problem: &'a Problem<'a>,
+    blocks: Vec<Block>,
+    columns: Vec<Vec<Column>>,
+}
+
+impl<'a> Blocks<'a> {
+    fn new(chain: &'a Chain, problem: &'a Problem<'a>) -> Self {
+        let all: [(&str, &'static str, Vec<Column>); 4] = [
+            ("foundation", "constant", vec![|_, f| COMPLIANCE * f]),
+            ("spring 1", "extension", vec![|q, f| COMPLIANCE * f * q[0] * q[0], |q, f| COMPLIANCE * f * q[0].powi(3)]),
+            ("spring 2", "extension", vec![|q, f| COMPLIANCE * f * q[1] * q[1], |q, f| COMPLIANCE * f * q[1].powi(3)]),
+            ("", "load", vec![|_, f| COMPLIANCE * f.abs(), |_, f| COMPLIANCE * f * f.abs() / 100.0]),
+        ];
+        let (mut blocks, mut columns) = (Vec::new(), Vec::new());
+        for (place, law, own) in all {
+            let places = if place.is_empty() { Vec::new() } else { vec![place.to_owned()] };
+            blocks.push(Block { places, motion: "axial", law, columns: own.len(), forces: 0, ln_prior: 0.0 });
+            columns.push(own);
+        }
+        Self { chain, problem, blocks, columns }
+    }
+}
+
+impl PlaceModel for Blocks<'_> {
+    fn declared(&self) -> usize {
+        3
+    }
+
+    fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let unknowns = [0, 1, 2].map(Unknown);
+        let column = |of: &Column| -> DVector<f64> {
+            let values: Vec<f64> = self.chain.conditions.iter().map(|(q, f)| of(q, *f)).collect();
+            self.problem.whitened(&values).into()
+        };
+        let mut predicted = self.problem.predict(&unknowns, &state.declared)?;
+        for (block, amplitudes) in &state.blocks {
+            for (of, a) in self.columns[*block].iter().zip(amplitudes) {
+                predicted.axpy(*a, &column(of), 1.0);
+            }
+        }
+        let declared = self.problem.jacobian(&unknowns, &state.declared, 0..3)?;
+        let mut columns: Vec<DVector<f64>> = declared.column_iter().map(|c| c.clone_owned()).collect();
+        columns.extend(wanted.iter().flat_map(|b| &self.columns[*b]).map(column));
+        Some((predicted, DMatrix::from_columns(&columns)))
+    }
+}
+
+fn inferred(chain: &Chain, read: &Observations) -> Inferred {
+    let rules = Rules::DEFAULT;
+    let noise = Noise::estimate(read, &rules).unwrap();
+    let whitener = Whitener::new(read, &noise);
+    let plain = Problem::new(read, &whitener, chain, &rules);
+    let whiteners = levels::whiteners(&plain).unwrap();
+    let levels = Levels::new(&plain, &whiteners);
+    infer(&levels, &noise, &Blocks::new(chain, &plain)).unwrap()
+}
+
+/// Readings of a chain in which something else yields.
+fn with(chain: &Chain, seed: u64, extra: impl Fn(&[f64; 3], f64) -> f64) -> Observations {
+    let mut read = read(chain, &[], seed);
+    for r in &mut read.readings {
+        let (q, f) = &chain.conditions[r.condition];
+        r.observed[0] = r.observed[0].map(|v| v + extra(q, *f));
+    }
+    read
+}
+
+#[test]
+fn nothing_is_found_in_clean_readings() {
+    let chain = chain();
+    let mut chi2 = 0.0;
+    for seed in 0..20 {
+        let found = inferred(&chain, &read(&chain, &[], seed));
+        assert!(found.findings.is_empty(), "seed {seed}: {:?}", found.findings);
+        chi2 += found.reduced_chi2 / 20.0;
+    }
+    assert!((0.9..1.1).contains(&chi2), "{chi2}");
+}
+
+#[test]
+fn a_place_is_found_whatever_its_formula() {
+    let chain = chain();
+    for seed in 0..10 {
+        let found = inferred(&chain, &with(&chain, seed, |q, f| 0.6 * COMPLIANCE * f * q[0].powf(2.5)));
+        assert_eq!(found.findings.len(), 1, "seed {seed}: {:?}", found.findings);
+        let (place, probability) = &found.findings[0].places[0];
+        assert_eq!(place, "spring 1", "seed {seed}");
+        assert!(*probability > 0.95, "seed {seed}: {probability}");
+        let total: f64 = found.alternatives.iter().map(|a| a.1).sum();
+        assert!(total <= 1.0 + 1e-12 && total > 0.9, "seed {seed}: {total}");
+    }
+}
+
+#[test]
+fn what_goes_with_no_place_is_said_to_be_nowhere() {
+    let chain = chain();
+    let found = inferred(&chain, &with(&chain, 5, |_, f| 0.3 * COMPLIANCE * f.abs()));
+    assert_eq!(found.findings[0].places[0].0, NOWHERE);
+    assert!(found.none_of_these > 0.95, "{}", found.none_of_these);
+}

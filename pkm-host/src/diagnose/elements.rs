@@ -1,0 +1,157 @@
+//! Elements as candidates: a compliance at a place of the machine for which no effect has a formula.
+
+use pkm_core::MachineParameters;
+use pkm_core::effects::{Element, MAX_PARAMETERS};
+use pkm_diagnosis::Prior;
+
+/// A parameter that one or several elements have in common.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElementParameter {
+    /// Without the amplitudes.
+    pub elements: Vec<Element>,
+    /// Index of the parameter.
+    pub index: usize,
+    /// Its prior.
+    pub prior: Prior,
+    /// Whether it must not be negative.
+    pub one_sided: bool,
+}
+
+impl ElementParameter {
+    /// As in reports: motion and parameter.
+    pub fn name(&self) -> String {
+        self.elements.first().map_or_else(String::new, |e| {
+            format!("{}.{}", e.motion.name(), e.parameter_names().get(self.index).copied().unwrap_or_default())
+        })
+    }
+
+    /// Adds to the parameter in a machine, which gets the elements that it lacks. Where there is no room for them the machine
+    /// becomes invalid.
+    pub fn add_to(&self, machine: &mut MachineParameters, value: f64) {
+        for template in &self.elements {
+            let slots = &mut machine.effects.elements;
+            let is_own = |e: &Element| (e.place, e.motion, e.law) == (template.place, template.motion, template.law);
+            let at = slots.iter().position(|s| s.is_some_and(|e| is_own(&e)));
+            let at = at.or_else(|| slots.iter().position(Option::is_none));
+            match at {
+                Some(at) => slots[at].get_or_insert(*template).parameters[self.index] += value,
+                None => slots[0] = slots[0].map(|e| Element { parameters: [f64::NAN; MAX_PARAMETERS], ..e }),
+            }
+        }
+    }
+}
+
+/// Elements that are found together.
+pub struct Family {
+    /// Places, the most affected first.
+    pub places: Vec<String>,
+    /// Motion, `general` for several.
+    pub motion: &'static str,
+    /// Law.
+    pub law: &'static str,
+    /// Parameters.
+    pub parameters: Vec<ElementParameter>,
+}
+
+/// What compliances are usual in a machine.
+pub struct Usual {
+    /// Of the whole at A, along and about u, v, w, m/N and rad/(N·m).
+    pub terminal: [f64; 6],
+    /// Of a limb along and across it, m/N.
+    pub axial: f64,
+    /// See `axial`.
+    pub across: f64,
+    /// Middle and half of a limb's travel, m.
+    pub travel_m: [f64; 2],
+}
+
+/// Tension to which laws of the load are scaled, N: what a person can apply.
+const TENSION_N: f64 = 300.0;
+/// Play that is plausible, and the tension that takes it up.
+const PLAY: (f64, f64) = (30e-6, 20.0);
+
+/// All families of elements that a diagnosis looks for.
+pub fn families(usual: &Usual) -> Vec<Family> {
+    let mut all: Vec<Family> = [
+        ("tool", ["u", "v", "w", "ru", "rv", "rw"]),
+        ("moving_platform", ["u", "v", "w", "ru", "rv", "rw"]),
+        ("base", ["x", "y", "z", "rx", "ry", "rz"]),
+    ]
+    .into_iter()
+    .map(|(place, motions)| {
+        let of = |(motion, scale): (&&str, &f64)| parameter(&[place], motion, "constant", 0, *scale, true);
+        let parameters = motions.iter().zip(&usual.terminal).filter_map(of).collect();
+        Family { places: vec![place.into()], motion: "general", law: "constant", parameters }
+    })
+    .collect();
+    for part in ["base_joint", "platform_joint", "body"] {
+        for limbs in [&[0][..], &[1], &[2], &[0, 1]] {
+            all.push(of_limbs(usual, limbs, part));
+        }
+    }
+    for limbs in [&[0][..], &[1], &[2], &[0, 1], &[0, 1, 2]] {
+        all.push(extension(usual, limbs, "axial", usual.axial));
+        all.push(extension(usual, limbs, "lateral", usual.across));
+        all.push(load(usual, limbs));
+    }
+    all.retain(|family| !family.parameters.is_empty());
+    all
+}
+
+fn parameter(
+    places: &[&str],
+    motion: &str,
+    law: &str,
+    index: usize,
+    scale: f64,
+    one_sided: bool,
+) -> Option<ElementParameter> {
+    let of = |place: &&str| Element::from_names(place, motion, law, [0.0; MAX_PARAMETERS]);
+    let elements = places.iter().map(of).collect::<Option<Vec<Element>>>()?;
+    Some(ElementParameter { elements, index, prior: Prior::Normal { scale }, one_sided })
+}
+
+fn names(limbs: &[usize], part: &str) -> Vec<String> {
+    limbs.iter().map(|i| super::places::part(*i, part)).collect()
+}
+
+/// All that may yield in a limb's part.
+fn of_limbs(usual: &Usual, limbs: &[usize], part: &str) -> Family {
+    let places = names(limbs, part);
+    let own: Vec<&str> = places.iter().map(String::as_str).collect();
+    let turning = 3.0 * usual.terminal[3..].iter().fold(0.0_f64, |m, v| m.max(*v));
+    let scales = [("axial", usual.axial), ("lateral", usual.across), ("tilting", turning), ("torsion", turning)];
+    let of = |(motion, scale): (&str, f64)| parameter(&own, motion, "constant", 0, scale, false);
+    let parameters = scales.into_iter().filter_map(of).collect();
+    Family { places, motion: "general", law: "constant", parameters }
+}
+
+/// A compliance of bodies that changes with their length.
+fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64) -> Family {
+    let places = names(limbs, "body");
+    let own: Vec<&str> = places.iter().map(String::as_str).collect();
+    let [middle, half] = usual.travel_m;
+    let scales = [scale, scale / half, scale / (half * half)];
+    let of = |(index, scale): (usize, f64)| {
+        let mut p = parameter(&own, motion, "extension", index, scale, false)?;
+        p.elements.iter_mut().for_each(|e| e.parameters[3] = middle);
+        Some(p)
+    };
+    let parameters = scales.into_iter().enumerate().filter_map(of).collect();
+    Family { places, motion, law: "extension", parameters }
+}
+
+/// An elongation of bodies that is not linear in their tension.
+fn load(usual: &Usual, limbs: &[usize]) -> Family {
+    let places = names(limbs, "body");
+    let own: Vec<&str> = places.iter().map(String::as_str).collect();
+    let c = usual.axial;
+    let scales = [c, c / TENSION_N, c / TENSION_N, c / (TENSION_N * TENSION_N), PLAY.0];
+    let of = |(index, scale): (usize, f64)| {
+        let mut p = parameter(&own, "axial", "load", index, scale, false)?;
+        p.elements.iter_mut().for_each(|e| e.parameters[5] = PLAY.1);
+        Some(p)
+    };
+    let parameters = scales.into_iter().enumerate().filter_map(of).collect();
+    Family { places, motion: "axial", law: "load", parameters }
+}

@@ -1,0 +1,129 @@
+//! The elastic model as a sum of compliances on the eight transmitted wrenches: δ = P D λ, λ = Pᵀ w, P = K⁻¹ H D⁻¹.
+
+use nalgebra::{SMatrix, SVector};
+use pkm_core::machine::Machine;
+use pkm_core::{MachineParameters, Pose, Transmission};
+
+use crate::diagnose::declared::Declared;
+
+/// Eight transmitted wrenches.
+pub type V8 = SVector<f64, 8>;
+/// A compliance that they meet.
+pub type M8 = SMatrix<f64, 8, 8>;
+/// Six components at A from eight wrenches.
+pub type M68 = SMatrix<f64, 6, 8>;
+/// Terminal compliance.
+pub type M6 = SMatrix<f64, 6, 6>;
+
+/// One pose of the declared machine.
+pub struct Frame {
+    /// Columns of H: the transmitted wrenches at A.
+    pub wrenches: M68,
+    /// Compliance by declared stiffness.
+    pub parts: Vec<M8>,
+    /// Compliance that no declared stiffness scales.
+    pub rest: M8,
+    /// What passes base and platform joint of each limb: forces and moments along and about its axes.
+    pub joints: [[M68; 2]; 3],
+    /// The forces at the platform joints along u, v, w.
+    pub bores: [M68; 3],
+    /// The wrench at B along the axes of B, on the whole of the base.
+    pub ground: M68,
+    /// Forces on the three base points, along the axes of B.
+    pub points: [M68; 3],
+    /// Limb lengths, m.
+    pub q: [f64; 3],
+    /// θ, σ in rad, Z0 in m.
+    pub pose: [f64; 3],
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Components at a point, along axes, of wrenches given at A.
+fn seen(h: &M68, columns: std::ops::Range<usize>, at: [f64; 3], axes: &[[f64; 3]; 3]) -> M68 {
+    let mut out = M68::zeros();
+    for k in columns {
+        let (f, m) = ([h[(0, k)], h[(1, k)], h[(2, k)]], [h[(3, k)], h[(4, k)], h[(5, k)]]);
+        let m = [
+            m[0] - (at[1] * f[2] - at[2] * f[1]),
+            m[1] - (at[2] * f[0] - at[0] * f[2]),
+            m[2] - (at[0] * f[1] - at[1] * f[0]),
+        ];
+        for a in 0..3 {
+            out[(a, k)] = dot(axes[a], f);
+            out[(3 + a, k)] = dot(axes[a], m);
+        }
+    }
+    out
+}
+
+fn full(lower: &[[f64; 8]; 8]) -> M8 {
+    M8::from_fn(|i, j| if j <= i { lower[i][j] } else { lower[j][i] })
+}
+
+impl Frame {
+    /// D of the declared machine.
+    pub fn compliance(&self) -> M8 {
+        self.parts.iter().fold(self.rest, |sum, part| sum + part)
+    }
+
+    /// All poses of a machine.
+    pub fn all(declared: &MachineParameters, stiffnesses: &[Declared], poses: &[Pose<f64>]) -> Option<Vec<Self>> {
+        let machine = Machine::<f64>::new(declared).ok()?;
+        let stiffer: Option<Vec<Machine<f64>>> = (stiffnesses.iter())
+            .map(|s| {
+                let mut changed = *declared;
+                s.each(&mut changed, |v| *v *= 2.0);
+                Machine::<f64>::new(&changed).ok()
+            })
+            .collect();
+        let stiffer = stiffer?;
+        poses.iter().map(|pose| Self::new(&machine, &stiffer, pose)).collect()
+    }
+
+    fn new(machine: &Machine<f64>, changed: &[Machine<f64>], pose: &Pose<f64>) -> Option<Self> {
+        let t: Transmission<f64> = machine.transmission(pose).ok()?;
+        let d = full(&t.compliance);
+        let h = M68::from_fn(|i, k| t.wrenches[k][i]);
+        let parts: Option<Vec<M8>> =
+            (changed.iter()).map(|m| Some((d - full(&m.transmission(pose).ok()?.compliance)) * 2.0)).collect();
+        let parts = parts?;
+        let rest = d - parts.iter().fold(M8::zeros(), |a, b| a + b);
+        let own = [0..3, 3..6, 6..8];
+        let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let of = |limb: usize, joint: usize| {
+            let l = &t.limbs[limb];
+            seen(&h, own[limb].clone(), l.joints_m[joint], &l.axes[joint])
+        };
+        Some(Self {
+            joints: std::array::from_fn(|limb| [of(limb, 0), of(limb, 1)]),
+            bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1], &unit)),
+            ground: seen(&h, 0..8, t.base_m, &t.base_axes),
+            points: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0], &t.base_axes)),
+            q: std::array::from_fn(|i| t.limbs[i].length_m),
+            pose: [pose.theta_rad, pose.sigma_rad, pose.z0_m],
+            wrenches: h,
+            parts,
+            rest,
+        })
+    }
+}
+
+/// One pose at some state of the unknowns.
+pub struct Solved {
+    /// Displacements at A by elongation in the sense of each wrench.
+    pub response: M68,
+    /// Terminal compliance.
+    pub compliance: M6,
+}
+
+/// P and K⁻¹ for a compliance; `None` if it is not positive definite.
+pub fn solve(h: &M68, d: &M8) -> Option<Solved> {
+    let chol = d.cholesky()?;
+    let dinv_ht = chol.solve(&h.transpose());
+    let k = h * dinv_ht;
+    let c = k.cholesky()?.inverse();
+    Some(Solved { response: c * dinv_ht.transpose(), compliance: c })
+}

@@ -1,0 +1,89 @@
+//! Blocks of columns for every place of the machine, for [`pkm_diagnosis::places`].
+//!
+//! Everything linear that yields adds a compliance to the one that the eight transmitted wrenches meet (`elastic`); laws of the
+//! load add elongations; errors of the measurement add displacements (`terms`). `limbs`, `platforms` and `measurement` list
+//! the blocks, `named` those of the effects that have a formula.
+
+mod elastic;
+mod limbs;
+mod measurement;
+mod named;
+mod platforms;
+pub mod sites;
+mod terms;
+mod world;
+
+use pkm_diagnosis::places::{Block, Inferred};
+use pkm_diagnosis::{Levels, Noise, Problem};
+
+use self::elastic::Frame;
+use self::terms::Term;
+use super::model::Model;
+use crate::files::readings::Readings;
+
+pub use self::limbs::part;
+pub use self::world::World;
+
+/// Where something is, how it moves, and what it depends on.
+#[derive(Clone, Debug)]
+pub struct Whereabouts {
+    /// Places, the most affected first.
+    pub places: Vec<String>,
+    /// Motion.
+    pub motion: &'static str,
+    /// Law.
+    pub law: &'static str,
+    /// ln of the prior weight: sizes are measured and loads weighed before anybody doubts them, and their columns follow much
+    /// that is on no list.
+    pub ln_prior: f64,
+}
+
+/// Blocks under construction.
+struct Blocks<'a> {
+    problem: &'a Problem<'a>,
+    model: &'a Model,
+    readings: &'a Readings,
+    frames: &'a [Frame],
+    /// Mean compliance that the transmitted wrenches meet, and mean terminal compliance: the scales of blocks.
+    usual: (elastic::M8, elastic::M6),
+    /// Wrenches that pass under each condition and where the load turned, of the declared machine.
+    passing: Vec<(elastic::V8, elastic::V8)>,
+    list: Vec<(Block, Vec<Term>)>,
+}
+
+impl Blocks<'_> {
+    fn add(&mut self, places: &[String], motion: &'static str, law: &'static str, terms: Vec<Term>) {
+        self.add_with(places, motion, law, terms, 0, 0.0);
+    }
+
+    fn add_with(
+        &mut self,
+        places: &[String],
+        motion: &'static str,
+        law: &'static str,
+        terms: Vec<Term>,
+        forces: usize,
+        ln_prior: f64,
+    ) {
+        if !terms.is_empty() {
+            let block = Block { places: places.to_vec(), motion, law, columns: terms.len(), forces, ln_prior };
+            self.list.push((block, terms));
+        }
+    }
+
+    fn mean(&self, of: impl Fn(&Frame) -> f64) -> f64 {
+        self.frames.iter().map(of).sum::<f64>() / self.frames.len() as f64
+    }
+
+    fn spread(&self, of: impl Fn(&Frame) -> f64) -> f64 {
+        let mean = self.mean(&of);
+        self.mean(|f| (of(f) - mean).powi(2)).sqrt().max(f64::MIN_POSITIVE)
+    }
+}
+
+/// What the readings say of places.
+pub fn infer(levels: &Levels<'_>, noise: &Noise, model: &Model, readings: &Readings) -> Option<(World, Inferred)> {
+    let world = World::new(levels.plain, model, readings)?;
+    let inferred = pkm_diagnosis::places::infer(levels, noise, &world.on(levels.plain, readings))?;
+    Some((world, inferred))
+}

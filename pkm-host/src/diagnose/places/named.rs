@@ -1,0 +1,109 @@
+//! Blocks of effects that have a formula, and of declared values that are wrong: the prior expectation of what is found.
+
+use std::sync::Arc;
+
+use pkm_diagnosis::Unknown;
+
+use super::elastic::{Frame, M8};
+use super::limbs::part;
+use super::terms::Term;
+use super::{Blocks, Whereabouts};
+use crate::diagnose::declared::{Declared, Part};
+use crate::diagnose::model::{Model, info};
+
+fn of_effect(id: &str) -> Whereabouts {
+    let bodies = || (0..3).map(|i| part(i, "body")).collect::<Vec<_>>();
+    let both = |name: &str| vec![part(0, name), part(1, name)];
+    let (places, motion, law, ln_prior) = match id {
+        "moving-platform-compliance" => (vec!["moving_platform".into()], "general", "constant", 0.0),
+        "base-compliance" | "limb-coupling" => (vec!["base".into()], "general", "constant", 0.0),
+        "wrist-compliance" => (vec!["tool".into()], "general", "constant", 0.0),
+        "telescopic-limb" => (bodies(), "lateral", "extension", 0.0),
+        "screw-position" => (bodies(), "axial", "extension", 0.0),
+        "limb-1-axial" => (vec![part(0, "body")], "axial", "constant", 0.0),
+        "limb-2-axial" => (vec![part(1, "body")], "axial", "constant", 0.0),
+        "limb-3-axial" => (vec![part(2, "body")], "axial", "constant", 0.0),
+        "universal-joint" => (both("base_joint"), "general", "constant", 0.0),
+        "revolute-joint" => (both("platform_joint"), "general", "constant", 0.0),
+        "spherical-joint" => (vec![part(2, "platform_joint")], "general", "constant", 0.0),
+        "revolute-3-joint" => (vec![part(2, "base_joint")], "general", "constant", 0.0),
+        "clearance" | "contact-stiffening" => (bodies(), "axial", "load", 0.0),
+        "friction-hysteresis" => (bodies(), "axial", "direction", 0.0),
+        "thermal-modulus" => (bodies(), "general", "temperature", 0.0),
+        "thermal-expansion" => (bodies(), "axial", "temperature", 0.0),
+        "preload" => (bodies(), "lateral", "constant", -5.0),
+        "platform-offset" => (vec!["geometry".into(), "moving_platform".into()], "general", "constant", -4.0),
+        "sensor-rotation" | "sensor-scale" => (vec!["sensor".into()], "general", "constant", -3.0),
+        "load-gain" | "load-point" => (vec!["load".into()], "general", "constant", -3.0),
+        _ => (vec!["geometry".into()], "general", "constant", -6.0),
+    };
+    Whereabouts { places, motion, law, ln_prior }
+}
+
+fn of_declared(d: &Declared) -> String {
+    match d.part {
+        Part::BaseLinear(_) | Part::BaseAngular(_) => part(d.limb, "base_joint"),
+        Part::PlatformLinear(_) | Part::PlatformAngular(_) => part(d.limb, "platform_joint"),
+        Part::Young | Part::Shear => part(d.limb, "body"),
+    }
+}
+
+/// Where a candidate of the search by formulas is.
+pub fn place_of(model: &Model, candidate: usize) -> Whereabouts {
+    if let Some(element) = model.element_places.get(&candidate) {
+        return element.clone();
+    }
+    if let Some(class) = model.class_of(candidate) {
+        let mut places: Vec<String> = class.members.iter().map(of_declared).collect();
+        places.sort();
+        places.dedup();
+        return Whereabouts { places, motion: "general", law: "constant", ln_prior: -1.0 };
+    }
+    of_effect(model.effect_of(candidate).map_or("", |effect| info(effect).id))
+}
+
+/// Adds a block for each candidate.
+pub fn add(blocks: &mut Blocks<'_>) {
+    let declared = blocks.problem.model.declared();
+    let x = blocks.problem.fit(&declared, &vec![0.0; declared.len()]).map(|fit| fit.x.as_slice().to_vec());
+    let x = x.unwrap_or_else(|| vec![0.0; declared.len()]);
+    for candidate in 0..blocks.model.candidates.len() {
+        // the places of elements have blocks of their own
+        if blocks.model.element_places.contains_key(&candidate) {
+            continue;
+        }
+        let w = place_of(blocks.model, candidate);
+        for (terms, ln_prior) in columns(blocks, candidate, &declared, &x) {
+            blocks.add_with(&w.places, w.motion, w.law, terms, 0, w.ln_prior + ln_prior);
+        }
+    }
+}
+
+/// Columns of a candidate, for each shape that is tried.
+fn columns(blocks: &Blocks<'_>, candidate: usize, declared: &[Unknown], x: &[f64]) -> Vec<(Vec<Term>, f64)> {
+    if let Some(class) = blocks.model.class_of(candidate) {
+        let all = Declared::all(&blocks.model.declared);
+        let of = |f: &Frame| {
+            let members = class.members.iter().filter_map(|m| all.iter().position(|d| d == m));
+            members.fold(M8::zeros(), |sum, j| sum + f.parts[j])
+        };
+        return vec![(vec![Term::Elastic(Arc::new(blocks.frames.iter().map(of).collect()))], 0.0)];
+    }
+    let (problem, own) = (blocks.problem, &blocks.model.candidates[candidate].unknowns);
+    let (amplitudes, shapes): (Vec<Unknown>, Vec<Unknown>) =
+        own.iter().partition(|u| problem.parameter(**u).is_amplitude());
+    let starts = if shapes.is_empty() { &problem.rules.shape_starts[..1] } else { &problem.rules.shape_starts[..] };
+    let unknowns: Vec<Unknown> = declared.iter().chain(&amplitudes).chain(&shapes).copied().collect();
+    let from = declared.len();
+    let at = |start: &f64| {
+        let mut x = x.to_vec();
+        x.resize(unknowns.len(), 0.0);
+        if !shapes.is_empty() {
+            x[from + amplitudes.len()] = *start;
+        }
+        let matrix = problem.jacobian(&unknowns, &x, from..from + amplitudes.len())?;
+        let seen = matrix.column_iter().filter(|c| c.norm() > 0.0);
+        Some((seen.map(|c| Term::Fixed(Arc::new(c.clone_owned()))).collect(), -(starts.len() as f64).ln()))
+    };
+    starts.iter().filter_map(at).collect()
+}

@@ -1,0 +1,97 @@
+//! Blocks of the moving platform, the base and the tool, and the residual that goes with no place.
+
+use std::sync::Arc;
+
+use super::Blocks;
+use super::elastic::{Frame, V8};
+use super::terms::{Seen, Term, rows, symmetric};
+
+const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
+const SHIFTS: [usize; 3] = [0, 1, 2];
+const TURNS: [usize; 3] = [3, 4, 5];
+
+/// Adds all of them.
+pub fn add(blocks: &mut Blocks<'_>) {
+    let usual: Vec<f64> = (0..6).map(|i| blocks.usual.1[(i, i)]).collect();
+    mounts(blocks, &usual);
+    // three joints share a load
+    let shift_units: Vec<f64> = (0..9).map(|i| 3.0 * usual[i % 3]).collect();
+    let turn_units: Vec<f64> = (0..6).map(|i| 3.0 * usual[3 + i % 3]).collect();
+    let bores = |f: &Frame| -> Vec<V8> { (0..3).flat_map(|i| rows(&f.bores[i], &SHIFTS)).collect() };
+    let points = |f: &Frame| -> Vec<V8> { (0..3).flat_map(|i| rows(&f.points[i], &SHIFTS)).collect() };
+    for coupled in [false, true] {
+        let forces = if coupled { 9 } else { 0 };
+        let terms = symmetric(blocks.frames, &bores, &shift_units, &[&|_| 1.0], coupled);
+        blocks.add_with(&["moving_platform".into()], "general", "constant", terms, forces, 0.0);
+        let terms = symmetric(blocks.frames, &points, &shift_units, &[&|_| 1.0], coupled);
+        blocks.add_with(&["base".into()], "general", "constant", terms, forces, 0.0);
+    }
+    // the joints of limbs 1 and 2 bring moments as well
+    let with_moments = |f: &Frame| -> Vec<V8> {
+        let moments = (0..2).flat_map(|i| rows(&f.bores[i], &TURNS));
+        bores(f).into_iter().chain(moments).collect()
+    };
+    let units = [shift_units, turn_units].concat();
+    let terms = symmetric(blocks.frames, &with_moments, &units, &[&|_| 1.0], true);
+    blocks.add_with(&["moving_platform".into()], "general", "constant", terms, units.len(), 0.0);
+    at_one_pose(blocks, &usual);
+    smooth(blocks, &usual);
+}
+
+/// The whole mechanism on the base, and the tool on the platform.
+fn mounts(blocks: &mut Blocks<'_>, usual: &[f64]) {
+    let tool = |f: &Frame, which: &[usize]| rows(&f.wrenches, which);
+    let base = |f: &Frame, which: &[usize]| rows(&f.ground, which);
+    type Forces = fn(&Frame, &[usize]) -> Vec<V8>;
+    let mounts: [(&str, Forces); 2] = [("tool", tool), ("base", base)];
+    for (place, forces) in mounts {
+        for (which, coupled) in [(&SHIFTS[..], false), (&TURNS, false), (&ALL, false), (&ALL, true)] {
+            let units: Vec<f64> = which.iter().map(|i| usual[*i]).collect();
+            let terms = symmetric(blocks.frames, &|f| forces(f, which), &units, &[&|_| 1.0], coupled);
+            let whole = if coupled { units.len() } else { 0 };
+            blocks.add_with(&[place.into()], "general", "constant", terms, whole, 0.0);
+        }
+    }
+}
+
+/// What yields at one pose alone, such as a clamp that was not tight there.
+fn at_one_pose(blocks: &mut Blocks<'_>, usual: &[f64]) {
+    let count = blocks.frames.len();
+    for pose in 0..count {
+        let only = |n: usize| f64::from(n == pose);
+        let term = |k: &usize| {
+            let of = |(n, f): (usize, &Frame)| {
+                let r: V8 = f.wrenches.row(*k).transpose();
+                r * r.transpose() * (usual[*k] * only(n))
+            };
+            Term::Elastic(Arc::new(blocks.frames.iter().enumerate().map(of).collect()))
+        };
+        let terms = ALL.iter().map(term).collect();
+        let ln_prior = super::measurement::LN_PRIOR_OF_ODDITIES - (count as f64).ln();
+        blocks.add_with(&["tool".into(), "sensor".into()], "general", "pose", terms, 0, ln_prior);
+    }
+}
+
+/// A residual that is smooth over pose and load and goes with no place: discrepancy as Kennedy and O'Hagan have it.
+fn smooth(blocks: &mut Blocks<'_>, usual: &[f64]) {
+    let mut shapes: Vec<Vec<f64>> = vec![vec![1.0; blocks.frames.len()]];
+    for axis in 0..3 {
+        let (mean, spread) = (blocks.mean(|f| f.pose[axis]), blocks.spread(|f| f.pose[axis]));
+        shapes.push(blocks.frames.iter().map(|f| (f.pose[axis] - mean) / spread).collect());
+    }
+    let mut terms = Vec::new();
+    for i in 0..6 {
+        for j in 0..6 {
+            let unit = 0.05 * (usual[i] * usual[j]).sqrt();
+            for shape in &shapes {
+                let shape = shape.clone();
+                terms.push(Term::Direct(Arc::new(move |s: &Seen<'_>| {
+                    let mut d = [0.0; 6];
+                    d[i] = unit * shape[s.pose] * s.wrench[j];
+                    d
+                })));
+            }
+        }
+    }
+    blocks.add(&[], "general", "constant", terms);
+}

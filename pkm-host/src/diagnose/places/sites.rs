@@ -1,0 +1,98 @@
+//! Findings of the inference as sites: what each may be called, and where it is.
+
+use pkm_diagnosis::places::{Inferred, NOWHERE};
+use pkm_diagnosis::{Kind, Rules, Search};
+
+use super::{World, named};
+use crate::diagnose::model::Model;
+
+/// A place where the readings ask for more than the declared model.
+#[derive(Clone, Debug)]
+pub struct Site {
+    /// The likeliest place.
+    pub place: String,
+    /// Places that the readings cannot tell apart from it.
+    pub place_class: Vec<String>,
+    /// In which direction it gives.
+    pub motion: &'static str,
+    /// What it depends on.
+    pub law: &'static str,
+    /// Probability that it is at the place or one of its class, the other findings given.
+    pub probability: f64,
+    /// Candidates of the model that would explain it.
+    pub candidates: Vec<usize>,
+}
+
+/// Most places that a finding may name beside the likeliest: a longer list says nothing.
+const MAX_CLASS: usize = 3;
+
+/// Laws that one and the same physics may be taken for.
+fn family(law: &str) -> &str {
+    match law {
+        "constant" | "extension" | "periodic" => "compliance",
+        "load" | "direction" => "load",
+        other => other,
+    }
+}
+
+/// The sites of an inference. Where it found nothing a declared value may still be wrong: that is one site without a place.
+pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -> Vec<Site> {
+    let of = |f: &pkm_diagnosis::places::Finding| {
+        let block = world.block(f.block);
+        let likely = f.places.iter().filter(|p| p.1 >= rules.min_place_probability).map(|p| p.0.clone());
+        let mut all: Vec<String> = likely.collect();
+        let likely = all.clone();
+        all.extend(block.places.iter().filter(|p| !likely.contains(p)).cloned());
+        let is_there = |c: &usize| {
+            let w = named::place_of(model, *c);
+            family(w.law) == family(block.law) && w.places.first().is_some_and(|p| all.contains(p))
+        };
+        let candidates = (0..model.candidates.len()).filter(is_there).collect();
+        Site {
+            place: all.first().cloned().unwrap_or_else(|| NOWHERE.into()),
+            probability: f.places.iter().filter(|p| all.contains(&p.0)).map(|p| p.1).sum(),
+            motion: block.motion,
+            law: block.law,
+            candidates,
+            place_class: all.into_iter().skip(1).take(MAX_CLASS).collect(),
+        }
+    };
+    inferred.findings.iter().map(of).collect()
+}
+
+/// The finds of a search that no inference preceded, where their formulas have them.
+pub fn of_search(model: &Model, search: &Search) -> Vec<Site> {
+    let of = |found: &pkm_diagnosis::search::Found| {
+        let w = named::place_of(model, found.candidate);
+        Site {
+            place: w.places.first().cloned().unwrap_or_else(|| NOWHERE.into()),
+            place_class: w.places.into_iter().skip(1).collect(),
+            motion: w.motion,
+            law: w.law,
+            probability: found.confidence,
+            candidates: vec![found.candidate],
+        }
+    };
+    search.found.iter().map(of).collect()
+}
+
+/// What the search by formulas may name: one candidate a site, and where there is no site at all a wrong declared value.
+pub fn permitted(sites: &[Site], model: &Model) -> Vec<Vec<usize>> {
+    if sites.is_empty() {
+        let declared = |c: &usize| model.candidates[*c].kind == Kind::DeclaredValues;
+        return vec![(0..model.candidates.len()).filter(declared).collect()];
+    }
+    sites.iter().map(|s| s.candidates.clone()).collect()
+}
+
+/// The find of the search at each site, by its place in the search; none where no formula explains what is there.
+pub fn named_at(sites: &[Site], search: &Search) -> Vec<Option<usize>> {
+    let mut at = vec![None; sites.len()];
+    for (n, found) in search.found.iter().enumerate() {
+        let free = (0..sites.len()).find(|s| at[*s].is_none() && sites[*s].candidates.contains(&found.candidate));
+        if let Some(site) = free {
+            at[site] = Some(n);
+        }
+    }
+    at
+}

@@ -1,0 +1,199 @@
+//! The blocks of a machine under the conditions of some readings, as a forward model.
+
+use nalgebra::{DMatrix, DVector, Vector6};
+use pkm_diagnosis::Problem;
+use pkm_diagnosis::places::{Block, PlaceModel, State};
+use rayon::prelude::*;
+
+use super::elastic::{self, Frame, M6, M8, Solved, V8};
+use super::terms::{Seen, Term};
+use super::{Blocks, limbs, measurement, named, platforms};
+use crate::diagnose::declared::Declared;
+use crate::diagnose::model::Model;
+use crate::files::readings::Readings;
+
+/// Wrench, or displacement.
+type Six = [f64; 6];
+
+/// Blocks and all that their columns are made from.
+pub struct World {
+    frames: Vec<Frame>,
+    uncertainty: Vec<f64>,
+    /// At A, and where the load turned, by condition.
+    wrenches: Vec<(Six, Six)>,
+    /// What the declared machine gives beyond its elastic part, by condition.
+    offset: Vec<Six>,
+    blocks: Vec<Block>,
+    terms: Vec<Vec<Term>>,
+}
+
+/// A world under the conditions of readings.
+pub struct Under<'a> {
+    world: &'a World,
+    problem: &'a Problem<'a>,
+    readings: &'a Readings,
+}
+
+fn at_a(wrench: Six, at: [f64; 3]) -> Six {
+    let [fx, fy, fz, mx, my, mz] = wrench;
+    [fx, fy, fz, mx + at[1] * fz - at[2] * fy, my + at[2] * fx - at[0] * fz, mz + at[0] * fy - at[1] * fx]
+}
+
+fn seen_at(displacement: Six, at: [f64; 3]) -> Six {
+    let [x, y, z, a, b, c] = displacement;
+    [x + b * at[2] - c * at[1], y + c * at[0] - a * at[2], z + a * at[1] - b * at[0], a, b, c]
+}
+
+impl World {
+    /// All blocks of a machine; the scales of sensors and of time follow from the readings.
+    pub fn new(problem: &Problem<'_>, model: &Model, readings: &Readings) -> Option<Self> {
+        let stiffnesses = Declared::all(&model.declared);
+        let poses: Vec<_> = readings.poses.iter().map(|p| p.pose).collect();
+        let frames = Frame::all(&model.declared, &stiffnesses, &poses)?;
+        let wrenches: Vec<(Six, Six)> = (readings.conditions.iter())
+            .map(|c| (at_a(c.wrench.to_array(), c.point_m), at_a(c.turned_at.to_array(), c.point_m)))
+            .collect();
+        let uncertainty = vec![model.uncertainty.stiffness; stiffnesses.len()];
+        let offset = vec![[0.0; 6]; wrenches.len()];
+        let mut this = Self { frames, uncertainty, wrenches, offset, blocks: Vec::new(), terms: Vec::new() };
+        let declared = State { declared: vec![0.0; stiffnesses.len()], blocks: Vec::new() };
+        let solved = this.solve(&declared)?;
+        let elastic = this.displacements(readings, &solved);
+        let said = model.predict(&poses, &readings.conditions, &[], &[])?;
+        let difference = |(s, e): (&Six, &Six)| -> Six { std::array::from_fn(|c| s[c] - e[c]) };
+        this.offset = said.iter().zip(&elastic).map(difference).collect();
+
+        let n = this.frames.len() as f64;
+        let usual_d = this.frames.iter().map(Frame::compliance).fold(M8::zeros(), |a, b| a + b) / n;
+        let usual_c = solved.iter().fold(M6::zeros(), |a, s| a + s.compliance) / n;
+        let passing = (0..this.wrenches.len()).map(|c| this.passing(readings, &solved, c)).collect();
+        let usual = (usual_d, usual_c);
+        let frames = &this.frames;
+        let mut blocks = Blocks { problem, model, readings, frames, usual, passing, list: Vec::new() };
+        limbs::add(&mut blocks);
+        platforms::add(&mut blocks);
+        measurement::add(&mut blocks, &solved);
+        named::add(&mut blocks);
+        (this.blocks, this.terms) = blocks.list.into_iter().unzip();
+        Some(this)
+    }
+
+    /// As the engine takes it.
+    pub fn on<'a>(&'a self, problem: &'a Problem<'a>, readings: &'a Readings) -> Under<'a> {
+        Under { world: self, problem, readings }
+    }
+
+    /// A block.
+    pub fn block(&self, index: usize) -> &Block {
+        &self.blocks[index]
+    }
+
+    fn solve(&self, state: &State) -> Option<Vec<Solved>> {
+        let of = |(pose, f): (usize, &Frame)| {
+            let mut d = f.rest;
+            for ((part, x), sd) in f.parts.iter().zip(&state.declared).zip(&self.uncertainty) {
+                d += part * (-sd * x).exp();
+            }
+            for (b, amplitudes) in &state.blocks {
+                for (term, a) in self.terms[*b].iter().zip(amplitudes) {
+                    if let Term::Elastic(e) = term {
+                        d += e[pose] * *a;
+                    }
+                }
+            }
+            elastic::solve(&f.wrenches, &d)
+        };
+        self.frames.iter().enumerate().map(of).collect()
+    }
+
+    fn passing(&self, readings: &Readings, solved: &[Solved], condition: usize) -> (V8, V8) {
+        let p = &solved[readings.conditions[condition].pose].response;
+        let (now, turned) = self.wrenches[condition];
+        (p.tr_mul(&Vector6::from(now)), p.tr_mul(&Vector6::from(turned)))
+    }
+
+    fn displacements(&self, readings: &Readings, solved: &[Solved]) -> Vec<Six> {
+        let all = readings.conditions.iter().zip(&self.wrenches).zip(&self.offset);
+        all.map(|((c, (w, _)), offset)| {
+            let d = seen_at((solved[c.pose].compliance * Vector6::from(*w)).into(), c.point_m);
+            std::array::from_fn(|i| d[i] + offset[i])
+        })
+        .collect()
+    }
+}
+
+impl Under<'_> {
+    fn by_condition(&self, of: impl Fn(usize) -> Six) -> Vec<f64> {
+        let values: Vec<Six> = (0..self.readings.conditions.len()).map(of).collect();
+        self.problem.whitened(values.as_flattened())
+    }
+
+    fn column(&self, term: &Term, solved: &[Solved], said: &[Six]) -> DVector<f64> {
+        let conditions = &self.readings.conditions;
+        let elongated = |c: usize, e: V8| -> Six {
+            seen_at((solved[conditions[c].pose].response * e).into(), conditions[c].point_m)
+        };
+        let elastic =
+            |e: &[M8], c: usize| elongated(c, e[conditions[c].pose] * self.world.passing(self.readings, solved, c).0);
+        let whitened = |mut values: Vec<f64>| {
+            self.problem.whitener.whiten(&mut values);
+            values
+        };
+        let values = match term {
+            Term::Fixed(column) => return (**column).clone(),
+            Term::Entry(values) => whitened((**values).clone()),
+            Term::Elastic(e) => self.by_condition(|c| elastic(e, c)),
+            Term::Times(e, factors) => {
+                let all: Vec<Six> = (0..conditions.len()).map(|c| elastic(e, c)).collect();
+                let entries = self.problem.whitener.entries.iter().zip(factors.iter());
+                whitened(entries.map(|(e, f)| f * all[e.condition][e.channel]).collect())
+            }
+            Term::Law(law) => self.by_condition(|c| {
+                let (now, turned) = self.world.passing(self.readings, solved, c);
+                elongated(c, law(&now, &turned))
+            }),
+            Term::Direct(direct) => self.by_condition(|c| {
+                let pose = conditions[c].pose;
+                let wrench = self.world.wrenches[c].0;
+                direct(&Seen { compliance: &solved[pose].compliance, pose, wrench, displacement: said[c] })
+            }),
+        };
+        values.into()
+    }
+
+    fn declared_terms(&self, state: &State) -> Vec<Term> {
+        let of = |j: usize| {
+            let sd = self.world.uncertainty[j];
+            let slope = -sd * (-sd * state.declared[j]).exp();
+            Term::Elastic(self.world.frames.iter().map(|f| f.parts[j] * slope).collect::<Vec<_>>().into())
+        };
+        (0..state.declared.len()).map(of).collect()
+    }
+}
+
+impl PlaceModel for Under<'_> {
+    fn declared(&self) -> usize {
+        self.world.uncertainty.len()
+    }
+
+    fn blocks(&self) -> &[Block] {
+        &self.world.blocks
+    }
+
+    fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let solved = self.world.solve(state)?;
+        let said = self.world.displacements(self.readings, &solved);
+        let mut predicted: DVector<f64> = self.problem.whitened(said.as_flattened()).into();
+        for (b, amplitudes) in &state.blocks {
+            for (term, a) in self.world.terms[*b].iter().zip(amplitudes) {
+                if !matches!(term, Term::Elastic(_)) && *a != 0.0 {
+                    predicted.axpy(*a, &self.column(term, &solved, &said), 1.0);
+                }
+            }
+        }
+        let declared = self.declared_terms(state);
+        let terms: Vec<&Term> = declared.iter().chain(wanted.iter().flat_map(|b| &self.world.terms[*b])).collect();
+        let columns: Vec<DVector<f64>> = terms.par_iter().map(|t| self.column(t, &solved, &said)).collect();
+        Some((predicted, DMatrix::from_columns(&columns)))
+    }
+}
