@@ -55,6 +55,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     black_box(machine.singularity_distance(&pose)).ok();
     black_box(machine.travel_margin_m(&lengths));
     black_box(machine.stiffness(&pose)).ok();
+    black_box(machine.transmission(&pose)).ok();
     black_box(machine.load_dependent_deflection(&pose, &wrench, &black_box(wrench))).ok();
     if let Ok(response) = machine.load_response(&black_box(pose)) {
         black_box(response.deflection(&black_box(wrench), &black_box(wrench))).ok();
