@@ -78,7 +78,7 @@ const KINDS: &[Kind] = &[
 
 #[rustfmt::skip] // a kind a line
 const TO_DIAGNOSE: &[Kind] = &[
-    ("no repeats and no deviation declared", Make(|good| columns(good, &["fx_n"], |n, c| (c.parse::<f64>().unwrap() + n as f64 * 1e-3).to_string())), ": ", "sigma_linear_um"),
+    ("no repeats and no deviation declared", Make(|good| good.lines().filter(|l| ["pose", ",1,load", ",1,unload"].iter().any(|p| l.contains(p))).map(|l| format!("{l}\n")).collect::<String>().into()), ": ", "sigma_linear_um"),
     ("too few poses", Make(|good| good.lines().filter(|l| l.starts_with("pose") || *l < "p04").map(|l| format!("{l}\n")).collect::<String>().into()), ": ", "poses cannot tell"),
     ("millimetres", Make(|good| columns(good, DEFLECTIONS, |_, c| scaled(c, 1e-3))), ": ", "are they in µm"),
     ("nanometres", Make(|good| columns(good, DEFLECTIONS, |_, c| scaled(c, 1e3))), ": ", "are they in µm"),
