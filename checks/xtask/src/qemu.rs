@@ -268,7 +268,7 @@ fn lower_of<T: Scalar>(k: &Stiffness<T>) -> Vec<u64> {
     bits_of(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
 }
 
-/// Configuration, screw lengths and home share.
+/// Configuration, screw lengths and normalised Jacobian determinant.
 fn hold_numbers<T: Scalar>(hold: &Hold<T>) -> Vec<T> {
     let Configuration { pose, beta_rad } = &hold.configuration;
     let stands = [pose.theta_rad, pose.sigma_rad, pose.z0_m];

@@ -104,7 +104,7 @@ pub fn run() -> Outcome {
     Err(wrong.join("\n"))
 }
 
-/// Planted mistakes that the checks don't see.
+/// Mutants that the checks miss.
 fn unseen(browser: &mut Browser, report: &Path, out: &Path) -> Result<Vec<String>, String> {
     let html = std::fs::read_to_string(report).map_err(|e| e.to_string())?;
     let path = out.join("planted.html");

@@ -16,7 +16,7 @@ pub enum ToolError {
     /// Out of the machine's reach from where it stands, or where it is said to stand is nowhere (Z0 not above 0, an angle
     /// beyond ±90°).
     Unreachable,
-    /// Where it stands, or on the way, two configurations meet that hold the tool alike: the home share of the determinant is
+    /// Where it stands, or on the way, two configurations meet that hold the tool alike: the normalised Jacobian determinant is
     /// below the wrist's margin.
     Singular,
     /// A frame is no rotation, or one that these five axes cannot take.

@@ -37,7 +37,7 @@ fn holdable(rng: &mut Rng, five: &FiveAxis<'_, f64>) -> (Configuration<f64>, Too
     })
 }
 
-/// Eq. 2 to the letter: T_p by its own definition, the wrist as four rows of Table 1.
+/// Eq. 2 as published: T_p by its own definition, the wrist as four rows of Table 1.
 fn table_1(c: &Configuration<f64>, p: &WristParameters) -> Matrix4<f64> {
     let row = |beta: f64, d: f64, alpha: f64, b: f64| {
         Rotation3::from_axis_angle(&Vector3::z_axis(), beta).to_homogeneous()
