@@ -8,7 +8,8 @@ const PATTERN: u64 = 0xA5A5_A5A5_A5A5_A5A5;
 
 /// Calls a function with each of its pointers null, then misaligned, the result's last; then with all of them right.
 fn misuse<const N: usize>(inputs: [*const c_void; N], call: impl Fn([*const c_void; N], *mut c_void) -> PkmError) {
-    let mut result = [PATTERN; 256];
+    // as large as the largest result, a machine in f64, and more
+    let mut result = [PATTERN; 512];
     let to = result.as_mut_ptr().cast::<c_void>();
     for i in 0..N {
         let mut bad = inputs;
@@ -19,7 +20,7 @@ fn misuse<const N: usize>(inputs: [*const c_void; N], call: impl Fn([*const c_vo
     }
     assert_eq!(call(inputs, std::ptr::null_mut()), PkmError::NullPointer, "result");
     assert_eq!(call(inputs, to.wrapping_byte_add(1)), PkmError::Misaligned, "result");
-    assert_eq!(result, [PATTERN; 256], "a refusal writes nothing");
+    assert_eq!(result, [PATTERN; 512], "a refusal writes nothing");
     assert_eq!(call(inputs, result.as_mut_ptr().cast()), PkmError::Ok);
     assert_ne!(result[0], PATTERN);
 }
