@@ -29,7 +29,11 @@ pub fn run(options: &[String]) -> Outcome {
         _ => return Err("expected nothing, or --executions N".into()),
     };
     let folder = root().join("checks/fuzz");
-    nightly(&["fuzz", "build", "--sanitizer", "none"], &folder, "cargo install cargo-fuzz --version 0.13.2 --locked")?;
+    nightly(
+        &["fuzz", "build", "--fuzz-dir", ".", "--sanitizer", "none"],
+        &folder,
+        "cargo install cargo-fuzz --version 0.13.2 --locked",
+    )?;
 
     let files = std::fs::read_dir(folder.join("fuzz_targets")).map_err(|e| e.to_string())?;
     let mut rows: Vec<Row> = files
@@ -126,7 +130,7 @@ fn slot(
             let mut again = Command::new(&program);
             let told = output(again.arg("-timeout=10").arg(&input)).err().unwrap_or_else(|| "not repeated".to_owned());
             let lines: Vec<&str> = told.lines().filter(|line| !line.starts_with("INFO:")).take(12).collect();
-            let show = format!("cargo fuzz run {target} {}", input.display());
+            let show = format!("cargo fuzz run --fuzz-dir checks/fuzz {target} {}", input.display());
             format!("{show}\n{}", lines.join("\n"))
         }
         None => log.into_owned(),
