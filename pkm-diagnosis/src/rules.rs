@@ -14,9 +14,10 @@ pub struct Rules {
     pub min_dof_of_kind: f64,
     /// The same where noise was declared as well: a declared deviation is better than a few repeats.
     pub min_dof_beside_declared: f64,
-    /// Relative errors of load direction (rad) and size beyond the declared ones that are considered, as nobody declares
-    /// all: from none to about 0.5°, doubling.
-    pub load_error_levels: [f64; 6],
+    /// Errors that readings have in common, beyond the declared ones, that are considered, as nobody declares all; in the unit
+    /// of [`CommonErrors::sd`](crate::CommonErrors). For loads relative errors of direction (rad) and size, from none to
+    /// about 0.5°, doubling.
+    pub load_error_levels: &'static [f64],
 
     /// Draws from the null distribution of the smallest p: they resolve 1/4000, well below `max_family_p`.
     pub null_draws: usize,
@@ -112,7 +113,7 @@ pub struct Rules {
     /// Scatter of declared values in units of the declared one: nobody's 10 % is exact.
     pub declared_scatters: [f64; 2],
     /// Levels of load error, out of `load_error_levels`, under which sets of blocks are compared.
-    pub block_levels: [usize; 3],
+    pub block_levels: &'static [usize],
     /// ln of the prior weight of a larger scatter, and of each higher level.
     pub ln_prior_of_scatter: f64,
     /// See `ln_prior_of_scatter`.
@@ -151,7 +152,7 @@ impl Rules {
         min_dof_of_channel: 20.0,
         min_dof_of_kind: 3.0,
         min_dof_beside_declared: 40.0,
-        load_error_levels: [0.0, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3],
+        load_error_levels: &[0.0, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3],
         null_draws: 4000,
         min_signal: 0.1,
         full_fits: 10,
@@ -192,7 +193,7 @@ impl Rules {
         max_outliers: 3,
         block_scales: [0.01, 0.03, 0.1, 0.3, 1.0, 3.0],
         declared_scatters: [1.0, 2.0],
-        block_levels: [0, 2, 4],
+        block_levels: &[0, 2, 4],
         ln_prior_of_scatter: -0.7,
         ln_prior_of_level: -0.3,
         ln_prior_of_low_rank: -2.0,
