@@ -67,7 +67,8 @@ fn fit(levels: &Levels<'_>, level: usize, unknowns: &[Unknown], start: &[f64], f
     }
 }
 
-/// Fits a candidate on top of a model. Negative amplitudes that must not be are pinned to 0, one after another.
+/// Fits a candidate on top of a model. Negative amplitudes that must not be are pinned to 0: the more negative half of them,
+/// then those that are left.
 ///
 /// # Errors
 /// Why it is no explanation.
@@ -95,9 +96,9 @@ pub fn extended(
         .any(|(u, x)| problem.parameter(*u).role == Role::Declared && x.abs() > rules.large_pull_sd);
     loop {
         let (at, fit) = fit(levels, level, &unknowns, &start, far).ok_or("the fit did not converge")?;
-        let negative =
-            (0..unknowns.len()).filter(|i| problem.parameter(unknowns[*i]).is_one_sided()).filter(|i| fit.x[*i] < 0.0);
-        let Some(pinned) = negative.min_by(|a, b| fit.x[*a].total_cmp(&fit.x[*b])) else {
+        let is_negative = |i: &usize| problem.parameter(unknowns[*i]).is_one_sided() && fit.x[*i] < 0.0;
+        let mut negative: Vec<usize> = (0..unknowns.len()).filter(is_negative).collect();
+        if negative.is_empty() {
             for (u, x) in unknowns.iter().zip(fit.x.iter()).filter(|(u, _)| is_own(u)) {
                 if is_amplitude(u) && x.abs() > rules.max_amplitude {
                     return Err("larger than plausible");
@@ -107,9 +108,12 @@ pub fn extended(
                 }
             }
             return Ok((at, fit));
-        };
-        unknowns.remove(pinned);
-        start.remove(pinned);
+        }
+        negative.sort_by(|a, b| fit.x[*a].total_cmp(&fit.x[*b]));
+        negative.truncate(negative.len().div_ceil(2));
+        let kept = (0..unknowns.len()).filter(|i| !negative.contains(i));
+        let from = |i: usize| if is_negative(&i) { 0.0 } else { fit.x[i] };
+        (unknowns, start) = kept.map(|i| (unknowns[i], from(i))).unzip();
         if !unknowns.iter().any(|u| is_own(u) && is_amplitude(u)) {
             return Err("negative compliance");
         }

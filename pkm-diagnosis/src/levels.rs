@@ -38,15 +38,18 @@ impl<'a> Levels<'a> {
 
     /// Fits at a level, then at the one that makes the readings most likely.
     pub fn fit(&self, unknowns: &[Unknown], start: &[f64], level: usize) -> Option<(usize, Fit)> {
-        let fit = self.problems[level].fit(unknowns, start)?;
-        let plain = self.plain.linear(unknowns, fit.x.clone())?;
-        let fits: Vec<Option<Fit>> = self.problems.par_iter().map(|p| p.relevel(&plain)).collect();
+        let at = |level: usize, start: &[f64]| {
+            let plain = self.plain.linear(unknowns, self.problems[level].minimum(unknowns, start)?)?;
+            let fits = self.problems.par_iter().map(|p| p.relevel(&plain)).collect::<Vec<Option<Fit>>>();
+            Some(fits)
+        };
+        let mut fits = at(level, start)?;
         let evidence = |l: &usize| fits[*l].as_ref().map_or(f64::NEG_INFINITY, Fit::ln_evidence);
         let best = (0..fits.len()).max_by(|a, b| evidence(a).total_cmp(&evidence(b)))?;
-        if best == level {
-            Some((level, fit))
-        } else {
-            Some((best, self.problems[best].fit(unknowns, fit.x.as_slice())?))
+        if best != level {
+            let start = fits[level].take()?.x;
+            fits = at(best, start.as_slice())?;
         }
+        Some((best, fits.swap_remove(best)?))
     }
 }

@@ -1,7 +1,7 @@
 //! Finds what a forward model lacks, from readings. It knows no machine: a client gives [`Observations`] and a
 //! [`ForwardModel`], and words for what is found. The method is in docs/theory.md, Diagnosis.
 //!
-//! [`Noise`] → [`Whitener`] → [`Problem`] (fits with priors) → [`Levels`] (errors that readings have in common) →
+//! [`gross`] errors out → [`Noise`] → [`Whitener`] → [`Problem`] (fits with priors) → [`Levels`] (errors that readings have in common) →
 //! [`search`](search::search) (screen, full fits, acceptance) → [`judge`](verdict::judge) →
 //! [`validation`] (errors on poses left out), [`residuals`], [`design`] (what to measure next). [`Rules`] has every number
 //! that decides.
@@ -10,6 +10,7 @@ mod class;
 pub mod design;
 mod extend;
 mod fit;
+pub mod gross;
 pub mod levels;
 mod model;
 mod noise;

@@ -104,6 +104,11 @@ pub struct Rules {
     pub outlier_repeat_share: f64,
     /// Largest share of a channel's readings that are outliers: more are a misfit of the model.
     pub max_outlier_share: f64,
+    /// Least degrees of freedom of a channel's repeats at which they show gross errors: a scale from fewer is too uncertain.
+    pub min_dof_of_gross: f64,
+    /// Least deviation from the declared model of a gross error without repeats, in robust standard deviations: loads differ by
+    /// a factor of ten, what is missing by another few.
+    pub far_out_sd: f64,
     /// Most outliers that are named.
     pub max_outliers: usize,
 
@@ -190,6 +195,8 @@ impl Rules {
         outlier_sd: 8.0,
         outlier_repeat_share: 0.5,
         max_outlier_share: 0.01,
+        min_dof_of_gross: 10.0,
+        far_out_sd: 100.0,
         max_outliers: 3,
         block_scales: [0.01, 0.03, 0.1, 0.3, 1.0, 3.0],
         declared_scatters: [1.0, 2.0],

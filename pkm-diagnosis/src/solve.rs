@@ -198,8 +198,13 @@ impl<'a> Problem<'a> {
         Fit::new(plain.unknowns.clone(), plain.x.clone(), residuals, jacobian, self.whitener.log_determinant)
     }
 
-    /// Most likely values of the unknowns, from a start.
+    /// Most likely values of the unknowns, from a start, and the linear form there.
     pub fn fit(&self, unknowns: &[Unknown], start: &[f64]) -> Option<Fit> {
+        self.linear(unknowns, self.minimum(unknowns, start)?)
+    }
+
+    /// Most likely values of the unknowns, from a start.
+    pub fn minimum(&self, unknowns: &[Unknown], start: &[f64]) -> Option<DVector<f64>> {
         if unknowns.is_empty() {
             return None;
         }
@@ -213,7 +218,7 @@ impl<'a> Problem<'a> {
             .minimize(squares);
         let usable =
             report.termination.was_successful() || matches!(report.termination, TerminationReason::LostPatience);
-        if !usable { None } else { self.linear(unknowns, found.x) }
+        usable.then_some(found.x)
     }
 }
 

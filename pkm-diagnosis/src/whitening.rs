@@ -191,12 +191,22 @@ impl Whitener {
 
     /// The part of the whitening that is due to common errors, on numbers that are white but for these.
     pub fn shrink(&self, values: &mut [f64]) {
+        let mut own = Vec::new();
         for CommonError { entries, directions } in &self.common {
+            if directions.is_empty() {
+                continue;
+            }
+            own.clear();
+            own.extend(entries.iter().map(|e| values[*e]));
+            // the directions are orthogonal, so that none changes the part along another
             for (direction, shrink) in directions {
-                let along: f64 = entries.iter().zip(direction).map(|(e, d)| values[*e] * d).sum();
-                for (e, d) in entries.iter().zip(direction) {
-                    values[*e] -= shrink * along * d;
+                let along: f64 = own.iter().zip(direction).map(|(v, d)| v * d).sum();
+                for (v, d) in own.iter_mut().zip(direction) {
+                    *v -= shrink * along * d;
                 }
+            }
+            for (e, v) in entries.iter().zip(&own) {
+                values[*e] = *v;
             }
         }
     }

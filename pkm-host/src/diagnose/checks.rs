@@ -49,15 +49,18 @@ pub struct Suspect {
     /// As the final model gives it.
     pub expected: f64,
     /// Residual in robust standard deviations of its channel.
-    pub studentised: f64,
+    pub residual_sd: f64,
+    /// Whether it was left out: a gross error.
+    pub excluded: bool,
 }
 
 impl Suspect {
     /// For people.
     pub fn text(&self) -> String {
+        let left_out = if self.excluded { "; it was left out" } else { "" };
         format!(
-            "line {}, {}: read {:.2}, expected {:.2}, {:.0} times the scatter of the others",
-            self.line, self.column, self.value, self.expected, self.studentised
+            "line {}, {}: read {:.2}, expected {:.2}, {:.0} times the scatter of the others{left_out}",
+            self.line, self.column, self.value, self.expected, self.residual_sd
         )
     }
 }
@@ -337,8 +340,13 @@ pub fn of_result(
     warnings
 }
 
-/// Outliers as the file has them; `expected` is by condition.
-pub fn suspects(readings: &Readings, outliers: &[Outlier], expected: &[[f64; CHANNELS]]) -> Vec<Suspect> {
+/// Outliers as the file has them, left out or not; `expected` is by condition.
+pub fn suspects(
+    readings: &Readings,
+    outliers: &[Outlier],
+    expected: &[[f64; CHANNELS]],
+    excluded: bool,
+) -> Vec<Suspect> {
     let of = |o: &Outlier| {
         let r = &readings.readings[o.reading];
         Suspect {
@@ -346,8 +354,16 @@ pub fn suspects(readings: &Readings, outliers: &[Outlier], expected: &[[f64; CHA
             column: DEFLECTION_COLUMNS[o.channel],
             value: r.observed[o.channel].unwrap_or(f64::NAN) * 1e6,
             expected: expected[r.condition][o.channel] * 1e6,
-            studentised: o.studentised,
+            residual_sd: o.studentised,
+            excluded,
         }
     };
     outliers.iter().map(of).collect()
+}
+
+/// Gross errors in readings: each costs its number, and no channel its noise.
+pub fn gross(readings: &Readings, model: &Model, rules: &Rules) -> Vec<Outlier> {
+    let experiment = Experiment::new(model, readings);
+    let said = model.predict(&experiment.poses, experiment.conditions, &[], &[]);
+    said.map_or(Vec::new(), |said| pkm_diagnosis::gross::gross(&experiment::observations(readings), said.as_flattened(), rules))
 }

@@ -364,10 +364,13 @@ pub fn diagnose(
     let step = |done: u64, what: &str| progress(what, done, 5);
     let rules = &Rules::DEFAULT;
     step(0, "noise");
-    let read = observations(readings);
     let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
     let model = Model::new(file, recorded, method)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
+    let gross = checks::gross(readings, &model, rules);
+    let left_out: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
+    let (given, readings) = (readings, &readings.without_numbers(&left_out));
+    let read = observations(readings);
     let experiment = Experiment::new(&model, readings);
     let noise = Noise::estimate(&experiment.at_nominal_loads(&read), rules)
         .map_err(|unknown| unknown_noise(readings, unknown))?;
@@ -413,7 +416,8 @@ pub fn diagnose(
     let proposals = design::propose(&model, readings, &noise, file, &rivals, rules);
     let residuals = Residuals::new(problem, &noise, &search).ok_or_else(not_converged)?;
     let structure = findings::residual_structure(readings, &read, &residuals);
-    let suspects = checks::suspects(readings, &residuals.outliers(&read, rules), own.of(Rival::After));
+    let mut suspects = checks::suspects(given, &gross, own.of(Rival::After), true);
+    suspects.extend(checks::suspects(readings, &residuals.outliers(&read, rules), own.of(Rival::After), false));
     step(4, "report");
     let end = &search.fit;
     let name = |r: &search::Ranked| model.candidates[r.candidate].name();

@@ -268,6 +268,15 @@ impl Readings {
         }
     }
 
+    /// The same without single numbers: pairs of reading and channel.
+    pub fn without_numbers(&self, left_out: &[(usize, usize)]) -> Self {
+        let mut rest = self.without(|_| false);
+        for (reading, channel) in left_out {
+            rest.readings[*reading].observed[*channel] = None;
+        }
+        rest
+    }
+
     /// Which channels have any reading.
     pub fn channels(&self) -> [bool; CHANNELS] {
         std::array::from_fn(|c| self.readings.iter().any(|r| r.observed[c].is_some()))

@@ -1,0 +1,156 @@
+//! Gross errors: single numbers that no noise explains, such as a slip of a digit. Each costs its number, not the noise of its
+//! channel.
+
+use std::collections::BTreeMap;
+
+use crate::observations::Observations;
+use crate::residuals::Outlier;
+use crate::rules::Rules;
+
+/// Standard deviations in a median of absolute normal deviations.
+const MEDIAN_OF_NORMAL: f64 = 0.6745;
+
+fn median(values: &mut [f64]) -> Option<f64> {
+    let n = values.len();
+    values.sort_by(f64::total_cmp);
+    let last = *values.get(n / 2)?;
+    Some(if n.is_multiple_of(2) { 0.5 * (last + values[n / 2 - 1]) } else { last })
+}
+
+/// A number of one channel, less what the declared model gives.
+struct Number {
+    reading: usize,
+    series: usize,
+    beyond: f64,
+}
+
+/// Numbers that stand out of their repeats, or far out of everything, before anything is fitted; `expected` is by condition and
+/// channel. Where so many stand out that they are no single errors, none is given.
+pub fn gross(observations: &Observations, expected: &[f64], rules: &Rules) -> Vec<Outlier> {
+    let channels = observations.channels.len();
+    let mut found = Vec::new();
+    for channel in 0..channels {
+        let mut of_repeat: BTreeMap<usize, Vec<Number>> = BTreeMap::new();
+        for (reading, r) in observations.readings.iter().enumerate() {
+            if let Some(read) = r.observed[channel] {
+                let beyond = read - expected[r.condition * channels + channel];
+                of_repeat.entry(r.repeat_of).or_default().push(Number { reading, series: r.series, beyond });
+            }
+        }
+        let count: usize = of_repeat.values().map(Vec::len).sum();
+        let least = observations.channels[channel].resolution / 12.0_f64.sqrt();
+        let (single, repeated): (Vec<_>, Vec<_>) = of_repeat.into_values().partition(|numbers| numbers.len() == 1);
+        let mut own = among_repeats(repeated, least, rules);
+        own.extend(far_out(single, least, rules));
+        if own.len() as f64 <= (rules.max_outlier_share * count as f64).max(1.0) {
+            let of = |(reading, studentised)| Outlier { reading, channel, studentised };
+            found.extend(own.into_iter().map(of));
+        }
+    }
+    found.sort_by_key(|o| (o.reading, o.channel));
+    found
+}
+
+/// Takes out what a series has in common: its zero reading.
+fn without_zeros(repeated: &mut [Vec<Number>]) {
+    let mut of_series: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    for numbers in repeated.iter() {
+        let middle = median(&mut numbers.iter().map(|n| n.beyond).collect::<Vec<f64>>()).unwrap_or(0.0);
+        for n in numbers {
+            of_series.entry(n.series).or_default().push(n.beyond - middle);
+        }
+    }
+    let zeros: BTreeMap<usize, f64> = (of_series.into_iter())
+        .filter_map(|(series, mut d)| if d.len() > 2 { median(&mut d).map(|zero| (series, zero)) } else { None })
+        .collect();
+    for n in repeated.iter_mut().flatten() {
+        n.beyond -= zeros.get(&n.series).copied().unwrap_or(0.0);
+    }
+}
+
+/// Of repeats, those that differ from the others by more than noise: reading and deviation.
+fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> Vec<(usize, f64)> {
+    let freedom: usize = repeated.iter().map(|numbers| numbers.len() - 1).sum();
+    if (freedom as f64) < rules.min_dof_of_gross {
+        return Vec::new();
+    }
+    without_zeros(&mut repeated);
+    // from the others, in deviations of one number
+    let deviation = |numbers: &[Number], at: usize| {
+        let others = numbers.iter().enumerate().filter(|(n, _)| *n != at).map(|(_, n)| n.beyond);
+        let middle = median(&mut others.collect::<Vec<f64>>()).unwrap_or(0.0);
+        (numbers[at].beyond - middle).abs() / (1.0 + 1.0 / (numbers.len() as f64 - 1.0)).sqrt()
+    };
+    let differences = repeated.iter().flat_map(|numbers| numbers.windows(2).map(|w| w[1].beyond - w[0].beyond));
+    let mut sizes: Vec<f64> = differences.map(|d| d.abs() / 2.0_f64.sqrt()).collect();
+    let scale = median(&mut sizes).map_or(0.0, |m| m / MEDIAN_OF_NORMAL).max(least);
+    let mut found = Vec::new();
+    for numbers in &mut repeated {
+        while numbers.len() > 1 {
+            // of two that differ the one is wrong that is farther from the model
+            let rank =
+                |at: &usize| if numbers.len() == 2 { numbers[*at].beyond.abs() } else { deviation(numbers, *at) };
+            let Some(at) = (0..numbers.len()).max_by(|a, b| rank(a).total_cmp(&rank(b))) else { break };
+            let size = deviation(numbers, at);
+            if size <= rules.outlier_sd * scale {
+                break;
+            }
+            found.push((numbers.remove(at).reading, size / scale));
+        }
+    }
+    found
+}
+
+/// Numbers without repeats that are far out of what the declared model leaves of all of these.
+fn far_out(single: Vec<Vec<Number>>, least: f64, rules: &Rules) -> Vec<(usize, f64)> {
+    let mut sizes: Vec<f64> = single.iter().flatten().map(|n| n.beyond.abs()).collect();
+    let scale = median(&mut sizes).map_or(0.0, |m| m / MEDIAN_OF_NORMAL).max(least);
+    let numbers = single.into_iter().flatten().map(|n| (n.reading, n.beyond.abs() / scale));
+    numbers.filter(|(_, size)| *size > rules.far_out_sd).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observations::{Channel, Reading};
+
+    /// Repeats of normal noise 1 in several series with zeros of their own, some numbers changed.
+    fn read(repeats: usize, changed: &[(usize, f64)]) -> Observations {
+        let mut rng = fastrand::Rng::with_seed(7);
+        let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
+        let zeros: Vec<f64> = (0..repeats).map(|_| 20.0 * normal()).collect();
+        let mut readings = Vec::new();
+        for condition in 0..60 {
+            for (series, zero) in zeros.iter().enumerate() {
+                let n = readings.len();
+                let more: f64 = changed.iter().filter(|c| c.0 == n).map(|c| c.1).sum();
+                let observed = vec![Some(100.0 + f64::from(condition) + zero + normal() + more)];
+                let condition = condition as usize;
+                readings.push(Reading { condition, repeat_of: condition, series, observed, sigma: vec![None] });
+            }
+        }
+        Observations { channels: vec![Channel { kind: 0, resolution: 0.01 }], pose_of: vec![0; 60], readings }
+    }
+
+    fn found(observations: &Observations) -> Vec<usize> {
+        let expected: Vec<f64> = (0..60).map(|c| 95.0 + f64::from(c)).collect();
+        gross(observations, &expected, &Rules::DEFAULT).iter().map(|o| o.reading).collect()
+    }
+
+    #[test]
+    fn a_gross_error_among_repeats_is_found_and_nothing_else() {
+        assert_eq!(found(&read(2, &[])), [0; 0]);
+        assert_eq!(found(&read(3, &[(17, 30.0)])), [17]);
+        assert_eq!(found(&read(3, &[(17, -9999.0)])), [17]);
+        assert_eq!(found(&read(2, &[(40, 9999.0)])), [40]);
+        // far more than single ones: noise of another kind
+        let many: Vec<(usize, f64)> = (0..12).map(|i| (5 * i, 40.0)).collect();
+        assert_eq!(found(&read(2, &many)), [0; 0]);
+    }
+
+    #[test]
+    fn a_number_without_repeats_must_be_far_out() {
+        assert_eq!(found(&read(1, &[(17, 60.0)])), [0; 0]);
+        assert_eq!(found(&read(1, &[(17, 9999.0)])), [17]);
+    }
+}
