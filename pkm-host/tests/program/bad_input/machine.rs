@@ -1,7 +1,7 @@
 //! The machine file.
 
+use super::{Kind, Make, Put, Reader};
 use crate::common::reference_machine;
-use crate::{Kind, Make, Put, Reader};
 
 #[test]
 fn machine_files() {

@@ -2,15 +2,13 @@
 
 #![cfg(unix)]
 
-mod common;
-
 use std::fs::File;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
-use common::{Folder, fixture, json, run};
+use crate::common::{Folder, fixture, json, run};
 
 const FIT: [&str; 4] = ["coefficients.rs", "coefficients.json", "fit.json", "report.html"];
 

@@ -1,6 +1,6 @@
 //! Lists of poses, and what every command does with them alike.
 
-use crate::{Kind, Make, Put, Reader};
+use super::{Kind, Make, Put, Reader};
 
 const GOOD: &str = "pose,theta_deg,sigma_deg,z0_mm\na,0,0,530\nb,-5.5,3,540\nc,5,-3,520\n";
 const LENGTHS: &str = "pose,q1_mm,q2_mm,q3_mm\na,567.6,549.6,523.5\nb,560,560,560\n";

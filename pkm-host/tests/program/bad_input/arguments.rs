@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde_json::Value;
 
+use super::{readable, require};
 use crate::common::{Folder, fixture, run};
-use crate::{readable, require};
 
 /// What is wrong, the arguments with `OUT` for a path, `POSES`, `TABLE` and `PATH` for good files, `LONG` for 100,000 digits, and
 /// the words of the message.

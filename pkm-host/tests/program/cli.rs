@@ -1,12 +1,10 @@
 //! The program as outside programs and people drive it.
 
-mod common;
-
 use std::path::Path;
 
 use serde_json::Value;
 
-use common::{Folder, fixture, json, numbers, reference_machine, refused, run};
+use crate::common::{Folder, fixture, json, numbers, reference_machine, refused, run};
 
 fn at_most(found: [f64; 6], limit: [f64; 6], what: &str) {
     for i in 0..6 {

@@ -1,13 +1,11 @@
 //! `fem`: what needs no CalculiX with a stand-in for it, and (ignored unless asked for) a cluster's job with both.
 #![cfg(unix)]
 
-mod common;
-
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
-use common::{Folder, fixture, json, numbers, reference_machine, refused, run};
+use crate::common::{Folder, fixture, json, numbers, reference_machine, refused, run};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::source::Source;
 use serde_json::Value;

@@ -1,7 +1,5 @@
 //! The command `map`, read as an engineer would read its files.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -13,7 +11,7 @@ use pkm_host::files::source::Source;
 use pkm_host::pose::pose_of;
 use serde_json::Value;
 
-use common::{Folder, fixture, json, reference_machine, refused};
+use crate::common::{Folder, fixture, json, reference_machine, refused};
 
 /// A row of the CSV.
 struct Row {

@@ -1,7 +1,5 @@
 //! What the tests of the program share.
 
-#![allow(dead_code)] // each of them uses its part
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

@@ -1,7 +1,7 @@
 //! Stiffness files, and of CSV all that has to do with the file and its lines.
 
+use super::{Kind, Make, Put, Reader};
 use crate::common::fixture;
-use crate::{Kind, Make, Put, Reader};
 
 /// The header stands in line 3, poses from line 4 on.
 #[test]

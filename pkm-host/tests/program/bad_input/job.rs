@@ -1,7 +1,7 @@
 //! The job of `place`.
 
+use super::{Kind, Make, Put, Reader};
 use crate::common::fixture;
-use crate::{Kind, Make, Put, Reader};
 
 /// Lines: 3 format, 6 base, 8 table, 9 cross slide, 10 dx, 11 dy, series A from 14 on, series B from 24 on.
 #[test]

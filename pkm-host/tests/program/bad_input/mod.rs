@@ -1,9 +1,6 @@
 //! Bad input of the kinds that people and programs make: one message that says what to mend and where, exit status 2, nothing
 //! written, whatever was wrong. What a kind is, and what has to be said of it, stands in tables, a file for each reader.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod arguments;
 mod job;
 mod machine;
@@ -19,7 +16,7 @@ use std::process::Output;
 use rayon::prelude::*;
 use serde_json::Value;
 
-use common::{Folder, run};
+use crate::common::{Folder, run};
 
 /// What is wrong, how it is made of a good file, where the message must say that it is (what follows the file's name: `:`, the
 /// line, `: `, the key), and other words of it, with `|` between.

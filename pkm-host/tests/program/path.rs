@@ -1,14 +1,12 @@
 //! Tools and tool paths as a user gives them: `ik` and `fk` with the wrist, and `compensate`.
 
-mod common;
-
 use std::f64::consts::PI;
 
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Configuration, Pose, Tool, Wrench};
 use serde_json::Value;
 
-use common::{FIVE, Folder, fixture, json, numbers, reference_machine, refused, run};
+use crate::common::{FIVE, Folder, fixture, json, numbers, reference_machine, refused, run};
 
 const HOME: Configuration<f64> =
     Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };

@@ -1,13 +1,11 @@
 //! Diagnoses of measured data whose truth came from other solvers, and readings that cannot be diagnosed.
 
-mod common;
-
 use std::fmt::Write;
 use std::path::Path;
 
 use serde_json::Value;
 
-use common::{Folder, fixture, json, refused};
+use crate::common::{Folder, fixture, json, refused};
 
 /// A file of a set of the fixtures.
 fn measured(set: &str, file: &str) -> String {
@@ -217,8 +215,19 @@ fn changed(change: impl Fn(usize, &str, &str) -> Option<String>) -> String {
 fn fewer_channels_and_declared_noise_will_do() {
     let folder = Folder::new();
     let (machine, out) = (measured("p05", "machine.toml"), folder.path("out"));
-    let diagnosed =
-        |text: &str| json(&["diagnose", "--machine", &machine, "--data", &folder.write("d.csv", text), "--out", &out]);
+    let diagnosed = |text: &str| {
+        json(&[
+            "diagnose",
+            "--method",
+            "formulas",
+            "--machine",
+            &machine,
+            "--data",
+            &folder.write("d.csv", text),
+            "--out",
+            &out,
+        ])
+    };
     // three translations alone
     let found = diagnosed(&changed(|_, h, _| h.ends_with("_urad").then(String::new)));
     assert_eq!(names(&found).0[0], "clearance");
@@ -249,7 +258,17 @@ fn readings_of_one_nominal_load_are_repeats_whatever_was_recorded() {
     });
     let folder = Folder::new();
     let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", &recorded));
-    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
+    let found = json(&[
+        "diagnose",
+        "--method",
+        "formulas",
+        "--machine",
+        &machine,
+        "--data",
+        &data,
+        "--out",
+        &folder.path("out"),
+    ]);
     assert_eq!(found["lack_of_fit"]["noise_source"], "repeats");
     let noise = found["noise"]["reading_um_urad"][0].as_f64().unwrap();
     assert!((1.0..3.0).contains(&noise), "{noise}");
@@ -259,7 +278,17 @@ fn readings_of_one_nominal_load_are_repeats_whatever_was_recorded() {
 fn doubted(text: &str) -> (Vec<(String, String)>, Value) {
     let folder = Folder::new();
     let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", text));
-    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
+    let found = json(&[
+        "diagnose",
+        "--method",
+        "formulas",
+        "--machine",
+        &machine,
+        "--data",
+        &data,
+        "--out",
+        &folder.path("out"),
+    ]);
     let text = |d: &Value, key: &str| d[key].as_str().unwrap().to_owned();
     let doubts = found["doubts"].as_array().unwrap();
     (doubts.iter().map(|d| (text(d, "kind"), text(d, "message"))).collect(), found["suspect_readings"].clone())
@@ -282,8 +311,43 @@ fn another_frame_unit_or_sign_is_said_before_any_physics() {
     let reversed = changed(|_, h, c| if h.ends_with("_um") || h.ends_with("_urad") { scaled(-1.0, c) } else { None });
     let folder = Folder::new();
     let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", &reversed));
-    let error = refused(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
+    let error = refused(&[
+        "diagnose",
+        "--method",
+        "formulas",
+        "--machine",
+        &machine,
+        "--data",
+        &data,
+        "--out",
+        &folder.path("out"),
+    ]);
     assert!(error["message"].as_str().unwrap().contains("with all signs reversed"), "{error}");
+}
+
+/// One slip among thousands of numbers neither drowns the others in noise nor changes what is found.
+#[test]
+fn a_gross_error_costs_its_number_and_no_more() {
+    let slip = changed(|n, h, _| (n == 100 && h == "dx_um").then(|| "9999".into()));
+    let folder = Folder::new();
+    let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", &slip));
+    let out = folder.path("out");
+    let found = json(&["diagnose", "--method", "formulas", "--machine", &machine, "--data", &data, "--out", &out]);
+    let suspect = &found["suspect_readings"][0];
+    assert_eq!(
+        (&suspect["line"], &suspect["column"], &suspect["excluded"]),
+        (&102.into(), &"dx_um".into(), &true.into())
+    );
+    assert_eq!(found["suspect_readings"].as_array().unwrap().len(), 1);
+    let noise = found["noise"]["reading_um_urad"][0].as_f64().unwrap();
+    assert!((1.0..3.0).contains(&noise), "{noise}");
+    assert_eq!(names(&found).0[0], "clearance");
+    let residuals = folder.read("out/residuals.csv");
+    let excluded: Vec<&str> = residuals.lines().filter(|l| l.ends_with(",1")).collect();
+    assert_eq!(excluded.len(), 1);
+    assert!(excluded[0].starts_with("102,dx_um,9999.000000,"), "{}", excluded[0]);
+    // each number that was read is there
+    assert!(residuals.lines().count() > 1000);
 }
 
 #[test]

@@ -2,8 +2,6 @@
 
 #![cfg(unix)]
 
-mod common;
-
 use std::io::{Read, Write};
 use std::sync::Mutex;
 use std::thread;
@@ -17,7 +15,7 @@ use pkm_protocol::{
 use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
 
-use common::{refused, run};
+use crate::common::{refused, run};
 
 /// What is wrong with the controller.
 #[derive(Clone, Copy, PartialEq)]

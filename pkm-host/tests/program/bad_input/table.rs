@@ -1,7 +1,7 @@
 //! `coefficients.json`.
 
+use super::{Kind, Make, Put, Reader};
 use crate::common::fixture;
-use crate::{Kind, Make, Put, Reader};
 
 /// Laid out as `fit` writes it.
 #[test]

@@ -1,7 +1,7 @@
 //! Measured files: what every command refuses, and what a diagnosis does.
 
+use super::{Kind, Make, Put, Reader};
 use crate::common::fixture;
-use crate::{Kind, Make, Put, Reader};
 
 const GOOD: &str = "\
 pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,dx_um,dy_um,dz_um,rx_urad,ry_urad,rz_urad,series,direction,\

@@ -1,7 +1,5 @@
 //! `place` against a search of its own: matrices written out, postures from many starts, sums by hand.
 
-mod common;
-
 use std::f64::consts::PI;
 
 use fastrand::Rng;
@@ -10,7 +8,7 @@ use pkm_core::tables::reference::MACHINE_F64;
 use pkm_core::{Configuration, Hold, Pose, Tool, Wrench};
 use serde_json::Value;
 
-use common::{FIVE, Folder, fixture, json, refused};
+use crate::common::{FIVE, Folder, fixture, json, refused};
 
 const WRENCH: Wrench<f64> = Wrench { force_n: [20.0, 0.0, -400.0], moment_nm: [0.0, 1.0, 5.0] };
 

@@ -1,12 +1,10 @@
 //! What all reports share: names that are none of HTML, one order, no script, nothing from elsewhere.
 #![cfg(unix)]
 
-mod common;
-
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
-use common::{Folder, fixture, json, reference_machine};
+use crate::common::{Folder, fixture, json, reference_machine};
 
 /// Would be markup if it were not escaped, in text and in an attribute.
 const NAME: &str = "<script>x&y\"</script>";

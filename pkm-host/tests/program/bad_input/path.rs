@@ -1,7 +1,7 @@
 //! Tool paths: G-code and CSV.
 
+use super::{Kind, Make, Put, Reader};
 use crate::common::fixture;
-use crate::{Kind, Make, Put, Reader};
 
 /// Two lines, and the one that is tried is the third.
 const START: &str = "G1 X-205 Y0 Z1137 I0 J0 K1\n; cut\n";

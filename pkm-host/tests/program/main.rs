@@ -1,0 +1,18 @@
+//! Tests of the program, mostly from outside: what its commands print, write and refuse. One binary, since each links all of it.
+
+mod bad_input;
+mod calculix;
+mod cli;
+mod common;
+mod diagnose;
+mod docs;
+mod fem;
+mod fixtures;
+mod hil;
+mod inverse_all;
+mod limits;
+mod map;
+mod path;
+mod place;
+mod properties;
+mod reports;
