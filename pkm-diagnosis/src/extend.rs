@@ -111,9 +111,9 @@ pub fn extended(
         }
         negative.sort_by(|a, b| fit.x[*a].total_cmp(&fit.x[*b]));
         negative.truncate(negative.len().div_ceil(2));
+        // from the same start again: what the pinned ones did to the others is no place to begin at
         let kept = (0..unknowns.len()).filter(|i| !negative.contains(i));
-        let from = |i: usize| if is_negative(&i) { 0.0 } else { fit.x[i] };
-        (unknowns, start) = kept.map(|i| (unknowns[i], from(i))).unzip();
+        (unknowns, start) = kept.map(|i| (unknowns[i], start[i])).unzip();
         if !unknowns.iter().any(|u| is_own(u) && is_amplitude(u)) {
             return Err("negative compliance");
         }

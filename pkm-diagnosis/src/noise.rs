@@ -1,6 +1,6 @@
 //! Noise of readings, from repeats or as declared.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use serde::Serialize;
 
@@ -73,8 +73,8 @@ impl Scatter {
 }
 
 /// Groups a list by a key that counts from 0.
-fn means(values: &[(usize, usize, f64)], key: impl Fn(&(usize, usize, f64)) -> usize) -> HashMap<usize, (f64, usize)> {
-    let mut groups: HashMap<usize, (f64, usize)> = HashMap::new();
+fn means(values: &[(usize, usize, f64)], key: impl Fn(&(usize, usize, f64)) -> usize) -> BTreeMap<usize, (f64, usize)> {
+    let mut groups: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
     for value in values {
         let group = groups.entry(key(value)).or_default();
         group.0 += value.2;
@@ -149,7 +149,7 @@ fn scatter(observations: &Observations, channel: usize) -> Scatter {
     let total = rows.iter().map(|r| r.2 * r.2).sum();
     let total_dof = n - by_repeat.len() as f64;
     // n_g − Σ n_gs²/n_g over repeats g and series s
-    let mut in_both: HashMap<(usize, usize), f64> = HashMap::new();
+    let mut in_both: BTreeMap<(usize, usize), f64> = BTreeMap::new();
     for row in &rows {
         *in_both.entry((row.0, row.1)).or_default() += 1.0;
     }

@@ -19,12 +19,12 @@ pub(crate) struct Args {
     /// Measured CSV to compare on; default: whole poses of --data in turn (cross-validation).
     #[arg(long, value_name = "CSV")]
     holdout: Option<PathBuf>,
-    /// Folder for diagnosis.json, machine.toml, coefficients.rs and report.html.
+    /// Folder for diagnosis.json, machine.toml, coefficients.rs, coefficients.json, residuals.csv and report.html.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// `formulas`: effects with a formula, one after another. `places`: first where the machine yields, whatever the formula,
-    /// then a formula only there; what has none is found as `element`. Rates of both: docs/trials.md.
-    #[arg(long, value_enum, default_value = "formulas")]
+    /// `places`: first where the machine yields, whatever the formula, then a formula only there; what has none is found as
+    /// `element`. `formulas`: effects with a formula, one after another; quicker. Rates of both: docs/trials.md.
+    #[arg(long, value_enum, default_value = "places")]
     method: Method,
 }
 
@@ -53,6 +53,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             ("machine.toml", machine_toml),
             ("coefficients.rs", rust),
             ("coefficients.json", table.to_json()),
+            ("residuals.csv", write::residuals_csv(&readings, &diagnosis)),
             ("report.html", html),
         ],
         &[session.machine_path(), data.as_deref(), holdout.as_deref()],

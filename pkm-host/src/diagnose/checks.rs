@@ -298,8 +298,8 @@ pub fn of_file(readings: &Readings) -> Vec<Warning> {
         warnings.push(Warning {
             kind: "pose_name_at_several_positions",
             message: format!(
-                "pose {} stands at other coordinates in line {} than in line {}{more}: they are taken as different poses; look \
-                 for a slip of the pen",
+                "pose {} stands at other coordinates in line {} than in line {}{more}: they are taken as different poses: is \
+                 one of them mistyped?",
                 other.id, other.line, first.line
             ),
         });
@@ -365,5 +365,7 @@ pub fn suspects(
 pub fn gross(readings: &Readings, model: &Model, rules: &Rules) -> Vec<Outlier> {
     let experiment = Experiment::new(model, readings);
     let said = model.predict(&experiment.poses, experiment.conditions, &[], &[]);
-    said.map_or(Vec::new(), |said| pkm_diagnosis::gross::gross(&experiment::observations(readings), said.as_flattened(), rules))
+    said.map_or(Vec::new(), |said| {
+        pkm_diagnosis::gross::gross(&experiment::observations(readings), said.as_flattened(), rules)
+    })
 }

@@ -27,7 +27,7 @@ use pkm_diagnosis::places::{Inferred, NOWHERE};
 use pkm_diagnosis::residuals::{Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
 use pkm_diagnosis::{
-    Levels, Noise, Observations, Problem, Rules, Search, Unknown, UnknownNoise, Whitener, levels, search,
+    Kind, Levels, Noise, Observations, Problem, Rules, Search, Unknown, UnknownNoise, Whitener, levels, search,
 };
 pub use pkm_diagnosis::{SEED, verdict::Verdict};
 
@@ -139,6 +139,10 @@ pub struct Diagnosis {
     pub fitted: Fitted,
     /// Their predictions of the readings.
     pub own: Predictions,
+    /// What the final model leaves of each reading and channel, whitened.
+    pub standardised: Vec<Vec<f64>>,
+    /// Numbers that were left out as gross errors: reading and channel.
+    pub left_out: Vec<(usize, usize)>,
     /// Names of candidates by round, for reports.
     pub names: Vec<Vec<String>>,
 }
@@ -311,7 +315,9 @@ fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
             })
             .collect();
         let mut class: Vec<String> = Vec::new();
-        for name in found.class.iter().flat_map(|c| &model.candidates[*c].names) {
+        // an element can always do what a formula does
+        let rivals = found.class.iter().filter(|c| effect.is_none() || model.candidates[**c].kind != Kind::Element);
+        for name in rivals.flat_map(|c| &model.candidates[*c].names) {
             if !class.contains(name) {
                 class.push(name.clone());
             }
@@ -446,6 +452,8 @@ pub fn diagnose(
         proposals,
         fitted,
         own,
+        standardised: residuals.by_reading,
+        left_out,
         names,
     })
 }

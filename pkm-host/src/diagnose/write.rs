@@ -1,12 +1,13 @@
-//! The files that a diagnosis leaves for the controller: the machine with its effects, and a table on what is left.
+//! The files that a diagnosis leaves: for the controller the machine with its effects and a table on what is left, for people
+//! what is left of every reading.
 
 use pkm_core::effects::EFFECTS;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
-use super::compare::extent;
+use super::compare::{Rival, extent};
 use crate::error::{Failure, Result};
-use crate::files::dataset::{StiffnessData, Target};
+use crate::files::dataset::{DEFLECTION_COLUMNS, StiffnessData, Target};
 use crate::files::elements;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
@@ -84,6 +85,24 @@ fn set_entry(array: &mut Item, i: usize, number: f64) {
             *entry.decor_mut() = decor;
         }
     }
+}
+
+/// What the final model leaves of every reading and channel, in the units of the columns.
+pub fn residuals_csv(readings: &Readings, diagnosis: &Diagnosis) -> String {
+    let mut csv = "line,column,read,said,residual,standard_deviation,standardised,excluded\n".to_owned();
+    let said = diagnosis.own.of(Rival::After);
+    for (n, r) in readings.readings.iter().enumerate() {
+        for (c, column) in DEFLECTION_COLUMNS.iter().enumerate() {
+            let Some(read) = r.observed[c] else { continue };
+            let (said, sd) = (said[r.condition][c], diagnosis.noise.variance(c).sqrt());
+            let excluded = diagnosis.left_out.contains(&(n, c));
+            let residual = read - said;
+            let standardised = if excluded { residual / sd } else { diagnosis.standardised[n][c] };
+            let numbers = [read * 1e6, said * 1e6, residual * 1e6, sd * 1e6, standardised].map(|v| format!("{v:.6}"));
+            csv += &format!("{},{column},{},{}\n", r.line, numbers.join(","), u8::from(excluded));
+        }
+    }
+    csv
 }
 
 /// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it; and a warning

@@ -128,6 +128,33 @@ impl History {
     }
 }
 
+/// Loads under which readings were repeated at one pose and point: name, wrench and turning point, number of the repeat.
+type Loads = Vec<(String, [Wrench<f64>; 2], usize)>;
+
+/// Which readings are repeats of one another.
+#[derive(Default)]
+struct Repeats {
+    seen: HashMap<Vec<u64>, Loads>,
+    count: usize,
+}
+
+impl Repeats {
+    /// The number of a reading's repeats: those at one place whose loads are of one name or nominally the same.
+    fn number(&mut self, place: Vec<u64>, name: &str, wrench: &Wrench<f64>, turned_at: &Wrench<f64>) -> usize {
+        let loads = self.seen.entry(place).or_default();
+        let is_same = |(other, [own, own_turned], _): &&(String, [Wrench<f64>; 2], usize)| {
+            let is_named = !name.is_empty() && name == *other;
+            (is_named || are_repeats(own, wrench)) && are_repeats(own_turned, turned_at)
+        };
+        if let Some((.., number)) = loads.iter().find(is_same) {
+            return *number;
+        }
+        loads.push((name.to_owned(), [*wrench, *turned_at], self.count));
+        self.count += 1;
+        self.count - 1
+    }
+}
+
 impl Readings {
     /// Reads a measured file.
     ///
@@ -153,8 +180,7 @@ impl Readings {
     pub fn read_conditions(source: Source, machine: &MachineFile) -> Result<(Sheet, Self)> {
         let (sheet, cases) = dataset::read_load_cases(source, machine)?;
         let mut poses: Vec<NamedPose> = Vec::new();
-        let (mut pose_index, mut conditions_seen, mut repeats_seen) = (HashMap::new(), HashMap::new(), HashMap::new());
-        let mut repeats = 0;
+        let (mut pose_index, mut conditions_seen, mut repeats) = (HashMap::new(), HashMap::new(), Repeats::default());
         let mut series_index: HashMap<String, usize> = HashMap::new();
         let mut series_names = Vec::new();
         let mut histories: HashMap<usize, History> = HashMap::new();
@@ -214,22 +240,10 @@ impl Readings {
             key.extend(bits(&case.point_m));
             key.extend(bits(&history.turned_at.to_array()));
             key.push(pose as u64);
-            let mut branch = bits(&case.point_m);
-            branch.push(pose as u64);
-            let name = if sheet.has("load") { sheet.cell(row, "load")?.to_owned() } else { String::new() };
-            let loads: &mut Vec<(String, [Wrench<f64>; 2], usize)> = repeats_seen.entry(branch).or_default();
-            let is_same = |(other, [wrench, turned_at], _): &&(String, [Wrench<f64>; 2], usize)| {
-                let is_named = !name.is_empty() && name == *other;
-                (is_named || are_repeats(wrench, &case.wrench)) && are_repeats(turned_at, &history.turned_at)
-            };
-            let repeat_of = match loads.iter().find(is_same) {
-                Some((.., index)) => *index,
-                None => {
-                    loads.push((name, [case.wrench, history.turned_at], repeats));
-                    repeats += 1;
-                    repeats - 1
-                }
-            };
+            let mut place = bits(&case.point_m);
+            place.push(pose as u64);
+            let name = if sheet.has("load") { sheet.cell(row, "load")? } else { "" };
+            let repeat_of = repeats.number(place, name, &case.wrench, &history.turned_at);
             key.extend(bits(&[temperature_c, condition.rise_k]));
             let condition = *conditions_seen.entry(key).or_insert_with(|| {
                 conditions.push(condition);
