@@ -116,13 +116,22 @@ pub(crate) fn deflection<T: Scalar>(
 ) -> Result<Deflection<T>, CorrectionError> {
     // by reference: `?` would copy all of it
     match &machine.posture(pose) {
-        Ok(posture) => {
-            let beyond = machine.load_dependent_deflection_at(posture, wrench, &Wrench::ZERO)?;
-            let deflection = linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond);
-            Ok(stiffness::finite(deflection)?)
-        }
+        Ok(posture) => deflection_at(machine, table, pose, posture, wrench),
         Err(e) => Err((*e).into()),
     }
+}
+
+/// The same, with the pose's own posture.
+pub(crate) fn deflection_at<T: Scalar>(
+    machine: &Machine<T>,
+    table: Option<&CorrectionTable<'_, T>>,
+    pose: &Pose<T>,
+    posture: &Posture<T>,
+    wrench: &Wrench<T>,
+) -> Result<Deflection<T>, CorrectionError> {
+    let beyond = machine.load_dependent_deflection_at(posture, wrench, &Wrench::ZERO)?;
+    let deflection = linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond);
+    Ok(stiffness::finite(deflection)?)
 }
 
 #[inline(never)] // its matrix would take stack while load-dependent effects are worked out
@@ -177,7 +186,7 @@ impl<T: Scalar> Machine<T> {
         self.compensated_from(pose, &self.posture(pose)?, deflection, tip_m)
     }
 
-    fn compensated_from(
+    pub(crate) fn compensated_from(
         &self,
         pose: &Pose<T>,
         posture: &Posture<T>,

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::kinematics::Posture;
 use crate::machine::{LimbCompliance, Machine, Sizes};
 use crate::scalar::Scalar;
 use crate::stiffness::{self, StiffnessError};
@@ -104,7 +105,14 @@ impl<T: Scalar> Machine<T> {
     /// # Ok::<(), pkm_core::StiffnessError>(())
     /// ```
     pub fn thermal_deflection(&self, pose: &Pose<T>, rise_k: T) -> Result<Deflection<T>, StiffnessError> {
-        let commanded = self.posture(pose)?;
+        self.thermal_deflection_at(&self.posture(pose)?, rise_k)
+    }
+
+    pub(crate) fn thermal_deflection_at(
+        &self,
+        commanded: &Posture<T>,
+        rise_k: T,
+    ) -> Result<Deflection<T>, StiffnessError> {
         if !rise_k.is_finite() {
             return Err(StiffnessError::NotFinite);
         }
@@ -113,7 +121,7 @@ impl<T: Scalar> Machine<T> {
         if limbs == o && platforms == o {
             return Ok(Deflection::ZERO);
         }
-        let actual = self.actual(&commanded)?;
+        let actual = self.actual(commanded)?;
         let (p, Sizes { a1, a2, b1, b2 }) = (&actual.posture, self.actual);
         let (sin, cos, l) = (p.sin_sigma, p.cos_sigma, p.l);
         let [q1, q2, q3] = p.q;
