@@ -13,10 +13,11 @@
 //! 5. [`compensation`]: [`CorrectionTable::cycle`], from a pose and a load on the tip to screw lengths that make up
 //!    for it; [`Machine::compensated`] alone.
 //! 6. [`five_axis`], [`wrist`]: all five axes; [`FiveAxis`] borrows a machine and a wrist.
-//! 7. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
+//! 7. [`compensator`]: compensation with state, for a controller to switch on: filter, limits, faults, stability.
+//! 8. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
 //!    [`tables::reference`]: `PARAMETERS` and `WRIST` are the numbers, `MACHINE_F64`, `TABLE_F64`, `WRIST_F64` and
 //!    those in `F32` what to compute with.
-//! 8. [`types`]: pose, wrench, deflection, their frames and units.
+//! 9. [`types`]: pose, wrench, deflection, their frames and units.
 //!
 //! `no_std`, no allocation, no `unsafe`, no panic path in release, no iteration without a constant bound,
 //! `f32` and `f64`, and the same bits on a host as on a Cortex-M. Every error has a text (`Display`); with the feature
@@ -65,6 +66,7 @@ extern crate self as pkm_core;
 
 pub mod checksum;
 pub mod compensation;
+pub mod compensator;
 pub mod correction;
 pub mod effects;
 mod elastic;
@@ -81,6 +83,7 @@ mod vector;
 pub mod wrist;
 
 pub use compensation::{Compensated, CompensationError, Cycle, CycleError};
+pub use compensator::{Compensator, CompensatorSettings, Fault};
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};
 pub use five_axis::{
     CompensatedTool, Configuration, FiveAxis, Hold, JointValues, Tool, ToolDeflection, ToolDeflectionError, ToolError,

@@ -108,6 +108,7 @@ impl<T: Scalar> Machine<T> {
         self.thermal_deflection_at(&self.posture(pose)?, rise_k)
     }
 
+    #[inline(never)] // takes no stack while the stiffness is worked out
     pub(crate) fn thermal_deflection_at(
         &self,
         commanded: &Posture<T>,

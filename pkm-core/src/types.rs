@@ -99,6 +99,13 @@ impl<T: Scalar> Deflection<T> {
         Self { translation_m: plus(self.translation_m, swing), rotation_rad: self.rotation_rad }
     }
 
+    pub(crate) fn times(&self, factor: T) -> Self {
+        Self {
+            translation_m: self.translation_m.map(|t| factor * t),
+            rotation_rad: self.rotation_rad.map(|r| factor * r),
+        }
+    }
+
     /// Both together.
     pub fn plus(&self, other: &Self) -> Self {
         Self {

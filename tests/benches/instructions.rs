@@ -9,6 +9,7 @@ use std::hint::black_box;
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
+use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, Reading};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
     CompensatedTool, Configuration, Corrected, Cycle, Deflection, FiveAxis, Hold, Machine, Pose, Scalar, ScrewLengths,
@@ -99,8 +100,15 @@ fn frame<T: Scalar>(five: &FiveAxis<'_, T>) -> ToolFrame<T> {
     five.frame(&stand(1)).unwrap()
 }
 
+/// A compensator, and a period's reading for it.
+fn switched_on<T: Scalar, const JOINTS: usize>() -> (Compensator<T, JOINTS>, Reading<T>) {
+    let reading = Reading { enabled: true, wrench: wrench(), rise_k: T::ONE };
+    (Compensator::new(&CompensatorSettings::DEFAULT).unwrap(), reading)
+}
+
 macro_rules! five_axes {
-    ($t:ty, $machine:ident, $table:ident, $wrist:ident, $five:ident, $warm:ident, $given:ident, $whole:ident, $loaded:ident) => {
+    ($t:ty, $machine:ident, $table:ident, $wrist:ident, $five:ident, $warm:ident, $given:ident, $whole:ident, $loaded:ident,
+     $screws:ident, $axes:ident) => {
         const $five: FiveAxis<'static, $t> = FiveAxis { machine: &$machine, wrist: &$wrist };
 
         #[library_benchmark]
@@ -134,6 +142,28 @@ macro_rules! five_axes {
             let ((tool, near), load) = (black_box(step), black_box(wrench()));
             black_box($five.compensated(Some(&$table), &tool, &load, &near)).unwrap()
         }
+
+        #[library_benchmark]
+        #[bench::reference(switched_on())]
+        fn $screws(on: (Compensator<$t, 3>, Reading<$t>)) -> Offset<$t, 3> {
+            let (mut compensator, reading) = black_box(on);
+            black_box(compensator.update(
+                &$table,
+                &$machine,
+                &black_box(pose()),
+                black_box([0.01, -0.02, 0.3]),
+                &reading,
+            ))
+        }
+
+        #[library_benchmark]
+        #[bench::home(switched_on(), stand(0))]
+        #[bench::corner(switched_on(), stand(3))]
+        #[bench::turned(switched_on(), stand(4))]
+        fn $axes(on: (Compensator<$t, 5>, Reading<$t>), stands: Configuration<$t>) -> Offset<$t, 5> {
+            let (mut compensator, reading) = black_box(on);
+            black_box(compensator.update(&$table, &$five, &black_box(stands), &reading))
+        }
     };
 }
 
@@ -146,7 +176,9 @@ five_axes!(
     inverse_tool_f64,
     inverse_at_f64,
     inverse_frame_f64,
-    compensated_tool_f64
+    compensated_tool_f64,
+    compensate_f64,
+    compensate_tool_f64
 );
 five_axes!(
     f32,
@@ -157,7 +189,9 @@ five_axes!(
     inverse_tool_f32,
     inverse_at_f32,
     inverse_frame_f32,
-    compensated_tool_f32
+    compensated_tool_f32,
+    compensate_f32,
+    compensate_tool_f32
 );
 
 // The paper's way has to invert a dense matrix of 24 rows.
@@ -188,5 +222,14 @@ library_benchmark_group!(
     config = at_most(21500),
     benchmarks = [compensated_tool_f64, compensated_tool_f32]
 );
+library_benchmark_group!(name = compensator, config = at_most(4800), benchmarks = [compensate_f64, compensate_f32]);
+library_benchmark_group!(
+    name = tool_compensator,
+    config = at_most(15000),
+    benchmarks = [compensate_tool_f64, compensate_tool_f32]
+);
 library_benchmark_group!(name = peer, benchmarks = [dense_24x24_inverse_nalgebra]);
-main!(library_benchmark_groups = [inverse, forward, basic, corrected, cycle, tool, given, frame, loaded, peer]);
+main!(
+    library_benchmark_groups =
+        [inverse, forward, basic, corrected, cycle, tool, given, frame, loaded, compensator, tool_compensator, peer]
+);

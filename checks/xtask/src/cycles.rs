@@ -15,7 +15,12 @@ const RUNS: [(&str, &str, Option<&str>, &str); 2] = [
 ];
 
 /// What has a limit: its name in the firmware and in `checks/budgets.toml`, and what it is.
-const LIMITED: [(&str, &str); 2] = [("cycle", "a cycle"), ("tool", "the next point of a path for five axes")];
+const LIMITED: [(&str, &str); 4] = [
+    ("cycle", "a cycle"),
+    ("tool", "the next point of a path for five axes"),
+    ("compensate", "an update of the compensator, three screws"),
+    ("compensate_tool", "an update of the compensator, five axes"),
+];
 
 pub fn run() -> Outcome {
     let mut within = true;

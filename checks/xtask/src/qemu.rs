@@ -7,6 +7,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
 use pkm_core::effects::{EFFECTS, EffectInfo};
 use pkm_core::{
     Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar, Stiffness,
@@ -250,6 +251,7 @@ fn expected<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, p
     let pose = Pose { theta_rad: at(0), sigma_rad: at(1), z0_m: at(2) };
     let values = values(five.machine, table, &pose).map(|mut values| {
         values.extend(five_axes(five, table, &pose));
+        values.push(("offsets", offsets(five, table, &pose)));
         values
     });
     Expected {
@@ -303,6 +305,22 @@ fn five_axes<T: Scalar>(
     // the firmware's error shows in what is empty there
     compute().ok();
     found
+}
+
+/// What the compensator asks for after three periods, for three screws and for five axes.
+fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Vec<u64> {
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    let mut screws = Compensator::<T, 3>::new(&settings).expect("the default is in range");
+    let mut axes = Compensator::<T, 5>::new(&settings).expect("the default is in range");
+    let number = |values: [f64; 3]| values.map(T::from_f64);
+    let stands = Configuration { pose: *pose, beta_rad: [0.3, -0.2].map(T::from_f64) };
+    let wrench = Wrench { force_n: number([100.0, -50.0, -400.0]), moment_nm: number([2.0, -8.0, 5.0]) };
+    let reading = Reading { enabled: true, wrench, rise_k: T::from_f64(4.5) };
+    for _ in 0..3 {
+        screws.update(table, five.machine, pose, number([0.01, -0.02, 0.3]), &reading);
+        axes.update(table, five, &stands, &reading);
+    }
+    bits_of(&[&screws.joints()[..], &axes.joints()].concat())
 }
 
 fn values<T: Scalar>(

@@ -1,6 +1,9 @@
 //! Stiffness and deflection at the tool, and their compensation.
 
-use super::{CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError};
+use super::state::State;
+use super::{
+    CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError, ToolFrame,
+};
 use crate::compensation;
 use crate::correction::CorrectionTable;
 use crate::kinematics::platform_axes;
@@ -136,6 +139,49 @@ impl<T: Scalar> FiveAxis<'_, T> {
             }
         }
         Err(ToolDeflectionError::NotConverged)
+    }
+
+    /// What to add to the joint values of a configuration: `gain` times the deflection of the tool under a load, and all of the
+    /// thermal growth, undone by one Newton step.
+    pub(crate) fn offsets(
+        &self,
+        table: &CorrectionTable<'_, T>,
+        configuration: &Configuration<T>,
+        wrench: &Wrench<T>,
+        gain: T,
+        rise_k: T,
+    ) -> Result<[T; 5], ToolDeflectionError> {
+        // by reference: `?` would copy all of it
+        match &self.deflection(Some(table), configuration, wrench) {
+            Ok(loaded) => self.offsets_against(configuration, loaded, gain, rise_k),
+            Err(e) => Err(*e),
+        }
+    }
+
+    #[inline(never)] // takes no stack while the deflection is worked out
+    fn offsets_against(
+        &self,
+        configuration: &Configuration<T>,
+        loaded: &ToolDeflection<T>,
+        gain: T,
+        rise_k: T,
+    ) -> Result<[T; 5], ToolDeflectionError> {
+        let ToolDeflection { translation_m, rotation_rad, .. } = *loaded;
+        let grown = self.machine.thermal_deflection(&configuration.pose, rise_k)?;
+        let moved =
+            Deflection { translation_m, rotation_rad }.times(gain).plus(&self.seen_at_tip(configuration, &grown));
+        let ToolFrame { tip_m, axes: [_, _, axis] } = self.frame_of(configuration);
+        let target =
+            Tool { tip_m: less(tip_m, moved.translation_m), axis: less(axis, cross(moved.rotation_rad, axis)) };
+        let state = State::of(configuration);
+        let look = self.wrist.look(&state, &target);
+        if !(look.share >= self.wrist.margin) {
+            return Err(ToolError::Singular.into());
+        }
+        let from = self.joints(configuration)?;
+        let to = self.joints(&state.moved(look.step, T::ONE).configuration())?;
+        let [q1, q2, q3] = less(to.lengths.q_m, from.lengths.q_m);
+        Ok([q1, q2, q3, to.beta_rad[0] - from.beta_rad[0], to.beta_rad[1] - from.beta_rad[1]])
     }
 
     /// Whether a deflection is the one that is met, of tip and axis. If not, it is from now on, and the tool is held where it

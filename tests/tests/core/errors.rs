@@ -5,8 +5,8 @@ use std::fmt::Display;
 
 use pkm_core::machine::{End, MachineError, Member, Parameter, Problem};
 use pkm_core::{
-    CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, TableError, TemperatureError,
-    ToolDeflectionError, ToolError, WristError,
+    CompensationError, CorrectionError, CycleError, Fault, KinematicsError, StiffnessError, TableError,
+    TemperatureError, ToolDeflectionError, ToolError, WristError,
 };
 
 /// Text of each, all different.
@@ -58,6 +58,18 @@ fn every_error_says_what_is_wrong() {
         ToolDeflectionError::NotConverged,
     ];
     assert_eq!(texts(&loaded)[..2], [tool[2].to_string(), correction[1].to_string()]);
+    let faults = [
+        Fault::WrenchNotFinite,
+        Fault::WrenchTooLarge,
+        Fault::WrenchStuck,
+        Fault::TemperatureLost,
+        Fault::OutsideBox,
+        Fault::Correction(correction[2]),
+        Fault::Compensation(compensation[1]),
+        Fault::Tool(tool[4]),
+    ];
+    let inner = [correction[2].to_string(), compensation[1].to_string(), tool[4].to_string()];
+    assert_eq!(texts(&faults)[5..], inner);
     texts(&[
         TableError::TermCount,
         TableError::Exponent,

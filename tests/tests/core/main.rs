@@ -1,6 +1,8 @@
 //! The core against independent code. One program, so that a change of the core is built against once.
 
 mod compensation;
+mod compensator;
+mod contact;
 mod correction;
 mod effects;
 mod elements;

@@ -14,6 +14,7 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
+use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Tool, ToolError, ToolFrame, Wrench};
 
@@ -40,11 +41,18 @@ fn step<T: Scalar>(five: &FiveAxis<'_, T>, from: &Configuration<T>) -> Result<To
     Ok(Tool { tip_m: tip_m.map(|c| c + along), axis: [z0 + turn * x0, z1 + turn * x1, z2 + turn * x2] })
 }
 
-fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 7], ToolError> {
+fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 9], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench { force_n: [100.0, -50.0, -400.0].map(number), moment_nm: [2.0, -8.0, 5.0].map(number) };
     let tip = [0.01, -0.02, 0.3].map(number);
-    let names = ["inverse", "k_p", "k_m", "cycle", "tool", "tool_frame", "tool_cycle"];
+    let names = ["inverse", "k_p", "k_m", "cycle", "tool", "tool_frame", "tool_cycle", "compensate", "compensate_tool"];
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    let (Ok(mut compensator), Ok(mut tool_compensator)) =
+        (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
+    else {
+        return Err(ToolError::NotFinite);
+    };
+    let reading = black_box(Reading { enabled: true, wrench, rise_k: number(1.0) });
     let mut counts = names.map(|name| Counts { name, greatest: 0 });
     let angles = [-0.2618, -0.13, 0.05, 0.2618];
     for (theta, sigma) in angles.into_iter().flat_map(|theta| angles.map(|sigma| (theta, sigma))) {
@@ -62,6 +70,8 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
                 ticks(|| five.inverse(tool, near)),
                 ticks(|| five.inverse_frame(frame)),
                 ticks(|| five.compensated(Some(table), tool, &wrench, near)),
+                ticks(|| compensator.update(table, machine, pose, tip, &reading)),
+                ticks(|| tool_compensator.update(table, five, near, &reading)),
             ];
             for (count, ticks) in counts.iter_mut().zip(each) {
                 count.greatest = count.greatest.max((ticks - empty) * 40 / 128);

@@ -13,6 +13,7 @@ use core::hint::black_box;
 use cortex_m as _;
 use cortex_m_rt::entry;
 use pkm_core::checksum;
+use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
 use pkm_core::correction::narrow;
 use pkm_core::effects::{Element, Law, Place};
 use pkm_core::kinematics::platform_axes;
@@ -90,6 +91,19 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     if let Err(e) = black_box(table.cycle(machine, &pose, &wrench, [a, b, c])) {
         show(e);
     }
+    if let Ok(factor) = stiffness.factor() {
+        black_box(LoopGain::new(&factor, [a, b, c], a, b)).ok();
+    }
+    match Compensator::<T, 3>::new(&black_box(CompensatorSettings::DEFAULT)) {
+        Err(e) => show(e),
+        Ok(mut compensator) => {
+            let reading = black_box(Reading { enabled: true, wrench, rise_k: a });
+            if let Some(fault) = black_box(compensator.update(table, machine, &pose, [a, b, c], &reading)).fault {
+                show(fault);
+            }
+            black_box(compensator.joints());
+        }
+    }
 }
 
 fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, wrist: &Wrist<T>) {
@@ -119,6 +133,11 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
         if let Err(e) = black_box(five.compensated(table, &tool, &wrench, &near)) {
             show(e);
         }
+    }
+    black_box(CompensatorSettings::DEFAULT).check().ok();
+    if let Ok(mut compensator) = Compensator::<T, 5>::new(&black_box(CompensatorSettings::DEFAULT)) {
+        let reading = black_box(Reading { enabled: true, wrench, rise_k: a });
+        black_box(compensator.update(table, &five, &near, &reading));
     }
 }
 

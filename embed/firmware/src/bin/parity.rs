@@ -12,6 +12,7 @@ use core::fmt::Write;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use heapless::Vec;
+use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
 use pkm_core::{
     Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar,
     Stiffness, StiffnessError, Tool, ToolDeflectionError, Wrench,
@@ -26,8 +27,8 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 174 numbers of 20 digits and their commas, and the names.
-const LINE: usize = 4096;
+/// Longest line: 182 numbers of 20 digits and their commas, and the names.
+const LINE: usize = 4608;
 
 /// Of the cycle, in A-uvw.
 const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
@@ -57,6 +58,8 @@ struct Line {
     hold_frame: Vec<u64, 9>,
     tip_stiffness: Vec<u64, 21>,
     loaded: Vec<u64, 15>,
+    /// Of the compensator after three periods: of the screws alone, and of the five axes with [`BETA`].
+    offsets: Vec<u64, 8>,
 }
 
 fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item = T>) -> Vec<u64, N> {
@@ -67,6 +70,23 @@ fn hold_bits<T: Scalar, const N: usize>(hold: &Hold<T>) -> Vec<u64, N> {
     let Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad } = hold.configuration;
     let stands = [theta_rad, sigma_rad, z0_m].into_iter().chain(beta_rad);
     bits(stands.chain(hold.joints.lengths.q_m).chain([hold.home_share]))
+}
+
+fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Vec<u64, 8> {
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    let (Ok(mut screws), Ok(mut axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
+    else {
+        return Vec::new();
+    };
+    let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64) };
+    let wrench =
+        Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+    let reading = Reading { enabled: true, wrench, rise_k: T::from_f64(4.5) };
+    for _ in 0..3 {
+        screws.update(table, five.machine, pose, TIP_M.map(T::from_f64), &reading);
+        axes.update(table, five, &stands, &reading);
+    }
+    bits(screws.joints().into_iter().chain(axes.joints()))
 }
 
 fn lower<T: Scalar>(k: &Stiffness<T>) -> Vec<u64, 21> {
@@ -101,6 +121,7 @@ impl Line {
             hold_frame: Vec::new(),
             tip_stiffness: Vec::new(),
             loaded: Vec::new(),
+            offsets: Vec::new(),
         };
         if let Err(error) = line.compute(machine, table, &pose) {
             line.error = Some(match error {
@@ -111,6 +132,7 @@ impl Line {
         } else {
             // what was found before an error stays
             line.compute_five_axes(five, table, &pose).ok();
+            line.offsets = offsets(five, table, &pose);
         }
         line
     }

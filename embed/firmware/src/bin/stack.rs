@@ -71,6 +71,7 @@ macro_rules! functions {
             type T = $t;
 
             use super::*;
+            use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
             use pkm_core::kinematics::platform_axes as axes;
             use pkm_core::tables::reference;
             use pkm_core::{
@@ -95,6 +96,9 @@ macro_rules! functions {
                 joints: JointValues<$t>,
                 tool: Tool<$t>,
                 frame: ToolFrame<$t>,
+                compensator: Compensator<$t, 3>,
+                tool_compensator: Compensator<$t, 5>,
+                reading: Reading<$t>,
             }
 
             impl Inputs {
@@ -142,6 +146,9 @@ macro_rules! functions {
                     joints: five.joints(&stands).ok()?,
                     tool: five.tool(&stands).ok()?,
                     frame: five.frame(&stands).ok()?,
+                    compensator: Compensator::new(&CompensatorSettings::DEFAULT).ok()?,
+                    tool_compensator: Compensator::new(&CompensatorSettings::DEFAULT).ok()?,
+                    reading: Reading { enabled: true, wrench, rise_k: 4.5 },
                 })
             }
 
@@ -210,6 +217,10 @@ both_widths! {
     tip_stiffness(i) i.five().tip_stiffness(&i.stiffness, &i.near);
     deflection_of_tool(i) i.five().deflection(Some(&i.table), &i.near, &i.wrench);
     compensated_tool(i) i.five().compensated(Some(&i.table), &i.tool, &i.wrench, &i.near);
+    loop_gain(i) LoopGain::new(&i.factor, i.tip_m, 1e7, 0.7);
+    new_compensator(_i) Compensator::<T, 5>::new(black_box(&CompensatorSettings::DEFAULT));
+    compensate(i) { i.compensator }.update(&i.table, &i.machine, &i.pose, i.tip_m, &i.reading);
+    compensate_tool(i) { i.tool_compensator }.update(&i.table, &i.five(), &i.near, &i.reading);
     new_wrist(_i) Wrist::<T>::new(black_box(&WRIST));
 }
 

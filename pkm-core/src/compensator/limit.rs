@@ -1,0 +1,15 @@
+//! Limits that scale a whole vector of joint offsets, so that the tip keeps its direction.
+
+use crate::scalar::Scalar;
+
+/// The greatest share, at most 1, of a finite vector that leaves every component within its limit.
+pub(super) fn share_within<T: Scalar, const JOINTS: usize>(vector: &[T; JOINTS], most: &[T; JOINTS]) -> T {
+    let mut share = T::ONE;
+    for (component, most) in vector.iter().zip(most) {
+        let size = component.abs();
+        if size * share > *most {
+            share = *most / size;
+        }
+    }
+    share
+}

@@ -1,0 +1,115 @@
+//! The load: readings are checked, filtered, and freed of what is within the dead band.
+
+use super::{CompensatorSettings, Fault, Reading};
+use crate::scalar::Scalar;
+use crate::types::Wrench;
+use crate::vector::dot;
+
+/// A temperature rise beyond this is a broken sensor, K.
+const MAX_RISE_K: f64 = 100.0;
+
+/// Filters of a compensator and what they remember.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LoadFilter<T> {
+    /// Weight of a reading against the filtered wrench.
+    weight: T,
+    /// Of force and moment.
+    dead_band: [T; 2],
+    most: [T; 2],
+    hold_periods: u32,
+    /// 0 is never.
+    stuck_periods: u32,
+    filtered: [T; 6],
+    last_good: [T; 6],
+    last_read: [T; 6],
+    /// Refused readings and equal readings in a row.
+    refused: u32,
+    equal: u32,
+    rise_k: T,
+}
+
+impl<T: Scalar> LoadFilter<T> {
+    pub fn new(settings: &CompensatorSettings) -> Self {
+        let zero = [T::ZERO; 6];
+        Self {
+            weight: T::from_f64(settings.period_s / (settings.period_s + settings.filter_s)),
+            dead_band: [settings.dead_band_n, settings.dead_band_nm].map(T::from_f64),
+            most: [settings.max_force_n, settings.max_moment_nm].map(T::from_f64),
+            hold_periods: settings.periods(settings.hold_s),
+            stuck_periods: settings.periods(settings.stuck_s),
+            filtered: zero,
+            last_good: zero,
+            last_read: zero,
+            refused: 0,
+            equal: 0,
+            rise_k: T::ZERO,
+        }
+    }
+
+    /// Forgets the load: what acts while nothing is compensated must not act later.
+    pub fn forget_load(&mut self) {
+        let zero = [T::ZERO; 6];
+        (self.filtered, self.last_good, self.last_read) = (zero, zero, zero);
+        (self.refused, self.equal) = (0, 0);
+    }
+
+    /// The wrench to compensate, the temperature rise, and what is wrong with the reading.
+    #[inline(never)] // takes no stack while the stiffness is worked out
+    pub fn update(&mut self, reading: &Reading<T>) -> (Wrench<T>, T, Option<Fault>) {
+        let mut fault = None;
+        if reading.rise_k.abs() <= T::from_f64(MAX_RISE_K) {
+            self.rise_k = reading.rise_k;
+        } else {
+            fault = Some(Fault::TemperatureLost);
+        }
+        match self.refusal(&reading.wrench) {
+            None => {
+                self.refused = 0;
+                self.last_good = reading.wrench.to_array();
+            }
+            refusal => {
+                fault = refusal;
+                if self.refused < self.hold_periods {
+                    self.refused += 1;
+                } else {
+                    self.last_good = [T::ZERO; 6];
+                }
+            }
+        }
+        for (filtered, read) in self.filtered.iter_mut().zip(self.last_good) {
+            *filtered += self.weight * (read - *filtered);
+        }
+        let Wrench { force_n, moment_nm } = Wrench::from_array(self.filtered);
+        let [force, moment] = self.dead_band;
+        let wrench = Wrench { force_n: beyond(force_n, force), moment_nm: beyond(moment_nm, moment) };
+        (wrench, self.rise_k, fault)
+    }
+
+    /// Why a reading is not to be used.
+    fn refusal(&mut self, wrench: &Wrench<T>) -> Option<Fault> {
+        let read = wrench.to_array();
+        if !read.iter().all(|component| component.is_finite()) {
+            return Some(Fault::WrenchNotFinite);
+        }
+        // noise changes every reading of a sensor that works
+        self.equal = if read == self.last_read { self.equal.saturating_add(1) } else { 0 };
+        self.last_read = read;
+        let within = |v: [T; 3], most: T| dot(v, v) <= most * most;
+        if !(within(wrench.force_n, self.most[0]) && within(wrench.moment_nm, self.most[1])) {
+            return Some(Fault::WrenchTooLarge);
+        }
+        let stuck = self.stuck_periods > 0 && self.equal >= self.stuck_periods;
+        stuck.then_some(Fault::WrenchStuck)
+    }
+}
+
+/// A vector shortened by `band`, and zero within it: continuous, so that no load makes the offset jump.
+fn beyond<T: Scalar>(v: [T; 3], band: T) -> [T; 3] {
+    let size = dot(v, v).sqrt();
+    if size > band {
+        let share = T::ONE - band / size;
+        v.map(|component| share * component)
+    } else {
+        [T::ZERO; 3]
+    }
+}

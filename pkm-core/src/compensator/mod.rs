@@ -1,0 +1,328 @@
+//! Compensation of the load as a controller switches it on: with state, limits, and a defined output for every fault.
+//!
+//! [`CorrectionTable::cycle`](crate::CorrectionTable::cycle) computes what would make up for a load. A [`Compensator`] decides how
+//! much of it is commanded, and how fast. One [`update`](Compensator::update) a period:
+//!
+//! 1. The reading of the wrench is checked, filtered (first order) and freed of its dead band.
+//! 2. K_m at the pose gives the deflection. `gain` times it, and the whole thermal growth, are turned into joint offsets by
+//!    one Newton step.
+//! 3. The vector of offsets is scaled into its size limit, and the step from the last one into its rate limit. Whole vectors are
+//!    scaled: the tip keeps its direction, whichever joint has reached its limit.
+//!
+//! Start, stop, faults and a change of table are all the same to step 3: the offset moves from where it is to its new target at no
+//! more than the rate limit. What each fault does:
+//!
+//! | what | [`Fault`] | offset |
+//! |---|---|---|
+//! | not enabled | none | goes to zero; the load is forgotten |
+//! | wrench not finite, beyond its greatest, or stuck | `Wrench…` | the last good reading for `hold_s`, then the load counts as zero |
+//! | temperature lost | `TemperatureLost` | the last good temperature |
+//! | pose outside the table's box | `OutsideBox` | as [`OutsideBox`] says |
+//! | no stiffness, no posture, or no way to compensate | that of the model | goes to zero |
+//!
+//! A fault ends with its cause. A controller that wants it to last takes `enabled` away.
+//!
+//! A force sensor closes a loop through the machine: compensation pushes the tip against the workpiece, and the force grows. Its gain
+//! is below the compensator's, see [`LoopGain`] and `docs/stability.md`.
+
+mod limit;
+mod load;
+mod settings;
+mod stability;
+
+use core::fmt;
+
+use crate::compensation::{self, CompensationError};
+use crate::correction::{CorrectionError, CorrectionTable};
+use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
+use crate::machine::Machine;
+use crate::scalar::Scalar;
+use crate::stiffness::StiffnessError;
+use crate::types::{Domain, Pose, Wrench};
+
+use load::LoadFilter;
+pub use settings::{CompensatorSettings, OutsideBox, SettingsError};
+pub use stability::LoopGain;
+
+/// Why the load of a period is not compensated as usual. The [module's documentation](self) says what happens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Fault {
+    /// The reading of the wrench is NaN or infinite.
+    WrenchNotFinite,
+    /// The reading of the wrench is beyond the greatest force or moment.
+    WrenchTooLarge,
+    /// The readings of the wrench were equal for too long.
+    WrenchStuck,
+    /// The temperature rise is not finite, or beyond ±100 K.
+    TemperatureLost,
+    /// The pose is outside the table's box.
+    OutsideBox,
+    /// The pose has no posture, no stiffness or no deflection.
+    Correction(CorrectionError),
+    /// The deflection cannot be compensated.
+    Compensation(CompensationError),
+    /// The five axes cannot stand where they should, with or without the compensation.
+    Tool(ToolError),
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::WrenchNotFinite => f.write_str("the reading of the wrench is not finite"),
+            Self::WrenchTooLarge => f.write_str("the reading of the wrench is beyond its greatest"),
+            Self::WrenchStuck => f.write_str("the reading of the wrench is stuck"),
+            Self::TemperatureLost => f.write_str("the temperature is lost"),
+            Self::OutsideBox => f.write_str("the pose is outside the table's box"),
+            Self::Correction(e) => e.fmt(f),
+            Self::Compensation(e) => e.fmt(f),
+            Self::Tool(e) => e.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for Fault {}
+
+impl From<CorrectionError> for Fault {
+    fn from(e: CorrectionError) -> Self {
+        Self::Correction(e)
+    }
+}
+
+impl From<StiffnessError> for Fault {
+    fn from(e: StiffnessError) -> Self {
+        Self::Correction(e.into())
+    }
+}
+
+impl From<CompensationError> for Fault {
+    fn from(e: CompensationError) -> Self {
+        Self::Compensation(e)
+    }
+}
+
+impl From<ToolDeflectionError> for Fault {
+    fn from(e: ToolDeflectionError) -> Self {
+        match e {
+            ToolDeflectionError::Tool(e) => Self::Tool(e),
+            ToolDeflectionError::Stiffness(e) => Self::Correction(e),
+            // of `FiveAxis::compensated` alone, which iterates
+            ToolDeflectionError::NotConverged => Self::Compensation(CompensationError::Singular),
+        }
+    }
+}
+
+/// What sensors say in a period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Reading<T> {
+    /// Whether to compensate: the machine is homed, on, and the reading means the load on the tool.
+    pub enabled: bool,
+    /// Load on the tip, its moment about the tip. For three axes in the axes of A-uvw, for five in those of the tool (T_h). NaN
+    /// when there is no reading.
+    pub wrench: Wrench<T>,
+    /// How much warmer the machine is than at its zero reading, K: a mean over its sensors. NaN when there is no reading, 0
+    /// without a sensor.
+    pub rise_k: T,
+}
+
+/// Which limit holds an offset back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Limit {
+    /// The offset is what was asked for.
+    None,
+    /// What was asked for is larger than the largest offset.
+    Size,
+    /// The offset is on its way, at its rate limit.
+    Rate,
+}
+
+/// What a compensator asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Offset<T, const JOINTS: usize> {
+    /// To be added to the joint values without compensation: m for the screws, rad for the wrist. Always finite; within the
+    /// largest offset; no further from the last one than the rate limit lets it in a period.
+    pub joints: [T; JOINTS],
+    /// Which limit holds it back.
+    pub limit: Limit,
+    /// Where the pose stands to the table's box.
+    pub domain: Domain,
+    /// The gravest fault of this period.
+    pub fault: Option<Fault>,
+}
+
+/// Compensation with state, for the three screws (`JOINTS` = 3) or all five axes (5). See the [module's documentation](self).
+///
+/// Copy it to swap or to save it; it holds no reference to table or machine, so that either may change between two updates without a
+/// step of the offset.
+///
+/// ```
+/// use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+/// use pkm_core::{Pose, Wrench, tables::reference::{MACHINE_F64, TABLE_F64}};
+///
+/// let mut compensator = Compensator::<f64, 3>::new(&CompensatorSettings::DEFAULT)?;
+/// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+/// let wrench = Wrench { force_n: [0.0, 0.0, -400.0], moment_nm: [0.0; 3] };
+/// // every period
+/// let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
+/// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &pose, [0.0, 0.0, 0.3], &reading);
+/// let command = MACHINE_F64.inverse(&pose)?.q_m;
+/// let command = [0, 1, 2].map(|i| command[i] + offset.joints[i]);
+/// assert!(offset.fault.is_none() && command[0] > 0.5);
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Compensator<T, const JOINTS: usize> {
+    gain: T,
+    outside_box: OutsideBox,
+    load: LoadFilter<T>,
+    /// Of each joint.
+    largest: [T; JOINTS],
+    /// Of each joint in a period.
+    longest_step: [T; JOINTS],
+    joints: [T; JOINTS],
+}
+
+/// What is to be compensated in a period.
+struct Load<T> {
+    wrench: Wrench<T>,
+    gain: T,
+    rise_k: T,
+}
+
+impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
+    /// Begins without an offset.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn new(settings: &CompensatorSettings) -> Result<Self, SettingsError> {
+        settings.check()?;
+        // screws first, as everywhere
+        let each = |screw: f64, wrist: f64| {
+            let mut values = [T::from_f64(wrist); JOINTS];
+            values.iter_mut().take(3).for_each(|value| *value = T::from_f64(screw));
+            values
+        };
+        let (screw_step, wrist_step) =
+            (settings.screw_rate_m_per_s * settings.period_s, settings.wrist_rate_rad_per_s * settings.period_s);
+        Ok(Self {
+            gain: T::from_f64(settings.gain),
+            outside_box: settings.outside_box,
+            load: LoadFilter::new(settings),
+            largest: each(settings.max_screw_m, settings.max_wrist_rad),
+            longest_step: each(screw_step, wrist_step),
+            joints: [T::ZERO; JOINTS],
+        })
+    }
+
+    /// The offset of the last update.
+    pub fn joints(&self) -> [T; JOINTS] {
+        self.joints
+    }
+
+    /// A period; `offsets` is what would make up for a load.
+    fn step(
+        &mut self,
+        domain: Domain,
+        reading: &Reading<T>,
+        offsets: impl FnOnce(&Load<T>) -> Result<[T; JOINTS], Fault>,
+    ) -> Offset<T, JOINTS> {
+        let (target, fault) = self.target(domain, reading, offsets);
+        let (joints, limit) = self.approach(target);
+        Offset { joints, limit, domain, fault }
+    }
+
+    /// Where the offset should go.
+    #[inline(always)] // `offsets` is the whole model, and has to stay at this depth of the stack
+    fn target(
+        &mut self,
+        domain: Domain,
+        reading: &Reading<T>,
+        offsets: impl FnOnce(&Load<T>) -> Result<[T; JOINTS], Fault>,
+    ) -> ([T; JOINTS], Option<Fault>) {
+        let none = [T::ZERO; JOINTS];
+        if !reading.enabled {
+            self.load.forget_load();
+            return (none, None);
+        }
+        let (wrench, rise_k, fault) = self.load.update(reading);
+        match (domain, self.outside_box) {
+            (Domain::Outside, OutsideBox::Hold) => (self.joints, Some(Fault::OutsideBox)),
+            (Domain::Outside, OutsideBox::Fade) => (none, Some(Fault::OutsideBox)),
+            (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
+                match offsets(&Load { wrench, gain: self.gain, rise_k }) {
+                    Ok(joints) => (joints, fault),
+                    Err(fault) => (none, Some(fault)),
+                }
+            }
+        }
+    }
+
+    /// Moves the offset towards a target, within both limits. A point between two offsets of allowed size has allowed size.
+    #[inline(never)] // takes no stack while the stiffness is worked out
+    fn approach(&mut self, target: [T; JOINTS]) -> ([T; JOINTS], Limit) {
+        let of_size = limit::share_within(&target, &self.largest);
+        let mut step = target;
+        for (step, now) in step.iter_mut().zip(&self.joints) {
+            *step = of_size * *step - *now;
+        }
+        let of_step = limit::share_within(&step, &self.longest_step);
+        for (now, step) in self.joints.iter_mut().zip(step) {
+            *now += of_step * step;
+        }
+        let limit = if of_step < T::ONE {
+            Limit::Rate
+        } else if of_size < T::ONE {
+            Limit::Size
+        } else {
+            Limit::None
+        };
+        (self.joints, limit)
+    }
+}
+
+impl<T: Scalar> Compensator<T, 3> {
+    /// A period for the three screws, with a tip that is rigid with the moving platform. In `f32` the offset is within 0.3 µm
+    /// of `f64`.
+    ///
+    /// # Arguments
+    /// * `machine`: at its temperature, see [`Machine::at_temperature`]; `table`: of this machine.
+    /// * `pose`: where the machine should stand, without the compensation.
+    /// * `tip_m`: where the tip is in A-uvw, m.
+    #[inline(never)]
+    pub fn update(
+        &mut self,
+        table: &CorrectionTable<'_, T>,
+        machine: &Machine<T>,
+        pose: &Pose<T>,
+        tip_m: [T; 3],
+        reading: &Reading<T>,
+    ) -> Offset<T, 3> {
+        self.step(table.domain(pose), reading, |load| {
+            compensation::offsets(machine, table, pose, tip_m, &load.wrench, load.gain, load.rise_k)
+        })
+    }
+}
+
+impl<T: Scalar> Compensator<T, 5> {
+    /// A period for all five axes: tip and axis of the tool are compensated.
+    ///
+    /// # Arguments
+    /// * `five`: its machine at its temperature; `table`: of this machine.
+    /// * `configuration`: where the axes should stand, without the compensation.
+    #[inline(never)]
+    pub fn update(
+        &mut self,
+        table: &CorrectionTable<'_, T>,
+        five: &FiveAxis<'_, T>,
+        configuration: &Configuration<T>,
+        reading: &Reading<T>,
+    ) -> Offset<T, 5> {
+        self.step(table.domain(&configuration.pose), reading, |load| {
+            Ok(five.offsets(table, configuration, &load.wrench, load.gain, load.rise_k)?)
+        })
+    }
+}

@@ -1,0 +1,403 @@
+//! The compensator: what it asks for when all is well, its limits, and a defined output for every fault.
+
+use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Limit, Offset, OutsideBox, Reading};
+use pkm_core::machine::BodyKind;
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F64};
+use pkm_core::{
+    Configuration, CorrectionTable, Domain, FiveAxis, Machine, MachineParameters, Pose, Scalar, ScrewLengths,
+    ToolError, Wrench,
+};
+use pkm_tests::{between, cases, random_parameters, random_pose, seeded};
+
+const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
+const POSE: Pose<f64> = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+const OUTSIDE: Pose<f64> = Pose { theta_rad: 0.3, ..POSE };
+const LOAD: Wrench<f64> = Wrench { force_n: [100.0, -50.0, -400.0], moment_nm: [2.0, -8.0, 5.0] };
+/// What is asked for is what the model says, at once.
+const BARE: CompensatorSettings = CompensatorSettings {
+    gain: 1.0,
+    filter_s: 0.0,
+    dead_band_n: 0.0,
+    dead_band_nm: 0.0,
+    stuck_s: 0.0,
+    max_screw_m: 0.01,
+    max_wrist_rad: 0.1,
+    screw_rate_m_per_s: 1.0,
+    wrist_rate_rad_per_s: 10.0,
+    period_s: 0.01,
+    ..CompensatorSettings::DEFAULT
+};
+
+fn on(wrench: Wrench<f64>) -> Reading<f64> {
+    Reading { enabled: true, wrench, rise_k: 0.0 }
+}
+
+fn times(s: f64, wrench: &Wrench<f64>) -> Wrench<f64> {
+    Wrench { force_n: wrench.force_n.map(|f| s * f), moment_nm: wrench.moment_nm.map(|m| s * m) }
+}
+
+fn compensator(settings: &CompensatorSettings) -> Compensator<f64, 3> {
+    Compensator::new(settings).unwrap()
+}
+
+fn update(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
+    compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, reading)
+}
+
+fn settled(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
+    (0..999).for_each(|_| _ = update(compensator, pose, reading));
+    update(compensator, pose, reading)
+}
+
+#[test]
+fn settings_out_of_range_are_named() {
+    let d = CompensatorSettings::DEFAULT;
+    assert_eq!(d.check(), Ok(()));
+    assert_eq!(BARE.check(), Ok(()));
+    for bad in [f64::NAN, -1e-9, f64::INFINITY, 1e10] {
+        let wrong = [
+            (CompensatorSettings { period_s: bad, ..d }, "period_s"),
+            (CompensatorSettings { gain: bad, ..d }, "gain"),
+            (CompensatorSettings { filter_s: bad, ..d }, "filter_s"),
+            (CompensatorSettings { dead_band_n: bad, ..d }, "dead_band_n"),
+            (CompensatorSettings { dead_band_nm: bad, ..d }, "dead_band_nm"),
+            (CompensatorSettings { max_force_n: bad, ..d }, "max_force_n"),
+            (CompensatorSettings { max_moment_nm: bad, ..d }, "max_moment_nm"),
+            (CompensatorSettings { hold_s: bad, ..d }, "hold_s"),
+            (CompensatorSettings { stuck_s: bad, ..d }, "stuck_s"),
+            (CompensatorSettings { max_screw_m: bad, ..d }, "max_screw_m"),
+            (CompensatorSettings { max_wrist_rad: bad, ..d }, "max_wrist_rad"),
+            (CompensatorSettings { screw_rate_m_per_s: bad, ..d }, "screw_rate_m_per_s"),
+            (CompensatorSettings { wrist_rate_rad_per_s: bad, ..d }, "wrist_rate_rad_per_s"),
+        ];
+        for (settings, name) in wrong {
+            let refused = Compensator::<f32, 5>::new(&settings).unwrap_err();
+            assert_eq!(refused.setting, name, "{bad}");
+            assert!(refused.to_string().contains(name));
+        }
+    }
+    for zero in [CompensatorSettings { max_screw_m: 0.0, ..d }, CompensatorSettings { period_s: 0.0, ..d }] {
+        assert!(zero.check().is_err());
+    }
+}
+
+#[test]
+fn without_filter_and_limits_it_is_the_cycle() {
+    let mut compensator = compensator(&BARE);
+    let offset = update(&mut compensator, &POSE, &on(LOAD));
+    let cycle = TABLE_F64.cycle(&MACHINE_F64, &POSE, &LOAD, TIP_M).unwrap();
+    let expected: [f64; 3] = std::array::from_fn(|i| cycle.compensated.lengths.q_m[i] - cycle.lengths.q_m[i]);
+    assert_eq!(offset, Offset { joints: expected, limit: Limit::None, domain: Domain::Inside, fault: None });
+    assert_eq!(compensator.joints(), expected);
+    // nothing is kept of a load once it is switched off
+    assert_eq!(update(&mut compensator, &POSE, &Reading { enabled: false, ..on(LOAD) }).joints, [0.0; 3]);
+}
+
+#[test]
+fn gain_dead_band_and_growth_are_what_the_settings_say() {
+    let full = update(&mut compensator(&BARE), &POSE, &on(LOAD)).joints;
+    let half = update(&mut compensator(&CompensatorSettings { gain: 0.5, ..BARE }), &POSE, &on(LOAD)).joints;
+    for i in 0..3 {
+        assert!((half[i] - 0.5 * full[i]).abs() < 1e-3 * full[i].abs(), "{half:?} {full:?}");
+    }
+    // the size of a force is shortened by the band, its direction stays
+    let force = Wrench { moment_nm: [0.0; 3], ..LOAD };
+    let size = force.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let banded = CompensatorSettings { dead_band_n: 20.0, dead_band_nm: 1.0, ..BARE };
+    let shortened = update(&mut compensator(&BARE), &POSE, &on(times(1.0 - 20.0 / size, &force))).joints;
+    let dead = update(&mut compensator(&banded), &POSE, &on(force)).joints;
+    assert!((0..3).all(|i| (dead[i] - shortened[i]).abs() < 1e-15));
+    let small = Wrench { force_n: [0.0, 0.0, 19.9], moment_nm: [0.9, 0.0, 0.0] };
+    assert_eq!(update(&mut compensator(&banded), &POSE, &on(small)).joints, [0.0; 3]);
+    // growth is no feedback: it is compensated whole
+    let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
+    let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    let warm = Reading { rise_k: 10.0, ..on(Wrench::ZERO) };
+    let mut compensator = compensator(&CompensatorSettings { gain: 0.5, ..BARE });
+    let offset = compensator.update(&TABLE_F64, &steel, &POSE, TIP_M, &warm).joints;
+    let grown = steel.thermal_deflection(&POSE, 10.0).unwrap();
+    let (to, from) = (steel.compensated(&POSE, &grown, TIP_M).unwrap().lengths, steel.inverse(&POSE).unwrap());
+    assert_eq!(offset, std::array::from_fn(|i| to.q_m[i] - from.q_m[i]));
+    assert!(offset.iter().all(|o| o.abs() > 1e-5));
+}
+
+#[test]
+fn the_filter_is_of_first_order() {
+    let settings = CompensatorSettings { filter_s: 0.09, ..BARE };
+    let mut filtered = compensator(&settings);
+    let mut share = 0.0;
+    for _ in 0..30 {
+        // weight: period / (period + time constant)
+        share += 0.1 * (1.0 - share);
+        let offset = update(&mut filtered, &POSE, &on(LOAD)).joints;
+        let expected = update(&mut compensator(&BARE), &POSE, &on(times(share, &LOAD))).joints;
+        assert!((0..3).all(|i| (offset[i] - expected[i]).abs() < 1e-12), "{offset:?} {expected:?}");
+    }
+}
+
+/// Tip of a pose in B-xyz.
+fn tip_of(pose: &Pose<f64>) -> [f64; 3] {
+    let axes = pkm_core::kinematics::platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
+    let a = [pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m];
+    std::array::from_fn(|i| a[i] + (0..3).map(|j| axes[j][i] * TIP_M[j]).sum::<f64>())
+}
+
+/// While either limit acts, on the way out and back, the tip is on the line between its unloaded and its compensated place.
+#[test]
+fn a_limited_tip_stays_on_its_line() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for _ in 0..cases(200) {
+        let pose = Pose {
+            theta_rad: between(&mut rng, -0.26, 0.26),
+            sigma_rad: between(&mut rng, -0.26, 0.26),
+            z0_m: between(&mut rng, 0.5, 0.56),
+        };
+        let load = Wrench { force_n: [0; 3].map(|_| between(&mut rng, -2e3, 2e3)), moment_nm: [0.0; 3] };
+        let lengths = MACHINE_F64.inverse(&pose).unwrap().q_m;
+        let cycle = TABLE_F64.cycle(&MACHINE_F64, &pose, &load, TIP_M).unwrap();
+        let (from, to) = (tip_of(&pose), tip_of(&cycle.compensated.pose));
+        let way: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+        let way_2 = way.iter().map(|w| w * w).sum::<f64>();
+        // so slow that the rate limit acts from the first step to the last, and a size that is not reached by all
+        let largest = (0..3).map(|i| (cycle.compensated.lengths.q_m[i] - lengths[i]).abs()).fold(0.0, f64::max);
+        let settings = CompensatorSettings { max_screw_m: 0.6 * largest, screw_rate_m_per_s: largest, ..BARE };
+        let mut limited = compensator(&settings);
+        let mut met = [false; 2];
+        for period in 0..200 {
+            let offset = update(&mut limited, &pose, &Reading { enabled: period < 100, ..on(load) });
+            met[0] |= offset.limit == Limit::Size;
+            met[1] |= offset.limit == Limit::Rate;
+            let q_m = std::array::from_fn(|i| lengths[i] + offset.joints[i]);
+            let tip = tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m }).unwrap());
+            let gone: [f64; 3] = std::array::from_fn(|i| tip[i] - from[i]);
+            let along = (0..3).map(|i| gone[i] * way[i]).sum::<f64>() / way_2;
+            assert!((-1e-6..=0.61).contains(&along), "{along}");
+            let aside = (0..3).map(|i| (gone[i] - along * way[i]).powi(2)).sum::<f64>().sqrt();
+            worst = worst.max(aside);
+        }
+        assert_eq!(met, [true; 2]);
+        assert_eq!(limited.joints(), [0.0; 3]);
+    }
+    println!("the tip is at most {:.1e} µm beside its line", 1e6 * worst);
+    assert!(worst < 1e-6, "{worst:e}");
+}
+
+#[test]
+fn what_is_refused_is_held_and_then_fades() {
+    let d = CompensatorSettings { stuck_s: 0.0, ..CompensatorSettings::DEFAULT };
+    let nan = Wrench { force_n: [0.0, f64::NAN, 0.0], ..LOAD };
+    let spike = times(100.0, &LOAD);
+    for (bad, fault) in [(nan, Fault::WrenchNotFinite), (spike, Fault::WrenchTooLarge)] {
+        let mut compensator = compensator(&d);
+        let before = settled(&mut compensator, &POSE, &on(LOAD));
+        assert_eq!((before.fault, before.limit), (None, Limit::None));
+        // 10 ms are 10 periods
+        for _ in 0..10 {
+            let held = update(&mut compensator, &POSE, &on(bad));
+            assert_eq!(held.fault, Some(fault));
+            assert!((0..3).all(|i| (held.joints[i] - before.joints[i]).abs() < 1e-15));
+        }
+        let faded = settled(&mut compensator, &POSE, &on(bad));
+        assert!(faded.joints.iter().all(|o| o.abs() < 1e-15), "{faded:?}");
+        assert_eq!(settled(&mut compensator, &POSE, &on(LOAD)).fault, None);
+    }
+}
+
+#[test]
+fn a_sensor_without_noise_is_stuck() {
+    let mut compensator = compensator(&CompensatorSettings::DEFAULT);
+    let noisy = |period: usize| on(times(1.0 + 1e-12 * (period % 2) as f64, &LOAD));
+    for period in 0..3000 {
+        assert_eq!(update(&mut compensator, &POSE, &noisy(period)).fault, None);
+    }
+    for _ in 0..999 {
+        assert_eq!(update(&mut compensator, &POSE, &noisy(1)).fault, None);
+    }
+    assert_eq!(update(&mut compensator, &POSE, &noisy(1)).fault, Some(Fault::WrenchStuck));
+    assert!(settled(&mut compensator, &POSE, &noisy(1)).joints.iter().all(|o| o.abs() < 1e-15));
+    assert_eq!(update(&mut compensator, &POSE, &noisy(2)).fault, None);
+}
+
+#[test]
+fn a_lost_temperature_is_the_last_one() {
+    let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
+    let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    let mut compensator = compensator(&BARE);
+    let mut at =
+        |rise_k: f64| compensator.update(&TABLE_F64, &steel, &POSE, TIP_M, &Reading { rise_k, ..on(Wrench::ZERO) });
+    let warm = at(8.0);
+    assert_eq!(warm.fault, None);
+    for lost in [f64::NAN, f64::INFINITY, -101.0] {
+        assert_eq!(at(lost), Offset { fault: Some(Fault::TemperatureLost), ..warm });
+    }
+}
+
+#[test]
+fn outside_the_box_it_does_what_was_chosen() {
+    for outside_box in [OutsideBox::Hold, OutsideBox::Fade, OutsideBox::Extrapolate] {
+        let mut compensator = compensator(&CompensatorSettings { outside_box, ..BARE });
+        let inside = update(&mut compensator, &POSE, &on(LOAD));
+        let outside = update(&mut compensator, &OUTSIDE, &on(LOAD));
+        assert_eq!((inside.domain, outside.domain), (Domain::Inside, Domain::Outside));
+        let cycle = TABLE_F64.cycle(&MACHINE_F64, &OUTSIDE, &LOAD, TIP_M).unwrap();
+        let (expected, fault) = match outside_box {
+            OutsideBox::Hold => (inside.joints, Some(Fault::OutsideBox)),
+            OutsideBox::Fade => ([0.0; 3], Some(Fault::OutsideBox)),
+            OutsideBox::Extrapolate => {
+                (std::array::from_fn(|i| cycle.compensated.lengths.q_m[i] - cycle.lengths.q_m[i]), None)
+            }
+        };
+        assert_eq!((outside.joints, outside.fault), (expected, fault));
+        // no pose at all
+        let nowhere = update(&mut compensator, &Pose { z0_m: f64::NAN, ..POSE }, &on(LOAD));
+        assert!(matches!(
+            (outside_box, nowhere.fault),
+            (OutsideBox::Extrapolate, Some(Fault::Correction(_))) | (_, Some(Fault::OutsideBox))
+        ));
+        let far = update(&mut compensator, &Pose { z0_m: 0.9, ..POSE }, &on(LOAD));
+        assert_eq!(far.joints, if outside_box == OutsideBox::Hold { inside.joints } else { [0.0; 3] });
+    }
+}
+
+/// 1e6 periods, with every fault at random times.
+#[test]
+fn no_fault_makes_it_leap() {
+    let settings = CompensatorSettings { stuck_s: 0.05, ..CompensatorSettings::DEFAULT };
+    faulty_periods(&settings, &TABLE_F64, &MACHINE_F64, cases(800_000));
+    faulty_periods(&settings, &TABLE_F32, &MACHINE_F32, cases(200_000));
+}
+
+fn faulty_periods<T: Scalar>(
+    settings: &CompensatorSettings,
+    table: &CorrectionTable<'_, T>,
+    machine: &Machine<T>,
+    periods: usize,
+) {
+    let mut rng = seeded();
+    let mut compensator = Compensator::<T, 3>::new(settings).unwrap();
+    let number = |v: f64| T::from_f64(v);
+    let (mut fault, mut left, mut last) = (0, 0, [0.0; 3]);
+    let mut faults = std::collections::HashSet::new();
+    let (mut read, mut ever) = ([0.0; 6], 0.0_f64);
+    let step = settings.screw_rate_m_per_s * settings.period_s * (1.0 + 1e-5) + 1e-10;
+    for period in 0..periods {
+        if left == 0 {
+            (fault, left) = (rng.usize(0..10), rng.usize(1..400));
+        }
+        left -= 1;
+        let t = 1e-3 * period as f64;
+        let mut pose = [0.24 * (0.31 * t).sin(), 0.24 * (0.17 * t).sin(), 0.53 + 0.028 * (0.23 * t).sin()];
+        let mut wrench = [100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(|w| w * (1.0 + 0.5 * t.sin()));
+        wrench.iter_mut().for_each(|w| *w += between(&mut rng, -2.0, 2.0));
+        let (mut enabled, mut rise_k) = (true, (0.01 * t).sin());
+        match fault {
+            1 => wrench = read,
+            2 => wrench[period % 6] = f64::NAN,
+            3 => wrench = wrench.map(|w| w * if period % 7 == 0 { 1e3 } else { 1.0 }),
+            4 => wrench = wrench.map(|w| -w),
+            5 => wrench = wrench.map(|w| 8.0 * w),
+            6 => pose[0] *= 2.0,
+            7 if period % 2 == 0 => continue,
+            8 => rise_k = f64::INFINITY,
+            9 => enabled = false,
+            _ => {}
+        }
+        read = wrench;
+        let pose = Pose { theta_rad: number(pose[0]), sigma_rad: number(pose[1]), z0_m: number(pose[2]) };
+        let reading = Reading { enabled, wrench: Wrench::from_array(wrench.map(number)), rise_k: number(rise_k) };
+        let offset = compensator.update(table, machine, &pose, TIP_M.map(number), &reading);
+        faults.insert(offset.fault.map(|f| f.to_string()));
+        let now = offset.joints.map(T::to_f64);
+        for i in 0..3 {
+            assert!(now[i].is_finite() && now[i].abs() <= settings.max_screw_m * (1.0 + 1e-6), "{offset:?}");
+            assert!((now[i] - last[i]).abs() <= step, "{period}: {} after {}", now[i], last[i]);
+            ever = ever.max(now[i].abs());
+        }
+        last = now;
+    }
+    assert!(ever > 50e-6, "{ever:e}");
+    // none; three of the wrench; temperature; box
+    assert!(periods < 1000 || faults.len() == 6, "{faults:?}");
+}
+
+/// All limits and a finite output on machines of any proportions, whatever the pose and the reading.
+#[test]
+fn random_machines_are_kept_within_the_limits() {
+    let terms = [[0, 0, 0]];
+    let basis = pkm_core::Basis::<f64>::new([0.0, 0.0, 1.0], [1.5, 1.5, 1.0], &terms).unwrap();
+    let (diagonal, mut factor) = ([1.0; 6], [0.0; 21]);
+    for row in [0, 2, 5, 9, 14, 20] {
+        factor[row] = 1.0;
+    }
+    let table = CorrectionTable::<f64>::new(basis, &diagonal, Some(&factor)).unwrap();
+    let mut rng = seeded();
+    for _ in 0..cases(500) {
+        let parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let machine = Machine::<f64>::new(&parameters).unwrap();
+        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let settings = CompensatorSettings {
+            outside_box: [OutsideBox::Hold, OutsideBox::Fade, OutsideBox::Extrapolate][rng.usize(0..3)],
+            ..CompensatorSettings::DEFAULT
+        };
+        let mut compensator = compensator(&settings);
+        let mut last = [0.0; 3];
+        for _ in 0..200 {
+            let mut pose = random_pose(&mut rng, &machine, size, 0.0);
+            let any = [0.0, 1.0, -1e3, 1e300, f64::NAN, f64::NEG_INFINITY, 5e-324];
+            let mut wrench = [0; 6].map(|_| between(&mut rng, -3e3, 3e3));
+            if rng.u8(..) < 16 {
+                wrench[rng.usize(0..6)] = any[rng.usize(0..7)];
+            }
+            if rng.u8(..) < 16 {
+                pose.sigma_rad = any[rng.usize(0..7)];
+            }
+            let tip = [0; 3].map(|_| size * between(&mut rng, -1.0, 1.0));
+            let reading = Reading { enabled: rng.u8(..) > 8, ..on(Wrench::from_array(wrench)) };
+            let now = compensator.update(&table, &machine, &pose, tip, &reading).joints;
+            for i in 0..3 {
+                assert!(now[i].abs() <= settings.max_screw_m * (1.0 + 1e-12), "{now:?}");
+                assert!((now[i] - last[i]).abs() <= 5e-6 * (1.0 + 1e-9), "{now:?} after {last:?}");
+            }
+            last = now;
+        }
+    }
+}
+
+#[test]
+fn five_axes_are_compensated_by_one_step() {
+    let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for _ in 0..cases(2000) {
+        let mut within = |half: f64| between(&mut rng, -half, half);
+        let pose = Pose { theta_rad: within(0.24), sigma_rad: within(0.24), z0_m: 0.53 + within(0.028) };
+        let stands = Configuration { pose, beta_rad: [within(1.2), -0.3 + within(0.3)] };
+        let wrench = Wrench { force_n: [0; 3].map(|_| within(50.0)), moment_nm: [0; 3].map(|_| within(5.0)) };
+        let (Ok(tool), Ok(from)) = (five.tool(&stands), five.joints(&stands)) else { continue };
+        let Ok(whole) = five.compensated(Some(&TABLE_F64), &tool, &wrench, &stands) else { continue };
+        let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
+        let offset = compensator.update(&TABLE_F64, &five, &stands, &on(wrench));
+        assert_eq!((offset.fault, offset.limit), (None, Limit::None));
+        let [q1, q2, q3] = std::array::from_fn(|i| whole.hold.joints.lengths.q_m[i] - from.lengths.q_m[i]);
+        let [b1, b2] = std::array::from_fn(|i| whole.hold.joints.beta_rad[i] - from.beta_rad[i]);
+        let expected = [q1, q2, q3, b1, b2];
+        let size = expected.iter().fold(0.0_f64, |size, e| size.max(e.abs()));
+        let off = (0..5).fold(0.0_f64, |off, i| off.max((expected[i] - offset.joints[i]).abs()));
+        worst = worst.max(off / size);
+    }
+    println!("five axes: {worst:.1e} of the offset from the iterated compensation");
+    assert!(worst > 0.0 && worst < 2e-3, "{worst:e}");
+}
+
+#[test]
+fn five_axes_refuse_with_a_code_and_fade() {
+    let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+    let stands = Configuration { pose: POSE, beta_rad: [0.3, -0.2] };
+    let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
+    assert!(compensator.update(&TABLE_F64, &five, &stands, &on(LOAD)).joints.iter().all(|o| *o != 0.0));
+    let turned = Configuration { beta_rad: [2.0, -0.2], ..stands };
+    let refused = compensator.update(&TABLE_F64, &five, &turned, &on(LOAD));
+    assert_eq!(refused.fault, Some(Fault::Tool(ToolError::WristLimit { joint: 1 })));
+    assert_eq!(refused.joints, [0.0; 5]);
+}
