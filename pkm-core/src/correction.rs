@@ -10,7 +10,7 @@
 
 use core::fmt;
 
-use crate::checksum::{START, over_byte, over_numbers};
+use crate::checksum::{START, over_byte, over_numbers, over_numbers_f32};
 use crate::kinematics::Posture;
 use crate::linalg::{self, Lower};
 use crate::machine::Machine;
@@ -173,7 +173,7 @@ pub struct CorrectionTable<'a, T> {
 }
 
 macro_rules! table {
-    ($t:ty) => {
+    ($t:ty, $over:path) => {
         impl<'a> Basis<'a, $t> {
             /// Checks a basis. Works in a `const`.
             ///
@@ -246,12 +246,30 @@ macro_rules! table {
                 }
                 Ok(Self { basis, diagonal, factor })
             }
+
+            /// Checksum (FNV-1a, 64 bit) over the bits of box, terms and coefficients in the order of the constructors:
+            /// a generated table checks itself with it when it is compiled, a controller can report it.
+            pub const fn checksum(&self) -> u64 {
+                let mut hash = $over(START, &self.basis.centre);
+                hash = $over(hash, &self.basis.half_width);
+                let mut i = 0;
+                while i < self.basis.terms.len() {
+                    let [p, r, s] = self.basis.terms[i];
+                    hash = over_byte(over_byte(over_byte(hash, p), r), s);
+                    i += 1;
+                }
+                hash = $over(hash, self.diagonal);
+                match self.factor {
+                    Some(factor) => $over(hash, factor),
+                    None => hash,
+                }
+            }
         }
     };
 }
 
-table!(f32);
-table!(f64);
+table!(f32, over_numbers_f32);
+table!(f64, over_numbers);
 
 /// A corrected stiffness and where its pose stands to the table's box.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -376,26 +394,6 @@ fn soften_by_tool<T: Scalar>(machine: &Machine<T>, lower: &mut Lower<T>) -> Resu
         }
     }
     Ok(())
-}
-
-impl CorrectionTable<'_, f64> {
-    /// Checksum (FNV-1a, 64 bit) over the bits of box, terms and coefficients in the order of the constructors:
-    /// a generated table checks itself with it when it is compiled, a controller can report it.
-    pub const fn checksum(&self) -> u64 {
-        let mut hash = over_numbers(START, &self.basis.centre);
-        hash = over_numbers(hash, &self.basis.half_width);
-        let mut i = 0;
-        while i < self.basis.terms.len() {
-            let [p, r, s] = self.basis.terms[i];
-            hash = over_byte(over_byte(over_byte(hash, p), r), s);
-            i += 1;
-        }
-        hash = over_numbers(hash, self.diagonal);
-        match self.factor {
-            Some(factor) => over_numbers(hash, factor),
-            None => hash,
-        }
-    }
 }
 
 /// The same numbers in `f32`, for the `f32` side of a generated table.

@@ -5,7 +5,7 @@
 
 use core::fmt;
 
-use crate::checksum::{START, over_numbers};
+use crate::checksum::{START, over_numbers, over_numbers_f32};
 use crate::scalar::Scalar;
 
 /// The numbers of a wrist, SI, unchecked.
@@ -157,7 +157,7 @@ impl WristParameters {
 }
 
 macro_rules! wrist {
-    ($t:ty) => {
+    ($t:ty, $over:path) => {
         impl Wrist<$t> {
             /// Checks the parameters; works in a `const`.
             ///
@@ -188,12 +188,21 @@ macro_rules! wrist {
                     margin: p.singularity_margin as $t,
                 })
             }
+
+            /// Checksum of its numbers as they are in memory.
+            pub const fn checksum(&self) -> u64 {
+                let Self { offset, first_d, first_b, second_b, flange, min, max, home_z0, home_determinant, margin } =
+                    self;
+                let hash = $over(START, &[*offset, *first_d, *first_b, *second_b, *flange]);
+                let hash = $over($over(hash, min), max);
+                $over(hash, &[*home_z0, *home_determinant, *margin])
+            }
         }
     };
 }
 
-wrist!(f32);
-wrist!(f64);
+wrist!(f32, over_numbers_f32);
+wrist!(f64, over_numbers);
 
 /// Where the wrist holds the tool, in A-uvw.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,7 @@
 
 use super::elements::ActiveElements;
 use super::{COUNT, Effects, MAX_ELEMENTS, MAX_PARAMETERS};
+use crate::checksum::{over_numbers, over_numbers_f32};
 use crate::scalar::Scalar;
 
 /// The effects of one machine, ready to be applied.
@@ -30,7 +31,7 @@ impl<T: Scalar> ActiveEffects<T> {
 }
 
 macro_rules! active_effects {
-    ($t:ty) => {
+    ($t:ty, $over:path) => {
         impl ActiveEffects<$t> {
             pub const fn new(effects: &Effects) -> Self {
                 let mut new = Self {
@@ -57,9 +58,21 @@ macro_rules! active_effects {
                 }
                 new
             }
+
+            /// Takes its numbers as they are in memory into a checksum.
+            pub const fn checksum(&self, hash: u64) -> u64 {
+                let Self { active, parameters, elements } = self;
+                let mut hash = over_numbers(hash, &[*active as f64]);
+                let mut i = 0;
+                while i < COUNT {
+                    hash = $over(hash, &parameters[i]);
+                    i += 1;
+                }
+                elements.checksum(hash)
+            }
         }
     };
 }
 
-active_effects!(f32);
-active_effects!(f64);
+active_effects!(f32, over_numbers_f32);
+active_effects!(f64, over_numbers);

@@ -6,6 +6,7 @@
 //! the elongation of a limb is no multiple of its force; they add to the deflection, not to the stiffness.
 
 use super::{MAX_PARAMETERS, ends_with, load_dependent, same};
+use crate::checksum::{over_byte, over_numbers, over_numbers_f32, over_text};
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
@@ -366,7 +367,7 @@ struct Active<T> {
 }
 
 macro_rules! active_elements {
-    ($t:ty) => {
+    ($t:ty, $over:path) => {
         impl ActiveElements<$t> {
             pub const fn new(elements: &[Option<Element>; MAX_ELEMENTS]) -> Self {
                 let mut list = [None; MAX_ELEMENTS];
@@ -380,12 +381,30 @@ macro_rules! active_elements {
                 }
                 Self { list, warmer_k: 0.0 }
             }
+
+            /// Takes its numbers as they are in memory into a checksum.
+            pub const fn checksum(&self, hash: u64) -> u64 {
+                let mut hash = $over(hash, &[self.warmer_k]);
+                let mut i = 0;
+                while i < MAX_ELEMENTS {
+                    if let Some(Active { place, motion, law, parameters }) = &self.list[i] {
+                        let place = match place.name() {
+                            Some(name) => name,
+                            None => "",
+                        };
+                        hash = over_text(over_byte(hash, i as u8), place);
+                        hash = $over(over_byte(over_byte(hash, *motion as u8), *law as u8), parameters);
+                    }
+                    i += 1;
+                }
+                hash
+            }
         }
     };
 }
 
-active_elements!(f32);
-active_elements!(f64);
+active_elements!(f32, over_numbers_f32);
+active_elements!(f64, over_numbers);
 
 /// sin 2πt by its series up to the 17th power on a quarter turn, within 1e-13 in `f64` and 3e-7 in `f32` for few turns. Not
 /// `libm`'s: that takes 1 KB of stack where the stack is deepest, to reduce angles of any size.

@@ -10,6 +10,7 @@ mod parameters;
 pub use error::{End, MachineError, Member, Parameter, Problem};
 pub use parameters::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};
 
+use crate::checksum::{START, over_byte, over_numbers, over_numbers_f32};
 use crate::effects::ActiveEffects;
 
 /// A checked machine, ready for kinematics and stiffness in `f32` or `f64`.
@@ -57,7 +58,7 @@ pub(crate) struct LimbCompliance<T> {
 }
 
 macro_rules! machine {
-    ($t:ty) => {
+    ($t:ty, $over:path) => {
         impl Machine<$t> {
             /// Checks the parameters and prepares them. Works in a `const`, so that a generated table
             /// with a bad number does not compile.
@@ -123,9 +124,38 @@ macro_rules! machine {
                     effects: ActiveEffects::<$t>::new(&parameters.effects),
                 })
             }
+
+            /// Checksum of its numbers as they are in memory. [`MachineParameters::checksum`] is another one, of what it was
+            /// made from.
+            pub const fn checksum(&self) -> u64 {
+                const fn over_sizes(hash: u64, s: &Sizes<$t>) -> u64 {
+                    let Sizes { a1, a2, b1, b2 } = s;
+                    $over(hash, &[*a1, *a2, *b1, *b2])
+                }
+                const fn over_limb(hash: u64, limb: &LimbCompliance<$t>) -> u64 {
+                    let LimbCompliance {
+                        base_linear,
+                        base_angular,
+                        platform_linear,
+                        platform_angular,
+                        axial,
+                        bending,
+                        torsion,
+                        coupled,
+                    } = limb;
+                    let hash = $over($over(hash, base_linear), base_angular);
+                    let hash = $over($over(hash, platform_linear), platform_angular);
+                    over_byte($over(hash, &[*axial, *bending, *torsion]), *coupled as u8)
+                }
+                let Self { declared, actual, q_min, q_max, limbs: [one, two, three], softness, effects } = self;
+                let hash = over_sizes(over_sizes(START, declared), actual);
+                let hash = $over($over(hash, q_min), q_max);
+                let hash = over_limb(over_limb(over_limb(hash, one), two), three);
+                effects.checksum($over(hash, softness))
+            }
         }
     };
 }
 
-machine!(f32);
-machine!(f64);
+machine!(f32, over_numbers_f32);
+machine!(f64, over_numbers);

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 use std::fmt::Display;
 
+use pkm_core::checksum::Damaged;
 use pkm_core::machine::{End, MachineError, Member, Parameter, Problem};
 use pkm_core::{
     CompensationError, CorrectionError, CycleError, Fault, KinematicsError, StiffnessError, TableError,
@@ -68,6 +69,7 @@ fn every_error_says_what_is_wrong() {
         Fault::Compensation(compensation[1]),
         Fault::Tool(tool[4]),
     ];
+    texts(&[Damaged::Machine, Damaged::Wrist, Damaged::Table]);
     let inner = [correction[2].to_string(), compensation[1].to_string(), tool[4].to_string()];
     assert_eq!(texts(&faults)[5..], inner);
     texts(&[

@@ -8,6 +8,7 @@ mod effects;
 mod elements;
 mod errors;
 mod five_axis;
+mod integrity;
 mod kinematics;
 mod machine;
 mod stiffness;

@@ -33,7 +33,7 @@ use defmt_rtt as _;
 #[cfg(feature = "log-semihosting")]
 use defmt_semihosting as _;
 use heapless::Deque;
-use pkm_core::{Cycle, CycleError, Scalar};
+use pkm_core::{Cycle, CycleError, FiveAxis, Scalar};
 use pkm_protocol::{
     Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, MAX_REPLY, Refused,
     Reply, Request, SweepReply, VERSION,
@@ -228,8 +228,20 @@ fn answer(request: &Request, bad_lines: u32) {
     }
 }
 
+/// Whether machine, wrist and table are in memory as they were built.
+fn is_intact() -> bool {
+    static F32: FiveAxis<'static, f32> =
+        FiveAxis { machine: &coefficients::MACHINE_F32, wrist: &coefficients::WRIST_F32 };
+    static F64: FiveAxis<'static, f64> =
+        FiveAxis { machine: &coefficients::MACHINE_F64, wrist: &coefficients::WRIST_F64 };
+    let built_f32 = const { F32.checksums(&coefficients::TABLE_F32) };
+    let built_f64 = const { F64.checksums(&coefficients::TABLE_F64) };
+    F32.verify(&coefficients::TABLE_F32, &built_f32).is_ok() && F64.verify(&coefficients::TABLE_F64, &built_f64).is_ok()
+}
+
 #[entry]
 fn main() -> ! {
+    assert!(is_intact(), "machine, wrist or table is damaged");
     if let Some(peripherals) = Peripherals::take() {
         board::start(peripherals, PERIOD_TICKS);
     }
@@ -256,6 +268,8 @@ fn main() -> ! {
 /// Stands still: the host sees silence, and a machine must not go on.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    // the task must not run on either
+    cortex_m::interrupt::disable();
     log!("panic");
     loop {
         cortex_m::asm::bkpt();

@@ -146,6 +146,11 @@ macro_rules! call_everything {
     ($t:ident, $machine:ident, $table:ident, $wrist:ident, $parameters:ident, $wrist_parameters:ident) => {
         let (machine, table) = (black_box(&$machine), black_box(&$table));
         call_five_axes(machine, table, black_box(&$wrist));
+        let five = FiveAxis { machine, wrist: black_box(&$wrist) };
+        black_box((machine.checksum(), five.wrist.checksum(), table.checksum()));
+        if let Err(damaged) = five.verify(table, &black_box(five.checksums(table))) {
+            show(damaged);
+        }
         match Wrist::<$t>::new(&$wrist_parameters) {
             Err(e) => show(e),
             Ok(wrist) => call_five_axes(machine, table, &wrist),
@@ -201,6 +206,7 @@ fn main() -> ! {
     call_elements();
     black_box((parameters.effects.below_tool(), narrow(black_box(&[1.0; 8])), black_box(&TABLE_F64).checksum()));
     black_box(checksum::over_numbers(checksum::over_byte(checksum::START, black_box(1)), black_box(&[1.0; 3])));
+    black_box(checksum::over_numbers_f32(checksum::START, black_box(&[1.0; 3])));
     let wrist = black_box(WRIST);
     black_box((wrist.check().is_ok(), wrist.checksum(), wrist.tip_at_zero_m()));
     call_everything!(f64, MACHINE_F64, TABLE_F64, WRIST_F64, parameters, wrist);

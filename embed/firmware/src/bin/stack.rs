@@ -71,6 +71,7 @@ macro_rules! functions {
             type T = $t;
 
             use super::*;
+            use pkm_core::checksum::MemoryChecksums;
             use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
             use pkm_core::kinematics::platform_axes as axes;
             use pkm_core::tables::reference;
@@ -99,6 +100,7 @@ macro_rules! functions {
                 compensator: Compensator<$t, 3>,
                 tool_compensator: Compensator<$t, 5>,
                 reading: Reading<$t>,
+                checksums: MemoryChecksums,
             }
 
             impl Inputs {
@@ -149,6 +151,7 @@ macro_rules! functions {
                     compensator: Compensator::new(&CompensatorSettings::DEFAULT).ok()?,
                     tool_compensator: Compensator::new(&CompensatorSettings::DEFAULT).ok()?,
                     reading: Reading { enabled: true, wrench, rise_k: 4.5 },
+                    checksums: five.checksums(&reference::$table),
                 })
             }
 
@@ -221,6 +224,8 @@ both_widths! {
     new_compensator(_i) Compensator::<T, 5>::new(black_box(&CompensatorSettings::DEFAULT));
     compensate(i) { i.compensator }.update(&i.table, &i.machine, &i.pose, i.tip_m, &i.reading);
     compensate_tool(i) { i.tool_compensator }.update(&i.table, &i.five(), &i.near, &i.reading);
+    checksums(i) i.five().checksums(&i.table);
+    verify(i) i.five().verify(&i.table, &i.checksums);
     new_wrist(_i) Wrist::<T>::new(black_box(&WRIST));
 }
 
