@@ -21,7 +21,11 @@
 #ifndef PKM_H
 #define PKM_H
 
+#include <stddef.h>
 #include <stdint.h>
+
+/* Of this header; pkm_version() is that of the library. */
+#define PKM_VERSION "0.1.0"
 
 #if defined(__GNUC__)
 #define PKM_MUST_USE __attribute__((warn_unused_result))
@@ -46,6 +50,8 @@ enum PkmError
   PKM_ERROR_MISALIGNED = 2,
   // An input, or what would come of it, is NaN or infinite.
   PKM_ERROR_NOT_FINITE = 3,
+  // The room for a result has another size than the library's: the header is that of another version.
+  PKM_ERROR_WRONG_SIZE = 4,
   // No assembly exists in the working mode: an angle beyond a right angle, Z0 not above 0, the far side of a
   // singularity, or lengths that don't close.
   PKM_ERROR_UNREACHABLE = 10,
@@ -80,6 +86,12 @@ enum PkmError
   PKM_ERROR_WRIST_LIMIT2 = 53,
   // The deflection of the tool changes too much on the way to be made up for.
   PKM_ERROR_TOOL_NOT_COMPENSABLE = 54,
+  // The machine in memory is not the one that was built.
+  PKM_ERROR_DAMAGED_MACHINE = 60,
+  // The wrist in memory is not the one that was built.
+  PKM_ERROR_DAMAGED_WRIST = 61,
+  // The table in memory is not the one that was built.
+  PKM_ERROR_DAMAGED_TABLE = 62,
   // An error of the core that has no number here.
   PKM_ERROR_UNKNOWN = 255,
 };
@@ -464,7 +476,7 @@ typedef struct {
 extern "C" {
 #endif // __cplusplus
 
-// Version of the library. A library goes with the header of its version.
+// Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
 const char *pkm_version(void);
 
 // Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
@@ -487,11 +499,25 @@ const PkmTable_f64 *pkm_table_f64(void);
 // The compiled-in wrist.
 const PkmWrist_f64 *pkm_wrist_f64(void);
 
-// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
-// it. Compute it when the temperature has changed, not in every cycle.
+// Whether machine, wrist and table are in memory as they were built: computes their checksums again from memory.
+// Ask when the program starts.
 //
-// Errors: NOT_FINITE, NO_STIFFNESS.
-PKM_MUST_USE PkmError pkm_at_temperature_f64(const PkmMachine_f64 *machine, double temperature_c, PkmMachine_f64 *warm);
+// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
+PKM_MUST_USE PkmError pkm_verify_f64(void);
+
+// Bytes that the library takes for a machine. A program that was compiled with the header of another version may
+// give less room.
+size_t pkm_machine_size_f64(void);
+
+// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
+// it. Compute it when the temperature has changed, not in every cycle. `size` is the room for it: `sizeof *warm`.
+//
+// Errors: WRONG_SIZE, NOT_FINITE, NO_STIFFNESS.
+PKM_MUST_USE
+PkmError pkm_at_temperature_f64(const PkmMachine_f64 *machine,
+                                double temperature_c,
+                                PkmMachine_f64 *warm,
+                                size_t size);
 
 // Inverse kinematics: screw lengths of a pose.
 //
@@ -656,11 +682,25 @@ const PkmTable_f32 *pkm_table_f32(void);
 // The compiled-in wrist.
 const PkmWrist_f32 *pkm_wrist_f32(void);
 
-// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
-// it. Compute it when the temperature has changed, not in every cycle.
+// Whether machine, wrist and table are in memory as they were built: computes their checksums again from memory.
+// Ask when the program starts.
 //
-// Errors: NOT_FINITE, NO_STIFFNESS.
-PKM_MUST_USE PkmError pkm_at_temperature_f32(const PkmMachine_f32 *machine, float temperature_c, PkmMachine_f32 *warm);
+// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
+PKM_MUST_USE PkmError pkm_verify_f32(void);
+
+// Bytes that the library takes for a machine. A program that was compiled with the header of another version may
+// give less room.
+size_t pkm_machine_size_f32(void);
+
+// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
+// it. Compute it when the temperature has changed, not in every cycle. `size` is the room for it: `sizeof *warm`.
+//
+// Errors: WRONG_SIZE, NOT_FINITE, NO_STIFFNESS.
+PKM_MUST_USE
+PkmError pkm_at_temperature_f32(const PkmMachine_f32 *machine,
+                                float temperature_c,
+                                PkmMachine_f32 *warm,
+                                size_t size);
 
 // Inverse kinematics: screw lengths of a pose.
 //

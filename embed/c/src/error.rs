@@ -3,6 +3,7 @@
 use core::ffi::{CStr, c_char};
 
 use pkm_core::TemperatureError;
+use pkm_core::checksum::Damaged;
 use pkm_core::{
     CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, ToolDeflectionError, ToolError,
 };
@@ -19,6 +20,8 @@ pub enum PkmError {
     Misaligned = 2,
     /// An input, or what would come of it, is NaN or infinite.
     NotFinite = 3,
+    /// The room for a result has another size than the library's: the header is that of another version.
+    WrongSize = 4,
     /// No assembly exists in the working mode: an angle beyond a right angle, Z0 not above 0, the far side of a
     /// singularity, or lengths that don't close.
     Unreachable = 10,
@@ -53,6 +56,12 @@ pub enum PkmError {
     WristLimit2 = 53,
     /// The deflection of the tool changes too much on the way to be made up for.
     ToolNotCompensable = 54,
+    /// The machine in memory is not the one that was built.
+    DamagedMachine = 60,
+    /// The wrist in memory is not the one that was built.
+    DamagedWrist = 61,
+    /// The table in memory is not the one that was built.
+    DamagedTable = 62,
     /// An error of the core that has no number here.
     Unknown = 255,
 }
@@ -65,6 +74,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         1 => c"a pointer is null",
         2 => c"a pointer is not aligned for its type",
         3 => c"an input, or what would come of it, is not finite",
+        4 => c"the room for a result has another size: the header is that of another version",
         10 => c"no assembly exists in the working mode",
         11 => c"too near to a direct singularity",
         12 => c"the screw of limb 1 would leave its travel",
@@ -81,9 +91,23 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         52 => c"wrist joint 1 would leave its limits",
         53 => c"wrist joint 2 would leave its limits",
         54 => c"the deflection of the tool changes too much on the way to be made up for",
+        60 => c"the machine in memory is damaged",
+        61 => c"the wrist in memory is damaged",
+        62 => c"the table in memory is damaged",
         _ => c"unknown error",
     };
     text.as_ptr()
+}
+
+impl From<Damaged> for PkmError {
+    fn from(damaged: Damaged) -> Self {
+        match damaged {
+            Damaged::Machine => Self::DamagedMachine,
+            Damaged::Wrist => Self::DamagedWrist,
+            Damaged::Table => Self::DamagedTable,
+            _ => Self::Unknown,
+        }
+    }
 }
 
 impl From<KinematicsError> for PkmError {

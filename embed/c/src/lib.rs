@@ -19,6 +19,7 @@ pub use types::*;
 
 use core::ffi::c_char;
 
+use pkm_core::checksum::MemoryChecksums;
 use pkm_core::{FiveAxis, Machine, Scalar, Wrench};
 
 #[allow(dead_code, missing_docs)]
@@ -64,7 +65,7 @@ fn finite<T: Scalar, const N: usize>(values: [T; N]) -> Result<[T; N], PkmError>
     if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err(PkmError::NotFinite) }
 }
 
-/// Version of the library. A library goes with the header of its version.
+/// Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
 #[unsafe(no_mangle)]
 pub extern "C" fn pkm_version() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
@@ -97,7 +98,7 @@ const _: () =
 macro_rules! functions {
     (
         $t:ident, $the_machine:ident, $the_table:ident, machine $machine:ident, table $table:ident,
-        at_temperature $at_temperature:ident, inverse $inverse:ident, forward $forward:ident, jacobian $jacobian:ident,
+        verify $verify:ident, machine_size $machine_size:ident, at_temperature $at_temperature:ident, inverse $inverse:ident, forward $forward:ident, jacobian $jacobian:ident,
         singularity_distance $singularity_distance:ident, travel_margin $travel_margin:ident,
         stiffness $stiffness:ident, domain $domain:ident, corrected_stiffness $corrected_stiffness:ident,
         deflection $deflection:ident, thermal_deflection $thermal_deflection:ident, compensated $compensated:ident,
@@ -139,17 +140,41 @@ macro_rules! functions {
             &$the_wrist
         }
 
-        /// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
-        /// it. Compute it when the temperature has changed, not in every cycle.
+        /// Whether machine, wrist and table are in memory as they were built: computes their checksums again from memory.
+        /// Ask when the program starts.
         ///
-        /// Errors: NOT_FINITE, NO_STIFFNESS.
+        /// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $verify() -> PkmError {
+            const FIVE: FiveAxis<'static, $t> =
+                FiveAxis { machine: &coefficients::$the_machine, wrist: &coefficients::$the_wrist };
+            const BUILT: MemoryChecksums = FIVE.checksums(&coefficients::$the_table);
+            FIVE.verify(&coefficients::$the_table, &BUILT).map_or_else(PkmError::from, |()| PkmError::Ok)
+        }
+
+        /// Bytes that the library takes for a machine. A program that was compiled with the header of another version may
+        /// give less room.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $machine_size() -> usize {
+            size_of::<PkmMachine<$t>>()
+        }
+
+        /// The machine at a temperature in degrees Celsius, by its effect `thermal-modulus`; the same machine without
+        /// it. Compute it when the temperature has changed, not in every cycle. `size` is the room for it: `sizeof *warm`.
+        ///
+        /// Errors: WRONG_SIZE, NOT_FINITE, NO_STIFFNESS.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $at_temperature(
             machine: *const PkmMachine<$t>,
             temperature_c: $t,
             warm: *mut PkmMachine<$t>,
+            size: usize,
         ) -> PkmError {
+            if size != size_of::<PkmMachine<$t>>() {
+                return PkmError::WrongSize;
+            }
             // SAFETY: the caller's promise
             unsafe { answer(warm.cast(), || Ok(given(machine)?.core().at_temperature(temperature_c)?)) }
         }
@@ -485,7 +510,7 @@ macro_rules! functions {
 
 functions! {
     f64, MACHINE_F64, TABLE_F64, machine pkm_machine_f64, table pkm_table_f64,
-    at_temperature pkm_at_temperature_f64, inverse pkm_inverse_f64, forward pkm_forward_f64,
+    verify pkm_verify_f64, machine_size pkm_machine_size_f64, at_temperature pkm_at_temperature_f64, inverse pkm_inverse_f64, forward pkm_forward_f64,
     jacobian pkm_jacobian_f64, singularity_distance pkm_singularity_distance_f64,
     travel_margin pkm_travel_margin_f64, stiffness pkm_stiffness_f64, domain pkm_domain_f64,
     corrected_stiffness pkm_corrected_stiffness_f64, deflection pkm_deflection_f64,
@@ -496,7 +521,7 @@ functions! {
 
 functions! {
     f32, MACHINE_F32, TABLE_F32, machine pkm_machine_f32, table pkm_table_f32,
-    at_temperature pkm_at_temperature_f32, inverse pkm_inverse_f32, forward pkm_forward_f32,
+    verify pkm_verify_f32, machine_size pkm_machine_size_f32, at_temperature pkm_at_temperature_f32, inverse pkm_inverse_f32, forward pkm_forward_f32,
     jacobian pkm_jacobian_f32, singularity_distance pkm_singularity_distance_f32,
     travel_margin pkm_travel_margin_f32, stiffness pkm_stiffness_f32, domain pkm_domain_f32,
     corrected_stiffness pkm_corrected_stiffness_f32, deflection pkm_deflection_f32,

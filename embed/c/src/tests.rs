@@ -26,7 +26,7 @@ fn misuse<const N: usize>(inputs: [*const c_void; N], call: impl Fn([*const c_vo
 }
 
 macro_rules! misuse_of_every_function {
-    ($test:ident, $t:ty, $machine:ident, $table:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
+    ($test:ident, $t:ty, $machine:ident, $table:ident, $verify:ident, $machine_size:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
      $jacobian:ident, $distance:ident, $margin:ident, $stiffness:ident, $domain:ident, $corrected:ident,
      $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident, $wrist:ident, $tool_forward:ident, $tool_inverse:ident,
      $tip_inverse:ident, $tool_compensated:ident) => {
@@ -52,7 +52,16 @@ macro_rules! misuse_of_every_function {
             let at_tip = std::ptr::from_ref(&tip).cast();
             // SAFETY: every pointer is null, misaligned, or leads to what the function asks for
             unsafe {
-                misuse([m], |[m], to| $at_temperature(m.cast(), 30.0, to.cast()));
+                let size = $machine_size();
+                assert_eq!(size, size_of::<PkmMachine<$t>>());
+                misuse([m], |[m], to| $at_temperature(m.cast(), 30.0, to.cast(), size));
+                let mut room = [PATTERN; 512];
+                for wrong in [0, size - size_of::<$t>(), size + 1] {
+                    let to = room.as_mut_ptr().cast();
+                    assert_eq!($at_temperature(m.cast(), 30.0, to, wrong), PkmError::WrongSize);
+                }
+                assert_eq!(room, [PATTERN; 512]);
+                assert_eq!($verify(), PkmError::Ok);
                 misuse([m, p], |[m, p], to| $inverse(m.cast(), p.cast(), to.cast()));
                 misuse([m, q], |[m, q], to| $forward(m.cast(), q.cast(), to.cast()));
                 misuse([m, p], |[m, p], to| $jacobian(m.cast(), p.cast(), to.cast()));
@@ -90,6 +99,8 @@ misuse_of_every_function!(
     f64,
     pkm_machine_f64,
     pkm_table_f64,
+    pkm_verify_f64,
+    pkm_machine_size_f64,
     pkm_at_temperature_f64,
     pkm_inverse_f64,
     pkm_forward_f64,
@@ -114,6 +125,8 @@ misuse_of_every_function!(
     f32,
     pkm_machine_f32,
     pkm_table_f32,
+    pkm_verify_f32,
+    pkm_machine_size_f32,
     pkm_at_temperature_f32,
     pkm_inverse_f32,
     pkm_forward_f32,
@@ -133,3 +146,9 @@ misuse_of_every_function!(
     pkm_tip_inverse_f32,
     pkm_tool_compensated_f32
 );
+
+#[test]
+fn the_header_is_of_this_version() {
+    let header = include_str!("../include/pkm.h");
+    assert!(header.contains(concat!("#define PKM_VERSION \"", env!("CARGO_PKG_VERSION"), "\"\n")));
+}

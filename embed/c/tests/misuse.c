@@ -90,7 +90,7 @@ int main(void) {
         REFUSED(PKM_ERROR_NOT_FINITE, deflection,
                 pkm_deflection_f64(machine, table, &pose, &wrench, &bad_wrench, &deflection));
         REFUSED(PKM_ERROR_NOT_FINITE, deflection, pkm_thermal_deflection_f64(machine, &pose, bad[i], &deflection));
-        REFUSED(PKM_ERROR_NOT_FINITE, warm, pkm_at_temperature_f64(machine, bad[i], &warm));
+        REFUSED(PKM_ERROR_NOT_FINITE, warm, pkm_at_temperature_f64(machine, bad[i], &warm, sizeof warm));
         REFUSED(PKM_ERROR_NOT_FINITE, compensated,
                 pkm_compensated_f64(machine, &pose, &bad_deflection, &tip, &compensated));
         REFUSED(PKM_ERROR_NOT_FINITE, cycle, pkm_cycle_f64(machine, table, &pose, &bad_wrench, &tip, &cycle));
@@ -118,8 +118,13 @@ int main(void) {
     REFUSED(PKM_ERROR_NOT_COMPENSABLE, cycle, pkm_cycle_f64(machine, table, &pose, &wrench, &at_a, &cycle));
 
     /* result in the memory of the input */
-    CHECK(pkm_at_temperature_f64(machine, 25.0, &warm) == PKM_ERROR_OK);
-    CHECK(pkm_at_temperature_f64(&warm, 20.0, &warm) == PKM_ERROR_OK);
+    CHECK(strcmp(pkm_version(), PKM_VERSION) == 0);
+    CHECK(pkm_machine_size_f64() == sizeof warm && pkm_machine_size_f32() == sizeof(PkmMachine_f32));
+    CHECK(pkm_verify_f64() == PKM_ERROR_OK && pkm_verify_f32() == PKM_ERROR_OK);
+    /* a header of a version with fewer effects */
+    REFUSED(PKM_ERROR_WRONG_SIZE, warm, pkm_at_temperature_f64(machine, 25.0, &warm, sizeof warm - sizeof(double)));
+    CHECK(pkm_at_temperature_f64(machine, 25.0, &warm, sizeof warm) == PKM_ERROR_OK);
+    CHECK(pkm_at_temperature_f64(&warm, 20.0, &warm, sizeof warm) == PKM_ERROR_OK);
     CHECK(pkm_cycle_f64(&warm, table, &pose, &wrench, &tip, &cycle) == PKM_ERROR_OK);
 
     for (int32_t code = -2; code < 300; code++) {

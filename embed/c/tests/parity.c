@@ -66,7 +66,7 @@
                   &compensated, 6);                                                                               \
         print_##S("thermal", pkm_thermal_deflection_##S(machine, &pose, (T)4.5, &thermal), &thermal, 6);          \
         print_##S("cycle", pkm_cycle_##S(machine, table, &pose, &wrench, &tip, &cycle), &cycle, 15);              \
-        print_##S("warm", pkm_at_temperature_##S(machine, (T)31.5, &warm), &warm, 0);                             \
+        print_##S("warm", pkm_at_temperature_##S(machine, (T)31.5, &warm, sizeof warm), &warm, 0);                \
         print_##S("k_p_warm", pkm_stiffness_##S(&warm, &pose, &stiffness), &stiffness, 36);                       \
         joints.lengths = lengths;                                                                                 \
         joints.beta_rad[0] = (T)0.3;                                                                              \
