@@ -22,9 +22,9 @@ pub(crate) struct Args {
     /// Folder for diagnosis.json, machine.toml, coefficients.rs, coefficients.json, residuals.csv and report.html.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// `places`: first where the machine yields, whatever the formula, then a formula only there; what has none is found as
-    /// `element`. `formulas`: effects with a formula, one after another; quicker. Rates of both: docs/trials.md.
-    #[arg(long, value_enum, default_value = "places")]
+    /// `formulas`: effects with a formula, one after another. `places`: first where the machine yields, whatever the formula,
+    /// then a formula only there; what has none is found as `element`. Rates of both: docs/trials.md.
+    #[arg(long, value_enum, default_value = "formulas")]
     method: Method,
 }
 
