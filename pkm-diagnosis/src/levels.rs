@@ -17,9 +17,11 @@ pub struct Levels<'a> {
 
 /// Whitenings for [`Levels`], from the declared common errors on.
 pub fn whiteners(plain: &Problem<'_>) -> Option<Vec<Whitener>> {
-    let (groups, declared) = plain.common_errors()?;
-    let at = |more: &f64| {
-        let scale: Vec<f64> = declared.iter().map(|sd| sd.hypot(*more)).collect();
+    let errors = plain.model.common_errors()?;
+    let groups = plain.common_groups(&errors);
+    let at = |level: &f64| {
+        let scale: Vec<f64> =
+            errors.sd.iter().zip(&errors.undeclared).map(|(sd, more)| sd.hypot(level * more)).collect();
         plain.whitener.with_common_errors(&groups, &scale)
     };
     Some(plain.rules.load_error_levels.iter().map(at).collect())

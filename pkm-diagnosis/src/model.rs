@@ -127,6 +127,8 @@ pub struct CommonErrors {
     pub columns: Vec<Vec<f64>>,
     /// Declared standard deviation of each column.
     pub sd: Vec<f64>,
+    /// What an undeclared error of 1 adds to it: see [`Rules::load_error_levels`](crate::Rules).
+    pub undeclared: Vec<f64>,
     /// Group of each condition, counted from 0.
     pub group_of: Vec<usize>,
 }

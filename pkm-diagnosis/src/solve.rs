@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use crate::fit::{Fit, product};
-use crate::model::{ForwardModel, Parameter, Unknown};
+use crate::model::{CommonErrors, ForwardModel, Parameter, Unknown};
 use crate::observations::Observations;
 use crate::rules::Rules;
 use crate::whitening::{Entry, Whitener};
@@ -125,10 +125,8 @@ impl<'a> Problem<'a> {
         groups
     }
 
-    /// Whitened effects of the errors that readings have in common, group by group, and their declared standard
-    /// deviations.
-    pub fn common_errors(&self) -> Option<(Vec<CommonGroup>, Vec<f64>)> {
-        let errors = self.model.common_errors()?;
+    /// Whitened effects of the errors that readings have in common, group by group.
+    pub fn common_groups(&self, errors: &CommonErrors) -> Vec<CommonGroup> {
         let columns: Vec<Vec<f64>> = errors.columns.iter().map(|c| self.whitened(c)).collect();
         let mut groups: Vec<Vec<usize>> = vec![Vec::new(); errors.group_of.iter().map(|g| g + 1).max().unwrap_or(0)];
         for (n, e) in self.whitener.entries.iter().enumerate() {
@@ -139,7 +137,7 @@ impl<'a> Problem<'a> {
             let u = DMatrix::from_fn(entries.len(), columns.len(), |i, k| columns[k][entries[i]]);
             (entries, u)
         };
-        Some((groups.into_iter().map(of).collect(), errors.sd))
+        groups.into_iter().map(of).collect()
     }
 
     /// Whitened predictions.

@@ -281,6 +281,7 @@ impl ForwardModel for Model {
         Some(CommonErrors {
             columns: (0..CONDITIONS).map(column).collect(),
             sd: vec![0.0; CONDITIONS],
+            undeclared: vec![1.0; CONDITIONS],
             group_of: (0..self.visits.len()).collect(),
         })
     }

@@ -81,7 +81,7 @@ impl ForwardModel for Chain {
         // the force, common to all that was read in one pose
         let column = self.predict(&[], &[])?;
         let group_of = (0..self.conditions.len()).map(|n| n / 6).collect();
-        Some(CommonErrors { columns: vec![column], sd: vec![1e-4], group_of })
+        Some(CommonErrors { columns: vec![column], sd: vec![1e-4], undeclared: vec![1.0], group_of })
     }
 }
 

@@ -80,7 +80,7 @@ impl Table {
             constant: column(1e-4),
             columns: (0..unknowns).map(|_| column(size)).collect(),
             curve: 0.0,
-            common: CommonErrors { columns: Vec::new(), sd: Vec::new(), group_of: vec![0; conditions] },
+            common: CommonErrors { group_of: vec![0; conditions], ..CommonErrors::default() },
         }
     }
 }

@@ -62,12 +62,16 @@ impl<'a> Experiment<'a> {
     }
 }
 
+/// Which way along its line a load acts.
+fn way(c: &Condition) -> f64 {
+    c.wrench.to_array().into_iter().find(|v| *v != 0.0).map_or(1.0, f64::signum)
+}
+
 /// The line of a load, whichever way along it and however large, and its pose.
 fn line(c: &Condition) -> (usize, Vec<i64>) {
     let all = c.wrench.to_array();
     let size = all.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
-    let sign = all.iter().find(|v| **v != 0.0).map_or(1.0, |v| v.signum());
-    (c.pose, all.iter().map(|v| (1e3 * sign * v / size).round() as i64).collect())
+    (c.pose, all.iter().map(|v| (1e3 * way(c) * v / size).round() as i64).collect())
 }
 
 /// Unit turn of a vector about an axis.
@@ -89,9 +93,12 @@ impl ForwardModel for Experiment<'_> {
         Some(self.model.predict(&self.poses, self.conditions, unknowns, x)?.into_flattened())
     }
 
-    /// Errors of the loads: for every pose and line of load, three turns of its direction by 1 rad and a gain by 1.
+    /// Errors of the loads: for every pose and line of load, three turns of its direction by 1 rad and a gain by 1. What is
+    /// declared goes with the line. Of what nobody declares, half of the variance is another error for each way along the
+    /// line, as a load that is put on from the other side is aimed anew: without it the difference passes for a law of the
+    /// load.
     fn common_errors(&self) -> Option<CommonErrors> {
-        let columns: Option<Vec<Vec<f64>>> = (0..4)
+        let lines: Option<Vec<Vec<f64>>> = (0..4)
             .map(|kind| {
                 let changed = |v: [f64; 3]| if kind < 3 { turned(v, kind) } else { v };
                 let conditions: Vec<Condition> = (self.conditions.iter())
@@ -109,6 +116,16 @@ impl ForwardModel for Experiment<'_> {
         let mut groups: BTreeMap<(usize, Vec<i64>), usize> = self.conditions.iter().map(|c| (line(c), 0)).collect();
         groups.values_mut().enumerate().for_each(|(n, group)| *group = n);
         let group_of = self.conditions.iter().map(|c| groups[&line(c)]).collect();
-        Some(CommonErrors { columns: columns?, sd: vec![turn, turn, turn, gain], group_of })
+        let mut columns = lines?;
+        let channels = columns[0].len() / self.conditions.len().max(1);
+        for side in [1.0, -1.0] {
+            let there = |n: usize| f64::from(way(&self.conditions[n / channels]) == side);
+            columns.extend_from_within(..4);
+            let last = columns.len() - 4;
+            columns[last..].iter_mut().for_each(|c| c.iter_mut().enumerate().for_each(|(n, v)| *v *= there(n)));
+        }
+        let sd = [[turn, turn, turn, gain], [0.0; 4], [0.0; 4]].concat();
+        let undeclared = vec![0.5_f64.sqrt(); 12];
+        Some(CommonErrors { columns, sd, undeclared, group_of })
     }
 }

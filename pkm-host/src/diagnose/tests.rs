@@ -203,7 +203,8 @@ fn errors_of_a_load_move_all_readings_under_it() {
     let (conditions, line) = lines();
     let data = readings(conditions, Vec::new());
     let found = Experiment::new(&model, &data).common_errors().unwrap();
-    assert_eq!(found.sd, [3e-3, 3e-3, 3e-3, 5e-3]);
+    assert_eq!(found.sd, [3e-3, 3e-3, 3e-3, 5e-3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(found.undeclared, [0.5_f64.sqrt(); 12]);
     let truth = load_columns(&file, &data, &line);
     for (a, group) in found.group_of.iter().enumerate() {
         for (b, other) in found.group_of.iter().enumerate() {
@@ -212,6 +213,13 @@ fn errors_of_a_load_move_all_readings_under_it() {
         let own = DVector::from_fn(4 * CHANNELS, |i, _| found.columns[i / CHANNELS][a * CHANNELS + i % CHANNELS]);
         let truth = truth.view((a * CHANNELS, 4 * line[a]), (CHANNELS, 4)).clone_owned();
         close(own.as_slice(), truth.as_slice(), 1e-6);
+        // half of the variance that nobody declares is another error for each way along the line
+        let force = data.conditions[a].wrench.to_array();
+        let (there, other) = if force.iter().find(|v| **v != 0.0) > Some(&0.0) { (4, 8) } else { (8, 4) };
+        for k in 0..4 {
+            let at = |column: usize| &found.columns[column + k][a * CHANNELS..][..CHANNELS];
+            assert_eq!((at(there), at(other)), (at(0), [0.0; CHANNELS].as_slice()));
+        }
     }
 }
 
