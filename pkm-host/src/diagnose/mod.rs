@@ -323,7 +323,7 @@ fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
             }
         }
         let id = effect.map_or(ELEMENT, |effect| info(effect).id);
-        Some(Effect { id, parameters, confidence: found.confidence, class, ..at(site) })
+        Some(Effect { id, parameters, confidence: found.confidence, class, ..at(&site.named(model, found.candidate)) })
     };
     let named = sites::named_at(sites, search);
     let all = sites.iter().zip(named).filter(|(site, _)| site.place != NOWHERE);

@@ -23,6 +23,16 @@ pub struct Site {
     pub candidates: Vec<usize>,
 }
 
+impl Site {
+    /// The same, first of all where a candidate that explains it acts: the formula says more than the block that found it.
+    pub fn named(&self, model: &Model, candidate: usize) -> Self {
+        let all = [&self.place].into_iter().chain(&self.place_class);
+        let own = named::place_of(model, candidate).places.into_iter().next().unwrap_or_else(|| self.place.clone());
+        let others = all.filter(|p| **p != own).take(MAX_CLASS).cloned().collect();
+        Self { place: own, place_class: others, ..self.clone() }
+    }
+}
+
 /// Most places that a finding may name beside the likeliest: a longer list says nothing.
 const MAX_CLASS: usize = 3;
 
