@@ -145,6 +145,40 @@ pub fn class_of(id: &str, unloading: bool, rotations: bool) -> Vec<&str> {
     found.map_or_else(|| vec![id], |(members, _)| members.to_vec())
 }
 
+/// Where an effect may rightly be found, as the contract names places: those that it acts at, and those that deflections at
+/// the tool do not tell from them.
+pub fn places_of(id: &str) -> Vec<String> {
+    let limb_parts = |limbs: &[usize], parts: &[&str]| -> Vec<String> {
+        limbs.iter().flat_map(|i| parts.iter().map(move |part| format!("limb.{i}.{part}"))).collect()
+    };
+    let (all, chain) = ([1, 2, 3], ["base_joint", "body", "platform_joint"]);
+    let with = |others: &[&str], parts: Vec<String>| {
+        others.iter().map(|s| (*s).to_owned()).chain(parts).collect::<Vec<String>>()
+    };
+    match id {
+        "moving-platform-compliance" => with(&["moving_platform"], vec![]),
+        "base-compliance" => with(&["base"], vec![]),
+        "limb-coupling" => with(&["base"], limb_parts(&all, &["base_joint"])),
+        "wrist-compliance" => with(&["tool"], vec![]),
+        "telescopic-limb" | "thermal-modulus" | "lateral-axial-coupling" | "screw-torsion-with-extension" => {
+            limb_parts(&all, &["body"])
+        }
+        "limb-1-axial" => limb_parts(&[1], &chain),
+        "limb-2-axial" => limb_parts(&[2], &chain),
+        "limb-3-axial" | "spherical-joint" | "revolute-3-joint" => limb_parts(&[3], &chain),
+        "universal-joint" | "revolute-joint" => limb_parts(&[1, 2], &chain),
+        "preload" => limb_parts(&all, &["body", "platform_joint"]),
+        "platform-offset" => with(&["geometry", "moving_platform"], limb_parts(&all, &["platform_joint"])),
+        "geometry-a1" => with(&["geometry"], limb_parts(&[1, 2], &["platform_joint"])),
+        "geometry-b1" => with(&["geometry"], limb_parts(&[1, 2], &["base_joint"])),
+        "misaligned-joint-axes" => with(&["geometry"], limb_parts(&all, &["base_joint", "platform_joint"])),
+        "resonant-bracket" => with(&["base"], limb_parts(&all, &chain)),
+        "sensor-rotation" => with(&["sensor"], vec![]),
+        "sensor-scale" | "load-gain" | "load-point" => with(&["sensor", "load"], vec![]),
+        _ => limb_parts(&all, &chain),
+    }
+}
+
 /// Declared values that may rightly be blamed for an effect.
 pub fn declared_of(id: &str) -> &'static [&'static str] {
     match id {

@@ -19,6 +19,8 @@ pub struct Truth {
     pub effects: Vec<(String, Vec<String>, Vec<String>)>,
     /// Declared values that are wrong.
     pub declared: Vec<String>,
+    /// For each thing that is there, the places where it may rightly be found.
+    pub places: Vec<Vec<String>>,
     /// Signal that re-tuning cannot take.
     pub lambda: f64,
     /// Seed, form and amplitude.
@@ -53,9 +55,11 @@ impl Truth {
         let contains = texts(&json["contains"]);
         let accept = texts(&json["accept"]);
         let blamed = !json["declared_value_finding"].is_null();
+        let places: Vec<Vec<String>> = json["where_ok"].as_array().into_iter().flatten().map(texts).collect();
         let kind = match (contains.len(), blamed) {
             _ if contains.iter().any(|id| id.starts_with('(')) => "outside",
             (0, true) => "declared",
+            (0, false) if !places.is_empty() => "outside",
             (0, false) => "none",
             (1, _) => "one",
             _ => "two",
@@ -84,6 +88,7 @@ impl Truth {
             kind: json["kind"].as_str().unwrap_or(kind).to_owned(),
             effects,
             declared,
+            places,
             lambda: json["lambda"].as_f64().unwrap_or(0.0),
             about,
         }
@@ -98,6 +103,8 @@ pub struct Answer {
     effects: Vec<Vec<String>>,
     /// For each finding the parameter, then its class.
     findings: Vec<Vec<String>>,
+    /// For each effect its place, then those that the readings do not tell from it.
+    places: Vec<Vec<String>>,
     lack_of_fit: f64,
     before: f64,
     after: f64,
@@ -126,6 +133,11 @@ impl Answer {
             verdict: verdict.to_owned(),
             effects: named(&json["effects"], "id")?,
             findings: named(&json["declared_value_findings"], "parameter")?,
+            places: (json["effects"].as_array().into_iter().flatten())
+                .map(|e| {
+                    [e["where"].as_str().map(str::to_owned).into_iter().collect(), texts(&e["where_class"])].concat()
+                })
+                .collect(),
             lack_of_fit: number("/lack_of_fit/p")?,
             before: number("/holdout/before/linear_um_rms")?,
             after: number("/holdout/after/linear_um_rms")?,
@@ -206,6 +218,24 @@ impl Outcome {
         answer.effects.iter().filter(|names| !true_one(names)).map(|names| names[0].as_str()).collect()
     }
 
+    /// For each thing that is there, whether its place was found, by an effect or by a declared value of the part.
+    fn located(&self) -> Vec<bool> {
+        let Ok(answer) = &self.answer else { return vec![false; self.truth.places.len()] };
+        let is_there = |right: &Vec<String>| {
+            let part = |name: &String| right.iter().any(|place| name.starts_with(&format!("{place}.")));
+            answer.places.iter().any(|places| holds(places, right, &[]))
+                || answer.findings.iter().any(|names| names.iter().any(part))
+        };
+        self.truth.places.iter().map(is_there).collect()
+    }
+
+    /// Effects whose place is nowhere near anything that is there.
+    fn misplaced(&self) -> usize {
+        let Ok(answer) = &self.answer else { return 0 };
+        let right = |places: &&Vec<String>| self.truth.places.iter().any(|there| holds(places, there, &[]));
+        answer.places.iter().filter(|places| !right(places)).count()
+    }
+
     /// Whether a wrong declaration was found.
     fn declared_found(&self) -> bool {
         let Ok(answer) = &self.answer else { return false };
@@ -229,10 +259,17 @@ impl Outcome {
                     "outside" => if self.claimed() { "CLAIMED" } else { "not claimed" }.to_owned(),
                     _ => format!("right {:?} wrong {:?}", self.right(), self.wrong()),
                 };
-                let (effects, findings) = (list(&a.effects), list(&a.findings));
+                let (effects, findings, places) = (list(&a.effects), list(&a.findings), list(&a.places));
                 format!(
-                    "{truth} -> {} {effects} / {findings} | {score} | lack of fit p {:.3} | held out {:.3} {:.3} {:.3} | {:.1} s",
-                    a.verdict, a.lack_of_fit, a.before, a.retuned, a.after, self.seconds
+                    "{truth} -> {} {effects} / {findings} | {score} | at {places}: {:?}, {} misplaced | lack of fit p {:.3} | held out {:.3} {:.3} {:.3} | {:.1} s",
+                    a.verdict,
+                    self.located(),
+                    self.misplaced(),
+                    a.lack_of_fit,
+                    a.before,
+                    a.retuned,
+                    a.after,
+                    self.seconds
                 )
             }
         }
@@ -344,16 +381,18 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     let within =
         |low: f64, high: f64| one.iter().filter(|o| (low..high).contains(&o.truth.lambda)).copied().collect::<Vec<_>>();
     let right = |o: &Outcome| !o.right().is_empty() && o.right().iter().all(|r| *r);
-    for (name, low, high, target) in [
-        ("one, λ < 30", 0.0, 30.0, ""),
-        ("one, λ 30-100", 30.0, 100.0, ">= 85 %"),
-        ("one, λ 100-400", 100.0, 400.0, ""),
-        ("one, λ 400-1000", 400.0, 1000.0, ""),
-        ("one, λ >= 1000", 1000.0, f64::INFINITY, ""),
-        ("one, λ >= 100", 100.0, f64::INFINITY, ">= 95 %"),
+    for (name, low, high, target, place) in [
+        ("one, λ < 30", 0.0, 30.0, "", ""),
+        ("one, λ 30-100", 30.0, 100.0, ">= 85 %", ">= 90 %"),
+        ("one, λ 100-400", 100.0, 400.0, "", ""),
+        ("one, λ 400-1000", 400.0, 1000.0, "", ""),
+        ("one, λ >= 1000", 1000.0, f64::INFINITY, "", ""),
+        ("one, λ >= 100", 100.0, f64::INFINITY, ">= 95 %", ">= 97 %"),
     ] {
         rate(&format!("{name}: right class"), &within(low, high), target, &right);
         rate(&format!("{name}: a wrong name"), &within(low, high), "", &|o| !o.wrong().is_empty());
+        rate(&format!("{name}: right place"), &within(low, high), place, &|o| o.located() == [true]);
+        rate(&format!("{name}: a wrong place"), &within(low, high), "<= 3 %", &|o| o.misplaced() > 0);
     }
     let declared = of_kind("declared");
     rate("declared value: found", &declared, ">= 95 %", &|o| o.declared_found());
@@ -362,10 +401,16 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     rate("two: both and nothing else", &two, ">= 70 %", &|o| hits(o) == o.truth.effects.len() && o.wrong().is_empty());
     rate("two: one right", &two, ">= 95 %", &|o| hits(o) > 0);
     rate("two: a wrong one", &two, "<= 10 %", &|o| !o.wrong().is_empty());
+    let everywhere = |o: &Outcome| o.located().iter().all(|there| *there);
+    rate("two: both places and no other", &two, ">= 80 %", &|o| everywhere(o) && o.misplaced() == 0);
+    rate("two: a wrong place", &two, "<= 8 %", &|o| o.misplaced() > 0);
     let outside = of_kind("outside");
     rate("outside the list: not claimed", &outside, ">= 90 %", &|o| o.answer.is_ok() && !o.claimed());
     let missed = |a: &Answer| a.verdict == "adequate" && a.effects.is_empty();
     rate("outside the list: of these missed", &outside, "", &|o| answered(o, &missed));
+    let strong: Vec<&Outcome> = outside.iter().filter(|o| o.truth.lambda >= 100.0).copied().collect();
+    rate("outside the list, λ >= 100: right place", &strong, ">= 75 %", &everywhere);
+    rate("outside the list: a wrong place", &outside, "<= 10 %", &|o| o.misplaced() > 0);
     // what the sensor adds is not in held-out deflections
     let machine = |o: &&&Outcome| {
         o.answer.is_ok()
@@ -476,6 +521,19 @@ mod tests {
         let part = outcome(&truth, true, said("partly_explained", &effects, &json!([])));
         assert!(!part.claimed() && part.truth.kind == "outside");
         assert!(report(&[part], true).contains("| outside the list: not claimed"));
+    }
+
+    #[test]
+    fn a_place_or_one_of_its_class_counts() {
+        let body = ["limb.1.body", "limb.1.base_joint"];
+        let truth = json!({"contains": ["limb-1-axial", "base-compliance"], "where_ok": [body, ["base"]]});
+        let effect = |place: &str, class: &[&str]| json!({"id": "element", "where": place, "where_class": class});
+        let found = |effects: Value| outcome(&truth, true, said("explained", &effects, &json!([])));
+        let o = found(json!([effect("moving_platform", &["limb.1.base_joint"]), effect("tool", &[])]));
+        assert_eq!((o.located(), o.misplaced()), (vec![true, false], 1));
+        let value = json!([{"parameter": "limb.1.body.young_gpa", "class": []}]);
+        let o = outcome(&truth, true, said("explained", &json!([effect("base", &[])]), &value));
+        assert_eq!((o.located(), o.misplaced()), (vec![true, true], 0));
     }
 
     #[test]

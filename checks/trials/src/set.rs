@@ -457,6 +457,8 @@ impl Set {
         }
         let accept: Vec<&str> = self.world.effects.iter().flat_map(Effect::accepted).collect();
         truth["accept"] = json!(accept);
+        let where_ok: Vec<_> = self.world.effects.iter().map(|e| effects::places_of(e.id)).collect();
+        truth["where_ok"] = json!(where_ok);
         truth["contains"] = json!(contains);
         truth["lambda"] = json!(self.lambda.round());
         truth
