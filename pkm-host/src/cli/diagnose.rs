@@ -24,7 +24,7 @@ pub(crate) struct Args {
     out: PathBuf,
     /// `formulas`: effects with a formula, one after another. `places`: first where the machine yields, whatever the formula,
     /// then a formula only there; what has none is found as `element`. Rates of both: docs/trials.md.
-    #[arg(long, value_enum, default_value = "formulas")]
+    #[arg(long, value_enum, default_value = "places")]
     method: Method,
 }
 

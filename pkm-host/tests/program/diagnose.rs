@@ -13,15 +13,11 @@ fn measured(set: &str, file: &str) -> String {
 }
 
 /// Diagnoses a set of the fixtures into the folder's `out`.
-fn diagnose_by(method: &str, set: &str, folder: &Folder) -> Value {
+fn diagnose(set: &str, folder: &Folder, more: &[&str]) -> Value {
     let files = ["machine.toml", "measured.csv", "heldout.csv"].map(|file| measured(set, file));
     let (out, [machine, data, holdout]) = (folder.path("out"), &files);
     let files = ["--machine", machine, "--data", data, "--holdout", holdout, "--out", &out];
-    json(&[&["diagnose", "--method", method][..], &files].concat())
-}
-
-fn diagnose(set: &str, folder: &Folder) -> Value {
-    diagnose_by("formulas", set, folder)
+    json(&[&["diagnose"][..], &files, more].concat())
 }
 
 /// Ids of effects with their classes, and keys of declared values.
@@ -40,15 +36,54 @@ fn rms(json: &Value, rival: &str) -> f64 {
     json["holdout"][rival]["linear_um_rms"].as_f64().unwrap()
 }
 
-/// Sets of which the diagnosis is known to be wrong: in ten poses with λ near 60 some effects stay below the limits of
-/// acceptance and two finds predict a little worse than re-tuning; compliance that swings along the screw passes for one
-/// that grows along it.
-const KNOWN_MISSES: [&str; 5] = [
-    "own-contact-stiffening-hard",
+/// For each effect its place with those that the readings do not tell from it, and the parts of declared values.
+fn places(json: &Value) -> (Vec<Vec<String>>, Vec<String>) {
+    let text = |v: &Value| v.as_str().unwrap().to_owned();
+    let effects = json["effects"].as_array().unwrap().iter();
+    let each =
+        effects.map(|e| [&e["where"]].into_iter().chain(e["where_class"].as_array().unwrap()).map(text).collect());
+    let part = |parameter: &String| parameter.rsplit_once('.').unwrap().0.to_owned();
+    (each.collect(), names(json).1.iter().map(part).collect())
+}
+
+/// What is wrong with a diagnosis of a set, in words.
+fn misses(truth: &Value, found: &Value) -> Vec<&'static str> {
+    let list = |v: &Value| -> Vec<String> { serde_json::from_value(v.clone()).unwrap() };
+    let right: Vec<Vec<String>> = truth["where_ok"].as_array().unwrap().iter().map(list).collect();
+    let (effects, parts) = places(found);
+    let meets = |a: &[String], b: &[String]| a.iter().any(|place| b.contains(place));
+    let outside = list(&truth["contains"]).iter().any(|id| id.starts_with('('));
+    // below λ = 30 nothing need be found, nor physics that is on no list
+    let optional = outside || truth["lambda"].as_f64().is_some_and(|lambda| lambda < 30.0);
+    let listed = found["effects"].as_array().unwrap().iter().any(|e| e["id"] != "element");
+    let all = [
+        (
+            "not found",
+            !optional && right.iter().any(|there| !effects.iter().chain([&parts]).any(|own| meets(own, there))),
+        ),
+        ("a wrong place", effects.iter().any(|own| !right.iter().any(|there| meets(own, there)))),
+        ("claimed for the list", outside && listed && found["verdict"] == "explained"),
+        // loads that are wrong leave more than noise, which is said, and name nothing
+        ("not adequate", right.is_empty() && truth["kind"] != "load-errors" && found["verdict"] != "adequate"),
+        ("no declared value blamed", !optional && truth.get("declared_value_finding").is_some() && parts.is_empty()),
+        // physics must not make it worse than re-tuning alone
+        ("worse than re-tuned", rms(found, "after") > 1.05 * rms(found, "retuned_only")),
+    ];
+    all.into_iter().filter(|(_, holds)| *holds).map(|(what, _)| what).collect()
+}
+
+/// Sets of which the diagnosis is known to be wrong: of ten poses with λ near 60, one offset of a joint that passes for
+/// compliance of the base, and one find that predicts 7 % worse than re-tuning. The others have physics on no list, which is
+/// found beside its place, or at it with a law that extrapolates worse than re-tuning.
+const KNOWN_MISSES: [&str; 8] = [
+    "own-geometry-a1-hard",
     "own-limb-coupling-hard",
+    "own-outside-cable-carrier-between-limbs",
+    "own-outside-lateral-axial-coupling",
+    "own-outside-misaligned-joint-axes",
     "own-outside-periodic-screw",
-    "own-telescopic-limb-hard",
-    "own-thermal-modulus-hard",
+    "own-outside-resonant-bracket",
+    "own-outside-screw-torsion-with-extension",
 ];
 
 #[test]
@@ -65,52 +100,14 @@ fn sets_are_diagnosed_as_their_truth_says() {
         }
         let truth = std::fs::read_to_string(measured(set, "truth.json")).unwrap();
         let truth: Value = serde_json::from_str(&truth).unwrap();
-        let found = diagnose(set, &Folder::new());
+        let found = diagnose(set, &Folder::new(), &[]);
         // whatever the machine lacks, these are readings of it as the file says
         assert_eq!(found["doubts"], serde_json::json!([]), "{set}");
         assert_eq!(found["suspect_readings"], serde_json::json!([]), "{set}");
-        let (effects, declared) = names(&found);
-        let verdict = found["verdict"].as_str().unwrap();
-        let contains: Vec<&str> = truth["contains"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
-        let mut fail = |what: &str| {
-            let _ = writeln!(wrong, "{set} {contains:?}: {what}; {verdict} {effects:?} {declared:?}");
-        };
-        let outside = set.contains("outside") || set == "p09";
-        if outside {
-            if verdict == "explained" {
-                fail("claimed");
-            }
-            continue;
-        }
-        // below λ = 30 nothing need be found
-        let hidden = truth["lambda"].as_f64().is_some_and(|lambda| lambda < 30.0);
-        for id in contains.iter().filter(|_| !hidden) {
-            // a softer drive or joint may come out as a declared value of its limb
-            let blamed = |limbs: &[&str]| declared.iter().any(|d| limbs.iter().any(|l| d.starts_with(l)));
-            let as_declared = match *id {
-                "limb-1-axial" | "limb-2-axial" | "revolute-joint" | "universal-joint" => blamed(&["limb.1", "limb.2"]),
-                "limb-3-axial" | "spherical-joint" | "revolute-3-joint" => blamed(&["limb.3"]),
-                _ => false,
-            };
-            if !effects.iter().any(|e| e == id) && !as_declared {
-                fail("not found");
-            }
-        }
-        if contains.is_empty() && !effects.is_empty() {
-            fail("named what is not there");
-        }
-        if set == "p01" || set.starts_with("own-none") {
-            assert_eq!(verdict, "adequate", "{set}");
-        }
-        if truth.get("declared_value_finding").is_some() && declared.is_empty() && !hidden {
-            fail("no declared value blamed");
-        }
-        // physics must not make it worse than re-tuning alone
-        if rms(&found, "after") > 1.05 * rms(&found, "retuned_only") {
-            fail("worse than re-tuned");
+        for what in misses(&truth, &found) {
+            let _ = writeln!(wrong, "{set} {}: {what}; {} {:?}", truth["contains"], found["verdict"], places(&found));
         }
     }
-    // hard ones that are missed, and what is outside the list and passes for something on it
     let mut missed: Vec<&str> = wrong.lines().map(|l| l.split(' ').next().unwrap()).collect();
     missed.dedup();
     assert_eq!(missed, KNOWN_MISSES, "{wrong}");
@@ -119,7 +116,7 @@ fn sets_are_diagnosed_as_their_truth_says() {
 #[test]
 fn a_table_that_hides_the_effect_is_caught() {
     let folder = Folder::new();
-    let found = diagnose("p10", &folder);
+    let found = diagnose("p10", &folder, &["--method", "formulas"]);
     // as good as noise where it was fitted …
     assert!(found["error_table_only"]["chi2_per_dof"].as_f64().unwrap() < 1.02);
     // … and far off where it was not
@@ -150,7 +147,7 @@ fn rms_of_improved(set: &str, folder: &Folder) -> f64 {
 #[test]
 fn the_improved_machine_file_predicts_what_the_diagnosis_says() {
     let folder = Folder::new();
-    let found = diagnose("p08", &folder);
+    let found = diagnose("p08", &folder, &["--method", "formulas"]);
     let own = rms_of_improved("p08", &folder);
     assert!((own / rms(&found, "after") - 1.0).abs() < 1e-6, "{own} {}", rms(&found, "after"));
 }
@@ -159,10 +156,10 @@ fn the_improved_machine_file_predicts_what_the_diagnosis_says() {
 /// machine file carries.
 #[test]
 fn places_are_found_and_their_elements_go_into_the_machine_file() {
-    let clean = diagnose_by("places", "p01", &Folder::new());
+    let clean = diagnose("p01", &Folder::new(), &[]);
     assert_eq!((&clean["verdict"], &clean["effects"]), (&"adequate".into(), &serde_json::json!([])));
     let folder = Folder::new();
-    let found = diagnose_by("places", "p08", &folder);
+    let found = diagnose("p08", &folder, &[]);
     let effects = found["effects"].as_array().unwrap();
     let places: Vec<Vec<&str>> = effects
         .iter()
@@ -182,8 +179,8 @@ fn places_are_found_and_their_elements_go_into_the_machine_file() {
 #[test]
 fn two_runs_give_the_same_bytes_and_the_plan_stays_within_travel() {
     let (a, b) = (Folder::new(), Folder::new());
-    diagnose("p05", &a);
-    diagnose("p05", &b);
+    diagnose("p05", &a, &[]);
+    diagnose("p05", &b, &[]);
     for name in ["diagnosis.json", "machine.toml", "coefficients.rs", "coefficients.json", "report.html"] {
         let read = |folder: &Folder| folder.read(&format!("out/{name}"));
         assert!(read(&a) == read(&b), "{name}");
@@ -214,19 +211,8 @@ fn changed(change: impl Fn(usize, &str, &str) -> Option<String>) -> String {
 fn fewer_channels_and_declared_noise_will_do() {
     let folder = Folder::new();
     let (machine, out) = (measured("p05", "machine.toml"), folder.path("out"));
-    let diagnosed = |text: &str| {
-        json(&[
-            "diagnose",
-            "--method",
-            "formulas",
-            "--machine",
-            &machine,
-            "--data",
-            &folder.write("d.csv", text),
-            "--out",
-            &out,
-        ])
-    };
+    let diagnosed =
+        |text: &str| json(&["diagnose", "--machine", &machine, "--data", &folder.write("d.csv", text), "--out", &out]);
     // three translations alone
     let found = diagnosed(&changed(|_, h, _| h.ends_with("_urad").then(String::new)));
     assert_eq!(names(&found).0[0], "clearance");
@@ -257,17 +243,7 @@ fn readings_of_one_nominal_load_are_repeats_whatever_was_recorded() {
     });
     let folder = Folder::new();
     let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", &recorded));
-    let found = json(&[
-        "diagnose",
-        "--method",
-        "formulas",
-        "--machine",
-        &machine,
-        "--data",
-        &data,
-        "--out",
-        &folder.path("out"),
-    ]);
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
     assert_eq!(found["lack_of_fit"]["noise_source"], "repeats");
     let noise = found["noise"]["reading_um_urad"][0].as_f64().unwrap();
     assert!((1.0..3.0).contains(&noise), "{noise}");
@@ -277,17 +253,7 @@ fn readings_of_one_nominal_load_are_repeats_whatever_was_recorded() {
 fn doubted(text: &str) -> (Vec<(String, String)>, Value) {
     let folder = Folder::new();
     let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", text));
-    let found = json(&[
-        "diagnose",
-        "--method",
-        "formulas",
-        "--machine",
-        &machine,
-        "--data",
-        &data,
-        "--out",
-        &folder.path("out"),
-    ]);
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
     let text = |d: &Value, key: &str| d[key].as_str().unwrap().to_owned();
     let doubts = found["doubts"].as_array().unwrap();
     (doubts.iter().map(|d| (text(d, "kind"), text(d, "message"))).collect(), found["suspect_readings"].clone())
@@ -310,17 +276,7 @@ fn another_frame_unit_or_sign_is_said_before_any_physics() {
     let reversed = changed(|_, h, c| if h.ends_with("_um") || h.ends_with("_urad") { scaled(-1.0, c) } else { None });
     let folder = Folder::new();
     let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", &reversed));
-    let error = refused(&[
-        "diagnose",
-        "--method",
-        "formulas",
-        "--machine",
-        &machine,
-        "--data",
-        &data,
-        "--out",
-        &folder.path("out"),
-    ]);
+    let error = refused(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
     assert!(error["message"].as_str().unwrap().contains("with all signs reversed"), "{error}");
 }
 
@@ -331,7 +287,7 @@ fn a_gross_error_costs_its_number_and_no_more() {
     let folder = Folder::new();
     let (machine, data) = (measured("p05", "machine.toml"), folder.write("d.csv", &slip));
     let out = folder.path("out");
-    let found = json(&["diagnose", "--method", "formulas", "--machine", &machine, "--data", &data, "--out", &out]);
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &out]);
     let suspect = &found["suspect_readings"][0];
     assert_eq!(
         (&suspect["line"], &suspect["column"], &suspect["excluded"]),
