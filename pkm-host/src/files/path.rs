@@ -11,6 +11,12 @@ pub struct Move {
     pub to: Place,
     /// On the tool at its tip in the axes of T_h, at the beginning and at the end; linear between.
     pub wrench: [Wrench<f64>; 2],
+    /// By how much the tool is longer than the flange of the machine file says, m.
+    pub longer_m: f64,
+    /// Where it begins is not known: only its end counts.
+    pub is_fresh: bool,
+    /// A rapid move of a program.
+    pub is_rapid: bool,
 }
 
 /// A share of the way from one wrench to another.
@@ -42,6 +48,83 @@ pub enum Toward {
     Axis([f64; 3]),
     /// β1 and β2 of the wrist, rad.
     Wrist([f64; 2]),
+    /// Angles of a head that a program speaks of, rad.
+    Head(Head, [f64; 2]),
+}
+
+/// A head by whose angles a program gives the tool's axis in B; at 0 the tool points along z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Head {
+    /// A about x, on it C about z.
+    Ac,
+    /// B about y, on it C about z.
+    Bc,
+    /// The same direction all the time, of any length above 0.
+    Fixed([f64; 3]),
+}
+
+/// Of a tilt below this the turn about z says next to nothing: the axis is held by the tilt alone, rad.
+const TILT_WITHOUT_TURN_RAD: f64 = 1e-3;
+
+impl Head {
+    /// Letters of its angles.
+    pub fn letters(self) -> &'static str {
+        match self {
+            Self::Ac => "AC",
+            Self::Bc => "BC",
+            Self::Fixed(_) => "",
+        }
+    }
+
+    /// The tool's axis in B.
+    pub fn axis(self, [tilt, turn]: [f64; 2]) -> [f64; 3] {
+        let ((st, ct), (sc, cc)) = (tilt.sin_cos(), turn.sin_cos());
+        match self {
+            Self::Ac => [st * sc, -st * cc, ct],
+            Self::Bc => [st * cc, st * sc, ct],
+            Self::Fixed(axis) => axis,
+        }
+    }
+
+    /// The angles of an axis next to given ones, between which the head does not turn over.
+    pub fn angles(self, axis: [f64; 3], [tilt, turn]: [f64; 2]) -> [f64; 2] {
+        // where the axis leans while the turn is 0: -y for A, x for B
+        let turned = |turn: f64| {
+            let (s, c) = turn.sin_cos();
+            match self {
+                Self::Bc => [c, s],
+                _ => [s, -c],
+            }
+        };
+        if let Self::Fixed(_) = self {
+            return [tilt, turn];
+        }
+        let [x, y, z] = unit(axis);
+        let turn = if tilt.sin().abs() < TILT_WITHOUT_TURN_RAD {
+            turn
+        } else {
+            let lean = turned(turn);
+            let sign = tilt.sin().signum();
+            // by the angle between where it leans now and where it leaned
+            let (along, across) = (sign * (x * lean[0] + y * lean[1]), sign * (y * lean[0] - x * lean[1]));
+            turn + across.atan2(along)
+        };
+        let lean = turned(turn);
+        let new = (x * lean[0] + y * lean[1]).atan2(z);
+        let full = std::f64::consts::TAU;
+        [new + full * ((tilt - new) / full).round(), turn]
+    }
+}
+
+impl Toward {
+    /// The tool's axis, where that is what is given.
+    pub fn axis(&self) -> Option<[f64; 3]> {
+        match *self {
+            Self::Axis(axis) => Some(axis),
+            Self::Head(head, angles) => Some(head.axis(angles)),
+            Self::Wrist(_) => None,
+        }
+    }
 }
 
 impl Place {
@@ -52,6 +135,7 @@ impl Place {
         let toward = match (self.toward, to.toward) {
             (Toward::Axis(a), Toward::Axis(b)) => Toward::Axis(turned(a, b, share)),
             (Toward::Wrist(a), Toward::Wrist(b)) => Toward::Wrist([part(a[0], b[0]), part(a[1], b[1])]),
+            (Toward::Head(head, a), Toward::Head(_, b)) => Toward::Head(head, [part(a[0], b[0]), part(a[1], b[1])]),
             (_, toward) => toward,
         };
         Self { tip_m: std::array::from_fn(|i| part(self.tip_m[i], to.tip_m[i])), toward }
@@ -62,7 +146,9 @@ impl Place {
         let way = (0..3).map(|i| (to.tip_m[i] - self.tip_m[i]).powi(2)).sum::<f64>().sqrt();
         let turn = match (self.toward, to.toward) {
             (Toward::Axis(a), Toward::Axis(b)) => angle(a, b),
-            (Toward::Wrist(a), Toward::Wrist(b)) => (a[0] - b[0]).abs().max((a[1] - b[1]).abs()),
+            (Toward::Wrist(a), Toward::Wrist(b)) | (Toward::Head(_, a), Toward::Head(_, b)) => {
+                (a[0] - b[0]).abs().max((a[1] - b[1]).abs())
+            }
             _ => 0.0,
         };
         [way, turn]
@@ -73,9 +159,11 @@ impl Place {
 pub fn rounded(place: &Place, in_program: bool) -> Place {
     let finer = if in_program { 1.0 } else { 1e3 };
     let to = |v: f64, unit: f64| (v * unit * finer).round() / (unit * finer);
+    let degrees = |v: f64| to(v.to_degrees(), 1e8).to_radians();
     let toward = match place.toward {
         Toward::Axis(axis) => Toward::Axis(axis.map(|v| to(v, 1e9))),
-        Toward::Wrist(beta) => Toward::Wrist(beta.map(|v| to(v.to_degrees(), 1e8).to_radians())),
+        Toward::Wrist(beta) => Toward::Wrist(beta.map(degrees)),
+        Toward::Head(head, angles) => Toward::Head(head, angles.map(degrees)),
     };
     Place { tip_m: place.tip_m.map(|v| to(v * 1e3, 1e6) / 1e3), toward }
 }
