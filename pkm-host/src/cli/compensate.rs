@@ -22,7 +22,7 @@ use crate::report::compensate as report;
 /// A tool path that cancels the deflection that the model predicts along it; beside it a plot of the tip's error.
 ///
 /// The machine is led along the path step by step and never changes sides of a singularity. G-code of LinuxCNC and the
-/// Fanuc family: X Y Z are the tip in the work frame in force (its axes are those of B); its direction is A B, the wrist's β1
+/// Fanuc family: X Y Z are the tip in the work frame in force (its axes are those of B, or turned as the job says); its direction is A B, the wrist's β1
 /// and β2 in degrees, or on straight moves I J K, its axis in B, or the angles or the fixed direction that the job names. A
 /// comment (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. Arcs, drilling cycles (G73 G81 G82 G83) and
 /// subprograms (M98, O words) become straight moves; G20, G91, G54-G59.3, G92, G52, G10 and G43 H are followed; what does not
@@ -43,8 +43,9 @@ pub(crate) struct Args {
     /// turns by no more than 1°. Default: 2 for G-code; a CSV keeps its rows as they are unless this is given.
     #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM")]
     step_mm: Option<f64>,
-    /// For G-code: work frames and reference points in B ([offsets]: G54 = [x, y, z], G28 = [x, y, z, a, b]), and what gives
-    /// the tool's direction (head = "AC" or "BC", or tool_axis = [i, j, k]).
+    /// For G-code: work frames and reference points in B ([offsets]: G54 = [x, y, z], G28 = [x, y, z, a, b]), the program's
+    /// axes in B (axes = ["x", "-y", "-z"]), and what gives the tool's direction (head = "AC" or "BC", or tool_axis =
+    /// [i, j, k]).
     #[arg(long, value_name = "TOML")]
     job: Option<PathBuf>,
     /// For G-code: lengths of tools over the machine file's flange, for G43 H; TOML, or LinuxCNC's tool table (.tbl).
@@ -87,9 +88,9 @@ impl Args {
     fn setup(&self) -> Result<Setup> {
         let job = self.job.as_deref().map(|path| ProgramJob::parse(&Source::read(path)?)).transpose()?;
         let tools = self.tools.as_deref().map(|path| Tools::parse(&Source::read(path)?)).transpose()?;
-        let ProgramJob { offsets, head } = job.unwrap_or_default();
+        let ProgramJob { offsets, axes, head } = job.unwrap_or_default();
         let (chord_mm, block_delete) = (self.chord_mm, self.block_delete);
-        Ok(Setup { offsets, tools: tools.unwrap_or_default(), head, chord_mm, block_delete })
+        Ok(Setup { offsets, tools: tools.unwrap_or_default(), axes, head, chord_mm, block_delete })
     }
 
     /// Names of the path and of the plot beside it.

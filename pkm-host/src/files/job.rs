@@ -161,6 +161,7 @@ struct RawJob {
     rotary: Option<RawRotary>,
     series: Spanned<Vec<RawSeries>>,
     offsets: Option<RawOffsets>,
+    axes: Option<Spanned<[String; 3]>>,
     head: Option<Spanned<String>>,
     tool_axis: Option<Spanned<Numbers<3>>>,
 }
@@ -319,8 +320,13 @@ impl RawJob {
             }
             checked.push(series);
         }
-        let program = job_program::checked(self.offsets.as_ref(), self.head.as_ref(), self.tool_axis.as_ref())
-            .map_err(|(span, key, message)| (Some(span), key.to_owned(), message))?;
+        let program = job_program::checked(
+            self.offsets.as_ref(),
+            self.axes.as_ref(),
+            self.head.as_ref(),
+            self.tool_axis.as_ref(),
+        )
+        .map_err(|(span, key, message)| (Some(span), key.to_owned(), message))?;
         Ok(Job {
             source: source.clone(),
             base_in_world: rigid("base_in_world", &self.base_in_world)?,

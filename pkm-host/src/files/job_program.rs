@@ -6,15 +6,15 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::error::{Failure, Result};
+use crate::files::head::{Head, ProgramAxes};
 use crate::files::job::Job;
-use crate::files::path::Head;
 use crate::files::source::Source;
 use crate::files::toml_error::{Numbers, line_at, parsed};
 
 /// Greatest offset, mm or °: far beyond any machine.
 const MAX_OFFSET: f64 = 1e6;
 
-/// Work frames and reference points in B.
+/// Work frames and reference points from the origin of B, along the program's axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProgramOffsets {
     /// Origins of G54 to G59.3, mm.
@@ -28,6 +28,8 @@ pub struct ProgramOffsets {
 pub struct ProgramJob {
     /// `[offsets]`
     pub offsets: ProgramOffsets,
+    /// `axes`
+    pub axes: ProgramAxes,
     /// `head` or `tool_axis`; `None`: the wrist's own joints, or vectors.
     pub head: Option<Head>,
 }
@@ -38,6 +40,7 @@ pub struct ProgramJob {
 struct RawProgramJob {
     format: Spanned<i64>,
     offsets: Option<RawOffsets>,
+    axes: Option<Spanned<[String; 3]>>,
     head: Option<Spanned<String>>,
     tool_axis: Option<Spanned<Numbers<3>>>,
 }
@@ -107,10 +110,20 @@ impl RawOffsets {
 /// The keys of a job file that speak of programs.
 pub(super) fn checked(
     offsets: Option<&RawOffsets>,
+    axes: Option<&Spanned<[String; 3]>>,
     head: Option<&Spanned<String>>,
     tool_axis: Option<&Spanned<Numbers<3>>>,
 ) -> Checked<ProgramJob> {
     let offsets = offsets.map(RawOffsets::checked).transpose()?.unwrap_or_default();
+    let axes = match axes.map(|raw| (raw, ProgramAxes::of(raw.get_ref()))) {
+        None => ProgramAxes::default(),
+        Some((_, Some(axes))) => axes,
+        Some((raw, None)) => {
+            let message = "expected where X, Y and Z of programs point in B, such as [\"x\", \"-y\", \"-z\"]: right-handed, Z \
+                           along z or -z";
+            return Err((raw.span(), "axes", message.to_owned()));
+        }
+    };
     let head = match (head, numbers("tool_axis", tool_axis)?) {
         (None, None) => None,
         (None, Some(axis)) if axis.iter().all(|v| v.abs() < 1e-6) => {
@@ -123,15 +136,15 @@ pub(super) fn checked(
         }
         (Some(head), None) => match head.get_ref().as_str() {
             "AB" => None,
-            "AC" => Some(Head::Ac),
-            "BC" => Some(Head::Bc),
+            "AC" => Some(Head::Ac(axes)),
+            "BC" => Some(Head::Bc(axes)),
             other => {
                 let message = format!("expected \"AB\" (the wrist's joints), \"AC\" or \"BC\", found \"{other}\"");
                 return Err((head.span(), "head", message));
             }
         },
     };
-    Ok(ProgramJob { offsets, head })
+    Ok(ProgramJob { offsets, axes, head })
 }
 
 impl ProgramJob {
@@ -153,6 +166,6 @@ impl ProgramJob {
         if *raw.format.get_ref() != 1 {
             return Err(fail((raw.format.span(), "format", format!("expected 1, found {}", raw.format.get_ref()))));
         }
-        checked(raw.offsets.as_ref(), raw.head.as_ref(), raw.tool_axis.as_ref()).map_err(fail)
+        checked(raw.offsets.as_ref(), raw.axes.as_ref(), raw.head.as_ref(), raw.tool_axis.as_ref()).map_err(fail)
     }
 }

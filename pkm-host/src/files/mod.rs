@@ -4,6 +4,7 @@ pub mod csv;
 pub mod dataset;
 pub mod elements;
 pub mod gcode;
+pub mod head;
 pub mod job;
 pub mod job_program;
 pub mod machine;

@@ -2,6 +2,8 @@
 
 use pkm_core::Wrench;
 
+use crate::files::head::Head;
+
 /// A straight move.
 #[derive(Clone, Copy, Debug)]
 pub struct Move {
@@ -50,70 +52,6 @@ pub enum Toward {
     Wrist([f64; 2]),
     /// Angles of a head that a program speaks of, rad.
     Head(Head, [f64; 2]),
-}
-
-/// A head by whose angles a program gives the tool's axis in B; at 0 the tool points along z.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Head {
-    /// A about x, on it C about z.
-    Ac,
-    /// B about y, on it C about z.
-    Bc,
-    /// The same direction all the time, of any length above 0.
-    Fixed([f64; 3]),
-}
-
-/// Of a tilt below this the turn about z says next to nothing: the axis is held by the tilt alone, rad.
-const TILT_WITHOUT_TURN_RAD: f64 = 1e-3;
-
-impl Head {
-    /// Letters of its angles.
-    pub fn letters(self) -> &'static str {
-        match self {
-            Self::Ac => "AC",
-            Self::Bc => "BC",
-            Self::Fixed(_) => "",
-        }
-    }
-
-    /// The tool's axis in B.
-    pub fn axis(self, [tilt, turn]: [f64; 2]) -> [f64; 3] {
-        let ((st, ct), (sc, cc)) = (tilt.sin_cos(), turn.sin_cos());
-        match self {
-            Self::Ac => [st * sc, -st * cc, ct],
-            Self::Bc => [st * cc, st * sc, ct],
-            Self::Fixed(axis) => axis,
-        }
-    }
-
-    /// The angles of an axis next to given ones, between which the head does not turn over.
-    pub fn angles(self, axis: [f64; 3], [tilt, turn]: [f64; 2]) -> [f64; 2] {
-        // where the axis leans while the turn is 0: -y for A, x for B
-        let turned = |turn: f64| {
-            let (s, c) = turn.sin_cos();
-            match self {
-                Self::Bc => [c, s],
-                _ => [s, -c],
-            }
-        };
-        if let Self::Fixed(_) = self {
-            return [tilt, turn];
-        }
-        let [x, y, z] = unit(axis);
-        let turn = if tilt.sin().abs() < TILT_WITHOUT_TURN_RAD {
-            turn
-        } else {
-            let lean = turned(turn);
-            let sign = tilt.sin().signum();
-            // by the angle between where it leans now and where it leaned
-            let (along, across) = (sign * (x * lean[0] + y * lean[1]), sign * (y * lean[0] - x * lean[1]));
-            turn + across.atan2(along)
-        };
-        let lean = turned(turn);
-        let new = (x * lean[0] + y * lean[1]).atan2(z);
-        let full = std::f64::consts::TAU;
-        [new + full * ((tilt - new) / full).round(), turn]
-    }
 }
 
 impl Toward {

@@ -30,9 +30,9 @@ impl Case {
     }
 
     fn setup(&self) -> Setup {
-        let ProgramJob { offsets, head } = ProgramJob::parse(&Source::from_text("job.toml", self.job())).unwrap();
+        let ProgramJob { offsets, axes, head } = ProgramJob::parse(&Source::from_text("job.toml", self.job())).unwrap();
         let tools = Tools::parse(&Source::from_text("tools.toml", TOOLS.to_owned())).unwrap();
-        Setup { offsets, head, tools, ..Setup::default() }
+        Setup { offsets, axes, head, tools, ..Setup::default() }
     }
 
     fn read(&self, text: &str) -> pkm_host::error::Result<Program> {
@@ -315,4 +315,65 @@ fn a_tools_length_moves_the_flange_away() {
             "{error}"
         );
     }
+}
+
+/// A program of a post whose Z points away from the workpiece, on a machine whose z points into it.
+#[test]
+fn a_program_with_z_up_is_turned_and_written_with_z_up() {
+    let folder = Folder::new();
+    let text = "G21 G90 G54\nG0 X0 Y0 Z5\nG98 G81 X3 Y2 Z-3 R1 F100\nG80\nG1 Z0\nG91 G1 X1 Z-1\nG90\nM2\n";
+    let path = folder.write("p.ngc", text);
+    let up = "format = 1\naxes = [\"x\", \"-y\", \"-z\"]\ntool_axis = [0, 0, 1]\n[offsets]\nG54 = [-205, 0, -1130]\n";
+    let job = folder.write("up.toml", up);
+    let ProgramJob { offsets, axes, head } = ProgramJob::parse(&Source::from_text("j", up.to_owned())).unwrap();
+    let setup = Setup { offsets, axes, head, ..Setup::default() };
+    let source = Source::from_text("p.ngc", text.to_owned());
+    let program = Program::parse_with(&source, Some(Wrench::ZERO), &setup).unwrap();
+    let ends: Vec<[f64; 3]> = program.moves.iter().map(|m| mm(&m.to)).collect();
+    let expected = [
+        [-205.0, 0.0, 1125.0],
+        [-202.0, -2.0, 1125.0],
+        [-202.0, -2.0, 1129.0],
+        [-202.0, -2.0, 1133.0],
+        [-202.0, -2.0, 1125.0],
+        [-202.0, -2.0, 1130.0],
+        [-201.0, -2.0, 1131.0],
+    ];
+    assert_eq!(ends.len(), expected.len());
+    assert!(ends.iter().zip(&expected).all(|(a, b)| apart(a, b) < 1e-9), "{ends:?}");
+    let written = rewritten(&program);
+    assert!(written.contains("\nG1 X3 Y2 Z-3\nG0 X3 Y2 Z5\n") && written.contains("\nG91 G1 X1 Y0 Z-1\n"), "{written}");
+    let out = folder.path("out.ngc");
+    json(&["compensate", "--path", &path, "--job", &job, "--wrench", WRENCH, "--out", &out]);
+    for axes in ["[\"x\", \"y\", \"-z\"]", "[\"x\", \"y\"]", "[1, 2, 3]"] {
+        let job = folder.write("bad.toml", &format!("format = 1\naxes = {axes}\n"));
+        let error = refused(&["compensate", "--path", &path, "--job", &job, "--wrench", WRENCH, "--out", &out]);
+        assert_eq!(error["line"], 2, "{error}");
+    }
+    for (text, key) in [
+        ("format = 1\nhead = \"XY\"\n", "head"),
+        ("format = 1\ntool_axis = [0, 0, 0]\n", "tool_axis"),
+        ("format = 1\n[offsets]\nG54 = [0, 0, inf]\n", "offsets.G54"),
+        ("format = 1\n[offsets]\nG60 = [0, 0, 0]\n", "offsets"),
+        ("format = 2\n", "format"),
+    ] {
+        let job = folder.write("bad.toml", text);
+        let error = refused(&["compensate", "--path", &path, "--job", &job, "--wrench", WRENCH, "--out", &out]);
+        assert!(error["column"].as_str().unwrap().contains(key), "{error}");
+    }
+}
+
+/// Every line beside its original.
+#[test]
+fn a_program_is_written_in_the_dialect_it_came_in() {
+    let text = "%\nO1000 (PART)\nN10 G20 G90 G54 G17\nN20 G0 X0. Y0. Z.1 S2000 M3\n(HOLE)\nN30 G98 G82 X.1 Z-.1 R.05 P.5 F5.\n\
+                N40 G80\nM98 P2 (SUB)\nG93 G91 G1 X.1 F10. M0\nG94 G90\nG0 G53 X-205. Y0. Z1120.\nG91 G28 Z0.\nM30\n\
+                O2 (SIDE)\nG1 Y.1 F5.\nM99\n%\n";
+    let text = text.replace("X-205. Y0. Z1120.", "X-8. Y0. Z44.");
+    let case = Case { direction: Direction::Fixed, ..CASES[0] };
+    let written = rewritten(&case.read(&text).unwrap());
+    let expected = "%\nO1000 (PART)\nN10 G20 G90 G54 G17\nN20 G0 S2000 M3 X0 Y0 Z0.1\n(HOLE)\nN30 G98 F5. X0.1 Y0 Z0.1\n\
+                    X0.1 Y0 Z0.05\nG1 X0.1 Y0 Z-0.1\nG4 P0.5\nG0 X0.1 Y0 Z0.1\nN40 G80\n(M98 P2) (SUB)\nG1 F5. X0.1 Y0.1 Z0.1\n\
+                    (M99)\nG93 G91 G1 X0.1 Y0 Z0 F10 M0\nG94 G90\nG0 G53 X-8 Y0 Z44\nG91 G28 Z0.\nM30\n%\n";
+    assert_eq!(written, expected);
 }

@@ -5,7 +5,7 @@
 //! does not move the tool is passed on as it stands. A cut is divided, and each part ends with all of its words. Where the load
 //! changes between two moves, the second begins with a small move to where the tool has to be commanded under its own load.
 //!
-//! `X Y Z` are the tip of the tool in the work frame in force, whose axes are those of B. The tool's axis is given by `A B`, the
+//! `X Y Z` are the tip of the tool in the work frame in force, whose axes are those of B or those that the job says. The tool's axis is given by `A B`, the
 //! wrist's joints; by `I J K` on straight moves; or by the angles of a head or a fixed direction, as the job says. A comment
 //! `(wrench fx,fy,fz,mx,my,mz)` sets the cutting load from there on: on the tool at its tip in the axes of T_h, N and N·m.
 
@@ -25,8 +25,9 @@ use self::flow::{Flow, Order};
 use self::modal::{Effect, Form, Modal, Stop, Style};
 use self::words::{Line, load};
 use crate::error::{Failure, Result, printable};
+use crate::files::head::{Head, ProgramAxes};
 use crate::files::job_program::ProgramOffsets;
-use crate::files::path::{Head, Move};
+use crate::files::path::{Move, Place, Toward};
 use crate::files::source::Source;
 use crate::files::tools::Tools;
 
@@ -36,12 +37,17 @@ type Refusal = String;
 /// How far a straight move of a divided arc may be from it, mm.
 pub const CHORD_MM: f64 = 1e-3;
 
+/// Most moves of a program.
+const MAX_MOVES: usize = 5_000_000;
+
 /// What a program does not say of the machine that it is for.
 pub struct Setup {
     /// Work frames and reference points.
     pub offsets: ProgramOffsets,
     /// Lengths of tools.
     pub tools: Tools,
+    /// How the program's axes lie in B.
+    pub axes: ProgramAxes,
     /// The head whose angles the program gives; `None`: the wrist's joints as A and B, or vectors I J K.
     pub head: Option<Head>,
     /// How far a straight move of a divided arc may be from it, mm.
@@ -55,6 +61,7 @@ impl Default for Setup {
         Self {
             offsets: ProgramOffsets::default(),
             tools: Tools::default(),
+            axes: ProgramAxes::default(),
             head: None,
             chord_mm: CHORD_MM,
             block_delete: false,
@@ -78,6 +85,7 @@ pub struct Program {
     source: Source,
     blocks: Vec<Block>,
     styles: Vec<Style>,
+    axes: ProgramAxes,
     head: Option<Head>,
     /// In the order in which they are made.
     pub moves: Vec<Move>,
@@ -134,6 +142,7 @@ impl Program {
             source: source.clone(),
             blocks: Vec::new(),
             styles: Vec::new(),
+            axes: setup.axes,
             head: setup.head,
             moves: Vec::new(),
             warnings: Vec::new(),
@@ -155,6 +164,15 @@ impl Program {
         }
         reader.finish()
     }
+}
+
+/// A place with other axes of reference; joints and a head's angles are what they are.
+fn turned(place: &Place, turn: impl Fn([f64; 3]) -> [f64; 3]) -> Place {
+    let toward = match place.toward {
+        Toward::Axis(axis) => Toward::Axis(turn(axis)),
+        angles => angles,
+    };
+    Place { tip_m: turn(place.tip_m), toward }
 }
 
 impl<'a> Reader<'a> {
@@ -234,6 +252,9 @@ impl<'a> Reader<'a> {
                 );
             }
         };
+        if self.program.moves.len() >= MAX_MOVES {
+            return Err(format!("more than {MAX_MOVES} moves: give a greater --chord-mm, or divide the program"));
+        }
         if is_fresh && !stop.rapid && !self.program.moves.is_empty() {
             return Err("a cut from a place that is not known: begin with G0 and X Y Z".into());
         }
@@ -245,7 +266,7 @@ impl<'a> Reader<'a> {
         }
         self.program.moves.push(Move {
             line,
-            to: stop.place,
+            to: turned(&stop.place, |v| self.modal.setup.axes.to_base(v)),
             wrench: [load; 2],
             longer_m: self.modal.length_mm / 1e3,
             is_fresh,

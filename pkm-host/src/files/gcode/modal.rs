@@ -10,8 +10,12 @@ use crate::files::path::{Place, Toward};
 /// Of X Y Z or I J K, as far as they are known.
 pub(super) type Axes = [Option<f64>; 3];
 
-/// Greatest coordinate in mm and greatest angle in degrees: far beyond any machine.
+/// Greatest coordinate of a tip in B in mm and greatest angle in degrees: far beyond any machine.
 const MAX_COORDINATE: f64 = 1e7;
+/// Greatest offset, mm: a coordinate in the program is then within [`MAX_NUMBER`].
+const MAX_OFFSET: f64 = 1e8;
+/// Greatest number of a word but N, S and T.
+const MAX_NUMBER: f64 = 1e9;
 
 /// What moves the tool until another is named.
 #[derive(Clone, Copy, PartialEq)]
@@ -81,7 +85,7 @@ pub(super) struct Modal<'a> {
     length_is_on: bool,
     /// Over the flange of the machine file, mm.
     pub length_mm: f64,
-    tip_mm: Axes,
+    pub tip_mm: Axes,
     pub axis: Axes,
     pub turn_deg: [Option<f64>; 2],
     /// Where the last move ended, if all of it is known.
@@ -102,8 +106,8 @@ impl Numbers {
             if place.replace(word.value).is_some() {
                 return Err(format!("`{}`: duplicate {} in the line", word.shown(), word.letter));
             }
-            if word.value.abs() > MAX_COORDINATE && !"NST".contains(word.letter) {
-                return Err(format!("`{}`: expected a number within ±{MAX_COORDINATE:e}", word.shown()));
+            if word.value.abs() > MAX_NUMBER && !"NST".contains(word.letter) {
+                return Err(format!("`{}`: expected a number within ±{MAX_NUMBER:e}", word.shown()));
             }
         }
         Ok(numbers)
@@ -315,6 +319,9 @@ impl<'a> Modal<'a> {
             }
             _ => self.offsets.cancel_g92()?,
         }
+        if self.offsets.total_mm().iter().any(|v| v.abs() > MAX_OFFSET) {
+            return Err(format!("an offset beyond ±{MAX_OFFSET:e} mm"));
+        }
         Ok(Effect::Nothing)
     }
 
@@ -335,7 +342,7 @@ impl<'a> Modal<'a> {
             *named |= numbers.0[(letter - b'A') as usize].is_some();
         }
         let reference = self.setup.offsets.references[usize::from(second)].filter(|_| self.length_mm == 0.0);
-        let way = self.target(numbers, self.offsets.total_mm(), self.incremental, false);
+        let way = self.target(numbers, self.offsets.total_mm(), self.incremental, false)?;
         let mut there = Target { ..way };
         for i in 0..5 {
             if named[i] && i < 3 {
@@ -347,12 +354,16 @@ impl<'a> Modal<'a> {
         let known = self.last.is_some();
         let places = [self.place(&way), self.place(&there)];
         self.reach(there);
-        let [Ok(way), Ok(there)] = places else {
-            let name = if second { "G30" } else { "G28" };
-            return Ok(Effect::Unchecked(format!(
-                "{name} goes to a place that is not known here, since the job gives no `{name} = [x, y, z, a, b]` under \
-                 [offsets] or a tool length is in force"
-            )));
+        let (way, there) = match places {
+            [Ok(way), Ok(there)] => (way, there),
+            _ if reference.is_none() => {
+                let name = if second { "G30" } else { "G28" };
+                return Ok(Effect::Unchecked(format!(
+                    "{name} goes to a place that is not known here, since the job gives no `{name} = [x, y, z, a, b]` under \
+                     [offsets] or a tool length is in force"
+                )));
+            }
+            [Err(why), _] | [_, Err(why)] => return Ok(Effect::Unchecked(why)),
         };
         stops.extend([way, there].map(|place| Stop { place, rapid: true }));
         self.last = Some(there);
@@ -375,7 +386,7 @@ impl<'a> Modal<'a> {
             return Err("G53 in G91: its coordinates are absolute; write it in G90".into());
         }
         if self.length_mm == 0.0 {
-            let target = self.target(numbers, [0.0; 3], false, true);
+            let target = self.target(numbers, [0.0; 3], false, true)?;
             return self.straight(target, rapid, line, stops);
         }
         let message =
@@ -388,13 +399,19 @@ impl<'a> Modal<'a> {
                 self.tip_mm[i] = None;
             }
         }
-        let target = self.target(numbers, [0.0; 3], false, true);
+        let target = self.target(numbers, [0.0; 3], false, true)?;
         self.reach(target);
         Ok(Effect::Unchecked(message.to_owned()))
     }
 
     /// Takes the words of a target. I J K are the tool's axis where they are not an arc's centre.
-    pub fn target(&self, numbers: &mut Numbers, origin_mm: [f64; 3], incremental: bool, has_axis: bool) -> Target {
+    pub fn target(
+        &self,
+        numbers: &mut Numbers,
+        origin_mm: [f64; 3],
+        incremental: bool,
+        has_axis: bool,
+    ) -> Result<Target, Refusal> {
         let given = numbers.take_three(['X', 'Y', 'Z']);
         let tip_mm = std::array::from_fn(|i| match given[i] {
             None => self.tip_mm[i],
@@ -414,7 +431,10 @@ impl<'a> Modal<'a> {
                 Some(v) => Some(v),
             };
         }
-        Target { tip_mm, axis, turn_deg }
+        if let Some(beyond) = tip_mm.iter().chain(&turn_deg).flatten().find(|v| v.abs() > MAX_COORDINATE) {
+            return Err(format!("a coordinate of {beyond:e}: expected mm and degrees within ±{MAX_COORDINATE:e}"));
+        }
+        Ok(Target { tip_mm, axis, turn_deg })
     }
 
     /// The tool is where a target says.

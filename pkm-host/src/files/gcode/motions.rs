@@ -7,6 +7,9 @@ use super::modal::{Effect, Form, Modal, Motion, Numbers, Stop, Target};
 use super::words::Line;
 use crate::files::path::{Place, Toward};
 
+/// Most moves of a line with a cycle.
+const MAX_CYCLE_MOVES: f64 = 1e6;
+
 impl Modal<'_> {
     /// Words that move the tool as G0 to G3 or a cycle.
     pub fn take_motion(
@@ -24,7 +27,7 @@ impl Modal<'_> {
                 if !to_axis && !numbers.has_any("IJK") {
                     return Ok(Effect::Nothing);
                 }
-                let target = self.target(numbers, origin_mm, self.incremental, true);
+                let target = self.target(numbers, origin_mm, self.incremental, true)?;
                 self.straight(target, motion == Motion::Rapid, line, stops)
             }
             Some(Motion::Arc { clockwise }) => self.arc(clockwise, numbers, stops),
@@ -55,15 +58,21 @@ impl Modal<'_> {
                 self.last = Some(place);
                 Ok(Effect::Moves { form: Form::Straight, fresh: before.is_none() })
             }
-            Err(why) if rapid && self.direction_is_one() => Ok(Effect::Unchecked(why)),
+            Err(why) if rapid && self.is_incomplete() => Ok(Effect::Unchecked(why)),
             Err(why) => Err(why),
         }
     }
 
-    /// Not both of an axis and joints, nor an axis of length 0: what no later word makes good.
-    fn direction_is_one(&self) -> bool {
-        let has_axis = self.axis.iter().any(Option::is_some);
-        !(has_axis && self.turn_deg.iter().any(Option::is_some)) && self.axis != [Some(0.0); 3]
+    /// Whether a coordinate or the direction is still to be given.
+    fn is_incomplete(&self) -> bool {
+        let [axis_begun, turn_begun] =
+            [self.axis.iter().any(Option::is_some), self.turn_deg.iter().any(Option::is_some)];
+        let [has_axis, has_turn] = [self.axis.iter().all(Option::is_some), self.turn_deg.iter().all(Option::is_some)];
+        let has_direction = match self.setup.head {
+            Some(head) => has_turn || head.letters().is_empty(),
+            None => has_axis || has_turn,
+        };
+        !(axis_begun && turn_begun) && (!has_direction || self.tip_mm.iter().any(Option::is_none))
     }
 
     fn check_feed(&self, has_feed: bool) -> Result<(), Refusal> {
@@ -92,7 +101,7 @@ impl Modal<'_> {
         if self.center_is_absolute {
             center_mm = std::array::from_fn(|i| center_mm[i].map(|v| v + origin_mm[i]));
         }
-        let target = self.target(numbers, origin_mm, self.incremental, false);
+        let target = self.target(numbers, origin_mm, self.incremental, false)?;
         let end = self.place(&target)?;
         let words = ArcWords {
             clockwise,
@@ -143,7 +152,7 @@ impl Modal<'_> {
         let bottom_mm = z + if self.incremental { r_mm } else { origin_mm[along] };
         let hole = Hole::new(drill, &words, [r_mm, bottom_mm], (!self.retracts_to_r).then_some(initial_mm))?;
         let given = [a, b].map(|i| ['X', 'Y', 'Z'][i]).map(|letter| numbers.take(letter).map(|v| v * unit));
-        let target = self.target(numbers, origin_mm, self.incremental, false);
+        let target = self.target(numbers, origin_mm, self.incremental, false)?;
         let toward = self.place(&target)?.toward;
         let mut go = |at_mm: [f64; 3], toward: Toward, rapid: bool| {
             stops.push(Stop { place: Place { tip_m: at_mm.map(|v| v / 1e3), toward }, rapid });
@@ -151,6 +160,10 @@ impl Modal<'_> {
         if repeats > 0.0 && hole.is_below_r(at_mm[along]) {
             at_mm[along] = r_mm;
             go(at_mm, start.toward, true);
+        }
+        let heights = hole.heights(drill);
+        if repeats * heights.len() as f64 > MAX_CYCLE_MOVES {
+            return Err(format!("{drill:?}: more than {MAX_CYCLE_MOVES} moves in one line"));
         }
         let mut before = start.toward;
         for _ in 0..repeats as u32 {
@@ -167,7 +180,7 @@ impl Modal<'_> {
                 at_mm[along] = r_mm;
                 go(at_mm, toward, true);
             }
-            for (height_mm, rapid) in hole.heights(drill) {
+            for &(height_mm, rapid) in &heights {
                 at_mm[along] = height_mm;
                 go(at_mm, toward, rapid);
             }

@@ -2,7 +2,7 @@
 
 use super::modal::{Form, Style};
 use super::words::{Line, Word};
-use super::{Content, Program};
+use super::{Content, Program, turned};
 use crate::files::path::{Place, Toward};
 
 /// Stops of a program on the line of a move: they come behind it.
@@ -15,7 +15,7 @@ struct Writer<'a> {
     program: &'a Program,
     /// Whether the motion in force is rapid, if it is one of G0 and G1.
     rapid: Option<bool>,
-    /// Where the tool was sent last.
+    /// Where the tool was sent last, in the program's axes.
     last: Option<Place>,
 }
 
@@ -167,11 +167,8 @@ impl Writer<'_> {
 
     /// A line that goes to a reference point has moved the named axes there, and left the others.
     fn reach_reference(&mut self, places: &[Vec<Place>], named: [bool; 5]) {
-        let Some(there) = places.last().and_then(|p| p.last()) else { return };
-        let Some(last) = &mut self.last else {
-            self.last = Some(*there);
-            return;
-        };
+        let Some(there) = places.last().and_then(|p| p.last()).map(|p| self.in_program(p)) else { return };
+        let last = self.last.get_or_insert(there);
         for i in (0..3).filter(|i| named[*i]) {
             last.tip_m[i] = there.tip_m[i];
         }
@@ -185,9 +182,14 @@ impl Writer<'_> {
         }
     }
 
+    fn in_program(&self, place: &Place) -> Place {
+        turned(place, |v| self.program.axes.of_base(v))
+    }
+
     /// The words of a place.
     fn push_place(&mut self, place: &Place, style: &Style, words: &mut Vec<String>) {
-        let before = self.last.replace(*place).filter(|_| style.incremental);
+        let place = self.in_program(place);
+        let before = self.last.replace(place).filter(|_| style.incremental);
         let length_decimals = if style.unit_mm == 1.0 { 6 } else { 7 };
         let coordinate = |place: &Place, i: usize| (place.tip_m[i] * 1e3 - style.origin_mm[i]) / style.unit_mm;
         // both rounded, so that increments do not add up to an error
@@ -196,7 +198,7 @@ impl Writer<'_> {
             None => now,
         };
         for (i, letter) in "XYZ".chars().enumerate() {
-            let value = since(coordinate(place, i), before.map(|b| coordinate(&b, i)), length_decimals);
+            let value = since(coordinate(&place, i), before.map(|b| coordinate(&b, i)), length_decimals);
             words.push(format!("{letter}{}", number(value, length_decimals)));
         }
         let (letters, angles, before) = match (place.toward, before.map(|b| b.toward)) {

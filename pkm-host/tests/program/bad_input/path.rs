@@ -91,7 +91,10 @@ const PROGRAMS: &[Kind] = &[
     ("a load without end", line!("(wrench 1,2,3,4,5,1e999)"), ":3: ", "six numbers"),
     ("out of travel", line!("G1 Z1400"), ":3: ", "beyond its"),
     ("metres", line!("G1 X-0.205 Y0 Z1.137"), ":3: ", "beyond its"),
-    ("far away", line!("G1 X-9 Z999999999999"), ":3: ", "within ±1e7"),
+    ("far away", line!("G1 X-9 Z999999999999"), ":3: ", "within ±1e9"),
+    ("beyond any machine", line!("G1 Z99999999"), ":3: ", "within ±1e7"),
+    ("an arc of too many parts", line!("G2 X-205 Y0 I9e5 J0 P9000"), ":3: ", "--chord-mm"),
+    ("a cycle of too many moves", line!("G83 X-205 Z1 R0 Q0.001 L9999"), ":3: ", "moves in one line"),
     ("beyond all steps", line!("G1 X-9999999 Z9999999"), ": ", "steps"),
 ];
 
