@@ -180,7 +180,7 @@ fn agrees(name: &str, case: &Case, moves: &[Move], judged: &[Canonical], allowed
     let letters = case.setup().head.map_or("AB", |h| h.letters());
     let goes = |i: &usize| *i == 0 || moves[*i].to != moves[i - 1].to;
     let mut own = (0..moves.len()).filter(goes).map(|i| &moves[i]).peekable();
-    let mut at: Option<([f64; 3], [f64; 3])> = None;
+    let mut at = Some(([0.0; 3], [0.0; 3]));
     for canonical in judged {
         let end = (canonical.end_mm, canonical.angles_deg);
         let stays = at.is_some_and(|at| apart(&at.0, &end.0) < 1e-9 && apart(&at.1, &end.1) < 1e-9);
@@ -376,4 +376,77 @@ fn a_program_is_written_in_the_dialect_it_came_in() {
                     X0.1 Y0 Z0.05\nG1 X0.1 Y0 Z-0.1\nG4 P0.5\nG0 X0.1 Y0 Z0.1\nN40 G80\n(M98 P2) (SUB)\nG1 F5. X0.1 Y0.1 Z0.1\n\
                     (M99)\nG93 G91 G1 X0.1 Y0 Z0 F10 M0\nG94 G90\nG0 G53 X-8 Y0 Z44\nG91 G28 Z0.\nM30\n%\n";
     assert_eq!(written, expected);
+}
+
+/// Words that are put into the programs at random.
+const WORDS: &str = "G0 G1 G2 G3 G10L2P1X1Y2Z3 G10L20P1X0 G17 G18 G19 G20 G21 G28Z0 G30 G43H1 G43H2 G49 G52X1 G53 G54 G55 G73 \
+                     G80 G81 G82 G83 G90 G91 G92X0 G92.1 G93 G94 G98 G99 M0 M30 M98P1 M99 X1 Y-2.5 Z3 I1 J-1 K2 A1 B2 C3 F100 R1 \
+                     R-3 Q1 L2 L0 P2 H1 T2 N5 / (c) ;d % G90.1 G91.1 I-10 J10 99999999";
+
+/// Lines that are lost, doubled, swapped, or have a word too many: refused, or written as the same moves.
+#[test]
+fn damaged_programs_are_refused_or_written_as_they_are_read() {
+    let words: Vec<&str> = WORDS.split(' ').collect();
+    let mut rng = fastrand::Rng::with_seed(21);
+    let (mut read, mut refused) = (0, 0);
+    for _ in 0..4000 {
+        let case = &CASES[rng.usize(..CASES.len())];
+        let mut lines: Vec<String> = case.text.lines().map(str::to_owned).collect();
+        for _ in 0..rng.usize(1..5) {
+            let n = rng.usize(..lines.len());
+            match rng.usize(..4) {
+                0 if lines.len() > 1 => drop(lines.remove(n)),
+                1 => lines.insert(n, lines[n].clone()),
+                2 => lines.swap(n, 0),
+                _ => lines[n] = format!("{} {}", lines[n], words[rng.usize(..words.len())]),
+            }
+        }
+        let setup = Setup { chord_mm: 0.5, ..case.setup() };
+        let parse = |text: &str| {
+            let source = Source::from_text("p.ngc", text.to_owned());
+            Program::parse_with(&source, Some(Wrench::ZERO), &setup)
+        };
+        let text = lines.join("\n");
+        let Ok(program) = parse(&text) else {
+            refused += 1;
+            continue;
+        };
+        read += 1;
+        let written = rewritten(&program);
+        let again = parse(&written).unwrap_or_else(|e| panic!("{e}\n{text}\n---\n{written}"));
+        assert_eq!(program.moves.len(), again.moves.len(), "{text}\n---\n{written}");
+        for (one, other) in program.moves.iter().zip(&again.moves) {
+            let [way, turn] = one.to.apart(&other.to);
+            let same = (one.is_rapid, one.longer_m) == (other.is_rapid, other.longer_m);
+            assert!(same && way < 2e-8 && turn < 1e-5, "{one:?}\n{other:?}\n{text}\n---\n{written}");
+        }
+    }
+    assert!(read > 800 && refused > 800, "{read} read, {refused} refused");
+}
+
+#[test]
+fn places_that_are_not_known_are_not_cut_from() {
+    let case = Case { direction: Direction::Fixed, ..CASES[0] };
+    let start = "G21 G90 G54\nG0 X0 Y0 Z0\n";
+    let read = |rest: &str| case.read(&format!("{start}{rest}\n"));
+    for (rest, words) in [
+        ("G43 H1\nG1 Z5 F100", "a cut from a place that is not known"),
+        ("G43 H1\nG2 X5 Y5 Z1 R5 F100", "an arc from a place that is not known"),
+        ("G91 G30 Z0\nG90\nG81 X1 Y1 Z-1 R1 F100", "a cycle from a place that is not known"),
+        ("G91 G30 Z0\nG90\nG1 X1 F100", "all of X Y Z"),
+        ("G43 H1\nG0 Z5\nG1 G53 X-205 Y0 Z1130", "G49 before this line"),
+        ("G52 X1\nG92 X0", "G92 while G52 is in force"),
+        ("G91 G30 Z0\nG92 Z0", "where the tool stands is not known"),
+        ("G17 G98 G81 X1 Y1 Z-1 R1 F100\nG18 X2", "another plane"),
+    ] {
+        let failure = read(rest).map(|_| ()).unwrap_err();
+        assert!(failure.message.contains(words), "{rest}: {failure}");
+    }
+    let again = read("G43 H1\nG0 Z5\nG1 Z4 F100\nG49\nG0 Z6\nG92 Z0\nG0 Z1").unwrap();
+    let found: Vec<_> = again.moves.iter().map(|m| (m.is_fresh, (m.longer_m * 1e3).round(), mm(&m.to)[2])).collect();
+    let z = |z: f64| 1130.0 + z;
+    assert_eq!(
+        found,
+        [(true, 0.0, z(0.0)), (true, 10.0, z(5.0)), (false, 10.0, z(4.0)), (true, 0.0, z(6.0)), (false, 0.0, z(7.0))]
+    );
 }

@@ -26,6 +26,7 @@ impl Codes {
     pub fn take(line: &Line<'_>, modal: &mut Modal<'_>) -> Result<Self, Refusal> {
         let mut codes = Self::default();
         let mut cancels = false;
+        let (plane, motion) = (modal.plane, modal.motion);
         for word in line.words.iter().filter(|w| w.letter == 'G') {
             let refused = |why: &str| Err(format!("`{}`: {why}", word.shown()));
             let Some(tenths) = word.tenths() else { return refused(advice(word.value)) };
@@ -72,6 +73,10 @@ impl Codes {
             Some(motion) => modal.set_motion(motion_of(motion)),
             None if cancels => modal.set_motion(None),
             None => {}
+        }
+        let drills = |motion| matches!(motion, Some(Motion::Drill(_)));
+        if plane != modal.plane && drills(motion) && drills(modal.motion) {
+            return Err("another plane between the holes of a cycle: end the cycle with G80 first".into());
         }
         Ok(codes)
     }

@@ -225,7 +225,13 @@ impl<'a> Reader<'a> {
     fn take_m(&mut self, index: usize, line: &Line<'a>, content: Content) -> std::result::Result<(), Refusal> {
         let has = |number: f64| line.words.iter().any(|w| w.is('M', &[number]));
         let value = |letter: char| line.words.iter().find(|w| w.letter == letter).map(|w| w.value);
+        if [2.0, 30.0, 98.0, 99.0].into_iter().filter(|m| has(*m)).count() > 1 {
+            return Err("of M2, M30, M98 and M99 more than one: which line is next is not clear".into());
+        }
         let calls = has(98.0) || has(99.0);
+        if calls && matches!(content, Content::Moves { form: Form::Reference { .. }, .. }) {
+            return Err("G28 or G30 with M98 or M99: give them lines of their own".into());
+        }
         self.put(index, if calls && matches!(content, Content::Text) { Content::Call } else { content });
         if has(98.0) {
             self.flow.m98(value('P'), value('L'))?;

@@ -30,7 +30,7 @@ impl Modal<'_> {
                 let target = self.target(numbers, origin_mm, self.incremental, true)?;
                 self.straight(target, motion == Motion::Rapid, line, stops)
             }
-            Some(Motion::Arc { clockwise }) => self.arc(clockwise, numbers, stops),
+            Some(Motion::Arc { clockwise }) => self.arc(clockwise, line, numbers, stops),
             Some(Motion::Drill(drill)) if named || to_axis => self.drilled(drill, numbers, stops),
             Some(Motion::Drill(_)) => Ok(Effect::Nothing),
             None if to_axis || numbers.has_any("IJK") => Err("a move before any G0 or G1".into()),
@@ -89,7 +89,13 @@ impl Modal<'_> {
         })
     }
 
-    fn arc(&mut self, clockwise: bool, numbers: &mut Numbers, stops: &mut Vec<Stop>) -> Result<Effect, Refusal> {
+    fn arc(
+        &mut self,
+        clockwise: bool,
+        line: &Line<'_>,
+        numbers: &mut Numbers,
+        stops: &mut Vec<Stop>,
+    ) -> Result<Effect, Refusal> {
         let unit = self.unit_mm;
         let mut center_mm = numbers.take_three(['I', 'J', 'K']).map(|v| v.map(|v| v * unit));
         let radius_mm = numbers.take('R').map(|v| v * unit);
@@ -97,6 +103,7 @@ impl Modal<'_> {
             return Ok(Effect::Nothing);
         }
         let start = self.start("an arc")?;
+        self.check_feed(line.has('F'))?;
         let origin_mm = self.offsets.total_mm();
         if self.center_is_absolute {
             center_mm = std::array::from_fn(|i| center_mm[i].map(|v| v + origin_mm[i]));

@@ -115,6 +115,7 @@ impl Writer<'_> {
                 || rotary.contains(w.letter)
                 || motion_words.contains(w.letter)
                 || is_replaced(w)
+                || (form != Form::Straight && w.is('G', &[80.0]))
                 || calls(line, w)
                 || (style.inverse_time && w.letter == 'F')
         };
