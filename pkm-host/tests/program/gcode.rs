@@ -137,7 +137,7 @@ fn canonical(folder: &Folder, text: &str) -> (Vec<Canonical>, f64) {
     let (mut frame, mut shift) = ([0.0; 3], [0.0; 3]);
     let (mut plane, mut finest) = ([0, 1, 2], 1.0_f64);
     for line in said.lines() {
-        let Some((name, rest)) = line.split_whitespace().skip(2).next().and_then(|_| line.split_once('(')) else {
+        let Some((name, rest)) = line.split_once('(') else {
             continue;
         };
         let name = name.split_whitespace().last().unwrap_or("");

@@ -13,8 +13,10 @@ pub(super) fn frame_of(tenths: u16) -> Option<usize> {
 
 /// The name of a work frame.
 fn name(frame: usize) -> String {
-    let tenths = FRAMES[frame];
-    if tenths % 10 == 0 { format!("G{}", tenths / 10) } else { format!("G{}.{}", tenths / 10, tenths % 10) }
+    match (FRAMES[frame] / 10, FRAMES[frame] % 10) {
+        (whole, 0) => format!("G{whole}"),
+        (whole, tenth) => format!("G{whole}.{tenth}"),
+    }
 }
 
 /// Which of the two shifts on top of a work frame is in force: they are one register in LinuxCNC and two in Fanuc.
