@@ -14,7 +14,7 @@ fuzz_target!(|bytes: &[u8]| {
         assert_finite(to.to.tip_m);
         match to.to.toward {
             Toward::Axis(axis) => assert_finite(axis),
-            Toward::Wrist(beta_rad) => assert_finite(beta_rad),
+            Toward::Wrist(angles_rad) | Toward::Head(_, angles_rad) => assert_finite(angles_rad),
         }
     }
     // numbers that the six decimals of a program hold
@@ -23,7 +23,7 @@ fuzz_target!(|bytes: &[u8]| {
         m.to.tip_m.iter().all(|v| plain(v * 1e3))
             && match m.to.toward {
                 Toward::Axis(axis) => axis.iter().copied().all(plain),
-                Toward::Wrist(beta_rad) => beta_rad.iter().copied().all(plain),
+                Toward::Wrist(angles_rad) | Toward::Head(_, angles_rad) => angles_rad.iter().copied().all(plain),
             }
     });
     if !holds {

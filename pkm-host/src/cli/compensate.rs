@@ -10,18 +10,23 @@ use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result, printable};
 use crate::files::dataset::MOST_LOAD;
-use crate::files::source;
+use crate::files::gcode::{CHORD_MM, Setup};
+use crate::files::job_program::ProgramJob;
+use crate::files::source::{self, Source};
 use crate::files::tool_path::{MARK, ToolPath, is_program};
+use crate::files::tools::Tools;
 use crate::plan::compensate::{Correction, Request, Track, walk};
 use crate::plan::model::{Form, Model, no_factor_form};
 use crate::report::compensate as report;
 
 /// A tool path that cancels the deflection that the model predicts along it; beside it a plot of the tip's error.
 ///
-/// The machine is led along the path step by step and never changes sides of a singularity. G-code, in mm:
-/// G0 and G1 with X Y Z, the tip in B, and I J K, the tool's axis in B, or A B, the wrist's β1 and β2 in degrees; a comment
-/// (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. F S T M N, comments and modes that change nothing
-/// are passed on; arcs, inches, increments, offsets, cycles and all else are refused with their line.
+/// The machine is led along the path step by step and never changes sides of a singularity. G-code of LinuxCNC and the
+/// Fanuc family: X Y Z are the tip in the work frame in force (its axes are those of B, or turned as the job says); its direction is A B, the wrist's β1
+/// and β2 in degrees, or on straight moves I J K, its axis in B, or the angles or the fixed direction that the job names. A
+/// comment (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. Arcs, drilling cycles (G73 G81 G82 G83) and
+/// subprograms (M98, O words) become straight moves; G20, G91, G54-G59.3, G92, G52, G10 and G43 H are followed; what does not
+/// move the tool is passed on, and what is not understood is refused with its line: docs/formats.md has the table.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// CSV with x_mm,y_mm,z_mm,i,j,k (tip and axis in B) and fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm (on the tool at the tip, in
@@ -38,6 +43,21 @@ pub(crate) struct Args {
     /// turns by no more than 1°. Default: 2 for G-code; a CSV keeps its rows as they are unless this is given.
     #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM")]
     step_mm: Option<f64>,
+    /// For G-code: work frames and reference points in B ([offsets]: G54 = [x, y, z], G28 = [x, y, z, a, b]), the program's
+    /// axes in B (axes = ["x", "-y", "-z"]), and what gives the tool's direction (head = "AC" or "BC", or tool_axis =
+    /// [i, j, k]).
+    #[arg(long, value_name = "TOML")]
+    job: Option<PathBuf>,
+    /// For G-code: lengths of tools over the machine file's flange, for G43 H; TOML, or LinuxCNC's tool table (.tbl).
+    #[arg(long, value_name = "FILE")]
+    tools: Option<PathBuf>,
+    /// For G-code: how far the straight moves of an arc may be from it.
+    #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM", default_value_t = CHORD_MM)]
+    chord_mm: f64,
+    /// For G-code: leaves out the lines that begin with `/`, as a control does whose block delete is on. Without it they are
+    /// made, and written without the `/`.
+    #[arg(long)]
+    block_delete: bool,
     /// Lets points pass that lie outside the table's box, and says so in the file.
     #[arg(long)]
     allow_extrapolation: bool,
@@ -51,11 +71,26 @@ impl Args {
         if let Some(step) = self.step_mm.filter(|step| *step < 0.001) {
             return Err(Failure::usage(format!("--step-mm: expected at least 0.001, found {step}")));
         }
+        if !(1e-6..=1.0).contains(&self.chord_mm) {
+            return Err(Failure::usage(format!("--chord-mm: expected 1e-6 to 1, found {}", self.chord_mm)));
+        }
+        if is_program(&self.path) == Some(false) && (self.job.is_some() || self.tools.is_some()) {
+            return Err(Failure::usage("--job and --tools are for G-code: a CSV gives the tool in B"));
+        }
         if let Some(load) = self.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MOST_LOAD)) {
             let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
             return Err(Failure::usage(message));
         }
         Ok(())
+    }
+
+    /// What the program does not say of the machine.
+    fn setup(&self) -> Result<Setup> {
+        let job = self.job.as_deref().map(|path| ProgramJob::parse(&Source::read(path)?)).transpose()?;
+        let tools = self.tools.as_deref().map(|path| Tools::parse(&Source::read(path)?)).transpose()?;
+        let ProgramJob { offsets, axes, head } = job.unwrap_or_default();
+        let (chord_mm, block_delete) = (self.chord_mm, self.block_delete);
+        Ok(Setup { offsets, tools: tools.unwrap_or_default(), axes, head, chord_mm, block_delete })
     }
 
     /// Names of the path and of the plot beside it.
@@ -90,7 +125,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     args.check()?;
     let svg = args.out.with_extension("svg");
     let [name, svg_name] = args.names(&svg)?;
-    let path = ToolPath::read(&args.path, args.wrench)?;
+    let path = ToolPath::read(&args.path, args.wrench, &args.setup()?)?;
     session.warn(path.warnings().to_vec());
     let in_program = matches!(path, ToolPath::Program(_));
     if is_program(&args.out).is_some_and(|to| to != in_program) {
@@ -107,7 +142,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     };
     let track = walk(&model.machine, correction.as_ref(), &request, &bar())?;
     let written = path.written(&track.points, &notes(args, &model, &track, in_program, session));
-    let inputs = [session.machine_path(), args.table.as_deref(), Some(&args.path)];
+    let inputs =
+        [session.machine_path(), args.table.as_deref(), Some(&args.path), args.job.as_deref(), args.tools.as_deref()];
     let files = [(name, written), (svg_name, report::picture(&track)?)];
     source::write_all(source::folder_of(&args.out), &files, &inputs)?;
     let [out, plot] = [&args.out, &svg].map(|path| path.display().to_string());

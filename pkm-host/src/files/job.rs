@@ -9,6 +9,7 @@ use toml::Spanned;
 
 use crate::error::{Failure, Result, printable};
 use crate::files::dataset::MOST_LOAD;
+use crate::files::job_program::{self, ProgramJob, RawOffsets};
 use crate::files::source::Source;
 use crate::files::toml_error::{Numbers, line_at, parsed};
 
@@ -144,6 +145,8 @@ pub struct Job {
     pub rotary: Option<Rotary>,
     /// At least one.
     pub series: Vec<Series>,
+    /// For `compensate`.
+    pub program: ProgramJob,
 }
 
 #[derive(Deserialize)]
@@ -157,6 +160,10 @@ struct RawJob {
     dy_mm: Option<Spanned<Numbers<2>>>,
     rotary: Option<RawRotary>,
     series: Spanned<Vec<RawSeries>>,
+    offsets: Option<RawOffsets>,
+    axes: Option<Spanned<[String; 3]>>,
+    head: Option<Spanned<String>>,
+    tool_axis: Option<Spanned<Numbers<3>>>,
 }
 
 #[derive(Deserialize)]
@@ -313,6 +320,13 @@ impl RawJob {
             }
             checked.push(series);
         }
+        let program = job_program::checked(
+            self.offsets.as_ref(),
+            self.axes.as_ref(),
+            self.head.as_ref(),
+            self.tool_axis.as_ref(),
+        )
+        .map_err(|(span, key, message)| (Some(span), key.to_owned(), message))?;
         Ok(Job {
             source: source.clone(),
             base_in_world: rigid("base_in_world", &self.base_in_world)?,
@@ -321,6 +335,7 @@ impl RawJob {
             limits,
             rotary,
             series: checked,
+            program,
         })
     }
 }

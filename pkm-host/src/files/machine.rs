@@ -21,6 +21,7 @@ use crate::pose::PoseBox;
 pub use super::machine_raw::Uncertainty;
 
 /// A checked machine file.
+#[derive(Clone)]
 pub struct MachineFile {
     /// Its `name`.
     pub name: String,
@@ -153,6 +154,20 @@ impl MachineFile {
             Ok(wrist) => Ok(FiveAxis { machine: &self.machine, wrist }),
             Err(e) => Err(Failure::input(e.to_string()).in_file(&self.source.name).at_column("wrist")),
         }
+    }
+
+    /// The same machine with a longer tool on its flange.
+    ///
+    /// # Errors
+    /// A length with which nothing of the flange is left, or the wrist is singular at home.
+    pub fn with_longer_tool(&self, longer_m: f64) -> Result<Self> {
+        let flange_m = self.wrist_parameters.flange_m + longer_m;
+        let wrist_parameters = WristParameters { flange_m, ..self.wrist_parameters };
+        let wrist = Wrist::<f64>::new(&wrist_parameters).map_err(|e| {
+            let message = format!("with a tool that makes flange_mm {:.3}: {e}", flange_m * 1e3);
+            Failure::input(message).in_file(&self.source.name)
+        })?;
+        Ok(Self { wrist_parameters, wrist: Ok(wrist), ..self.clone() })
     }
 
     /// A screw's length beside its travel. Limbs count from 1.

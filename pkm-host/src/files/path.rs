@@ -2,6 +2,8 @@
 
 use pkm_core::Wrench;
 
+use crate::files::head::Head;
+
 /// A straight move.
 #[derive(Clone, Copy, Debug)]
 pub struct Move {
@@ -11,6 +13,12 @@ pub struct Move {
     pub to: Place,
     /// On the tool at its tip in the axes of T_h, at the beginning and at the end; linear between.
     pub wrench: [Wrench<f64>; 2],
+    /// By how much the tool is longer than the flange of the machine file says, m.
+    pub longer_m: f64,
+    /// Where it begins is not known: only its end counts.
+    pub is_fresh: bool,
+    /// A rapid move of a program.
+    pub is_rapid: bool,
 }
 
 /// A share of the way from one wrench to another.
@@ -42,6 +50,19 @@ pub enum Toward {
     Axis([f64; 3]),
     /// β1 and β2 of the wrist, rad.
     Wrist([f64; 2]),
+    /// Angles of a head that a program speaks of, rad.
+    Head(Head, [f64; 2]),
+}
+
+impl Toward {
+    /// The tool's axis, where that is what is given.
+    pub fn axis(&self) -> Option<[f64; 3]> {
+        match *self {
+            Self::Axis(axis) => Some(axis),
+            Self::Head(head, angles) => Some(head.axis(angles)),
+            Self::Wrist(_) => None,
+        }
+    }
 }
 
 impl Place {
@@ -52,6 +73,7 @@ impl Place {
         let toward = match (self.toward, to.toward) {
             (Toward::Axis(a), Toward::Axis(b)) => Toward::Axis(turned(a, b, share)),
             (Toward::Wrist(a), Toward::Wrist(b)) => Toward::Wrist([part(a[0], b[0]), part(a[1], b[1])]),
+            (Toward::Head(head, a), Toward::Head(_, b)) => Toward::Head(head, [part(a[0], b[0]), part(a[1], b[1])]),
             (_, toward) => toward,
         };
         Self { tip_m: std::array::from_fn(|i| part(self.tip_m[i], to.tip_m[i])), toward }
@@ -62,7 +84,9 @@ impl Place {
         let way = (0..3).map(|i| (to.tip_m[i] - self.tip_m[i]).powi(2)).sum::<f64>().sqrt();
         let turn = match (self.toward, to.toward) {
             (Toward::Axis(a), Toward::Axis(b)) => angle(a, b),
-            (Toward::Wrist(a), Toward::Wrist(b)) => (a[0] - b[0]).abs().max((a[1] - b[1]).abs()),
+            (Toward::Wrist(a), Toward::Wrist(b)) | (Toward::Head(_, a), Toward::Head(_, b)) => {
+                (a[0] - b[0]).abs().max((a[1] - b[1]).abs())
+            }
             _ => 0.0,
         };
         [way, turn]
@@ -73,9 +97,11 @@ impl Place {
 pub fn rounded(place: &Place, in_program: bool) -> Place {
     let finer = if in_program { 1.0 } else { 1e3 };
     let to = |v: f64, unit: f64| (v * unit * finer).round() / (unit * finer);
+    let degrees = |v: f64| to(v.to_degrees(), 1e8).to_radians();
     let toward = match place.toward {
         Toward::Axis(axis) => Toward::Axis(axis.map(|v| to(v, 1e9))),
-        Toward::Wrist(beta) => Toward::Wrist(beta.map(|v| to(v.to_degrees(), 1e8).to_radians())),
+        Toward::Wrist(beta) => Toward::Wrist(beta.map(degrees)),
+        Toward::Head(head, angles) => Toward::Head(head, angles.map(degrees)),
     };
     Place { tip_m: place.tip_m.map(|v| to(v * 1e3, 1e6) / 1e3), toward }
 }

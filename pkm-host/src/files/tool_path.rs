@@ -7,7 +7,7 @@ use pkm_core::Wrench;
 
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, Sheet, WRENCH_COLUMNS};
-use crate::files::gcode::Program;
+use crate::files::gcode::{Program, Setup};
 use crate::files::path::{Move, Place, Toward};
 use crate::files::source::Source;
 
@@ -48,11 +48,12 @@ pub fn is_program(file: &Path) -> Option<bool> {
 }
 
 impl ToolPath {
-    /// Reads a path, its kind by its name. `wrench` is a program's load until a comment sets another.
+    /// Reads a path, its kind by its name. `wrench` is a program's load until a comment sets another, `setup` what it does not
+    /// say of the machine.
     ///
     /// # Errors
     /// See [`read_csv`] and [`Program::parse`]; another name; a path that is compensated already.
-    pub fn read(path: &Path, wrench: Option<[f64; 6]>) -> Result<Self> {
+    pub fn read(path: &Path, wrench: Option<[f64; 6]>, setup: &Setup) -> Result<Self> {
         let Some(is_program) = is_program(path) else {
             let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc or .tap";
             return Err(Failure::usage(message).in_file(path.display().to_string()));
@@ -64,7 +65,7 @@ impl ToolPath {
             return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
         }
         if is_program {
-            return Ok(Self::Program(Program::parse(&source, wrench.map(Wrench::from_array))?));
+            return Ok(Self::Program(Program::parse_with(&source, wrench.map(Wrench::from_array), setup)?));
         }
         if wrench.is_some() {
             return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));
@@ -117,7 +118,14 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
         let wrench = Wrench::from_array(sheet.load(row)?);
         let to = Place { tip_m: [x, y, z].map(|v| v / 1e3), toward: Toward::Axis([i, j, k]) };
         let before = moves.last().map_or(wrench, |m| m.wrench[1]);
-        moves.push(Move { line: row.line, to, wrench: [before, wrench] });
+        moves.push(Move {
+            line: row.line,
+            to,
+            wrench: [before, wrench],
+            longer_m: 0.0,
+            is_fresh: false,
+            is_rapid: false,
+        });
     }
     Ok((sheet, moves))
 }

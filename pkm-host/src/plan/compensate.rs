@@ -117,7 +117,8 @@ struct PathPosition {
 
 /// A walk along a path.
 struct Walk<'a> {
-    reach: Reach<'a>,
+    /// With the tool in hand.
+    reach: &'a Reach<'a>,
     correction: Option<&'a Correction<'a>>,
     file: &'a str,
     allow_extrapolation: bool,
@@ -190,6 +191,7 @@ impl Walk<'_> {
         let toward = match asked.toward {
             Toward::Axis(_) => Toward::Axis(axis),
             Toward::Wrist(_) => Toward::Wrist(configuration.beta_rad),
+            Toward::Head(head, angles) => Toward::Head(head, head.angles(axis, angles)),
         };
         let place = rounded(&Place { tip_m, toward }, self.in_program);
         let failed = |e| self.failure(e, self.reach.stand_anywhere(&place, &configuration));
@@ -232,6 +234,18 @@ impl Walk<'_> {
     }
 }
 
+/// The machine with each length of tool that the moves have.
+fn with_tools(machine: &MachineFile, moves: &[Move]) -> Result<Vec<(f64, MachineFile)>> {
+    let mut machines: Vec<(f64, MachineFile)> = vec![(0.0, machine.clone())];
+    let mut length_m = 0.0;
+    for mv in moves.iter().filter(|m| m.longer_m != std::mem::replace(&mut length_m, m.longer_m)) {
+        if machines.iter().all(|(longer_m, _)| *longer_m != mv.longer_m) {
+            machines.push((mv.longer_m, machine.with_longer_tool(mv.longer_m)?));
+        }
+    }
+    Ok(machines)
+}
+
 /// Goes along a path. A program's cuts are divided into steps; a CSV's only where a step is given.
 ///
 /// # Errors
@@ -244,13 +258,15 @@ pub fn walk<'a>(
 ) -> Result<Track> {
     let Request { file, moves, in_program, .. } = *request;
     let fill = in_program || request.step_mm.is_some();
-    let reach = Reach::new(machine)?;
+    let machines = with_tools(machine, moves)?;
+    let reaches = machines.iter().map(|(_, machine)| Reach::new(machine)).collect::<Result<Vec<_>>>()?;
     let step_m = request.step_mm.unwrap_or(STEP_MM) / 1e3;
     let steps = |a: &Place, b: &Place| {
         let [way, turn] = a.apart(b);
         (way / step_m).max(turn / STEP_RAD).ceil().max(1.0)
     };
-    let all: f64 = moves.windows(2).map(|w| steps(&w[0].to, &w[1].to)).sum::<f64>() + 1.0;
+    let all: f64 =
+        moves.windows(2).map(|w| if w[1].is_fresh { 1.0 } else { steps(&w[0].to, &w[1].to) }).sum::<f64>() + 1.0;
     if !(all <= MOST_STEPS) {
         let message =
             format!("{all:.0} steps, {MOST_STEPS:.0} at the most: give a greater --step-mm (are lengths in mm?)");
@@ -260,12 +276,15 @@ pub fn walk<'a>(
     let track = Track { least_share: f64::INFINITY, ..Track::default() };
     let allow_extrapolation = request.allow_extrapolation;
     let position = PathPosition { line: 0, from: None, tip_m: [0.0; 3] };
+    let reach = &reaches[0];
     let mut walk =
         Walk { reach, correction, file, allow_extrapolation, in_program, track, last: None, way_m: 0.0, position };
     let mut near = walk.reach.home();
     for (index, mv) in moves.iter().enumerate() {
         walk.track.points.push(Vec::new());
-        let before = index.checked_sub(1).map(|i| &moves[i]);
+        let tool = machines.iter().position(|(longer_m, _)| *longer_m == mv.longer_m);
+        walk.reach = &reaches[tool.unwrap_or(0)];
+        let before = index.checked_sub(1).filter(|_| !mv.is_fresh).map(|i| &moves[i]);
         let from = before.map_or(mv.to, |m| m.to);
         let n = steps(&from, &mv.to) as usize;
         if from.apart(&mv.to)[1] > OPPOSITE_RAD && matches!(mv.to.toward, Toward::Axis(_)) {
@@ -285,8 +304,8 @@ pub fn walk<'a>(
             walk.way_m = begun + share * length;
             walk.position =
                 PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
-            let hold = match asked.toward {
-                Toward::Axis(axis) if index == 0 => {
+            let hold = match asked.toward.axis() {
+                Some(axis) if before.is_none() => {
                     walk.reach.nearest(&Tool { tip_m: asked.tip_m, axis }, &near).map_err(|f| walk.here(f))?
                 }
                 _ => walk

@@ -217,6 +217,7 @@ fn stood(
     match place.toward {
         Toward::Axis(axis) => five.inverse(&Tool { tip_m: place.tip_m, axis }, near),
         Toward::Wrist(beta_rad) => five.inverse_at(place.tip_m, beta_rad),
+        Toward::Head(head, angles) => five.inverse(&Tool { tip_m: place.tip_m, axis: head.axis(angles) }, near),
     }
 }
 

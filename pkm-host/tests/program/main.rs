@@ -8,6 +8,8 @@ mod diagnose;
 mod docs;
 mod fem;
 mod fixtures;
+mod gcode;
+mod gcode_programs;
 mod hil;
 mod inverse_all;
 mod limits;

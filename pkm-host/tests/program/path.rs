@@ -470,16 +470,23 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
         error
     };
     for (line, words) in [
-        ("G2 X-200 Y5 I5 J0", "arcs are not supported"),
-        ("G03 X-200 Y5 R5", "arcs"),
-        ("G20", "mm (G21)"),
-        ("G91", "absolute"),
-        ("G93 G1 X-200 F2", "G94"),
-        ("G54", "coordinates in B"),
-        ("G43 H1", "machine file"),
-        ("G28 Z0", "reference points"),
-        ("G81 X-200 Z3 R1", "canned cycles"),
-        ("G5 X-200", "`G5`: not supported"),
+        ("G2 X-200 Y5 I9 J0", "the arc's radius is 9"),
+        ("G03 X-200 Y5 R1", "the arc's ends are"),
+        ("G2 X-200 Y5", "without centre"),
+        ("G2 X-200 Y5 I5 K3", "K is not in the arc's plane"),
+        ("G93 G1 X-200", "F is missing"),
+        ("G54", "--job"),
+        ("G43 H1", "--tools"),
+        ("G43.1 H1", "G43 H, G43.4 H and G49"),
+        ("G41 D1", "tool's centre"),
+        ("G10 L1 P1 Z3", "only L2 and L20"),
+        ("G53 X-200 Y0 Z1130 G91", "G53 in G91"),
+        ("G81 X-200 Z3", "expected R"),
+        ("G83 X-200 Z1129 R1130", "Q, the depth"),
+        ("G84 X-200 Z3 R1", "coupled to the spindle"),
+        ("G85 X-200 Z3 R1", "of cycles"),
+        ("G5 X-200", "splines"),
+        ("G77 X-200", "of cycles"),
         ("G1 X-200 C10", "`C10` is not supported"),
         ("G1 X-200 A10", "I J K and A B"),
         ("G1 X-200 X-201", "duplicate X"),
@@ -490,8 +497,12 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
         ("G1 X#1", "parameters"),
         ("G1 X[1+2]", "parameters"),
         ("#1 = 5", "parameters"),
-        ("O100 sub", "subroutines"),
-        ("/G1 X-200", "block delete"),
+        ("O100 sub", "`O100 endsub` is missing"),
+        ("O100 call", "O100 is not in this file"),
+        ("O100 if [1]", "if is not supported"),
+        ("M98 P7", "O7 is not in this file"),
+        ("M99", "without end"),
+        ("M72", "not followed"),
         ("G1 X-200 (open", "not closed"),
         ("G1 -200", "found `-`"),
         ("X-200 N10", "N first"),
@@ -511,7 +522,7 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
     says(&refuse("M3 S100\n"), "input", None, &["found none"]);
     says(&refuse("0 BEGIN PGM PLATE MM\n"), "input", Some(1), &["is this G-code"]);
     says(&refuse("G0 CYCL DEF\n"), "input", Some(1), &["is this G-code"]);
-    says(&refuse(&format!("{start}O100\n")), "input", Some(3), &["subroutines"]);
+    says(&refuse(&format!("{start}O100\n")), "input", Some(3), &["another program begins"]);
     says(&refuse(&format!("{start}G1 X\n").replace('\n', "\r")), "input", Some(3), &["expected a number"]);
 
     let path = folder.write("unloaded.ngc", &format!("{start}G1 X-200\n"));

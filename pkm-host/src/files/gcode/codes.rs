@@ -1,0 +1,126 @@
+//! G words: what they set, and why others are refused.
+
+use super::Refusal;
+use super::arcs::Plane;
+use super::cycles::Drill;
+use super::modal::{Modal, Motion};
+use super::offsets::frame_of;
+use super::words::Line;
+
+/// What a line's G words ask for beyond what stays in force. Numbers are ten times those of the words.
+#[derive(Default)]
+pub(super) struct Codes {
+    /// The motion that the line names.
+    pub motion: Option<u16>,
+    /// G4, G10, G28, G30, G52, G53, G92, G92.1.
+    pub other: Option<u16>,
+    /// Tool length: on (G43, G43.4, G234) or off (G49).
+    pub length: Option<bool>,
+}
+
+/// What changes no coordinate: cancelled modes, path control, dwell and speed.
+const PASSED: [u16; 14] = [51, 80, 150, 400, 500, 610, 611, 640, 670, 690, 940, 950, 970, 1870];
+
+impl Codes {
+    /// Takes the G words of a line; what they set is in force at once.
+    pub fn take(line: &Line<'_>, modal: &mut Modal<'_>) -> Result<Self, Refusal> {
+        let mut codes = Self::default();
+        let mut cancels = false;
+        let (plane, motion) = (modal.plane, modal.motion);
+        for word in line.words.iter().filter(|w| w.letter == 'G') {
+            let refused = |why: &str| Err(format!("`{}`: {why}", word.shown()));
+            let Some(tenths) = word.tenths() else { return refused(advice(word.value)) };
+            match tenths {
+                0 | 10 | 20 | 30 | 730 | 810 | 820 | 830 => {
+                    if codes.motion.replace(tenths).is_some() {
+                        return refused("a second motion in the line");
+                    }
+                }
+                800 => cancels = true,
+                170 => modal.plane = Plane::XY,
+                180 => modal.plane = Plane::ZX,
+                190 => modal.plane = Plane::YZ,
+                200 => modal.unit_mm = 25.4,
+                210 => modal.unit_mm = 1.0,
+                900 => modal.incremental = false,
+                910 => modal.incremental = true,
+                901 => modal.center_is_absolute = true,
+                911 => modal.center_is_absolute = false,
+                980 => modal.retracts_to_r = false,
+                990 => modal.retracts_to_r = true,
+                430 | 434 | 2340 => codes.length = Some(true),
+                490 => codes.length = Some(false),
+                930 => modal.inverse_time = true,
+                40 | 100 | 280 | 300 | 520 | 530 | 920 | 921 => {
+                    if codes.other.replace(tenths).is_some() {
+                        return refused("a second word in the line that takes its coordinates");
+                    }
+                }
+                51 if line.has('X') || line.has('Y') => {
+                    return refused("splines are not supported: write short moves (G1)");
+                }
+                _ => match frame_of(tenths) {
+                    Some(frame) => modal.offsets.select(frame).map_err(|why| format!("`{}`: {why}", word.shown()))?,
+                    None if PASSED.contains(&tenths) => {}
+                    None => return refused(advice(word.value)),
+                },
+            }
+            if matches!(tenths, 940 | 950) {
+                modal.inverse_time = false;
+            }
+        }
+        match codes.motion {
+            Some(motion) => modal.set_motion(motion_of(motion)),
+            None if cancels => modal.set_motion(None),
+            None => {}
+        }
+        let drills = |motion| matches!(motion, Some(Motion::Drill(_)));
+        if plane != modal.plane && drills(motion) && drills(modal.motion) {
+            return Err("another plane between the holes of a cycle: end the cycle with G80 first".into());
+        }
+        Ok(codes)
+    }
+}
+
+fn motion_of(tenths: u16) -> Option<Motion> {
+    match tenths {
+        0 => Some(Motion::Rapid),
+        10 => Some(Motion::Cut),
+        20 => Some(Motion::Arc { clockwise: true }),
+        30 => Some(Motion::Arc { clockwise: false }),
+        _ => Drill::of(tenths).map(Motion::Drill),
+    }
+}
+
+/// Why a G word is not supported, and what to do.
+fn advice(g: f64) -> &'static str {
+    match g {
+        5.0..=6.9 => "splines are not supported: let the CAM system write short straight lines (G1)",
+        7.0 => "diameters are not supported: write radii (G8)",
+        12.0..=13.9 => "circular pockets are not supported: let the CAM system write the moves (G1, G2, G3)",
+        16.0 => "polar coordinates are not supported: write X and Y",
+        31.0 | 38.0..=38.9 => "where a probe stops is not known before: run this part of the program by itself",
+        33.0..=33.9 | 74.0 | 76.0 | 84.0 => {
+            "the feed is coupled to the spindle, and moves that are divided would lose that: leave it to another program"
+        }
+        41.0..=42.9 => {
+            "compensation of the tool's radius is not supported, since moves are divided: let the CAM system write the path of the tool's centre (G40)"
+        }
+        43.0..=44.9 => "of tool lengths G43 H, G43.4 H and G49 are supported",
+        51.0 | 51.1 => "scaling and mirroring are not supported: write the moves out",
+        54.0..=54.9 | 110.0..=129.9 | 154.0 => "of work frames G54 to G59.3 are supported",
+        65.0..=66.9 => "macros are not supported: write the moves out, or call subprograms with M98",
+        68.0..=68.9 | 53.0..=53.9 | 254.0 => {
+            "turned work frames are not supported: let the CAM system write the coordinates"
+        }
+        73.0..=89.9 => {
+            "of cycles G73, G81, G82 and G83 are supported: let the CAM system write the moves of others (G0, G1)"
+        }
+        92.0..=92.9 => "of these G92 and G92.1 are supported",
+        96.0 => "a constant surface speed is for lathes: write the speed a minute (G97)",
+        _ => {
+            "not supported; known are G0 G1 G2 G3 G4 G10 G17-G21 G28 G30 G40 G43 G43.4 G49 G52 G53 G54-G59.3 G61 G64 G73 G80-G83 \
+             G90-G95 G98 G99"
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! G-code (RS-274) as controls of the Fanuc family and LinuxCNC read it: read into straight moves of the tool, and written again
+//! with other places. [docs/formats.md](https://docs.rs/pkm-host) has the table of words.
+//!
+//! A program is read in the order in which a control carries it out. Arcs, cycles and subprograms become straight moves; all that
+//! does not move the tool is passed on as it stands. A cut is divided, and each part ends with all of its words. Where the load
+//! changes between two moves, the second begins with a small move to where the tool has to be commanded under its own load.
+//!
+//! `X Y Z` are the tip of the tool in the work frame in force, whose axes are those of B or those that the job says. The tool's axis is given by `A B`, the
+//! wrist's joints; by `I J K` on straight moves; or by the angles of a head or a fixed direction, as the job says. A comment
+//! `(wrench fx,fy,fz,mx,my,mz)` sets the cutting load from there on: on the tool at its tip in the axes of T_h, N and N·m.
+
+mod arcs;
+mod codes;
+mod cycles;
+mod flow;
+mod modal;
+mod motions;
+mod offsets;
+mod words;
+mod writer;
+
+use pkm_core::Wrench;
+
+use self::flow::{Flow, Order};
+use self::modal::{Effect, Form, Modal, Stop, Style};
+use self::words::{Line, load};
+use crate::error::{Failure, Result, printable};
+use crate::files::head::{Head, ProgramAxes};
+use crate::files::job_program::ProgramOffsets;
+use crate::files::path::{Move, Place, Toward};
+use crate::files::source::Source;
+use crate::files::tools::Tools;
+
+/// Why a line is refused.
+type Refusal = String;
+
+/// How far a straight move of a divided arc may be from it, mm.
+pub const CHORD_MM: f64 = 1e-3;
+
+/// Most moves of a program.
+const MAX_MOVES: usize = 5_000_000;
+
+/// What a program does not say of the machine that it is for.
+pub struct Setup {
+    /// Work frames and reference points.
+    pub offsets: ProgramOffsets,
+    /// Lengths of tools.
+    pub tools: Tools,
+    /// How the program's axes lie in B.
+    pub axes: ProgramAxes,
+    /// The head whose angles the program gives; `None`: the wrist's joints as A and B, or vectors I J K.
+    pub head: Option<Head>,
+    /// How far a straight move of a divided arc may be from it, mm.
+    pub chord_mm: f64,
+    /// Whether lines that begin with `/` are left out.
+    pub block_delete: bool,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self {
+            offsets: ProgramOffsets::default(),
+            tools: Tools::default(),
+            axes: ProgramAxes::default(),
+            head: None,
+            chord_mm: CHORD_MM,
+            block_delete: false,
+        }
+    }
+}
+
+impl Setup {
+    /// The length of a tool over the machine file's flange.
+    fn length_mm(&self, number: f64) -> std::result::Result<f64, Refusal> {
+        self.tools.length_mm(number).ok_or_else(|| {
+            format!(
+                "the length of tool {number} is not known: give a tool table with --tools (TOML, or LinuxCNC's .tbl)"
+            )
+        })
+    }
+}
+
+/// A program: its lines in the order in which they are carried out, and the moves among them.
+pub struct Program {
+    source: Source,
+    blocks: Vec<Block>,
+    styles: Vec<Style>,
+    axes: ProgramAxes,
+    head: Option<Head>,
+    /// In the order in which they are made.
+    pub moves: Vec<Move>,
+    /// Names the lines that may not mean what they say.
+    pub warnings: Vec<String>,
+}
+
+/// A line that was carried out.
+struct Block {
+    /// Index in the file.
+    line: u32,
+    content: Content,
+}
+
+/// What a line becomes.
+#[derive(Clone, Copy)]
+enum Content {
+    /// The same.
+    Text,
+    /// The same but for the words that called a subprogram or ended one: its lines follow.
+    Call,
+    /// So many moves.
+    Moves { count: u32, form: Form, style: u32 },
+}
+
+/// A program that is being read.
+struct Reader<'a> {
+    flow: Flow<'a>,
+    modal: Modal<'a>,
+    program: Program,
+    wrench: Option<Wrench<f64>>,
+    /// The tool in hand, and one that came without a load of its own.
+    tool: Option<f64>,
+    other_tool: Option<String>,
+    /// The first line that was passed on unchecked, why, and how many are.
+    unchecked: Option<(u64, String, usize)>,
+}
+
+impl Program {
+    /// Reads a program that needs no word on the machine. `wrench` is the cutting load until a comment sets another.
+    ///
+    /// # Errors
+    /// Those of [`parse_with`](Self::parse_with).
+    pub fn parse(source: &Source, wrench: Option<Wrench<f64>>) -> Result<Self> {
+        Self::parse_with(source, wrench, &Setup::default())
+    }
+
+    /// Reads a program.
+    ///
+    /// # Errors
+    /// The line that is not supported; a cut without a load; no move at all.
+    pub fn parse_with(source: &Source, wrench: Option<Wrench<f64>>, setup: &Setup) -> Result<Self> {
+        let program = Self {
+            source: source.clone(),
+            blocks: Vec::new(),
+            styles: Vec::new(),
+            axes: setup.axes,
+            head: setup.head,
+            moves: Vec::new(),
+            warnings: Vec::new(),
+        };
+        let mut reader = Reader {
+            flow: Flow::new(source.text()?),
+            modal: Modal::new(setup),
+            program,
+            wrench,
+            tool: None,
+            other_tool: None,
+            unchecked: None,
+        };
+        let mut stops = Vec::new();
+        while let Some((index, text)) = reader.flow.next() {
+            let failed = |message: String| Failure::input(message).in_file(&source.name).at_line(index as u64 + 1);
+            let line = Line::parse(text).map_err(failed)?;
+            reader.take(index, &line, &mut stops).map_err(failed)?;
+        }
+        reader.finish()
+    }
+}
+
+/// A place with other axes of reference; joints and a head's angles are what they are.
+fn turned(place: &Place, turn: impl Fn([f64; 3]) -> [f64; 3]) -> Place {
+    let toward = match place.toward {
+        Toward::Axis(axis) => Toward::Axis(turn(axis)),
+        angles => angles,
+    };
+    Place { tip_m: turn(place.tip_m), toward }
+}
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, index: usize, line: &Line<'a>, stops: &mut Vec<Stop>) -> std::result::Result<(), Refusal> {
+        match self.flow.order(line, self.modal.setup.block_delete)? {
+            Order::Drop => return Ok(()),
+            Order::Pass => {
+                self.put(index, Content::Text);
+                return Ok(());
+            }
+            Order::Do => {}
+        }
+        for comment in &line.comments {
+            if let Some(set) = load(comment)? {
+                (self.wrench, self.other_tool) = (Some(set), None);
+            }
+        }
+        for word in line.words.iter().filter(|w| w.letter == 'T') {
+            if self.tool.replace(word.value).is_some_and(|before| before != word.value) {
+                self.other_tool = Some(word.written.to_owned());
+            }
+        }
+        if let Some(word) = line.words.iter().find(|w| w.is('M', &[72.0, 73.0, 97.0, 198.0])) {
+            return Err(format!(
+                "`{}` is not supported: which words are in force after it is not followed",
+                word.shown()
+            ));
+        }
+        stops.clear();
+        let loaded = self.program.moves.last().is_some_and(Move::is_loaded);
+        let number = index as u64 + 1;
+        let content = match self.modal.take(line, loaded, stops)? {
+            Effect::Nothing => Content::Text,
+            Effect::Unchecked(why) => {
+                self.unchecked.get_or_insert((number, why, 0)).2 += 1;
+                Content::Text
+            }
+            Effect::Moves { form, fresh } => {
+                for (n, stop) in stops.iter().enumerate() {
+                    self.go(number, stop, fresh && n == 0)?;
+                }
+                let style = self.style(line);
+                Content::Moves { count: stops.len() as u32, form, style }
+            }
+        };
+        self.take_m(index, line, content)
+    }
+
+    /// M words that say which line is next.
+    fn take_m(&mut self, index: usize, line: &Line<'a>, content: Content) -> std::result::Result<(), Refusal> {
+        let has = |number: f64| line.words.iter().any(|w| w.is('M', &[number]));
+        let value = |letter: char| line.words.iter().find(|w| w.letter == letter).map(|w| w.value);
+        if [2.0, 30.0, 98.0, 99.0].into_iter().filter(|m| has(*m)).count() > 1 {
+            return Err("of M2, M30, M98 and M99 more than one: which line is next is not clear".into());
+        }
+        let calls = has(98.0) || has(99.0);
+        if calls && matches!(content, Content::Moves { form: Form::Reference { .. }, .. }) {
+            return Err("G28 or G30 with M98 or M99: give them lines of their own".into());
+        }
+        self.put(index, if calls && matches!(content, Content::Text) { Content::Call } else { content });
+        if has(98.0) {
+            self.flow.m98(value('P'), value('L'))?;
+        } else if has(99.0) {
+            self.flow.m99()?;
+        } else if has(2.0) || has(30.0) {
+            self.flow.end(index);
+        }
+        Ok(())
+    }
+
+    fn put(&mut self, index: usize, content: Content) {
+        self.program.blocks.push(Block { line: index as u32, content });
+    }
+
+    /// A move with its load.
+    fn go(&mut self, line: u64, stop: &Stop, is_fresh: bool) -> std::result::Result<(), Refusal> {
+        let load = match self.wrench {
+            _ if stop.rapid => Wrench::ZERO,
+            Some(wrench) => wrench,
+            None => {
+                return Err(
+                    "a cut without a load: give --wrench, or a line (wrench fx,fy,fz,mx,my,mz) before it".into()
+                );
+            }
+        };
+        if self.program.moves.len() >= MAX_MOVES {
+            return Err(format!("more than {MAX_MOVES} moves: give a greater --chord-mm, or divide the program"));
+        }
+        if is_fresh && !stop.rapid && !self.program.moves.is_empty() {
+            return Err("a cut from a place that is not known: begin with G0 and X Y Z".into());
+        }
+        if let Some(number) = self.other_tool.take_if(|_| load != Wrench::ZERO) {
+            self.program.warnings.push(format!(
+                "{}:{line}: T{number} cuts with the load of the tool before: a line (wrench …) gives another",
+                printable(&self.program.source.name)
+            ));
+        }
+        self.program.moves.push(Move {
+            line,
+            to: turned(&stop.place, |v| self.modal.setup.axes.to_base(v)),
+            wrench: [load; 2],
+            longer_m: self.modal.length_mm / 1e3,
+            is_fresh,
+            is_rapid: stop.rapid,
+        });
+        Ok(())
+    }
+
+    /// The number of the style that is in force.
+    fn style(&mut self, line: &Line<'_>) -> u32 {
+        let style = self.modal.style(line.words.iter().any(|w| w.is('G', &[53.0])));
+        let styles = &mut self.program.styles;
+        if styles.last() != Some(&style) {
+            styles.push(style);
+        }
+        styles.len() as u32 - 1
+    }
+
+    fn finish(mut self) -> Result<Program> {
+        let name = &self.program.source.name;
+        if let Some(message) = self.flow.unfinished() {
+            return Err(Failure::input(message).in_file(name));
+        }
+        match self.unchecked {
+            Some((line, why, _)) if self.program.moves.is_empty() => {
+                return Err(Failure::input(why).in_file(name).at_line(line));
+            }
+            None if self.program.moves.is_empty() => {
+                return Err(Failure::input("expected moves (G0 or G1 with X Y Z), found none").in_file(name));
+            }
+            Some((line, why, count)) => {
+                let more = if count > 1 { format!(" (first of {count} such lines)") } else { String::new() };
+                let warning = format!("{}:{line}: passed on unchecked{more}: {why}", printable(name));
+                self.program.warnings.push(warning);
+            }
+            None => {}
+        }
+        Ok(self.program)
+    }
+}

@@ -1,0 +1,232 @@
+//! A program written with other places, line by line beside the original.
+
+use super::modal::{Form, Style};
+use super::words::{Line, Word};
+use super::{Content, Program, turned};
+use crate::files::path::{Place, Toward};
+
+/// Stops of a program on the line of a move: they come behind it.
+const STOPS: [f64; 5] = [0.0, 1.0, 2.0, 30.0, 60.0];
+
+/// What the control has been told so far.
+struct Writer<'a> {
+    text: String,
+    lines: Vec<&'a str>,
+    program: &'a Program,
+    /// Whether the motion in force is rapid, if it is one of G0 and G1.
+    rapid: Option<bool>,
+    /// Where the tool was sent last, in the program's axes.
+    last: Option<Place>,
+}
+
+impl Program {
+    /// The program with other places for its moves, several where one was divided, and notes at its head.
+    pub fn written(&self, places: &[Vec<Place>], notes: &[String]) -> String {
+        let source = self.source.text().unwrap_or_default();
+        let lines: Vec<&str> = source.lines().collect();
+        let mut writer =
+            Writer { text: String::with_capacity(2 * source.len()), lines, program: self, rapid: None, last: None };
+        let head: String = notes.iter().map(|note| format!("({})\n", note.replace(['(', ')'], ""))).collect();
+        let first = writer.lines.iter().position(|l| !l.trim().is_empty());
+        let percent = first.filter(|i| writer.lines[*i].trim() == "%");
+        if percent.is_none() {
+            writer.text.push_str(&head);
+        }
+        let mut done = 0;
+        for block in &self.blocks {
+            let index = block.line as usize;
+            // it was read before, and so it is readable
+            let Ok(line) = Line::parse(writer.lines[index]) else { continue };
+            match block.content {
+                Content::Text => writer.pass(&line),
+                Content::Call => writer.call(&line),
+                Content::Moves { count, form, style } => {
+                    let end = (done + count as usize).min(places.len());
+                    writer.moves(&line, form, &self.styles[style as usize], done, &places[done.min(end)..end]);
+                    done = end;
+                }
+            }
+            if percent == Some(index) {
+                writer.text.push_str(&head);
+            }
+        }
+        writer.text
+    }
+}
+
+/// Whether a G word is a motion that is written as G0 and G1 instead.
+fn is_replaced(word: &Word<'_>) -> bool {
+    word.is('G', &[2.0, 3.0, 73.0, 81.0, 82.0, 83.0])
+}
+
+/// Words that call a subprogram or end one.
+fn calls(line: &Line<'_>, word: &Word<'_>) -> bool {
+    let called = line.words.iter().any(|w| w.is('M', &[98.0]));
+    word.is('M', &[98.0, 99.0]) || (called && "PL".contains(word.letter))
+}
+
+impl Writer<'_> {
+    fn put(&mut self, line: &str) {
+        self.text.push_str(line);
+        self.text.push('\n');
+    }
+
+    fn pass(&mut self, line: &Line<'_>) {
+        self.note_motion(line);
+        self.put(line.text);
+    }
+
+    /// What the motion in force is after a line that is written as it stands.
+    fn note_motion(&mut self, line: &Line<'_>) {
+        for word in line.words.iter().filter(|w| w.letter == 'G') {
+            match word.value {
+                0.0 => self.rapid = Some(true),
+                1.0 => self.rapid = Some(false),
+                80.0 => self.rapid = None,
+                _ if is_replaced(word) => self.rapid = None,
+                _ => {}
+            }
+        }
+    }
+
+    fn call(&mut self, line: &Line<'_>) {
+        self.note_motion(line);
+        let (gone, kept): (Vec<_>, Vec<_>) = line.words.iter().partition(|w| calls(line, w));
+        let shown = |words: &[&Word<'_>]| words.iter().map(|w| w.shown()).collect::<Vec<_>>().join(" ");
+        let mut parts = vec![shown(&kept), format!("({})", shown(&gone))];
+        parts.extend(line.comments.iter().map(|c| (*c).to_owned()));
+        self.put(parts.join(" ").trim_start());
+    }
+
+    fn moves(&mut self, line: &Line<'_>, form: Form, style: &Style, first: usize, places: &[Vec<Place>]) {
+        if let Form::Reference { named } = form {
+            self.pass(line);
+            self.reach_reference(places, named);
+            return;
+        }
+        let motion_words = match form {
+            Form::Straight | Form::Reference { .. } => "",
+            Form::Arc => "RP",
+            Form::Drill { .. } => "RPQLK",
+        };
+        let rotary = self.program.head.map_or("AB", |h| h.letters());
+        let goes = |w: &Word<'_>| {
+            "XYZIJK".contains(w.letter)
+                || rotary.contains(w.letter)
+                || motion_words.contains(w.letter)
+                || is_replaced(w)
+                || (form != Form::Straight && w.is('G', &[80.0]))
+                || calls(line, w)
+                || (style.inverse_time && w.letter == 'F')
+        };
+        let kept: Vec<&Word<'_>> = line.words.iter().filter(|w| !goes(w)).collect();
+        let (stops, kept): (Vec<&Word<'_>>, Vec<&Word<'_>>) = kept.into_iter().partition(|w| w.is('M', &STOPS));
+        let mut words: Vec<String> = kept.iter().map(|w| w.shown()).collect();
+        for word in kept.iter().filter(|w| w.is('G', &[0.0, 1.0])) {
+            self.rapid = Some(word.value == 0.0);
+        }
+        let comments = line.comments.join(" ");
+        let feed = line.words.iter().find(|w| style.inverse_time && w.letter == 'F').map(|w| w.value);
+        let (mut is_first, points) = (true, places.iter().map(Vec::len).sum::<usize>());
+        let mut left = points;
+        for (n, places) in places.iter().enumerate() {
+            let rapid = self.program.moves[first + n].is_rapid;
+            for place in places {
+                if style.in_machine && !is_first {
+                    words.push("G53".to_owned());
+                }
+                if self.rapid.replace(rapid) != Some(rapid) {
+                    words.push(if rapid { "G0" } else { "G1" }.to_owned());
+                }
+                self.push_place(place, style, &mut words);
+                if let Some(feed) = feed.filter(|_| !rapid) {
+                    words.push(format!("F{}", number(feed * points as f64, 6)));
+                }
+                left -= 1;
+                if left == 0 {
+                    words.extend(stops.iter().map(|w| w.shown()));
+                }
+                if is_first && !comments.is_empty() {
+                    words.push(comments.clone());
+                }
+                is_first = false;
+                self.put(&words.join(" "));
+                words.clear();
+            }
+            if let Form::Drill { dwell: Some(dwell) } = form
+                && !rapid
+            {
+                self.put(&format!("G4 P{}", number(dwell, 6)));
+            }
+        }
+        // a cycle that is only named, L0
+        if points == 0 && !(words.is_empty() && comments.is_empty()) {
+            words.push(comments);
+            self.put(words.join(" ").trim_end());
+        }
+    }
+
+    /// A line that goes to a reference point has moved the named axes there, and left the others.
+    fn reach_reference(&mut self, places: &[Vec<Place>], named: [bool; 5]) {
+        let Some(there) = places.last().and_then(|p| p.last()).map(|p| self.in_program(p)) else { return };
+        let last = self.last.get_or_insert(there);
+        for i in (0..3).filter(|i| named[*i]) {
+            last.tip_m[i] = there.tip_m[i];
+        }
+        match (&mut last.toward, &there.toward) {
+            (Toward::Wrist(last), Toward::Wrist(there)) | (Toward::Head(_, last), Toward::Head(_, there)) => {
+                for i in (0..2).filter(|i| named[3 + i]) {
+                    last[i] = there[i];
+                }
+            }
+            (last, there) => *last = *there,
+        }
+    }
+
+    fn in_program(&self, place: &Place) -> Place {
+        turned(place, |v| self.program.axes.of_base(v))
+    }
+
+    /// The words of a place.
+    fn push_place(&mut self, place: &Place, style: &Style, words: &mut Vec<String>) {
+        let place = self.in_program(place);
+        let before = self.last.replace(place).filter(|_| style.incremental);
+        let length_decimals = if style.unit_mm == 1.0 { 6 } else { 7 };
+        let coordinate = |place: &Place, i: usize| (place.tip_m[i] * 1e3 - style.origin_mm[i]) / style.unit_mm;
+        // both rounded, so that increments do not add up to an error
+        let since = |now: f64, before: Option<f64>, decimals: usize| match before {
+            Some(before) => round(now, decimals) - round(before, decimals),
+            None => now,
+        };
+        for (i, letter) in "XYZ".chars().enumerate() {
+            let value = since(coordinate(&place, i), before.map(|b| coordinate(&b, i)), length_decimals);
+            words.push(format!("{letter}{}", number(value, length_decimals)));
+        }
+        let (letters, angles, before) = match (place.toward, before.map(|b| b.toward)) {
+            (Toward::Axis(axis), _) => {
+                words.extend("IJK".chars().zip(axis).map(|(letter, v)| format!("{letter}{}", number(v, 9))));
+                return;
+            }
+            (Toward::Wrist(now), Some(Toward::Wrist(before))) => ("AB", now, Some(before)),
+            (Toward::Wrist(now), _) => ("AB", now, None),
+            (Toward::Head(head, now), Some(Toward::Head(_, before))) => (head.letters(), now, Some(before)),
+            (Toward::Head(head, now), _) => (head.letters(), now, None),
+        };
+        for (i, letter) in letters.chars().enumerate() {
+            let value = since(angles[i].to_degrees(), before.map(|b| b[i].to_degrees()), 8);
+            words.push(format!("{letter}{}", number(value, 8)));
+        }
+    }
+}
+
+fn round(value: f64, decimals: usize) -> f64 {
+    let unit = 10_f64.powi(decimals as i32);
+    (value * unit).round() / unit
+}
+
+/// A number as it stands in a program, and without trailing zeros.
+fn number(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
