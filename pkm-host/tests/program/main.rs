@@ -9,6 +9,7 @@ mod docs;
 mod fem;
 mod fixtures;
 mod hil;
+mod import;
 mod inverse_all;
 mod limits;
 mod map;
