@@ -56,7 +56,7 @@ impl Problem {
             severity: "doubtful",
             kind: warning.kind,
             line: warning.line,
-            lines: warning.line.into_iter().collect(),
+            lines: warning.lines.clone(),
             column: warning.column.map(str::to_owned),
             message: warning.message.clone(),
         }

@@ -19,8 +19,10 @@ use crate::files::readings::Readings;
 pub struct DataWarning {
     /// What it is about, for programs.
     pub kind: &'static str,
-    /// Line of the file, where it is about one.
+    /// The first line of the file that it is about, if it is about some.
     pub line: Option<u64>,
+    /// All of them.
+    pub lines: Vec<u64>,
     /// Column, where it is about one.
     pub column: Option<&'static str>,
     /// For people: what is doubtful, and what to do.
@@ -29,7 +31,7 @@ pub struct DataWarning {
 
 impl DataWarning {
     fn new(kind: &'static str, message: impl Into<String>) -> Self {
-        Self { kind, line: None, column: None, message: message.into() }
+        Self { kind, line: None, lines: Vec::new(), column: None, message: message.into() }
     }
 
     /// As a line of text about a file.
@@ -39,8 +41,9 @@ impl DataWarning {
         format!("{file}:{line} {column}{}", self.message)
     }
 
-    fn at_line(mut self, line: u64) -> Self {
-        self.line = Some(line);
+    fn at_lines(mut self, lines: Vec<u64>) -> Self {
+        self.line = lines.first().copied();
+        self.lines = lines;
         self
     }
 
@@ -58,14 +61,20 @@ pub fn lines_text(lines: &[u64]) -> String {
     format!("{}{more}", first.join(", "))
 }
 
-/// All that is doubtful, in no order but that of the checks.
+/// All that is doubtful, in the order of the checks. What stands out in several ways is said once: a row as a whole before its
+/// numbers, a number among its repeats before its distance from the declared machine.
 pub fn check(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+    let of_model = model::check(file, readings);
+    let rows: Vec<u64> = of_model.iter().filter(|w| w.column.is_none()).flat_map(|w| w.lines.clone()).collect();
     let mut all = values::check(sheet);
-    all.extend(repeats::check(sheet, readings));
+    let of_repeats = repeats::check(sheet, readings);
+    all.extend(
+        of_repeats.into_iter().filter(|w| w.column.is_none() || !w.lines.iter().any(|line| rows.contains(line))),
+    );
     all.extend(checks::of_file(readings).into_iter().map(|w| DataWarning::new(w.kind, w.message)));
-    // the same number may stand out in several ways: the plainest is said
-    let known: Vec<(Option<u64>, Option<&str>)> = all.iter().map(|w| (w.line, w.column)).collect();
-    let is_new = |w: &DataWarning| w.line.is_none() || !known.contains(&(w.line, w.column));
-    all.extend(model::check(file, readings).into_iter().filter(is_new));
+    let numbers: Vec<(u64, &str)> =
+        all.iter().flat_map(|w| w.lines.iter().filter_map(|line| Some((*line, w.column?)))).collect();
+    let is_new = |w: &DataWarning| !w.line.zip(w.column).is_some_and(|place| numbers.contains(&place));
+    all.extend(of_model.into_iter().filter(is_new));
     all
 }

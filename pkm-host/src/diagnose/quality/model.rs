@@ -14,6 +14,8 @@ use crate::files::readings::{CHANNELS, Reading, Readings};
 const MAX_REVERSED_COSINE: f64 = -0.8;
 /// Least median cosine of all rows at which a single one with the wrong sign is to be seen.
 const MIN_MEDIAN_COSINE: f64 = 0.8;
+/// Least deflection of such a row, as a share of the median of all.
+const MIN_REVERSED_SIZE: f64 = 0.5;
 /// Largest share of rows with the wrong sign that are single mistakes.
 const MAX_REVERSED_SHARE: f64 = 0.1;
 
@@ -34,7 +36,9 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
                 outlier.studentised
             );
             all.push(
-                DataWarning::new("gross_error", message).at_line(r.line).at_column(DEFLECTION_COLUMNS[outlier.channel]),
+                DataWarning::new("gross_error", message)
+                    .at_lines(vec![r.line])
+                    .at_column(DEFLECTION_COLUMNS[outlier.channel]),
             );
         }
     }
@@ -62,28 +66,34 @@ fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWar
     otherwise.into_iter().map(|w| DataWarning::new(w.kind, w.message)).collect()
 }
 
-/// Cosine between the translations that were read and those that the machine gives.
-fn cosine(reading: &Reading, expected: &[f64; CHANNELS]) -> Option<f64> {
+/// Cosine between the translations that were read and those that the machine gives, and the size of the latter.
+fn cosine(reading: &Reading, expected: &[f64; CHANNELS]) -> Option<(f64, f64)> {
     let pairs = || (0..3).filter_map(|c| Some((reading.observed[c]?, expected[c])));
     let sum = |of: fn((f64, f64)) -> f64| pairs().map(of).sum::<f64>();
-    let size = (sum(|(a, _)| a * a) * sum(|(_, b)| b * b)).sqrt();
-    (size > 0.0).then(|| sum(|(a, b)| a * b) / size)
+    let (read, said) = (sum(|(a, _)| a * a).sqrt(), sum(|(_, b)| b * b).sqrt());
+    (read * said > 0.0).then(|| (sum(|(a, b)| a * b) / (read * said), said))
 }
 
-/// Single rows that were read with the opposite sign.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Single rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
 fn reversed(readings: &Readings, model: &Model) -> Vec<DataWarning> {
     let experiment = Experiment::new(model, readings);
     let Some(expected) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return Vec::new() };
-    let cosines: Vec<(u64, f64)> =
+    let rows: Vec<(u64, (f64, f64))> =
         (readings.readings.iter()).filter_map(|r| Some((r.line, cosine(r, &expected[r.condition])?))).collect();
-    let mut sorted: Vec<f64> = cosines.iter().map(|(_, c)| *c).collect();
-    sorted.sort_by(f64::total_cmp);
-    let is_clear = sorted.get(sorted.len() / 2).is_some_and(|median| *median > MIN_MEDIAN_COSINE);
-    let found: Vec<u64> = cosines.iter().filter(|(_, c)| *c < MAX_REVERSED_COSINE).map(|(line, _)| *line).collect();
-    if !is_clear || found.len() as f64 > MAX_REVERSED_SHARE * cosines.len() as f64 {
+    let is_clear = median(rows.iter().map(|(_, (cosine, _))| *cosine)) > MIN_MEDIAN_COSINE;
+    let least = MIN_REVERSED_SIZE * median(rows.iter().map(|(_, (_, size))| *size));
+    let is_reversed = |(_, (cosine, size)): &&(u64, (f64, f64))| *cosine < MAX_REVERSED_COSINE && *size > least;
+    let found: Vec<u64> = rows.iter().filter(is_reversed).map(|(line, _)| *line).collect();
+    if !is_clear || found.len() as f64 > MAX_REVERSED_SHARE * rows.len() as f64 {
         return Vec::new();
     }
     let message = "the deflection has the opposite sign of what the load gives, unlike the other rows: is the sign of the load or of \
                    the readings reversed?";
-    found.iter().map(|line| DataWarning::new("reversed_sign", message).at_line(*line)).collect()
+    found.iter().map(|line| DataWarning::new("reversed_sign", message).at_lines(vec![*line])).collect()
 }

@@ -86,7 +86,7 @@ fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
                 size * 1e6,
                 size / median.max(readings.resolution[channel])
             );
-            all.push(DataWarning::new("repeats_differ", message).at_line(lines[lines.len() - 1]).at_column(column));
+            all.push(DataWarning::new("repeats_differ", message).at_lines(lines).at_column(column));
         }
     }
     all
@@ -108,7 +108,7 @@ fn duplicates(sheet: &Sheet) -> Vec<DataWarning> {
         let key = counted.iter().map(|n| &row.cells[*n]).collect();
         if let Some(first) = seen.get(&key) {
             let message = format!("the same reading as in line {first}: delete one of them if it was not read twice");
-            all.push(DataWarning::new("duplicate_row", message).at_line(row.line));
+            all.push(DataWarning::new("duplicate_row", message).at_lines(vec![row.line]));
         } else {
             seen.insert(key, row.line);
         }

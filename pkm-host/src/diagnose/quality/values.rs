@@ -48,12 +48,12 @@ fn units(sheet: &Sheet) -> Vec<DataWarning> {
     }
     let warm: Vec<u64> =
         numbers(sheet, "temperature_c").iter().filter(|(_, v)| *v > MIN_KELVIN).map(|(line, _)| *line).collect();
-    if let Some(first) = warm.first() {
+    if !warm.is_empty() {
         let message = format!(
             "temperatures above {MIN_KELVIN} °C in lines {}: are they in kelvins? Then call the column `temperature [K]`",
             lines_text(&warm)
         );
-        all.push(DataWarning::new("temperature_in_kelvin", message).at_line(*first).at_column("temperature_c"));
+        all.push(DataWarning::new("temperature_in_kelvin", message).at_lines(warm).at_column("temperature_c"));
     }
     let point = POINT_COLUMNS.map(|column| largest(&numbers(sheet, column))).into_iter().fold(0.0, f64::max);
     if point > 0.0 && point < 1.0 {
@@ -76,7 +76,7 @@ fn placeholders(numbers: &[(u64, f64)], column: &'static str) -> Vec<DataWarning
     found
         .map(|(line, v)| {
             let message = format!("{v} is what instruments write for no value: empty the cell if nothing was measured");
-            DataWarning::new("placeholder", message).at_line(*line).at_column(column)
+            DataWarning::new("placeholder", message).at_lines(vec![*line]).at_column(column)
         })
         .collect()
 }

@@ -1,6 +1,7 @@
 //! Measured data as laboratories and shops export them: each file is read with exactly the right numbers, or refused with one
 //! message that says where and what to do.
 
+mod check;
 mod refused;
 mod table;
 
