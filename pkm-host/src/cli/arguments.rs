@@ -10,7 +10,7 @@ use crate::plan::model::Form;
 pub(crate) struct ColumnsArgs {
     /// Names of columns that the program does not know, as new=theirs,… (`dx_um=Weg X,fx_n=Kraft 1`); a unit in their name or in
     /// a row of units is converted.
-    #[arg(long, value_name = "NEW=THEIRS")]
+    #[arg(long, value_name = "NEW=THEIRS,…", requires = "data")]
     columns: Option<Renames>,
 }
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::arguments::ColumnsArgs;
-use super::session::{Output, Session};
+use super::session::{Output, Session, counted};
 use crate::diagnose::quality::{self, DataWarning};
 use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
@@ -22,7 +22,7 @@ use crate::files::source::Source;
 pub(crate) struct Args {
     /// Measured data, also as a laboratory exports them.
     #[arg(value_name = "FILE")]
-    file: PathBuf,
+    data: PathBuf,
     #[command(flatten)]
     columns: ColumnsArgs,
 }
@@ -102,8 +102,13 @@ fn examine(file: &MachineFile, read: Measured) -> Result<(Vec<Failure>, Vec<Data
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let machine = session.machine()?;
-    let read = Measured::read(Source::read(&args.file)?, &machine, &args.columns.renames())?;
-    let name = read.sheet.source.name.clone();
+    let source = Source::read(&args.data)?;
+    let name = source.name.clone();
+    let read = Measured::read(source, &machine, &args.columns.renames()).map_err(|failure| {
+        let problems = [Problem::wrong(&failure, failure.line.into_iter().collect())];
+        let document = json!({ "file": name, "readings": 0, "poses": 0, "conversions": [], "problems": problems });
+        failure.with_others(Vec::new(), document)
+    })?;
     let conversions = read.conversions.clone();
     session.warn(read.sheet.warnings.clone());
     let (failures, doubtful, [rows, poses]) = examine(&machine, read)?;
@@ -121,11 +126,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         return Err(first.with_others(failures.collect(), document));
     }
     let mut text: String = conversions.iter().map(|what| format!("- {what}\n")).collect();
-    let doubtful = match doubtful.len() {
-        0 => "nothing is doubtful".to_owned(),
-        1 => "1 thing is doubtful".to_owned(),
-        n => format!("{n} things are doubtful"),
-    };
-    text.push_str(&format!("{name}: {rows} readings at {poses} poses; nothing is wrong, {doubtful}\n"));
+    let doubtful = if doubtful.is_empty() { "nothing".into() } else { counted(doubtful.len(), "thing") };
+    let (readings, at) = (counted(rows, "reading"), counted(poses, "pose"));
+    text.push_str(&format!("{name}: {readings} at {at}; wrong: nothing; doubtful: {doubtful}\n"));
     session.output(text, &document)
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::arguments::ColumnsArgs;
-use super::session::{Output, Session};
+use super::session::{Output, Session, counted};
 use crate::error::Result;
 use crate::files::measured::{self, Measured};
 use crate::files::readings::Readings;
@@ -45,7 +45,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     source::write(out, measured::to_csv(&sheet), &[session.machine_path(), Some(data)])?;
     let (rows, poses) = (cases.len(), readings.poses.len());
     let mut text: String = conversions.iter().map(|what| format!("- {what}\n")).collect();
-    text.push_str(&format!("wrote {rows} readings at {poses} poses to {}\n", out.display()));
+    let (readings, at) = (counted(rows, "reading"), counted(poses, "pose"));
+    text.push_str(&format!("wrote {readings} at {at} to {}\n", out.display()));
     let document =
         json!({ "readings": rows, "poses": poses, "conversions": conversions, "out": out.display().to_string() });
     session.output(text, &document)

@@ -20,6 +20,11 @@ pub struct Output {
     pub json: String,
 }
 
+/// A number of things in words.
+pub(crate) fn counted(number: usize, one: &str) -> String {
+    format!("{number} {one}{}", if number == 1 { "" } else { "s" })
+}
+
 /// A call of the program.
 pub(crate) struct Session {
     /// `--machine`.

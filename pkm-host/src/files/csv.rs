@@ -267,7 +267,7 @@ impl Sheet {
                 } else if grouped {
                     format!("`{shown}`: save the file {UNGROUPED}")
                 } else {
-                    format!("`{shown}`{}", advice(cell))
+                    format!("`{shown}`{}", advice(&text))
                 };
                 Err(self.failure(row, format!("expected a finite number, found {found}")).at_column(column))
             }

@@ -74,7 +74,11 @@ pub fn check(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<Data
     all.extend(checks::of_file(readings).into_iter().map(|w| DataWarning::new(w.kind, w.message)));
     let numbers: Vec<(u64, &str)> =
         all.iter().flat_map(|w| w.lines.iter().filter_map(|line| Some((*line, w.column?)))).collect();
-    let is_new = |w: &DataWarning| !w.line.zip(w.column).is_some_and(|place| numbers.contains(&place));
-    all.extend(of_model.into_iter().filter(is_new));
+    let is_new = |w: &DataWarning| {
+        let is_said = w.kind == model::UNKNOWN_NOISE && all.iter().any(|w| w.kind == repeats::FEW);
+        !is_said && !w.line.zip(w.column).is_some_and(|place| numbers.contains(&place))
+    };
+    let of_model: Vec<DataWarning> = of_model.into_iter().filter(is_new).collect();
+    all.extend(of_model);
     all
 }

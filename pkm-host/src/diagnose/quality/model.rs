@@ -10,6 +10,8 @@ use crate::files::dataset::DEFLECTION_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Reading, Readings};
 
+/// Kind of the warning that there is nothing to take the noise from.
+pub(super) const UNKNOWN_NOISE: &str = "unknown_noise";
 /// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
 const MAX_REVERSED_COSINE: f64 = -0.8;
 /// Least median cosine of all rows at which a single one with the wrong sign is to be seen.
@@ -54,7 +56,7 @@ fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWar
     let experiment = Experiment::new(model, readings);
     let noise = match Noise::estimate(&experiment.at_nominal_loads(&read), rules) {
         Ok(noise) => noise,
-        Err(unknown) => return vec![DataWarning::new("unknown_noise", unknown_noise(readings, unknown).message)],
+        Err(unknown) => return vec![DataWarning::new(UNKNOWN_NOISE, unknown_noise(readings, unknown).message)],
     };
     let whitener = Whitener::new(&read, &noise);
     let problem = Problem::new(&read, &whitener, &experiment, rules);

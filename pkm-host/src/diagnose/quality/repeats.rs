@@ -1,11 +1,13 @@
 //! What repeats say: too few of them, some that differ far more than the rest, rows that stand in the file twice.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::{DataWarning, lines_text};
 use crate::files::dataset::{DEFLECTION_COLUMNS, Sheet};
 use crate::files::readings::{CHANNELS, Readings};
 
+/// Kind of the warning that there are too few repeats.
+pub(super) const FEW: &str = "few_repeats";
 /// Least degrees of freedom from which a standard deviation is known to a quarter.
 const MIN_DOF: usize = 10;
 /// Ratio of a spread to the median spread above which repeats are not of one thing.
@@ -43,13 +45,8 @@ fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
     };
     let mut single: Vec<usize> = groups.iter().filter(|g| g.len() == 1).map(|g| g[0]).collect();
     single.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
-    let mut poses = Vec::new();
-    single.retain(|n| {
-        let pose = readings.conditions[readings.readings[*n].condition].pose;
-        let is_new = !poses.contains(&pose);
-        poses.push(pose);
-        is_new
-    });
+    let mut poses = HashSet::new();
+    single.retain(|n| poses.insert(readings.conditions[readings.readings[*n].condition].pose));
     let lines: Vec<u64> = single.iter().take(MIN_DOF - freedom).map(|n| readings.readings[*n].line).collect();
     let which =
         if lines.is_empty() { String::new() } else { format!(", such as those of lines {}", lines_text(&lines)) };
@@ -58,7 +55,7 @@ fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
          direction{which}, or add the columns sigma_linear_um and sigma_angular_urad",
         MIN_DOF - freedom
     );
-    Some(DataWarning::new("few_repeats", message))
+    Some(DataWarning::new(FEW, message))
 }
 
 /// Repeats of which one differs from the others far more than repeats do elsewhere.

@@ -54,13 +54,13 @@ pub(super) fn tidy(sheet: &mut Sheet, uses: &Uses) -> Vec<String> {
         Some((*new).to_owned())
     });
     [
-        (blanks, "cells with - or n/a are taken as empty: not measured"),
-        (signs, "cells have a typographic minus, read as -"),
-        (directions, "directions of load are written otherwise, read as load and unload"),
+        (blanks, "cells with - or n/a, not measured"),
+        (signs, "cells with a typographic minus, read as -"),
+        (directions, "directions written otherwise, read as load and unload"),
     ]
     .iter()
     .filter(|(count, _)| *count > 0)
-    .map(|(count, what)| format!("{count} {what}"))
+    .map(|(count, what)| format!("{what}: {count}"))
     .collect()
 }
 

@@ -31,13 +31,24 @@ pub(super) fn find(source: &Source, text: &str, renames: &Renames) -> Result<Fou
     }
     let (count, n, delimiter) = best;
     if count < 2 {
-        return Err(none(source, text));
+        return Err(commented(source, text, renames).unwrap_or_else(|| none(source, text)));
     }
     let mut rows = records(text, delimiter, &source.name).take(n + 1).collect::<Result<Vec<_>>>()?;
     let Some(row) = rows.pop() else { return Err(none(source, text)) };
     let header = Header::new(&row);
     names::require_renamed(&header.names, renames).map_err(|f| f.in_file(&source.name).at_line(header.line))?;
     Ok(Found { header, delimiter, above: rows })
+}
+
+/// A header behind #, as numerical programs write it.
+fn commented(source: &Source, text: &str, renames: &Renames) -> Option<Failure> {
+    let is_header = |line: &str| {
+        let cells = line.trim_start_matches(['#', ' ']).split([',', ';', '\t']);
+        line.starts_with('#') && cells.filter(|cell| names::is_known(cell.trim(), renames)).count() > 1
+    };
+    let (line, _) = (1..).zip(text.lines().take(SEARCHED)).find(|(_, line)| is_header(line))?;
+    let message = "the header begins with # and is taken as a comment: remove the #";
+    Some(Failure::input(message).in_file(&source.name).at_line(line))
 }
 
 fn none(source: &Source, text: &str) -> Failure {

@@ -76,7 +76,8 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
     let line = sheet.header_line;
     let file = printable(&shared.name);
     if let (Some(first), Some(last)) = (found.above.first(), found.above.last()) {
-        sheet.warnings.push(format!("{file}:{}: not read, above the header: lines {0} to {}", first.line, last.line));
+        let lines = if first.line == last.line { "line".into() } else { format!("lines {} to", first.line) };
+        sheet.warnings.push(format!("{file}:{}: {lines} {} above the header: not read", first.line, last.line));
     }
     if has_unnamed {
         sheet.warnings.push(format!("{file}:{line}: not used: columns without a name of their own"));

@@ -205,7 +205,9 @@ pub fn uses(header: &[String], units: &[String], renames: &Renames) -> std::resu
             is_in_own_unit: column.is_number(),
         });
         let is_renamed = renamed.is_some();
-        let Some(named) = renamed.or_else(|| named(cell)) else {
+        // the program's own name goes before another name of the same
+        let is_other = |n: &Named| cell != n.column.name && header.iter().any(|h| h == n.column.name);
+        let Some(named) = renamed.or_else(|| named(cell).filter(|n| !is_other(n))) else {
             all.push(None);
             continue;
         };

@@ -75,7 +75,7 @@ const DOUBTFUL: &[Case] = &[
     ("one row with its sign reversed", |t| row(t, 1, &DEFLECTIONS, |c| scaled(c, -1.0)), "reversed_sign", 3, "", "opposite sign", 1),
     ("a row that stands twice", |mut t| { let row = t.rows[12].clone(); t.rows.insert(13, row); t }, "duplicate_row", 15, "", "the same reading as in line 14", 1),
     ("loads that never turn", one_sign, "loads_of_one_sign", 0, "", "load reversed", 1),
-    ("no repeats", without_repeats, "few_repeats", 0, "", "0 degrees of freedom|read 10 more|such as those of lines", 2),
+    ("no repeats", without_repeats, "few_repeats", 0, "", "0 degrees of freedom|read 10 more|such as those of lines", 1),
     ("a series at several poses", |t| t.map(&["series"], |_| "1".into()), "series_at_several_poses", 0, "", "number the series through", 1),
     ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
     ("translations in mm", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1e-3)), "cannot_be_diagnosed", 0, "", "are they in µm", 1),
@@ -146,6 +146,13 @@ fn all_that_is_wrong_is_listed_at_once() {
 }
 
 #[test]
+fn a_file_without_a_header_is_one_problem() {
+    let (code, document) = checked("Dear colleague,\nthe data follow.\n");
+    assert_eq!((code, document["problems"].as_array().unwrap().len()), (2, 1), "{document}");
+    assert_eq!(document["problems"][0]["line"], 1);
+}
+
+#[test]
 fn rows_of_another_width_are_all_named() {
     let text = good().text(',').replace("p02,", "p02,,");
     let (code, document) = checked(&text);
@@ -161,7 +168,8 @@ fn a_good_file_is_told_so() {
     let output = run(&["check", &data, "--machine", &machine]);
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(
-        said.contains("tabs between cells") && said.contains("600 readings at 10 poses; nothing is wrong"),
+        said.contains("tabs between cells")
+            && said.contains("600 readings at 10 poses; wrong: nothing; doubtful: nothing"),
         "{said}"
     );
     let document = json(&["check", &data, "--machine", &machine]);
