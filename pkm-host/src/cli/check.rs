@@ -112,7 +112,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let conversions = read.conversions.clone();
     session.warn(read.sheet.warnings.clone());
     let (failures, doubtful, [rows, poses]) = examine(&machine, read)?;
-    let wrong = grouped(failures);
+    let wrong = grouped(failures.into_iter().map(|failure| session.or_of_another_machine(failure)).collect());
     let problems: Vec<Problem> = wrong
         .iter()
         .map(|(failure, lines)| Problem::wrong(failure, lines.clone()))

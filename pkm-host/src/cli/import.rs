@@ -38,7 +38,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         if more > 0 {
             failure.message.push_str(&format!(" (and {more} more: `pkm-host check` lists them)"));
         }
-        failure
+        session.or_of_another_machine(failure)
     })?;
     session.warn(sheet.warnings.clone());
     let readings = Readings::new(&sheet, &cases)?;

@@ -42,54 +42,31 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
         conversions.push("tabs between cells".into());
     }
     let mut rows = records(&text, found.delimiter, &shared.name).skip(found.above.len() + 1).peekable();
-    let next = rows.peek().and_then(|row| row.as_ref().ok());
-    let units = next.and_then(|row| header::units_of(row, &found.header, renames)).unwrap_or_default();
-    if !units.is_empty() {
+    let below = rows.peek().and_then(|row| row.as_ref().ok());
+    let units = below.and_then(|row| Some((row.line, header::units_of(row, &found.header, renames)?)));
+    if let Some((line, _)) = &units {
+        conversions.push(format!("units in line {line}"));
         rows.next();
-        conversions.push(format!("units in line {}", found.header.line + 1));
     }
-    let (columns, kept, unnamed) = columns(&shared, &found.header, &units, renames)?;
-    conversions.extend(kept.iter().zip(&columns).filter_map(|(n, used)| converted(&found.header.names[*n], used)));
-    let header = Header {
-        line: found.header.line,
-        names: kept.iter().zip(&columns).map(|(n, c)| name_of(c, &found.header.names[*n])).collect(),
-    };
+    let columns = Columns::of(&found.header, &units.map(|(_, units)| units).unwrap_or_default(), renames)
+        .map_err(|failure| failure.in_file(&shared.name).at_line(found.header.line))?;
+    conversions.extend(columns.conversions(&found.header));
     let known: Vec<&str> = COLUMNS.iter().map(|c| c.name).collect();
+    let header = Header { line: found.header.line, names: columns.names(&found.header) };
     let mut sheet = Sheet::new(source, &text, found.delimiter, header, &known).map_err(with_advice)?;
-    let mut failures = Vec::new();
-    let mut has_unnamed = false;
-    for row in rows {
-        let row = row?;
-        let line = row.line;
-        match fitted(row, found.header.names.len(), found.delimiter) {
-            Ok(row) => {
-                has_unnamed |= unnamed.iter().any(|n| !row.cells[*n].is_empty());
-                let cells = kept.iter().map(|n| &row.cells[*n]).collect();
-                sheet.rows.push(Row { line, cells });
-            }
-            Err(message) => failures.push(Failure::input(message).in_file(&shared.name).at_line(line)),
-        }
-    }
+    sheet.warnings.extend(not_read(&sheet, &found.above));
+    let mut failures = columns.read(&mut sheet, rows, found.header.names.len())?;
     if !sheet.rows.is_empty() || failures.is_empty() {
         sheet.finish(&known)?;
     }
-    let line = sheet.header_line;
-    let file = printable(&shared.name);
-    if let (Some(first), Some(last)) = (found.above.first(), found.above.last()) {
-        let lines = if first.line == last.line { "line".into() } else { format!("lines {} to", first.line) };
-        sheet.warnings.push(format!("{file}:{}: {lines} {} above the header: not read", first.line, last.line));
-    }
-    if has_unnamed {
-        sheet.warnings.push(format!("{file}:{line}: not used: columns without a name of their own"));
-    }
+    conversions.extend(cells::tidy(&mut sheet, &columns.uses));
+    let carried = merged::carry_down(&mut sheet);
+    sheet.warnings.extend(carried);
+    failures.extend(cells::refuse_ambiguous(&mut sheet, &columns.uses));
     if sheet.has_decimal_commas() {
         conversions.push("decimal commas".into());
     }
-    conversions.extend(cells::tidy(&mut sheet, &columns));
-    let carried = merged::carry_down(&mut sheet);
-    sheet.warnings.extend(carried);
-    failures.extend(cells::refuse_ambiguous(&mut sheet, &columns));
-    cells::convert(&mut sheet, &columns);
+    cells::convert(&mut sheet, &columns.uses);
     if let Some(failure) = kinds::other_than_readings(&sheet) {
         return Err(failure);
     }
@@ -97,33 +74,76 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
     Ok(Imported { sheet, conversions, failures })
 }
 
-/// How the columns are read; which of them are kept, by their place; and those that have no name of their own.
-fn columns(
-    source: &Source,
-    header: &Header,
-    units: &[String],
-    renames: &Renames,
-) -> Result<(Vec<Option<Use>>, Vec<usize>, Vec<usize>)> {
-    let mut uses = uses(&header.names, units, renames).map_err(|(cell, message)| {
-        Failure::input(message).in_file(&source.name).at_line(header.line).at_column(cell)
-    })?;
-    let is_unnamed = |n: &usize| {
-        let name = &header.names[*n];
-        uses[*n].is_none() && (is_blank_unit(name) || header.names[..*n].contains(name))
-    };
-    let (unnamed, kept): (Vec<usize>, Vec<usize>) = (0..header.names.len()).partition(is_unnamed);
-    let columns = kept.iter().map(|n| uses[*n].take()).collect();
-    Ok((columns, kept, unnamed))
+/// What is said of rows above the header.
+fn not_read(sheet: &Sheet, above: &[Row]) -> Option<String> {
+    let (first, last) = (above.first()?.line, above.last()?.line);
+    let lines = if first == last { "line".into() } else { format!("lines {first} to") };
+    Some(format!("{}:{first}: {lines} {last} above the header: not read", printable(&sheet.source.name)))
 }
 
-/// The name of a column in the sheet.
-fn name_of(used: &Option<Use>, cell: &str) -> String {
-    used.as_ref().map_or(cell, |used| used.column.name).to_owned()
+/// The columns of a file.
+struct Columns {
+    /// How those are read that are kept; `None` for those that the program does not use.
+    uses: Vec<Option<Use>>,
+    /// Their places in the file.
+    kept: Vec<usize>,
+    /// Places of columns that have no name of their own and are left out.
+    unnamed: Vec<usize>,
+}
+
+impl Columns {
+    /// By a header and the row of units below it, which may be empty.
+    fn of(header: &Header, units: &[String], renames: &Renames) -> Result<Self> {
+        let mut uses =
+            uses(&header.names, units, renames).map_err(|(cell, message)| Failure::input(message).at_column(cell))?;
+        let is_unnamed = |n: &usize| {
+            let name = &header.names[*n];
+            uses[*n].is_none() && (is_blank_unit(name) || header.names[..*n].contains(name))
+        };
+        let (unnamed, kept): (Vec<usize>, Vec<usize>) = (0..header.names.len()).partition(is_unnamed);
+        let uses = kept.iter().map(|n| uses[*n].take()).collect();
+        Ok(Self { uses, kept, unnamed })
+    }
+
+    /// Those that are kept: their name in the file, and how they are read.
+    fn all<'a>(&'a self, header: &'a Header) -> impl Iterator<Item = (&'a str, Option<&'a Use>)> {
+        self.kept.iter().map(|n| header.names[*n].as_str()).zip(self.uses.iter().map(Option::as_ref))
+    }
+
+    /// Their names in the sheet.
+    fn names(&self, header: &Header) -> Vec<String> {
+        self.all(header).map(|(cell, used)| used.map_or(cell, |used| used.column.name).to_owned()).collect()
+    }
+
+    /// What is said of those that have another name or another unit.
+    fn conversions(&self, header: &Header) -> Vec<String> {
+        self.all(header).filter_map(|(cell, used)| converted(cell, used?)).collect()
+    }
+
+    /// Puts the rows of a file into a sheet; gives those that are not as wide as the header.
+    fn read(&self, sheet: &mut Sheet, rows: impl Iterator<Item = Result<Row>>, width: usize) -> Result<Vec<Failure>> {
+        let (mut failures, mut has_unnamed) = (Vec::new(), false);
+        for row in rows {
+            let row = row?;
+            let line = row.line;
+            match fitted(row, width, sheet.delimiter()) {
+                Ok(row) => {
+                    has_unnamed |= self.unnamed.iter().any(|n| !row.cells[*n].is_empty());
+                    sheet.rows.push(Row { line, cells: self.kept.iter().map(|n| &row.cells[*n]).collect() });
+                }
+                Err(message) => failures.push(Failure::input(message).in_file(&sheet.source.name).at_line(line)),
+            }
+        }
+        if has_unnamed {
+            let (file, line) = (printable(&sheet.source.name), sheet.header_line);
+            sheet.warnings.push(format!("{file}:{line}: not used: columns without a name of their own"));
+        }
+        Ok(failures)
+    }
 }
 
 /// What is said of a column that has another name or another unit.
-fn converted(cell: &str, used: &Option<Use>) -> Option<String> {
-    let used = used.as_ref()?;
+fn converted(cell: &str, used: &Use) -> Option<String> {
     let name = (cell != used.column.name).then(|| format!("`{}` is {}", printable(cell), used.column.name));
     let unit = used.unit.zip(used.column.own_unit()).filter(|(from, to)| !std::ptr::eq(*from, *to));
     let unit = unit.map(|(from, to)| format!("{} converted to {}", from.name(), to.name()));
