@@ -64,14 +64,16 @@ impl Problem {
 }
 
 /// What makes two failures the same but for the row: column, and message without numbers and quotations.
-fn shape(failure: &Failure) -> (Option<String>, String) {
+type Shape = (Option<String>, String);
+
+fn shape(failure: &Failure) -> Shape {
     let text = failure.message.split('`').step_by(2).flat_map(str::chars);
     (failure.column.clone(), text.filter(|c| !c.is_ascii_digit() && !"+-.e".contains(*c)).collect())
 }
 
 /// One failure for all that are the same but for the row, with their lines.
 fn grouped(failures: Vec<Failure>) -> Vec<(Failure, Vec<u64>)> {
-    let mut groups: Vec<((Option<String>, String), Failure, Vec<u64>)> = Vec::new();
+    let mut groups: Vec<(Shape, Failure, Vec<u64>)> = Vec::new();
     for failure in failures {
         let (shape, line) = (shape(&failure), failure.line);
         match groups.iter_mut().find(|(own, ..)| *own == shape) {

@@ -43,6 +43,11 @@ impl Unit {
     pub fn name(&self) -> &'static str {
         self.names[0]
     }
+
+    /// Whether it is written so but for the case of letters.
+    fn is_alike(&self, text: &str) -> bool {
+        self.names.iter().any(|name| name.to_lowercase() == text.to_lowercase())
+    }
 }
 
 const fn unit(quantity: Quantity, size: Size, names: &'static [&'static str]) -> Unit {
@@ -64,15 +69,15 @@ const UNITS: [Unit; 23] = [
     unit(Quantity::Angle, Decimal(-3), &["mrad"]),
     unit(Quantity::Angle, Decimal(-6), &["µrad", "urad"]),
     unit(Quantity::Force, Decimal(-3), &["mN"]),
-    unit(Quantity::Force, Decimal(0), &["N", "n"]),
+    unit(Quantity::Force, Decimal(0), &["N"]),
     unit(Quantity::Force, Decimal(1), &["daN"]),
-    unit(Quantity::Force, Decimal(3), &["kN", "KN", "kn"]),
+    unit(Quantity::Force, Decimal(3), &["kN"]),
     unit(Quantity::Force, Decimal(6), &["MN"]),
     unit(Quantity::Moment, Decimal(-3), &["N·mm", "Nmm"]),
     unit(Quantity::Moment, Decimal(-2), &["N·cm", "Ncm"]),
     unit(Quantity::Moment, Decimal(0), &["N·m", "Nm"]),
     unit(Quantity::Moment, Decimal(1), &["daN·m", "daNm"]),
-    unit(Quantity::Moment, Decimal(3), &["kN·m", "kNm", "KNm"]),
+    unit(Quantity::Moment, Decimal(3), &["kN·m", "kNm"]),
     unit(Quantity::Temperature, Decimal(0), &["°C", "degC", "C", "Celsius"]),
     unit(Quantity::Temperature, Kelvin, &["K"]),
 ];
@@ -83,16 +88,21 @@ fn plain(text: &str) -> String {
     text.chars().filter(skipped).map(|c| if matches!(c, 'µ' | 'μ') { 'u' } else { c }).collect()
 }
 
-/// The unit of a quantity that is written so.
+/// The unit of a quantity that is written so; in letters of another case, as in a header of capitals, where it can be no other.
 pub fn find(quantity: Quantity, text: &str) -> Option<&'static Unit> {
     let text = plain(text);
-    UNITS.iter().find(|u| u.quantity == quantity && u.names.contains(&text.as_str()))
+    let mut own = UNITS.iter().filter(|u| u.quantity == quantity);
+    let exact = own.clone().find(|u| u.names.contains(&text.as_str()));
+    exact.or_else(|| {
+        let first = own.find(|u| u.is_alike(&text))?;
+        own.all(|u| !u.is_alike(&text)).then_some(first)
+    })
 }
 
 /// Whether a text is a unit of anything.
 pub fn is_any(text: &str) -> bool {
     let text = plain(text);
-    UNITS.iter().any(|u| u.names.contains(&text.as_str()))
+    UNITS.iter().any(|u| u.is_alike(&text))
 }
 
 /// The known units of a quantity, for a message.
@@ -194,6 +204,9 @@ mod tests {
         assert_eq!(degrees, 0.1_f64.to_degrees());
         let micro: f64 = of(Quantity::Angle, "°", "µrad", "0.001").parse().unwrap();
         assert!((micro - 17.453_292_519_943_295).abs() < 1e-12);
+        assert_eq!(of(Quantity::Length, "MM", "UM", "0.5"), "500");
+        assert_eq!(of(Quantity::Force, "MN", "N", "0.5"), "500000");
+        assert!(find(Quantity::Force, "mn").is_none(), "millinewtons or meganewtons");
         assert!(find(Quantity::Force, "lbf").is_none() && find(Quantity::Length, "N").is_none());
         assert!(is_any("N*m") && !is_any("load"));
     }
