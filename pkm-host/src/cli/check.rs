@@ -16,7 +16,7 @@ use crate::files::source::Source;
 
 /// Everything that is wrong or doubtful with a file of readings, without fitting anything.
 ///
-/// Wrong is what a diagnosis would refuse: exit 2. Doubtful is what it would take as it is, such as angles that look like radians, a
+/// Wrong is what no command reads: exit 2. Doubtful is what can be read and may mislead, such as angles that look like radians, a
 /// channel that never changes, repeats that differ far more than others: exit 0. Nothing is written.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -83,7 +83,7 @@ fn grouped(failures: Vec<Failure>) -> Vec<(Failure, Vec<u64>)> {
     }
     let with_lines = |(_, mut failure, lines): (_, Failure, Vec<u64>)| {
         if lines.len() > 1 {
-            failure.message.push_str(&format!(" (the same in lines {})", quality::lines_text(&lines[1..])));
+            failure.message.push_str(&format!(" (the same in {})", quality::lines_text(&lines[1..])));
         }
         (failure, lines)
     };

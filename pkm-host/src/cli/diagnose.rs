@@ -14,10 +14,10 @@ use crate::files::source::{self, Source};
 /// From measured deflections to the physics that the model lacks: adds it, and compares before and after.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Measured CSV; default, for the reference machine alone: simulated readings.
+    /// Measured data, also as exported; default, for the reference machine alone: simulated readings.
     #[arg(long, value_name = "CSV")]
     data: Option<PathBuf>,
-    /// Measured CSV to compare on; default: whole poses of --data in turn (cross-validation).
+    /// Measured data to compare on; default: whole poses of --data in turn (cross-validation).
     #[arg(long, value_name = "CSV")]
     holdout: Option<PathBuf>,
     #[command(flatten)]

@@ -27,7 +27,7 @@ pub(crate) struct Args {
     /// θ, σ in ° and Z0 in mm, least and greatest of each; default: the machine's box.
     #[arg(long = "box", value_parser = list::<6>, allow_hyphen_values = true, value_name = "T0,T1,S0,S1,Z0,Z1")]
     pose_box: Option<[f64; 6]>,
-    /// Measured CSV, for discriminate; default, for the reference machine alone: simulated readings.
+    /// Measured data, also as exported, for discriminate; default, for the reference machine alone: simulated readings.
     #[arg(long, value_name = "CSV")]
     data: Option<PathBuf>,
     #[command(flatten)]

@@ -58,7 +58,7 @@ pub fn lines_text(lines: &[u64]) -> String {
     const SHOWN: usize = 6;
     let first: Vec<String> = lines.iter().take(SHOWN).map(u64::to_string).collect();
     let more = if lines.len() > SHOWN { format!(" and {} more", lines.len() - SHOWN) } else { String::new() };
-    format!("{}{more}", first.join(", "))
+    format!("line{} {}{more}", if lines.len() == 1 { "" } else { "s" }, first.join(", "))
 }
 
 /// All that is doubtful, in the order of the checks. What stands out in several ways is said once: a row as a whole before its

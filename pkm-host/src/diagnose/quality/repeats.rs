@@ -48,8 +48,7 @@ fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
     let mut poses = HashSet::new();
     single.retain(|n| poses.insert(readings.conditions[readings.readings[*n].condition].pose));
     let lines: Vec<u64> = single.iter().take(MIN_DOF - freedom).map(|n| readings.readings[*n].line).collect();
-    let which =
-        if lines.is_empty() { String::new() } else { format!(", such as those of lines {}", lines_text(&lines)) };
+    let which = if lines.is_empty() { String::new() } else { format!(", such as those of {}", lines_text(&lines)) };
     let message = format!(
         "{freedom} degrees of freedom to take the noise from, fewer than {MIN_DOF}: read {} more under the same pose, load and \
          direction{which}, or add the columns sigma_linear_um and sigma_angular_urad",
@@ -77,7 +76,7 @@ fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
             let Some(size) = spread(group).filter(|size| *size > limit) else { continue };
             let lines: Vec<u64> = group.iter().map(|n| readings.readings[*n].line).collect();
             let message = format!(
-                "repeats in lines {} differ by {:.1} µm or µrad, {:.0} times as much as repeats elsewhere: is one of them mistyped, \
+                "repeats in {} differ by {:.1} µm or µrad, {:.0} times as much as repeats elsewhere: is one of them mistyped, \
                  or of another load?",
                 lines_text(&lines),
                 size * 1e6,

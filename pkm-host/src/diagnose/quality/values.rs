@@ -50,7 +50,7 @@ fn units(sheet: &Sheet) -> Vec<DataWarning> {
         numbers(sheet, "temperature_c").iter().filter(|(_, v)| *v > MIN_KELVIN).map(|(line, _)| *line).collect();
     if !warm.is_empty() {
         let message = format!(
-            "temperatures above {MIN_KELVIN} °C in lines {}: are they in kelvins? Then call the column `temperature [K]`",
+            "temperatures above {MIN_KELVIN} °C in {}: are they in kelvins? Then call the column `temperature [K]`",
             lines_text(&warm)
         );
         all.push(DataWarning::new("temperature_in_kelvin", message).at_lines(warm).at_column("temperature_c"));
