@@ -43,6 +43,17 @@ pub struct Failure {
     pub line: Option<u64>,
     /// Column name of a CSV, key of a TOML or JSON.
     pub column: Option<String>,
+    /// Of a check, which does not end at the first.
+    pub others: Option<Box<Others>>,
+}
+
+/// What a check says beside its first failure.
+#[derive(Clone, Debug)]
+pub struct Others {
+    /// The other failures.
+    pub failures: Vec<Failure>,
+    /// What `--json` has beside the error.
+    pub document: serde_json::Value,
 }
 
 /// What every function here returns.
@@ -50,7 +61,7 @@ pub type Result<T> = std::result::Result<T, Failure>;
 
 impl Failure {
     fn new(kind: Kind, message: impl Into<String>) -> Self {
-        Self { kind, message: message.into(), file: None, line: None, column: None }
+        Self { kind, message: message.into(), file: None, line: None, column: None, others: None }
     }
 
     /// Bad options.
@@ -91,6 +102,12 @@ impl Failure {
         self
     }
 
+    /// Adds what else a check has found.
+    pub fn with_others(mut self, failures: Vec<Self>, document: serde_json::Value) -> Self {
+        self.others = Some(Box::new(Others { failures, document }));
+        self
+    }
+
     /// An operating system's error on a path.
     pub fn io(action: &str, path: &Path, error: &std::io::Error) -> Self {
         Self::other(format!("cannot {action}: {error}")).in_file(path.display().to_string())
@@ -103,10 +120,11 @@ impl Failure {
 
     /// The document of `--json`.
     pub fn to_json(&self) -> serde_json::Value {
-        let mut document = serde_json::json!({ "error": {
+        let mut document = self.others.as_ref().map_or(serde_json::json!({}), |others| others.document.clone());
+        document["error"] = serde_json::json!({
             "kind": self.kind.name(), "message": self.to_string(),
             "file": self.file, "line": self.line, "column": self.column,
-        }});
+        });
         if let Kind::Refused(status) = self.kind {
             document["status"] = status.into();
         }

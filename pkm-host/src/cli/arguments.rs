@@ -2,7 +2,24 @@
 
 use std::path::PathBuf;
 
+use crate::files::import::Renames;
 use crate::plan::model::Form;
+
+/// Columns of measured data that are called otherwise.
+#[derive(clap::Args)]
+pub(crate) struct ColumnsArgs {
+    /// Names of columns that the program does not know, as new=theirs,… (`dx_um=Weg X,fx_n=Kraft 1`); a unit in their name or in
+    /// a row of units is converted.
+    #[arg(long, value_name = "NEW=THEIRS,…", requires = "data")]
+    columns: Option<Renames>,
+}
+
+impl ColumnsArgs {
+    /// None, if none was given.
+    pub(crate) fn renames(&self) -> Renames {
+        self.columns.clone().unwrap_or_default()
+    }
+}
 
 /// A table and its form.
 #[derive(clap::Args)]

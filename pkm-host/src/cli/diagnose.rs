@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::arguments::ColumnsArgs;
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::diagnose::{self, Method, report, write};
@@ -13,12 +14,14 @@ use crate::files::source::{self, Source};
 /// From measured deflections to the physics that the model lacks: adds it, and compares before and after.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Measured CSV; default, for the reference machine alone: simulated readings.
+    /// Measured data, also as exported; default, for the reference machine alone: simulated readings.
     #[arg(long, value_name = "CSV")]
     data: Option<PathBuf>,
-    /// Measured CSV to compare on; default: whole poses of --data in turn (cross-validation).
+    /// Measured data to compare on; default: whole poses of --data in turn (cross-validation).
     #[arg(long, value_name = "CSV")]
     holdout: Option<PathBuf>,
+    #[command(flatten)]
+    columns: ColumnsArgs,
     /// Folder for diagnosis.json, machine.toml, coefficients.rs, coefficients.json, residuals.csv and report.html.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -29,12 +32,14 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { data, holdout, out, method } = args;
+    let Args { data, holdout, columns, out, method } = args;
+    let columns = columns.renames();
     let file = session.machine()?;
     session.warn(file.wrist_warning());
     let source = session.read_or_fixture(data.as_deref(), pkm_fixtures::MEASURED, "--data", &file)?;
-    let readings = Readings::read(source, &file)?;
-    let held_out = holdout.as_deref().map(|path| Readings::read(Source::read(path)?, &file)).transpose()?;
+    let readings = Readings::read_renamed(source, &file, &columns)?;
+    let read_held_out = |path| Readings::read_renamed(Source::read(path)?, &file, &columns);
+    let held_out = holdout.as_deref().map(read_held_out).transpose()?;
     session.warn(readings.warnings.iter().chain(held_out.iter().flat_map(|h| &h.warnings)).cloned());
     if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
         session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);

@@ -15,6 +15,7 @@ use crate::error::{Failure, Result};
 
 mod arguments;
 mod bar;
+mod check;
 mod compensate;
 mod completions;
 mod diagnose;
@@ -23,6 +24,7 @@ mod fit;
 mod fk;
 mod hil;
 mod ik;
+mod import;
 mod map;
 mod place;
 mod plan;
@@ -56,6 +58,8 @@ enum Command {
     Predict(predict::Args),
     Plan(plan::Args),
     Fit(fit::Args),
+    Import(import::Args),
+    Check(check::Args),
     Diagnose(diagnose::Args),
     Map(map::Args),
     Place(place::Args),
@@ -78,6 +82,8 @@ impl Cli {
             Command::Predict(args) => predict::run(args, s),
             Command::Plan(args) => plan::run(args, s),
             Command::Fit(args) => fit::run(args, s),
+            Command::Import(args) => import::run(args, s),
+            Command::Check(args) => check::run(args, s),
             Command::Diagnose(args) => diagnose::run(args, s),
             Command::Map(args) => map::run(args, s),
             Command::Place(args) => place::run(args, s),
@@ -126,6 +132,9 @@ pub fn main() -> ExitCode {
     });
     let Err(failure) = printed else { return ExitCode::SUCCESS };
     eprintln!("error: {failure}");
+    for other in failure.others.iter().flat_map(|others| &others.failures) {
+        eprintln!("error: {other}");
+    }
     if wants_json {
         let mut document = failure.to_json();
         document["warnings"] = json!(warnings);

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
+use super::arguments::ColumnsArgs;
 use super::arguments::list;
 use super::bar::bar;
 use super::session::{Output, Session};
@@ -26,16 +27,18 @@ pub(crate) struct Args {
     /// θ, σ in ° and Z0 in mm, least and greatest of each; default: the machine's box.
     #[arg(long = "box", value_parser = list::<6>, allow_hyphen_values = true, value_name = "T0,T1,S0,S1,Z0,Z1")]
     pose_box: Option<[f64; 6]>,
-    /// Measured CSV, for discriminate; default, for the reference machine alone: simulated readings.
+    /// Measured data, also as exported, for discriminate; default, for the reference machine alone: simulated readings.
     #[arg(long, value_name = "CSV")]
     data: Option<PathBuf>,
+    #[command(flatten)]
+    columns: ColumnsArgs,
     /// CSV to write.
     #[arg(long, value_name = "CSV")]
     out: PathBuf,
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { kind, pose_box, data, out } = args;
+    let Args { kind, pose_box, data, columns: _, out } = args;
     let pose_box = pose_box.map(|b| PoseBox::from([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
     if let Some(b) = pose_box.filter(|b| b.ranges().iter().any(|[low, high]| low >= high)) {
         return Err(Failure::usage(format!("--box: expected least,greatest of each, found {:?}", b.ranges())));
@@ -70,7 +73,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
 /// What a diagnosis of the readings would measure next.
 fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Vec<Proposal>> {
     let source = session.read_or_fixture(args.data.as_deref(), pkm_fixtures::MEASURED, "--data", machine)?;
-    let readings = Readings::read(source, machine)?;
+    let readings = Readings::read_renamed(source, machine, &args.columns.renames())?;
     session.warn(readings.warnings.clone());
     let diagnosis = diagnose::diagnose(machine, &readings, None, Method::Formulas, &bar())?;
     if diagnosis.proposals.is_empty() {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use pkm_core::StiffnessError;
 use serde_json::json;
 
-use super::arguments::TableArgs;
+use super::arguments::{ColumnsArgs, TableArgs};
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS};
@@ -20,6 +20,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CSV")]
     data: Option<PathBuf>,
     #[command(flatten)]
+    columns: ColumnsArgs,
+    #[command(flatten)]
     table: TableArgs,
     /// CSV to write.
     #[arg(long, value_name = "CSV")]
@@ -27,14 +29,14 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { data, table, out } = args;
+    let Args { data, columns, table, out } = args;
     let model = session.model(table)?;
     if let Some(t) = model.table.as_ref().filter(|t| table.form == Form::Auto && t.form == Form::Diagonal) {
         return Err(no_factor_form(&t.source, "or give --form diagonal to have it all the same"));
     }
     let source = session.read_or_fixture(data.as_deref(), pkm_fixtures::MEASURED, "--data", &model.machine)?;
     let file = source.name.clone();
-    let (sheet, readings) = Readings::read_conditions(source, &model.machine)?;
+    let (sheet, readings) = Readings::read_conditions(source, &model.machine, &columns.renames())?;
     session.warn(sheet.warnings.clone());
     let conditions: Vec<_> = readings.readings.iter().map(|r| readings.conditions[r.condition]).collect();
     let at = conditions.iter().map(|c| (&readings.poses[c.pose], c.temperature_c));

@@ -7,7 +7,7 @@ use pkm_fixtures::Fixture;
 use serde::Serialize;
 
 use super::arguments::TableArgs;
-use crate::error::{Failure, Result, printable};
+use crate::error::{Failure, Kind, Result, printable};
 use crate::files::machine::MachineFile;
 use crate::files::source::Source;
 use crate::plan::model::{Form, Model};
@@ -18,6 +18,11 @@ pub struct Output {
     pub text: String,
     /// With `--json`: one line.
     pub json: String,
+}
+
+/// A number of things in words.
+pub(crate) fn counted(number: usize, one: &str) -> String {
+    format!("{number} {one}{}", if number == 1 { "" } else { "s" })
 }
 
 /// A call of the program.
@@ -47,6 +52,14 @@ impl Session {
         let file = MachineFile::read(self.machine_path())?;
         self.warn(file.warnings.clone());
         Ok(file)
+    }
+
+    /// A pose that the reference machine cannot take may be one of another machine.
+    pub(crate) fn or_of_another_machine(&self, mut failure: Failure) -> Failure {
+        if self.machine_path.is_none() && matches!(failure.kind, Kind::Refused(_)) {
+            failure.message.push_str(" (the reference machine: give --machine for another)");
+        }
+        failure
     }
 
     /// The machine with a table, if one is given.

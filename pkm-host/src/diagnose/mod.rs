@@ -15,6 +15,7 @@ pub mod findings;
 mod json;
 mod model;
 pub(crate) mod places;
+pub mod quality;
 mod remainder;
 pub mod report;
 mod state;

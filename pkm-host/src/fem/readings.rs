@@ -6,6 +6,7 @@ use pkm_core::Wrench;
 use super::{Case, Solved};
 use crate::error::{Failure, Result, printable};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
+use crate::files::import::Renames;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
 use crate::files::source::Source;
@@ -73,7 +74,7 @@ impl Loads {
         file: &MachineFile,
     ) -> Result<Self> {
         let source = loads.unwrap_or_else(|| Source::from_text("the usual loads", usual(simulation, poses)));
-        let (sheet, readings) = Readings::read_conditions(source, file)?;
+        let (sheet, readings) = Readings::read_conditions(source, file, &Renames::default())?;
         Ok(Self { sheet, readings })
     }
 

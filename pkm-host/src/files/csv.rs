@@ -19,8 +19,8 @@ pub struct Sheet {
     /// Rows in the file's order.
     pub rows: Vec<Row>,
     pub(super) header_line: u64,
-    /// Semicolons between cells: a decimal comma is as good as a point.
-    semicolons: bool,
+    /// Between cells. If it is no comma, a decimal comma is as good as a point.
+    delimiter: u8,
     /// Some number has one.
     decimal_commas: bool,
     columns: HashMap<String, usize>,
@@ -30,10 +30,10 @@ pub struct Sheet {
 
 /// The first comment with as many cells as the header, most of them numbers: a row that was switched off, or one whose name begins
 /// with #, which is read in quotes alone.
-fn commented_rows(text: &str, semicolons: bool, width: usize) -> Option<String> {
+fn commented_rows(text: &str, delimiter: u8, width: usize) -> Option<String> {
     let is_number = |cell: &&str| cell.trim().replace(',', ".").parse::<f64>().is_ok();
     let is_row = |line: &str| {
-        let cells: Vec<&str> = line.split(if semicolons { ';' } else { ',' }).collect();
+        let cells: Vec<&str> = line.split(char::from(delimiter)).collect();
         line.starts_with('#') && cells.len() == width && 2 * cells.iter().filter(|c| is_number(c)).count() > width
     };
     let mut lines = (1..).zip(text.lines()).filter(|(_, line)| is_row(line)).map(|(n, _)| n);
@@ -60,92 +60,163 @@ impl Row {
     }
 }
 
+/// A cell without the spaces around it, and the quotes that came behind a space.
+fn tidy(cell: &str) -> String {
+    let cell = cell.trim();
+    let inner = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"'));
+    inner.unwrap_or(cell).trim().to_owned()
+}
+
+/// The lines of a text with their cells, without comments and empty lines.
+pub(super) fn records<'a>(text: &'a str, delimiter: u8, file: &'a str) -> impl Iterator<Item = Result<Row>> + 'a {
+    let reader = csv::ReaderBuilder::new()
+        .delimiter(delimiter)
+        .comment(Some(b'#'))
+        .has_headers(false)
+        .flexible(true)
+        .from_reader(text.as_bytes());
+    // the reader's position is where it began to look: comments and empty lines may come first
+    let line_of = move |position: Option<&csv::Position>| {
+        let Some(p) = position else { return 1 };
+        let rest = text.get(usize::try_from(p.byte()).unwrap_or(usize::MAX)..).unwrap_or("");
+        p.line() + rest.lines().take_while(|l| l.is_empty() || l.starts_with('#')).count() as u64
+    };
+    reader.into_records().filter(|r| !r.as_ref().is_ok_and(|r| r.iter().all(|cell| cell.trim().is_empty()))).map(
+        move |record| match record {
+            Ok(record) => Ok(Row { line: line_of(record.position()), cells: record.iter().map(tidy).collect() }),
+            Err(e) => {
+                let failure = Failure::input(format!("not a CSV line: {e}")).in_file(file);
+                Err(failure.at_line(line_of(e.position())))
+            }
+        },
+    )
+}
+
+/// A header: its line, and the names of the columns.
+pub(super) struct Header {
+    pub(super) line: u64,
+    pub(super) names: Vec<String>,
+}
+
+impl Header {
+    /// Of a row, without the empty columns at its end, which a spreadsheet keeps once they held something.
+    pub(super) fn new(row: &Row) -> Self {
+        let mut names = row.to_cells();
+        while names.last().is_some_and(String::is_empty) {
+            names.pop();
+        }
+        Self { line: row.line, names }
+    }
+}
+
+/// Brings a row to the width of the header: empty cells beyond it go.
+pub(super) fn fitted(mut row: Row, width: usize, delimiter: u8) -> std::result::Result<Row, String> {
+    while row.cells.len() > width && row.cells[row.cells.len() - 1].is_empty() {
+        row.cells.truncate(row.cells.len() - 1);
+    }
+    let found = row.cells.len();
+    let advice = if row.cells.iter().any(|cell| cell.contains('\n')) {
+        ": is a quote not closed?"
+    } else if found > width && delimiter == b',' {
+        ": for decimal commas write semicolons between cells"
+    } else {
+        ""
+    };
+    if found == width {
+        Ok(row)
+    } else {
+        Err(format!("expected {width} cells as in the header, found {found}{advice}"))
+    }
+}
+
 impl Sheet {
     /// Reads a CSV and holds its header against the `known` columns.
     ///
     /// # Errors
     /// The line and column that are wrong; a column that looks like a misspelt known one.
     pub fn parse(source: Source, known: &[&str]) -> Result<Self> {
-        let text = source.text()?;
-        let fail = |line: u64, message: String| Failure::input(message).in_file(&source.name).at_line(line);
+        let shared = source.clone();
+        let text = shared.text()?;
+        let fail = |line: u64, message: String| Failure::input(message).in_file(&shared.name).at_line(line);
         let semicolons = separator(text).map_err(|(line, message)| fail(line, message))?;
-        let mut reader = csv::ReaderBuilder::new()
-            .delimiter(if semicolons { b';' } else { b',' })
-            .comment(Some(b'#'))
-            .has_headers(false)
-            .flexible(true)
-            .from_reader(text.as_bytes());
-        // the reader's position is where it began to look: comments and empty lines may come first
-        let line_of = |position: Option<&csv::Position>| {
-            let Some(p) = position else { return 1 };
-            let rest = text.get(usize::try_from(p.byte()).unwrap_or(usize::MAX)..).unwrap_or("");
-            p.line() + rest.lines().take_while(|l| l.is_empty() || l.starts_with('#')).count() as u64
-        };
-        let read = |e: csv::Error| fail(line_of(e.position()), format!("not a CSV line: {e}"));
-        // spaces around a cell, and quotes that came behind a space
-        let tidy = |cell: &str| {
-            let cell = cell.trim();
-            let inner = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"'));
-            inner.unwrap_or(cell).trim().to_owned()
-        };
-        let mut records =
-            reader.records().filter(|r| !r.as_ref().is_ok_and(|r| r.iter().all(|cell| cell.trim().is_empty())));
+        let delimiter = if semicolons { b';' } else { b',' };
+        let mut records = records(text, delimiter, &shared.name);
         let Some(header) = records.next() else { return Err(fail(1, "expected a header line, found none".into())) };
-        let header = header.map_err(read)?;
-        let at = line_of(header.position());
-        let mut header: Vec<String> = header.iter().map(tidy).collect();
-        // a spreadsheet keeps columns that once held something
-        while header.last().is_some_and(String::is_empty) {
-            header.pop();
+        let header = Header::new(&header?);
+        let width = header.names.len();
+        let mut sheet = Self::new(source, text, delimiter, header, known)?;
+        for row in records {
+            let row = row?;
+            let at = row.line;
+            sheet.rows.push(fitted(row, width, delimiter).map_err(|message| fail(at, message))?);
         }
-        let columns = numbered(&header).map_err(|(column, message)| {
-            let failure = fail(at, message);
-            if let Some(column) = column { failure.at_column(column) } else { failure }
-        })?;
-        let unused = unused_columns(&header, &columns, known).map_err(|(column, message)| {
-            let failure = fail(at, message);
-            if let Some(column) = column { failure.at_column(column) } else { failure }
-        })?;
-        let warning = || format!("{}:{at}: not used: {}", printable(&source.name), printable(&unused.join(", ")));
-        let mut warnings: Vec<String> = (!unused.is_empty()).then(warning).into_iter().collect();
-        warnings.extend(
-            commented_rows(text, semicolons, header.len()).map(|what| format!("{}:{what}", printable(&source.name))),
-        );
+        sheet.finish(known)?;
+        Ok(sheet)
+    }
 
-        let mut rows = Vec::new();
-        for record in records {
-            let record = record.map_err(read)?;
-            let line = line_of(record.position());
-            let mut cells: csv::StringRecord = record.iter().map(tidy).collect();
-            while cells.len() > header.len() && cells[cells.len() - 1].is_empty() {
-                cells.truncate(cells.len() - 1);
-            }
-            if cells.len() != header.len() {
-                let (found, wide) = (cells.len(), header.len());
-                let advice = if record.iter().any(|cell| cell.contains('\n')) {
-                    ": is a quote not closed?"
-                } else if found > wide && !semicolons {
-                    ": for decimal commas write semicolons between cells"
-                } else {
-                    ""
-                };
-                return Err(fail(line, format!("expected {wide} cells as in the header, found {found}{advice}")));
-            }
-            rows.push(Row { line, cells });
-        }
-        if rows.is_empty() {
-            return Err(fail(at, "expected rows of data below the header, found none".into()));
+    /// A sheet without rows.
+    pub(super) fn new(source: Source, text: &str, delimiter: u8, header: Header, known: &[&str]) -> Result<Self> {
+        let Header { line, names } = header;
+        let fail = |(column, message): Flaw| {
+            let failure = Failure::input(message).in_file(&source.name).at_line(line);
+            if let Some(column) = column { failure.at_column(column) } else { failure }
+        };
+        let columns = numbered(&names).map_err(fail)?;
+        let unused = unused_columns(&names, &columns, known).map_err(fail)?;
+        let name = printable(&source.name);
+        let warning = || format!("{name}:{line}: not used: {}", printable(&unused.join(", ")));
+        let mut warnings: Vec<String> = (!unused.is_empty()).then(warning).into_iter().collect();
+        warnings.extend(commented_rows(text, delimiter, names.len()).map(|what| format!("{name}:{what}")));
+        Ok(Self {
+            header: names,
+            header_line: line,
+            rows: Vec::new(),
+            delimiter,
+            decimal_commas: false,
+            columns,
+            warnings,
+            source,
+        })
+    }
+
+    /// Looks at the rows when all of them are there.
+    pub(super) fn finish(&mut self, known: &[&str]) -> Result<()> {
+        if self.rows.is_empty() {
+            let message = "expected rows of data below the header, found none";
+            return Err(Failure::input(message).in_file(&self.source.name).at_line(self.header_line));
         }
         let is_number = |cell: &str| cell.contains(',') && cell.replacen(',', ".", 1).parse::<f64>().is_ok();
-        let numbers = columns.iter().filter(|(name, _)| **name != "pose" && known.contains(&name.as_str()));
-        let decimal_commas =
-            semicolons && numbers.into_iter().any(|(_, i)| rows.iter().any(|r| is_number(&r.cells[*i])));
-        Ok(Self { header, header_line: at, rows, semicolons, decimal_commas, columns, warnings, source })
+        let mut numbers = self.columns.iter().filter(|(name, _)| **name != "pose" && known.contains(&name.as_str()));
+        self.decimal_commas =
+            self.may_have_commas() && numbers.any(|(_, i)| self.rows.iter().any(|r| is_number(&r.cells[*i])));
+        Ok(())
+    }
+
+    /// Appends a column with the same cell in every row.
+    pub(super) fn add_column(&mut self, name: &str, cell: &str) {
+        self.columns.insert(name.to_owned(), self.header.len());
+        self.header.push(name.to_owned());
+        self.rows.iter_mut().for_each(|row| row.cells.push_field(cell));
+    }
+
+    /// Whether a comma may stand in a number: none stands between cells.
+    fn may_have_commas(&self) -> bool {
+        self.delimiter != b','
     }
 
     /// As this file has between cells.
     pub fn delimiter(&self) -> u8 {
-        if self.semicolons { b';' } else { b',' }
+        self.delimiter
+    }
+
+    /// Whether some number has a decimal comma.
+    pub(super) fn has_decimal_commas(&self) -> bool {
+        self.decimal_commas
+    }
+
+    /// No comma of this file is known to be a decimal one.
+    pub(super) fn take_points(&mut self) {
+        self.decimal_commas = false;
     }
 
     /// A number as this file writes them.
@@ -184,7 +255,7 @@ impl Sheet {
             let message = format!("`{cell}`: point or thousands? Other numbers here have decimal commas");
             return Err(self.failure(row, format!("{message}: save the file {UNGROUPED}")).at_column(column));
         }
-        let text = if self.semicolons { cell.replace(',', ".") } else { cell.to_owned() };
+        let text = if self.may_have_commas() { cell.replace(',', ".") } else { cell.to_owned() };
         let digits = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
         match text.parse::<f64>() {
             Ok(value) if digits && value.is_finite() => Ok(value),
@@ -196,7 +267,7 @@ impl Sheet {
                 } else if grouped {
                     format!("`{shown}`: save the file {UNGROUPED}")
                 } else {
-                    format!("`{shown}`{}", advice(cell))
+                    format!("`{shown}`{}", advice(&text))
                 };
                 Err(self.failure(row, format!("expected a finite number, found {found}")).at_column(column))
             }
@@ -303,7 +374,7 @@ fn unused_columns<'a>(
 const UNGROUPED: &str = "without separators between thousands";
 
 /// Whether a cell is a number with digits in groups of three.
-fn is_grouped(cell: &str, separators: &[char]) -> bool {
+pub(super) fn is_grouped(cell: &str, separators: &[char]) -> bool {
     let mut groups = cell.trim_start_matches(['+', '-']).split(separators);
     let digits = |group: &str| !group.is_empty() && group.bytes().all(|b| b.is_ascii_digit());
     let first = groups.next().is_some_and(|group| group.len() <= 3 && digits(group) && !group.starts_with('0'));

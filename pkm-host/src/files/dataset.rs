@@ -16,9 +16,6 @@ pub const WRENCH_COLUMNS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm",
 /// The deflection, loaded minus unloaded.
 pub const DEFLECTION_COLUMNS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
 pub(crate) const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
-const OTHER_MEASURED: [&str; 7] =
-    ["series", "repeat", "load", "direction", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
-
 /// Far beyond what a machine bears, and its square still a number.
 pub(crate) const MOST_LOAD: f64 = 1e12;
 
@@ -45,56 +42,67 @@ impl Sheet {
         }
     }
 
+    /// The columns that the poses stand in.
+    ///
+    /// # Errors
+    /// Missing columns; poses in both forms.
+    pub(super) fn pose_columns(&self) -> Result<[&'static str; 3]> {
+        self.require(&["pose"])?;
+        let [_, theta, sigma, z0] = POSE_COLUMNS;
+        let angles = [theta, sigma, z0].iter().any(|c| self.has(c));
+        let length = LENGTH_COLUMNS.iter().find(|c| self.has(c));
+        if let Some(column) = length.filter(|_| angles) {
+            let message = "give the pose as theta_deg, sigma_deg, z0_mm or as q1_mm, q2_mm, q3_mm, not both";
+            let failure = Failure::input(message).in_file(&self.source.name);
+            return Err(failure.at_line(self.header_line).at_column(*column));
+        }
+        let columns = if length.is_some() { LENGTH_COLUMNS } else { [theta, sigma, z0] };
+        self.require(&columns)?;
+        Ok(columns)
+    }
+
+    /// The pose of a row, within the machine's reach.
+    pub(super) fn pose(&self, row: &Row, columns: [&'static str; 3], machine: &MachineFile) -> Result<NamedPose> {
+        let lengths = columns == LENGTH_COLUMNS;
+        let id = self.cell(row, "pose")?.to_owned();
+        if columns.iter().all(|c| self.cell(row, c).is_ok_and(str::is_empty)) {
+            let message = format!("row `{id}` has no pose: if it is a sum or a note, delete it");
+            return Err(self.failure(row, message).at_column(columns[0]));
+        }
+        let refused = |e: KinematicsError, message: String| {
+            let column = match e {
+                KinematicsError::OutOfTravel { limb } if lengths => format!("q{limb}_mm"),
+                _ => "pose".to_owned(),
+            };
+            let failure = Failure::refused(status(e), format!("pose `{id}`: {message}"));
+            failure.in_file(&self.source.name).at_line(row.line).at_column(column)
+        };
+        let values = self.numbers(row, columns)?;
+        let pose = if lengths {
+            let q_m = values.map(|mm| mm / 1e3);
+            let forward = machine.machine.forward(&ScrewLengths { q_m });
+            forward.map_err(|e| match e {
+                KinematicsError::OutOfTravel { limb } => {
+                    refused(e, format!("{e}: {}", machine.travel_of(limb, &ScrewLengths { q_m })))
+                }
+                e => refused(e, e.to_string()),
+            })?
+        } else {
+            let [theta, sigma, z0] = values;
+            let pose = pose_of(theta, sigma, z0);
+            machine.machine.inverse(&pose).map_err(|e| refused(e, machine.refusal(e, &pose)))?;
+            pose
+        };
+        Ok(NamedPose { id, line: row.line, pose })
+    }
+
     /// The pose of every row, each within the machine's reach.
     ///
     /// # Errors
     /// Missing columns, cells that are no numbers, and poses that the machine cannot take.
     pub fn poses(&self, machine: &MachineFile) -> Result<Vec<NamedPose>> {
-        self.require(&["pose"])?;
-        let angles = POSE_COLUMNS[1..].iter().any(|c| self.has(c));
-        let lengths = LENGTH_COLUMNS.iter().any(|c| self.has(c));
-        if angles && lengths {
-            let column = LENGTH_COLUMNS.iter().find(|c| self.has(c)).expect("one is there");
-            let message = "give the pose as theta_deg, sigma_deg, z0_mm or as q1_mm, q2_mm, q3_mm, not both";
-            let failure = Failure::input(message).in_file(&self.source.name);
-            return Err(failure.at_line(self.header_line).at_column(*column));
-        }
-        self.require(if lengths { &LENGTH_COLUMNS } else { &POSE_COLUMNS[1..] })?;
-        self.rows
-            .iter()
-            .map(|row| {
-                let id = self.cell(row, "pose")?.to_owned();
-                let columns: &[&str] = if lengths { &LENGTH_COLUMNS } else { &POSE_COLUMNS[1..] };
-                if columns.iter().all(|c| self.cell(row, c).is_ok_and(str::is_empty)) {
-                    let message = format!("row `{id}` has no pose: if it is a sum or a note, delete it");
-                    return Err(self.failure(row, message).at_column(columns[0]));
-                }
-                let refused = |e: KinematicsError, message: String| {
-                    let column = match e {
-                        KinematicsError::OutOfTravel { limb } if lengths => format!("q{limb}_mm"),
-                        _ => "pose".to_owned(),
-                    };
-                    let failure = Failure::refused(status(e), format!("pose `{id}`: {message}"));
-                    failure.in_file(&self.source.name).at_line(row.line).at_column(column)
-                };
-                let pose = if lengths {
-                    let q_m = self.numbers(row, LENGTH_COLUMNS)?.map(|mm| mm / 1e3);
-                    let forward = machine.machine.forward(&ScrewLengths { q_m });
-                    forward.map_err(|e| match e {
-                        KinematicsError::OutOfTravel { limb } => {
-                            refused(e, format!("{e}: {}", machine.travel_of(limb, &ScrewLengths { q_m })))
-                        }
-                        e => refused(e, e.to_string()),
-                    })?
-                } else {
-                    let [theta, sigma, z0] = self.numbers(row, ["theta_deg", "sigma_deg", "z0_mm"])?;
-                    let pose = pose_of(theta, sigma, z0);
-                    machine.machine.inverse(&pose).map_err(|e| refused(e, machine.refusal(e, &pose)))?;
-                    pose
-                };
-                Ok(NamedPose { id, line: row.line, pose })
-            })
-            .collect()
+        let columns = self.pose_columns()?;
+        self.rows.iter().map(|row| self.pose(row, columns, machine)).collect()
     }
 }
 
@@ -202,69 +210,4 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
     };
     let targets = sheet.rows.iter().map(read).collect::<Result<Vec<_>>>()?;
     Ok(StiffnessData { poses, targets, source: sheet.source, warnings: sheet.warnings })
-}
-
-/// A load case of a measured file.
-pub struct LoadCase {
-    /// Commanded pose.
-    pub pose: NamedPose,
-    /// Force in N and moment in N·m on the platform, at `point_m`, in A-uvw.
-    pub wrench: pkm_core::Wrench<f64>,
-    /// Where wrench and deflection are given, in A-uvw.
-    pub point_m: [f64; 3],
-}
-
-/// Reads poses and wrenches of a measured file, and its cells as they stand.
-///
-/// # Errors
-/// See [`Sheet`].
-pub fn read_load_cases(source: Source, machine: &MachineFile) -> Result<(Sheet, Vec<LoadCase>)> {
-    let known =
-        [&POSE_COLUMNS[..], &LENGTH_COLUMNS, &WRENCH_COLUMNS, &DEFLECTION_COLUMNS, &POINT_COLUMNS, &OTHER_MEASURED]
-            .concat();
-    let sheet = Sheet::parse(source, &known)?;
-    sheet.require(&WRENCH_COLUMNS)?;
-    let elsewhere = POINT_COLUMNS.iter().any(|c| sheet.has(c));
-    if elsewhere {
-        sheet.require(&POINT_COLUMNS)?;
-    }
-    let poses = sheet.poses(machine)?;
-    let numeric = DEFLECTION_COLUMNS.iter().chain(&["temperature_c", "sigma_linear_um", "sigma_angular_urad"]);
-    for column in numeric.filter(|c| sheet.has(c)) {
-        for row in sheet.rows.iter() {
-            // a blank cell is a channel that was not measured
-            if !sheet.cell(row, column)?.is_empty() {
-                let value = sheet.number(row, column).map_err(|mut failure| {
-                    failure.message.push_str(" (leave the cell empty where nothing was measured)");
-                    failure
-                })?;
-                let wrong = if column.starts_with("sigma_") && value < 0.0 {
-                    "a standard deviation of at least 0"
-                } else if *column == "temperature_c" && value < -273.15 {
-                    "a temperature above -273.15 °C"
-                } else {
-                    continue;
-                };
-                return Err(sheet.failure(row, format!("expected {wrong}, found {value}")).at_column(*column));
-            }
-        }
-    }
-    for row in sheet.rows.iter().filter(|_| sheet.has("direction")) {
-        let direction = sheet.cell(row, "direction")?;
-        if !["", "load", "unload"].contains(&direction) {
-            let message = format!("expected `load` or `unload`, found `{direction}`");
-            return Err(sheet.failure(row, message).at_column("direction"));
-        }
-    }
-    let cases = sheet
-        .rows
-        .iter()
-        .zip(poses)
-        .map(|(row, pose)| {
-            let wrench = pkm_core::Wrench::from_array(sheet.load(row)?);
-            let point_m = if elsewhere { sheet.numbers(row, POINT_COLUMNS)?.map(|mm| mm / 1e3) } else { [0.0; 3] };
-            Ok(LoadCase { pose, wrench, point_m })
-        })
-        .collect::<Result<Vec<_>>>()?;
-    Ok((sheet, cases))
 }

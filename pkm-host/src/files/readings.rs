@@ -5,8 +5,10 @@ use std::collections::HashMap;
 use pkm_core::Wrench;
 
 use crate::error::{Failure, Result};
-use crate::files::dataset::{self, DEFLECTION_COLUMNS, Sheet};
+use crate::files::dataset::{DEFLECTION_COLUMNS, Row, Sheet};
+use crate::files::import::Renames;
 use crate::files::machine::MachineFile;
+use crate::files::measured::{LoadCase, Measured};
 use crate::files::source::Source;
 use crate::pose::NamedPose;
 
@@ -155,30 +157,78 @@ impl Repeats {
     }
 }
 
+/// A number whose cell may be empty.
+fn optional(sheet: &Sheet, row: &Row, column: &str) -> Result<Option<f64>> {
+    if !sheet.has(column) || sheet.cell(row, column)?.is_empty() {
+        return Ok(None);
+    }
+    sheet.number(row, column).map(Some)
+}
+
+/// The deflection of a row in m and rad; `decimals` keeps the most digits behind the point of each channel.
+fn deflection(sheet: &Sheet, row: &Row, decimals: &mut [usize; CHANNELS]) -> Result<[Option<f64>; CHANNELS]> {
+    let mut observed = [None; CHANNELS];
+    for (c, column) in DEFLECTION_COLUMNS.iter().enumerate() {
+        observed[c] = optional(sheet, row, column)?.map(|v| v * 1e-6);
+        if observed[c].is_some() {
+            let text = sheet.cell(row, column)?;
+            let digits = text.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
+            decimals[c] = decimals[c].max(digits);
+        }
+    }
+    Ok(observed)
+}
+
 impl Readings {
-    /// Reads a measured file.
+    /// Reads a measured file, also as laboratories export it.
     ///
     /// # Errors
-    /// See [`dataset::read_load_cases`]; no reading at all.
+    /// See [`Measured::read`]; anything that is wrong with a row; no reading at all.
     pub fn read(source: Source, machine: &MachineFile) -> Result<Self> {
-        let (sheet, this) = Self::read_conditions(source, machine)?;
-        if !DEFLECTION_COLUMNS.iter().any(|c| sheet.has(c)) {
-            let why = ": a measured file needs at least one deflection column";
-            return Err(sheet.missing(DEFLECTION_COLUMNS[0], why));
-        }
-        if this.readings.iter().all(|r| r.observed.iter().all(Option::is_none)) {
-            let message = "expected readings, found blank deflection columns only";
-            return Err(Failure::input(message).in_file(&sheet.source.name));
-        }
+        Self::read_renamed(source, machine, &Renames::default())
+    }
+
+    /// Reads a measured file some of whose columns are called otherwise.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read).
+    pub fn read_renamed(source: Source, machine: &MachineFile, renames: &Renames) -> Result<Self> {
+        let (sheet, this) = Self::read_conditions(source, machine, renames)?;
+        this.require_deflections(&sheet)?;
         Ok(this)
     }
 
     /// Reads a measured file of which the deflections don't matter, and its cells as they stand.
     ///
     /// # Errors
-    /// See [`dataset::read_load_cases`].
-    pub fn read_conditions(source: Source, machine: &MachineFile) -> Result<(Sheet, Self)> {
-        let (sheet, cases) = dataset::read_load_cases(source, machine)?;
+    /// See [`Measured::read`]; anything that is wrong with a row.
+    pub fn read_conditions(source: Source, machine: &MachineFile, renames: &Renames) -> Result<(Sheet, Self)> {
+        let (sheet, cases) = Measured::read(source, machine, renames)?.complete()?;
+        let this = Self::new(&sheet, &cases)?;
+        Ok((sheet, this))
+    }
+
+    /// Refuses a file in which nothing was measured.
+    ///
+    /// # Errors
+    /// No column of deflections, or nothing in them.
+    pub fn require_deflections(&self, sheet: &Sheet) -> Result<()> {
+        if !DEFLECTION_COLUMNS.iter().any(|c| sheet.has(c)) {
+            let why = ": a measured file needs at least one deflection column";
+            return Err(sheet.missing(DEFLECTION_COLUMNS[0], why));
+        }
+        if self.readings.iter().all(|r| r.observed.iter().all(Option::is_none)) {
+            let message = "expected readings, found blank deflection columns only";
+            return Err(Failure::input(message).in_file(&sheet.source.name));
+        }
+        Ok(())
+    }
+
+    /// Readings of rows, a load case each.
+    ///
+    /// # Errors
+    /// A cell that is no number.
+    pub fn new(sheet: &Sheet, cases: &[LoadCase]) -> Result<Self> {
         let mut poses: Vec<NamedPose> = Vec::new();
         let (mut pose_index, mut conditions_seen, mut repeats) = (HashMap::new(), HashMap::new(), Repeats::default());
         let mut series_index: HashMap<String, usize> = HashMap::new();
@@ -188,23 +238,10 @@ impl Readings {
         let mut decimals = [0_usize; CHANNELS];
         let has_temperature = sheet.has("temperature_c");
         let mut has_unloading = false;
-        for (n, (row, case)) in sheet.rows.iter().zip(&cases).enumerate() {
-            let optional = |column: &str| -> Result<Option<f64>> {
-                if !sheet.has(column) || sheet.cell(row, column)?.is_empty() {
-                    return Ok(None);
-                }
-                sheet.number(row, column).map(Some)
-            };
-            let mut observed = [None; CHANNELS];
-            for (c, column) in DEFLECTION_COLUMNS.iter().enumerate() {
-                observed[c] = optional(column)?.map(|v| v * 1e-6);
-                if observed[c].is_some() {
-                    let text = sheet.cell(row, column)?;
-                    let digits = text.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
-                    decimals[c] = decimals[c].max(digits);
-                }
-            }
-            let sigma = [optional("sigma_linear_um")?, optional("sigma_angular_urad")?].map(|s| s.map(|v| v * 1e-6));
+        for (n, (row, case)) in sheet.rows.iter().zip(cases).enumerate() {
+            let observed = deflection(sheet, row, &mut decimals)?;
+            let sigma = [optional(sheet, row, "sigma_linear_um")?, optional(sheet, row, "sigma_angular_urad")?]
+                .map(|s| s.map(|v| v * 1e-6));
             let p = &case.pose.pose;
             let pose = *pose_index.entry(bits(&[p.theta_rad, p.sigma_rad, p.z0_m])).or_insert_with(|| {
                 poses.push(case.pose.clone());
@@ -218,7 +255,7 @@ impl Readings {
                 series_names.len() - 1
             });
             let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
-            let temperature_c = optional("temperature_c")?.unwrap_or(REFERENCE_C);
+            let temperature_c = optional(sheet, row, "temperature_c")?.unwrap_or(REFERENCE_C);
 
             let unloaded = case.wrench.to_array().iter().all(|f| *f == 0.0);
             let history = histories.entry(series).or_insert_with(|| History {
@@ -252,9 +289,8 @@ impl Readings {
             readings.push(Reading { line: row.line, condition, repeat_of, series, observed, sigma });
         }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
-        let source = sheet.source.clone();
-        let this = Self {
-            source,
+        Ok(Self {
+            source: sheet.source.clone(),
             poses,
             conditions,
             readings,
@@ -263,8 +299,7 @@ impl Readings {
             has_temperature,
             has_unloading,
             warnings: sheet.warnings.clone(),
-        };
-        Ok((sheet, this))
+        })
     }
 
     /// The same poses and conditions without some of the readings.

@@ -29,8 +29,9 @@ pub struct Source {
 impl Source {
     fn new(name: String, mut bytes: Vec<u8>) -> Self {
         let sha256 = sha256(&bytes);
-        // some spreadsheets end lines with CR alone, which nobody counts as lines
-        if !bytes.contains(&b'\n') {
+        // some spreadsheets end lines with CR alone, which nobody counts as lines; in UTF-16 the byte may be half a character
+        let is_utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+        if !is_utf16 && !bytes.contains(&b'\n') {
             bytes.iter_mut().filter(|b| **b == b'\r').for_each(|b| *b = b'\n');
         }
         Self { name, bytes: bytes.into(), sha256 }
@@ -44,6 +45,11 @@ impl Source {
     /// A text that is about to become a file.
     pub fn from_text(name: &str, text: String) -> Self {
         Self::new(name.to_owned(), text.into_bytes())
+    }
+
+    /// The bytes of a file, which may be in any encoding.
+    pub fn from_bytes(name: &str, bytes: Vec<u8>) -> Self {
+        Self::new(name.to_owned(), bytes)
     }
 
     /// Reads a file.
@@ -68,6 +74,11 @@ impl Source {
     /// Those of [`read`](Self::read).
     pub fn read_or(path: Option<&Path>, fixture: Fixture) -> Result<Self> {
         path.map_or_else(|| Ok(Self::embedded(fixture)), Self::read)
+    }
+
+    /// As they were read, but for line ends of CR alone.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
     }
 
     /// The text without byte-order mark.

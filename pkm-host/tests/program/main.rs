@@ -11,6 +11,7 @@ mod fixtures;
 mod gcode;
 mod gcode_programs;
 mod hil;
+mod import;
 mod inverse_all;
 mod limits;
 mod map;

@@ -1,0 +1,101 @@
+//! Readings against the declared machine: the checks that a diagnosis begins with, without its fits.
+
+use pkm_diagnosis::{Noise, Problem, Rules, Whitener};
+
+use super::super::experiment::{Experiment, observations};
+use super::super::model::{Model, Recorded};
+use super::super::{Method, check as check_usable, checks, unknown_noise};
+use super::DataWarning;
+use crate::files::dataset::DEFLECTION_COLUMNS;
+use crate::files::machine::MachineFile;
+use crate::files::readings::{CHANNELS, Reading, Readings};
+
+/// Kind of the warning that there is nothing to take the noise from.
+pub(super) const UNKNOWN_NOISE: &str = "unknown_noise";
+/// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
+const MAX_REVERSED_COSINE: f64 = -0.8;
+/// Least median cosine of all rows at which a single one with the wrong sign is to be seen.
+const MIN_MEDIAN_COSINE: f64 = 0.8;
+/// Least deflection of such a row, as a share of the median of all.
+const MIN_REVERSED_SIZE: f64 = 0.5;
+/// Largest share of rows with the wrong sign that are single mistakes.
+const MAX_REVERSED_SHARE: f64 = 0.1;
+
+pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
+    let rules = &Rules::DEFAULT;
+    let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
+    let Some(model) = Model::new(file, recorded, Method::Formulas) else { return Vec::new() };
+    let mut all = reversed(readings, &model);
+    let gross = checks::gross(readings, &model, rules);
+    let reversed_lines: Vec<Option<u64>> = all.iter().map(|w| w.line).collect();
+    for outlier in &gross {
+        let r = &readings.readings[outlier.reading];
+        if !reversed_lines.contains(&Some(r.line)) {
+            let value = r.observed[outlier.channel].unwrap_or(f64::NAN) * 1e6;
+            let message = format!(
+                "{value:.2} is {:.0} standard deviations away from its repeats or from the declared machine: is it mistyped? A \
+                 diagnosis leaves it out",
+                outlier.studentised
+            );
+            all.push(
+                DataWarning::new("gross_error", message)
+                    .at_lines(vec![r.line])
+                    .at_column(DEFLECTION_COLUMNS[outlier.channel]),
+            );
+        }
+    }
+    let left_out: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
+    all.extend(of_all(file, &readings.without_numbers(&left_out), &model));
+    all
+}
+
+/// What speaks against the readings as a whole: too few, other units, another frame or sign.
+fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWarning> {
+    let rules = &Rules::DEFAULT;
+    let read = observations(readings);
+    let experiment = Experiment::new(model, readings);
+    let noise = match Noise::estimate(&experiment.at_nominal_loads(&read), rules) {
+        Ok(noise) => noise,
+        Err(unknown) => return vec![DataWarning::new(UNKNOWN_NOISE, unknown_noise(readings, unknown).message)],
+    };
+    let whitener = Whitener::new(&read, &noise);
+    let problem = Problem::new(&read, &whitener, &experiment, rules);
+    if let Err(failure) = check_usable(readings, &problem, &experiment) {
+        return vec![DataWarning::new("cannot_be_diagnosed", failure.message)];
+    }
+    let tip_m = file.wrist_parameters.tip_at_zero_m();
+    let otherwise = checks::taken_otherwise(&problem, &whitener, model, readings, tip_m);
+    otherwise.into_iter().map(|w| DataWarning::new(w.kind, w.message)).collect()
+}
+
+/// Cosine between the translations that were read and those that the machine gives, and the size of the latter.
+fn cosine(reading: &Reading, expected: &[f64; CHANNELS]) -> Option<(f64, f64)> {
+    let pairs = || (0..3).filter_map(|c| Some((reading.observed[c]?, expected[c])));
+    let sum = |of: fn((f64, f64)) -> f64| pairs().map(of).sum::<f64>();
+    let (read, said) = (sum(|(a, _)| a * a).sqrt(), sum(|(_, b)| b * b).sqrt());
+    (read * said > 0.0).then(|| (sum(|(a, b)| a * b) / (read * said), said))
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Single rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
+fn reversed(readings: &Readings, model: &Model) -> Vec<DataWarning> {
+    let experiment = Experiment::new(model, readings);
+    let Some(expected) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return Vec::new() };
+    let rows: Vec<(u64, (f64, f64))> =
+        (readings.readings.iter()).filter_map(|r| Some((r.line, cosine(r, &expected[r.condition])?))).collect();
+    let is_clear = median(rows.iter().map(|(_, (cosine, _))| *cosine)) > MIN_MEDIAN_COSINE;
+    let least = MIN_REVERSED_SIZE * median(rows.iter().map(|(_, (_, size))| *size));
+    let is_reversed = |(_, (cosine, size)): &&(u64, (f64, f64))| *cosine < MAX_REVERSED_COSINE && *size > least;
+    let found: Vec<u64> = rows.iter().filter(is_reversed).map(|(line, _)| *line).collect();
+    if !is_clear || found.len() as f64 > MAX_REVERSED_SHARE * rows.len() as f64 {
+        return Vec::new();
+    }
+    let message = "the deflection has the opposite sign of what the load gives, unlike the other rows: is the sign of the load or of \
+                   the readings reversed?";
+    found.iter().map(|line| DataWarning::new("reversed_sign", message).at_lines(vec![*line])).collect()
+}

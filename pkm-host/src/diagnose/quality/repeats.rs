@@ -1,0 +1,113 @@
+//! What repeats say: too few of them, some that differ far more than the rest, rows that stand in the file twice.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use super::{DataWarning, lines_text};
+use crate::files::dataset::{DEFLECTION_COLUMNS, Sheet};
+use crate::files::readings::{CHANNELS, Readings};
+
+/// Kind of the warning that there are too few repeats.
+pub(super) const FEW: &str = "few_repeats";
+/// Least degrees of freedom from which a standard deviation is known to a quarter.
+const MIN_DOF: usize = 10;
+/// Ratio of a spread to the median spread above which repeats are not of one thing.
+const MAX_SPREAD_RATIO: f64 = 50.0;
+
+/// Indices of readings that repeat one another.
+fn groups(readings: &Readings) -> Vec<Vec<usize>> {
+    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (n, r) in readings.readings.iter().enumerate() {
+        groups.entry(r.repeat_of).or_default().push(n);
+    }
+    groups.into_values().collect()
+}
+
+pub(super) fn check(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+    let groups = groups(readings);
+    let mut all: Vec<DataWarning> = few(readings, &groups).into_iter().collect();
+    all.extend(spreads(readings, &groups));
+    all.extend(duplicates(sheet));
+    all
+}
+
+/// Too few repeats to take the noise from, where none is declared.
+fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
+    let is_declared =
+        readings.readings.iter().all(|r| (0..CHANNELS).all(|c| r.observed[c].is_none() || r.sigma[c / 3].is_some()));
+    let freedom: usize = groups.iter().map(|g| g.len() - 1).sum();
+    if is_declared || freedom >= MIN_DOF {
+        return None;
+    }
+    // large loads show the noise of an experiment best, and a pose of its own each its zero
+    let size = |n: usize| {
+        let wrench = readings.conditions[readings.readings[n].condition].wrench.to_array();
+        wrench.iter().map(|f| f * f).sum::<f64>()
+    };
+    let mut single: Vec<usize> = groups.iter().filter(|g| g.len() == 1).map(|g| g[0]).collect();
+    single.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
+    let mut poses = HashSet::new();
+    single.retain(|n| poses.insert(readings.conditions[readings.readings[*n].condition].pose));
+    let lines: Vec<u64> = single.iter().take(MIN_DOF - freedom).map(|n| readings.readings[*n].line).collect();
+    let which = if lines.is_empty() { String::new() } else { format!(", such as those of {}", lines_text(&lines)) };
+    let message = format!(
+        "{freedom} degrees of freedom to take the noise from, fewer than {MIN_DOF}: read {} more under the same pose, load and \
+         direction{which}, or add the columns sigma_linear_um and sigma_angular_urad",
+        MIN_DOF - freedom
+    );
+    Some(DataWarning::new(FEW, message))
+}
+
+/// Repeats of which one differs from the others far more than repeats do elsewhere.
+fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
+    let mut all = Vec::new();
+    for (channel, column) in DEFLECTION_COLUMNS.into_iter().enumerate() {
+        let value = |n: &usize| readings.readings[*n].observed[channel];
+        let spread = |group: &Vec<usize>| {
+            let values: Vec<f64> = group.iter().filter_map(value).collect();
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            (values.len() > 1).then_some(most - least)
+        };
+        let mut sizes: Vec<f64> = groups.iter().filter_map(spread).collect();
+        sizes.sort_by(f64::total_cmp);
+        let Some(median) = sizes.get(sizes.len() / 2).filter(|_| sizes.len() > 2) else { continue };
+        let limit = MAX_SPREAD_RATIO * median.max(readings.resolution[channel]);
+        for group in groups {
+            let Some(size) = spread(group).filter(|size| *size > limit) else { continue };
+            let lines: Vec<u64> = group.iter().map(|n| readings.readings[*n].line).collect();
+            let message = format!(
+                "repeats in {} differ by {:.1} µm or µrad, {:.0} times as much as repeats elsewhere: is one of them mistyped, \
+                 or of another load?",
+                lines_text(&lines),
+                size * 1e6,
+                size / median.max(readings.resolution[channel])
+            );
+            all.push(DataWarning::new("repeats_differ", message).at_lines(lines).at_column(column));
+        }
+    }
+    all
+}
+
+/// Rows that agree in every cell but the number of the repeat: no two readings do.
+fn duplicates(sheet: &Sheet) -> Vec<DataWarning> {
+    let counted: Vec<usize> = (0..sheet.header.len()).filter(|n| sheet.header[*n] != "repeat").collect();
+    let measured: Vec<usize> =
+        counted.iter().copied().filter(|n| DEFLECTION_COLUMNS.contains(&sheet.header[*n].as_str())).collect();
+    let mut seen: HashMap<Vec<&str>, u64> = HashMap::new();
+    let mut all = Vec::new();
+    for row in &sheet.rows {
+        let is_number = |n: &&usize| sheet.number(row, &sheet.header[**n]).is_ok_and(|v| v != 0.0);
+        // zeros, and a channel or two, agree by chance
+        if measured.iter().filter(is_number).count() < 3 {
+            continue;
+        }
+        let key = counted.iter().map(|n| &row.cells[*n]).collect();
+        if let Some(first) = seen.get(&key) {
+            let message = format!("the same reading as in line {first}: delete one of them if it was not read twice");
+            all.push(DataWarning::new("duplicate_row", message).at_lines(vec![row.line]));
+        } else {
+            seen.insert(key, row.line);
+        }
+    }
+    all
+}

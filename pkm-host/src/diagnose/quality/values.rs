@@ -1,0 +1,105 @@
+//! Single columns: units, constants, placeholders, loads that never turn.
+
+use super::{DataWarning, lines_text};
+use crate::files::dataset::{DEFLECTION_COLUMNS, POINT_COLUMNS, Sheet, WRENCH_COLUMNS};
+
+/// Largest angle that is probably in radians where a column in degrees has no larger one.
+const MAX_RADIANS: f64 = 0.6;
+/// Least temperature in °C that is probably in kelvins: no machine is measured at 150 °C.
+const MIN_KELVIN: f64 = 150.0;
+/// Numbers that instruments write for "no value", without their sign.
+const PLACEHOLDERS: [f64; 8] = [999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 32767.0];
+/// Ratio to the median of its column above which such a number is no reading.
+const MIN_PLACEHOLDER_RATIO: f64 = 10.0;
+
+/// Lines and numbers of a column; empty where it is not there.
+fn numbers(sheet: &Sheet, column: &str) -> Vec<(u64, f64)> {
+    if !sheet.has(column) {
+        return Vec::new();
+    }
+    sheet.rows.iter().filter_map(|row| Some((row.line, sheet.number(row, column).ok()?))).collect()
+}
+
+/// Size of the largest number; 0 without any.
+fn largest(numbers: &[(u64, f64)]) -> f64 {
+    numbers.iter().fold(0.0, |most, (_, v)| most.max(v.abs()))
+}
+
+pub(super) fn check(sheet: &Sheet) -> Vec<DataWarning> {
+    let mut all = units(sheet);
+    for column in WRENCH_COLUMNS.into_iter().chain(DEFLECTION_COLUMNS).chain(["temperature_c"]) {
+        all.extend(placeholders(&numbers(sheet, column), column));
+    }
+    all.extend(DEFLECTION_COLUMNS.into_iter().filter_map(|column| constant(&numbers(sheet, column), column)));
+    all.extend(one_sided(sheet));
+    all
+}
+
+/// Columns whose numbers are of the size of another unit.
+fn units(sheet: &Sheet) -> Vec<DataWarning> {
+    let mut all = Vec::new();
+    let angles = ["theta_deg", "sigma_deg"].map(|column| largest(&numbers(sheet, column)));
+    let most = angles[0].max(angles[1]);
+    if most > 0.0 && most < MAX_RADIANS {
+        let message = format!(
+            "no angle is above {most}°: are theta and sigma in radians? Then call the columns `theta [rad]` and `sigma [rad]`"
+        );
+        all.push(DataWarning::new("angles_in_radians", message).at_column("theta_deg"));
+    }
+    let warm: Vec<u64> =
+        numbers(sheet, "temperature_c").iter().filter(|(_, v)| *v > MIN_KELVIN).map(|(line, _)| *line).collect();
+    if !warm.is_empty() {
+        let message = format!(
+            "temperatures above {MIN_KELVIN} °C in {}: are they in kelvins? Then call the column `temperature [K]`",
+            lines_text(&warm)
+        );
+        all.push(DataWarning::new("temperature_in_kelvin", message).at_lines(warm).at_column("temperature_c"));
+    }
+    let point = POINT_COLUMNS.map(|column| largest(&numbers(sheet, column))).into_iter().fold(0.0, f64::max);
+    if point > 0.0 && point < 1.0 {
+        let message = format!(
+            "the point of the readings is at most {point} mm from A: is it in metres? Then call the columns `point_u [m]`, …"
+        );
+        all.push(DataWarning::new("point_in_metres", message).at_column("point_u_mm"));
+    }
+    all
+}
+
+/// Numbers such as 9999 that stand for no value.
+fn placeholders(numbers: &[(u64, f64)], column: &'static str) -> Vec<DataWarning> {
+    let mut sizes: Vec<f64> = numbers.iter().map(|(_, v)| v.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    let is_placeholder =
+        |v: f64| PLACEHOLDERS.contains(&v.abs()) && v.abs() > MIN_PLACEHOLDER_RATIO * median && sizes.len() > 2;
+    let found = numbers.iter().filter(|(_, v)| is_placeholder(*v));
+    found
+        .map(|(line, v)| {
+            let message = format!("{v} is what instruments write for no value: empty the cell if nothing was measured");
+            DataWarning::new("placeholder", message).at_lines(vec![*line]).at_column(column)
+        })
+        .collect()
+}
+
+/// A channel that always reads the same.
+fn constant(numbers: &[(u64, f64)], column: &'static str) -> Option<DataWarning> {
+    let (_, first) = numbers.first()?;
+    (numbers.len() > 2 && numbers.iter().all(|(_, v)| v == first)).then(|| {
+        let message = format!(
+            "all {} readings are {first}: if the channel was not connected or not measured, empty its cells",
+            numbers.len()
+        );
+        DataWarning::new("constant_channel", message).at_column(column)
+    })
+}
+
+/// Loads of one sign alone: clearance, preload and a shifted zero look like compliance then.
+fn one_sided(sheet: &Sheet) -> Option<DataWarning> {
+    let columns = WRENCH_COLUMNS.map(|column| numbers(sheet, column));
+    let has =
+        |positive: bool| columns.iter().any(|c| c.iter().any(|(_, v)| if positive { *v > 0.0 } else { *v < 0.0 }));
+    let turns = |c: &Vec<(u64, f64)>| c.iter().any(|(_, v)| *v > 0.0) && c.iter().any(|(_, v)| *v < 0.0);
+    let message = "no force or moment changes its direction: clearance, preload and a shifted zero then look like compliance; \
+                   repeat some readings with the load reversed";
+    ((has(true) || has(false)) && !columns.iter().any(turns)).then(|| DataWarning::new("loads_of_one_sign", message))
+}

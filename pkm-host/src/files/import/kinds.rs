@@ -1,0 +1,32 @@
+//! Exports that hold no readings, told by their columns, with what is missing.
+
+use crate::error::Failure;
+use crate::files::csv::{LENGTH_COLUMNS, POSE_COLUMNS, Sheet};
+use crate::files::dataset::{DEFLECTION_COLUMNS, WRENCH_COLUMNS};
+
+/// How a column of times is called.
+const TIMES: [&str; 7] = ["time", "zeit", "t", "timestamp", "date", "datum", "uhrzeit"];
+
+/// Why a file cannot be read as measured data, where it is a tracker's list of points or a log of loads.
+pub(super) fn other_than_readings(sheet: &Sheet) -> Option<Failure> {
+    let has_any = |names: &[&str]| names.iter().any(|n| sheet.has(n));
+    let has_word = |word: &str| {
+        sheet
+            .header
+            .iter()
+            .any(|h| h.split(['[', '(', ' ', '_']).next().is_some_and(|name| name.eq_ignore_ascii_case(word)))
+    };
+    let has_pose = has_any(&POSE_COLUMNS[1..]) || has_any(&LENGTH_COLUMNS);
+    let (has_load, has_deflection) = (has_any(&WRENCH_COLUMNS), has_any(&DEFLECTION_COLUMNS));
+    let message = if ["x", "y", "z"].iter().all(|axis| has_word(axis)) && !has_load && !has_deflection {
+        "a tracker's list of points: x, y, z are positions in its own frame, and a diagnosis needs deflections of A in A-uvw, \
+         loaded minus unloaded, with pose and load. Points are not turned into that frame here: export dx, dy, dz beside \
+         theta, sigma, z0 and fx, fy, fz"
+    } else if has_load && !has_pose && !has_deflection && TIMES.iter().any(|t| has_word(t)) {
+        "a log of loads over time: it has no pose and no deflection, and nothing says which of its times belong to which \
+         reading. Write the load of each reading into the columns fx, fy, fz (mx, my, mz) of the file with the readings"
+    } else {
+        return None;
+    };
+    Some(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line))
+}

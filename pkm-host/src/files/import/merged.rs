@@ -1,0 +1,55 @@
+//! Merged cells of a spreadsheet: it saves what stands in them with their first row alone.
+
+use crate::error::printable;
+use crate::files::csv::{LENGTH_COLUMNS, POSE_COLUMNS, Sheet};
+use crate::files::dataset::{POINT_COLUMNS, WRENCH_COLUMNS};
+
+/// What is carried down with a pose where it is empty too. Not the direction: without it, the load history tells.
+const WITH_POSE: [&str; 5] = ["series", "load", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
+
+/// Fills empty poses, and empty loads at the same pose, from the row above; says where. The coordinates of a pose, its point, and a load
+/// are carried down as a whole: a single empty cell is a mistake, and stays one.
+pub(super) fn carry_down(sheet: &mut Sheet) -> Vec<String> {
+    let place = |names: &[&str]| -> Vec<usize> {
+        (0..sheet.header.len()).filter(|n| names.contains(&sheet.header[*n].as_str())).collect()
+    };
+    let name = place(&POSE_COLUMNS[..1]);
+    let coordinates = place(&[&POSE_COLUMNS[1..], &LENGTH_COLUMNS].concat());
+    let (point, load) = (place(&POINT_COLUMNS), place(&WRENCH_COLUMNS));
+    let with_pose = place(&WITH_POSE);
+    let mut carried = [Vec::new(), Vec::new()];
+    for n in 1..sheet.rows.len() {
+        let (above, below) = sheet.rows.split_at_mut(n);
+        let (above, row) = (&above[n - 1].cells, &mut below[0]);
+        let is_empty = |columns: &[usize]| !columns.is_empty() && columns.iter().all(|c| row.cells[*c].is_empty());
+        let is_as_above = |columns: &[usize]| columns.iter().all(|c| row.cells[*c] == above[*c]);
+        // a name of its own, such as that of a sum, belongs to no merged cell
+        let lacks_pose = is_empty(&coordinates) && (is_empty(&name) || is_as_above(&name));
+        let lacks_load = is_empty(&load) && (lacks_pose || (is_as_above(&coordinates) && is_as_above(&name)));
+        let mut columns = Vec::new();
+        if lacks_pose {
+            columns.extend(name.iter().chain(&coordinates).chain(point.iter().filter(|_| is_empty(&point))));
+            columns.extend(with_pose.iter().filter(|c| row.cells[**c].is_empty()));
+            carried[0].push(row.line);
+        }
+        if lacks_load {
+            columns.extend(&load);
+            carried[1].push(row.line);
+        }
+        if !columns.is_empty() {
+            let cells = row.cells.iter().enumerate();
+            row.cells = cells.map(|(c, cell)| if columns.contains(&c) { &above[c] } else { cell }).collect();
+        }
+    }
+    let file = printable(&sheet.source.name);
+    let warning = |(lines, what): (&Vec<u64>, &str)| {
+        let first = lines.first()?;
+        let more = match lines.len() - 1 {
+            0 => String::new(),
+            1 => ", and in another line".into(),
+            n => format!(", and in {n} more lines"),
+        };
+        Some(format!("{file}:{first}: empty {what} taken from the row above{more}, as in merged cells: is that right?"))
+    };
+    carried.iter().zip(["pose", "load"]).filter_map(warning).collect()
+}

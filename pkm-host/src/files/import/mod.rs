@@ -1,0 +1,176 @@
+//! Measured data as laboratories and shops export them → a [`Sheet`] with the columns of `docs/formats.md`.
+//!
+//! `encoding`: bytes → text. `header`: its row, what stands between cells, a row of units. `names` and `units`: what the columns
+//! are. `merged` and `cells`: each cell as the contract has it. `kinds`: files that are no readings, such as a list of points.
+//! Nothing is guessed silently: what is ambiguous is refused or warned of, and every conversion is named.
+
+mod cells;
+mod encoding;
+mod header;
+mod kinds;
+mod merged;
+mod names;
+mod units;
+
+pub use self::names::{COLUMNS, Renames};
+use self::names::{Use, is_blank_unit, uses};
+use crate::error::{Failure, Result, printable};
+use crate::files::csv::{Header, Row, Sheet, fitted, records};
+use crate::files::dataset::WRENCH_COLUMNS;
+use crate::files::source::Source;
+
+/// What an export says.
+pub struct Imported {
+    /// Its cells, with names and units of `docs/formats.md`.
+    pub sheet: Sheet,
+    /// What was converted, for the user.
+    pub conversions: Vec<String>,
+    /// Rows and cells that cannot be read.
+    pub failures: Vec<Failure>,
+}
+
+/// Reads measured data as they were exported.
+///
+/// # Errors
+/// No header, columns that are not clear, a unit that is missing or unknown, a file that holds something else.
+pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
+    let shared = source.clone();
+    let (text, encoding) = encoding::text(&shared)?;
+    let found = header::find(&shared, &text, renames)?;
+    let mut conversions: Vec<String> = encoding.map(|name| format!("text in {name}")).into_iter().collect();
+    if found.delimiter == b'\t' {
+        conversions.push("tabs between cells".into());
+    }
+    let mut rows = records(&text, found.delimiter, &shared.name).skip(found.above.len() + 1).peekable();
+    let below = rows.peek().and_then(|row| row.as_ref().ok());
+    let units = below.and_then(|row| Some((row.line, header::units_of(row, &found.header, renames)?)));
+    if let Some((line, _)) = &units {
+        conversions.push(format!("units in line {line}"));
+        rows.next();
+    }
+    let columns = Columns::of(&found.header, &units.map(|(_, units)| units).unwrap_or_default(), renames)
+        .map_err(|failure| failure.in_file(&shared.name).at_line(found.header.line))?;
+    conversions.extend(columns.conversions(&found.header));
+    let known: Vec<&str> = COLUMNS.iter().map(|c| c.name).collect();
+    let header = Header { line: found.header.line, names: columns.names(&found.header) };
+    let mut sheet = Sheet::new(source, &text, found.delimiter, header, &known).map_err(with_advice)?;
+    sheet.warnings.extend(not_read(&sheet, &found.above));
+    let mut failures = columns.read(&mut sheet, rows, found.header.names.len())?;
+    if !sheet.rows.is_empty() || failures.is_empty() {
+        sheet.finish(&known)?;
+    }
+    conversions.extend(cells::tidy(&mut sheet, &columns.uses));
+    let carried = merged::carry_down(&mut sheet);
+    sheet.warnings.extend(carried);
+    failures.extend(cells::refuse_ambiguous(&mut sheet, &columns.uses));
+    if sheet.has_decimal_commas() {
+        conversions.push("decimal commas".into());
+    }
+    cells::convert(&mut sheet, &columns.uses);
+    if let Some(failure) = kinds::other_than_readings(&sheet) {
+        return Err(failure);
+    }
+    complete_loads(&mut sheet);
+    Ok(Imported { sheet, conversions, failures })
+}
+
+/// What is said of rows above the header.
+fn not_read(sheet: &Sheet, above: &[Row]) -> Option<String> {
+    let (first, last) = (above.first()?.line, above.last()?.line);
+    let lines = if first == last { "line".into() } else { format!("lines {first} to") };
+    Some(format!("{}:{first}: {lines} {last} above the header: not read", printable(&sheet.source.name)))
+}
+
+/// The columns of a file.
+struct Columns {
+    /// How those are read that are kept; `None` for those that the program does not use.
+    uses: Vec<Option<Use>>,
+    /// Their places in the file.
+    kept: Vec<usize>,
+    /// Places of columns that have no name of their own and are left out.
+    unnamed: Vec<usize>,
+}
+
+impl Columns {
+    /// By a header and the row of units below it, which may be empty.
+    fn of(header: &Header, units: &[String], renames: &Renames) -> Result<Self> {
+        let mut uses =
+            uses(&header.names, units, renames).map_err(|(cell, message)| Failure::input(message).at_column(cell))?;
+        let is_unnamed = |n: &usize| {
+            let name = &header.names[*n];
+            uses[*n].is_none() && (is_blank_unit(name) || header.names[..*n].contains(name))
+        };
+        let (unnamed, kept): (Vec<usize>, Vec<usize>) = (0..header.names.len()).partition(is_unnamed);
+        let uses = kept.iter().map(|n| uses[*n].take()).collect();
+        Ok(Self { uses, kept, unnamed })
+    }
+
+    /// Those that are kept: their name in the file, and how they are read.
+    fn all<'a>(&'a self, header: &'a Header) -> impl Iterator<Item = (&'a str, Option<&'a Use>)> {
+        self.kept.iter().map(|n| header.names[*n].as_str()).zip(self.uses.iter().map(Option::as_ref))
+    }
+
+    /// Their names in the sheet.
+    fn names(&self, header: &Header) -> Vec<String> {
+        self.all(header).map(|(cell, used)| used.map_or(cell, |used| used.column.name).to_owned()).collect()
+    }
+
+    /// What is said of those that have another name or another unit.
+    fn conversions(&self, header: &Header) -> Vec<String> {
+        self.all(header).filter_map(|(cell, used)| converted(cell, used?)).collect()
+    }
+
+    /// Puts the rows of a file into a sheet; gives those that are not as wide as the header.
+    fn read(&self, sheet: &mut Sheet, rows: impl Iterator<Item = Result<Row>>, width: usize) -> Result<Vec<Failure>> {
+        let (mut failures, mut has_unnamed) = (Vec::new(), false);
+        for row in rows {
+            let row = row?;
+            let line = row.line;
+            match fitted(row, width, sheet.delimiter()) {
+                Ok(row) => {
+                    has_unnamed |= self.unnamed.iter().any(|n| !row.cells[*n].is_empty());
+                    sheet.rows.push(Row { line, cells: self.kept.iter().map(|n| &row.cells[*n]).collect() });
+                }
+                Err(message) => failures.push(Failure::input(message).in_file(&sheet.source.name).at_line(line)),
+            }
+        }
+        if has_unnamed {
+            let (file, line) = (printable(&sheet.source.name), sheet.header_line);
+            sheet.warnings.push(format!("{file}:{line}: not used: columns without a name of their own"));
+        }
+        Ok(failures)
+    }
+}
+
+/// What is said of a column that has another name or another unit.
+fn converted(cell: &str, used: &Use) -> Option<String> {
+    let name = (cell != used.column.name).then(|| format!("`{}` is {}", printable(cell), used.column.name));
+    let unit = used.unit.zip(used.column.own_unit()).filter(|(from, to)| !std::ptr::eq(*from, *to));
+    let unit = unit.map(|(from, to)| format!("{} converted to {}", from.name(), to.name()));
+    match (name, unit) {
+        (None, None) => None,
+        (name, unit) => {
+            let name = name.unwrap_or_else(|| used.column.name.to_owned());
+            Some(name + &unit.map_or(String::new(), |unit| format!(", {unit}")))
+        }
+    }
+}
+
+/// A name that may be misspelt may as well have its unit in a way that is not read.
+fn with_advice(mut failure: Failure) -> Failure {
+    if failure.message.contains("did you mean") {
+        failure.message.push_str(" Another unit stands in brackets, as `dx [mm]`; another name needs --columns");
+    }
+    failure
+}
+
+/// Forces and moments that have no column are 0, where some are there.
+fn complete_loads(sheet: &mut Sheet) {
+    let missing: Vec<&str> = WRENCH_COLUMNS.into_iter().filter(|c| !sheet.has(c)).collect();
+    if missing.is_empty() || missing.len() == WRENCH_COLUMNS.len() {
+        return;
+    }
+    missing.iter().for_each(|column| sheet.add_column(column, "0"));
+    let (file, line) = (printable(&sheet.source.name), sheet.header_line);
+    sheet.warnings.push(format!("{file}:{line}: no columns {}: taken as 0", missing.join(", ")));
+}

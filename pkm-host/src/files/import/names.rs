@@ -1,0 +1,330 @@
+//! Names of columns, as others write them.
+
+use super::units::Quantity::{self, Angle, Force, Length, Moment, Temperature, Text};
+use super::units::{self, Unit};
+use crate::error::{Failure, Result};
+
+/// A column of a measured file.
+pub struct Column {
+    /// As `docs/formats.md` has it.
+    pub name: &'static str,
+    quantity: Quantity,
+    /// Its unit; empty for texts.
+    unit: &'static str,
+    /// Other names, in small letters without spaces and underscores.
+    others: &'static [&'static str],
+}
+
+const fn column(name: &'static str, quantity: Quantity, unit: &'static str, others: &'static [&'static str]) -> Column {
+    Column { name, quantity, unit, others }
+}
+
+/// Every column of a measured file, in the order in which they are written.
+pub const COLUMNS: [Column; 29] = [
+    column(
+        "pose",
+        Text,
+        "",
+        &["poseid", "posename", "poseno", "posenr", "pose#", "posenumber", "position", "stellung"],
+    ),
+    column("theta_deg", Angle, "°", &["theta", "θ"]),
+    column("sigma_deg", Angle, "°", &["sigma", "σ"]),
+    column("z0_mm", Length, "mm", &["z0"]),
+    column("q1_mm", Length, "mm", &["q1"]),
+    column("q2_mm", Length, "mm", &["q2"]),
+    column("q3_mm", Length, "mm", &["q3"]),
+    column("point_u_mm", Length, "mm", &["pointu"]),
+    column("point_v_mm", Length, "mm", &["pointv"]),
+    column("point_w_mm", Length, "mm", &["pointw"]),
+    column("fx_n", Force, "N", &["fx", "forcex", "xforce", "kraftx", "loadx"]),
+    column("fy_n", Force, "N", &["fy", "forcey", "yforce", "krafty", "loady"]),
+    column("fz_n", Force, "N", &["fz", "forcez", "zforce", "kraftz", "loadz"]),
+    column("mx_nm", Moment, "N·m", &["mx", "momentx", "xmoment", "tx", "torquex", "drehmomentx"]),
+    column("my_nm", Moment, "N·m", &["my", "momenty", "ymoment", "ty", "torquey", "drehmomenty"]),
+    column("mz_nm", Moment, "N·m", &["mz", "momentz", "zmoment", "tz", "torquez", "drehmomentz"]),
+    column(
+        "dx_um",
+        Length,
+        "µm",
+        &[
+            "dx",
+            "δx",
+            "deltax",
+            "deflectionx",
+            "displacementx",
+            "dispx",
+            "xdeflection",
+            "xdisplacement",
+            "ux",
+            "verschiebungx",
+        ],
+    ),
+    column(
+        "dy_um",
+        Length,
+        "µm",
+        &[
+            "dy",
+            "δy",
+            "deltay",
+            "deflectiony",
+            "displacementy",
+            "dispy",
+            "ydeflection",
+            "ydisplacement",
+            "uy",
+            "verschiebungy",
+        ],
+    ),
+    column(
+        "dz_um",
+        Length,
+        "µm",
+        &[
+            "dz",
+            "δz",
+            "deltaz",
+            "deflectionz",
+            "displacementz",
+            "dispz",
+            "zdeflection",
+            "zdisplacement",
+            "uz",
+            "verschiebungz",
+        ],
+    ),
+    column("rx_urad", Angle, "µrad", &["rx", "rotx", "rotationx", "xrotation", "verdrehungx"]),
+    column("ry_urad", Angle, "µrad", &["ry", "roty", "rotationy", "yrotation", "verdrehungy"]),
+    column("rz_urad", Angle, "µrad", &["rz", "rotz", "rotationz", "zrotation", "verdrehungz"]),
+    column("series", Text, "", &["serie", "seriesno", "seriesnr", "messreihe"]),
+    column("repeat", Text, "", &["repetition", "rep", "wiederholung", "wdh"]),
+    column("load", Text, "", &["loadcase", "loadname", "lastfall"]),
+    column("direction", Text, "", &["loaddirection", "richtung"]),
+    column("temperature_c", Temperature, "°C", &["temperature", "temp", "temperatur"]),
+    column("sigma_linear_um", Length, "µm", &["sigmalinear"]),
+    column("sigma_angular_urad", Angle, "µrad", &["sigmaangular"]),
+];
+
+impl Column {
+    /// Of a name in `docs/formats.md`.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        COLUMNS.iter().find(|c| c.name == name)
+    }
+
+    /// Whether it holds numbers.
+    pub fn is_number(&self) -> bool {
+        self.quantity != Text
+    }
+
+    /// The unit that the program takes; none of a text.
+    pub fn own_unit(&self) -> Option<&'static Unit> {
+        units::find(self.quantity, self.unit)
+    }
+
+    /// The column's unit that is written so.
+    fn unit_of(&self, text: &str) -> std::result::Result<&'static Unit, String> {
+        units::find(self.quantity, text)
+            .ok_or_else(|| format!("unknown unit `{text}` of {}: known are {}", self.name, units::known(self.quantity)))
+    }
+}
+
+/// A column of a file that is known by its name.
+struct Named {
+    column: &'static Column,
+    /// What the header says of its unit.
+    unit: Option<String>,
+    /// Whether the name has the column's own unit, as `dx_um`.
+    is_in_own_unit: bool,
+}
+
+/// Small letters, without what separates words.
+fn plain(name: &str) -> String {
+    let letter = |c: char| match c {
+        'µ' | 'μ' => 'u',
+        '∆' => 'δ',
+        c => c,
+    };
+    let skipped = |c: &char| !c.is_whitespace() && !"_-.".contains(*c);
+    name.chars().filter(skipped).map(letter).collect::<String>().to_lowercase()
+}
+
+/// A name and the unit behind it: `dx [µm]`, `Fx (kN)`, `Fx in kN`, `dx / mm`, `dx, mm`, `dx mm`.
+fn split_unit(cell: &str) -> (&str, Option<&str>) {
+    for (open, close) in [('[', ']'), ('(', ')')] {
+        if let Some((name, unit)) = cell.strip_suffix(close).and_then(|c| c.rsplit_once(open)) {
+            return (name.trim(), Some(unit.trim()));
+        }
+    }
+    let separators = [" in ", "/", ",", " "];
+    let parts = separators.iter().filter_map(|s| cell.rsplit_once(s));
+    parts
+        .map(|(name, unit)| (name.trim(), unit.trim()))
+        .find(|(_, unit)| units::is_any(unit))
+        .map_or((cell, None), |(name, unit)| (name, Some(unit)))
+}
+
+/// What a name in a header means, if it is known.
+fn named(cell: &str) -> Option<Named> {
+    let of = |name: &str, unit: Option<&str>| {
+        let name = plain(name);
+        let column = COLUMNS.iter().find(|c| plain(c.name) == name || c.others.contains(&name.as_str()))?;
+        // `Load [N]` is no name of a load
+        let is_known = column.is_number() || !unit.is_some_and(units::is_any);
+        let is_in_own_unit = column.is_number() && plain(column.name) == name;
+        is_known.then(|| Named { column, unit: unit.map(str::to_owned), is_in_own_unit })
+    };
+    of(cell, None).or_else(|| {
+        let (name, unit) = split_unit(cell);
+        of(name, unit)
+    })
+}
+
+/// Which columns of a header hold numbers that are used.
+pub fn number_columns(header: &[String], renames: &Renames) -> Vec<usize> {
+    let is_number = |cell: &str| {
+        let column = renames.of(cell).or_else(|| named(cell).map(|n| n.column));
+        column.is_some_and(Column::is_number)
+    };
+    (0..header.len()).filter(|n| is_number(&header[*n])).collect()
+}
+
+/// Whether a name in a header is known.
+pub fn is_known(cell: &str, renames: &Renames) -> bool {
+    named(cell).is_some() || renames.of(cell).is_some()
+}
+
+/// Columns that are called otherwise: `new=theirs,…`.
+#[derive(Clone, Debug, Default)]
+pub struct Renames(Vec<(&'static str, String)>);
+
+impl Renames {
+    /// The column that a cell of the header was said to be.
+    fn of(&self, cell: &str) -> Option<&'static Column> {
+        let is = |theirs: &str| plain(theirs) == plain(cell) || plain(theirs) == plain(split_unit(cell).0);
+        self.0.iter().find(|(_, theirs)| is(theirs)).and_then(|(new, _)| Column::named(new))
+    }
+}
+
+impl std::str::FromStr for Renames {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let mut pairs: Vec<(&'static str, String)> = Vec::new();
+        for part in text.split(',') {
+            match part.split_once('=') {
+                Some((new, theirs)) => {
+                    let new = new.trim();
+                    let Some(column) = Column::named(new) else {
+                        let nearest = COLUMNS.iter().min_by_key(|c| strsim::osa_distance(&new.to_lowercase(), c.name));
+                        let meant = nearest.map_or("", |c| c.name);
+                        return Err(format!("`{new}` is no column of docs/formats.md: did you mean `{meant}`?"));
+                    };
+                    pairs.push((column.name, theirs.trim().to_owned()));
+                }
+                // a comma within their name
+                None => match pairs.last_mut() {
+                    Some((_, theirs)) => *theirs = format!("{theirs},{part}"),
+                    None => return Err("expected new=theirs,… such as `dx_um=Weg X,fx_n=Kraft X`".into()),
+                },
+            }
+        }
+        match pairs.iter().find(|(_, theirs)| theirs.is_empty()) {
+            Some((new, _)) => Err(format!("`{new}=`: what is the column called in the file?")),
+            None => Ok(Self(pairs)),
+        }
+    }
+}
+
+/// How a column of a file is read.
+pub struct Use {
+    /// What it is.
+    pub column: &'static Column,
+    /// Its unit in the file; none of a text.
+    pub unit: Option<&'static Unit>,
+}
+
+/// A column of the header, and what is wrong with it.
+pub type Flaw = (String, String);
+
+/// What the columns of a header are; `None` for those that are not used. `units` is the row of units, or empty.
+pub fn uses(header: &[String], units: &[String], renames: &Renames) -> std::result::Result<Vec<Option<Use>>, Flaw> {
+    let mut without_unit = Vec::new();
+    let mut all = Vec::new();
+    for (n, cell) in header.iter().enumerate() {
+        let below = units.get(n).map(|u| u.trim_matches(['[', ']', '(', ')', ' '])).filter(|u| !is_blank_unit(u));
+        let renamed = renames.of(cell).map(|column| Named {
+            column,
+            unit: split_unit(cell).1.map(str::to_owned),
+            is_in_own_unit: column.is_number(),
+        });
+        let is_renamed = renamed.is_some();
+        // the program's own name goes before another name of the same
+        let is_other = |n: &Named| cell != n.column.name && header.iter().any(|h| h == n.column.name);
+        let Some(named) = renamed.or_else(|| named(cell).filter(|n| !is_other(n))) else {
+            all.push(None);
+            continue;
+        };
+        let column = named.column;
+        let fail = |message: String| (cell.clone(), message);
+        let mut unit = None;
+        for text in named.unit.as_deref().into_iter().chain(below).filter(|_| column.is_number()) {
+            let found = column.unit_of(text).map_err(fail)?;
+            let own = column.own_unit().filter(|_| named.is_in_own_unit && !is_renamed);
+            if let Some(other) = unit.or(own).filter(|other: &&Unit| !std::ptr::eq(*other, found)) {
+                return Err(fail(format!(
+                    "{} or {}? Both are written: leave the right one",
+                    other.name(),
+                    found.name()
+                )));
+            }
+            unit = Some(found);
+        }
+        if unit.is_none() && column.is_number() {
+            if !named.is_in_own_unit {
+                without_unit.push((cell, column));
+            }
+            unit = column.own_unit();
+        }
+        all.push(Some(Use { column, unit }));
+    }
+    match without_unit.first() {
+        None => Ok(all),
+        Some((first, column)) => {
+            let cells: Vec<&str> = without_unit.iter().map(|(cell, _)| cell.as_str()).collect();
+            let message = format!(
+                "no unit of {}: write it in brackets, `{first} [{}]`, or in a row of units below the header, or say \
+                 --columns {}={first} where it is in {}",
+                cells.join(", "),
+                column.unit,
+                column.name,
+                column.unit
+            );
+            Err(((*first).clone(), message))
+        }
+    }
+}
+
+/// What stands in a row of units below a column that has none.
+pub fn is_blank_unit(text: &str) -> bool {
+    text.is_empty() || text.chars().all(|c| "-–—".contains(c))
+}
+
+/// Refuses columns of `--columns` that are not there. A file with none of them that has the program's own names is another one of the
+/// same call, and needs no others.
+///
+/// # Errors
+/// The first of them, with the names that are there.
+pub fn require_renamed(header: &[String], renames: &Renames) -> Result<()> {
+    let is_there = |new: &str| header.iter().any(|cell| renames.of(cell).is_some_and(|c| c.name == new));
+    let is_own = |new: &str| header.iter().any(|cell| named(cell).is_some_and(|n| n.column.name == new));
+    if renames.0.iter().all(|(new, _)| is_own(new) && !is_there(new)) {
+        return Ok(());
+    }
+    match renames.0.iter().find(|(new, _)| !is_there(new)) {
+        None => Ok(()),
+        Some((new, theirs)) => {
+            let there = header.iter().filter(|c| !c.is_empty()).cloned().collect::<Vec<_>>().join(", ");
+            Err(Failure::input(format!("no column `{theirs}` for {new}: there are {there}")))
+        }
+    }
+}

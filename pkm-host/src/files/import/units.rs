@@ -1,0 +1,213 @@
+//! Units that exports write, and numbers converted to the unit of a column.
+
+use crate::pose::tidy;
+
+/// What a column of a measured file holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Names and marks, without unit.
+    Text,
+    /// A length, in mm or µm.
+    Length,
+    /// An angle, in ° or µrad.
+    Angle,
+    /// A force in N.
+    Force,
+    /// A moment in N·m.
+    Moment,
+    /// A temperature in °C.
+    Temperature,
+}
+
+/// The size of a unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Size {
+    /// A power of ten of the SI unit.
+    Decimal(i32),
+    /// An angle in degrees.
+    Degrees(f64),
+    /// Kelvins: 273.15 lies between them and °C.
+    Kelvin,
+}
+use Size::{Decimal, Degrees, Kelvin};
+
+/// A unit with the ways to write it, the usual one first.
+pub struct Unit {
+    names: &'static [&'static str],
+    quantity: Quantity,
+    size: Size,
+}
+
+impl Unit {
+    /// As it is usually written.
+    pub fn name(&self) -> &'static str {
+        self.names[0]
+    }
+
+    /// Whether it is written so but for the case of letters.
+    fn is_alike(&self, text: &str) -> bool {
+        self.names.iter().any(|name| name.to_lowercase() == text.to_lowercase())
+    }
+}
+
+const fn unit(quantity: Quantity, size: Size, names: &'static [&'static str]) -> Unit {
+    Unit { names, quantity, size }
+}
+
+/// All units that are known, without spaces, `u` for µ, and neither dots nor stars between factors. The case of letters counts:
+/// `mN` and `MN` differ.
+const UNITS: [Unit; 23] = [
+    unit(Quantity::Length, Decimal(0), &["m"]),
+    unit(Quantity::Length, Decimal(-2), &["cm"]),
+    unit(Quantity::Length, Decimal(-3), &["mm"]),
+    unit(Quantity::Length, Decimal(-6), &["µm", "um", "micron", "microns"]),
+    unit(Quantity::Length, Decimal(-9), &["nm"]),
+    unit(Quantity::Angle, Degrees(1.0), &["°", "deg", "degree", "degrees"]),
+    unit(Quantity::Angle, Degrees(1.0 / 60.0), &["arcmin"]),
+    unit(Quantity::Angle, Degrees(1.0 / 3600.0), &["arcsec"]),
+    unit(Quantity::Angle, Decimal(0), &["rad"]),
+    unit(Quantity::Angle, Decimal(-3), &["mrad"]),
+    unit(Quantity::Angle, Decimal(-6), &["µrad", "urad"]),
+    unit(Quantity::Force, Decimal(-3), &["mN"]),
+    unit(Quantity::Force, Decimal(0), &["N"]),
+    unit(Quantity::Force, Decimal(1), &["daN"]),
+    unit(Quantity::Force, Decimal(3), &["kN"]),
+    unit(Quantity::Force, Decimal(6), &["MN"]),
+    unit(Quantity::Moment, Decimal(-3), &["N·mm", "Nmm"]),
+    unit(Quantity::Moment, Decimal(-2), &["N·cm", "Ncm"]),
+    unit(Quantity::Moment, Decimal(0), &["N·m", "Nm"]),
+    unit(Quantity::Moment, Decimal(1), &["daN·m", "daNm"]),
+    unit(Quantity::Moment, Decimal(3), &["kN·m", "kNm"]),
+    unit(Quantity::Temperature, Decimal(0), &["°C", "degC", "C", "Celsius"]),
+    unit(Quantity::Temperature, Kelvin, &["K"]),
+];
+
+/// Without spaces and signs of multiplication, µ as `u`.
+fn plain(text: &str) -> String {
+    let skipped = |c: &char| !c.is_whitespace() && !"·.*⋅-\u{200b}".contains(*c);
+    text.chars().filter(skipped).map(|c| if matches!(c, 'µ' | 'μ') { 'u' } else { c }).collect()
+}
+
+/// The unit of a quantity that is written so; in letters of another case, as in a header of capitals, where it can be no other.
+pub fn find(quantity: Quantity, text: &str) -> Option<&'static Unit> {
+    let text = plain(text);
+    let mut own = UNITS.iter().filter(|u| u.quantity == quantity);
+    let exact = own.clone().find(|u| u.names.contains(&text.as_str()));
+    exact.or_else(|| {
+        let first = own.find(|u| u.is_alike(&text))?;
+        own.all(|u| !u.is_alike(&text)).then_some(first)
+    })
+}
+
+/// Whether a text is a unit of anything.
+pub fn is_any(text: &str) -> bool {
+    let text = plain(text);
+    UNITS.iter().any(|u| u.is_alike(&text))
+}
+
+/// The known units of a quantity, for a message.
+pub fn known(quantity: Quantity) -> String {
+    let own = UNITS.iter().filter(|u| u.quantity == quantity);
+    own.map(|u| u.names[0]).collect::<Vec<_>>().join(", ")
+}
+
+/// A number, written with a decimal point or comma, from a unit to another of the same quantity. Powers of ten move the point, so
+/// that the result has the very digits of the file; `None` for what is no plain number.
+pub fn converted(text: &str, from: &Unit, to: &Unit) -> Option<String> {
+    match (from.size, to.size) {
+        (a, b) if a == b => Some(text.to_owned()),
+        (Decimal(a), Decimal(b)) => shifted(text, a - b),
+        (a, b) => {
+            let value: f64 = text.replace(',', ".").parse().ok()?;
+            let converted = match (a, b) {
+                (Degrees(a), Degrees(b)) => value * a / b,
+                (Degrees(a), Decimal(b)) => (value * a).to_radians() * 10_f64.powi(-b),
+                (Decimal(a), Degrees(b)) => (value * 10_f64.powi(a)).to_degrees() / b,
+                (Kelvin, _) => tidy(value - 273.15),
+                _ => return None,
+            };
+            Some(converted.to_string())
+        }
+    }
+}
+
+/// Moves the decimal point of a number to the right.
+fn shifted(text: &str, places: i32) -> Option<String> {
+    let (sign, digits) = match text.strip_prefix(['+', '-']) {
+        Some(rest) => (if text.starts_with('-') { "-" } else { "" }, rest),
+        None => ("", text),
+    };
+    if let Some((mantissa, exponent)) = digits.split_once(['e', 'E']) {
+        let exponent: i32 = exponent.parse().ok()?;
+        return Some(format!("{sign}{mantissa}e{}", exponent.checked_add(places)?));
+    }
+    let (whole, fraction) = digits.split_once(['.', ',']).unwrap_or((digits, ""));
+    let all = format!("{whole}{fraction}");
+    if all.is_empty() || !all.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let point = i32::try_from(whole.len()).ok()? + places;
+    let before = usize::try_from(point).unwrap_or(0);
+    // zeros in front or behind, where the point leaves the digits
+    let padded = format!("{}{all}", "0".repeat(usize::try_from(-point).unwrap_or(0)));
+    let padded = format!("{padded:0<before$}");
+    let (whole, fraction) = padded.split_at(before);
+    let whole = whole.trim_start_matches('0');
+    let whole = if whole.is_empty() { "0" } else { whole };
+    let mark = if fraction.is_empty() {
+        ""
+    } else if text.contains(',') {
+        ","
+    } else {
+        "."
+    };
+    Some(format!("{sign}{whole}{mark}{fraction}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_of_ten_keep_the_digits() {
+        for (text, places, expected) in [
+            ("0.06531", 3, "65.31"),
+            ("-0,06531", 3, "-65,31"),
+            ("65.31", -3, "0.06531"),
+            ("12", 3, "12000"),
+            ("1.2", 3, "1200"),
+            ("1.50", 1, "15.0"),
+            (".5", 3, "500"),
+            ("0", 6, "0"),
+            ("+0.000", 3, "0"),
+            ("1.5E-3", 3, "1.5e0"),
+            ("530", -3, "0.530"),
+        ] {
+            assert_eq!(shifted(text, places).as_deref(), Some(expected), "{text} by {places}");
+        }
+        for text in ["", "-", ".", "1.2.3", "12 mm", "1e", "nan"] {
+            assert_eq!(shifted(text, 3), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn units_are_known_by_all_their_names() {
+        let of = |quantity, from, to, text: &str| {
+            converted(text, find(quantity, from).unwrap(), find(quantity, to).unwrap()).unwrap()
+        };
+        assert_eq!(of(Quantity::Moment, "N·mm", "N·m", "5500"), "5.500");
+        assert_eq!(of(Quantity::Moment, "kN m", "N·m", "0.5"), "500");
+        assert_eq!(of(Quantity::Length, "μm", "µm", "12.50"), "12.50");
+        assert_eq!(of(Quantity::Temperature, "K", "°C", "294.65"), "21.5");
+        assert_eq!(of(Quantity::Angle, "mrad", "µrad", "0,0118"), "11,8");
+        let degrees: f64 = of(Quantity::Angle, "rad", "°", "0.1").parse().unwrap();
+        assert_eq!(degrees, 0.1_f64.to_degrees());
+        let micro: f64 = of(Quantity::Angle, "°", "µrad", "0.001").parse().unwrap();
+        assert!((micro - 17.453_292_519_943_295).abs() < 1e-12);
+        assert_eq!(of(Quantity::Length, "MM", "UM", "0.5"), "500");
+        assert_eq!(of(Quantity::Force, "MN", "N", "0.5"), "500000");
+        assert!(find(Quantity::Force, "mn").is_none(), "millinewtons or meganewtons");
+        assert!(find(Quantity::Force, "lbf").is_none() && find(Quantity::Length, "N").is_none());
+        assert!(is_any("N*m") && !is_any("load"));
+    }
+}

@@ -1,0 +1,177 @@
+//! `check`: everything that is wrong or doubtful, at once, and nothing of a good file.
+
+use rayon::prelude::*;
+use serde_json::Value;
+
+use super::cells;
+use super::table::{Table, good};
+use crate::common::{Folder, fixture, json, run};
+
+/// A set of readings in which nothing is doubtful.
+const SET: &str = "own-none-1";
+
+fn clean() -> Table {
+    let text = std::fs::read_to_string(fixture(&format!("measured/{SET}/measured.csv"))).unwrap();
+    cells(&text.lines().filter(|l| !l.starts_with('#')).map(|l| format!("{l}\n")).collect::<String>())
+}
+
+/// Exit status and document.
+fn checked(text: &str) -> (i32, Value) {
+    let folder = Folder::new();
+    let data = folder.write("d.csv", text);
+    let machine = fixture(&format!("measured/{SET}/machine.toml"));
+    let output = run(&["check", &data, "--machine", &machine, "--json"]);
+    let document = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {output:?}"));
+    (output.status.code().unwrap(), document)
+}
+
+/// What is done to a good set, the kind of the problem, its line (0: of no line), its column, words of the message, and how many
+/// problems there are in all.
+type Case = (&'static str, fn(Table) -> Table, &'static str, u64, &'static str, &'static str, usize);
+
+fn scaled(cell: &str, factor: f64) -> String {
+    (cell.parse::<f64>().unwrap() * factor).to_string()
+}
+
+const TRANSLATIONS: [&str; 3] = ["dx_um", "dy_um", "dz_um"];
+const DEFLECTIONS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
+const LOADS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
+
+/// Changes some cells of one row.
+fn row(mut table: Table, row: usize, names: &[&str], change: impl Fn(&str) -> String) -> Table {
+    for name in names {
+        let n = table.column(name);
+        table.rows[row][n] = change(&table.rows[row][n]);
+    }
+    table
+}
+
+/// Rows of the set that begin a pose, and have loads of one sign.
+fn one_sign(mut table: Table) -> Table {
+    let loads = LOADS.map(|name| table.column(name));
+    table.rows.retain(|row| loads.iter().all(|n| !row[*n].starts_with('-') || row[*n].trim_start_matches('-') == "0"));
+    table
+}
+
+/// The first reading of each pose and load.
+fn without_repeats(mut table: Table) -> Table {
+    let n = table.column("repeat");
+    table.rows.retain(|row| row[n] == "1");
+    table
+}
+
+#[rustfmt::skip] // a case a line
+const DOUBTFUL: &[Case] = &[
+    ("nothing", |t| t, "", 0, "", "", 0),
+    ("angles in radians", |t| t.map(&["theta_deg", "sigma_deg"], |c| c.parse::<f64>().unwrap().to_radians().to_string()), "angles_in_radians", 0, "theta_deg", "theta [rad]", 1),
+    ("temperatures in kelvins", |t| t.with(19, "temperature_c", "293.4"), "temperature_in_kelvin", 2, "temperature_c", "temperature [K]|and 594 more", 1),
+    ("a point in metres", |t| t.with(4, "point_u_mm", "0").with(5, "point_v_mm", "0").with(6, "point_w_mm", "0.01"), "point_in_metres", 0, "point_u_mm", "point_u [m]", 1),
+    ("a placeholder for no value", |t| row(t, 20, &["dx_um"], |_| "9999".into()), "placeholder", 22, "dx_um", "empty the cell", 2),
+    ("a negative one with decimals", |t| row(t, 21, &["rz_urad"], |_| "-9999.99".into()), "placeholder", 23, "rz_urad", "-9999.99", 2),
+    ("a channel that is not connected", |t| t.map(&["dz_um"], |_| "0.00".into()), "constant_channel", 0, "dz_um", "all 600 readings are 0", 2),
+    ("a channel that is stuck", |t| t.map(&["rx_urad"], |_| "17.3".into()), "constant_channel", 0, "rx_urad", "all 600 readings are 17.3", 2),
+    ("a digit lost", |t| row(t, 1, &["dx_um"], |c| scaled(c, 0.8)), "gross_error", 3, "dx_um", "mistyped", 1),
+    ("a digit too many", |t| row(t, 30, &["dx_um"], |c| scaled(c, 100.0)), "repeats_differ", 32, "dx_um", "repeats in lines 32, 37 differ|times as much as repeats elsewhere", 1),
+    ("one row with its sign reversed", |t| row(t, 1, &DEFLECTIONS, |c| scaled(c, -1.0)), "reversed_sign", 3, "", "opposite sign", 1),
+    ("a row that stands twice", |mut t| { let row = t.rows[12].clone(); t.rows.insert(13, row); t }, "duplicate_row", 15, "", "the same reading as in line 14", 1),
+    ("loads that never turn", one_sign, "loads_of_one_sign", 0, "", "load reversed", 1),
+    ("no repeats", without_repeats, "few_repeats", 0, "", "0 degrees of freedom|read 10 more|such as those of lines", 1),
+    ("a series at several poses", |t| t.map(&["series"], |_| "1".into()), "series_at_several_poses", 0, "", "number the series through", 1),
+    ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
+    ("translations in mm", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1e-3)), "cannot_be_diagnosed", 0, "", "are they in µm", 1),
+    ("all signs reversed", |t| t.map(&DEFLECTIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with all signs reversed", 1),
+];
+
+fn check_case((what, spoil, kind, line, column, words, count): &Case) -> Result<(), String> {
+    let (code, document) = checked(&spoil(clean()).text(','));
+    let problems = document["problems"].as_array().ok_or_else(|| format!("{what}: {document}"))?;
+    let list = problems.iter().map(|p| format!("{p}\n")).collect::<String>();
+    if code != 0 || problems.iter().any(|p| p["severity"] != "doubtful") {
+        return Err(format!("{what}: exit {code}: {list}"));
+    }
+    if problems.len() != *count {
+        return Err(format!("{what}: {} problems: {list}", problems.len()));
+    }
+    let is_it = |p: &&Value| {
+        p["kind"] == *kind && p["line"].as_u64().unwrap_or(0) == *line && p["column"].as_str().unwrap_or("") == *column
+    };
+    let found = problems.iter().find(is_it).map(|p| p["message"].as_str().unwrap());
+    match found {
+        None if *count == 0 => Ok(()),
+        Some(message) if words.split('|').all(|word| message.contains(word)) => Ok(()),
+        _ => Err(format!("{what}: no {kind} at {line} {column}: {list}")),
+    }
+}
+
+#[test]
+fn what_is_doubtful_is_named_with_its_place() {
+    let wrong: Vec<String> = DOUBTFUL.par_iter().filter_map(|case| check_case(case).err()).collect();
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), DOUBTFUL.len(), wrong.join("\n"));
+}
+
+/// Seven mistakes of five kinds: two kinds stand in several rows, and are said once each.
+#[test]
+fn all_that_is_wrong_is_listed_at_once() {
+    let table = good()
+        .put(0, "dx_um", "65.31 µm")
+        .put(1, "dx_um", "471.44 µm")
+        .put(2, "fx_n", "")
+        .put(3, "direction", "north")
+        .put(3, "z0_mm", "940")
+        .put(4, "temperature_c", "-300")
+        .put(5, "dx_um", "2.93 µm");
+    let (code, document) = checked(&table.text(','));
+    assert_eq!(code, 2, "{document}");
+    let problems = document["problems"].as_array().unwrap();
+    let wrong: Vec<(u64, &str)> = problems
+        .iter()
+        .filter(|p| p["severity"] == "wrong")
+        .map(|p| (p["line"].as_u64().unwrap(), p["column"].as_str().unwrap()))
+        .collect();
+    assert_eq!(wrong, [(2, "dx_um"), (4, "fx_n"), (5, "pose"), (5, "direction"), (6, "temperature_c")], "{document}");
+    assert_eq!(problems[0]["lines"], serde_json::json!([2, 3, 7]));
+    assert_eq!(document["error"]["line"], 2);
+    assert_eq!(document["error"]["kind"], "input");
+
+    let folder = Folder::new();
+    let data = folder.write("d.csv", &table.text(','));
+    let output = run(&["check", &data]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!((output.status.code(), said.matches("error: ").count()), (Some(2), 5), "{said}");
+    assert!(
+        said.contains(":2: dx_um: ") && said.contains("the same in lines 3, 7") && said.contains(":5: pose: "),
+        "{said}"
+    );
+    assert!(output.stdout.is_empty() && folder.contents().len() == 1);
+}
+
+#[test]
+fn a_file_without_a_header_is_one_problem() {
+    let (code, document) = checked("Dear colleague,\nthe data follow.\n");
+    assert_eq!((code, document["problems"].as_array().unwrap().len()), (2, 1), "{document}");
+    assert_eq!(document["problems"][0]["line"], 1);
+}
+
+#[test]
+fn rows_of_another_width_are_all_named() {
+    let text = good().text(',').replace("p02,", "p02,,");
+    let (code, document) = checked(&text);
+    assert_eq!((code, &document["problems"][0]["lines"]), (2, &serde_json::json!([5, 6])), "{document}");
+}
+
+/// Doubts do not stand in the way of a diagnosis, and are no failure of a check.
+#[test]
+fn a_good_file_is_told_so() {
+    let folder = Folder::new();
+    let machine = fixture(&format!("measured/{SET}/machine.toml"));
+    let data = folder.write("d.csv", &clean().text('\t'));
+    let output = run(&["check", &data, "--machine", &machine]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        said.contains("tabs between cells")
+            && said.contains("600 readings at 10 poses; wrong: nothing; doubtful: nothing"),
+        "{said}"
+    );
+    let document = json(&["check", &data, "--machine", &machine]);
+    assert_eq!((document["readings"].as_u64(), document["poses"].as_u64()), (Some(600), Some(10)));
+}
