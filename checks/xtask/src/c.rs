@@ -1,5 +1,7 @@
 //! The C library: its header, what its objects ask for, and C programs on this computer and on Cortex-M processors.
 
+mod compensator;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -115,8 +117,10 @@ pub fn run() -> Outcome {
         }
         run("tests/misuse.c")?;
         let lines = compare(&run("tests/parity.c")?, &host).map_err(at)?;
+        let periods = compensator::compare(&run("tests/compensator.c")?, &host).map_err(at)?;
         println!(
-            "{}: no panic, no allocator; misuse is refused; {lines} results, every bit as the host's",
+            "{}: no panic, no allocator; misuse is refused; {lines} results and {periods} periods of compensators, every \
+             bit as the host's",
             platform.name
         );
     }

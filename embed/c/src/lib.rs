@@ -11,84 +11,29 @@
 #![cfg_attr(not(test), no_std)]
 #![allow(clippy::missing_safety_doc)] // see above
 
+mod compensator;
 mod error;
+mod identity;
+mod pointers;
 mod types;
 
+pub use compensator::*;
 pub use error::{PkmError, pkm_error_text};
+pub use identity::*;
 pub use types::*;
-
-use core::ffi::c_char;
 
 use pkm_core::checksum::MemoryChecksums;
 use pkm_core::{FiveAxis, Machine, Scalar, Wrench};
+
+use pointers::{answer, given};
 
 #[allow(dead_code, missing_docs)]
 mod coefficients {
     include!(env!("PKM_COEFFICIENTS"));
 }
 
-/// What a C caller handed over, if there is something.
-///
-/// # Safety
-/// Unless null or misaligned, the pointer leads to a `T` that nobody writes to meanwhile.
-unsafe fn given<'a, T>(pointer: *const T) -> Result<&'a T, PkmError> {
-    if pointer.is_null() {
-        Err(PkmError::NullPointer)
-    } else if !pointer.is_aligned() {
-        Err(PkmError::Misaligned)
-    } else {
-        // SAFETY: neither null nor misaligned; the rest is the caller's promise
-        Ok(unsafe { &*pointer })
-    }
-}
-
-/// Writes a result where the caller wants it, or nothing.
-///
-/// # Safety
-/// Unless null or misaligned, the pointer leads to memory for a `T`.
-unsafe fn answer<T>(result: *mut T, compute: impl FnOnce() -> Result<T, PkmError>) -> PkmError {
-    // SAFETY: the caller's promise; the memory is not read, and `MaybeUninit` may be anything
-    if let Err(error) = unsafe { given(result.cast::<core::mem::MaybeUninit<T>>()) } {
-        return error;
-    }
-    match compute() {
-        Ok(value) => {
-            // SAFETY: neither null nor misaligned; inputs that were borrowed are not used any more
-            unsafe { result.write(value) };
-            PkmError::Ok
-        }
-        Err(error) => error,
-    }
-}
-
 fn finite<T: Scalar, const N: usize>(values: [T; N]) -> Result<[T; N], PkmError> {
     if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err(PkmError::NotFinite) }
-}
-
-/// Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_version() -> *const c_char {
-    concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
-}
-
-/// Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
-/// wrist's and the table's when the program starts: a library that was built without PKM_COEFFICIENTS has the reference
-/// machine.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_machine_checksum() -> u64 {
-    const { coefficients::PARAMETERS.checksum() }
-}
-
-/// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_wrist_checksum() -> u64 {
-    const { coefficients::WRIST.checksum() }
-}
-
-/// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_table_checksum() -> u64 {
-    const { coefficients::TABLE_F64.checksum() }
 }
 
 // most of the functions below could only fail

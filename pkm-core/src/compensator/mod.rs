@@ -224,6 +224,12 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         self.joints
     }
 
+    /// Back to no offset and no load at once, as after [`new`](Self::new). The offset steps: for drives that are off.
+    pub fn reset(&mut self) {
+        self.load.reset();
+        self.joints = [T::ZERO; JOINTS];
+    }
+
     /// A period; `offsets` is what would make up for a load.
     fn step(
         &mut self,

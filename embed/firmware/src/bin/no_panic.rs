@@ -102,6 +102,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
                 show(fault);
             }
             black_box(compensator.joints());
+            compensator.reset();
         }
     }
 }
