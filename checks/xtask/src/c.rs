@@ -274,6 +274,7 @@ fn expected<T: Scalar>(
         line("tool_forward", place.map(|(c, tool)| [stands(&c), tool.tip_m.to_vec(), tool.axis.to_vec()].concat())),
         line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
         line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| hold(&h))),
+        line("any_margin", five.inverse_at_any_margin(tool.tip_m, [beta_rad[0], T::from_f64(0.98)]).map(|h| hold(&h))),
         line(
             "tool_compensated",
             loaded.map(|l| [hold(&l.hold), [l.deflection.translation_m, l.deflection.rotation_rad].concat()].concat()),

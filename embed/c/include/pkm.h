@@ -314,68 +314,6 @@ typedef struct {
   PkmDomain domain;
 } PkmCycle_f64;
 
-// What the five drives are told.
-typedef struct {
-  // Of the three screws.
-  PkmLengths_f64 lengths;
-  // Joints 1 and 2 of the wrist.
-  double beta_rad[2];
-} PkmJoints_f64;
-
-// Where the five axes stand.
-typedef struct {
-  // Of the moving platform.
-  PkmPose_f64 pose;
-  // Joints 1 and 2 of the wrist.
-  double beta_rad[2];
-} PkmConfiguration_f64;
-
-// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
-typedef struct {
-  // x, y, z of the tip.
-  double tip_m[3];
-  // Of length 1 where a function gives it, any length above 0 where one takes it.
-  double axis[3];
-} PkmTool_f64;
-
-// Where joint values put the five axes and the tool.
-typedef struct {
-  // Of the five axes.
-  PkmConfiguration_f64 configuration;
-  // Of the tool.
-  PkmTool_f64 tool;
-} PkmToolPlace_f64;
-
-// How a machine holds a tool.
-typedef struct {
-  // Where the five axes stand.
-  PkmConfiguration_f64 configuration;
-  // What the drives are told.
-  PkmJoints_f64 joints;
-  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
-  double home_share;
-} PkmHold_f64;
-
-// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
-typedef struct {
-  // x, y, z of the tip.
-  double tip_m[3];
-  // Joints 1 and 2 of the wrist.
-  double beta_rad[2];
-} PkmTip_f64;
-
-// What to command so that a loaded tool is where it should be.
-typedef struct {
-  // What to command, and where the five axes then would stand without the load.
-  PkmHold_f64 hold;
-  // What the load moves the tip by there, along x, y, z of B.
-  double translation_m[3];
-  // What it turns the tool by, about x, y, z of B.
-  double rotation_rad[3];
-  // Where the commanded pose stands to the table's box.
-  PkmDomain domain;
-} PkmCompensatedTool_f64;
-
 // A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
 // `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.
 typedef struct {
@@ -481,68 +419,6 @@ typedef struct {
   PkmDomain domain;
 } PkmCycle_f32;
 
-// What the five drives are told.
-typedef struct {
-  // Of the three screws.
-  PkmLengths_f32 lengths;
-  // Joints 1 and 2 of the wrist.
-  float beta_rad[2];
-} PkmJoints_f32;
-
-// Where the five axes stand.
-typedef struct {
-  // Of the moving platform.
-  PkmPose_f32 pose;
-  // Joints 1 and 2 of the wrist.
-  float beta_rad[2];
-} PkmConfiguration_f32;
-
-// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
-typedef struct {
-  // x, y, z of the tip.
-  float tip_m[3];
-  // Of length 1 where a function gives it, any length above 0 where one takes it.
-  float axis[3];
-} PkmTool_f32;
-
-// Where joint values put the five axes and the tool.
-typedef struct {
-  // Of the five axes.
-  PkmConfiguration_f32 configuration;
-  // Of the tool.
-  PkmTool_f32 tool;
-} PkmToolPlace_f32;
-
-// How a machine holds a tool.
-typedef struct {
-  // Where the five axes stand.
-  PkmConfiguration_f32 configuration;
-  // What the drives are told.
-  PkmJoints_f32 joints;
-  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
-  float home_share;
-} PkmHold_f32;
-
-// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
-typedef struct {
-  // x, y, z of the tip.
-  float tip_m[3];
-  // Joints 1 and 2 of the wrist.
-  float beta_rad[2];
-} PkmTip_f32;
-
-// What to command so that a loaded tool is where it should be.
-typedef struct {
-  // What to command, and where the five axes then would stand without the load.
-  PkmHold_f32 hold;
-  // What the load moves the tip by there, along x, y, z of B.
-  float translation_m[3];
-  // What it turns the tool by, about x, y, z of B.
-  float rotation_rad[3];
-  // Where the commanded pose stands to the table's box.
-  PkmDomain domain;
-} PkmCompensatedTool_f32;
-
 // Settings of a compensator; `pkm_compensator_defaults` writes the defaults, which are for a force sensor. What they cost, and
 // why they are stable: docs/stability.md.
 typedef struct {
@@ -615,6 +491,14 @@ typedef struct {
   PkmError fault;
 } PkmOffset_f64;
 
+// Where the five axes stand.
+typedef struct {
+  // Of the moving platform.
+  PkmPose_f64 pose;
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmConfiguration_f64;
+
 // What sensors say in a period. Numbers may be NaN or infinite: then there is no reading, which is a fault with a defined
 // reaction and no error.
 typedef struct {
@@ -641,6 +525,122 @@ typedef struct {
   // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause.
   PkmError fault;
 } PkmOffset_f32;
+
+// Where the five axes stand.
+typedef struct {
+  // Of the moving platform.
+  PkmPose_f32 pose;
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmConfiguration_f32;
+
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f64 lengths;
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmJoints_f64;
+
+// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Of length 1 where a function gives it, any length above 0 where one takes it.
+  double axis[3];
+} PkmTool_f64;
+
+// Where joint values put the five axes and the tool.
+typedef struct {
+  // Of the five axes.
+  PkmConfiguration_f64 configuration;
+  // Of the tool.
+  PkmTool_f64 tool;
+} PkmToolPlace_f64;
+
+// How a machine holds a tool.
+typedef struct {
+  // Where the five axes stand.
+  PkmConfiguration_f64 configuration;
+  // What the drives are told.
+  PkmJoints_f64 joints;
+  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  double home_share;
+} PkmHold_f64;
+
+// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmTip_f64;
+
+// What to command so that a loaded tool is where it should be.
+typedef struct {
+  // What to command, and where the five axes then would stand without the load.
+  PkmHold_f64 hold;
+  // What the load moves the tip by there, along x, y, z of B.
+  double translation_m[3];
+  // What it turns the tool by, about x, y, z of B.
+  double rotation_rad[3];
+  // Where the commanded pose stands to the table's box.
+  PkmDomain domain;
+} PkmCompensatedTool_f64;
+
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f32 lengths;
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmJoints_f32;
+
+// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+typedef struct {
+  // x, y, z of the tip.
+  float tip_m[3];
+  // Of length 1 where a function gives it, any length above 0 where one takes it.
+  float axis[3];
+} PkmTool_f32;
+
+// Where joint values put the five axes and the tool.
+typedef struct {
+  // Of the five axes.
+  PkmConfiguration_f32 configuration;
+  // Of the tool.
+  PkmTool_f32 tool;
+} PkmToolPlace_f32;
+
+// How a machine holds a tool.
+typedef struct {
+  // Where the five axes stand.
+  PkmConfiguration_f32 configuration;
+  // What the drives are told.
+  PkmJoints_f32 joints;
+  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  float home_share;
+} PkmHold_f32;
+
+// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+typedef struct {
+  // x, y, z of the tip.
+  float tip_m[3];
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmTip_f32;
+
+// What to command so that a loaded tool is where it should be.
+typedef struct {
+  // What to command, and where the five axes then would stand without the load.
+  PkmHold_f32 hold;
+  // What the load moves the tip by there, along x, y, z of B.
+  float translation_m[3];
+  // What it turns the tool by, about x, y, z of B.
+  float rotation_rad[3];
+  // Where the commanded pose stands to the table's box.
+  PkmDomain domain;
+} PkmCompensatedTool_f32;
 
 
 
@@ -787,52 +787,6 @@ PkmError pkm_cycle_f64(const PkmMachine_f64 *machine,
                        const PkmPoint_f64 *tip,
                        PkmCycle_f64 *cycle);
 
-// Forward kinematics of the five axes: configuration, tip and axis of joint values.
-//
-// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-PKM_MUST_USE
-PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
-                              const PkmWrist_f64 *wrist,
-                              const PkmJoints_f64 *joints,
-                              PkmToolPlace_f64 *place);
-
-// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
-// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
-// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
-//
-// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-PKM_MUST_USE
-PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
-                              const PkmWrist_f64 *wrist,
-                              const PkmTool_f64 *tool,
-                              const PkmConfiguration_f64 *near,
-                              PkmHold_f64 *hold);
-
-// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
-// are the tip's position and these angles. In closed form, and without a configuration to begin from.
-//
-// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
-PKM_MUST_USE
-PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
-                             const PkmWrist_f64 *wrist,
-                             const PkmTip_f64 *tip,
-                             PkmHold_f64 *hold);
-
-// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
-// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
-//
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
-// TOOL_NOT_COMPENSABLE.
-PKM_MUST_USE
-PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
-                                  const PkmTable_f64 *table,
-                                  const PkmWrist_f64 *wrist,
-                                  const PkmTool_f64 *tool,
-                                  const PkmWrench_f64 *wrench,
-                                  const PkmConfiguration_f64 *near,
-                                  PkmCompensatedTool_f64 *compensated);
-
 // The compiled-in machine.
 const PkmMachine_f32 *pkm_machine_f32(void);
 
@@ -969,52 +923,6 @@ PkmError pkm_cycle_f32(const PkmMachine_f32 *machine,
                        const PkmWrench_f32 *wrench_at_tip,
                        const PkmPoint_f32 *tip,
                        PkmCycle_f32 *cycle);
-
-// Forward kinematics of the five axes: configuration, tip and axis of joint values.
-//
-// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-PKM_MUST_USE
-PkmError pkm_tool_forward_f32(const PkmMachine_f32 *machine,
-                              const PkmWrist_f32 *wrist,
-                              const PkmJoints_f32 *joints,
-                              PkmToolPlace_f32 *place);
-
-// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
-// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
-// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
-//
-// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-PKM_MUST_USE
-PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
-                              const PkmWrist_f32 *wrist,
-                              const PkmTool_f32 *tool,
-                              const PkmConfiguration_f32 *near,
-                              PkmHold_f32 *hold);
-
-// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
-// are the tip's position and these angles. In closed form, and without a configuration to begin from.
-//
-// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
-PKM_MUST_USE
-PkmError pkm_tip_inverse_f32(const PkmMachine_f32 *machine,
-                             const PkmWrist_f32 *wrist,
-                             const PkmTip_f32 *tip,
-                             PkmHold_f32 *hold);
-
-// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
-// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
-//
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
-// TOOL_NOT_COMPENSABLE.
-PKM_MUST_USE
-PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
-                                  const PkmTable_f32 *table,
-                                  const PkmWrist_f32 *wrist,
-                                  const PkmTool_f32 *tool,
-                                  const PkmWrench_f32 *wrench,
-                                  const PkmConfiguration_f32 *near,
-                                  PkmCompensatedTool_f32 *compensated);
 
 // Writes the default settings. `size` is the room for them: `sizeof *settings`.
 //
@@ -1198,6 +1106,118 @@ uint64_t pkm_wrist_checksum(void);
 
 // Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
 uint64_t pkm_table_checksum(void);
+
+// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmJoints_f64 *joints,
+                              PkmToolPlace_f64 *place);
+
+// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
+//
+// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmTool_f64 *tool,
+                              const PkmConfiguration_f64 *near,
+                              PkmHold_f64 *hold);
+
+// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+//
+// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
+                             const PkmWrist_f64 *wrist,
+                             const PkmTip_f64 *tip,
+                             PkmHold_f64 *hold);
+
+// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
+// controller that drives a machine out of there. `home_share` of the result says how near it is.
+//
+// Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_any_margin_f64(const PkmMachine_f64 *machine,
+                                        const PkmWrist_f64 *wrist,
+                                        const PkmTip_f64 *tip,
+                                        PkmHold_f64 *hold);
+
+// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+//
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+// TOOL_NOT_COMPENSABLE.
+PKM_MUST_USE
+PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
+                                  const PkmTable_f64 *table,
+                                  const PkmWrist_f64 *wrist,
+                                  const PkmTool_f64 *tool,
+                                  const PkmWrench_f64 *wrench,
+                                  const PkmConfiguration_f64 *near,
+                                  PkmCompensatedTool_f64 *compensated);
+
+// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_forward_f32(const PkmMachine_f32 *machine,
+                              const PkmWrist_f32 *wrist,
+                              const PkmJoints_f32 *joints,
+                              PkmToolPlace_f32 *place);
+
+// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
+//
+// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
+                              const PkmWrist_f32 *wrist,
+                              const PkmTool_f32 *tool,
+                              const PkmConfiguration_f32 *near,
+                              PkmHold_f32 *hold);
+
+// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+//
+// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_f32(const PkmMachine_f32 *machine,
+                             const PkmWrist_f32 *wrist,
+                             const PkmTip_f32 *tip,
+                             PkmHold_f32 *hold);
+
+// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
+// controller that drives a machine out of there. `home_share` of the result says how near it is.
+//
+// Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_any_margin_f32(const PkmMachine_f32 *machine,
+                                        const PkmWrist_f32 *wrist,
+                                        const PkmTip_f32 *tip,
+                                        PkmHold_f32 *hold);
+
+// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+//
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+// TOOL_NOT_COMPENSABLE.
+PKM_MUST_USE
+PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
+                                  const PkmTable_f32 *table,
+                                  const PkmWrist_f32 *wrist,
+                                  const PkmTool_f32 *tool,
+                                  const PkmWrench_f32 *wrench,
+                                  const PkmConfiguration_f32 *near,
+                                  PkmCompensatedTool_f32 *compensated);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -29,7 +29,7 @@ macro_rules! misuse_of_every_function {
     ($test:ident, $t:ty, $machine:ident, $table:ident, $verify:ident, $machine_size:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
      $jacobian:ident, $distance:ident, $margin:ident, $stiffness:ident, $domain:ident, $corrected:ident,
      $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident, $wrist:ident, $tool_forward:ident, $tool_inverse:ident,
-     $tip_inverse:ident, $tool_compensated:ident) => {
+     $tip_inverse:ident, $tip_inverse_any_margin:ident, $tool_compensated:ident) => {
         #[test]
         fn $test() {
             let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
@@ -85,6 +85,9 @@ macro_rules! misuse_of_every_function {
                     $tool_inverse(m.cast(), v.cast(), tool.cast(), n.cast(), to.cast())
                 });
                 misuse([m, v, at_tip], |[m, v, tip], to| $tip_inverse(m.cast(), v.cast(), tip.cast(), to.cast()));
+                misuse([m, v, at_tip], |[m, v, tip], to| {
+                    $tip_inverse_any_margin(m.cast(), v.cast(), tip.cast(), to.cast())
+                });
                 misuse([m, t, v, to_hold, w, n], |[m, t, v, tool, w, n], to| {
                     let (m, t, v) = (m.cast(), t.cast(), v.cast());
                     $tool_compensated(m, t, v, tool.cast(), w.cast(), n.cast(), to.cast())
@@ -118,6 +121,7 @@ misuse_of_every_function!(
     pkm_tool_forward_f64,
     pkm_tool_inverse_f64,
     pkm_tip_inverse_f64,
+    pkm_tip_inverse_any_margin_f64,
     pkm_tool_compensated_f64
 );
 misuse_of_every_function!(
@@ -144,6 +148,7 @@ misuse_of_every_function!(
     pkm_tool_forward_f32,
     pkm_tool_inverse_f32,
     pkm_tip_inverse_f32,
+    pkm_tip_inverse_any_margin_f32,
     pkm_tool_compensated_f32
 );
 
