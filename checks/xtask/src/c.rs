@@ -1,6 +1,6 @@
 //! The C library: its header, what its objects ask for, and C programs on this computer and on Cortex-M processors.
 
-mod compensator;
+pub mod compensator;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -63,7 +63,7 @@ impl Period {
 }
 
 /// The number of a fault in `pkm.h`.
-fn number(fault: Option<Fault>) -> Result<u8, String> {
+pub fn number(fault: Option<Fault>) -> Result<u8, String> {
     Ok(match fault {
         None => 0,
         Some(Fault::WrenchNotFinite) => 80,
