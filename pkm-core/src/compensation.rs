@@ -14,7 +14,6 @@
 
 use core::fmt;
 
-use crate::compensator::Fault;
 use crate::correction::{Corrected, CorrectionError, CorrectionTable};
 use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
 use crate::linalg;
@@ -22,7 +21,6 @@ use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{self, StiffnessFactor};
 use crate::types::{Deflection, Pose, ScrewLengths, Wrench};
-use crate::vector::less;
 
 /// Why a deflection cannot be compensated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,26 +133,6 @@ pub(crate) fn deflection_at<T: Scalar>(
     let beyond = machine.load_dependent_deflection_at(posture, wrench, &Wrench::ZERO)?;
     let deflection = linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond);
     Ok(stiffness::finite(deflection)?)
-}
-
-/// What to add to the screw lengths of a pose: `gain` times the deflection under a load on the tip, and all of the thermal growth.
-pub(crate) fn offsets<T: Scalar>(
-    machine: &Machine<T>,
-    table: &CorrectionTable<'_, T>,
-    pose: &Pose<T>,
-    tip_m: [T; 3],
-    wrench_at_tip: &Wrench<T>,
-    gain: T,
-    rise_k: T,
-) -> Result<[T; 3], Fault> {
-    let posture = &match machine.posture(pose) {
-        Ok(posture) => posture,
-        Err(e) => return Err(CorrectionError::from(e).into()),
-    };
-    let loaded = deflection_at(machine, Some(table), pose, posture, &wrench_at_tip.moved_to_a(tip_m))?;
-    let moved = loaded.times(gain).plus(&machine.thermal_deflection_at(posture, rise_k)?);
-    let to = machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m;
-    Ok(less(to, posture.q))
 }
 
 #[inline(never)] // its matrix would take stack while load-dependent effects are worked out

@@ -1,5 +1,7 @@
 //! The C library: its header, what its objects ask for, and C programs on this computer and on Cortex-M processors.
 
+pub mod compensator;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -115,8 +117,10 @@ pub fn run() -> Outcome {
         }
         run("tests/misuse.c")?;
         let lines = compare(&run("tests/parity.c")?, &host).map_err(at)?;
+        let periods = compensator::compare(&run("tests/compensator.c")?, &host).map_err(at)?;
         println!(
-            "{}: no panic, no allocator; misuse is refused; {lines} results, every bit as the host's",
+            "{}: no panic, no allocator; misuse is refused; {lines} results and {periods} periods of compensators, every \
+             bit as the host's",
             platform.name
         );
     }
@@ -270,6 +274,7 @@ fn expected<T: Scalar>(
         line("tool_forward", place.map(|(c, tool)| [stands(&c), tool.tip_m.to_vec(), tool.axis.to_vec()].concat())),
         line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
         line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| hold(&h))),
+        line("any_margin", five.inverse_at_any_margin(tool.tip_m, [beta_rad[0], T::from_f64(0.98)]).map(|h| hold(&h))),
         line(
             "tool_compensated",
             loaded.map(|l| [hold(&l.hold), [l.deflection.translation_m, l.deflection.rotation_rad].concat()].concat()),

@@ -8,7 +8,8 @@
  * PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors. GCC and Clang warn when one is ignored.
  * Numbers: functions that end in _f64 compute in double, those in _f32 in float; the same bits on a PC as on a Cortex-M.
  * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
- * interrupts. Input and result may be the same memory.
+ * interrupts. Input and result may be the same memory. A compensator is state, in memory that the caller gives: it is
+ * updated by one caller at a time, and apart from its inputs and results.
  * Stack: the core takes at most 6,144 bytes on a Cortex-M in functions that end in _f64, 3,072 in _f32 (checks/budgets.toml);
  * copies of inputs and result come on top. Time: bounded; a pkm_tool_inverse looks at no more than 64 configurations, two or
  * three along a path, and a pkm_tool_compensated calls it at most 9 times. The floating-point unit must be on before the
@@ -92,6 +93,26 @@ enum PkmError
   PKM_ERROR_DAMAGED_WRIST = 61,
   // The table in memory is not the one that was built.
   PKM_ERROR_DAMAGED_TABLE = 62,
+  // The library has another machine than the program is for.
+  PKM_ERROR_OTHER_MACHINE = 63,
+  // The library has another wrist, or another length of the tool, than the program is for.
+  PKM_ERROR_OTHER_WRIST = 64,
+  // The library has another table than the program is for.
+  PKM_ERROR_OTHER_TABLE = 65,
+  // A setting of a compensator is out of its range.
+  PKM_ERROR_SETTING_OUT_OF_RANGE = 70,
+  // The memory holds no compensator of this version and kind.
+  PKM_ERROR_NOT_INITIALISED = 71,
+  // The reading of the wrench is NaN or infinite.
+  PKM_ERROR_WRENCH_NOT_FINITE = 80,
+  // The reading of the wrench is beyond the greatest force or moment.
+  PKM_ERROR_WRENCH_TOO_LARGE = 81,
+  // The readings of the wrench were equal for too long.
+  PKM_ERROR_WRENCH_STUCK = 82,
+  // The temperature rise is not finite, or beyond 100 K either way.
+  PKM_ERROR_TEMPERATURE_LOST = 83,
+  // The pose is outside the table's box.
+  PKM_ERROR_OUTSIDE_BOX = 84,
   // An error of the core that has no number here.
   PKM_ERROR_UNKNOWN = 255,
 };
@@ -122,11 +143,65 @@ typedef int32_t PkmDomain;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// Which limit holds an offset back.
+enum PkmLimit
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // The offset is what was asked for.
+  PKM_LIMIT_NONE = 0,
+  // What was asked for is larger than the largest offset.
+  PKM_LIMIT_SIZE = 1,
+  // The offset is on its way, at its rate limit.
+  PKM_LIMIT_RATE = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PkmLimit PkmLimit;
+#else
+typedef int32_t PkmLimit;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What a compensator does where the pose is outside the box that the table was fitted on.
+enum PkmOutsideBox
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // The offset stays what it was.
+  PKM_OUTSIDE_BOX_HOLD = 0,
+  // The offset goes to zero at the rate limit.
+  PKM_OUTSIDE_BOX_FADE = 1,
+  // The table is extrapolated.
+  PKM_OUTSIDE_BOX_EXTRAPOLATE = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PkmOutsideBox PkmOutsideBox;
+#else
+typedef int32_t PkmOutsideBox;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What a compensator of the three screws keeps from period to period.
+typedef struct PkmCompensator_f32 PkmCompensator_f32;
+
+// What a compensator of the three screws keeps from period to period.
+typedef struct PkmCompensator_f64 PkmCompensator_f64;
+
 // A correction table.
 typedef struct PkmTable_f32 PkmTable_f32;
 
 // A correction table.
 typedef struct PkmTable_f64 PkmTable_f64;
+
+// What a compensator of the five axes keeps from period to period.
+typedef struct PkmToolCompensator_f32 PkmToolCompensator_f32;
+
+// What a compensator of the five axes keeps from period to period.
+typedef struct PkmToolCompensator_f64 PkmToolCompensator_f64;
 
 // A wrist: the two rotary joints between moving platform and tool.
 typedef struct PkmWrist_f32 PkmWrist_f32;
@@ -239,68 +314,6 @@ typedef struct {
   PkmDomain domain;
 } PkmCycle_f64;
 
-// What the five drives are told.
-typedef struct {
-  // Of the three screws.
-  PkmLengths_f64 lengths;
-  // Joints 1 and 2 of the wrist.
-  double beta_rad[2];
-} PkmJoints_f64;
-
-// Where the five axes stand.
-typedef struct {
-  // Of the moving platform.
-  PkmPose_f64 pose;
-  // Joints 1 and 2 of the wrist.
-  double beta_rad[2];
-} PkmConfiguration_f64;
-
-// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
-typedef struct {
-  // x, y, z of the tip.
-  double tip_m[3];
-  // Of length 1 where a function gives it, any length above 0 where one takes it.
-  double axis[3];
-} PkmTool_f64;
-
-// Where joint values put the five axes and the tool.
-typedef struct {
-  // Of the five axes.
-  PkmConfiguration_f64 configuration;
-  // Of the tool.
-  PkmTool_f64 tool;
-} PkmToolPlace_f64;
-
-// How a machine holds a tool.
-typedef struct {
-  // Where the five axes stand.
-  PkmConfiguration_f64 configuration;
-  // What the drives are told.
-  PkmJoints_f64 joints;
-  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
-  double home_share;
-} PkmHold_f64;
-
-// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
-typedef struct {
-  // x, y, z of the tip.
-  double tip_m[3];
-  // Joints 1 and 2 of the wrist.
-  double beta_rad[2];
-} PkmTip_f64;
-
-// What to command so that a loaded tool is where it should be.
-typedef struct {
-  // What to command, and where the five axes then would stand without the load.
-  PkmHold_f64 hold;
-  // What the load moves the tip by there, along x, y, z of B.
-  double translation_m[3];
-  // What it turns the tool by, about x, y, z of B.
-  double rotation_rad[3];
-  // Where the commanded pose stands to the table's box.
-  PkmDomain domain;
-} PkmCompensatedTool_f64;
-
 // A checked machine. Look at it only through the functions; copy it freely, but pass none that did not come from
 // `pkm_machine` or `pkm_at_temperature`: one that was not initialised is not noticed.
 typedef struct {
@@ -406,13 +419,112 @@ typedef struct {
   PkmDomain domain;
 } PkmCycle_f32;
 
-// What the five drives are told.
+// Settings of a compensator; `pkm_compensator_defaults` writes the defaults, which are for a force sensor. What they cost, and
+// why they are stable: docs/stability.md.
 typedef struct {
-  // Of the three screws.
-  PkmLengths_f32 lengths;
+  // Time from one update to the next, 1e-6 s to 1 s. Default 1e-3 s.
+  double period_s;
+  // Share of the load's deflection that is compensated, 0 to 1. Default 0.7: below 1 with a force sensor; 1 is for a load that
+  // is computed. Thermal growth is compensated whole.
+  double gain;
+  // Time constant of the first-order low-pass on the wrench, 0 s to 10 s; 0 is no filter. Default 0.02 s.
+  double filter_s;
+  // Dead band: this much is taken off the size of the filtered force, 0 N to `max_force_n`. Default 5 N.
+  double dead_band_n;
+  // The same of the moment, 0 N m to `max_moment_nm`. Default 0.5 N m.
+  double dead_band_nm;
+  // A reading with a greater force is refused, above 0 N and at most 1e9 N. Default 5e3 N.
+  double max_force_n;
+  // A reading with a greater moment is refused, above 0 N m and at most 1e9 N m. Default 1e3 N m.
+  double max_moment_nm;
+  // How long the last good reading stands in for refused ones, 0 s to 10 s; then the load counts as zero. Default 0.01 s.
+  double hold_s;
+  // After how long of equal readings a sensor counts as stuck, 0 s to 1000 s; 0 is never, for a load that is computed.
+  // Default 1 s.
+  double stuck_s;
+  // Largest offset of a screw, above 0 m and at most 0.01 m. Default 0.5e-3 m.
+  double max_screw_m;
+  // Largest offset of a wrist joint, above 0 rad and at most 0.1 rad. Default 1e-3 rad.
+  double max_wrist_rad;
+  // Fastest offset of a screw, above 0 m/s and at most 1 m/s. Default 5e-3 m/s.
+  double screw_rate_m_per_s;
+  // Fastest offset of a wrist joint, above 0 rad/s and at most 10 rad/s. Default 10e-3 rad/s.
+  double wrist_rate_rad_per_s;
+  // A `PkmOutsideBox`. Default PKM_OUTSIDE_BOX_FADE.
+  int32_t outside_box;
+} PkmCompensatorSettings;
+
+// The machine that a program is for, by the checksums that its `coefficients.rs` states.
+typedef struct {
+  // As `pkm_machine_checksum`.
+  uint64_t machine;
+  // As `pkm_wrist_checksum`.
+  uint64_t wrist;
+  // As `pkm_table_checksum`.
+  uint64_t table;
+} PkmChecksums;
+
+// What sensors say in a period. Numbers may be NaN or infinite: then there is no reading, which is a fault with a defined
+// reaction and no error.
+typedef struct {
+  // Not 0: the machine is homed, on, and the reading means the load on the tool. At 0 the offset goes to zero at the rate
+  // limit, and the load is forgotten.
+  int32_t enabled;
+  // Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
+  PkmWrench_f64 wrench;
+  // How much warmer the machine is than at its zero reading, K; 0 without a sensor.
+  double rise_k;
+} PkmReading_f64;
+
+// What a compensator asks for: always finite, within the largest offset, and no further from the last one than the rate limit
+// lets it in a period. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
+typedef struct {
+  // To be added to the lengths of the screws.
+  double screws_m[3];
+  // To be added to joints 1 and 2 of the wrist; 0 of a compensator for three screws.
+  double wrist_rad[2];
+  // Which limit holds it back.
+  PkmLimit limit;
+  // Where the pose stands to the table's box.
+  PkmDomain domain;
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause.
+  PkmError fault;
+} PkmOffset_f64;
+
+// Where the five axes stand.
+typedef struct {
+  // Of the moving platform.
+  PkmPose_f64 pose;
   // Joints 1 and 2 of the wrist.
-  float beta_rad[2];
-} PkmJoints_f32;
+  double beta_rad[2];
+} PkmConfiguration_f64;
+
+// What sensors say in a period. Numbers may be NaN or infinite: then there is no reading, which is a fault with a defined
+// reaction and no error.
+typedef struct {
+  // Not 0: the machine is homed, on, and the reading means the load on the tool. At 0 the offset goes to zero at the rate
+  // limit, and the load is forgotten.
+  int32_t enabled;
+  // Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
+  PkmWrench_f32 wrench;
+  // How much warmer the machine is than at its zero reading, K; 0 without a sensor.
+  float rise_k;
+} PkmReading_f32;
+
+// What a compensator asks for: always finite, within the largest offset, and no further from the last one than the rate limit
+// lets it in a period. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
+typedef struct {
+  // To be added to the lengths of the screws.
+  float screws_m[3];
+  // To be added to joints 1 and 2 of the wrist; 0 of a compensator for three screws.
+  float wrist_rad[2];
+  // Which limit holds it back.
+  PkmLimit limit;
+  // Where the pose stands to the table's box.
+  PkmDomain domain;
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause.
+  PkmError fault;
+} PkmOffset_f32;
 
 // Where the five axes stand.
 typedef struct {
@@ -421,6 +533,68 @@ typedef struct {
   // Joints 1 and 2 of the wrist.
   float beta_rad[2];
 } PkmConfiguration_f32;
+
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f64 lengths;
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmJoints_f64;
+
+// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Of length 1 where a function gives it, any length above 0 where one takes it.
+  double axis[3];
+} PkmTool_f64;
+
+// Where joint values put the five axes and the tool.
+typedef struct {
+  // Of the five axes.
+  PkmConfiguration_f64 configuration;
+  // Of the tool.
+  PkmTool_f64 tool;
+} PkmToolPlace_f64;
+
+// How a machine holds a tool.
+typedef struct {
+  // Where the five axes stand.
+  PkmConfiguration_f64 configuration;
+  // What the drives are told.
+  PkmJoints_f64 joints;
+  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  double home_share;
+} PkmHold_f64;
+
+// A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
+typedef struct {
+  // x, y, z of the tip.
+  double tip_m[3];
+  // Joints 1 and 2 of the wrist.
+  double beta_rad[2];
+} PkmTip_f64;
+
+// What to command so that a loaded tool is where it should be.
+typedef struct {
+  // What to command, and where the five axes then would stand without the load.
+  PkmHold_f64 hold;
+  // What the load moves the tip by there, along x, y, z of B.
+  double translation_m[3];
+  // What it turns the tool by, about x, y, z of B.
+  double rotation_rad[3];
+  // Where the commanded pose stands to the table's box.
+  PkmDomain domain;
+} PkmCompensatedTool_f64;
+
+// What the five drives are told.
+typedef struct {
+  // Of the three screws.
+  PkmLengths_f32 lengths;
+  // Joints 1 and 2 of the wrist.
+  float beta_rad[2];
+} PkmJoints_f32;
 
 // A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
 typedef struct {
@@ -475,20 +649,6 @@ typedef struct {
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
-
-// Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
-const char *pkm_version(void);
-
-// Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
-// wrist's and the table's when the program starts: a library that was built without PKM_COEFFICIENTS has the reference
-// machine.
-uint64_t pkm_machine_checksum(void);
-
-// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
-uint64_t pkm_wrist_checksum(void);
-
-// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
-uint64_t pkm_table_checksum(void);
 
 // The compiled-in machine.
 const PkmMachine_f64 *pkm_machine_f64(void);
@@ -627,52 +787,6 @@ PkmError pkm_cycle_f64(const PkmMachine_f64 *machine,
                        const PkmPoint_f64 *tip,
                        PkmCycle_f64 *cycle);
 
-// Forward kinematics of the five axes: configuration, tip and axis of joint values.
-//
-// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-PKM_MUST_USE
-PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
-                              const PkmWrist_f64 *wrist,
-                              const PkmJoints_f64 *joints,
-                              PkmToolPlace_f64 *place);
-
-// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
-// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
-// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
-//
-// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-PKM_MUST_USE
-PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
-                              const PkmWrist_f64 *wrist,
-                              const PkmTool_f64 *tool,
-                              const PkmConfiguration_f64 *near,
-                              PkmHold_f64 *hold);
-
-// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
-// are the tip's position and these angles. In closed form, and without a configuration to begin from.
-//
-// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
-PKM_MUST_USE
-PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
-                             const PkmWrist_f64 *wrist,
-                             const PkmTip_f64 *tip,
-                             PkmHold_f64 *hold);
-
-// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
-// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
-//
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
-// TOOL_NOT_COMPENSABLE.
-PKM_MUST_USE
-PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
-                                  const PkmTable_f64 *table,
-                                  const PkmWrist_f64 *wrist,
-                                  const PkmTool_f64 *tool,
-                                  const PkmWrench_f64 *wrench,
-                                  const PkmConfiguration_f64 *near,
-                                  PkmCompensatedTool_f64 *compensated);
-
 // The compiled-in machine.
 const PkmMachine_f32 *pkm_machine_f32(void);
 
@@ -810,6 +924,245 @@ PkmError pkm_cycle_f32(const PkmMachine_f32 *machine,
                        const PkmPoint_f32 *tip,
                        PkmCycle_f32 *cycle);
 
+// Writes the default settings. `size` is the room for them: `sizeof *settings`.
+//
+// Errors: WRONG_SIZE.
+PKM_MUST_USE PkmError pkm_compensator_defaults(PkmCompensatorSettings *settings, size_t size);
+
+// Name of the first setting that is out of its range; null when all are within, or when there are none.
+const char *pkm_compensator_setting_out_of_range(const PkmCompensatorSettings *settings, size_t settings_size);
+
+// Bytes that a compensator takes.
+size_t pkm_compensator_size_f64(void);
+
+// A compensator's address is a multiple of this.
+size_t pkm_compensator_align_f64(void);
+
+// Makes a compensator without an offset in memory of the caller: of at least as many bytes, `size`, and of the alignment
+// that the functions above say; `settings_size` is `sizeof *settings`. It holds no pointer, and may be copied. The
+// library must have the machine, wrist and table of `built_for`, undamaged: a table of another machine would move
+// this one.
+//
+// Errors: WRONG_SIZE, OTHER_MACHINE, OTHER_WRIST, OTHER_TABLE, DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE,
+// SETTING_OUT_OF_RANGE: `pkm_compensator_setting_out_of_range` names it.
+PKM_MUST_USE
+PkmError pkm_compensator_init_f64(PkmCompensator_f64 *compensator,
+                                  size_t size,
+                                  const PkmCompensatorSettings *settings,
+                                  size_t settings_size,
+                                  const PkmChecksums *built_for);
+
+// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// away from drives that are on, update with `enabled` at 0.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_compensator_reset_f64(PkmCompensator_f64 *compensator);
+
+// Bytes that a compensator takes.
+size_t pkm_tool_compensator_size_f64(void);
+
+// A compensator's address is a multiple of this.
+size_t pkm_tool_compensator_align_f64(void);
+
+// Makes a compensator without an offset in memory of the caller: of at least as many bytes, `size`, and of the alignment
+// that the functions above say; `settings_size` is `sizeof *settings`. It holds no pointer, and may be copied. The
+// library must have the machine, wrist and table of `built_for`, undamaged: a table of another machine would move
+// this one.
+//
+// Errors: WRONG_SIZE, OTHER_MACHINE, OTHER_WRIST, OTHER_TABLE, DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE,
+// SETTING_OUT_OF_RANGE: `pkm_compensator_setting_out_of_range` names it.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_init_f64(PkmToolCompensator_f64 *compensator,
+                                       size_t size,
+                                       const PkmCompensatorSettings *settings,
+                                       size_t settings_size,
+                                       const PkmChecksums *built_for);
+
+// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// away from drives that are on, update with `enabled` at 0.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_tool_compensator_reset_f64(PkmToolCompensator_f64 *compensator);
+
+// A period of a compensator for the three screws, with a tip that is rigid with the moving platform. `machine` is at its
+// temperature; `pose` is where it should stand without the compensation. What is wrong with pose or reading is a fault
+// of the offset, and no error: the offset is always written, and to be commanded.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_compensator_update_f64(PkmCompensator_f64 *compensator,
+                                    const PkmMachine_f64 *machine,
+                                    const PkmTable_f64 *table,
+                                    const PkmPose_f64 *pose,
+                                    const PkmPoint_f64 *tip,
+                                    const PkmReading_f64 *reading,
+                                    PkmOffset_f64 *offset);
+
+// A period of a compensator for all five axes: tip and axis of the tool are compensated. `configuration` is where the
+// axes should stand without the compensation; the rest is as for three screws.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_update_f64(PkmToolCompensator_f64 *compensator,
+                                         const PkmMachine_f64 *machine,
+                                         const PkmTable_f64 *table,
+                                         const PkmWrist_f64 *wrist,
+                                         const PkmConfiguration_f64 *configuration,
+                                         const PkmReading_f64 *reading,
+                                         PkmOffset_f64 *offset);
+
+// Bytes that a compensator takes.
+size_t pkm_compensator_size_f32(void);
+
+// A compensator's address is a multiple of this.
+size_t pkm_compensator_align_f32(void);
+
+// Makes a compensator without an offset in memory of the caller: of at least as many bytes, `size`, and of the alignment
+// that the functions above say; `settings_size` is `sizeof *settings`. It holds no pointer, and may be copied. The
+// library must have the machine, wrist and table of `built_for`, undamaged: a table of another machine would move
+// this one.
+//
+// Errors: WRONG_SIZE, OTHER_MACHINE, OTHER_WRIST, OTHER_TABLE, DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE,
+// SETTING_OUT_OF_RANGE: `pkm_compensator_setting_out_of_range` names it.
+PKM_MUST_USE
+PkmError pkm_compensator_init_f32(PkmCompensator_f32 *compensator,
+                                  size_t size,
+                                  const PkmCompensatorSettings *settings,
+                                  size_t settings_size,
+                                  const PkmChecksums *built_for);
+
+// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// away from drives that are on, update with `enabled` at 0.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_compensator_reset_f32(PkmCompensator_f32 *compensator);
+
+// Bytes that a compensator takes.
+size_t pkm_tool_compensator_size_f32(void);
+
+// A compensator's address is a multiple of this.
+size_t pkm_tool_compensator_align_f32(void);
+
+// Makes a compensator without an offset in memory of the caller: of at least as many bytes, `size`, and of the alignment
+// that the functions above say; `settings_size` is `sizeof *settings`. It holds no pointer, and may be copied. The
+// library must have the machine, wrist and table of `built_for`, undamaged: a table of another machine would move
+// this one.
+//
+// Errors: WRONG_SIZE, OTHER_MACHINE, OTHER_WRIST, OTHER_TABLE, DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE,
+// SETTING_OUT_OF_RANGE: `pkm_compensator_setting_out_of_range` names it.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_init_f32(PkmToolCompensator_f32 *compensator,
+                                       size_t size,
+                                       const PkmCompensatorSettings *settings,
+                                       size_t settings_size,
+                                       const PkmChecksums *built_for);
+
+// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// away from drives that are on, update with `enabled` at 0.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_tool_compensator_reset_f32(PkmToolCompensator_f32 *compensator);
+
+// A period of a compensator for the three screws, with a tip that is rigid with the moving platform. `machine` is at its
+// temperature; `pose` is where it should stand without the compensation. What is wrong with pose or reading is a fault
+// of the offset, and no error: the offset is always written, and to be commanded.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_compensator_update_f32(PkmCompensator_f32 *compensator,
+                                    const PkmMachine_f32 *machine,
+                                    const PkmTable_f32 *table,
+                                    const PkmPose_f32 *pose,
+                                    const PkmPoint_f32 *tip,
+                                    const PkmReading_f32 *reading,
+                                    PkmOffset_f32 *offset);
+
+// A period of a compensator for all five axes: tip and axis of the tool are compensated. `configuration` is where the
+// axes should stand without the compensation; the rest is as for three screws.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_update_f32(PkmToolCompensator_f32 *compensator,
+                                         const PkmMachine_f32 *machine,
+                                         const PkmTable_f32 *table,
+                                         const PkmWrist_f32 *wrist,
+                                         const PkmConfiguration_f32 *configuration,
+                                         const PkmReading_f32 *reading,
+                                         PkmOffset_f32 *offset);
+
+// What a number of `PkmError` means, in English; never null, also for a number that is none.
+const char *pkm_error_text(int32_t error);
+
+// Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
+const char *pkm_version(void);
+
+// Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
+// wrist's and the table's when the program starts: a library that was built without PKM_COEFFICIENTS has the reference
+// machine.
+uint64_t pkm_machine_checksum(void);
+
+// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
+uint64_t pkm_wrist_checksum(void);
+
+// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
+uint64_t pkm_table_checksum(void);
+
+// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmJoints_f64 *joints,
+                              PkmToolPlace_f64 *place);
+
+// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
+//
+// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+PKM_MUST_USE
+PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmTool_f64 *tool,
+                              const PkmConfiguration_f64 *near,
+                              PkmHold_f64 *hold);
+
+// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+//
+// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
+                             const PkmWrist_f64 *wrist,
+                             const PkmTip_f64 *tip,
+                             PkmHold_f64 *hold);
+
+// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
+// controller that drives a machine out of there. `home_share` of the result says how near it is.
+//
+// Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_any_margin_f64(const PkmMachine_f64 *machine,
+                                        const PkmWrist_f64 *wrist,
+                                        const PkmTip_f64 *tip,
+                                        PkmHold_f64 *hold);
+
+// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+//
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+// TOOL_NOT_COMPENSABLE.
+PKM_MUST_USE
+PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
+                                  const PkmTable_f64 *table,
+                                  const PkmWrist_f64 *wrist,
+                                  const PkmTool_f64 *tool,
+                                  const PkmWrench_f64 *wrench,
+                                  const PkmConfiguration_f64 *near,
+                                  PkmCompensatedTool_f64 *compensated);
+
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //
 // Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
@@ -841,6 +1194,16 @@ PkmError pkm_tip_inverse_f32(const PkmMachine_f32 *machine,
                              const PkmTip_f32 *tip,
                              PkmHold_f32 *hold);
 
+// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
+// controller that drives a machine out of there. `home_share` of the result says how near it is.
+//
+// Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
+PKM_MUST_USE
+PkmError pkm_tip_inverse_any_margin_f32(const PkmMachine_f32 *machine,
+                                        const PkmWrist_f32 *wrist,
+                                        const PkmTip_f32 *tip,
+                                        PkmHold_f32 *hold);
+
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
 // `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
@@ -855,9 +1218,6 @@ PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
                                   const PkmWrench_f32 *wrench,
                                   const PkmConfiguration_f32 *near,
                                   PkmCompensatedTool_f32 *compensated);
-
-// What a number of `PkmError` means, in English; never null, also for a number that is none.
-const char *pkm_error_text(int32_t error);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -4,6 +4,7 @@ use core::ffi::{CStr, c_char};
 
 use pkm_core::TemperatureError;
 use pkm_core::checksum::Damaged;
+use pkm_core::compensator::{Fault, SettingsError};
 use pkm_core::{
     CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, ToolDeflectionError, ToolError,
 };
@@ -62,6 +63,26 @@ pub enum PkmError {
     DamagedWrist = 61,
     /// The table in memory is not the one that was built.
     DamagedTable = 62,
+    /// The library has another machine than the program is for.
+    OtherMachine = 63,
+    /// The library has another wrist, or another length of the tool, than the program is for.
+    OtherWrist = 64,
+    /// The library has another table than the program is for.
+    OtherTable = 65,
+    /// A setting of a compensator is out of its range.
+    SettingOutOfRange = 70,
+    /// The memory holds no compensator of this version and kind.
+    NotInitialised = 71,
+    /// The reading of the wrench is NaN or infinite.
+    WrenchNotFinite = 80,
+    /// The reading of the wrench is beyond the greatest force or moment.
+    WrenchTooLarge = 81,
+    /// The readings of the wrench were equal for too long.
+    WrenchStuck = 82,
+    /// The temperature rise is not finite, or beyond 100 K either way.
+    TemperatureLost = 83,
+    /// The pose is outside the table's box.
+    OutsideBox = 84,
     /// An error of the core that has no number here.
     Unknown = 255,
 }
@@ -94,6 +115,16 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         60 => c"the machine in memory is damaged",
         61 => c"the wrist in memory is damaged",
         62 => c"the table in memory is damaged",
+        63 => c"the library has another machine than the program is for",
+        64 => c"the library has another wrist than the program is for",
+        65 => c"the library has another table than the program is for",
+        70 => c"a setting of the compensator is out of its range",
+        71 => c"the memory holds no compensator of this version and kind",
+        80 => c"the reading of the wrench is not finite",
+        81 => c"the reading of the wrench is beyond its greatest",
+        82 => c"the reading of the wrench is stuck",
+        83 => c"the temperature is lost",
+        84 => c"the pose is outside the table's box",
         _ => c"unknown error",
     };
     text.as_ptr()
@@ -198,6 +229,28 @@ impl From<ToolDeflectionError> for PkmError {
             ToolDeflectionError::Tool(e) => e.into(),
             ToolDeflectionError::Stiffness(e) => e.into(),
             ToolDeflectionError::NotConverged => Self::ToolNotCompensable,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<SettingsError> for PkmError {
+    fn from(_: SettingsError) -> Self {
+        Self::SettingOutOfRange
+    }
+}
+
+impl From<Fault> for PkmError {
+    fn from(fault: Fault) -> Self {
+        match fault {
+            Fault::WrenchNotFinite => Self::WrenchNotFinite,
+            Fault::WrenchTooLarge => Self::WrenchTooLarge,
+            Fault::WrenchStuck => Self::WrenchStuck,
+            Fault::TemperatureLost => Self::TemperatureLost,
+            Fault::OutsideBox => Self::OutsideBox,
+            Fault::Correction(e) => e.into(),
+            Fault::Compensation(e) => e.into(),
+            Fault::Tool(e) => e.into(),
             _ => Self::Unknown,
         }
     }

@@ -11,84 +11,31 @@
 #![cfg_attr(not(test), no_std)]
 #![allow(clippy::missing_safety_doc)] // see above
 
+mod compensator;
 mod error;
+mod identity;
+mod pointers;
+mod tool;
 mod types;
 
+pub use compensator::*;
 pub use error::{PkmError, pkm_error_text};
+pub use identity::*;
+pub use tool::*;
 pub use types::*;
-
-use core::ffi::c_char;
 
 use pkm_core::checksum::MemoryChecksums;
 use pkm_core::{FiveAxis, Machine, Scalar, Wrench};
+
+use pointers::{answer, given};
 
 #[allow(dead_code, missing_docs)]
 mod coefficients {
     include!(env!("PKM_COEFFICIENTS"));
 }
 
-/// What a C caller handed over, if there is something.
-///
-/// # Safety
-/// Unless null or misaligned, the pointer leads to a `T` that nobody writes to meanwhile.
-unsafe fn given<'a, T>(pointer: *const T) -> Result<&'a T, PkmError> {
-    if pointer.is_null() {
-        Err(PkmError::NullPointer)
-    } else if !pointer.is_aligned() {
-        Err(PkmError::Misaligned)
-    } else {
-        // SAFETY: neither null nor misaligned; the rest is the caller's promise
-        Ok(unsafe { &*pointer })
-    }
-}
-
-/// Writes a result where the caller wants it, or nothing.
-///
-/// # Safety
-/// Unless null or misaligned, the pointer leads to memory for a `T`.
-unsafe fn answer<T>(result: *mut T, compute: impl FnOnce() -> Result<T, PkmError>) -> PkmError {
-    // SAFETY: the caller's promise; the memory is not read, and `MaybeUninit` may be anything
-    if let Err(error) = unsafe { given(result.cast::<core::mem::MaybeUninit<T>>()) } {
-        return error;
-    }
-    match compute() {
-        Ok(value) => {
-            // SAFETY: neither null nor misaligned; inputs that were borrowed are not used any more
-            unsafe { result.write(value) };
-            PkmError::Ok
-        }
-        Err(error) => error,
-    }
-}
-
 fn finite<T: Scalar, const N: usize>(values: [T; N]) -> Result<[T; N], PkmError> {
     if values.iter().all(|v| v.is_finite()) { Ok(values) } else { Err(PkmError::NotFinite) }
-}
-
-/// Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_version() -> *const c_char {
-    concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
-}
-
-/// Checksum of the compiled-in machine, as its `coefficients.rs` states it (`checksum() == 0x...`). Compare it, the
-/// wrist's and the table's when the program starts: a library that was built without PKM_COEFFICIENTS has the reference
-/// machine.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_machine_checksum() -> u64 {
-    const { coefficients::PARAMETERS.checksum() }
-}
-
-/// Checksum of the compiled-in wrist, as its `coefficients.rs` states it: the machine's does not cover it.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_wrist_checksum() -> u64 {
-    const { coefficients::WRIST.checksum() }
-}
-
-/// Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
-#[unsafe(no_mangle)]
-pub extern "C" fn pkm_table_checksum() -> u64 {
-    const { coefficients::TABLE_F64.checksum() }
 }
 
 // most of the functions below could only fail
@@ -102,9 +49,7 @@ macro_rules! functions {
         singularity_distance $singularity_distance:ident, travel_margin $travel_margin:ident,
         stiffness $stiffness:ident, domain $domain:ident, corrected_stiffness $corrected_stiffness:ident,
         deflection $deflection:ident, thermal_deflection $thermal_deflection:ident, compensated $compensated:ident,
-        cycle $cycle:ident, $the_wrist:ident, wrist $wrist:ident, tool_forward $tool_forward:ident,
-        tool_inverse $tool_inverse:ident, tip_inverse $tip_inverse:ident,
-        tool_compensated $tool_compensated:ident $(,)?
+        cycle $cycle:ident, $the_wrist:ident, wrist $wrist:ident $(,)?
     ) => {
         const _: () = assert!(
             size_of::<Machine<$t>>() == size_of::<PkmMachine<$t>>()
@@ -411,100 +356,6 @@ macro_rules! functions {
                 })
             }
         }
-
-        /// Forward kinematics of the five axes: configuration, tip and axis of joint values.
-        ///
-        /// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-        #[must_use]
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $tool_forward(
-            machine: *const PkmMachine<$t>,
-            wrist: *const PkmWrist<$t>,
-            joints: *const PkmJoints<$t>,
-            place: *mut PkmToolPlace<$t>,
-        ) -> PkmError {
-            // SAFETY: the caller's promise
-            unsafe {
-                answer(place, || {
-                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let (configuration, tool) = five.forward(&given(joints)?.core())?;
-                    Ok(PkmToolPlace { configuration: configuration.into(), tool: tool.into() })
-                })
-            }
-        }
-
-        /// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
-        /// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
-        /// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
-        ///
-        /// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
-        #[must_use]
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $tool_inverse(
-            machine: *const PkmMachine<$t>,
-            wrist: *const PkmWrist<$t>,
-            tool: *const PkmTool<$t>,
-            near: *const PkmConfiguration<$t>,
-            hold: *mut PkmHold<$t>,
-        ) -> PkmError {
-            // SAFETY: the caller's promise
-            unsafe {
-                answer(hold, || {
-                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    Ok(five.inverse(&given(tool)?.core(), &given(near)?.core())?.into())
-                })
-            }
-        }
-
-        /// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
-        /// are the tip's position and these angles. In closed form, and without a configuration to begin from.
-        ///
-        /// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
-        #[must_use]
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $tip_inverse(
-            machine: *const PkmMachine<$t>,
-            wrist: *const PkmWrist<$t>,
-            tip: *const PkmTip<$t>,
-            hold: *mut PkmHold<$t>,
-        ) -> PkmError {
-            // SAFETY: the caller's promise
-            unsafe {
-                answer(hold, || {
-                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let PkmTip { tip_m, beta_rad } = *given(tip)?;
-                    Ok(five.inverse_at(tip_m, beta_rad)?.into())
-                })
-            }
-        }
-
-        /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-        /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
-        /// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
-        ///
-        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
-        /// TOOL_NOT_COMPENSABLE.
-        #[must_use]
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $tool_compensated(
-            machine: *const PkmMachine<$t>,
-            table: *const PkmTable<$t>,
-            wrist: *const PkmWrist<$t>,
-            tool: *const PkmTool<$t>,
-            wrench: *const PkmWrench<$t>,
-            near: *const PkmConfiguration<$t>,
-            compensated: *mut PkmCompensatedTool<$t>,
-        ) -> PkmError {
-            // SAFETY: the caller's promise
-            unsafe {
-                answer(compensated, || {
-                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let (table, tool) = (&given(table)?.0, given(tool)?.core());
-                    let (wrench, near) = (given(wrench)?.core(), given(near)?.core());
-                    Ok(five.compensated(Some(table), &tool, &wrench, &near)?.into())
-                })
-            }
-        }
     };
 }
 
@@ -515,8 +366,7 @@ functions! {
     travel_margin pkm_travel_margin_f64, stiffness pkm_stiffness_f64, domain pkm_domain_f64,
     corrected_stiffness pkm_corrected_stiffness_f64, deflection pkm_deflection_f64,
     thermal_deflection pkm_thermal_deflection_f64, compensated pkm_compensated_f64, cycle pkm_cycle_f64,
-    WRIST_F64, wrist pkm_wrist_f64, tool_forward pkm_tool_forward_f64, tool_inverse pkm_tool_inverse_f64,
-    tip_inverse pkm_tip_inverse_f64, tool_compensated pkm_tool_compensated_f64,
+    WRIST_F64, wrist pkm_wrist_f64,
 }
 
 functions! {
@@ -526,8 +376,7 @@ functions! {
     travel_margin pkm_travel_margin_f32, stiffness pkm_stiffness_f32, domain pkm_domain_f32,
     corrected_stiffness pkm_corrected_stiffness_f32, deflection pkm_deflection_f32,
     thermal_deflection pkm_thermal_deflection_f32, compensated pkm_compensated_f32, cycle pkm_cycle_f32,
-    WRIST_F32, wrist pkm_wrist_f32, tool_forward pkm_tool_forward_f32, tool_inverse pkm_tool_inverse_f32,
-    tip_inverse pkm_tip_inverse_f32, tool_compensated pkm_tool_compensated_f32,
+    WRIST_F32, wrist pkm_wrist_f32,
 }
 
 /// For the test of the test: a panic that must be found.

@@ -29,7 +29,7 @@ macro_rules! misuse_of_every_function {
     ($test:ident, $t:ty, $machine:ident, $table:ident, $verify:ident, $machine_size:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
      $jacobian:ident, $distance:ident, $margin:ident, $stiffness:ident, $domain:ident, $corrected:ident,
      $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident, $wrist:ident, $tool_forward:ident, $tool_inverse:ident,
-     $tip_inverse:ident, $tool_compensated:ident) => {
+     $tip_inverse:ident, $tip_inverse_any_margin:ident, $tool_compensated:ident) => {
         #[test]
         fn $test() {
             let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
@@ -85,6 +85,9 @@ macro_rules! misuse_of_every_function {
                     $tool_inverse(m.cast(), v.cast(), tool.cast(), n.cast(), to.cast())
                 });
                 misuse([m, v, at_tip], |[m, v, tip], to| $tip_inverse(m.cast(), v.cast(), tip.cast(), to.cast()));
+                misuse([m, v, at_tip], |[m, v, tip], to| {
+                    $tip_inverse_any_margin(m.cast(), v.cast(), tip.cast(), to.cast())
+                });
                 misuse([m, t, v, to_hold, w, n], |[m, t, v, tool, w, n], to| {
                     let (m, t, v) = (m.cast(), t.cast(), v.cast());
                     $tool_compensated(m, t, v, tool.cast(), w.cast(), n.cast(), to.cast())
@@ -118,6 +121,7 @@ misuse_of_every_function!(
     pkm_tool_forward_f64,
     pkm_tool_inverse_f64,
     pkm_tip_inverse_f64,
+    pkm_tip_inverse_any_margin_f64,
     pkm_tool_compensated_f64
 );
 misuse_of_every_function!(
@@ -144,7 +148,75 @@ misuse_of_every_function!(
     pkm_tool_forward_f32,
     pkm_tool_inverse_f32,
     pkm_tip_inverse_f32,
+    pkm_tip_inverse_any_margin_f32,
     pkm_tool_compensated_f32
+);
+
+macro_rules! misuse_of_compensators {
+    ($test:ident, $t:ty, $machine:ident, $table:ident, $wrist:ident, $init:ident, $update:ident, $tool_init:ident, $tool_update:ident) => {
+        #[test]
+        fn $test() {
+            let sums = PkmChecksums {
+                machine: pkm_machine_checksum(),
+                wrist: pkm_wrist_checksum(),
+                table: pkm_table_checksum(),
+            };
+            let (mut screws, mut tool) = ([0u64; 128], [0u64; 128]);
+            let (screws, tool) = (screws.as_mut_ptr().cast(), tool.as_mut_ptr().cast());
+            let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+            let at = PkmConfiguration { pose, beta_rad: [0.1, -0.1] };
+            let wrench = PkmWrench { force_n: [10.0, 20.0, -300.0], moment_nm: [0.0; 3] };
+            let reading = PkmReading::<$t> { enabled: 1, wrench, rise_k: 0.0 };
+            let tip = PkmPoint::<$t> { uvw_m: [0.0, 0.0, 0.3] };
+            fn to<T>(value: &T) -> *const c_void {
+                std::ptr::from_ref(value).cast()
+            }
+            let (m, t, w) = ($machine().cast(), $table().cast(), $wrist().cast());
+            // SAFETY: every pointer is null, misaligned, or leads to what the function asks for
+            unsafe {
+                let mut set = std::mem::zeroed::<PkmCompensatorSettings>();
+                let size = size_of_val(&set);
+                assert_eq!(pkm_compensator_defaults(&mut set, size), PkmError::Ok);
+                misuse([to(&set), to(&sums)], |[set, sums], to| $init(to.cast(), 1024, set.cast(), size, sums.cast()));
+                misuse([to(&set), to(&sums)], |[set, sums], to| {
+                    $tool_init(to.cast(), 1024, set.cast(), size, sums.cast())
+                });
+                assert_eq!($init(screws, 1024, &set, size, &sums), PkmError::Ok);
+                assert_eq!($tool_init(tool, 1024, &set, size, &sums), PkmError::Ok);
+                let (c, p, r) = (screws.cast_const().cast(), to(&pose), to(&reading));
+                misuse([c, m, t, p, to(&tip), r], |[c, m, t, p, tip, r], to| {
+                    $update(c.cast_mut().cast(), m.cast(), t.cast(), p.cast(), tip.cast(), r.cast(), to.cast())
+                });
+                let c = tool.cast_const().cast();
+                misuse([c, m, t, w, to(&at), r], |[c, m, t, w, at, r], to| {
+                    $tool_update(c.cast_mut().cast(), m.cast(), t.cast(), w.cast(), at.cast(), r.cast(), to.cast())
+                });
+            }
+        }
+    };
+}
+
+misuse_of_compensators!(
+    misuse_of_compensators_f64,
+    f64,
+    pkm_machine_f64,
+    pkm_table_f64,
+    pkm_wrist_f64,
+    pkm_compensator_init_f64,
+    pkm_compensator_update_f64,
+    pkm_tool_compensator_init_f64,
+    pkm_tool_compensator_update_f64
+);
+misuse_of_compensators!(
+    misuse_of_compensators_f32,
+    f32,
+    pkm_machine_f32,
+    pkm_table_f32,
+    pkm_wrist_f32,
+    pkm_compensator_init_f32,
+    pkm_compensator_update_f32,
+    pkm_tool_compensator_init_f32,
+    pkm_tool_compensator_update_f32
 );
 
 #[test]

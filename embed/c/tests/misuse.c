@@ -27,6 +27,76 @@ static void check(int holds, const char *what, int line) {
         }                                                              \
     } while (0)
 
+/* A compensator's memory, machine, settings, inputs. */
+static void compensators(void) {
+    const PkmMachine_f64 *machine = pkm_machine_f64();
+    const PkmTable_f64 *table = pkm_table_f64();
+    const PkmPose_f64 pose = {0.1, -0.05, 0.53};
+    const PkmPoint_f64 tip = {{0.0, 0.0, 0.3}};
+    const PkmConfiguration_f64 home = {{0.0, 0.0, 0.53}, {0.0, 0.0}};
+    const PkmReading_f64 reading = {1, {{0.0, 0.0, -400.0}, {0.0, 0.0, 0.0}}, NAN};
+    const PkmChecksums ours = {pkm_machine_checksum(), pkm_wrist_checksum(), pkm_table_checksum()};
+    static uint64_t room[128], tool_room[128];
+    PkmCompensator_f64 *c = (PkmCompensator_f64 *)(void *)room;
+    PkmToolCompensator_f64 *tool = (PkmToolCompensator_f64 *)(void *)tool_room;
+    const size_t size = pkm_compensator_size_f64();
+    PkmCompensatorSettings set;
+    PkmOffset_f64 offset;
+
+    CHECK(size > 0 && size <= sizeof room && pkm_tool_compensator_size_f64() <= sizeof tool_room);
+    CHECK(pkm_compensator_size_f32() < size && pkm_compensator_align_f64() == 8 && pkm_tool_compensator_align_f32() == 8);
+    REFUSED(PKM_ERROR_WRONG_SIZE, set, pkm_compensator_defaults(&set, sizeof set - 8));
+    CHECK(pkm_compensator_defaults(NULL, sizeof set) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_compensator_defaults(&set, sizeof set) == PKM_ERROR_OK);
+    CHECK(set.gain == 0.7 && set.period_s == 1e-3 && set.outside_box == PKM_OUTSIDE_BOX_FADE);
+    CHECK(pkm_compensator_setting_out_of_range(&set, sizeof set) == NULL);
+
+    /* memory that nothing was made in */
+    REFUSED(PKM_ERROR_NOT_INITIALISED, offset,
+            pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset));
+    CHECK(pkm_compensator_reset_f64(c) == PKM_ERROR_NOT_INITIALISED);
+    CHECK(pkm_compensator_reset_f64(NULL) == PKM_ERROR_NULL_POINTER);
+
+    REFUSED(PKM_ERROR_WRONG_SIZE, room, pkm_compensator_init_f64(c, size - 1, &set, sizeof set, &ours));
+    REFUSED(PKM_ERROR_WRONG_SIZE, room, pkm_compensator_init_f64(c, size, &set, sizeof set - 8, &ours));
+    REFUSED(PKM_ERROR_NULL_POINTER, room, pkm_compensator_init_f64(c, size, NULL, sizeof set, &ours));
+    REFUSED(PKM_ERROR_NULL_POINTER, room, pkm_compensator_init_f64(c, size, &set, sizeof set, NULL));
+    CHECK(pkm_compensator_init_f64(NULL, size, &set, sizeof set, &ours) == PKM_ERROR_NULL_POINTER);
+    REFUSED(PKM_ERROR_MISALIGNED, room,
+            pkm_compensator_init_f64((PkmCompensator_f64 *)(void *)((char *)room + 4), size, &set, sizeof set, &ours));
+    const PkmChecksums others[] = {{1, ours.wrist, ours.table}, {ours.machine, 1, ours.table}, {ours.machine, ours.wrist, 1}};
+    const PkmError refusals[] = {PKM_ERROR_OTHER_MACHINE, PKM_ERROR_OTHER_WRIST, PKM_ERROR_OTHER_TABLE};
+    for (int i = 0; i < 3; i++) {
+        REFUSED(refusals[i], room, pkm_compensator_init_f64(c, size, &set, sizeof set, &others[i]));
+    }
+    PkmCompensatorSettings wrong = set;
+    wrong.gain = 1.01;
+    REFUSED(PKM_ERROR_SETTING_OUT_OF_RANGE, room, pkm_compensator_init_f64(c, size, &wrong, sizeof wrong, &ours));
+    CHECK(strcmp(pkm_compensator_setting_out_of_range(&wrong, sizeof wrong), "gain") == 0);
+    wrong = set;
+    wrong.outside_box = 3;
+    REFUSED(PKM_ERROR_SETTING_OUT_OF_RANGE, room, pkm_compensator_init_f64(c, size, &wrong, sizeof wrong, &ours));
+    CHECK(strcmp(pkm_compensator_setting_out_of_range(&wrong, sizeof wrong), "outside_box") == 0);
+
+    CHECK(pkm_compensator_init_f64(c, sizeof room, &set, sizeof set, &ours) == PKM_ERROR_OK);
+    REFUSED(PKM_ERROR_NULL_POINTER, offset,
+            pkm_compensator_update_f64(c, NULL, table, &pose, &tip, &reading, &offset));
+    REFUSED(PKM_ERROR_NULL_POINTER, offset,
+            pkm_compensator_update_f64(c, machine, table, &pose, &tip, NULL, &offset));
+    CHECK(pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, NULL) == PKM_ERROR_NULL_POINTER);
+    /* a sensor that lies is a fault with a reaction, and no error */
+    CHECK(pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(offset.fault == PKM_ERROR_TEMPERATURE_LOST && offset.screws_m[0] != 0.0 && offset.wrist_rad[0] == 0.0);
+    CHECK(pkm_compensator_reset_f64(c) == PKM_ERROR_OK);
+
+    /* a compensator of the other kind, and what was left of it */
+    memcpy(tool_room, room, sizeof room);
+    REFUSED(PKM_ERROR_NOT_INITIALISED, offset,
+            pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset));
+    CHECK(pkm_tool_compensator_init_f64(tool, sizeof tool_room, &set, sizeof set, &ours) == PKM_ERROR_OK);
+    CHECK(pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset) == PKM_ERROR_OK);
+}
+
 int main(void) {
     const PkmMachine_f64 *machine = pkm_machine_f64();
     const PkmTable_f64 *table = pkm_table_f64();
@@ -126,6 +196,8 @@ int main(void) {
     CHECK(pkm_at_temperature_f64(machine, 25.0, &warm, sizeof warm) == PKM_ERROR_OK);
     CHECK(pkm_at_temperature_f64(&warm, 20.0, &warm, sizeof warm) == PKM_ERROR_OK);
     CHECK(pkm_cycle_f64(&warm, table, &pose, &wrench, &tip, &cycle) == PKM_ERROR_OK);
+
+    compensators();
 
     for (int32_t code = -2; code < 300; code++) {
         CHECK(pkm_error_text(code) != NULL && strlen(pkm_error_text(code)) > 0);

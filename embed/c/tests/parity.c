@@ -77,6 +77,8 @@
         memcpy(at_tip.tip_m, place.tool.tip_m, sizeof(at_tip.tip_m));                                             \
         memcpy(at_tip.beta_rad, joints.beta_rad, sizeof(at_tip.beta_rad));                                        \
         print_##S("tip_inverse", pkm_tip_inverse_##S(machine, wrist, &at_tip, &hold), &hold, 11);                 \
+        at_tip.beta_rad[1] = (T)0.98;                                                                             \
+        print_##S("any_margin", pkm_tip_inverse_any_margin_##S(machine, wrist, &at_tip, &hold), &hold, 11);       \
         print_##S("tool_compensated",                                                                             \
                   pkm_tool_compensated_##S(machine, table, wrist, &place.tool, &wrench, &home, &loaded), &loaded, 17);\
     }

@@ -7,6 +7,9 @@ mm in the frame B of the machine's base, A and B the wrist's joints in degrees: 
 Both directions are closed forms. A target that is unreachable, beyond travel or limits, or too near to a singularity is
 refused with a message, and motmod then does not begin the move, or stops on the way before it gets there.
 
+Where the machine stands is answered with the last command, whatever the place, so that the drives hold it there: connect
+\fBcommand-N\fR to joint.N.pos-cmd. Nearer to the singularity locus than the margin, only moves away from the locus are taken.
+
 .B loadrt pkmkins machine=0123456789abcdef wrist=0123456789abcdef
 
 loads only where the machine and the wrist that are compiled in have these checksums.""";
@@ -17,9 +20,11 @@ option singleton yes;
 option extra_setup yes;
 include "pkm.h";
 
+pin in float command-#[5] "joint.N.pos-cmd: what motmod commanded in the last period, mm and degrees";
+pin out bit held "the last target is refused to others: the machine stands there, or it leads out of the margin";
 pin out s32 why "why the last refusal was, of a target or of joint values: a PkmError of pkm.h; 0 after a good target";
 pin out u32 refused "targets and joint values refused so far";
-pin out float share "of the last target: distance from the singular surface of the five axes, 1 at home, 0 on it";
+pin out float share "of the last target: normalised Jacobian determinant of the five axes, 1 at home, 0 at a singularity";
 pin out float inverse-axis-#[5] "last target that was not refused: X Y Z A B";
 pin out float inverse-joint-#[5] "its joints";
 pin out float forward-joint-#[5] "last joint values that were not refused";
@@ -42,11 +47,48 @@ static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
 
 static PkmError said;
 
-/* mm and degrees: a target this near to where the machine stands is where it stands */
+/* mm and degrees: a target this near to where the last command put the machine is where it stands */
 static const double STANDS = 0.05;
 
-/* whether forward-joint and forward-axis tell where the machine stands */
-static int known;
+/* Rounding of a share: a target that is not nearer to the locus than the last command may seem to be by this. */
+static const double SAME_SHARE = 1e-12;
+
+/* Where the last command put the machine, and its distance from the singularity locus, infinite on it and beyond: from there
+   no way out is known. False when it put it nowhere: beyond travel, not homed, or nothing is connected. */
+static int commanded(struct __comp_state *__comp_inst, double axis[5], double *share_there) {
+    const PkmJoints_f64 joints = {{{command(0) / MM, command(1) / MM, command(2) / MM}}, {command(3) / DEG, command(4) / DEG}};
+    PkmToolPlace_f64 place;
+    PkmHold_f64 hold;
+    if (pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place) != PKM_ERROR_OK) return 0;
+    PkmTip_f64 tip;
+    for (int i = 0; i < 3; i++) axis[i] = (tip.tip_m[i] = place.tool.tip_m[i]) * MM;
+    for (int i = 0; i < 2; i++) axis[3 + i] = (tip.beta_rad[i] = joints.beta_rad[i]) * DEG;
+    const PkmError found = pkm_tip_inverse_any_margin_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
+    *share_there = found == PKM_ERROR_OK ? hold.home_share : INFINITY;
+    return 1;
+}
+
+/* A target that the machine may not go to. It may well stand there all the same: jogged joint by joint, or run on after a stop.
+   motmod asks for where it stands as long as it moves by axes. Answers with the last command, never with the feedback: the
+   drives would follow their own error. */
+static PkmError answer_refused(struct __comp_state *__comp_inst, const PkmTip_f64 *tip, const double axis[5], PkmError refusal,
+                               PkmHold_f64 *hold, double *joint) {
+    double there[5], share_there, off = 0;
+    if (!commanded(__comp_inst, there, &share_there)) return refusal;
+    if (refusal == PKM_ERROR_TOOL_SINGULAR &&
+        pkm_tip_inverse_any_margin_f64(pkm_machine_f64(), pkm_wrist_f64(), tip, hold) == PKM_ERROR_OK &&
+        hold->home_share >= share_there - SAME_SHARE) {
+        for (int i = 0; i < 5; i++) joint[i] = i < 3 ? hold->joints.lengths.q_m[i] * MM : axis[i];
+        return PKM_ERROR_OK;
+    }
+    for (int i = 0; i < 5; i++) {
+        const double d = fabs(axis[i] - there[i]);
+        if (!(d <= off)) off = d;
+    }
+    if (!(off <= STANDS)) return refusal;
+    for (int i = 0; i < 5; i++) joint[i] = command(i);
+    return PKM_ERROR_OK;
+}
 
 int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVERSE_FLAGS *iflags,
                       KINEMATICS_FORWARD_FLAGS *fflags) {
@@ -57,17 +99,13 @@ int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVE
     const double axis[5] = {world->tran.x, world->tran.y, world->tran.z, world->a, world->b};
     const PkmTip_f64 tip = {{axis[0] / MM, axis[1] / MM, axis[2] / MM}, {axis[3] / DEG, axis[4] / DEG}};
     PkmHold_f64 hold;
-    const PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
+    PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
+    held = 0;
     if (found != PKM_ERROR_OK) {
-        /* motmod asks for where it stands when it begins to move by axes; refused, it would command every joint to 0 for a
-           period. A machine may well stand where nothing may be sent: jogged there joint by joint, or run on after a stop. */
-        double off = 0;
-        for (int i = 0; i < 5; i++) {
-            const double d = fabs(axis[i] - forward_axis(i));
-            if (!(d <= off)) off = d;
-        }
-        if (known && off <= STANDS) {
-            for (int i = 0; i < 5; i++) joint[i] = forward_joint(i);
+        found = answer_refused(__comp_inst, &tip, axis, found, &hold, joint);
+        if (found == PKM_ERROR_OK) {
+            why = said = found;
+            held = 1;
             return 0;
         }
         refused++;
@@ -101,7 +139,6 @@ int kinematicsForward(const double *joint, EmcPose *world, const KINEMATICS_FORW
         /* without a message: it is asked in every period */
         refused++;
         why = found;
-        known = 0;
         return -1;
     }
     const double *tip_m = place.tool.tip_m;
@@ -111,7 +148,6 @@ int kinematicsForward(const double *joint, EmcPose *world, const KINEMATICS_FORW
         forward_joint(i) = joint[i];
         forward_axis(i) = axis[i];
     }
-    known = 1;
     forward_ns = rtapi_get_time() - begun;
     if (forward_ns > forward_max_ns) forward_max_ns = forward_ns;
     return 0;

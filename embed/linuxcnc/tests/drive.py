@@ -48,16 +48,26 @@ def periods():
     return int(subprocess.check_output(["halcmd", "getp", "pkmrecord.rows"]), 0)
 
 
+def halcmd(*words):
+    return subprocess.check_output(["halcmd", *map(str, words)], text=True).strip()
+
+
 def mode(which):
     command.mode(which)
     command.wait_complete()
 
 
 def turn_on():
-    command.state(linuxcnc.STATE_ESTOP_RESET)
-    command.wait_complete()
-    command.state(linuxcnc.STATE_ON)
-    until("machine on", lambda s: s.task_state == linuxcnc.STATE_ON)
+    """Again, where the first command came too soon after a fault."""
+    for _ in range(10):
+        command.state(linuxcnc.STATE_ESTOP_RESET)
+        command.wait_complete()
+        command.state(linuxcnc.STATE_ON)
+        command.wait_complete()
+        if poll().task_state == linuxcnc.STATE_ON:
+            return
+        time.sleep(0.5)
+    raise TimeoutError(f"machine on: ten times in vain; messages {verdict['messages']}")
 
 
 def mdi(text, seconds=60):
@@ -65,6 +75,106 @@ def mdi(text, seconds=60):
     command.mdi(text)
     command.wait_complete(seconds)
     until(text, lambda s: idle(s) or s.task_state != linuxcnc.STATE_ON, seconds)
+
+
+def load(on):
+    for number, value in enumerate(wish["load"]):
+        mdi(f"M68 E{number} Q{value if on else 0}")
+
+
+def settings(phase, pin, value):
+    """The compensation takes up settings while it is at rest; the recorder keeps which."""
+    command.state(linuxcnc.STATE_OFF)
+    until("at rest", lambda s: halcmd("getp", "pkmcompensator.active") == "FALSE")
+    halcmd("setp", pin, value)
+    halcmd("setp", "pkmrecord.whole-5", phase)
+    time.sleep(0.05)
+    turn_on()
+
+
+def lying(step, lie):
+    """A sensor that says something else for a while."""
+    rows = [periods()]
+    halcmd("setp", "lie.in1", lie)
+    time.sleep(0.4)
+    rows.append(periods())
+    halcmd("setp", "lie.in1", 0)
+    time.sleep(0.4)
+    done(step, rows=rows + [periods()])
+
+
+def loaded(step, seconds):
+    """A load that comes, stays and goes."""
+    rows = [periods()]
+    load(True)
+    time.sleep(seconds)
+    rows.append(periods())
+    load(False)
+    time.sleep(0.3)
+    done(step, rows=rows + [periods()])
+
+
+def joint_mode():
+    mode(linuxcnc.MODE_MANUAL)
+    command.teleop_enable(0)
+    command.wait_complete()
+    until("joint mode", lambda s: s.motion_mode == linuxcnc.TRAJ_MODE_FREE)
+
+
+def faults():
+    load(True)
+    time.sleep(0.3)
+    lying("nan", "nan")
+    lying("spike", 1e6)
+    load(False)
+    settings(2, "pkmcompensator.max-screw-mm", wish["small_screw_mm"])
+    loaded("small", 0.5)
+    settings(1, "pkmcompensator.max-screw-mm", 0.5)
+    settings(1, "pkmcompensator.stuck-s", wish["stuck_s"])
+    loaded("stuck", 1.2)
+    settings(0, "pkmcompensator.stuck-s", 0)
+
+
+def abort_and_home_again():
+    mode(linuxcnc.MODE_AUTO)
+    command.program_open("abort.ngc")
+    command.auto(linuxcnc.AUTO_RUN, 0)
+    until("program begun", lambda s: s.interp_state != linuxcnc.INTERP_IDLE)
+    time.sleep(1)
+    command.abort()
+    until("aborted", idle)
+    done("abort")
+    go(wish["home"])
+    joint_mode()
+    rows = [periods()]
+    command.home(-1)
+    time.sleep(0.5)
+    until("homed again", lambda s: all(s.homed[:5]) and s.inpos)
+    time.sleep(0.5)
+    done("rehome", rows=rows + [periods()])
+    load(False)
+
+
+def park_and_drive_out():
+    joint_mode()
+    poll()
+    for joint in (3, 4):
+        way = wish["parked"][joint] - status.joint_position[joint]
+        if way:
+            command.jog(linuxcnc.JOG_INCREMENT, True, joint, 20.0 if way > 0 else -20.0, abs(way))
+    until("parked", lambda s: s.inpos and all(abs(s.joint_position[i] - wish["parked"][i]) < 1e-3 for i in range(5)))
+    done("park")
+    go(wish["inward"])
+    done("inward")
+    rows = [periods()]
+    halcmd("setp", "sag.in1", -0.01)
+    time.sleep(0.4)
+    rows.append(periods())
+    halcmd("setp", "sag.in1", 0)
+    time.sleep(0.1)
+    done("sag", rows=rows)
+    go(wish["home"])
+    done("out")
 
 
 def go(place):
@@ -84,12 +194,10 @@ def run():
         go(place)
         done("place")
 
-    for number, load in enumerate(wish["load"]):
-        mdi(f"M68 E{number} Q{load}")
+    load(True)
     time.sleep(0.3)
     done("load")
-    for number in range(6):
-        mdi(f"M68 E{number} Q0")
+    load(False)
     time.sleep(0.3)
     done("unload")
 
@@ -104,6 +212,10 @@ def run():
     turn_on()
     go(wish["home"])
     done("after")
+
+    faults()
+    abort_and_home_again()
+    park_and_drive_out()
 
     go(wish["places"][0])
     mode(linuxcnc.MODE_AUTO)

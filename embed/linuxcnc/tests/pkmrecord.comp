@@ -16,8 +16,8 @@ include <string.h>;
 include <time.h>;
 
 pin in float real-###[80];
-pin in bit flag-#[2];
-pin in s32 whole-#[3];
+pin in bit flag-#[4];
+pin in s32 whole-#[6];
 pin out u32 rows;
 function begin fp "first in the thread";
 function before fp "before what is to be timed on its own";
@@ -25,7 +25,7 @@ function after fp "behind it";
 function end fp "last in the thread";
 ;;
 
-#define ROW (3 + 80 + 2 + 3)
+#define ROW (3 + 80 + 4 + 6)
 #define MOST_ROWS 200000
 
 static char *file;
@@ -66,8 +66,8 @@ FUNCTION(end) {
     *row++ = thread_ns() - cpu;
     *row++ = cpu_ours;
     for (int i = 0; i < 80; i++) *row++ = real(i);
-    for (int i = 0; i < 2; i++) *row++ = flag(i);
-    for (int i = 0; i < 3; i++) *row++ = whole(i);
+    for (int i = 0; i < 4; i++) *row++ = flag(i);
+    for (int i = 0; i < 6; i++) *row++ = whole(i);
     rows++;
 }
 

@@ -53,6 +53,12 @@ impl<T: Scalar> LoadFilter<T> {
         (self.refused, self.equal) = (0, 0);
     }
 
+    /// Forgets the load and the temperature.
+    pub fn reset(&mut self) {
+        self.forget_load();
+        self.rise_k = T::ZERO;
+    }
+
     /// The wrench to compensate, the temperature rise, and what is wrong with the reading.
     #[inline(never)] // takes no stack while the stiffness is worked out
     pub fn update(&mut self, reading: &Reading<T>) -> (Wrench<T>, T, Option<Fault>) {

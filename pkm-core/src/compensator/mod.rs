@@ -39,6 +39,7 @@ use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::StiffnessError;
 use crate::types::{Domain, Pose, Wrench};
+use crate::vector::less;
 
 use load::LoadFilter;
 pub use settings::{CompensatorSettings, OutsideBox, SettingsError};
@@ -223,6 +224,12 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         self.joints
     }
 
+    /// Back to no offset and no load at once, as after [`new`](Self::new). The offset steps: for drives that are off.
+    pub fn reset(&mut self) {
+        self.load.reset();
+        self.joints = [T::ZERO; JOINTS];
+    }
+
     /// A period; `offsets` is what would make up for a load.
     fn step(
         &mut self,
@@ -284,6 +291,26 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     }
 }
 
+/// What to add to the screw lengths of a pose: `gain` times the deflection under a load on the tip, and all of the thermal growth.
+fn offsets<T: Scalar>(
+    machine: &Machine<T>,
+    table: &CorrectionTable<'_, T>,
+    pose: &Pose<T>,
+    tip_m: [T; 3],
+    wrench_at_tip: &Wrench<T>,
+    gain: T,
+    rise_k: T,
+) -> Result<[T; 3], Fault> {
+    let posture = &match machine.posture(pose) {
+        Ok(posture) => posture,
+        Err(e) => return Err(CorrectionError::from(e).into()),
+    };
+    let loaded = compensation::deflection_at(machine, Some(table), pose, posture, &wrench_at_tip.moved_to_a(tip_m))?;
+    let moved = loaded.times(gain).plus(&machine.thermal_deflection_at(posture, rise_k)?);
+    let to = machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m;
+    Ok(less(to, posture.q))
+}
+
 impl<T: Scalar> Compensator<T, 3> {
     /// A period for the three screws, with a tip that is rigid with the moving platform. In `f32` the offset is within 0.3 µm
     /// of `f64`.
@@ -302,7 +329,7 @@ impl<T: Scalar> Compensator<T, 3> {
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
         self.step(table.domain(pose), reading, |load| {
-            compensation::offsets(machine, table, pose, tip_m, &load.wrench, load.gain, load.rise_k)
+            offsets(machine, table, pose, tip_m, &load.wrench, load.gain, load.rise_k)
         })
     }
 }

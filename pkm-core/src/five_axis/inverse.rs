@@ -76,6 +76,19 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// Not finite; unreachable; those of [`joints`](Self::joints); singular: the [home share](Self::home_share) is below the
     /// wrist's margin.
     pub fn inverse_at(&self, tip_m: [T; 3], beta_rad: [T; 2]) -> Result<Hold<T>, ToolError> {
+        let found = self.inverse_at_any_margin(tip_m, beta_rad);
+        match &found {
+            Ok(hold) if !(hold.home_share >= self.wrist.margin) => Err(ToolError::Singular),
+            _ => found,
+        }
+    }
+
+    /// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
+    /// controller that drives a machine out of there. [`Hold::home_share`] says how near it is.
+    ///
+    /// # Errors
+    /// Those of [`inverse_at`](Self::inverse_at); singular only on the locus and beyond it.
+    pub fn inverse_at_any_margin(&self, tip_m: [T; 3], beta_rad: [T; 2]) -> Result<Hold<T>, ToolError> {
         if !(finite(tip_m) && beta_rad.iter().all(|beta| beta.is_finite())) {
             return Err(ToolError::NotFinite);
         }
@@ -93,7 +106,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let configuration = state.configuration();
         let joints = self.joints(&configuration)?;
         let home_share = self.wrist.share(&state);
-        if !(home_share >= self.wrist.margin) {
+        if !(home_share > T::ZERO) {
             return Err(ToolError::Singular);
         }
         Ok(Hold { configuration, joints, home_share, looks: 0 })

@@ -94,6 +94,15 @@ fn without_filter_and_limits_it_is_the_cycle() {
 }
 
 #[test]
+fn a_reset_is_a_new_beginning() {
+    let warm = Reading { rise_k: 3.0, ..on(LOAD) };
+    let mut used = compensator(&CompensatorSettings::DEFAULT);
+    assert_ne!(settled(&mut used, &POSE, &warm).joints, [0.0; 3]);
+    used.reset();
+    assert_eq!(used, compensator(&CompensatorSettings::DEFAULT));
+}
+
+#[test]
 fn gain_dead_band_and_growth_are_what_the_settings_say() {
     let full = update(&mut compensator(&BARE), &POSE, &on(LOAD)).joints;
     let half = update(&mut compensator(&CompensatorSettings { gain: 0.5, ..BARE }), &POSE, &on(LOAD)).joints;

@@ -192,6 +192,12 @@ fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
             matches!(FIVE.home_share(&c), Ok(..0.0999)).then_some((c, FIVE.tool(&c).ok()?))
         });
         assert_eq!(FIVE.inverse_at(tool.tip_m, c.beta_rad), Err(ToolError::Singular));
+        // a machine that stands there can be driven out
+        let share = FIVE.home_share(&c).unwrap();
+        match FIVE.inverse_at_any_margin(tool.tip_m, c.beta_rad) {
+            Ok(found) => assert!(found.home_share > 0.0 && found.home_share < 0.1, "{share} {}", found.home_share),
+            Err(e) => assert!(e == ToolError::Singular && share <= 1e-12, "{e:?} at {share}"),
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! LinuxCNC with our kinematics and stiffness: its modules and a configuration for a machine.
 
+mod faults;
+mod replay;
 mod simulation;
 
 use std::fmt::Write as _;
@@ -11,6 +13,8 @@ use pkm_host::cli;
 use pkm_host::files::job::{Job, Position};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::source::Source;
+use pkm_host::files::table::TableFile;
+use pkm_host::files::table_numbers::TableNumbers;
 
 use crate::{Outcome, c, output, root};
 
@@ -25,7 +29,7 @@ cargo xtask linuxcnc
 /// Where Debian's LinuxCNC looks for modules; `loadrt` takes them from nowhere else.
 const MODULES: &str = "/usr/lib/linuxcnc/modules";
 const PACKAGES: &str = "apt-get install --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev gcc make";
-const OURS: [&str; 2] = ["modules/pkmkins.comp", "modules/pkmstiffness.comp"];
+const OURS: [&str; 2] = ["modules/pkmkins.comp", "modules/pkmcompensator.comp"];
 /// Copied into a configuration as they are.
 const FILES: [&str; 4] = ["pkm.hal", "panel.hal", "panel.xml", "tool.tbl"];
 
@@ -111,7 +115,6 @@ fn build_ready(name: &str) -> Result<PathBuf, String> {
 /// Fits the table, compiles library and modules, writes the configuration.
 fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
     let machine = machine_file(&setup.machine)?;
-    let ini = ini(&machine)?;
     let program = match &setup.job {
         Some(job) => program(&machine, job, setup.slide_mm)?,
         None => "M2\n".to_owned(),
@@ -136,7 +139,7 @@ fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
     for name in FILES {
         write(name, template(name)?)?;
     }
-    write("pkm.ini", ini)?;
+    write("pkm.ini", ini(&machine, table(out)?.table().map_err(|e| e.to_string())?.checksum())?)?;
     write("holes.ngc", program)?;
     println!("{}: LinuxCNC's modules and configuration for the machine {}", out.display(), machine.name);
     Ok(())
@@ -149,6 +152,12 @@ fn template(name: &str) -> Result<String, String> {
 
 fn machine_file(path: &Path) -> Result<MachineFile, String> {
     Source::read(path).and_then(MachineFile::parse).map_err(|e| e.to_string())
+}
+
+/// The table that was fitted to a folder.
+fn table(folder: &Path) -> Result<TableNumbers, String> {
+    let file = Source::read(&folder.join("coefficients.json")).and_then(|s| TableFile::parse(&s));
+    file.map(|table| table.numbers()).map_err(|e| e.to_string())
 }
 
 fn compile(components: &[&str], library: &Path, to: &Path) -> Outcome {
@@ -188,7 +197,7 @@ fn in_file_units(joints: &JointValues<f64>) -> [f64; 5] {
     [a, b, c, d, e]
 }
 
-fn ini(machine: &MachineFile) -> Result<String, String> {
+fn ini(machine: &MachineFile, table_checksum: u64) -> Result<String, String> {
     let five = machine.five_axis().map_err(|e| e.to_string())?;
     let said = |e: pkm_core::ToolError| e.to_string();
     let home = home(machine);
@@ -219,11 +228,13 @@ fn ini(machine: &MachineFile) -> Result<String, String> {
         to.push_str(&section(&format!("JOINT_{i}"), range(i), limits, &rest));
     }
     let text = template("pkm.ini")?;
-    let [machine_sum, wrist_sum] = [machine.parameters.checksum(), wrist.checksum()].map(|sum| format!("{sum:016x}"));
+    let sums = [machine.parameters.checksum(), wrist.checksum(), table_checksum];
+    let [machine_sum, wrist_sum, table_sum] = sums.map(|sum| format!("{sum:016x}"));
     let fill = [
         ("{name}", machine.name.as_str()),
         ("{machine_checksum}", &machine_sum),
         ("{wrist_checksum}", &wrist_sum),
+        ("{table_checksum}", &table_sum),
         ("{axes}", &axes),
         ("{screws}", &screws),
         ("{turns}", &turns),
@@ -248,13 +259,13 @@ const CLEAR_MM: f64 = 10.0;
 const DEEP_MM: f64 = 5.0;
 
 /// The holes of a job, drilled: X Y Z A B at every millimetre along the tool's axis, since A and B that hold it change on the
-/// way. Its load goes to the stiffness component while it cuts.
+/// way. Its load goes to the compensation while it cuts.
 fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<String, String> {
     let job = Source::read(job).and_then(|s| Job::parse(&s)).map_err(|e| e.to_string())?;
     let five = machine.five_axis().map_err(|e| e.to_string())?;
     let mut text = format!(
         "%\n(Machine {}: X Y Z are the tip in the base's frame, z away from the base; A B turn the wrist.)\n\
-         (M67 tells the load of the cut to the stiffness component: E0 to E5 are N and N m on the tool.)\n\
+         (M67 tells the load of the cut to the compensation: E0 to E5 are N and N m on the tool.)\n\
          G17 G21 G40 G49 G80 G90 G94 G64 P0.001\nT1 M6\nS1000 M3\n",
         plain(&machine.name)
     );

@@ -102,6 +102,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
                 show(fault);
             }
             black_box(compensator.joints());
+            compensator.reset();
         }
     }
 }
@@ -125,6 +126,7 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(five.home_share(&near)).ok();
     black_box(five.inverse(&tool, &near)).ok();
     black_box(five.inverse_at(tool.tip_m, near.beta_rad)).ok();
+    black_box(five.inverse_at_any_margin(tool.tip_m, near.beta_rad)).ok();
     black_box(five.search(&tool, &near)).ok();
     black_box(five.inverse_frame(&frame)).ok();
     black_box(five.tip_stiffness(&Stiffness::from_lower(&black_box([[a; 6]; 6])), &near)).ok();

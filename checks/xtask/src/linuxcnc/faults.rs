@@ -1,0 +1,216 @@
+//! What would hurt a machine, done to a simulated one, and the reaction that is expected.
+
+use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+use pkm_core::{Configuration, FiveAxis, Wrench};
+use serde_json::Value;
+
+use super::in_file_units;
+use super::replay::{Host, Row, SMALL_SCREW_MM, joints_of, settings, worst};
+use crate::Outcome;
+
+/// A place nearer to the singularity locus than the margin, from which a straight way leads home.
+pub struct Parked {
+    /// mm and degrees.
+    pub joints: [f64; 5],
+    /// X Y Z A B of a place nearer to the locus still.
+    pub inward: [f64; 5],
+}
+
+/// Home's platform with the wrist turned into the margin, as an operator can jog it joint by joint.
+pub fn parked_inside_the_margin(
+    five: &FiveAxis<'_, f64>,
+    home: Configuration<f64>,
+    home_axes: [f64; 5],
+    margin: f64,
+) -> Option<Parked> {
+    let place = |beta_rad: [f64; 2]| {
+        let configuration = Configuration { beta_rad, ..home };
+        let [x, y, z] = five.tool(&configuration).ok()?.tip_m.map(|m| m * 1e3);
+        Some(([x, y, z, beta_rad[0].to_degrees(), beta_rad[1].to_degrees()], five.home_share(&configuration).ok()?))
+    };
+    let share = |axes: [f64; 5]| {
+        let [x, y, z, a, b] = axes;
+        let hold = five.inverse_at_any_margin([x, y, z].map(|mm| mm / 1e3), [a, b].map(f64::to_radians));
+        hold.ok().map(|hold| hold.home_share)
+    };
+    let leads_out = |from: [f64; 5]| {
+        let mut last = share(from)?;
+        for step in 1..=1000 {
+            let way = f64::from(step) / 1000.0;
+            let next = share(std::array::from_fn(|i| from[i] + way * (home_axes[i] - from[i])))?;
+            if next < last && next < 1.2 * margin {
+                return None;
+            }
+            last = next;
+        }
+        Some(())
+    };
+    let turns = || (-160..=160).map(|i| 0.5 * f64::from(i));
+    let mut all = turns().flat_map(|b| (-8..=8).map(move |a| [10.0 * f64::from(a), b]));
+    all.find_map(|turned| {
+        let (axes, here) = place(turned.map(f64::to_radians))?;
+        let inside = here > 0.4 * margin && here < 0.8 * margin;
+        if !inside {
+            return None;
+        }
+        leads_out(axes)?;
+        let beta_rad = turned.map(f64::to_radians);
+        let joints = in_file_units(&five.joints(&Configuration { beta_rad, ..home }).ok()?);
+        // a degree nearer
+        let inward = [-1.0, 1.0].into_iter().find_map(|d| {
+            let (axes, share) = place([turned[0], turned[1] + d].map(f64::to_radians))?;
+            (share > 0.0 && share < here).then_some(axes)
+        })?;
+        Some(Parked { joints, inward })
+    })
+}
+
+/// What the script did, by the rows of the recorder that it noted.
+struct Steps<'a> {
+    verdict: &'a Value,
+    rows: &'a [Vec<f64>],
+}
+
+impl<'a> Steps<'a> {
+    /// The rows between the notes `from` and `from` + 1 of a step.
+    fn rows(&self, name: &str, from: usize) -> Result<Vec<Row<'a>>, String> {
+        let steps = self.verdict["steps"].as_array().ok_or("no steps")?;
+        let noted = steps.iter().find(|step| step["step"] == name).ok_or_else(|| format!("no step {name}"))?;
+        let at = |i: usize| noted["rows"][i].as_u64().map(|n| n as usize);
+        let span = at(from).zip(at(from + 1)).and_then(|(from, to)| self.rows.get(from..to));
+        let span = span.filter(|span| span.len() > 100).ok_or_else(|| format!("{name}: the rows are missing"))?;
+        Ok(span.iter().map(|row| Row::of(row)).collect())
+    }
+}
+
+/// Smaller offsets are none, mm and degrees.
+const NOTHING: f64 = 1e-4;
+
+fn size(values: &[f64]) -> f64 {
+    worst(values, &[0.0; 5])
+}
+
+/// Holds the recorded periods against the reactions that are expected.
+pub fn judge_faults(host: &Host, verdict: &Value, rows: &[Vec<f64>]) -> Outcome {
+    let steps = Steps { verdict, rows };
+    always(rows)?;
+    for (name, code) in [("nan", 80.0), ("spike", 81.0)] {
+        let (during, after) = (steps.rows(name, 0)?, steps.rows(name, 1)?);
+        let [first, last, end] = [&during[0], &during[during.len() - 1], &after[after.len() - 1]];
+        let seen = during.iter().any(|row| row.fault() == code);
+        let back = worst(end.offsets, first.offsets);
+        if !(seen
+            && size(first.offsets) > NOTHING
+            && size(last.offsets) == 0.0
+            && back <= NOTHING
+            && end.fault() == 0.0)
+        {
+            return Err(format!("{name}: expected fault {code}, no offset, and the offset again: {back:e} apart"));
+        }
+    }
+    let during = steps.rows("stuck", 0)?;
+    let most = during.iter().map(|row| size(row.offsets)).fold(0.0, f64::max);
+    let last = &during[during.len() - 1];
+    if !(most > NOTHING && last.fault() == 82.0 && size(last.offsets) == 0.0) {
+        return Err(format!("stuck: expected fault 82 and no offset, found {} and {:?}", last.fault(), last.offsets));
+    }
+    one_joint_at_its_limit(host, &steps.rows("small", 0)?)?;
+    homed_again_under_load(&steps.rows("rehome", 0)?)?;
+    let during = steps.rows("sag", 0)?;
+    let first = &during[0];
+    let moved = during.iter().map(|row| worst(row.command, first.command)).fold(0.0, f64::max);
+    let sagged = during.iter().map(|row| (row.stands[2] - first.stands[2]).abs()).fold(0.0, f64::max);
+    if !(moved == 0.0 && sagged > 0.009 && sagged < 0.011) {
+        return Err(format!("sag: the command moved by {moved:e} mm when a drive sagged by {sagged:e} mm"));
+    }
+    println!("  faults: each with its reaction; a drive that sagged by {sagged:.3} mm moved no command");
+    Ok(())
+}
+
+/// In every period: no step above the rate limit, no offset above the largest, and none that grows while the machine is not homed
+/// and on.
+fn always(rows: &[Vec<f64>]) -> Outcome {
+    let CompensatorSettings { period_s, max_screw_m, max_wrist_rad, screw_rate_m_per_s, wrist_rate_rad_per_s, .. } =
+        settings(0);
+    let rounding = 1e-9;
+    for (n, pair) in rows.windows(2).enumerate() {
+        let [before, row] = [&pair[0], &pair[1]].map(|row| Row::of(row));
+        for i in 0..5 {
+            let (largest, rate) = if i < 3 {
+                (max_screw_m * 1e3, screw_rate_m_per_s * 1e3)
+            } else {
+                (max_wrist_rad.to_degrees(), wrist_rate_rad_per_s.to_degrees())
+            };
+            let (from, to) = (before.offsets[i], row.offsets[i]);
+            let grows = !row.enabled() && to.abs() > from.abs();
+            let within = to.abs() <= largest + rounding && (to - from).abs() <= rate * period_s + rounding;
+            if grows || !within {
+                return Err(format!("period {n}: offset {i} went from {from:e} to {to:e}, enabled {}", row.enabled()));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The tip stays on the line from its unloaded to its compensated place while a screw has its largest offset.
+fn one_joint_at_its_limit(host: &Host, during: &[Row<'_>]) -> Outcome {
+    let (five, table) = (host.five()?, host.table()?);
+    let row = during.last().ok_or("no rows")?;
+    if row.limit() != 1.0 || row.offsets[..3].iter().all(|offset| offset.abs() < SMALL_SCREW_MM - 1e-9) {
+        return Err(format!("small: expected a screw at its largest offset: {:?}", row.offsets));
+    }
+    let tip = |offsets: &[f64]| {
+        let joints: Vec<f64> = row.stands.iter().zip(offsets).map(|(at, offset)| at + offset).collect();
+        five.forward(&joints_of(&joints)).map(|(_, tool)| tool.tip_m).map_err(|e| e.to_string())
+    };
+    // without limits: what the same load asks for when it has acted for long
+    let free = CompensatorSettings { max_screw_m: 0.01, ..settings(0) };
+    let mut compensator = Compensator::<f64, 5>::new(&free).map_err(|e| e.to_string())?;
+    let (stands, _) = five.forward(&joints_of(row.stands)).map_err(|e| e.to_string())?;
+    let wrench = Wrench::from_array(<[f64; 6]>::try_from(row.wrench).map_err(|_| "a wrench is six numbers")?);
+    for _ in 0..2000 {
+        compensator.update(&table, &five, &stands, &Reading { enabled: true, wrench, rise_k: 0.0 });
+    }
+    let [a, b, c, d, e] = compensator.joints();
+    let asked = [a * 1e3, b * 1e3, c * 1e3, d.to_degrees(), e.to_degrees()];
+    let from = tip(&[0.0; 5])?;
+    let less = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
+    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let way = less(tip(&asked)?, from);
+    let off_line_um = |offsets: &[f64]| {
+        let moved = less(tip(offsets)?, from);
+        let along = dot(moved, way) / dot(way, way);
+        let off: [f64; 3] = std::array::from_fn(|i| moved[i] - along * way[i]);
+        Ok::<_, String>(1e6 * dot(off, off).sqrt())
+    };
+    let clamped: Vec<f64> =
+        (0..5).map(|i| if i < 3 { asked[i].clamp(-SMALL_SCREW_MM, SMALL_SCREW_MM) } else { asked[i] }).collect();
+    let (whole, each) = (off_line_um(row.offsets)?, off_line_um(&clamped)?);
+    println!(
+        "  a screw at its largest offset of {:.0} um: tip {whole:.4} um off its line; joints limited alone: {each:.2} um",
+        1e3 * SMALL_SCREW_MM
+    );
+    if whole <= 1.0 && each > 1.0 { Ok(()) } else { Err("small: the tip left its line, or nothing was tested".into()) }
+}
+
+/// A load that an aborted program has left: its offset goes while the machine is homed again, and is not taken into home.
+fn homed_again_under_load(during: &[Row<'_>]) -> Outcome {
+    let (first, last) = (&during[0], &during[during.len() - 1]);
+    let load_stays = during.iter().all(|row| row.wrench == first.wrench) && size(first.wrench) > 0.0;
+    let had_offset = size(first.offsets) > NOTHING;
+    let homing = during.iter().filter(|row| !row.homed()).count();
+    let least = during.iter().map(|row| size(row.offsets)).fold(f64::INFINITY, f64::min);
+    let latched = worst(first.motor_offset, last.motor_offset);
+    println!(
+        "  homed again under a load of {:.0} N: {homing} periods not homed, the offset went from {:.2} to {:.2} um, {latched:.1e} mm \
+         taken into home",
+        size(first.wrench),
+        1e3 * size(first.offsets),
+        1e3 * least
+    );
+    if load_stays && had_offset && homing > 0 && least < size(first.offsets) && latched <= 1e-9 {
+        Ok(())
+    } else {
+        Err("rehome: expected an offset that goes, and a home without it".into())
+    }
+}

@@ -1,0 +1,142 @@
+//! The five axes: parallel mechanism and wrist.
+
+use pkm_core::FiveAxis;
+
+use crate::pointers::{answer, given};
+use crate::{
+    PkmCompensatedTool, PkmConfiguration, PkmError, PkmHold, PkmJoints, PkmMachine, PkmTable, PkmTip, PkmTool,
+    PkmToolPlace, PkmWrench, PkmWrist,
+};
+
+macro_rules! functions {
+    (
+        $t:ident, tool_forward $tool_forward:ident, tool_inverse $tool_inverse:ident, tip_inverse $tip_inverse:ident,
+        tip_inverse_any_margin $tip_inverse_any_margin:ident, tool_compensated $tool_compensated:ident $(,)?
+    ) => {
+        /// Forward kinematics of the five axes: configuration, tip and axis of joint values.
+        ///
+        /// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_forward(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            joints: *const PkmJoints<$t>,
+            place: *mut PkmToolPlace<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(place, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let (configuration, tool) = five.forward(&given(joints)?.core())?;
+                    Ok(PkmToolPlace { configuration: configuration.into(), tool: tool.into() })
+                })
+            }
+        }
+
+        /// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+        /// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
+        /// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
+        ///
+        /// Errors: NOT_FINITE, TOOL_SINGULAR, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_inverse(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            tool: *const PkmTool<$t>,
+            near: *const PkmConfiguration<$t>,
+            hold: *mut PkmHold<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(hold, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    Ok(five.inverse(&given(tool)?.core(), &given(near)?.core())?.into())
+                })
+            }
+        }
+
+        /// Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
+        /// are the tip's position and these angles. In closed form, and without a configuration to begin from.
+        ///
+        /// Errors: NOT_FINITE, TOOL_UNREACHABLE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tip_inverse(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            tip: *const PkmTip<$t>,
+            hold: *mut PkmHold<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(hold, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let PkmTip { tip_m, beta_rad } = *given(tip)?;
+                    Ok(five.inverse_at(tip_m, beta_rad)?.into())
+                })
+            }
+        }
+
+        /// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
+        /// controller that drives a machine out of there. `home_share` of the result says how near it is.
+        ///
+        /// Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tip_inverse_any_margin(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            tip: *const PkmTip<$t>,
+            hold: *mut PkmHold<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(hold, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let PkmTip { tip_m, beta_rad } = *given(tip)?;
+                    Ok(five.inverse_at_any_margin(tip_m, beta_rad)?.into())
+                })
+            }
+        }
+
+        /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
+        /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+        /// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+        ///
+        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
+        /// TOOL_NOT_COMPENSABLE.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_compensated(
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            wrist: *const PkmWrist<$t>,
+            tool: *const PkmTool<$t>,
+            wrench: *const PkmWrench<$t>,
+            near: *const PkmConfiguration<$t>,
+            compensated: *mut PkmCompensatedTool<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(compensated, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let (table, tool) = (&given(table)?.0, given(tool)?.core());
+                    let (wrench, near) = (given(wrench)?.core(), given(near)?.core());
+                    Ok(five.compensated(Some(table), &tool, &wrench, &near)?.into())
+                })
+            }
+        }
+    };
+}
+
+functions! {
+    f64, tool_forward pkm_tool_forward_f64, tool_inverse pkm_tool_inverse_f64, tip_inverse pkm_tip_inverse_f64,
+    tip_inverse_any_margin pkm_tip_inverse_any_margin_f64, tool_compensated pkm_tool_compensated_f64,
+}
+
+functions! {
+    f32, tool_forward pkm_tool_forward_f32, tool_inverse pkm_tool_inverse_f32, tip_inverse pkm_tip_inverse_f32,
+    tip_inverse_any_margin pkm_tip_inverse_any_margin_f32, tool_compensated pkm_tool_compensated_f32,
+}

@@ -1,0 +1,271 @@
+component pkmcompensator "Stiffness, deflection and compensation of an Exechon-like machine of five axes";
+
+description """
+Stands between controller and drives. Every period: how far to move the joints so that the loaded tool, tip and axis, stands where
+the unloaded one would. The offsets are added to what the controller commands, and taken off what the drives report, so that the
+controller sees the machine without them. The compensator of pkm.h decides how much is commanded, and how fast: the offsets of all
+joints are scaled as one vector, so that the tip keeps its direction whichever joint has reached its limit.
+
+Only while \\fBenable\\fR is true: it has to say that the machine is homed and on. Without it the offsets go to zero at their rate
+limit, and the load is forgotten. Wrench and temperature may be NaN when there is no reading. \\fBfault\\fR says that the load is not
+compensated as usual, \\fBfault-code\\fR why; a fault ends with its cause.
+
+.B loadrt pkmcompensator machine=0123456789abcdef wrist=0123456789abcdef table=0123456789abcdef
+
+loads only where the machine, the wrist and the table that are compiled in have these checksums.
+
+Parameters are settings of the compensator, docs/stability.md. A change is taken up while \\fBenable\\fR is false and all offsets are
+zero.""";
+
+author "pkm";
+license "Dual MIT/GPL";
+option singleton yes;
+option extra_setup yes;
+include "pkm.h";
+
+pin in bit enable "the machine is homed and on, and the wrench means the load on the tool";
+pin in float joint-#[5] "where the joints stand without the offsets: three screws in mm, wrist in degrees";
+pin in float fx "force on the tool at its tip in N, in the tool's axes: z along its axis, y the second axis of the wrist";
+pin in float fy;
+pin in float fz;
+pin in float mx "moment about the tip in N m";
+pin in float my;
+pin in float mz;
+pin in float rise-k "how much warmer the machine is than at its zero reading, K; 0 without a sensor";
+pin in float command-#[5] "what the controller commands: mm, degrees";
+pin out float drive-#[5] "the same with the offsets, for the drives";
+pin in float drive-fb-#[5] "what the drives report";
+pin out float feedback-#[5] "the same without the offsets, for the controller";
+pin out float offset-#[5] "what is added to the joints: mm, degrees";
+pin out bit active "an offset is not zero";
+pin out bit fault "the load is not compensated as usual";
+pin out s32 fault-code "why not: a PkmError of pkm.h; 0 without a fault";
+pin out s32 limit "what holds the offsets back: 0 nothing, 1 the largest offset, 2 the rate limit";
+pin out bit ok "whether the results below are of this period";
+pin out s32 why "why not: a PkmError of pkm.h";
+pin out bit inside-box "whether the correction table was fitted here";
+pin out float share "normalised Jacobian determinant of the five axes: 1 at home, 0 at a singularity";
+pin out float distance-1-2 "distance from the singularity of limbs 1 and 2, 0 there, 1 at the most";
+pin out float distance-3 "the same of limb 3";
+pin out u32 table-high "checksum of the correction table, as coefficients.json states it: first eight digits";
+pin out u32 table-low "last eight digits";
+pin out float tip-x-um "what the load, as it is read, moves the tip by along x of the base";
+pin out float tip-y-um;
+pin out float tip-z-um;
+pin out float turn-x-urad "what it turns the tool by about x of the base";
+pin out float turn-y-urad;
+pin out float turn-z-urad;
+pin out float k-11 "K_m at A in A-uvw: N/m, N/rad or N m/m, N m/rad";
+pin out float k-12; pin out float k-13; pin out float k-14; pin out float k-15; pin out float k-16;
+pin out float k-22; pin out float k-23; pin out float k-24; pin out float k-25; pin out float k-26;
+pin out float k-33; pin out float k-34; pin out float k-35; pin out float k-36;
+pin out float k-44; pin out float k-45; pin out float k-46;
+pin out float k-55; pin out float k-56;
+pin out float k-66;
+pin out s32 last-ns "time of the last period";
+pin io s32 max-ns "longest time of a period; may be set to 0";
+param rw float gain "share of the deflection that is compensated; below 1 with a force sensor";
+param rw float filter-s "time constant of the low-pass on the wrench";
+param rw float dead-band-n "taken off the size of the force";
+param rw float dead-band-nm "taken off the size of the moment";
+param rw float max-force-n "a reading with a greater force is refused";
+param rw float max-moment-nm "a reading with a greater moment is refused";
+param rw float hold-s "how long the last good reading stands in for refused ones";
+param rw float stuck-s "after how long of equal readings the sensor is stuck; 0 for a load that is computed";
+param rw float max-screw-mm "largest offset of a screw";
+param rw float max-wrist-deg "largest offset of a wrist joint";
+param rw float screw-rate-mm-per-s "fastest offset of a screw";
+param rw float wrist-rate-deg-per-s "fastest offset of a wrist joint";
+param rw s32 outside-box "outside the table's box: 0 hold the offsets, 1 let them go to zero, 2 extrapolate";
+function from_drives fp "takes the offsets off the feedback; before motion-controller in the servo thread";
+function to_drives fp "all the rest; behind motion-controller";
+;;
+
+#include <string.h>
+
+/* fields of pkm.h are called so */
+#undef gain
+#undef filter_s
+#undef dead_band_n
+#undef dead_band_nm
+#undef max_force_n
+#undef max_moment_nm
+#undef hold_s
+#undef stuck_s
+#undef outside_box
+#undef limit
+#undef fault
+
+static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
+
+static char *machine, *wrist, *table;
+RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for");
+RTAPI_MP_STRING(wrist, "of its wrist, with the tool's length");
+RTAPI_MP_STRING(table, "and of its correction table");
+
+/* in HAL's memory */
+static PkmToolCompensator_f64 *compensator;
+
+/* what it was asked to be made with, and whether it could be */
+static PkmCompensatorSettings asked;
+static PkmError asked_found = PKM_ERROR_NOT_INITIALISED;
+
+/* whether it compensated in the last period */
+static int was_on;
+
+static PkmError make(const PkmCompensatorSettings *settings) {
+    const PkmChecksums sums = {pkm_machine_checksum(), pkm_wrist_checksum(), pkm_table_checksum()};
+    return pkm_tool_compensator_init_f64(compensator, pkm_tool_compensator_size_f64(), settings, sizeof *settings, &sums);
+}
+
+/* Makes the compensator anew when the parameters have changed. */
+static void take_settings(const struct __comp_state *__comp_inst, long period_ns) {
+    PkmCompensatorSettings now;
+    memset(&now, 0, sizeof now); /* what lies between the numbers is compared, too */
+    now.period_s = period_ns * 1e-9;
+    now.gain = __comp_inst->gain;
+    now.filter_s = __comp_inst->filter_s;
+    now.dead_band_n = __comp_inst->dead_band_n;
+    now.dead_band_nm = __comp_inst->dead_band_nm;
+    now.max_force_n = __comp_inst->max_force_n;
+    now.max_moment_nm = __comp_inst->max_moment_nm;
+    now.hold_s = __comp_inst->hold_s;
+    now.stuck_s = __comp_inst->stuck_s;
+    now.max_screw_m = max_screw_mm / MM;
+    now.max_wrist_rad = max_wrist_deg / DEG;
+    now.screw_rate_m_per_s = screw_rate_mm_per_s / MM;
+    now.wrist_rate_rad_per_s = wrist_rate_deg_per_s / DEG;
+    now.outside_box = __comp_inst->outside_box;
+    if (!memcmp(&now, &asked, sizeof now)) return;
+    asked = now;
+    asked_found = make(&now);
+    if (asked_found != PKM_ERROR_OK) {
+        const char *name = pkm_compensator_setting_out_of_range(&now, sizeof now);
+        rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s: %s; nothing is compensated\n", pkm_error_text(asked_found),
+                        name ? name : "not the settings");
+    }
+}
+
+/* Stiffness where the machine stands, and what the load does to it. */
+static PkmError show(struct __comp_state *__comp_inst, const PkmToolPlace_f64 *place, const PkmWrench_f64 *wrench) {
+    const PkmMachine_f64 *of = pkm_machine_f64();
+    const PkmTable_f64 *by = pkm_table_f64();
+    const PkmPose_f64 *pose = &place->configuration.pose;
+    PkmSingularityDistance_f64 distance;
+    PkmCorrected_f64 corrected;
+    PkmCompensatedTool_f64 loaded;
+    PkmError found = pkm_singularity_distance_f64(of, pose, &distance);
+    if (found == PKM_ERROR_OK) found = pkm_corrected_stiffness_f64(of, by, pose, &corrected);
+    if (found == PKM_ERROR_OK) {
+        found = pkm_tool_compensated_f64(of, by, pkm_wrist_f64(), &place->tool, wrench, &place->configuration, &loaded);
+    }
+    if (found != PKM_ERROR_OK) return found;
+
+    inside_box = corrected.domain == PKM_DOMAIN_INSIDE && loaded.domain == PKM_DOMAIN_INSIDE;
+    share = loaded.hold.home_share;
+    distance_1_2 = distance.limbs_1_2;
+    distance_3 = distance.limb_3;
+    tip_x_um = loaded.translation_m[0] * 1e6;
+    tip_y_um = loaded.translation_m[1] * 1e6;
+    tip_z_um = loaded.translation_m[2] * 1e6;
+    turn_x_urad = loaded.rotation_rad[0] * 1e6;
+    turn_y_urad = loaded.rotation_rad[1] * 1e6;
+    turn_z_urad = loaded.rotation_rad[2] * 1e6;
+#define K(I, J) k_##I##J = corrected.stiffness.k_si[I - 1][J - 1]
+    K(1, 1), K(1, 2), K(1, 3), K(1, 4), K(1, 5), K(1, 6);
+    K(2, 2), K(2, 3), K(2, 4), K(2, 5), K(2, 6);
+    K(3, 3), K(3, 4), K(3, 5), K(3, 6);
+    K(4, 4), K(4, 5), K(4, 6);
+    K(5, 5), K(5, 6);
+    K(6, 6);
+#undef K
+    return found;
+}
+
+/* A period of the compensator. `stands` is an error when there is no place to compensate at. */
+static void compensate(struct __comp_state *__comp_inst, PkmError stands, const PkmConfiguration_f64 *configuration,
+                       const PkmWrench_f64 *wrench) {
+    const PkmError unready = asked_found != PKM_ERROR_OK ? asked_found : stands;
+    was_on = enable && unready == PKM_ERROR_OK;
+    const PkmReading_f64 reading = {was_on, *wrench, rise_k};
+    PkmOffset_f64 to;
+    PkmError found = pkm_tool_compensator_update_f64(compensator, pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(),
+                                                     configuration, &reading, &to);
+    if (found == PKM_ERROR_OK) {
+        active = 0;
+        for (int i = 0; i < 5; i++) {
+            offset(i) = i < 3 ? to.screws_m[i] * MM : to.wrist_rad[i - 3] * DEG;
+            if (offset(i) != 0) active = 1;
+        }
+        *__comp_inst->limit = to.limit;
+        found = enable && unready != PKM_ERROR_OK ? unready : to.fault;
+    }
+    fault_code = found;
+    *__comp_inst->fault = found != PKM_ERROR_OK;
+}
+
+FUNCTION(from_drives) {
+    (void)period;
+    for (int i = 0; i < 5; i++) feedback(i) = drive_fb(i) - offset(i);
+}
+
+FUNCTION(to_drives) {
+    const long long begun = rtapi_get_time();
+    table_high = pkm_table_checksum() >> 32;
+    table_low = (hal_u32_t)pkm_table_checksum();
+    if (!was_on && !active) take_settings(__comp_inst, period);
+
+    const PkmJoints_f64 joints = {{{joint(0) / MM, joint(1) / MM, joint(2) / MM}}, {joint(3) / DEG, joint(4) / DEG}};
+    const PkmWrench_f64 wrench = {{fx, fy, fz}, {mx, my, mz}};
+    PkmToolPlace_f64 place;
+    memset(&place, 0, sizeof place);
+    const PkmError stands = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
+    why = stands == PKM_ERROR_OK ? show(__comp_inst, &place, &wrench) : stands;
+    ok = why == PKM_ERROR_OK;
+    compensate(__comp_inst, stands, &place.configuration, &wrench);
+    for (int i = 0; i < 5; i++) drive(i) = command(i) + offset(i);
+
+    last_ns = rtapi_get_time() - begun;
+    if (last_ns > max_ns) max_ns = last_ns;
+}
+
+static int is_for(const char *what, const char *wanted_sum, unsigned long long sum) {
+    char text[17];
+    rtapi_snprintf(text, sizeof(text), "%016llx", sum);
+    if (wanted_sum && !strcmp(wanted_sum, text)) return 1;
+    rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: the %s compiled in is %s, this configuration is for %s: build modules "
+                    "and configuration from one machine file (cargo xtask linuxcnc build)\n", what, text,
+                    wanted_sum ? wanted_sum : "none that it names");
+    return 0;
+}
+
+EXTRA_SETUP() {
+    (void)prefix;
+    (void)extra_arg;
+    if (!is_for("machine", machine, pkm_machine_checksum()) || !is_for("wrist", wrist, pkm_wrist_checksum()) ||
+        !is_for("table", table, pkm_table_checksum())) {
+        return -EINVAL;
+    }
+    PkmCompensatorSettings set;
+    PkmError found = pkm_compensator_defaults(&set, sizeof set);
+    compensator = hal_malloc(pkm_tool_compensator_size_f64());
+    if (found == PKM_ERROR_OK) found = make(&set);
+    if (found != PKM_ERROR_OK) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s\n", pkm_error_text(found));
+        return -EINVAL;
+    }
+    __comp_inst->gain = set.gain;
+    __comp_inst->filter_s = set.filter_s;
+    __comp_inst->dead_band_n = set.dead_band_n;
+    __comp_inst->dead_band_nm = set.dead_band_nm;
+    __comp_inst->max_force_n = set.max_force_n;
+    __comp_inst->max_moment_nm = set.max_moment_nm;
+    __comp_inst->hold_s = set.hold_s;
+    __comp_inst->stuck_s = set.stuck_s;
+    max_screw_mm = set.max_screw_m * MM;
+    max_wrist_deg = set.max_wrist_rad * DEG;
+    screw_rate_mm_per_s = set.screw_rate_m_per_s * MM;
+    wrist_rate_deg_per_s = set.wrist_rate_rad_per_s * DEG;
+    __comp_inst->outside_box = set.outside_box;
+    return 0;
+}
