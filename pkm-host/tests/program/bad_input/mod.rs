@@ -108,8 +108,13 @@ impl Reader<'_> {
     /// Calls the program for text with nothing at `OUT`, and for JSON with old files there.
     fn calls(&self, folder: &Folder, at: &str, words: &str) -> Result<(), String> {
         let out = folder.path("out");
-        let args: Vec<String> =
-            self.call.iter().map(|a| a.replace("BAD", &folder.path(self.name)).replace("OUT", &out)).collect();
+        // at the beginning alone: a temporary folder may have these letters in its name
+        let of = |a: &&str| match (a.strip_prefix("BAD"), a.strip_prefix("OUT")) {
+            (Some(rest), _) => folder.path(self.name) + rest,
+            (_, Some(rest)) => out.clone() + rest,
+            _ => (*a).to_owned(),
+        };
+        let args: Vec<String> = self.call.iter().map(of).collect();
         let args: Vec<&str> = args.iter().map(String::as_str).collect();
         let before = folder.contents();
         let output = run(&args);
