@@ -148,10 +148,12 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
     let table = option("table", &fixture("jobs/wide-table.json"));
     run(&["place", &table, "--step-mm=5", "--step-deg=5", "--seed=1"], &folder("place"))?;
     run(&["map", &table], &folder("map"))?;
+    let path = option("path", &fixture("jobs/path.ngc"));
+    run(&["compensate", &table, &path], &folder("compensate").join("path.ngc"))?;
     let poses = option("poses", &poses);
     run(&["fem", &poses, "--mesh=3", "--jobs=1"], &out.join("fem.csv"))?;
     run(&["fem", &poses, "--mesh=3", "--jobs=1", "--dry-run"], &out.join("fem-dry.csv"))?;
-    let of_folder = ["fit", "fit-full", "fit-diagonal", "diagnose-p08", "diagnose-p10", "place", "map"];
+    let of_folder = ["fit", "fit-full", "fit-diagonal", "diagnose-p08", "diagnose-p10", "place", "map", "compensate"];
     let mut all: Vec<_> = of_folder.iter().map(|name| (*name, folder(name).join("report.html"))).collect();
     all.extend([("fem", folder("fem.html")), ("fem-dry", folder("fem-dry.drawing.html"))]);
     Ok(all)

@@ -18,8 +18,9 @@ use crate::files::tools::Tools;
 use crate::plan::compensate::{Correction, Request, Track, walk};
 use crate::plan::model::{Form, Model, no_factor_form};
 use crate::report::compensate as report;
+use crate::report::page::of_file;
 
-/// A tool path that cancels the deflection that the model predicts along it; beside it a plot of the tip's error.
+/// A tool path that cancels the deflection that the model predicts along it; beside it a report and a plot of the tip's error.
 ///
 /// The machine is led along the path step by step and never changes sides of a singularity. G-code of LinuxCNC and the
 /// Fanuc family: X Y Z are the tip in the work frame in force (its axes are those of B, or turned as the job says); its direction is A B, the wrist's β1
@@ -61,10 +62,13 @@ pub(crate) struct Args {
     /// Lets points pass that lie outside the table's box, and says so in the file.
     #[arg(long)]
     allow_extrapolation: bool,
-    /// File to write, in the path's format; the plot goes to the same name with .svg.
+    /// File to write, in the path's format; the plot goes to the same name with .svg, and report.html into its folder.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
+
+/// What stands beside the new path.
+const REPORT: &str = "report.html";
 
 impl Args {
     fn check(&self) -> Result<()> {
@@ -95,12 +99,11 @@ impl Args {
 
     /// Names of the path and of the plot beside it.
     fn names(&self, svg: &Path) -> Result<[OsString; 2]> {
+        let refused = |message| Err(Failure::usage(message).in_file(self.out.display().to_string()));
         match (source::name_of(&self.out), svg.file_name().filter(|_| svg != self.out)) {
+            (Some(name), _) if name == REPORT => refused("expected another name: the report goes there"),
             (Some(name), Some(svg_name)) => Ok([name.into(), svg_name.into()]),
-            _ => {
-                let message = "expected the name of a file other than .svg: the plot goes there";
-                Err(Failure::usage(message).in_file(self.out.display().to_string()))
-            }
+            _ => refused("expected the name of a file other than .svg: the plot goes there"),
         }
     }
 
@@ -140,26 +143,44 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         step_mm: args.step_mm,
         allow_extrapolation: args.allow_extrapolation,
     };
+    let margin = model.machine.wrist_parameters.singularity_margin;
     let track = walk(&model.machine, correction.as_ref(), &request, &bar())?;
     let written = path.written(&track.points, &notes(args, &model, &track, in_program, session));
     let inputs =
         [session.machine_path(), args.table.as_deref(), Some(&args.path), args.job.as_deref(), args.tools.as_deref()];
-    let files = [(name, written), (svg_name, report::picture(&track)?)];
-    source::write_all(source::folder_of(&args.out), &files, &inputs)?;
-    let [out, plot] = [&args.out, &svg].map(|path| path.display().to_string());
+    let html = report::html(&track, &facts(args, &model)?, &session.warnings, margin)?;
+    let files = [(name, written), (svg_name, report::picture(&track)?), (REPORT.into(), html)];
+    let folder = source::folder_of(&args.out);
+    source::write_all(folder, &files, &inputs)?;
+    let [out, plot, page] = [&args.out, &svg, &folder.join(REPORT)].map(|path| path.display().to_string());
     let points: usize = track.points.iter().map(Vec::len).sum();
     let text = format!(
-        "wrote {points} points to {out} and their errors to {plot}\n{}",
-        report::text(&track, model.machine.wrist_parameters.singularity_margin)
+        "wrote {points} points to {out} and their errors to {plot} and {page}\n{}",
+        report::text(&track, margin)
     );
     let mut json = report::document(&track);
-    (json["out"], json["plot"]) = (json!(out), json!(plot));
+    (json["out"], json["plot"], json["report"]) = (json!(out), json!(plot), json!(page));
     session.output(text, &json)
+}
+
+/// What the report says it stands on.
+fn facts(args: &Args, model: &Model) -> Result<Vec<(&'static str, String)>> {
+    let mut facts = vec![("Machine", format!("{}, {}", model.machine.name, of_file(&model.machine.source)))];
+    facts.push(("Table", model.table.as_ref().map_or("none".to_owned(), |t| of_file(&t.source))));
+    let given = [("Path", Some(&args.path)), ("Job", args.job.as_ref()), ("Tools", args.tools.as_ref())];
+    for (name, path) in given.into_iter().filter_map(|(name, path)| Some((name, path?))) {
+        facts.push((name, of_file(&Source::read(path)?)));
+    }
+    if let Some(wrench) = args.wrench {
+        let load = wrench.map(|v| v.to_string()).join(", ");
+        facts.push(("Load", format!("{load} N and N·m on the tool at its tip, in the tool's axes")));
+    }
+    Ok(facts)
 }
 
 /// What stands at the head of the new path.
 fn notes(args: &Args, model: &Model, track: &Track, in_program: bool, session: &mut Session) -> Vec<String> {
-    if track.curve.is_empty() {
+    if track.loaded.is_empty() {
         session.warn(["no load anywhere on the path: nothing to compensate".to_owned()]);
     }
     let mut notes = Vec::new();

@@ -69,11 +69,45 @@ impl Tally {
     }
 }
 
-/// A loaded tool against what was asked: of the tip in m, of the axis in rad.
+/// A loaded tool against what was asked.
 struct LoadedTool {
     hold: Hold<f64>,
-    off: [f64; 2],
+    tip_off_m: [f64; 3],
+    axis_off: [f64; 3],
     domain: Option<Domain>,
+}
+
+impl LoadedTool {
+    /// How far off tip and axis are, in m and rad.
+    fn off(&self) -> [f64; 2] {
+        [self.tip_off_m, self.axis_off].map(length)
+    }
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    v.into_iter().map(|x| x.powi(2)).sum::<f64>().sqrt()
+}
+
+/// A point of the path under load.
+#[derive(Clone, Copy, Debug)]
+pub struct LoadedPoint {
+    /// Line of the file that leads to it.
+    pub line: u64,
+    /// Way of the tip from the beginning, m.
+    pub way_m: f64,
+    /// Where the tip was asked to be, in B.
+    pub tip_m: [f64; 3],
+    /// How far the load takes it from there, in B.
+    pub before_m: [f64; 3],
+    /// How far it is off with the new command.
+    pub after_m: f64,
+}
+
+impl LoadedPoint {
+    /// How far the load takes the tip.
+    pub fn before(&self) -> f64 {
+        length(self.before_m)
+    }
 }
 
 /// What came of a path.
@@ -91,8 +125,8 @@ pub struct Track {
     pub least_share: f64,
     /// Points outside the table's box.
     pub extrapolated: usize,
-    /// Way in m, error of the tip before and after in m.
-    pub curve: Vec<[f64; 3]>,
+    /// Where a load acts, in the path's order.
+    pub loaded: Vec<LoadedPoint>,
 }
 
 /// How far outside a table's box a pose is.
@@ -148,12 +182,11 @@ impl Walk<'_> {
         let moved = self.reach.five.deflection(self.table(), &hold.configuration, wrench)?;
         let ([rx, ry, rz], [i, j, k]) = (moved.rotation_rad, tool.axis);
         let swing = [ry * k - rz * j, rz * i - rx * k, rx * j - ry * i];
-        let off = |now: [f64; 3], by: [f64; 3], goal: [f64; 3]| {
-            (0..3).map(|i| (now[i] + by[i] - goal[i]).powi(2)).sum::<f64>().sqrt()
-        };
+        let off = |now: [f64; 3], by: [f64; 3], goal: [f64; 3]| std::array::from_fn(|i| now[i] + by[i] - goal[i]);
         Ok(LoadedTool {
             hold,
-            off: [off(tool.tip_m, moved.translation_m, asked.tip_m), off(tool.axis, swing, asked.axis)],
+            tip_off_m: off(tool.tip_m, moved.translation_m, asked.tip_m),
+            axis_off: off(tool.axis, swing, asked.axis),
             domain: moved.domain,
         })
     }
@@ -212,15 +245,22 @@ impl Walk<'_> {
         let halfway = halfway.transpose().map_err(failed)?;
         let track = &mut self.track;
         if let Some(halfway) = halfway {
-            track.halfway.add(halfway.off[0]);
+            track.halfway.add(halfway.off()[0]);
         }
+        let [off_before, off_after] = [before.off(), after.off()];
         for i in 0..2 {
-            track.before[i].add(before.off[i]);
-            track.after[i].add(after.off[i]);
+            track.before[i].add(off_before[i]);
+            track.after[i].add(off_after[i]);
         }
         track.extrapolated += usize::from(outside.is_some());
         track.least_share = track.least_share.min(after.hold.home_share);
-        track.curve.push([self.way_m, before.off[0], after.off[0]]);
+        track.loaded.push(LoadedPoint {
+            line: self.position.line,
+            way_m: self.way_m,
+            tip_m: asked.tip_m,
+            before_m: before.tip_off_m,
+            after_m: off_after[0],
+        });
         let point = Point { place, wrench: *wrench };
         self.last = Some((*asked, point));
         self.put(point);

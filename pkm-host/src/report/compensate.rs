@@ -1,33 +1,146 @@
-//! What came of a compensated path: the plot of the tip's error, text and JSON.
+//! What came of a compensated path: pictures of the tip's error, the report, text and JSON.
 
+use maud::html;
 use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::plan::compensate::{Tally, Track};
+use crate::plan::compensate::{LoadedPoint, Tally, Track};
+use crate::report::page::{self, Finding, Page};
 use crate::report::plot::{self, Mark, Panel, Series};
 
-/// Error of the tip along the way: of as many stretches as a screen shows, the greatest.
+/// Lines of the program in the report's table.
+const SHOWN: usize = 12;
+/// Nearer to a singularity than this many times the limit is said first.
+const NEAR: f64 = 1.5;
+
+/// Of as many stretches of the path as a screen shows, the greatest value in µm over the way in mm.
+fn along(track: &Track, name: &str, of: impl Fn(&LoadedPoint) -> f64) -> Series {
+    const STRETCHES: usize = 250;
+    let stretch = track.loaded.len().div_ceil(STRETCHES).max(1);
+    let greatest = |part: &[LoadedPoint]| {
+        let worst = part.iter().max_by(|a, b| of(a).abs().total_cmp(&of(b).abs()));
+        worst.map(|p| (p.way_m * 1e3, of(p) * 1e6))
+    };
+    let points = track.loaded.chunks(stretch).filter_map(greatest).collect();
+    Series { name: name.to_owned(), points, mark: Mark::Line }
+}
+
+fn errors(track: &Track) -> Panel {
+    // residuals near zero are as intended
+    Panel {
+        title: "error of the tip, as the model predicts it".to_owned(),
+        x_label: "path length in mm".to_owned(),
+        y_label: "µm".to_owned(),
+        series: vec![along(track, "uncompensated", LoadedPoint::before), along(track, "compensated", |p| p.after_m)],
+    }
+}
+
+/// Error of the tip along the way.
 ///
 /// # Errors
 /// What the drawing library says.
 pub fn picture(track: &Track) -> Result<String> {
-    const STRETCHES: usize = 250;
-    let stretch = track.curve.len().div_ceil(STRETCHES).max(1);
-    let series = |name: &str, column: usize| {
-        let of = |part: &[[f64; 3]]| {
-            let worst = part.iter().max_by(|a, b| a[column].total_cmp(&b[column]));
-            worst.map(|p| (p[0] * 1e3, p[column] * 1e6))
-        };
-        let points = track.curve.chunks(stretch).filter_map(of).collect();
-        Series { name: name.to_owned(), points, mark: Mark::Line }
+    plot::panels(&[errors(track)])
+}
+
+/// Where the loaded path is, seen along an axis of B, and its point of greatest error.
+fn view(track: &Track, [right, up]: [usize; 2]) -> Panel {
+    let name = |axis: usize| format!("{} in mm", ["x", "y", "z"][axis]);
+    let at = |p: &LoadedPoint| (p.tip_m[right] * 1e3, p.tip_m[up] * 1e3);
+    let step = track.loaded.len().div_ceil(2000).max(1);
+    let series = |name: &str, points: Vec<(f64, f64)>, mark| Series { name: name.to_owned(), points, mark };
+    let worst = track.loaded.iter().max_by(|a, b| a.before().total_cmp(&b.before()));
+    Panel {
+        title: format!("tip under load, {} over {}", ["x", "y", "z"][up], ["x", "y", "z"][right]),
+        x_label: name(right),
+        y_label: name(up),
+        series: vec![
+            series("path", track.loaded.iter().step_by(step).map(at).collect(), Mark::Dot),
+            series("greatest error", worst.map(at).into_iter().collect(), Mark::Cross),
+        ],
+    }
+}
+
+/// The lines with the greatest errors: line, way, and the greatest errors on it.
+fn worst_lines(track: &Track) -> Vec<(String, Vec<String>)> {
+    let mut lines: Vec<(LoadedPoint, f64)> = Vec::new();
+    for p in &track.loaded {
+        match lines.last_mut().filter(|(worst, _)| worst.line == p.line) {
+            Some((worst, after)) => {
+                *after = after.max(p.after_m);
+                if p.before() > worst.before() {
+                    *worst = *p;
+                }
+            }
+            None => lines.push((*p, p.after_m)),
+        }
+    }
+    lines.sort_by(|a, b| b.0.before().total_cmp(&a.0.before()));
+    let row = |(p, after): &(LoadedPoint, f64)| {
+        let [x, y, z] = p.tip_m.map(|m| format!("{:.3}", m * 1e3));
+        let [dx, dy, dz] = p.before_m.map(|m| format!("{:.2}", m * 1e6));
+        let sizes = [p.before(), *after].map(|m| format!("{:.3}", m * 1e6));
+        (format!("line {}", p.line), [&[x, y, z, dx, dy, dz][..], &sizes].concat())
     };
-    // residuals near zero are as intended
-    plot::panels(&[Panel {
-        title: "error of the tip, as the model predicts it".to_owned(),
+    lines.iter().take(SHOWN).map(row).collect()
+}
+
+/// What to think of it.
+fn findings(track: &Track, limit: f64) -> Vec<Finding> {
+    if track.loaded.is_empty() {
+        return vec![Finding::warning("No load acts anywhere on the path: nothing was compensated.")];
+    }
+    let [before, after] = [&track.before[0], &track.after[0]].map(|t| t.max * 1e6);
+    let mut all = vec![Finding::good(format!(
+        "The load takes the tip {before:.1} µm from its path at most; with the new commands {after:.4} µm are left."
+    ))];
+    if track.extrapolated > 0 {
+        let points: usize = track.points.iter().map(Vec::len).sum();
+        let text = format!(
+            "{} of {points} points lie outside the table's box: what is compensated there is extrapolated.",
+            track.extrapolated
+        );
+        all.insert(0, Finding::bad(text));
+    }
+    let [least, limit] = [track.least_share, limit].map(|share| 100.0 * share);
+    let text = format!(
+        "Closest to a singularity the determinant is {least:.1} % of that at home; below {limit} % it is refused."
+    );
+    all.push(if least < NEAR * limit { Finding::warning(text) } else { Finding::good(text) });
+    all.push(Finding::good(
+        "All errors are what the model predicts: of the deflection under the stated load alone, with nothing of friction's \
+         history, of the drives' following error or of thermal growth.",
+    ));
+    all
+}
+
+/// The report; `limit` is the least normalised determinant that the machine file allows.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn html(track: &Track, facts: &[(&str, String)], warnings: &[String], limit: f64) -> Result<String> {
+    let components = Panel {
+        title: "by component, uncompensated".to_owned(),
         x_label: "path length in mm".to_owned(),
         y_label: "µm".to_owned(),
-        series: vec![series("uncompensated", 1), series("compensated", 2)],
-    }])
+        series: (0..3).map(|i| along(track, ["x", "y", "z"][i], move |p| p.before_m[i])).collect(),
+    };
+    let panels = [errors(track), components, view(track, [0, 1]), view(track, [0, 2])];
+    let heads = ["x in mm", "y in mm", "z in mm", "dx in µm", "dy in µm", "dz in µm", "off in µm", "compensated in µm"];
+    let body = html! {
+        @if !track.loaded.is_empty() {
+            h2 { "Error of the tip" }
+            (page::charts("How far the load takes the tip from its path, and where, in the axes of B. Of each stretch the greatest.", &panels)?)
+            h2 { "Lines" }
+            (page::table(
+                "The lines with the greatest error: where it is on each, what the load does there, and the greatest that is left on the line.",
+                &heads,
+                &worst_lines(track),
+            ))
+        }
+    };
+    let title = "Compensated tool path".to_owned();
+    Ok(Page { title, findings: &findings(track, limit), warnings, body, facts: facts.to_vec() }.html())
 }
 
 /// For the terminal; `limit` is the least normalised determinant that the machine file allows.
@@ -56,7 +169,7 @@ pub fn document(track: &Track) -> Value {
     let [before, after] = [&track.before, &track.after];
     json!({
         "points": track.points.iter().map(Vec::len).sum::<usize>(),
-        "loaded_points": track.curve.len(),
+        "loaded_points": track.loaded.len(),
         "error_before_um": micro(&before[0]),
         "error_after_um": micro(&after[0]),
         "axis_error_before_urad": micro(&before[1]),

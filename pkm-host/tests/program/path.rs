@@ -243,6 +243,12 @@ fn a_compensated_csv_leaves_a_thousandth_of_the_deflection() {
         assert_eq!((&summary["points"], &summary["extrapolated_points"]), (&asked.len().into(), &0.into()));
         assert!((0.1..2.0).contains(&summary["min_home_share"].as_f64().unwrap()));
         assert!(folder.read("out.svg").contains("<svg"));
+        let report = folder.read("report.html");
+        assert!(report.contains(&format!("takes the tip {before:.1} µm from its path at most")), "{summary}");
+        // the lines with the greatest errors, the worst first
+        let row = &report[report.find("<tbody>").unwrap()..];
+        let row = &row[..row.find("</tr>").unwrap()];
+        assert!(row.contains("line ") && row.contains(&format!(">{before:.3}<")), "{row}");
     }
     let out = folder.path("filled.csv");
     let filled = json(&["compensate", "--path", &path, "--step-mm", "5", "--out", &out]);
@@ -532,6 +538,8 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
     says(&refused(&step), "usage", None, &["--step-mm"]);
     let csv = ["compensate", "--path", &fixture("jobs/path.csv"), "--wrench", "1,0,0,0,0,0", "--out", &out];
     says(&refused(&csv), "usage", None, &["columns fx_n"]);
+    let report = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &folder.path("report.html")];
+    says(&refused(&report), "usage", None, &["the report goes there"]);
     let svg = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &folder.path("a.svg")];
     says(&refused(&svg), "usage", None, &["the plot goes there"]);
     let other = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &out];

@@ -98,6 +98,13 @@ fn map_escapes_names() {
 }
 
 #[test]
+fn compensate_escapes_names() {
+    let named = Named::new();
+    let (path, out) = (named.copy("jobs/path.csv"), named.folder.path("out/p.csv"));
+    named.check(&["compensate", "--path", &path, "--out", &out], "out/report.html", &[FILE]);
+}
+
+#[test]
 fn fem_escapes_names() {
     let named = Named::new();
     let id = NAME.replace('"', "\"\"");
