@@ -233,7 +233,8 @@ pub fn taken_otherwise(
     let declared = vec![0.0; stiffnesses.len()];
     let at_declared = |problem: &Problem<'_>| problem.linear(&stiffnesses, declared.clone().into());
     let as_said = at_declared(problem)?;
-    let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, model.uncertainty.stiffness);
+    let uncertainty = model.uncertainty.joint.max(model.uncertainty.body);
+    let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, uncertainty);
     let said = left(&as_said, &as_said.residuals);
     let found: Vec<(String, f64)> = other_ways(readings, tip_m)
         .into_par_iter()

@@ -3,6 +3,8 @@
 use pkm_core::MachineParameters;
 use pkm_core::machine::{Joint, Tube};
 
+use crate::files::machine::Uncertainty;
+
 /// A declared stiffness of the machine file. Young's and shear modulus count for rod and screw together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Declared {
@@ -59,6 +61,11 @@ impl Declared {
             Part::Young => format!("limb.{limb}.body.young_gpa"),
             Part::Shear => format!("limb.{limb}.body.shear_gpa"),
         }
+    }
+
+    /// Relative standard deviation with which it is declared.
+    pub fn uncertainty(&self, of: &Uncertainty) -> f64 {
+        if matches!(self.part, Part::Young | Part::Shear) { of.body } else { of.joint }
     }
 
     /// Axis of a joint's stiffness.

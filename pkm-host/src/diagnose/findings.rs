@@ -35,7 +35,7 @@ pub fn declared_findings(problem: &Problem<'_>, model: &Model, search: &Search) 
     let mut findings: Vec<DeclaredFinding> = Vec::new();
     let finding = |d: &Declared, class: Vec<String>| {
         let (declared, estimated) = (d.value(&model.declared), d.value(&state.machine));
-        let pull_sd = (estimated / declared).ln() / model.uncertainty.stiffness;
+        let pull_sd = (estimated / declared).ln() / d.uncertainty(&model.uncertainty);
         let inspect = text::inspect_declared(d);
         DeclaredFinding { parameter: d.key(), axis: d.axis(), class, declared, estimated, pull_sd, inspect }
     };

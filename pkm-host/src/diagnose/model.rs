@@ -199,7 +199,7 @@ impl Model {
             Unknown(parameters.len() - 1)
         };
         for d in Declared::all(&declared) {
-            let prior = Prior::LogNormal { middle: 1.0, sd: file.uncertainty.stiffness };
+            let prior = Prior::LogNormal { middle: 1.0, sd: d.uncertainty(&file.uncertainty) };
             add(Meaning::Stiffness(d), prior, Role::Declared, false);
         }
         let usual = usual(file)?;

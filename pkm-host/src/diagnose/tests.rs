@@ -139,6 +139,31 @@ fn lines() -> (Vec<Condition>, [usize; 9]) {
     (loads.map(|(pose, load)| Condition { rise_k: 3.0, ..condition(pose, load) }).to_vec(), [0, 0, 0, 1, 2, 2, 3, 4, 4])
 }
 
+/// A maker may know the sections of bodies better than the stiffness of joints.
+#[test]
+fn joints_and_bodies_have_uncertainties_of_their_own() {
+    let text = pkm_fixtures::MACHINE.text;
+    let deviations = |keys: &str| -> Vec<(bool, f64)> {
+        let text = text.replacen("stiffness = 0.10", keys, 1);
+        let file = MachineFile::parse(Source::from_text("m.toml", text)).unwrap();
+        let model = Model::new(&file, Recorded { temperatures: false, unloading: false }, Method::Formulas).unwrap();
+        let all = Declared::all(&file.parameters).into_iter().zip(&model.parameters);
+        all.map(|(d, p)| (matches!(d.part, Part::Young | Part::Shear), p.prior.value(1.0).ln())).collect()
+    };
+    for (keys, joint, body) in [
+        ("stiffness = 0.2", 0.2, 0.2),
+        ("stiffness = 0.2\nbody = 0.03", 0.2, 0.03),
+        ("joint = 0.3\nbody = 0.03", 0.3, 0.03),
+        ("joint = 0.3", 0.3, 0.1),
+    ] {
+        let found = deviations(keys);
+        assert!(found.iter().any(|f| f.0) && found.iter().any(|f| !f.0));
+        for (is_body, sd) in found {
+            assert!((sd - if is_body { body } else { joint }).abs() < 1e-12, "{keys}: {sd}");
+        }
+    }
+}
+
 #[test]
 fn gains_of_loads_are_those_of_the_deflection() {
     let file = machine();

@@ -15,7 +15,10 @@ use crate::pose::{NamedPose, pose_of, written_units};
 pub const WRENCH_COLUMNS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 /// The deflection, loaded minus unloaded.
 pub const DEFLECTION_COLUMNS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
+/// Where the deflection is read, and the load given if it has no point of its own.
 pub(crate) const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
+/// Where the load is given.
+pub(crate) const LOAD_POINT_COLUMNS: [&str; 3] = ["load_u_mm", "load_v_mm", "load_w_mm"];
 /// Far beyond what a machine bears, and its square still a number.
 pub(crate) const MOST_LOAD: f64 = 1e12;
 

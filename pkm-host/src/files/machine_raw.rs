@@ -21,8 +21,10 @@ use crate::pose::{PoseBox, pose_of};
 /// Standard deviations, as the machine file declares them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Of declared stiffnesses, relative.
-    pub stiffness: f64,
+    /// Of declared stiffnesses of joints, relative.
+    pub joint: f64,
+    /// Of declared stiffnesses of bodies, relative.
+    pub body: f64,
     /// Of the direction of a load, rad.
     pub load_direction_rad: f64,
     /// Of the size of a load, relative.
@@ -78,6 +80,8 @@ pub(super) struct RawBox {
 #[serde(deny_unknown_fields)]
 pub(super) struct RawUncertainty {
     pub(super) stiffness: Option<Number>,
+    pub(super) joint: Option<Number>,
+    pub(super) body: Option<Number>,
     pub(super) load_direction_mrad: Option<Number>,
     pub(super) load_gain: Option<Number>,
 }
@@ -213,8 +217,10 @@ impl RawUncertainty {
     /// Where nothing is declared: stiffnesses to 10 %, loads exact.
     pub(super) fn values(&self) -> Uncertainty {
         let declared = |n: Option<&Number>, or: f64| n.map_or(or, |n| *n.get_ref());
+        let stiffness = declared(self.stiffness.as_ref(), 0.10);
         Uncertainty {
-            stiffness: declared(self.stiffness.as_ref(), 0.10),
+            joint: declared(self.joint.as_ref(), stiffness),
+            body: declared(self.body.as_ref(), stiffness),
             load_direction_rad: declared(self.load_direction_mrad.as_ref(), 0.0) / 1e3,
             load_gain: declared(self.load_gain.as_ref(), 0.0),
         }
@@ -370,15 +376,17 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
         numbers.extend(wrist_numbers(wrist)?);
     }
     if let Some(u) = &raw.uncertainty {
-        let keys = ["uncertainty.stiffness", "uncertainty.load_direction_mrad", "uncertainty.load_gain"];
-        for (key, n) in keys.into_iter().zip([&u.stiffness, &u.load_direction_mrad, &u.load_gain]) {
-            numbers.extend(n.as_ref().map(|n| (key, n, true)));
-        }
-        if let Some(n) = &u.stiffness
-            && !(*n.get_ref() > 0.0 && *n.get_ref() <= 1.0)
-        {
-            let message = format!("expected a relative standard deviation above 0, at most 1, found {}", n.get_ref());
-            return Err(("uncertainty.stiffness", n.span(), message));
+        let of_loads =
+            [("uncertainty.load_direction_mrad", &u.load_direction_mrad), ("uncertainty.load_gain", &u.load_gain)];
+        numbers.extend(of_loads.into_iter().filter_map(|(key, n)| Some((key, n.as_ref()?, true))));
+        let of_stiffnesses =
+            [("uncertainty.stiffness", &u.stiffness), ("uncertainty.joint", &u.joint), ("uncertainty.body", &u.body)];
+        for (key, n) in of_stiffnesses.into_iter().filter_map(|(key, n)| Some((key, n.as_ref()?))) {
+            let value = *n.get_ref();
+            if !(value > 0.0 && value <= 1.0) {
+                let message = format!("expected a relative standard deviation above 0, at most 1, found {value}");
+                return Err((key, n.span(), message));
+            }
         }
     }
     for (key, n, not_negative) in numbers {

@@ -4,7 +4,7 @@ use pkm_core::Wrench;
 
 use crate::error::{Failure, Result};
 use crate::files::csv::{self, Row, Sheet};
-use crate::files::dataset::{DEFLECTION_COLUMNS, POINT_COLUMNS, WRENCH_COLUMNS};
+use crate::files::dataset::{DEFLECTION_COLUMNS, LOAD_POINT_COLUMNS, POINT_COLUMNS, WRENCH_COLUMNS};
 use crate::files::import::{self, Imported, Renames};
 use crate::files::machine::MachineFile;
 use crate::files::source::Source;
@@ -19,7 +19,7 @@ pub struct LoadCase {
     pub pose: NamedPose,
     /// Force in N and moment in N·m on the platform, at `point_m`, in A-uvw.
     pub wrench: Wrench<f64>,
-    /// Where wrench and deflection are given, in A-uvw.
+    /// Where the deflection is read, in A-uvw.
     pub point_m: [f64; 3],
 }
 
@@ -90,10 +90,11 @@ pub fn to_csv(sheet: &Sheet) -> String {
     csv::to_csv(b',', &header, rows)
 }
 
-/// Where the rows of a sheet have pose and point.
+/// What the rows of a sheet have of pose and points.
 struct Columns {
     pose: [&'static str; 3],
     has_point: bool,
+    has_load_point: bool,
 }
 
 impl Columns {
@@ -102,12 +103,15 @@ impl Columns {
         let mut missing = Vec::new();
         let pose = sheet.pose_columns().map_err(|failure| missing.push(failure)).ok();
         missing.extend(sheet.require(&WRENCH_COLUMNS).err());
-        let has_point = POINT_COLUMNS.iter().any(|c| sheet.has(c));
-        if has_point {
-            missing.extend(sheet.require(&POINT_COLUMNS).err());
-        }
+        let [has_point, has_load_point] = [POINT_COLUMNS, LOAD_POINT_COLUMNS].map(|columns| {
+            let has_some = columns.iter().any(|c| sheet.has(c));
+            if has_some {
+                missing.extend(sheet.require(&columns).err());
+            }
+            has_some
+        });
         match pose {
-            Some(pose) if missing.is_empty() => Ok(Self { pose, has_point }),
+            Some(pose) if missing.is_empty() => Ok(Self { pose, has_point, has_load_point }),
             _ => Err(missing),
         }
     }
@@ -123,12 +127,17 @@ impl Columns {
             wrong.extend(direction(sheet, row).err());
         }
         let wrench = sheet.load(row).map_err(|f| wrong.push(f)).ok();
-        let point_mm = if self.has_point { sheet.numbers(row, POINT_COLUMNS) } else { Ok([0.0; 3]) };
-        let point_mm = point_mm.map_err(|f| wrong.push(f)).ok();
-        let case = pose.zip(wrench).zip(point_mm).map(|((pose, wrench), point_mm)| LoadCase {
-            pose,
-            wrench: Wrench::from_array(wrench),
-            point_m: point_mm.map(|mm| mm / 1e3),
+        let mut point = |has_it: bool, columns: [&'static str; 3]| {
+            let mm = if has_it { sheet.numbers(row, columns) } else { Ok([0.0; 3]) };
+            mm.map_err(|f| wrong.push(f)).ok().map(|mm| mm.map(|mm| mm / 1e3))
+        };
+        let (point_m, load_m) = (point(self.has_point, POINT_COLUMNS), point(self.has_load_point, LOAD_POINT_COLUMNS));
+        let case = pose.zip(wrench).zip(point_m.zip(load_m)).map(|((pose, wrench), (point_m, load_m))| {
+            let given = Wrench::from_array(wrench);
+            // from here on both are at one point
+            let lever: [f64; 3] = std::array::from_fn(|i| load_m[i] - point_m[i]);
+            let wrench = if self.has_load_point { given.moved_to_a(lever) } else { given };
+            LoadCase { pose, wrench, point_m }
         });
         (case, wrong)
     }

@@ -323,6 +323,33 @@ fn predict_knows_load_dependent_effects() {
     assert!(extra[2] / extra[0] < 20.0, "{extra:?}");
 }
 
+/// A load that acts elsewhere than where the deflection is read.
+#[test]
+fn a_load_has_a_point_of_its_own() {
+    let folder = Folder::new();
+    let predicted = |columns: &str, cells: &str| -> Vec<f64> {
+        let header = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm";
+        let data = folder.write("d.csv", &format!("{header},{columns},dx_um\np,3.5,-2,530,{cells},\n"));
+        json(&["predict", "--data", &data, "--out", &folder.path("p.csv")]);
+        let written = folder.read("p.csv");
+        let all: Vec<&str> = written.lines().nth(1).unwrap().split(',').collect();
+        all[all.len() - 6..].iter().map(|c| c.parse().unwrap()).collect()
+    };
+    let (force, read_mm, load_mm) = ([100.0, 50.0, -400.0], [10.0, -20.0, 90.5], [0.0, 35.0, 120.0]);
+    let points = "point_u_mm,point_v_mm,point_w_mm,load_u_mm,load_v_mm,load_w_mm";
+    let apart = predicted(points, "100,50,-400,0,5.5,0,10,-20,90.5,0,35,120");
+    // by hand: the load moved to where the deflection is read
+    let r = nalgebra::Vector3::from(load_mm) * 1e-3 - nalgebra::Vector3::from(read_mm) * 1e-3;
+    let m = nalgebra::Vector3::new(0.0, 5.5, 0.0) + r.cross(&nalgebra::Vector3::from(force));
+    let cells = format!("100,50,-400,{},{},{},10,-20,90.5", m.x, m.y, m.z);
+    let together = predicted("point_u_mm,point_v_mm,point_w_mm", &cells);
+    assert!(apart.iter().zip(&together).all(|(a, b)| (a - b).abs() < 2e-4), "{apart:?} {together:?}");
+    // without a point of its own a load acts where the deflection is read
+    let there = predicted(points, "100,50,-400,0,5.5,0,10,-20,90.5,10,-20,90.5");
+    assert_eq!(there, predicted("point_u_mm,point_v_mm,point_w_mm", "100,50,-400,0,5.5,0,10,-20,90.5"));
+    assert!((apart[1] - there[1]).abs() > 10.0, "{apart:?} {there:?}");
+}
+
 #[test]
 fn predict_fills_deflections_and_keeps_the_rest() {
     let folder = Folder::new();

@@ -53,7 +53,7 @@ impl World {
         let wrenches: Vec<(Six, Six)> = (readings.conditions.iter())
             .map(|c| (at_a(c.wrench.to_array(), c.point_m), at_a(c.turned_at.to_array(), c.point_m)))
             .collect();
-        let uncertainty = vec![model.uncertainty.stiffness; stiffnesses.len()];
+        let uncertainty = stiffnesses.iter().map(|d| d.uncertainty(&model.uncertainty)).collect();
         let offset = vec![[0.0; 6]; wrenches.len()];
         let mut this = Self { frames, uncertainty, wrenches, offset, blocks: Vec::new(), terms: Vec::new() };
         let declared = State { declared: vec![0.0; stiffnesses.len()], blocks: Vec::new() };

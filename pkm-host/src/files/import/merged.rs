@@ -2,7 +2,7 @@
 
 use crate::error::printable;
 use crate::files::csv::{LENGTH_COLUMNS, POSE_COLUMNS, Sheet};
-use crate::files::dataset::{POINT_COLUMNS, WRENCH_COLUMNS};
+use crate::files::dataset::{LOAD_POINT_COLUMNS, POINT_COLUMNS, WRENCH_COLUMNS};
 
 /// What is carried down with a pose where it is empty too. Not the direction: without it, the load history tells.
 const WITH_POSE: [&str; 5] = ["series", "load", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
@@ -15,7 +15,7 @@ pub(super) fn carry_down(sheet: &mut Sheet) -> Vec<String> {
     };
     let name = place(&POSE_COLUMNS[..1]);
     let coordinates = place(&[&POSE_COLUMNS[1..], &LENGTH_COLUMNS].concat());
-    let (point, load) = (place(&POINT_COLUMNS), place(&WRENCH_COLUMNS));
+    let (point, load) = (place(&POINT_COLUMNS), place(&[&WRENCH_COLUMNS[..], &LOAD_POINT_COLUMNS].concat()));
     let with_pose = place(&WITH_POSE);
     let mut carried = [Vec::new(), Vec::new()];
     for n in 1..sheet.rows.len() {

@@ -20,7 +20,7 @@ const fn column(name: &'static str, quantity: Quantity, unit: &'static str, othe
 }
 
 /// Every column of a measured file, in the order in which they are written.
-pub const COLUMNS: [Column; 29] = [
+pub const COLUMNS: [Column; 32] = [
     column(
         "pose",
         Text,
@@ -36,6 +36,9 @@ pub const COLUMNS: [Column; 29] = [
     column("point_u_mm", Length, "mm", &["pointu"]),
     column("point_v_mm", Length, "mm", &["pointv"]),
     column("point_w_mm", Length, "mm", &["pointw"]),
+    column("load_u_mm", Length, "mm", &["loadu"]),
+    column("load_v_mm", Length, "mm", &["loadv"]),
+    column("load_w_mm", Length, "mm", &["loadw"]),
     column("fx_n", Force, "N", &["fx", "forcex", "xforce", "kraftx", "loadx"]),
     column("fy_n", Force, "N", &["fy", "forcey", "yforce", "krafty", "loady"]),
     column("fz_n", Force, "N", &["fz", "forcez", "zforce", "kraftz", "loadz"]),

@@ -84,6 +84,8 @@ const KINDS: &[Kind] = &[
     ("a negative deviation", Put("stiffness = 0.10", "stiffness = -0.10"), ":28: uncertainty.stiffness: ", "above 0"),
     ("no deviation", Put("stiffness = 0.10", "stiffness = 0.0"), ":28: uncertainty.stiffness: ", "above 0"),
     ("a deviation in percent", Put("stiffness = 0.10", "stiffness = 10"), ":28: uncertainty.stiffness: ", "at most 1"),
+    ("a deviation of joints in percent", Put("stiffness = 0.10", "joint = 10"), ":28: uncertainty.joint: ", "at most 1"),
+    ("no deviation of bodies", Put("stiffness = 0.10", "body = 0.0"), ":28: uncertainty.body: ", "above 0"),
     ("no stiffness", Put("[2.0e8, 2.0e8, 3.0e8]", "[2.0e8, 0.0, 3.0e8]"), ":34: limb.1.base_joint.linear_n_per_m[1]: ", "above 0"),
     ("a negative stiffness", Put("[2.5e8, 2.5e8, 2.5e8]", "[2.5e8, 2.5e8, -2.5e8]"), ":37: limb.1.platform_joint.linear_n_per_m[2]: ", "above 0"),
     ("no stiffness where the joint holds", Put("[0.0, 3.0e5, 3.0e5]", "[0.0, 0.0, 3.0e5]"), ":38: limb.1.platform_joint.angular_nm_per_rad[1]: ", "above 0"),
