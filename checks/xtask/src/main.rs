@@ -82,14 +82,17 @@ fn main() -> ExitCode {
 }
 
 fn trials(options: &[String]) -> Outcome {
-    let cargo = |args: &[&str]| {
-        let status = Command::new(env!("CARGO")).args(args).current_dir(root()).status();
-        status.map_err(|e| format!("cargo: {e}")).and_then(|s| if s.success() { Ok(()) } else { Err("failed".into()) })
+    let run = |program: &str, args: &[&str]| {
+        let status = Command::new(program).args(args).current_dir(root()).status();
+        status
+            .map_err(|e| format!("{program}: {e}"))
+            .and_then(|s| if s.success() { Ok(()) } else { Err("failed".into()) })
     };
-    cargo(&["build", "--release", "--locked", "-p", "pkm-host", "-p", "pkm-trials"])?;
-    let program = root().join("target/release/pkm-host").display().to_string();
-    let harness =
-        |args: &[&str]| cargo(&[&["run", "--release", "--locked", "-q", "-p", "pkm-trials", "--"], args].concat());
+    // both in one build: cargo would build the harness alone again, with other features of what it depends on
+    run(env!("CARGO"), &["build", "--release", "--locked", "-p", "pkm-host", "-p", "pkm-trials"])?;
+    let [program, trials] =
+        ["pkm-host", "pkm-trials"].map(|n| root().join("target/release").join(n).display().to_string());
+    let harness = |args: &[&str]| run(&trials, args);
     if options.is_empty() {
         harness(&["score", "--program", &program, "--dir", "fixtures/measured", "--verbose"])?;
         return harness(&["run", "--program", &program, "--sets", "3", "--verbose"]);
