@@ -215,6 +215,14 @@ impl Noise {
         Ok(Self { source: NoiseSource::Declared, within, between: vec![0.0; channels.len()], dof: 0.0 })
     }
 
+    /// Standard deviation of one reading within its series: the one declared for it where that is the noise's source, no less
+    /// than its digits can say, or else its channel's.
+    pub fn within_of(&self, observations: &Observations, reading: usize, channel: usize) -> f64 {
+        let c = &observations.channels[channel];
+        let declared = observations.readings[reading].sigma[c.kind].filter(|_| self.source == NoiseSource::Declared);
+        declared.map_or(self.within[channel], |s| s.max(c.resolution / 12.0_f64.sqrt()))
+    }
+
     /// Variance of one reading of a channel about the model: its own noise and that of its zero.
     pub fn variance(&self, channel: usize) -> f64 {
         self.within[channel].powi(2) + self.between[channel].powi(2)

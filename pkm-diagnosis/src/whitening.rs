@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use crate::noise::{Noise, NoiseSource};
+use crate::noise::Noise;
 use crate::observations::Observations;
 
 /// Numbers of one channel under one condition that are told from one another by noise alone: their mean counts.
@@ -221,9 +221,7 @@ fn cells(observations: &Observations, noise: &Noise, series: &[usize], channel: 
         if r.observed[channel].is_none() {
             continue;
         }
-        let declared = r.sigma[observations.channels[channel].kind].filter(|_| noise.source == NoiseSource::Declared);
-        let floor = observations.channels[channel].resolution / 12.0_f64.sqrt();
-        let weight = (1.0 / declared.map_or(noise.within[channel], |s| s.max(floor))).to_bits();
+        let weight = (1.0 / noise.within_of(observations, *reading, channel)).to_bits();
         let next = cells.len();
         let place = if average { *places.entry((r.condition, weight)).or_insert(next) } else { next };
         if place == next {

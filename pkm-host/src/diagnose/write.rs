@@ -6,6 +6,7 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
 use super::compare::{Rival, extent};
+use super::experiment::observations;
 use crate::error::{Failure, Result};
 use crate::files::dataset::{DEFLECTION_COLUMNS, StiffnessData, Target};
 use crate::files::elements;
@@ -91,10 +92,12 @@ fn set_entry(array: &mut Item, i: usize, number: f64) {
 pub fn residuals_csv(readings: &Readings, diagnosis: &Diagnosis) -> String {
     let mut csv = "line,column,read,said,residual,standard_deviation,standardised,excluded\n".to_owned();
     let said = diagnosis.own.of(Rival::After);
+    let observations = observations(readings);
     for (n, r) in readings.readings.iter().enumerate() {
         for (c, column) in DEFLECTION_COLUMNS.iter().enumerate() {
             let Some(read) = r.observed[c] else { continue };
-            let (said, sd) = (said[r.condition][c], diagnosis.noise.variance(c).sqrt());
+            let sd = diagnosis.noise.within_of(&observations, n, c).hypot(diagnosis.noise.between[c]);
+            let said = said[r.condition][c];
             let excluded = diagnosis.left_out.contains(&(n, c));
             let residual = read - said;
             let standardised = if excluded { residual / sd } else { diagnosis.standardised[n][c] };

@@ -225,12 +225,21 @@ fn fewer_channels_and_declared_noise_will_do() {
     let text = changed(|_, _, _| None);
     let mut once = String::new();
     for (n, line) in text.lines().enumerate() {
-        let extra = if n == 0 { "sigma_linear_um,sigma_angular_urad" } else { "1.66,5.6" };
+        let extra = match n {
+            0 => "sigma_linear_um,sigma_angular_urad",
+            n if n % 3 == 0 => "2.5,5.6",
+            _ => "1.66,5.6",
+        };
         if n == 0 || line.contains(",1,load") || line.contains(",1,unload") {
             once.push_str(&format!("{line},{extra}\n"));
         }
     }
     assert_eq!(diagnosed(&once)["lack_of_fit"]["noise_source"], "declared");
+    // each reading with its own
+    let residuals = folder.read("out/residuals.csv");
+    let deviations = residuals.lines().filter(|l| l.contains(",dx_um,")).map(|l| l.split(',').nth(5).unwrap());
+    let different: std::collections::BTreeSet<&str> = deviations.collect();
+    assert_eq!(different.into_iter().collect::<Vec<_>>(), ["1.660000", "2.500000"]);
 }
 
 /// A load cell records each repeat a little differently: they are repeats all the same, each with its own wrench.
