@@ -7,7 +7,7 @@ use pkm_core::{Machine, ScrewLengths};
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::findings::DeclaredFinding;
-use super::{Diagnosis, SEED, Verdict, text};
+use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{Condition, Readings};
@@ -42,7 +42,10 @@ fn far_from_declared(findings: &[DeclaredFinding]) -> String {
 
 /// The findings in sentences, the most important first.
 fn findings(d: &Diagnosis) -> Vec<Finding> {
-    let found: Vec<&str> = d.effects.iter().map(|e| e.id).collect();
+    let name = |e: &Effect| {
+        if e.id == ELEMENT { format!("an effect on no list at {}", e.place) } else { e.id.to_owned() }
+    };
+    let found: Vec<String> = d.effects.iter().map(name).collect();
     let found = if found.is_empty() { "what was found".to_owned() } else { found.join(" and ") };
     let class = |class: &[String]| {
         if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
