@@ -150,6 +150,9 @@ impl Answer {
     }
 }
 
+/// What an effect is called that has a place and no name.
+const ELEMENT: &str = "element";
+
 /// One set, run and compared.
 #[derive(Clone, Debug)]
 pub struct Outcome {
@@ -215,7 +218,8 @@ impl Outcome {
             });
             soft || self.truth.effects.iter().any(|(_, right, prefixes)| holds(names, right, prefixes))
         };
-        answer.effects.iter().filter(|names| !true_one(names)).map(|names| names[0].as_str()).collect()
+        let named = answer.effects.iter().filter(|names| names[0] != ELEMENT);
+        named.filter(|names| !true_one(names)).map(|names| names[0].as_str()).collect()
     }
 
     /// For each thing that is there, whether its place was found, by an effect or by a declared value of the part.
@@ -240,7 +244,7 @@ impl Outcome {
     fn declared_found(&self) -> bool {
         let Ok(answer) = &self.answer else { return false };
         let finding = answer.findings.iter().any(|names| holds(names, &[], &self.truth.declared));
-        let as_effect = !answer.effects.is_empty() && self.wrong().is_empty();
+        let as_effect = answer.effects.iter().any(|names| names[0] != ELEMENT) && self.wrong().is_empty();
         (finding || as_effect) && self.wrong().is_empty()
     }
 
@@ -276,7 +280,8 @@ impl Outcome {
     }
 
     fn claimed(&self) -> bool {
-        self.answer.as_ref().is_ok_and(|a| a.verdict == "explained" && !a.effects.is_empty())
+        let listed = |a: &Answer| a.effects.iter().any(|names| names[0] != ELEMENT);
+        self.answer.as_ref().is_ok_and(|a| a.verdict == "explained" && listed(a))
     }
 }
 
@@ -371,12 +376,13 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     let answered = |o: &Outcome, f: &dyn Fn(&Answer) -> bool| o.answer.as_ref().is_ok_and(f);
     rate("failed runs", &all, "0", &|o| o.answer.is_err());
     let clean = of_kind("none");
-    rate("clean: an effect named", &clean, "<= 1 %", &|o| !o.wrong().is_empty());
+    let found = |o: &Outcome| answered(o, &|a| !a.effects.is_empty());
+    rate("clean: an effect named", &clean, "<= 1 %", &found);
     rate("clean: verdict not adequate", &clean, "", &|o| !answered(o, &|a| a.verdict == "adequate"));
     rate("clean: lack of fit p < 0.01", &clean, "about 1 %", &|o| answered(o, &|a| a.lack_of_fit < 0.01));
     rate("clean: a declared value blamed", &clean, "", &|o| answered(o, &|a| !a.findings.is_empty()));
     let erring = of_kind("load-errors");
-    rate("load errors: an effect named", &erring, "<= 2 %", &|o| !o.wrong().is_empty());
+    rate("load errors: an effect named", &erring, "<= 2 %", &found);
     let one = of_kind("one");
     let within =
         |low: f64, high: f64| one.iter().filter(|o| (low..high).contains(&o.truth.lambda)).copied().collect::<Vec<_>>();
@@ -531,6 +537,8 @@ mod tests {
         let found = |effects: Value| outcome(&truth, true, said("explained", &effects, &json!([])));
         let o = found(json!([effect("moving_platform", &["limb.1.base_joint"]), effect("tool", &[])]));
         assert_eq!((o.located(), o.misplaced()), (vec![true, false], 1));
+        // a place is no name
+        assert!(o.wrong().is_empty() && !o.claimed());
         let value = json!([{"parameter": "limb.1.body.young_gpa", "class": []}]);
         let o = outcome(&truth, true, said("explained", &json!([effect("base", &[])]), &value));
         assert_eq!((o.located(), o.misplaced()), (vec![true, true], 0));
