@@ -45,7 +45,12 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     let name = |e: &Effect| {
         if e.id == ELEMENT { format!("an effect on no list at {}", e.place) } else { e.id.to_owned() }
     };
-    let found: Vec<String> = d.effects.iter().map(name).collect();
+    let mut found: Vec<String> = Vec::new();
+    for name in d.effects.iter().map(name) {
+        if !found.contains(&name) {
+            found.push(name);
+        }
+    }
     let found = if found.is_empty() { "what was found".to_owned() } else { found.join(" and ") };
     let class = |class: &[String]| {
         if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
@@ -83,8 +88,10 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
         let among = if e.place_class.is_empty() { String::new() } else { format!(" or {}", e.place_class.join(", ")) };
         let place = format!("at {}{among} ({}, law: {}, probability {:.2})", e.place, e.motion, e.law, e.probability);
         let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
-        let (parameters, look) = (parameters.join(", "), text::inspect_effect(e.id, &e.place));
-        all.push(Finding::good(format!("{}: {what} {place}; {parameters}{}. Look at {look}.", e.id, class(&e.class))));
+        // what was found without a form has none
+        let parameters = if parameters.is_empty() { String::new() } else { format!("; {}", parameters.join(", ")) };
+        let look = text::inspect_effect(e.id, &e.place);
+        all.push(Finding::good(format!("{}: {what} {place}{parameters}{}. Look at {look}.", e.id, class(&e.class))));
     }
     for f in &d.declared {
         let axis = f.axis.map_or(String::new(), |a| text::axis(&f.parameter, a));
