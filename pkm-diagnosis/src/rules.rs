@@ -15,7 +15,7 @@ pub struct Rules {
     /// The same where noise was declared as well: a declared deviation is better than a few repeats.
     pub min_dof_beside_declared: f64,
     /// Errors that readings have in common, beyond the declared ones, that are considered, as nobody declares all; in the unit
-    /// of [`CommonErrors::sd`](crate::CommonErrors). For loads relative errors of direction (rad) and size, from none to
+    /// of [`CommonErrors::undeclared`](crate::CommonErrors). For loads relative errors of direction (rad) and size, from none to
     /// about 0.5°, doubling.
     pub load_error_levels: &'static [f64],
 

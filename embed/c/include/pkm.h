@@ -564,7 +564,7 @@ typedef struct {
   PkmConfiguration_f64 configuration;
   // What the drives are told.
   PkmJoints_f64 joints;
-  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  // Distance from the singularity locus of the five axes: 1 in the home configuration, 0 on the locus.
   double home_share;
 } PkmHold_f64;
 
@@ -618,7 +618,7 @@ typedef struct {
   PkmConfiguration_f32 configuration;
   // What the drives are told.
   PkmJoints_f32 joints;
-  // Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+  // Distance from the singularity locus of the five axes: 1 in the home configuration, 0 on the locus.
   float home_share;
 } PkmHold_f32;
 
@@ -1116,7 +1116,7 @@ PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
                               const PkmJoints_f64 *joints,
                               PkmToolPlace_f64 *place);
 
-// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// Inverse kinematics of the five axes: the configuration for a tool, on the same side of the singularity locus
 // as `near`, the last configuration of the path. At its start `near` is the `configuration` that
 // `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
 //
@@ -1172,7 +1172,7 @@ PkmError pkm_tool_forward_f32(const PkmMachine_f32 *machine,
                               const PkmJoints_f32 *joints,
                               PkmToolPlace_f32 *place);
 
-// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+// Inverse kinematics of the five axes: the configuration for a tool, on the same side of the singularity locus
 // as `near`, the last configuration of the path. At its start `near` is the `configuration` that
 // `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
 //

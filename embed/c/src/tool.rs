@@ -34,7 +34,7 @@ macro_rules! functions {
             }
         }
 
-        /// Inverse kinematics of the five axes: how the machine holds a tool, on the same side of the singular surface
+        /// Inverse kinematics of the five axes: the configuration for a tool, on the same side of the singularity locus
         /// as `near`, the last configuration of the path. At its start `near` is the `configuration` that
         /// `pkm_tool_forward` gives for the measured joints; one of zeros is none (Z0 is above 0), and TOOL_UNREACHABLE.
         ///

@@ -212,7 +212,7 @@ pub struct PkmHold<T> {
     pub configuration: PkmConfiguration<T>,
     /// What the drives are told.
     pub joints: PkmJoints<T>,
-    /// Distance from the singular surface of the five axes: 1 in the home configuration, 0 on the surface.
+    /// Distance from the singularity locus of the five axes: 1 in the home configuration, 0 on the locus.
     pub home_share: T,
 }
 

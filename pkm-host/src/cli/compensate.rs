@@ -67,6 +67,9 @@ pub(crate) struct Args {
     out: PathBuf,
 }
 
+/// Names and values for the report.
+type Facts = Vec<(&'static str, String)>;
+
 /// What stands beside the new path.
 const REPORT: &str = "report.html";
 
@@ -88,13 +91,18 @@ impl Args {
         Ok(())
     }
 
-    /// What the program does not say of the machine.
-    fn setup(&self) -> Result<Setup> {
-        let job = self.job.as_deref().map(|path| ProgramJob::parse(&Source::read(path)?)).transpose()?;
-        let tools = self.tools.as_deref().map(|path| Tools::parse(&Source::read(path)?)).transpose()?;
+    /// What the program does not say of the machine, and for the report from which files.
+    fn setup(&self) -> Result<(Setup, Facts)> {
+        let sources = [&self.job, &self.tools].map(|path| path.as_deref().map(Source::read).transpose());
+        let [job, tools] = sources;
+        let (job, tools) = (job?, tools?);
+        let named = [("Job", &job), ("Tools", &tools)];
+        let facts = named.into_iter().filter_map(|(name, source)| Some((name, of_file(source.as_ref()?)))).collect();
+        let job = job.as_ref().map(ProgramJob::parse).transpose()?;
+        let tools = tools.as_ref().map(Tools::parse).transpose()?;
         let ProgramJob { offsets, axes, head } = job.unwrap_or_default();
         let (chord_mm, block_delete) = (self.chord_mm, self.block_delete);
-        Ok(Setup { offsets, tools: tools.unwrap_or_default(), axes, head, chord_mm, block_delete })
+        Ok((Setup { offsets, tools: tools.unwrap_or_default(), axes, head, chord_mm, block_delete }, facts))
     }
 
     /// Names of the path and of the plot beside it.
@@ -128,7 +136,9 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     args.check()?;
     let svg = args.out.with_extension("svg");
     let [name, svg_name] = args.names(&svg)?;
-    let path = ToolPath::read(&args.path, args.wrench, &args.setup()?)?;
+    let (setup, others) = args.setup()?;
+    let (path, source) = ToolPath::read(&args.path, args.wrench, &setup)?;
+    let facts = [facts(args, &model, &source), others].concat();
     session.warn(path.warnings().to_vec());
     let in_program = matches!(path, ToolPath::Program(_));
     if is_program(&args.out).is_some_and(|to| to != in_program) {
@@ -148,7 +158,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let written = path.written(&track.points, &notes(args, &model, &track, in_program, session));
     let inputs =
         [session.machine_path(), args.table.as_deref(), Some(&args.path), args.job.as_deref(), args.tools.as_deref()];
-    let html = report::html(&track, &facts(args, &model)?, &session.warnings, margin)?;
+    let html = report::html(&track, &facts, &session.warnings, margin)?;
     let files = [(name, written), (svg_name, report::picture(&track)?), (REPORT.into(), html)];
     let folder = source::folder_of(&args.out);
     source::write_all(folder, &files, &inputs)?;
@@ -164,18 +174,15 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
 }
 
 /// What the report says it stands on.
-fn facts(args: &Args, model: &Model) -> Result<Vec<(&'static str, String)>> {
+fn facts(args: &Args, model: &Model, path: &Source) -> Facts {
     let mut facts = vec![("Machine", format!("{}, {}", model.machine.name, of_file(&model.machine.source)))];
     facts.push(("Table", model.table.as_ref().map_or("none".to_owned(), |t| of_file(&t.source))));
-    let given = [("Path", Some(&args.path)), ("Job", args.job.as_ref()), ("Tools", args.tools.as_ref())];
-    for (name, path) in given.into_iter().filter_map(|(name, path)| Some((name, path?))) {
-        facts.push((name, of_file(&Source::read(path)?)));
-    }
+    facts.push(("Path", of_file(path)));
     if let Some(wrench) = args.wrench {
         let load = wrench.map(|v| v.to_string()).join(", ");
         facts.push(("Load", format!("{load} N and N·m on the tool at its tip, in the tool's axes")));
     }
-    Ok(facts)
+    facts
 }
 
 /// What stands at the head of the new path.

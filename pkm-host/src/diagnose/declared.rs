@@ -65,7 +65,12 @@ impl Declared {
 
     /// Relative standard deviation with which it is declared.
     pub fn uncertainty(&self, of: &Uncertainty) -> f64 {
-        if matches!(self.part, Part::Young | Part::Shear) { of.body } else { of.joint }
+        if self.is_of_body() { of.body } else { of.joint }
+    }
+
+    /// Of a body rather than a joint.
+    pub fn is_of_body(&self) -> bool {
+        matches!(self.part, Part::Young | Part::Shear)
     }
 
     /// Axis of a joint's stiffness.
@@ -97,7 +102,7 @@ impl Declared {
     pub fn value(&self, parameters: &MachineParameters) -> f64 {
         let mut found = Vec::new();
         self.each(&mut parameters.clone(), |v| found.push(*v));
-        let unit = if matches!(self.part, Part::Young | Part::Shear) { 1e-9 } else { 1.0 };
+        let unit = if self.is_of_body() { 1e-9 } else { 1.0 };
         found[0] * unit
     }
 }

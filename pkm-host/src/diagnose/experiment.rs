@@ -117,9 +117,8 @@ impl ForwardModel for Experiment<'_> {
         groups.values_mut().enumerate().for_each(|(n, group)| *group = n);
         let group_of = self.conditions.iter().map(|c| groups[&line(c)]).collect();
         let mut columns = lines?;
-        let channels = columns[0].len() / self.conditions.len().max(1);
         for side in [1.0, -1.0] {
-            let there = |n: usize| f64::from(way(&self.conditions[n / channels]) == side);
+            let there = |n: usize| f64::from(way(&self.conditions[n / CHANNELS]) == side);
             columns.extend_from_within(..4);
             let last = columns.len() - 4;
             columns[last..].iter_mut().for_each(|c| c.iter_mut().enumerate().for_each(|(n, v)| *v *= there(n)));

@@ -48,12 +48,12 @@ pub fn is_program(file: &Path) -> Option<bool> {
 }
 
 impl ToolPath {
-    /// Reads a path, its kind by its name. `wrench` is a program's load until a comment sets another, `setup` what it does not
+    /// Reads a path, its kind by its name, and says from what. `wrench` is a program's load until a comment sets another, `setup` what it does not
     /// say of the machine.
     ///
     /// # Errors
     /// See [`read_csv`] and [`Program::parse`]; another name; a path that is compensated already.
-    pub fn read(path: &Path, wrench: Option<[f64; 6]>, setup: &Setup) -> Result<Self> {
+    pub fn read(path: &Path, wrench: Option<[f64; 6]>, setup: &Setup) -> Result<(Self, Source)> {
         let Some(is_program) = is_program(path) else {
             let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc or .tap";
             return Err(Failure::usage(message).in_file(path.display().to_string()));
@@ -65,12 +65,14 @@ impl ToolPath {
             return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
         }
         if is_program {
-            return Ok(Self::Program(Program::parse_with(&source, wrench.map(Wrench::from_array), setup)?));
+            let program = Program::parse_with(&source, wrench.map(Wrench::from_array), setup)?;
+            return Ok((Self::Program(program), source));
         }
         if wrench.is_some() {
             return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));
         }
-        read_csv(source).map(|(sheet, moves)| Self::Csv { sheet, moves })
+        let (sheet, moves) = read_csv(source.clone())?;
+        Ok((Self::Csv { sheet, moves }, source))
     }
 
     /// In the file's order.

@@ -10,7 +10,7 @@ use crate::report::plot::{self, Mark, Panel, Series};
 
 /// Lines of the program in the report's table.
 const SHOWN: usize = 12;
-/// Nearer to a singularity than this many times the limit is said first.
+/// A determinant below this many times the limit is a warning.
 const NEAR: f64 = 1.5;
 
 /// Of as many stretches of the path as a screen shows, the greatest value in µm over the way in mm.

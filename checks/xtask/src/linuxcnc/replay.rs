@@ -373,7 +373,7 @@ impl Seen {
         );
         let [half, _, most] = spread(self.looks.iter().map(|n| f64::from(*n)));
         println!(
-            "  iterations: none; were tool vectors asked for, {half} looks from period to period, {most} at the most\n  \
+            "  iterations: none; were tool vectors asked for, {half} Newton iterations from period to period, {most} at the most\n  \
              furthest that a joint's command moved in a period: {:.4} mm or degrees",
             self.jump
         );

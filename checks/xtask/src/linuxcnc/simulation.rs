@@ -127,7 +127,7 @@ fn beyond_a_hollow(five: &FiveAxis<'_, f64>, home_axes: [f64; 5], wide_mm: f64) 
     None
 }
 
-/// X Y Z A B of home's platform with the wrist turned so far that the margin of the singular surface forbids it.
+/// X Y Z A B of home's platform with the wrist turned so far that the margin of the singularity locus forbids it.
 fn near_a_singularity(five: &FiveAxis<'_, f64>, home: Configuration<f64>) -> Option<[f64; 5]> {
     let turns = || (-8..=8).map(|i| 10.0 * f64::from(i));
     let mut all = turns().flat_map(|a| turns().map(move |b| [a, b]));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::Blocks;
 use super::elastic::{Frame, M8, V8};
 use super::terms::{Term, alike, rows, symmetric};
-use crate::diagnose::declared::{Declared, Part};
+use crate::diagnose::declared::Declared;
 use crate::files::readings::REFERENCE_C;
 
 /// Index of the axial force of each limb among the transmitted wrenches.
@@ -207,10 +207,9 @@ fn temperature(blocks: &mut Blocks<'_>) {
         let values = problem.whitener.entries.iter().map(|e| all[e.condition][e.channel]);
         Term::Entry(Arc::new(values.collect()))
     };
-    let is_body = |d: &Declared| matches!(d.part, Part::Young | Part::Shear);
     let declared = Declared::all(&blocks.model.declared);
     let softer = |limbs: &[usize], bodies: bool| {
-        let kept = |d: &Declared| is_body(d) == bodies && limbs.contains(&d.limb);
+        let kept = |d: &Declared| d.is_of_body() == bodies && limbs.contains(&d.limb);
         let of = |f: &Frame| {
             let kept = f.parts.iter().zip(&declared).filter(|(_, d)| kept(d));
             kept.fold(M8::zeros(), |sum, (part, _)| sum + part)
