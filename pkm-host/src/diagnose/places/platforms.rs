@@ -9,6 +9,8 @@ use super::terms::{Seen, Term, rows, symmetric};
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 const SHIFTS: [usize; 3] = [0, 1, 2];
 const TURNS: [usize; 3] = [3, 4, 5];
+/// Moments that the joints at the base carry.
+const ACROSS_Y: [usize; 2] = [3, 5];
 
 /// Adds all of them.
 pub fn add(blocks: &mut Blocks<'_>) {
@@ -31,9 +33,17 @@ pub fn add(blocks: &mut Blocks<'_>) {
         let moments = (0..2).flat_map(|i| rows(&f.bores[i], &TURNS));
         bores(f).into_iter().chain(moments).collect()
     };
-    let units = [shift_units, turn_units].concat();
+    let units = [shift_units.clone(), turn_units].concat();
     let terms = symmetric(blocks.frames, &with_moments, &units, &[&|_| 1.0], true);
     blocks.add_with(&["moving_platform".into()], "general", "constant", terms, units.len(), 0.0);
+    // and those of all three at the base, but about y, about which they turn
+    let with_moments = |f: &Frame| -> Vec<V8> {
+        let moments = (0..3).flat_map(|i| rows(&f.points[i], &ACROSS_Y));
+        points(f).into_iter().chain(moments).collect()
+    };
+    let units: Vec<f64> = shift_units.into_iter().chain((0..6).map(|i| 3.0 * usual[ACROSS_Y[i % 2]])).collect();
+    let terms = symmetric(blocks.frames, &with_moments, &units, &[&|_| 1.0], true);
+    blocks.add_with(&["base".into()], "general", "constant", terms, units.len(), 0.0);
     at_one_pose(blocks, &usual);
     smooth(blocks, &usual);
 }
