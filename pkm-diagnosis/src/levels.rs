@@ -1,5 +1,6 @@
 //! One problem at several sizes of the errors that readings have in common, such as those of the loads: nobody declares all.
 
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::fit::Fit;
@@ -25,6 +26,11 @@ pub fn whiteners(plain: &Problem<'_>) -> Option<Vec<Whitener>> {
         plain.whitener.with_common_errors(&groups, &scale)
     };
     Some(plain.rules.load_error_levels.iter().map(at).collect())
+}
+
+/// The same with disturbances of the readings that the model knows nothing of ([`Whitener::with_disturbances`]).
+pub fn disturbed(whiteners: &[Whitener], columns: &DMatrix<f64>) -> Vec<Whitener> {
+    whiteners.par_iter().map(|w| w.with_disturbances(columns)).collect()
 }
 
 impl<'a> Levels<'a> {

@@ -125,6 +125,9 @@ pub struct Rules {
     pub ln_prior_of_level: f64,
     /// ln of the prior weight of each low rank beside the whole compliance.
     pub ln_prior_of_low_rank: f64,
+    /// ln of the prior weight of each place that has something: one cause in a form that takes two blocks is likelier than
+    /// two causes.
+    pub ln_prior_of_place: f64,
     /// Least gain of ln E for a block: odds of 400. Between 4 and 8 few sets change.
     pub min_block_gain: f64,
     /// Most blocks in a set.
@@ -204,6 +207,7 @@ impl Rules {
         ln_prior_of_scatter: -0.7,
         ln_prior_of_level: -0.3,
         ln_prior_of_low_rank: -2.0,
+        ln_prior_of_place: -3.0,
         min_block_gain: 6.0,
         max_blocks: 4,
         blocks_tried: 5,

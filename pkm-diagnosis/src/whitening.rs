@@ -62,6 +62,26 @@ struct CommonError {
     directions: Vec<(Vec<f64>, f64)>,
 }
 
+impl CommonError {
+    /// (I + U Uᵀ)^-½ shrinks the principal directions of U; with ln|I + U Uᵀ|.
+    fn new(entries: Vec<usize>, u: DMatrix<f64>) -> (Self, f64) {
+        let mut log_determinant = 0.0;
+        let svd = u.svd(true, false);
+        let values = svd.singular_values;
+        let directions = svd.u.map_or(Vec::new(), |u| {
+            (0..values.len())
+                .filter(|k| values[*k] > 1e-9)
+                .map(|k| {
+                    let grown = 1.0 + values[k] * values[k];
+                    log_determinant += grown.ln();
+                    (u.column(k).iter().copied().collect(), 1.0 - 1.0 / grown.sqrt())
+                })
+                .collect()
+        });
+        (Self { entries, directions }, log_determinant)
+    }
+}
+
 /// Condition, bits of the weight, readings: those of one channel in one series that are alike.
 type Cell = (usize, u64, Vec<usize>);
 /// What must be the same of two series in a channel: condition, bits of the weight and number of each cell.
@@ -159,23 +179,23 @@ impl Whitener {
                 for (k, scale) in scale.iter().enumerate() {
                     u.column_mut(k).scale_mut(*scale);
                 }
-                // (I + U Uᵀ)^-½ shrinks the principal directions of U
-                let svd = u.svd(true, false);
-                let values = svd.singular_values;
-                let directions = svd.u.map_or(Vec::new(), |u| {
-                    (0..values.len())
-                        .filter(|k| values[*k] > 1e-9)
-                        .map(|k| {
-                            let grown = 1.0 + values[k] * values[k];
-                            log_determinant += grown.ln();
-                            (u.column(k).iter().copied().collect(), 1.0 - 1.0 / grown.sqrt())
-                        })
-                        .collect()
-                });
-                CommonError { entries: entries.clone(), directions }
+                let (own, ln) = CommonError::new(entries.clone(), u);
+                log_determinant += ln;
+                own
             })
             .collect();
         Self { common, log_determinant, ..self.clone() }
+    }
+
+    /// The same with disturbances of all readings: columns of one standard deviation, white but for the common errors.
+    pub fn with_disturbances(&self, columns: &DMatrix<f64>) -> Self {
+        let mut u = columns.clone();
+        u.column_iter_mut().for_each(|mut column| self.shrink(column.as_mut_slice()));
+        let (own, ln) = CommonError::new((0..self.entries.len()).collect(), u);
+        let mut this = self.clone();
+        this.common.push(own);
+        this.log_determinant += ln;
+        this
     }
 
     /// Whitens numbers given by entry, in SI units.

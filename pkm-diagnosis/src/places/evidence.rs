@@ -77,6 +77,12 @@ impl Linear {
         self.wanted.iter().position(|w| *w == family)
     }
 
+    /// Whitened columns of a family; none of one that is not wanted.
+    pub fn columns_of(&self, family: usize) -> DMatrix<f64> {
+        let own = self.position(family).map_or(0..0, |at| self.starts[at]..self.starts[at + 1]);
+        self.columns.columns(self.declared + own.start, own.len()).clone_owned()
+    }
+
     fn product(&self, p: &Products, (w, i): (usize, usize), (v, j): (usize, usize)) -> f64 {
         if w == v {
             p.own[w][(i - self.starts[w], j - self.starts[w])]
@@ -222,6 +228,14 @@ impl Evidence<'_> {
         Some(Products { shared, own: own.collect(), taken: taken.collect::<Option<Vec<_>>>()? })
     }
 
+    /// Number of places that a set has something at.
+    fn places(&self, set: &Set) -> usize {
+        let mut places: Vec<Option<&String>> = set.members.iter().map(|m| self.block(m.0).places.first()).collect();
+        places.sort_unstable();
+        places.dedup();
+        places.len()
+    }
+
     /// ln evidence of a set, with the priors of its members. The variance of the noise is known from so many degrees of
     /// freedom only, so that the readings are Student, not normal.
     pub fn ln_evidence(&self, l: &Linear, set: &Set) -> f64 {
@@ -236,6 +250,7 @@ impl Evidence<'_> {
             index.extend((l.starts[at]..l.starts[at + 1]).map(|c| (at, c, *scale)));
             ln_prior += self.families[*f].ln_prior - (rules.block_scales.len() as f64).ln();
         }
+        ln_prior += rules.ln_prior_of_place * self.places(set) as f64;
         let n = index.len();
         let mut m = DMatrix::identity(n, n);
         for i in 0..n {

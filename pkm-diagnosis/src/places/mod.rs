@@ -63,6 +63,8 @@ pub struct Finding {
     pub gain: f64,
     /// Places with their probabilities, given the other findings; the likeliest first.
     pub places: Vec<(String, f64)>,
+    /// What it may do to the readings: whitened columns of one prior standard deviation.
+    pub columns: DMatrix<f64>,
 }
 
 /// What was inferred.

@@ -193,7 +193,8 @@ impl Search<'_> {
         let likeliest = rivals.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(own, |r| r.0);
         let without = self.best.set.without(at);
         let gain = self.tried(&without).map_or(0.0, |t| self.best.ln - t.ln);
-        Finding { block: self.evidence.families[likeliest].block, gain, places }
+        let columns = self.linear.columns_of(own) * self.best.set.members[at].1;
+        Finding { block: self.evidence.families[likeliest].block, gain, places, columns }
     }
 
     fn result(mut self) -> Option<Inferred> {

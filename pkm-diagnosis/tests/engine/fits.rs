@@ -218,6 +218,20 @@ fn common_errors_move_all_readings_of_a_group() {
             near(fit.unwrap().ln_evidence(), ln_likelihood(&c, &r0), 1e-5);
         }
     }
+
+    // and disturbances of all readings beside them
+    let v = DMatrix::from_fn(n, 3, |_, _| 2.0 * normal(&mut rng));
+    let disturbed = levels::disturbed(&whiteners, &v);
+    let disturbed = Levels::new(&plain, &disturbed);
+    for (level, problem) in disturbed.problems.iter().enumerate() {
+        let more = levels.load_error(level);
+        let scale = [(9e-6 + more * more).sqrt(), (25e-6 + 0.25 * more * more).sqrt()];
+        let u = DMatrix::from_fn(n, truth.ncols(), |i, k| truth[(i, k)] * scale[k % 2]);
+        let a = &unlevelled.jacobian;
+        let c = DMatrix::identity(n, n) + &u * u.transpose() + &v * v.transpose() + a * a.transpose();
+        let fit = problem.linear(&unknowns(2), x.clone()).unwrap();
+        near(fit.ln_evidence(), ln_likelihood(&c, &r0), 1e-5);
+    }
 }
 
 #[test]

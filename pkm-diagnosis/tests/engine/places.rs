@@ -63,14 +63,28 @@ impl PlaceModel for Blocks<'_> {
     }
 }
 
-fn inferred(chain: &Chain, read: &Observations) -> Inferred {
+/// What is inferred, and the springs fitted without it and beside what was found, as disturbances.
+fn inferred_and_fitted(chain: &Chain, read: &Observations) -> (Inferred, [DVector<f64>; 2]) {
     let rules = Rules::DEFAULT;
     let noise = Noise::estimate(read, &rules).unwrap();
     let whitener = Whitener::new(read, &noise);
     let plain = Problem::new(read, &whitener, chain, &rules);
     let whiteners = levels::whiteners(&plain).unwrap();
     let levels = Levels::new(&plain, &whiteners);
-    infer(&levels, &noise, &Blocks::new(chain, &plain)).unwrap()
+    let found = infer(&levels, &noise, &Blocks::new(chain, &plain)).unwrap();
+    let columns: Vec<_> = found.findings.iter().flat_map(|f| f.columns.column_iter()).collect();
+    let disturbed = if columns.is_empty() {
+        whiteners.clone()
+    } else {
+        levels::disturbed(&whiteners, &DMatrix::from_columns(&columns))
+    };
+    let springs = [0, 1, 2].map(Unknown);
+    let fitted = [&levels, &Levels::new(&plain, &disturbed)].map(|l| l.fit(&springs, &[0.0; 3], 0).unwrap().1.x);
+    (found, fitted)
+}
+
+fn inferred(chain: &Chain, read: &Observations) -> Inferred {
+    inferred_and_fitted(chain, read).0
 }
 
 /// Readings of a chain in which something else yields.
@@ -115,4 +129,20 @@ fn what_goes_with_no_place_is_said_to_be_nowhere() {
     let found = inferred(&chain, &with(&chain, 5, |_, f| 0.3 * COMPLIANCE * f.abs()));
     assert_eq!(found.findings[0].places[0].0, NOWHERE);
     assert!(found.none_of_these > 0.95, "{}", found.none_of_these);
+}
+
+/// Readings that something disturbs say as much of the springs as undisturbed ones, once that is known.
+#[test]
+fn springs_are_identified_beside_disturbances() {
+    let chain = chain();
+    let (mut without, mut beside) = (0.0, 0.0);
+    for seed in 0..5 {
+        let (_, [clean, _]) = inferred_and_fitted(&chain, &read(&chain, &[], seed));
+        let disturbed = with(&chain, seed, |_, f| 0.1 * COMPLIANCE * f * f.abs() / 100.0);
+        let (found, fitted) = inferred_and_fitted(&chain, &disturbed);
+        assert_eq!(found.findings[0].places[0].0, NOWHERE, "seed {seed}");
+        without += (&fitted[0] - &clean).norm() / 5.0;
+        beside += (&fitted[1] - &clean).norm() / 5.0;
+    }
+    assert!(without > 0.5 && beside < 0.2 * without, "{without:.3} {beside:.3}");
 }

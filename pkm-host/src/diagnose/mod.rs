@@ -80,6 +80,20 @@ pub struct Effect {
 }
 
 impl Effect {
+    /// Whether another is the same physics: a form may take two blocks.
+    fn is_alike(&self, other: &Self) -> bool {
+        (self.id, &self.place, self.motion, self.law) == (other.id, &other.place, other.motion, other.law)
+    }
+
+    /// Takes in what was found of the same.
+    fn absorb(&mut self, other: Self) {
+        let new = other.place_class.into_iter().filter(|p| !self.place_class.contains(p));
+        let room = sites::MAX_CLASS - self.place_class.len();
+        self.place_class.extend(new.take(room).collect::<Vec<_>>());
+        self.parameters.extend(other.parameters);
+        self.probability = self.probability.max(other.probability);
+    }
+
     /// Whether it is an error of the measurement and no part of the machine.
     pub fn is_measurement(&self) -> bool {
         matches!(self.place.as_str(), "sensor" | "load" | "time")
@@ -328,7 +342,15 @@ fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
     };
     let named = sites::named_at(sites, search);
     let all = sites.iter().zip(named).filter(|(site, _)| site.place != NOWHERE);
-    all.filter_map(|(site, found)| found.map_or_else(|| Some(at(site)), |n| of(&search.found[n], site))).collect()
+    let found = all.filter_map(|(site, found)| found.map_or_else(|| Some(at(site)), |n| of(&search.found[n], site)));
+    let mut effects: Vec<Effect> = Vec::new();
+    for effect in found {
+        match effects.iter_mut().find(|e| e.is_alike(&effect)) {
+            Some(there) => there.absorb(effect),
+            None => effects.push(effect),
+        }
+    }
+    effects
 }
 
 /// Sets of findings as `place: law`; sets of equal places and laws are one.
@@ -399,6 +421,16 @@ pub fn diagnose(
     let permitted = sites.as_ref().map(|sites| sites::permitted(sites, &model));
     let search = search::search(&levels, permitted.as_deref()).ok_or_else(not_converged)?;
     let sites = sites.unwrap_or_else(|| sites::of_search(&model, &search));
+    let disturbances = sites::disturbances(&sites, &search);
+    let disturbed = disturbances.as_ref().map(|columns| levels::disturbed(&whiteners, columns));
+    let (levels, search) = match &disturbed {
+        Some(whiteners) => {
+            let levels = Levels::new(&plain, whiteners);
+            let search = search::search(&levels, permitted.as_deref()).ok_or_else(not_converged)?;
+            (levels, search)
+        }
+        None => (levels, search),
+    };
     let mut judgement = verdict::judge(&levels, &noise, &search).ok_or_else(not_converged)?;
     let effects = effects(&model, &search, &sites);
     if effects.iter().any(|e| e.parameters.is_empty()) {

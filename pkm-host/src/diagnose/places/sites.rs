@@ -1,5 +1,6 @@
 //! Findings of the inference as sites: what each may be called, and where it is.
 
+use nalgebra::DMatrix;
 use pkm_diagnosis::places::{Inferred, NOWHERE};
 use pkm_diagnosis::{Kind, Rules, Search};
 
@@ -21,9 +22,16 @@ pub struct Site {
     pub probability: f64,
     /// Candidates of the model that would explain it.
     pub candidates: Vec<usize>,
+    /// What it may do to the readings: whitened columns of one prior standard deviation.
+    pub columns: DMatrix<f64>,
 }
 
 impl Site {
+    /// Whether it disturbs the readings and is no part of the machine.
+    fn is_disturbance(&self) -> bool {
+        matches!(self.place.as_str(), "sensor" | "load" | "time" | NOWHERE) || matches!(self.law, "pose" | "time")
+    }
+
     /// The same, first of all where a candidate that explains it acts: the formula says more than the block that found it.
     pub fn named(&self, model: &Model, candidate: usize) -> Self {
         let all = [&self.place].into_iter().chain(&self.place_class);
@@ -34,7 +42,7 @@ impl Site {
 }
 
 /// Most places that a finding may name beside the likeliest: a longer list says nothing.
-const MAX_CLASS: usize = 3;
+pub const MAX_CLASS: usize = 3;
 
 /// Laws that one and the same physics may be taken for.
 fn family(law: &str) -> &str {
@@ -65,9 +73,19 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
             law: block.law,
             candidates,
             place_class: all.into_iter().skip(1).take(MAX_CLASS).collect(),
+            columns: f.columns.clone(),
         }
     };
     inferred.findings.iter().map(of).collect()
+}
+
+/// What disturbs the readings and has no formula, beside which the machine is identified: whitened columns of one standard
+/// deviation.
+pub fn disturbances(sites: &[Site], search: &Search) -> Option<DMatrix<f64>> {
+    let named = named_at(sites, search);
+    let without = sites.iter().zip(named).filter(|(site, named)| named.is_none() && site.is_disturbance());
+    let columns: Vec<_> = without.flat_map(|(site, _)| site.columns.column_iter()).collect();
+    (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
 }
 
 /// The finds of a search that no inference preceded, where their formulas have them.
@@ -81,6 +99,7 @@ pub fn of_search(model: &Model, search: &Search) -> Vec<Site> {
             law: w.law,
             probability: found.confidence,
             candidates: vec![found.candidate],
+            columns: DMatrix::zeros(0, 0),
         }
     };
     search.found.iter().map(of).collect()
