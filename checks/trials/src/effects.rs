@@ -1,6 +1,7 @@
 //! What can be in a set, how strong it may plausibly be, and what counts as its right name.
 
 use crate::Random;
+use crate::forms::{self, FORMS};
 
 /// What the readings must offer before an effect can be seen at all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +31,7 @@ pub struct Spec {
     pub needs: Needs,
 }
 
-const fn spec(id: &'static str, variants: usize, range: (f64, f64), needs: Needs) -> Spec {
+pub(crate) const fn spec(id: &'static str, variants: usize, range: (f64, f64), needs: Needs) -> Spec {
     Spec { id, variants, range, needs }
 }
 
@@ -79,7 +80,7 @@ pub const OUTSIDE: [Spec; 7] = [
 
 /// Of any name in the lists.
 pub fn find(id: &str) -> Option<Spec> {
-    LISTED.iter().chain([&COUPLING]).chain(&OUTSIDE).find(|s| s.id == id).copied()
+    LISTED.iter().chain([&COUPLING]).chain(&OUTSIDE).chain(&FORMS).find(|s| s.id == id).copied()
 }
 
 /// An effect in a machine.
@@ -147,7 +148,10 @@ pub fn class_of(id: &str, unloading: bool, rotations: bool) -> Vec<&str> {
 
 /// Where an effect may rightly be found, as the contract names places: those that it acts at, and those that deflections at
 /// the tool do not tell from them.
-pub fn places_of(id: &str) -> Vec<String> {
+pub fn places_of(effect: &Effect) -> Vec<String> {
+    if let Some(places) = forms::places_of(effect.id, effect) {
+        return places;
+    }
     let limb_parts = |limbs: &[usize], parts: &[&str]| -> Vec<String> {
         limbs.iter().flat_map(|i| parts.iter().map(move |part| format!("limb.{i}.{part}"))).collect()
     };
@@ -155,7 +159,7 @@ pub fn places_of(id: &str) -> Vec<String> {
     let with = |others: &[&str], parts: Vec<String>| {
         others.iter().map(|s| (*s).to_owned()).chain(parts).collect::<Vec<String>>()
     };
-    match id {
+    match effect.id {
         "moving-platform-compliance" => with(&["moving_platform"], vec![]),
         "base-compliance" => with(&["base"], vec![]),
         "limb-coupling" => with(&["base"], limb_parts(&all, &["base_joint"])),

@@ -2,6 +2,7 @@
 //! that diagnoses them makes of it. The program is a black box: files in, `diagnosis.json` out.
 
 pub mod effects;
+pub mod forms;
 pub mod machine;
 pub mod score;
 pub mod set;

@@ -13,7 +13,7 @@ use crate::effects::{class_of, declared_of, is_of_the_measurement};
 /// What is in a set, from its files.
 #[derive(Clone, Debug, Default)]
 pub struct Truth {
-    /// `none`, `one`, `two`, `declared`, `outside` or `load-errors`.
+    /// `none`, `one`, `two`, `declared`, `outside`, `load-errors`, `scatter`, `forms` or `form-pairs`.
     pub kind: String,
     /// For each effect: its id, the ids that are right, and the declared values that may be blamed.
     pub effects: Vec<(String, Vec<String>, Vec<String>)>,
@@ -383,6 +383,7 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     rate("clean: a declared value blamed", &clean, "", &|o| answered(o, &|a| !a.findings.is_empty()));
     let erring = of_kind("load-errors");
     rate("load errors: an effect named", &erring, "<= 2 %", &found);
+    rate("15 % scatter: an effect named", &of_kind("scatter"), "<= 1 %", &found);
     let one = of_kind("one");
     let within =
         |low: f64, high: f64| one.iter().filter(|o| (low..high).contains(&o.truth.lambda)).copied().collect::<Vec<_>>();
@@ -417,6 +418,19 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     let strong: Vec<&Outcome> = outside.iter().filter(|o| o.truth.lambda >= 100.0).copied().collect();
     rate("outside the list, λ >= 100: right place", &strong, ">= 75 %", &everywhere);
     rate("outside the list: a wrong place", &outside, "<= 10 %", &|o| o.misplaced() > 0);
+    let forms = of_kind("forms");
+    let of_forms = |low: f64, high: f64| {
+        forms.iter().filter(|o| (low..high).contains(&o.truth.lambda)).copied().collect::<Vec<_>>()
+    };
+    for (name, low, high, target) in
+        [("a form, λ 30-100", 30.0, 100.0, ">= 85 %"), ("a form, λ >= 100", 100.0, f64::INFINITY, ">= 92 %")]
+    {
+        rate(&format!("{name}: right place"), &of_forms(low, high), target, &|o| o.located() == [true]);
+        rate(&format!("{name}: a wrong place"), &of_forms(low, high), "<= 8 %", &|o| o.misplaced() > 0);
+    }
+    let pairs = of_kind("form-pairs");
+    rate("two forms: both places and no other", &pairs, ">= 65 %", &|o| everywhere(o) && o.misplaced() == 0);
+    rate("two forms: a wrong place", &pairs, "<= 12 %", &|o| o.misplaced() > 0);
     // what the sensor adds is not in held-out deflections
     let machine = |o: &&&Outcome| {
         o.answer.is_ok()
@@ -429,6 +443,8 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     let worse = |o: &Outcome| ratio(o) > 1.05;
     rate("held out: effect over re-tuned above 1.05", &judged, "0", &worse);
     let fine: Vec<&Outcome> = all.iter().filter(|o| o.answer.is_ok()).copied().collect();
+    let other: Vec<&Outcome> = forms.iter().chain(&pairs).filter(|o| o.answer.is_ok()).copied().collect();
+    rate("forms: held out, effect over re-tuned above 1.05", &other, "<= 4 %", &worse);
     rate("held out, all kinds: above 1.05", &fine, "0", &worse);
     let inside = |o: &Outcome| {
         let answer = o.answer.as_ref().ok()?;
@@ -450,6 +466,12 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
         |low: f64, f: &dyn Fn(&Outcome) -> f64| judged.iter().filter(|o| o.truth.lambda >= low).map(|o| f(o)).collect();
     add("effect / re-tuned, λ >= 100", strong(100.0, &ratio), "<= 0.5");
     add("effect / re-tuned, λ >= 1000", strong(1000.0, &ratio), "<= 0.15");
+    let of_forms = |low: f64| {
+        let strong = forms.iter().chain(&pairs).filter(|o| o.answer.is_ok() && o.truth.lambda >= low);
+        strong.map(|o| ratio(o)).collect::<Vec<f64>>()
+    };
+    add("forms: effect / re-tuned, λ >= 100", of_forms(100.0), "<= 0.6");
+    add("forms: effect / re-tuned, λ >= 1000", of_forms(1000.0), "<= 0.4");
     add("effect / declared, λ >= 400", strong(400.0, &gain), "");
     let sensed = fine.iter().filter(|o| o.truth.effects.iter().any(|(id, ..)| is_of_the_measurement(id)));
     add("effect / re-tuned, of the measurement", sensed.map(|o| ratio(o)).collect(), "");

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use crate::Random;
 use crate::effects::{self, Effect, LISTED, Needs, OUTSIDE, Spec};
+use crate::forms::FORMS;
 use crate::machine::{Machine, Part, Pose};
 use crate::truth::{Row, World, Wrench};
 
@@ -27,6 +28,12 @@ pub enum Kind {
     Outside,
     /// As `none`, under loads that miss their mark.
     LoadErrors,
+    /// One thing, in a form that is nobody's.
+    Forms,
+    /// Two of these.
+    FormPairs,
+    /// As `none`, but three times the scatter.
+    Scatter,
 }
 
 impl Kind {
@@ -39,6 +46,9 @@ impl Kind {
             Self::Declared => "declared",
             Self::Outside => "outside",
             Self::LoadErrors => "load-errors",
+            Self::Forms => "forms",
+            Self::FormPairs => "form-pairs",
+            Self::Scatter => "scatter",
         }
     }
 }
@@ -333,7 +343,8 @@ impl Set {
         let declared = if rng.chance(0.4) { Machine::reference() } else { Machine::random(rng) };
         let mut machine = declared.clone();
         for which in declared.stiffnesses() {
-            machine.scale(which, (SCATTER * rng.normal()).exp());
+            let scatter = if kind == Kind::Scatter { 3.0 * SCATTER } else { SCATTER };
+            machine.scale(which, (scatter * rng.normal()).exp());
         }
         let poses: Vec<Pose> = (0..count).map(|_| pose_in(rng, &declared, angle, 1.0)).collect();
         let soft_y = rng.chance(0.3);
@@ -356,13 +367,13 @@ impl Set {
             factor: 1.0,
         };
         let shows = match kind {
-            Kind::None => true,
+            Kind::None | Kind::Scatter => true,
             Kind::LoadErrors => {
                 misaim(&mut set.rows, rng);
                 true
             }
             Kind::Declared => set.declare_wrong(part, rng),
-            Kind::One | Kind::Two | Kind::Outside => set.put_in(&specs, wish, rng),
+            Kind::One | Kind::Two | Kind::Outside | Kind::Forms | Kind::FormPairs => set.put_in(&specs, wish, rng),
         };
         if !shows {
             return Ok(None);
@@ -442,7 +453,7 @@ impl Set {
             .collect();
         let mut truth = json!({"kind": self.kind.name(), "seed": self.seed, "about": about.join("; ")});
         match self.kind {
-            Kind::None | Kind::LoadErrors => truth["expected_verdict"] = json!(["adequate"]),
+            Kind::None | Kind::Scatter | Kind::LoadErrors => truth["expected_verdict"] = json!(["adequate"]),
             Kind::Declared => {
                 truth["expected_verdict"] = json!(["adequate"]);
                 truth["declared_value_finding"] =
@@ -454,10 +465,11 @@ impl Set {
                 contains.iter_mut().filter(|id| outside(id)).for_each(|id| *id = "(outside the list)");
             }
             Kind::One | Kind::Two => {}
+            Kind::Forms | Kind::FormPairs => contains.clear(),
         }
         let accept: Vec<&str> = self.world.effects.iter().flat_map(Effect::accepted).collect();
         truth["accept"] = json!(accept);
-        let where_ok: Vec<_> = self.world.effects.iter().map(|e| effects::places_of(e.id)).collect();
+        let where_ok: Vec<_> = self.world.effects.iter().map(effects::places_of).collect();
         truth["where_ok"] = json!(where_ok);
         truth["contains"] = json!(contains);
         truth["lambda"] = json!(self.lambda.round());
@@ -520,12 +532,20 @@ fn specs(kind: Kind, wish: &Wish, rng: &mut Random) -> Result<Vec<Spec>, String>
         None => None,
     };
     let first = match (kind, wished) {
-        (Kind::None | Kind::LoadErrors | Kind::Declared, _) => return Ok(Vec::new()),
+        (Kind::None | Kind::Scatter | Kind::LoadErrors | Kind::Declared, _) => return Ok(Vec::new()),
         (_, Some(spec)) => spec,
         (Kind::Outside, None) => rng.pick(&OUTSIDE),
         (Kind::One | Kind::Two, None) => listed(rng),
+        (Kind::Forms | Kind::FormPairs, None) => rng.pick(&FORMS),
     };
     let mut all = vec![first];
+    while kind == Kind::FormPairs && all.len() < 2 {
+        let second = rng.pick(&FORMS);
+        let alike = first.id.split('-').nth(1) == second.id.split('-').nth(1);
+        if !alike && !layouts_for(&[first.needs, second.needs]).is_empty() {
+            all.push(second);
+        }
+    }
     while kind == Kind::Two && all.len() < 2 {
         let second = listed(rng);
         let axial = |s: &Spec| effects::declared_of(s.id).first().copied();
@@ -656,9 +676,14 @@ mod tests {
 
     #[test]
     fn every_effect_can_be_made_and_reaches_lambda() {
-        for spec in LISTED.iter().chain([&effects::COUPLING]).chain(&OUTSIDE) {
+        for spec in LISTED.iter().chain([&effects::COUPLING]).chain(&OUTSIDE).chain(&FORMS) {
             let wish = Wish { effect: Some(spec.id.to_owned()), lambda: Some(60.0), ..Wish::default() };
-            let kind = if OUTSIDE.iter().any(|s| s.id == spec.id) { Kind::Outside } else { Kind::One };
+            let is_among = |list: &[Spec]| list.iter().any(|s| s.id == spec.id);
+            let kind = match spec {
+                _ if is_among(&OUTSIDE) => Kind::Outside,
+                _ if is_among(&FORMS) => Kind::Forms,
+                _ => Kind::One,
+            };
             let set = Set::new(kind, 3, &wish).unwrap();
             assert!(set.readings.iter().chain(&set.held.values).all(|d| d.norm() < 0.02), "{}", spec.id);
             // all stiffnesses together take a gain of the load; a telescope is never a plain rod

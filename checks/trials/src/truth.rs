@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use pkm_frame::{Frame, Node, Section};
 
 use crate::effects::Effect;
+use crate::forms;
 use crate::machine::{Limb, Machine, Pose};
 
 /// Force and moment.
@@ -178,6 +179,13 @@ impl World {
                 });
             }
         }
+        if let Some(e) = self.of("form-warm-joints") {
+            let factor = (-e.amplitude * 1e-2 * (temperature - 20.0)).exp();
+            for limb in &mut machine.limbs {
+                let joint = if e.variant == 0 { &mut limb.base } else { &mut limb.platform };
+                joint.iter_mut().for_each(|k| *k *= factor);
+            }
+        }
         let rotation = pose.rotation().transpose();
         let seen = |p: Vector3<f64>| rotation * (p - pose.origin());
         let (x_b, y_b, z_b) = (rotation * Vector3::x(), rotation * Vector3::y(), rotation * Vector3::z());
@@ -190,6 +198,18 @@ impl World {
 
         let mut frame = Frame::new();
         let mut stands = [Frame::GROUND; 3];
+        let in_b = |k: Matrix6<f64>| both(&axes_b) * k * both(&axes_b).transpose();
+        if let Some(e) = self.of("form-base-mount") {
+            let mount = frame.node(seen(Vector3::zeros()));
+            frame.spring(Frame::GROUND, mount, seen(Vector3::zeros()), &in_b(forms::stiffness(e, 0)));
+            stands = [mount; 3];
+        }
+        if let Some(e) = self.of("form-base-feet") {
+            for i in 0..3 {
+                stands[i] = frame.node(base[i]);
+                frame.spring(Frame::GROUND, stands[i], base[i], &in_b(forms::stiffness(e, i)));
+            }
+        }
         if let Some(e) = self.of("base-compliance") {
             let c = e.amplitude * 1e-9;
             if e.variant == 0 {
@@ -230,6 +250,29 @@ impl World {
                 frame.beam(centre, corners[i], Vector3::z(), &plate([1.0, 0.7][e.variant]));
                 if e.variant == 1 {
                     frame.beam(corners[i], corners[(i + 1) % 3], Vector3::z(), &plate(0.5 * e.share(2)));
+                }
+            }
+        }
+
+        if let Some(e) = self.of("form-platform-bores") {
+            corners = platform.map(|p| frame.node(p));
+            for i in 0..3 {
+                frame.spring(centre, corners[i], platform[i], &forms::stiffness(e, i));
+            }
+        }
+        if let Some(e) = self.of("form-platform-ribs") {
+            corners = platform.map(|p| frame.node(p));
+            let ei = 2.67e-3 / (e.amplitude * 1e-9);
+            for i in 0..3 {
+                // arms of three sections, and a rib across to the next arm's middle
+                let section =
+                    |f: f64| Section { ea_n: 2000.0 * f * ei, ei_nm2: (2.0 * f * ei, f * ei), gj_nm2: 0.5 * f * ei };
+                let middle = frame.node(0.6 * platform[i]);
+                frame.beam(centre, middle, Vector3::z(), &section(2.0 * e.share(i)));
+                frame.beam(middle, corners[i], Vector3::z(), &section(e.share(i + 1)));
+                let next = (i + 1) % 3;
+                if next != 0 {
+                    frame.beam(middle, corners[next], Vector3::z(), &section(0.3 * e.share(i + 3)));
                 }
             }
         }
@@ -277,7 +320,22 @@ impl World {
                 let turns = q / (0.05 + 0.02 * e.shape[i]);
                 drive += e.amplitude * 1e-9 * (1.0 + (std::f64::consts::TAU * turns + 3.0 * e.shape[3]).sin());
             }
+            if let Some(e) = self.of("form-screw") {
+                drive += forms::screw(e, i, q);
+            }
             platform_k[2] = softened(platform_k[2], drive);
+            let (mut stand, mut corner) = (stands[i], corners[i]);
+            let own = |id: &str| self.of(id).filter(|e| forms::limb(e) == i);
+            if let Some(e) = own("form-base-joint") {
+                let housing = frame.node(base[i]);
+                frame.spring(stand, housing, base[i], &in_b(forms::stiffness(e, 0)));
+                stand = housing;
+            }
+            if let Some(e) = own("form-platform-joint") {
+                let housing = frame.node(platform[i]);
+                frame.spring(corner, housing, platform[i], &forms::stiffness(e, 0));
+                corner = housing;
+            }
 
             // joint axes may miss the limb's own line, which is felt at a fifth of the size; the joints stay where they are
             let aside = match self.of("platform-offset") {
@@ -310,7 +368,7 @@ impl World {
                 matrix
             };
             let turned = |k: Matrix6<f64>, axes: &Matrix3<f64>| both(axes) * k * both(axes).transpose();
-            frame.spring(stands[i], foot, base[i], &turned(coupled(base_k, false), &base_axes));
+            frame.spring(stand, foot, base[i], &turned(coupled(base_k, false), &base_axes));
             let (ea, ei, gj) = limb.section();
             if let Some(e) = self.of("telescopic-limb") {
                 let line = (base[i] + aside, z, q);
@@ -326,7 +384,7 @@ impl World {
                     frame.beam(foot, head, x, &section);
                 }
             }
-            frame.spring(head, corners[i], platform[i], &turned(coupled(platform_k, true), &platform_axes));
+            frame.spring(head, corner, platform[i], &turned(coupled(platform_k, true), &platform_axes));
             if let Some(e) = self.of("preload") {
                 // the force turns with the limb; the second form has the weaker third limb of a real machine
                 let n = e.amplitude * 1e3 * if i == 2 && e.variant == 1 { 0.5 } else { 1.0 } * e.share(i);
@@ -354,6 +412,9 @@ impl World {
             let k: [f64; 6] = std::array::from_fn(|i| 1.0 / (c * e.share(i) * if i < 3 { 1.0 } else { slack }));
             behind(Matrix6::from_diagonal(&k.into()));
         }
+        if let Some(e) = self.of("form-tool") {
+            behind(forms::stiffness(e, 0));
+        }
         if let Some(e) = self.of("resonant-bracket") {
             let (angle, width) = (pose.0[e.variant] - 0.15 * e.shape[0], 0.06);
             let c = 1e-14 + e.amplitude * 1e-9 * (-0.5 * (angle / width).powi(2)).exp();
@@ -368,7 +429,7 @@ impl World {
 
     /// Whether a force along a limb can lengthen it in any other way than in proportion.
     fn depends_on_load(&self) -> bool {
-        let ids = ["clearance", "contact-stiffening", "friction-hysteresis", "cubic-hardening"];
+        let ids = ["clearance", "contact-stiffening", "friction-hysteresis", "cubic-hardening", "form-load"];
         ids.iter().any(|id| self.of(id).is_some())
     }
 
@@ -422,6 +483,9 @@ impl World {
             let x = (n / 1000.0).powi(2);
             e -= hard.amplitude * 1e-9 * n * x / (1.0 + x);
         }
+        if let Some(form) = self.of("form-load") {
+            e += forms::growth(form, limb, n);
+        }
         let mut friction = 0.0;
         if let Some(rub) = self.of("friction-hysteresis") {
             let limit = rub.amplitude * rub.share(limb);
@@ -470,7 +534,7 @@ impl World {
     /// Deflection of the platform at the commanded A-uvw for every row, in time order; what only the sensor makes of
     /// it is left out unless asked for.
     pub fn deflections(&self, poses: &[Pose], rows: &[Row], sensed: bool) -> Vec<Vector6<f64>> {
-        let thermal = self.of("thermal-modulus").is_some();
+        let thermal = self.of("thermal-modulus").or(self.of("form-warm-joints")).is_some();
         // a smooth function of temperature: three points of it are enough
         let nodes: &[f64] = if thermal { &[15.0, 22.0, 29.0] } else { &[20.0] };
         let prepared: Vec<_> = poses
@@ -540,6 +604,9 @@ impl World {
         }
         if let Some(e) = self.of("sensor-scale") {
             (0..3).for_each(|i| d[i] *= 1.0 + e.sign(0) * e.amplitude * 1e-2);
+        }
+        if let Some(e) = self.of("form-sensor") {
+            d = forms::sensed(e, &d);
         }
         d
     }
@@ -656,7 +723,12 @@ mod tests {
     #[test]
     fn weak_effects_vanish() {
         let bare = world(Vec::new()).deflections(&[POSE], &ramp(1, 1000.0, 2), true);
-        for spec in crate::effects::LISTED.iter().chain([&crate::effects::COUPLING]).chain(&crate::effects::OUTSIDE) {
+        for spec in crate::effects::LISTED
+            .iter()
+            .chain([&crate::effects::COUPLING])
+            .chain(&crate::effects::OUTSIDE)
+            .chain(&forms::FORMS)
+        {
             for variant in 0..spec.variants {
                 // a telescope has no such limit
                 if spec.id == "telescopic-limb" {
