@@ -146,6 +146,11 @@ pub trait ForwardModel: Sync {
     /// at 0. `None` where the model has no prediction.
     fn predict(&self, unknowns: &[Unknown], x: &[f64]) -> Option<Vec<f64>>;
 
+    /// Whether the model at `x` is possible wherever it will be used, not under the conditions of the readings alone.
+    fn is_possible(&self, _unknowns: &[Unknown], _x: &[f64]) -> bool {
+        true
+    }
+
     /// Errors that readings have in common besides the zero of their series.
     fn common_errors(&self) -> Option<CommonErrors>;
 

@@ -47,6 +47,8 @@ pub struct Rules {
     pub max_rounds: usize,
     /// Largest plausible amplitude, in units of its scale.
     pub max_amplitude: f64,
+    /// How much larger the amplitude of an element may be.
+    pub element_width: f64,
     /// Largest first step of an amplitude that is fitted at all, three times `max_amplitude`: what begins farther out does not
     /// come back into bounds.
     pub max_first_step: f64,
@@ -173,6 +175,7 @@ impl Rules {
         max_found: 3,
         max_rounds: 4,
         max_amplitude: 2.0,
+        element_width: 10.0,
         max_first_step: 6.0,
         max_shape_sd: 2.5,
         shape_starts: [0.0, -1.5, 1.5],

@@ -4,6 +4,8 @@ use pkm_core::MachineParameters;
 use pkm_core::effects::{Element, MAX_PARAMETERS};
 use pkm_diagnosis::Prior;
 
+use super::model::Recorded;
+
 /// A parameter that one or several elements have in common.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElementParameter {
@@ -67,11 +69,17 @@ pub struct Usual {
 
 /// Tension to which laws of the load are scaled, N: what a person can apply.
 const TENSION_N: f64 = 300.0;
+/// Lag that is plausible, and the change of tension that turns it.
+const LAG_M: f64 = 5e-6;
+/// See `LAG_M`.
+const REVERSAL_N: f64 = 50.0;
+/// Share of a compliance that a kelvin may add.
+const SOFTENING_PER_K: f64 = 0.02;
 /// Play that is plausible, and the tension that takes it up.
 const PLAY: (f64, f64) = (30e-6, 20.0);
 
-/// All families of elements that a diagnosis looks for.
-pub fn families(usual: &Usual) -> Vec<Family> {
+/// All families of elements that a diagnosis looks for, in readings with some of the columns.
+pub fn families(usual: &Usual, recorded: Recorded) -> Vec<Family> {
     let mut all: Vec<Family> = [
         ("tool", ["u", "v", "w", "ru", "rv", "rw"]),
         ("moving_platform", ["u", "v", "w", "ru", "rv", "rw"]),
@@ -90,9 +98,17 @@ pub fn families(usual: &Usual) -> Vec<Family> {
         }
     }
     for limbs in [&[0][..], &[1], &[2], &[0, 1], &[0, 1, 2]] {
-        all.push(extension(usual, limbs, "axial", usual.axial));
-        all.push(extension(usual, limbs, "lateral", usual.across));
+        for degree in 1..=2 {
+            all.push(extension(usual, limbs, "axial", usual.axial, degree));
+            all.push(extension(usual, limbs, "lateral", usual.across, degree));
+        }
         all.push(load(usual, limbs));
+        if recorded.unloading {
+            all.push(direction(usual, limbs));
+        }
+        if recorded.temperatures {
+            all.push(temperature(usual, limbs));
+        }
     }
     all.retain(|family| !family.parameters.is_empty());
     all
@@ -126,8 +142,8 @@ fn of_limbs(usual: &Usual, limbs: &[usize], part: &str) -> Family {
     Family { places, motion: "general", law: "constant", parameters }
 }
 
-/// A compliance of bodies that changes with their length.
-fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64) -> Family {
+/// A compliance of bodies that changes with their length, a polynomial of some degree.
+fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64, degree: usize) -> Family {
     let places = names(limbs, "body");
     let own: Vec<&str> = places.iter().map(String::as_str).collect();
     let [middle, half] = usual.travel_m;
@@ -137,7 +153,7 @@ fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64) -
         p.elements.iter_mut().for_each(|e| e.parameters[3] = middle);
         Some(p)
     };
-    let parameters = scales.into_iter().enumerate().filter_map(of).collect();
+    let parameters = scales.into_iter().take(degree + 1).enumerate().filter_map(of).collect();
     Family { places, motion, law: "extension", parameters }
 }
 
@@ -154,4 +170,38 @@ fn load(usual: &Usual, limbs: &[usize]) -> Family {
     };
     let parameters = scales.into_iter().enumerate().filter_map(of).collect();
     Family { places, motion: "axial", law: "load", parameters }
+}
+
+/// An elongation of bodies that lags behind their tension.
+fn direction(usual: &Usual, limbs: &[usize]) -> Family {
+    let places = names(limbs, "body");
+    let own: Vec<&str> = places.iter().map(String::as_str).collect();
+    let of = |(index, scale): (usize, f64)| {
+        let mut p = parameter(&own, "axial", "direction", index, scale, false)?;
+        p.elements.iter_mut().for_each(|e| e.parameters[2] = REVERSAL_N);
+        Some(p)
+    };
+    let parameters = [LAG_M, 0.3 * usual.axial].into_iter().enumerate().filter_map(of).collect();
+    Family { places, motion: "axial", law: "direction", parameters }
+}
+
+/// Softening of a limb with temperature, wherever in it: bodies and joints pass the same forces.
+fn temperature(usual: &Usual, limbs: &[usize]) -> Family {
+    let places = names(limbs, "body");
+    let own: Vec<&str> = places.iter().map(String::as_str).collect();
+    let joints = names(limbs, "platform_joint");
+    let at_joints: Vec<&str> = joints.iter().map(String::as_str).collect();
+    let turning = 3.0 * usual.terminal[3..].iter().fold(0.0_f64, |m, v| m.max(*v));
+    let of = |(at, motion, scale): (&[&str], &str, f64)| {
+        parameter(at, motion, "temperature", 0, scale * SOFTENING_PER_K, false)
+    };
+    let all = [
+        (&own[..], "axial", usual.axial),
+        (&own, "tilting", turning),
+        (&own, "torsion", turning),
+        (&own, "lateral", usual.across),
+        (&at_joints, "tilting", turning),
+    ];
+    let parameters = all.into_iter().filter_map(of).collect();
+    Family { places, motion: "general", law: "temperature", parameters }
 }

@@ -93,6 +93,10 @@ impl ForwardModel for Experiment<'_> {
         Some(self.model.predict(&self.poses, self.conditions, unknowns, x)?.into_flattened())
     }
 
+    fn is_possible(&self, unknowns: &[Unknown], x: &[f64]) -> bool {
+        self.model.is_possible(unknowns, x)
+    }
+
     /// Errors of the loads: for every pose and line of load, three turns of its direction by 1 rad and a gain by 1. What is
     /// declared goes with the line. Of what nobody declares, half of the variance is another error for each way along the
     /// line, as a load that is put on from the other side is aimed anew: without it the difference passes for a law of the

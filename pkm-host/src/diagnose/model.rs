@@ -5,7 +5,8 @@
 use std::collections::HashMap;
 
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::{MachineParameters, Pose, Wrench};
+use pkm_core::machine::Machine;
+use pkm_core::{MachineParameters, Pose, ScrewLengths, Wrench};
 use pkm_diagnosis::{Candidate, Kind, Parameter, Prior, Role, Unknown};
 
 use super::declared::{Class, Declared};
@@ -82,6 +83,8 @@ pub struct Model {
     pub element_places: HashMap<usize, Whereabouts>,
     /// What may be missing.
     pub candidates: Vec<Candidate>,
+    /// Poses all over the travel.
+    reach: Vec<Pose<f64>>,
     /// What is known of each unknown.
     pub parameters: Vec<Parameter>,
     /// What each unknown changes.
@@ -117,6 +120,23 @@ fn usual(file: &MachineFile) -> Option<Usual> {
     let (axial, across) = (3.0 * own[2], 3.0 * own[0]);
     Some(Usual { terminal: own, axial, across, travel_m: [0.5 * (short + long), 0.5 * (long - short)] })
 }
+
+/// Poses at which the declared machine has a stiffness, on a grid of screw lengths over the travel.
+fn reach(file: &MachineFile) -> Vec<Pose<f64>> {
+    let travel = &file.parameters.travel;
+    let length = |limb: usize, step: usize| {
+        travel.min_m[limb] + (travel.max_m[limb] - travel.min_m[limb]) * step as f64 / (REACH_STEPS - 1) as f64
+    };
+    let steps = || 0..REACH_STEPS;
+    let all = steps().flat_map(|i| steps().flat_map(move |j| steps().map(move |k| [i, j, k])));
+    let poses = all.filter_map(|[i, j, k]| {
+        file.machine.forward(&ScrewLengths { q_m: [length(0, i), length(1, j), length(2, k)] }).ok()
+    });
+    poses.filter(|pose| file.machine.stiffness(pose).is_ok_and(|k| k.factor().is_ok())).collect()
+}
+
+/// Lengths of each screw on that grid.
+const REACH_STEPS: usize = 5;
 
 /// Priors of the effects' parameters. Scales follow from what is usual in the machine.
 fn priors(file: &MachineFile, usual: &Usual) -> Vec<Vec<Prior>> {
@@ -243,7 +263,7 @@ impl Model {
             });
         }
         let (mut elements, mut element_places) = (Vec::new(), HashMap::new());
-        let families = if method == Method::Places { families(&usual) } else { Vec::new() };
+        let families = if method == Method::Places { families(&usual, recorded) } else { Vec::new() };
         for family in families {
             let mut unknowns = Vec::new();
             for p in family.parameters {
@@ -258,7 +278,8 @@ impl Model {
             candidates.push(Candidate { names: vec![name], kind: Kind::Element, place, unknowns });
         }
         let uncertainty = file.uncertainty;
-        Some(Self { declared, uncertainty, classes, elements, element_places, candidates, parameters, meanings })
+        let reach = reach(file);
+        Some(Self { declared, reach, uncertainty, classes, elements, element_places, candidates, parameters, meanings })
     }
 
     /// What an unknown changes.
@@ -317,6 +338,14 @@ impl Model {
             }
         }
         state
+    }
+
+    /// Whether the machine at `x` has a stiffness all over its travel: a compliance that shrinks with a limb's length may be
+    /// negative beyond the readings.
+    pub fn is_possible(&self, unknowns: &[Unknown], x: &[f64]) -> bool {
+        let machine = Machine::<f64>::new(&self.state(unknowns, x, false).machine);
+        let stands = |m: &Machine<f64>, pose: &Pose<f64>| m.stiffness(pose).is_ok_and(|k| k.factor().is_ok());
+        machine.is_ok_and(|m| self.reach.iter().all(|pose| stands(&m, pose)))
     }
 
     /// Predictions at `x`, by condition. An amplitude below 0 that has no physical meaning acts like its positive self

@@ -199,6 +199,32 @@ fn candidates_follow_from_what_was_recorded() {
 }
 
 /// Displacements of 1 rad about u, v, w and of twice the load, four columns for each line.
+/// By places there are elements for what was recorded, and a machine with them must stand all over its travel.
+#[test]
+fn elements_must_leave_the_machine_a_stiffness_all_over_its_travel() {
+    let file = machine();
+    let model = Model::new(&file, Recorded { temperatures: false, unloading: true }, Method::Places).unwrap();
+    let of_law = |law: &str| model.element_places.values().filter(|w| w.law == law).count();
+    assert!(of_law("direction") > 0 && of_law("temperature") == 0);
+    let warm = Model::new(&file, Recorded { temperatures: true, unloading: false }, Method::Places).unwrap();
+    assert!(warm.element_places.values().any(|w| w.law == "temperature"));
+
+    // the slope of limb 1's axial compliance: its length differs from the middle by half of the travel at most
+    let slope = (0..model.elements.len())
+        .find(|n| model.elements[*n].name() == "axial.slope_per_n" && model.elements[*n].elements.len() == 1)
+        .unwrap();
+    let unknown = model.unknown(Meaning::Element(slope)).unwrap();
+    let scale = model.parameters[unknown.0].prior.value(1.0);
+    let travel = &file.parameters.travel;
+    let half = 0.5 * (travel.max_m[0] - travel.min_m[0]);
+    // along its axis the limb itself has far less than a micrometre per newton
+    for sign in [1.0, -1.0] {
+        let x = |at_the_end: f64| sign * at_the_end / half / scale;
+        assert!(model.is_possible(&[unknown], &[x(1e-10)]));
+        assert!(!model.is_possible(&[unknown], &[x(1e-6)]));
+    }
+}
+
 fn load_columns(file: &MachineFile, data: &Readings, line: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(data.conditions.len() * CHANNELS, 4 * line.len(), |i, k| {
         let (condition, channel) = (i / CHANNELS, i % CHANNELS);
