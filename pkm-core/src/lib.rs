@@ -82,6 +82,9 @@ pub mod types;
 mod vector;
 pub mod wrist;
 
+/// Vectors and matrices of this crate's interface.
+pub use nalgebra;
+
 pub use compensation::{Compensated, CompensationError, Cycle, CycleError};
 pub use compensator::{Compensator, CompensatorSettings, Fault};
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};
