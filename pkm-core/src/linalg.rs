@@ -1,9 +1,55 @@
+//! What the core needs of linear algebra beside nalgebra's sums and products: vectors and matrices put together and taken apart, and
 //! 6×6 symmetric positive definite arithmetic on lower triangles.
 //!
-//! Hand-written: the loops have constant bounds, so no panic path is left without link-time optimisation, and
+//! The latter is hand-written: the loops have constant bounds, so no panic path is left without link-time optimisation, and
 //! they are clean under Miri's default rules, which nalgebra's fixed-size `cholesky()` is not.
 
+use nalgebra::{ArrayStorage, Matrix3, SMatrix, SVector, Vector3, Vector6};
+
 use crate::scalar::Scalar;
+
+/// A matrix of its columns.
+pub(crate) fn from_columns<T, const R: usize, const C: usize>(columns: [[T; R]; C]) -> SMatrix<T, R, C> {
+    SMatrix::from_array_storage(ArrayStorage(columns))
+}
+
+/// Three axes as the columns of a matrix: it takes components along them into the frame in which they are given.
+pub(crate) fn frame<T: Scalar>(x: Vector3<T>, y: Vector3<T>, z: Vector3<T>) -> Matrix3<T> {
+    from_columns([x.into(), y.into(), z.into()])
+}
+
+/// The three columns of a matrix.
+pub(crate) fn axes<T: Scalar>(frame: &Matrix3<T>) -> [Vector3<T>; 3] {
+    let [x, y, z] = frame.data.0;
+    [x.into(), y.into(), z.into()]
+}
+
+/// Length of a vector. By `libm`'s root, which `norm` of nalgebra is not with the standard library.
+pub(crate) fn length<T: Scalar>(v: &Vector3<T>) -> T {
+    v.dot(v).sqrt()
+}
+
+/// The same direction at length 1; `None` when it has none.
+pub(crate) fn unit<T: Scalar>(v: &Vector3<T>) -> Option<Vector3<T>> {
+    let length = length(v);
+    (length > T::ZERO && length.is_finite()).then(|| v / length)
+}
+
+pub(crate) fn is_finite<T: Scalar, const N: usize>(v: &SVector<T, N>) -> bool {
+    v.as_slice().iter().all(|component| component.is_finite())
+}
+
+/// Two halves of a six-vector.
+pub(crate) fn join<T: Scalar>(first: Vector3<T>, second: Vector3<T>) -> Vector6<T> {
+    let ([a, b, c], [d, e, f]) = (first.into(), second.into());
+    Vector6::new(a, b, c, d, e, f)
+}
+
+/// See [`join`].
+pub(crate) fn split<T: Scalar>(v: Vector6<T>) -> (Vector3<T>, Vector3<T>) {
+    let [a, b, c, d, e, f] = v.into();
+    (Vector3::new(a, b, c), Vector3::new(d, e, f))
+}
 
 /// A 6×6 matrix of which only the lower triangle has a meaning.
 pub(crate) type Lower<T> = [[T; 6]; 6];
@@ -47,8 +93,8 @@ pub(crate) fn cholesky<T: Scalar>(a: &mut Lower<T>) -> bool {
 }
 
 /// x with L Lᵀ x = b.
-pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &[T; 6]) -> [T; 6] {
-    let mut x = *b;
+pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
+    let mut x: [T; 6] = (*b).into();
     for i in 0..6 {
         for k in 0..i {
             x[i] -= l[i][k] * x[k];
@@ -61,7 +107,7 @@ pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &[T; 6]) -> [T; 6] {
         }
         x[i] = x[i] / l[i][i];
     }
-    x
+    x.into()
 }
 
 /// Turns L into L·G. G is a lower triangle row by row, without what is above.

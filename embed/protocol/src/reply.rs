@@ -275,11 +275,11 @@ impl<T: Scalar> Numbers<T> {
         }
         let Pose { theta_rad, sigma_rad, z0_m } = cycle.compensated.pose;
         Self {
-            q_m: cycle.lengths.q_m,
+            q_m: cycle.lengths.q_m.into(),
             k,
-            translation_m: cycle.deflection.translation_m,
-            rotation_rad: cycle.deflection.rotation_rad,
-            compensated: Compensated { theta_rad, sigma_rad, z0_m, q_m: cycle.compensated.lengths.q_m },
+            translation_m: cycle.deflection.translation_m.into(),
+            rotation_rad: cycle.deflection.rotation_rad.into(),
+            compensated: Compensated { theta_rad, sigma_rad, z0_m, q_m: cycle.compensated.lengths.q_m.into() },
         }
     }
 

@@ -1,5 +1,7 @@
 //! K_p of a machine: its limbs, what couples them, and what is in series with them.
 
+use nalgebra::Vector3;
+
 use super::{Stiffness, StiffnessError, check_diagonal};
 use crate::elastic::{ALL, Chain, Series};
 use crate::kinematics::Posture;
@@ -7,7 +9,6 @@ use crate::linalg::{self, Lower};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::types::Pose;
-use crate::vector::cross;
 
 impl<T: Scalar> Machine<T> {
     /// Terminal stiffness K_p at A in A-uvw (Eqs. 7-9), with the machine's effects.
@@ -79,9 +80,7 @@ impl<T: Scalar> Machine<T> {
     /// Softens K by what yields at B and between limbs and A; false when a negative compliance leaves nothing definite.
     #[inline(never)]
     fn add_compliance_in_series(&self, p: &Posture<T>, k: &mut Lower<T>) -> bool {
-        let (n, x, y) = (p.n(), p.x(), p.y());
-        let at = n.map(|c| -p.l * c);
-        let axes = [x, y, cross(x, y)];
+        let (at, axes) = (p.n() * -p.l, p.base());
         let mut definite = true;
         self.effects.at_base(|compliance| definite &= Series { at, axes, compliance }.soften(k));
         self.effects.at_hub(|compliance| definite &= Series::at_a(compliance).soften(k));
@@ -119,9 +118,8 @@ impl<T: Scalar> Machine<T> {
 
     #[inline(never)]
     fn couple_limbs_1_2(&self, p: &Posture<T>, pair: &mut Chain<T, 6>) {
-        let z = cross(p.x(), p.y());
-        let w = [T::ZERO, T::ZERO, T::ONE];
-        self.effects.between_arms_1_2(|bridge| pair.add_mode(w, T::ONE, bridge));
+        let z = p.x().cross(&p.y());
+        self.effects.between_arms_1_2(|bridge| pair.add_mode(Vector3::z(), T::ONE, bridge));
         self.effects.between_bases_1_2(|[together, opposed]| {
             pair.add_mode(z, T::ONE, together);
             pair.add_mode(z, -T::ONE, opposed);

@@ -12,7 +12,7 @@
 use core::fmt;
 
 use crate::kinematics::KinematicsError;
-use crate::linalg::{self, Lower, NotPositiveDefinite};
+use crate::linalg::{self, Lower, NotPositiveDefinite, is_finite};
 use crate::scalar::Scalar;
 use crate::types::{Deflection, Wrench};
 
@@ -134,7 +134,7 @@ impl<T: Scalar> StiffnessFactor<T> {
     /// # Errors
     /// [`StiffnessError::NotFinite`] when the wrench or the result is not finite.
     pub fn deflection(&self, wrench: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
-        finite(Deflection::from_array(linalg::solve(&self.lower, &wrench.to_array())))
+        finite(Deflection::from_vector(linalg::solve(&self.lower, &wrench.to_vector())))
     }
 
     /// The factor's entries; above the diagonal they are 0.
@@ -145,5 +145,5 @@ impl<T: Scalar> StiffnessFactor<T> {
 
 /// What can be said: a deflection that overflows cannot.
 pub(crate) fn finite<T: Scalar>(d: Deflection<T>) -> Result<Deflection<T>, StiffnessError> {
-    if d.to_array().iter().all(|v| v.is_finite()) { Ok(d) } else { Err(StiffnessError::NotFinite) }
+    if is_finite(&d.translation_m) && is_finite(&d.rotation_rad) { Ok(d) } else { Err(StiffnessError::NotFinite) }
 }

@@ -168,9 +168,9 @@ impl Remainder {
 }
 
 fn at_a(wrench: &Wrench<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    wrench.moved_to_a(point_m).to_array().into()
+    wrench.moved_to_a(point_m.into()).to_vector()
 }
 
 fn seen_at(d: &Vector6<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    Deflection::from_array((*d).into()).seen_at(point_m).to_array().into()
+    Deflection::from_vector(*d).seen_at(point_m.into()).to_vector()
 }

@@ -82,7 +82,7 @@ impl Sheet {
         };
         let values = self.numbers(row, columns)?;
         let pose = if lengths {
-            let q_m = values.map(|mm| mm / 1e3);
+            let q_m = values.map(|mm| mm / 1e3).into();
             let forward = machine.machine.forward(&ScrewLengths { q_m });
             forward.map_err(|e| match e {
                 KinematicsError::OutOfTravel { limb } => {

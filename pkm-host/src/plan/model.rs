@@ -119,10 +119,10 @@ impl Model {
         c: &Condition,
     ) -> std::result::Result<Deflection<f64>, StiffnessError> {
         let machine = &self.machine.machine;
-        let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m);
+        let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m.into());
         let linear = solved.factor.deflection(&at_a)?;
-        let extra = machine.load_dependent_deflection(pose, &at_a, &c.turned_at.moved_to_a(c.point_m))?;
-        Ok(linear.plus(&extra).plus(&machine.thermal_deflection(pose, c.rise_k)?).seen_at(c.point_m))
+        let extra = machine.load_dependent_deflection(pose, &at_a, &c.turned_at.moved_to_a(c.point_m.into()))?;
+        Ok(linear.plus(&extra).plus(&machine.thermal_deflection(pose, c.rise_k)?).seen_at(c.point_m.into()))
     }
 }
 

@@ -352,9 +352,9 @@ fn laws_of_the_load_lengthen_a_limb_by_their_definition() {
         // work of a unit wrench: the tension that it causes times the elongation
         let expected = Vector6::from_fn(|i, _| elongation * tension(&Vector6::ith(i, 1.0)));
 
-        let array = |w: &Vector6<f64>| Wrench::from_array((*w).into());
-        let found = machine.load_dependent_deflection(&pose, &array(&wrench), &array(&turned_at)).unwrap();
-        keep_worst(&mut worst, (Vector6::from(found.to_array()) - expected).norm() / expected.norm());
+        let (wrench, turned_at) = (Wrench::from_vector(wrench), Wrench::from_vector(turned_at));
+        let found = machine.load_dependent_deflection(&pose, &wrench, &turned_at).unwrap();
+        keep_worst(&mut worst, (found.to_vector() - expected).norm() / expected.norm());
         seen = seen.max(elongation.abs());
     }
     println!("load laws: {worst:.1e}, elongations up to {seen:.1e} m");
@@ -362,7 +362,7 @@ fn laws_of_the_load_lengthen_a_limb_by_their_definition() {
     // nothing of it without a load that depends
     let linear = Effects::NONE.with_element("limb.1.body", "axial", "constant", [1e-9]).unwrap();
     let machine = Machine::<f64>::new(&MachineParameters { effects: linear, ..PARAMETERS }).unwrap();
-    let any = Wrench::from_array([100.0; 6]);
+    let any = Wrench::from_vector([100.0; 6].into());
     assert_eq!(machine.load_dependent_deflection(&POSE, &any, &Wrench::ZERO), Ok(Deflection::ZERO));
 }
 

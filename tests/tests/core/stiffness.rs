@@ -1,9 +1,10 @@
 //! Basic stiffness against the dense 24×24 of Eq. 8.
 
+use nalgebra::Vector3;
 use pkm_core::effects::Effects;
 use pkm_core::machine::{BodyKind, MachineParameters, Travel};
 use pkm_core::tables::reference::PARAMETERS;
-use pkm_core::{Machine, Pose, Stiffness, StiffnessError, Wrench};
+use pkm_core::{Deflection, Machine, Pose, Stiffness, StiffnessError, Wrench};
 use pkm_tests::single::narrow_pose;
 use pkm_tests::{cases, keep_worst, random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
 
@@ -43,15 +44,14 @@ fn transmitted_wrenches_one_by_one_make_up_the_structural_matrix() {
         assert!(difference <= 1e-11, "{difference:e} at {pose:?} of {parameters:?}");
         let lengths = machine.inverse(&pose).unwrap().q_m;
         for (limb, first) in t.limbs.iter().zip([0, 3, 6]) {
-            let [base, platform] = limb.joints_m.map(nalgebra::Vector3::from);
+            let [base, platform] = limb.joints_m;
             let along = platform - base;
             let w = t.wrenches[first];
-            let (force, moment) =
-                (nalgebra::Vector3::from([w[0], w[1], w[2]]), nalgebra::Vector3::from([w[3], w[4], w[5]]));
-            assert!((along.norm() - limb.length_m).abs() < 1e-12 && lengths.contains(&limb.length_m));
+            let (force, moment) = (Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5]));
+            assert!((along.norm() - limb.length_m).abs() < 1e-12 && lengths.as_slice().contains(&limb.length_m));
             assert!((along / limb.length_m - force).norm() < 1e-12);
             assert!((moment - platform.cross(&force)).norm() < 1e-12);
-            assert!((nalgebra::Vector3::from(limb.axes[1][2]) - force).norm() < 1e-12);
+            assert!((limb.axes[1].column(2) - force).norm() < 1e-12);
         }
     }
 }
@@ -163,24 +163,21 @@ fn deflection_solves_the_stiffness() {
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.1);
         let k = machine.stiffness(&pose).unwrap();
-        let wrench = Wrench { force_n: [100.0, -50.0, 700.0], moment_nm: [3.0, 20.0, -8.0] };
+        let wrench = Wrench { force_n: Vector3::new(100.0, -50.0, 700.0), moment_nm: Vector3::new(3.0, 20.0, -8.0) };
         let d = k.factor().unwrap().deflection(&wrench).unwrap();
-        let x = d.to_array();
-        let load = wrench.to_array();
-        for (row, f) in k.matrix().iter().zip(load) {
+        let x = d.to_vector();
+        let load = wrench.to_vector();
+        for (row, f) in k.matrix().iter().zip(&load) {
             let sum: f64 = row.iter().zip(&x).map(|(k, x)| k * x).sum();
             let size: f64 = row.iter().zip(&x).map(|(k, x)| (k * x).abs()).sum();
             assert!((sum - f).abs() <= 1e-12 * size, "{sum} instead of {f}");
         }
         // by virtual work, whatever point the load is given at
-        let at = [0.1, -0.2, 0.3];
+        let at = Vector3::new(0.1, -0.2, 0.3);
         let seen = d.seen_at(at);
         let moved = wrench.moved_to_a(at);
-        let work = |w: &Wrench<f64>, t: [f64; 3], r: [f64; 3]| -> f64 {
-            (0..3).map(|i| w.force_n[i] * t[i] + w.moment_nm[i] * r[i]).sum()
-        };
-        let (there, here) =
-            (work(&wrench, seen.translation_m, seen.rotation_rad), work(&moved, d.translation_m, d.rotation_rad));
+        let work = |w: &Wrench<f64>, d: &Deflection<f64>| w.to_vector().dot(&d.to_vector());
+        let (there, here) = (work(&wrench, &seen), work(&moved, &d));
         assert!((there - here).abs() <= 1e-9 * there.abs().max(here.abs()), "{there} {here}");
     }
 }
@@ -195,7 +192,7 @@ fn failures_are_typed() {
     let mut above = k;
     above[0][5] = f64::NAN;
     assert_eq!(Stiffness::from_lower(&above).factor(), Ok(factor));
-    let wrench = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
+    let wrench = Wrench { force_n: Vector3::new(f64::NAN, 0.0, 0.0), moment_nm: Vector3::zeros() };
     assert_eq!(factor.deflection(&wrench), Err(StiffnessError::NotFinite));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let mut indefinite = k;

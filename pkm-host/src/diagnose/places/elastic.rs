@@ -95,13 +95,16 @@ impl Frame {
         let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let of = |limb: usize, joint: usize| {
             let l = &t.limbs[limb];
-            seen(&h, own[limb].clone(), l.joints_m[joint], &l.axes[joint])
+            seen(&h, own[limb].clone(), l.joints_m[joint].into(), &l.axes[joint].into())
         };
+        let base_axes = t.base_axes.into();
         Some(Self {
             joints: std::array::from_fn(|limb| [of(limb, 0), of(limb, 1)]),
-            bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1], &unit)),
-            ground: seen(&h, 0..8, t.base_m, &t.base_axes),
-            points: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0], &t.base_axes)),
+            bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1].into(), &unit)),
+            ground: seen(&h, 0..8, t.base_m.into(), &base_axes),
+            points: std::array::from_fn(|limb| {
+                seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0].into(), &base_axes)
+            }),
             q: std::array::from_fn(|i| t.limbs[i].length_m),
             pose: [pose.theta_rad, pose.sigma_rad, pose.z0_m],
             wrenches: h,

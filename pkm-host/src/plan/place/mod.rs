@@ -144,7 +144,7 @@ impl<'a> PlacementModel<'a> {
     fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {
         let table = self.job.table_in_base(position);
         let tip = table.origin_m + table.rotation * hole.tip_m;
-        Tool { tip_m: tip.into(), axis: (table.rotation * hole.axis).into() }
+        Tool { tip_m: tip, axis: table.rotation * hole.axis }
     }
 
     fn judged(&self, hold: Hold<f64>, wrench: &Wrench<f64>) -> std::result::Result<Posture, Miss> {
