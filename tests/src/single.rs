@@ -47,7 +47,7 @@ impl Errors {
     fn new(single: &Cycle<f32>, double: &Cycle<f64>) -> Self {
         let lengths = |a: Vector3<f32>, b: Vector3<f64>| (a.cast::<f64>() - b).amax();
         let relative = |a: Vector3<f32>, b: Vector3<f64>| (a.cast::<f64>() - b).norm() / b.norm();
-        let k = single.corrected.factor.stiffness().matrix().map(|row| row.map(f64::from));
+        let k = single.corrected.factor.stiffness().matrix().cast::<f64>();
         let mut deflection = relative(single.deflection.translation_m, double.deflection.translation_m);
         keep_worst(&mut deflection, relative(single.deflection.rotation_rad, double.deflection.rotation_rad));
         Self {
@@ -87,8 +87,8 @@ pub fn narrow_pose(pose: &Pose<f64>) -> Pose<f32> {
     Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 }
 }
 
-fn condition(k: [[f64; 6]; 6]) -> f64 {
-    let values = Matrix6::from_fn(|i, j| k[i][j] / (k[i][i] * k[j][j]).sqrt()).symmetric_eigenvalues();
+fn condition(k: Matrix6<f64>) -> f64 {
+    let values = Matrix6::from_fn(|i, j| k[(i, j)] / (k[(i, i)] * k[(j, j)]).sqrt()).symmetric_eigenvalues();
     values.max() / values.min()
 }
 

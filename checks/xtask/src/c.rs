@@ -237,7 +237,7 @@ fn expected<T: Scalar>(
     let cycle = table.cycle(machine, pose, &wrench, tip).map(|c| {
         [c.lengths.q_m.as_slice().to_vec(), six(c.deflection), flat(c.compensated.pose, c.compensated.lengths)].concat()
     });
-    let whole = |k: pkm_core::Stiffness<T>| k.matrix().concat();
+    let whole = |k: pkm_core::Stiffness<T>| k.matrix().as_slice().to_vec();
     let warm = machine.at_temperature(T::from_f64(31.5));
     let ok = |name, text: String| (name, Some(vec![text]));
     // as the structures of the header have them

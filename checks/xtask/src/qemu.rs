@@ -278,7 +278,7 @@ fn bits_of<T: Scalar>(values: &[T]) -> Vec<u64> {
 
 fn lower_of<T: Scalar>(k: &Stiffness<T>) -> Vec<u64> {
     let k = k.matrix();
-    bits_of(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
+    bits_of(&(0..6).flat_map(|i| (0..=i).map(move |j| k[(i, j)])).collect::<Vec<_>>())
 }
 
 /// Configuration, screw lengths and normalised Jacobian determinant.

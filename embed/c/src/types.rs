@@ -306,7 +306,8 @@ impl<T> From<SingularityDistance<T>> for PkmSingularityDistance<T> {
 
 impl<T: Scalar> From<Stiffness<T>> for PkmStiffness<T> {
     fn from(stiffness: Stiffness<T>) -> Self {
-        Self { k_si: stiffness.matrix() }
+        // symmetric: its columns are its rows
+        Self { k_si: stiffness.matrix().into() }
     }
 }
 

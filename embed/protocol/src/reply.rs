@@ -267,8 +267,9 @@ impl Status {
 
 impl<T: Scalar> Numbers<T> {
     fn new(cycle: &Cycle<T>) -> Self {
-        let matrix = cycle.corrected.factor.stiffness().matrix();
-        let upper = matrix.iter().enumerate().flat_map(|(i, row)| row.iter().skip(i));
+        // symmetric: its columns are its rows
+        let rows: [[T; 6]; 6] = cycle.corrected.factor.stiffness().matrix().into();
+        let upper = rows.iter().enumerate().flat_map(|(i, row)| row.iter().skip(i));
         let mut k = [T::ZERO; 21];
         for (entry, value) in k.iter_mut().zip(upper) {
             *entry = *value;

@@ -155,7 +155,7 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
         k: &mut Lower<T>,
         at: [usize; M],
     ) -> Result<(), NotPositiveDefinite> {
-        let (d, y) = (&mut self.compliance, &mut self.wrenches);
+        let (d, y, k) = (&mut self.compliance, &mut self.wrenches, &mut k.data.0);
         for j in 0..N {
             if !(d[j][j] > T::ZERO) {
                 return Err(NotPositiveDefinite);
@@ -173,7 +173,7 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
             for r in 0..M {
                 let scaled = y[j][at[r]] * spring;
                 for c in 0..r + 1 {
-                    k[at[r]][at[c]] += scaled * y[j][at[c]];
+                    k[at[c]][at[r]] += scaled * y[j][at[c]];
                 }
             }
         }

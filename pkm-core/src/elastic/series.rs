@@ -25,7 +25,7 @@ impl<T: Scalar> Series<T> {
     /// leaves it not positive definite.
     #[must_use]
     pub fn soften(&self, k: &mut Lower<T>) -> bool {
-        let o = T::ZERO;
+        let (o, k) = (T::ZERO, &mut k.data.0);
         let mut definite = true;
         for (axis, (linear, angular)) in
             axes(&self.axes).iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
@@ -40,7 +40,7 @@ impl<T: Scalar> Series<T> {
                 let mut force = [o; 6];
                 for i in 0..6 {
                     for j in 0..6 {
-                        force[i] += if j <= i { k[i][j] } else { k[j][i] } * motion[j];
+                        force[i] += if j <= i { k[j][i] } else { k[i][j] } * motion[j];
                     }
                 }
                 let mut work = o;
@@ -52,7 +52,7 @@ impl<T: Scalar> Series<T> {
                 definite &= compliance > o || !(share > o);
                 for i in 0..6 {
                     for j in 0..=i {
-                        k[i][j] -= share * force[i] * force[j];
+                        k[j][i] -= share * force[i] * force[j];
                     }
                 }
             }

@@ -7,7 +7,7 @@ use super::{CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection
 use crate::compensation;
 use crate::correction::CorrectionTable;
 use crate::kinematics::platform_axes;
-use crate::linalg::{axes, length, split, unit};
+use crate::linalg::{self, axes, length, split, unit};
 use crate::scalar::Scalar;
 use crate::stiffness::{self, Stiffness};
 use crate::types::{Deflection, Wrench};
@@ -42,21 +42,21 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ) -> Result<Stiffness<T>, ToolError> {
         self.joints(configuration)?;
         let held = self.wrist.held(configuration.beta_rad);
-        let (axes, k) = (axes(&held.axes()), at_a.matrix());
-        let mut seen = [[T::ZERO; 6]; 6];
-        for (column, seen) in seen.iter_mut().enumerate() {
-            let turning = column >= 3;
-            let axis = axes[column % 3];
+        // symmetric: its columns are its rows
+        let (axes, k) = (axes(&held.axes()), at_a.matrix().data.0);
+        let mut seen = linalg::zero();
+        for row in 0..6 {
+            let turning = row >= 3;
+            let axis = axes[row % 3];
             // what A does when the tip moves along an axis, or the tool turns about one at the tip
             let (v, w) = if turning { (held.tip.cross(&axis), axis) } else { (axis, Vector3::zeros()) };
             let wrench = k.map(|[a, b, c, d, e, f]| Vector3::new(a, b, c).dot(&v) + Vector3::new(d, e, f).dot(&w));
             let (force, moment) = split(wrench.into());
             let moment = moment - held.tip.cross(&force);
             for i in 0..3 {
-                (seen[i], seen[3 + i]) = (axes[i].dot(&force), axes[i].dot(&moment));
+                (seen.data.0[i][row], seen.data.0[3 + i][row]) = (axes[i].dot(&force), axes[i].dot(&moment));
             }
         }
-        // symmetric, so that columns are rows
         Ok(Stiffness::from_lower(&seen))
     }
 

@@ -101,10 +101,10 @@ impl<T: Scalar> Actual<T> {
             return;
         }
         // Kᵀ = K, so that turning the rows, twice with a transposition between, turns both sides
-        let mut k = *lower;
+        let mut k = lower.data.0;
         for i in 0..6 {
             for j in 0..i {
-                k[j][i] = k[i][j];
+                k[i][j] = k[j][i];
             }
         }
         let half = k.map(|row| <[T; 6]>::from(self.given_back(row.into())));
@@ -113,7 +113,12 @@ impl<T: Scalar> Actual<T> {
                 k[i][j] = half[j][i];
             }
         }
-        *lower = k.map(|row| self.given_back(row.into()).into());
+        let turned = k.map(|row| <[T; 6]>::from(self.given_back(row.into())));
+        for i in 0..6 {
+            for j in 0..=i {
+                lower.data.0[j][i] = turned[i][j];
+            }
+        }
     }
 }
 

@@ -103,7 +103,7 @@ impl<T: Scalar> Machine<T> {
             let spring = tension / limb.q;
             for i in 0..6 {
                 for j in 0..=i {
-                    beside[i][j] += spring * wrench[i] * wrench[j];
+                    beside.data.0[j][i] += spring * wrench[i] * wrench[j];
                 }
             }
         }

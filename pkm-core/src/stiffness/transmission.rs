@@ -1,10 +1,10 @@
 //! The transmitted wrenches of a posture one by one, for programs that identify what yields.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::elastic::Chain;
 use crate::kinematics::Posture;
-use crate::linalg::{self, frame};
+use crate::linalg::{self, frame, from_columns};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::StiffnessError;
@@ -28,9 +28,9 @@ pub struct LimbFrame<T> {
 pub struct Transmission<T> {
     /// Columns of H: three wrenches of limb 1, three of limb 2, two of limb 3, at A in A-uvw. The first of each limb is its
     /// axial force.
-    pub wrenches: [[T; 6]; 8],
+    pub wrenches: SMatrix<T, 6, 8>,
     /// D, lower triangle: m/N, m/(N·m) and rad/(N·m).
-    pub compliance: [[T; 8]; 8],
+    pub compliance: SMatrix<T, 8, 8>,
     /// By limb.
     pub limbs: [LimbFrame<T>; 3],
     /// B in A-uvw, m.
@@ -54,19 +54,20 @@ impl<T: Scalar> Machine<T> {
         for i in 0..6 {
             wrenches[i] = pair.wrenches[i];
             for j in 0..=i {
-                compliance[i][j] = pair.compliance[i][j];
+                compliance[j][i] = pair.compliance[i][j];
             }
         }
         for i in 0..2 {
             wrenches[6 + i] = third.wrenches[i];
             for j in 0..=i {
-                compliance[6 + i][6 + j] = third.compliance[i][j];
+                compliance[6 + j][6 + i] = third.compliance[i][j];
             }
         }
         let [h, h_3] = self.effects.offset();
         let mut p = actual.posture;
         p.offset([h, h_3]);
         let limbs = [self.frame_1_2::<0>(&p, h), self.frame_1_2::<1>(&p, h), self.frame_3(&p, h_3)];
+        let (wrenches, compliance) = (from_columns(wrenches), from_columns(compliance));
         Ok(Transmission { wrenches, compliance, limbs, base_m: p.n() * -p.l, base_axes: p.base() })
     }
 

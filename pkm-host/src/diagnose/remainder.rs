@@ -40,7 +40,7 @@ fn below_tool(parameters: &MachineParameters) -> Option<Machine<f64>> {
 
 fn lower(machine: &Machine<f64>, pose: &Pose<f64>) -> Option<Matrix6<f64>> {
     let factor = machine.stiffness(pose).ok()?.factor().ok()?;
-    Some(Matrix6::from(factor.lower()).transpose())
+    Some(factor.lower())
 }
 
 impl Remainder {
@@ -163,7 +163,7 @@ impl Remainder {
             }
         }
         let k = l * s.cholesky().ok_or_else(failed)?.inverse() * l.transpose();
-        Ok(Stiffness::from_lower(&k.transpose().into()))
+        Ok(Stiffness::from_lower(&k))
     }
 }
 

@@ -1,6 +1,6 @@
 //! How well the basic model and a table agree with stiffness data (paper, Eqs. 13 and 14).
 
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{Matrix6, Vector3, Vector6};
 use pkm_core::{Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
@@ -154,7 +154,7 @@ pub fn evaluate(
     let corrected = |sample: &Sample| table.diagonal_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let factored = |sample: &Sample| table.factor_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let relative =
-        |k: [f64; 6], a: [f64; 6]| -> [f64; 6] { std::array::from_fn(|i| 100.0 * (k[i] - a[i]).abs() / a[i]) };
+        |k: Vector6<f64>, a: [f64; 6]| -> [f64; 6] { std::array::from_fn(|i| 100.0 * (k[i] - a[i]).abs() / a[i]) };
     let (mut improved, mut basic, mut factor, mut me) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for sample in samples {
         let refused = |e: pkm_core::CorrectionError| {
@@ -187,8 +187,7 @@ pub fn evaluate(
     }
     let literal = |sample: &Sample| {
         let k = corrected(sample).ok()?.principal();
-        let diagonal = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { k[i] } else { 0.0 }));
-        Some(Stiffness::from_lower(&diagonal))
+        Some(Stiffness::from_lower(&Matrix6::from_diagonal(&k)))
     };
     let under_load = |at_m: Vector3<f64>| DeflectionErrors {
         basic: deflection_error(samples, at_m, |s| Some(s.basic)),

@@ -99,7 +99,7 @@ impl Model {
                 let failed = |e: String| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line);
                 let machine = self.machine.machine.at_temperature(temperature_c).map_err(|e| failed(e.to_string()))?;
                 let solved = solve_at(&table, &machine, &p.pose).map_err(|e| failed(e.to_string()))?;
-                if solved.factor.stiffness().matrix().as_flattened().iter().all(|k| k.is_finite()) {
+                if solved.factor.stiffness().matrix().iter().all(|k| k.is_finite()) {
                     Ok(solved)
                 } else {
                     Err(failed("the table gives a stiffness that is not finite".into()))

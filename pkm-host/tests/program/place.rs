@@ -87,7 +87,7 @@ fn best(tool: &Tool<f64>, paper: bool) -> Option<([f64; 6], f64)> {
         }
     }
     let judged = holds.iter().map(|hold| {
-        let k = MACHINE_F64.stiffness(&hold.configuration.pose).expect("a stiffness").principal();
+        let k = MACHINE_F64.stiffness(&hold.configuration.pose).expect("a stiffness").principal().into();
         let d = FIVE.deflection(None, &hold.configuration, &WRENCH).expect("a deflection").translation_m;
         (k, d.iter().map(|v| v * v).sum::<f64>().sqrt())
     });

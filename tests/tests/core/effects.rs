@@ -309,7 +309,7 @@ fn every_linear_effect_equals_the_frame_solver() {
         let compliance = frame.compliance(tool).unwrap_or_else(|| panic!("a mechanism: {which}"));
         let reference: Matrix6<f64> = compliance.try_inverse().unwrap();
         let k = machine.at_temperature(temperature).unwrap().stiffness(&pose).unwrap().matrix();
-        keep_worst(&mut worst[which], scaled_difference(&k, &reference.into()));
+        keep_worst(&mut worst[which], scaled_difference(&k, &reference));
     }
     for (which, error) in worst.iter().enumerate() {
         let name = which.checked_sub(1).and_then(|i| EFFECTS.get(i)).map_or("none or all", |e| e.id);

@@ -345,10 +345,6 @@ fn transport(c: &Configuration<f64>, p: &WristParameters) -> (Matrix6<f64>, Matr
     (x, tool)
 }
 
-fn whole(k: &[[f64; 6]; 6]) -> Matrix6<f64> {
-    Matrix6::from_fn(|i, j| k[i][j])
-}
-
 fn wrench(rng: &mut Rng, force_n: f64, moment_nm: f64) -> Wrench<f64> {
     let mut three = |size: f64| Vector3::from_fn(|_, _| between(rng, -size, size));
     Wrench { force_n: three(force_n), moment_nm: three(moment_nm) }
@@ -373,8 +369,8 @@ fn stiffness_and_deflection_are_carried_to_the_tip() {
         let c = in_box(&mut rng);
         let (x, tool) = transport(&c, &WRIST);
         let k_m = TABLE_F64.factor_form(&MACHINE_F64, &c.pose).expect("in the box").factor.stiffness();
-        let compliance = x * whole(&k_m.matrix()).try_inverse().expect("definite") * x.transpose();
-        let seen = whole(&FIVE.tip_stiffness(&k_m, &c).expect("a stiffness").matrix());
+        let compliance = x * k_m.matrix().try_inverse().expect("definite") * x.transpose();
+        let seen = FIVE.tip_stiffness(&k_m, &c).expect("a stiffness").matrix();
         assert!((seen * compliance - Matrix6::identity()).abs().max() < 1e-9);
 
         let w = wrench(&mut rng, 1000.0, 50.0);

@@ -284,7 +284,7 @@ impl Seen {
         let matrix = stiffness.factor.stiffness().matrix();
         let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
         for ((i, j), found) in upper.zip(row.k) {
-            keep(&mut self.stiffness, (found - matrix[i][j]).abs() / (matrix[i][i] * matrix[j][j]).sqrt());
+            keep(&mut self.stiffness, (found - matrix[(i, j)]).abs() / (matrix[(i, i)] * matrix[(j, j)]).sqrt());
         }
         let inside = stiffness.domain == Domain::Inside && wanted.deflection.domain == Some(Domain::Inside);
         if inside != row.flag(1) {

@@ -17,7 +17,7 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading}
 use pkm_core::correction::narrow;
 use pkm_core::effects::{Element, Law, Place};
 use pkm_core::kinematics::platform_axes;
-use pkm_core::nalgebra::{Matrix3, Vector2, Vector3};
+use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
@@ -68,7 +68,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         Ok(warm) => _ = black_box(warm.stiffness(&pose)),
         Err(e) => show(e),
     }
-    let matrix = black_box([[a; 6]; 6]);
+    let matrix = black_box(Matrix6::repeat(a));
     let stiffness = Stiffness::from_lower(&matrix);
     black_box((stiffness.matrix(), stiffness.principal()));
     if let Ok(factor) = stiffness.factor() {
@@ -131,7 +131,7 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(five.inverse_at_any_margin(tool.tip_m, near.beta_rad)).ok();
     black_box(five.search(&tool, &near)).ok();
     black_box(five.inverse_frame(&frame)).ok();
-    black_box(five.tip_stiffness(&Stiffness::from_lower(&black_box([[a; 6]; 6])), &near)).ok();
+    black_box(five.tip_stiffness(&Stiffness::from_lower(&black_box(Matrix6::repeat(a))), &near)).ok();
     for table in [None, Some(table)] {
         black_box(five.deflection(table, &near, &wrench)).ok();
         if let Err(e) = black_box(five.compensated(table, &tool, &wrench, &near)) {

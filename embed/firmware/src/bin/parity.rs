@@ -97,7 +97,9 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
 }
 
 fn lower<T: Scalar>(k: &Stiffness<T>) -> Vec<u64, 21> {
-    bits::<T, 21>(k.matrix().iter().enumerate().flat_map(|(i, row)| row.iter().take(i + 1)))
+    // row by row, which in a symmetric matrix is column by column
+    let columns = k.matrix().data.0;
+    bits::<T, 21>(columns.iter().enumerate().flat_map(|(i, row)| row.iter().take(i + 1)))
 }
 
 impl Line {

@@ -74,7 +74,7 @@ macro_rules! functions {
             use pkm_core::checksum::MemoryChecksums;
             use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
             use pkm_core::kinematics::platform_axes as axes;
-            use pkm_core::nalgebra::{Vector2, Vector3, Vector6};
+            use pkm_core::nalgebra::{Matrix6, Vector2, Vector3, Vector6};
             use pkm_core::tables::reference;
             use pkm_core::{
                 Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
@@ -92,7 +92,7 @@ macro_rules! functions {
                 tip_m: Vector3<$t>,
                 stiffness: Stiffness<$t>,
                 factor: StiffnessFactor<$t>,
-                matrix: [[$t; 6]; 6],
+                matrix: Matrix6<$t>,
                 rows: [Vector6<$t>; 2],
                 numbers: [$t; 21],
                 near: Configuration<$t>,
@@ -130,8 +130,6 @@ macro_rules! functions {
                 let factor = stiffness.factor().ok()?;
                 let wrench =
                     Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
-                let mut matrix = [[0.0; 6]; 6];
-                (0..6).for_each(|i| matrix[i][i] = 1.0);
                 let five = FiveAxis { machine: &machine, wrist: &reference::$wrist };
                 let stands = Configuration { pose, beta_rad: Vector2::new(0.4, -0.3) };
                 Some(Inputs {
@@ -145,7 +143,7 @@ macro_rules! functions {
                     tip_m: Vector3::new(0.03, -0.02, 0.3),
                     stiffness,
                     factor,
-                    matrix,
+                    matrix: Matrix6::identity(),
                     rows: [Vector6::x(), Vector6::y()],
                     numbers: [0.5; 21],
                     near: Configuration { pose, beta_rad: Vector2::new(0.3, -0.2) },

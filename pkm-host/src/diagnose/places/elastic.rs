@@ -59,8 +59,8 @@ fn seen(h: &M68, columns: std::ops::Range<usize>, at: [f64; 3], axes: &[[f64; 3]
     out
 }
 
-fn full(lower: &[[f64; 8]; 8]) -> M8 {
-    M8::from_fn(|i, j| if j <= i { lower[i][j] } else { lower[j][i] })
+fn full(lower: &M8) -> M8 {
+    M8::from_fn(|i, j| lower[(i.max(j), i.min(j))])
 }
 
 impl Frame {
@@ -86,7 +86,7 @@ impl Frame {
     fn new(machine: &Machine<f64>, changed: &[Machine<f64>], pose: &Pose<f64>) -> Option<Self> {
         let t: Transmission<f64> = machine.transmission(pose).ok()?;
         let d = full(&t.compliance);
-        let h = M68::from_fn(|i, k| t.wrenches[k][i]);
+        let h = t.wrenches;
         let parts: Option<Vec<M8>> =
             (changed.iter()).map(|m| Some((d - full(&m.transmission(pose).ok()?.compliance)) * 2.0)).collect();
         let parts = parts?;

@@ -162,7 +162,7 @@ impl<'a> PlacementModel<'a> {
                 Some(table) => table.factor_form(machine, pose)?.factor.stiffness(),
             })
         };
-        let k = stiffness().map_err(|_| Miss::Stiffness)?.principal();
+        let k = stiffness().map_err(|_| Miss::Stiffness)?.principal().into();
         // a diagonal table alone has no deflections, and nobody asked for any
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
         let deflection_m = if self.table.is_some() && factor.is_none() {
