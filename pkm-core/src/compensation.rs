@@ -14,9 +14,11 @@
 
 use core::fmt;
 
+use nalgebra::Vector3;
+
 use crate::correction::{Corrected, CorrectionError, CorrectionTable};
 use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
-use crate::linalg;
+use crate::linalg::{self, is_finite};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{self, StiffnessFactor};
@@ -171,10 +173,11 @@ impl<T: Scalar> Machine<T> {
     /// Not finite; singular; those of [`inverse`](Self::inverse), for `pose` or for the pose to command.
     ///
     /// ```
+    /// use pkm_core::nalgebra::Vector3;
     /// use pkm_core::{CompensationError, Deflection, Pose, tables::reference};
     /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
-    /// let sagged = Deflection { translation_m: [0.0, 0.0, -20e-6], ..Deflection::ZERO };
-    /// let command = reference::MACHINE_F64.compensated(&pose, &sagged, [0.0, 0.0, 0.3])?;
+    /// let sagged = Deflection { translation_m: Vector3::new(0.0, 0.0, -20e-6), ..Deflection::ZERO };
+    /// let command = reference::MACHINE_F64.compensated(&pose, &sagged, Vector3::new(0.0, 0.0, 0.3))?;
     /// assert!(command.pose.z0_m > pose.z0_m);
     /// # Ok::<(), CompensationError>(())
     /// ```
@@ -182,7 +185,7 @@ impl<T: Scalar> Machine<T> {
         &self,
         pose: &Pose<T>,
         deflection: &Deflection<T>,
-        tip_m: [T; 3],
+        tip_m: Vector3<T>,
     ) -> Result<Compensated<T>, CompensationError> {
         self.compensated_from(pose, &self.posture(pose)?, deflection, tip_m)
     }
@@ -192,15 +195,15 @@ impl<T: Scalar> Machine<T> {
         pose: &Pose<T>,
         posture: &Posture<T>,
         deflection: &Deflection<T>,
-        tip_m: [T; 3],
+        tip_m: Vector3<T>,
     ) -> Result<Compensated<T>, CompensationError> {
         let moved = deflection.seen_at(tip_m).translation_m;
-        if !moved.iter().chain(&tip_m).all(|c| c.is_finite()) {
+        if !(is_finite(&moved) && is_finite(&tip_m)) {
             return Err(CompensationError::NotFinite);
         }
         // from A-uvw into u, y, n
         let (sin, cos) = (posture.sin_sigma, posture.cos_sigma);
-        let turned = |[u, v, w]: [T; 3]| [u, v * cos - w * sin, v * sin + w * cos];
+        let turned = |at: Vector3<T>| [at.x, at.y * cos - at.z * sin, at.y * sin + at.z * cos];
         let ([u, y, n], [tip_u, tip_y, tip_n]) = (turned(moved), turned(tip_m));
         let l = posture.l;
         let reach = l + tip_n;
@@ -244,10 +247,11 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     /// without load.
     ///
     /// ```
+    /// use pkm_core::nalgebra::Vector3;
     /// use pkm_core::{CycleError, Pose, Wrench, tables::reference};
     /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
-    /// let push = Wrench { force_n: [0.0, 0.0, -400.0], moment_nm: [0.0; 3] };
-    /// let cycle = reference::TABLE_F64.cycle(&reference::MACHINE_F64, &pose, &push, [0.0, 0.0, 0.3])?;
+    /// let push = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
+    /// let cycle = reference::TABLE_F64.cycle(&reference::MACHINE_F64, &pose, &push, Vector3::new(0.0, 0.0, 0.3))?;
     /// // pushed towards its base, the tip has to be commanded further out
     /// assert!(cycle.compensated.pose.z0_m > pose.z0_m);
     /// # Ok::<(), CycleError>(())
@@ -257,7 +261,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         machine: &Machine<T>,
         pose: &Pose<T>,
         wrench_at_tip: &Wrench<T>,
-        tip_m: [T; 3],
+        tip_m: Vector3<T>,
     ) -> Result<Cycle<T>, CycleError> {
         let posture = machine.posture(pose)?;
         let wrench = wrench_at_tip.moved_to_a(tip_m);
@@ -275,7 +279,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         posture: &Posture<T>,
         wrench: &Wrench<T>,
         beyond: &Deflection<T>,
-        tip_m: [T; 3],
+        tip_m: Vector3<T>,
     ) -> Result<Cycle<T>, CycleError> {
         let mut factor = StiffnessFactor { lower: linalg::zero() };
         self.add_factor_form(machine, pose, posture, &mut factor.lower)?;

@@ -10,6 +10,8 @@
 
 use core::fmt;
 
+use nalgebra::Vector6;
+
 use crate::checksum::{START, over_byte, over_numbers, over_numbers_f32};
 use crate::kinematics::Posture;
 use crate::linalg::{self, Lower};
@@ -162,7 +164,7 @@ impl<T: Scalar> Basis<'_, T> {
 /// let k_m = table.factor_form(machine, &pose)?;
 /// assert_eq!(k_m.domain, Domain::Outside);
 /// let (k_m, k_p) = (k_m.factor.stiffness().principal(), machine.stiffness(&pose)?.principal());
-/// assert!((k_m[2] / k_p[2] - 1.0).abs() < 1e-12);
+/// assert!((k_m.z / k_p.z - 1.0).abs() < 1e-12);
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -293,8 +295,8 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     }
 
     /// The paper's correction coefficients c11…c66 at a pose (Eq. 11).
-    pub fn coefficients(&self, pose: &Pose<T>) -> [T; 6] {
-        self.evaluate(self.diagonal, pose)
+    pub fn coefficients(&self, pose: &Pose<T>) -> Vector6<T> {
+        Vector6::from(self.evaluate(self.diagonal, pose))
     }
 
     /// K_m in the diagonal form, √C K_p √C: principal stiffnesses as Eq. 10 has them.
@@ -305,13 +307,14 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         let mut lower = linalg::zero();
         machine.add_stiffness_below_tool(&machine.posture(pose)?, &mut lower)?;
         stiffness::factor(&mut lower)?;
-        for (row, (line, c)) in (1..).zip(lower.iter_mut().zip(self.coefficients(pose))) {
+        let coefficients: [T; 6] = self.coefficients(pose).into();
+        for (i, c) in coefficients.into_iter().enumerate() {
             if !(c > T::ZERO) {
-                return Err(CorrectionError::NotPositive { row });
+                return Err(CorrectionError::NotPositive { row: i as u8 + 1 });
             }
             let root = c.sqrt();
-            for entry in line {
-                *entry *= root;
+            for column in &mut lower.data.0 {
+                column[i] *= root;
             }
         }
         check_range(&lower)?;

@@ -19,40 +19,41 @@
 //!    those in `F32` what to compute with.
 //! 9. [`types`]: pose, wrench, deflection, their frames and units.
 //!
+//! Vectors and matrices are those of [`nalgebra`], which is exported from here so that a program can name the same version.
+//!
 //! `no_std`, no allocation, no `unsafe`, no panic path in release, no iteration without a constant bound,
 //! `f32` and `f64`, and the same bits on a host as on a Cortex-M. Every error has a text (`Display`); with the feature
 //! `defmt` results and errors derive `defmt::Format`, machines, tables and wrists don't.
 //!
 //! ```
+//! use pkm_core::nalgebra::Vector3;
 //! use pkm_core::{CorrectionError, Domain, Pose, Wrench, tables::reference};
 //!
 //! let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
 //! let corrected = reference::TABLE_F64.factor_form(&reference::MACHINE_F64, &pose)?;
 //! assert_eq!(corrected.domain, Domain::Inside);
-//! let push = Wrench { force_n: [0.0, 0.0, -400.0], moment_nm: [0.0; 3] };
+//! let push = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
 //! let deflection = corrected.factor.deflection(&push)?;
-//! assert!(deflection.translation_m[2] < 0.0);
+//! assert!(deflection.translation_m.z < 0.0);
 //! # Ok::<(), CorrectionError>(())
 //! ```
 //!
 //! All five axes, loaded, from where the machine stands:
 //!
 //! ```
+//! use pkm_core::nalgebra::{Vector2, Vector3};
 //! use pkm_core::{Configuration, FiveAxis, Pose, Tool, ToolDeflectionError, Wrench, tables::reference};
 //!
 //! let five = FiveAxis { machine: &reference::MACHINE_F64, wrist: &reference::WRIST_F64 };
 //! // home; after power-up it is what `FiveAxis::forward` makes of the measured joints, later the last command's
 //! let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: reference::WRIST.home_z0_m };
-//! let near = Configuration { pose, beta_rad: [0.0; 2] };
-//! let tool = Tool { tip_m: [-0.15, 0.02, 1.12], axis: [0.05, 0.0, 1.0] };
-//! let cutting = Wrench { force_n: [120.0, 0.0, -400.0], moment_nm: [0.0, 0.0, 5.0] };
+//! let near = Configuration { pose, beta_rad: Vector2::zeros() };
+//! let tool = Tool { tip_m: Vector3::new(-0.15, 0.02, 1.12), axis: Vector3::new(0.05, 0.0, 1.0) };
+//! let cutting = Wrench { force_n: Vector3::new(120.0, 0.0, -400.0), moment_nm: Vector3::new(0.0, 0.0, 5.0) };
 //! let command = five.compensated(Some(&reference::TABLE_F64), &tool, &cutting, &near)?;
 //! let (_, unloaded) = five.forward(&command.hold.joints)?;
 //! // the load takes the tool from here to where it was asked for
-//! let moved = command.deflection.translation_m;
-//! for i in 0..3 {
-//!     assert!((unloaded.tip_m[i] + moved[i] - tool.tip_m[i]).abs() < 1e-7);
-//! }
+//! assert!((unloaded.tip_m + command.deflection.translation_m - tool.tip_m).amax() < 1e-7);
 //! # Ok::<(), ToolDeflectionError>(())
 //! ```
 
@@ -79,8 +80,10 @@ pub mod stiffness;
 pub mod tables;
 pub mod thermal;
 pub mod types;
-mod vector;
 pub mod wrist;
+
+/// Vectors and matrices of this crate's interface.
+pub use nalgebra;
 
 pub use compensation::{Compensated, CompensationError, Cycle, CycleError};
 pub use compensator::{Compensator, CompensatorSettings, Fault};

@@ -1,7 +1,8 @@
 //! The two number types the core is written for.
 
 use core::fmt::Debug;
-use core::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
+
+use nalgebra::Field;
 
 mod sealed {
     pub trait Sealed {}
@@ -14,23 +15,10 @@ mod sealed {
 /// Roots and transcendental functions come from `libm` on every platform, so that a host and a
 /// controller that run the same code get the same bits. Sine and cosine in `f32` up to a right angle are our own: `libm`
 /// takes them by way of `f64`, which a Cortex-M4F does in software.
-pub trait Scalar:
-    sealed::Sealed
-    + Copy
-    + Debug
-    + Default
-    + PartialEq
-    + PartialOrd
-    + Add<Output = Self>
-    + AddAssign
-    + Sub<Output = Self>
-    + SubAssign
-    + Mul<Output = Self>
-    + MulAssign
-    + Div<Output = Self>
-    + Neg<Output = Self>
-    + 'static
-{
+///
+/// What it has of [`Field`] is all that products, sums and differences of nalgebra's matrices ask for. Not its `RealField`: that
+/// brings roots and trigonometry of its own, which are other ones on a host with the standard library.
+pub trait Scalar: sealed::Sealed + Field + Copy + Debug + Default + PartialOrd + 'static {
     /// Zero.
     const ZERO: Self;
     /// One.

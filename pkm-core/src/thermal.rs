@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use nalgebra::Vector6;
+
 use crate::kinematics::Posture;
 use crate::machine::{LimbCompliance, Machine, Sizes};
 use crate::scalar::Scalar;
@@ -101,7 +103,7 @@ impl<T: Scalar> Machine<T> {
     /// let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     /// let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
     /// let moved = steel.thermal_deflection(&pose, 10.0)?;
-    /// assert!((moved.translation_m[2] - 10.0 * 11e-6 * 0.53).abs() < 1e-12);
+    /// assert!((moved.translation_m.z - 10.0 * 11e-6 * 0.53).abs() < 1e-12);
     /// # Ok::<(), pkm_core::StiffnessError>(())
     /// ```
     pub fn thermal_deflection(&self, pose: &Pose<T>, rise_k: T) -> Result<Deflection<T>, StiffnessError> {
@@ -125,7 +127,7 @@ impl<T: Scalar> Machine<T> {
         let actual = self.actual(commanded)?;
         let (p, Sizes { a1, a2, b1, b2 }) = (&actual.posture, self.actual);
         let (sin, cos, l) = (p.sin_sigma, p.cos_sigma, p.l);
-        let [q1, q2, q3] = p.q;
+        let [q1, q2, q3] = p.q.into();
         // q dq = … of each limb, with what its own growth and the platforms' bring on the right
         let (along, across) = (p.along_n, p.along_y[0]);
         let both = across * across;
@@ -140,7 +142,7 @@ impl<T: Scalar> Machine<T> {
         let grown = platforms * (a2 * a2 + b2 * b2 - b2 * (reach + a2 * p.cos_theta)) - limbs * q3 * q3;
         let dtheta = (dl * (l - b2 * p.sin_theta) + grown) / (b2 * (l * p.cos_theta - a2 * p.sin_theta));
         let (n, y) = (p.n(), p.y());
-        let moved = [l * dtheta, dl * n[1], dl * n[2], dsigma, dtheta * y[1], dtheta * y[2]];
-        stiffness::finite(Deflection::from_array(actual.given_back(moved)))
+        let moved = Vector6::new(l * dtheta, dl * n.y, dl * n.z, dsigma, dtheta * y.y, dtheta * y.z);
+        stiffness::finite(Deflection::from_vector(actual.given_back(moved)))
     }
 }

@@ -4,9 +4,14 @@
 //! *A-uvw* sits on the moving platform: u from A to A3, v from A to A2. Six-vectors are ordered
 //! `[x, y, z, about x, about y, about z]`, forces before moments, translations before rotations.
 //! Everything is SI: m, rad, N, N·m, N/m, N·m/rad.
+//!
+//! Vectors and matrices are nalgebra's of fixed size. What is a list of numbers rather than a vector (a machine's parameters, a
+//! table's coefficients) is an array.
 
+use nalgebra::{Vector3, Vector6};
+
+use crate::linalg::{join, split};
 use crate::scalar::Scalar;
-use crate::vector::{cross, join, plus, split};
 
 /// Where the moving platform stands: the paper's end variables θ, σ, Z0 (Eq. 3).
 ///
@@ -33,7 +38,7 @@ impl<T: Scalar> Pose<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ScrewLengths<T> {
     /// q1, q2, q3.
-    pub q_m: [T; 3],
+    pub q_m: Vector3<T>,
 }
 
 /// A load on the moving platform at A, in A-uvw.
@@ -41,9 +46,9 @@ pub struct ScrewLengths<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Wrench<T> {
     /// Force along u, v, w in N.
-    pub force_n: [T; 3],
+    pub force_n: Vector3<T>,
     /// Moment about A, around u, v, w, in N·m.
-    pub moment_nm: [T; 3],
+    pub moment_nm: Vector3<T>,
 }
 
 /// Displacement of the moving platform at A under a [`Wrench`], in A-uvw.
@@ -51,66 +56,66 @@ pub struct Wrench<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Deflection<T> {
     /// Translation of A along u, v, w in m.
-    pub translation_m: [T; 3],
+    pub translation_m: Vector3<T>,
     /// Rotation about u, v, w in rad.
-    pub rotation_rad: [T; 3],
+    pub rotation_rad: Vector3<T>,
+}
+
+/// What `zeros` of nalgebra is at run time.
+const fn zero<T: Scalar>() -> Vector3<T> {
+    Vector3::new(T::ZERO, T::ZERO, T::ZERO)
 }
 
 impl<T: Scalar> Wrench<T> {
     /// No load.
-    pub const ZERO: Self = Self { force_n: [T::ZERO; 3], moment_nm: [T::ZERO; 3] };
+    pub const ZERO: Self = Self { force_n: zero(), moment_nm: zero() };
 
-    /// From force and moment in one row.
-    pub fn from_array(components: [T; 6]) -> Self {
+    /// From force and moment in one vector.
+    pub fn from_vector(components: Vector6<T>) -> Self {
         let (force_n, moment_nm) = split(components);
         Self { force_n, moment_nm }
     }
 
-    /// Force and moment in one row.
-    pub fn to_array(self) -> [T; 6] {
+    /// Force and moment in one vector.
+    pub fn to_vector(self) -> Vector6<T> {
         join(self.force_n, self.moment_nm)
     }
 
     /// The same load, given at the point `at_m` (A-uvw, m), as a load at A.
-    pub fn moved_to_a(&self, at_m: [T; 3]) -> Self {
-        let lever = cross(at_m, self.force_n);
-        Self { force_n: self.force_n, moment_nm: plus(self.moment_nm, lever) }
+    pub fn moved_to_a(&self, at_m: Vector3<T>) -> Self {
+        Self { force_n: self.force_n, moment_nm: self.moment_nm + at_m.cross(&self.force_n) }
     }
 }
 
 impl<T: Scalar> Deflection<T> {
     /// None.
-    pub const ZERO: Self = Self { translation_m: [T::ZERO; 3], rotation_rad: [T::ZERO; 3] };
+    pub const ZERO: Self = Self { translation_m: zero(), rotation_rad: zero() };
 
-    /// From translation and rotation in one row.
-    pub fn from_array(components: [T; 6]) -> Self {
+    /// From translation and rotation in one vector.
+    pub fn from_vector(components: Vector6<T>) -> Self {
         let (translation_m, rotation_rad) = split(components);
         Self { translation_m, rotation_rad }
     }
 
-    /// Translation and rotation in one row.
-    pub fn to_array(self) -> [T; 6] {
+    /// Translation and rotation in one vector.
+    pub fn to_vector(self) -> Vector6<T> {
         join(self.translation_m, self.rotation_rad)
     }
 
     /// The displacement of the point `at_m` (A-uvw, m) of the moving platform.
-    pub fn seen_at(&self, at_m: [T; 3]) -> Self {
-        let swing = cross(self.rotation_rad, at_m);
-        Self { translation_m: plus(self.translation_m, swing), rotation_rad: self.rotation_rad }
+    pub fn seen_at(&self, at_m: Vector3<T>) -> Self {
+        Self { translation_m: self.translation_m + self.rotation_rad.cross(&at_m), rotation_rad: self.rotation_rad }
     }
 
     pub(crate) fn times(&self, factor: T) -> Self {
-        Self {
-            translation_m: self.translation_m.map(|t| factor * t),
-            rotation_rad: self.rotation_rad.map(|r| factor * r),
-        }
+        Self { translation_m: self.translation_m * factor, rotation_rad: self.rotation_rad * factor }
     }
 
     /// Both together.
     pub fn plus(&self, other: &Self) -> Self {
         Self {
-            translation_m: plus(self.translation_m, other.translation_m),
-            rotation_rad: plus(self.rotation_rad, other.rotation_rad),
+            translation_m: self.translation_m + other.translation_m,
+            rotation_rad: self.rotation_rad + other.rotation_rad,
         }
     }
 }

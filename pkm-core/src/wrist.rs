@@ -5,7 +5,10 @@
 
 use core::fmt;
 
+use nalgebra::{Matrix3, Vector2, Vector3};
+
 use crate::checksum::{START, over_numbers, over_numbers_f32};
+use crate::linalg::frame;
 use crate::scalar::Scalar;
 
 /// The numbers of a wrist, SI, unchecked.
@@ -139,8 +142,8 @@ impl WristParameters {
     }
 
     /// The tip in A-uvw with both joints at 0, m.
-    pub const fn tip_at_zero_m(&self) -> [f64; 3] {
-        [self.offset_m + self.first_b_m + self.second_b_m, 0.0, self.first_d_m + self.flange_m]
+    pub const fn tip_at_zero_m(&self) -> Vector3<f64> {
+        Vector3::new(self.offset_m + self.first_b_m + self.second_b_m, 0.0, self.first_d_m + self.flange_m)
     }
 
     /// Of ∂(tip, axis)/∂(θ, σ, Z0, β1, β2) in the home configuration, m².
@@ -214,26 +217,27 @@ pub(crate) struct Held<T> {
     /// From the first axis to the tip, away from it and along it.
     pub r: T,
     pub h: T,
-    pub tip: [T; 3],
+    pub tip: Vector3<T>,
 }
 
 impl<T: Scalar> Wrist<T> {
     /// r and h of a β2, m: from the first axis to the tip, away from it and along it.
     #[inline(always)]
-    pub fn arm_m(&self, sin_beta2: T, cos_beta2: T) -> [T; 2] {
+    pub fn arm_m(&self, sin_beta2: T, cos_beta2: T) -> Vector2<T> {
         let r = self.first_b + self.second_b * cos_beta2 - self.flange * sin_beta2;
-        [r, self.first_d + self.second_b * sin_beta2 + self.flange * cos_beta2]
+        Vector2::new(r, self.first_d + self.second_b * sin_beta2 + self.flange * cos_beta2)
     }
 
     #[inline(always)] // where it is needed most, its parts stay in registers
-    pub(crate) fn held(&self, [beta1, beta2]: [T; 2]) -> Held<T> {
-        let ((sin1, cos1), (sin2, cos2)) = (beta1.sin_cos(), beta2.sin_cos());
-        let [r, h] = self.arm_m(sin2, cos2);
-        Held { sin1, cos1, sin2, cos2, r, h, tip: [self.offset + cos1 * r, sin1 * r, h] }
+    pub(crate) fn held(&self, beta: Vector2<T>) -> Held<T> {
+        let ((sin1, cos1), (sin2, cos2)) = (beta.x.sin_cos(), beta.y.sin_cos());
+        let [r, h] = self.arm_m(sin2, cos2).into();
+        Held { sin1, cos1, sin2, cos2, r, h, tip: Vector3::new(self.offset + cos1 * r, sin1 * r, h) }
     }
 
     /// The first joint, from 1, that is beyond its limits.
-    pub(crate) fn beyond_limits(&self, betas: [T; 2]) -> Option<u8> {
+    pub(crate) fn beyond_limits(&self, beta: Vector2<T>) -> Option<u8> {
+        let betas: [T; 2] = beta.into();
         let beyond = |i: usize| !(betas[i] >= self.min[i] - T::SLACK && betas[i] <= self.max[i] + T::SLACK);
         (0..2).find(|i| beyond(*i)).map(|i| i as u8 + 1)
     }
@@ -241,12 +245,11 @@ impl<T: Scalar> Wrist<T> {
 
 impl<T: Scalar> Held<T> {
     /// Axes of T_h in A-uvw, as columns: x, y, z; z is the tool's axis.
-    pub fn axes(&self) -> [[T; 3]; 3] {
-        let (x, y, z) = (
-            [self.cos1 * self.cos2, self.sin1 * self.cos2, self.sin2],
-            [-self.sin1, self.cos1, T::ZERO],
-            [-self.cos1 * self.sin2, -self.sin1 * self.sin2, self.cos2],
-        );
-        [x, y, z]
+    pub fn axes(&self) -> Matrix3<T> {
+        frame(
+            Vector3::new(self.cos1 * self.cos2, self.sin1 * self.cos2, self.sin2),
+            Vector3::new(-self.sin1, self.cos1, T::ZERO),
+            Vector3::new(-self.cos1 * self.sin2, -self.sin1 * self.sin2, self.cos2),
+        )
     }
 }

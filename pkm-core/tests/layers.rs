@@ -4,6 +4,7 @@
 use pkm_core::correction::{FACTOR_ENTRIES, TableError, narrow};
 use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{MachineError, Parameter, Problem};
+use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST};
 use pkm_core::{
     Basis, CompensationError, Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis,
@@ -16,8 +17,12 @@ fn pose<T: Scalar>(theta_rad: f64, sigma_rad: f64, z0_m: f64) -> Pose<T> {
     Pose { theta_rad, sigma_rad, z0_m }
 }
 
+fn vector<T: Scalar>(components: [f64; 3]) -> Vector3<T> {
+    components.map(T::from_f64).into()
+}
+
 fn wrench<T: Scalar>(force_n: [f64; 3], moment_nm: [f64; 3]) -> Wrench<T> {
-    Wrench { force_n: force_n.map(T::from_f64), moment_nm: moment_nm.map(T::from_f64) }
+    Wrench { force_n: vector(force_n), moment_nm: vector(moment_nm) }
 }
 
 /// Within so many roundings of a number's size.
@@ -31,8 +36,8 @@ fn kinematics<T: Scalar>(machine: &Machine<T>) {
     // upright, limbs 1 and 2 are hypotenuses over b1 − a1, limb 3 one over b2 − a2
     let upright = machine.inverse(&pose(0.0, 0.0, 0.53)).unwrap();
     let g = PARAMETERS.geometry;
-    for (q, base) in upright.q_m.into_iter().zip([g.b1_m - g.a1_m, g.b1_m - g.a1_m, g.b2_m - g.a2_m]) {
-        assert_near(q, 0.53f64.hypot(base), 1.0, 4.0);
+    for (q, base) in upright.q_m.iter().zip([g.b1_m - g.a1_m, g.b1_m - g.a1_m, g.b2_m - g.a2_m]) {
+        assert_near(*q, 0.53f64.hypot(base), 1.0, 4.0);
     }
     let there = pose::<T>(0.1, -0.05, 0.53);
     let lengths = machine.inverse(&there).unwrap();
@@ -41,9 +46,9 @@ fn kinematics<T: Scalar>(machine: &Machine<T>) {
     assert_near(back.sigma_rad, -0.05, 1.0, 100.0);
     assert_near(back.z0_m, 0.53, 1.0, 100.0);
     // straight up, every length grows by its share along z
-    let rows = machine.jacobian(&pose(0.0, 0.0, 0.53)).unwrap();
-    for (row, q) in rows.iter().zip(upright.q_m) {
-        assert_near(row[2], 0.53 / q.to_f64(), 1.0, 10.0);
+    let jacobian = machine.jacobian(&pose(0.0, 0.0, 0.53)).unwrap();
+    for (dq_dz0, q) in jacobian.column(2).iter().zip(&upright.q_m) {
+        assert_near(*dq_dz0, 0.53 / q.to_f64(), 1.0, 10.0);
     }
     let distance = machine.singularity_distance(&pose(0.0, 0.0, 0.53)).unwrap();
     let l2 = 0.53f64 * 0.53;
@@ -58,7 +63,7 @@ fn kinematics<T: Scalar>(machine: &Machine<T>) {
     let in_line = pose(1.0, 0.0, PARAMETERS.geometry.a2_m * 1f64.sin());
     assert_eq!(machine.inverse(&in_line), Err(KinematicsError::Singular));
     assert!(matches!(machine.inverse(&pose(0.0, 0.0, 0.9)), Err(KinematicsError::OutOfTravel { limb: 1..=3 })));
-    let lengths = |q: [f64; 3]| ScrewLengths { q_m: q.map(T::from_f64) };
+    let lengths = |q: [f64; 3]| ScrewLengths { q_m: vector(q) };
     assert_eq!(machine.forward(&lengths([f64::INFINITY, 0.5, 0.5])), Err(KinematicsError::NotFinite));
     assert_eq!(machine.forward(&lengths([0.5, 0.5, 0.9])), Err(KinematicsError::OutOfTravel { limb: 3 }));
     assert_eq!(machine.forward(&lengths([0.42, 0.77, 0.5])), Err(KinematicsError::Unreachable));
@@ -70,30 +75,29 @@ fn stiffness<T: Scalar>(machine: &Machine<T>) {
     let (full, factor) = (k.matrix(), k.factor().unwrap());
     assert_eq!(Stiffness::from_lower(&full), Stiffness::from_lower(&full));
     for i in 0..6 {
-        assert_eq!(k.principal()[i], full[i][i]);
+        assert_eq!(k.principal()[i], full[(i, i)]);
         for j in 0..6 {
-            let size = (full[i][i].to_f64() * full[j][j].to_f64()).sqrt();
-            assert_near(factor.stiffness().matrix()[i][j], full[i][j].to_f64(), size, 20.0);
+            let size = (full[(i, i)].to_f64() * full[(j, j)].to_f64()).sqrt();
+            assert_near(factor.stiffness().matrix()[(i, j)], full[(i, j)].to_f64(), size, 20.0);
         }
     }
     // K d = f
     let load = wrench::<T>([120.0, 0.0, -400.0], [0.0, 0.0, 5.0]);
     let d = factor.deflection(&load).unwrap();
-    let moved: Vec<T> = d.translation_m.into_iter().chain(d.rotation_rad).collect();
-    for (row, force) in full.iter().zip([120.0, 0.0, -400.0, 0.0, 0.0, 5.0]) {
-        let sum = row.iter().zip(&moved).fold(T::ZERO, |sum, (k, d)| sum + *k * *d);
-        assert_near(sum, force, 400.0, 2e3);
+    let moved = d.to_vector();
+    for (found, force) in (full * moved).iter().zip([120.0, 0.0, -400.0, 0.0, 0.0, 5.0]) {
+        assert_near(*found, force, 400.0, 2e3);
     }
-    assert_eq!(factor.lower()[0][5], T::ZERO);
+    assert_eq!(factor.lower()[(0, 5)], T::ZERO);
     let nowhere = wrench([f64::NAN, 0.0, 0.0], [0.0; 3]);
     assert_eq!(factor.deflection(&nowhere), Err(StiffnessError::NotFinite));
-    assert_eq!(Stiffness::from_lower(&[[T::ZERO; 6]; 6]).factor(), Err(StiffnessError::NotPositiveDefinite));
+    assert_eq!(Stiffness::from_lower(&Matrix6::<T>::zeros()).factor(), Err(StiffnessError::NotPositiveDefinite));
     assert!(matches!(machine.stiffness(&pose(2.0, 0.0, 0.5)), Err(StiffnessError::Kinematics(_))));
     // a force through a point, and a point that a turn moves
-    let at = [0.0, 0.0, 0.3].map(T::from_f64);
-    assert_near(load.moved_to_a(at).moment_nm[1], 0.3 * 120.0, 36.0, 2.0);
-    assert_near(d.seen_at(at).translation_m[1], (d.translation_m[1] - d.rotation_rad[0] * at[2]).to_f64(), 1e-3, 2.0);
-    assert_eq!(d.plus(&d).rotation_rad[2], d.rotation_rad[2] + d.rotation_rad[2]);
+    let at = vector([0.0, 0.0, 0.3]);
+    assert_near(load.moved_to_a(at).moment_nm.y, 0.3 * 120.0, 36.0, 2.0);
+    assert_near(d.seen_at(at).translation_m.y, (d.translation_m.y - d.rotation_rad.x * at.z).to_f64(), 1e-3, 2.0);
+    assert_eq!(d.plus(&d).rotation_rad, d.rotation_rad + d.rotation_rad);
 }
 
 /// One effect at a time: a sound stiffness, and springs in series make nothing stiffer.
@@ -121,7 +125,7 @@ fn effects<T: Scalar>(build: impl Fn(&MachineParameters) -> Result<Machine<T>, M
         assert!(k.factor().is_ok(), "{}", effect.id);
         // tension stiffens, and so does a ram inside its tube
         if !effect.signed && effect.id != "telescopic-limb" {
-            for (k, plain) in k.principal().into_iter().zip(plain) {
+            for (k, plain) in k.principal().iter().zip(&plain) {
                 assert!(k.to_f64() <= plain.to_f64() * (1.0 + 50.0 * T::EPSILON.to_f64()), "{}", effect.id);
             }
         }
@@ -139,7 +143,7 @@ fn effects<T: Scalar>(build: impl Fn(&MachineParameters) -> Result<Machine<T>, M
     let soft = build(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     let push = wrench::<T>([0.0, 0.0, 100.0], [0.0; 3]);
     let along = |machine: &Machine<T>| {
-        machine.stiffness(&there).unwrap().factor().unwrap().deflection(&push).unwrap().translation_m[2].to_f64()
+        machine.stiffness(&there).unwrap().factor().unwrap().deflection(&push).unwrap().translation_m.z.to_f64()
     };
     assert_near(T::from_f64(along(&soft) - along(&basic)), 100.0 * 1e-8, 1e-6, 1e3);
 
@@ -147,13 +151,13 @@ fn effects<T: Scalar>(build: impl Fn(&MachineParameters) -> Result<Machine<T>, M
     let effects = Effects::NONE.with("thermal-expansion", [1e-5, 1e-5]).unwrap();
     let steel = build(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     let grown = steel.thermal_deflection(&pose(0.0, 0.0, 0.53), T::from_f64(10.0)).unwrap();
-    assert_near(grown.translation_m[2], 1e-4 * 0.53, 1e-4, 100.0);
+    assert_near(grown.translation_m.z, 1e-4 * 0.53, 1e-4, 100.0);
     assert_eq!(steel.thermal_deflection(&there, T::from_f64(f64::NAN)), Err(StiffnessError::NotFinite));
     let effects = Effects::NONE.with("thermal-modulus", [1e-3, 1e-3]).unwrap();
     let warm = build(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     let k = warm.at_temperature(T::from_f64(120.0)).unwrap().stiffness(&there).unwrap().principal();
-    for (k, plain) in k.into_iter().zip(plain) {
-        assert_near(k, 0.9 * plain.to_f64(), plain.to_f64(), 20.0);
+    for (k, plain) in k.iter().zip(&plain) {
+        assert_near(*k, 0.9 * plain.to_f64(), plain.to_f64(), 20.0);
     }
     assert_eq!(warm.at_temperature(T::from_f64(1e4)), Err(TemperatureError::NoStiffness));
     assert_eq!(warm.at_temperature(T::from_f64(f64::INFINITY)), Err(TemperatureError::NotFinite));
@@ -167,12 +171,12 @@ fn correction<T: Scalar>(machine: &Machine<T>, fitted: &CorrectionTable<'_, T>, 
         let k = corrected.unwrap().factor.stiffness().matrix();
         for i in 0..6 {
             for j in 0..6 {
-                let size = (plain[i][i].to_f64() * plain[j][j].to_f64()).sqrt();
-                assert_near(k[i][j], 4.0 * plain[i][j].to_f64(), size, 100.0);
+                let size = (plain[(i, i)].to_f64() * plain[(j, j)].to_f64()).sqrt();
+                assert_near(k[(i, j)], 4.0 * plain[(i, j)].to_f64(), size, 100.0);
             }
         }
     }
-    assert_eq!(doubling.coefficients(&there), [T::from_f64(4.0); 6]);
+    assert_eq!(doubling.coefficients(&there), Vector6::repeat(T::from_f64(4.0)));
     assert!(doubling.has_factor_form());
     assert_eq!(fitted.domain(&there), Domain::Inside);
     assert_eq!(fitted.domain(&pose(0.5, 0.0, 0.53)), Domain::Outside);
@@ -180,7 +184,7 @@ fn correction<T: Scalar>(machine: &Machine<T>, fitted: &CorrectionTable<'_, T>, 
     assert!(matches!(fitted.factor_form(machine, &pose(0.0, 0.0, 9.0)), Err(CorrectionError::Stiffness(_))));
 
     // a tip pushed back is commanded further out, by the deflection that it meets
-    let (push, tip) = (wrench::<T>([0.0, 0.0, -400.0], [0.0; 3]), [0.0, 0.0, 0.3].map(T::from_f64));
+    let (push, tip) = (wrench::<T>([0.0, 0.0, -400.0], [0.0; 3]), vector([0.0, 0.0, 0.3]));
     let cycle = fitted.cycle(machine, &there, &push, tip).unwrap();
     assert_eq!(cycle.lengths, machine.inverse(&there).unwrap());
     let pose_to = cycle.compensated.pose;
@@ -188,25 +192,25 @@ fn correction<T: Scalar>(machine: &Machine<T>, fitted: &CorrectionTable<'_, T>, 
     assert_eq!(machine.compensated(&there, &cycle.deflection, tip), Ok(cycle.compensated));
     let nowhere = wrench([f64::INFINITY, 0.0, 0.0], [0.0; 3]);
     assert!(matches!(fitted.cycle(machine, &there, &nowhere, tip), Err(CycleError::Correction(_))));
-    assert_eq!(machine.compensated(&there, &cycle.deflection, [T::ZERO; 3]), Err(CompensationError::Singular));
+    assert_eq!(machine.compensated(&there, &cycle.deflection, Vector3::zeros()), Err(CompensationError::Singular));
     assert_eq!(
-        machine.compensated(&there, &cycle.deflection, [T::from_f64(f64::NAN); 3]),
+        machine.compensated(&there, &cycle.deflection, vector([f64::NAN; 3])),
         Err(CompensationError::NotFinite)
     );
 }
 
 fn five_axes<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) {
-    let home = Configuration { pose: pose::<T>(0.0, 0.0, 0.53), beta_rad: [T::ZERO; 2] };
+    let home = Configuration { pose: pose::<T>(0.0, 0.0, 0.53), beta_rad: Vector2::zeros() };
     // at home the tip stands where the wrist's sizes put it
     let tool = five.tool(&home).unwrap();
-    let [x, y, z] = WRIST.tip_at_zero_m();
-    for (found, expected) in tool.tip_m.into_iter().zip([x, y, z + 0.53]) {
-        assert_near(found, expected, 1.0, 4.0);
+    let expected = WRIST.tip_at_zero_m() + Vector3::z() * 0.53;
+    for (found, expected) in tool.tip_m.iter().zip(&expected) {
+        assert_near(*found, *expected, 1.0, 4.0);
     }
     assert_near(five.home_share(&home).unwrap(), 1.0, 1.0, 10.0);
-    let there = Configuration { pose: pose::<T>(0.05, -0.03, 0.54), beta_rad: [0.2, -0.1].map(T::from_f64) };
+    let there = Configuration { pose: pose::<T>(0.05, -0.03, 0.54), beta_rad: [0.2, -0.1].map(T::from_f64).into() };
     let frame = five.frame(&there).unwrap();
-    let aim = Tool { tip_m: frame.tip_m, axis: frame.axes[2] };
+    let aim = Tool { tip_m: frame.tip_m, axis: frame.axes.column(2).into() };
     let joints = five.joints(&there).unwrap();
     assert!(five.forward(&joints).is_ok());
     for hold in [
@@ -216,8 +220,8 @@ fn five_axes<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) 
         five.inverse_at(frame.tip_m, there.beta_rad),
     ] {
         let found = hold.unwrap();
-        for (q, expected) in found.joints.lengths.q_m.into_iter().zip(joints.lengths.q_m) {
-            assert_near(q, expected.to_f64(), 1.0, 200.0);
+        for (q, expected) in found.joints.lengths.q_m.iter().zip(&joints.lengths.q_m) {
+            assert_near(*q, expected.to_f64(), 1.0, 200.0);
         }
     }
     let k = five.machine.stiffness(&there.pose).unwrap();
@@ -228,28 +232,29 @@ fn five_axes<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) 
         let deflection = five.deflection(table, &compensated.hold.configuration, &load).unwrap();
         assert_eq!(deflection, compensated.deflection);
         let held = five.tool(&compensated.hold.configuration).unwrap();
-        for i in 0..3 {
-            let loaded = held.tip_m[i] + deflection.translation_m[i];
-            assert_near(loaded, aim.tip_m[i].to_f64(), 1.0, 1e3f64.max(2e-8 / T::EPSILON.to_f64()));
+        let loaded = held.tip_m + deflection.translation_m;
+        for (loaded, aim) in loaded.iter().zip(&aim.tip_m) {
+            assert_near(*loaded, aim.to_f64(), 1.0, 1e3f64.max(2e-8 / T::EPSILON.to_f64()));
         }
     }
 
     let nan = T::from_f64(f64::NAN);
-    let bad = Configuration { beta_rad: [nan; 2], ..home };
+    let bad = Configuration { beta_rad: Vector2::repeat(nan), ..home };
     assert_eq!(five.frame(&bad), Err(ToolError::NotFinite));
     assert_eq!(five.joints(&bad), Err(ToolError::NotFinite));
-    let turned = Configuration { beta_rad: [T::ZERO, T::from_f64(3.0)], ..home };
+    let turned = Configuration { beta_rad: Vector2::new(T::ZERO, T::from_f64(3.0)), ..home };
     assert_eq!(five.tool(&turned), Err(ToolError::WristLimit { joint: 2 }));
-    assert_eq!(five.inverse(&Tool { axis: [T::ZERO; 3], ..aim }, &home), Err(ToolError::NotFinite));
-    assert_eq!(five.inverse_at([nan; 3], there.beta_rad), Err(ToolError::NotFinite));
-    let far = [T::from_f64(9.0); 3];
+    assert_eq!(five.inverse(&Tool { axis: Vector3::zeros(), ..aim }, &home), Err(ToolError::NotFinite));
+    assert_eq!(five.inverse_at(Vector3::repeat(nan), there.beta_rad), Err(ToolError::NotFinite));
+    let far = Vector3::repeat(T::from_f64(9.0));
     assert!(matches!(
         five.search(&Tool { tip_m: far, ..aim }, &home),
         Err(ToolError::Unreachable | ToolError::Singular)
     ));
-    let skew = pkm_core::ToolFrame { axes: [frame.axes[0]; 3], ..frame };
+    let x = frame.axes.column(0);
+    let skew = pkm_core::ToolFrame { axes: Matrix3::from_columns(&[x, x, x]), ..frame };
     assert_eq!(five.inverse_frame(&skew), Err(ToolError::Inconsistent));
-    let out = JointValues { lengths: ScrewLengths { q_m: far }, beta_rad: [T::ZERO; 2] };
+    let out = JointValues { lengths: ScrewLengths { q_m: far }, beta_rad: Vector2::zeros() };
     assert!(matches!(five.forward(&out), Err(ToolError::Kinematics(_))));
     let nowhere = wrench([f64::NAN; 3], [0.0; 3]);
     assert!(matches!(five.compensated(None, &aim, &nowhere, &home), Err(ToolDeflectionError::Stiffness(_))));
@@ -331,9 +336,9 @@ macro_rules! layers {
 
             let wrist = Wrist::<$t>::new(&WRIST).unwrap();
             five_axes(&FiveAxis { machine: &$machine, wrist: &wrist }, &$table);
-            let [r, h] = wrist.arm_m(0.0, 1.0);
-            assert_near(r, WRIST.first_b_m + WRIST.second_b_m, 1.0, 2.0);
-            assert_near(h, WRIST.first_d_m + WRIST.flange_m, 1.0, 2.0);
+            let arm = wrist.arm_m(0.0, 1.0);
+            assert_near(arm.x, WRIST.first_b_m + WRIST.second_b_m, 1.0, 2.0);
+            assert_near(arm.y, WRIST.first_d_m + WRIST.flange_m, 1.0, 2.0);
             let flat = WristParameters { first_b_m: 0.15, ..WRIST };
             assert_eq!(Wrist::<$t>::new(&flat), Err(WristError::HomeIsSingular));
             let turned = WristParameters { min_rad: [1.0, -4.0], ..WRIST };

@@ -9,6 +9,7 @@ use std::hint::black_box;
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
+use nalgebra::{Vector2, Vector3};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, Reading};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
@@ -25,7 +26,7 @@ fn lengths<T: Scalar>(machine: &Machine<T>) -> ScrewLengths<T> {
 }
 
 fn wrench<T: Scalar>() -> Wrench<T> {
-    Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) }
+    Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(T::from_f64).into())
 }
 
 macro_rules! counts {
@@ -64,7 +65,7 @@ macro_rules! counts {
         #[library_benchmark]
         #[bench::reference(pose())]
         fn $cycle(p: Pose<$t>) -> Cycle<$t> {
-            let tip = [0.01, -0.02, 0.3];
+            let tip = Vector3::new(0.01, -0.02, 0.3);
             black_box($table.cycle(&$machine, &black_box(p), &black_box(wrench()), black_box(tip))).unwrap()
         }
     };
@@ -84,16 +85,15 @@ const STANDS: [[f64; 5]; 5] = [
 
 fn stand<T: Scalar>(number: usize) -> Configuration<T> {
     let [theta_rad, sigma_rad, beta1, beta2, z0_m] = STANDS[number].map(T::from_f64);
-    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: [beta1, beta2] }
+    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: Vector2::new(beta1, beta2) }
 }
 
 /// Where a machine stands, and the tool of the next point of its path: 1 mm and 0.1° on.
 fn step<T: Scalar>(five: &FiveAxis<'_, T>, number: usize) -> (Tool<T>, Configuration<T>) {
     let near = stand(number);
-    let ToolFrame { tip_m, axes: [x, _, z] } = five.frame(&near).unwrap();
+    let ToolFrame { tip_m, axes } = five.frame(&near).unwrap();
     let (along, turn) = (T::from_f64(1e-3 / 3_f64.sqrt()), T::from_f64(0.1_f64.to_radians()));
-    let axis = std::array::from_fn(|i| z[i] + turn * x[i]);
-    (Tool { tip_m: tip_m.map(|c| c + along), axis }, near)
+    (Tool { tip_m: tip_m.add_scalar(along), axis: axes.column(2) + axes.column(0) * turn }, near)
 }
 
 fn frame<T: Scalar>(five: &FiveAxis<'_, T>) -> ToolFrame<T> {
@@ -151,7 +151,7 @@ macro_rules! five_axes {
                 &$table,
                 &$machine,
                 &black_box(pose()),
-                black_box([0.01, -0.02, 0.3]),
+                black_box(Vector3::new(0.01, -0.02, 0.3)),
                 &reading,
             ))
         }

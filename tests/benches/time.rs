@@ -19,8 +19,7 @@ fn functions<M: Measurement, T: Scalar>(
     table: &CorrectionTable<'_, T>,
 ) {
     let pose = Pose { theta_rad: T::from_f64(0.1), sigma_rad: T::from_f64(-0.05), z0_m: T::from_f64(0.53) };
-    let wrench =
-        Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+    let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(T::from_f64).into());
     let lengths = machine.inverse(&pose).unwrap();
     let corrected = table.factor_form(machine, &pose).unwrap();
     let mut group = c.benchmark_group(group);

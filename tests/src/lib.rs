@@ -3,7 +3,7 @@
 pub mod single;
 
 use fastrand::Rng;
-use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, Vector3};
 use pkm_core::effects::Effects;
 use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};
 use pkm_core::{Machine, Pose};
@@ -233,7 +233,7 @@ fn inverted<const N: usize>(matrix: &SMatrix<Real, N, N>) -> SMatrix<Real, N, N>
 }
 
 /// K_p at A in A-uvw by the paper's way: the 24×24 structural matrix of Eq. 8, inverted whole, and Eq. 9.
-pub fn structural_stiffness(parameters: &MachineParameters, pose: &Pose<f64>) -> [[f64; 6]; 6] {
+pub fn structural_stiffness(parameters: &MachineParameters, pose: &Pose<f64>) -> Matrix6<f64> {
     let g = space(&parameters.geometry, pose);
     let u: Vec3 = g.rotation.column(0).into();
     let y = Vec3::new(real(0.0), real(1.0), real(0.0));
@@ -267,7 +267,7 @@ pub fn structural_stiffness(parameters: &MachineParameters, pose: &Pose<f64>) ->
     let compliance: Mat6 = inverted(&k).fixed_view::<6, 6>(18, 18).into();
     let turn = both(&g.rotation);
     let terminal = turn.transpose() * inverted(&compliance) * turn;
-    std::array::from_fn(|i| std::array::from_fn(|j| f64::from(terminal[(i, j)])))
+    Matrix6::from_fn(|i, j| f64::from(terminal[(i, j)]))
 }
 
 /// Keeps the greater of two errors, and a NaN for good: `f64::max` would drop it.
@@ -278,11 +278,11 @@ pub fn keep_worst(worst: &mut f64, error: f64) {
 }
 
 /// Greatest |a_ij − b_ij| / √(b_ii b_jj).
-pub fn scaled_difference(a: &[[f64; 6]; 6], b: &[[f64; 6]; 6]) -> f64 {
+pub fn scaled_difference(a: &Matrix6<f64>, b: &Matrix6<f64>) -> f64 {
     let mut worst = 0.0_f64;
     for i in 0..6 {
         for j in 0..6 {
-            keep_worst(&mut worst, (a[i][j] - b[i][j]).abs() / (b[i][i] * b[j][j]).sqrt());
+            keep_worst(&mut worst, (a[(i, j)] - b[(i, j)]).abs() / (b[(i, i)] * b[(j, j)]).sqrt());
         }
     }
     worst

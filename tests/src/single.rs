@@ -45,16 +45,9 @@ impl Errors {
     }
 
     fn new(single: &Cycle<f32>, double: &Cycle<f64>) -> Self {
-        let lengths = |a: [f32; 3], b: [f64; 3]| {
-            let mut worst = 0.0;
-            for (a, b) in wide(a).into_iter().zip(b) {
-                keep_worst(&mut worst, (a - b).abs());
-            }
-            worst
-        };
-        let relative =
-            |a: [f32; 3], b: [f64; 3]| (Vector3::from(wide(a)) - Vector3::from(b)).norm() / Vector3::from(b).norm();
-        let k = single.corrected.factor.stiffness().matrix().map(|row| row.map(f64::from));
+        let lengths = |a: Vector3<f32>, b: Vector3<f64>| (a.cast::<f64>() - b).amax();
+        let relative = |a: Vector3<f32>, b: Vector3<f64>| (a.cast::<f64>() - b).norm() / b.norm();
+        let k = single.corrected.factor.stiffness().matrix().cast::<f64>();
         let mut deflection = relative(single.deflection.translation_m, double.deflection.translation_m);
         keep_worst(&mut deflection, relative(single.deflection.rotation_rad, double.deflection.rotation_rad));
         Self {
@@ -82,11 +75,7 @@ pub struct Case {
 struct Demand {
     pose: Pose<f64>,
     wrench: Wrench<f64>,
-    tip_m: [f64; 3],
-}
-
-fn wide(v: [f32; 3]) -> [f64; 3] {
-    v.map(f64::from)
+    tip_m: Vector3<f64>,
 }
 
 fn narrow(v: [f64; 3]) -> [f32; 3] {
@@ -98,8 +87,8 @@ pub fn narrow_pose(pose: &Pose<f64>) -> Pose<f32> {
     Pose { theta_rad: pose.theta_rad as f32, sigma_rad: pose.sigma_rad as f32, z0_m: pose.z0_m as f32 }
 }
 
-fn condition(k: [[f64; 6]; 6]) -> f64 {
-    let values = Matrix6::from_fn(|i, j| k[i][j] / (k[i][i] * k[j][j]).sqrt()).symmetric_eigenvalues();
+fn condition(k: Matrix6<f64>) -> f64 {
+    let values = Matrix6::from_fn(|i, j| k[(i, j)] / (k[(i, i)] * k[(j, j)]).sqrt()).symmetric_eigenvalues();
     values.max() / values.min()
 }
 
@@ -111,19 +100,19 @@ impl Demand {
         tables: (&CorrectionTable<'_, f64>, &CorrectionTable<'_, f32>),
     ) -> Option<Case> {
         let pose = narrow_pose(&self.pose);
-        let wrench = Wrench { force_n: narrow(self.wrench.force_n), moment_nm: narrow(self.wrench.moment_nm) };
-        let tip_m = narrow(self.tip_m);
+        let (force_n, moment_nm) = (self.wrench.force_n.cast::<f32>(), self.wrench.moment_nm.cast::<f32>());
+        let (wrench, tip_m) = (Wrench { force_n, moment_nm }, self.tip_m.cast::<f32>());
         let single = tables.1.cycle(machines.1, &pose, &wrench, tip_m);
 
         // exactly the same in f64
-        let [theta_rad, sigma_rad, z0_m] = wide([pose.theta_rad, pose.sigma_rad, pose.z0_m]);
+        let [theta_rad, sigma_rad, z0_m] = [pose.theta_rad, pose.sigma_rad, pose.z0_m].map(f64::from);
         let pose = Pose { theta_rad, sigma_rad, z0_m };
-        let wrench = Wrench { force_n: wide(wrench.force_n), moment_nm: wide(wrench.moment_nm) };
-        let double = tables.0.cycle(machines.0, &pose, &wrench, wide(tip_m)).ok()?;
+        let wrench = Wrench { force_n: force_n.cast(), moment_nm: moment_nm.cast() };
+        let double = tables.0.cycle(machines.0, &pose, &wrench, tip_m.cast()).ok()?;
         let (k_p, k_m) = (machines.0.stiffness(&pose).ok()?, double.corrected.factor.stiffness());
         Some(Case {
             pose,
-            longest_screw_m: double.lengths.q_m.into_iter().fold(0.0, f64::max),
+            longest_screw_m: double.lengths.q_m.max(),
             condition: condition(k_p.matrix()).max(condition(k_m.matrix())),
             errors: single.ok().map(|single| Errors::new(&single, &double)),
         })
@@ -212,12 +201,12 @@ impl Region {
         let mut part = |low: f64, high: f64| l * between(rng, low, high);
         let (aside, ahead) = (part(-0.2, 0.2), part(0.5, 2.0));
         let (sin, cos) = pose.sigma_rad.sin_cos();
-        let tip_m = [part(-0.2, 0.2), aside * cos + ahead * sin, ahead * cos - aside * sin];
-        let (force_n, moment_nm) = (three(rng, 1000.0), three(rng, 100.0));
+        let tip_m = Vector3::new(part(-0.2, 0.2), aside * cos + ahead * sin, ahead * cos - aside * sin);
+        let (force_n, moment_nm) = (Vector3::from(three(rng, 1000.0)), Vector3::from(three(rng, 100.0)));
         let k_m = table.factor_form(&machine, &pose).ok()?.factor;
         let bent = k_m.deflection(&Wrench { force_n, moment_nm }.moved_to_a(tip_m)).ok()?;
-        let share = (1e-3 * l / Vector3::from(bent.seen_at(tip_m).translation_m).norm()).min(1.0);
-        let wrench = Wrench { force_n: force_n.map(|f| share * f), moment_nm: moment_nm.map(|m| share * m) };
+        let share = (1e-3 * l / bent.seen_at(tip_m).translation_m.norm()).min(1.0);
+        let wrench = Wrench { force_n: force_n * share, moment_nm: moment_nm * share };
         let single = Machine::<f32>::new(&parameters).ok()?;
         Demand { pose, wrench, tip_m }.case((&machine, &single), (&table, &slim))
     }
@@ -226,8 +215,8 @@ impl Region {
 fn in_box(rng: &mut Rng) -> Option<Case> {
     let [theta_rad, sigma_rad, _] = three(rng, 15_f64.to_radians());
     let pose = Pose { theta_rad, sigma_rad, z0_m: between(rng, 0.5, 0.56) };
-    let wrench = Wrench { force_n: three(rng, 1000.0), moment_nm: three(rng, 100.0) };
+    let wrench = Wrench { force_n: three(rng, 1000.0).into(), moment_nm: three(rng, 100.0).into() };
     let [u, v, w] = three(rng, 1.0);
-    let tip_m = [0.05 * u, 0.05 * v, 0.3 + 0.1 * w];
+    let tip_m = Vector3::new(0.05 * u, 0.05 * v, 0.3 + 0.1 * w);
     Demand { pose, wrench, tip_m }.case((&MACHINE_F64, &MACHINE_F32), (&TABLE_F64, &TABLE_F32))
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Write};
 
 use fastrand::Rng;
+use nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
 use pkm_core::{Pose, Scalar, Wrench};
 use pkm_protocol::{
@@ -72,8 +73,8 @@ fn judged(line: &[u8]) -> Option<Request> {
                     _ => return None,
                 },
                 pose: Pose { theta_rad: one("theta_rad")?, sigma_rad: one("sigma_rad")?, z0_m: one("z0_m")? },
-                wrench_at_tip: Wrench { force_n: three("force_n")?, moment_nm: three("moment_nm")? },
-                tip_m: three("tip_m")?,
+                wrench_at_tip: Wrench { force_n: three("force_n")?.into(), moment_nm: three("moment_nm")?.into() },
+                tip_m: three("tip_m")?.into(),
             };
             if cmd == "cycle" {
                 Command::Cycle(demand)
@@ -96,7 +97,8 @@ fn bits(request: &Request) -> (u32, Vec<u64>, String) {
         _ => return (request.id, Vec::new(), format!("{:?}", request.command)),
     };
     let [from, to] = [d.pose, to].map(|p| [p.theta_rad, p.sigma_rad, p.z0_m]);
-    let numbers = [from, to, d.wrench_at_tip.force_n, d.wrench_at_tip.moment_nm, d.tip_m].concat();
+    let load = d.wrench_at_tip.to_vector();
+    let numbers = [&from, &to, load.as_slice(), d.tip_m.as_slice()].concat();
     (request.id, numbers.into_iter().map(f64::to_bits).collect(), format!("{:?} {steps}", d.arithmetic))
 }
 
@@ -125,8 +127,8 @@ fn request(rng: &mut Rng) -> Request {
     let demand = Demand {
         arithmetic: if rng.bool() { Arithmetic::F64 } else { Arithmetic::F32 },
         pose: Pose { theta_rad, sigma_rad, z0_m },
-        wrench_at_tip: Wrench { force_n, moment_nm },
-        tip_m,
+        wrench_at_tip: Wrench { force_n: force_n.into(), moment_nm: moment_nm.into() },
+        tip_m: tip_m.into(),
     };
     let command = match rng.u8(0..8) {
         0 => Command::Hello,
@@ -303,18 +305,17 @@ fn numbers_keep_their_bits_both_ways() {
 #[test]
 fn a_cycle_that_overflows_has_no_numbers() {
     let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
-    let huge = Wrench { force_n: [1e300; 3], moment_nm: [0.0; 3] };
-    let narrow = |v: [f64; 3]| v.map(|v| v as f32);
+    let huge = Wrench { force_n: Vector3::repeat(1e300), moment_nm: Vector3::zeros() };
     let single = TABLE_F32.cycle(
         &MACHINE_F32,
         &Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 },
-        &Wrench { force_n: narrow(huge.force_n), moment_nm: [0.0; 3] },
-        [0.0, 0.0, 0.3],
+        &Wrench { force_n: huge.force_n.cast(), moment_nm: Vector3::zeros() },
+        Vector3::new(0.0, 0.0, 0.3),
     );
     let reply = CycleReply::new(&single, 1, false);
     assert_eq!((reply.status, reply.numbers), (Status::NotFinite, None));
     let high = Pose { z0_m: 0.9, ..pose };
-    let reply = CycleReply::new(&TABLE_F64.cycle(&MACHINE_F64, &high, &huge, [0.0, 0.0, 0.3]), 1, false);
+    let reply = CycleReply::new(&TABLE_F64.cycle(&MACHINE_F64, &high, &huge, Vector3::new(0.0, 0.0, 0.3)), 1, false);
     assert_eq!((reply.status, reply.numbers), (Status::OutOfTravel, None));
 }
 

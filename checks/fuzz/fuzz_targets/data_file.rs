@@ -38,7 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Some(readings) = read(Readings::read(source.clone(), &MACHINE)) {
         assert_possible(&readings.poses);
         for condition in &readings.conditions {
-            assert_finite(condition.wrench.force_n.into_iter().chain(condition.wrench.moment_nm));
+            assert_finite(condition.wrench.to_vector().iter().copied());
             assert_finite(condition.point_m.into_iter().chain([condition.temperature_c, condition.rise_k]));
         }
         for reading in &readings.readings {
@@ -47,7 +47,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
     if let Some((_, moves)) = read(tool_path::read_csv(source)) {
         for to in moves {
-            assert_finite(to.to.tip_m.into_iter().chain(to.wrench[1].force_n).chain(to.wrench[1].moment_nm));
+            assert_finite(to.to.tip_m.iter().chain(&to.wrench[1].to_vector()).copied());
         }
     }
 });

@@ -14,7 +14,7 @@ fn assert_configuration<T: Scalar>(c: &Configuration<T>) {
 }
 
 fn assert_frame<T: Scalar>(frame: &ToolFrame<T>) {
-    assert_finite(frame.tip_m.into_iter().chain(frame.axes.into_iter().flatten()));
+    assert_finite(frame.tip_m.iter().chain(&frame.axes).copied());
 }
 
 /// What holds a tool are joints of its configuration.
@@ -52,12 +52,12 @@ fn walk<T: Scalar>(
     }
     for table in [None, Some(table)] {
         if let Ok(deflection) = five.deflection(table, &near, &wrench) {
-            assert_finite(deflection.translation_m.into_iter().chain(deflection.rotation_rad));
+            assert_finite(deflection.translation_m.iter().chain(&deflection.rotation_rad).copied());
         }
         if let Ok(compensated) = five.compensated(table, &tool, &wrench, &near) {
             assert_hold(five, &compensated.hold);
             let d = compensated.deflection;
-            assert_finite(d.translation_m.into_iter().chain(d.rotation_rad));
+            assert_finite(d.translation_m.iter().chain(&d.rotation_rad).copied());
         }
     }
 }
@@ -70,9 +70,9 @@ fuzz_target!(|bytes: &[u8]| {
     macro_rules! walk {
         ($t:ty, $table:expr) => {
             if let (Ok(machine), Ok(wrist)) = (Machine::<$t>::new(&parameters), Wrist::<$t>::new(&wrist)) {
-                let near = Configuration::<$t> { pose: pose.rounded(), beta_rad: beta.rounded() };
-                let joints = JointValues { lengths: ScrewLengths { q_m: q.rounded() }, beta_rad: near.beta_rad };
-                let tool = Tool { tip_m: tip.rounded(), axis: axis.rounded() };
+                let near = Configuration::<$t> { pose: pose.rounded(), beta_rad: beta.rounded().into() };
+                let joints = JointValues { lengths: ScrewLengths { q_m: q.rounded().into() }, beta_rad: near.beta_rad };
+                let tool = Tool { tip_m: tip.rounded().into(), axis: axis.rounded().into() };
                 let five = FiveAxis { machine: &machine, wrist: &wrist };
                 walk(&five, $table, (near, joints, tool, wrench.rounded()));
             }

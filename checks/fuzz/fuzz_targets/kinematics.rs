@@ -16,8 +16,8 @@ fn is_ordinary<T: Scalar>(machine: &Machine<T>, p: &MachineParameters, pose: &Po
 
 fn walk<T: Scalar>(machine: &Machine<T>, p: &MachineParameters, pose: Pose<T>, lengths: ScrewLengths<T>) {
     if let Ok(there) = machine.inverse(&pose) {
-        assert_finite(there.q_m);
-        assert_finite(machine.jacobian(&pose).expect("the pose has a posture").into_iter().flatten());
+        assert_finite(there.q_m.iter().copied());
+        assert_finite(machine.jacobian(&pose).expect("the pose has a posture").iter().copied());
         let distance = machine.singularity_distance(&pose).expect("the pose has a posture");
         assert_finite([distance.limbs_1_2, distance.limb_3, machine.travel_margin_m(&there).0]);
         if is_ordinary(machine, p, &pose) {
@@ -33,8 +33,8 @@ fn walk<T: Scalar>(machine: &Machine<T>, p: &MachineParameters, pose: Pose<T>, l
         if is_ordinary(machine, p, &pose) {
             let back = machine.inverse(&pose).expect("a pose of lengths");
             let tolerance = 1e4 * T::EPSILON.to_f64();
-            for (q, back) in lengths.q_m.iter().zip(back.q_m) {
-                assert!((*q - back).to_f64().abs() <= tolerance * q.to_f64(), "{lengths:?} {back:?}");
+            for (q, back) in lengths.q_m.iter().zip(&back.q_m) {
+                assert!((*q - *back).to_f64().abs() <= tolerance * q.to_f64(), "{lengths:?} {back:?}");
             }
         }
     }
@@ -45,9 +45,9 @@ fuzz_target!(|bytes: &[u8]| {
     let parameters = numbers.machine();
     let (pose, q_m) = (numbers.pose(), numbers.numbers([0.57, 0.55, 0.52]));
     if let Ok(machine) = Machine::<f64>::new(&parameters) {
-        walk(&machine, &parameters, pose, ScrewLengths { q_m });
+        walk(&machine, &parameters, pose, ScrewLengths { q_m: q_m.into() });
     }
     if let Ok(machine) = Machine::<f32>::new(&parameters) {
-        walk(&machine, &parameters, pose.rounded(), ScrewLengths { q_m: q_m.rounded() });
+        walk(&machine, &parameters, pose.rounded(), ScrewLengths { q_m: q_m.rounded().into() });
     }
 });

@@ -3,38 +3,35 @@
 
 use libfuzzer_sys::fuzz_target;
 use pkm_core::correction::FACTOR_ENTRIES;
+use pkm_core::nalgebra::Vector3;
 use pkm_core::{Basis, CorrectionTable, Deflection, Machine, Pose, Scalar, StiffnessFactor, Wrench};
 use pkm_fuzz::{Numbers, Rounded, assert_finite};
 
 const TERMS: usize = 2;
 
 fn assert_deflection<T: Scalar>(d: &Deflection<T>) {
-    assert_finite(d.translation_m.into_iter().chain(d.rotation_rad));
+    assert_finite(d.to_vector().iter().copied());
 }
 
 /// K = F Fᵀ is symmetric and positive definite by its making if every number is finite and the diagonal above 0.
 fn assert_factor<T: Scalar>(factor: &StiffnessFactor<T>) {
-    assert_finite(factor.lower().into_iter().flatten());
-    assert!((0..6).all(|i| factor.lower()[i][i] > T::ZERO));
+    assert_finite(factor.lower().iter().copied());
+    assert!(factor.lower().diagonal().iter().all(|pivot| *pivot > T::ZERO));
 }
 
 struct Load<T> {
     wrench: Wrench<T>,
     turned_at: Wrench<T>,
-    tip_m: [T; 3],
+    tip_m: Vector3<T>,
     temperature_c: T,
 }
 
 fn walk<T: Scalar>(machine: &Machine<T>, table: Option<&CorrectionTable<'_, T>>, pose: &Pose<T>, load: &Load<T>) {
     if let Ok(stiffness) = machine.stiffness(pose) {
         let k = stiffness.matrix();
-        assert_finite(k.into_iter().flatten());
+        assert_finite(k.iter().copied());
         assert!(stiffness.principal().iter().all(|k| *k > T::ZERO));
-        for i in 0..6 {
-            for j in 0..6 {
-                assert!(k[i][j] == k[j][i]);
-            }
-        }
+        assert_eq!(k, k.transpose());
         if let Ok(factor) = stiffness.factor() {
             assert_factor(&factor);
             if let Ok(deflection) = factor.deflection(&load.wrench) {
@@ -60,7 +57,7 @@ fn walk<T: Scalar>(machine: &Machine<T>, table: Option<&CorrectionTable<'_, T>>,
         if let Ok(cycle) = table.cycle(machine, pose, &load.wrench, load.tip_m) {
             assert_factor(&cycle.corrected.factor);
             assert_deflection(&cycle.deflection);
-            assert_finite(cycle.lengths.q_m.into_iter().chain(cycle.compensated.lengths.q_m));
+            assert_finite(cycle.lengths.q_m.iter().chain(&cycle.compensated.lengths.q_m).copied());
         }
     }
 }
@@ -77,7 +74,7 @@ macro_rules! walk {
             let load = Load::<$t> {
                 wrench: wrench.rounded(),
                 turned_at: turned_at.rounded(),
-                tip_m: tip_m.rounded(),
+                tip_m: tip_m.rounded().into(),
                 temperature_c: temperature_c as $t,
             };
             walk(&machine, table.as_ref().ok(), &$pose.rounded(), &load);

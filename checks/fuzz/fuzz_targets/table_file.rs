@@ -21,7 +21,7 @@ fuzz_target!(|bytes: &[u8]| {
     assert!(core.coefficients(&middle).iter().all(|c| *c > 0.0));
     for corrected in [core.factor_form(&MACHINE_F64, &middle), core.diagonal_form(&MACHINE_F64, &middle)] {
         match corrected {
-            Ok(corrected) => assert_finite(corrected.factor.lower().into_iter().flatten()),
+            Ok(corrected) => assert_finite(corrected.factor.lower().iter().copied()),
             Err(e) => assert!(!matches!(e, CorrectionError::NotPositive { .. }), "{e}"),
         }
     }
@@ -29,7 +29,7 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(core) = narrow.table() {
         let [theta_rad, sigma_rad, z0_m] = narrow.centre;
         if let Ok(corrected) = core.factor_form(&MACHINE_F32, &Pose { theta_rad, sigma_rad, z0_m }) {
-            assert_finite(corrected.factor.lower().into_iter().flatten());
+            assert_finite(corrected.factor.lower().iter().copied());
         }
     }
 });

@@ -117,8 +117,7 @@ impl Numbers<'_> {
 
     /// A load about one of cutting.
     pub fn wrench(&mut self) -> Wrench<f64> {
-        let force_n = self.numbers([120.0, 50.0, -400.0]);
-        Wrench { force_n, moment_nm: self.numbers([2.0, -1.0, 5.0]) }
+        Wrench::from_vector(self.numbers([120.0, 50.0, -400.0, 2.0, -1.0, 5.0]).into())
     }
 }
 
@@ -148,7 +147,8 @@ impl<T: Scalar> Rounded<T> for Pose<f64> {
 impl<T: Scalar> Rounded<T> for Wrench<f64> {
     type To = Wrench<T>;
     fn rounded(&self) -> Wrench<T> {
-        Wrench { force_n: self.force_n.rounded(), moment_nm: self.moment_nm.rounded() }
+        let components: [f64; 6] = self.to_vector().into();
+        Wrench::from_vector(components.rounded().into())
     }
 }
 

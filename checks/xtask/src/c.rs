@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pkm_core::effects::EFFECTS;
+use pkm_core::nalgebra::{Vector2, Vector3};
 use pkm_core::{
     Configuration, CorrectionTable, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths, Tool,
     Wrench,
@@ -220,44 +221,44 @@ fn expected<T: Scalar>(
     let t = |values: [f64; 3]| values.map(T::from_f64);
     let [theta_rad, sigma_rad, z0_m] = t(pose);
     let pose = &Pose { theta_rad, sigma_rad, z0_m };
-    let wrench = Wrench { force_n: t([100.0, -50.0, -400.0]), moment_nm: t([2.0, -8.0, 5.0]) };
-    let turned_at = Wrench { force_n: t([150.0, -20.0, -600.0]), moment_nm: t([3.0, -8.0, 9.0]) };
-    let tip = t([0.03, -0.02, 0.3]);
-    let flat = |p: Pose<T>, q: ScrewLengths<T>| [[p.theta_rad, p.sigma_rad, p.z0_m], q.q_m].concat();
+    let wrench = Wrench { force_n: t([100.0, -50.0, -400.0]).into(), moment_nm: t([2.0, -8.0, 5.0]).into() };
+    let turned_at = Wrench { force_n: t([150.0, -20.0, -600.0]).into(), moment_nm: t([3.0, -8.0, 9.0]).into() };
+    let tip = t([0.03, -0.02, 0.3]).into();
+    let flat = |p: Pose<T>, q: ScrewLengths<T>| [&[p.theta_rad, p.sigma_rad, p.z0_m], q.q_m.as_slice()].concat();
     let lengths = machine.inverse(pose);
-    let set = lengths.unwrap_or(ScrewLengths { q_m: t([0.0; 3]) });
+    let set = lengths.unwrap_or(ScrewLengths { q_m: Vector3::zeros() });
     let (margin_m, limb) = machine.travel_margin_m(&set);
     let deflection = table.factor_form(machine, pose).and_then(|k| {
         let linear = k.factor.deflection(&wrench)?;
         Ok(linear.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?))
     });
-    let six = |d: Deflection<T>| d.to_array().to_vec();
+    let six = |d: Deflection<T>| d.to_vector().as_slice().to_vec();
     let compensated = machine.compensated(pose, &deflection.unwrap_or(Deflection::ZERO), tip);
-    let columns = |rows: [[T; 3]; 3]| (0..9).map(|i| rows[i % 3][i / 3]).collect();
-    let cycle = table
-        .cycle(machine, pose, &wrench, tip)
-        .map(|c| [c.lengths.q_m.to_vec(), six(c.deflection), flat(c.compensated.pose, c.compensated.lengths)].concat());
-    let whole = |k: pkm_core::Stiffness<T>| k.matrix().concat();
+    let cycle = table.cycle(machine, pose, &wrench, tip).map(|c| {
+        [c.lengths.q_m.as_slice().to_vec(), six(c.deflection), flat(c.compensated.pose, c.compensated.lengths)].concat()
+    });
+    let whole = |k: pkm_core::Stiffness<T>| k.matrix().as_slice().to_vec();
     let warm = machine.at_temperature(T::from_f64(31.5));
     let ok = |name, text: String| (name, Some(vec![text]));
     // as the structures of the header have them
-    let beta_rad = [0.3, -0.2].map(T::from_f64);
-    let stands = |c: &Configuration<T>| [&[c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m][..], &c.beta_rad].concat();
+    let beta_rad = Vector2::from([0.3, -0.2].map(T::from_f64));
+    let stands =
+        |c: &Configuration<T>| [&[c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m], c.beta_rad.as_slice()].concat();
     let hold = |h: &Hold<T>| {
         let JointValues { lengths, beta_rad } = &h.joints;
-        [stands(&h.configuration), lengths.q_m.to_vec(), beta_rad.to_vec(), vec![h.home_share]].concat()
+        [&stands(&h.configuration), lengths.q_m.as_slice(), beta_rad.as_slice(), &[h.home_share]].concat()
     };
     let home = Configuration {
         pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) },
-        beta_rad: [T::ZERO; 2],
+        beta_rad: Vector2::zeros(),
     };
     let place = five.forward(&JointValues { lengths: set, beta_rad });
-    let tool = place.map_or(Tool { tip_m: t([0.0; 3]), axis: t([0.0; 3]) }, |(_, tool)| tool);
+    let tool = place.map_or(Tool { tip_m: Vector3::zeros(), axis: Vector3::zeros() }, |(_, tool)| tool);
     let loaded = five.compensated(Some(table), &tool, &wrench, &home);
     vec![
-        line("inverse", lengths.map(|q| q.q_m.to_vec())),
+        line("inverse", lengths.map(|q| q.q_m.as_slice().to_vec())),
         line("forward", machine.forward(&set).map(|p| flat(p, set)[..3].to_vec())),
-        line("jacobian", machine.jacobian(pose).map(columns)),
+        line("jacobian", machine.jacobian(pose).map(|j| j.as_slice().to_vec())),
         line("distance", machine.singularity_distance(pose).map(|d| vec![d.limbs_1_2, d.limb_3])),
         line("margin", Ok::<_, ()>(vec![margin_m])),
         ok("limb", (limb + 1).to_string()),
@@ -271,13 +272,22 @@ fn expected<T: Scalar>(
         line("cycle", cycle),
         line("warm", warm.map(|_| Vec::<T>::new())),
         line("k_p_warm", warm.map_err(drop).and_then(|m| m.stiffness(pose).map(whole).map_err(drop))),
-        line("tool_forward", place.map(|(c, tool)| [stands(&c), tool.tip_m.to_vec(), tool.axis.to_vec()].concat())),
+        line(
+            "tool_forward",
+            place.map(|(c, tool)| [&stands(&c), tool.tip_m.as_slice(), tool.axis.as_slice()].concat()),
+        ),
         line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
         line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| hold(&h))),
-        line("any_margin", five.inverse_at_any_margin(tool.tip_m, [beta_rad[0], T::from_f64(0.98)]).map(|h| hold(&h))),
+        line(
+            "any_margin",
+            five.inverse_at_any_margin(tool.tip_m, Vector2::new(beta_rad.x, T::from_f64(0.98))).map(|h| hold(&h)),
+        ),
         line(
             "tool_compensated",
-            loaded.map(|l| [hold(&l.hold), [l.deflection.translation_m, l.deflection.rotation_rad].concat()].concat()),
+            loaded.map(|l| {
+                let (moved, turned) = (l.deflection.translation_m, l.deflection.rotation_rad);
+                [&hold(&l.hold), moved.as_slice(), turned.as_slice()].concat()
+            }),
         ),
     ]
 }

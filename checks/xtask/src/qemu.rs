@@ -9,6 +9,7 @@ use std::process::Command;
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
 use pkm_core::effects::{EFFECTS, EffectInfo};
+use pkm_core::nalgebra::Vector2;
 use pkm_core::{
     Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar, Stiffness,
     StiffnessError, Tool, ToolDeflectionError, Wrench, Wrist,
@@ -261,20 +262,30 @@ fn expected<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, p
     }
 }
 
+/// The tip, the wrist's joints and the loads that embed/firmware/src/bin/parity.rs applies: m, rad, N and N·m.
+const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
+const BETA: [f64; 2] = [0.3, -0.2];
+const WRENCH: [f64; 6] = [100.0, -50.0, -400.0, 2.0, -8.0, 5.0];
+const TURNED_AT: [f64; 6] = [150.0, -20.0, -600.0, 3.0, -8.0, 9.0];
+
+fn wrench<T: Scalar>(components: [f64; 6]) -> Wrench<T> {
+    Wrench::from_vector(components.map(T::from_f64).into())
+}
+
 fn bits_of<T: Scalar>(values: &[T]) -> Vec<u64> {
     values.iter().map(|v| v.to_f64().to_bits()).collect()
 }
 
 fn lower_of<T: Scalar>(k: &Stiffness<T>) -> Vec<u64> {
     let k = k.matrix();
-    bits_of(&(0..6).flat_map(|i| (0..=i).map(move |j| k[i][j])).collect::<Vec<_>>())
+    bits_of(&(0..6).flat_map(|i| (0..=i).map(move |j| k[(i, j)])).collect::<Vec<_>>())
 }
 
 /// Configuration, screw lengths and normalised Jacobian determinant.
 fn hold_numbers<T: Scalar>(hold: &Hold<T>) -> Vec<T> {
     let Configuration { pose, beta_rad } = &hold.configuration;
     let stands = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
-    [&stands[..], beta_rad, &hold.joints.lengths.q_m, &[hold.home_share]].concat()
+    [&stands, beta_rad.as_slice(), hold.joints.lengths.q_m.as_slice(), &[hold.home_share]].concat()
 }
 
 /// What the five axes do, with nothing from the first error on, as embed/firmware/src/bin/parity.rs has it.
@@ -286,20 +297,19 @@ fn five_axes<T: Scalar>(
     let mut found = ["hold", "hold_frame", "tip_stiffness", "loaded"].map(|name| (name, Vec::new()));
     let [(_, hold), (_, hold_frame), (_, tip_stiffness), (_, loaded)] = &mut found;
     let mut compute = || {
-        let stands = Configuration { pose: *pose, beta_rad: [0.3, -0.2].map(T::from_f64) };
+        let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
         let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
         let frame = five.frame(&stands)?;
-        let tool = Tool { tip_m: frame.tip_m, axis: frame.axes[2] };
-        let near = Configuration { pose: upright, beta_rad: [T::ZERO; 2] };
+        let tool = Tool { tip_m: frame.tip_m, axis: frame.axes.column(2).into() };
+        let near = Configuration { pose: upright, beta_rad: Vector2::zeros() };
         *hold = bits_of(&hold_numbers(&five.inverse(&tool, &near)?));
         *hold_frame = bits_of(&hold_numbers(&five.inverse_frame(&frame)?));
         *tip_stiffness = lower_of(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
-        let wrench =
-            Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+        let wrench = wrench(WRENCH);
         let table = table.has_factor_form().then_some(table);
         let command = five.compensated(table, &tool, &wrench, &stands)?;
-        let moved = [command.deflection.translation_m, command.deflection.rotation_rad].concat();
-        *loaded = bits_of(&[hold_numbers(&command.hold), moved].concat());
+        let (moved, turned) = (command.deflection.translation_m, command.deflection.rotation_rad);
+        *loaded = bits_of(&[&hold_numbers(&command.hold), moved.as_slice(), turned.as_slice()].concat());
         Ok::<(), ToolDeflectionError>(())
     };
     // the firmware's error shows in what is empty there
@@ -312,15 +322,13 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let mut screws = Compensator::<T, 3>::new(&settings).expect("the default is in range");
     let mut axes = Compensator::<T, 5>::new(&settings).expect("the default is in range");
-    let number = |values: [f64; 3]| values.map(T::from_f64);
-    let stands = Configuration { pose: *pose, beta_rad: [0.3, -0.2].map(T::from_f64) };
-    let wrench = Wrench { force_n: number([100.0, -50.0, -400.0]), moment_nm: number([2.0, -8.0, 5.0]) };
-    let reading = Reading { enabled: true, wrench, rise_k: T::from_f64(4.5) };
+    let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
+    let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise_k: T::from_f64(4.5) };
     for _ in 0..3 {
-        screws.update(table, five.machine, pose, number([0.01, -0.02, 0.3]), &reading);
+        screws.update(table, five.machine, pose, TIP_M.map(T::from_f64).into(), &reading);
         axes.update(table, five, &stands, &reading);
     }
-    bits_of(&[&screws.joints()[..], &axes.joints()].concat())
+    bits_of(&[screws.joints().as_slice(), axes.joints().as_slice()].concat())
 }
 
 fn values<T: Scalar>(
@@ -329,11 +337,7 @@ fn values<T: Scalar>(
     pose: &Pose<T>,
 ) -> Result<Vec<(&'static str, Vec<u64>)>, CycleError> {
     let (bits, lower) = (bits_of::<T>, lower_of::<T>);
-    // the loads, the tip and the temperature that embed/firmware/src/bin/parity.rs applies
-    let wrench =
-        Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
-    let turned_at =
-        Wrench { force_n: [150.0, -20.0, -600.0].map(T::from_f64), moment_nm: [3.0, -8.0, 9.0].map(T::from_f64) };
+    let (wrench, turned_at) = (wrench(WRENCH), wrench(TURNED_AT));
     let warm = machine.at_temperature(T::from_f64(31.5)).map_err(|_| StiffnessError::NotFinite)?;
     let grown = machine.thermal_deflection(pose, T::from_f64(4.5))?;
     let diagonal = table.diagonal_form(machine, pose)?;
@@ -341,20 +345,23 @@ fn values<T: Scalar>(
     let d = factor.factor.deflection(&wrench)?.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?);
     let lengths = machine.inverse(pose)?;
     let forward = machine.forward(&lengths)?;
-    let cycle = table.cycle(machine, pose, &wrench, [0.01, -0.02, 0.3].map(T::from_f64))?.compensated;
+    let cycle = table.cycle(machine, pose, &wrench, TIP_M.map(T::from_f64).into())?.compensated;
     Ok(vec![
-        ("q", bits(&lengths.q_m)),
+        ("q", bits(lengths.q_m.as_slice())),
         ("forward", bits(&[forward.theta_rad, forward.sigma_rad, forward.z0_m])),
-        ("jacobian", bits(machine.jacobian(pose)?.as_flattened())),
+        ("jacobian", bits(machine.jacobian(pose)?.transpose().as_slice())),
         ("k_p", lower(&machine.stiffness(pose)?)),
         ("k_m_diagonal", lower(&diagonal.factor.stiffness())),
         ("k_m_factor", lower(&factor.factor.stiffness())),
-        ("deflection", bits(&d.to_array())),
+        ("deflection", bits(d.to_vector().as_slice())),
         ("k_p_warm", lower(&warm.stiffness(pose)?)),
-        ("thermal", bits(&grown.to_array())),
+        ("thermal", bits(grown.to_vector().as_slice())),
         (
             "compensated",
-            bits(&[[cycle.pose.theta_rad, cycle.pose.sigma_rad, cycle.pose.z0_m], cycle.lengths.q_m].concat()),
+            bits(
+                &[&[cycle.pose.theta_rad, cycle.pose.sigma_rad, cycle.pose.z0_m], cycle.lengths.q_m.as_slice()]
+                    .concat(),
+            ),
         ),
     ])
 }

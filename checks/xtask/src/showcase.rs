@@ -24,7 +24,7 @@ fn loads() -> [Wrench<f64>; 6] {
     std::array::from_fn(|axis| {
         let mut load = [0.0; 6];
         load[axis] = if axis < 3 { FORCE_N } else { MOMENT_NM };
-        Wrench::from_array(load)
+        Wrench::from_vector(load.into())
     })
 }
 
@@ -42,9 +42,9 @@ fn readings(data: &StiffnessData) -> Result<String, String> {
         for load in loads() {
             let d = deflection(&k, &load)?;
             let pose = written_units(&p.pose);
-            let numbers = pose.into_iter().chain(load.to_array()).map(|v| v.to_string());
-            let read = d.to_array().map(|v| format!("{:.4}", v * 1e6));
-            let cells: Vec<String> = numbers.chain(read).collect();
+            let (load, d) = (load.to_vector(), d.to_vector() * 1e6);
+            let numbers = pose.iter().chain(&load).map(|v| v.to_string());
+            let cells: Vec<String> = numbers.chain(d.iter().map(|v| format!("{v:.4}"))).collect();
             let _ = writeln!(text, "{},{},1.5,5", p.id, cells.join(","));
         }
     }
@@ -57,9 +57,8 @@ type Law<'a> = &'a dyn Fn(&Pose<f64>) -> Result<Stiffness<f64>, String>;
 /// Mean error of the deflection under each load at some poses, %: relative norm with rotations times 0.2 m.
 fn errors(law: Law<'_>, data: &StiffnessData, at: &[usize]) -> Result<[f64; 6], String> {
     let norm = |d: &Deflection<f64>, e: &Deflection<f64>| {
-        let linear: f64 = (0..3).map(|i| (d.translation_m[i] - e.translation_m[i]).powi(2)).sum();
-        let angular: f64 = (0..3).map(|i| (ROTATION_ARM_M * (d.rotation_rad[i] - e.rotation_rad[i])).powi(2)).sum();
-        (linear + angular).sqrt()
+        let (moved, turned) = (d.translation_m - e.translation_m, (d.rotation_rad - e.rotation_rad) * ROTATION_ARM_M);
+        (moved.norm_squared() + turned.norm_squared()).sqrt()
     };
     let mut sums = [0.0; 6];
     for n in at {

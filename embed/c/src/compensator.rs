@@ -357,7 +357,7 @@ macro_rules! compensator {
             unsafe {
                 answer(offset, || {
                     let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
-                    let (tip, reading) = (given(tip)?.uvw_m, given(reading)?.core());
+                    let (tip, reading) = (given(tip)?.uvw_m.into(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
                     Ok(PkmOffset::of(compensator.update(table, machine, &pose, tip, &reading)))
                 })

@@ -197,7 +197,7 @@ macro_rules! functions {
             unsafe {
                 answer(margin, || {
                     let (machine, lengths) = (given(machine)?.core(), given(lengths)?.core());
-                    finite(lengths.q_m)?;
+                    finite::<$t, 3>(lengths.q_m.into())?;
                     let (margin_m, limb) = machine.travel_margin_m(&lengths);
                     Ok(PkmTravelMargin { margin_m, limb: limb as u32 + 1 })
                 })
@@ -323,7 +323,7 @@ macro_rules! functions {
                 answer(compensated, || {
                     let (machine, pose) = (given(machine)?.core(), given(pose)?.core());
                     let (deflection, tip) = (given(deflection)?.core(), given(tip)?);
-                    Ok(machine.compensated(&pose, &deflection, tip.uvw_m)?.into())
+                    Ok(machine.compensated(&pose, &deflection, tip.uvw_m.into())?.into())
                 })
             }
         }
@@ -352,7 +352,7 @@ macro_rules! functions {
                 answer(cycle, || {
                     let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
                     let (wrench, tip) = (given(wrench_at_tip)?.core(), given(tip)?);
-                    Ok(table.cycle(machine, &pose, &wrench, tip.uvw_m)?.into())
+                    Ok(table.cycle(machine, &pose, &wrench, tip.uvw_m.into())?.into())
                 })
             }
         }

@@ -74,7 +74,7 @@ macro_rules! functions {
                 answer(hold, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
                     let PkmTip { tip_m, beta_rad } = *given(tip)?;
-                    Ok(five.inverse_at(tip_m, beta_rad)?.into())
+                    Ok(five.inverse_at(tip_m.into(), beta_rad.into())?.into())
                 })
             }
         }
@@ -96,7 +96,7 @@ macro_rules! functions {
                 answer(hold, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
                     let PkmTip { tip_m, beta_rad } = *given(tip)?;
-                    Ok(five.inverse_at_any_margin(tip_m, beta_rad)?.into())
+                    Ok(five.inverse_at_any_margin(tip_m.into(), beta_rad.into())?.into())
                 })
             }
         }

@@ -1,5 +1,6 @@
 //! What crosses the border: the core's quantities as C structures.
 
+use pkm_core::nalgebra::Matrix3;
 use pkm_core::{
     Compensated, CompensatedTool, Configuration, Corrected, CorrectionTable, Cycle, Deflection, Domain, Hold,
     JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, Tool, Wrench, Wrist,
@@ -238,37 +239,37 @@ impl<T: Scalar> PkmPose<T> {
 
 impl<T: Scalar> PkmLengths<T> {
     pub(crate) fn core(&self) -> ScrewLengths<T> {
-        ScrewLengths { q_m: self.q_m }
+        ScrewLengths { q_m: self.q_m.into() }
     }
 }
 
 impl<T: Scalar> PkmWrench<T> {
     pub(crate) fn core(&self) -> Wrench<T> {
-        Wrench { force_n: self.force_n, moment_nm: self.moment_nm }
+        Wrench { force_n: self.force_n.into(), moment_nm: self.moment_nm.into() }
     }
 }
 
 impl<T: Scalar> PkmDeflection<T> {
     pub(crate) fn core(&self) -> Deflection<T> {
-        Deflection { translation_m: self.translation_m, rotation_rad: self.rotation_rad }
+        Deflection { translation_m: self.translation_m.into(), rotation_rad: self.rotation_rad.into() }
     }
 }
 
 impl<T: Scalar> PkmConfiguration<T> {
     pub(crate) fn core(&self) -> Configuration<T> {
-        Configuration { pose: self.pose.core(), beta_rad: self.beta_rad }
+        Configuration { pose: self.pose.core(), beta_rad: self.beta_rad.into() }
     }
 }
 
 impl<T: Scalar> PkmJoints<T> {
     pub(crate) fn core(&self) -> JointValues<T> {
-        JointValues { lengths: self.lengths.core(), beta_rad: self.beta_rad }
+        JointValues { lengths: self.lengths.core(), beta_rad: self.beta_rad.into() }
     }
 }
 
 impl<T: Scalar> PkmTool<T> {
     pub(crate) fn core(&self) -> Tool<T> {
-        Tool { tip_m: self.tip_m, axis: self.axis }
+        Tool { tip_m: self.tip_m.into(), axis: self.axis.into() }
     }
 }
 
@@ -278,21 +279,21 @@ impl<T> From<Pose<T>> for PkmPose<T> {
     }
 }
 
-impl<T> From<ScrewLengths<T>> for PkmLengths<T> {
+impl<T: Scalar> From<ScrewLengths<T>> for PkmLengths<T> {
     fn from(ScrewLengths { q_m }: ScrewLengths<T>) -> Self {
-        Self { q_m }
+        Self { q_m: q_m.into() }
     }
 }
 
-impl<T> From<Deflection<T>> for PkmDeflection<T> {
+impl<T: Scalar> From<Deflection<T>> for PkmDeflection<T> {
     fn from(Deflection { translation_m, rotation_rad }: Deflection<T>) -> Self {
-        Self { translation_m, rotation_rad }
+        Self { translation_m: translation_m.into(), rotation_rad: rotation_rad.into() }
     }
 }
 
-impl<T: Scalar> From<[[T; 3]; 3]> for PkmJacobian<T> {
-    fn from(rows: [[T; 3]; 3]) -> Self {
-        let [by_theta_m_per_rad, by_sigma_m_per_rad, by_z0_m_per_m] = [0, 1, 2].map(|column| rows.map(|q| q[column]));
+impl<T: Scalar> From<Matrix3<T>> for PkmJacobian<T> {
+    fn from(jacobian: Matrix3<T>) -> Self {
+        let [by_theta_m_per_rad, by_sigma_m_per_rad, by_z0_m_per_m] = jacobian.into();
         Self { by_theta_m_per_rad, by_sigma_m_per_rad, by_z0_m_per_m }
     }
 }
@@ -305,7 +306,8 @@ impl<T> From<SingularityDistance<T>> for PkmSingularityDistance<T> {
 
 impl<T: Scalar> From<Stiffness<T>> for PkmStiffness<T> {
     fn from(stiffness: Stiffness<T>) -> Self {
-        Self { k_si: stiffness.matrix() }
+        // symmetric: its columns are its rows
+        Self { k_si: stiffness.matrix().into() }
     }
 }
 
@@ -324,13 +326,13 @@ impl<T: Scalar> From<Corrected<T>> for PkmCorrected<T> {
     }
 }
 
-impl<T> From<Compensated<T>> for PkmCompensated<T> {
+impl<T: Scalar> From<Compensated<T>> for PkmCompensated<T> {
     fn from(Compensated { pose, lengths }: Compensated<T>) -> Self {
         Self { pose: pose.into(), lengths: lengths.into() }
     }
 }
 
-impl<T> From<Cycle<T>> for PkmCycle<T> {
+impl<T: Scalar> From<Cycle<T>> for PkmCycle<T> {
     fn from(Cycle { lengths, corrected, deflection, compensated }: Cycle<T>) -> Self {
         Self {
             lengths: lengths.into(),
@@ -341,31 +343,31 @@ impl<T> From<Cycle<T>> for PkmCycle<T> {
     }
 }
 
-impl<T> From<Configuration<T>> for PkmConfiguration<T> {
+impl<T: Scalar> From<Configuration<T>> for PkmConfiguration<T> {
     fn from(Configuration { pose, beta_rad }: Configuration<T>) -> Self {
-        Self { pose: pose.into(), beta_rad }
+        Self { pose: pose.into(), beta_rad: beta_rad.into() }
     }
 }
 
-impl<T> From<Tool<T>> for PkmTool<T> {
+impl<T: Scalar> From<Tool<T>> for PkmTool<T> {
     fn from(Tool { tip_m, axis }: Tool<T>) -> Self {
-        Self { tip_m, axis }
+        Self { tip_m: tip_m.into(), axis: axis.into() }
     }
 }
 
-impl<T> From<Hold<T>> for PkmHold<T> {
+impl<T: Scalar> From<Hold<T>> for PkmHold<T> {
     fn from(Hold { configuration, joints: JointValues { lengths, beta_rad }, home_share, .. }: Hold<T>) -> Self {
-        let joints = PkmJoints { lengths: lengths.into(), beta_rad };
+        let joints = PkmJoints { lengths: lengths.into(), beta_rad: beta_rad.into() };
         Self { configuration: configuration.into(), joints, home_share }
     }
 }
 
-impl<T> From<CompensatedTool<T>> for PkmCompensatedTool<T> {
+impl<T: Scalar> From<CompensatedTool<T>> for PkmCompensatedTool<T> {
     fn from(CompensatedTool { hold, deflection }: CompensatedTool<T>) -> Self {
         Self {
             hold: hold.into(),
-            translation_m: deflection.translation_m,
-            rotation_rad: deflection.rotation_rad,
+            translation_m: deflection.translation_m.into(),
+            rotation_rad: deflection.rotation_rad.into(),
             // every call here has a table, and with one there is a domain
             domain: deflection.domain.unwrap_or(Domain::Outside).into(),
         }

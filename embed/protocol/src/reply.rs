@@ -267,19 +267,20 @@ impl Status {
 
 impl<T: Scalar> Numbers<T> {
     fn new(cycle: &Cycle<T>) -> Self {
-        let matrix = cycle.corrected.factor.stiffness().matrix();
-        let upper = matrix.iter().enumerate().flat_map(|(i, row)| row.iter().skip(i));
+        // symmetric: its columns are its rows
+        let rows: [[T; 6]; 6] = cycle.corrected.factor.stiffness().matrix().into();
+        let upper = rows.iter().enumerate().flat_map(|(i, row)| row.iter().skip(i));
         let mut k = [T::ZERO; 21];
         for (entry, value) in k.iter_mut().zip(upper) {
             *entry = *value;
         }
         let Pose { theta_rad, sigma_rad, z0_m } = cycle.compensated.pose;
         Self {
-            q_m: cycle.lengths.q_m,
+            q_m: cycle.lengths.q_m.into(),
             k,
-            translation_m: cycle.deflection.translation_m,
-            rotation_rad: cycle.deflection.rotation_rad,
-            compensated: Compensated { theta_rad, sigma_rad, z0_m, q_m: cycle.compensated.lengths.q_m },
+            translation_m: cycle.deflection.translation_m.into(),
+            rotation_rad: cycle.deflection.rotation_rad.into(),
+            compensated: Compensated { theta_rad, sigma_rad, z0_m, q_m: cycle.compensated.lengths.q_m.into() },
         }
     }
 

@@ -1,5 +1,6 @@
 //! Commands: lines from bytes, commands from lines.
 
+use pkm_core::nalgebra::Vector3;
 use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench};
 use serde::{Deserialize, Serialize};
 use serde_json_core::de;
@@ -65,7 +66,7 @@ pub struct Demand {
     /// Load on the tip, its moment about the tip, in the axes of A-uvw, finite.
     pub wrench_at_tip: Wrench<f64>,
     /// The tip in A-uvw, finite.
-    pub tip_m: [f64; 3],
+    pub tip_m: Vector3<f64>,
 }
 
 /// A straight line of demands.
@@ -138,8 +139,8 @@ impl Wire<'_> {
         Some(Demand {
             arithmetic: self.arithmetic?,
             pose: Pose { theta_rad: self.theta_rad?, sigma_rad: self.sigma_rad?, z0_m: self.z0_m? },
-            wrench_at_tip: Wrench { force_n: self.force_n?, moment_nm: self.moment_nm? },
-            tip_m: self.tip_m?,
+            wrench_at_tip: Wrench { force_n: self.force_n?.into(), moment_nm: self.moment_nm?.into() },
+            tip_m: self.tip_m?.into(),
         })
     }
 
@@ -220,9 +221,9 @@ impl Request {
             theta_rad: demand.map(|d| d.pose.theta_rad),
             sigma_rad: demand.map(|d| d.pose.sigma_rad),
             z0_m: demand.map(|d| d.pose.z0_m),
-            force_n: demand.map(|d| d.wrench_at_tip.force_n),
-            moment_nm: demand.map(|d| d.wrench_at_tip.moment_nm),
-            tip_m: demand.map(|d| d.tip_m),
+            force_n: demand.map(|d| d.wrench_at_tip.force_n.into()),
+            moment_nm: demand.map(|d| d.wrench_at_tip.moment_nm.into()),
+            tip_m: demand.map(|d| d.tip_m.into()),
             to: sweep.map(|s| [s.to.theta_rad, s.to.sigma_rad, s.to.z0_m]),
             steps: sweep.map(|s| s.steps),
         };

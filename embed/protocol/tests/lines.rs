@@ -1,5 +1,6 @@
 //! Lines there and back, and what is refused: few and quick, so that Miri can run them (`cargo xtask miri`).
 
+use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Pose, Wrench};
 use pkm_protocol::{
@@ -10,8 +11,8 @@ use pkm_protocol::{
 const DEMAND: Demand = Demand {
     arithmetic: Arithmetic::F64,
     pose: Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 },
-    wrench_at_tip: Wrench { force_n: [0.0, 0.0, -400.0], moment_nm: [0.0, 0.0, 5.0] },
-    tip_m: [0.0, 0.0, 0.3],
+    wrench_at_tip: Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), moment_nm: Vector3::new(0.0, 0.0, 5.0) },
+    tip_m: Vector3::new(0.0, 0.0, 0.3),
 };
 
 #[test]

@@ -1,9 +1,11 @@
 //! The load: readings are checked, filtered, and freed of what is within the dead band.
 
+use nalgebra::{Vector3, Vector6};
+
 use super::{CompensatorSettings, Fault, Reading};
+use crate::linalg::{is_finite, length};
 use crate::scalar::Scalar;
 use crate::types::Wrench;
-use crate::vector::dot;
 
 /// A temperature rise beyond this is a broken sensor, K.
 const MAX_RISE_K: f64 = 100.0;
@@ -19,9 +21,9 @@ pub(super) struct LoadFilter<T> {
     hold_periods: u32,
     /// 0 is never.
     stuck_periods: u32,
-    filtered: [T; 6],
-    last_good: [T; 6],
-    last_read: [T; 6],
+    filtered: Vector6<T>,
+    last_good: Vector6<T>,
+    last_read: Vector6<T>,
     /// Refused readings and equal readings in a row.
     refused: u32,
     equal: u32,
@@ -30,7 +32,7 @@ pub(super) struct LoadFilter<T> {
 
 impl<T: Scalar> LoadFilter<T> {
     pub fn new(settings: &CompensatorSettings) -> Self {
-        let zero = [T::ZERO; 6];
+        let zero = Vector6::zeros();
         Self {
             weight: T::from_f64(settings.period_s / (settings.period_s + settings.filter_s)),
             dead_band: [settings.dead_band_n, settings.dead_band_nm].map(T::from_f64),
@@ -48,7 +50,7 @@ impl<T: Scalar> LoadFilter<T> {
 
     /// Forgets the load: what acts while nothing is compensated must not act later.
     pub fn forget_load(&mut self) {
-        let zero = [T::ZERO; 6];
+        let zero = Vector6::zeros();
         (self.filtered, self.last_good, self.last_read) = (zero, zero, zero);
         (self.refused, self.equal) = (0, 0);
     }
@@ -71,21 +73,19 @@ impl<T: Scalar> LoadFilter<T> {
         match self.refusal(&reading.wrench) {
             None => {
                 self.refused = 0;
-                self.last_good = reading.wrench.to_array();
+                self.last_good = reading.wrench.to_vector();
             }
             refusal => {
                 fault = refusal;
                 if self.refused < self.hold_periods {
                     self.refused += 1;
                 } else {
-                    self.last_good = [T::ZERO; 6];
+                    self.last_good = Vector6::zeros();
                 }
             }
         }
-        for (filtered, read) in self.filtered.iter_mut().zip(self.last_good) {
-            *filtered += self.weight * (read - *filtered);
-        }
-        let Wrench { force_n, moment_nm } = Wrench::from_array(self.filtered);
+        self.filtered += (self.last_good - self.filtered) * self.weight;
+        let Wrench { force_n, moment_nm } = Wrench::from_vector(self.filtered);
         let [force, moment] = self.dead_band;
         let wrench = Wrench { force_n: beyond(force_n, force), moment_nm: beyond(moment_nm, moment) };
         (wrench, self.rise_k, fault)
@@ -93,15 +93,15 @@ impl<T: Scalar> LoadFilter<T> {
 
     /// Why a reading is not to be used.
     fn refusal(&mut self, wrench: &Wrench<T>) -> Option<Fault> {
-        let read = wrench.to_array();
-        if !read.iter().all(|component| component.is_finite()) {
+        let read = wrench.to_vector();
+        if !is_finite(&read) {
             return Some(Fault::WrenchNotFinite);
         }
         // noise changes every reading of a sensor that works
         self.equal = if read == self.last_read { self.equal.saturating_add(1) } else { 0 };
         self.last_read = read;
-        let within = |v: [T; 3], most: T| dot(v, v) <= most * most;
-        if !(within(wrench.force_n, self.most[0]) && within(wrench.moment_nm, self.most[1])) {
+        let within = |v: &Vector3<T>, most: T| v.dot(v) <= most * most;
+        if !(within(&wrench.force_n, self.most[0]) && within(&wrench.moment_nm, self.most[1])) {
             return Some(Fault::WrenchTooLarge);
         }
         let stuck = self.stuck_periods > 0 && self.equal >= self.stuck_periods;
@@ -110,12 +110,7 @@ impl<T: Scalar> LoadFilter<T> {
 }
 
 /// A vector shortened by `band`, and zero within it: continuous, so that no load makes the offset jump.
-fn beyond<T: Scalar>(v: [T; 3], band: T) -> [T; 3] {
-    let size = dot(v, v).sqrt();
-    if size > band {
-        let share = T::ONE - band / size;
-        v.map(|component| share * component)
-    } else {
-        [T::ZERO; 3]
-    }
+fn beyond<T: Scalar>(v: Vector3<T>, band: T) -> Vector3<T> {
+    let size = length(&v);
+    if size > band { v * (T::ONE - band / size) } else { Vector3::zeros() }
 }

@@ -32,6 +32,8 @@ mod stability;
 
 use core::fmt;
 
+use nalgebra::{SVector, Vector3};
+
 use crate::compensation::{self, CompensationError};
 use crate::correction::{CorrectionError, CorrectionTable};
 use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
@@ -39,7 +41,6 @@ use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::StiffnessError;
 use crate::types::{Domain, Pose, Wrench};
-use crate::vector::less;
 
 use load::LoadFilter;
 pub use settings::{CompensatorSettings, OutsideBox, SettingsError};
@@ -146,7 +147,7 @@ pub enum Limit {
 pub struct Offset<T, const JOINTS: usize> {
     /// To be added to the joint values without compensation: m for the screws, rad for the wrist. Always finite; within the
     /// largest offset; no further from the last one than the rate limit lets it in a period.
-    pub joints: [T; JOINTS],
+    pub joints: SVector<T, JOINTS>,
     /// Which limit holds it back.
     pub limit: Limit,
     /// Where the pose stands to the table's box.
@@ -162,17 +163,17 @@ pub struct Offset<T, const JOINTS: usize> {
 ///
 /// ```
 /// use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+/// use pkm_core::nalgebra::Vector3;
 /// use pkm_core::{Pose, Wrench, tables::reference::{MACHINE_F64, TABLE_F64}};
 ///
 /// let mut compensator = Compensator::<f64, 3>::new(&CompensatorSettings::DEFAULT)?;
 /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
-/// let wrench = Wrench { force_n: [0.0, 0.0, -400.0], moment_nm: [0.0; 3] };
+/// let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
 /// // every period
 /// let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
-/// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &pose, [0.0, 0.0, 0.3], &reading);
-/// let command = MACHINE_F64.inverse(&pose)?.q_m;
-/// let command = [0, 1, 2].map(|i| command[i] + offset.joints[i]);
-/// assert!(offset.fault.is_none() && command[0] > 0.5);
+/// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &pose, Vector3::new(0.0, 0.0, 0.3), &reading);
+/// let command = MACHINE_F64.inverse(&pose)?.q_m + offset.joints;
+/// assert!(offset.fault.is_none() && command.x > 0.5);
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -181,10 +182,10 @@ pub struct Compensator<T, const JOINTS: usize> {
     outside_box: OutsideBox,
     load: LoadFilter<T>,
     /// Of each joint.
-    largest: [T; JOINTS],
+    largest: SVector<T, JOINTS>,
     /// Of each joint in a period.
-    longest_step: [T; JOINTS],
-    joints: [T; JOINTS],
+    longest_step: SVector<T, JOINTS>,
+    joints: SVector<T, JOINTS>,
 }
 
 /// What is to be compensated in a period.
@@ -205,7 +206,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         let each = |screw: f64, wrist: f64| {
             let mut values = [T::from_f64(wrist); JOINTS];
             values.iter_mut().take(3).for_each(|value| *value = T::from_f64(screw));
-            values
+            SVector::from(values)
         };
         let (screw_step, wrist_step) =
             (settings.screw_rate_m_per_s * settings.period_s, settings.wrist_rate_rad_per_s * settings.period_s);
@@ -215,19 +216,19 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             load: LoadFilter::new(settings),
             largest: each(settings.max_screw_m, settings.max_wrist_rad),
             longest_step: each(screw_step, wrist_step),
-            joints: [T::ZERO; JOINTS],
+            joints: SVector::zeros(),
         })
     }
 
     /// The offset of the last update.
-    pub fn joints(&self) -> [T; JOINTS] {
+    pub fn joints(&self) -> SVector<T, JOINTS> {
         self.joints
     }
 
     /// Back to no offset and no load at once, as after [`new`](Self::new). The offset steps: for drives that are off.
     pub fn reset(&mut self) {
         self.load.reset();
-        self.joints = [T::ZERO; JOINTS];
+        self.joints = SVector::zeros();
     }
 
     /// A period; `offsets` is what would make up for a load.
@@ -235,7 +236,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         &mut self,
         domain: Domain,
         reading: &Reading<T>,
-        offsets: impl FnOnce(&Load<T>) -> Result<[T; JOINTS], Fault>,
+        offsets: impl FnOnce(&Load<T>) -> Result<SVector<T, JOINTS>, Fault>,
     ) -> Offset<T, JOINTS> {
         let (target, fault) = self.target(domain, reading, offsets);
         let (joints, limit) = self.approach(target);
@@ -248,9 +249,9 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         &mut self,
         domain: Domain,
         reading: &Reading<T>,
-        offsets: impl FnOnce(&Load<T>) -> Result<[T; JOINTS], Fault>,
-    ) -> ([T; JOINTS], Option<Fault>) {
-        let none = [T::ZERO; JOINTS];
+        offsets: impl FnOnce(&Load<T>) -> Result<SVector<T, JOINTS>, Fault>,
+    ) -> (SVector<T, JOINTS>, Option<Fault>) {
+        let none = SVector::zeros();
         if !reading.enabled {
             self.load.forget_load();
             return (none, None);
@@ -270,16 +271,11 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
 
     /// Moves the offset towards a target, within both limits. A point between two offsets of allowed size has allowed size.
     #[inline(never)] // takes no stack while the stiffness is worked out
-    fn approach(&mut self, target: [T; JOINTS]) -> ([T; JOINTS], Limit) {
+    fn approach(&mut self, target: SVector<T, JOINTS>) -> (SVector<T, JOINTS>, Limit) {
         let of_size = limit::share_within(&target, &self.largest);
-        let mut step = target;
-        for (step, now) in step.iter_mut().zip(&self.joints) {
-            *step = of_size * *step - *now;
-        }
+        let step = target * of_size - self.joints;
         let of_step = limit::share_within(&step, &self.longest_step);
-        for (now, step) in self.joints.iter_mut().zip(step) {
-            *now += of_step * step;
-        }
+        self.joints += step * of_step;
         let limit = if of_step < T::ONE {
             Limit::Rate
         } else if of_size < T::ONE {
@@ -296,19 +292,18 @@ fn offsets<T: Scalar>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     pose: &Pose<T>,
-    tip_m: [T; 3],
+    tip_m: Vector3<T>,
     wrench_at_tip: &Wrench<T>,
     gain: T,
     rise_k: T,
-) -> Result<[T; 3], Fault> {
+) -> Result<Vector3<T>, Fault> {
     let posture = &match machine.posture(pose) {
         Ok(posture) => posture,
         Err(e) => return Err(CorrectionError::from(e).into()),
     };
     let loaded = compensation::deflection_at(machine, Some(table), pose, posture, &wrench_at_tip.moved_to_a(tip_m))?;
     let moved = loaded.times(gain).plus(&machine.thermal_deflection_at(posture, rise_k)?);
-    let to = machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m;
-    Ok(less(to, posture.q))
+    Ok(machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q)
 }
 
 impl<T: Scalar> Compensator<T, 3> {
@@ -325,7 +320,7 @@ impl<T: Scalar> Compensator<T, 3> {
         table: &CorrectionTable<'_, T>,
         machine: &Machine<T>,
         pose: &Pose<T>,
-        tip_m: [T; 3],
+        tip_m: Vector3<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
         self.step(table.domain(pose), reading, |load| {

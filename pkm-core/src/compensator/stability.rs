@@ -1,5 +1,8 @@
 //! The loop that a force sensor closes through the compensation (`docs/stability.md`).
 
+use nalgebra::{Matrix3, Vector3};
+
+use crate::linalg::from_columns;
 use crate::scalar::Scalar;
 use crate::stiffness::{StiffnessError, StiffnessFactor};
 use crate::types::Wrench;
@@ -29,10 +32,11 @@ impl<T: Scalar> LoopGain<T> {
     ///
     /// ```
     /// use pkm_core::compensator::LoopGain;
+    /// use pkm_core::nalgebra::Vector3;
     /// use pkm_core::{Pose, tables::reference::{MACHINE_F64, TABLE_F64}};
     /// let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
     /// let k_m = TABLE_F64.factor_form(&MACHINE_F64, &pose)?.factor;
-    /// let steel = LoopGain::new(&k_m, [0.0, 0.0, 0.3], 1e8, 0.7)?;
+    /// let steel = LoopGain::new(&k_m, Vector3::new(0.0, 0.0, 0.3), 1e8, 0.7)?;
     /// assert!(steel.loop_gain < 0.7);
     /// // the table's compliance may be this much too large before the loop is unstable
     /// assert!(1.0 / steel.loop_gain > 1.4);
@@ -40,17 +44,17 @@ impl<T: Scalar> LoopGain<T> {
     /// ```
     pub fn new(
         factor: &StiffnessFactor<T>,
-        tip_m: [T; 3],
+        tip_m: Vector3<T>,
         contact_n_per_m: T,
         gain: T,
     ) -> Result<Self, StiffnessError> {
-        let mut compliance = [[T::ZERO; 3]; 3];
-        for (i, column) in compliance.iter_mut().enumerate() {
-            let mut push = Wrench::ZERO;
-            push.force_n[i] = T::ONE;
-            *column = factor.deflection(&push.moved_to_a(tip_m))?.seen_at(tip_m).translation_m;
+        let (o, i) = (T::ZERO, T::ONE);
+        let mut compliance = [[i, o, o], [o, i, o], [o, o, i]];
+        for column in &mut compliance {
+            let push = Wrench { force_n: (*column).into(), ..Wrench::ZERO };
+            *column = factor.deflection(&push.moved_to_a(tip_m))?.seen_at(tip_m).translation_m.into();
         }
-        let compliance_m_per_n = greatest_eigenvalue(&compliance);
+        let compliance_m_per_n = greatest_eigenvalue(&from_columns(compliance));
         let stiffer = contact_n_per_m * compliance_m_per_n;
         let loop_gain = gain * stiffer / (T::ONE + stiffer);
         if stiffer >= T::ZERO && loop_gain.is_finite() {
@@ -62,11 +66,11 @@ impl<T: Scalar> LoopGain<T> {
 }
 
 /// Of a symmetric matrix, in closed form: q + 2 p cos(φ/3), cos φ = det((A − q)/p)/2 (O. K. Smith, Commun. ACM 4 (1961) 168).
-fn greatest_eigenvalue<T: Scalar>(a: &[[T; 3]; 3]) -> T {
+fn greatest_eigenvalue<T: Scalar>(a: &Matrix3<T>) -> T {
     let three = T::from_f64(3.0);
-    let q = (a[0][0] + a[1][1] + a[2][2]) / three;
-    let [x, y, z] = [a[0][0] - q, a[1][1] - q, a[2][2] - q];
-    let (xy, xz, yz) = (a[1][0], a[2][0], a[2][1]);
+    let q = (a.m11 + a.m22 + a.m33) / three;
+    let [x, y, z] = [a.m11 - q, a.m22 - q, a.m33 - q];
+    let (xy, xz, yz) = (a.m12, a.m13, a.m23);
     let (xy2, xz2, yz2) = (xy * xy, xz * xz, yz * yz);
     let two = T::from_f64(2.0);
     let p = ((x * x + y * y + z * z + two * (xy2 + xz2 + yz2)) / (two * three)).sqrt();

@@ -14,7 +14,7 @@ impl Effect for BaseCompliance {
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
         let o = T::ZERO;
-        limb.chain.add_joint(limb.base, &limb.base_axes, [p[2], p[2], p[2], o, o, o]);
+        limb.chain.add_joint(&limb.base, &limb.base_axes, [p[2], p[2], p[2], o, o, o]);
     }
 
     fn at_base<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {

@@ -4,7 +4,7 @@ use crate::scalar::Scalar;
 
 fn along<T: Scalar, const N: usize>(compliance: T, limb: &mut Limb<'_, T, N>) {
     let o = T::ZERO;
-    limb.chain.add_joint(limb.platform, &limb.axes, [o, o, compliance, o, o, o]);
+    limb.chain.add_joint(&limb.platform, &limb.axes, [o, o, compliance, o, o, o]);
 }
 
 /// The loaded part of every screw gets longer with its limb.

@@ -8,6 +8,7 @@
 use super::{MAX_PARAMETERS, ends_with, load_dependent, same};
 use crate::checksum::{over_byte, over_numbers, over_numbers_f32, over_text};
 use crate::elastic::Limb;
+use crate::linalg::axes;
 use crate::scalar::Scalar;
 
 /// Most elements that a machine has.
@@ -481,12 +482,12 @@ impl<T: Scalar> ActiveElements<T> {
         let o = T::ZERO;
         for element in self.iter().filter(|element| element.is_in_limb(limb.index)) {
             let c = element.compliance(limb.q, self.warmer_k);
-            let at = if let Place::PlatformJoint { .. } = element.place { limb.platform } else { limb.base };
-            let [x, ..] = limb.axes;
+            let at = if let Place::PlatformJoint { .. } = element.place { &limb.platform } else { &limb.base };
             match (element.motion, element.place) {
                 (Motion::Tilting, Place::Body { .. }) => {
                     let bending = c / limb.q;
-                    limb.chain.add_beam(limb.base, limb.platform, x, [o, bending, bending, o]);
+                    let [x, ..] = axes(&limb.axes);
+                    limb.chain.add_beam(&limb.base, &limb.platform, &x, [o, bending, bending, o]);
                 }
                 (motion, _) => {
                     let along = |of: Motion| if motion == of { c } else { o };

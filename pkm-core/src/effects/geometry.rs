@@ -1,5 +1,8 @@
+use nalgebra::Vector3;
+
 use super::{Effect, EffectInfo, MAX_PARAMETERS, Size};
 use crate::elastic::Limb;
+use crate::linalg::axes;
 use crate::scalar::Scalar;
 
 /// A_i out of the uv plane, and bodies that lie beside the line from joint to joint, toward x of the limb: stiffness
@@ -26,11 +29,11 @@ impl Effect for PlatformOffset {
         if aside == T::ZERO {
             return;
         }
-        let [x, ..] = limb.axes;
-        let moved = |at: [T; 3]| [at[0] + aside * x[0], at[1] + aside * x[1], at[2] + aside * x[2]];
+        let [x, ..] = axes(&limb.axes);
+        let moved = |at: Vector3<T>| at + x * aside;
         let body = [limb.axial, limb.bending, limb.bending, limb.torsion];
-        limb.chain.add_beam(limb.base, limb.platform, x, body.map(|c| -c));
-        limb.chain.add_beam(moved(limb.base), moved(limb.platform), x, body);
+        limb.chain.add_beam(&limb.base, &limb.platform, &x, body.map(|c| -c));
+        limb.chain.add_beam(&moved(limb.base), &moved(limb.platform), &x, body);
     }
 
     fn offset<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> [T; 2] {

@@ -13,7 +13,7 @@ macro_rules! softer_joint {
             fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
                 if matches!(limb.index, $limbs) {
                     // a released direction passes no moment on, so compliance about it has no effect
-                    limb.chain.add_joint(limb.$place, &limb.$axes, [p[0], p[0], p[0], p[1], p[1], p[1]]);
+                    limb.chain.add_joint(&limb.$place, &limb.$axes, [p[0], p[0], p[0], p[1], p[1], p[1]]);
                 }
             }
         }

@@ -1,3 +1,5 @@
+use nalgebra::Vector3;
+
 use super::{Effect, EffectInfo, MAX_PARAMETERS};
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
@@ -15,8 +17,8 @@ impl Effect for MovingPlatformCompliance {
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
-        let (o, w) = (T::ZERO, [T::ZERO, T::ZERO, T::ONE]);
-        limb.chain.add_beam([o; 3], limb.platform, w, [o, p[1], p[0], p[2]]);
+        let o = T::ZERO;
+        limb.chain.add_beam(&Vector3::zeros(), &limb.platform, &Vector3::z(), [o, p[1], p[0], p[2]]);
     }
 
     fn at_hub<T: Scalar>(p: &[T; MAX_PARAMETERS]) -> Option<[T; 6]> {

@@ -1,5 +1,6 @@
 use super::{Effect, EffectInfo, MAX_PARAMETERS};
 use crate::elastic::Limb;
+use crate::linalg::axes;
 use crate::scalar::Scalar;
 
 /// A ram slides in a tube. The tube ends at a fixed distance from B_i, the ram at a fixed distance from A_i; guides at both
@@ -25,7 +26,7 @@ impl Effect for TelescopicLimb {
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
         let (o, [tube, ram, bending, guide, torsion, axial]) = (T::ZERO, *p);
-        limb.chain.add_joint(limb.platform, &limb.axes, [o, o, axial * limb.q, o, o, o]);
+        limb.chain.add_joint(&limb.platform, &limb.axes, [o, o, axial * limb.q, o, o, o]);
         if !(tube > o && tube < limb.q) {
             return;
         }
@@ -37,15 +38,15 @@ impl Effect for TelescopicLimb {
         if overlap > tube {
             overlap = tube;
         }
-        let [_, _, z] = limb.axes;
-        let at = |s: T| [limb.base[0] + s * z[0], limb.base[1] + s * z[1], limb.base[2] + s * z[2]];
+        let [x, _, z] = axes(&limb.axes);
+        let at = |s: T| limb.base + z * s;
         let (inner, outer) = (at(tube - overlap), at(tube));
-        limb.chain.add_beam(outer, limb.platform, limb.axes[0], [o, bending, bending, torsion]);
+        limb.chain.add_beam(&outer, &limb.platform, &x, [o, bending, bending, torsion]);
         // in the overlap the ram's moment falls to 0 at the inner guide, the tube's at the outer one
-        limb.chain.add_beam(inner, outer, limb.axes[0], [o, -limb.bending, -limb.bending, o]);
+        limb.chain.add_beam(&inner, &outer, &x, [o, -limb.bending, -limb.bending, o]);
         let (third, pair) = (overlap * T::from_f64(1.0 / 3.0), guide / (overlap * overlap));
         let (at_inner, at_outer) = (pair + third * limb.bending, pair + third * (limb.bending + bending));
-        limb.chain.add_joint(inner, &limb.axes, [o, o, o, at_inner, at_inner, o]);
-        limb.chain.add_joint(outer, &limb.axes, [o, o, o, at_outer, at_outer, o]);
+        limb.chain.add_joint(&inner, &limb.axes, [o, o, o, at_inner, at_inner, o]);
+        limb.chain.add_joint(&outer, &limb.axes, [o, o, o, at_outer, at_outer, o]);
     }
 }

@@ -1,8 +1,9 @@
 //! The wrenches that a limb transmits and the compliance that they meet.
 
-use crate::linalg::{Lower, NotPositiveDefinite};
+use nalgebra::{Matrix3, Vector3, Vector6};
+
+use crate::linalg::{Lower, NotPositiveDefinite, axes, length};
 use crate::scalar::Scalar;
-use crate::vector::{cross, dot};
 
 /// One limb: the `N` wrenches it transmits, at A in A-uvw, and the compliance they meet.
 pub(crate) struct Chain<T, const N: usize> {
@@ -45,10 +46,10 @@ impl<T: Scalar> Chain<T, 6> {
 
     /// Both limbs' bases, or their ends, move along an axis by `compliance` times the sum of their forces along it, the second
     /// limb's taken with the sign.
-    pub fn add_mode(&mut self, axis: [T; 3], sign: T, compliance: T) {
+    pub fn add_mode(&mut self, axis: Vector3<T>, sign: T, compliance: T) {
         let mut forces = [T::ZERO; 6];
         for (i, (seen, wrench)) in forces.iter_mut().zip(&self.wrenches).enumerate() {
-            *seen = dot(force(wrench), axis) * if i < 3 { T::ONE } else { sign };
+            *seen = force(wrench).dot(&axis) * if i < 3 { T::ONE } else { sign };
         }
         for i in 0..6 {
             for j in 0..=i {
@@ -64,12 +65,12 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
     }
 
     /// Something that gives at a point, along and about three axes. All in A-uvw.
-    pub fn add_joint(&mut self, at: [T; 3], axes: &[[T; 3]; 3], compliance: [T; 6]) {
+    pub fn add_joint(&mut self, at: &Vector3<T>, frame: &Matrix3<T>, compliance: [T; 6]) {
+        let [x, y, z] = axes(frame);
         let mut seen = [[T::ZERO; 6]; N];
         for (seen, wrench) in seen.iter_mut().zip(&self.wrenches) {
             let (force, moment) = (force(wrench), moment_at(wrench, at));
-            let [x, y, z] = axes;
-            *seen = [dot(force, *x), dot(force, *y), dot(force, *z), dot(moment, *x), dot(moment, *y), dot(moment, *z)];
+            *seen = [force.dot(&x), force.dot(&y), force.dot(&z), moment.dot(&x), moment.dot(&y), moment.dot(&z)];
         }
         for i in 0..N {
             for j in 0..=i {
@@ -82,20 +83,20 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
 
     /// A beam from one point to another that carries the limb's wrenches. `second` is a direction off its axis,
     /// `compliance` 1/EA, 1/EI about the beam's second and its third axis, 1/GJ. All in A-uvw.
-    pub fn add_beam(&mut self, from: [T; 3], to: [T; 3], second: [T; 3], compliance: [T; 4]) {
-        let along = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
-        let length = dot(along, along).sqrt();
-        let x = along.map(|c| c / length);
-        let z = cross(x, second);
-        let z = z.map(|c| c / dot(z, z).sqrt());
-        let y = cross(z, x);
+    pub fn add_beam(&mut self, from: &Vector3<T>, to: &Vector3<T>, second: &Vector3<T>, compliance: [T; 4]) {
+        let along = to - from;
+        let size = length(&along);
+        let x = along / size;
+        let z = x.cross(second);
+        let z = z / length(&z);
+        let y = z.cross(&x);
         // axial force, torque, and the bending moments at both ends: they run linearly between
         let mut seen = [[T::ZERO; 6]; N];
         for (seen, wrench) in seen.iter_mut().zip(&self.wrenches) {
             let (start, end) = (moment_at(wrench, from), moment_at(wrench, to));
-            *seen = [dot(force(wrench), x), dot(start, x), dot(start, y), dot(end, y), dot(start, z), dot(end, z)];
+            *seen = [force(wrench).dot(&x), start.dot(&x), start.dot(&y), end.dot(&y), start.dot(&z), end.dot(&z)];
         }
-        let [axial, about_y, about_z, torsion] = compliance.map(|c| c * length);
+        let [axial, about_y, about_z, torsion] = compliance.map(|c| c * size);
         let (two, sixth) = (T::from_f64(2.0), T::from_f64(1.0 / 6.0));
         for i in 0..N {
             for j in 0..=i {
@@ -137,14 +138,14 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
     }
 
     /// Sum of the wrenches, each times a factor.
-    pub fn combined(&self, factors: &[T; N]) -> [T; 6] {
+    pub fn combined(&self, factors: &[T; N]) -> Vector6<T> {
         let mut sum = [T::ZERO; 6];
         for (wrench, factor) in self.wrenches.iter().zip(factors) {
             for (sum, c) in sum.iter_mut().zip(wrench) {
                 *sum += *factor * *c;
             }
         }
-        sum
+        sum.into()
     }
 
     /// K += H D⁻¹ Hᵀ, by D = L Δ Lᵀ: with Y = L⁻¹ Hᵀ the limb is N springs in parallel. `at` are the components of the
@@ -154,7 +155,7 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
         k: &mut Lower<T>,
         at: [usize; M],
     ) -> Result<(), NotPositiveDefinite> {
-        let (d, y) = (&mut self.compliance, &mut self.wrenches);
+        let (d, y, k) = (&mut self.compliance, &mut self.wrenches, &mut k.data.0);
         for j in 0..N {
             if !(d[j][j] > T::ZERO) {
                 return Err(NotPositiveDefinite);
@@ -172,7 +173,7 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
             for r in 0..M {
                 let scaled = y[j][at[r]] * spring;
                 for c in 0..r + 1 {
-                    k[at[r]][at[c]] += scaled * y[j][at[c]];
+                    k[at[c]][at[r]] += scaled * y[j][at[c]];
                 }
             }
         }
@@ -183,12 +184,11 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
 /// All components of a six-vector.
 pub(crate) const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
-fn force<T: Scalar>(wrench: &[T; 6]) -> [T; 3] {
-    [wrench[0], wrench[1], wrench[2]]
+fn force<T: Scalar>(wrench: &[T; 6]) -> Vector3<T> {
+    Vector3::new(wrench[0], wrench[1], wrench[2])
 }
 
 /// Moment of a wrench at A about another point.
-fn moment_at<T: Scalar>(wrench: &[T; 6], at: [T; 3]) -> [T; 3] {
-    let lever = cross(at, force(wrench));
-    [wrench[3] - lever[0], wrench[4] - lever[1], wrench[5] - lever[2]]
+fn moment_at<T: Scalar>(wrench: &[T; 6], at: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(wrench[3], wrench[4], wrench[5]) - at.cross(&force(wrench))
 }

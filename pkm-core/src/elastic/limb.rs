@@ -1,5 +1,7 @@
 //! A limb at a pose.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::Chain;
 
 /// A limb as effects see it. Points and axes are in A-uvw, with A as the origin.
@@ -9,13 +11,13 @@ pub(crate) struct Limb<'a, T, const N: usize> {
     /// Length, m.
     pub q: T,
     /// B_i and A_i, m.
-    pub base: [T; 3],
+    pub base: Vector3<T>,
     /// See `base`.
-    pub platform: [T; 3],
-    /// Axes of body and platform joint: x, y, z along the limb.
-    pub axes: [[T; 3]; 3],
-    /// Axes of the base joint.
-    pub base_axes: [[T; 3]; 3],
+    pub platform: Vector3<T>,
+    /// Axes of body and platform joint, as columns: x, y, z along the limb.
+    pub axes: Matrix3<T>,
+    /// Axes of the base joint, as columns.
+    pub base_axes: Matrix3<T>,
     /// 1/EA, 1/EI and 1/GJ of the declared body.
     pub axial: T,
     /// See `axial`.

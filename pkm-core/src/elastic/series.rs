@@ -1,15 +1,16 @@
 //! Compliance in series with the whole mechanism.
 
-use crate::linalg::Lower;
+use nalgebra::{Matrix3, Vector3};
+
+use crate::linalg::{Lower, axes};
 use crate::scalar::Scalar;
-use crate::vector::cross;
 
 /// Compliance between ground or tool and the whole mechanism, at a point with axes, both in A-uvw.
 pub(crate) struct Series<T> {
     /// m.
-    pub at: [T; 3],
-    /// Three unit vectors.
-    pub axes: [[T; 3]; 3],
+    pub at: Vector3<T>,
+    /// Three unit vectors, as columns.
+    pub axes: Matrix3<T>,
     /// Along and about the axes, m/N and rad/(N·m).
     pub compliance: [T; 6],
 }
@@ -17,21 +18,20 @@ pub(crate) struct Series<T> {
 impl<T: Scalar> Series<T> {
     /// At A, along and about u, v, w.
     pub fn at_a(compliance: [T; 6]) -> Self {
-        let (o, i) = (T::ZERO, T::ONE);
-        Self { at: [o; 3], axes: [[i, o, o], [o, i, o], [o, o, i]], compliance }
+        Self { at: Vector3::zeros(), axes: Matrix3::identity(), compliance }
     }
 
     /// K := (K⁻¹ + C)⁻¹, a direction at a time (Sherman and Morrison). Lower triangle. False when a negative compliance
     /// leaves it not positive definite.
     #[must_use]
     pub fn soften(&self, k: &mut Lower<T>) -> bool {
-        let o = T::ZERO;
+        let (o, k) = (T::ZERO, &mut k.data.0);
         let mut definite = true;
         for (axis, (linear, angular)) in
-            self.axes.iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
+            axes(&self.axes).iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
         {
-            let [x, y, z] = *axis;
-            let [rx, ry, rz] = cross(self.at, *axis);
+            let [x, y, z] = (*axis).into();
+            let [rx, ry, rz] = self.at.cross(axis).into();
             // displacement of A when the spring gives by one unit
             for (compliance, motion) in [(*linear, [x, y, z, o, o, o]), (*angular, [rx, ry, rz, x, y, z])] {
                 if compliance == o {
@@ -40,7 +40,7 @@ impl<T: Scalar> Series<T> {
                 let mut force = [o; 6];
                 for i in 0..6 {
                     for j in 0..6 {
-                        force[i] += if j <= i { k[i][j] } else { k[j][i] } * motion[j];
+                        force[i] += if j <= i { k[j][i] } else { k[i][j] } * motion[j];
                     }
                 }
                 let mut work = o;
@@ -52,7 +52,7 @@ impl<T: Scalar> Series<T> {
                 definite &= compliance > o || !(share > o);
                 for i in 0..6 {
                     for j in 0..=i {
-                        k[i][j] -= share * force[i] * force[j];
+                        k[j][i] -= share * force[i] * force[j];
                     }
                 }
             }

@@ -1,16 +1,16 @@
 //! Stiffness and deflection at the tool, and their compensation.
 
+use nalgebra::{SVector, Vector2, Vector3};
+
 use super::state::State;
-use super::{
-    CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError, ToolFrame,
-};
+use super::{CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError};
 use crate::compensation;
 use crate::correction::CorrectionTable;
 use crate::kinematics::platform_axes;
+use crate::linalg::{self, axes, length, split, unit};
 use crate::scalar::Scalar;
 use crate::stiffness::{self, Stiffness};
 use crate::types::{Deflection, Wrench};
-use crate::vector::{combined, cross, dot, less, unit};
 use crate::wrist::Wrist;
 
 /// Most times that [`FiveAxis::compensated`] works out a deflection.
@@ -21,10 +21,10 @@ pub const COMPENSATED_TO: f64 = 1e-4;
 impl<T: Scalar> Wrist<T> {
     /// A load on the tool at its tip, in the axes of T_h, as one on the platform at A.
     #[inline(never)]
-    fn wrench_at_a(&self, beta_rad: [T; 2], wrench: &Wrench<T>) -> Wrench<T> {
+    fn wrench_at_a(&self, beta_rad: Vector2<T>, wrench: &Wrench<T>) -> Wrench<T> {
         let held = self.held(beta_rad);
         let axes = held.axes();
-        let turned = Wrench { force_n: combined(&axes, wrench.force_n), moment_nm: combined(&axes, wrench.moment_nm) };
+        let turned = Wrench { force_n: axes * wrench.force_n, moment_nm: axes * wrench.moment_nm };
         turned.moved_to_a(held.tip)
     }
 }
@@ -42,22 +42,21 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ) -> Result<Stiffness<T>, ToolError> {
         self.joints(configuration)?;
         let held = self.wrist.held(configuration.beta_rad);
-        let (axes, k) = (held.axes(), at_a.matrix());
-        let mut seen = [[T::ZERO; 6]; 6];
-        for (column, seen) in seen.iter_mut().enumerate() {
-            let turning = column >= 3;
-            let axis = axes[column % 3];
+        // symmetric: its columns are its rows
+        let (axes, k) = (axes(&held.axes()), at_a.matrix().data.0);
+        let mut seen = linalg::zero();
+        for row in 0..6 {
+            let turning = row >= 3;
+            let axis = axes[row % 3];
             // what A does when the tip moves along an axis, or the tool turns about one at the tip
-            let (v, w) = if turning { (cross(held.tip, axis), axis) } else { (axis, [T::ZERO; 3]) };
-            let wrench = k.map(|row| dot([row[0], row[1], row[2]], v) + dot([row[3], row[4], row[5]], w));
-            let force = [wrench[0], wrench[1], wrench[2]];
-            let lever = cross(held.tip, force);
-            let moment = [wrench[3] - lever[0], wrench[4] - lever[1], wrench[5] - lever[2]];
+            let (v, w) = if turning { (held.tip.cross(&axis), axis) } else { (axis, Vector3::zeros()) };
+            let wrench = k.map(|[a, b, c, d, e, f]| Vector3::new(a, b, c).dot(&v) + Vector3::new(d, e, f).dot(&w));
+            let (force, moment) = split(wrench.into());
+            let moment = moment - held.tip.cross(&force);
             for i in 0..3 {
-                (seen[i], seen[3 + i]) = (dot(axes[i], force), dot(axes[i], moment));
+                (seen.data.0[i][row], seen.data.0[3 + i][row]) = (axes[i].dot(&force), axes[i].dot(&moment));
             }
         }
-        // symmetric, so that columns are rows
         Ok(Stiffness::from_lower(&seen))
     }
 
@@ -98,10 +97,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let Configuration { pose, beta_rad } = configuration;
         let Deflection { translation_m, rotation_rad } = at_a.seen_at(self.wrist.held(*beta_rad).tip);
         let platform = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
-        Deflection {
-            translation_m: combined(&platform, translation_m),
-            rotation_rad: combined(&platform, rotation_rad),
-        }
+        Deflection { translation_m: platform * translation_m, rotation_rad: platform * rotation_rad }
     }
 
     /// The configuration to command so that the loaded tool stands where `tool` asks, tip and axis: the tool is held where
@@ -127,7 +123,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
             Ok(hold) => hold,
             Err(e) => return Err((*e).into()),
         };
-        let mut met = [[T::ZERO; 3]; 2];
+        let mut met = [Vector3::zeros(); 2];
         for _ in 0..MAX_DEFLECTIONS {
             match &self.deflection_of(table, &hold.configuration, wrench) {
                 Ok(deflection) => {
@@ -150,7 +146,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
         gain: T,
         rise_k: T,
-    ) -> Result<[T; 5], ToolDeflectionError> {
+    ) -> Result<SVector<T, 5>, ToolDeflectionError> {
         // by reference: `?` would copy all of it
         match &self.deflection(Some(table), configuration, wrench) {
             Ok(loaded) => self.offsets_against(configuration, loaded, gain, rise_k),
@@ -165,14 +161,14 @@ impl<T: Scalar> FiveAxis<'_, T> {
         loaded: &ToolDeflection<T>,
         gain: T,
         rise_k: T,
-    ) -> Result<[T; 5], ToolDeflectionError> {
+    ) -> Result<SVector<T, 5>, ToolDeflectionError> {
         let ToolDeflection { translation_m, rotation_rad, .. } = *loaded;
         let grown = self.machine.thermal_deflection(&configuration.pose, rise_k)?;
         let moved =
             Deflection { translation_m, rotation_rad }.times(gain).plus(&self.seen_at_tip(configuration, &grown));
-        let ToolFrame { tip_m, axes: [_, _, axis] } = self.frame_of(configuration);
-        let target =
-            Tool { tip_m: less(tip_m, moved.translation_m), axis: less(axis, cross(moved.rotation_rad, axis)) };
+        let frame = self.frame_of(configuration);
+        let [_, _, axis] = axes(&frame.axes);
+        let target = Tool { tip_m: frame.tip_m - moved.translation_m, axis: axis - moved.rotation_rad.cross(&axis) };
         let state = State::of(configuration);
         let look = self.wrist.look(&state, &target);
         if !(look.share >= self.wrist.margin) {
@@ -180,8 +176,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
         }
         let from = self.joints(configuration)?;
         let to = self.joints(&state.moved(look.step, T::ONE).configuration())?;
-        let [q1, q2, q3] = less(to.lengths.q_m, from.lengths.q_m);
-        Ok([q1, q2, q3, to.beta_rad[0] - from.beta_rad[0], to.beta_rad[1] - from.beta_rad[1]])
+        let [q1, q2, q3] = (to.lengths.q_m - from.lengths.q_m).into();
+        let [beta1, beta2] = (to.beta_rad - from.beta_rad).into();
+        Ok([q1, q2, q3, beta1, beta2].into())
     }
 
     /// Whether a deflection is the one that is met, of tip and axis. If not, it is from now on, and the tool is held where it
@@ -191,17 +188,17 @@ impl<T: Scalar> FiveAxis<'_, T> {
         &self,
         tool: &Tool<T>,
         deflection: &ToolDeflection<T>,
-        met: &mut [[T; 3]; 2],
+        met: &mut [Vector3<T>; 2],
         hold: &mut Hold<T>,
     ) -> Result<bool, ToolError> {
-        let axis = unit(tool.axis).ok_or(ToolError::NotFinite)?;
-        let now = [deflection.translation_m, cross(deflection.rotation_rad, less(axis, met[1]))];
-        let size = |[tip, axis]: [[T; 3]; 2]| dot(tip, tip).sqrt() + self.wrist.home_z0 * dot(axis, axis).sqrt();
-        if size([less(now[0], met[0]), less(now[1], met[1])]) <= T::from_f64(COMPENSATED_TO) * size(now) {
+        let axis = unit(&tool.axis).ok_or(ToolError::NotFinite)?;
+        let now = [deflection.translation_m, deflection.rotation_rad.cross(&(axis - met[1]))];
+        let size = |[tip, axis]: [Vector3<T>; 2]| length(&tip) + self.wrist.home_z0 * length(&axis);
+        if size([now[0] - met[0], now[1] - met[1]]) <= T::from_f64(COMPENSATED_TO) * size(now) {
             return Ok(true);
         }
         *met = now;
-        let held = Tool { tip_m: less(tool.tip_m, now[0]), axis: less(axis, now[1]) };
+        let held = Tool { tip_m: tool.tip_m - now[0], axis: axis - now[1] };
         *hold = self.inverse(&held, &hold.configuration)?;
         Ok(false)
     }

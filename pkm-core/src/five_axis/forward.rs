@@ -1,10 +1,12 @@
 //! From configurations and joint values to the tool.
 
+use nalgebra::Vector3;
+
 use super::state::State;
 use super::{Configuration, FiveAxis, JointValues, Tool, ToolError, ToolFrame};
 use crate::kinematics::platform_axes;
+use crate::linalg::{axes, is_finite};
 use crate::scalar::Scalar;
-use crate::vector::combined;
 
 impl<T: Scalar> FiveAxis<'_, T> {
     /// T_h of a configuration (Eq. 2).
@@ -21,8 +23,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let held = self.wrist.held(beta);
         let (sin, cos) = theta.sin_cos();
         let platform = platform_axes((sin, cos), sigma.sin_cos());
-        let [x, y, z] = combined(&platform, held.tip);
-        ToolFrame { tip_m: [x + l * sin, y, z + l * cos], axes: held.axes().map(|axis| combined(&platform, axis)) }
+        let tip = platform * held.tip;
+        ToolFrame { tip_m: Vector3::new(tip.x + l * sin, tip.y, tip.z + l * cos), axes: platform * held.axes() }
     }
 
     /// Tip and axis of a configuration.
@@ -30,8 +32,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// # Errors
     /// Those of [`frame`](Self::frame).
     pub fn tool(&self, configuration: &Configuration<T>) -> Result<Tool<T>, ToolError> {
-        let ToolFrame { tip_m, axes: [_, _, axis] } = self.frame(configuration)?;
-        Ok(Tool { tip_m, axis })
+        let frame = self.frame(configuration)?;
+        let [_, _, axis] = axes(&frame.axes);
+        Ok(Tool { tip_m: frame.tip_m, axis })
     }
 
     /// Configuration, tip and axis of joint values.
@@ -49,7 +52,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// Those of [`frame`](Self::frame).
     pub fn joints(&self, configuration: &Configuration<T>) -> Result<JointValues<T>, ToolError> {
         let Configuration { pose, beta_rad } = *configuration;
-        if !beta_rad.iter().all(|beta| beta.is_finite()) {
+        if !is_finite(&beta_rad) {
             return Err(ToolError::NotFinite);
         }
         let lengths = self.machine.inverse(&pose)?;

@@ -1,10 +1,12 @@
 //! From the tool's whole frame to the configuration, by the paper's closed form.
 
+use nalgebra::{Vector2, Vector3};
+
 use super::state::State;
 use super::{Configuration, FiveAxis, Hold, Tool, ToolError, ToolFrame};
 use crate::kinematics::platform_axes;
+use crate::linalg::{axes, is_finite, length};
 use crate::scalar::Scalar;
-use crate::vector::{combined, cross, dot, finite, less};
 use crate::wrist::Wrist;
 
 impl<T: Scalar> FiveAxis<'_, T> {
@@ -16,23 +18,20 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// Not finite; inconsistent: no rotation, or not within 1e-7 (`f32`: 1e-3) of one of this machine; then those of
     /// [`inverse`](Self::inverse), which polishes what was found.
     pub fn inverse_frame(&self, frame: &ToolFrame<T>) -> Result<Hold<T>, ToolError> {
-        let ToolFrame { tip_m: tip, axes: [x, y, z] } = *frame;
-        if ![tip, x, y, z].into_iter().all(finite) {
+        let (tip, [x, y, z]) = (frame.tip_m, axes(&frame.axes));
+        if ![tip, x, y, z].iter().all(is_finite) {
             return Err(ToolError::NotFinite);
         }
         let tolerance = T::from_f64(100.0) * T::SLACK;
-        let apart = |a: [T; 3], b: [T; 3]| {
-            let d = less(a, b);
-            dot(d, d).sqrt()
-        };
-        if !(apart(cross(x, y), z) <= tolerance && apart(cross(y, z), x) <= tolerance) {
+        let apart = |a: Vector3<T>, b: Vector3<T>| length(&(a - b));
+        if !(apart(x.cross(&y), z) <= tolerance && apart(y.cross(&z), x) <= tolerance) {
             return Err(ToolError::Inconsistent);
         }
         let Wrist { offset, first_d: d1, first_b: b1, second_b: b2, flange: f, .. } = *self.wrist;
         // the second: A = tip − …, its component along u, with β1 = σ = 0
         let equations = [
-            (x[1] * b1 + z[1] * d1, x[1] * d1 - z[1] * b1, tip[1] - x[1] * b2 - z[1] * f),
-            (dot(tip, x) - b2, f - dot(tip, z), offset + b1),
+            (x.y * b1 + z.y * d1, x.y * d1 - z.y * b1, tip.y - x.y * b2 - z.y * f),
+            (tip.dot(&x) - b2, f - tip.dot(&z), offset + b1),
         ];
         let mut best: Result<Hold<T>, ToolError> = Err(ToolError::Inconsistent);
         let mut least = tolerance;
@@ -66,7 +65,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
                 }
                 match self.inverse(&Tool { tip_m: tip, axis: z }, &near) {
                     Ok(found) => {
-                        let off = apart(self.frame_of(&found.configuration).axes[0], x);
+                        let [found_x, ..] = axes(&self.frame_of(&found.configuration).axes);
+                        let off = apart(found_x, x);
                         if off <= least {
                             (best, least) = (Ok(found), off);
                         }
@@ -80,16 +80,16 @@ impl<T: Scalar> FiveAxis<'_, T> {
 
     /// The configuration with a frame's rotation and about its tip, for a given β2.
     fn with_second(&self, frame: &ToolFrame<T>, beta2: T) -> Configuration<T> {
-        let [x, y, z] = frame.axes;
+        let [x, y, z] = axes(&frame.axes);
         let (sin, cos) = beta2.sin_cos();
         // R_h R_y(β2) = R_y(θ) R_x(σ) R_z(β1): its row y and column z
-        let w = [x[0] * sin + z[0] * cos, x[1] * sin + z[1] * cos, x[2] * sin + z[2] * cos];
-        let sigma = (-w[1]).atan2((w[0] * w[0] + w[2] * w[2]).sqrt());
-        let theta = w[0].atan2(w[2]);
-        let beta = [(x[1] * cos - z[1] * sin).atan2(y[1]), beta2];
+        let w = x * sin + z * cos;
+        let sigma = (-w.y).atan2((w.x * w.x + w.z * w.z).sqrt());
+        let theta = w.x.atan2(w.z);
+        let beta = Vector2::new((x.y * cos - z.y * sin).atan2(y.y), beta2);
         let (sin, cos) = theta.sin_cos();
-        let arm = combined(&platform_axes((sin, cos), sigma.sin_cos()), self.wrist.held(beta).tip);
-        let l = (frame.tip_m[0] - arm[0]) * sin + (frame.tip_m[2] - arm[2]) * cos;
+        let arm = platform_axes((sin, cos), sigma.sin_cos()) * self.wrist.held(beta).tip;
+        let l = (frame.tip_m.x - arm.x) * sin + (frame.tip_m.z - arm.z) * cos;
         State { theta, sigma, l, beta }.configuration()
     }
 }

@@ -1,10 +1,12 @@
 //! From tip and axis to configurations.
 
+use nalgebra::{Vector2, Vector3};
+
 use super::state::State;
 use super::{Configuration, FiveAxis, Hold, Tool, ToolError};
+use crate::linalg::{is_finite, unit};
 use crate::scalar::Scalar;
 use crate::types::Pose;
-use crate::vector::{finite, unit};
 
 /// Most configurations that [`FiveAxis::inverse`] looks at.
 pub const MAX_LOOKS: u8 = 64;
@@ -18,10 +20,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// Not finite; singular: `near`, or the way to the tool, has a [home share](Self::home_share) below the wrist's margin;
     /// unreachable; then those of [`joints`](Self::joints).
     pub fn inverse(&self, tool: &Tool<T>, near: &Configuration<T>) -> Result<Hold<T>, ToolError> {
-        let Pose { theta_rad, sigma_rad, z0_m } = near.pose;
-        let [beta1, beta2] = near.beta_rad;
-        let axis = unit(tool.axis).filter(|_| finite(tool.tip_m) && finite([theta_rad, sigma_rad, z0_m]));
-        let Some(axis) = axis.filter(|_| beta1.is_finite() && beta2.is_finite()) else {
+        let axis = unit(&tool.axis).filter(|_| is_finite(&tool.tip_m) && near.pose.is_finite());
+        let Some(axis) = axis.filter(|_| is_finite(&near.beta_rad)) else {
             return Err(ToolError::NotFinite);
         };
         let target = Tool { tip_m: tool.tip_m, axis };
@@ -37,7 +37,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let mut looks = 1;
         // a Newton step squares the error
         while !(look.error <= T::EPSILON) {
-            let [dtheta, dsigma, dl, dbeta1, dbeta2] = look.step;
+            let [dtheta, dsigma, dl, dbeta1, dbeta2] = look.step.into();
             let size = [dtheta, dsigma, dl / state.l, dbeta1, dbeta2]
                 .into_iter()
                 .fold(T::ZERO, |size, d| if d.abs() > size { d.abs() } else { size });
@@ -75,7 +75,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// # Errors
     /// Not finite; unreachable; those of [`joints`](Self::joints); singular: the [home share](Self::home_share) is below the
     /// wrist's margin.
-    pub fn inverse_at(&self, tip_m: [T; 3], beta_rad: [T; 2]) -> Result<Hold<T>, ToolError> {
+    pub fn inverse_at(&self, tip_m: Vector3<T>, beta_rad: Vector2<T>) -> Result<Hold<T>, ToolError> {
         let found = self.inverse_at_any_margin(tip_m, beta_rad);
         match &found {
             Ok(hold) if !(hold.home_share >= self.wrist.margin) => Err(ToolError::Singular),
@@ -88,11 +88,11 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ///
     /// # Errors
     /// Those of [`inverse_at`](Self::inverse_at); singular only on the locus and beyond it.
-    pub fn inverse_at_any_margin(&self, tip_m: [T; 3], beta_rad: [T; 2]) -> Result<Hold<T>, ToolError> {
-        if !(finite(tip_m) && beta_rad.iter().all(|beta| beta.is_finite())) {
+    pub fn inverse_at_any_margin(&self, tip_m: Vector3<T>, beta_rad: Vector2<T>) -> Result<Hold<T>, ToolError> {
+        if !(is_finite(&tip_m) && is_finite(&beta_rad)) {
             return Err(ToolError::NotFinite);
         }
-        let ([x, y, z], [tu, tv, tw]) = (tip_m, self.wrist.held(beta_rad).tip);
+        let ([x, y, z], [tu, tv, tw]) = (tip_m.into(), self.wrist.held(beta_rad).tip.into());
         let sigma = tv.atan2(tw) - y.atan2((tv * tv + tw * tw - y * y).sqrt());
         let (sin, cos) = sigma.sin_cos();
         let along_n = (x * x + z * z - tu * tu).sqrt();
@@ -125,7 +125,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let pose = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: self.wrist.home_z0 };
         let seeds = [[0.0, 0.0], [0.0, -1.0], [0.0, 1.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
         for beta in seeds {
-            let found = self.inverse(tool, &Configuration { pose, beta_rad: beta.map(T::from_f64) });
+            let found = self.inverse(tool, &Configuration { pose, beta_rad: beta.map(T::from_f64).into() });
             if found.is_ok() {
                 return found;
             }

@@ -15,6 +15,8 @@
 //! so that dL and dβ2 drop out and a Newton step is a system of three. Its determinant, divided by cos θ to count dZ0 in
 //! place of dL, is that of all five; where it vanishes two configurations meet that hold the tool alike.
 
+use nalgebra::{Matrix3, Vector2, Vector3};
+
 use crate::machine::Machine;
 use crate::types::{Domain, Pose, ScrewLengths};
 use crate::wrist::Wrist;
@@ -37,7 +39,7 @@ pub struct Configuration<T> {
     /// Of the moving platform.
     pub pose: Pose<T>,
     /// β1 and β2 of the wrist, rad.
-    pub beta_rad: [T; 2],
+    pub beta_rad: Vector2<T>,
 }
 
 /// What the five drives are told.
@@ -47,7 +49,7 @@ pub struct JointValues<T> {
     /// Of the three screws.
     pub lengths: ScrewLengths<T>,
     /// β1 and β2 of the wrist, rad.
-    pub beta_rad: [T; 2],
+    pub beta_rad: Vector2<T>,
 }
 
 /// A tool's tip and the direction of its axis from flange to tip, in B-xyz: what a part program asks for.
@@ -55,9 +57,9 @@ pub struct JointValues<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Tool<T> {
     /// m.
-    pub tip_m: [T; 3],
+    pub tip_m: Vector3<T>,
     /// Of length 1 where a function gives it; any length above 0 where one takes it.
-    pub axis: [T; 3],
+    pub axis: Vector3<T>,
 }
 
 /// T_h of the paper's Eq. 2: the tool's frame in B-xyz.
@@ -65,9 +67,9 @@ pub struct Tool<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ToolFrame<T> {
     /// The tip, m.
-    pub tip_m: [T; 3],
-    /// x, y and z of the frame in B-xyz; z is the tool's axis.
-    pub axes: [[T; 3]; 3],
+    pub tip_m: Vector3<T>,
+    /// x, y and z of the frame in B-xyz, as columns; z is the tool's axis.
+    pub axes: Matrix3<T>,
 }
 
 /// How a machine holds a tool.
@@ -89,9 +91,9 @@ pub struct Hold<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ToolDeflection<T> {
     /// Of the tip, m.
-    pub translation_m: [T; 3],
+    pub translation_m: Vector3<T>,
     /// Of the tool, rad.
-    pub rotation_rad: [T; 3],
+    pub rotation_rad: Vector3<T>,
     /// Whether the table may be trusted here; `None` without a table.
     pub domain: Option<Domain>,
 }
@@ -109,17 +111,18 @@ pub struct CompensatedTool<T> {
 /// A parallel mechanism and its wrist.
 ///
 /// ```
+/// use pkm_core::nalgebra::{Vector2, Vector3};
 /// use pkm_core::{FiveAxis, JointValues, ScrewLengths, Tool, ToolError, tables::reference};
 /// let five = FiveAxis { machine: &reference::MACHINE_F32, wrist: &reference::WRIST_F32 };
 /// // where the machine stands when it is switched on
-/// let measured = JointValues { lengths: ScrewLengths { q_m: [0.5678, 0.5506, 0.5194] }, beta_rad: [0.2, -0.1] };
-/// let (mut stands, Tool { tip_m: [x, y, z], axis }) = five.forward(&measured)?;
+/// let lengths = ScrewLengths { q_m: Vector3::new(0.5678, 0.5506, 0.5194) };
+/// let (mut stands, Tool { tip_m, axis }) = five.forward(&JointValues { lengths, beta_rad: Vector2::new(0.2, -0.1) })?;
 /// // 10 mm along x in steps of 1 mm
 /// for step in 1..=10 {
-///     let hold = five.inverse(&Tool { tip_m: [x + 1e-3 * step as f32, y, z], axis }, &stands)?;
+///     let hold = five.inverse(&Tool { tip_m: tip_m + Vector3::x() * (1e-3 * step as f32), axis }, &stands)?;
 ///     stands = hold.configuration;
 /// }
-/// assert!((five.tool(&stands)?.tip_m[0] - x - 0.01).abs() < 1e-6);
+/// assert!((five.tool(&stands)?.tip_m.x - tip_m.x - 0.01).abs() < 1e-6);
 /// # Ok::<(), ToolError>(())
 /// ```
 #[derive(Clone, Copy, Debug)]

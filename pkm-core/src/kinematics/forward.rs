@@ -8,7 +8,7 @@ use crate::types::{Pose, ScrewLengths};
 impl<T: Scalar> Sizes<T> {
     /// See [`Machine::forward`](crate::Machine::forward); whatever the travel.
     pub(super) fn forward(&self, lengths: &ScrewLengths<T>) -> Result<Pose<T>, KinematicsError> {
-        let [q1, q2, q3] = lengths.q_m;
+        let [q1, q2, q3] = lengths.q_m.into();
         let (two, three) = (T::from_f64(2.0), T::from_f64(3.0));
         let half = T::from_f64(0.5);
         let (a1, b1, a2, b2) = (self.a1, self.b1, self.a2, self.b2);

@@ -4,10 +4,12 @@
 
 use core::fmt;
 
+use nalgebra::Matrix3;
+
+use crate::linalg::{from_columns, is_finite};
 use crate::machine::{Machine, Sizes};
 use crate::scalar::Scalar;
 use crate::types::{Pose, ScrewLengths};
-use crate::vector::cross;
 
 mod forward;
 mod posture;
@@ -98,7 +100,7 @@ impl<T: Scalar> Machine<T> {
     /// use pkm_core::{KinematicsError, Pose, tables::reference};
     /// let machine = &reference::MACHINE_F64;
     /// let q = machine.inverse(&Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 })?;
-    /// assert_eq!(q.q_m.map(|q| (q * 1e4).round() / 10.0), [567.8, 550.6, 519.4]);
+    /// assert_eq!(q.q_m.map(|q| (q * 1e4).round() / 10.0), [567.8, 550.6, 519.4].into());
     /// let far = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.9 };
     /// assert_eq!(machine.inverse(&far), Err(KinematicsError::OutOfTravel { limb: 1 }));
     /// # Ok::<(), KinematicsError>(())
@@ -114,36 +116,36 @@ impl<T: Scalar> Machine<T> {
     /// In this order: not finite, out of travel, unreachable, singular.
     ///
     /// ```
+    /// use pkm_core::nalgebra::Vector3;
     /// use pkm_core::{KinematicsError, ScrewLengths, tables::reference};
-    /// let pose = reference::MACHINE_F64.forward(&ScrewLengths { q_m: [0.5678, 0.5506, 0.5194] })?;
+    /// let pose = reference::MACHINE_F64.forward(&ScrewLengths { q_m: Vector3::new(0.5678, 0.5506, 0.5194) })?;
     /// assert!((pose.theta_rad - 0.1).abs() < 1e-3 && (pose.z0_m - 0.53).abs() < 1e-4);
     /// # Ok::<(), KinematicsError>(())
     /// ```
     pub fn forward(&self, lengths: &ScrewLengths<T>) -> Result<Pose<T>, KinematicsError> {
-        if !lengths.q_m.iter().all(|q| q.is_finite()) {
+        if !is_finite(&lengths.q_m) {
             return Err(KinematicsError::NotFinite);
         }
         self.check_travel(lengths)?;
         self.declared.forward(lengths)
     }
 
-    /// ∂q/∂(θ, σ, Z0): row i for limb i+1, columns in m/rad, m/rad, m/m.
+    /// ∂q/∂(θ, σ, Z0): a row for each limb, columns in m/rad, m/rad, m/m.
     ///
     /// # Errors
     /// Those of [`inverse`](Self::inverse).
-    pub fn jacobian(&self, pose: &Pose<T>) -> Result<[[T; 3]; 3], KinematicsError> {
+    pub fn jacobian(&self, pose: &Pose<T>) -> Result<Matrix3<T>, KinematicsError> {
         let p = self.posture(pose)?;
         let (dl_dz0, dl_dtheta) = (T::ONE / p.cos_theta, p.l * p.sin_theta / p.cos_theta);
-        let mut rows = [[T::ZERO; 3]; 3];
-        for (i, side) in [-T::ONE, T::ONE].into_iter().enumerate() {
-            let dq_dl = p.along_n[i] / p.q[i];
-            let dq_dsigma = self.declared.a1 * (self.declared.b1 * p.sin_sigma + side * p.l * p.cos_sigma) / p.q[i];
-            rows[i] = [dq_dl * dl_dtheta, dq_dsigma, dq_dl * dl_dz0];
-        }
-        let dq_dl = p.limb_3[1] / p.q[2];
+        let [q1, q2, q3] = p.q.into();
+        let dq_dl = [p.along_n[0] / q1, p.along_n[1] / q2, p.limb_3[1] / q3];
+        let dq_dsigma =
+            |side: T, q: T| self.declared.a1 * (self.declared.b1 * p.sin_sigma + side * p.l * p.cos_sigma) / q;
         let across = p.l * p.cos_theta - self.declared.a2 * p.sin_theta;
-        rows[2] = [dq_dl * dl_dtheta - self.declared.b2 * across / p.q[2], T::ZERO, dq_dl * dl_dz0];
-        Ok(rows)
+        let mut by_theta = dq_dl.map(|dq| dq * dl_dtheta);
+        by_theta[2] -= self.declared.b2 * across / q3;
+        let by_sigma = [dq_dsigma(-T::ONE, q1), dq_dsigma(T::ONE, q2), T::ZERO];
+        Ok(from_columns([by_theta, by_sigma, dq_dl.map(|dq| dq * dl_dz0)]))
     }
 
     /// How far a pose is from the direct singularities.
@@ -176,21 +178,15 @@ impl<T: Scalar> Machine<T> {
         }
         let pose = self.actual.forward(&ScrewLengths { q_m: commanded.q })?;
         let posture = self.actual.posture(&pose)?;
-        let axes = |p: &Posture<T>| [p.x(), p.y(), cross(p.x(), p.y())];
-        let (there, here) = (axes(&posture), axes(commanded));
-        let mut turn = [[T::ZERO; 3]; 3];
-        for (there, here) in there.iter().zip(&here) {
-            for (row, t) in turn.iter_mut().zip(there) {
-                for (entry, h) in row.iter_mut().zip(here) {
-                    *entry += *t * *h;
-                }
-            }
-        }
-        Ok(Actual { posture, turn: Some(turn) })
+        Ok(Actual { posture, turn: Some(posture.base() * commanded.base().transpose()) })
     }
 }
 
-/// u, v, w in B-xyz, from sine and cosine of θ and of σ.
-pub fn platform_axes<T: Scalar>((sin_t, cos_t): (T, T), (sin_s, cos_s): (T, T)) -> [[T; 3]; 3] {
-    [[cos_t, T::ZERO, -sin_t], [sin_s * sin_t, cos_s, sin_s * cos_t], [cos_s * sin_t, -sin_s, cos_s * cos_t]]
+/// u, v, w in B-xyz, as columns, from sine and cosine of θ and of σ.
+pub fn platform_axes<T: Scalar>((sin_t, cos_t): (T, T), (sin_s, cos_s): (T, T)) -> Matrix3<T> {
+    from_columns([
+        [cos_t, T::ZERO, -sin_t],
+        [sin_s * sin_t, cos_s, sin_s * cos_t],
+        [cos_s * sin_t, -sin_s, cos_s * cos_t],
+    ])
 }

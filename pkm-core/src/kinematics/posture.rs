@@ -1,11 +1,12 @@
 //! What follows from a pose alone.
 
+use nalgebra::{Matrix3, Vector3, Vector6};
+
 use super::{KinematicsError, SingularityDistance};
-use crate::linalg::Lower;
+use crate::linalg::{Lower, frame, join, split};
 use crate::machine::Sizes;
 use crate::scalar::Scalar;
 use crate::types::Pose;
-use crate::vector::{combined, dot, join, split};
 
 /// Everything about a pose that both kinematics and stiffness use.
 #[derive(Clone, Copy, Debug)]
@@ -21,23 +22,34 @@ pub(crate) struct Posture<T> {
     pub along_n: [T; 2],
     /// Components of B_3→A_3 along u and along n, m.
     pub limb_3: [T; 2],
-    pub q: [T; 3],
+    pub q: Vector3<T>,
 }
 
 impl<T: Scalar> Posture<T> {
+    /// Length of limb 1 (`LIMB` = 0) or 2.
+    pub fn length<const LIMB: usize>(&self) -> T {
+        if LIMB == 0 { self.q.x } else { self.q.y }
+    }
+
     /// x of B in A-uvw.
-    pub fn x(&self) -> [T; 3] {
-        [self.cos_theta, self.sin_sigma * self.sin_theta, self.cos_sigma * self.sin_theta]
+    pub fn x(&self) -> Vector3<T> {
+        Vector3::new(self.cos_theta, self.sin_sigma * self.sin_theta, self.cos_sigma * self.sin_theta)
     }
 
     /// y of B in A-uvw.
-    pub fn y(&self) -> [T; 3] {
-        [T::ZERO, self.cos_sigma, -self.sin_sigma]
+    pub fn y(&self) -> Vector3<T> {
+        Vector3::new(T::ZERO, self.cos_sigma, -self.sin_sigma)
     }
 
     /// Direction from B to A in A-uvw.
-    pub fn n(&self) -> [T; 3] {
-        [T::ZERO, self.sin_sigma, self.cos_sigma]
+    pub fn n(&self) -> Vector3<T> {
+        Vector3::new(T::ZERO, self.sin_sigma, self.cos_sigma)
+    }
+
+    /// x, y and z of B in A-uvw, as columns.
+    pub fn base(&self) -> Matrix3<T> {
+        let (x, y) = (self.x(), self.y());
+        frame(x, y, x.cross(&y))
     }
 
     pub(super) fn singularity_distance(&self, sizes: &Sizes<T>) -> SingularityDistance<T> {
@@ -55,7 +67,7 @@ impl<T: Scalar> Posture<T> {
         let aside = self.sin_sigma * limb_3;
         let [[y1, y2], [n1, n2], [u3, n3]] = [self.along_y, self.along_n, self.limb_3];
         let o = T::ZERO;
-        self.q = [(y1, n1, o), (y2, n2, o), (u3, n3, aside)].map(|(x, y, z)| (x * x + y * y + z * z).sqrt());
+        self.q = [(y1, n1, o), (y2, n2, o), (u3, n3, aside)].map(|(x, y, z)| (x * x + y * y + z * z).sqrt()).into();
     }
 }
 
@@ -64,22 +76,22 @@ impl<T: Scalar> Posture<T> {
 pub(crate) struct Actual<T> {
     pub posture: Posture<T>,
     /// R_actualᵀ R_commanded, from commanded A-uvw into the actual one; `None` when they are the same.
-    pub(super) turn: Option<[[T; 3]; 3]>,
+    pub(super) turn: Option<Matrix3<T>>,
 }
 
 impl<T: Scalar> Actual<T> {
     /// A six-vector in commanded A-uvw as seen in the actual one.
-    pub fn seen(&self, v: [T; 6]) -> [T; 6] {
-        let Some(turn) = self.turn else { return v };
+    pub fn seen(&self, v: Vector6<T>) -> Vector6<T> {
+        let Some(turn) = &self.turn else { return v };
         let (linear, angular) = split(v);
-        join(turn.map(|row| dot(row, linear)), turn.map(|row| dot(row, angular)))
+        join(turn * linear, turn * angular)
     }
 
     /// A six-vector in the actual A-uvw as seen in the commanded one.
-    pub fn given_back(&self, v: [T; 6]) -> [T; 6] {
+    pub fn given_back(&self, v: Vector6<T>) -> Vector6<T> {
         let Some(turn) = &self.turn else { return v };
         let (linear, angular) = split(v);
-        join(combined(turn, linear), combined(turn, angular))
+        join(turn.tr_mul(&linear), turn.tr_mul(&angular))
     }
 
     /// A symmetric matrix in the actual A-uvw, lower triangle, as seen in the commanded one.
@@ -89,19 +101,24 @@ impl<T: Scalar> Actual<T> {
             return;
         }
         // Kᵀ = K, so that turning the rows, twice with a transposition between, turns both sides
-        let mut k = *lower;
+        let mut k = lower.data.0;
         for i in 0..6 {
             for j in 0..i {
-                k[j][i] = k[i][j];
+                k[i][j] = k[j][i];
             }
         }
-        let half = k.map(|row| self.given_back(row));
+        let half = k.map(|row| <[T; 6]>::from(self.given_back(row.into())));
         for i in 0..6 {
             for j in 0..6 {
                 k[i][j] = half[j][i];
             }
         }
-        *lower = k.map(|row| self.given_back(row));
+        let turned = k.map(|row| <[T; 6]>::from(self.given_back(row.into())));
+        for i in 0..6 {
+            for j in 0..=i {
+                lower.data.0[j][i] = turned[i][j];
+            }
+        }
     }
 }
 
@@ -133,7 +150,7 @@ impl<T: Scalar> Sizes<T> {
             along_y: [narrowing, -narrowing],
             along_n,
             limb_3,
-            q: [length(narrowing, along_n[0]), length(narrowing, along_n[1]), length(limb_3[0], limb_3[1])],
+            q: Vector3::new(length(narrowing, along_n[0]), length(narrowing, along_n[1]), length(limb_3[0], limb_3[1])),
         };
         posture.singularity_distance(self).check()?;
         Ok(posture)

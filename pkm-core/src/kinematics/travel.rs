@@ -8,8 +8,9 @@ use crate::types::ScrewLengths;
 impl<T: Scalar> Machine<T> {
     /// How far the lengths are from the nearest end of travel, in m; negative outside. With the limb, 0…2.
     pub fn travel_margin_m(&self, lengths: &ScrewLengths<T>) -> (T, usize) {
-        let mut least = (lengths.q_m[0] - self.q_min[0], 0);
-        for (limb, ((q, lo), hi)) in lengths.q_m.into_iter().zip(self.q_min).zip(self.q_max).enumerate() {
+        let q_m: [T; 3] = lengths.q_m.into();
+        let mut least = (q_m[0] - self.q_min[0], 0);
+        for (limb, ((q, lo), hi)) in q_m.into_iter().zip(self.q_min).zip(self.q_max).enumerate() {
             for margin in [q - lo, hi - q] {
                 if margin < least.0 {
                     least = (margin, limb);
@@ -21,8 +22,8 @@ impl<T: Scalar> Machine<T> {
 
     pub(super) fn check_travel(&self, lengths: &ScrewLengths<T>) -> Result<(), KinematicsError> {
         let mut furthest = (T::ZERO, 0);
-        for (limb, ((q, lo), hi)) in [1, 2, 3].into_iter().zip(lengths.q_m.into_iter().zip(self.q_min).zip(self.q_max))
-        {
+        let q_m: [T; 3] = lengths.q_m.into();
+        for (limb, ((q, lo), hi)) in [1, 2, 3].into_iter().zip(q_m.into_iter().zip(self.q_min).zip(self.q_max)) {
             let beyond = if q < lo { lo - q } else { q - hi };
             // a pose that came from lengths on the very end of travel must not be refused for its rounding; where travel is
             // endless that rounding is more than any length

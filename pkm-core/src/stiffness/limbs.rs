@@ -1,11 +1,17 @@
 //! The limbs of a machine at a posture: transmitted wrenches, and the compliance of joints, bodies and effects.
 
+use nalgebra::Vector3;
+
 use crate::elastic::{Chain, Limb};
 use crate::kinematics::Posture;
-use crate::linalg::Lower;
+use crate::linalg::{Lower, axes, frame, join};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::vector::cross;
+
+/// On which side of the plane of limb 3 limb 1 (`LIMB` = 0) and limb 2 are.
+pub(super) fn side<const LIMB: usize, T: Scalar>() -> T {
+    if LIMB == 0 { -T::ONE } else { T::ONE }
+}
 
 impl<T: Scalar> Machine<T> {
     #[inline(never)]
@@ -37,19 +43,17 @@ impl<T: Scalar> Machine<T> {
 
     #[inline(never)]
     fn limb_1_2<'c, const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &'c mut Chain<T, 3>) -> Limb<'c, T, 3> {
-        let (y, n, u) = (p.y(), p.n(), [T::ONE, T::ZERO, T::ZERO]);
-        let side = if LIMB == 0 { -T::ONE } else { T::ONE };
-        let (zy, zn) = (p.along_y[LIMB] / p.q[LIMB], p.along_n[LIMB] / p.q[LIMB]);
-        let mix = |a: T, b: T| [a * y[0] + b * n[0], a * y[1] + b * n[1], a * y[2] + b * n[2]];
-        let z = mix(zy, zn);
+        let (y, n, u) = (p.y(), p.n(), Vector3::x());
+        let (side, q) = (side::<LIMB, T>(), p.length::<LIMB>());
+        let z = y * (p.along_y[LIMB] / q) + n * (p.along_n[LIMB] / q);
         let [body, _] = self.softness;
         Limb {
             index: LIMB,
-            q: p.q[LIMB],
-            base: mix(side * self.actual.b1, -p.l),
-            platform: [T::ZERO, side * self.actual.a1, h],
-            axes: [u, cross(z, u), z],
-            base_axes: [u, y, cross(u, y)],
+            q,
+            base: y * (side * self.actual.b1) + n * -p.l,
+            platform: Vector3::new(T::ZERO, side * self.actual.a1, h),
+            axes: frame(u, z.cross(&u), z),
+            base_axes: frame(u, y, u.cross(&y)),
             axial: self.limbs[LIMB].axial * body,
             bending: self.limbs[LIMB].bending * body,
             torsion: self.limbs[LIMB].torsion * body,
@@ -60,13 +64,13 @@ impl<T: Scalar> Machine<T> {
     #[inline(never)]
     fn limb_3<'c>(&self, p: &Posture<T>, h: T, chain: &'c mut Chain<T, 2>) -> Limb<'c, T, 2> {
         let (x, z) = Self::leaning_3(p, h);
-        let axes = [x, cross(z, x), z];
-        let platform = [self.actual.a2, T::ZERO, h];
-        let (q, [body, _]) = (p.q[2], self.softness);
+        let axes = frame(x, z.cross(&x), z);
+        let platform = Vector3::new(self.actual.a2, T::ZERO, h);
+        let (q, [body, _]) = (p.q.z, self.softness);
         Limb {
             index: 2,
             q,
-            base: [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]],
+            base: platform - z * q,
             platform,
             axes,
             base_axes: axes,
@@ -94,13 +98,12 @@ impl<T: Scalar> Machine<T> {
     fn add_tension<const N: usize>(&self, limb: &Limb<'_, T, N>, beside: &mut Lower<T>) {
         let tension = self.effects.tension(limb.index);
         if tension != T::ZERO {
-            let [_, across, _] = limb.axes;
-            let ([x, y, z], [a, b, c]) = (across, cross(limb.platform, across));
-            let wrench = [x, y, z, a, b, c];
+            let [_, across, _] = axes(&limb.axes);
+            let wrench: [T; 6] = join(across, limb.platform.cross(&across)).into();
             let spring = tension / limb.q;
             for i in 0..6 {
                 for j in 0..=i {
-                    beside[i][j] += spring * wrench[i] * wrench[j];
+                    beside.data.0[j][i] += spring * wrench[i] * wrench[j];
                 }
             }
         }
@@ -109,7 +112,7 @@ impl<T: Scalar> Machine<T> {
     /// Limb 1 (`LIMB` = 0) or 2. All of it lies in the plane of y of B and n = BA/|BA|, square to u. The wrenches are the
     /// axial force, the force along u through B_i, and the couple about n. With `OFFSET` A_i is `h` out of its plane.
     pub(super) fn chain_1_2<const LIMB: usize, const OFFSET: bool>(&self, p: &Posture<T>, h: T) -> Chain<T, 3> {
-        let side = if LIMB == 0 { -T::ONE } else { T::ONE };
+        let side = side::<LIMB, T>();
         // without effects no temperature changes anything
         let softened;
         let c = if OFFSET {
@@ -118,7 +121,7 @@ impl<T: Scalar> Machine<T> {
         } else {
             &self.limbs[LIMB]
         };
-        let (q, sin, cos) = (p.q[LIMB], p.sin_sigma, p.cos_sigma);
+        let (q, sin, cos) = (p.length::<LIMB>(), p.sin_sigma, p.cos_sigma);
         // limb axis in (y, n), and in A-uvw, where y = (0, cos σ, −sin σ) and n = (0, sin σ, cos σ)
         let (zy, zn) = (p.along_y[LIMB] / q, p.along_n[LIMB] / q);
         let (zv, zw) = (zy * cos + zn * sin, zn * cos - zy * sin);
@@ -145,12 +148,12 @@ impl<T: Scalar> Machine<T> {
     }
 
     /// x and z of limb 3 in A-uvw when A3 is `h` along w out of its plane: then it leans out of the plane across y of B.
-    pub(super) fn leaning_3(p: &Posture<T>, h: T) -> ([T; 3], [T; 3]) {
-        let (y, n, q) = (p.y(), p.n(), p.q[2]);
+    pub(super) fn leaning_3(p: &Posture<T>, h: T) -> (Vector3<T>, Vector3<T>) {
+        let (y, n, q) = (p.y(), p.n(), p.q.z);
         let [zu, zn, zy] = [p.limb_3[0] / q, p.limb_3[1] / q, -p.sin_sigma * h / q];
-        let z = [zu, zn * n[1] + zy * y[1], zn * n[2] + zy * y[2]];
+        let z = Vector3::new(zu, zn * n.y + zy * y.y, zn * n.z + zy * y.z);
         let size = (T::ONE - zy * zy).sqrt();
-        ([-zy * z[0] / size, (y[1] - zy * z[1]) / size, (y[2] - zy * z[2]) / size], z)
+        (Vector3::new(-zy * z.x / size, (y.y - zy * z.y) / size, (y.z - zy * z.z) / size), z)
     }
 
     /// Limb 3: the axial force and the force along y of B, both through A3. With `OFFSET` A3 is `h` along w out of its plane.
@@ -162,14 +165,11 @@ impl<T: Scalar> Machine<T> {
         } else {
             &self.limbs[2]
         };
-        let q = p.q[2];
+        let q = p.q.z;
         let a2 = self.actual.a2;
         let wrenches = if OFFSET {
             let (x, z) = Self::leaning_3(p, h);
-            [z, x].map(|f| {
-                let [a, b, c] = cross([a2, T::ZERO, h], f);
-                [f[0], f[1], f[2], a, b, c]
-            })
+            [z, x].map(|f| join(f, Vector3::new(a2, T::ZERO, h).cross(&f)).into())
         } else {
             let (zu, zn) = (p.limb_3[0] / q, p.limb_3[1] / q);
             let through_a3 = |u: T, v: T, w: T| [u, v, w, T::ZERO, -a2 * w, a2 * v];

@@ -1,13 +1,14 @@
 //! What effects that depend on the load add to a deflection.
 
+use nalgebra::{Matrix3, Vector3, Vector6};
+
 use super::{StiffnessError, factor, finite};
 use crate::elastic::{ALL, Chain};
 use crate::kinematics::{Actual, Posture};
-use crate::linalg::{self, Lower};
+use crate::linalg::{self, Lower, is_finite, length};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::types::{Deflection, Pose, Wrench};
-use crate::vector::{dot, less};
 
 /// Most iterations for the tensions of preloaded limbs under load-dependent elongation.
 pub const MAX_ITERATIONS: usize = 30;
@@ -16,29 +17,21 @@ pub const MAX_ITERATIONS: usize = 30;
 /// mechanism's screws, and six equations of balance fix the tensions of a mechanism whose screws move freely
 /// (`docs/theory.md`, Effects). With preload M ε' is the ratio of the geometric stiffness to that of the contacts.
 fn tensions<T: Scalar>(
-    m: &[[T; 3]; 3],
-    linear: &[T; 3],
-    elongations: impl Fn(&[T; 3]) -> [T; 3],
-) -> Result<[T; 3], StiffnessError> {
-    let tolerance = T::SLACK * (dot(*linear, *linear).sqrt() + T::ONE);
+    m: &Matrix3<T>,
+    linear: &Vector3<T>,
+    elongations: impl Fn(&Vector3<T>) -> Vector3<T>,
+) -> Result<Vector3<T>, StiffnessError> {
+    let tolerance = T::SLACK * (length(linear) + T::ONE);
     let mut n = *linear;
     for _ in 0..MAX_ITERATIONS {
-        let e = elongations(&n);
-        let mut next = *linear;
-        for (next, row) in next.iter_mut().zip(m) {
-            *next -= dot(*row, e);
-        }
-        let change = less(next, n);
+        let next = linear - m * elongations(&n);
+        let change = next - n;
         n = next;
-        if dot(change, change).sqrt() <= tolerance {
+        if length(&change) <= tolerance {
             return Ok(n);
         }
     }
     Err(StiffnessError::NotConverged)
-}
-
-fn product<T: Scalar>(a: &[T; 6], b: &[T; 6]) -> T {
-    a.iter().zip(b).fold(T::ZERO, |sum, (a, b)| sum + *a * *b)
 }
 
 /// How a machine with load-dependent effects answers loads at one pose.
@@ -53,9 +46,9 @@ pub struct LoadResponse<'a, T> {
 struct LimbResponse<T> {
     actual: Actual<T>,
     /// Displacement of A per unit of elongation of each limb.
-    moved: [[T; 6]; 3],
+    moved: [Vector6<T>; 3],
     /// Tension in limb i taken by a unit of elongation of limb j: 0 unless limbs are preloaded.
-    m: [[T; 3]; 3],
+    m: Matrix3<T>,
 }
 
 impl<T: Scalar> LoadResponse<'_, T> {
@@ -65,37 +58,33 @@ impl<T: Scalar> LoadResponse<'_, T> {
     /// A wrench or a deflection that is not finite; [`StiffnessError::NotConverged`].
     #[inline(never)]
     pub fn deflection(&self, wrench: &Wrench<T>, turned_at: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
-        let (load, turned_at) = (wrench.to_array(), turned_at.to_array());
-        if !load.iter().chain(&turned_at).all(|f| f.is_finite()) {
+        let (load, turned_at) = (wrench.to_vector(), turned_at.to_vector());
+        if !(is_finite(&load) && is_finite(&turned_at)) {
             return Err(StiffnessError::NotFinite);
         }
-        let o = T::ZERO;
         let Some(LimbResponse { actual, moved, m }) = &self.limbs else {
             return Ok(Deflection::ZERO);
         };
         let effects = &self.machine.effects;
         let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
-        let mut linear = moved.map(|moved| product(&moved, &load));
-        let mut lag = [o; 3];
-        for i in 0..3 {
-            lag[i] = effects.lag(i, linear[i], product(&moved[i], &turned_at));
-        }
+        let [one, two, three] = moved;
+        let linear = Vector3::new(one.dot(&load), two.dot(&load), three.dot(&load));
+        let lag = Vector3::new(
+            effects.lag(0, linear.x, one.dot(&turned_at)),
+            effects.lag(1, linear.y, two.dot(&turned_at)),
+            effects.lag(2, linear.z, three.dot(&turned_at)),
+        );
         // the lag is known from the linear tensions: what it does to them comes before the solve
-        for (linear, row) in linear.iter_mut().zip(m) {
-            *linear -= dot(*row, lag);
-        }
-        let elongations = |[one, two, three]: &[T; 3]| {
-            [effects.elongation(0, *one), effects.elongation(1, *two), effects.elongation(2, *three)]
+        let linear = linear - m * lag;
+        let elongations = |n: &Vector3<T>| {
+            Vector3::new(effects.elongation(0, n.x), effects.elongation(1, n.y), effects.elongation(2, n.z))
         };
-        let elongations = elongations(&tensions(m, &linear, elongations)?);
-        let mut d = [o; 6];
-        for (moved, (e, lag)) in moved.iter().zip(elongations.into_iter().zip(lag)) {
-            let e = e + lag;
-            for (d, c) in d.iter_mut().zip(moved) {
-                *d += e * *c;
-            }
+        let e = elongations(&tensions(m, &linear, elongations)?) + lag;
+        let mut d = Vector6::zeros();
+        for (moved, e) in moved.iter().zip(e.as_slice()) {
+            d += moved * *e;
         }
-        finite(Deflection::from_array(actual.given_back(d)))
+        finite(Deflection::from_vector(actual.given_back(d)))
     }
 }
 
@@ -150,7 +139,8 @@ impl<T: Scalar> Machine<T> {
         if !self.effects.depend_on_load() {
             return Ok(LoadResponse { machine: self, limbs: None });
         }
-        let mut limbs = LimbResponse { actual: self.actual(posture)?, moved: [[T::ZERO; 6]; 3], m: [[T::ZERO; 3]; 3] };
+        let mut limbs =
+            LimbResponse { actual: self.actual(posture)?, moved: [Vector6::zeros(); 3], m: Matrix3::zeros() };
         let mut lower = linalg::zero();
         self.add_limb_response(&mut limbs, &mut lower)?;
         factor(&mut lower)?;
@@ -158,13 +148,15 @@ impl<T: Scalar> Machine<T> {
         for (moved, wrench) in limbs.moved.iter_mut().zip(&wrenches) {
             *moved = linalg::solve(&lower, wrench);
         }
-        let preloaded = (0..3).any(|limb| self.effects.tension(limb) != T::ZERO);
-        for i in 0..3 {
-            for j in 0..3 {
-                // without preload the two cancel but for rounding
-                let left = limbs.m[i][j] - product(&wrenches[i], &limbs.moved[j]);
-                limbs.m[i][j] = if preloaded { left } else { T::ZERO };
+        if (0..3).any(|limb| self.effects.tension(limb) != T::ZERO) {
+            for (column, moved) in limbs.m.data.0.iter_mut().zip(&limbs.moved) {
+                for (entry, wrench) in column.iter_mut().zip(&wrenches) {
+                    *entry -= wrench.dot(moved);
+                }
             }
+        } else {
+            // the two cancel but for rounding
+            limbs.m = Matrix3::zeros();
         }
         Ok(LoadResponse { machine: self, limbs: Some(limbs) })
     }
@@ -178,7 +170,7 @@ impl<T: Scalar> Machine<T> {
         self.chains_with_effects(&limbs.actual.posture, &mut pair, &mut third, k);
         let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
         limbs.moved = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
-        limbs.m = [[x1[0], x2[0], o], [x1[3], x2[3], o], [o, o, x3[0]]];
+        limbs.m = Matrix3::new(x1[0], x2[0], o, x1[3], x2[3], o, o, o, x3[0]);
         pair.add_stiffness_to(k, ALL)?;
         Ok(third.add_stiffness_to(k, ALL)?)
     }

@@ -11,8 +11,10 @@
 
 use core::fmt;
 
+use nalgebra::{Matrix6, Vector6};
+
 use crate::kinematics::KinematicsError;
-use crate::linalg::{self, Lower, NotPositiveDefinite};
+use crate::linalg::{self, Lower, NotPositiveDefinite, is_finite};
 use crate::scalar::Scalar;
 use crate::types::{Deflection, Wrench};
 
@@ -73,25 +75,25 @@ pub struct Stiffness<T> {
 
 impl<T: Scalar> Stiffness<T> {
     /// From a matrix of which the lower triangle is read.
-    pub fn from_lower(matrix: &[[T; 6]; 6]) -> Self {
+    pub fn from_lower(matrix: &Matrix6<T>) -> Self {
         Self { lower: *matrix }
     }
 
-    /// All 36 entries, row by row.
-    pub fn matrix(&self) -> [[T; 6]; 6] {
+    /// The whole matrix, symmetric to the last bit.
+    pub fn matrix(&self) -> Matrix6<T> {
         let mut full = self.lower;
+        let columns = &mut full.data.0;
         for i in 0..6 {
             for j in 0..i {
-                full[j][i] = full[i][j];
+                columns[i][j] = columns[j][i];
             }
         }
         full
     }
 
     /// The principal stiffnesses k11…k66: resistance to one displacement with the other five held at 0.
-    pub fn principal(&self) -> [T; 6] {
-        let k = &self.lower;
-        [k[0][0], k[1][1], k[2][2], k[3][3], k[4][4], k[5][5]]
+    pub fn principal(&self) -> Vector6<T> {
+        self.lower.diagonal()
     }
 
     /// Cholesky factor, translations first.
@@ -107,7 +109,7 @@ impl<T: Scalar> Stiffness<T> {
 
 /// Softening in series subtracts, and rounding may leave nothing; squares of levers may be too small for a number.
 pub(crate) fn check_diagonal<T: Scalar>(k: &Lower<T>) -> Result<(), StiffnessError> {
-    let positive = (0..6).all(|i| k[i][i] > T::ZERO);
+    let positive = (0..6).all(|i| k.data.0[i][i] > T::ZERO);
     if positive { Ok(()) } else { Err(StiffnessError::NotPositiveDefinite) }
 }
 
@@ -134,16 +136,16 @@ impl<T: Scalar> StiffnessFactor<T> {
     /// # Errors
     /// [`StiffnessError::NotFinite`] when the wrench or the result is not finite.
     pub fn deflection(&self, wrench: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
-        finite(Deflection::from_array(linalg::solve(&self.lower, &wrench.to_array())))
+        finite(Deflection::from_vector(linalg::solve(&self.lower, &wrench.to_vector())))
     }
 
-    /// The factor's entries; above the diagonal they are 0.
-    pub fn lower(&self) -> [[T; 6]; 6] {
+    /// F; above the diagonal it is 0.
+    pub fn lower(&self) -> Matrix6<T> {
         self.lower
     }
 }
 
 /// What can be said: a deflection that overflows cannot.
 pub(crate) fn finite<T: Scalar>(d: Deflection<T>) -> Result<Deflection<T>, StiffnessError> {
-    if d.to_array().iter().all(|v| v.is_finite()) { Ok(d) } else { Err(StiffnessError::NotFinite) }
+    if is_finite(&d.translation_m) && is_finite(&d.rotation_rad) { Ok(d) } else { Err(StiffnessError::NotFinite) }
 }

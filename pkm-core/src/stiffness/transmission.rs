@@ -1,13 +1,15 @@
 //! The transmitted wrenches of a posture one by one, for programs that identify what yields.
 
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
 use crate::elastic::Chain;
 use crate::kinematics::Posture;
-use crate::linalg;
+use crate::linalg::{self, frame, from_columns};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::StiffnessError;
+use crate::stiffness::limbs::side;
 use crate::types::Pose;
-use crate::vector::cross;
 
 /// Joints of one limb at a pose, in A-uvw with A as the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,9 +17,9 @@ pub struct LimbFrame<T> {
     /// Length B_i A_i, m.
     pub length_m: T,
     /// B_i and A_i, m.
-    pub joints_m: [[T; 3]; 2],
-    /// Unit vectors x, y, z of the base joint, and of body and platform joint.
-    pub axes: [[[T; 3]; 3]; 2],
+    pub joints_m: [Vector3<T>; 2],
+    /// Unit vectors x, y, z of the base joint, and of body and platform joint, as columns.
+    pub axes: [Matrix3<T>; 2],
 }
 
 /// What the limbs transmit at a pose, and the compliance that it meets: K = H D⁻¹ Hᵀ, before what is in series at B and
@@ -26,15 +28,15 @@ pub struct LimbFrame<T> {
 pub struct Transmission<T> {
     /// Columns of H: three wrenches of limb 1, three of limb 2, two of limb 3, at A in A-uvw. The first of each limb is its
     /// axial force.
-    pub wrenches: [[T; 6]; 8],
+    pub wrenches: SMatrix<T, 6, 8>,
     /// D, lower triangle: m/N, m/(N·m) and rad/(N·m).
-    pub compliance: [[T; 8]; 8],
+    pub compliance: SMatrix<T, 8, 8>,
     /// By limb.
     pub limbs: [LimbFrame<T>; 3],
     /// B in A-uvw, m.
-    pub base_m: [T; 3],
-    /// Unit vectors x, y, z of B in A-uvw.
-    pub base_axes: [[T; 3]; 3],
+    pub base_m: Vector3<T>,
+    /// Unit vectors x, y, z of B in A-uvw, as columns.
+    pub base_axes: Matrix3<T>,
 }
 
 impl<T: Scalar> Machine<T> {
@@ -52,42 +54,38 @@ impl<T: Scalar> Machine<T> {
         for i in 0..6 {
             wrenches[i] = pair.wrenches[i];
             for j in 0..=i {
-                compliance[i][j] = pair.compliance[i][j];
+                compliance[j][i] = pair.compliance[i][j];
             }
         }
         for i in 0..2 {
             wrenches[6 + i] = third.wrenches[i];
             for j in 0..=i {
-                compliance[6 + i][6 + j] = third.compliance[i][j];
+                compliance[6 + j][6 + i] = third.compliance[i][j];
             }
         }
         let [h, h_3] = self.effects.offset();
         let mut p = actual.posture;
         p.offset([h, h_3]);
-        let (x, y, n) = (p.x(), p.y(), p.n());
         let limbs = [self.frame_1_2::<0>(&p, h), self.frame_1_2::<1>(&p, h), self.frame_3(&p, h_3)];
-        Ok(Transmission { wrenches, compliance, limbs, base_m: n.map(|c| -p.l * c), base_axes: [x, y, cross(x, y)] })
+        let (wrenches, compliance) = (from_columns(wrenches), from_columns(compliance));
+        Ok(Transmission { wrenches, compliance, limbs, base_m: p.n() * -p.l, base_axes: p.base() })
     }
 
     fn frame_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T) -> LimbFrame<T> {
-        let (y, n, u) = (p.y(), p.n(), [T::ONE, T::ZERO, T::ZERO]);
-        let side = if LIMB == 0 { -T::ONE } else { T::ONE };
-        let (zy, zn) = (p.along_y[LIMB] / p.q[LIMB], p.along_n[LIMB] / p.q[LIMB]);
-        let mix = |a: T, b: T| [a * y[0] + b * n[0], a * y[1] + b * n[1], a * y[2] + b * n[2]];
-        let z = mix(zy, zn);
+        let (y, n, u) = (p.y(), p.n(), Vector3::x());
+        let (side, q) = (side::<LIMB, T>(), p.length::<LIMB>());
+        let z = y * (p.along_y[LIMB] / q) + n * (p.along_n[LIMB] / q);
         LimbFrame {
-            length_m: p.q[LIMB],
-            joints_m: [mix(side * self.actual.b1, -p.l), [T::ZERO, side * self.actual.a1, h]],
-            axes: [[u, y, cross(u, y)], [u, cross(z, u), z]],
+            length_m: q,
+            joints_m: [y * (side * self.actual.b1) + n * -p.l, Vector3::new(T::ZERO, side * self.actual.a1, h)],
+            axes: [frame(u, y, u.cross(&y)), frame(u, z.cross(&u), z)],
         }
     }
 
     fn frame_3(&self, p: &Posture<T>, h: T) -> LimbFrame<T> {
         let (x, z) = Self::leaning_3(p, h);
-        let axes = [x, cross(z, x), z];
-        let platform = [self.actual.a2, T::ZERO, h];
-        let q = p.q[2];
-        let base = [platform[0] - q * z[0], platform[1] - q * z[1], platform[2] - q * z[2]];
-        LimbFrame { length_m: q, joints_m: [base, platform], axes: [axes, axes] }
+        let axes = frame(x, z.cross(&x), z);
+        let platform = Vector3::new(self.actual.a2, T::ZERO, h);
+        LimbFrame { length_m: p.q.z, joints_m: [platform - z * p.q.z, platform], axes: [axes, axes] }
     }
 }

@@ -25,7 +25,7 @@ pub(crate) struct Args {
 pub(crate) fn run(&Args { q_mm, beta_deg }: &Args, session: &mut Session) -> Result<Output> {
     let file = session.machine()?;
     let machine = file.machine;
-    let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3) };
+    let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3).into() };
     let what = format!("q = {}, {}, {} mm", q_mm[0], q_mm[1], q_mm[2]);
     let pose = machine.forward(&lengths).map_err(|e| match e {
         KinematicsError::OutOfTravel { limb } => {
@@ -57,13 +57,13 @@ fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<(St
     let refused = |e: ToolError| Failure::refused(tool_status(e), e.to_string());
     let (configuration, tool) = forward(&reach, &joint_values(q_mm, beta_deg))?;
     let home_share = reach.five.home_share(&configuration).map_err(refused)?;
-    let tip_mm = tool.tip_m.map(|v| v * 1e3);
+    let (tip_mm, axis): ([f64; 3], [f64; 3]) = ((tool.tip_m * 1e3).into(), tool.axis.into());
     let side = if home_share >= reach.margin() { "" } else { ": opposite working mode" };
-    let ([x, y, z], [i, j, k]) = (tip_mm, tool.axis);
+    let ([x, y, z], [i, j, k]) = (tip_mm, axis);
     Ok((
         format!(
             "tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  normalised determinant {home_share:.4}{side}\n"
         ),
-        json!({ "tip_mm": tip_mm, "axis": tool.axis, "home_share": home_share }),
+        json!({ "tip_mm": tip_mm, "axis": axis, "home_share": home_share }),
     ))
 }

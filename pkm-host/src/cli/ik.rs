@@ -95,7 +95,7 @@ fn of_pose(session: &mut Session, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
         let why = file.refusal(e, &pose);
         Failure::refused(status(e), format!("θ = {theta_deg}°, σ = {sigma_deg}°, Z0 = {z0_mm} mm: {why}"))
     })?;
-    let q_mm = lengths.q_m.map(|q| q * 1e3);
+    let q_mm: [f64; 3] = (lengths.q_m * 1e3).into();
     let (mut json, margins) = margins(&machine, &pose, &lengths)?;
     json["status"] = "ok".into();
     json["q_mm"] = json!(q_mm);
@@ -104,9 +104,10 @@ fn of_pose(session: &mut Session, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
 
 fn solution(reach: &Reach<'_>, hold: &Hold<f64>) -> Value {
     let [theta_deg, sigma_deg, z0_mm] = file_units(&hold.configuration.pose);
-    let [beta1_deg, beta2_deg] = hold.configuration.beta_rad.map(f64::to_degrees);
+    let [beta1_deg, beta2_deg] = hold.configuration.beta_rad.map(f64::to_degrees).into();
+    let q_mm: [f64; 3] = (hold.joints.lengths.q_m * 1e3).into();
     json!({
-        "q_mm": hold.joints.lengths.q_m.map(|q| q * 1e3),
+        "q_mm": q_mm,
         "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
         "beta1_deg": beta1_deg, "beta2_deg": beta2_deg,
         "home_share": hold.home_share,
@@ -115,13 +116,13 @@ fn solution(reach: &Reach<'_>, hold: &Hold<f64>) -> Value {
 }
 
 fn in_words(hold: &Hold<f64>) -> String {
-    let q = hold.joints.lengths.q_m.map(|q| q * 1e3);
+    let q = hold.joints.lengths.q_m * 1e3;
     let [theta, sigma, z0] = file_units(&hold.configuration.pose);
-    let [beta1, beta2] = hold.configuration.beta_rad.map(f64::to_degrees);
+    let [beta1, beta2] = hold.configuration.beta_rad.map(f64::to_degrees).into();
     format!(
         "q = {:.4} {:.4} {:.4} mm  β1 = {beta1:.6}°  β2 = {beta2:.6}°\n\
          θ = {theta:.6}°  σ = {sigma:.6}°  Z0 = {z0:.4} mm  normalised determinant {:.4}\n",
-        q[0], q[1], q[2], hold.home_share
+        q.x, q.y, q.z, hold.home_share
     )
 }
 
@@ -132,7 +133,7 @@ fn of_tool(session: &mut Session, args: &Args, tip_mm: [f64; 3], axis: [f64; 3])
     if axis == [0.0; 3] {
         return Err(Failure::usage("--axis: expected a direction, found 0, 0, 0"));
     }
-    let tool = Tool { tip_m: tip_mm.map(|v| v / 1e3), axis: unit(axis) };
+    let tool = Tool { tip_m: tip_mm.map(|v| v / 1e3).into(), axis: unit(axis).into() };
     let near = match args.near {
         None => reach.home(),
         Some([q1, q2, q3, beta1, beta2]) => {
@@ -166,7 +167,8 @@ fn of_tool(session: &mut Session, args: &Args, tip_mm: [f64; 3], axis: [f64; 3])
 }
 
 pub(super) fn joint_values(q_mm: [f64; 3], beta_deg: [f64; 2]) -> JointValues<f64> {
-    JointValues { lengths: ScrewLengths { q_m: q_mm.map(|q| q / 1e3) }, beta_rad: beta_deg.map(f64::to_radians) }
+    let lengths = ScrewLengths { q_m: q_mm.map(|q| q / 1e3).into() };
+    JointValues { lengths, beta_rad: beta_deg.map(f64::to_radians).into() }
 }
 
 pub(super) fn forward(reach: &Reach<'_>, joints: &JointValues<f64>) -> Result<(Configuration<f64>, Tool<f64>)> {

@@ -116,7 +116,7 @@ fn value_at(
 ) -> std::result::Result<map::Value, &'static str> {
     match solve_at(applied, machine, pose) {
         Ok(solved) => {
-            let principal = solved.factor.stiffness().principal();
+            let principal: [f64; 6] = solved.factor.stiffness().principal().into();
             let inside = solved.domain.map(|d| d == Domain::Inside);
             let finite = principal.iter().all(|k| k.is_finite());
             if finite { Ok(map::Value { principal, inside }) } else { Err("no_stiffness") }

@@ -84,7 +84,7 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
 }
 
 fn proposal_row((n, p): (usize, &Proposal)) -> Vec<String> {
-    let load = p.wrench.to_array().map(|v| v.to_string());
+    let load = <[f64; 6]>::from(p.wrench.to_vector()).map(|v| v.to_string());
     let load = load.into_iter().chain(DEFLECTION_COLUMNS.map(|_| String::new()));
     [format!("N{:02}", n + 1)].into_iter().chain(dataset::pose_cells(&p.pose)).chain(load).collect()
 }

@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         let seen = model.deflection(solved, &readings.poses[c.pose].pose, c).map_err(failed)?;
         let mut cells = row.to_cells();
         cells.resize(header.len(), String::new());
-        let micro = seen.to_array().map(|v| v * 1e6);
+        let micro: [f64; 6] = (seen.to_vector() * 1e6).into();
         for (column, value) in columns.iter().zip(micro) {
             cells[*column] = sheet.written(value);
         }

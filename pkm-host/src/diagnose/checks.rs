@@ -92,10 +92,7 @@ fn turned(observed: &mut [Option<f64>; CHANNELS], kind: usize, turn: &Matrix3<f6
 }
 
 fn turned_load(w: &Wrench<f64>, turn: &Matrix3<f64>, axial: f64) -> Wrench<f64> {
-    Wrench {
-        force_n: (turn * Vector3::from(w.force_n)).into(),
-        moment_nm: (turn * Vector3::from(w.moment_nm) * axial).into(),
-    }
+    Wrench { force_n: turn * w.force_n, moment_nm: turn * w.moment_nm * axial }
 }
 
 /// From B-xyz to A-uvw.
@@ -134,7 +131,7 @@ struct Taken {
 }
 
 /// All ways that are tried.
-fn other_ways(readings: &Readings, tip_m: [f64; 3]) -> Vec<Taken> {
+fn other_ways(readings: &Readings, tip_m: Vector3<f64>) -> Vec<Taken> {
     let mut all = Vec::new();
     // turns of translations, rotations and loads, by pose
     type Turns<'a> = &'a dyn Fn(&Pose<f64>) -> [Matrix3<f64>; 2];
@@ -176,10 +173,7 @@ fn other_ways(readings: &Readings, tip_m: [f64; 3]) -> Vec<Taken> {
     }
     let mut loaded = |how: &str, force: f64, moment: f64| {
         let mut other = readings.without(|_| false);
-        let scaled = |w: &Wrench<f64>| Wrench {
-            force_n: w.force_n.map(|f| f * force),
-            moment_nm: w.moment_nm.map(|m| m * moment),
-        };
+        let scaled = |w: &Wrench<f64>| Wrench { force_n: w.force_n * force, moment_nm: w.moment_nm * moment };
         for c in &mut other.conditions {
             (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
         }
@@ -193,17 +187,16 @@ fn other_ways(readings: &Readings, tip_m: [f64; 3]) -> Vec<Taken> {
         let mut elsewhere = |how: String, load_too: bool| {
             let mut other = readings.without(|_| false);
             for c in &mut other.conditions {
-                c.point_m = tip_m;
+                c.point_m = tip_m.into();
                 if !load_too {
                     // the same load, seen from there
-                    let back = tip_m.map(|x| -x);
-                    (c.wrench, c.turned_at) = (c.wrench.moved_to_a(back), c.turned_at.moved_to_a(back));
+                    (c.wrench, c.turned_at) = (c.wrench.moved_to_a(-tip_m), c.turned_at.moved_to_a(-tip_m));
                 }
             }
             all.push(Taken { how, readings: other, same_loads: false });
         };
-        let [u, v, w] = tip_m.map(|x| format!("{:.0}", x * 1e3));
-        let tip = format!("at the tool's tip (u, v, w = {u}, {v}, {w} mm)");
+        let mm = tip_m * 1e3;
+        let tip = format!("at the tool's tip (u, v, w = {:.0}, {:.0}, {:.0} mm)", mm.x, mm.y, mm.z);
         elsewhere(format!("as displacements {tip}"), false);
         elsewhere(format!("with displacements and loads {tip}"), true);
     }
@@ -227,7 +220,7 @@ pub fn taken_otherwise(
     whitener: &Whitener,
     model: &Model,
     readings: &Readings,
-    tip_m: [f64; 3],
+    tip_m: Vector3<f64>,
 ) -> Option<Warning> {
     let stiffnesses = problem.model.declared();
     let declared = vec![0.0; stiffnesses.len()];

@@ -201,7 +201,7 @@ impl Zone {
 /// Zones of the readings of one file with respect to those of another.
 pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
     let extent = extent(measured);
-    let components = |c: &Condition| c.wrench.to_array();
+    let components = |c: &Condition| <[f64; 6]>::from(c.wrench.to_vector());
     let loads: Vec<[f64; 6]> = measured.conditions.iter().map(components).collect();
     // a load is like a measured one when each component is: its own size, a zero, or a size between
     let known = |w: [f64; 6]| {

@@ -1,5 +1,6 @@
 //! What to measure next to tell rivals apart.
 
+use nalgebra::{Vector3, Vector6};
 use pkm_core::{Pose, Wrench};
 use pkm_diagnosis::design::{self, Rival};
 use pkm_diagnosis::{Noise, Rules};
@@ -28,9 +29,8 @@ pub struct Proposal {
 /// Loads along each axis either way, as great as those that were measured, and a fifth of them: light loads tell what
 /// depends on the load from what does not.
 fn loads(conditions: &[Condition]) -> Vec<Wrench<f64>> {
-    let largest = |pick: fn(&Wrench<f64>) -> [f64; 3]| {
-        conditions.iter().flat_map(|c| pick(&c.wrench)).map(f64::abs).fold(0.0, f64::max)
-    };
+    let largest =
+        |pick: fn(&Wrench<f64>) -> Vector3<f64>| conditions.iter().map(|c| pick(&c.wrench).amax()).fold(0.0, f64::max);
     let (force, moment) = (largest(|w| w.force_n), largest(|w| w.moment_nm));
     let mut loads = Vec::new();
     for axis in 0..6 {
@@ -39,14 +39,12 @@ fn loads(conditions: &[Condition]) -> Vec<Wrench<f64>> {
             if size == 0.0 {
                 continue;
             }
-            let unit = |first: usize| std::array::from_fn(|i| if i + first == axis { size } else { 0.0 });
-            loads.push(Wrench { force_n: unit(0), moment_nm: unit(3) });
+            let load = Vector6::from_fn(|i, _| if i == axis { size } else { 0.0 });
+            loads.push(Wrench::from_vector(load));
         }
     }
-    let light: Vec<_> = loads
-        .iter()
-        .map(|w| Wrench { force_n: w.force_n.map(|f| 0.2 * f), moment_nm: w.moment_nm.map(|m| 0.2 * m) })
-        .collect();
+    let light: Vec<_> =
+        loads.iter().map(|w| Wrench { force_n: w.force_n * 0.2, moment_nm: w.moment_nm * 0.2 }).collect();
     loads.extend(light);
     loads
 }

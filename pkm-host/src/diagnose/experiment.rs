@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use nalgebra::Vector3;
 use pkm_core::{Pose, Wrench};
 use pkm_diagnosis::{Candidate, Channel, CommonErrors, ForwardModel, Observations, Parameter, Reading, Unknown};
 
@@ -64,20 +65,19 @@ impl<'a> Experiment<'a> {
 
 /// Which way along its line a load acts.
 fn way(c: &Condition) -> f64 {
-    c.wrench.to_array().into_iter().find(|v| *v != 0.0).map_or(1.0, f64::signum)
+    c.wrench.to_vector().iter().find(|v| **v != 0.0).map_or(1.0, |v| v.signum())
 }
 
 /// The line of a load, whichever way along it and however large, and its pose.
 fn line(c: &Condition) -> (usize, Vec<i64>) {
-    let all = c.wrench.to_array();
+    let all = c.wrench.to_vector();
     let size = all.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
     (c.pose, all.iter().map(|v| (1e3 * way(c) * v / size).round() as i64).collect())
 }
 
 /// Unit turn of a vector about an axis.
-fn turned(v: [f64; 3], axis: usize) -> [f64; 3] {
-    let unit: [f64; 3] = std::array::from_fn(|i| f64::from(i == axis));
-    [unit[1] * v[2] - unit[2] * v[1], unit[2] * v[0] - unit[0] * v[2], unit[0] * v[1] - unit[1] * v[0]]
+fn turned(v: Vector3<f64>, axis: usize) -> Vector3<f64> {
+    Vector3::ith(axis, 1.0).cross(&v)
 }
 
 impl ForwardModel for Experiment<'_> {
@@ -104,7 +104,7 @@ impl ForwardModel for Experiment<'_> {
     fn common_errors(&self) -> Option<CommonErrors> {
         let lines: Option<Vec<Vec<f64>>> = (0..4)
             .map(|kind| {
-                let changed = |v: [f64; 3]| if kind < 3 { turned(v, kind) } else { v };
+                let changed = |v: Vector3<f64>| if kind < 3 { turned(v, kind) } else { v };
                 let conditions: Vec<Condition> = (self.conditions.iter())
                     .map(|c| {
                         let wrench =

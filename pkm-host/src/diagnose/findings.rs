@@ -132,7 +132,7 @@ pub fn residual_structure(readings: &Readings, observations: &Observations, resi
     let temperatures: Vec<f64> = readings.conditions.iter().map(|c| c.temperature_c).collect();
     let (low, high) = temperatures.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(*t), h.max(*t)));
     let fifths = |t: f64| if high > low { (5.0 * (t - low) / (high - low)) as i64 } else { 0 };
-    let unloading = |i: usize| condition(i).turned_at.to_array().iter().any(|f| *f != 0.0);
+    let unloading = |i: usize| condition(i).turned_at.to_vector().iter().any(|f| *f != 0.0);
     // what turns round with the load is taken with its sign
     let signed = |i: usize| if largest(i).1 < 0.0 { -1.0 } else { 1.0 };
     type Level<'a> = &'a dyn Fn(usize) -> i64;

@@ -80,7 +80,7 @@ impl Diagnosis {
             "next_measurements": self.proposals.iter().map(|p| {
                 let [theta_deg, sigma_deg, z0_mm] = written_units(&p.pose);
                 json!({ "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
-                    "wrench": p.wrench.to_array(), "separates": p.separates })
+                    "wrench": <[f64; 6]>::from(p.wrench.to_vector()), "separates": p.separates })
             }).collect::<Vec<_>>(),
             "alternatives": self.alternatives.iter()
                 .map(|(effects, probability)| json!({ "effects": effects, "probability": probability })).collect::<Vec<_>>(),

@@ -4,6 +4,7 @@
 
 use std::collections::HashMap;
 
+use nalgebra::Vector6;
 use pkm_core::effects::{EFFECTS, EffectInfo};
 use pkm_core::machine::Machine;
 use pkm_core::{MachineParameters, Pose, ScrewLengths, Wrench};
@@ -111,8 +112,8 @@ fn usual(file: &MachineFile) -> Option<Usual> {
     let factor = file.machine.stiffness(&pose).ok()?.factor().ok()?;
     let mut own = [0.0; 6];
     for (i, own) in own.iter_mut().enumerate() {
-        let unit = Wrench::from_array(std::array::from_fn(|k| f64::from(k == i)));
-        *own = factor.deflection(&unit).ok()?.to_array()[i];
+        let unit = Wrench::from_vector(Vector6::ith(i, 1.0));
+        *own = factor.deflection(&unit).ok()?.to_vector()[i];
     }
     let travel = &file.parameters.travel;
     let (short, long) = (travel.min_m[0], travel.max_m[0]);

@@ -40,7 +40,7 @@ fn below_tool(parameters: &MachineParameters) -> Option<Machine<f64>> {
 
 fn lower(machine: &Machine<f64>, pose: &Pose<f64>) -> Option<Matrix6<f64>> {
     let factor = machine.stiffness(pose).ok()?.factor().ok()?;
-    Some(Matrix6::from(factor.lower()).transpose())
+    Some(factor.lower())
 }
 
 impl Remainder {
@@ -163,14 +163,14 @@ impl Remainder {
             }
         }
         let k = l * s.cholesky().ok_or_else(failed)?.inverse() * l.transpose();
-        Ok(Stiffness::from_lower(&k.transpose().into()))
+        Ok(Stiffness::from_lower(&k))
     }
 }
 
 fn at_a(wrench: &Wrench<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    wrench.moved_to_a(point_m).to_array().into()
+    wrench.moved_to_a(point_m.into()).to_vector()
 }
 
 fn seen_at(d: &Vector6<f64>, point_m: [f64; 3]) -> Vector6<f64> {
-    Deflection::from_array((*d).into()).seen_at(point_m).to_array().into()
+    Deflection::from_vector(*d).seen_at(point_m.into()).to_vector()
 }

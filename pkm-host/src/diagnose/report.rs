@@ -166,7 +166,7 @@ fn tensions(machine: &Machine<f64>, c: &Condition, pose: &pkm_core::Pose<f64>) -
         q[limb] += step;
         machine.forward(&ScrewLengths { q_m: q }).ok()
     };
-    let w = c.wrench.moved_to_a(c.point_m);
+    let w = c.wrench.moved_to_a(c.point_m.into());
     let mut tension = [0.0; 3];
     for (limb, tension) in tension.iter_mut().enumerate() {
         let (a, b) = (place(limb, STEP)?, place(limb, -STEP)?);

@@ -1,5 +1,6 @@
 //! What a sensor reads on a machine with given parameters: the core's deflection, and errors of the measurement.
 
+use nalgebra::Vector3;
 use pkm_core::effects::{EFFECTS, MAX_PARAMETERS};
 use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
 
@@ -31,11 +32,8 @@ impl State {
         let machine = Machine::<f64>::new(&self.machine).ok()?;
         let [rotation, scale, gain, point] = self.measurement;
         let loaded = |w: &Wrench<f64>, at: [f64; 3]| {
-            let w = Wrench {
-                force_n: w.force_n.map(|f| f * (1.0 + gain[0])),
-                moment_nm: w.moment_nm.map(|m| m * (1.0 + gain[1])),
-            };
-            w.moved_to_a([at[0] + point[0], at[1] + point[1], at[2] + point[2]])
+            let w = Wrench { force_n: w.force_n * (1.0 + gain[0]), moment_nm: w.moment_nm * (1.0 + gain[1]) };
+            w.moved_to_a(Vector3::new(at[0] + point[0], at[1] + point[1], at[2] + point[2]))
         };
         let on = |ids: &[&str]| {
             let parameters = self.machine.effects.parameters;
@@ -66,8 +64,8 @@ impl State {
             if grows {
                 d = d.plus(&machine.thermal_deflection(pose, c.rise_k).ok()?);
             }
-            let d = d.seen_at(c.point_m);
-            let turned = |v: [f64; 3], scale: f64| -> [f64; 3] {
+            let d = d.seen_at(c.point_m.into());
+            let turned = |v: Vector3<f64>, scale: f64| -> [f64; 3] {
                 let [x, y, z, ..] = rotation;
                 [
                     (v[0] + y * v[2] - z * v[1]) * (1.0 + scale),

@@ -30,7 +30,7 @@ const POSES: [[f64; 3]; 7] = [
 fn condition(pose: usize, wrench: [f64; 6]) -> Condition {
     Condition {
         pose,
-        wrench: Wrench::from_array(wrench),
+        wrench: Wrench::from_vector(wrench.into()),
         point_m: [0.0; 3],
         turned_at: Wrench::ZERO,
         temperature_c: REFERENCE_C,
@@ -97,7 +97,7 @@ fn loads(poses: usize) -> Vec<Condition> {
 fn deflection(file: &MachineFile, pose: usize, wrench: [f64; 6]) -> [f64; 6] {
     let [theta, sigma, z0] = POSES[pose];
     let factor = file.machine.stiffness(&pose_of(theta, sigma, z0)).unwrap().factor().unwrap();
-    factor.deflection(&Wrench::from_array(wrench)).unwrap().to_array()
+    factor.deflection(&Wrench::from_vector(wrench.into())).unwrap().to_vector().into()
 }
 
 /// One reading of every condition, each its own series, as the model has it at `x`.
@@ -173,7 +173,7 @@ fn gains_of_loads_are_those_of_the_deflection() {
     for (n, c) in data.conditions.iter().enumerate() {
         // 5 % is one standard deviation
         let ([a, b, c0], [d, e, f]) =
-            (c.wrench.force_n.map(|f| f * 1.07), c.wrench.moment_nm.map(|m| m * (1.0 - 0.8 * 0.05)));
+            ((c.wrench.force_n * 1.07).into(), (c.wrench.moment_nm * (1.0 - 0.8 * 0.05)).into());
         close(&found[n * CHANNELS..][..CHANNELS], &deflection(&file, c.pose, [a, b, c0, d, e, f]), 1e-12);
     }
 }
@@ -238,7 +238,7 @@ fn load_columns(file: &MachineFile, data: &Readings, line: &[usize]) -> DMatrix<
             2 => [-v[1], v[0], 0.0],
             _ => v,
         };
-        let ([a, b, c0], [d, f, g]) = (turned(c.wrench.force_n), turned(c.wrench.moment_nm));
+        let ([a, b, c0], [d, f, g]) = (turned(c.wrench.force_n.into()), turned(c.wrench.moment_nm.into()));
         deflection(file, c.pose, [a, b, c0, d, f, g])[channel]
     })
 }
@@ -265,7 +265,7 @@ fn errors_of_a_load_move_all_readings_under_it() {
         let truth = truth.view((a * CHANNELS, 4 * line[a]), (CHANNELS, 4)).clone_owned();
         close(own.as_slice(), truth.as_slice(), 1e-6);
         // half of the variance that nobody declares is another error for each way along the line
-        let force = data.conditions[a].wrench.to_array();
+        let force = data.conditions[a].wrench.to_vector();
         let (there, other) = if force.iter().find(|v| **v != 0.0) > Some(&0.0) { (4, 8) } else { (8, 4) };
         for k in 0..4 {
             let at = |column: usize| &found.columns[column + k][a * CHANNELS..][..CHANNELS];

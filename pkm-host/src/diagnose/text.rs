@@ -118,7 +118,8 @@ pub fn load(w: &Wrench<f64>) -> String {
         let parts = names.into_iter().zip(values).filter(|(_, v)| *v != 0.0);
         parts.map(|(n, v)| format!("{n} {v:.0} {unit}").replace('-', "−")).collect::<Vec<_>>()
     };
-    let parts = [of(["Fx", "Fy", "Fz"], w.force_n, "N"), of(["Mx", "My", "Mz"], w.moment_nm, "N·m")].concat();
+    let parts =
+        [of(["Fx", "Fy", "Fz"], w.force_n.into(), "N"), of(["Mx", "My", "Mz"], w.moment_nm.into(), "N·m")].concat();
     if parts.is_empty() { "none".into() } else { parts.join(", ") }
 }
 
@@ -132,7 +133,7 @@ mod tests {
         assert_eq!(amplitude("axial_m_per_n", 5.2e-9, None), "axial 5.20 nm/N");
         assert_eq!(amplitude("error_m", -4e-3, None), "error -4.00 mm");
         assert_eq!(amplitude("forces", 0.05, None), "forces 5.00 %");
-        let w = Wrench { force_n: [-400.0, 0.0, 0.0], moment_nm: [0.0, 0.0, 25.0] };
+        let w = Wrench::from_vector([-400.0, 0.0, 0.0, 0.0, 0.0, 25.0].into());
         assert_eq!(load(&w), "Fx −400 N, Mz 25 N·m");
     }
 }

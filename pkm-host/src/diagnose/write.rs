@@ -137,7 +137,7 @@ pub fn table(
         let own = poses.iter().map(|p| machine.stiffness(&p.pose));
         own.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Failure::other(e.to_string()))
     })?;
-    let targets = stiffnesses.iter().map(|k| Target { principal: k.principal(), full: Some(*k) }).collect();
+    let targets = stiffnesses.iter().map(|k| Target { principal: k.principal().into(), full: Some(*k) }).collect();
     let data = StiffnessData { source: readings.source.clone(), poses, targets, warnings: Vec::new() };
     let fit = fit::fit(fit::samples(&machine, data)?, None, TermChoice::Full)?;
     let trained = fit::evaluate(&fit.training, &machine, improved.wrist_parameters.tip_at_zero_m(), &fit.numbers)?;

@@ -53,7 +53,7 @@ impl Solved {
 
     /// As the core's type.
     pub fn stiffness(&self) -> Stiffness<f64> {
-        Stiffness::from_lower(&std::array::from_fn(|i| std::array::from_fn(|j| self.k[(i, j)])))
+        Stiffness::from_lower(&self.k)
     }
 }
 

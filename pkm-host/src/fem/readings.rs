@@ -131,12 +131,12 @@ impl Loads {
         let mut rows = Vec::new();
         for (row, reading) in self.sheet.rows.iter().zip(&self.readings.readings) {
             let c = &self.readings.conditions[reading.condition];
-            let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m);
+            let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m.into());
             let deflection = of_pose[c.pose].deflection(&at_a).map_err(|e| {
                 Failure::input(format!("no deflection: {e}")).in_file(&self.sheet.source.name).at_line(row.line)
             })?;
-            let seen = deflection.seen_at(c.point_m);
-            let micro = seen.to_array().map(|v| v * 1e6);
+            let seen = deflection.seen_at(c.point_m.into());
+            let micro = seen.to_vector() * 1e6;
             let mut cells = row.to_cells();
             cells.resize(header.len(), String::new());
             for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {

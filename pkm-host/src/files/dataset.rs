@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use nalgebra::Matrix6;
 use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
 use crate::error::{Failure, Result, status};
@@ -82,7 +83,7 @@ impl Sheet {
         };
         let values = self.numbers(row, columns)?;
         let pose = if lengths {
-            let q_m = values.map(|mm| mm / 1e3);
+            let q_m = values.map(|mm| mm / 1e3).into();
             let forward = machine.machine.forward(&ScrewLengths { q_m });
             forward.map_err(|e| match e {
                 KinematicsError::OutOfTravel { limb } => {
@@ -203,7 +204,7 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
                 return Err(sheet.failure(row, message).at_column(name));
             }
         }
-        let k = Stiffness::from_lower(&lower);
+        let k = Stiffness::from_lower(&Matrix6::from_fn(|i, j| lower[i][j]));
         match k.factor() {
             Ok(_) => Ok(Target { principal, full: Some(k) }),
             Err(_) => Err(sheet

@@ -263,8 +263,8 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
         return fail(raw.name.span(), "series.name", "expected a name of one line of ordinary text");
     }
     let w = raw.wrench.get_ref();
-    let wrench = Wrench::from_array([w.fx_n, w.fy_n, w.fz_n, w.mx_nm, w.my_nm, w.mz_nm]);
-    if !wrench.to_array().iter().all(|v| v.abs() <= MOST_LOAD) {
+    let wrench = Wrench::from_vector([w.fx_n, w.fy_n, w.fz_n, w.mx_nm, w.my_nm, w.mz_nm].into());
+    if !wrench.to_vector().iter().all(|v| v.abs() <= MOST_LOAD) {
         return fail(
             raw.wrench.span(),
             format!("series.{name}.wrench"),

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
+use nalgebra::Vector3;
 use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::{
     Body, BodyKind, End, Geometry, Joint, LimbParameters, MachineError, Member, Parameter, Problem, Travel, Tube,
@@ -412,6 +413,6 @@ fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> 
     };
     (0..(STEPS + 1).pow(3)).any(|n| {
         let steps = [n % (STEPS + 1), n / (STEPS + 1) % (STEPS + 1), n / (STEPS + 1).pow(2)];
-        machine.forward(&ScrewLengths { q_m: std::array::from_fn(|i| length(i, steps[i])) }).is_ok()
+        machine.forward(&ScrewLengths { q_m: Vector3::from_fn(|i, _| length(i, steps[i])) }).is_ok()
     })
 }

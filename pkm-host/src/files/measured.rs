@@ -133,10 +133,10 @@ impl Columns {
         };
         let (point_m, load_m) = (point(self.has_point, POINT_COLUMNS), point(self.has_load_point, LOAD_POINT_COLUMNS));
         let case = pose.zip(wrench).zip(point_m.zip(load_m)).map(|((pose, wrench), (point_m, load_m))| {
-            let given = Wrench::from_array(wrench);
+            let given = Wrench::from_vector(wrench.into());
             // from here on both are at one point
             let lever: [f64; 3] = std::array::from_fn(|i| load_m[i] - point_m[i]);
-            let wrench = if self.has_load_point { given.moved_to_a(lever) } else { given };
+            let wrench = if self.has_load_point { given.moved_to_a(lever.into()) } else { given };
             LoadCase { pose, wrench, point_m }
         });
         (case, wrong)

@@ -23,8 +23,8 @@ pub struct Move {
 
 /// A share of the way from one wrench to another.
 pub fn part_of([a, b]: &[Wrench<f64>; 2], share: f64) -> Wrench<f64> {
-    let part = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
-    Wrench { force_n: part(a.force_n, b.force_n), moment_nm: part(a.moment_nm, b.moment_nm) }
+    let (a, b) = (a.to_vector(), b.to_vector());
+    Wrench::from_vector(a + (b - a) * share)
 }
 
 impl Move {

@@ -87,7 +87,7 @@ struct History {
 }
 
 fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
-    a.to_array().iter().zip(b.to_array()).map(|(a, b)| a * b).sum()
+    a.to_vector().iter().zip(&b.to_vector()).map(|(a, b)| a * b).sum()
 }
 
 /// Lever at which a moment counts like a force, m.
@@ -98,7 +98,7 @@ const SAME_LOAD: f64 = 0.02;
 /// Whether two wrenches are of one nominal load: a load cell records each repeat a little differently.
 fn are_repeats(a: &Wrench<f64>, b: &Wrench<f64>) -> bool {
     let forces = |w: &Wrench<f64>| {
-        let [x, y, z, mx, my, mz] = w.to_array();
+        let [x, y, z, mx, my, mz] = w.to_vector().into();
         [x, y, z, mx / LEVER_M, my / LEVER_M, mz / LEVER_M]
     };
     let (a, b) = (forces(a), forces(b));
@@ -118,8 +118,7 @@ impl History {
             "unload" if !came_down && before > 0.0 => self.turned_at = self.last,
             "unload" if !came_down => {
                 // nothing known of the peak: some way above
-                let up = |v: [f64; 3]| v.map(|f| 2.0 * f);
-                self.turned_at = Wrench { force_n: up(load.force_n), moment_nm: up(load.moment_nm) };
+                self.turned_at = Wrench::from_vector(load.to_vector() * 2.0);
             }
             "load" => self.turned_at = Wrench::ZERO,
             "" if shrinking && !came_down => self.turned_at = self.last,
@@ -257,7 +256,7 @@ impl Readings {
             let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
             let temperature_c = optional(sheet, row, "temperature_c")?.unwrap_or(REFERENCE_C);
 
-            let unloaded = case.wrench.to_array().iter().all(|f| *f == 0.0);
+            let unloaded = case.wrench.to_vector().iter().all(|f| *f == 0.0);
             let history = histories.entry(series).or_insert_with(|| History {
                 last: Wrench::ZERO,
                 turned_at: Wrench::ZERO,
@@ -273,9 +272,9 @@ impl Readings {
                 temperature_c,
                 rise_k: if has_temperature { temperature_c - history.zero_temperature_c } else { 0.0 },
             };
-            let mut key = bits(&case.wrench.to_array());
+            let mut key = bits(case.wrench.to_vector().as_slice());
             key.extend(bits(&case.point_m));
-            key.extend(bits(&history.turned_at.to_array()));
+            key.extend(bits(history.turned_at.to_vector().as_slice()));
             key.push(pose as u64);
             let mut place = bits(&case.point_m);
             place.push(pose as u64);

@@ -65,7 +65,7 @@ impl ToolPath {
             return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
         }
         if is_program {
-            let program = Program::parse_with(&source, wrench.map(Wrench::from_array), setup)?;
+            let program = Program::parse_with(&source, wrench.map(|w| Wrench::from_vector(w.into())), setup)?;
             return Ok((Self::Program(program), source));
         }
         if wrench.is_some() {
@@ -117,7 +117,7 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
         if [i, j, k] == [0.0; 3] {
             return Err(sheet.failure(row, "i, j, k are all 0 and give the tool no direction").at_column("i"));
         }
-        let wrench = Wrench::from_array(sheet.load(row)?);
+        let wrench = Wrench::from_vector(sheet.load(row)?.into());
         let to = Place { tip_m: [x, y, z].map(|v| v / 1e3), toward: Toward::Axis([i, j, k]) };
         let before = moves.last().map_or(wrench, |m| m.wrench[1]);
         moves.push(Move {
@@ -142,7 +142,7 @@ fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
             let mut cells = row.to_cells();
             let Toward::Axis(axis) = point.place.toward else { continue };
             let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
-            let wrench = point.wrench.to_array();
+            let wrench: [f64; 6] = point.wrench.to_vector().into();
             // a row's own wrench stays as it was written
             let values = tip.into_iter().chain(axis).chain(wrench);
             let values = if n + 1 == points.len() { values.take(6) } else { values.take(12) };

@@ -1,5 +1,6 @@
 //! How well the basic model and a table agree with stiffness data (paper, Eqs. 13 and 14).
 
+use nalgebra::{Matrix6, Vector3, Vector6};
 use pkm_core::{Domain, Machine, Stiffness, Wrench};
 use serde::Serialize;
 
@@ -106,21 +107,21 @@ pub struct Evaluation {
 }
 
 /// Displacements of a point under the six unit loads there, rotations times [`ROTATION_ARM_M`].
-fn unit_deflections(k: &Stiffness<f64>, at_m: [f64; 3]) -> Option<[[f64; 6]; 6]> {
+fn unit_deflections(k: &Stiffness<f64>, at_m: Vector3<f64>) -> Option<[[f64; 6]; 6]> {
     let factor = k.factor().ok()?;
     let mut columns = [[0.0; 6]; 6];
     for (i, column) in columns.iter_mut().enumerate() {
-        let unit: [f64; 6] = std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
-        let d = factor.deflection(&Wrench::from_array(unit).moved_to_a(at_m)).ok()?.seen_at(at_m);
-        let r = d.rotation_rad.map(|r| r * ROTATION_ARM_M);
-        *column = [d.translation_m[0], d.translation_m[1], d.translation_m[2], r[0], r[1], r[2]];
+        let unit = Wrench::from_vector(Vector6::ith(i, 1.0));
+        let d = factor.deflection(&unit.moved_to_a(at_m)).ok()?.seen_at(at_m);
+        let (d, r) = (d.translation_m, d.rotation_rad * ROTATION_ARM_M);
+        *column = [d.x, d.y, d.z, r.x, r.y, r.z];
     }
     Some(columns)
 }
 
 fn deflection_error(
     samples: &[Sample],
-    at_m: [f64; 3],
+    at_m: Vector3<f64>,
     model: impl Fn(&Sample) -> Option<Stiffness<f64>>,
 ) -> Option<DeflectionError> {
     let errors = samples
@@ -146,14 +147,14 @@ fn deflection_error(
 pub fn evaluate(
     samples: &[Sample],
     machine: &Machine<f64>,
-    tip_m: [f64; 3],
+    tip_m: Vector3<f64>,
     numbers: &TableNumbers,
 ) -> Result<Evaluation> {
     let table = numbers.table()?;
     let corrected = |sample: &Sample| table.diagonal_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let factored = |sample: &Sample| table.factor_form(machine, &sample.pose.pose).map(|c| c.factor.stiffness());
     let relative =
-        |k: [f64; 6], a: [f64; 6]| -> [f64; 6] { std::array::from_fn(|i| 100.0 * (k[i] - a[i]).abs() / a[i]) };
+        |k: Vector6<f64>, a: [f64; 6]| -> [f64; 6] { std::array::from_fn(|i| 100.0 * (k[i] - a[i]).abs() / a[i]) };
     let (mut improved, mut basic, mut factor, mut me) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for sample in samples {
         let refused = |e: pkm_core::CorrectionError| {
@@ -186,10 +187,9 @@ pub fn evaluate(
     }
     let literal = |sample: &Sample| {
         let k = corrected(sample).ok()?.principal();
-        let diagonal = std::array::from_fn(|i| std::array::from_fn(|j| if i == j { k[i] } else { 0.0 }));
-        Some(Stiffness::from_lower(&diagonal))
+        Some(Stiffness::from_lower(&Matrix6::from_diagonal(&k)))
     };
-    let under_load = |at_m: [f64; 3]| DeflectionErrors {
+    let under_load = |at_m: Vector3<f64>| DeflectionErrors {
         basic: deflection_error(samples, at_m, |s| Some(s.basic)),
         diagonal: deflection_error(samples, at_m, |s| corrected(s).ok()),
         diagonal_literal: deflection_error(samples, at_m, literal),
@@ -205,7 +205,7 @@ pub fn evaluate(
         },
         basic: Basic { re_percent: Statistics::new(&basic) },
         factor: table.has_factor_form().then(|| Basic { re_percent: Statistics::new(&factor) }),
-        deflection_percent: under_load([0.0; 3]),
+        deflection_percent: under_load(Vector3::zeros()),
         tip_deflection_percent: under_load(tip_m),
     })
 }

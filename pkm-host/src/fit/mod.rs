@@ -4,7 +4,7 @@ mod evaluate;
 
 use std::collections::BTreeSet;
 
-use nalgebra::{DMatrix, DVector, Matrix6};
+use nalgebra::{DMatrix, DVector};
 use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
 use pkm_core::{Basis, Machine, Stiffness};
 
@@ -184,8 +184,7 @@ impl Sample {
 
     /// Lower triangle, row by row, of G = chol(L⁻¹ K_a L⁻ᵀ), K_p = L Lᵀ.
     fn factor_entries(&self) -> Option<[f64; FACTOR_ENTRIES]> {
-        let l = Matrix6::from(self.basic.factor().ok()?.lower()).transpose();
-        let target = Matrix6::from(self.target.full?.matrix());
+        let (l, target) = (self.basic.factor().ok()?.lower(), self.target.full?.matrix());
         let half = l.solve_lower_triangular(&target)?;
         let inner = l.solve_lower_triangular(&half.transpose())?;
         let g = ((inner + inner.transpose()) * 0.5).cholesky()?.l();

@@ -89,8 +89,8 @@ fn demand(rng: &mut Rng, pose_box: &PoseBox, arithmetic: Arithmetic) -> Demand {
     Demand {
         arithmetic,
         pose: Pose { theta_rad, sigma_rad, z0_m },
-        wrench_at_tip: Wrench { force_n, moment_nm },
-        tip_m,
+        wrench_at_tip: Wrench { force_n: force_n.into(), moment_nm: moment_nm.into() },
+        tip_m: tip_m.into(),
     }
 }
 

@@ -180,13 +180,10 @@ impl Walk<'_> {
         let hold = self.reach.stand(command, near)?;
         let tool = self.reach.five.tool(&hold.configuration)?;
         let moved = self.reach.five.deflection(self.table(), &hold.configuration, wrench)?;
-        let ([rx, ry, rz], [i, j, k]) = (moved.rotation_rad, tool.axis);
-        let swing = [ry * k - rz * j, rz * i - rx * k, rx * j - ry * i];
-        let off = |now: [f64; 3], by: [f64; 3], goal: [f64; 3]| std::array::from_fn(|i| now[i] + by[i] - goal[i]);
         Ok(LoadedTool {
             hold,
-            tip_off_m: off(tool.tip_m, moved.translation_m, asked.tip_m),
-            axis_off: off(tool.axis, swing, asked.axis),
+            tip_off_m: (tool.tip_m + moved.translation_m - asked.tip_m).into(),
+            axis_off: (tool.axis + moved.rotation_rad.cross(&tool.axis) - asked.axis).into(),
             domain: moved.domain,
         })
     }
@@ -222,11 +219,11 @@ impl Walk<'_> {
         let configuration = command.hold.configuration;
         let Tool { tip_m, axis } = tool_at(&configuration)?;
         let toward = match asked.toward {
-            Toward::Axis(_) => Toward::Axis(axis),
-            Toward::Wrist(_) => Toward::Wrist(configuration.beta_rad),
-            Toward::Head(head, angles) => Toward::Head(head, head.angles(axis, angles)),
+            Toward::Axis(_) => Toward::Axis(axis.into()),
+            Toward::Wrist(_) => Toward::Wrist(configuration.beta_rad.into()),
+            Toward::Head(head, angles) => Toward::Head(head, head.angles(axis.into(), angles)),
         };
-        let place = rounded(&Place { tip_m, toward }, self.in_program);
+        let place = rounded(&Place { tip_m: tip_m.into(), toward }, self.in_program);
         let failed = |e| self.failure(e, self.reach.stand_anywhere(&place, &configuration));
         let before = self.met(asked, wrench, &tool, near).map_err(failed)?;
         let after = self.met(&place, wrench, &tool, &configuration).map_err(failed)?;
@@ -346,7 +343,8 @@ pub fn walk<'a>(
                 PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
             let hold = match asked.toward.axis() {
                 Some(axis) if before.is_none() => {
-                    walk.reach.nearest(&Tool { tip_m: asked.tip_m, axis }, &near).map_err(|f| walk.here(f))?
+                    let tool = Tool { tip_m: asked.tip_m.into(), axis: axis.into() };
+                    walk.reach.nearest(&tool, &near).map_err(|f| walk.here(f))?
                 }
                 _ => walk
                     .reach

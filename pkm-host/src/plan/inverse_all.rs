@@ -5,6 +5,7 @@
 //! θ from the others, in two ways at the most; left is one equation in β2, e·w = C2. It holds twice at β2 = 0 whatever the tool,
 //! which is divided away, and its roots are bracketed.
 
+use nalgebra::{Vector2, Vector3};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
 
@@ -19,8 +20,8 @@ const NEAR_ZERO: f64 = 1e-7;
 struct ToolEquation<'a> {
     wrist: &'a WristParameters,
     core: &'a Wrist<f64>,
-    tip: [f64; 3],
-    axis: [f64; 3],
+    tip: Vector3<f64>,
+    axis: Vector3<f64>,
 }
 
 /// Sine and cosine of an angle.
@@ -29,9 +30,9 @@ type Turn = (f64, f64);
 impl ToolEquation<'_> {
     /// The equation's left side, and on the right what stands at u and at w.
     fn sides(&self, sin: f64, cos: f64) -> ([f64; 3], [f64; 2]) {
-        let [r, h] = self.core.arm_m(sin, cos);
-        let left = [0, 1, 2].map(|i| sin * self.tip[i] + r * self.axis[i]);
-        (left, [sin * self.wrist.offset_m, sin * h + r * cos])
+        let [r, h] = self.core.arm_m(sin, cos).into();
+        let left = self.tip * sin + self.axis * r;
+        (left.into(), [sin * self.wrist.offset_m, sin * h + r * cos])
     }
 
     /// How a β2 asks the platform to be turned: θ and σ.
@@ -52,8 +53,8 @@ impl ToolEquation<'_> {
     /// (C2 − e·w) / S2²; NaN where the platform cannot be turned so.
     fn off(&self, beta2: f64, side: f64) -> f64 {
         let Some((theta, sigma)) = self.platform(beta2, side) else { return f64::NAN };
-        let [_, _, w] = platform_axes(theta, sigma);
-        let apart2: f64 = w.iter().zip(self.axis).map(|(w, e)| (w - e) * (w - e)).sum();
+        let platform = platform_axes(theta, sigma);
+        let apart2 = (platform.column(2) - self.axis).norm_squared();
         // 1 − e·w and 1 − C2 by what vanishes with β2, or nothing would be left of their difference
         let (sin, half) = (beta2.sin(), (beta2 / 2.0).sin());
         (apart2 / 2.0 - 2.0 * half * half) / (sin * sin)
@@ -62,17 +63,16 @@ impl ToolEquation<'_> {
     fn configuration(&self, beta2: f64, side: f64) -> Option<Configuration<f64>> {
         let (theta, sigma) = self.platform(beta2, side)?;
         let ((sin_theta, cos_theta), (sin_sigma, cos_sigma)) = (theta, sigma);
-        let [u, v, w] = platform_axes(theta, sigma);
+        let platform = platform_axes(theta, sigma);
         let (sin, cos) = beta2.sin_cos();
-        let [r, h] = self.core.arm_m(sin, cos);
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let l = (dot(self.tip, w) - h) / cos_sigma;
-        let from_a = [self.tip[0] - l * sin_theta, self.tip[1], self.tip[2] - l * cos_theta];
+        let [r, h] = self.core.arm_m(sin, cos).into();
+        let l = (self.tip.dot(&platform.column(2)) - h) / cos_sigma;
+        let from_a = self.tip - Vector3::new(sin_theta, 0.0, cos_theta) * l;
         // both tip and axis show where the arm points, each well where the other may not
-        let c = [u, v].map(|axis| r * dot(from_a, axis) - sin * dot(self.axis, axis));
+        let c = [0, 1].map(|i| platform.column(i)).map(|axis| r * from_a.dot(&axis) - sin * self.axis.dot(&axis));
         let beta1 = c[1].atan2(c[0] - r * self.wrist.offset_m);
         let pose = Pose { theta_rad: sin_theta.atan2(cos_theta), sigma_rad: sin_sigma.asin(), z0_m: l * cos_theta };
-        Some(Configuration { pose, beta_rad: [beta1, beta2] })
+        Some(Configuration { pose, beta_rad: Vector2::new(beta1, beta2) })
     }
 
     /// What has to be positive for a σ and a θ: smooth in β2, unlike their roots, which turn sharply where they are small.
@@ -177,8 +177,7 @@ fn least(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 
 /// Every configuration within travel and limits that holds a tool, in either working mode (see `home_share`), by β2.
 pub fn inverse_all(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Tool<f64>) -> Vec<Hold<f64>> {
-    let size = tool.axis.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let equation = ToolEquation { wrist, core: five.wrist, tip: tool.tip_m, axis: tool.axis.map(|v| v / size) };
+    let equation = ToolEquation { wrist, core: five.wrist, tip: tool.tip_m, axis: tool.axis / tool.axis.norm() };
     let mut found: Vec<Hold<f64>> = Vec::new();
     let breaks = equation.stretches();
     for side in [1.0, -1.0] {
@@ -186,8 +185,7 @@ pub fn inverse_all(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Too
             let Some(configuration) = equation.configuration(beta2, side) else { continue };
             let Ok(held) = five.tool(&configuration) else { continue };
             // a crossing may be a jump
-            let off = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max);
-            if off(held.tip_m, equation.tip) > 1e-6 || off(held.axis, equation.axis) > 1e-6 {
+            if (held.tip_m - equation.tip).amax() > 1e-6 || (held.axis - equation.axis).amax() > 1e-6 {
                 continue;
             }
             let (Ok(joints), Ok(home_share)) = (five.joints(&configuration), five.home_share(&configuration)) else {
@@ -204,6 +202,6 @@ pub fn inverse_all(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Too
             }
         }
     }
-    found.sort_by(|a, b| a.configuration.beta_rad[1].total_cmp(&b.configuration.beta_rad[1]));
+    found.sort_by(|a, b| a.configuration.beta_rad.y.total_cmp(&b.configuration.beta_rad.y));
     found
 }

@@ -99,7 +99,7 @@ impl Model {
                 let failed = |e: String| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line);
                 let machine = self.machine.machine.at_temperature(temperature_c).map_err(|e| failed(e.to_string()))?;
                 let solved = solve_at(&table, &machine, &p.pose).map_err(|e| failed(e.to_string()))?;
-                if solved.factor.stiffness().matrix().as_flattened().iter().all(|k| k.is_finite()) {
+                if solved.factor.stiffness().matrix().iter().all(|k| k.is_finite()) {
                     Ok(solved)
                 } else {
                     Err(failed("the table gives a stiffness that is not finite".into()))
@@ -119,10 +119,10 @@ impl Model {
         c: &Condition,
     ) -> std::result::Result<Deflection<f64>, StiffnessError> {
         let machine = &self.machine.machine;
-        let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m);
+        let at_a: Wrench<f64> = c.wrench.moved_to_a(c.point_m.into());
         let linear = solved.factor.deflection(&at_a)?;
-        let extra = machine.load_dependent_deflection(pose, &at_a, &c.turned_at.moved_to_a(c.point_m))?;
-        Ok(linear.plus(&extra).plus(&machine.thermal_deflection(pose, c.rise_k)?).seen_at(c.point_m))
+        let extra = machine.load_dependent_deflection(pose, &at_a, &c.turned_at.moved_to_a(c.point_m.into()))?;
+        Ok(linear.plus(&extra).plus(&machine.thermal_deflection(pose, c.rise_k)?).seen_at(c.point_m.into()))
     }
 }
 

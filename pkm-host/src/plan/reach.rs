@@ -1,5 +1,6 @@
 //! Holding a tool: which of the ways is taken, and by how much there is none.
 
+use nalgebra::Vector2;
 use pkm_core::{
     Configuration, FiveAxis, Hold, JointValues, KinematicsError, Machine, Pose, Tool, ToolError, Wrist, WristParameters,
 };
@@ -48,7 +49,7 @@ impl<'a> Reach<'a> {
     /// The zero pose: θ = σ = β1 = β2 = 0, Z0 in the middle of the box.
     pub fn home(&self) -> Configuration<f64> {
         let z0_m = self.file.wrist_parameters.home_z0_m;
-        Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m }, beta_rad: [0.0; 2] }
+        Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m }, beta_rad: Vector2::zeros() }
     }
 
     /// Least normalised Jacobian determinant, as the machine file has it.
@@ -60,7 +61,7 @@ impl<'a> Reach<'a> {
     fn apart(&self, a: &Configuration<f64>, b: &Configuration<f64>) -> f64 {
         let all = |c: &Configuration<f64>| {
             let z0 = c.pose.z0_m / self.file.wrist_parameters.home_z0_m;
-            [c.pose.theta_rad, c.pose.sigma_rad, z0, c.beta_rad[0], c.beta_rad[1]]
+            [c.pose.theta_rad, c.pose.sigma_rad, z0, c.beta_rad.x, c.beta_rad.y]
         };
         all(a).iter().zip(all(b)).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
     }
@@ -132,7 +133,7 @@ impl<'a> Reach<'a> {
     pub(crate) fn excess(&self, joints: &JointValues<f64>) -> (f64, String) {
         let (mut sum, mut words) = (0.0, Vec::new());
         let travel = &self.file.parameters.travel;
-        for (i, q) in joints.lengths.q_m.into_iter().enumerate() {
+        for (i, q) in joints.lengths.q_m.iter().enumerate() {
             let by = (travel.min_m[i] - q).max(q - travel.max_m[i]);
             if by > 0.0 {
                 sum += by / self.file.wrist_parameters.home_z0_m;
@@ -145,7 +146,7 @@ impl<'a> Reach<'a> {
             }
         }
         let wrist = &self.file.wrist_parameters;
-        for (i, beta) in joints.beta_rad.into_iter().enumerate() {
+        for (i, &beta) in joints.beta_rad.iter().enumerate() {
             let by = (wrist.min_rad[i] - beta).max(beta - wrist.max_rad[i]);
             if by > 0.0 {
                 sum += by;
@@ -162,7 +163,7 @@ impl<'a> Reach<'a> {
     fn farthest(&self, tool: &Tool<f64>) -> Option<Tool<f64>> {
         let mut near = self.home();
         let home = self.five.tool(&near).ok()?;
-        let place = |tool: &Tool<f64>| Place { tip_m: tool.tip_m, toward: Toward::Axis(tool.axis) };
+        let place = |tool: &Tool<f64>| Place { tip_m: tool.tip_m.into(), toward: Toward::Axis(tool.axis.into()) };
         let (mut share, mut step) = (0.0, 1.0 / 64.0);
         while step > 1e-6 && share < 1.0 {
             match self.stand(&place(&home).between(&place(tool), share + step), &near) {
@@ -214,16 +215,17 @@ fn stood(
     place: &Place,
     near: &Configuration<f64>,
 ) -> std::result::Result<Hold<f64>, ToolError> {
+    let tip_m = place.tip_m.into();
     match place.toward {
-        Toward::Axis(axis) => five.inverse(&Tool { tip_m: place.tip_m, axis }, near),
-        Toward::Wrist(beta_rad) => five.inverse_at(place.tip_m, beta_rad),
-        Toward::Head(head, angles) => five.inverse(&Tool { tip_m: place.tip_m, axis: head.axis(angles) }, near),
+        Toward::Axis(axis) => five.inverse(&Tool { tip_m, axis: axis.into() }, near),
+        Toward::Wrist(beta_rad) => five.inverse_at(tip_m, beta_rad.into()),
+        Toward::Head(head, angles) => five.inverse(&Tool { tip_m, axis: head.axis(angles).into() }, near),
     }
 }
 
 /// A tool in the units of files.
 pub(crate) fn shown(tool: &Tool<f64>) -> String {
-    let [x, y, z] = tool.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
-    let [i, j, k] = unit(tool.axis).map(|v| (v * 1e6).round() / 1e6 + 0.0);
+    let [x, y, z] = tool.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0).into();
+    let [i, j, k] = unit(tool.axis.into()).map(|v| (v * 1e6).round() / 1e6 + 0.0);
     format!("tip {x}, {y}, {z} mm, axis {i}, {j}, {k}")
 }

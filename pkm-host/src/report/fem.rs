@@ -46,7 +46,7 @@ impl Facts<'_> {
     fn pairs(&self) -> Vec<Pair> {
         let pair = |(case, solved): &(&Case, Solved)| {
             let core = self.file.machine.stiffness(&case.pose.pose).ok()?.principal();
-            Some(Pair { fem: solved.stiffness().principal(), core })
+            Some(Pair { fem: solved.stiffness().principal().into(), core: core.into() })
         };
         self.solved.into_iter().flatten().filter_map(pair).collect()
     }

@@ -24,8 +24,9 @@ fn holes(placement: &Placement) -> Vec<Value> {
     let hole = |p: &Posture| {
         let c = &p.hold.configuration;
         let [theta_deg, sigma_deg, z0_mm] = file_units(&c.pose);
+        let q_mm: [f64; 3] = p.hold.joints.lengths.q_m.map(mm).into();
         json!({
-            "q_mm": p.hold.joints.lengths.q_m.map(mm),
+            "q_mm": q_mm,
             "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
             "beta1_deg": c.beta_rad[0].to_degrees(), "beta2_deg": c.beta_rad[1].to_degrees(),
             "home_share": p.hold.home_share,

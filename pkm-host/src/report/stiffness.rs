@@ -20,7 +20,8 @@ pub struct Document<'a> {
 pub fn documents<'a>(poses: &'a [NamedPose], solved: &[Solved]) -> Vec<Document<'a>> {
     let document = |(p, s): (&'a NamedPose, &Solved)| Document {
         inside_domain: s.domain.map(|d| d == Domain::Inside),
-        k: s.factor.stiffness().matrix(),
+        // symmetric: its columns are its rows
+        k: s.factor.stiffness().matrix().into(),
         pose: &p.id,
         status: if s.domain == Some(Domain::Outside) { "outside_box" } else { "ok" },
     };
@@ -33,7 +34,7 @@ pub fn csv(poses: &[NamedPose], solved: &[Solved]) -> String {
         let k = s.factor.stiffness().matrix();
         let mut row = vec![p.id.clone()];
         row.extend(dataset::pose_cells(&p.pose));
-        row.extend(stiffness_columns().map(|(i, j, _)| k[i][j].to_string()));
+        row.extend(stiffness_columns().map(|(i, j, _)| k[(i, j)].to_string()));
         row
     });
     dataset::to_csv(b',', &header(), rows)
@@ -51,7 +52,7 @@ pub fn text(poses: &[NamedPose], solved: &[Solved]) -> String {
         "pose", "k11 N/m", "k22 N/m", "k33 N/m", "k44 Nm/rad", "k55 Nm/rad", "k66 Nm/rad"
     );
     for (p, s) in poses.iter().zip(solved) {
-        let k = s.factor.stiffness().principal().map(|k| format!("{k:>11.4e}")).join(" ");
+        let k = <[f64; 6]>::from(s.factor.stiffness().principal()).map(|k| format!("{k:>11.4e}")).join(" ");
         let mark = if s.domain == Some(Domain::Outside) { "  outside the box" } else { "" };
         text.push_str(&format!("{:>10} {k}{mark}\n", p.id));
     }

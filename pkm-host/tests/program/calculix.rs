@@ -67,7 +67,7 @@ fn reference() -> MachineFile {
 /// Greatest relative difference of each k_ii, %.
 fn apart(machine: &MachineParameters, data: &StiffnessData) -> [f64; 6] {
     let machine = Machine::<f64>::new(machine).unwrap();
-    let at = data.poses.iter().map(|p| machine.stiffness(&p.pose).unwrap().principal());
+    let at = data.poses.iter().map(|p| machine.stiffness(&p.pose).unwrap().principal().into());
     greatest(&at.collect::<Vec<_>>(), data)
 }
 
@@ -109,7 +109,7 @@ fn fitted(machine: &MachineParameters, data: &StiffnessData, start: &[(&str, &[f
             for i in 0..6 {
                 // the principal stiffnesses, which are judged, count most
                 let weight = |j: usize| if i == j { 4.0 } else { 1.0 };
-                r.extend((0..=i).map(|j| weight(j) * (k[i][j] - fem[i][j]) / (fem[i][i] * fem[j][j]).sqrt()));
+                r.extend((0..=i).map(|j| weight(j) * (k[(i, j)] - fem[(i, j)]) / (fem[(i, i)] * fem[(j, j)]).sqrt()));
             }
         }
         DVector::from_vec(r)
@@ -201,8 +201,8 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
         let (found, kept) = (target.full.unwrap().matrix(), fixture.targets[n].full.unwrap().matrix());
         for i in 0..6 {
             for j in 0..6 {
-                let scale = (kept[i][i] * kept[j][j]).sqrt();
-                assert!((found[i][j] - kept[i][j]).abs() < 1e-4 * scale, "{}: k{}{}", pose.id, i + 1, j + 1);
+                let scale = (kept[(i, i)] * kept[(j, j)]).sqrt();
+                assert!((found[(i, j)] - kept[(i, j)]).abs() < 1e-4 * scale, "{}: k{}{}", pose.id, i + 1, j + 1);
             }
         }
     }

@@ -74,7 +74,8 @@ fn table_from_json_gives_the_bits_of_the_generated_one() {
     for (line, pose) in found["poses"].as_array().unwrap().iter().zip(only_poses_values(&poses)) {
         use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
         let pose = pkm_host::pose::pose_of(pose[0], pose[1], pose[2]);
-        let expected = TABLE_F64.factor_form(&MACHINE_F64, &pose).unwrap().factor.stiffness().matrix();
+        let expected: [[f64; 6]; 6] =
+            TABLE_F64.factor_form(&MACHINE_F64, &pose).unwrap().factor.stiffness().matrix().into();
         assert_eq!(line["k"], serde_json::json!(expected));
         assert_eq!(line["inside_domain"], true);
     }
@@ -374,7 +375,7 @@ fn predict_fills_deflections_and_keeps_the_rest() {
     // by hand: C at A, carried to the point
     let machine = &pkm_core::tables::reference::MACHINE_F64;
     let k = machine.stiffness(&pkm_host::pose::pose_of(3.5, -2.0, 530.0)).unwrap().matrix();
-    let compliance = nalgebra::Matrix6::from(k).try_inverse().unwrap();
+    let compliance = k.try_inverse().unwrap();
     let (force, r) = (nalgebra::Vector3::new(100.0, 0.0, -400.0), nalgebra::Vector3::new(0.01, -0.02, 0.0905));
     let moment = nalgebra::Vector3::new(0.0, 5.5, 0.0) + r.cross(&force);
     let load = nalgebra::Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);

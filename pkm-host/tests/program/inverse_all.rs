@@ -1,6 +1,7 @@
 //! All ways to hold a tool, against configurations that are known to and against searches from anywhere.
 
 use fastrand::Rng;
+use nalgebra::Vector2;
 use pkm_core::tables::reference::{MACHINE_F64, WRIST, WRIST_F64};
 use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
 use pkm_host::plan::inverse_all::inverse_all;
@@ -12,7 +13,7 @@ fn configuration(rng: &mut Rng, beta: f64) -> Configuration<f64> {
     let mut within = |low: f64, high: f64| low + (high - low) * rng.f64();
     Configuration {
         pose: Pose { theta_rad: within(-0.9, 0.9), sigma_rad: within(-0.9, 0.9), z0_m: within(0.3, 0.8) },
-        beta_rad: [within(-beta, beta), within(-beta, beta)],
+        beta_rad: Vector2::new(within(-beta, beta), within(-beta, beta)),
     }
 }
 

@@ -62,7 +62,7 @@ fn every_row_is_what_the_core_says() {
         assert!((row.z0_mm * row.theta_deg.to_radians().tan() - row.x0_mm).abs() < 1e-9, "{}", row.x0_mm);
         assert_eq!(row.inside, "");
         match MACHINE_F64.stiffness(&pose).and_then(|k| k.factor()).map(|f| f.stiffness()) {
-            Ok(k) => assert_eq!((row.status.as_str(), row.k), ("ok", Some(k.principal()))),
+            Ok(k) => assert_eq!((row.status.as_str(), row.k), ("ok", Some(k.principal().into()))),
             Err(_) => {
                 assert_eq!((row.status.as_str(), row.k), (status(MACHINE_F64.inverse(&pose).unwrap_err()), None))
             }
@@ -151,7 +151,7 @@ fn a_table_corrects_and_says_where_it_was_fitted() {
             match corrected {
                 Ok(c) => {
                     let inside = c.domain == Domain::Inside;
-                    assert_eq!(row.k, Some(c.factor.stiffness().principal()));
+                    assert_eq!(row.k, Some(c.factor.stiffness().principal().into()));
                     assert_eq!(row.inside, inside.to_string());
                     assert_eq!(row.status, if inside { "ok" } else { "outside_box" });
                     seen[usize::from(inside)] += 1;

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use nalgebra::{Vector2, Vector3};
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Configuration, Pose, Tool, Wrench};
 use serde_json::Value;
@@ -9,7 +10,7 @@ use serde_json::Value;
 use crate::common::{FIVE, Folder, fixture, json, numbers, reference_machine, refused, run};
 
 const HOME: Configuration<f64> =
-    Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
+    Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: Vector2::new(0.0, 0.0) };
 const HEADER: &str = "x_mm,y_mm,z_mm,i,j,k,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm";
 
 fn says(error: &Value, kind: &str, line: Option<u64>, words: &[&str]) {
@@ -26,13 +27,13 @@ fn text(values: &[f64]) -> String {
 
 fn at(theta_deg: f64, sigma_deg: f64, z0_mm: f64, beta_deg: [f64; 2]) -> Configuration<f64> {
     let pose = pkm_host::pose::pose_of(theta_deg, sigma_deg, z0_mm);
-    Configuration { pose, beta_rad: beta_deg.map(f64::to_radians) }
+    Configuration { pose, beta_rad: beta_deg.map(f64::to_radians).into() }
 }
 
 /// A row of a path from a configuration, with a wrench.
 fn row(configuration: &Configuration<f64>, wrench: &str) -> String {
     let Tool { tip_m, axis } = FIVE.tool(configuration).expect("a tool");
-    format!("{},{},{wrench}\n", text(&tip_m.map(|v| v * 1e3)), text(&axis))
+    format!("{},{},{wrench}\n", text((tip_m * 1e3).as_slice()), text(axis.as_slice()))
 }
 
 /// Rows of cells below the comments and the header.
@@ -62,7 +63,8 @@ fn about(axis: usize, angle: f64) -> Rotation {
 
 /// Tip and axis of the loaded tool, in mm: what the stiffness at A does is carried to the tip by matrices.
 fn loaded(c: &Configuration<f64>, wrench: &[f64], with_table: bool) -> ([f64; 3], [f64; 3], f64) {
-    let (platform, [b1, b2]) = (product(&about(1, c.pose.theta_rad), &about(0, c.pose.sigma_rad)), c.beta_rad);
+    let platform = product(&about(1, c.pose.theta_rad), &about(0, c.pose.sigma_rad));
+    let [b1, b2] = c.beta_rad.into();
     let (r, h) = (-35.0 - 150.0 * b2.cos() - 190.0 * b2.sin(), 417.0 - 150.0 * b2.sin() + 190.0 * b2.cos());
     let arm = [-20.0 + b1.cos() * r, b1.sin() * r, h].map(|mm| mm / 1e3);
     let tool = product(&about(2, b1), &about(1, -b2));
@@ -76,10 +78,13 @@ fn loaded(c: &Configuration<f64>, wrench: &[f64], with_table: bool) -> ([f64; 3]
     } else {
         MACHINE_F64.stiffness(&c.pose).unwrap().factor().unwrap()
     };
-    let d = factor.deflection(&Wrench { force_n: force, moment_nm: plus(moment, cross(arm, force)) }).unwrap();
-    let moved = times(&platform, plus(d.translation_m, cross(d.rotation_rad, arm)));
+    let d = factor
+        .deflection(&Wrench { force_n: force.into(), moment_nm: plus(moment, cross(arm, force)).into() })
+        .unwrap();
+    let (translation, rotation) = (d.translation_m.into(), d.rotation_rad.into());
+    let moved = times(&platform, plus(translation, cross(rotation, arm)));
     let axis = times(&platform, times(&tool, [0.0, 0.0, 1.0]));
-    let swing = cross(times(&platform, d.rotation_rad), axis);
+    let swing = cross(times(&platform, rotation), axis);
     let z0 = c.pose.z0_m;
     let tip = plus(times(&platform, arm), [z0 * c.pose.theta_rad.tan(), 0.0, z0]);
     (plus(tip, moved).map(|m| m * 1e3), plus(axis, swing), moved.iter().map(|v| v * v).sum::<f64>().sqrt() * 1e3)
@@ -95,8 +100,8 @@ fn left_over(asked: &[Vec<f64>], written: &[Vec<f64>], with_table: bool) -> (f64
     assert_eq!(asked.len(), written.len());
     let (mut near, mut share, mut worst) = (HOME, 0.0_f64, 0.0_f64);
     for (n, (asked, written)) in asked.iter().zip(written).enumerate() {
-        let tool =
-            Tool { tip_m: [written[0], written[1], written[2]].map(|v| v / 1e3), axis: [3, 4, 5].map(|i| written[i]) };
+        let [x, y, z, i, j, k] = std::array::from_fn(|column| written[column]);
+        let tool = Tool { tip_m: Vector3::new(x, y, z) / 1e3, axis: Vector3::new(i, j, k) };
         let held = FIVE.inverse(&tool, &near).expect("in reach").configuration;
         let angles = |c: &Configuration<f64>| [c.pose.theta_rad, c.pose.sigma_rad, c.beta_rad[0], c.beta_rad[1]];
         assert!(n == 0 || off(&angles(&held), &angles(&near)) < 0.4, "a jump");
@@ -118,7 +123,7 @@ fn ik_of_a_tool_undoes_fk() {
         for beta in [[0.0, -10.0], [35.0, -40.0], [-60.0, 5.0], [80.0, -80.0], [0.0, 60.0]] {
             let c = at(theta, sigma, z0, beta);
             let (Ok(joints), Ok(share)) = (FIVE.joints(&c), FIVE.home_share(&c)) else { continue };
-            let q_mm = joints.lengths.q_m.map(|q| q * 1e3);
+            let q_mm: [f64; 3] = (joints.lengths.q_m * 1e3).into();
             let fk = json(&["fk", "--q-mm", &text(&q_mm), "--beta-deg", &text(&beta)]);
             assert!((fk["theta_deg"].as_f64().unwrap() - theta).abs() < 1e-9);
             let (tip, axis): ([f64; 3], [f64; 3]) = (numbers(&fk["tip_mm"]), numbers(&fk["axis"]));
@@ -183,7 +188,7 @@ fn a_tool_that_cannot_be_held_is_refused_with_the_amount() {
     says(&ik("-205,0,137", "0,0,1"), "unreachable", None, &["no posture", "gets as far as tip"]);
     // β2 = 30° at home: in the opposite working mode
     let far = FIVE.tool(&at(0.0, 0.0, 530.0, [0.0, 30.0])).unwrap();
-    let error = ik(&text(&far.tip_m.map(|v| v * 1e3)), &text(&far.axis));
+    let error = ik(&text((far.tip_m * 1e3).as_slice()), &text(far.axis.as_slice()));
     says(&error, "singular", None, &["normalised determinant -0.15", "at least 0.1"]);
     says(
         &refused(&["fk", "--q-mm", "556,556,553", "--beta-deg", "95,-3"]),
@@ -196,7 +201,7 @@ fn a_tool_that_cannot_be_held_is_refused_with_the_amount() {
     let folder = Folder::new();
     let narrow = reference_machine().replace("b_mm = -150.0, min_deg = -90.0", "b_mm = -150.0, min_deg = -10.0");
     let tool = FIVE.tool(&at(0.0, 0.0, 530.0, [0.0, -12.5])).unwrap();
-    let (tip, axis) = (text(&tool.tip_m.map(|v| v * 1e3)), text(&tool.axis));
+    let (tip, axis) = (text((tool.tip_m * 1e3).as_slice()), text(tool.axis.as_slice()));
     let args = ["ik", "--machine", &folder.write("m.toml", &narrow), "--tip-mm", &tip, "--axis", &axis];
     says(&refused(&args), "out_of_travel", None, &["β2 would be 2.500° beyond"]);
 }

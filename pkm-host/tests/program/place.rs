@@ -3,14 +3,14 @@
 use std::f64::consts::PI;
 
 use fastrand::Rng;
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 use pkm_core::tables::reference::MACHINE_F64;
 use pkm_core::{Configuration, Hold, Pose, Tool, Wrench};
 use serde_json::Value;
 
 use crate::common::{FIVE, Folder, fixture, json, refused};
 
-const WRENCH: Wrench<f64> = Wrench { force_n: [20.0, 0.0, -400.0], moment_nm: [0.0, 1.0, 5.0] };
+const WRENCH: Wrench<f64> = Wrench { force_n: Vector3::new(20.0, 0.0, -400.0), moment_nm: Vector3::new(0.0, 1.0, 5.0) };
 
 fn place(job: &str, more: &[&str]) -> (Value, Folder) {
     let folder = Folder::new();
@@ -69,12 +69,12 @@ fn tools(series: usize, dx: f64, dy: f64, angle: f64) -> Vec<Tool<f64>> {
         .map(|(tip, axis)| {
             let (tip, axis) = (seen(*tip, 1.0) / 1e3, seen(*axis, 0.0));
             let size = axis.norm();
-            Tool { tip_m: [tip.x, tip.y, tip.z], axis: [axis.x / size, axis.y / size, axis.z / size] }
+            Tool { tip_m: tip.xyz(), axis: axis.xyz() / size }
         })
         .collect()
 }
 
-fn at(theta_rad: f64, sigma_rad: f64, beta_rad: [f64; 2]) -> Configuration<f64> {
+fn at(theta_rad: f64, sigma_rad: f64, beta_rad: Vector2<f64>) -> Configuration<f64> {
     Configuration { pose: Pose { theta_rad, sigma_rad, z0_m: 0.53 }, beta_rad }
 }
 
@@ -83,11 +83,11 @@ fn best(tool: &Tool<f64>, paper: bool) -> Option<([f64; 6], f64)> {
     let mut holds: Vec<Hold<f64>> = Vec::new();
     for beta1 in [-1.2, 0.0, 1.2] {
         for beta2 in [-1.0, -0.3, 0.1] {
-            holds.extend(FIVE.inverse(tool, &at(0.0, 0.0, [beta1, beta2])));
+            holds.extend(FIVE.inverse(tool, &at(0.0, 0.0, Vector2::new(beta1, beta2))));
         }
     }
     let judged = holds.iter().map(|hold| {
-        let k = MACHINE_F64.stiffness(&hold.configuration.pose).expect("a stiffness").principal();
+        let k = MACHINE_F64.stiffness(&hold.configuration.pose).expect("a stiffness").principal().into();
         let d = FIVE.deflection(None, &hold.configuration, &WRENCH).expect("a deflection").translation_m;
         (k, d.iter().map(|v| v * v).sum::<f64>().sqrt())
     });

@@ -137,7 +137,7 @@ fn sheets_keep_their_bits() {
         let k = machine.stiffness(&pose).expect("in reach");
         let mut row = vec![["a \"quoted\", name", "#", "ü"][n % 3].to_owned() + &n.to_string()];
         row.extend([rng.f64().to_string(), (-rng.f64()).to_string(), "530.5".into()]);
-        row.extend(stiffness_columns().map(|(i, j, _)| k.matrix()[i][j].to_string()));
+        row.extend(stiffness_columns().map(|(i, j, _)| k.matrix()[(i, j)].to_string()));
         written.push((row[0].clone(), k.matrix()));
         rows.push(row);
     }

@@ -12,13 +12,12 @@ use pkm_tests::single::Region;
 use pkm_tests::{cases, keep_worst, random_parameters, random_pose, seeded};
 
 /// A point of the displaced moving platform in B-xyz.
-fn placed(pose: &Pose<f64>, deflection: Option<&Deflection<f64>>, tip: [f64; 3]) -> Vector3<f64> {
+fn placed(pose: &Pose<f64>, deflection: Option<&Deflection<f64>>, mut tip: Vector3<f64>) -> Vector3<f64> {
     let a = Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m);
     let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), pose.theta_rad)
         * Rotation3::from_axis_angle(&Vector3::x_axis(), pose.sigma_rad);
-    let mut tip = Vector3::from(tip);
     if let Some(d) = deflection {
-        tip += Vector3::from(d.translation_m) + Vector3::from(d.rotation_rad).cross(&tip);
+        tip += d.translation_m + d.rotation_rad.cross(&tip);
     }
     a + turn * tip
 }
@@ -28,7 +27,7 @@ fn placed(pose: &Pose<f64>, deflection: Option<&Deflection<f64>>, tip: [f64; 3])
 fn left(
     machine: &Machine<f64>,
     pose: &Pose<f64>,
-    tip: [f64; 3],
+    tip: Vector3<f64>,
     deflection: impl Fn(&Pose<f64>) -> Deflection<f64>,
 ) -> f64 {
     let wanted = placed(pose, None, tip);
@@ -52,7 +51,7 @@ impl Worst {
         &mut self,
         machine: &Machine<f64>,
         pose: &Pose<f64>,
-        tip: [f64; 3],
+        tip: Vector3<f64>,
         wrench: &Wrench<f64>,
         deflection: impl Fn(&Pose<f64>, &Wrench<f64>) -> Deflection<f64>,
     ) {
@@ -70,11 +69,11 @@ impl Worst {
 }
 
 fn times(wrench: &Wrench<f64>, s: f64) -> Wrench<f64> {
-    Wrench { force_n: wrench.force_n.map(|f| s * f), moment_nm: wrench.moment_nm.map(|m| s * m) }
+    Wrench { force_n: wrench.force_n * s, moment_nm: wrench.moment_nm * s }
 }
 
 fn random_wrench(rng: &mut Rng, force: f64, moment: f64) -> Wrench<f64> {
-    let mut three = |size: f64| std::array::from_fn(|_| size * (2.0 * rng.f64() - 1.0));
+    let mut three = |size: f64| Vector3::from_fn(|_, _| size * (2.0 * rng.f64() - 1.0));
     Wrench { force_n: three(force), moment_nm: three(moment) }
 }
 
@@ -85,7 +84,7 @@ fn the_loaded_tip_stands_where_the_unloaded_one_would() {
     for _ in 0..cases(10_000) {
         let mut within = |half: f64| half * (2.0 * rng.f64() - 1.0);
         let pose = Pose { theta_rad: within(0.26), sigma_rad: within(0.26), z0_m: 0.53 + within(0.03) };
-        let tip = [within(0.05), within(0.05), 0.3 + within(0.1)];
+        let tip = Vector3::new(within(0.05), within(0.05), 0.3 + within(0.1));
         let wrench = random_wrench(&mut rng, 50.0, 5.0);
         let deflection = |pose: &Pose<f64>, wrench: &Wrench<f64>| {
             TABLE_F64.cycle(&MACHINE_F64, pose, wrench, tip).unwrap().deflection
@@ -108,12 +107,12 @@ fn what_is_left_on_random_machines_is_of_second_order() {
         // ahead in the direction of BA
         let (aside, ahead) = (part(-0.2, 0.2), part(0.5, 2.0));
         let (sin, cos) = pose.sigma_rad.sin_cos();
-        let tip = [part(-0.2, 0.2), aside * cos + ahead * sin, ahead * cos - aside * sin];
+        let tip = Vector3::new(part(-0.2, 0.2), aside * cos + ahead * sin, ahead * cos - aside * sin);
         let deflection = |pose: &Pose<f64>, wrench: &Wrench<f64>| {
             machine.stiffness(pose).unwrap().factor().unwrap().deflection(&wrench.moved_to_a(tip)).unwrap()
         };
         let wrench = random_wrench(&mut rng, 1.0, l);
-        let moved = Vector3::from(deflection(&pose, &wrench).seen_at(tip).translation_m).norm();
+        let moved = deflection(&pose, &wrench).seen_at(tip).translation_m.norm();
         worst.keep(&machine, &pose, tip, &times(&wrench, 2.5e-6 * l / moved), deflection);
     }
     worst.assert("random machines");
@@ -126,13 +125,13 @@ fn a_cycle_is_its_parts() {
     let effects = effects.with("geometry-a2", [1e-4]).unwrap();
     let machine = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
-    let wrench = Wrench { force_n: [100.0, -50.0, -400.0], moment_nm: [2.0, -8.0, 5.0] };
-    let tip = [0.01, -0.02, 0.3];
+    let wrench = Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
+    let tip = Vector3::new(0.01, -0.02, 0.3);
     let cycle = TABLE_F64.cycle(&machine, &pose, &wrench, tip).unwrap();
     let at_a = wrench.moved_to_a(tip);
     let beyond = machine.load_dependent_deflection(&pose, &at_a, &Wrench::ZERO).unwrap();
     let corrected = TABLE_F64.factor_form(&machine, &pose).unwrap();
-    assert!(beyond.translation_m[2] != 0.0);
+    assert!(beyond.translation_m.z != 0.0);
     assert_eq!(cycle.lengths, machine.inverse(&pose).unwrap());
     assert_eq!(cycle.corrected, corrected);
     assert_eq!(cycle.deflection, corrected.factor.deflection(&at_a).unwrap().plus(&beyond));
@@ -142,33 +141,33 @@ fn a_cycle_is_its_parts() {
 #[test]
 fn refusals_are_typed() {
     let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
-    let tip = [0.0, 0.0, 0.3];
-    let small = Deflection { translation_m: [1e-5; 3], rotation_rad: [1e-5; 3] };
+    let tip = Vector3::new(0.0, 0.0, 0.3);
+    let small = Deflection { translation_m: Vector3::repeat(1e-5), rotation_rad: Vector3::repeat(1e-5) };
     let compensated = |deflection: &Deflection<f64>, tip| MACHINE_F64.compensated(&pose, deflection, tip);
     for bad in [f64::NAN, f64::INFINITY] {
-        assert_eq!(compensated(&small, [0.0, bad, 0.3]), Err(CompensationError::NotFinite));
-        let broken = Deflection { rotation_rad: [0.0, bad, 0.0], ..small };
+        assert_eq!(compensated(&small, Vector3::new(0.0, bad, 0.3)), Err(CompensationError::NotFinite));
+        let broken = Deflection { rotation_rad: Vector3::new(0.0, bad, 0.0), ..small };
         assert_eq!(compensated(&broken, tip), Err(CompensationError::NotFinite));
     }
     // the tip in the plane of A (determinant 1e-3 of L² at 0.53 mm), and in that of B
     let l = pose.z0_m / pose.theta_rad.cos();
     for w in [0.0, 9e-4 * l, -9e-4 * l, -l, -0.9995 * l] {
-        assert_eq!(compensated(&small, [0.1, 0.1, w]), Err(CompensationError::Singular), "{w}");
+        assert_eq!(compensated(&small, Vector3::new(0.1, 0.1, w)), Err(CompensationError::Singular), "{w}");
     }
     for w in [1.1e-3 * l, -1.2e-3 * l, 0.3] {
-        assert!(compensated(&small, [0.1, 0.1, w]).is_ok(), "{w}");
+        assert!(compensated(&small, Vector3::new(0.1, 0.1, w)).is_ok(), "{w}");
     }
-    let huge = Deflection { translation_m: [0.0, 0.0, -0.5], rotation_rad: [0.0; 3] };
+    let huge = Deflection { translation_m: Vector3::new(0.0, 0.0, -0.5), rotation_rad: Vector3::zeros() };
     let error = KinematicsError::OutOfTravel { limb: 1 };
     assert_eq!(compensated(&huge, tip), Err(CompensationError::Kinematics(error)));
 
-    let push = Wrench { force_n: [0.0, 0.0, -400.0], moment_nm: [0.0; 3] };
+    let push = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), moment_nm: Vector3::zeros() };
     let cycle = |pose: &Pose<f64>, wrench: &Wrench<f64>, tip| TABLE_F64.cycle(&MACHINE_F64, pose, wrench, tip);
     let far = Pose { z0_m: 0.9, ..pose };
     assert_eq!(cycle(&far, &push, tip), Err(error.into()));
-    let broken = Wrench { force_n: [f64::NAN; 3], ..push };
+    let broken = Wrench { force_n: Vector3::repeat(f64::NAN), ..push };
     assert_eq!(cycle(&pose, &broken, tip), Err(StiffnessError::NotFinite.into()));
-    assert_eq!(cycle(&pose, &push, [0.0; 3]), Err(CycleError::Compensation(CompensationError::Singular)));
+    assert_eq!(cycle(&pose, &push, Vector3::zeros()), Err(CycleError::Compensation(CompensationError::Singular)));
 }
 
 #[test]

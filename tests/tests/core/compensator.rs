@@ -1,5 +1,6 @@
 //! The compensator: what it asks for when all is well, its limits, and a defined output for every fault.
 
+use nalgebra::{SVector, Vector2, Vector3};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Limit, Offset, OutsideBox, Reading};
 use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F64};
@@ -9,10 +10,11 @@ use pkm_core::{
 };
 use pkm_tests::{between, cases, random_parameters, random_pose, seeded};
 
-const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
+const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
 const POSE: Pose<f64> = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
 const OUTSIDE: Pose<f64> = Pose { theta_rad: 0.3, ..POSE };
-const LOAD: Wrench<f64> = Wrench { force_n: [100.0, -50.0, -400.0], moment_nm: [2.0, -8.0, 5.0] };
+const LOAD: Wrench<f64> =
+    Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
 /// What is asked for is what the model says, at once.
 const BARE: CompensatorSettings = CompensatorSettings {
     gain: 1.0,
@@ -33,7 +35,7 @@ fn on(wrench: Wrench<f64>) -> Reading<f64> {
 }
 
 fn times(s: f64, wrench: &Wrench<f64>) -> Wrench<f64> {
-    Wrench { force_n: wrench.force_n.map(|f| s * f), moment_nm: wrench.moment_nm.map(|m| s * m) }
+    Wrench { force_n: wrench.force_n * s, moment_nm: wrench.moment_nm * s }
 }
 
 fn compensator(settings: &CompensatorSettings) -> Compensator<f64, 3> {
@@ -86,18 +88,18 @@ fn without_filter_and_limits_it_is_the_cycle() {
     let mut compensator = compensator(&BARE);
     let offset = update(&mut compensator, &POSE, &on(LOAD));
     let cycle = TABLE_F64.cycle(&MACHINE_F64, &POSE, &LOAD, TIP_M).unwrap();
-    let expected: [f64; 3] = std::array::from_fn(|i| cycle.compensated.lengths.q_m[i] - cycle.lengths.q_m[i]);
+    let expected = cycle.compensated.lengths.q_m - cycle.lengths.q_m;
     assert_eq!(offset, Offset { joints: expected, limit: Limit::None, domain: Domain::Inside, fault: None });
     assert_eq!(compensator.joints(), expected);
     // nothing is kept of a load once it is switched off
-    assert_eq!(update(&mut compensator, &POSE, &Reading { enabled: false, ..on(LOAD) }).joints, [0.0; 3]);
+    assert_eq!(update(&mut compensator, &POSE, &Reading { enabled: false, ..on(LOAD) }).joints, Vector3::zeros());
 }
 
 #[test]
 fn a_reset_is_a_new_beginning() {
     let warm = Reading { rise_k: 3.0, ..on(LOAD) };
     let mut used = compensator(&CompensatorSettings::DEFAULT);
-    assert_ne!(settled(&mut used, &POSE, &warm).joints, [0.0; 3]);
+    assert_ne!(settled(&mut used, &POSE, &warm).joints, Vector3::zeros());
     used.reset();
     assert_eq!(used, compensator(&CompensatorSettings::DEFAULT));
 }
@@ -110,14 +112,14 @@ fn gain_dead_band_and_growth_are_what_the_settings_say() {
         assert!((half[i] - 0.5 * full[i]).abs() < 1e-3 * full[i].abs(), "{half:?} {full:?}");
     }
     // the size of a force is shortened by the band, its direction stays
-    let force = Wrench { moment_nm: [0.0; 3], ..LOAD };
-    let size = force.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
+    let force = Wrench { moment_nm: Vector3::zeros(), ..LOAD };
+    let size = force.force_n.norm();
     let banded = CompensatorSettings { dead_band_n: 20.0, dead_band_nm: 1.0, ..BARE };
     let shortened = update(&mut compensator(&BARE), &POSE, &on(times(1.0 - 20.0 / size, &force))).joints;
     let dead = update(&mut compensator(&banded), &POSE, &on(force)).joints;
     assert!((0..3).all(|i| (dead[i] - shortened[i]).abs() < 1e-15));
-    let small = Wrench { force_n: [0.0, 0.0, 19.9], moment_nm: [0.9, 0.0, 0.0] };
-    assert_eq!(update(&mut compensator(&banded), &POSE, &on(small)).joints, [0.0; 3]);
+    let small = Wrench { force_n: Vector3::new(0.0, 0.0, 19.9), moment_nm: Vector3::new(0.9, 0.0, 0.0) };
+    assert_eq!(update(&mut compensator(&banded), &POSE, &on(small)).joints, Vector3::zeros());
     // growth is no feedback: it is compensated whole
     let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
     let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
@@ -126,7 +128,7 @@ fn gain_dead_band_and_growth_are_what_the_settings_say() {
     let offset = compensator.update(&TABLE_F64, &steel, &POSE, TIP_M, &warm).joints;
     let grown = steel.thermal_deflection(&POSE, 10.0).unwrap();
     let (to, from) = (steel.compensated(&POSE, &grown, TIP_M).unwrap().lengths, steel.inverse(&POSE).unwrap());
-    assert_eq!(offset, std::array::from_fn(|i| to.q_m[i] - from.q_m[i]));
+    assert_eq!(offset, to.q_m - from.q_m);
     assert!(offset.iter().all(|o| o.abs() > 1e-5));
 }
 
@@ -145,10 +147,9 @@ fn the_filter_is_of_first_order() {
 }
 
 /// Tip of a pose in B-xyz.
-fn tip_of(pose: &Pose<f64>) -> [f64; 3] {
+fn tip_of(pose: &Pose<f64>) -> Vector3<f64> {
     let axes = pkm_core::kinematics::platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
-    let a = [pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m];
-    std::array::from_fn(|i| a[i] + (0..3).map(|j| axes[j][i] * TIP_M[j]).sum::<f64>())
+    Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m) + axes * TIP_M
 }
 
 /// While either limit acts, on the way out and back, the tip is on the line between its unloaded and its compensated place.
@@ -162,14 +163,14 @@ fn a_limited_tip_stays_on_its_line() {
             sigma_rad: between(&mut rng, -0.26, 0.26),
             z0_m: between(&mut rng, 0.5, 0.56),
         };
-        let load = Wrench { force_n: [0; 3].map(|_| between(&mut rng, -2e3, 2e3)), moment_nm: [0.0; 3] };
+        let load =
+            Wrench { force_n: Vector3::from_fn(|_, _| between(&mut rng, -2e3, 2e3)), moment_nm: Vector3::zeros() };
         let lengths = MACHINE_F64.inverse(&pose).unwrap().q_m;
         let cycle = TABLE_F64.cycle(&MACHINE_F64, &pose, &load, TIP_M).unwrap();
         let (from, to) = (tip_of(&pose), tip_of(&cycle.compensated.pose));
-        let way: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
-        let way_2 = way.iter().map(|w| w * w).sum::<f64>();
+        let way = to - from;
         // so slow that the rate limit acts from the first step to the last, and a size that is not reached by all
-        let largest = (0..3).map(|i| (cycle.compensated.lengths.q_m[i] - lengths[i]).abs()).fold(0.0, f64::max);
+        let largest = (cycle.compensated.lengths.q_m - lengths).amax();
         let settings = CompensatorSettings { max_screw_m: 0.6 * largest, screw_rate_m_per_s: largest, ..BARE };
         let mut limited = compensator(&settings);
         let mut met = [false; 2];
@@ -177,16 +178,14 @@ fn a_limited_tip_stays_on_its_line() {
             let offset = update(&mut limited, &pose, &Reading { enabled: period < 100, ..on(load) });
             met[0] |= offset.limit == Limit::Size;
             met[1] |= offset.limit == Limit::Rate;
-            let q_m = std::array::from_fn(|i| lengths[i] + offset.joints[i]);
-            let tip = tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m }).unwrap());
-            let gone: [f64; 3] = std::array::from_fn(|i| tip[i] - from[i]);
-            let along = (0..3).map(|i| gone[i] * way[i]).sum::<f64>() / way_2;
+            let q_m = lengths + offset.joints;
+            let gone = tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m }).unwrap()) - from;
+            let along = gone.dot(&way) / way.norm_squared();
             assert!((-1e-6..=0.61).contains(&along), "{along}");
-            let aside = (0..3).map(|i| (gone[i] - along * way[i]).powi(2)).sum::<f64>().sqrt();
-            worst = worst.max(aside);
+            worst = worst.max((gone - along * way).norm());
         }
         assert_eq!(met, [true; 2]);
-        assert_eq!(limited.joints(), [0.0; 3]);
+        assert_eq!(limited.joints(), Vector3::zeros());
     }
     println!("the tip is at most {:.1e} µm beside its line", 1e6 * worst);
     assert!(worst < 1e-6, "{worst:e}");
@@ -195,7 +194,7 @@ fn a_limited_tip_stays_on_its_line() {
 #[test]
 fn what_is_refused_is_held_and_then_fades() {
     let d = CompensatorSettings { stuck_s: 0.0, ..CompensatorSettings::DEFAULT };
-    let nan = Wrench { force_n: [0.0, f64::NAN, 0.0], ..LOAD };
+    let nan = Wrench { force_n: Vector3::new(0.0, f64::NAN, 0.0), ..LOAD };
     let spike = times(100.0, &LOAD);
     for (bad, fault) in [(nan, Fault::WrenchNotFinite), (spike, Fault::WrenchTooLarge)] {
         let mut compensator = compensator(&d);
@@ -252,10 +251,8 @@ fn outside_the_box_it_does_what_was_chosen() {
         let cycle = TABLE_F64.cycle(&MACHINE_F64, &OUTSIDE, &LOAD, TIP_M).unwrap();
         let (expected, fault) = match outside_box {
             OutsideBox::Hold => (inside.joints, Some(Fault::OutsideBox)),
-            OutsideBox::Fade => ([0.0; 3], Some(Fault::OutsideBox)),
-            OutsideBox::Extrapolate => {
-                (std::array::from_fn(|i| cycle.compensated.lengths.q_m[i] - cycle.lengths.q_m[i]), None)
-            }
+            OutsideBox::Fade => (Vector3::zeros(), Some(Fault::OutsideBox)),
+            OutsideBox::Extrapolate => (cycle.compensated.lengths.q_m - cycle.lengths.q_m, None),
         };
         assert_eq!((outside.joints, outside.fault), (expected, fault));
         // no pose at all
@@ -265,7 +262,7 @@ fn outside_the_box_it_does_what_was_chosen() {
             (OutsideBox::Extrapolate, Some(Fault::Correction(_))) | (_, Some(Fault::OutsideBox))
         ));
         let far = update(&mut compensator, &Pose { z0_m: 0.9, ..POSE }, &on(LOAD));
-        assert_eq!(far.joints, if outside_box == OutsideBox::Hold { inside.joints } else { [0.0; 3] });
+        assert_eq!(far.joints, if outside_box == OutsideBox::Hold { inside.joints } else { Vector3::zeros() });
     }
 }
 
@@ -314,7 +311,8 @@ fn faulty_periods<T: Scalar>(
         }
         read = wrench;
         let pose = Pose { theta_rad: number(pose[0]), sigma_rad: number(pose[1]), z0_m: number(pose[2]) };
-        let reading = Reading { enabled, wrench: Wrench::from_array(wrench.map(number)), rise_k: number(rise_k) };
+        let reading =
+            Reading { enabled, wrench: Wrench::from_vector(wrench.map(number).into()), rise_k: number(rise_k) };
         let offset = compensator.update(table, machine, &pose, TIP_M.map(number), &reading);
         faults.insert(offset.fault.map(|f| f.to_string()));
         let now = offset.joints.map(T::to_f64);
@@ -323,7 +321,7 @@ fn faulty_periods<T: Scalar>(
             assert!((now[i] - last[i]).abs() <= step, "{period}: {} after {}", now[i], last[i]);
             ever = ever.max(now[i].abs());
         }
-        last = now;
+        last = now.into();
     }
     assert!(ever > 50e-6, "{ever:e}");
     // none; three of the wrench; temperature; box
@@ -361,14 +359,14 @@ fn random_machines_are_kept_within_the_limits() {
             if rng.u8(..) < 16 {
                 pose.sigma_rad = any[rng.usize(0..7)];
             }
-            let tip = [0; 3].map(|_| size * between(&mut rng, -1.0, 1.0));
-            let reading = Reading { enabled: rng.u8(..) > 8, ..on(Wrench::from_array(wrench)) };
+            let tip = Vector3::from_fn(|_, _| size * between(&mut rng, -1.0, 1.0));
+            let reading = Reading { enabled: rng.u8(..) > 8, ..on(Wrench::from_vector(wrench.into())) };
             let now = compensator.update(&table, &machine, &pose, tip, &reading).joints;
             for i in 0..3 {
                 assert!(now[i].abs() <= settings.max_screw_m * (1.0 + 1e-12), "{now:?}");
                 assert!((now[i] - last[i]).abs() <= 5e-6 * (1.0 + 1e-9), "{now:?} after {last:?}");
             }
-            last = now;
+            last = now.into();
         }
     }
 }
@@ -381,19 +379,18 @@ fn five_axes_are_compensated_by_one_step() {
     for _ in 0..cases(2000) {
         let mut within = |half: f64| between(&mut rng, -half, half);
         let pose = Pose { theta_rad: within(0.24), sigma_rad: within(0.24), z0_m: 0.53 + within(0.028) };
-        let stands = Configuration { pose, beta_rad: [within(1.2), -0.3 + within(0.3)] };
-        let wrench = Wrench { force_n: [0; 3].map(|_| within(50.0)), moment_nm: [0; 3].map(|_| within(5.0)) };
+        let stands = Configuration { pose, beta_rad: Vector2::new(within(1.2), -0.3 + within(0.3)) };
+        let wrench =
+            Wrench { force_n: Vector3::from_fn(|_, _| within(50.0)), moment_nm: Vector3::from_fn(|_, _| within(5.0)) };
         let (Ok(tool), Ok(from)) = (five.tool(&stands), five.joints(&stands)) else { continue };
         let Ok(whole) = five.compensated(Some(&TABLE_F64), &tool, &wrench, &stands) else { continue };
         let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
         let offset = compensator.update(&TABLE_F64, &five, &stands, &on(wrench));
         assert_eq!((offset.fault, offset.limit), (None, Limit::None));
-        let [q1, q2, q3] = std::array::from_fn(|i| whole.hold.joints.lengths.q_m[i] - from.lengths.q_m[i]);
-        let [b1, b2] = std::array::from_fn(|i| whole.hold.joints.beta_rad[i] - from.beta_rad[i]);
-        let expected = [q1, q2, q3, b1, b2];
-        let size = expected.iter().fold(0.0_f64, |size, e| size.max(e.abs()));
-        let off = (0..5).fold(0.0_f64, |off, i| off.max((expected[i] - offset.joints[i]).abs()));
-        worst = worst.max(off / size);
+        let [q1, q2, q3] = (whole.hold.joints.lengths.q_m - from.lengths.q_m).into();
+        let [b1, b2] = (whole.hold.joints.beta_rad - from.beta_rad).into();
+        let expected = SVector::from([q1, q2, q3, b1, b2]);
+        worst = worst.max((expected - offset.joints).amax() / expected.amax());
     }
     println!("five axes: {worst:.1e} of the offset from the iterated compensation");
     assert!(worst > 0.0 && worst < 2e-3, "{worst:e}");
@@ -402,11 +399,11 @@ fn five_axes_are_compensated_by_one_step() {
 #[test]
 fn five_axes_refuse_with_a_code_and_fade() {
     let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
-    let stands = Configuration { pose: POSE, beta_rad: [0.3, -0.2] };
+    let stands = Configuration { pose: POSE, beta_rad: Vector2::new(0.3, -0.2) };
     let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
     assert!(compensator.update(&TABLE_F64, &five, &stands, &on(LOAD)).joints.iter().all(|o| *o != 0.0));
-    let turned = Configuration { beta_rad: [2.0, -0.2], ..stands };
+    let turned = Configuration { beta_rad: Vector2::new(2.0, -0.2), ..stands };
     let refused = compensator.update(&TABLE_F64, &five, &turned, &on(LOAD));
     assert_eq!(refused.fault, Some(Fault::Tool(ToolError::WristLimit { joint: 1 })));
-    assert_eq!(refused.joints, [0.0; 5]);
+    assert_eq!(refused.joints, SVector::<f64, 5>::zeros());
 }

@@ -8,23 +8,22 @@ use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Pose, ScrewLengths, StiffnessError, StiffnessFactor, Wrench};
 use pkm_tests::{between, cases, seeded};
 
-const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
+const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
 const PERIODS: usize = 1000;
 
 /// Compliance of the tip in A-uvw, with the contact's force at the tip.
-fn tip_compliance(factor: &StiffnessFactor<f64>, tip: [f64; 3]) -> Matrix3<f64> {
+fn tip_compliance(factor: &StiffnessFactor<f64>, tip: Vector3<f64>) -> Matrix3<f64> {
     let column = |i: usize| {
         let mut push = Wrench::ZERO;
         push.force_n[i] = 1.0;
-        Vector3::from(factor.deflection(&push.moved_to_a(tip)).unwrap().seen_at(tip).translation_m)
+        factor.deflection(&push.moved_to_a(tip)).unwrap().seen_at(tip).translation_m
     };
     Matrix3::from_columns(&[column(0), column(1), column(2)])
 }
 
 fn tip_of(pose: &Pose<f64>) -> Vector3<f64> {
-    let axes = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()).map(Vector3::from);
-    let a = Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m);
-    a + axes[0] * TIP_M[0] + axes[1] * TIP_M[1] + axes[2] * TIP_M[2]
+    let axes = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
+    Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m) + axes * TIP_M
 }
 
 /// A tip that a program holds `pressed` into a workpiece; how the tip's offset, in A-uvw, moves in the second half of a run, and
@@ -45,19 +44,18 @@ fn run(
     let mut compensator = Compensator::<f64, 3>::new(settings).unwrap();
     let lengths = MACHINE_F64.inverse(pose).unwrap().q_m;
     let (from, axes) = (tip_of(pose), platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()));
-    let into_a = Matrix3::from_columns(&axes.map(Vector3::from)).transpose();
+    let into_a = axes.transpose();
     let equilibrium = (Matrix3::identity() + contact * compliance).try_inverse().unwrap() * contact;
     let mut offset = Vector3::zeros();
     let (mut low, mut high) = (Vector3::repeat(f64::MAX), Vector3::repeat(f64::MIN));
     for period in 0..PERIODS {
         // on the tip, against where it is pressed
         let force = -equilibrium * (pressed + offset);
-        let noise: [f64; 6] = std::array::from_fn(|_| between(rng, -4.0, 4.0));
-        let read = [force.x, force.y, force.z, 0.0, 0.0, 0.0];
-        let wrench = Wrench::from_array(std::array::from_fn(|i| read[i] + noise[i] * if i < 3 { 1.0 } else { 0.05 }));
+        let mut noise = || Vector3::from_fn(|_, _| between(rng, -4.0, 4.0));
+        let wrench = Wrench { force_n: force + noise(), moment_nm: noise() * 0.05 };
         let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
         let joints = compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, &reading).joints;
-        let q_m = std::array::from_fn(|i| lengths[i] + joints[i]);
+        let q_m = lengths + joints;
         offset = into_a * (tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m }).unwrap()) - from);
         if period >= PERIODS / 2 {
             (low, high) = (low.inf(&offset), high.sup(&offset));
@@ -136,7 +134,7 @@ fn the_loop_gain_is_that_of_the_softest_direction() {
     for _ in 0..cases(1000) {
         let mut within = |half: f64| between(&mut rng, -half, half);
         let pose = Pose { theta_rad: within(0.26), sigma_rad: within(0.26), z0_m: 0.53 + within(0.03) };
-        let tip = [within(0.2), within(0.2), 0.3 + within(0.2)];
+        let tip = Vector3::new(within(0.2), within(0.2), 0.3 + within(0.2));
         let factor = TABLE_F64.factor_form(&MACHINE_F64, &pose).unwrap().factor;
         let softest = tip_compliance(&factor, tip).symmetric_eigenvalues().max();
         let contact = 10_f64.powf(7.0 + within(1.0));
@@ -149,6 +147,6 @@ fn the_loop_gain_is_that_of_the_softest_direction() {
     let factor = MACHINE_F64.stiffness(&Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }).unwrap().factor().unwrap();
     for bad in [f64::NAN, f64::INFINITY, -1.0] {
         assert_eq!(LoopGain::new(&factor, TIP_M, bad, 0.7), Err(StiffnessError::NotFinite));
-        assert!(bad == -1.0 || LoopGain::new(&factor, [0.0, 0.0, bad], 1e7, 0.7).is_err());
+        assert!(bad == -1.0 || LoopGain::new(&factor, Vector3::new(0.0, 0.0, bad), 1e7, 0.7).is_err());
     }
 }

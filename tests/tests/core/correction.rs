@@ -38,20 +38,20 @@ fn both_forms_are_their_definitions() {
     for _ in 0..cases(1000) {
         let mut at = |i: usize| CENTRE[i] + HALF_WIDTH[i] * (2.0 * rng.f64() - 1.0);
         let pose = Pose { theta_rad: at(0), sigma_rad: at(1), z0_m: at(2) };
-        let k_p = Matrix6::from(MACHINE_F64.stiffness(&pose).unwrap().matrix());
+        let k_p = MACHINE_F64.stiffness(&pose).unwrap().matrix();
 
         let c = values(&diagonal, &pose);
         let expected = Matrix6::from_fn(|i, j| (c[i] * c[j]).sqrt() * k_p[(i, j)]);
         let found = table.diagonal_form(&MACHINE_F64, &pose).unwrap();
         assert_eq!(found.domain, Domain::Inside);
-        keep_worst(&mut worst, scaled_difference(&found.factor.stiffness().matrix(), &expected.into()));
+        keep_worst(&mut worst, scaled_difference(&found.factor.stiffness().matrix(), &expected));
 
         let entries = values(&factor, &pose);
         let g = Matrix6::from_fn(|i, j| if j <= i { entries[i * (i + 1) / 2 + j] } else { 0.0 });
         let half = k_p.cholesky().unwrap().l() * g;
         let expected = half * half.transpose();
         let found = table.factor_form(&MACHINE_F64, &pose).unwrap().factor;
-        keep_worst(&mut worst, scaled_difference(&found.stiffness().matrix(), &expected.into()));
+        keep_worst(&mut worst, scaled_difference(&found.stiffness().matrix(), &expected));
     }
     assert!(worst <= 1e-12, "{worst:e}");
 }
@@ -71,10 +71,10 @@ fn what_lies_behind_a_comes_after_the_table() {
         let compliance = |machine: &Machine<f64>| {
             let corrected =
                 if in_factors { table.factor_form(machine, &pose) } else { table.diagonal_form(machine, &pose) };
-            Matrix6::from(corrected.unwrap().factor.stiffness().matrix()).try_inverse().unwrap()
+            corrected.unwrap().factor.stiffness().matrix().try_inverse().unwrap()
         };
         let (found, expected) = (compliance(&soft), compliance(&MACHINE_F64) + behind);
-        assert!(scaled_difference(&found.into(), &expected.into()) <= 1e-12, "{found} {expected}");
+        assert!(scaled_difference(&found, &expected) <= 1e-12, "{found} {expected}");
     }
 }
 

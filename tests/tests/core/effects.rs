@@ -300,7 +300,7 @@ fn every_linear_effect_equals_the_frame_solver() {
         let telescope = EFFECTS.iter().position(|e| e.id == "telescopic-limb").unwrap();
         let [tube_m, ram_m, ..] = &mut parameters.effects.parameters[telescope];
         if *tube_m > 0.0 {
-            let longest = machine.inverse(&pose).unwrap().q_m.into_iter().fold(0.0, f64::max);
+            let longest = machine.inverse(&pose).unwrap().q_m.max();
             *ram_m = longest - (0.3 + 0.4 * rng.f64()) * *tube_m;
         }
         let machine = Machine::<f64>::new(&parameters).unwrap();
@@ -309,7 +309,7 @@ fn every_linear_effect_equals_the_frame_solver() {
         let compliance = frame.compliance(tool).unwrap_or_else(|| panic!("a mechanism: {which}"));
         let reference: Matrix6<f64> = compliance.try_inverse().unwrap();
         let k = machine.at_temperature(temperature).unwrap().stiffness(&pose).unwrap().matrix();
-        keep_worst(&mut worst[which], scaled_difference(&k, &reference.into()));
+        keep_worst(&mut worst[which], scaled_difference(&k, &reference));
     }
     for (which, error) in worst.iter().enumerate() {
         let name = which.checked_sub(1).and_then(|i| EFFECTS.get(i)).map_or("none or all", |e| e.id);
@@ -392,7 +392,7 @@ fn load_dependent_effects_equal_the_frame_solver_with_secant_springs() {
         let pose = random_pose(&mut rng, &machine, size, 0.2);
         let mut between = |limit: f64| limit * (2.0 * rng.f64() - 1.0);
         let load: [f64; 6] = std::array::from_fn(|i| between(if i < 3 { 1000.0 } else { 200.0 * size }));
-        let wrench = Wrench::from_array(load);
+        let wrench = Wrench::from_vector(load.into());
 
         let found = settled(&parameters, &pose, load, [0.0; 3]);
         let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
@@ -420,15 +420,15 @@ fn load_dependent_deflection_in_single_precision_and_its_refusals() {
         let mut within = |middle: f64, half: f64| middle + half * (2.0 * rng.f64() - 1.0);
         let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
         let narrow = narrow_pose(&pose);
-        let force_n: [f64; 3] = std::array::from_fn(|_| within(0.0, 1000.0));
-        let wide = Wrench { force_n, moment_nm: [0.0; 3] };
-        let slim = Wrench { force_n: force_n.map(|f| f as f32), moment_nm: [0.0; 3] };
+        let force_n = Vector3::from_fn(|_, _| within(0.0, 1000.0));
+        let wide = Wrench { force_n, moment_nm: Vector3::zeros() };
+        let slim = Wrench { force_n: force_n.map(|f| f as f32), moment_nm: Vector3::zeros() };
         let whole = |k: pkm_core::Stiffness<f64>| k.factor().unwrap().deflection(&wide).unwrap();
         // before it turned, it was twice as much along one axis
         let mut force_there = force_n;
         force_there[rng.usize(..3)] *= 2.0;
-        let wide_there = Wrench { force_n: force_there, moment_nm: [0.0; 3] };
-        let slim_there = Wrench { force_n: force_there.map(|f| f as f32), moment_nm: [0.0; 3] };
+        let wide_there = Wrench { force_n: force_there, moment_nm: Vector3::zeros() };
+        let slim_there = Wrench { force_n: force_there.map(|f| f as f32), moment_nm: Vector3::zeros() };
         let extra = double.load_dependent_deflection(&pose, &wide, &wide_there).unwrap();
         let expected = Vector3::from(whole(double.stiffness(&pose).unwrap()).plus(&extra).translation_m);
         let linear = single.stiffness(&narrow).unwrap().factor().unwrap().deflection(&slim).unwrap();
@@ -439,9 +439,9 @@ fn load_dependent_deflection_in_single_precision_and_its_refusals() {
     println!("f32 load-dependent: {worst:.1e}");
     assert!(worst <= 1e-4, "{worst:e}");
     let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
-    let bad = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
+    let bad = Wrench { force_n: Vector3::new(f64::NAN, 0.0, 0.0), moment_nm: Vector3::zeros() };
     assert_eq!(double.load_dependent_deflection(&pose, &bad, &Wrench::ZERO), Err(StiffnessError::NotFinite));
-    let any = Wrench::from_array([100.0; 6]);
+    let any = Wrench::from_vector([100.0; 6].into());
     for machine in [double, reference::MACHINE_F64] {
         assert_eq!(machine.load_dependent_deflection(&pose, &any, &bad), Err(StiffnessError::NotFinite));
     }
@@ -492,7 +492,7 @@ fn friction_equals_its_definition_in_the_frame_solver() {
         });
         let expected = settled(&parameters, &pose, load, lag);
 
-        let (wrench, turned_at) = (Wrench::from_array(load), Wrench::from_array(turned_at));
+        let (wrench, turned_at) = (Wrench::from_vector(load.into()), Wrench::from_vector(turned_at.into()));
         let linear = machine.stiffness(&pose).unwrap().factor().unwrap().deflection(&wrench).unwrap();
         let extra = machine.load_dependent_deflection(&pose, &wrench, &turned_at).unwrap();
         let found = Vector3::from(linear.plus(&extra).translation_m);
@@ -511,7 +511,7 @@ fn friction_makes_a_loop_of_the_right_sign() {
     let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
     let linear = machine.stiffness(&pose).unwrap().factor().unwrap();
     let peak = [300.0, -200.0, -800.0, 20.0, 10.0, -5.0];
-    let at = |share: f64| Wrench::from_array(peak.map(|f| f * share));
+    let at = |share: f64| Wrench::from_vector(peak.map(|f| f * share).into());
     // displacement along the load, linear and of friction, in the sense of work
     let along = |d: pkm_core::Deflection<f64>| {
         d.translation_m.iter().chain(&d.rotation_rad).zip(peak).map(|(d, f)| d * f).sum::<f64>()

@@ -217,19 +217,16 @@ fn linear_elements_equal_the_transmitted_wrenches_in_64_bits() {
         let transmission = transmission(&parameters, &pose);
         let d = transmission.compliance(&parameters);
         let expected = transmission.stiffness(&d);
-        keep_worst(
-            &mut worst_plain,
-            scaled_difference(&plain.stiffness(&pose).unwrap().matrix(), &expected.transpose().into()),
-        );
+        keep_worst(&mut worst_plain, scaled_difference(&plain.stiffness(&pose).unwrap().matrix(), &expected));
         let expected = transmission.stiffness(&(d + transmission.elements(&parameters.effects, warmer_k)));
         let found = machine.stiffness(&pose).unwrap().matrix();
-        keep_worst(&mut worst, scaled_difference(&found, &expected.transpose().into()));
+        keep_worst(&mut worst, scaled_difference(&found, &expected));
     }
     println!("elements: {worst:.1e}; without them {worst_plain:.1e}");
     assert!(worst <= 1e-9 && worst_plain <= 1e-9, "{worst:e} {worst_plain:e}");
 }
 
-fn stiffness_with(effects: Effects, pose: &Pose<f64>) -> Result<[[f64; 6]; 6], StiffnessError> {
+fn stiffness_with(effects: Effects, pose: &Pose<f64>) -> Result<Matrix6<f64>, StiffnessError> {
     let machine = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     Ok(machine.stiffness(pose)?.matrix())
 }
@@ -352,9 +349,9 @@ fn laws_of_the_load_lengthen_a_limb_by_their_definition() {
         // work of a unit wrench: the tension that it causes times the elongation
         let expected = Vector6::from_fn(|i, _| elongation * tension(&Vector6::ith(i, 1.0)));
 
-        let array = |w: &Vector6<f64>| Wrench::from_array((*w).into());
-        let found = machine.load_dependent_deflection(&pose, &array(&wrench), &array(&turned_at)).unwrap();
-        keep_worst(&mut worst, (Vector6::from(found.to_array()) - expected).norm() / expected.norm());
+        let (wrench, turned_at) = (Wrench::from_vector(wrench), Wrench::from_vector(turned_at));
+        let found = machine.load_dependent_deflection(&pose, &wrench, &turned_at).unwrap();
+        keep_worst(&mut worst, (found.to_vector() - expected).norm() / expected.norm());
         seen = seen.max(elongation.abs());
     }
     println!("load laws: {worst:.1e}, elongations up to {seen:.1e} m");
@@ -362,7 +359,7 @@ fn laws_of_the_load_lengthen_a_limb_by_their_definition() {
     // nothing of it without a load that depends
     let linear = Effects::NONE.with_element("limb.1.body", "axial", "constant", [1e-9]).unwrap();
     let machine = Machine::<f64>::new(&MachineParameters { effects: linear, ..PARAMETERS }).unwrap();
-    let any = Wrench::from_array([100.0; 6]);
+    let any = Wrench::from_vector([100.0; 6].into());
     assert_eq!(machine.load_dependent_deflection(&POSE, &any, &Wrench::ZERO), Ok(Deflection::ZERO));
 }
 

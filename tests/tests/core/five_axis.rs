@@ -4,7 +4,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use fastrand::Rng;
-use nalgebra::{Matrix3, Matrix4, Matrix6, Rotation3, Translation3, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix4, Matrix6, Rotation3, Translation3, Vector2, Vector3, Vector6};
 use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
@@ -18,14 +18,14 @@ use pkm_tests::{between, cases, first, random_parameters, random_pose, seeded};
 
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
 const HOME: Configuration<f64> =
-    Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
+    Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: Vector2::new(0.0, 0.0) };
 
 /// Anywhere within travel and joint limits.
 fn configuration(rng: &mut Rng) -> Configuration<f64> {
     let mut w = |low: f64, high: f64| between(rng, low, high);
     Configuration {
         pose: Pose { theta_rad: w(-0.9, 0.9), sigma_rad: w(-0.9, 0.9), z0_m: w(0.3, 0.8) },
-        beta_rad: [w(-FRAC_PI_2, FRAC_PI_2), w(-FRAC_PI_2, FRAC_PI_2)],
+        beta_rad: Vector2::new(w(-FRAC_PI_2, FRAC_PI_2), w(-FRAC_PI_2, FRAC_PI_2)),
     }
 }
 
@@ -45,7 +45,7 @@ fn table_1(c: &Configuration<f64>, p: &WristParameters) -> Matrix4<f64> {
             * Translation3::new(b, 0.0, 0.0).to_homogeneous()
             * Rotation3::from_axis_angle(&Vector3::x_axis(), alpha).to_homogeneous()
     };
-    let [beta1, beta2] = c.beta_rad;
+    let [beta1, beta2] = c.beta_rad.into();
     let Pose { theta_rad, sigma_rad, z0_m } = c.pose;
     Translation3::new(z0_m * theta_rad.tan(), 0.0, z0_m).to_homogeneous()
         * Rotation3::from_axis_angle(&Vector3::y_axis(), theta_rad).to_homogeneous()
@@ -65,8 +65,8 @@ fn determinant_by_differences(c: &Configuration<f64>, p: &WristParameters) -> f6
         let seen = |by: f64| {
             let mut c = *c;
             let Pose { theta_rad, sigma_rad, z0_m } = &mut c.pose;
-            let [beta1, beta2] = &mut c.beta_rad;
-            *[theta_rad, sigma_rad, z0_m, beta1, beta2][i] += by;
+            let beta = &mut *c.beta_rad;
+            *[theta_rad, sigma_rad, z0_m, &mut beta.x, &mut beta.y][i] += by;
             let t = table_1(&c, p);
             Vector6::new(t[(0, 3)], t[(1, 3)], t[(2, 3)], t[(0, 2)], t[(1, 2)], t[(2, 2)])
         };
@@ -96,8 +96,7 @@ fn random_wrist(rng: &mut Rng) -> WristParameters {
 }
 
 fn apart(a: &Tool<f64>, b: &Tool<f64>) -> [f64; 2] {
-    let off = |a: [f64; 3], b: [f64; 3]| (Vector3::from(a) - Vector3::from(b)).norm();
-    [off(a.tip_m, b.tip_m), off(a.axis, b.axis)]
+    [(a.tip_m - b.tip_m).norm(), (a.axis - b.axis).norm()]
 }
 
 fn configurations_apart(a: &Configuration<f64>, b: &Configuration<f64>) -> f64 {
@@ -115,18 +114,19 @@ fn the_frame_is_the_product_of_table_1() {
         let wrist = Wrist::<f64>::new(&p).expect("a wrist");
         let five = FiveAxis { machine: &machine, wrist: &wrist };
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m, 0.05);
-        let c = Configuration { pose, beta_rad: [between(&mut rng, -2.0, 2.0), between(&mut rng, -2.0, 2.0)] };
+        let c =
+            Configuration { pose, beta_rad: Vector2::new(between(&mut rng, -2.0, 2.0), between(&mut rng, -2.0, 2.0)) };
         let frame = five.frame(&c).expect("a frame");
         let upright = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 1.0 }, ..HOME };
         let above = table_1(&upright, &p);
-        for (i, tip) in p.tip_at_zero_m().into_iter().enumerate() {
+        for (i, tip) in p.tip_at_zero_m().iter().enumerate() {
             assert!((tip - above[(i, 3)] + if i == 2 { 1.0 } else { 0.0 }).abs() < 1e-14);
         }
         let t = table_1(&c, &p);
         for i in 0..3 {
             assert!((frame.tip_m[i] - t[(i, 3)]).abs() < 1e-14 * (1.0 + pose.z0_m));
-            for (column, axis) in frame.axes.iter().enumerate() {
-                assert!((axis[i] - t[(i, column)]).abs() < 1e-14);
+            for column in 0..3 {
+                assert!((frame.axes[(i, column)] - t[(i, column)]).abs() < 1e-14);
             }
         }
         let joints = five.joints(&c).expect("joint values");
@@ -176,15 +176,16 @@ fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
     println!("worst {worst:e}");
     assert!(worst <= 1e-12, "{worst:e}");
 
-    let Tool { tip_m: [x, y, z], .. } = FIVE.tool(&HOME).unwrap();
-    assert_eq!(FIVE.inverse_at([f64::NAN, y, z], [0.0; 2]), Err(ToolError::NotFinite));
-    assert_eq!(FIVE.inverse_at([x, y, z], [0.0, f64::INFINITY]), Err(ToolError::NotFinite));
-    assert_eq!(FIVE.inverse_at([x, 2.0, z], [0.0; 2]), Err(ToolError::Unreachable));
-    assert_eq!(FIVE.inverse_at([0.0, y, 0.1], [0.0; 2]), Err(ToolError::Unreachable));
+    let [x, y, z] = FIVE.tool(&HOME).unwrap().tip_m.into();
+    let at = |tip: [f64; 3], beta: [f64; 2]| FIVE.inverse_at(tip.into(), beta.into());
+    assert_eq!(at([f64::NAN, y, z], [0.0; 2]), Err(ToolError::NotFinite));
+    assert_eq!(at([x, y, z], [0.0, f64::INFINITY]), Err(ToolError::NotFinite));
+    assert_eq!(at([x, 2.0, z], [0.0; 2]), Err(ToolError::Unreachable));
+    assert_eq!(at([0.0, y, 0.1], [0.0; 2]), Err(ToolError::Unreachable));
     let too_far = Err(ToolError::Kinematics(KinematicsError::OutOfTravel { limb: 1 }));
-    assert_eq!(FIVE.inverse_at([x, y, z + 1.0], [0.0; 2]), too_far);
-    let turned = Configuration { beta_rad: [0.0, 1.6], ..HOME };
-    let tip_m = table_1(&turned, &WRIST).fixed_view::<3, 1>(0, 3).into();
+    assert_eq!(at([x, y, z + 1.0], [0.0; 2]), too_far);
+    let turned = Configuration { beta_rad: Vector2::new(0.0, 1.6), ..HOME };
+    let tip_m = table_1(&turned, &WRIST).fixed_view::<3, 1>(0, 3).into_owned();
     assert_eq!(FIVE.inverse_at(tip_m, turned.beta_rad), Err(ToolError::WristLimit { joint: 2 }));
     for _ in 0..cases(1000) {
         let (c, tool) = first(|| {
@@ -223,7 +224,10 @@ fn other_machines_hold_tools_on_their_home_side() {
                 sigma_rad: between(&mut rng, -0.8, 0.8),
                 z0_m: p.home_z0_m * between(&mut rng, 0.6, 1.6),
             };
-            let c = Configuration { pose, beta_rad: [between(&mut rng, -1.5, 1.5), between(&mut rng, -1.5, 1.5)] };
+            let c = Configuration {
+                pose,
+                beta_rad: Vector2::new(between(&mut rng, -1.5, 1.5), between(&mut rng, -1.5, 1.5)),
+            };
             let (Ok(tool), Ok(0.1..)) = (five.tool(&c), five.home_share(&c)) else { continue };
             tried += 1;
             if let Ok(hold) = five.search(&tool, &home) {
@@ -257,7 +261,7 @@ fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
                     sigma_rad: mix(from.pose.sigma_rad, to.pose.sigma_rad),
                     z0_m: mix(from.pose.z0_m, to.pose.z0_m),
                 },
-                beta_rad: [mix(from.beta_rad[0], to.beta_rad[0]), mix(from.beta_rad[1], to.beta_rad[1])],
+                beta_rad: Vector2::new(mix(from.beta_rad[0], to.beta_rad[0]), mix(from.beta_rad[1], to.beta_rad[1])),
             };
             let Ok(tool) = FIVE.tool(&right) else { break };
             let distance = FIVE.home_share(&right).expect("a share");
@@ -306,7 +310,7 @@ fn a_whole_frame_is_solved_in_closed_form() {
     let five = FiveAxis { wrist: &Wrist::<f64>::new(&wide).expect("a wrist"), ..FIVE };
     for _ in 0..cases(20_000) {
         let c = first(|| {
-            let beta_rad = [between(&mut rng, -3.1, 3.1), between(&mut rng, -3.1, 3.1)];
+            let beta_rad = Vector2::from_fn(|_, _| between(&mut rng, -3.1, 3.1));
             let c = Configuration { beta_rad, ..configuration(&mut rng) };
             matches!(five.home_share(&c), Ok(0.1..)).then_some(c)
         });
@@ -315,11 +319,12 @@ fn a_whole_frame_is_solved_in_closed_form() {
         assert!(configurations_apart(&found.configuration, &c) < 1e-7, "{found:?} {c:?}");
     }
     let frame = FIVE.frame(&HOME).expect("a frame");
-    let [x, y, z] = frame.axes;
-    for axes in [[x, y, y], [y, x, z], [[0.0; 3], y, z], [y, [-1.0, 0.0, 0.0], z]] {
+    let [x, y, z] = [0, 1, 2].map(|i| frame.axes.column(i).into_owned());
+    for axes in [[x, y, y], [y, x, z], [Vector3::zeros(), y, z], [y, -Vector3::x(), z]] {
+        let axes = Matrix3::from_columns(&axes);
         assert_eq!(FIVE.inverse_frame(&ToolFrame { axes, ..frame }), Err(ToolError::Inconsistent), "{axes:?}");
     }
-    let aside = ToolFrame { tip_m: [frame.tip_m[0], 1e-3, frame.tip_m[2]], ..frame };
+    let aside = ToolFrame { tip_m: Vector3::new(frame.tip_m[0], 1e-3, frame.tip_m[2]), ..frame };
     assert_eq!(FIVE.inverse_frame(&aside), Err(ToolError::Inconsistent));
 }
 
@@ -340,12 +345,8 @@ fn transport(c: &Configuration<f64>, p: &WristParameters) -> (Matrix6<f64>, Matr
     (x, tool)
 }
 
-fn whole(k: &[[f64; 6]; 6]) -> Matrix6<f64> {
-    Matrix6::from_fn(|i, j| k[i][j])
-}
-
 fn wrench(rng: &mut Rng, force_n: f64, moment_nm: f64) -> Wrench<f64> {
-    let mut three = |size: f64| [0; 3].map(|_| between(rng, -size, size));
+    let mut three = |size: f64| Vector3::from_fn(|_, _| between(rng, -size, size));
     Wrench { force_n: three(force_n), moment_nm: three(moment_nm) }
 }
 
@@ -368,26 +369,23 @@ fn stiffness_and_deflection_are_carried_to_the_tip() {
         let c = in_box(&mut rng);
         let (x, tool) = transport(&c, &WRIST);
         let k_m = TABLE_F64.factor_form(&MACHINE_F64, &c.pose).expect("in the box").factor.stiffness();
-        let compliance = x * whole(&k_m.matrix()).try_inverse().expect("definite") * x.transpose();
-        let seen = whole(&FIVE.tip_stiffness(&k_m, &c).expect("a stiffness").matrix());
+        let compliance = x * k_m.matrix().try_inverse().expect("definite") * x.transpose();
+        let seen = FIVE.tip_stiffness(&k_m, &c).expect("a stiffness").matrix();
         assert!((seen * compliance - Matrix6::identity()).abs().max() < 1e-9);
 
         let w = wrench(&mut rng, 1000.0, 50.0);
         let found = FIVE.deflection(Some(&TABLE_F64), &c, &w).expect("a deflection");
         assert_eq!(found.domain, Some(Domain::Inside));
-        let [f, m] = [w.force_n, w.moment_nm];
-        let d = compliance * Vector6::new(f[0], f[1], f[2], m[0], m[1], m[2]);
+        let d = compliance * w.to_vector();
         let moved = tool * Vector3::new(d[0], d[1], d[2]);
         let turned = tool * Vector3::new(d[3], d[4], d[5]);
-        assert!((Vector3::from(found.translation_m) - moved).norm() < 1e-11 * moved.norm());
-        assert!((Vector3::from(found.rotation_rad) - turned).norm() < 1e-11 * turned.norm());
+        assert!((found.translation_m - moved).norm() < 1e-11 * moved.norm());
+        assert!((found.rotation_rad - turned).norm() < 1e-11 * turned.norm());
     }
 }
 
-fn loaded(tool: &Tool<f64>, translation_m: [f64; 3], rotation_rad: [f64; 3]) -> Tool<f64> {
-    let axis = Vector3::from(tool.axis);
-    let tip = Vector3::from(tool.tip_m) + Vector3::from(translation_m);
-    Tool { tip_m: tip.into(), axis: (axis + Vector3::from(rotation_rad).cross(&axis)).normalize().into() }
+fn loaded(tool: &Tool<f64>, translation_m: Vector3<f64>, rotation_rad: Vector3<f64>) -> Tool<f64> {
+    Tool { tip_m: tool.tip_m + translation_m, axis: (tool.axis + rotation_rad.cross(&tool.axis)).normalize() }
 }
 
 /// Greatest share of the deflection of tip and of axis that is left after compensation.
@@ -432,13 +430,12 @@ fn a_loaded_tool_stands_where_it_was_asked_for() {
 fn single_precision_follows() {
     let mut rng = seeded();
     let five = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
-    let narrow = |v: [f64; 3]| v.map(|v| v as f32);
-    let near = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: [0.0; 2] };
+    let near = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: Vector2::zeros() };
     let (mut worst, mut left): ([f64; 2], f64) = ([0.0; 2], 0.0);
     for _ in 0..cases(5000) {
         let c = in_box(&mut rng);
         let tool = FIVE.tool(&c).expect("a tool");
-        let target = Tool { tip_m: narrow(tool.tip_m), axis: narrow(tool.axis) };
+        let target = Tool { tip_m: tool.tip_m.cast::<f32>(), axis: tool.axis.cast::<f32>() };
         let Ok(hold) = five.search(&target, &near) else { panic!("{c:?}") };
         let Configuration { pose, beta_rad } = hold.configuration;
         let wide = Configuration {
@@ -449,12 +446,12 @@ fn single_precision_follows() {
         worst = [worst[0].max(off[0]), worst[1].max(off[1])];
 
         let w = wrench(&mut rng, 500.0, 50.0);
-        let load = Wrench { force_n: narrow(w.force_n), moment_nm: narrow(w.moment_nm) };
+        let load = Wrench { force_n: w.force_n.cast::<f32>(), moment_nm: w.moment_nm.cast::<f32>() };
         if let (Ok(single), Ok(double)) = (
             five.compensated(Some(&TABLE_F32), &target, &load, &hold.configuration),
             FIVE.compensated(Some(&TABLE_F64), &tool, &w, &c),
         ) {
-            for (a, b) in single.hold.joints.lengths.q_m.iter().zip(double.hold.joints.lengths.q_m) {
+            for (a, b) in single.hold.joints.lengths.q_m.iter().zip(&double.hold.joints.lengths.q_m) {
                 left = left.max((f64::from(*a) - b).abs());
             }
         }
@@ -475,10 +472,10 @@ fn what_cannot_be_is_refused() {
             t.axis[i] = bad;
             assert_eq!(FIVE.search(&t, &HOME), Err(ToolError::NotFinite));
         }
-        let c = Configuration { beta_rad: [0.0, bad], ..HOME };
+        let c = Configuration { beta_rad: Vector2::new(0.0, bad), ..HOME };
         assert_eq!(FIVE.inverse(&tool, &c), Err(ToolError::NotFinite));
         assert_eq!(FIVE.frame(&c), Err(ToolError::NotFinite));
-        let w = Wrench { force_n: [bad, 0.0, 0.0], moment_nm: [0.0; 3] };
+        let w = Wrench { force_n: Vector3::new(bad, 0.0, 0.0), moment_nm: Vector3::zeros() };
         assert!(matches!(FIVE.compensated(None, &tool, &w, &HOME), Err(ToolDeflectionError::Stiffness(_))));
     }
     for (theta_rad, sigma_rad, z0_m) in
@@ -487,12 +484,12 @@ fn what_cannot_be_is_refused() {
         let near = Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, ..HOME };
         assert_eq!(FIVE.inverse(&tool, &near), Err(ToolError::Unreachable), "{near:?}");
     }
-    assert_eq!(FIVE.inverse(&Tool { axis: [0.0; 3], ..tool }, &HOME), Err(ToolError::NotFinite));
-    let aside = Tool { tip_m: [0.0, 4.0, 0.9], ..tool };
+    assert_eq!(FIVE.inverse(&Tool { axis: Vector3::zeros(), ..tool }, &HOME), Err(ToolError::NotFinite));
+    let aside = Tool { tip_m: Vector3::new(0.0, 4.0, 0.9), ..tool };
     assert!(matches!(FIVE.search(&aside, &HOME), Err(ToolError::Unreachable | ToolError::Singular)));
-    let c = Configuration { beta_rad: [0.0, -1.6], ..HOME };
+    let c = Configuration { beta_rad: Vector2::new(0.0, -1.6), ..HOME };
     assert_eq!(FIVE.frame(&c), Err(ToolError::WristLimit { joint: 2 }));
-    let joints = JointValues { lengths: ScrewLengths { q_m: [0.9; 3] }, beta_rad: [0.0; 2] };
+    let joints = JointValues { lengths: ScrewLengths { q_m: Vector3::repeat(0.9) }, beta_rad: Vector2::zeros() };
     let out_of_travel = ToolError::Kinematics(KinematicsError::OutOfTravel { limb: 1 });
     assert_eq!(FIVE.forward(&joints), Err(out_of_travel));
     // a wrist whose limits exclude what the tool asks for
@@ -527,7 +524,7 @@ fn a_deflection_that_overflows_is_refused() {
     let five = FiveAxis { machine: &machine, wrist: &wrist };
     let mut refused = 0;
     for exponent in 290..=305 {
-        let load = Wrench { force_n: [10_f64.powi(exponent), 0.0, 0.0], moment_nm: [0.0; 3] };
+        let load = Wrench { force_n: Vector3::new(10_f64.powi(exponent), 0.0, 0.0), moment_nm: Vector3::zeros() };
         match five.deflection(None, &HOME, &load) {
             Ok(d) => {
                 assert!(d.translation_m.iter().chain(&d.rotation_rad).all(|v| v.is_finite()), "1e{exponent} N: {d:?}")

@@ -1,5 +1,6 @@
 //! Inverse and forward kinematics on random machines, against geometry in space and check points.
 
+use nalgebra::Vector3;
 use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference;
 use pkm_core::{KinematicsError, Machine, Pose, ScrewLengths};
@@ -100,7 +101,7 @@ fn jacobian_is_the_derivative_of_inverse() {
             for limb in 0..3 {
                 let numeric = (ahead[limb] - behind[limb]) / (2.0 * step);
                 let unit = if column == 2 { 1.0 } else { l };
-                keep_worst(&mut worst, (jacobian[limb][column] - numeric).abs() / unit);
+                keep_worst(&mut worst, (jacobian[(limb, column)] - numeric).abs() / unit);
             }
         }
         // the Jacobian's determinant for (θ, σ, L), L = Z0 / cos θ
@@ -110,7 +111,7 @@ fn jacobian_is_the_derivative_of_inverse() {
         let expected = 2.0 * g.a1_m * g.b2_m * (l * l * cs - g.a1_m * g.b1_m * ss * ss) * (l * ct - g.a2_m * st)
             / (q[0] * q[1] * q[2])
             / ct;
-        let determinant = nalgebra::Matrix3::from(jacobian).determinant();
+        let determinant = jacobian.determinant();
         assert!((determinant / expected - 1.0).abs() < 1e-9, "determinant {determinant}, expected {expected}");
     }
     assert!(worst <= 1e-7, "Jacobian differs from central differences by {worst:e}");
@@ -130,7 +131,7 @@ fn refusals_are_typed() {
             assert_eq!(machine.inverse(&p), Err(KinematicsError::NotFinite));
             assert_eq!(machine.jacobian(&p), Err(KinematicsError::NotFinite));
         }
-        let q = ScrewLengths { q_m: [0.5, bad, 0.5] };
+        let q = ScrewLengths { q_m: Vector3::new(0.5, bad, 0.5) };
         assert_eq!(machine.forward(&q), Err(KinematicsError::NotFinite));
     }
     assert_eq!(machine.inverse(&pose(0.0, 0.0, 0.9)), Err(KinematicsError::OutOfTravel { limb: 1 }));
@@ -148,13 +149,13 @@ fn refusals_are_typed() {
     assert_eq!(wide.inverse(&pose(0.0, sigma, l)), Err(KinematicsError::Singular));
     assert!(wide.inverse(&pose(0.0, sigma, 1.02 * l)).is_ok());
     // lengths within travel that don't close
-    let open = ScrewLengths { q_m: [0.42, 0.77, 0.5] };
+    let open = ScrewLengths { q_m: Vector3::new(0.42, 0.77, 0.5) };
     assert_eq!(machine.forward(&open), Err(KinematicsError::Unreachable));
-    let long = ScrewLengths { q_m: [0.5, 0.5, 0.78] };
+    let long = ScrewLengths { q_m: Vector3::new(0.5, 0.5, 0.78) };
     assert_eq!(machine.forward(&long), Err(KinematicsError::OutOfTravel { limb: 3 }));
     parameters.travel.max_m[0] = 1e20;
     let endless = Machine::<f64>::new(&parameters).unwrap();
-    let negative = ScrewLengths { q_m: [0.57, -0.57, 0.52] };
+    let negative = ScrewLengths { q_m: Vector3::new(0.57, -0.57, 0.52) };
     assert_eq!(endless.forward(&negative), Err(KinematicsError::OutOfTravel { limb: 2 }));
 }
 
@@ -163,9 +164,9 @@ fn travel_margin_names_the_nearest_limit() {
     let mut parameters = random_parameters(&mut fastrand::Rng::with_seed(2), BodyKind::Beam);
     parameters.travel = pkm_core::machine::Travel { min_m: [0.42; 3], max_m: [0.77; 3] };
     let machine = Machine::<f64>::new(&parameters).unwrap();
-    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: [0.5, 0.6, 0.76] });
+    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: Vector3::new(0.5, 0.6, 0.76) });
     assert!((margin - 0.01).abs() < 1e-12 && limb == 2, "{margin} {limb}");
-    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: [0.4, 0.6, 0.76] });
+    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: Vector3::new(0.4, 0.6, 0.76) });
     assert!((margin + 0.02).abs() < 1e-12 && limb == 0, "{margin} {limb}");
 }
 
@@ -175,7 +176,7 @@ fn each_limb_has_the_slack_of_its_own_length() {
     let mut parameters = reference::PARAMETERS;
     parameters.travel.max_m = [1e3, 0.6, 0.77];
     let machine = Machine::<f32>::new(&parameters).unwrap();
-    let at = |q2: f32| machine.forward(&ScrewLengths { q_m: [0.59, q2, 0.55] });
+    let at = |q2: f32| machine.forward(&ScrewLengths { q_m: Vector3::new(0.59, q2, 0.55) });
     assert!(at(0.6).is_ok() && at(0.600_004).is_ok());
     assert_eq!(at(0.6001), Err(KinematicsError::OutOfTravel { limb: 2 }));
 }

@@ -1,9 +1,10 @@
 //! Basic stiffness against the dense 24×24 of Eq. 8.
 
+use nalgebra::{Matrix6, Vector3};
 use pkm_core::effects::Effects;
 use pkm_core::machine::{BodyKind, MachineParameters, Travel};
 use pkm_core::tables::reference::PARAMETERS;
-use pkm_core::{Machine, Pose, Stiffness, StiffnessError, Wrench};
+use pkm_core::{Deflection, Machine, Pose, Stiffness, StiffnessError, Wrench};
 use pkm_tests::single::narrow_pose;
 use pkm_tests::{cases, keep_worst, random_parameters, random_pose, scaled_difference, seeded, structural_stiffness};
 
@@ -35,23 +36,21 @@ fn transmitted_wrenches_one_by_one_make_up_the_structural_matrix() {
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
         let t = machine.transmission(&pose).unwrap();
-        let h = nalgebra::SMatrix::<f64, 6, 8>::from_fn(|i, k| t.wrenches[k][i]);
-        let d = nalgebra::SMatrix::<f64, 8, 8>::from_fn(|i, j| t.compliance[i.max(j)][i.min(j)]);
+        let h = t.wrenches;
+        let d = nalgebra::SMatrix::<f64, 8, 8>::from_fn(|i, j| t.compliance[(i.max(j), i.min(j))]);
         let k = h * d.cholesky().unwrap().solve(&h.transpose());
-        let k = std::array::from_fn(|i| std::array::from_fn(|j| k[(i, j)]));
         let difference = scaled_difference(&k, &structural_stiffness(&parameters, &pose));
         assert!(difference <= 1e-11, "{difference:e} at {pose:?} of {parameters:?}");
         let lengths = machine.inverse(&pose).unwrap().q_m;
         for (limb, first) in t.limbs.iter().zip([0, 3, 6]) {
-            let [base, platform] = limb.joints_m.map(nalgebra::Vector3::from);
+            let [base, platform] = limb.joints_m;
             let along = platform - base;
-            let w = t.wrenches[first];
-            let (force, moment) =
-                (nalgebra::Vector3::from([w[0], w[1], w[2]]), nalgebra::Vector3::from([w[3], w[4], w[5]]));
-            assert!((along.norm() - limb.length_m).abs() < 1e-12 && lengths.contains(&limb.length_m));
+            let w = t.wrenches.column(first);
+            let (force, moment) = (w.fixed_rows::<3>(0), w.fixed_rows::<3>(3));
+            assert!((along.norm() - limb.length_m).abs() < 1e-12 && lengths.as_slice().contains(&limb.length_m));
             assert!((along / limb.length_m - force).norm() < 1e-12);
             assert!((moment - platform.cross(&force)).norm() < 1e-12);
-            assert!((nalgebra::Vector3::from(limb.axes[1][2]) - force).norm() < 1e-12);
+            assert!((limb.axes[1].column(2) - force).norm() < 1e-12);
         }
     }
 }
@@ -73,7 +72,7 @@ fn mirrored_and_scaled_machines_have_mirrored_and_scaled_stiffness() {
         let there = Pose { sigma_rad: -pose.sigma_rad, ..pose };
         let found = Machine::<f64>::new(&mirrored).unwrap().stiffness(&there).unwrap().matrix();
         let sign = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
-        let expected = std::array::from_fn(|i| std::array::from_fn(|j| sign[i] * k[i][j] * sign[j]));
+        let expected = Matrix6::from_fn(|i, j| sign[i] * k[(i, j)] * sign[j]);
         keep_worst(&mut worst[0], scaled_difference(&found, &expected));
 
         // Young's modulus stays; a length in place of 1 in N/m, a volume in N·m/rad
@@ -95,7 +94,7 @@ fn mirrored_and_scaled_machines_have_mirrored_and_scaled_stiffness() {
         let there = Pose { z0_m: pose.z0_m * s, ..pose };
         let found = Machine::<f64>::new(&scaled).unwrap().stiffness(&there).unwrap().matrix();
         let size = |i: usize| if i < 3 { 1.0 } else { s };
-        let expected = std::array::from_fn(|i| std::array::from_fn(|j| size(i) * k[i][j] * size(j) * s));
+        let expected = Matrix6::from_fn(|i, j| size(i) * k[(i, j)] * size(j) * s);
         keep_worst(&mut worst[1], scaled_difference(&found, &expected));
     }
     println!("mirrored {:.1e}, scaled {:.1e}", worst[0], worst[1]);
@@ -113,8 +112,7 @@ fn single_precision(effects: Effects) -> f64 {
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.05);
         let narrow = narrow_pose(&pose);
         let k = Machine::<f32>::new(&parameters).unwrap().stiffness(&narrow).unwrap().matrix();
-        let k = k.map(|row| row.map(f64::from));
-        keep_worst(&mut worst, scaled_difference(&k, &machine.stiffness(&pose).unwrap().matrix()));
+        keep_worst(&mut worst, scaled_difference(&k.cast(), &machine.stiffness(&pose).unwrap().matrix()));
     }
     worst
 }
@@ -148,7 +146,7 @@ fn single_precision_with_wrong_sizes_stays_near_double_in_the_box() {
     for _ in 0..cases(10_000) {
         let pose = Pose { theta_rad: within(0.0, 0.26), sigma_rad: within(0.0, 0.26), z0_m: within(0.53, 0.03) };
         let narrow = narrow_pose(&pose);
-        let k = single.stiffness(&narrow).unwrap().matrix().map(|row| row.map(f64::from));
+        let k = single.stiffness(&narrow).unwrap().matrix().cast::<f64>();
         keep_worst(&mut worst, scaled_difference(&k, &double.stiffness(&pose).unwrap().matrix()));
     }
     println!("f32 K_p with wrong sizes against f64: {worst:.1e}");
@@ -163,47 +161,41 @@ fn deflection_solves_the_stiffness() {
         let machine = Machine::<f64>::new(&parameters).unwrap();
         let pose = random_pose(&mut rng, &machine, parameters.geometry.a1_m + parameters.geometry.b1_m, 0.1);
         let k = machine.stiffness(&pose).unwrap();
-        let wrench = Wrench { force_n: [100.0, -50.0, 700.0], moment_nm: [3.0, 20.0, -8.0] };
+        let wrench = Wrench { force_n: Vector3::new(100.0, -50.0, 700.0), moment_nm: Vector3::new(3.0, 20.0, -8.0) };
         let d = k.factor().unwrap().deflection(&wrench).unwrap();
-        let x = d.to_array();
-        let load = wrench.to_array();
-        for (row, f) in k.matrix().iter().zip(load) {
+        let x = d.to_vector();
+        let load = wrench.to_vector();
+        for (row, f) in k.matrix().row_iter().zip(&load) {
             let sum: f64 = row.iter().zip(&x).map(|(k, x)| k * x).sum();
             let size: f64 = row.iter().zip(&x).map(|(k, x)| (k * x).abs()).sum();
             assert!((sum - f).abs() <= 1e-12 * size, "{sum} instead of {f}");
         }
         // by virtual work, whatever point the load is given at
-        let at = [0.1, -0.2, 0.3];
+        let at = Vector3::new(0.1, -0.2, 0.3);
         let seen = d.seen_at(at);
         let moved = wrench.moved_to_a(at);
-        let work = |w: &Wrench<f64>, t: [f64; 3], r: [f64; 3]| -> f64 {
-            (0..3).map(|i| w.force_n[i] * t[i] + w.moment_nm[i] * r[i]).sum()
-        };
-        let (there, here) =
-            (work(&wrench, seen.translation_m, seen.rotation_rad), work(&moved, d.translation_m, d.rotation_rad));
+        let work = |w: &Wrench<f64>, d: &Deflection<f64>| w.to_vector().dot(&d.to_vector());
+        let (there, here) = (work(&wrench, &seen), work(&moved, &d));
         assert!((there - here).abs() <= 1e-9 * there.abs().max(here.abs()), "{there} {here}");
     }
 }
 
 #[test]
 fn failures_are_typed() {
-    let mut k = [[0.0; 6]; 6];
-    for i in 0..6 {
-        k[i][i] = 1.0;
-    }
+    let mut k = Matrix6::identity();
     let factor = Stiffness::from_lower(&k).factor().unwrap();
     let mut above = k;
-    above[0][5] = f64::NAN;
+    above[(0, 5)] = f64::NAN;
     assert_eq!(Stiffness::from_lower(&above).factor(), Ok(factor));
-    let wrench = Wrench { force_n: [f64::NAN, 0.0, 0.0], moment_nm: [0.0; 3] };
+    let wrench = Wrench { force_n: Vector3::new(f64::NAN, 0.0, 0.0), moment_nm: Vector3::zeros() };
     assert_eq!(factor.deflection(&wrench), Err(StiffnessError::NotFinite));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let mut indefinite = k;
-        indefinite[4][4] = bad;
+        indefinite[(4, 4)] = bad;
         let result = Stiffness::from_lower(&indefinite).factor();
         assert_eq!(result, Err(StiffnessError::NotPositiveDefinite), "{bad}");
     }
-    k[5][0] = 2.0;
+    k[(5, 0)] = 2.0;
     assert_eq!(Stiffness::from_lower(&k).factor(), Err(StiffnessError::NotPositiveDefinite));
     // platforms so small that squares of their levers are no numbers of f32
     let mut parameters = PARAMETERS;

@@ -90,8 +90,9 @@ fn lines<T: Scalar, const JOINTS: usize>(
             compensator.reset();
         }
         let [theta_rad, sigma_rad, z0_m] = period.pose.map(T::from_f64);
-        let at = Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: period.beta.map(T::from_f64) };
-        let wrench = Wrench::from_array(period.wrench.map(T::from_f64));
+        let at =
+            Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: period.beta.map(T::from_f64).into() };
+        let wrench = Wrench::from_vector(period.wrench.map(T::from_f64).into());
         let reading = Reading { enabled: period.enabled, wrench, rise_k: T::from_f64(period.rise) };
         let Offset { joints, limit, domain, fault } = update(&mut compensator, &at, &reading);
         let bits = joints.map(|joint| joint.to_f64().to_bits());
@@ -115,7 +116,7 @@ fn both_kinds<T: Scalar>(
     five: &FiveAxis<'_, T>,
     table: &CorrectionTable<'_, T>,
 ) -> Result<Vec<String>, String> {
-    let tip = [0.01, -0.02, 0.3].map(T::from_f64);
+    let tip = [0.01, -0.02, 0.3].map(T::from_f64).into();
     let screws = lines::<T, 3>(&format!("compensator_{width}"), |compensator, at, reading| {
         compensator.update(table, five.machine, &at.pose, tip, reading)
     })?;

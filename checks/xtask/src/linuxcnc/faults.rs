@@ -1,11 +1,12 @@
 //! What would hurt a machine, done to a simulated one, and the reaction that is expected.
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
-use pkm_core::{Configuration, FiveAxis, Wrench};
+use pkm_core::nalgebra::{Vector2, Vector3};
+use pkm_core::{Configuration, FiveAxis};
 use serde_json::Value;
 
 use super::in_file_units;
-use super::replay::{Host, Row, SMALL_SCREW_MM, joints_of, settings, worst};
+use super::replay::{Host, Row, SMALL_SCREW_MM, joints_of, settings, worst, wrench_of};
 use crate::Outcome;
 
 /// A place nearer to the singularity locus than the margin, from which a straight way leads home.
@@ -23,14 +24,14 @@ pub fn parked_inside_the_margin(
     home_axes: [f64; 5],
     margin: f64,
 ) -> Option<Parked> {
-    let place = |beta_rad: [f64; 2]| {
+    let place = |beta_rad: Vector2<f64>| {
         let configuration = Configuration { beta_rad, ..home };
-        let [x, y, z] = five.tool(&configuration).ok()?.tip_m.map(|m| m * 1e3);
+        let [x, y, z] = (five.tool(&configuration).ok()?.tip_m * 1e3).into();
         Some(([x, y, z, beta_rad[0].to_degrees(), beta_rad[1].to_degrees()], five.home_share(&configuration).ok()?))
     };
     let share = |axes: [f64; 5]| {
         let [x, y, z, a, b] = axes;
-        let hold = five.inverse_at_any_margin([x, y, z].map(|mm| mm / 1e3), [a, b].map(f64::to_radians));
+        let hold = five.inverse_at_any_margin(Vector3::new(x, y, z) / 1e3, Vector2::new(a, b).map(f64::to_radians));
         hold.ok().map(|hold| hold.home_share)
     };
     let leads_out = |from: [f64; 5]| {
@@ -48,17 +49,17 @@ pub fn parked_inside_the_margin(
     let turns = || (-160..=160).map(|i| 0.5 * f64::from(i));
     let mut all = turns().flat_map(|b| (-8..=8).map(move |a| [10.0 * f64::from(a), b]));
     all.find_map(|turned| {
-        let (axes, here) = place(turned.map(f64::to_radians))?;
+        let beta_rad = Vector2::from(turned).map(f64::to_radians);
+        let (axes, here) = place(beta_rad)?;
         let inside = here > 0.4 * margin && here < 0.8 * margin;
         if !inside {
             return None;
         }
         leads_out(axes)?;
-        let beta_rad = turned.map(f64::to_radians);
         let joints = in_file_units(&five.joints(&Configuration { beta_rad, ..home }).ok()?);
         // a degree nearer
         let inward = [-1.0, 1.0].into_iter().find_map(|d| {
-            let (axes, share) = place([turned[0], turned[1] + d].map(f64::to_radians))?;
+            let (axes, share) = place(Vector2::new(turned[0], turned[1] + d).map(f64::to_radians))?;
             (share > 0.0 && share < here).then_some(axes)
         })?;
         Some(Parked { joints, inward })
@@ -167,21 +168,18 @@ fn one_joint_at_its_limit(host: &Host, during: &[Row<'_>]) -> Outcome {
     let free = CompensatorSettings { max_screw_m: 0.01, ..settings(0) };
     let mut compensator = Compensator::<f64, 5>::new(&free).map_err(|e| e.to_string())?;
     let (stands, _) = five.forward(&joints_of(row.stands)).map_err(|e| e.to_string())?;
-    let wrench = Wrench::from_array(<[f64; 6]>::try_from(row.wrench).map_err(|_| "a wrench is six numbers")?);
+    let wrench = wrench_of(row.wrench)?;
     for _ in 0..2000 {
         compensator.update(&table, &five, &stands, &Reading { enabled: true, wrench, rise_k: 0.0 });
     }
-    let [a, b, c, d, e] = compensator.joints();
+    let [a, b, c, d, e] = compensator.joints().into();
     let asked = [a * 1e3, b * 1e3, c * 1e3, d.to_degrees(), e.to_degrees()];
     let from = tip(&[0.0; 5])?;
-    let less = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - b[i]) };
-    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let way = less(tip(&asked)?, from);
+    let way = tip(&asked)? - from;
     let off_line_um = |offsets: &[f64]| {
-        let moved = less(tip(offsets)?, from);
-        let along = dot(moved, way) / dot(way, way);
-        let off: [f64; 3] = std::array::from_fn(|i| moved[i] - along * way[i]);
-        Ok::<_, String>(1e6 * dot(off, off).sqrt())
+        let moved = tip(offsets)? - from;
+        let off = moved - way * (moved.dot(&way) / way.norm_squared());
+        Ok::<_, String>(1e6 * off.norm())
     };
     let clamped: Vec<f64> =
         (0..5).map(|i| if i < 3 { asked[i].clamp(-SMALL_SCREW_MM, SMALL_SCREW_MM) } else { asked[i] }).collect();

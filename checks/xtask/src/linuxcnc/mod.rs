@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use pkm_core::nalgebra::Vector2;
 use pkm_core::{Configuration, JointValues, Pose, Tool};
 use pkm_host::cli;
 use pkm_host::files::job::{Job, Position};
@@ -188,12 +189,13 @@ fn compile(components: &[&str], library: &Path, to: &Path) -> Outcome {
 /// Home of a machine.
 fn home(machine: &MachineFile) -> Configuration<f64> {
     let z0_m = machine.wrist_parameters.home_z0_m;
-    Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m }, beta_rad: [0.0; 2] }
+    Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m }, beta_rad: Vector2::zeros() }
 }
 
 /// Joints as LinuxCNC has them: mm and degrees.
 fn in_file_units(joints: &JointValues<f64>) -> [f64; 5] {
-    let ([a, b, c], [d, e]) = (joints.lengths.q_m.map(|q| q * 1e3), joints.beta_rad.map(f64::to_degrees));
+    let [a, b, c] = (joints.lengths.q_m * 1e3).into();
+    let [d, e] = joints.beta_rad.map(f64::to_degrees).into();
     [a, b, c, d, e]
 }
 
@@ -278,17 +280,17 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
         for (m, hole) in series.holes.iter().enumerate() {
             let (tip, axis) = (plate.origin_m + plate.rotation * hole.tip_m, plate.rotation * hole.axis);
             let mut point = |depth_mm: f64| {
-                let tool = Tool { tip_m: (tip + axis * (depth_mm / 1e3)).into(), axis: axis.into() };
+                let tool = Tool { tip_m: tip + axis * (depth_mm / 1e3), axis };
                 let hold = five.search(&tool, &near).map_err(|e| format!("hole {} of {}: {e}", m + 1, series.name))?;
                 near = hold.configuration;
-                let [x, y, z] = tool.tip_m.map(|v| v * 1e3);
-                let [a, b] = near.beta_rad.map(f64::to_degrees);
+                let [x, y, z] = (tool.tip_m * 1e3).into();
+                let [a, b] = near.beta_rad.map(f64::to_degrees).into();
                 Ok::<_, String>(format!("X{x:.6} Y{y:.6} Z{z:.6} A{a:.8} B{b:.8}\n"))
             };
             write!(text, "(hole {} of series {})\nG0 {}", m + 1, plain(&series.name), point(-CLEAR_MM)?).ok();
             write!(text, "G0 {}", point(-1.0)?).ok();
-            let load = series.wrench.force_n.into_iter().chain(series.wrench.moment_nm).enumerate();
-            let load: Vec<(usize, f64)> = load.filter(|(_, v)| *v != 0.0).collect();
+            let load = series.wrench.to_vector();
+            let load: Vec<_> = load.iter().enumerate().filter(|(_, v)| **v != 0.0).collect();
             text.extend(load.iter().map(|(i, v)| format!("M67 E{i} Q{v}\n")));
             for depth in 0..=DEEP_MM as i32 {
                 write!(text, "G1 F300 {}", point(f64::from(depth))?).ok();

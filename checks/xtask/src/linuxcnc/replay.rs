@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Limit, Offset, Reading};
+use pkm_core::nalgebra::{SVector, Vector2, Vector3};
 use pkm_core::{
     CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose,
     ScrewLengths, Tool, Wrench,
@@ -122,15 +123,21 @@ impl Host {
 /// X Y Z A B in mm and degrees, held.
 pub fn held(five: &FiveAxis<'_, f64>, axes: &[f64]) -> Result<Hold<f64>, String> {
     let [x, y, z, a, b] = axes.try_into().map_err(|_| "expected five axes")?;
-    five.inverse_at([x, y, z].map(|mm: f64| mm / 1e3), [a, b].map(f64::to_radians)).map_err(|e| e.to_string())
+    let (tip_m, beta_rad) = (Vector3::new(x, y, z) / 1e3, Vector2::new(a, b).map(f64::to_radians));
+    five.inverse_at(tip_m, beta_rad).map_err(|e| e.to_string())
 }
 
 pub fn joints_of(values: &[f64]) -> JointValues<f64> {
     let at = |i: usize| values.get(i).copied().unwrap_or(f64::NAN);
     JointValues {
-        lengths: ScrewLengths { q_m: [at(0), at(1), at(2)].map(|mm| mm / 1e3) },
-        beta_rad: [at(3), at(4)].map(f64::to_radians),
+        lengths: ScrewLengths { q_m: Vector3::new(at(0), at(1), at(2)) / 1e3 },
+        beta_rad: Vector2::new(at(3), at(4)).map(f64::to_radians),
     }
+}
+
+pub fn wrench_of(components: &[f64]) -> Result<Wrench<f64>, String> {
+    let components = <[f64; 6]>::try_from(components).map_err(|_| "a wrench is six numbers")?;
+    Ok(Wrench::from_vector(components.into()))
 }
 
 /// Median, 99.9 % and greatest.
@@ -183,13 +190,14 @@ impl Compensation {
         stands: Result<Configuration<f64>, String>,
         wrench: Wrench<f64>,
     ) -> Result<[f64; 5], String> {
-        let at_rest = !self.was_on && self.compensator.joints() == [0.0; 5];
+        let at_rest = !self.was_on && self.compensator.joints() == SVector::<f64, 5>::zeros();
         if at_rest && row.phase() != self.phase {
             self.phase = row.phase();
             self.compensator = Compensator::new(&settings(self.phase)).map_err(|e| e.to_string())?;
         }
         self.was_on = row.enabled() && stands.is_ok();
-        let nowhere = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.0 }, beta_rad: [0.0; 2] };
+        let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.0 };
+        let nowhere = Configuration { pose, beta_rad: Vector2::zeros() };
         let reading = Reading { enabled: self.was_on, wrench, rise_k: 0.0 };
         let known = stands.is_ok();
         let Offset { joints, limit, fault, .. } =
@@ -208,7 +216,7 @@ impl Compensation {
                 row.fault()
             ));
         }
-        let [a, b, c, d, e] = joints;
+        let [a, b, c, d, e] = joints.into();
         Ok([a * 1e3, b * 1e3, c * 1e3, d.to_degrees(), e.to_degrees()])
     }
 }
@@ -269,14 +277,14 @@ impl Seen {
     /// Compares what comes of the place where the machine stands: stiffness, deflection, distances from singularities.
     fn take_place(&mut self, host: &Host, row: &Row<'_>, computed: &Computed, pose: &Pose<f64>) -> Outcome {
         let Computed { stiffness, wanted, .. } = computed;
-        let moves = [wanted.deflection.translation_m, wanted.deflection.rotation_rad].concat();
-        keep(&mut self.deflection, worst(row.moved, &moves.iter().map(|v| v * 1e6).collect::<Vec<_>>()));
+        let [moved, turned] = [wanted.deflection.translation_m, wanted.deflection.rotation_rad].map(|v| v * 1e6);
+        keep(&mut self.deflection, worst(row.moved, &[moved.as_slice(), turned.as_slice()].concat()));
         let distance = host.five()?.machine.singularity_distance(pose).map_err(|e| e.to_string())?;
         keep(&mut self.deflection, worst(row.margins, &[wanted.hold.home_share, distance.limbs_1_2, distance.limb_3]));
         let matrix = stiffness.factor.stiffness().matrix();
         let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
         for ((i, j), found) in upper.zip(row.k) {
-            keep(&mut self.stiffness, (found - matrix[i][j]).abs() / (matrix[i][i] * matrix[j][j]).sqrt());
+            keep(&mut self.stiffness, (found - matrix[(i, j)]).abs() / (matrix[(i, i)] * matrix[(j, j)]).sqrt());
         }
         let inside = stiffness.domain == Domain::Inside && wanted.deflection.domain == Some(Domain::Inside);
         if inside != row.flag(1) {
@@ -296,10 +304,10 @@ impl Seen {
         }
         if row.felt != [0.0; 5] {
             let (_, tool) = five.forward(&joints_of(row.felt)).map_err(|e| e.to_string())?;
-            let [x, y, z] = tool.tip_m.map(|m| m * 1e3);
+            let [x, y, z] = (tool.tip_m * 1e3).into();
             keep(&mut self.forward, worst(row.placed, &[x, y, z, row.felt[3], row.felt[4]]));
         }
-        let force = Wrench::from_array(<[f64; 6]>::try_from(row.wrench).map_err(|_| "a wrench is six numbers")?);
+        let force = wrench_of(row.wrench)?;
         let stood = five.forward(&joints_of(row.stands)).map_err(|e| e.to_string());
         let compensation = match &mut self.compensation {
             Some(compensation) => compensation,

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
+use pkm_core::nalgebra::Vector2;
 use pkm_core::{Configuration, FiveAxis, ToolError};
 use serde_json::{Value, json};
 
@@ -132,8 +133,8 @@ fn near_a_singularity(five: &FiveAxis<'_, f64>, home: Configuration<f64>) -> Opt
     let turns = || (-8..=8).map(|i| 10.0 * f64::from(i));
     let mut all = turns().flat_map(|a| turns().map(move |b| [a, b]));
     all.find_map(|[a, b]| {
-        let tool = five.tool(&Configuration { beta_rad: [a, b].map(f64::to_radians), ..home }).ok()?;
-        let [x, y, z] = tool.tip_m.map(|m| m * 1e3);
+        let tool = five.tool(&Configuration { beta_rad: Vector2::new(a, b).map(f64::to_radians), ..home }).ok()?;
+        let [x, y, z] = (tool.tip_m * 1e3).into();
         let place = [x, y, z, a, b];
         (held(five, &place) == Err(ToolError::Singular.to_string())).then_some(place)
     })
@@ -150,7 +151,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let host = Host { machine: machine_file(&setup.machine)?, table: table(out)? };
     let five = host.five()?;
     let tool = five.tool(&home(&host.machine)).map_err(|e| e.to_string())?;
-    let [x, y, z] = tool.tip_m.map(|m| m * 1e3);
+    let [x, y, z] = (tool.tip_m * 1e3).into();
     let home_axes = [x, y, z, 0.0, 0.0];
 
     refuse_others(out, &host)?;
@@ -360,7 +361,7 @@ fn compare(name: &str, out: &Path, host: &Host) -> Outcome {
     let home = home(&host.machine);
     let (tool, joints) = (five.tool(&home), five.joints(&home));
     let (Ok(tool), Ok(joints)) = (tool, joints) else { return Err("no home".into()) };
-    let [x, y, z] = tool.tip_m.map(|m| m * 1e3);
+    let [x, y, z] = (tool.tip_m * 1e3).into();
     let size = 0.3e3 * five.machine.travel_margin_m(&joints.lengths).0;
     let file = out.join("compare.bin");
     let text = format!(

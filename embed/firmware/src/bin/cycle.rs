@@ -15,6 +15,7 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::nalgebra::Vector2;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Tool, ToolError, ToolFrame, Wrench};
 
@@ -36,15 +37,15 @@ struct Counts {
 
 /// The tool of the next point of a path: 1 mm and 0.1° on.
 fn step<T: Scalar>(five: &FiveAxis<'_, T>, from: &Configuration<T>) -> Result<Tool<T>, ToolError> {
-    let ToolFrame { tip_m, axes: [[x0, x1, x2], _, [z0, z1, z2]] } = five.frame(from)?;
+    let ToolFrame { tip_m, axes } = five.frame(from)?;
     let (along, turn) = (T::from_f64(5.8e-4), T::from_f64(1.75e-3));
-    Ok(Tool { tip_m: tip_m.map(|c| c + along), axis: [z0 + turn * x0, z1 + turn * x1, z2 + turn * x2] })
+    Ok(Tool { tip_m: tip_m.add_scalar(along), axis: axes.column(2) + axes.column(0) * turn })
 }
 
 fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 9], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
-    let wrench = Wrench { force_n: [100.0, -50.0, -400.0].map(number), moment_nm: [2.0, -8.0, 5.0].map(number) };
-    let tip = [0.01, -0.02, 0.3].map(number);
+    let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
+    let tip = [0.01, -0.02, 0.3].map(number).into();
     let names = ["inverse", "k_p", "k_m", "cycle", "tool", "tool_frame", "tool_cycle", "compensate", "compensate_tool"];
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let (Ok(mut compensator), Ok(mut tool_compensator)) =
@@ -58,7 +59,7 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
     for (theta, sigma) in angles.into_iter().flat_map(|theta| angles.map(|sigma| (theta, sigma))) {
         for z0 in [0.5, 0.53, 0.56] {
             let pose = Pose { theta_rad: number(theta), sigma_rad: number(sigma), z0_m: number(z0) };
-            let beta_rad = [number(-3.0 * sigma), number(2.0 * theta)];
+            let beta_rad = Vector2::new(number(-3.0 * sigma), number(2.0 * theta));
             let near = &black_box(Configuration { pose, beta_rad });
             let (tool, frame, pose) = (&step(five, near)?, &five.frame(near)?, &near.pose);
             let empty = ticks(|| ());

@@ -17,6 +17,7 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading}
 use pkm_core::correction::narrow;
 use pkm_core::effects::{Element, Law, Place};
 use pkm_core::kinematics::platform_axes;
+use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
@@ -45,9 +46,10 @@ fn show(error: impl core::fmt::Display) {
 fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, basis: &Basis<'_, T>) {
     let [a, b, c] = black_box([T::ONE; 3]);
     let pose = black_box(Pose { theta_rad: a, sigma_rad: b, z0_m: c });
-    let lengths = black_box(ScrewLengths { q_m: [a, b, c] });
-    let wrench = Wrench::from_array(black_box(Wrench { force_n: [a, b, c], moment_nm: [c, b, a] }).to_array());
-    let wrench = wrench.moved_to_a([a, b, c]);
+    let (vector, other) = (Vector3::new(a, b, c), Vector3::new(c, b, a));
+    let lengths = black_box(ScrewLengths { q_m: vector });
+    let wrench = Wrench::from_vector(black_box(Wrench { force_n: vector, moment_nm: other }).to_vector());
+    let wrench = wrench.moved_to_a(vector);
     if let Err(e) = black_box(machine.inverse(&pose)) {
         show(e);
     }
@@ -66,15 +68,15 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         Ok(warm) => _ = black_box(warm.stiffness(&pose)),
         Err(e) => show(e),
     }
-    let matrix = black_box([[a; 6]; 6]);
+    let matrix = black_box(Matrix6::repeat(a));
     let stiffness = Stiffness::from_lower(&matrix);
     black_box((stiffness.matrix(), stiffness.principal()));
     if let Ok(factor) = stiffness.factor() {
         black_box((factor.stiffness(), factor.lower()));
         if let Ok(deflection) = factor.deflection(&wrench) {
-            let seen = deflection.plus(&deflection).seen_at([a, b, c]);
-            black_box(Deflection::from_array(black_box(seen.to_array())));
-            if let Err(e) = black_box(machine.compensated(&pose, &deflection, [a, b, c])) {
+            let seen = deflection.plus(&deflection).seen_at(vector);
+            black_box(Deflection::from_vector(black_box(seen.to_vector())));
+            if let Err(e) = black_box(machine.compensated(&pose, &deflection, vector)) {
                 show(e);
             }
         }
@@ -88,17 +90,17 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     if let Err(e) = black_box(table.factor_form(machine, &pose)) {
         show(e);
     }
-    if let Err(e) = black_box(table.cycle(machine, &pose, &wrench, [a, b, c])) {
+    if let Err(e) = black_box(table.cycle(machine, &pose, &wrench, vector)) {
         show(e);
     }
     if let Ok(factor) = stiffness.factor() {
-        black_box(LoopGain::new(&factor, [a, b, c], a, b)).ok();
+        black_box(LoopGain::new(&factor, vector, a, b)).ok();
     }
     match Compensator::<T, 3>::new(&black_box(CompensatorSettings::DEFAULT)) {
         Err(e) => show(e),
         Ok(mut compensator) => {
             let reading = black_box(Reading { enabled: true, wrench, rise_k: a });
-            if let Some(fault) = black_box(compensator.update(table, machine, &pose, [a, b, c], &reading)).fault {
+            if let Some(fault) = black_box(compensator.update(table, machine, &pose, vector, &reading)).fault {
                 show(fault);
             }
             black_box(compensator.joints());
@@ -112,16 +114,16 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(platform_axes(black_box((T::ZERO, T::ONE)), black_box((T::ONE, T::ZERO))));
     let five = FiveAxis { machine, wrist };
     let [a, b, c] = black_box([T::ONE; 3]);
-    let near = black_box(Configuration { pose: Pose { theta_rad: a, sigma_rad: b, z0_m: c }, beta_rad: [a, b] });
-    let tool = black_box(Tool { tip_m: [a, b, c], axis: [c, a, b] });
-    let frame = black_box(ToolFrame { tip_m: [a, b, c], axes: [[a; 3], [b; 3], [c; 3]] });
-    let wrench = black_box(Wrench { force_n: [a, b, c], moment_nm: [c, b, a] });
+    let (vector, other, beta_rad) = (Vector3::new(a, b, c), Vector3::new(c, b, a), Vector2::new(a, b));
+    let near = black_box(Configuration { pose: Pose { theta_rad: a, sigma_rad: b, z0_m: c }, beta_rad });
+    let tool = black_box(Tool { tip_m: vector, axis: other });
+    let frame = black_box(ToolFrame { tip_m: vector, axes: Matrix3::new(a, b, c, a, b, c, a, b, c) });
+    let wrench = black_box(Wrench { force_n: vector, moment_nm: other });
     if let Err(e) = black_box(five.frame(&near)) {
         show(e);
     }
     black_box(five.tool(&near)).ok();
-    black_box(five.forward(&black_box(JointValues { lengths: ScrewLengths { q_m: [a, b, c] }, beta_rad: [a, b] })))
-        .ok();
+    black_box(five.forward(&black_box(JointValues { lengths: ScrewLengths { q_m: vector }, beta_rad }))).ok();
     black_box(five.joints(&near)).ok();
     black_box(five.home_share(&near)).ok();
     black_box(five.inverse(&tool, &near)).ok();
@@ -129,7 +131,7 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(five.inverse_at_any_margin(tool.tip_m, near.beta_rad)).ok();
     black_box(five.search(&tool, &near)).ok();
     black_box(five.inverse_frame(&frame)).ok();
-    black_box(five.tip_stiffness(&Stiffness::from_lower(&black_box([[a; 6]; 6])), &near)).ok();
+    black_box(five.tip_stiffness(&Stiffness::from_lower(&black_box(Matrix6::repeat(a))), &near)).ok();
     for table in [None, Some(table)] {
         black_box(five.deflection(table, &near, &wrench)).ok();
         if let Err(e) = black_box(five.compensated(table, &tool, &wrench, &near)) {

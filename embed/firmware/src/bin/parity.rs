@@ -7,12 +7,14 @@
 #![no_std]
 #![no_main]
 
+use core::borrow::Borrow;
 use core::fmt::Write;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use heapless::Vec;
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::nalgebra::Vector2;
 use pkm_core::{
     Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar,
     Stiffness, StiffnessError, Tool, ToolDeflectionError, Wrench,
@@ -32,6 +34,9 @@ const LINE: usize = 4608;
 
 /// Of the cycle, in A-uvw.
 const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
+/// The load, N and N·m, and the one at which friction turned back.
+const WRENCH: [f64; 6] = [100.0, -50.0, -400.0, 2.0, -8.0, 5.0];
+const TURNED_AT: [f64; 6] = [150.0, -20.0, -600.0, 3.0, -8.0, 9.0];
 /// Of the five axes, rad.
 const BETA: [f64; 2] = [0.3, -0.2];
 
@@ -62,14 +67,18 @@ struct Line {
     offsets: Vec<u64, 8>,
 }
 
-fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item = T>) -> Vec<u64, N> {
-    values.into_iter().map(|v| v.to_f64().to_bits()).collect()
+fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item: Borrow<T>>) -> Vec<u64, N> {
+    values.into_iter().map(|v| v.borrow().to_f64().to_bits()).collect()
+}
+
+fn wrench<T: Scalar>(components: [f64; 6]) -> Wrench<T> {
+    Wrench::from_vector(components.map(T::from_f64).into())
 }
 
 fn hold_bits<T: Scalar, const N: usize>(hold: &Hold<T>) -> Vec<u64, N> {
     let Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad } = hold.configuration;
-    let stands = [theta_rad, sigma_rad, z0_m].into_iter().chain(beta_rad);
-    bits(stands.chain(hold.joints.lengths.q_m).chain([hold.home_share]))
+    let pose = [theta_rad, sigma_rad, z0_m];
+    bits::<T, N>(pose.iter().chain(&beta_rad).chain(&hold.joints.lengths.q_m).chain([&hold.home_share]))
 }
 
 fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Vec<u64, 8> {
@@ -78,19 +87,19 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
     else {
         return Vec::new();
     };
-    let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64) };
-    let wrench =
-        Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
-    let reading = Reading { enabled: true, wrench, rise_k: T::from_f64(4.5) };
+    let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
+    let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise_k: T::from_f64(4.5) };
     for _ in 0..3 {
-        screws.update(table, five.machine, pose, TIP_M.map(T::from_f64), &reading);
+        screws.update(table, five.machine, pose, TIP_M.map(T::from_f64).into(), &reading);
         axes.update(table, five, &stands, &reading);
     }
-    bits(screws.joints().into_iter().chain(axes.joints()))
+    bits::<T, 8>(screws.joints().iter().chain(&axes.joints()))
 }
 
 fn lower<T: Scalar>(k: &Stiffness<T>) -> Vec<u64, 21> {
-    bits(k.matrix().into_iter().enumerate().flat_map(|(i, row)| row.into_iter().take(i + 1)))
+    // row by row, which in a symmetric matrix is column by column
+    let columns = k.matrix().data.0;
+    bits::<T, 21>(columns.iter().enumerate().flat_map(|(i, row)| row.iter().take(i + 1)))
 }
 
 impl Line {
@@ -143,20 +152,19 @@ impl Line {
         table: &CorrectionTable<'_, T>,
         pose: &Pose<T>,
     ) -> Result<(), ToolDeflectionError> {
-        let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64) };
+        let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
         let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
         let frame = five.frame(&stands)?;
-        let tool = Tool { tip_m: frame.tip_m, axis: frame.axes[2] };
-        self.hold = hold_bits(&five.inverse(&tool, &Configuration { pose: upright, beta_rad: [T::ZERO; 2] })?);
+        let tool = Tool { tip_m: frame.tip_m, axis: frame.axes.column(2).into() };
+        self.hold = hold_bits(&five.inverse(&tool, &Configuration { pose: upright, beta_rad: Vector2::zeros() })?);
         self.hold_frame = hold_bits(&five.inverse_frame(&frame)?);
         self.tip_stiffness = lower(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
-        let wrench =
-            Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
+        let wrench = wrench(WRENCH);
         let table = table.has_factor_form().then_some(table);
         let loaded = five.compensated(table, &tool, &wrench, &stands)?;
         self.loaded = hold_bits(&loaded.hold);
-        self.loaded
-            .extend(bits::<T, 6>(loaded.deflection.translation_m.into_iter().chain(loaded.deflection.rotation_rad)));
+        let moved = loaded.deflection.translation_m.iter().chain(&loaded.deflection.rotation_rad);
+        self.loaded.extend(bits::<T, 6>(moved));
         Ok(())
     }
 
@@ -166,15 +174,13 @@ impl Line {
         table: &CorrectionTable<'_, T>,
         pose: &Pose<T>,
     ) -> Result<(), CycleError> {
-        let wrench =
-            Wrench { force_n: [100.0, -50.0, -400.0].map(T::from_f64), moment_nm: [2.0, -8.0, 5.0].map(T::from_f64) };
-        let turned_at =
-            Wrench { force_n: [150.0, -20.0, -600.0].map(T::from_f64), moment_nm: [3.0, -8.0, 9.0].map(T::from_f64) };
+        let (wrench, turned_at) = (wrench(WRENCH), wrench(TURNED_AT));
         let lengths = machine.inverse(pose)?;
-        self.q = bits(lengths.q_m);
+        self.q = bits::<T, 3>(&lengths.q_m);
         let forward = machine.forward(&lengths)?;
-        self.forward = bits([forward.theta_rad, forward.sigma_rad, forward.z0_m]);
-        self.jacobian = bits(machine.jacobian(pose)?.into_iter().flatten());
+        self.forward = bits::<T, 3>([forward.theta_rad, forward.sigma_rad, forward.z0_m]);
+        // row by row
+        self.jacobian = bits::<T, 9>(&machine.jacobian(pose)?.transpose());
         self.k_p = lower(&machine.stiffness(pose)?);
         self.k_m_diagonal = lower(&table.diagonal_form(machine, pose)?.factor.stiffness());
         let corrected = if table.has_factor_form() {
@@ -185,14 +191,15 @@ impl Line {
         self.k_m_factor = lower(&corrected.factor.stiffness());
         let extra = machine.load_dependent_deflection(pose, &wrench, &turned_at)?;
         let d = corrected.factor.deflection(&wrench)?.plus(&extra);
-        self.deflection = bits(d.to_array());
+        self.deflection = bits::<T, 6>(&d.to_vector());
         let warm = machine.at_temperature(T::from_f64(31.5)).map_err(|_| StiffnessError::NotFinite)?;
         self.k_p_warm = lower(&warm.stiffness(pose)?);
         let grown = machine.thermal_deflection(pose, T::from_f64(4.5))?;
-        self.thermal = bits(grown.to_array());
-        let compensated = table.cycle(machine, pose, &wrench, TIP_M.map(T::from_f64))?.compensated;
+        self.thermal = bits::<T, 6>(&grown.to_vector());
+        let compensated = table.cycle(machine, pose, &wrench, TIP_M.map(T::from_f64).into())?.compensated;
         let Pose { theta_rad, sigma_rad, z0_m } = compensated.pose;
-        self.compensated = bits([theta_rad, sigma_rad, z0_m].into_iter().chain(compensated.lengths.q_m));
+        let pose = [theta_rad, sigma_rad, z0_m];
+        self.compensated = bits::<T, 6>(pose.iter().chain(&compensated.lengths.q_m));
         Ok(())
     }
 }

@@ -74,6 +74,7 @@ macro_rules! functions {
             use pkm_core::checksum::MemoryChecksums;
             use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
             use pkm_core::kinematics::platform_axes as axes;
+            use pkm_core::nalgebra::{Matrix6, Vector2, Vector3, Vector6};
             use pkm_core::tables::reference;
             use pkm_core::{
                 Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
@@ -88,10 +89,11 @@ macro_rules! functions {
                 lengths: ScrewLengths<$t>,
                 wrench: Wrench<$t>,
                 deflection: Deflection<$t>,
-                tip_m: [$t; 3],
+                tip_m: Vector3<$t>,
                 stiffness: Stiffness<$t>,
                 factor: StiffnessFactor<$t>,
-                matrix: [[$t; 6]; 6],
+                matrix: Matrix6<$t>,
+                rows: [Vector6<$t>; 2],
                 numbers: [$t; 21],
                 near: Configuration<$t>,
                 joints: JointValues<$t>,
@@ -126,11 +128,10 @@ macro_rules! functions {
                 let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
                 let stiffness = machine.stiffness(&pose).ok()?;
                 let factor = stiffness.factor().ok()?;
-                let wrench = Wrench { force_n: [100.0, -50.0, -400.0], moment_nm: [2.0, -8.0, 5.0] };
-                let mut matrix = [[0.0; 6]; 6];
-                (0..6).for_each(|i| matrix[i][i] = 1.0);
+                let wrench =
+                    Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
                 let five = FiveAxis { machine: &machine, wrist: &reference::$wrist };
-                let stands = Configuration { pose, beta_rad: [0.4, -0.3] };
+                let stands = Configuration { pose, beta_rad: Vector2::new(0.4, -0.3) };
                 Some(Inputs {
                     machine,
                     table: reference::$table,
@@ -139,12 +140,13 @@ macro_rules! functions {
                     lengths: machine.inverse(&pose).ok()?,
                     wrench,
                     deflection: factor.deflection(&wrench).ok()?,
-                    tip_m: [0.03, -0.02, 0.3],
+                    tip_m: Vector3::new(0.03, -0.02, 0.3),
                     stiffness,
                     factor,
-                    matrix,
+                    matrix: Matrix6::identity(),
+                    rows: [Vector6::x(), Vector6::y()],
                     numbers: [0.5; 21],
-                    near: Configuration { pose, beta_rad: [0.3, -0.2] },
+                    near: Configuration { pose, beta_rad: Vector2::new(0.3, -0.2) },
                     joints: five.joints(&stands).ok()?,
                     tool: five.tool(&stands).ok()?,
                     frame: five.frame(&stands).ok()?,
@@ -195,17 +197,17 @@ both_widths! {
     plus(i) i.deflection.plus(&i.deflection);
     seen_at(i) i.deflection.seen_at(i.tip_m);
     moved_to_a(i) i.wrench.moved_to_a(i.tip_m);
-    wrench_to_array(i) i.wrench.to_array();
-    wrench_from_array(i) Wrench::from_array(i.matrix[0]);
-    deflection_to_array(i) i.deflection.to_array();
-    deflection_from_array(i) Deflection::from_array(i.matrix[1]); // another row, or the linker would have one function for both
+    wrench_to_vector(i) i.wrench.to_vector();
+    wrench_from_vector(i) Wrench::from_vector(i.rows[0]);
+    deflection_to_vector(i) i.deflection.to_vector();
+    deflection_from_vector(i) Deflection::from_vector(i.rows[1]); // another row, or the linker would have one function for both
     domain(i) i.table.domain(&i.pose);
     coefficients(i) i.table.coefficients(&i.pose);
     diagonal_form(i) i.table.diagonal_form(&i.machine, &i.pose);
     factor_form(i) i.table.factor_form(&i.machine, &i.pose);
     cycle(i) i.table.cycle(&i.machine, &i.pose, &i.wrench, i.tip_m);
     monomials(i) i.basis.monomials(&i.pose);
-    new_basis(i) Basis::<T>::new(i.tip_m, i.lengths.q_m, black_box(&[[1, 2, 3]]));
+    new_basis(i) Basis::<T>::new(i.tip_m.into(), i.lengths.q_m.into(), black_box(&[[1, 2, 3]]));
     new_table(i) CorrectionTable::<T>::new(i.basis, &i.numbers[..6], Some(&i.numbers));
     tool_frame(i) i.five().frame(&i.near);
     tool(i) i.five().tool(&i.near);

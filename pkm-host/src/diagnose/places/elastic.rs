@@ -59,8 +59,8 @@ fn seen(h: &M68, columns: std::ops::Range<usize>, at: [f64; 3], axes: &[[f64; 3]
     out
 }
 
-fn full(lower: &[[f64; 8]; 8]) -> M8 {
-    M8::from_fn(|i, j| if j <= i { lower[i][j] } else { lower[j][i] })
+fn full(lower: &M8) -> M8 {
+    M8::from_fn(|i, j| lower[(i.max(j), i.min(j))])
 }
 
 impl Frame {
@@ -86,7 +86,7 @@ impl Frame {
     fn new(machine: &Machine<f64>, changed: &[Machine<f64>], pose: &Pose<f64>) -> Option<Self> {
         let t: Transmission<f64> = machine.transmission(pose).ok()?;
         let d = full(&t.compliance);
-        let h = M68::from_fn(|i, k| t.wrenches[k][i]);
+        let h = t.wrenches;
         let parts: Option<Vec<M8>> =
             (changed.iter()).map(|m| Some((d - full(&m.transmission(pose).ok()?.compliance)) * 2.0)).collect();
         let parts = parts?;
@@ -95,13 +95,16 @@ impl Frame {
         let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let of = |limb: usize, joint: usize| {
             let l = &t.limbs[limb];
-            seen(&h, own[limb].clone(), l.joints_m[joint], &l.axes[joint])
+            seen(&h, own[limb].clone(), l.joints_m[joint].into(), &l.axes[joint].into())
         };
+        let base_axes = t.base_axes.into();
         Some(Self {
             joints: std::array::from_fn(|limb| [of(limb, 0), of(limb, 1)]),
-            bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1], &unit)),
-            ground: seen(&h, 0..8, t.base_m, &t.base_axes),
-            points: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0], &t.base_axes)),
+            bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1].into(), &unit)),
+            ground: seen(&h, 0..8, t.base_m.into(), &base_axes),
+            points: std::array::from_fn(|limb| {
+                seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0].into(), &base_axes)
+            }),
             q: std::array::from_fn(|i| t.limbs[i].length_m),
             pose: [pose.theta_rad, pose.sigma_rad, pose.z0_m],
             wrenches: h,

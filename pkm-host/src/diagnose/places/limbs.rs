@@ -200,8 +200,8 @@ fn temperature(blocks: &mut Blocks<'_>) {
             for i in limbs {
                 e[AXIAL[*i]] = f.q[*i] * 1e-5 * condition.rise_k;
             }
-            let d: [f64; 6] = (solved.response * e).into();
-            pkm_core::Deflection::from_array(d).seen_at(condition.point_m).to_array()
+            let d = pkm_core::Deflection::from_vector(solved.response * e);
+            d.seen_at(condition.point_m.into()).to_vector().into()
         };
         let all: Vec<[f64; 6]> = (0..readings.conditions.len()).map(of).collect();
         let values = problem.whitener.entries.iter().map(|e| all[e.condition][e.channel]);

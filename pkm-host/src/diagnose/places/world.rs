@@ -51,7 +51,7 @@ impl World {
         let poses: Vec<_> = readings.poses.iter().map(|p| p.pose).collect();
         let frames = Frame::all(&model.declared, &stiffnesses, &poses)?;
         let wrenches: Vec<(Six, Six)> = (readings.conditions.iter())
-            .map(|c| (at_a(c.wrench.to_array(), c.point_m), at_a(c.turned_at.to_array(), c.point_m)))
+            .map(|c| (at_a(c.wrench.to_vector().into(), c.point_m), at_a(c.turned_at.to_vector().into(), c.point_m)))
             .collect();
         let uncertainty = stiffnesses.iter().map(|d| d.uncertainty(&model.uncertainty)).collect();
         let offset = vec![[0.0; 6]; wrenches.len()];

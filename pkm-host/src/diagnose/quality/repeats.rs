@@ -40,7 +40,7 @@ fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
     }
     // large loads show the noise of an experiment best, and a pose of its own each its zero
     let size = |n: usize| {
-        let wrench = readings.conditions[readings.readings[n].condition].wrench.to_array();
+        let wrench = readings.conditions[readings.readings[n].condition].wrench.to_vector();
         wrench.iter().map(|f| f * f).sum::<f64>()
     };
     let mut single: Vec<usize> = groups.iter().filter(|g| g.len() == 1).map(|g| g[0]).collect();

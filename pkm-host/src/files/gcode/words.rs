@@ -160,7 +160,7 @@ pub(super) fn load(comment: &str) -> Result<Option<Wrench<f64>>, Refusal> {
     let values: Vec<Option<f64>> =
         rest.split(',').map(|v| v.trim().parse::<f64>().ok().filter(|v| v.abs() <= MOST_LOAD)).collect();
     match values.into_iter().collect::<Option<Vec<_>>>().and_then(|v| <[f64; 6]>::try_from(v).ok()) {
-        Some(values) => Ok(Some(Wrench::from_array(values))),
+        Some(values) => Ok(Some(Wrench::from_vector(values.into()))),
         None => Err(format!(
             "expected `(wrench fx,fy,fz,mx,my,mz)`, six numbers in N and N·m within ±{MOST_LOAD:e}, found `{inner}`"
         )),

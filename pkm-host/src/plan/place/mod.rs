@@ -144,7 +144,7 @@ impl<'a> PlacementModel<'a> {
     fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {
         let table = self.job.table_in_base(position);
         let tip = table.origin_m + table.rotation * hole.tip_m;
-        Tool { tip_m: tip.into(), axis: (table.rotation * hole.axis).into() }
+        Tool { tip_m: tip, axis: table.rotation * hole.axis }
     }
 
     fn judged(&self, hold: Hold<f64>, wrench: &Wrench<f64>) -> std::result::Result<Posture, Miss> {
@@ -162,7 +162,7 @@ impl<'a> PlacementModel<'a> {
                 Some(table) => table.factor_form(machine, pose)?.factor.stiffness(),
             })
         };
-        let k = stiffness().map_err(|_| Miss::Stiffness)?.principal();
+        let k = stiffness().map_err(|_| Miss::Stiffness)?.principal().into();
         // a diagonal table alone has no deflections, and nobody asked for any
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
         let deflection_m = if self.table.is_some() && factor.is_none() {

@@ -148,7 +148,7 @@ impl Region {
             let value = model(&free, &pose).map_err(|status| ["singular", "unreachable"].contains(&status))?;
             let mut values = [1.0; KNOWN];
             values[..6].copy_from_slice(&value.principal);
-            for (i, q_m) in lengths.q_m.into_iter().enumerate() {
+            for (i, q_m) in lengths.q_m.iter().enumerate() {
                 values[6 + 2 * i] = q_m - travel.min_m[i];
                 values[7 + 2 * i] = travel.max_m[i] - q_m;
             }
