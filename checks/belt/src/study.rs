@@ -143,7 +143,15 @@ fn predict(machine: &Machine, runs: &[&Run]) -> Result<Prediction, NoPlace> {
                 by_point[point] += errors.norm_squared();
                 let observed = errors.iter().copied().map(Some).collect();
                 let sigma = vec![None];
-                observations.readings.push(Reading { condition: point, repeat_of: point, series: 0, observed, sigma });
+                observations.readings.push(Reading {
+                    condition: point,
+                    repeat_of: point,
+                    series: 0,
+                    observed,
+                    sigma,
+                    covariance: None,
+                    drawn: Vec::new(),
+                });
             }
         }
         by_run_m.push((squares / (points * PER_POINT) as f64).sqrt());

@@ -10,7 +10,15 @@ use pkm_diagnosis::{
 pub const CHANNELS: usize = 6;
 
 pub fn reading(condition: usize, series: usize, observed: [Option<f64>; CHANNELS]) -> Reading {
-    Reading { condition, repeat_of: condition, series, observed: observed.to_vec(), sigma: vec![None; 2] }
+    Reading {
+        condition,
+        repeat_of: condition,
+        series,
+        observed: observed.to_vec(),
+        sigma: vec![None; 2],
+        covariance: None,
+        drawn: Vec::new(),
+    }
 }
 
 /// Readings in six channels of two kinds, given with the pose of each condition.

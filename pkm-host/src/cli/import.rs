@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         session.or_of_another_machine(failure)
     })?;
     session.warn(sheet.warnings.clone());
-    let readings = Readings::new(&sheet, &cases)?;
+    let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
     source::write(out, measured::to_csv(&sheet), &[session.machine_path(), Some(data)])?;
     let (rows, poses) = (cases.len(), readings.poses.len());
     let mut text: String = conversions.iter().map(|what| format!("- {what}\n")).collect();
