@@ -67,7 +67,7 @@ impl Covariance {
     }
 
     /// Of a number within its series, and of its zero.
-    fn deviations(&self, channel: usize) -> (f64, f64) {
+    pub(crate) fn deviations(&self, channel: usize) -> (f64, f64) {
         let variance = self.variance[channel];
         (((1.0 - self.zero_share) * variance).sqrt(), (self.zero_share * variance).sqrt())
     }
@@ -77,12 +77,15 @@ impl Covariance {
         self.zero_share
     }
 
-    /// L with L Lᵀ the correlations of some channels.
-    pub(crate) fn factor(&self, channels: &[usize]) -> DMatrix<f64> {
-        let part =
-            DMatrix::from_fn(channels.len(), channels.len(), |i, j| self.correlation[(channels[i], channels[j])]);
-        // a part of a positive definite matrix is one
-        part.cholesky().expect("checked when it was made").unpack()
+    /// L with L Lᵀ the correlations of some channels, where the errors that go together are a share of each deviation, at most all of
+    /// it, and the rest goes by itself.
+    pub(crate) fn factor(&self, channels: &[usize], share: impl Fn(usize) -> f64) -> DMatrix<f64> {
+        let of = |i: usize, j: usize| {
+            let (a, b) = (channels[i], channels[j]);
+            if i == j { 1.0 } else { self.correlation[(a, b)] * share(a) * share(b) }
+        };
+        // part of a positive definite matrix, and smaller beside its diagonal
+        DMatrix::from_fn(channels.len(), channels.len(), of).cholesky().expect("checked when it was made").unpack()
     }
 }
 

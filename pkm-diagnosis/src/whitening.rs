@@ -205,7 +205,9 @@ impl Whitener {
             self.entries.extend(channels.iter().map(entry));
             self.weight.extend(channels.iter().map(|c| 1.0 / noise.within_of(observations, *reading, *c)));
             if let Some(covariance) = &r.covariance {
-                let factor = covariance.factor(&channels);
+                // what repeats scatter beyond the declared errors is none of theirs, and goes by itself
+                let within = |c: usize| noise.within_of(observations, *reading, c);
+                let factor = covariance.factor(&channels, |c| (covariance.deviations(c).0 / within(c)).min(1.0));
                 self.correlated.push(Correlated { entries: entries.clone(), factor });
             }
             if !r.drawn.is_empty() {
@@ -219,7 +221,7 @@ impl Whitener {
         }
         let entries: Vec<usize> = (first..self.entries.len()).collect();
         let channels = observations.channels.len();
-        let factor = zero_factor(observations, series);
+        let factor = zero_factor(observations, noise, series);
         let mut columns = DMatrix::zeros(entries.len(), channels);
         for (row, e) in self.entries[first..].iter().enumerate() {
             let between = noise.between_of(observations, e.readings[0], e.channel);
@@ -307,10 +309,16 @@ impl Whitener {
 }
 
 /// L of the correlations L Lᵀ between the zeros of a series in its channels: those of its first reading that has any.
-fn zero_factor(observations: &Observations, series: &[usize]) -> DMatrix<f64> {
-    let channels = observations.channels.len();
-    let covariance = series.iter().find_map(|r| observations.readings[*r].covariance.as_ref());
-    covariance.map_or_else(|| DMatrix::identity(channels, channels), |c| c.factor(&(0..channels).collect::<Vec<_>>()))
+fn zero_factor(observations: &Observations, noise: &Noise, series: &[usize]) -> DMatrix<f64> {
+    let channels: Vec<usize> = (0..observations.channels.len()).collect();
+    let own = series.iter().find_map(|r| Some((*r, observations.readings[*r].covariance.as_ref()?)));
+    own.map_or_else(
+        || DMatrix::identity(channels.len(), channels.len()),
+        |(reading, covariance)| {
+            let between = |c: usize| noise.between_of(observations, reading, c).max(f64::MIN_POSITIVE);
+            covariance.factor(&channels, |c| (covariance.deviations(c).1 / between(c)).min(1.0))
+        },
+    )
 }
 
 /// What one series reads in a channel.

@@ -303,8 +303,13 @@ fn whitening_of_errors_that_go_through_channels_is_the_inverse_of_their_covarian
             let together =
                 if with_covariance { correlation[(channel, other)] } else { f64::from(u8::from(channel == other)) };
             let ((s, t), (other_s, other_t)) = (deviations(channel), deviations(other));
-            let own = if a == b { together * s * other_s } else { 0.0 };
-            let zero = if reading.series == o.series { together * t * other_t } else { 0.0 };
+            // what scatters beyond the declared errors goes by itself
+            let joint = |share: f64, s: f64, other_s: f64| {
+                let known = |c: usize, s: f64| s.min(sd[c] * share.sqrt());
+                if channel == other { s * other_s } else { together * known(channel, s) * known(other, other_s) }
+            };
+            let own = if a == b { joint(1.0 - ZERO_SHARE, s, other_s) } else { 0.0 };
+            let zero = if reading.series == o.series { joint(ZERO_SHARE, t, other_t) } else { 0.0 };
             let is_drawn = a == b && !reading.drawn.is_empty();
             own + zero + if is_drawn { reading.drawn[channel] * reading.drawn[other] } else { 0.0 }
         });
