@@ -10,7 +10,7 @@ use super::findings::DeclaredFinding;
 use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, Condition, Readings};
+use crate::files::readings::{CHANNELS, Condition, GAUGE, Readings};
 use crate::pose::{file_units, written_units};
 use crate::report::page::{Finding, Page, charts, fold, of_file, picture, table};
 use crate::report::plot::{self, Mark, Panel, Series};
@@ -371,7 +371,9 @@ pub fn html(
             &table("Smallest amplitude that would be found (λ = 30)", &["amplitude"], &amplitudes),
         ))
     };
-    let micro = |v: &[f64]| v.iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
+    // the gauge's, where there is one, last
+    let used = if d.noise.within[GAUGE] > 0.0 { CHANNELS } else { GAUGE };
+    let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
     let facts = vec![
         ("Seed", SEED.to_string()),
         ("Machine file", of_file(&file.source)),

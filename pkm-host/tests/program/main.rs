@@ -19,3 +19,4 @@ mod path;
 mod place;
 mod properties;
 mod reports;
+mod tracker;
