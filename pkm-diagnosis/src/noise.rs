@@ -28,6 +28,9 @@ pub struct Noise {
     pub between: Vec<f64>,
     /// Degrees of freedom of the repeats, all channels together; 0 when declared.
     pub dof: f64,
+    /// How much of the deviations that covariances declare the repeats show, at most 1: of a reading, and of a zero. One share for all
+    /// channels, so that what goes together keeps its proportions.
+    pub declared_share: [f64; 2],
 }
 
 /// Sums of squares of one channel's repeats.
@@ -216,6 +219,21 @@ fn declared_zero(observations: &Observations, channel: usize) -> f64 {
     (share / (1.0 - share)).sqrt()
 }
 
+/// See [`Noise::declared_share`], for deviations of readings and of zeros by channel.
+fn declared_share(observations: &Observations, deviations: [&[f64]; 2]) -> [f64; 2] {
+    let (mut ratios, mut count) = ([0.0; 2], 0.0);
+    for r in &observations.readings {
+        let Some(covariance) = &r.covariance else { continue };
+        for c in (0..r.observed.len()).filter(|c| r.observed[*c].is_some()) {
+            let (within, between) = covariance.deviations(c);
+            ratios[0] += (deviations[0][c] / within).powi(2);
+            ratios[1] += if between > 0.0 { (deviations[1][c] / between).powi(2) } else { 1.0 };
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { ratios.map(|sum| (sum / count).sqrt().min(1.0)) } else { [1.0; 2] }
+}
+
 /// A channel whose noise is not known: neither enough repeats nor a declared deviation for every reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnknownNoise {
@@ -253,7 +271,8 @@ impl Noise {
             between[*c] = t.unwrap_or_else(|| s * declared_zero(observations, *c));
         }
         let dof = used.iter().map(|c| scatters[*c].total_dof).sum();
-        Ok(Self { source: NoiseSource::Repeats, within, between, dof })
+        let declared_share = declared_share(observations, [&within, &between]);
+        Ok(Self { source: NoiseSource::Repeats, within, between, dof, declared_share })
     }
 
     fn declared(observations: &Observations, used: &[usize]) -> Result<Self, UnknownNoise> {
@@ -271,24 +290,34 @@ impl Noise {
             within[*c] = mean_square.sqrt().max(floor);
             between[*c] = (declared.iter().map(|d| d.1 * d.1).sum::<f64>() / n).sqrt();
         }
-        Ok(Self { source: NoiseSource::Declared, within, between, dof: 0.0 })
+        Ok(Self { source: NoiseSource::Declared, within, between, dof: 0.0, declared_share: [1.0; 2] })
     }
 
     /// Standard deviation of one reading within its series: the one declared for it where that is the noise's source, no less
-    /// than its digits can say, or else its channel's.
+    /// than its digits can say, or else its channel's, no less than its share of what a covariance declares.
     pub fn within_of(&self, observations: &Observations, reading: usize, channel: usize) -> f64 {
-        let floor = observations.channels[channel].resolution / 12.0_f64.sqrt();
-        self.declared_of(observations, reading, channel).map_or(self.within[channel], |d| d.0.max(floor))
+        let c = &observations.channels[channel];
+        let floor = c.resolution / 12.0_f64.sqrt();
+        match (self.source, observations.readings[reading].declared(channel, c.kind)) {
+            (NoiseSource::Declared, Some((within, _))) => within.max(floor),
+            _ => self.within[channel].max(self.together_of(observations, reading, channel).0),
+        }
     }
 
     /// Standard deviation of the zero that a reading shares with its series, likewise.
     pub fn between_of(&self, observations: &Observations, reading: usize, channel: usize) -> f64 {
-        self.declared_of(observations, reading, channel).map_or(self.between[channel], |d| d.1)
+        let kind = observations.channels[channel].kind;
+        match (self.source, observations.readings[reading].declared(channel, kind)) {
+            (NoiseSource::Declared, Some((_, between))) => between,
+            _ => self.between[channel].max(self.together_of(observations, reading, channel).1),
+        }
     }
 
-    fn declared_of(&self, observations: &Observations, reading: usize, channel: usize) -> Option<(f64, f64)> {
-        let kind = observations.channels[channel].kind;
-        (self.source == NoiseSource::Declared).then(|| observations.readings[reading].declared(channel, kind))?
+    /// The part of these that goes together with other channels.
+    pub(crate) fn together_of(&self, observations: &Observations, reading: usize, channel: usize) -> (f64, f64) {
+        let covariance = observations.readings[reading].covariance.as_ref();
+        let (within, between) = covariance.map_or((0.0, 0.0), |c| c.deviations(channel));
+        (self.declared_share[0] * within, self.declared_share[1] * between)
     }
 
     /// Variance of one reading about the model: its own noise, that of its zero, and the error that it draws beside.

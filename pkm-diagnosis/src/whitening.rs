@@ -206,8 +206,10 @@ impl Whitener {
             self.weight.extend(channels.iter().map(|c| 1.0 / noise.within_of(observations, *reading, *c)));
             if let Some(covariance) = &r.covariance {
                 // what repeats scatter beyond the declared errors is none of theirs, and goes by itself
-                let within = |c: usize| noise.within_of(observations, *reading, c);
-                let factor = covariance.factor(&channels, |c| (covariance.deviations(c).0 / within(c)).min(1.0));
+                let share = |c: usize| {
+                    noise.together_of(observations, *reading, c).0 / noise.within_of(observations, *reading, c)
+                };
+                let factor = covariance.factor(&channels, |c| share(c).min(1.0));
                 self.correlated.push(Correlated { entries: entries.clone(), factor });
             }
             if !r.drawn.is_empty() {
@@ -315,8 +317,11 @@ fn zero_factor(observations: &Observations, noise: &Noise, series: &[usize]) -> 
     own.map_or_else(
         || DMatrix::identity(channels.len(), channels.len()),
         |(reading, covariance)| {
-            let between = |c: usize| noise.between_of(observations, reading, c).max(f64::MIN_POSITIVE);
-            covariance.factor(&channels, |c| (covariance.deviations(c).1 / between(c)).min(1.0))
+            let share = |c: usize| {
+                let between = noise.between_of(observations, reading, c).max(f64::MIN_POSITIVE);
+                noise.together_of(observations, reading, c).1 / between
+            };
+            covariance.factor(&channels, |c| share(c).min(1.0))
         },
     )
 }

@@ -157,7 +157,13 @@ fn predict(machine: &Machine, runs: &[&Run]) -> Result<Prediction, NoPlace> {
         by_run_m.push((squares / (points * PER_POINT) as f64).sqrt());
     }
     let unit = vec![1.0; CONDITIONS];
-    let noise = Noise { source: NoiseSource::Declared, within: unit, between: vec![0.0; CONDITIONS], dof: 0.0 };
+    let noise = Noise {
+        source: NoiseSource::Declared,
+        within: unit,
+        between: vec![0.0; CONDITIONS],
+        dof: 0.0,
+        declared_share: [1.0; 2],
+    };
     let zeros = vec![0.0; CONDITIONS * observations.pose_of.len()];
     // of the length of both conditions' error; a condition has half of its square
     let errors = validation::errors(&observations, &noise, &zeros, |_| true, &RULES);

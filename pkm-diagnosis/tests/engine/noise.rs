@@ -196,6 +196,7 @@ pub fn noises() -> [Noise; 2] {
         within: within.to_vec(),
         between: between.to_vec(),
         dof: 0.0,
+        declared_share: if source == NoiseSource::Declared { [1.0; 2] } else { [0.8, 0.5] },
     };
     [noise(NoiseSource::Repeats, [2e-6, 0.5e-6, 0.0, 1e-6, 5e-6, 2e-6]), noise(NoiseSource::Declared, [0.0; CHANNELS])]
 }
@@ -298,18 +299,24 @@ fn whitening_of_errors_that_go_through_channels_is_the_inverse_of_their_covarian
             let deviations = |c: usize| match (is_declared, with_covariance) {
                 (true, true) => (sd[c] * (1.0 - ZERO_SHARE).sqrt(), sd[c] * ZERO_SHARE.sqrt()),
                 (true, false) => (reading.sigma[c / 3].unwrap(), 0.0),
-                (false, _) => (noise.within[c], noise.between[c]),
+                // no less than what is declared
+                (false, true) => (
+                    noise.within[c].max(0.8 * sd[c] * (1.0 - ZERO_SHARE).sqrt()),
+                    noise.between[c].max(0.5 * sd[c] * ZERO_SHARE.sqrt()),
+                ),
+                (false, false) => (noise.within[c], noise.between[c]),
             };
             let together =
                 if with_covariance { correlation[(channel, other)] } else { f64::from(u8::from(channel == other)) };
             let ((s, t), (other_s, other_t)) = (deviations(channel), deviations(other));
             // what scatters beyond the declared errors goes by itself
-            let joint = |share: f64, s: f64, other_s: f64| {
-                let known = |c: usize, s: f64| s.min(sd[c] * share.sqrt());
-                if channel == other { s * other_s } else { together * known(channel, s) * known(other, other_s) }
+            let joint = |share: f64, shown: f64, s: f64, other_s: f64| {
+                let known = share * shown * shown * sd[channel] * sd[other];
+                if channel == other { s * other_s } else { together * known }
             };
-            let own = if a == b { joint(1.0 - ZERO_SHARE, s, other_s) } else { 0.0 };
-            let zero = if reading.series == o.series { joint(ZERO_SHARE, t, other_t) } else { 0.0 };
+            let shown = if is_declared { [1.0; 2] } else { [0.8, 0.5] };
+            let own = if a == b { joint(1.0 - ZERO_SHARE, shown[0], s, other_s) } else { 0.0 };
+            let zero = if reading.series == o.series { joint(ZERO_SHARE, shown[1], t, other_t) } else { 0.0 };
             let is_drawn = a == b && !reading.drawn.is_empty();
             own + zero + if is_drawn { reading.drawn[channel] * reading.drawn[other] } else { 0.0 }
         });

@@ -118,7 +118,13 @@ fn simulated(model: &Model, conditions: Vec<Condition>, truth: (&[Unknown], &[f6
 
 /// The same noise in all channels.
 fn even(s: f64) -> Noise {
-    Noise { source: NoiseSource::Repeats, within: vec![s; CHANNELS], between: vec![0.0; CHANNELS], dof: 0.0 }
+    Noise {
+        source: NoiseSource::Repeats,
+        within: vec![s; CHANNELS],
+        between: vec![0.0; CHANNELS],
+        dof: 0.0,
+        declared_share: [1.0; 2],
+    }
 }
 
 fn close(found: &[f64], truth: &[f64], tolerance: f64) {
