@@ -126,7 +126,15 @@ mod tests {
                 let more: f64 = changed.iter().filter(|c| c.0 == n).map(|c| c.1).sum();
                 let observed = vec![Some(100.0 + f64::from(condition) + zero + normal() + more)];
                 let condition = condition as usize;
-                readings.push(Reading { condition, repeat_of: condition, series, observed, sigma: vec![None] });
+                readings.push(Reading {
+                    condition,
+                    repeat_of: condition,
+                    series,
+                    observed,
+                    sigma: vec![None],
+                    covariance: None,
+                    drawn: Vec::new(),
+                });
             }
         }
         Observations { channels: vec![Channel { kind: 0, resolution: 0.01 }], pose_of: vec![0; 60], readings }

@@ -30,7 +30,7 @@ pub use fit::{Fit, product};
 pub use levels::Levels;
 pub use model::{Candidate, CommonErrors, ForwardModel, Kind, Parameter, Prior, Role, Unknown};
 pub use noise::{Noise, NoiseSource, UnknownNoise};
-pub use observations::{Channel, Observations, Reading};
+pub use observations::{Channel, Covariance, Observations, Reading};
 pub use rules::{Rules, SEED};
 pub use search::Search;
 pub use solve::{CommonGroup, Problem};

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use serde::Serialize;
 
-use crate::observations::Observations;
+use crate::observations::{Observations, Reading};
 use crate::rules::Rules;
 
 /// Where the noise model comes from.
@@ -28,6 +28,9 @@ pub struct Noise {
     pub between: Vec<f64>,
     /// Degrees of freedom of the repeats, all channels together; 0 when declared.
     pub dof: f64,
+    /// How much of the deviations that covariances declare the repeats show, at most 1: of a reading, and of a zero. One share for all
+    /// channels, so that what goes together keeps its proportions.
+    pub declared_share: [f64; 2],
 }
 
 /// Sums of squares of one channel's repeats.
@@ -55,60 +58,76 @@ impl Scatter {
     }
 
     /// s and t. Sums of squares are divided by two freedoms less, so that it is 1/variance, which readings are weighed by,
-    /// that is right on average.
-    fn deviations(&self) -> (f64, f64) {
+    /// that is right on average. No t where no series are repeats of one another.
+    fn deviations(&self) -> (f64, Option<f64>) {
         let mean = |sum: f64, freedom: f64| sum / if freedom > 4.0 { freedom - 2.0 } else { freedom };
         if self.within_dof < 1.0 {
             // one reading a series: its zero error can't be told from its noise, and need not be
-            return (mean(self.total, self.total_dof).sqrt(), 0.0);
+            return (mean(self.total, self.total_dof).sqrt(), Some(0.0));
         }
         let s2 = mean(self.within, self.within_dof);
         let freedom = self.total_dof - self.within_dof;
         if freedom < 1.0 || self.series_weight <= 0.0 {
-            return (s2.sqrt(), 0.0);
+            return (s2.sqrt(), None);
         }
         let between = mean(self.total - self.within, freedom);
-        (s2.sqrt(), ((between - s2) * freedom / self.series_weight).max(0.0).sqrt())
+        (s2.sqrt(), Some(((between - s2) * freedom / self.series_weight).max(0.0).sqrt()))
     }
 }
 
-/// Groups a list by a key that counts from 0.
-fn means(values: &[(usize, usize, f64)], key: impl Fn(&(usize, usize, f64)) -> usize) -> BTreeMap<usize, (f64, usize)> {
-    let mut groups: BTreeMap<usize, (f64, usize)> = BTreeMap::new();
-    for value in values {
-        let group = groups.entry(key(value)).or_default();
-        group.0 += value.2;
-        group.1 += 1;
-    }
-    for group in groups.values_mut() {
-        group.0 /= group.1 as f64;
-    }
-    groups
+/// What is read in one channel.
+#[derive(Clone, Copy)]
+struct Row {
+    repeat: usize,
+    series: usize,
+    value: f64,
+    /// By which it counts among others.
+    weight: f64,
 }
 
-/// What is read in one channel: number of the repeat, series, value.
-type Row = (usize, usize, f64);
+/// Weighted mean and number of the rows of each group.
+fn means(rows: &[Row], key: impl Fn(&Row) -> usize) -> BTreeMap<usize, (f64, usize)> {
+    let mut groups: BTreeMap<usize, (f64, f64, usize)> = BTreeMap::new();
+    for row in rows {
+        let group = groups.entry(key(row)).or_default();
+        group.0 += row.weight * row.value;
+        group.1 += row.weight;
+        group.2 += 1;
+    }
+    groups.into_iter().map(|(key, (sum, weight, count))| (key, (sum / weight, count))).collect()
+}
 
-/// Sum of squares that remains when the means of repeats and of series are both removed, by turns until nothing changes.
-/// `total` is the sum of squares without the means of repeats.
-fn remove_means(rows: &mut [Row], total: f64) -> f64 {
-    let mut change = f64::INFINITY;
+/// Removes the means of groups; gives the sum of the squares of what was removed.
+fn remove(rows: &mut [Row], key: impl Fn(&Row) -> usize) -> f64 {
+    let group = means(rows, &key);
+    let mut change = 0.0;
+    for row in rows.iter_mut() {
+        let mean = group[&key(row)].0;
+        row.value -= mean;
+        change += mean * mean;
+    }
+    change
+}
+
+fn sum_of_squares(rows: &[Row]) -> f64 {
+    rows.iter().map(|r| r.weight * r.value * r.value).sum()
+}
+
+/// Removes the means of repeats.
+fn remove_repeats(rows: &mut [Row]) {
+    remove(rows, |r| r.repeat);
+}
+
+/// Removes the means of repeats and of series, by turns until nothing changes.
+fn remove_repeats_and_series(rows: &mut [Row]) {
+    remove_repeats(rows);
+    let total: f64 = rows.iter().map(|r| r.value * r.value).sum();
     for _ in 0..200 {
+        let change = remove(rows, |r| r.series) + remove(rows, |r| r.repeat);
         if change <= 1e-12 * total {
             break;
         }
-        change = 0.0;
-        for of_series in [true, false] {
-            let key = |r: &Row| if of_series { r.1 } else { r.0 };
-            let group = means(rows, key);
-            for row in rows.iter_mut() {
-                let mean = group[&key(row)].0;
-                row.2 -= mean;
-                change += mean * mean;
-            }
-        }
     }
-    rows.iter().map(|r| r.2 * r.2).sum()
 }
 
 /// Number of components in which repeats and series hang together; each has one mean in common.
@@ -117,7 +136,7 @@ fn components(rows: &[Row]) -> usize {
     let mut of_series: HashMap<usize, usize> = HashMap::new();
     loop {
         let mut moved = false;
-        for (g, s, _) in rows {
+        for Row { repeat: g, series: s, .. } in rows {
             let low = of_repeat.get(g).copied().unwrap_or(*g).min(of_series.get(s).copied().unwrap_or(usize::MAX));
             moved |= of_repeat.insert(*g, low) != Some(low);
             moved |= of_series.insert(*s, low) != Some(low);
@@ -132,32 +151,87 @@ fn components(rows: &[Row]) -> usize {
     labels.len()
 }
 
+/// Least share of the plain variance that may be left when what readings draw is taken out: declared too large, it would leave none.
+const MIN_SHARE_LEFT: f64 = 1e-4;
+
+/// Sum of squares about means that rows would have without the errors that they draw beside their noise: that of the variance which,
+/// added to the variances of those, weighs the squares so that they sum up to their degrees of freedom (Paule and Mandel, Consensus
+/// values and weighting factors, J. Res. NBS 87, 1982).
+fn beyond_drawn(rows: &[Row], drawn: &[f64], dof: f64, remove_means: fn(&mut [Row])) -> f64 {
+    let weighed = |weight: &dyn Fn(f64) -> f64| {
+        let mut rows = rows.to_vec();
+        rows.iter_mut().zip(drawn).for_each(|(r, d)| r.weight = weight(*d));
+        remove_means(&mut rows);
+        sum_of_squares(&rows)
+    };
+    let plain = weighed(&|_| 1.0);
+    if dof < 1.0 || plain == 0.0 || drawn.iter().all(|d| *d == 0.0) {
+        return plain;
+    }
+    let (mut low, mut high) = (MIN_SHARE_LEFT * plain / dof, plain / dof);
+    // to a thousandth, far less than what is known of a variance
+    for _ in 0..24 {
+        let middle = (low * high).sqrt();
+        *if weighed(&|d| 1.0 / (middle + d * d)) > dof { &mut low } else { &mut high } = middle;
+    }
+    high * dof
+}
+
 /// Analysis of variance of one channel.
 fn scatter(observations: &Observations, channel: usize) -> Scatter {
-    let mut rows: Vec<Row> =
-        observations.readings.iter().filter_map(|r| Some((r.repeat_of, r.series, r.observed[channel]?))).collect();
-    let repeated = means(&rows, |r| r.0);
-    rows.retain(|r| repeated[&r.0].1 > 1);
-    if rows.is_empty() {
+    let row = |r: &Reading| {
+        let value = r.observed[channel]?;
+        let drawn = r.drawn.get(channel).copied().unwrap_or(0.0);
+        Some((Row { repeat: r.repeat_of, series: r.series, value, weight: 1.0 }, drawn))
+    };
+    let mut read: Vec<(Row, f64)> = observations.readings.iter().filter_map(row).collect();
+    let repeated = means(&read.iter().map(|r| r.0).collect::<Vec<Row>>(), |r| r.repeat);
+    read.retain(|(r, _)| repeated[&r.repeat].1 > 1);
+    if read.is_empty() {
         return Scatter::default();
     }
-    let by_repeat = means(&rows, |r| r.0);
+    let (rows, drawn): (Vec<Row>, Vec<f64>) = read.into_iter().unzip();
+    let by_repeat = means(&rows, |r| r.repeat);
     let n = rows.len() as f64;
-    for row in &mut rows {
-        row.2 -= by_repeat[&row.0].0;
-    }
-    let total = rows.iter().map(|r| r.2 * r.2).sum();
     let total_dof = n - by_repeat.len() as f64;
     // n_g − Σ n_gs²/n_g over repeats g and series s
     let mut in_both: BTreeMap<(usize, usize), f64> = BTreeMap::new();
     for row in &rows {
-        *in_both.entry((row.0, row.1)).or_default() += 1.0;
+        *in_both.entry((row.repeat, row.series)).or_default() += 1.0;
     }
     let squares: f64 = in_both.iter().map(|((g, _), count)| count * count / by_repeat[g].1 as f64).sum();
-    let within = remove_means(&mut rows, total);
-    let series = means(&rows, |r| r.1).len();
-    let within_dof = n - by_repeat.len() as f64 - series as f64 + components(&rows) as f64;
-    Scatter { within, within_dof, total, total_dof, series_weight: n - squares }
+    let series = means(&rows, |r| r.series).len();
+    let within_dof = total_dof - series as f64 + components(&rows) as f64;
+    Scatter {
+        within: beyond_drawn(&rows, &drawn, within_dof, remove_repeats_and_series),
+        within_dof,
+        total: beyond_drawn(&rows, &drawn, total_dof, remove_repeats),
+        total_dof,
+        series_weight: n - squares,
+    }
+}
+
+/// Ratio of the zero's deviation to that of a reading within its series, as covariances declare it for a channel.
+fn declared_zero(observations: &Observations, channel: usize) -> f64 {
+    let rows = || observations.readings.iter().filter(|r| r.observed[channel].is_some());
+    let shares = rows().filter_map(|r| r.covariance.as_ref().map(|c| c.zero_share()));
+    let share = shares.sum::<f64>() / rows().count() as f64;
+    (share / (1.0 - share)).sqrt()
+}
+
+/// See [`Noise::declared_share`], for deviations of readings and of zeros by channel.
+fn declared_share(observations: &Observations, deviations: [&[f64]; 2]) -> [f64; 2] {
+    let (mut ratios, mut count) = ([0.0; 2], 0.0);
+    for r in &observations.readings {
+        let Some(covariance) = &r.covariance else { continue };
+        for c in (0..r.observed.len()).filter(|c| r.observed[*c].is_some()) {
+            let (within, between) = covariance.deviations(c);
+            ratios[0] += (deviations[0][c] / within).powi(2);
+            ratios[1] += if between > 0.0 { (deviations[1][c] / between).powi(2) } else { 1.0 };
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { ratios.map(|sum| (sum / count).sqrt().min(1.0)) } else { [1.0; 2] }
 }
 
 /// A channel whose noise is not known: neither enough repeats nor a declared deviation for every reading.
@@ -181,7 +255,8 @@ impl Noise {
         let is_used = observations.used_channels();
         let used: Vec<usize> = (0..channels.len()).filter(|c| is_used[*c]).collect();
         // a declared deviation is better than a few repeats
-        let declared = observations.readings.iter().any(|r| r.sigma.iter().any(Option::is_some));
+        let is_declared = |r: &Reading| r.covariance.is_some() || r.sigma.iter().any(Option::is_some);
+        let declared = observations.readings.iter().any(is_declared);
         let needed = if declared { rules.min_dof_beside_declared } else { rules.min_dof_of_kind };
         if !used.iter().all(|c| pools[channels[*c].kind].total_dof >= needed) {
             return Self::declared(observations, &used);
@@ -193,34 +268,65 @@ impl Noise {
             let (s, t) = taken.deviations();
             // rounding of the file is noise as well
             within[*c] = s.max(channels[*c].resolution / 12.0_f64.sqrt());
-            between[*c] = t;
+            between[*c] = t.unwrap_or_else(|| s * declared_zero(observations, *c));
         }
         let dof = used.iter().map(|c| scatters[*c].total_dof).sum();
-        Ok(Self { source: NoiseSource::Repeats, within, between, dof })
+        let declared_share = declared_share(observations, [&within, &between]);
+        Ok(Self { source: NoiseSource::Repeats, within, between, dof, declared_share })
     }
 
     fn declared(observations: &Observations, used: &[usize]) -> Result<Self, UnknownNoise> {
         let channels = &observations.channels;
-        let mut within = vec![0.0; channels.len()];
+        let (mut within, mut between) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
         for c in used {
             let rows: Vec<_> = observations.readings.iter().filter(|r| r.observed[*c].is_some()).collect();
-            let declared: Vec<f64> = rows.iter().filter_map(|r| r.sigma[channels[*c].kind]).collect();
+            let declared: Vec<(f64, f64)> = rows.iter().filter_map(|r| r.declared(*c, channels[*c].kind)).collect();
             if declared.len() < rows.len() {
                 return Err(UnknownNoise { channel: *c });
             }
-            let mean_square = declared.iter().map(|s| s * s).sum::<f64>() / declared.len() as f64;
+            let n = declared.len() as f64;
+            let mean_square = declared.iter().map(|d| d.0 * d.0).sum::<f64>() / n;
             let floor = channels[*c].resolution / 12.0_f64.sqrt();
             within[*c] = mean_square.sqrt().max(floor);
+            between[*c] = (declared.iter().map(|d| d.1 * d.1).sum::<f64>() / n).sqrt();
         }
-        Ok(Self { source: NoiseSource::Declared, within, between: vec![0.0; channels.len()], dof: 0.0 })
+        Ok(Self { source: NoiseSource::Declared, within, between, dof: 0.0, declared_share: [1.0; 2] })
     }
 
     /// Standard deviation of one reading within its series: the one declared for it where that is the noise's source, no less
-    /// than its digits can say, or else its channel's.
+    /// than its digits can say, or else its channel's, no less than its share of what a covariance declares.
     pub fn within_of(&self, observations: &Observations, reading: usize, channel: usize) -> f64 {
         let c = &observations.channels[channel];
-        let declared = observations.readings[reading].sigma[c.kind].filter(|_| self.source == NoiseSource::Declared);
-        declared.map_or(self.within[channel], |s| s.max(c.resolution / 12.0_f64.sqrt()))
+        let floor = c.resolution / 12.0_f64.sqrt();
+        match (self.source, observations.readings[reading].declared(channel, c.kind)) {
+            (NoiseSource::Declared, Some((within, _))) => within.max(floor),
+            _ => self.within[channel].max(self.together_of(observations, reading, channel).0),
+        }
+    }
+
+    /// Standard deviation of the zero that a reading shares with its series, likewise.
+    pub fn between_of(&self, observations: &Observations, reading: usize, channel: usize) -> f64 {
+        let kind = observations.channels[channel].kind;
+        match (self.source, observations.readings[reading].declared(channel, kind)) {
+            (NoiseSource::Declared, Some((_, between))) => between,
+            _ => self.between[channel].max(self.together_of(observations, reading, channel).1),
+        }
+    }
+
+    /// The part of these that goes together with other channels.
+    pub(crate) fn together_of(&self, observations: &Observations, reading: usize, channel: usize) -> (f64, f64) {
+        let covariance = observations.readings[reading].covariance.as_ref();
+        let (within, between) = covariance.map_or((0.0, 0.0), |c| c.deviations(channel));
+        (self.declared_share[0] * within, self.declared_share[1] * between)
+    }
+
+    /// Variance of one reading about the model: its own noise, that of its zero, and the error that it draws beside.
+    pub fn variance_of(&self, observations: &Observations, reading: usize, channel: usize) -> f64 {
+        let drawn = observations.readings[reading].drawn.get(channel).copied().unwrap_or(0.0);
+        let of = |deviation: f64| deviation * deviation;
+        of(self.within_of(observations, reading, channel))
+            + of(self.between_of(observations, reading, channel))
+            + of(drawn)
     }
 
     /// Variance of one reading of a channel about the model: its own noise and that of its zero.

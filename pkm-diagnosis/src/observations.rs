@@ -1,5 +1,9 @@
 //! Readings as scalar observations: which of them share a condition, a zero, a pose.
 
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
 /// One scalar that a sensor reads, such as a displacement along an axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Channel {
@@ -22,6 +26,67 @@ pub struct Reading {
     pub observed: Vec<Option<f64>>,
     /// Declared standard deviation by kind of channel.
     pub sigma: Vec<Option<f64>>,
+    /// Declared instead of `sigma`, where errors of the channels go together.
+    pub covariance: Option<Arc<Covariance>>,
+    /// One standard deviation of an error that acts in all channels at once and is drawn anew with each reading, such as that of
+    /// a load cell, by channel in SI units; empty without one.
+    pub drawn: Vec<f64>,
+}
+
+impl Reading {
+    /// Declared standard deviations of a number, within its series and of the zero of its series.
+    pub(crate) fn declared(&self, channel: usize, kind: usize) -> Option<(f64, f64)> {
+        match &self.covariance {
+            Some(covariance) => Some(covariance.deviations(channel)),
+            None => Some((self.sigma[kind]?, 0.0)),
+        }
+    }
+}
+
+/// Declared errors of a reading that go through several of its channels, such as those of a motion that follows from points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Covariance {
+    /// In SI units: noise and zero error together.
+    variance: Vec<f64>,
+    correlation: DMatrix<f64>,
+    zero_share: f64,
+}
+
+impl Covariance {
+    /// From standard deviations by channel in SI units and their correlations, zero error included; `zero_share` is the share of
+    /// the variance that the zero of the series has. A channel that was not read has any deviation and no correlation. `None`
+    /// unless it is positive definite.
+    pub fn new(deviations: &[f64], correlation: DMatrix<f64>, zero_share: f64) -> Option<Self> {
+        let n = deviations.len();
+        let is_matrix = correlation.shape() == (n, n) && correlation == correlation.transpose();
+        let is_unit = (0..n).all(|c| correlation[(c, c)] == 1.0);
+        let is_variance = deviations.iter().all(|s| *s > 0.0 && s.is_finite());
+        let is_positive = is_matrix && is_unit && is_variance && correlation.clone().cholesky().is_some();
+        let variance = deviations.iter().map(|s| s * s).collect();
+        (is_positive && (0.0..1.0).contains(&zero_share)).then_some(Self { variance, correlation, zero_share })
+    }
+
+    /// Of a number within its series, and of its zero.
+    pub(crate) fn deviations(&self, channel: usize) -> (f64, f64) {
+        let variance = self.variance[channel];
+        (((1.0 - self.zero_share) * variance).sqrt(), (self.zero_share * variance).sqrt())
+    }
+
+    /// Share of the variance that the zero of the series has.
+    pub(crate) fn zero_share(&self) -> f64 {
+        self.zero_share
+    }
+
+    /// L with L Lᵀ the correlations of some channels, where the errors that go together are a share of each deviation, at most all of
+    /// it, and the rest goes by itself.
+    pub(crate) fn factor(&self, channels: &[usize], share: impl Fn(usize) -> f64) -> DMatrix<f64> {
+        let of = |i: usize, j: usize| {
+            let (a, b) = (channels[i], channels[j]);
+            if i == j { 1.0 } else { self.correlation[(a, b)] * share(a) * share(b) }
+        };
+        // part of a positive definite matrix, and smaller beside its diagonal
+        DMatrix::from_fn(channels.len(), channels.len(), of).cholesky().expect("checked when it was made").unpack()
+    }
 }
 
 /// All that was read.

@@ -50,7 +50,7 @@ pub fn errors(
     let none = Sums { by_pose: vec![(0.0, 0.0); observations.poses()], errors: 0.0, sizes: 0.0, largest: 0.0 };
     let mut sums = vec![none; kinds];
     let (mut count, mut chi2, mut numbers) = (0_usize, 0.0, 0.0);
-    for (_, r) in observations.readings.iter().enumerate().filter(|(n, _)| of(*n)) {
+    for (n, r) in observations.readings.iter().enumerate().filter(|(n, _)| of(*n)) {
         let found = &predictions[r.condition * channels.len()..][..channels.len()];
         let mut squares = vec![(0.0, 0.0); kinds];
         for (c, channel) in channels.iter().enumerate() {
@@ -58,7 +58,7 @@ pub fn errors(
             let error = found[c] - observed;
             squares[channel.kind].0 += error * error;
             squares[channel.kind].1 += observed * observed;
-            chi2 += error * error / noise.variance(c);
+            chi2 += error * error / noise.variance_of(observations, n, c);
             numbers += 1.0;
         }
         count += 1;

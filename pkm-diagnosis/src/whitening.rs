@@ -28,8 +28,12 @@ pub struct Whitener {
     pub averaged: f64,
     /// One over the standard deviation of each, apart from zero errors.
     weight: Vec<f64>,
-    /// Entries that share a zero error.
+    /// Entries of one reading whose errors go together.
+    correlated: Vec<Correlated>,
+    /// Entries that share a zero error, or an error that a reading draws beside its noise.
     shared: Vec<Shared>,
+    /// Entries that share the zeros of their series in several channels, where errors of channels go together.
+    zeros: Vec<CommonError>,
     /// Orthogonal directions in which common errors move a group of entries, and how much to shrink them.
     common: Vec<CommonError>,
     /// ln|I + U Uᵀ| of these.
@@ -46,11 +50,34 @@ struct Shared {
 }
 
 impl Shared {
+    /// Of a direction that is not 0.
+    fn new(entries: Range<usize>, direction: Vec<f64>) -> Option<Self> {
+        let v2 = direction.iter().map(|v| v * v).sum::<f64>();
+        (v2 > 0.0).then(|| Self { entries, direction, share: (1.0 - 1.0 / (1.0 + v2).sqrt()) / v2 })
+    }
+
     /// (I + v vᵀ)^-½: the part along v shrinks to 1/√(1 + |v|²).
     fn shrink(&self, part: &mut [f64]) {
         let along: f64 = part.iter().zip(&self.direction).map(|(p, d)| p * d).sum();
         for (p, d) in part.iter_mut().zip(&self.direction) {
             *p -= self.share * along * d;
+        }
+    }
+}
+
+/// Correlated noise of one reading: L of its correlations L Lᵀ.
+#[derive(Clone)]
+struct Correlated {
+    entries: Range<usize>,
+    factor: DMatrix<f64>,
+}
+
+impl Correlated {
+    /// L⁻¹ by forward substitution.
+    fn whiten(&self, part: &mut [f64]) {
+        for i in 0..part.len() {
+            let known: f64 = (0..i).map(|j| self.factor[(i, j)] * part[j]).sum();
+            part[i] = (part[i] - known) / self.factor[(i, i)];
         }
     }
 }
@@ -63,9 +90,10 @@ struct CommonError {
 }
 
 impl CommonError {
-    /// (I + U Uᵀ)^-½ shrinks the principal directions of U; with ln|I + U Uᵀ|.
+    /// Of whitened columns of one standard deviation, and ln|I + U Uᵀ|.
     fn new(entries: Vec<usize>, u: DMatrix<f64>) -> (Self, f64) {
         let mut log_determinant = 0.0;
+        // (I + U Uᵀ)^-½ shrinks the principal directions of U
         let svd = u.svd(true, false);
         let values = svd.singular_values;
         let directions = svd.u.map_or(Vec::new(), |u| {
@@ -79,6 +107,24 @@ impl CommonError {
                 .collect()
         });
         (Self { entries, directions }, log_determinant)
+    }
+
+    /// Shrinks these directions of numbers that are white but for them.
+    fn shrink(&self, values: &mut [f64]) {
+        if self.directions.is_empty() {
+            return;
+        }
+        let mut own: Vec<f64> = self.entries.iter().map(|e| values[*e]).collect();
+        // the directions are orthogonal, so that none changes the part along another
+        for (direction, shrink) in &self.directions {
+            let along: f64 = own.iter().zip(direction).map(|(v, d)| v * d).sum();
+            for (v, d) in own.iter_mut().zip(direction) {
+                *v -= shrink * along * d;
+            }
+        }
+        for (e, v) in self.entries.iter().zip(&own) {
+            values[*e] = *v;
+        }
     }
 }
 
@@ -110,7 +156,12 @@ impl Whitener {
         // series that are alike in a channel, in the order in which they appear
         let mut alike: HashMap<Pattern, usize> = HashMap::new();
         let mut blocks: Vec<(usize, Vec<Vec<Cell>>)> = Vec::new();
-        for group in &groups {
+        let goes_together = |r: &usize| {
+            let r = &observations.readings[*r];
+            r.covariance.is_some() || r.drawn.iter().any(|d| *d != 0.0)
+        };
+        let (together, apart): (Vec<_>, Vec<_>) = groups.iter().partition(|group| group.iter().any(goes_together));
+        for group in apart {
             for channel in 0..observations.channels.len() {
                 let cells = cells(observations, noise, group, channel, average);
                 let key =
@@ -127,14 +178,65 @@ impl Whitener {
             entries: Vec::new(),
             averaged: 0.0,
             weight: Vec::new(),
+            correlated: Vec::new(),
             shared: Vec::new(),
+            zeros: Vec::new(),
             common: Vec::new(),
             log_determinant: 0.0,
         };
         for (channel, series) in blocks {
             this.add(observations, noise, channel, &series);
         }
+        for series in together {
+            this.add_together(observations, noise, series);
+        }
         this
+    }
+
+    /// Adds a series with errors that go through several channels. Its readings come in one by one: no two of them need have the
+    /// same covariance.
+    fn add_together(&mut self, observations: &Observations, noise: &Noise, series: &[usize]) {
+        let (first, known) = (self.entries.len(), (self.correlated.len(), self.shared.len()));
+        for reading in series {
+            let r = &observations.readings[*reading];
+            let channels: Vec<usize> = (0..r.observed.len()).filter(|c| r.observed[*c].is_some()).collect();
+            let entries = self.entries.len()..self.entries.len() + channels.len();
+            let entry = |channel: &usize| Entry { readings: vec![*reading], condition: r.condition, channel: *channel };
+            self.entries.extend(channels.iter().map(entry));
+            self.weight.extend(channels.iter().map(|c| 1.0 / noise.within_of(observations, *reading, *c)));
+            if let Some(covariance) = &r.covariance {
+                // what repeats scatter beyond the declared errors is none of theirs, and goes by itself
+                let share = |c: usize| {
+                    noise.together_of(observations, *reading, c).0 / noise.within_of(observations, *reading, c)
+                };
+                let factor = covariance.factor(&channels, |c| share(c).min(1.0));
+                self.correlated.push(Correlated { entries: entries.clone(), factor });
+            }
+            if !r.drawn.is_empty() {
+                let mut direction: Vec<f64> =
+                    channels.iter().zip(&self.weight[entries.clone()]).map(|(c, w)| r.drawn[*c] * w).collect();
+                if let Some(correlated) = self.correlated.last().filter(|c| c.entries == entries) {
+                    correlated.whiten(&mut direction);
+                }
+                self.shared.extend(Shared::new(entries, direction));
+            }
+        }
+        let entries: Vec<usize> = (first..self.entries.len()).collect();
+        let channels = observations.channels.len();
+        let factor = zero_factor(observations, noise, series);
+        let mut columns = DMatrix::zeros(entries.len(), channels);
+        for (row, e) in self.entries[first..].iter().enumerate() {
+            let between = noise.between_of(observations, e.readings[0], e.channel);
+            columns.row_mut(row).copy_from(&(factor.row(e.channel) * between));
+        }
+        let here = |entries: &Range<usize>| entries.start - first..entries.end - first;
+        for mut column in columns.column_iter_mut() {
+            column.iter_mut().zip(&self.weight[first..]).for_each(|(v, w)| *v *= w);
+            let values = column.as_mut_slice();
+            self.correlated[known.0..].iter().for_each(|c| c.whiten(&mut values[here(&c.entries)]));
+            self.shared[known.1..].iter().for_each(|s| s.shrink(&mut values[here(&s.entries)]));
+        }
+        self.zeros.push(CommonError::new(entries, columns).0);
     }
 
     /// Adds series that are alike in a channel.
@@ -145,9 +247,7 @@ impl Whitener {
         let weights: Vec<f64> =
             series[0].iter().map(|(_, weight, rows)| f64::from_bits(*weight) * (rows.len() as f64).sqrt()).collect();
         let direction: Vec<f64> = weights.iter().map(|w| w * noise.between[channel]).collect();
-        let v2 = direction.iter().map(|v| v * v).sum::<f64>();
-        let entries = start..start + weights.len();
-        let shared = (v2 > 0.0).then(|| Shared { entries, direction, share: (1.0 - 1.0 / (1.0 + v2).sqrt()) / v2 });
+        let shared = Shared::new(start..start + weights.len(), direction);
         for (n, (condition, ..)) in series[0].iter().enumerate() {
             let rows: Vec<usize> = series.iter().flat_map(|cells| cells[n].2.iter().copied()).collect();
             self.entries.push(Entry { readings: rows, condition: *condition, channel });
@@ -172,18 +272,16 @@ impl Whitener {
     /// The same with common errors: for each group of entries, whitened columns of one standard deviation.
     pub fn with_common_errors(&self, groups: &[(Vec<usize>, DMatrix<f64>)], scale: &[f64]) -> Self {
         let mut log_determinant = 0.0;
-        let common = groups
-            .iter()
-            .map(|(entries, u)| {
-                let mut u = u.clone();
-                for (k, scale) in scale.iter().enumerate() {
-                    u.column_mut(k).scale_mut(*scale);
-                }
-                let (own, ln) = CommonError::new(entries.clone(), u);
-                log_determinant += ln;
-                own
-            })
-            .collect();
+        let of = |(entries, u): &(Vec<usize>, DMatrix<f64>)| {
+            let mut u = u.clone();
+            for (k, scale) in scale.iter().enumerate() {
+                u.column_mut(k).scale_mut(*scale);
+            }
+            let (common, own) = CommonError::new(entries.clone(), u);
+            log_determinant += own;
+            common
+        };
+        let common = groups.iter().map(of).collect();
         Self { common, log_determinant, ..self.clone() }
     }
 
@@ -203,33 +301,40 @@ impl Whitener {
         for (value, weight) in values.iter_mut().zip(&self.weight) {
             *value *= weight;
         }
+        for correlated in &self.correlated {
+            correlated.whiten(&mut values[correlated.entries.clone()]);
+        }
         for shared in &self.shared {
             shared.shrink(&mut values[shared.entries.clone()]);
+        }
+        for zero in &self.zeros {
+            zero.shrink(values);
         }
         self.shrink(values);
     }
 
     /// The part of the whitening that is due to common errors, on numbers that are white but for these.
     pub fn shrink(&self, values: &mut [f64]) {
-        let mut own = Vec::new();
-        for CommonError { entries, directions } in &self.common {
-            if directions.is_empty() {
-                continue;
-            }
-            own.clear();
-            own.extend(entries.iter().map(|e| values[*e]));
-            // the directions are orthogonal, so that none changes the part along another
-            for (direction, shrink) in directions {
-                let along: f64 = own.iter().zip(direction).map(|(v, d)| v * d).sum();
-                for (v, d) in own.iter_mut().zip(direction) {
-                    *v -= shrink * along * d;
-                }
-            }
-            for (e, v) in entries.iter().zip(&own) {
-                values[*e] = *v;
-            }
+        for common in &self.common {
+            common.shrink(values);
         }
     }
+}
+
+/// L of the correlations L Lᵀ between the zeros of a series in its channels: those of its first reading that has any.
+fn zero_factor(observations: &Observations, noise: &Noise, series: &[usize]) -> DMatrix<f64> {
+    let channels: Vec<usize> = (0..observations.channels.len()).collect();
+    let own = series.iter().find_map(|r| Some((*r, observations.readings[*r].covariance.as_ref()?)));
+    own.map_or_else(
+        || DMatrix::identity(channels.len(), channels.len()),
+        |(reading, covariance)| {
+            let share = |c: usize| {
+                let between = noise.between_of(observations, reading, c).max(f64::MIN_POSITIVE);
+                noise.together_of(observations, reading, c).1 / between
+            };
+            covariance.factor(&channels, |c| share(c).min(1.0))
+        },
+    )
 }
 
 /// What one series reads in a channel.

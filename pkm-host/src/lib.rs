@@ -3,7 +3,7 @@
 //! Data flows one way, as in a compiler, and a room imports from rooms above it in this list alone:
 //!
 //! 1. [`error`], [`pose`], [`progress`]: failures; poses as plain numbers; how far a computation is
-//! 2. [`files`]: machine, job, table, CSV and G-code, from bytes to checked values
+//! 2. [`files`]: machine, job, table, CSV and G-code, from bytes to checked values; [`tracker`]: from its points to deflections
 //! 3. [`fit`], [`diagnose`], [`plan`], [`fem`], [`hil`]: each computes, none from another's results
 //! 4. [`report`]: from a finished result to pages, charts and generated source
 //! 5. [`cli`]: the commands
@@ -19,3 +19,4 @@ pub mod plan;
 pub mod pose;
 pub mod progress;
 pub mod report;
+pub mod tracker;

@@ -128,6 +128,8 @@ fn repeat_sd_m(run: &Run) -> Result<[f64; 4], DiagnosisError> {
             series: point,
             observed: r.at_m.iter().copied().map(Some).collect(),
             sigma: vec![None; 2],
+            covariance: None,
+            drawn: Vec::new(),
         })
     });
     let channels = [0, 0, 1, 1].map(|kind| Channel { kind, resolution: 1e-5 }).to_vec();

@@ -212,6 +212,8 @@ impl Model {
                     series: point,
                     observed: conditions.iter().copied().map(Some).collect(),
                     sigma: vec![None],
+                    covariance: None,
+                    drawn: Vec::new(),
                 }
             })
         });

@@ -143,13 +143,27 @@ fn predict(machine: &Machine, runs: &[&Run]) -> Result<Prediction, NoPlace> {
                 by_point[point] += errors.norm_squared();
                 let observed = errors.iter().copied().map(Some).collect();
                 let sigma = vec![None];
-                observations.readings.push(Reading { condition: point, repeat_of: point, series: 0, observed, sigma });
+                observations.readings.push(Reading {
+                    condition: point,
+                    repeat_of: point,
+                    series: 0,
+                    observed,
+                    sigma,
+                    covariance: None,
+                    drawn: Vec::new(),
+                });
             }
         }
         by_run_m.push((squares / (points * PER_POINT) as f64).sqrt());
     }
     let unit = vec![1.0; CONDITIONS];
-    let noise = Noise { source: NoiseSource::Declared, within: unit, between: vec![0.0; CONDITIONS], dof: 0.0 };
+    let noise = Noise {
+        source: NoiseSource::Declared,
+        within: unit,
+        between: vec![0.0; CONDITIONS],
+        dof: 0.0,
+        declared_share: [1.0; 2],
+    };
     let zeros = vec![0.0; CONDITIONS * observations.pose_of.len()];
     // of the length of both conditions' error; a condition has half of its square
     let errors = validation::errors(&observations, &noise, &zeros, |_| true, &RULES);

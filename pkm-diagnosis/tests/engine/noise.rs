@@ -1,7 +1,9 @@
 //! Noise and whitening against textbook analysis of variance and dense covariance matrices.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
-use pkm_diagnosis::{Entry, Noise, NoiseSource, Observations, Reading, Rules, UnknownNoise, Whitener};
+use pkm_diagnosis::{Covariance, Entry, Noise, NoiseSource, Observations, Reading, Rules, UnknownNoise, Whitener};
 
 use crate::support::*;
 
@@ -194,6 +196,7 @@ pub fn noises() -> [Noise; 2] {
         within: within.to_vec(),
         between: between.to_vec(),
         dof: 0.0,
+        declared_share: if source == NoiseSource::Declared { [1.0; 2] } else { [0.8, 0.5] },
     };
     [noise(NoiseSource::Repeats, [2e-6, 0.5e-6, 0.0, 1e-6, 5e-6, 2e-6]), noise(NoiseSource::Declared, [0.0; CHANNELS])]
 }
@@ -250,4 +253,145 @@ fn whitening_is_the_inverse_of_the_covariance() {
         loaded.shrink(&mut z);
         assert_eq!(z, all);
     }
+}
+
+/// Standard deviations by channel and correlations of a motion that follows from a few points, some of them far away.
+fn motion(rng: &mut fastrand::Rng) -> (Vec<f64>, DMatrix<f64>) {
+    let points: Vec<[f64; 3]> = (0..4).map(|_| std::array::from_fn(|i| 0.2 * i as f64 + 0.1 * normal(rng))).collect();
+    let mut information = DMatrix::zeros(CHANNELS, CHANNELS);
+    for [x, y, z] in points {
+        let rows = [[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]];
+        let rows = DMatrix::from_fn(3, CHANNELS, |i, j| rows[i][j]);
+        information += rows.transpose() * rows;
+    }
+    let c = information.try_inverse().unwrap() * 25e-12;
+    let sd: Vec<f64> = (0..CHANNELS).map(|i| c[(i, i)].sqrt()).collect();
+    let correlation = |i: usize, j: usize| if i == j { 1.0 } else { 0.5 * (c[(i, j)] + c[(j, i)]) / (sd[i] * sd[j]) };
+    (sd.clone(), DMatrix::from_fn(CHANNELS, CHANNELS, correlation))
+}
+
+/// Noise within series, zeros, and an error that every reading draws, in a dense matrix.
+#[test]
+fn whitening_of_errors_that_go_through_channels_is_the_inverse_of_their_covariance() {
+    const ZERO_SHARE: f64 = 0.3;
+    let mut rng = fastrand::Rng::with_seed(11);
+    for (noise, with_covariance, with_drawn) in
+        noises().into_iter().flat_map(|n| [(n.clone(), true, false), (n.clone(), false, true), (n, true, true)])
+    {
+        let (sd, correlation) = motion(&mut rng);
+        assert!(correlation[(0, 4)].abs() > 0.5, "{correlation}");
+        let mut file = varied(&mut rng);
+        file.channels.iter_mut().for_each(|c| c.resolution = 1e-9);
+        for r in &mut file.readings {
+            if with_covariance {
+                r.covariance = Covariance::new(&sd, correlation.clone(), ZERO_SHARE).map(Arc::new);
+            }
+            // one series without
+            if with_drawn && r.series != 2 {
+                r.drawn = (0..CHANNELS).map(|_| 3.0 * micro(&mut rng)).collect();
+            }
+        }
+        let is_declared = noise.source == NoiseSource::Declared;
+        let rows: Vec<(usize, usize)> = covariance(&file, &noise).0;
+        let c = DMatrix::from_fn(rows.len(), rows.len(), |i, j| {
+            let ((a, channel), (b, other)) = (rows[i], rows[j]);
+            let (reading, o) = (&file.readings[a], &file.readings[b]);
+            let deviations = |c: usize| match (is_declared, with_covariance) {
+                (true, true) => (sd[c] * (1.0 - ZERO_SHARE).sqrt(), sd[c] * ZERO_SHARE.sqrt()),
+                (true, false) => (reading.sigma[c / 3].unwrap(), 0.0),
+                // no less than what is declared
+                (false, true) => (
+                    noise.within[c].max(0.8 * sd[c] * (1.0 - ZERO_SHARE).sqrt()),
+                    noise.between[c].max(0.5 * sd[c] * ZERO_SHARE.sqrt()),
+                ),
+                (false, false) => (noise.within[c], noise.between[c]),
+            };
+            let together =
+                if with_covariance { correlation[(channel, other)] } else { f64::from(u8::from(channel == other)) };
+            let ((s, t), (other_s, other_t)) = (deviations(channel), deviations(other));
+            // what scatters beyond the declared errors goes by itself
+            let joint = |share: f64, shown: f64, s: f64, other_s: f64| {
+                let known = share * shown * shown * sd[channel] * sd[other];
+                if channel == other { s * other_s } else { together * known }
+            };
+            let shown = if is_declared { [1.0; 2] } else { [0.8, 0.5] };
+            let own = if a == b { joint(1.0 - ZERO_SHARE, shown[0], s, other_s) } else { 0.0 };
+            let zero = if reading.series == o.series { joint(ZERO_SHARE, shown[1], t, other_t) } else { 0.0 };
+            let is_drawn = a == b && !reading.drawn.is_empty();
+            own + zero + if is_drawn { reading.drawn[channel] * reading.drawn[other] } else { 0.0 }
+        });
+        let whitener = Whitener::new(&file, &noise);
+        assert_eq!(whitener.entries.len() < rows.len(), !with_covariance, "the series without is averaged");
+        let variance = |n: usize| noise.variance_of(&file, rows[n].0, rows[n].1);
+        (0..rows.len()).for_each(|n| near(variance(n), c[(n, n)], 1e-12));
+        for whitener in [whitener, Whitener::by_reading(&file, &noise)] {
+            let error = |r: usize, c: usize| file.readings[r].observed[c].unwrap();
+            let mean =
+                |e: &Entry| e.readings.iter().map(|r| error(*r, e.channel)).sum::<f64>() / e.readings.len() as f64;
+            let mut z: Vec<f64> = whitener.entries.iter().map(mean).collect();
+            whitener.whiten(&mut z);
+            let r = DVector::from_fn(rows.len(), |i, _| error(rows[i].0, rows[i].1));
+            near(z.iter().map(|z| z * z).sum::<f64>() + whitener.averaged, quadratic(&c, &r), 1e-8);
+        }
+    }
+}
+
+#[test]
+fn a_covariance_is_positive_definite() {
+    let (sd, correlation) = motion(&mut fastrand::Rng::with_seed(12));
+    assert!(Covariance::new(&sd, correlation.clone(), 0.5).is_some());
+    let changed = |change: &dyn Fn(&mut Vec<f64>, &mut DMatrix<f64>)| {
+        let (mut sd, mut correlation) = (sd.clone(), correlation.clone());
+        change(&mut sd, &mut correlation);
+        Covariance::new(&sd, correlation, 0.5)
+    };
+    assert_eq!(changed(&|sd, _| sd[2] = 0.0), None);
+    assert_eq!(changed(&|_, c| c[(1, 2)] += 1e-3), None, "no symmetry");
+    assert_eq!(changed(&|_, c| (0..6).for_each(|i| c[(i, i)] = 2.0)), None);
+    // 1 goes with 0 and with 2, which goes against 0
+    let impossible = [(0, 1, 0.99), (1, 2, 0.99), (0, 2, -0.99)];
+    let set = |c: &mut DMatrix<f64>| impossible.iter().for_each(|(i, j, r)| (c[(*i, *j)], c[(*j, *i)]) = (*r, *r));
+    assert_eq!(changed(&|_, c| set(c)), None);
+    assert_eq!(Covariance::new(&sd, correlation.clone(), 1.0), None);
+    assert_eq!(Covariance::new(&sd, correlation, -0.1), None);
+}
+
+/// Loads drawn anew with each reading, of sizes from 0 to ten times the noise: the noise is told from them.
+#[test]
+fn noise_is_told_from_what_each_reading_draws() {
+    let mut rng = fastrand::Rng::with_seed(13);
+    let layout: Vec<(usize, usize)> = (0..20).flat_map(|series| (0..6).map(move |at| (series, at))).collect();
+    let (mut within, mut between, mut blind) = (0.0, 0.0, 0.0);
+    for _ in 0..40 {
+        let mut file = scattered(&layout, &mut rng, |_, c| c > 0);
+        for r in &mut file.readings {
+            let drawn = 2e-6 * r.condition as f64;
+            r.observed[0] = r.observed[0].map(|v| v + drawn * normal(&mut rng));
+            r.drawn = vec![drawn, 0.0, 0.0, 0.0, 0.0, 0.0];
+        }
+        let noise = Noise::estimate(&file, &Rules::DEFAULT).unwrap();
+        within += noise.within[0].powi(2) * 1e12 / 40.0;
+        between += noise.between[0].powi(2) * 1e12 / 40.0;
+        file.readings.iter_mut().for_each(|r| r.drawn.clear());
+        blind += Noise::estimate(&file, &Rules::DEFAULT).unwrap().within[0].powi(2) * 1e12 / 40.0;
+    }
+    // truth: 1 and 4; without knowing of what was drawn: the mean of its squares more, 36.7
+    assert!(
+        (0.6..1.6).contains(&within) && (2.5..6.5).contains(&between) && blind > 20.0,
+        "{within} {between} {blind}"
+    );
+}
+
+/// Nothing says what the zeros of the series are but the covariances.
+#[test]
+fn a_zero_that_no_repeats_show_is_as_large_as_declared() {
+    let mut rng = fastrand::Rng::with_seed(14);
+    let layout: Vec<(usize, usize)> = (0..20).flat_map(|series| (0..4).map(move |_| (series, series))).collect();
+    let mut file = scattered(&layout, &mut rng, |_, _| false);
+    let (sd, correlation) = motion(&mut rng);
+    let covariance = Arc::new(Covariance::new(&sd, correlation, 0.2).unwrap());
+    file.readings.iter_mut().for_each(|r| r.covariance = Some(covariance.clone()));
+    let noise = Noise::estimate(&file, &Rules::DEFAULT).unwrap();
+    assert_eq!(noise.source, NoiseSource::Repeats);
+    (0..CHANNELS).for_each(|c| near(noise.between[c], 0.5 * noise.within[c], 1e-12));
 }

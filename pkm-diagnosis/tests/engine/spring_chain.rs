@@ -104,7 +104,15 @@ pub fn read(chain: &Chain, truth: &[(usize, f64)], seed: u64) -> Observations {
         let zero = 0.06e-6 * normal(&mut rng);
         for (condition, d) in said.iter().enumerate() {
             let observed = vec![Some(d + zero + NOISE * normal(&mut rng))];
-            readings.push(Reading { condition, repeat_of: condition, series, observed, sigma: vec![None] });
+            readings.push(Reading {
+                condition,
+                repeat_of: condition,
+                series,
+                observed,
+                sigma: vec![None],
+                covariance: None,
+                drawn: Vec::new(),
+            });
         }
     }
     let channels = vec![Channel { kind: 0, resolution: 1e-9 }];

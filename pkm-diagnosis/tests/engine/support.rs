@@ -10,7 +10,15 @@ use pkm_diagnosis::{
 pub const CHANNELS: usize = 6;
 
 pub fn reading(condition: usize, series: usize, observed: [Option<f64>; CHANNELS]) -> Reading {
-    Reading { condition, repeat_of: condition, series, observed: observed.to_vec(), sigma: vec![None; 2] }
+    Reading {
+        condition,
+        repeat_of: condition,
+        series,
+        observed: observed.to_vec(),
+        sigma: vec![None; 2],
+        covariance: None,
+        drawn: Vec::new(),
+    }
 }
 
 /// Readings in six channels of two kinds, given with the pose of each condition.
@@ -56,7 +64,13 @@ pub fn unexplained(a: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// The same noise in all channels.
 pub fn even(s: f64) -> Noise {
-    Noise { source: NoiseSource::Repeats, within: vec![s; CHANNELS], between: vec![0.0; CHANNELS], dof: 0.0 }
+    Noise {
+        source: NoiseSource::Repeats,
+        within: vec![s; CHANNELS],
+        between: vec![0.0; CHANNELS],
+        dof: 0.0,
+        declared_share: [1.0; 2],
+    }
 }
 
 /// A model whose predictions are given as tables by condition and channel: a constant, and a column for each unknown, which

@@ -96,7 +96,7 @@ fn examine(file: &MachineFile, read: Measured) -> Result<(Vec<Failure>, Vec<Data
     if cases.is_empty() {
         return Ok((failures, Vec::new(), [0; 2]));
     }
-    let readings = Readings::new(&sheet, &cases)?;
+    let readings = Readings::new(&sheet, &cases, file.uncertainty.load_random)?;
     failures.extend(readings.require_deflections(&sheet).err());
     let doubtful = quality::check(file, &sheet, &readings);
     Ok((failures, doubtful, [cases.len(), readings.poses.len()]))

@@ -1,26 +1,43 @@
 //! `import`: measured data as they were exported → the file of docs/formats.md.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::arguments::ColumnsArgs;
 use super::session::{Output, Session, counted};
-use crate::error::Result;
-use crate::files::measured::{self, Measured};
+use crate::error::{Failure, Result};
+use crate::files::csv::Sheet;
+use crate::files::import::Renames;
+use crate::files::machine::MachineFile;
+use crate::files::measured::{self, LoadCase, Measured};
+use crate::files::points::PointList;
 use crate::files::readings::Readings;
+use crate::files::reflectors::Reflectors;
 use crate::files::source::{self, Source};
+use crate::tracker::{self, Campaign};
 
 /// Measured data as a laboratory or a shop exports them, written as the CSV of docs/formats.md.
 ///
 /// Read as they are: commas, semicolons or tabs; decimal points or commas; UTF-8, UTF-16, Windows-1252; titles above the header; names
 /// in any case with units in brackets or in a row below; merged cells; - and n/a for what was not measured. Prints what was converted.
 /// What is ambiguous is refused, with its line and column.
+///
+/// A tracker's points (--points, --reflectors, --readings) become the deflection of A, with the covariance of its components.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The exported file: text of a spreadsheet, a tracker, a load cell.
-    #[arg(long, value_name = "FILE")]
-    data: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "points")]
+    data: Option<PathBuf>,
+    /// A tracker's list of points, unloaded and loaded, in its own frame: CSV with reading, state, point, x_mm, y_mm, z_mm and u95_um.
+    #[arg(long, value_name = "CSV", conflicts_with = "data", requires = "reflectors", requires = "readings")]
+    points: Option<PathBuf>,
+    /// Its reflectors on platform and base (TOML).
+    #[arg(long, value_name = "TOML", requires = "points")]
+    reflectors: Option<PathBuf>,
+    /// Pose and load of each reading, without deflections.
+    #[arg(long, value_name = "FILE", requires = "points")]
+    readings: Option<PathBuf>,
     #[command(flatten)]
     columns: ColumnsArgs,
     /// CSV to write.
@@ -28,26 +45,132 @@ pub(crate) struct Args {
     out: PathBuf,
 }
 
-pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { data, columns, out } = args;
-    let machine = session.machine()?;
-    let read = Measured::read(Source::read(data)?, &machine, &columns.renames())?;
-    let conversions = read.conversions.clone();
+/// What is written and said.
+struct Imported {
+    csv: String,
+    text: String,
+    readings: Readings,
+    tracker: Option<Value>,
+}
+
+/// Measured data in which nothing is wrong, or the first of what is.
+fn complete(read: Measured, session: &Session) -> Result<(Sheet, Vec<LoadCase>)> {
     let more = read.failures.len().saturating_sub(1);
-    let (sheet, cases) = read.complete().map_err(|mut failure| {
+    read.complete().map_err(|mut failure| {
         if more > 0 {
             failure.message.push_str(&format!(" (and {more} more: `pkm-host check` lists them)"));
         }
         session.or_of_another_machine(failure)
-    })?;
+    })
+}
+
+/// From points to deflections.
+fn of_points(
+    [points, reflectors, readings]: [&Path; 3],
+    machine: &MachineFile,
+    args: &Args,
+    session: &mut Session,
+) -> Result<Imported> {
+    let reflectors = Reflectors::parse(Source::read(reflectors)?)?;
+    let points = PointList::parse(Source::read(points)?, &reflectors)?;
+    let source = Source::read(readings)?;
+    let file = source.name.clone();
+    let (sheet, cases) = complete(Measured::read(source, machine, &args.columns.renames())?, session)?;
     session.warn(sheet.warnings.clone());
-    let readings = Readings::new(&sheet, &cases)?;
-    source::write(out, measured::to_csv(&sheet), &[session.machine_path(), Some(data)])?;
-    let (rows, poses) = (cases.len(), readings.poses.len());
-    let mut text: String = conversions.iter().map(|what| format!("- {what}\n")).collect();
+    let tasks = tracker::tasks(&sheet, &cases)?;
+    let campaign = tracker::deflections(&tasks, &reflectors, &points, &file)?;
+    session.warn(campaign.warnings.clone());
+    let csv = tracker::with_deflections(&sheet, &campaign.deflections)?;
+    // what is written is what the other commands read
+    let written = Source::from_text(&args.out.display().to_string(), csv.clone());
+    let (_, readings) = Readings::read_conditions(written, machine, &Renames::default())?;
+    Ok(Imported { csv, text: text(&campaign), readings, tracker: Some(document(&campaign)) })
+}
+
+/// What a campaign says, for people.
+fn text(campaign: &Campaign) -> String {
+    let r = &campaign.registration;
+    let [origin_m, rotation_rad] = r.deviations();
+    let mut text = format!(
+        "- registration from {} unloaded points: {:.1} µm rms are left; 1 sd {:.1} µm, {:.1} µrad\n",
+        r.points,
+        r.rms_m * 1e6,
+        origin_m * 1e6,
+        rotation_rad * 1e6
+    );
+    for (name, at_m) in &campaign.located {
+        let [u, v, w] = at_m.map(|m| m * 1e3);
+        text.push_str(&format!("- reflector {name} found at u, v, w = {u:.3}, {v:.3}, {w:.3} mm\n"));
+    }
+    if let Some(misfit) = campaign.misfit {
+        text.push_str(&format!("- reflectors leave a rigid platform by {:.2} of their uncertainty\n", misfit.sqrt()));
+    }
+    let by_size = |a: &&tracker::BaseMotion, b: &&tracker::BaseMotion| a.translation_m.total_cmp(&b.translation_m);
+    if let Some(most) = campaign.base.iter().max_by(by_size) {
+        text.push_str(&format!(
+            "- the base moved by up to {:.1} µm and {:.1} µrad (reading {}): taken out\n",
+            most.translation_m * 1e6,
+            most.rotation_rad * 1e6,
+            most.reading
+        ));
+    }
+    text
+}
+
+/// The same for programs.
+fn document(campaign: &Campaign) -> Value {
+    let r = &campaign.registration;
+    let (rotation, origin_m) = r.transformation();
+    let micro = |i: usize| (0..6).map(|j| r.covariance[(i, j)] * 1e12).collect::<Vec<f64>>();
+    let base = campaign.base.iter().map(|b| {
+        json!({ "reading": b.reading, "translation_um": b.translation_m * 1e6, "rotation_urad": b.rotation_rad * 1e6 })
+    });
+    let located = campaign.located.iter().map(|(name, m)| json!({ "name": name, "uvw_mm": m.map(|m| m * 1e3) }));
+    json!({
+        "registration": {
+            "rotation": rotation,
+            "origin_mm": origin_m.map(|m| m * 1e3),
+            "covariance_um_urad": (0..6).map(micro).collect::<Vec<_>>(),
+            "points": r.points,
+            "rms_um": r.rms_m * 1e6,
+            "chi2_per_dof": r.chi2_per_dof,
+        },
+        "located_reflectors": located.collect::<Vec<_>>(),
+        "rigid_misfit_chi2_per_dof": campaign.misfit,
+        "base_motion": base.collect::<Vec<_>>(),
+    })
+}
+
+pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
+    let Args { data, points, reflectors, readings, out, .. } = args;
+    let machine = session.machine()?;
+    let mut conversions = Vec::new();
+    let imported = match (data, points, reflectors, readings) {
+        (Some(data), ..) => {
+            let read = Measured::read(Source::read(data)?, &machine, &args.columns.renames())?;
+            conversions = read.conversions.clone();
+            let (sheet, cases) = complete(read, session)?;
+            session.warn(sheet.warnings.clone());
+            let text = conversions.iter().map(|what| format!("- {what}\n")).collect();
+            let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
+            Imported { csv: measured::to_csv(&sheet), text, readings, tracker: None }
+        }
+        (None, Some(points), Some(reflectors), Some(readings)) => {
+            of_points([points, reflectors, readings], &machine, args, session)?
+        }
+        _ => return Err(Failure::usage("--points needs --reflectors and --readings")),
+    };
+    let Imported { csv, mut text, readings: read, tracker } = imported;
+    let inputs =
+        [session.machine_path(), data.as_deref(), points.as_deref(), reflectors.as_deref(), readings.as_deref()];
+    source::write(out, csv, &inputs)?;
+    let (rows, poses) = (read.readings.len(), read.poses.len());
     let (readings, at) = (counted(rows, "reading"), counted(poses, "pose"));
     text.push_str(&format!("wrote {readings} at {at} to {}\n", out.display()));
-    let document =
+    let mut document =
         json!({ "readings": rows, "poses": poses, "conversions": conversions, "out": out.display().to_string() });
+    if let Some(tracker) = tracker {
+        document["tracker"] = tracker;
+    }
     session.output(text, &document)
 }

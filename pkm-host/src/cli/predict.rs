@@ -8,8 +8,8 @@ use serde_json::json;
 use super::arguments::{ColumnsArgs, TableArgs};
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
-use crate::files::dataset::{self, DEFLECTION_COLUMNS};
-use crate::files::readings::Readings;
+use crate::files::dataset::{self, READ_COLUMNS};
+use crate::files::readings::{CHANNELS, Readings};
 use crate::files::source;
 use crate::plan::model::{Form, extrapolation_warning, no_factor_form, outside_box};
 
@@ -44,17 +44,20 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     session.warn(extrapolation_warning(&solved));
 
     let mut header = sheet.header.clone();
-    header.extend(DEFLECTION_COLUMNS.iter().filter(|c| !sheet.header.iter().any(|h| h == *c)).map(|c| c.to_string()));
-    let columns: Vec<usize> = DEFLECTION_COLUMNS.iter().filter_map(|c| header.iter().position(|h| h == c)).collect();
+    let is_read = |channel: &usize| conditions.iter().any(|c| c.channels().contains(channel));
+    let channels: Vec<usize> = (0..CHANNELS).filter(is_read).collect();
+    let missing = channels.iter().map(|c| READ_COLUMNS[*c]).filter(|c| !sheet.header.iter().any(|h| h == c));
+    header.extend(missing.map(str::to_owned));
+    let columns = READ_COLUMNS.map(|c| header.iter().position(|h| h == c));
     let mut rows = Vec::new();
     for ((row, c), solved) in sheet.rows.iter().zip(&conditions).zip(&solved) {
         let failed = |e: StiffnessError| Failure::input(format!("no deflection: {e}")).in_file(&file).at_line(row.line);
         let seen = model.deflection(solved, &readings.poses[c.pose].pose, c).map_err(failed)?;
         let mut cells = row.to_cells();
         cells.resize(header.len(), String::new());
-        let micro: [f64; 6] = (seen.to_vector() * 1e6).into();
-        for (column, value) in columns.iter().zip(micro) {
-            cells[*column] = sheet.written(value);
+        let micro = c.read(seen.to_vector().into()).map(|v| v * 1e6);
+        for channel in c.channels() {
+            columns[channel].into_iter().for_each(|column| cells[column] = sheet.written(micro[channel]));
         }
         rows.push(cells);
     }

@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
-use crate::files::dataset::DEFLECTION_COLUMNS;
+use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
 
 /// Standard acceleration of gravity, m/s².
@@ -126,13 +126,14 @@ fn exchanges() -> Vec<(String, Matrix3<f64>)> {
 struct Taken {
     how: String,
     readings: Readings,
-    /// Whether loads and points are those of the file, so that its predictions hold.
-    same_loads: bool,
+    /// Whether loads, points and gauges are those of the file, so that its predictions hold.
+    is_as_predicted: bool,
 }
 
 /// All ways that are tried.
 fn other_ways(readings: &Readings, tip_m: Vector3<f64>) -> Vec<Taken> {
     let mut all = Vec::new();
+    let has_gauges = readings.conditions.iter().any(|c| c.gauge.is_some());
     // turns of translations, rotations and loads, by pose
     type Turns<'a> = &'a dyn Fn(&Pose<f64>) -> [Matrix3<f64>; 2];
     let mut turn = |how: String, turns: Turns<'_>, loads: Option<f64>| {
@@ -143,6 +144,10 @@ fn other_ways(readings: &Readings, tip_m: Vector3<f64>) -> Vec<Taken> {
                 return;
             }
         }
+        for c in &mut other.conditions {
+            let [linear, _] = turns(&readings.poses[c.pose].pose);
+            c.gauge = c.gauge.map(|direction| (linear * Vector3::from(direction)).into());
+        }
         if let Some(axial) = loads {
             for c in &mut other.conditions {
                 let [linear, _] = turns(&readings.poses[c.pose].pose);
@@ -150,7 +155,7 @@ fn other_ways(readings: &Readings, tip_m: Vector3<f64>) -> Vec<Taken> {
                 c.turned_at = turned_load(&c.turned_at, &linear, axial);
             }
         }
-        all.push(Taken { how, readings: other, same_loads: loads.is_none() });
+        all.push(Taken { how, readings: other, is_as_predicted: loads.is_none() && !has_gauges });
     };
     let plain = Matrix3::identity();
     turn("with all signs reversed".into(), &|_| [-plain, -plain], None);
@@ -177,7 +182,7 @@ fn other_ways(readings: &Readings, tip_m: Vector3<f64>) -> Vec<Taken> {
         for c in &mut other.conditions {
             (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
         }
-        all.push(Taken { how: how.into(), readings: other, same_loads: false });
+        all.push(Taken { how: how.into(), readings: other, is_as_predicted: false });
     };
     loaded("with forces in kgf or daN", GRAVITY, 1.0);
     loaded("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY);
@@ -193,7 +198,7 @@ fn other_ways(readings: &Readings, tip_m: Vector3<f64>) -> Vec<Taken> {
                     (c.wrench, c.turned_at) = (c.wrench.moved_to_a(-tip_m), c.turned_at.moved_to_a(-tip_m));
                 }
             }
-            all.push(Taken { how, readings: other, same_loads: false });
+            all.push(Taken { how, readings: other, is_as_predicted: false });
         };
         let mm = tip_m * 1e3;
         let tip = format!("at the tool's tip (u, v, w = {:.0}, {:.0}, {:.0} mm)", mm.x, mm.y, mm.z);
@@ -233,15 +238,18 @@ pub fn taken_otherwise(
         .into_par_iter()
         .filter_map(|taken| {
             let (observations, experiment) =
-                (experiment::observations(&taken.readings), Experiment::new(model, &taken.readings));
+                (experiment::observations(&taken.readings, model), Experiment::new(model, &taken.readings));
             let other = Problem::new(&observations, whitener, &experiment, problem.rules);
             let residuals = other.residuals(&[], &[])?;
             // no stiffness mends what is worse to begin with
             if residuals.norm_squared() >= as_said.residuals.norm_squared() {
                 return None;
             }
-            let rest =
-                if taken.same_loads { left(&as_said, &residuals) } else { left(&at_declared(&other)?, &residuals) };
+            let rest = if taken.is_as_predicted {
+                left(&as_said, &residuals)
+            } else {
+                left(&at_declared(&other)?, &residuals)
+            };
             Some((taken.how, rest))
         })
         .collect();
@@ -345,7 +353,7 @@ pub fn suspects(
         let r = &readings.readings[o.reading];
         Suspect {
             line: r.line,
-            column: DEFLECTION_COLUMNS[o.channel],
+            column: READ_COLUMNS[o.channel],
             value: r.observed[o.channel].unwrap_or(f64::NAN) * 1e6,
             expected: expected[r.condition][o.channel] * 1e6,
             residual_sd: o.studentised,
@@ -360,6 +368,6 @@ pub fn gross(readings: &Readings, model: &Model, rules: &Rules) -> Vec<Outlier> 
     let experiment = Experiment::new(model, readings);
     let said = model.predict(&experiment.poses, experiment.conditions, &[], &[]);
     said.map_or(Vec::new(), |said| {
-        pkm_diagnosis::gross::gross(&experiment::observations(readings), said.as_flattened(), rules)
+        pkm_diagnosis::gross::gross(&experiment::observations(readings, model), said.as_flattened(), rules)
     })
 }

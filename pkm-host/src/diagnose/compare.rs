@@ -168,7 +168,7 @@ pub fn cross_validate(
         let found = fitted.predict(model, &experiment.poses, &readings.conditions, true)?;
         Some(found.0.map(Vec::into_flattened).into())
     };
-    let found = validation::cross_validate(&experiment::observations(readings), rules, refit)?;
+    let found = validation::cross_validate(&experiment::observations(readings, model), rules, refit)?;
     let tables: Vec<Vec<[f64; CHANNELS]>> = found.iter().map(|f| f.as_chunks().0.to_vec()).collect();
     Some(Predictions(tables.try_into().ok()?))
 }

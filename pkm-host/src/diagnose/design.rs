@@ -8,7 +8,7 @@ use pkm_diagnosis::{Noise, Rules};
 use super::experiment::Experiment;
 use super::model::Model;
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, Condition, REFERENCE_C, Readings};
+use crate::files::readings::{CHANNELS, Condition, GAUGE, REFERENCE_C, Readings};
 use crate::pose::{PoseBox, pose_of};
 
 /// How much wider than the box the poses may lie, half of it on either side.
@@ -89,11 +89,18 @@ pub fn propose(
                 turned_at: Wrench::ZERO,
                 temperature_c: REFERENCE_C,
                 rise_k: 0.0,
+                gauge: None,
             })
         })
         .collect();
     let used = readings.channels();
-    let scale: [f64; CHANNELS] = std::array::from_fn(|c| if used[c] { 1.0 / noise.variance(c).sqrt() } else { 0.0 });
+    // who has nothing but gauges puts them along all axes
+    let along_axes = used[GAUGE] && !used[..GAUGE].contains(&true);
+    let scale: [f64; CHANNELS] = std::array::from_fn(|c| match c {
+        0..3 if along_axes => 1.0 / noise.variance(GAUGE).sqrt(),
+        _ if used[c] => 1.0 / noise.variance(c).sqrt(),
+        _ => 0.0,
+    });
     let experiment = Experiment { model, poses, conditions: &conditions };
     let proposals = design::propose(&experiment, &scale, rivals, rules.proposals);
     let of = |p: design::Proposal| {

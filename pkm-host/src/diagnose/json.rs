@@ -4,6 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::{Diagnosis, SEED, text};
+use crate::files::readings::GAUGE;
 use crate::pose::written_units;
 
 impl Diagnosis {
@@ -67,8 +68,9 @@ impl Diagnosis {
                 "gain": self.load_error,
                 "about": "beyond the declared one, as the readings suggest" },
             "misfit_explained": self.judgement.gone,
-            "noise": { "source": self.noise.source, "reading_um_urad": micro(&self.noise.within),
-                "series_um_urad": micro(&self.noise.between) },
+            "noise": { "source": self.noise.source, "reading_um_urad": micro(&self.noise.within[..GAUGE]),
+                "series_um_urad": micro(&self.noise.between[..GAUGE]),
+                "gauge_reading_um": self.noise.within[GAUGE] * 1e6, "gauge_series_um": self.noise.between[GAUGE] * 1e6 },
             "error_before": of(&self.errors, Rival::Declared),
             "error_after": of(&self.errors, Rival::After),
             "error_after_and_table": of(&self.errors, Rival::AfterAndTable),

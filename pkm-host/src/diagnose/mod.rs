@@ -40,9 +40,9 @@ use self::model::{Meaning, Model, Recorded, info};
 use self::places::World;
 use self::places::sites::{self, Site};
 use crate::error::{Failure, Result};
-use crate::files::dataset::DEFLECTION_COLUMNS;
+use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
-use crate::files::readings::Readings;
+use crate::files::readings::{CHANNELS, KINDS, Readings};
 use crate::progress::Progress;
 
 /// Held-out errors of all rivals, over all readings and by zone.
@@ -154,6 +154,8 @@ pub struct Diagnosis {
     pub fitted: Fitted,
     /// Their predictions of the readings.
     pub own: Predictions,
+    /// Standard deviation of each reading and channel, zero and load cell included, m and rad.
+    pub standard_deviations: Vec<[f64; CHANNELS]>,
     /// What the final model leaves of each reading and channel, whitened.
     pub standardised: Vec<Vec<f64>>,
     /// Numbers that were left out as gross errors: reading and channel.
@@ -169,11 +171,11 @@ fn not_converged(readings: &Readings, warnings: &[Warning]) -> Failure {
 }
 
 fn unknown_noise(readings: &Readings, unknown: UnknownNoise) -> Failure {
-    let column = ["sigma_linear_um", "sigma_angular_urad"][unknown.channel / 3];
+    let column = ["sigma_linear_um", "sigma_angular_urad"][KINDS[unknown.channel]];
     Failure::input(format!(
         "no repeats to take the noise of {} from, and no declared one: repeat some readings (same pose, load and direction), \
          or add the column {column} with one standard deviation of a reading",
-        DEFLECTION_COLUMNS[unknown.channel]
+        READ_COLUMNS[unknown.channel]
     ))
     .in_file(&readings.source.name)
     .at_column(column)
@@ -204,9 +206,8 @@ fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>
     let mut logs = [Vec::new(), Vec::new()];
     for r in &readings.readings {
         for (kind, logs) in logs.iter_mut().enumerate() {
-            let part = 3 * kind..3 * kind + 3;
             let (mut read, mut said) = (0.0_f64, 0.0_f64);
-            for c in part {
+            for c in (0..CHANNELS).filter(|c| KINDS[*c] == kind) {
                 if let Some(v) = r.observed[c] {
                     read += v * v;
                     said += found[r.condition][c].powi(2);
@@ -251,7 +252,7 @@ impl Judges<'_> {
 
     /// Errors on held-out readings.
     fn given(&self, readings: &Readings, other: &Readings, fitted: &Fitted) -> Option<HeldOut> {
-        let (poses, observations) = (experiment::poses(other), observations(other));
+        let (poses, observations) = (experiment::poses(other), observations(other, self.model));
         let found = fitted.predict(self.model, &poses, &other.conditions, false)?;
         let zones = compare::zones(readings, other);
         let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
@@ -277,7 +278,7 @@ impl Judges<'_> {
             let on = |readings: &Readings, as_measured: bool| {
                 let poses = experiment::poses(readings);
                 let said = compare::predict(self.model, fit, &poses, &readings.conditions, as_measured)?;
-                compare::errors(&observations(readings), self.noise, &said, |_| true, self.rules)
+                compare::errors(&observations(readings, self.model), self.noise, &said, |_| true, self.rules)
             };
             Some(Step {
                 found: found.iter().map(|c| self.model.candidates[*c].name()).collect(),
@@ -399,7 +400,7 @@ pub fn diagnose(
     let gross = checks::gross(readings, &model, rules);
     let left_out: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
     let (given, readings) = (readings, &readings.without_numbers(&left_out));
-    let read = observations(readings);
+    let read = observations(readings, &model);
     let experiment = Experiment::new(&model, readings);
     let noise = Noise::estimate(&experiment.at_nominal_loads(&read), rules)
         .map_err(|unknown| unknown_noise(readings, unknown))?;
@@ -458,6 +459,9 @@ pub fn diagnose(
     let mut suspects = checks::suspects(given, &gross, own.of(Rival::After), true);
     suspects.extend(checks::suspects(readings, &residuals.outliers(&read, rules), own.of(Rival::After), false));
     step(4, "report");
+    let given = observations(given, &model);
+    let deviations = |n| std::array::from_fn(|c| noise.variance_of(&given, n, c).sqrt());
+    let standard_deviations = (0..given.readings.len()).map(deviations).collect();
     let end = &search.fit;
     let name = |r: &search::Ranked| model.candidates[r.candidate].name();
     let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
@@ -485,6 +489,7 @@ pub fn diagnose(
         proposals,
         fitted,
         own,
+        standard_deviations,
         standardised: residuals.by_reading,
         left_out,
         names,

@@ -131,7 +131,7 @@ fn reach(file: &MachineFile) -> Vec<Pose<f64>> {
     let steps = || 0..REACH_STEPS;
     let all = steps().flat_map(|i| steps().flat_map(move |j| steps().map(move |k| [i, j, k])));
     let poses = all.filter_map(|[i, j, k]| {
-        file.machine.forward(&ScrewLengths { q_m: [length(0, i), length(1, j), length(2, k)] }).ok()
+        file.machine.forward(&ScrewLengths { q_m: [length(0, i), length(1, j), length(2, k)].into() }).ok()
     });
     poses.filter(|pose| file.machine.stiffness(pose).is_ok_and(|k| k.factor().is_ok())).collect()
 }

@@ -113,7 +113,7 @@ impl Remainder {
                         if i != j {
                             v[j] += y[i];
                         }
-                        let d = seen_at(&upper.solve_upper_triangular(&v)?, c.point_m);
+                        let d = c.read(seen_at(&upper.solve_upper_triangular(&v)?, c.point_m).into());
                         for (t, term) in terms.iter().take(EQ_11.len()).enumerate() {
                             for channel in 0..CHANNELS {
                                 rows[(channel, entry * EQ_11.len() + t)] = d[channel] * term;

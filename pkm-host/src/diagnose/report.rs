@@ -10,7 +10,7 @@ use super::findings::DeclaredFinding;
 use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
-use crate::files::readings::{Condition, Readings};
+use crate::files::readings::{CHANNELS, Condition, GAUGE, Readings};
 use crate::pose::{file_units, written_units};
 use crate::report::page::{Finding, Page, charts, fold, of_file, picture, table};
 use crate::report::plot::{self, Mark, Panel, Series};
@@ -186,7 +186,7 @@ fn tensions(machine: &Machine<f64>, c: &Condition, pose: &pkm_core::Pose<f64>) -
 fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<Markup> {
     let step = readings.readings.len().div_ceil(POINTS);
     // translation error along the force, µm, for the re-tuned model and the last one
-    let along = |predictions: &[[f64; 6]], n: usize| -> Option<f64> {
+    let along = |predictions: &[[f64; CHANNELS]], n: usize| -> Option<f64> {
         let r = &readings.readings[n];
         let c = &readings.conditions[r.condition];
         let size = c.wrench.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
@@ -371,7 +371,9 @@ pub fn html(
             &table("Smallest amplitude that would be found (λ = 30)", &["amplitude"], &amplitudes),
         ))
     };
-    let micro = |v: &[f64]| v.iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
+    // the gauge's, where there is one, last
+    let used = if d.noise.within[GAUGE] > 0.0 { CHANNELS } else { GAUGE };
+    let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
     let facts = vec![
         ("Seed", SEED.to_string()),
         ("Machine file", of_file(&file.source)),

@@ -73,8 +73,8 @@ impl State {
                     (v[2] + x * v[1] - y * v[0]) * (1.0 + scale),
                 ]
             };
-            let ([a, b, c], [d, e, f]) = (turned(d.translation_m, scale[0]), turned(d.rotation_rad, scale[1]));
-            found.push([a, b, c, d, e, f]);
+            let ([x, y, z], [rx, ry, rz]) = (turned(d.translation_m, scale[0]), turned(d.rotation_rad, scale[1]));
+            found.push(c.read([x, y, z, rx, ry, rz]));
         }
         Some(found)
     }

@@ -10,7 +10,7 @@ use super::declared::{Declared, Part};
 use super::experiment::{Experiment, observations};
 use super::model::{COUNT, Meaning, Model, Recorded, info};
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, Condition, REFERENCE_C, Reading, Readings};
+use crate::files::readings::{CHANNELS, Condition, GAUGE, REFERENCE_C, Reading, Readings};
 use crate::files::source::Source;
 use crate::pose::{NamedPose, pose_of};
 
@@ -35,11 +35,12 @@ fn condition(pose: usize, wrench: [f64; 6]) -> Condition {
         turned_at: Wrench::ZERO,
         temperature_c: REFERENCE_C,
         rise_k: 0.0,
+        gauge: None,
     }
 }
 
 fn reading(condition: usize, series: usize, observed: [Option<f64>; CHANNELS]) -> Reading {
-    Reading { line: 1, condition, repeat_of: condition, series, observed, sigma: [None; 2] }
+    Reading { line: 1, condition, repeat_of: condition, series, observed, sigma: [None; 2], covariance: None }
 }
 
 fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Readings {
@@ -93,11 +94,13 @@ fn loads(poses: usize) -> Vec<Condition> {
     (0..poses).flat_map(|pose| loads.map(|load| condition(pose, load))).collect()
 }
 
-/// Deflection of the bare machine, by its compliance.
-fn deflection(file: &MachineFile, pose: usize, wrench: [f64; 6]) -> [f64; 6] {
+/// Deflection of the bare machine, by its compliance; no gauge reads it.
+fn deflection(file: &MachineFile, pose: usize, wrench: [f64; 6]) -> [f64; CHANNELS] {
     let [theta, sigma, z0] = POSES[pose];
     let factor = file.machine.stiffness(&pose_of(theta, sigma, z0)).unwrap().factor().unwrap();
-    factor.deflection(&Wrench::from_vector(wrench.into())).unwrap().to_vector().into()
+    let [x, y, z, rx, ry, rz]: [f64; 6] =
+        factor.deflection(&Wrench::from_vector(wrench.into())).unwrap().to_vector().into();
+    [x, y, z, rx, ry, rz, 0.0]
 }
 
 /// One reading of every condition, each its own series, as the model has it at `x`.
@@ -106,14 +109,23 @@ fn simulated(model: &Model, conditions: Vec<Condition>, truth: (&[Unknown], &[f6
     let mut file = readings(conditions, Vec::new());
     let poses: Vec<_> = file.poses.iter().map(|p| p.pose).collect();
     let said = model.predict(&poses, &file.conditions, truth.0, truth.1).unwrap();
-    let read = |(n, said): (usize, &[f64; CHANNELS])| reading(n, n, said.map(|d| Some(d + s * normal(&mut rng))));
+    let read = |(n, said): (usize, &[f64; CHANNELS])| {
+        let observed = |c| file.conditions[n].channels().contains(&c).then(|| said[c] + s * normal(&mut rng));
+        reading(n, n, [0, 1, 2, 3, 4, 5, 6].map(observed))
+    };
     file.readings = said.iter().enumerate().map(read).collect();
     file
 }
 
 /// The same noise in all channels.
 fn even(s: f64) -> Noise {
-    Noise { source: NoiseSource::Repeats, within: vec![s; CHANNELS], between: vec![0.0; CHANNELS], dof: 0.0 }
+    Noise {
+        source: NoiseSource::Repeats,
+        within: vec![s; CHANNELS],
+        between: vec![0.0; CHANNELS],
+        dof: 0.0,
+        declared_share: [1.0; 2],
+    }
 }
 
 fn close(found: &[f64], truth: &[f64], tolerance: f64) {
@@ -283,13 +295,13 @@ fn zones_are_told_by_box_and_load() {
     let mixed = [0.0, 0.0, -30.0, 6.0, 0.0, 0.0];
     // a box of ±10°, ±5°, 500…560 mm
     let at = |pose: [f64; 3], load: [f64; 6]| {
-        let mut file = readings(vec![condition(0, load)], vec![reading(0, 0, [Some(1e-6); 6])]);
+        let mut file = readings(vec![condition(0, load)], vec![reading(0, 0, [Some(1e-6); CHANNELS])]);
         file.poses[0].pose = pose_of(pose[0], pose[1], pose[2]);
         file
     };
     let measured = |sigma: f64| {
         let mut file = readings(vec![condition(0, f(100.0, 0.0)), condition(1, mixed)], Vec::new());
-        file.readings = vec![reading(0, 0, [Some(1e-6); 6]), reading(1, 1, [Some(1e-6); 6])];
+        file.readings = vec![reading(0, 0, [Some(1e-6); CHANNELS]), reading(1, 1, [Some(1e-6); CHANNELS])];
         file.poses[0].pose = pose_of(-10.0, -sigma, 560.0);
         file.poses[1].pose = pose_of(10.0, sigma, 500.0);
         file
@@ -337,7 +349,7 @@ fn rivals_are_fitted_without_the_pose_that_they_predict() {
     data.readings.iter_mut().for_each(|r| r.observed[2] = r.observed[2].map(|d| 1.3 * d));
     let noise = even(s);
     let fits = |data: &Readings| -> [Fit; 2] {
-        let (read, experiment) = (observations(data), Experiment::new(&model, data));
+        let (read, experiment) = (observations(data, &model), Experiment::new(&model, data));
         let whitener = Whitener::new(&read, &noise);
         let problem = Problem::new(&read, &whitener, &experiment, RULES);
         [problem.fit(&unknowns[..1], &[0.0]).unwrap(), problem.fit(&unknowns, &[0.0; 3]).unwrap()]
@@ -361,7 +373,7 @@ fn rivals_are_fitted_without_the_pose_that_they_predict() {
     assert_eq!(said(true), of(&search.fit, x.as_slice()));
     assert_eq!(said(false), of(&search.fit, &[x[0], x[1], 0.0]));
 
-    let (read, experiment) = (observations(&data), Experiment::new(&model, &data));
+    let (read, experiment) = (observations(&data, &model), Experiment::new(&model, &data));
     let whitener = Whitener::new(&read, &noise);
     let problem = Problem::new(&read, &whitener, &experiment, RULES);
     let fitted = Fitted::new(&problem, &experiment, &compare::extent(&data), &search, false).unwrap();
@@ -387,4 +399,43 @@ fn rivals_are_fitted_without_the_pose_that_they_predict() {
             }
         }
     }
+}
+
+/// A gauge reads what the deflection at its point has along it.
+#[test]
+fn a_gauge_reads_along_its_direction() {
+    let file = machine();
+    let model = Model::new(&file, Recorded::default(), Method::Formulas).unwrap();
+    let point_m = [0.03, -0.05, 0.2];
+    let mut conditions: Vec<Condition> =
+        loads(3).into_iter().map(|c| Condition { point_m, turned_at: Wrench::ZERO, ..c }).collect();
+    let direction = [2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0];
+    let components = readings(conditions.clone(), Vec::new());
+    conditions.iter_mut().for_each(|c| c.gauge = Some(direction));
+    let gauges = readings(conditions, Vec::new());
+    let unknowns = [effect(&model, "limb-3-axial", 0), effect(&model, "sensor-rotation", 1), gains(&model)[0]];
+    let at = |data: &Readings| Experiment::new(&model, data).predict(&unknowns, &[0.7, 0.5, -0.3]).unwrap();
+    let (whole, along) = (at(&components), at(&gauges));
+    for (d, g) in whole.chunks(CHANNELS).zip(along.chunks(CHANNELS)) {
+        let truth: f64 = (0..3).map(|i| direction[i] * d[i]).sum();
+        close(&[g[GAUGE]], &[truth], 1e-12);
+        assert_eq!(d[GAUGE], 0.0);
+    }
+}
+
+/// The load cell draws an error for each reading, as large as its share of what the load does.
+#[test]
+fn noise_of_the_load_cell_grows_with_what_the_load_does() {
+    let mut file = machine();
+    file.uncertainty.load_random = 0.02;
+    let model = Model::new(&file, Recorded::default(), Method::Formulas).unwrap();
+    let mut data = simulated(&model, loads(2), (&[], &[]), 1e-6, 3);
+    // what grows with warmth is none of the load's
+    data.conditions.iter_mut().for_each(|c| c.rise_k = 5.0);
+    for (r, c) in observations(&data, &model).readings.iter().zip(&data.conditions) {
+        let load = <[f64; 6]>::from(c.wrench.to_vector());
+        close(&r.drawn, &deflection(&file, c.pose, load).map(|d| 0.02 * d), 1e-12);
+    }
+    let exact = Model::new(&machine(), Recorded::default(), Method::Formulas).unwrap();
+    assert!(observations(&data, &exact).readings.iter().all(|r| r.drawn.is_empty()));
 }

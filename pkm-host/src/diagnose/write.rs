@@ -6,9 +6,8 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
 use super::compare::{Rival, extent};
-use super::experiment::observations;
 use crate::error::{Failure, Result};
-use crate::files::dataset::{DEFLECTION_COLUMNS, StiffnessData, Target};
+use crate::files::dataset::{READ_COLUMNS, StiffnessData, Target};
 use crate::files::elements;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
@@ -92,11 +91,10 @@ fn set_entry(array: &mut Item, i: usize, number: f64) {
 pub fn residuals_csv(readings: &Readings, diagnosis: &Diagnosis) -> String {
     let mut csv = "line,column,read,said,residual,standard_deviation,standardised,excluded\n".to_owned();
     let said = diagnosis.own.of(Rival::After);
-    let observations = observations(readings);
     for (n, r) in readings.readings.iter().enumerate() {
-        for (c, column) in DEFLECTION_COLUMNS.iter().enumerate() {
+        for (c, column) in READ_COLUMNS.iter().enumerate() {
             let Some(read) = r.observed[c] else { continue };
-            let sd = diagnosis.noise.within_of(&observations, n, c).hypot(diagnosis.noise.between[c]);
+            let sd = diagnosis.standard_deviations[n][c];
             let said = said[r.condition][c];
             let excluded = diagnosis.left_out.contains(&(n, c));
             let residual = read - said;

@@ -5,10 +5,10 @@ use pkm_core::Wrench;
 
 use super::{Case, Solved};
 use crate::error::{Failure, Result, printable};
-use crate::files::dataset::{self, DEFLECTION_COLUMNS, Sheet, WRENCH_COLUMNS};
+use crate::files::dataset::{self, DEFLECTION_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::files::import::Renames;
 use crate::files::machine::MachineFile;
-use crate::files::readings::Readings;
+use crate::files::readings::{GAUGE, KINDS, Readings};
 use crate::files::source::Source;
 use crate::pose::NamedPose;
 
@@ -100,7 +100,7 @@ impl Loads {
         solved: &[(&Case, Solved)],
     ) -> Result<(String, usize)> {
         let given = |c: &&str| self.sheet.has(c);
-        let mut wanted: Vec<&str> = DEFLECTION_COLUMNS.into_iter().filter(given).collect();
+        let mut wanted: Vec<&str> = READ_COLUMNS.into_iter().filter(given).collect();
         if wanted.is_empty() {
             wanted = DEFLECTION_COLUMNS.to_vec();
         }
@@ -136,12 +136,14 @@ impl Loads {
                 Failure::input(format!("no deflection: {e}")).in_file(&self.sheet.source.name).at_line(row.line)
             })?;
             let seen = deflection.seen_at(c.point_m.into());
-            let micro = seen.to_vector() * 1e6;
+            let micro = c.read(seen.to_vector().into()).map(|v| v * 1e6);
             let mut cells = row.to_cells();
             cells.resize(header.len(), String::new());
-            for (i, name) in DEFLECTION_COLUMNS.iter().enumerate() {
-                let value = micro[i] + zeros[reading.series][i] + simulation.noise[i / 3] * normal();
-                if let Some(at) = column(name).filter(|_| wanted.contains(name)) {
+            for i in c.channels() {
+                let (zero, noise) = (zeros[reading.series][i % GAUGE], simulation.noise[KINDS[i]] * normal());
+                let value = micro[i] + zero + noise;
+                let name = READ_COLUMNS[i];
+                if let Some(at) = column(name).filter(|_| wanted.contains(&name)) {
                     cells[at] = self.sheet.written(format!("{value:.4}"));
                 }
             }

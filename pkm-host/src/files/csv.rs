@@ -209,6 +209,11 @@ impl Sheet {
         self.delimiter
     }
 
+    /// Line of the header, from 1.
+    pub fn header_line(&self) -> u64 {
+        self.header_line
+    }
+
     /// Whether some number has a decimal comma.
     pub(super) fn has_decimal_commas(&self) -> bool {
         self.decimal_commas

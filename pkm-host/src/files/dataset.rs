@@ -16,6 +16,24 @@ use crate::pose::{NamedPose, pose_of, written_units};
 pub const WRENCH_COLUMNS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 /// The deflection, loaded minus unloaded.
 pub const DEFLECTION_COLUMNS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
+/// The direction of a gauge.
+pub const GAUGE_COLUMNS: [&str; 3] = ["gauge_u", "gauge_v", "gauge_w"];
+/// Everything that may be read: the deflection, or its part along a gauge.
+pub const READ_COLUMNS: [&str; 7] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad", "gauge_um"];
+/// Standard deviations of the deflection, zero error included.
+pub const SIGMA_COLUMNS: [&str; 6] =
+    ["sigma_dx_um", "sigma_dy_um", "sigma_dz_um", "sigma_rx_urad", "sigma_ry_urad", "sigma_rz_urad"];
+/// Its correlations, row by row above the diagonal.
+#[rustfmt::skip] // a row of the matrix a line
+pub const CORRELATION_COLUMNS: [&str; 15] = [
+    "correlation_dx_dy", "correlation_dx_dz", "correlation_dx_rx", "correlation_dx_ry", "correlation_dx_rz",
+    "correlation_dy_dz", "correlation_dy_rx", "correlation_dy_ry", "correlation_dy_rz",
+    "correlation_dz_rx", "correlation_dz_ry", "correlation_dz_rz",
+    "correlation_rx_ry", "correlation_rx_rz",
+    "correlation_ry_rz",
+];
+/// Share of the variance that the zero of the series has.
+pub const ZERO_SHARE_COLUMN: &str = "zero_share";
 /// Where the deflection is read, and the load given if it has no point of its own.
 pub(crate) const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
 /// Where the load is given.

@@ -30,6 +30,8 @@ pub struct Uncertainty {
     pub load_direction_rad: f64,
     /// Of the size of a load, relative.
     pub load_gain: f64,
+    /// Of the size of a load, relative, drawn anew with each reading: the load cell's noise.
+    pub load_random: f64,
 }
 
 #[derive(Deserialize)]
@@ -85,6 +87,7 @@ pub(super) struct RawUncertainty {
     pub(super) body: Option<Number>,
     pub(super) load_direction_mrad: Option<Number>,
     pub(super) load_gain: Option<Number>,
+    pub(super) load_random: Option<Number>,
 }
 
 #[derive(Deserialize)]
@@ -224,6 +227,7 @@ impl RawUncertainty {
             body: declared(self.body.as_ref(), stiffness),
             load_direction_rad: declared(self.load_direction_mrad.as_ref(), 0.0) / 1e3,
             load_gain: declared(self.load_gain.as_ref(), 0.0),
+            load_random: declared(self.load_random.as_ref(), 0.0),
         }
     }
 }
@@ -377,8 +381,11 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
         numbers.extend(wrist_numbers(wrist)?);
     }
     if let Some(u) = &raw.uncertainty {
-        let of_loads =
-            [("uncertainty.load_direction_mrad", &u.load_direction_mrad), ("uncertainty.load_gain", &u.load_gain)];
+        let of_loads = [
+            ("uncertainty.load_direction_mrad", &u.load_direction_mrad),
+            ("uncertainty.load_gain", &u.load_gain),
+            ("uncertainty.load_random", &u.load_random),
+        ];
         numbers.extend(of_loads.into_iter().filter_map(|(key, n)| Some((key, n.as_ref()?, true))));
         let of_stiffnesses =
             [("uncertainty.stiffness", &u.stiffness), ("uncertainty.joint", &u.joint), ("uncertainty.body", &u.body)];

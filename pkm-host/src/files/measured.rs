@@ -1,10 +1,15 @@
 //! Rows of a measured file: pose, load and deflection of each, and all that is wrong with them.
 
+use nalgebra::DMatrix;
 use pkm_core::Wrench;
+use pkm_diagnosis::Covariance;
 
 use crate::error::{Failure, Result};
 use crate::files::csv::{self, Row, Sheet};
-use crate::files::dataset::{DEFLECTION_COLUMNS, LOAD_POINT_COLUMNS, POINT_COLUMNS, WRENCH_COLUMNS};
+use crate::files::dataset::{
+    CORRELATION_COLUMNS, DEFLECTION_COLUMNS, GAUGE_COLUMNS, LOAD_POINT_COLUMNS, POINT_COLUMNS, READ_COLUMNS,
+    SIGMA_COLUMNS, WRENCH_COLUMNS, ZERO_SHARE_COLUMN,
+};
 use crate::files::import::{self, Imported, Renames};
 use crate::files::machine::MachineFile;
 use crate::files::source::Source;
@@ -21,6 +26,10 @@ pub struct LoadCase {
     pub wrench: Wrench<f64>,
     /// Where the deflection is read, in A-uvw.
     pub point_m: [f64; 3],
+    /// Unit direction, in A-uvw, of the gauge that reads it; `None` where components are read.
+    pub gauge: Option<[f64; 3]>,
+    /// Declared errors of the components, where they go together.
+    pub covariance: Option<Covariance>,
 }
 
 /// A measured file as far as it can be read.
@@ -95,6 +104,8 @@ struct Columns {
     pose: [&'static str; 3],
     has_point: bool,
     has_load_point: bool,
+    has_gauge: bool,
+    has_covariance: bool,
 }
 
 impl Columns {
@@ -103,15 +114,18 @@ impl Columns {
         let mut missing = Vec::new();
         let pose = sheet.pose_columns().map_err(|failure| missing.push(failure)).ok();
         missing.extend(sheet.require(&WRENCH_COLUMNS).err());
-        let [has_point, has_load_point] = [POINT_COLUMNS, LOAD_POINT_COLUMNS].map(|columns| {
+        let gauge = [&GAUGE_COLUMNS[..], &READ_COLUMNS[DEFLECTION_COLUMNS.len()..]].concat();
+        let covariance = [&SIGMA_COLUMNS[..], &CORRELATION_COLUMNS, &[ZERO_SHARE_COLUMN]].concat();
+        let sets = [&POINT_COLUMNS[..], &LOAD_POINT_COLUMNS, &gauge, &covariance];
+        let [has_point, has_load_point, has_gauge, has_covariance] = sets.map(|columns| {
             let has_some = columns.iter().any(|c| sheet.has(c));
             if has_some {
-                missing.extend(sheet.require(&columns).err());
+                missing.extend(sheet.require(columns).err());
             }
             has_some
         });
         match pose {
-            Some(pose) if missing.is_empty() => Ok(Self { pose, has_point, has_load_point }),
+            Some(pose) if missing.is_empty() => Ok(Self { pose, has_point, has_load_point, has_gauge, has_covariance }),
             _ => Err(missing),
         }
     }
@@ -120,7 +134,7 @@ impl Columns {
     fn load_case(&self, sheet: &Sheet, row: &Row, machine: &MachineFile) -> (Option<LoadCase>, Vec<Failure>) {
         let mut wrong = Vec::new();
         let pose = sheet.pose(row, self.pose, machine).map_err(|f| wrong.push(f)).ok();
-        for column in DEFLECTION_COLUMNS.iter().chain(&OPTIONAL).filter(|c| sheet.has(c)) {
+        for column in READ_COLUMNS.iter().chain(&OPTIONAL).filter(|c| sheet.has(c)) {
             wrong.extend(optional_number(sheet, row, column).err());
         }
         if sheet.has("direction") {
@@ -132,15 +146,93 @@ impl Columns {
             mm.map_err(|f| wrong.push(f)).ok().map(|mm| mm.map(|mm| mm / 1e3))
         };
         let (point_m, load_m) = (point(self.has_point, POINT_COLUMNS), point(self.has_load_point, LOAD_POINT_COLUMNS));
+        let gauge = if self.has_gauge { gauge(sheet, row) } else { Ok(None) };
+        let covariance = if self.has_covariance { covariance(sheet, row) } else { Ok(None) };
+        let (gauge, covariance) = match (gauge, covariance) {
+            (Ok(gauge), Ok(covariance)) => (gauge, covariance),
+            (gauge, covariance) => {
+                wrong.extend(gauge.err().into_iter().chain(covariance.err()));
+                return (None, wrong);
+            }
+        };
         let case = pose.zip(wrench).zip(point_m.zip(load_m)).map(|((pose, wrench), (point_m, load_m))| {
             let given = Wrench::from_vector(wrench.into());
             // from here on both are at one point
             let lever: [f64; 3] = std::array::from_fn(|i| load_m[i] - point_m[i]);
             let wrench = if self.has_load_point { given.moved_to_a(lever.into()) } else { given };
-            LoadCase { pose, wrench, point_m }
+            LoadCase { pose, wrench, point_m, gauge, covariance }
         });
         (case, wrong)
     }
+}
+
+/// The direction of a row's gauge, if it has one.
+fn gauge(sheet: &Sheet, row: &Row) -> Result<Option<[f64; 3]>> {
+    let reading = READ_COLUMNS[DEFLECTION_COLUMNS.len()];
+    let is_given = |column: &&str| sheet.has(column) && sheet.cell(row, column).is_ok_and(|cell| !cell.is_empty());
+    if !GAUGE_COLUMNS.iter().chain([&reading]).any(|c| is_given(&c)) {
+        return Ok(None);
+    }
+    let direction = sheet.numbers(row, GAUGE_COLUMNS).map_err(|mut failure| {
+        failure.message.push_str(" (the direction in which the gauge reads, in A-uvw)");
+        failure
+    })?;
+    let length = direction.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if !(length > 0.0 && length.is_finite()) {
+        let message = "expected the direction in which the gauge reads, such as 0, 0, 1, found no direction: 0, 0, 0";
+        return Err(sheet.failure(row, message).at_column(GAUGE_COLUMNS[0]));
+    }
+    if let Some(column) = DEFLECTION_COLUMNS.iter().find(|c| is_given(c)) {
+        let message = format!("expected an empty cell: the row is that of a gauge, which reads {reading} alone");
+        return Err(sheet.failure(row, message).at_column(*column));
+    }
+    Ok(Some(direction.map(|v| v / length)))
+}
+
+/// The errors that a row declares for its components, if it does.
+fn covariance(sheet: &Sheet, row: &Row) -> Result<Option<Covariance>> {
+    let is_empty = |column: &str| sheet.cell(row, column).is_ok_and(str::is_empty);
+    let all_empty = |columns: &[&str]| columns.iter().all(|c| is_empty(c));
+    if all_empty(&SIGMA_COLUMNS) && all_empty(&CORRELATION_COLUMNS) {
+        return Ok(None);
+    }
+    let read: Vec<usize> =
+        (DEFLECTION_COLUMNS.iter().enumerate()).filter(|(_, c)| sheet.has(c) && !is_empty(c)).map(|(n, _)| n).collect();
+    // what was not read has any deviation and no correlation
+    let mut deviations = [1.0; READ_COLUMNS.len()];
+    let mut correlation = DMatrix::identity(READ_COLUMNS.len(), READ_COLUMNS.len());
+    let mut columns = CORRELATION_COLUMNS.iter();
+    for i in 0..DEFLECTION_COLUMNS.len() {
+        if read.contains(&i) {
+            deviations[i] = sheet.number(row, SIGMA_COLUMNS[i])? * 1e-6;
+            if !(deviations[i] > 0.0) {
+                let message = format!("expected a standard deviation above 0, found {}", deviations[i] * 1e6);
+                return Err(sheet.failure(row, message).at_column(SIGMA_COLUMNS[i]));
+            }
+        }
+        for (j, column) in (i + 1..DEFLECTION_COLUMNS.len()).zip(&mut columns) {
+            if !(read.contains(&i) && read.contains(&j)) {
+                continue;
+            }
+            let value = sheet.number(row, column)?;
+            if !(-1.0..=1.0).contains(&value) {
+                let message = format!("expected a correlation from -1 to 1, found {value}");
+                return Err(sheet.failure(row, message).at_column(*column));
+            }
+            (correlation[(i, j)], correlation[(j, i)]) = (value, value);
+        }
+    }
+    let zero_share = sheet.number(row, ZERO_SHARE_COLUMN)?;
+    if !(0.0..1.0).contains(&zero_share) {
+        let message = format!("expected a share of the variance from 0 to below 1, found {zero_share}");
+        return Err(sheet.failure(row, message).at_column(ZERO_SHARE_COLUMN));
+    }
+    let covariance = Covariance::new(&deviations, correlation, zero_share).ok_or_else(|| {
+        let message = "expected correlations of a positive definite matrix: no errors go together like this, unless the numbers \
+                       have too few digits";
+        sheet.failure(row, message).at_column(CORRELATION_COLUMNS[0])
+    })?;
+    Ok(Some(covariance))
 }
 
 /// Refuses a cell that is neither empty nor a number that its column may have.

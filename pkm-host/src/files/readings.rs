@@ -1,19 +1,28 @@
 //! Measured deflections as the diagnosis needs them: load history, repeats, channels that are missing.
 
 use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::Arc;
 
 use pkm_core::Wrench;
+use pkm_diagnosis::Covariance;
 
 use crate::error::{Failure, Result};
-use crate::files::dataset::{DEFLECTION_COLUMNS, Row, Sheet};
+use crate::files::dataset::{READ_COLUMNS, Row, Sheet};
 use crate::files::import::Renames;
 use crate::files::machine::MachineFile;
 use crate::files::measured::{LoadCase, Measured};
 use crate::files::source::Source;
 use crate::pose::NamedPose;
 
-/// Deflection channels: three translations, then three rotations.
-pub const CHANNELS: usize = 6;
+/// Channels: three translations, three rotations, and the displacement along a gauge.
+pub const CHANNELS: usize = 7;
+
+/// The channel of gauges.
+pub const GAUGE: usize = 6;
+
+/// Of each channel: 0 for lengths, 1 for angles.
+pub const KINDS: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 0];
 
 /// Where the temperature column counts from.
 pub const REFERENCE_C: f64 = 20.0;
@@ -33,6 +42,22 @@ pub struct Condition {
     pub temperature_c: f64,
     /// Temperature above that of the zero reading.
     pub rise_k: f64,
+    /// Unit direction, in A-uvw, in which a gauge reads; `None` where components are read.
+    pub gauge: Option<[f64; 3]>,
+}
+
+impl Condition {
+    /// What is read of a deflection at `point_m`, m and rad, by channel.
+    pub fn read(&self, deflection: [f64; 6]) -> [f64; CHANNELS] {
+        let [x, y, z, rx, ry, rz] = deflection;
+        let along = self.gauge.map_or(0.0, |[u, v, w]| u * x + v * y + w * z);
+        [x, y, z, rx, ry, rz, along]
+    }
+
+    /// Channels in which it is read.
+    pub fn channels(&self) -> Range<usize> {
+        if self.gauge.is_some() { GAUGE..CHANNELS } else { 0..GAUGE }
+    }
 }
 
 /// One line of the file.
@@ -50,6 +75,8 @@ pub struct Reading {
     pub observed: [Option<f64>; CHANNELS],
     /// Declared standard deviation of translations in m and rotations in rad.
     pub sigma: [Option<f64>; 2],
+    /// Declared instead, where errors of the channels go together.
+    pub covariance: Option<Arc<Covariance>>,
 }
 
 /// A measured file.
@@ -94,16 +121,19 @@ fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
 const LEVER_M: f64 = 0.2;
 /// Share of the largest force within which recorded wrenches are of one nominal load.
 const SAME_LOAD: f64 = 0.02;
+/// The same in standard deviations of the difference of two, where the load cell's noise is declared and greater.
+const SAME_LOAD_SD: f64 = 3.0;
 
-/// Whether two wrenches are of one nominal load: a load cell records each repeat a little differently.
-fn are_repeats(a: &Wrench<f64>, b: &Wrench<f64>) -> bool {
+/// Whether two wrenches are of one nominal load, within a share of the largest force: a load cell records each repeat a little
+/// differently.
+fn are_repeats(a: &Wrench<f64>, b: &Wrench<f64>, share: f64) -> bool {
     let forces = |w: &Wrench<f64>| {
         let [x, y, z, mx, my, mz] = w.to_vector().into();
         [x, y, z, mx / LEVER_M, my / LEVER_M, mz / LEVER_M]
     };
     let (a, b) = (forces(a), forces(b));
     let largest = a.iter().chain(&b).fold(0.0, |m: f64, v| m.max(v.abs()));
-    a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= SAME_LOAD * largest)
+    a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= share * largest)
 }
 
 impl History {
@@ -133,10 +163,11 @@ impl History {
 type Loads = Vec<(String, [Wrench<f64>; 2], usize)>;
 
 /// Which readings are repeats of one another.
-#[derive(Default)]
 struct Repeats {
     seen: HashMap<Vec<u64>, Loads>,
     count: usize,
+    /// Share of the largest force within which loads are nominally the same.
+    same_load: f64,
 }
 
 impl Repeats {
@@ -145,6 +176,7 @@ impl Repeats {
         let loads = self.seen.entry(place).or_default();
         let is_same = |(other, [own, own_turned], _): &&(String, [Wrench<f64>; 2], usize)| {
             let is_named = !name.is_empty() && name == *other;
+            let are_repeats = |a, b| are_repeats(a, b, self.same_load);
             (is_named || are_repeats(own, wrench)) && are_repeats(own_turned, turned_at)
         };
         if let Some((.., number)) = loads.iter().find(is_same) {
@@ -167,7 +199,7 @@ fn optional(sheet: &Sheet, row: &Row, column: &str) -> Result<Option<f64>> {
 /// The deflection of a row in m and rad; `decimals` keeps the most digits behind the point of each channel.
 fn deflection(sheet: &Sheet, row: &Row, decimals: &mut [usize; CHANNELS]) -> Result<[Option<f64>; CHANNELS]> {
     let mut observed = [None; CHANNELS];
-    for (c, column) in DEFLECTION_COLUMNS.iter().enumerate() {
+    for (c, column) in READ_COLUMNS.iter().enumerate() {
         observed[c] = optional(sheet, row, column)?.map(|v| v * 1e-6);
         if observed[c].is_some() {
             let text = sheet.cell(row, column)?;
@@ -203,7 +235,7 @@ impl Readings {
     /// See [`Measured::read`]; anything that is wrong with a row.
     pub fn read_conditions(source: Source, machine: &MachineFile, renames: &Renames) -> Result<(Sheet, Self)> {
         let (sheet, cases) = Measured::read(source, machine, renames)?.complete()?;
-        let this = Self::new(&sheet, &cases)?;
+        let this = Self::new(&sheet, &cases, machine.uncertainty.load_random)?;
         Ok((sheet, this))
     }
 
@@ -212,9 +244,9 @@ impl Readings {
     /// # Errors
     /// No column of deflections, or nothing in them.
     pub fn require_deflections(&self, sheet: &Sheet) -> Result<()> {
-        if !DEFLECTION_COLUMNS.iter().any(|c| sheet.has(c)) {
+        if !READ_COLUMNS.iter().any(|c| sheet.has(c)) {
             let why = ": a measured file needs at least one deflection column";
-            return Err(sheet.missing(DEFLECTION_COLUMNS[0], why));
+            return Err(sheet.missing(READ_COLUMNS[0], why));
         }
         if self.readings.iter().all(|r| r.observed.iter().all(Option::is_none)) {
             let message = "expected readings, found blank deflection columns only";
@@ -223,13 +255,15 @@ impl Readings {
         Ok(())
     }
 
-    /// Readings of rows, a load case each.
+    /// Readings of rows, a load case each; `load_random` is the relative noise of the load cell.
     ///
     /// # Errors
     /// A cell that is no number.
-    pub fn new(sheet: &Sheet, cases: &[LoadCase]) -> Result<Self> {
+    pub fn new(sheet: &Sheet, cases: &[LoadCase], load_random: f64) -> Result<Self> {
         let mut poses: Vec<NamedPose> = Vec::new();
-        let (mut pose_index, mut conditions_seen, mut repeats) = (HashMap::new(), HashMap::new(), Repeats::default());
+        let same_load = SAME_LOAD.max(SAME_LOAD_SD * 2.0_f64.sqrt() * load_random);
+        let mut repeats = Repeats { seen: HashMap::new(), count: 0, same_load };
+        let (mut pose_index, mut conditions_seen) = (HashMap::new(), HashMap::new());
         let mut series_index: HashMap<String, usize> = HashMap::new();
         let mut series_names = Vec::new();
         let mut histories: HashMap<usize, History> = HashMap::new();
@@ -271,6 +305,7 @@ impl Readings {
                 turned_at: history.turned_at,
                 temperature_c,
                 rise_k: if has_temperature { temperature_c - history.zero_temperature_c } else { 0.0 },
+                gauge: case.gauge,
             };
             let mut key = bits(case.wrench.to_vector().as_slice());
             key.extend(bits(&case.point_m));
@@ -278,14 +313,17 @@ impl Readings {
             key.push(pose as u64);
             let mut place = bits(&case.point_m);
             place.push(pose as u64);
+            place.extend(case.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
             let name = if sheet.has("load") { sheet.cell(row, "load")? } else { "" };
             let repeat_of = repeats.number(place, name, &case.wrench, &history.turned_at);
             key.extend(bits(&[temperature_c, condition.rise_k]));
+            key.extend(case.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
             let condition = *conditions_seen.entry(key).or_insert_with(|| {
                 conditions.push(condition);
                 conditions.len() - 1
             });
-            readings.push(Reading { line: row.line, condition, repeat_of, series, observed, sigma });
+            let covariance = case.covariance.clone().map(Arc::new);
+            readings.push(Reading { line: row.line, condition, repeat_of, series, observed, sigma, covariance });
         }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
         Ok(Self {

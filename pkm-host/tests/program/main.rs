@@ -18,4 +18,6 @@ mod map;
 mod path;
 mod place;
 mod properties;
+mod readings;
 mod reports;
+mod tracker;

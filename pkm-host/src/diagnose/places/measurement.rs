@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::Blocks;
 use super::elastic::{M8, Solved};
 use super::terms::{Seen, Term};
-use crate::files::readings::CHANNELS;
+use crate::files::readings::{CHANNELS, GAUGE};
 
 /// ln prior of what needs an oddity of one campaign: drift, one pose, a matrix of cross-talk.
 pub const LN_PRIOR_OF_ODDITIES: f64 = -4.0;
@@ -68,7 +68,7 @@ fn used(blocks: &Blocks<'_>) -> Vec<(usize, f64)> {
     (0..CHANNELS).filter_map(rms).filter(|c| c.1 > 0.0).collect()
 }
 
-/// Sensors that are not linear.
+/// Sensors that are not linear. A gauge has no term of its own here: it reads what the terms of components leave along it.
 fn not_linear(blocks: &mut Blocks<'_>) {
     let laws: [fn(f64) -> f64; 4] = [|u| u * u, |u| u * u.abs(), f64::abs, |u| u * u * u];
     let of = |(c, rms): (usize, f64)| {
@@ -80,7 +80,7 @@ fn not_linear(blocks: &mut Blocks<'_>) {
             }))
         })
     };
-    let terms = used(blocks).into_iter().flat_map(of).collect();
+    let terms = used(blocks).into_iter().filter(|(c, _)| *c != GAUGE).flat_map(of).collect();
     blocks.add(&["sensor".into()], "general", "load", terms);
 }
 

@@ -10,7 +10,7 @@ use super::terms::{Seen, Term};
 use super::{Blocks, limbs, measurement, named, platforms};
 use crate::diagnose::declared::Declared;
 use crate::diagnose::model::Model;
-use crate::files::readings::Readings;
+use crate::files::readings::{CHANNELS, Readings};
 
 /// Wrench, or displacement.
 type Six = [f64; 6];
@@ -60,7 +60,7 @@ impl World {
         let solved = this.solve(&declared)?;
         let elastic = this.displacements(readings, &solved);
         let said = model.predict(&poses, &readings.conditions, &[], &[])?;
-        let difference = |(s, e): (&Six, &Six)| -> Six { std::array::from_fn(|c| s[c] - e[c]) };
+        let difference = |(s, e): (&[f64; CHANNELS], &Six)| -> Six { std::array::from_fn(|c| s[c] - e[c]) };
         this.offset = said.iter().zip(&elastic).map(difference).collect();
 
         let n = this.frames.len() as f64;
@@ -125,7 +125,12 @@ impl World {
 impl Under<'_> {
     fn by_condition(&self, of: impl Fn(usize) -> Six) -> Vec<f64> {
         let values: Vec<Six> = (0..self.readings.conditions.len()).map(of).collect();
-        self.problem.whitened(values.as_flattened())
+        self.problem.whitened(self.read(&values).as_flattened())
+    }
+
+    /// What is read of displacements, by condition.
+    fn read(&self, displacements: &[Six]) -> Vec<[f64; CHANNELS]> {
+        self.readings.conditions.iter().zip(displacements).map(|(c, d)| c.read(*d)).collect()
     }
 
     fn column(&self, term: &Term, solved: &[Solved], said: &[Six]) -> DVector<f64> {
@@ -144,7 +149,7 @@ impl Under<'_> {
             Term::Entry(values) => whitened((**values).clone()),
             Term::Elastic(e) => self.by_condition(|c| elastic(e, c)),
             Term::Times(e, factors) => {
-                let all: Vec<Six> = (0..conditions.len()).map(|c| elastic(e, c)).collect();
+                let all = self.read(&(0..conditions.len()).map(|c| elastic(e, c)).collect::<Vec<Six>>());
                 let entries = self.problem.whitener.entries.iter().zip(factors.iter());
                 whitened(entries.map(|(e, f)| f * all[e.condition][e.channel]).collect())
             }
@@ -183,7 +188,7 @@ impl PlaceModel for Under<'_> {
     fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let solved = self.world.solve(state)?;
         let said = self.world.displacements(self.readings, &solved);
-        let mut predicted: DVector<f64> = self.problem.whitened(said.as_flattened()).into();
+        let mut predicted: DVector<f64> = self.problem.whitened(self.read(&said).as_flattened()).into();
         for (b, amplitudes) in &state.blocks {
             for (term, a) in self.world.terms[*b].iter().zip(amplitudes) {
                 if !matches!(term, Term::Elastic(_)) && *a != 0.0 {

@@ -6,7 +6,7 @@ use super::super::experiment::{Experiment, observations};
 use super::super::model::{Model, Recorded};
 use super::super::{Method, check as check_usable, checks, unknown_noise};
 use super::DataWarning;
-use crate::files::dataset::DEFLECTION_COLUMNS;
+use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Reading, Readings};
 
@@ -40,7 +40,7 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
             all.push(
                 DataWarning::new("gross_error", message)
                     .at_lines(vec![r.line])
-                    .at_column(DEFLECTION_COLUMNS[outlier.channel]),
+                    .at_column(READ_COLUMNS[outlier.channel]),
             );
         }
     }
@@ -52,7 +52,7 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
 /// What speaks against the readings as a whole: too few, other units, another frame or sign.
 fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWarning> {
     let rules = &Rules::DEFAULT;
-    let read = observations(readings);
+    let read = observations(readings, model);
     let experiment = Experiment::new(model, readings);
     let noise = match Noise::estimate(&experiment.at_nominal_loads(&read), rules) {
         Ok(noise) => noise,

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::{DataWarning, lines_text};
-use crate::files::dataset::{DEFLECTION_COLUMNS, Sheet};
-use crate::files::readings::{CHANNELS, Readings};
+use crate::files::dataset::{READ_COLUMNS, Sheet};
+use crate::files::readings::{CHANNELS, KINDS, Reading, Readings};
 
 /// Kind of the warning that there are too few repeats.
 pub(super) const FEW: &str = "few_repeats";
@@ -32,8 +32,8 @@ pub(super) fn check(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
 
 /// Too few repeats to take the noise from, where none is declared.
 fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
-    let is_declared =
-        readings.readings.iter().all(|r| (0..CHANNELS).all(|c| r.observed[c].is_none() || r.sigma[c / 3].is_some()));
+    let has_own = |r: &Reading, c: usize| r.sigma[KINDS[c]].is_some() || r.covariance.is_some();
+    let is_declared = readings.readings.iter().all(|r| (0..CHANNELS).all(|c| r.observed[c].is_none() || has_own(r, c)));
     let freedom: usize = groups.iter().map(|g| g.len() - 1).sum();
     if is_declared || freedom >= MIN_DOF {
         return None;
@@ -60,7 +60,7 @@ fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
 /// Repeats of which one differs from the others far more than repeats do elsewhere.
 fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
     let mut all = Vec::new();
-    for (channel, column) in DEFLECTION_COLUMNS.into_iter().enumerate() {
+    for (channel, column) in READ_COLUMNS.into_iter().enumerate() {
         let value = |n: &usize| readings.readings[*n].observed[channel];
         let spread = |group: &Vec<usize>| {
             let values: Vec<f64> = group.iter().filter_map(value).collect();
@@ -88,11 +88,12 @@ fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
     all
 }
 
-/// Rows that agree in every cell but the number of the repeat: no two readings do.
+/// Rows that agree in every cell but the numbers of reading and repeat: no two readings do.
 fn duplicates(sheet: &Sheet) -> Vec<DataWarning> {
-    let counted: Vec<usize> = (0..sheet.header.len()).filter(|n| sheet.header[*n] != "repeat").collect();
+    let counted: Vec<usize> =
+        (0..sheet.header.len()).filter(|n| !["reading", "repeat"].contains(&sheet.header[*n].as_str())).collect();
     let measured: Vec<usize> =
-        counted.iter().copied().filter(|n| DEFLECTION_COLUMNS.contains(&sheet.header[*n].as_str())).collect();
+        counted.iter().copied().filter(|n| READ_COLUMNS.contains(&sheet.header[*n].as_str())).collect();
     let mut seen: HashMap<Vec<&str>, u64> = HashMap::new();
     let mut all = Vec::new();
     for row in &sheet.rows {

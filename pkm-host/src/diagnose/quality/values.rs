@@ -1,7 +1,7 @@
 //! Single columns: units, constants, placeholders, loads that never turn.
 
 use super::{DataWarning, lines_text};
-use crate::files::dataset::{DEFLECTION_COLUMNS, POINT_COLUMNS, Sheet, WRENCH_COLUMNS};
+use crate::files::dataset::{POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
 
 /// Largest angle that is probably in radians where a column in degrees has no larger one.
 const MAX_RADIANS: f64 = 0.6;
@@ -27,10 +27,10 @@ fn largest(numbers: &[(u64, f64)]) -> f64 {
 
 pub(super) fn check(sheet: &Sheet) -> Vec<DataWarning> {
     let mut all = units(sheet);
-    for column in WRENCH_COLUMNS.into_iter().chain(DEFLECTION_COLUMNS).chain(["temperature_c"]) {
+    for column in WRENCH_COLUMNS.into_iter().chain(READ_COLUMNS).chain(["temperature_c"]) {
         all.extend(placeholders(&numbers(sheet, column), column));
     }
-    all.extend(DEFLECTION_COLUMNS.into_iter().filter_map(|column| constant(&numbers(sheet, column), column)));
+    all.extend(READ_COLUMNS.into_iter().filter_map(|column| constant(&numbers(sheet, column), column)));
     all.extend(one_sided(sheet));
     all
 }

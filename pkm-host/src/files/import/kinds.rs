@@ -20,8 +20,8 @@ pub(super) fn other_than_readings(sheet: &Sheet) -> Option<Failure> {
     let (has_load, has_deflection) = (has_any(&WRENCH_COLUMNS), has_any(&DEFLECTION_COLUMNS));
     let message = if ["x", "y", "z"].iter().all(|axis| has_word(axis)) && !has_load && !has_deflection {
         "a tracker's list of points: x, y, z are positions in its own frame, and a diagnosis needs deflections of A in A-uvw, \
-         loaded minus unloaded, with pose and load. Points are not turned into that frame here: export dx, dy, dz beside \
-         theta, sigma, z0 and fx, fy, fz"
+         loaded minus unloaded, with pose and load: `pkm-host import --points` makes them of this list, with the reflectors \
+         (--reflectors) and with pose and load of each reading (--readings)"
     } else if has_load && !has_pose && !has_deflection && TIMES.iter().any(|t| has_word(t)) {
         "a log of loads over time: it has no pose and no deflection, and nothing says which of its times belong to which \
          reading. Write the load of each reading into the columns fx, fy, fz (mx, my, mz) of the file with the readings"

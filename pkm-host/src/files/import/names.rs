@@ -1,6 +1,6 @@
 //! Names of columns, as others write them.
 
-use super::units::Quantity::{self, Angle, Force, Length, Moment, Temperature, Text};
+use super::units::Quantity::{self, Angle, Force, Length, Moment, Ratio, Temperature, Text};
 use super::units::{self, Unit};
 use crate::error::{Failure, Result};
 
@@ -9,7 +9,7 @@ pub struct Column {
     /// As `docs/formats.md` has it.
     pub name: &'static str,
     quantity: Quantity,
-    /// Its unit; empty for texts.
+    /// Its unit; empty for texts and ratios.
     unit: &'static str,
     /// Other names, in small letters without spaces and underscores.
     others: &'static [&'static str],
@@ -20,7 +20,7 @@ const fn column(name: &'static str, quantity: Quantity, unit: &'static str, othe
 }
 
 /// Every column of a measured file, in the order in which they are written.
-pub const COLUMNS: [Column; 32] = [
+pub const COLUMNS: [Column; 59] = [
     column(
         "pose",
         Text,
@@ -99,13 +99,40 @@ pub const COLUMNS: [Column; 32] = [
     column("rx_urad", Angle, "µrad", &["rx", "rotx", "rotationx", "xrotation", "verdrehungx"]),
     column("ry_urad", Angle, "µrad", &["ry", "roty", "rotationy", "yrotation", "verdrehungy"]),
     column("rz_urad", Angle, "µrad", &["rz", "rotz", "rotationz", "zrotation", "verdrehungz"]),
+    column("gauge_um", Length, "µm", &["gauge", "dialgauge", "messuhr"]),
+    column("gauge_u", Ratio, "", &["gaugedirectionu"]),
+    column("gauge_v", Ratio, "", &["gaugedirectionv"]),
+    column("gauge_w", Ratio, "", &["gaugedirectionw"]),
     column("series", Text, "", &["serie", "seriesno", "seriesnr", "messreihe"]),
+    column("reading", Text, "", &["readingid", "readingno", "readingnr", "messung"]),
     column("repeat", Text, "", &["repetition", "rep", "wiederholung", "wdh"]),
     column("load", Text, "", &["loadcase", "loadname", "lastfall"]),
     column("direction", Text, "", &["loaddirection", "richtung"]),
     column("temperature_c", Temperature, "°C", &["temperature", "temp", "temperatur"]),
     column("sigma_linear_um", Length, "µm", &["sigmalinear"]),
     column("sigma_angular_urad", Angle, "µrad", &["sigmaangular"]),
+    column("sigma_dx_um", Length, "µm", &[]),
+    column("sigma_dy_um", Length, "µm", &[]),
+    column("sigma_dz_um", Length, "µm", &[]),
+    column("sigma_rx_urad", Angle, "µrad", &[]),
+    column("sigma_ry_urad", Angle, "µrad", &[]),
+    column("sigma_rz_urad", Angle, "µrad", &[]),
+    column("correlation_dx_dy", Ratio, "", &[]),
+    column("correlation_dx_dz", Ratio, "", &[]),
+    column("correlation_dx_rx", Ratio, "", &[]),
+    column("correlation_dx_ry", Ratio, "", &[]),
+    column("correlation_dx_rz", Ratio, "", &[]),
+    column("correlation_dy_dz", Ratio, "", &[]),
+    column("correlation_dy_rx", Ratio, "", &[]),
+    column("correlation_dy_ry", Ratio, "", &[]),
+    column("correlation_dy_rz", Ratio, "", &[]),
+    column("correlation_dz_rx", Ratio, "", &[]),
+    column("correlation_dz_ry", Ratio, "", &[]),
+    column("correlation_dz_rz", Ratio, "", &[]),
+    column("correlation_rx_ry", Ratio, "", &[]),
+    column("correlation_rx_rz", Ratio, "", &[]),
+    column("correlation_ry_rz", Ratio, "", &[]),
+    column("zero_share", Ratio, "", &[]),
 ];
 
 impl Column {
@@ -173,7 +200,7 @@ fn named(cell: &str) -> Option<Named> {
         let column = COLUMNS.iter().find(|c| plain(c.name) == name || c.others.contains(&name.as_str()))?;
         // `Load [N]` is no name of a load
         let is_known = column.is_number() || !unit.is_some_and(units::is_any);
-        let is_in_own_unit = column.is_number() && plain(column.name) == name;
+        let is_in_own_unit = column.quantity == Ratio || (column.is_number() && plain(column.name) == name);
         is_known.then(|| Named { column, unit: unit.map(str::to_owned), is_in_own_unit })
     };
     of(cell, None).or_else(|| {

@@ -17,6 +17,8 @@ pub enum Quantity {
     Moment,
     /// A temperature in °C.
     Temperature,
+    /// A number without unit.
+    Ratio,
 }
 
 /// The size of a unit.
