@@ -1,14 +1,14 @@
 //! What the core needs of linear algebra beside nalgebra's sums and products: vectors and matrices put together and taken apart, and
 //! 6×6 symmetric positive definite arithmetic on lower triangles.
 //!
-//! The latter is hand-written: the loops have constant bounds, so no panic path is left without link-time optimisation, and
-//! they are clean under Miri's default rules, which nalgebra's fixed-size `cholesky()` is not.
+//! The latter is hand-written on nalgebra's storage: clean under Miri's default rules, which nalgebra's `cholesky()` is not, and
+//! without its `ComplexField`. `docs/dependencies.md` has the counts of both.
 
 use nalgebra::{ArrayStorage, Matrix3, Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 use crate::scalar::Scalar;
 
-/// A matrix of its columns.
+/// The matrix with these columns.
 pub(crate) const fn from_columns<T, const R: usize, const C: usize>(columns: [[T; R]; C]) -> SMatrix<T, R, C> {
     SMatrix::from_array_storage(ArrayStorage(columns))
 }
@@ -24,7 +24,7 @@ pub(crate) fn axes<T: Scalar>(frame: &Matrix3<T>) -> [Vector3<T>; 3] {
     [x.into(), y.into(), z.into()]
 }
 
-/// Length of a vector. By `libm`'s root, which `norm` of nalgebra is not with the standard library.
+/// Length of a vector. `norm` of nalgebra asks for its `ComplexField`, which `Scalar` leaves out.
 pub(crate) fn length<T: Scalar>(v: &Vector3<T>) -> T {
     v.dot(v).sqrt()
 }
@@ -52,7 +52,7 @@ pub(crate) fn split<T: Scalar>(v: Vector6<T>) -> (Vector3<T>, Vector3<T>) {
 }
 
 /// A 6×6 matrix of which only the lower triangle has a meaning. The loops below work on its columns, `data.0`: entry (i, j) is
-/// `columns[j][i]`. Indices of an array are checked when the loop is unrolled, those of nalgebra may be left to run time.
+/// `columns[j][i]`.
 pub(crate) type Lower<T> = Matrix6<T>;
 
 /// A matrix is not positive definite in its number type.

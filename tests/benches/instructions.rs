@@ -9,12 +9,12 @@ use std::hint::black_box;
 
 use gungraun::prelude::*;
 use gungraun::{Callgrind, EventKind};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Cholesky, Matrix6, U6, Vector2, Vector3, Vector6};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, Reading};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
     CompensatedTool, Configuration, Corrected, Cycle, Deflection, FiveAxis, Hold, Machine, Pose, Scalar, ScrewLengths,
-    Stiffness, Tool, ToolFrame, Wrench,
+    Stiffness, StiffnessFactor, Tool, ToolFrame, Wrench,
 };
 
 fn pose<T: Scalar>() -> Pose<T> {
@@ -194,6 +194,42 @@ five_axes!(
     compensate_tool_f32
 );
 
+/// K_p, for the core's factor and deflection beside nalgebra's.
+fn stiffness<T: Scalar>(machine: &Machine<T>) -> Stiffness<T> {
+    machine.stiffness(&pose()).unwrap()
+}
+
+macro_rules! kernels {
+    ($t:ty, $machine:ident, $factor:ident, $deflection:ident, $factor_nalgebra:ident, $deflection_nalgebra:ident) => {
+        #[library_benchmark]
+        #[bench::reference(stiffness(&$machine))]
+        fn $factor(k: Stiffness<$t>) -> StiffnessFactor<$t> {
+            black_box(black_box(k).factor()).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(stiffness(&$machine).factor().unwrap())]
+        fn $deflection(factor: StiffnessFactor<$t>) -> Deflection<$t> {
+            black_box(black_box(factor).deflection(&black_box(wrench()))).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(stiffness(&$machine).matrix())]
+        fn $factor_nalgebra(k: Matrix6<$t>) -> Cholesky<$t, U6> {
+            black_box(black_box(k).cholesky()).unwrap()
+        }
+
+        #[library_benchmark]
+        #[bench::reference(stiffness(&$machine).matrix().cholesky().unwrap())]
+        fn $deflection_nalgebra(factor: Cholesky<$t, U6>) -> Vector6<$t> {
+            black_box(black_box(factor).solve(&black_box(wrench()).to_vector()))
+        }
+    };
+}
+
+kernels!(f64, MACHINE_F64, factor_f64, deflection_f64, factor_nalgebra_f64, deflection_nalgebra_f64);
+kernels!(f32, MACHINE_F32, factor_f32, deflection_f32, factor_nalgebra_f32, deflection_nalgebra_f32);
+
 // The paper's way has to invert a dense matrix of 24 rows.
 #[library_benchmark]
 #[bench::well_conditioned(nalgebra::SMatrix::<f64, 24, 24>::from_fn(|i, j| if i == j { 30.0 } else { 1.0 / (1 + i + j) as f64 }))]
@@ -228,8 +264,35 @@ library_benchmark_group!(
     config = at_most(15000),
     benchmarks = [compensate_tool_f64, compensate_tool_f32]
 );
-library_benchmark_group!(name = peer, benchmarks = [dense_24x24_inverse_nalgebra]);
+library_benchmark_group!(
+    name = kernels,
+    config = at_most(600),
+    benchmarks = [factor_f64, deflection_f64, factor_f32, deflection_f32]
+);
+library_benchmark_group!(
+    name = peer,
+    benchmarks = [
+        factor_nalgebra_f64,
+        deflection_nalgebra_f64,
+        factor_nalgebra_f32,
+        deflection_nalgebra_f32,
+        dense_24x24_inverse_nalgebra
+    ]
+);
 main!(
-    library_benchmark_groups =
-        [inverse, forward, basic, corrected, cycle, tool, given, frame, loaded, compensator, tool_compensator, peer]
+    library_benchmark_groups = [
+        inverse,
+        forward,
+        basic,
+        corrected,
+        cycle,
+        tool,
+        given,
+        frame,
+        loaded,
+        compensator,
+        tool_compensator,
+        kernels,
+        peer
+    ]
 );
