@@ -48,6 +48,8 @@ pub(crate) struct Args {
 /// What is written and said.
 struct Imported {
     csv: String,
+    conversions: Vec<String>,
+    /// What a tracker's points say, for people.
     text: String,
     readings: Readings,
     tracker: Option<Value>,
@@ -68,23 +70,25 @@ fn complete(read: Measured, session: &Session) -> Result<(Sheet, Vec<LoadCase>)>
 fn of_points(
     [points, reflectors, readings]: [&Path; 3],
     machine: &MachineFile,
-    args: &Args,
+    out: &Path,
     session: &mut Session,
 ) -> Result<Imported> {
     let reflectors = Reflectors::parse(Source::read(reflectors)?)?;
     let points = PointList::parse(Source::read(points)?, &reflectors)?;
     let source = Source::read(readings)?;
     let file = source.name.clone();
-    let (sheet, cases) = complete(Measured::read(source, machine, &args.columns.renames())?, session)?;
+    let read = Measured::read(source, machine, &Renames::default())?;
+    let conversions = read.conversions.clone();
+    let (sheet, cases) = complete(read, session)?;
     session.warn(sheet.warnings.clone());
     let tasks = tracker::tasks(&sheet, &cases)?;
     let campaign = tracker::deflections(&tasks, &reflectors, &points, &file)?;
     session.warn(campaign.warnings.clone());
     let csv = tracker::with_deflections(&sheet, &campaign.deflections)?;
     // what is written is what the other commands read
-    let written = Source::from_text(&args.out.display().to_string(), csv.clone());
+    let written = Source::from_text(&out.display().to_string(), csv.clone());
     let (_, readings) = Readings::read_conditions(written, machine, &Renames::default())?;
-    Ok(Imported { csv, text: text(&campaign), readings, tracker: Some(document(&campaign)) })
+    Ok(Imported { csv, conversions, text: text(&campaign), readings, tracker: Some(document(&campaign)) })
 }
 
 /// What a campaign says, for people.
@@ -144,28 +148,28 @@ fn document(campaign: &Campaign) -> Value {
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let Args { data, points, reflectors, readings, out, .. } = args;
     let machine = session.machine()?;
-    let mut conversions = Vec::new();
     let imported = match (data, points, reflectors, readings) {
         (Some(data), ..) => {
             let read = Measured::read(Source::read(data)?, &machine, &args.columns.renames())?;
-            conversions = read.conversions.clone();
+            let conversions = read.conversions.clone();
             let (sheet, cases) = complete(read, session)?;
             session.warn(sheet.warnings.clone());
-            let text = conversions.iter().map(|what| format!("- {what}\n")).collect();
             let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
-            Imported { csv: measured::to_csv(&sheet), text, readings, tracker: None }
+            Imported { csv: measured::to_csv(&sheet), conversions, text: String::new(), readings, tracker: None }
         }
         (None, Some(points), Some(reflectors), Some(readings)) => {
-            of_points([points, reflectors, readings], &machine, args, session)?
+            of_points([points, reflectors, readings], &machine, out, session)?
         }
         _ => return Err(Failure::usage("--points needs --reflectors and --readings")),
     };
-    let Imported { csv, mut text, readings: read, tracker } = imported;
+    let Imported { csv, conversions, text: of_points, readings: read, tracker } = imported;
     let inputs =
         [session.machine_path(), data.as_deref(), points.as_deref(), reflectors.as_deref(), readings.as_deref()];
     source::write(out, csv, &inputs)?;
     let (rows, poses) = (read.readings.len(), read.poses.len());
     let (readings, at) = (counted(rows, "reading"), counted(poses, "pose"));
+    let mut text: String = conversions.iter().map(|what| format!("- {what}\n")).collect();
+    text.push_str(&of_points);
     text.push_str(&format!("wrote {readings} at {at} to {}\n", out.display()));
     let mut document =
         json!({ "readings": rows, "poses": poses, "conversions": conversions, "out": out.display().to_string() });

@@ -170,7 +170,7 @@ impl Columns {
 fn gauge(sheet: &Sheet, row: &Row) -> Result<Option<[f64; 3]>> {
     let reading = READ_COLUMNS[DEFLECTION_COLUMNS.len()];
     let is_given = |column: &&str| sheet.has(column) && sheet.cell(row, column).is_ok_and(|cell| !cell.is_empty());
-    if !GAUGE_COLUMNS.iter().chain([&reading]).any(|c| is_given(&c)) {
+    if !GAUGE_COLUMNS.iter().chain([&reading]).any(is_given) {
         return Ok(None);
     }
     let direction = sheet.numbers(row, GAUGE_COLUMNS).map_err(|mut failure| {

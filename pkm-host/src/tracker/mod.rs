@@ -1,8 +1,8 @@
 //! From a tracker's points to deflections: what a metrologist has instead of six numbers at A.
 //!
-//! [`registration`]: where the tracker stands, from unloaded points. `rigid`: motions of points with their covariance.
-//! `survey`: which points belong to a reading, and whether they tell a motion. Here: the
-//! motion of the platform under each load, with that of the base taken out. `table`: rows of readings before and after.
+//! `table`: rows of readings before and after. `survey`: which points belong to a reading, and whether they tell a motion.
+//! `registration`: where the tracker stands, from unloaded points. `rigid`: motions of points with their covariance. Here: the motion
+//! of the platform under each load, with that of the base taken out.
 //!
 //! Unloaded points serve all readings of their series. Their errors are the zero error that the series has in common: each reading
 //! tells which share of its variance that is.
@@ -19,7 +19,7 @@ use pkm_core::kinematics::platform_axes;
 
 pub use self::registration::Registration;
 use self::registration::{Place, Sighting, register};
-use self::rigid::{Motion, Pair, cross_matrix};
+use self::rigid::{Motion, Pair};
 use self::survey::{MIN_REFLECTORS, Pairs, Survey};
 pub use self::table::{tasks, with_deflections};
 use crate::error::{Failure, Result};
@@ -47,7 +47,7 @@ pub struct Task<'a> {
 /// What the points of a reading say.
 pub enum Deflection {
     /// Of A, in A-uvw: components in m and rad, their covariance, and the share of it that unloaded points have.
-    Whole(Vector6<f64>, Matrix6<f64>, f64),
+    Whole(Vector6<f64>, Box<Matrix6<f64>>, f64),
     /// Of one or two reflectors: too few to tell a rotation.
     Points(Vec<Displacement>),
 }
@@ -77,6 +77,9 @@ pub struct BaseMotion {
     pub rotation_rad: f64,
 }
 
+/// Reflectors that the tracker found: names, and coordinates in A-uvw, m.
+pub type Located = Vec<(String, [f64; 3])>;
+
 /// All that the points of a campaign say.
 pub struct Campaign {
     /// Where the tracker stands.
@@ -85,10 +88,10 @@ pub struct Campaign {
     pub deflections: Vec<Deflection>,
     /// Of readings with reflectors on the base.
     pub base: Vec<BaseMotion>,
-    /// Mean squared misfit of reflectors to a rigid platform over their variances; `None` where three or fewer cannot tell.
+    /// Mean squared misfit of reflectors to a rigid platform over their variances; `None` where no reading has three reflectors.
     pub misfit: Option<f64>,
     /// Platform reflectors whose coordinates the tracker told, in A-uvw, m.
-    pub located: Vec<(String, [f64; 3])>,
+    pub located: Located,
     /// What is doubtful.
     pub warnings: Vec<String>,
 }
@@ -166,7 +169,7 @@ struct Base {
 
 impl Survey<'_> {
     /// Where the tracker stands; and platform reflectors without coordinates, which get them here.
-    fn register(&mut self, tasks: &[Task<'_>]) -> Result<(Registration, Vec<(String, [f64; 3])>)> {
+    fn register(&mut self, tasks: &[Task<'_>]) -> Result<(Registration, Located)> {
         let is_unknown = |n: &usize| self.reflectors.all[*n].on == On::Platform && self.on_platform_m[*n].is_none();
         let unknown: Vec<usize> = (0..self.reflectors.all.len()).filter(is_unknown).collect();
         let (mut on_base, mut on_platform): (Vec<Sighting>, Vec<Sighting>) = (Vec::new(), Vec::new());
@@ -287,7 +290,7 @@ impl Survey<'_> {
                 let lever = registration.motion.of(&(a_m + axes * at_m)) - b.centre_m;
                 let mut to_a = SMatrix::<f64, 6, 6>::zeros();
                 to_a.fixed_view_mut::<3, 3>(0, 0).copy_from(&-turn);
-                to_a.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turn * cross_matrix(&lever)));
+                to_a.fixed_view_mut::<3, 3>(0, 3).copy_from(&(turn * lever.cross_matrix()));
                 to_a.fixed_view_mut::<3, 3>(3, 3).copy_from(&-turn);
                 b.covariances.map(|c| to_a * c * to_a.transpose())
             })
@@ -317,7 +320,7 @@ impl Survey<'_> {
         let all = zero + load;
         let share = (0..6).map(|c| zero[(c, c)] / all[(c, c)]).sum::<f64>() / 6.0;
         let misfit = pairs.iter().map(|p| (p.after_m - motion.of(&p.before_m)).norm_squared() / p.variance()).sum();
-        Ok((Deflection::Whole(motion.components(), all, share), Some((misfit, 3 * pairs.len() - 6))))
+        Ok((Deflection::Whole(motion.components(), Box::new(all), share), Some((misfit, 3 * pairs.len() - 6))))
     }
 }
 

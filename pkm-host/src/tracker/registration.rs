@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Rotation3, Vector3};
 
-use super::rigid::{Motion, Pair, cross_matrix};
+use super::rigid::{Motion, Pair};
 
 /// Gauss-Newton steps: two or three are needed where the poses are near the commanded ones.
 const MAX_STEPS: usize = 50;
@@ -137,7 +137,7 @@ fn normal_equations(
         let residual = s.measured_m - turned - motion.translation_m;
         let weight = 1.0 / (s.sd_m * s.sd_m);
         // a point depends on the transformation, and on one reflector at the most
-        let mut rows: Vec<(usize, Matrix3<f64>)> = vec![(0, Matrix3::identity()), (3, -cross_matrix(&turned))];
+        let mut rows: Vec<(usize, Matrix3<f64>)> = vec![(0, Matrix3::identity()), (3, -turned.cross_matrix())];
         if let Place::Carried { axes, reflector, .. } = s.place {
             rows.push((RIGID + 3 * reflector, motion.rotation.matrix() * axes));
         }

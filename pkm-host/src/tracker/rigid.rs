@@ -24,11 +24,6 @@ impl Pair {
     }
 }
 
-/// Matrix of the product of a vector with another: `cross_matrix(a) b = a × b`.
-pub(super) fn cross_matrix(v: &Vector3<f64>) -> Matrix3<f64> {
-    v.cross_matrix()
-}
-
 impl Motion {
     pub(super) fn of(&self, at_m: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * at_m + self.translation_m
@@ -82,7 +77,7 @@ impl Motion {
 
 /// JᵀJ of a point's three coordinates by the components of a motion.
 fn squared_rows(at_m: &Vector3<f64>) -> Matrix6<f64> {
-    let turn = -cross_matrix(at_m);
+    let turn = -at_m.cross_matrix();
     let mut square = Matrix6::identity();
     square.fixed_view_mut::<3, 3>(0, 3).copy_from(&turn);
     square.fixed_view_mut::<3, 3>(3, 0).copy_from(&turn.transpose());

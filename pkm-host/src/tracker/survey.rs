@@ -12,8 +12,8 @@ use crate::files::reflectors::{On, Reflectors};
 
 /// Reflectors that six components need.
 pub(super) const MIN_REFLECTORS: usize = 3;
-/// Least distance of reflectors from one line, root mean square, in their standard deviations: the rotation about the line is known to a
-/// thousandth of a radian then.
+/// Least root mean square distance of reflectors from one line: with points of some micrometres the rotation about it is known to some
+/// milliradians then.
 const MIN_WIDTH_M: f64 = 2e-3;
 /// Standard deviations of its distance by which a reflector may leave a rigid body.
 const MAX_MISFIT_SD: f64 = 50.0;

@@ -45,7 +45,7 @@ const POINTS: &[Kind] = &[
     ("a reflector that slipped", Make(|good| slipped(good, "P3-fz,loaded,R3")), ":61: point: ", "`R3` has left the others in reading P3-fz|rigid"),
     ("a base's reflector that slipped", Make(|good| slipped(good, "P3-fz,loaded,G2")), ":64: point: ", "`G2`, or one of the two others, has left"),
     ("inches", Make(|good| scaled(good, 1.0 / 25.4)), ": ", "are they in mm"),
-    ("left-handed axes", Make(|good| mirrored(good)), ": ", "right-handed"),
+    ("left-handed axes", Make(mirrored), ": ", "right-handed"),
 ];
 
 #[rustfmt::skip] // a kind a line

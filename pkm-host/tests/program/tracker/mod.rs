@@ -153,7 +153,7 @@ impl Campaign {
         let found = tracker::deflections(&tasks, &reflectors, &points, "readings.csv").unwrap();
         let error = |n: usize| match &found.deflections[n] {
             Deflection::Whole(components, covariance, share) => {
-                (components * 1e6 - Vector6::from(TRUTH[n]), covariance * 1e12, *share)
+                (components * 1e6 - Vector6::from(TRUTH[n]), **covariance * 1e12, *share)
             }
             Deflection::Points(_) => unreachable!("four reflectors"),
         };
