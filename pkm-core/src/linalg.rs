@@ -102,13 +102,13 @@ pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
         for k in 0..i {
             x[i] -= l[k][i] * x[k];
         }
-        x[i] = x[i] / l[i][i];
+        x[i] /= l[i][i];
     }
     for i in (0..6).rev() {
         for k in i + 1..6 {
             x[i] -= l[i][k] * x[k];
         }
-        x[i] = x[i] / l[i][i];
+        x[i] /= l[i][i];
     }
     x.into()
 }

@@ -129,7 +129,7 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
             }
         }
         for j in (0..N).rev() {
-            x[j] = x[j] / d[j][j];
+            x[j] /= d[j][j];
             for i in j + 1..N {
                 x[j] -= ratios[i][j] * x[i];
             }
