@@ -1,7 +1,7 @@
 //! What a sensor reads on a machine with given parameters: the core's deflection, and errors of the measurement.
 
 use nalgebra::Vector3;
-use pkm_core::effects::{EFFECTS, MAX_PARAMETERS};
+use pkm_core::effects::{EFFECTS, Law, MAX_PARAMETERS};
 use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
 
 use super::model::MEASUREMENT;
@@ -39,7 +39,8 @@ impl State {
             let parameters = self.machine.effects.parameters;
             EFFECTS.iter().zip(parameters).any(|(e, p)| ids.contains(&e.id) && p.iter().any(|v| *v != 0.0))
         };
-        let warms = on(&["thermal-modulus"]);
+        let mut elements = self.machine.effects.elements.iter().flatten();
+        let warms = on(&["thermal-modulus"]) || elements.any(|e| e.law == Law::Temperature);
         let grows = on(&["thermal-expansion"]);
         // one stiffness a pose, unless it changes with every temperature
         let mut at: Vec<Option<(StiffnessFactor<f64>, LoadResponse<'_, f64>)>> = vec![None; poses.len()];

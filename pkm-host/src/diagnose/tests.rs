@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use pkm_core::Wrench;
+use pkm_core::machine::Machine;
 use pkm_diagnosis::{Fit, ForwardModel, Noise, NoiseSource, Problem, Rules, Search, Unknown, Whitener};
 
 use super::Method;
@@ -235,6 +236,29 @@ fn elements_must_leave_the_machine_a_stiffness_all_over_its_travel() {
         assert!(model.is_possible(&[unknown], &[x(1e-10)]));
         assert!(!model.is_possible(&[unknown], &[x(1e-6)]));
     }
+}
+
+/// An element of temperature acts in predictions as it does in the core.
+#[test]
+fn an_element_of_temperature_is_felt_when_it_is_warm() {
+    let file = machine();
+    let model = Model::new(&file, Recorded { temperatures: true, unloading: false }, Method::Places).unwrap();
+    let softer = (0..model.elements.len())
+        .find(|n| {
+            model.elements[*n].name() == "axial.compliance_m_per_n_per_k" && model.elements[*n].elements.len() == 3
+        })
+        .unwrap();
+    let unknown = model.unknown(Meaning::Element(softer)).unwrap();
+    let mut warm = condition(1, [0.0, 0.0, 800.0, 0.0, 0.0, 0.0]);
+    warm.temperature_c = REFERENCE_C + 6.0;
+    let poses = [0, 1].map(|n: usize| pose_of(POSES[n][0], POSES[n][1], POSES[n][2]));
+    let said = model.predict(&poses, &[warm], &[unknown], &[1.0]).unwrap()[0];
+    let machine = Machine::<f64>::new(&model.state(&[unknown], &[1.0], false).machine).unwrap();
+    let at_core = machine.at_temperature(warm.temperature_c).unwrap().stiffness(&poses[1]).unwrap().factor().unwrap();
+    let expected = at_core.deflection(&warm.wrench).unwrap().to_vector();
+    close(&said[..6], expected.as_slice(), 1e-15);
+    let cold = deflection(&file, 1, [0.0, 0.0, 800.0, 0.0, 0.0, 0.0]);
+    assert!(said[2] > 1.01 * cold[2], "{} {}", said[2], cold[2]);
 }
 
 fn load_columns(file: &MachineFile, data: &Readings, line: &[usize]) -> DMatrix<f64> {
