@@ -83,7 +83,7 @@ impl Effects {
     /// let machine = Machine::<f64>::new(&MachineParameters { effects: soft_screw, ..PARAMETERS })?;
     /// let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
     /// // one limb that is softer than its twin couples a push along w with a turn about u
-    /// assert!(machine.stiffness(&pose)?.matrix()[3][2] < -1e5);
+    /// assert!(machine.stiffness(&pose)?.matrix()[(3, 2)] < -1e5);
     /// assert_eq!(Effects::NONE.with_element("base", "axial", "constant", [1e-9]), None);
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```

@@ -97,10 +97,11 @@ impl<T: Scalar> Machine<T> {
     /// In this order: not finite, unreachable, singular, out of travel.
     ///
     /// ```
+    /// use pkm_core::nalgebra::Vector3;
     /// use pkm_core::{KinematicsError, Pose, tables::reference};
     /// let machine = &reference::MACHINE_F64;
     /// let q = machine.inverse(&Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 })?;
-    /// assert_eq!(q.q_m.map(|q| (q * 1e4).round() / 10.0), [567.8, 550.6, 519.4].into());
+    /// assert_eq!(q.q_m.map(|q| (q * 1e4).round() / 10.0), Vector3::new(567.8, 550.6, 519.4));
     /// let far = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.9 };
     /// assert_eq!(machine.inverse(&far), Err(KinematicsError::OutOfTravel { limb: 1 }));
     /// # Ok::<(), KinematicsError>(())
