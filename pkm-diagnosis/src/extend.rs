@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use crate::fit::Fit;
 use crate::levels::Levels;
-use crate::model::{Candidate, Kind, Role, Unknown};
+use crate::model::{Candidate, Role, Unknown};
 use crate::screening::{self, Columns};
 use crate::solve::Problem;
 
@@ -85,9 +85,7 @@ pub fn extended(
     if own.iter().all(|(_, x)| *x == 0.0) {
         return Err("negative compliance");
     }
-    // a place was found before its elements are fitted, and their scales are but what is usual
-    let wider = if candidate.kind == Kind::Element { rules.element_width } else { 1.0 };
-    if step.amax() > wider * rules.max_first_step {
+    if step.amax() > rules.max_first_step {
         return Err("larger than plausible");
     }
     let is_amplitude = |u: &Unknown| problem.parameter(*u).is_amplitude();
@@ -102,7 +100,7 @@ pub fn extended(
         let mut negative: Vec<usize> = (0..unknowns.len()).filter(is_negative).collect();
         if negative.is_empty() {
             for (u, x) in unknowns.iter().zip(fit.x.iter()).filter(|(u, _)| is_own(u)) {
-                if is_amplitude(u) && x.abs() > wider * rules.max_amplitude {
+                if is_amplitude(u) && x.abs() > rules.max_amplitude {
                     return Err("larger than plausible");
                 }
                 if !is_amplitude(u) && x.abs() > rules.max_shape_sd {

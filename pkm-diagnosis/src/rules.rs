@@ -47,8 +47,6 @@ pub struct Rules {
     pub max_rounds: usize,
     /// Largest plausible amplitude, in units of its scale.
     pub max_amplitude: f64,
-    /// How much larger the amplitude of an element may be.
-    pub element_width: f64,
     /// Largest first step of an amplitude that is fitted at all, three times `max_amplitude`: what begins farther out does not
     /// come back into bounds.
     pub max_first_step: f64,
@@ -127,9 +125,6 @@ pub struct Rules {
     pub ln_prior_of_level: f64,
     /// ln of the prior weight of each low rank beside the whole compliance.
     pub ln_prior_of_low_rank: f64,
-    /// ln of the prior weight of each place that has something: one cause in a form that takes two blocks is likelier than
-    /// two causes.
-    pub ln_prior_of_place: f64,
     /// Least gain of ln E for a block: odds of 400. Between 4 and 8 few sets change.
     pub min_block_gain: f64,
     /// Most blocks in a set.
@@ -175,7 +170,6 @@ impl Rules {
         max_found: 3,
         max_rounds: 4,
         max_amplitude: 2.0,
-        element_width: 10.0,
         max_first_step: 6.0,
         max_shape_sd: 2.5,
         shape_starts: [0.0, -1.5, 1.5],
@@ -210,7 +204,6 @@ impl Rules {
         ln_prior_of_scatter: -0.7,
         ln_prior_of_level: -0.3,
         ln_prior_of_low_rank: -2.0,
-        ln_prior_of_place: -3.0,
         min_block_gain: 6.0,
         max_blocks: 4,
         blocks_tried: 5,

@@ -228,14 +228,6 @@ impl Evidence<'_> {
         Some(Products { shared, own: own.collect(), taken: taken.collect::<Option<Vec<_>>>()? })
     }
 
-    /// Number of places that a set has something at.
-    fn places(&self, set: &Set) -> usize {
-        let mut places: Vec<Option<&String>> = set.members.iter().map(|m| self.block(m.0).places.first()).collect();
-        places.sort_unstable();
-        places.dedup();
-        places.len()
-    }
-
     /// ln evidence of a set, with the priors of its members. The variance of the noise is known from so many degrees of
     /// freedom only, so that the readings are Student, not normal.
     pub fn ln_evidence(&self, l: &Linear, set: &Set) -> f64 {
@@ -250,7 +242,6 @@ impl Evidence<'_> {
             index.extend((l.starts[at]..l.starts[at + 1]).map(|c| (at, c, *scale)));
             ln_prior += self.families[*f].ln_prior - (rules.block_scales.len() as f64).ln();
         }
-        ln_prior += rules.ln_prior_of_place * self.places(set) as f64;
         let n = index.len();
         let mut m = DMatrix::identity(n, n);
         for i in 0..n {

@@ -409,6 +409,7 @@ pub fn diagnose(
     check(readings, &plain, &experiment)?;
     let tip_m = file.wrist_parameters.tip_at_zero_m();
     let otherwise = checks::taken_otherwise(&plain, &whitener, &model, readings, tip_m);
+    let taken_as_said = otherwise.is_none();
     let mut warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).collect();
     let not_converged = || not_converged(readings, &warnings);
     let whiteners = levels::whiteners(&plain).ok_or_else(not_converged)?;
@@ -422,16 +423,16 @@ pub fn diagnose(
     let permitted = sites.as_ref().map(|sites| sites::permitted(sites, &model));
     let search = search::search(&levels, permitted.as_deref()).ok_or_else(not_converged)?;
     let sites = sites.unwrap_or_else(|| sites::of_search(&model, &search));
-    let disturbances = sites::disturbances(&sites, &search);
+    // readings in another unit or frame are no readings that something disturbs
+    let disturbances = taken_as_said.then(|| sites::disturbances(&sites, &search)).flatten();
     let disturbed = disturbances.as_ref().map(|columns| levels::disturbed(&whiteners, columns));
-    let (levels, search) = match &disturbed {
-        Some(whiteners) => {
-            let levels = Levels::new(&plain, whiteners);
-            let search = search::search(&levels, permitted.as_deref()).ok_or_else(not_converged)?;
-            (levels, search)
-        }
-        None => (levels, search),
-    };
+    let beside = disturbed.as_ref().and_then(|whiteners| {
+        let levels = Levels::new(&plain, whiteners);
+        let search = search::search(&levels, permitted.as_deref())?;
+        Some((levels, search))
+    });
+    // a fit that fails beside disturbances stays what it is without them
+    let (levels, search) = beside.unwrap_or((levels, search));
     let mut judgement = verdict::judge(&levels, &noise, &search).ok_or_else(not_converged)?;
     let effects = effects(&model, &search, &sites);
     if effects.iter().any(|e| e.parameters.is_empty()) {
