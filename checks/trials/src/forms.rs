@@ -17,7 +17,7 @@ pub const FORMS: [Spec; 11] = [
     spec("form-screw", 4, (0.1, 40.0), Needs::Nothing), // nm/N at its worst length
     spec("form-load", 4, (0.1, 40.0), Needs::Levels),   // nm/N near no load
     spec("form-warm-joints", 2, (0.01, 3.0), Needs::Temperature), // % per K
-    spec("form-sensor", 3, (0.1, 20.0), Needs::Nothing), // %
+    spec("form-sensor", 3, (0.002, 20.0), Needs::Nothing), // %
 ];
 
 /// The limb that has an effect alone.
