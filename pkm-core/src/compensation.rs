@@ -21,7 +21,7 @@ use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
 use crate::linalg::{self, is_finite};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::{self, StiffnessFactor};
+use crate::stiffness::{self, LoadHistory, StiffnessFactor};
 use crate::types::{Deflection, Pose, ScrewLengths, Wrench};
 
 /// Why a deflection cannot be compensated.
@@ -109,16 +109,17 @@ pub struct Cycle<T> {
 }
 
 /// Displacement of A under a wrench at A, by K_m in the factor form or, without a table, by K_p; with what load-dependent
-/// effects add.
+/// effects add, after a history or under a load that has only grown.
 pub(crate) fn deflection<T: Scalar>(
     machine: &Machine<T>,
     table: Option<&CorrectionTable<'_, T>>,
     pose: &Pose<T>,
     wrench: &Wrench<T>,
+    history: Option<&mut LoadHistory<T>>,
 ) -> Result<Deflection<T>, CorrectionError> {
     // by reference: `?` would copy all of it
     match &machine.posture(pose) {
-        Ok(posture) => deflection_at(machine, table, pose, posture, wrench),
+        Ok(posture) => deflection_at(machine, table, pose, posture, wrench, history),
         Err(e) => Err((*e).into()),
     }
 }
@@ -131,8 +132,9 @@ pub(crate) fn deflection_at<T: Scalar>(
     pose: &Pose<T>,
     posture: &Posture<T>,
     wrench: &Wrench<T>,
+    history: Option<&mut LoadHistory<T>>,
 ) -> Result<Deflection<T>, CorrectionError> {
-    let beyond = machine.load_dependent_deflection_at(posture, wrench, &Wrench::ZERO)?;
+    let beyond = machine.load_dependent_deflection_after(posture, wrench, history)?;
     let deflection = linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond);
     Ok(stiffness::finite(deflection)?)
 }

@@ -17,7 +17,8 @@
 //! 8. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
 //!    [`tables::reference`]: `PARAMETERS` and `WRIST` are the numbers, `MACHINE_F64`, `TABLE_F64`, `WRIST_F64` and
 //!    those in `F32` what to compute with.
-//! 9. [`types`]: pose, wrench, deflection, their frames and units.
+//! 9. [`self_test`]: known results, for a controller's start.
+//! 10. [`types`]: pose, wrench, deflection, their frames and units.
 //!
 //! Vectors and matrices are those of [`nalgebra`], which is exported from here so that a program can name the same version.
 //!
@@ -76,6 +77,7 @@ pub mod kinematics;
 mod linalg;
 pub mod machine;
 pub mod scalar;
+pub mod self_test;
 pub mod stiffness;
 pub mod tables;
 pub mod thermal;
@@ -88,14 +90,15 @@ pub use nalgebra;
 pub use compensation::{Compensated, CompensationError, Cycle, CycleError};
 pub use compensator::{Compensator, CompensatorSettings, Fault};
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};
+pub use elastic::LimbFrame;
 pub use five_axis::{
-    CompensatedTool, Configuration, FiveAxis, Hold, JointValues, Tool, ToolDeflection, ToolDeflectionError, ToolError,
-    ToolFrame,
+    CompensatedTool, Configuration, FiveAxis, Hold, JointMotion, JointValues, Tool, ToolDeflection,
+    ToolDeflectionError, ToolError, ToolFrame, ToolMotion,
 };
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters};
 pub use scalar::Scalar;
-pub use stiffness::{LimbFrame, LoadResponse, Stiffness, StiffnessError, StiffnessFactor, Transmission};
+pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor, Transmission};
 pub use thermal::TemperatureError;
 pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
 pub use wrist::{Wrist, WristError, WristParameters};

@@ -399,7 +399,6 @@ fn every_error_says_something() {
         CycleError::Compensation(CompensationError::NotFinite).to_string(),
         TemperatureError::NoStiffness.to_string(),
         ToolError::WristLimit { joint: 1 }.to_string(),
-        ToolDeflectionError::NotConverged.to_string(),
         WristError::Limits { joint: 1 }.to_string(),
     ];
     for message in messages {

@@ -81,12 +81,16 @@ pub fn extended(
     shape: f64,
 ) -> Result<(usize, Fit), &'static str> {
     let (problem, rules) = (&levels.problems[level], levels.plain.rules);
-    let own = start_of(problem, candidate, step, shape);
+    let own = if candidate.start.is_empty() {
+        if step.amax() > rules.max_first_step {
+            return Err("larger than plausible");
+        }
+        start_of(problem, candidate, step, shape)
+    } else {
+        candidate.unknowns.iter().copied().zip(candidate.start.iter().copied()).collect()
+    };
     if own.iter().all(|(_, x)| *x == 0.0) {
         return Err("negative compliance");
-    }
-    if step.amax() > rules.max_first_step {
-        return Err("larger than plausible");
     }
     let is_amplitude = |u: &Unknown| problem.parameter(*u).is_amplitude();
     let is_own = |u: &Unknown| own.iter().any(|(o, _)| o == u);

@@ -110,6 +110,8 @@ pub struct Candidate {
     pub place: String,
     /// What is unknown of it: amplitudes, then or between them shapes.
     pub unknowns: Vec<Unknown>,
+    /// Where a fit of them begins, if something else has said how large they are; else empty.
+    pub start: Vec<f64>,
 }
 
 impl Candidate {

@@ -8,14 +8,14 @@ use nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
 use pkm_core::{Pose, Scalar, Wrench};
 use pkm_protocol::{
-    Answer, Arithmetic, Code, Command, Compensated, CycleReply, Demand, Lines, MAX_COMMAND, MAX_REPLY, Numbers,
-    Refused, Reply, Request, Status, Sweep,
+    Answer, Arithmetic, Code, Command, Compensated, CycleReply, Demand, Fault, Lines, MAX_COMMAND, MAX_REPLY, Numbers,
+    Refused, Reply, Request, Status, Sweep, VERSION, opened, sealed,
 };
 use pkm_tests::seeded;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 
-const CYCLE: &str = r#"{"v":1,"id":7,"cmd":"cycle","arithmetic":"f64","theta_rad":0.1,"sigma_rad":-5e-2,"z0_m":0.53,"force_n":[0,-0.0,-4e2],"moment_nm":[1,2,3.5],"tip_m":[0.0,0,0.3]}"#;
+const CYCLE: &str = r#"{"v":2,"id":7,"cmd":"cycle","arithmetic":"f64","theta_rad":0.1,"sigma_rad":-5e-2,"z0_m":0.53,"force_n":[0,-0.0,-4e2],"moment_nm":[1,2,3.5],"tip_m":[0.0,0,0.3]}"#;
 
 /// An object's pairs in their order, so that doubled names show.
 struct Pairs(Vec<(String, Value)>);
@@ -53,7 +53,7 @@ fn judged(line: &[u8]) -> Option<Request> {
         "sweep" => 12,
         _ => 3,
     };
-    if whole("v")? != 1 || fields.len() != count || count != wanted {
+    if whole("v")? != 2 || fields.len() != count || count != wanted {
         return None;
     }
     let number = |v: &Value| v.as_f64().filter(|v| v.is_finite());
@@ -102,8 +102,15 @@ fn bits(request: &Request) -> (u32, Vec<u64>, String) {
     (request.id, numbers.into_iter().map(f64::to_bits).collect(), format!("{:?} {steps}", d.arithmetic))
 }
 
+/// The JSON of a command's line.
 fn written(request: &Request) -> Vec<u8> {
-    request.write(&mut [0; MAX_COMMAND + 1]).expect("fits").to_vec()
+    let mut buffer = [0; MAX_COMMAND + 1];
+    opened(request.write(&mut buffer).expect("fits")).expect("sealed").to_vec()
+}
+
+fn line_of(json: &[u8]) -> Vec<u8> {
+    let mut buffer = [json, &[0; 10]].concat();
+    sealed(&mut buffer, json.len()).expect("room").to_vec()
 }
 
 /// Any finite number: half of them of any bits, the others as a controller sees them.
@@ -149,41 +156,41 @@ fn every_bad_line_gets_its_code() {
         CYCLE.replacen(from, to, 1)
     };
     let sweep = |steps: &str| with("}", &format!(r#","to":[0,0,0.5],"steps":{steps}}}"#)).replace("cycle", "sweep");
-    let nested = format!(r#"{{"v":1,"id":1,"cmd":{}"#, "[".repeat(400));
+    let nested = format!(r#"{{"v":2,"id":1,"cmd":{}"#, "[".repeat(400));
     assert_eq!(Request::parse(CYCLE.as_bytes()).ok(), judged(CYCLE.as_bytes()));
     let cases: Vec<(String, Code, Option<u32>)> = [
         ("hello", Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":"hello"} x"#, Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":"hello"}{"v":1}"#, Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":"hello",}"#, Code::Syntax),
-        (r#"{,"v":1,"id":1,"cmd":"hello"}"#, Code::Syntax),
-        (r#"{"v":1 "id":1,"cmd":"hello"}"#, Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":"hel\u006co"}"#, Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":{"hello":null}}"#, Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":"hello","theta_rad":null}"#, Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":"hello"#, Code::Syntax),
-        (r#"{"v":01,"id":1,"cmd":"hello"}"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":"hello"} x"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":"hello"}{"v":2}"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":"hello",}"#, Code::Syntax),
+        (r#"{,"v":2,"id":1,"cmd":"hello"}"#, Code::Syntax),
+        (r#"{"v":2 "id":1,"cmd":"hello"}"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":"hel\u006co"}"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":{"hello":null}}"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":"hello","theta_rad":null}"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":"hello"#, Code::Syntax),
+        (r#"{"v":02,"id":1,"cmd":"hello"}"#, Code::Syntax),
         (r#"[1,1,"hello"]"#, Code::Syntax),
-        (r#"{"v":1,"id":1,"cmd":"hello"}}"#, Code::Syntax),
-        (r#"{'v':1,"id":1,"cmd":"hello"}"#, Code::Syntax),
-        (r#"{v:1,"id":1,"cmd":"hello"}"#, Code::Syntax),
+        (r#"{"v":2,"id":1,"cmd":"hello"}}"#, Code::Syntax),
+        (r#"{'v':2,"id":1,"cmd":"hello"}"#, Code::Syntax),
+        (r#"{v:2,"id":1,"cmd":"hello"}"#, Code::Syntax),
         (&nested, Code::Field),
         ("{}", Code::Field),
-        (r#"{"v":1,"id":1}"#, Code::Field),
-        (r#"{"v":1,"id":1,"cmd":3}"#, Code::Field),
-        (r#"{"v":"1","id":1,"cmd":"hello"}"#, Code::Field),
-        (r#"{"v":1,"id":1,"cmd":"hello","more":1}"#, Code::Field),
-        (r#"{"v":1,"v":1,"id":1,"cmd":"hello"}"#, Code::Field),
-        (r#"{"v":1,"id":4294967296,"cmd":"hello"}"#, Code::Range),
-        (r#"{"v":1,"id":-1,"cmd":"hello"}"#, Code::Range),
+        (r#"{"v":2,"id":1}"#, Code::Field),
+        (r#"{"v":2,"id":1,"cmd":3}"#, Code::Field),
+        (r#"{"v":"2","id":1,"cmd":"hello"}"#, Code::Field),
+        (r#"{"v":2,"id":1,"cmd":"hello","more":1}"#, Code::Field),
+        (r#"{"v":2,"v":2,"id":1,"cmd":"hello"}"#, Code::Field),
+        (r#"{"v":2,"id":4294967296,"cmd":"hello"}"#, Code::Range),
+        (r#"{"v":2,"id":-1,"cmd":"hello"}"#, Code::Range),
     ]
     .map(|(line, code)| (line.to_owned(), code, None))
     .into_iter()
     .chain([
-        (r#"{"v":2,"id":9,"cmd":"hello"}"#.into(), Code::Version, Some(9)),
-        (r#"{"v":1,"id":9,"cmd":"reboot"}"#.into(), Code::Command, Some(9)),
-        (r#"{"v":1,"id":9,"cmd":"hello","z0_m":0.5}"#.into(), Code::Field, Some(9)),
-        (r#"{"v":1,"id":9,"cmd":"cycle"}"#.into(), Code::Field, Some(9)),
+        (r#"{"v":9,"id":9,"cmd":"hello"}"#.into(), Code::Version, Some(9)),
+        (r#"{"v":2,"id":9,"cmd":"reboot"}"#.into(), Code::Command, Some(9)),
+        (r#"{"v":2,"id":9,"cmd":"hello","z0_m":0.5}"#.into(), Code::Field, Some(9)),
+        (r#"{"v":2,"id":9,"cmd":"cycle"}"#.into(), Code::Field, Some(9)),
         (with("}", r#","to":[0,0,0.5]}"#), Code::Field, Some(7)),
         (with("cycle", "sweep"), Code::Field, Some(7)),
         (sweep("0"), Code::Range, Some(7)),
@@ -232,19 +239,37 @@ fn every_bad_line_gets_its_code() {
 fn lines_are_found_again_after_anything() {
     let mut lines = Lines::new();
     let mut feed = |bytes: &[u8]| bytes.iter().filter_map(|b| lines.push(*b)).collect::<Vec<_>>();
-    let good = format!("{CYCLE}\r\n");
+    let good = line_of(CYCLE.as_bytes());
     let code = |code| vec![Err(Refused { id: None, code })];
     assert_eq!(feed(b"\n \r\n"), []);
     assert_eq!(feed(&CYCLE.as_bytes()[..40]), []);
-    assert_eq!(feed(b"\n"), code(Code::Syntax));
+    assert_eq!(feed(b"\n"), code(Code::Checksum));
     assert_eq!(feed(&[b'x'; MAX_COMMAND]), []);
-    assert_eq!(feed(b"\n"), code(Code::Syntax));
+    assert_eq!(feed(b"\n"), code(Code::Checksum));
+    assert_eq!(feed(&line_of(&CYCLE.as_bytes()[..40])), code(Code::Syntax));
     assert_eq!(feed(&[b' '; MAX_COMMAND + 1]), []);
     assert_eq!(feed(b"\n"), code(Code::TooLong));
     assert_eq!(feed(&[b'x'; 100_000]), []);
     assert_eq!(feed(b"\n"), code(Code::TooLong));
-    assert_eq!(feed(&[0xff, 0, b'\n']), code(Code::Syntax));
-    assert_eq!(feed(good.as_bytes()), [Ok(judged(CYCLE.as_bytes()).expect("good"))]);
+    assert_eq!(feed(&[0xff, 0, b'\n']), code(Code::Checksum));
+    assert_eq!(feed(&good), [Ok(judged(CYCLE.as_bytes()).expect("good"))]);
+}
+
+/// Every flipped bit of a line, and of its CRC.
+#[test]
+fn a_flipped_bit_is_no_other_command() {
+    let line = line_of(CYCLE.as_bytes());
+    for bit in 0..8 * (line.len() - 1) {
+        let mut damaged = line.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        let mut lines = Lines::new();
+        let found: Vec<_> = damaged.iter().filter_map(|b| lines.push(*b)).collect();
+        assert!(
+            found.iter().all(|found| *found == Err(Refused { id: None, code: Code::Checksum })),
+            "{bit}: {found:?}"
+        );
+        assert!(!found.is_empty());
+    }
 }
 
 fn cycle_reply<T: Scalar>(numbers: [T; 36]) -> CycleReply<T> {
@@ -266,12 +291,12 @@ fn numbers_keep_their_bits_both_ways() {
     for n in 0..20_000 {
         let sent = request(&mut rng);
         let line = written(&sent);
-        assert_eq!(Request::parse(&line[..line.len() - 1]).as_ref().map(bits), Ok(bits(&sent)));
+        assert_eq!(Request::parse(&line).as_ref().map(bits), Ok(bits(&sent)));
 
         // the longest that there are at first
         let any = |rng: &mut Rng| if n == 0 { -2.2250738585072014e-308 } else { number(rng) };
         let numbers: [f64; 36] = std::array::from_fn(|_| any(&mut rng));
-        let reply = Reply { v: 1, id: Some(u32::MAX), answer: Answer::Cycle(cycle_reply(numbers)) };
+        let reply = Reply { v: VERSION, id: Some(u32::MAX), answer: Answer::Cycle(cycle_reply(numbers)) };
         let line = reply.write(&mut buffer).expect("fits");
         let Some(Reply { answer: Answer::Cycle(CycleReply { numbers: Some(read), .. }), .. }) =
             Reply::<f64>::parse(line)
@@ -279,7 +304,7 @@ fn numbers_keep_their_bits_both_ways() {
             panic!("{}", String::from_utf8_lossy(line))
         };
         assert!(read.all().map(f64::to_bits).eq(numbers.map(f64::to_bits)));
-        let value: Value = serde_json::from_slice(line).expect("JSON");
+        let value: Value = serde_json::from_slice(opened(line).expect("sealed")).expect("JSON");
         let k66 = value["answer"]["cycle"]["numbers"]["k"][20].as_f64().expect("a number");
         assert_eq!(k66.to_bits(), numbers[23].to_bits());
 
@@ -291,7 +316,7 @@ fn numbers_keep_their_bits_both_ways() {
                 }
             }
         });
-        let reply = Reply { v: 1, id: None, answer: Answer::Cycle(cycle_reply(single)) };
+        let reply = Reply { v: VERSION, id: None, answer: Answer::Cycle(cycle_reply(single)) };
         let line = reply.write(&mut buffer).expect("fits");
         let Some(Reply { answer: Answer::Cycle(CycleReply { numbers: Some(read), .. }), .. }) =
             Reply::<f32>::parse(line)
@@ -323,7 +348,6 @@ fn a_cycle_that_overflows_has_no_numbers() {
 fn fuzzed(rng: &mut Rng) -> Vec<u8> {
     let sent = request(rng);
     let mut line = written(&sent);
-    line.pop();
     if rng.u8(0..4) == 0 {
         line = rebuilt(rng, &line);
     }
@@ -380,7 +404,7 @@ const TOKENS: [&str; 47] = [
     "true",
     "NaN",
     "Infinity",
-    "\"v\":1",
+    "\"v\":2",
     "\"id\":1,",
     "\"cmd\":\"hello\"",
     ",\"z0_m\":1",
@@ -446,10 +470,14 @@ fn no_line_is_read_otherwise_than_json_says() {
         for line in stream.split(|b| *b == b'\n') {
             fed += 1;
             let shown = || String::from_utf8_lossy(line).into_owned();
-            assert!(line.iter().all(|b| lines.push(*b).is_none()), "{}", shown());
-            let found = lines.push(b'\n');
+            // one in so many comes as it is, most with their CRC: what is damaged after that is found by it
+            let whole = if rng.u8(0..16) == 0 { [line, b"\n"].concat() } else { line_of(line) };
+            let (line_feed, bytes) = whole.split_last().expect("a line");
+            assert!(bytes.iter().all(|b| lines.push(*b).is_none()), "{}", shown());
+            let found = lines.push(*line_feed);
             // names need no escapes, so none are read
-            let expected = judged(line).filter(|_| !line.contains(&b'\\') && line.len() <= MAX_COMMAND);
+            let readable = opened(bytes).is_some() && !line.contains(&b'\\') && bytes.len() <= MAX_COMMAND;
+            let expected = judged(line).filter(|_| readable);
             let accepted = found.and_then(Result::ok);
             assert_eq!(accepted.as_ref().map(bits), expected.as_ref().map(bits), "{}", shown());
             if let Some(request) = accepted {
@@ -465,7 +493,7 @@ fn no_line_is_read_otherwise_than_json_says() {
         }
     }
     println!("{fed} lines: {figures:?}");
-    assert!(figures.len() == 8 && figures.values().all(|n| *n > fed / 100_000), "{figures:?}");
+    assert!(figures.len() == 9 && figures.values().all(|n| *n > fed / 100_000), "{figures:?}");
 }
 
 /// What the front page of the protocol shows is what it reads, and the words that it lists are all there are.
@@ -478,8 +506,10 @@ fn the_front_page_is_the_protocol() {
     for line in &commands {
         assert!(Request::parse(line.as_bytes()).is_ok(), "{line}");
     }
+    let hello = page.iter().find_map(|line| line.split('`').find(|text| text.contains("}*"))).expect("a whole line");
+    assert_eq!(opened(hello.as_bytes()), Some(commands[0].as_bytes()));
     for line in &replies {
-        assert!(Reply::<f64>::parse(line.as_bytes()).is_some(), "{line}");
+        assert!(Reply::<f64>::parse(&line_of(line.as_bytes())).is_some(), "{line}");
     }
     assert_eq!((commands.len(), replies.len()), (4, 6));
 
@@ -488,7 +518,7 @@ fn the_front_page_is_the_protocol() {
         let message = serde_json::from_str::<T>("\"?\"").err().expect("no such word").to_string();
         message.split('`').skip(3).step_by(2).collect::<Vec<_>>().join(" ")
     }
-    for words in [words::<Status>(), words::<Code>()] {
+    for words in [words::<Status>(), words::<Code>(), words::<Fault>()] {
         assert!(page.contains(&words.as_str()), "{words}");
     }
 }

@@ -148,6 +148,7 @@ impl Model {
             kind: if matches!(p.effect, Effect::Zero(_) | Effect::Scale(_)) { Kind::Measurement } else { Kind::Effect },
             place: p.places[0].to_owned(),
             unknowns: vec![amplitude(n)],
+            start: Vec::new(),
         };
         let block = |p: &Possible| Block {
             places: p.places.iter().map(|p| (*p).to_owned()).collect(),

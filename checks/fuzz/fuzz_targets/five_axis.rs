@@ -57,7 +57,7 @@ fn walk<T: Scalar>(
         if let Ok(compensated) = five.compensated(table, &tool, &wrench, &near) {
             assert_hold(five, &compensated.hold);
             let d = compensated.deflection;
-            assert_finite(d.translation_m.iter().chain(&d.rotation_rad).copied());
+            assert_finite(d.translation_m.iter().chain(&d.rotation_rad).copied().chain([compensated.remaining_m]));
         }
     }
 }

@@ -2,13 +2,13 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use pkm_protocol::{Code, Lines, MAX_COMMAND, MAX_REPLY, Reply, Request};
+use pkm_protocol::{Code, Lines, MAX_COMMAND, MAX_REPLY, Reply, Request, opened, sealed};
 
 fn request(line: &[u8]) {
     let Ok(request) = Request::parse(line) else { return };
     let mut buffer = [0; MAX_COMMAND + 1];
     let written = request.write(&mut buffer).expect("every command fits");
-    assert_eq!(Request::parse(written.trim_ascii_end()), Ok(request));
+    assert_eq!(opened(written).map(Request::parse), Some(Ok(request)));
 }
 
 macro_rules! reply {
@@ -24,8 +24,11 @@ macro_rules! reply {
 
 fuzz_target!(|bytes: &[u8]| {
     request(bytes);
-    reply!(f64, bytes);
-    reply!(f32, bytes);
+    let mut line = [bytes, &[0; 10]].concat();
+    let line = sealed(&mut line, bytes.len()).expect("room");
+    assert_eq!(opened(line), Some(bytes));
+    reply!(f64, line);
+    reply!(f32, line);
 
     let mut lines = Lines::new();
     let found: Vec<_> = bytes.iter().chain(b"\n").filter_map(|byte| lines.push(*byte)).collect();
@@ -35,7 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
         } else if line.trim_ascii().is_empty() {
             None
         } else {
-            Some(Request::parse(line).map_err(|refused| refused.code))
+            Some(opened(line).map_or(Err(Code::Checksum), |json| Request::parse(json).map_err(|refused| refused.code)))
         }
     });
     assert!(found.into_iter().map(|line| line.map_err(|refused| refused.code)).eq(expected));

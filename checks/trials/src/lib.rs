@@ -7,6 +7,8 @@ pub mod machine;
 pub mod score;
 pub mod set;
 pub mod truth;
+pub mod unloaded;
+pub mod unloaded_score;
 
 /// Random numbers of one set: all follow from its seed.
 #[derive(Clone, Debug)]

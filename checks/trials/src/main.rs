@@ -10,6 +10,8 @@ use clap::{Parser, Subcommand};
 use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
 use pkm_trials::set::{self, Kind, Set, Stiff, Wish};
+use pkm_trials::unloaded::{self, Case};
+use pkm_trials::unloaded_score;
 
 #[derive(Parser)]
 #[command(version, about)]
@@ -69,6 +71,48 @@ enum Command {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Make sets of unloaded poses, have the program find the geometry, and print how often it is right
+    Unloaded {
+        /// What has a command `diagnose`
+        #[arg(long)]
+        program: PathBuf,
+        /// Sets of each case
+        #[arg(long, default_value_t = 20)]
+        sets: u64,
+        /// Of the first set of each case; the others follow one by one
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// What is measured, and what is wrong
+        #[arg(long, value_delimiter = ',', default_value = "five,parallel,bar,five-axes,parallel-axes")]
+        cases: Vec<Case>,
+        /// Poses of each file
+        #[arg(long, default_value_t = 60)]
+        poses: usize,
+        /// 1 sd of a coordinate or a distance, µm
+        #[arg(long, default_value_t = 10.0)]
+        noise_um: f64,
+        /// Sets at a time
+        #[arg(long, default_value_t = 2)]
+        jobs: usize,
+    },
+    /// Write one set of unloaded poses
+    MakeUnloaded {
+        /// What is measured, and what is wrong
+        #[arg(long, value_enum)]
+        case: Case,
+        /// All of it follows from this
+        #[arg(long)]
+        seed: u64,
+        /// Poses of each file
+        #[arg(long, default_value_t = 60)]
+        poses: usize,
+        /// 1 sd of a coordinate or a distance, µm
+        #[arg(long, default_value_t = 10.0)]
+        noise_um: f64,
+        /// Folder for machine.toml, unloaded.csv, heldout.csv and truth.json
+        #[arg(long)]
+        out: PathBuf,
+    },
     /// Write the stiffness of a machine with elastic platforms and limbs over a wide box: data of the case study, and of the
     /// X150
     Stiffness {
@@ -105,12 +149,12 @@ fn say(text: &str) {
 }
 
 /// Does all tasks, a few at a time; outcomes in the order of the tasks.
-fn all_of<T: Sync>(
+fn all_of<T: Sync, O: Send>(
     tasks: &[T],
     jobs: usize,
-    verbose: bool,
-    work: impl Fn(&T) -> Result<Outcome, String> + Sync,
-) -> Result<Vec<Outcome>, String> {
+    line: impl Fn(&O) -> Option<String> + Sync,
+    work: impl Fn(&T) -> Result<O, String> + Sync,
+) -> Result<Vec<O>, String> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(Vec::with_capacity(tasks.len()));
     std::thread::scope(|scope| {
@@ -120,8 +164,8 @@ fn all_of<T: Sync>(
                     Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, tasks.get(i)?)))
                 {
                     let outcome = work(task);
-                    if let (true, Ok(outcome)) = (verbose, &outcome) {
-                        say(&outcome.line());
+                    if let Some(line) = outcome.as_ref().ok().and_then(&line) {
+                        say(&line);
                     }
                     done.lock().expect("no other thread panicked").push((i, outcome));
                 }
@@ -199,10 +243,31 @@ fn main() -> ExitCode {
                 Set::new(*kind, *seed, &wish)?.write(&folder, true)?;
                 Outcome::of(&program, &folder)
             };
-            all_of(&tasks, jobs, verbose, work).and_then(|outcomes| show(&outcomes, markdown))
+            all_of(&tasks, jobs, |o: &Outcome| verbose.then(|| o.line()), work)
+                .and_then(|outcomes| show(&outcomes, markdown))
+        }
+        Command::Unloaded { program, sets, seed, cases, poses, noise_um, jobs } => {
+            say(&format!("seed {seed}, {sets} sets of each case, {poses} poses, noise {noise_um} µm"));
+            cases.iter().try_for_each(|case| {
+                let seeds: Vec<u64> = (seed..seed + sets).collect();
+                let work = |seed: &u64| {
+                    let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
+                    let set = unloaded::Set::new(*case, *seed, poses, noise_um);
+                    let outcome = unloaded_score::Outcome::of(&program, &set, folder.path());
+                    outcome.map_err(|e| format!("{}, seed {seed}: {e}", case.name()))
+                };
+                let outcomes = all_of(&seeds, jobs, |_| None, work)?;
+                say(&unloaded_score::report(case.name(), &outcomes));
+                Ok(())
+            })
+        }
+        Command::MakeUnloaded { case, seed, poses, noise_um, out } => {
+            unloaded::Set::new(case, seed, poses, noise_um).write(&out)
         }
         Command::Score { dir, program, jobs, verbose, markdown } => folders(&dir)
-            .and_then(|all| all_of(&all, jobs, verbose, |folder| Outcome::of(&program, folder)))
+            .and_then(|all| {
+                all_of(&all, jobs, |o: &Outcome| verbose.then(|| o.line()), |folder| Outcome::of(&program, folder))
+            })
             .and_then(|outcomes| show(&outcomes, markdown)),
     };
     match outcome {

@@ -9,7 +9,7 @@ use pkm_core::effects::EFFECTS;
 use pkm_core::nalgebra::{Vector2, Vector3};
 use pkm_core::{
     Configuration, CorrectionTable, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths, Tool,
-    Wrench,
+    ToolMotion, Wrench,
 };
 
 use crate::image::symbols;
@@ -255,13 +255,22 @@ fn expected<T: Scalar>(
     let place = five.forward(&JointValues { lengths: set, beta_rad });
     let tool = place.map_or(Tool { tip_m: Vector3::zeros(), axis: Vector3::zeros() }, |(_, tool)| tool);
     let loaded = five.compensated(Some(table), &tool, &wrench, &home);
+    let motion = ToolMotion {
+        tip_m_per_s: t([0.1, -0.05, 0.02]).into(),
+        axis_per_s: t([0.2, 0.1, -0.3]).into(),
+        tip_m_per_s2: t([1.0, 2.0, -3.0]).into(),
+        axis_per_s2: t([0.5, -0.4, 0.1]).into(),
+    };
+    let joints = place.and_then(|(stands, _)| five.joint_motion(&stands, &motion));
+    let five_of = |screw: f64, wrist: f64| [screw, screw, screw, wrist, wrist].map(T::from_f64).into();
+    let share = joints.map_or(T::ONE, |joints| joints.feed_share(&five_of(0.05, 1.0), &five_of(2.0, 10.0)));
     vec![
         line("inverse", lengths.map(|q| q.q_m.as_slice().to_vec())),
         line("forward", machine.forward(&set).map(|p| flat(p, set)[..3].to_vec())),
         line("jacobian", machine.jacobian(pose).map(|j| j.as_slice().to_vec())),
         line("distance", machine.singularity_distance(pose).map(|d| vec![d.limbs_1_2, d.limb_3])),
         line("margin", Ok::<_, ()>(vec![margin_m])),
-        ok("limb", (limb + 1).to_string()),
+        ok("limb", limb.to_string()),
         line("k_p", machine.stiffness(pose).map(whole)),
         line("domain", Ok::<Vec<T>, ()>(vec![])),
         ok("outside", i32::from(table.domain(pose) == Domain::Outside).to_string()),
@@ -286,8 +295,11 @@ fn expected<T: Scalar>(
             "tool_compensated",
             loaded.map(|l| {
                 let (moved, turned) = (l.deflection.translation_m, l.deflection.rotation_rad);
-                [&hold(&l.hold), moved.as_slice(), turned.as_slice()].concat()
+                [&hold(&l.hold), moved.as_slice(), turned.as_slice(), &[l.remaining_m]].concat()
             }),
         ),
+        line("joint_motion", joints.map(|j| [j.velocity.as_slice(), j.acceleration.as_slice()].concat())),
+        line("feed_share", Ok::<_, ()>(vec![share])),
+        ok("self_test", "0".to_owned()),
     ]
 }

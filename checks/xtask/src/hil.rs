@@ -1,11 +1,13 @@
 //! The cyclic firmware on the boards that QEMU has, driven by `pkm-host hil`: poses asked for one by one, and on the processor
-//! with f64 in hardware many more (`--swept`) in sweeps.
+//! with f64 in hardware many more (`--swept`) in sweeps. Then what it does with faults of the line and of the host.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::Duration;
 
 use pkm_host::cli;
+use pkm_protocol::{ABORT, crc32, opened};
 
 use crate::proofs::firmware;
 use crate::{Outcome, output};
@@ -48,12 +50,107 @@ pub fn run(options: &[String]) -> Outcome {
         if cpu.is_some() {
             drive(&in_qemu, swept, 1000)?;
         }
+        faults(board, &elf)?;
         if (cpu, feature) == (None, None) {
             let board = OverPort::start(board, &elf)?;
             drive(&["--port", &board.port], POSES_OVER_PORT, 1)?;
         }
     }
     Ok(())
+}
+
+const CYCLE: &str = r#""arithmetic":"f32","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}"#;
+
+/// What the firmware does with a damaged line, when the host gives up, and when it is gone.
+fn faults(board: &str, elf: &Path) -> Outcome {
+    let mut line = Line::start(board, elf)?;
+    let status = r#"{"v":2,"id":1,"cmd":"status"}"#;
+    line.greet()?;
+    line.asks(
+        "a damaged line",
+        status.replace("status", "statue"),
+        crc32(status.as_bytes()),
+        r#"{"error":"checksum"}"#,
+    )?;
+    let sweep = format!(r#"{{"v":2,"id":2,"cmd":"sweep","to":[0.2,0.1,0.55],"steps":10000,{CYCLE}"#);
+    line.send(&sweep, crc32(sweep.as_bytes()))?;
+    std::thread::sleep(Duration::from_millis(200));
+    line.write(&[ABORT])?;
+    line.hears("a sweep that is given up", r#"{"error":"aborted"}"#)?;
+    let cycle = format!(r#"{{"v":2,"id":3,"cmd":"cycle",{CYCLE}"#);
+    line.asks("a cycle", cycle.clone(), crc32(cycle.as_bytes()), r#""status":"ok""#)?;
+    // QEMU's second is shorter than ours
+    let dropped = r#""dropped_demands":2,"last_fault":null"#;
+    for _ in 0..100 {
+        line.send(status, crc32(status.as_bytes()))?;
+        if line.receive()?.contains(dropped) {
+            println!("a damaged line, an aborted sweep, a host that is gone: as they should");
+            return Ok(());
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    Err(format!("the task goes on with a demand that nothing follows: no {dropped}"))
+}
+
+/// A board of QEMU at the other end of its own input and output.
+struct Line {
+    child: Child,
+    replies: BufReader<ChildStdout>,
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+impl Line {
+    fn start(board: &str, elf: &Path) -> Result<Self, String> {
+        let mut child = Command::new("qemu-system-arm")
+            .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "stdio"])
+            .args(["-icount", "shift=4,sleep=off", "-kernel"])
+            .arg(elf)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(|e| format!("qemu-system-arm: {e}"))?;
+        let replies = BufReader::new(child.stdout.take().ok_or("QEMU has no output")?);
+        Ok(Self { child, replies })
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Outcome {
+        let input = self.child.stdin.as_mut().ok_or("QEMU has no input")?;
+        input.write_all(bytes).and_then(|()| input.flush()).map_err(|e| e.to_string())
+    }
+
+    fn send(&mut self, json: &str, crc: u32) -> Outcome {
+        self.write(format!("{json}*{crc:08x}\n").as_bytes())
+    }
+
+    fn receive(&mut self) -> Result<String, String> {
+        let mut line = String::new();
+        self.replies.read_line(&mut line).map_err(|e| e.to_string())?;
+        if opened(line.as_bytes()).is_some() { Ok(line) } else { Err(format!("a damaged reply: {line}")) }
+    }
+
+    /// Until the serial line is on: what comes before is lost.
+    fn greet(&mut self) -> Outcome {
+        std::thread::sleep(Duration::from_secs(1));
+        let hello = r#"{"v":2,"id":0,"cmd":"hello"}"#;
+        self.write(b"\n")?;
+        self.asks("hello", hello.to_owned(), crc32(hello.as_bytes()), r#""hello""#)
+    }
+
+    fn asks(&mut self, what: &str, json: String, crc: u32, expected: &str) -> Outcome {
+        self.send(&json, crc)?;
+        self.hears(what, expected)
+    }
+
+    fn hears(&mut self, what: &str, expected: &str) -> Outcome {
+        let reply = self.receive()?;
+        if reply.contains(expected) { Ok(()) } else { Err(format!("{what}: {reply}expected {expected}")) }
+    }
 }
 
 /// A board of QEMU behind a pseudo terminal, which is as good as a serial port.

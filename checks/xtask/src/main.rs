@@ -1,5 +1,6 @@
 //! The project's own chores: `cargo xtask <chore>`.
 
+mod browser;
 mod c;
 mod cycles;
 mod fuzz;
@@ -13,6 +14,8 @@ mod reports;
 mod showcase;
 mod single;
 mod stack;
+mod view;
+mod wasm;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
@@ -30,7 +33,7 @@ cargo xtask <chore>
   hil          drive the cyclic firmware over its serial line: 2,000 poses on each of QEMU's boards, or --poses N, --swept N, --seed N
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
-               a few random ones
+               a few random ones. `trials unloaded --sets 500`: geometry from unloaded poses
   c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
   linuxcnc     build LinuxCNC's modules and configurations for two machines, drive them in simulation, compare with the host;
                build, run: see cargo xtask linuxcnc help
@@ -42,11 +45,13 @@ cargo xtask <chore>
   mutants      small mistakes in the core and in the diagnosis' statistics: which the tests find; takes cargo-mutants' options, such as
                --shard 0/8 for a sample
   reports      write every report from the fixtures, look at it in Chromium (screens, dark and light, paper); pictures in out/reports
+  view         the page of `view` alone, driven in Chromium: drag, type, open files, play a path
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
   stack        stack of every public function, by call graph and measured in QEMU, against checks/budgets.toml
   size         flash of kinematics and K_m against checks/budgets.toml
-  targets      build core and C library for every target that is claimed";
+  targets      build core and C library for every target that is claimed
+  wasm         build embed/wasm and write it to pkm-host/src/report/view/core.wasm; with --check compare it with what is there";
 
 fn main() -> ExitCode {
     let chore = std::env::args().nth(1);
@@ -60,6 +65,7 @@ fn main() -> ExitCode {
         Some("size") => proofs::size(),
         Some("stack") => stack::run(),
         Some("targets") => proofs::targets(),
+        Some("wasm") => wasm::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("c") => c::run(),
         Some("fuzz") => fuzz::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("miri") => miri(),
@@ -67,6 +73,7 @@ fn main() -> ExitCode {
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
         Some("reports") => reports::run(),
+        Some("view") => view::run(),
         Some("f32") => single::run(),
         Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
@@ -98,7 +105,11 @@ fn trials(options: &[String]) -> Outcome {
         return harness(&["run", "--program", &program, "--sets", "3", "--verbose"]);
     }
     let options: Vec<&str> = options.iter().map(String::as_str).collect();
-    harness(&[&["run", "--program", program.as_str()], options.as_slice()].concat())
+    let (command, options) = match options.split_first() {
+        Some((&"unloaded", rest)) => ("unloaded", rest),
+        _ => ("run", options.as_slice()),
+    };
+    harness(&[&[command, "--program", program.as_str()], options].concat())
 }
 
 /// The top of the repository.

@@ -1,16 +1,13 @@
-//! All reports, looked at by a browser: Chromium without a window, driven over its DevTools protocol by a pair of pipes.
+//! All reports, looked at by a browser.
 
-use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-use base64::prelude::{BASE64_STANDARD, Engine};
 use pkm_host::cli;
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use crate::{Outcome, root};
+use crate::browser::Browser;
+use crate::{Outcome, root, view};
 
-const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 /// Width and height: a desktop and a mobile.
 const WINDOWS: [[u32; 2]; 2] = [[1280, 800], [390, 844]];
 /// What the shorter of the two papers leaves of its long side at 96 dots an inch: Letter with margins of 12 mm.
@@ -86,22 +83,41 @@ pub fn run() -> Outcome {
         for dark in [true, false] {
             for window in WINDOWS {
                 let picture = out.join(format!("{name}-{}-{}.png", if dark { "dark" } else { "light" }, window[0]));
-                let faults = browser.look(path, window, dark, false, &picture)?;
+                let faults = look(&mut browser, path, window, dark, false, &picture)?;
                 wrong.extend(faults.into_iter().map(|f| format!("{name}, {window:?}, dark {dark}: {f}")));
             }
             let picture = out.join(format!("{name}-print{}.png", if dark { "-dark" } else { "" }));
-            let faults = browser.look(path, PAPER, dark, true, &picture)?;
+            let faults = look(&mut browser, path, PAPER, dark, true, &picture)?;
             wrong.extend(faults.into_iter().map(|f| format!("{name}, on paper, dark {dark}: {f}")));
         }
         let pages = browser.print(&out.join(format!("{name}.pdf")))?;
         println!("{name}: {pages} pages of paper");
     }
     wrong.extend(unseen(&mut browser, &reports[0].1, &out)?);
+    wrong.extend(view::look(&mut browser, &out)?);
     if wrong.is_empty() {
         println!("{} reports are whole; pictures of them are in {}", reports.len(), out.display());
         return Ok(());
     }
     Err(wrong.join("\n"))
+}
+
+/// Opens a page, takes its picture, and says what is wrong with it.
+fn look(
+    browser: &mut Browser,
+    path: &Path,
+    window: [u32; 2],
+    dark: bool,
+    paper: bool,
+    picture: &Path,
+) -> Result<Vec<String>, String> {
+    browser.open(path, window, dark, paper)?;
+    let found = browser.evaluate(&format!("({CHECKS})({CONTRAST}, {paper}, {})", window[0]))?;
+    let found = found.as_array().ok_or_else(|| format!("{}: {found}", path.display()))?;
+    let mut wrong: Vec<String> = found.iter().filter_map(Value::as_str).map(str::to_owned).collect();
+    wrong.extend(browser.complaints());
+    browser.picture(picture)?;
+    Ok(wrong)
 }
 
 /// Mutants that the checks miss.
@@ -113,7 +129,7 @@ fn unseen(browser: &mut Browser, report: &Path, out: &Path) -> Result<Vec<String
         let spoilt = html.replacen(from, to, 1);
         std::fs::write(&path, &spoilt).map_err(|e| e.to_string())?;
         let window = if paper { PAPER } else { WINDOWS[1] };
-        let faults = browser.look(&path, window, false, paper, &out.join("planted.png"))?;
+        let faults = look(browser, &path, window, false, paper, &out.join("planted.png"))?;
         if spoilt == html || faults.is_empty() {
             unseen.push(format!("planted, and not seen: {what}"));
         }
@@ -169,146 +185,4 @@ fn principal_alone(path: &Path) -> Result<String, String> {
     };
     let line = |row: &Vec<&str>| (0..row.len()).filter(|i| taken(*i)).map(|i| row[i]).collect::<Vec<_>>().join(",");
     Ok(rows.iter().map(|row| line(row) + "\n").collect())
-}
-
-/// What an answer holds.
-fn bytes(answer: &Value) -> Result<Vec<u8>, String> {
-    BASE64_STANDARD.decode(answer["data"].as_str().unwrap_or_default()).map_err(|e| e.to_string())
-}
-
-/// A browser with one page.
-struct Browser {
-    child: Child,
-    to: ChildStdin,
-    from: BufReader<ChildStdout>,
-    session: Option<String>,
-    calls: u64,
-    /// What came between answers.
-    events: Vec<Value>,
-    /// Where it keeps its files.
-    _profile: tempfile::TempDir,
-}
-
-impl Drop for Browser {
-    fn drop(&mut self) {
-        drop(self.child.kill());
-        drop(self.child.wait());
-    }
-}
-
-impl Browser {
-    fn start() -> Result<Self, String> {
-        let installed = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
-        let named = std::env::var("PKM_BROWSER").ok();
-        let program = match &named {
-            Some(program) => Some(program.as_str()).filter(installed),
-            None => BROWSERS.iter().copied().find(installed),
-        };
-        let program = program.ok_or(
-            "no browser to look at the reports with: apt-get install chromium, or name another Chromium or Chrome in PKM_BROWSER",
-        )?;
-        let profile = tempfile::tempdir().map_err(|e| e.to_string())?;
-        // the browser reads commands from its file 3 and answers in its file 4
-        let mut child = Command::new("sh")
-            .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null", "sh", program, "--remote-debugging-pipe"])
-            .args(["--headless", "--no-first-run", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage"])
-            // what is opened is our own; without it no root user, such as a container's, gets a browser
-            .args(["--no-sandbox", "--disable-background-networking", "--disable-component-update"])
-            .arg(format!("--user-data-dir={}", profile.path().display()))
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .map_err(|e| format!("{program}: {e}"))?;
-        let (to, from) = child.stdin.take().zip(child.stdout.take()).ok_or("no pipes")?;
-        let from = BufReader::new(from);
-        let mut browser = Self { child, to, from, session: None, calls: 0, events: Vec::new(), _profile: profile };
-        let page = browser.call("Target.createTarget", json!({ "url": "about:blank" }))?;
-        let attach = json!({ "targetId": page["targetId"], "flatten": true });
-        browser.session = browser.call("Target.attachToTarget", attach)?["sessionId"].as_str().map(str::to_owned);
-        for domain in ["Page", "Runtime", "Log", "Network"] {
-            browser.call(&format!("{domain}.enable"), json!({}))?;
-        }
-        Ok(browser)
-    }
-
-    fn receive(&mut self) -> Result<Value, String> {
-        let mut message = Vec::new();
-        self.from.read_until(0, &mut message).map_err(|e| format!("browser: {e}"))?;
-        message.pop();
-        serde_json::from_slice(&message).map_err(|e| format!("the browser has gone: {e}"))
-    }
-
-    fn call(&mut self, method: &str, params: Value) -> Result<Value, String> {
-        self.calls += 1;
-        let mut message = json!({ "id": self.calls, "method": method, "params": params });
-        if let Some(session) = &self.session {
-            message["sessionId"] = session.as_str().into();
-        }
-        write!(self.to, "{message}\0").and_then(|()| self.to.flush()).map_err(|e| format!("browser: {e}"))?;
-        loop {
-            let mut answer = self.receive()?;
-            if answer["id"] == self.calls {
-                let error = &answer["error"];
-                return if error.is_null() { Ok(answer["result"].take()) } else { Err(format!("{method}: {error}")) };
-            }
-            self.events.push(answer);
-        }
-    }
-
-    /// Opens a page, takes its picture, and says what is wrong with it.
-    fn look(
-        &mut self,
-        path: &Path,
-        [width, height]: [u32; 2],
-        dark: bool,
-        paper: bool,
-        picture: &Path,
-    ) -> Result<Vec<String>, String> {
-        let screen = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600 });
-        self.call("Emulation.setDeviceMetricsOverride", screen)?;
-        let scheme = json!([{ "name": "prefers-color-scheme", "value": if dark { "dark" } else { "light" } }]);
-        let media = if paper { "print" } else { "screen" };
-        self.call("Emulation.setEmulatedMedia", json!({ "media": media, "features": scheme }))?;
-        self.events.clear();
-        let url = format!("file://{}", path.display());
-        self.call("Page.navigate", json!({ "url": url }))?;
-        while !self.events.iter().any(|e| e["method"] == "Page.loadEventFired") {
-            let event = self.receive()?;
-            self.events.push(event);
-        }
-        let checks = format!("({CHECKS})({CONTRAST}, {paper}, {width})");
-        let found = self.call("Runtime.evaluate", json!({ "expression": checks, "returnByValue": true }))?;
-        let found = found["result"]["value"].as_array().ok_or_else(|| format!("{}: {found}", path.display()))?.clone();
-        let mut wrong: Vec<String> = found.iter().filter_map(Value::as_str).map(str::to_owned).collect();
-        for event in &self.events {
-            let params = &event["params"];
-            match event["method"].as_str() {
-                Some("Network.requestWillBeSent") if params["request"]["url"] != url.as_str() => {
-                    wrong.push(format!("asks for {}", params["request"]["url"]));
-                }
-                Some("Network.loadingFailed") => wrong.push(format!("a request failed: {}", params["errorText"])),
-                Some("Log.entryAdded") => wrong.push(format!("the browser says: {}", params["entry"]["text"])),
-                Some("Runtime.consoleAPICalled" | "Runtime.exceptionThrown") => {
-                    wrong.push(format!("the console says: {params}"));
-                }
-                _ => {}
-            }
-        }
-        wrong.dedup();
-        let size = self.call("Page.getLayoutMetrics", json!({}))?["cssContentSize"].take();
-        let clip = json!({ "x": 0, "y": 0, "width": width, "height": size["height"], "scale": 1 });
-        let shot = json!({ "format": "png", "captureBeyondViewport": true, "clip": clip });
-        let whole = self.call("Page.captureScreenshot", shot)?;
-        std::fs::write(picture, bytes(&whole)?).map_err(|e| format!("{}: {e}", picture.display()))?;
-        Ok(wrong)
-    }
-
-    /// Prints the page that is open; the number of its pages.
-    fn print(&mut self, path: &Path) -> Result<usize, String> {
-        let printed = self.call("Page.printToPDF", json!({ "preferCSSPageSize": true, "printBackground": true }))?;
-        let pdf = bytes(&printed)?;
-        std::fs::write(path, &pdf).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(pdf.windows(11).filter(|w| w == b"/Type /Page").count())
-    }
 }

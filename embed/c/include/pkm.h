@@ -12,7 +12,7 @@
  * updated by one caller at a time, and apart from its inputs and results.
  * Stack: the core takes at most 6,144 bytes on a Cortex-M in functions that end in _f64, 3,072 in _f32 (checks/budgets.toml);
  * copies of inputs and result come on top. Time: bounded; a pkm_tool_inverse looks at no more than 64 configurations, two or
- * three along a path, and a pkm_tool_compensated calls it at most 9 times. The floating-point unit must be on before the
+ * three along a path, and a pkm_tool_compensated at no more than 16 in all, with four deflections. The floating-point unit must be on before the
  * first call.
  * One library holds one machine, one wrist and one table. For several, or for tables that change at run time, use the Rust
  * crate pkm-core.
@@ -35,7 +35,7 @@
 #endif
 
 // Size of a `PkmMachine` in numbers of its type.
-#define PKM_MACHINE_NUMBERS 266
+#define PKM_MACHINE_NUMBERS 290
 
 // What every function returns. The numbers stay what they are in later versions; new ones may come.
 enum PkmError
@@ -85,8 +85,6 @@ enum PkmError
   PKM_ERROR_WRIST_LIMIT1 = 52,
   // The second joint of the wrist would leave its limits.
   PKM_ERROR_WRIST_LIMIT2 = 53,
-  // The deflection of the tool changes too much on the way to be made up for.
-  PKM_ERROR_TOOL_NOT_COMPENSABLE = 54,
   // The machine in memory is not the one that was built.
   PKM_ERROR_DAMAGED_MACHINE = 60,
   // The wrist in memory is not the one that was built.
@@ -99,6 +97,12 @@ enum PkmError
   PKM_ERROR_OTHER_WRIST = 64,
   // The library has another table than the program is for.
   PKM_ERROR_OTHER_TABLE = 65,
+  // Kinematics do not compute the bits that they should: processor, its floating-point unit or its mode, compiler.
+  PKM_ERROR_SELF_TEST_KINEMATICS = 66,
+  // Stiffness and compensation do not compute the bits that they should.
+  PKM_ERROR_SELF_TEST_STIFFNESS = 67,
+  // The five axes do not compute the bits that they should.
+  PKM_ERROR_SELF_TEST_FIVE_AXES = 68,
   // A setting of a compensator is out of its range.
   PKM_ERROR_SETTING_OUT_OF_RANGE = 70,
   // The memory holds no compensator of this version and kind.
@@ -584,9 +588,33 @@ typedef struct {
   double translation_m[3];
   // What it turns the tool by, about x, y, z of B.
   double rotation_rad[3];
+  // How far the loaded tool then is from where it should be, by the model: the tip's distance, and home's Z0 times the axis's, m.
+  double remaining_m;
+  // 1 where that is at most 1e-4 of the deflection, 0 where it is the best of too few tries.
+  int32_t converged;
   // Where the commanded pose stands to the table's box.
   PkmDomain domain;
 } PkmCompensatedTool_f64;
+
+// How tip and axis of a tool move, along x, y, z of B. Of a tool that moves along its axis or stands still, the axis's rates are 0.
+typedef struct {
+  // Velocity of the tip.
+  double tip_m_per_s[3];
+  // First time derivative of the axis, of length 1: angular velocity × axis.
+  double axis_per_s[3];
+  // Acceleration of the tip.
+  double tip_m_per_s2[3];
+  // Second time derivative of the axis.
+  double axis_per_s2[3];
+} PkmToolMotion_f64;
+
+// How the joints move: three screws in m/s and m/s², then the wrist in rad/s and rad/s².
+typedef struct {
+  // Of each joint.
+  double velocity[5];
+  // Of each joint.
+  double acceleration[5];
+} PkmJointMotion_f64;
 
 // What the five drives are told.
 typedef struct {
@@ -638,9 +666,33 @@ typedef struct {
   float translation_m[3];
   // What it turns the tool by, about x, y, z of B.
   float rotation_rad[3];
+  // How far the loaded tool then is from where it should be, by the model: the tip's distance, and home's Z0 times the axis's, m.
+  float remaining_m;
+  // 1 where that is at most 1e-4 of the deflection, 0 where it is the best of too few tries.
+  int32_t converged;
   // Where the commanded pose stands to the table's box.
   PkmDomain domain;
 } PkmCompensatedTool_f32;
+
+// How tip and axis of a tool move, along x, y, z of B. Of a tool that moves along its axis or stands still, the axis's rates are 0.
+typedef struct {
+  // Velocity of the tip.
+  float tip_m_per_s[3];
+  // First time derivative of the axis, of length 1: angular velocity × axis.
+  float axis_per_s[3];
+  // Acceleration of the tip.
+  float tip_m_per_s2[3];
+  // Second time derivative of the axis.
+  float axis_per_s2[3];
+} PkmToolMotion_f32;
+
+// How the joints move: three screws in m/s and m/s², then the wrist in rad/s and rad/s².
+typedef struct {
+  // Of each joint.
+  float velocity[5];
+  // Of each joint.
+  float acceleration[5];
+} PkmJointMotion_f32;
 
 
 
@@ -664,6 +716,13 @@ const PkmWrist_f64 *pkm_wrist_f64(void);
 //
 // Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
 PKM_MUST_USE PkmError pkm_verify_f64(void);
+
+// Computes known poses of the reference machine, whatever machine the library has, and compares their bits. Finds a processor in
+// another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts.
+//
+// Errors: SELF_TEST_KINEMATICS, SELF_TEST_STIFFNESS, SELF_TEST_FIVE_AXES.
+PKM_MUST_USE
+PkmError pkm_self_test_f64(void);
 
 // Bytes that the library takes for a machine. A program that was compiled with the header of another version may
 // give less room.
@@ -801,6 +860,13 @@ const PkmWrist_f32 *pkm_wrist_f32(void);
 //
 // Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
 PKM_MUST_USE PkmError pkm_verify_f32(void);
+
+// Computes known poses of the reference machine, whatever machine the library has, and compares their bits. Finds a processor in
+// another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts.
+//
+// Errors: SELF_TEST_KINEMATICS, SELF_TEST_STIFFNESS, SELF_TEST_FIVE_AXES.
+PKM_MUST_USE
+PkmError pkm_self_test_f32(void);
 
 // Bytes that the library takes for a machine. A program that was compiled with the header of another version may
 // give less room.
@@ -1150,10 +1216,10 @@ PkmError pkm_tip_inverse_any_margin_f64(const PkmMachine_f64 *machine,
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
-// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+// `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
+// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is as for `pkm_cycle`.
 //
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
-// TOOL_NOT_COMPENSABLE.
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
 PKM_MUST_USE
 PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
                                   const PkmTable_f64 *table,
@@ -1162,6 +1228,25 @@ PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
                                   const PkmWrench_f64 *wrench,
                                   const PkmConfiguration_f64 *near,
                                   PkmCompensatedTool_f64 *compensated);
+
+// Velocities and accelerations of the joints that move the tool as asked, in closed form.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
+PkmError pkm_joint_motion_f64(const PkmMachine_f64 *machine,
+                              const PkmWrist_f64 *wrist,
+                              const PkmConfiguration_f64 *configuration,
+                              const PkmToolMotion_f64 *motion,
+                              PkmJointMotion_f64 *joints);
+
+// The greatest share, at most 1, of the feed at which no joint exceeds `limits`, greatest sizes for each, on the same curve at a
+// steady feed. 0 where a limit is 0 or a number is NaN.
+//
+// Errors: none but those of the pointers.
+PKM_MUST_USE
+PkmError pkm_feed_share_f64(const PkmJointMotion_f64 *joints,
+                            const PkmJointMotion_f64 *limits,
+                            double *share);
 
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //
@@ -1206,10 +1291,10 @@ PkmError pkm_tip_inverse_any_margin_f32(const PkmMachine_f32 *machine,
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
-// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+// `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
+// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is as for `pkm_cycle`.
 //
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
-// TOOL_NOT_COMPENSABLE.
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
 PKM_MUST_USE
 PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
                                   const PkmTable_f32 *table,
@@ -1218,6 +1303,25 @@ PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
                                   const PkmWrench_f32 *wrench,
                                   const PkmConfiguration_f32 *near,
                                   PkmCompensatedTool_f32 *compensated);
+
+// Velocities and accelerations of the joints that move the tool as asked, in closed form.
+//
+// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+PKM_MUST_USE
+PkmError pkm_joint_motion_f32(const PkmMachine_f32 *machine,
+                              const PkmWrist_f32 *wrist,
+                              const PkmConfiguration_f32 *configuration,
+                              const PkmToolMotion_f32 *motion,
+                              PkmJointMotion_f32 *joints);
+
+// The greatest share, at most 1, of the feed at which no joint exceeds `limits`, greatest sizes for each, on the same curve at a
+// steady feed. 0 where a limit is 0 or a number is NaN.
+//
+// Errors: none but those of the pointers.
+PKM_MUST_USE
+PkmError pkm_feed_share_f32(const PkmJointMotion_f32 *joints,
+                            const PkmJointMotion_f32 *limits,
+                            float *share);
 
 #ifdef __cplusplus
 }  // extern "C"

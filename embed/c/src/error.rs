@@ -5,6 +5,7 @@ use core::ffi::{CStr, c_char};
 use pkm_core::TemperatureError;
 use pkm_core::checksum::Damaged;
 use pkm_core::compensator::{Fault, SettingsError};
+use pkm_core::self_test::SelfTestFault;
 use pkm_core::{
     CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, ToolDeflectionError, ToolError,
 };
@@ -55,8 +56,6 @@ pub enum PkmError {
     WristLimit1 = 52,
     /// The second joint of the wrist would leave its limits.
     WristLimit2 = 53,
-    /// The deflection of the tool changes too much on the way to be made up for.
-    ToolNotCompensable = 54,
     /// The machine in memory is not the one that was built.
     DamagedMachine = 60,
     /// The wrist in memory is not the one that was built.
@@ -69,6 +68,12 @@ pub enum PkmError {
     OtherWrist = 64,
     /// The library has another table than the program is for.
     OtherTable = 65,
+    /// Kinematics do not compute the bits that they should: processor, its floating-point unit or its mode, compiler.
+    SelfTestKinematics = 66,
+    /// Stiffness and compensation do not compute the bits that they should.
+    SelfTestStiffness = 67,
+    /// The five axes do not compute the bits that they should.
+    SelfTestFiveAxes = 68,
     /// A setting of a compensator is out of its range.
     SettingOutOfRange = 70,
     /// The memory holds no compensator of this version and kind.
@@ -137,6 +142,16 @@ impl From<Damaged> for PkmError {
             Damaged::Wrist => Self::DamagedWrist,
             Damaged::Table => Self::DamagedTable,
             _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<SelfTestFault> for PkmError {
+    fn from(e: SelfTestFault) -> Self {
+        match e {
+            SelfTestFault::Kinematics => Self::SelfTestKinematics,
+            SelfTestFault::Stiffness => Self::SelfTestStiffness,
+            SelfTestFault::FiveAxes => Self::SelfTestFiveAxes,
         }
     }
 }
@@ -228,7 +243,6 @@ impl From<ToolDeflectionError> for PkmError {
         match error {
             ToolDeflectionError::Tool(e) => e.into(),
             ToolDeflectionError::Stiffness(e) => e.into(),
-            ToolDeflectionError::NotConverged => Self::ToolNotCompensable,
             _ => Self::Unknown,
         }
     }

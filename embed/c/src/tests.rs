@@ -29,7 +29,7 @@ macro_rules! misuse_of_every_function {
     ($test:ident, $t:ty, $machine:ident, $table:ident, $verify:ident, $machine_size:ident, $at_temperature:ident, $inverse:ident, $forward:ident,
      $jacobian:ident, $distance:ident, $margin:ident, $stiffness:ident, $domain:ident, $corrected:ident,
      $deflection:ident, $thermal:ident, $compensated:ident, $cycle:ident, $wrist:ident, $tool_forward:ident, $tool_inverse:ident,
-     $tip_inverse:ident, $tip_inverse_any_margin:ident, $tool_compensated:ident) => {
+     $tip_inverse:ident, $tip_inverse_any_margin:ident, $tool_compensated:ident, $joint_motion:ident, $feed_share:ident) => {
         #[test]
         fn $test() {
             let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
@@ -92,6 +92,19 @@ macro_rules! misuse_of_every_function {
                     let (m, t, v) = (m.cast(), t.cast(), v.cast());
                     $tool_compensated(m, t, v, tool.cast(), w.cast(), n.cast(), to.cast())
                 });
+                let motion = PkmToolMotion::<$t> {
+                    tip_m_per_s: [0.1; 3],
+                    axis_per_s: [0.0; 3],
+                    tip_m_per_s2: [0.0; 3],
+                    axis_per_s2: [0.0; 3],
+                };
+                let moves = std::ptr::from_ref(&motion).cast();
+                misuse([m, v, n, moves], |[m, v, n, moves], to| {
+                    $joint_motion(m.cast(), v.cast(), n.cast(), moves.cast(), to.cast())
+                });
+                let limits = PkmJointMotion::<$t> { velocity: [1.0; 5], acceleration: [1.0; 5] };
+                let limits = std::ptr::from_ref(&limits).cast();
+                misuse([limits, limits], |[joints, limits], to| $feed_share(joints.cast(), limits.cast(), to.cast()));
             }
         }
     };
@@ -122,7 +135,9 @@ misuse_of_every_function!(
     pkm_tool_inverse_f64,
     pkm_tip_inverse_f64,
     pkm_tip_inverse_any_margin_f64,
-    pkm_tool_compensated_f64
+    pkm_tool_compensated_f64,
+    pkm_joint_motion_f64,
+    pkm_feed_share_f64
 );
 misuse_of_every_function!(
     misuse_f32,
@@ -149,7 +164,9 @@ misuse_of_every_function!(
     pkm_tool_inverse_f32,
     pkm_tip_inverse_f32,
     pkm_tip_inverse_any_margin_f32,
-    pkm_tool_compensated_f32
+    pkm_tool_compensated_f32,
+    pkm_joint_motion_f32,
+    pkm_feed_share_f32
 );
 
 macro_rules! misuse_of_compensators {

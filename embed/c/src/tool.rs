@@ -4,14 +4,15 @@ use pkm_core::FiveAxis;
 
 use crate::pointers::{answer, given};
 use crate::{
-    PkmCompensatedTool, PkmConfiguration, PkmError, PkmHold, PkmJoints, PkmMachine, PkmTable, PkmTip, PkmTool,
-    PkmToolPlace, PkmWrench, PkmWrist,
+    PkmCompensatedTool, PkmConfiguration, PkmError, PkmHold, PkmJointMotion, PkmJoints, PkmMachine, PkmTable, PkmTip,
+    PkmTool, PkmToolMotion, PkmToolPlace, PkmWrench, PkmWrist,
 };
 
 macro_rules! functions {
     (
         $t:ident, tool_forward $tool_forward:ident, tool_inverse $tool_inverse:ident, tip_inverse $tip_inverse:ident,
-        tip_inverse_any_margin $tip_inverse_any_margin:ident, tool_compensated $tool_compensated:ident $(,)?
+        tip_inverse_any_margin $tip_inverse_any_margin:ident, tool_compensated $tool_compensated:ident,
+        joint_motion $joint_motion:ident, feed_share $feed_share:ident $(,)?
     ) => {
         /// Forward kinematics of the five axes: configuration, tip and axis of joint values.
         ///
@@ -103,10 +104,10 @@ macro_rules! functions {
 
         /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
         /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
-        /// `pkm_tool_inverse`; `domain` as for `pkm_cycle`.
+        /// `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
+        /// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is as for `pkm_cycle`.
         ///
-        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end;
-        /// TOOL_NOT_COMPENSABLE.
+        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_compensated(
@@ -128,15 +129,58 @@ macro_rules! functions {
                 })
             }
         }
+
+        /// Velocities and accelerations of the joints that move the tool as asked, in closed form.
+        ///
+        /// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2, TOOL_SINGULAR.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $joint_motion(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            configuration: *const PkmConfiguration<$t>,
+            motion: *const PkmToolMotion<$t>,
+            joints: *mut PkmJointMotion<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(joints, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    Ok(five.joint_motion(&given(configuration)?.core(), &given(motion)?.core())?.into())
+                })
+            }
+        }
+
+        /// The greatest share, at most 1, of the feed at which no joint exceeds `limits`, greatest sizes for each, on the same curve at a
+        /// steady feed. 0 where a limit is 0 or a number is NaN.
+        ///
+        /// Errors: none but those of the pointers.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $feed_share(
+            joints: *const PkmJointMotion<$t>,
+            limits: *const PkmJointMotion<$t>,
+            share: *mut $t,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(share, || {
+                    let limits = given(limits)?.core();
+                    Ok(given(joints)?.core().feed_share(&limits.velocity, &limits.acceleration))
+                })
+            }
+        }
     };
 }
 
 functions! {
     f64, tool_forward pkm_tool_forward_f64, tool_inverse pkm_tool_inverse_f64, tip_inverse pkm_tip_inverse_f64,
     tip_inverse_any_margin pkm_tip_inverse_any_margin_f64, tool_compensated pkm_tool_compensated_f64,
+    joint_motion pkm_joint_motion_f64, feed_share pkm_feed_share_f64,
 }
 
 functions! {
     f32, tool_forward pkm_tool_forward_f32, tool_inverse pkm_tool_inverse_f32, tip_inverse pkm_tip_inverse_f32,
     tip_inverse_any_margin pkm_tip_inverse_any_margin_f32, tool_compensated pkm_tool_compensated_f32,
+    joint_motion pkm_joint_motion_f32, feed_share pkm_feed_share_f32,
 }

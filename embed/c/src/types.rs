@@ -3,7 +3,8 @@
 use pkm_core::nalgebra::Matrix3;
 use pkm_core::{
     Compensated, CompensatedTool, Configuration, Corrected, CorrectionTable, Cycle, Deflection, Domain, Hold,
-    JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, Tool, Wrench, Wrist,
+    JointMotion, JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, Tool, ToolMotion,
+    Wrench, Wrist,
 };
 
 /// Size of a `PkmMachine` in numbers of its type.
@@ -227,8 +228,59 @@ pub struct PkmCompensatedTool<T> {
     pub translation_m: [T; 3],
     /// What it turns the tool by, about x, y, z of B.
     pub rotation_rad: [T; 3],
+    /// How far the loaded tool then is from where it should be, by the model: the tip's distance, and home's Z0 times the axis's, m.
+    pub remaining_m: T,
+    /// 1 where that is at most 1e-4 of the deflection, 0 where it is the best of too few tries.
+    pub converged: i32,
     /// Where the commanded pose stands to the table's box.
     pub domain: PkmDomain,
+}
+
+/// How tip and axis of a tool move, along x, y, z of B. Of a tool that moves along its axis or stands still, the axis's rates are 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmToolMotion<T> {
+    /// Velocity of the tip.
+    pub tip_m_per_s: [T; 3],
+    /// First time derivative of the axis, of length 1: angular velocity × axis.
+    pub axis_per_s: [T; 3],
+    /// Acceleration of the tip.
+    pub tip_m_per_s2: [T; 3],
+    /// Second time derivative of the axis.
+    pub axis_per_s2: [T; 3],
+}
+
+/// How the joints move: three screws in m/s and m/s², then the wrist in rad/s and rad/s².
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmJointMotion<T> {
+    /// Of each joint.
+    pub velocity: [T; 5],
+    /// Of each joint.
+    pub acceleration: [T; 5],
+}
+
+impl<T: Scalar> PkmToolMotion<T> {
+    pub(crate) fn core(&self) -> ToolMotion<T> {
+        ToolMotion {
+            tip_m_per_s: self.tip_m_per_s.into(),
+            axis_per_s: self.axis_per_s.into(),
+            tip_m_per_s2: self.tip_m_per_s2.into(),
+            axis_per_s2: self.axis_per_s2.into(),
+        }
+    }
+}
+
+impl<T: Scalar> PkmJointMotion<T> {
+    pub(crate) fn core(&self) -> JointMotion<T> {
+        JointMotion { velocity: self.velocity.into(), acceleration: self.acceleration.into() }
+    }
+}
+
+impl<T: Scalar> From<JointMotion<T>> for PkmJointMotion<T> {
+    fn from(JointMotion { velocity, acceleration }: JointMotion<T>) -> Self {
+        Self { velocity: velocity.into(), acceleration: acceleration.into() }
+    }
 }
 
 impl<T: Scalar> PkmPose<T> {
@@ -363,11 +415,13 @@ impl<T: Scalar> From<Hold<T>> for PkmHold<T> {
 }
 
 impl<T: Scalar> From<CompensatedTool<T>> for PkmCompensatedTool<T> {
-    fn from(CompensatedTool { hold, deflection }: CompensatedTool<T>) -> Self {
+    fn from(CompensatedTool { hold, deflection, remaining_m, converged }: CompensatedTool<T>) -> Self {
         Self {
             hold: hold.into(),
             translation_m: deflection.translation_m.into(),
             rotation_rad: deflection.rotation_rad.into(),
+            remaining_m,
+            converged: converged.into(),
             // every call here has a table, and with one there is a domain
             domain: deflection.domain.unwrap_or(Domain::Outside).into(),
         }

@@ -49,6 +49,11 @@
         PkmTip_##S at_tip;                                                                                        \
         PkmHold_##S hold;                                                                                         \
         PkmCompensatedTool_##S loaded;                                                                            \
+        const PkmToolMotion_##S motion = {{(T)0.1, (T)-0.05, (T)0.02}, {(T)0.2, (T)0.1, (T)-0.3},                 \
+                                          {1, 2, -3}, {(T)0.5, (T)-0.4, (T)0.1}};                                 \
+        const PkmJointMotion_##S limits = {{(T)0.05, (T)0.05, (T)0.05, 1, 1}, {2, 2, 2, 10, 10}};                 \
+        PkmJointMotion_##S moved = {{0, 0, 0, 0, 0}, {0, 0, 0, 0, 0}};                                            \
+        T share;                                                                                                  \
         print_##S("pose_" #S, PKM_ERROR_OK, &pose, 3);                                                            \
         print_##S("inverse", pkm_inverse_##S(machine, &pose, &lengths), &lengths, 3);                             \
         print_##S("forward", pkm_forward_##S(machine, &lengths, &forward), &forward, 3);                          \
@@ -80,7 +85,11 @@
         at_tip.beta_rad[1] = (T)0.98;                                                                             \
         print_##S("any_margin", pkm_tip_inverse_any_margin_##S(machine, wrist, &at_tip, &hold), &hold, 11);       \
         print_##S("tool_compensated",                                                                             \
-                  pkm_tool_compensated_##S(machine, table, wrist, &place.tool, &wrench, &home, &loaded), &loaded, 17);\
+                  pkm_tool_compensated_##S(machine, table, wrist, &place.tool, &wrench, &home, &loaded), &loaded, 18);\
+        print_##S("joint_motion",                                                                                 \
+                  pkm_joint_motion_##S(machine, wrist, &place.configuration, &motion, &moved), &moved, 10);       \
+        print_##S("feed_share", pkm_feed_share_##S(&moved, &limits, &share), &share, 1);                          \
+        printf("self_test 0 %d\n", (int)pkm_self_test_##S());                                                     \
     }
 
 EVERYTHING(double, f64)

@@ -1,28 +1,31 @@
 //! Line protocol between a controller that runs `pkm-core` and a host: JSON, a command a line, a reply a line.
 //!
+//! Each line ends with `*` and the CRC-32 (zlib's) of what comes before, as eight hexadecimal digits, which the examples below leave out: a
+//! flipped digit would be another pose. `{"v":2,"id":1,"cmd":"hello"}*3bf74608`, say.
+//!
 //! # Commands
 //!
 //! ```text
-//! {"v":1,"id":1,"cmd":"hello"}
-//! {"v":1,"id":2,"cmd":"status"}
-//! {"v":1,"id":3,"cmd":"cycle","arithmetic":"f64","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}
-//! {"v":1,"id":4,"cmd":"sweep","to":[0.2,0.1,0.55],"steps":1000,"arithmetic":"f64","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}
+//! {"v":2,"id":1,"cmd":"hello"}
+//! {"v":2,"id":2,"cmd":"status"}
+//! {"v":2,"id":3,"cmd":"cycle","arithmetic":"f64","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}
+//! {"v":2,"id":4,"cmd":"sweep","to":[0.2,0.1,0.55],"steps":1000,"arithmetic":"f64","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}
 //! ```
 //!
 //! `v` is [`VERSION`], `id` any `u32`, which the reply repeats. A command has exactly its own fields, in any order; `arithmetic` is `f32`
-//! or `f64`. `cycle` works on a demand and tells the result; the task goes on with it in every period until the next one: there is no
-//! watchdog. `sweep` goes in a straight line from the pose towards `to` = [θ, σ, Z0], `steps` poses, one a period, and sums up the
+//! or `f64`. `cycle` works on a demand and tells the result; the task goes on with it in every period until the next one, for a second at the most:
+//! a host that is gone must not leave its load behind. `sweep` goes in a straight line from the pose towards `to` = [θ, σ, Z0], `steps` poses, one a period, and sums up the
 //! results and a checksum of all their bits. `to` is the pose that would come after the last: `steps` = 1 is the first pose alone.
 //!
 //! # Replies
 //!
 //! ```text
-//! {"v":1,"id":1,"answer":{"hello":{"firmware":"pkm-fw 0.1.0","board":"mps2","machine":"0123456789abcdef","table":"fedcba9876543210","period_s":0.001,"ticks_hz":25000000,"travel_min_m":[0.42,0.42,0.42],"travel_max_m":[0.77,0.77,0.77],"max_command_bytes":768,"input_bytes":4096,"stack_bytes":4180000}}}
-//! {"v":1,"id":2,"answer":{"status":{"cycles":1,"overruns":0,"worst_ticks":7312,"stack_used_bytes":9000,"bad_lines":0}}}
-//! {"v":1,"id":3,"answer":{"cycle":{"status":"ok","ticks":7312,"overrun":false,"numbers":{"q_m":[0.5,0.5,0.5],"k":[1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21],"translation_m":[0,0,-0.00001],"rotation_rad":[0,0,0],"compensated":{"theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53001,"q_m":[0.5,0.5,0.5]}}}}}
-//! {"v":1,"id":3,"answer":{"cycle":{"status":"unreachable","ticks":312,"overrun":false,"numbers":null}}}
-//! {"v":1,"id":4,"answer":{"sweep":{"ok":1000,"outside_box":0,"refused":0,"overruns":0,"worst_ticks":7312,"results":"93b1c5a0e4d2f786"}}}
-//! {"v":1,"id":null,"answer":{"error":"syntax"}}
+//! {"v":2,"id":1,"answer":{"hello":{"firmware":"pkm-fw 0.1.0","board":"mps2","machine":"0123456789abcdef","table":"fedcba9876543210","period_s":0.001,"ticks_hz":25000000,"travel_min_m":[0.42,0.42,0.42],"travel_max_m":[0.77,0.77,0.77],"max_command_bytes":768,"input_bytes":4096,"stack_bytes":4180000}}}
+//! {"v":2,"id":2,"answer":{"status":{"cycles":1,"overruns":0,"worst_ticks":7312,"stack_used_bytes":9000,"bad_lines":0,"lost_replies":0,"dropped_demands":0,"last_fault":null}}}
+//! {"v":2,"id":3,"answer":{"cycle":{"status":"ok","ticks":7312,"overrun":false,"numbers":{"q_m":[0.5,0.5,0.5],"k":[1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21],"translation_m":[0,0,-0.00001],"rotation_rad":[0,0,0],"compensated":{"theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53001,"q_m":[0.5,0.5,0.5]}}}}}
+//! {"v":2,"id":3,"answer":{"cycle":{"status":"unreachable","ticks":312,"overrun":false,"numbers":null}}}
+//! {"v":2,"id":4,"answer":{"sweep":{"ok":1000,"outside_box":0,"refused":0,"overruns":0,"worst_ticks":7312,"results":"93b1c5a0e4d2f786"}}}
+//! {"v":2,"id":null,"answer":{"error":"syntax"}}
 //! ```
 //!
 //! The fields are explained at [`Hello`], [`Counters`], [`CycleReply`], [`Numbers`] and [`SweepReply`]. `status` is one of
@@ -34,10 +37,16 @@
 //! (see [`Status`]; numbers come with the first two) and an `error` one of
 //!
 //! ```text
-//! too_long syntax field version command range
+//! too_long checksum syntax field version command range aborted
 //! ```
 //!
-//! (see [`Code`]). A bad line gets an error and changes nothing. Its `id` is null when the line could not be read as fields of a
+//! (see [`Code`]), `last_fault` of `status` null or one of
+//!
+//! ```text
+//! restart panic exception stack self_test
+//! ```
+//!
+//! (see [`Fault`]). A bad line gets an error and changes nothing. Its `id` is null when the line could not be read as fields of a
 //! command, also for a single unknown field or a NaN: wait for each reply, or count lines. Blank lines get no reply. Numbers
 //! are JSON's, as the shortest decimal that reads back to the same bits; those of a reply are of the arithmetic that was asked for.
 //! [`Lines`] finds the next line after anything.
@@ -58,14 +67,20 @@
 #![forbid(unsafe_code)]
 #![warn(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing)]
 
+mod line;
 mod reply;
 mod request;
 
-pub use reply::{Answer, Checksum, Compensated, Counters, CycleReply, Hello, Numbers, Reply, Status, SweepReply};
+pub use line::{crc32, opened, sealed};
+pub use reply::{
+    Answer, Checksum, Compensated, Counters, CycleReply, Fault, Hello, Numbers, Reply, Status, SweepReply,
+};
 pub use request::{Arithmetic, Code, Command, Demand, Lines, Refused, Request, Sweep};
 
 /// Of this protocol.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
+/// Gives up what is worked on: Ctrl-X.
+pub const ABORT: u8 = 0x18;
 /// Longest command in bytes without its line feed: every number with 17 digits and room for spaces.
 pub const MAX_COMMAND: usize = 768;
 /// Most steps of a sweep.

@@ -9,6 +9,7 @@ use pkm_core::{
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::line::opened;
 use crate::request::{objects, write_line};
 use crate::{Code, VERSION};
 
@@ -78,7 +79,7 @@ pub struct Hello<'a> {
 pub struct Counters {
     /// Runs of the cyclic task.
     pub cycles: u32,
-    /// Periods that began while a run still went on; that run kept its period from having one of its own.
+    /// Periods that began while a run still went on or had not begun; that run kept its period from having one of its own.
     pub overruns: u32,
     /// Ticks of the longest run.
     pub worst_ticks: u32,
@@ -86,6 +87,28 @@ pub struct Counters {
     pub stack_used_bytes: u32,
     /// Lines that got an error.
     pub bad_lines: u32,
+    /// Replies that the line did not take in time, and that were cut off.
+    pub lost_replies: u32,
+    /// Times that the task gave a demand up: no other came in time, or the byte [`ABORT`](crate::ABORT).
+    pub dropped_demands: u32,
+    /// Why the firmware started again; none after power-up.
+    pub last_fault: Option<Fault>,
+}
+
+/// Why a firmware stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fault {
+    /// The watchdog or the reset button: the firmware itself noticed nothing.
+    Restart,
+    /// A panic.
+    Panic,
+    /// An exception of the processor.
+    Exception,
+    /// The stack met its guard.
+    Stack,
+    /// A self-test failed, or machine, wrist or table are not in memory as they were built.
+    SelfTest,
 }
 
 /// What the cyclic task made of a demand.
@@ -200,16 +223,16 @@ pub struct Compensated<T> {
 }
 
 impl<T: Scalar + Serialize> Reply<'_, T> {
-    /// Writes the line with its line feed; `None` when `buffer` is too short ([`MAX_REPLY`](crate::MAX_REPLY) always does).
+    /// Writes the line with its CRC and line feed; `None` when `buffer` is too short ([`MAX_REPLY`](crate::MAX_REPLY) always does).
     pub fn write<'b>(&self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
         write_line(self, buffer)
     }
 }
 
 impl<'a, T: Scalar + Deserialize<'a>> Reply<'a, T> {
-    /// Reads a line with or without its line feed. `None` when it is no reply, or one of another version.
+    /// Reads a line with or without its line feed. `None` when it is no reply, a damaged one, or one of another version.
     pub fn parse(line: &'a [u8]) -> Option<Self> {
-        let line = line.strip_suffix(b"\n").unwrap_or(line);
+        let line = opened(line)?;
         objects(line, &[b"true", b"false", b"null"])?;
         let (reply, length): (Self, _) = serde_json_core::from_slice(line).ok()?;
         // null is read as a number that is none

@@ -5,6 +5,7 @@ use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench
 use serde::{Deserialize, Serialize};
 use serde_json_core::de;
 
+use crate::line::{opened, sealed};
 use crate::{MAX_COMMAND, MAX_STEPS, VERSION};
 
 /// Why a line was refused.
@@ -13,6 +14,8 @@ use crate::{MAX_COMMAND, MAX_STEPS, VERSION};
 pub enum Code {
     /// More than [`MAX_COMMAND`] bytes.
     TooLong,
+    /// The line does not end with the CRC of what comes before: damaged on its way.
+    Checksum,
     /// Not one JSON object of names, numbers and lists of numbers.
     Syntax,
     /// A field is missing, doubled, unknown, or no field of this command.
@@ -23,6 +26,8 @@ pub enum Code {
     Command,
     /// A number is beyond the range of its field, `f64` or `u32`.
     Range,
+    /// Given up: the byte [`ABORT`](crate::ABORT) came while it was worked on.
+    Aborted,
 }
 
 /// A refused line, with its `id` if that could be read.
@@ -181,7 +186,7 @@ impl Wire<'_> {
 }
 
 impl Request {
-    /// Reads a line without its line feed.
+    /// Reads the JSON of a line.
     ///
     /// # Errors
     /// Why it is refused.
@@ -205,7 +210,7 @@ impl Request {
         }
     }
 
-    /// Writes the line with its line feed; `None` when `buffer` is too short ([`MAX_COMMAND`] + 1 always do).
+    /// Writes the line with its CRC and line feed; `None` when `buffer` is too short ([`MAX_COMMAND`] + 1 always do).
     pub fn write<'b>(&self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
         let (cmd, demand, sweep) = match self.command {
             Command::Hello => ("hello", None, None),
@@ -254,11 +259,10 @@ impl Demand {
     }
 }
 
-/// JSON and a line feed.
+/// JSON, its CRC and a line feed.
 pub(crate) fn write_line<'b>(value: &impl Serialize, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
     let length = serde_json_core::to_slice(value, buffer).ok()?;
-    *buffer.get_mut(length)? = b'\n';
-    buffer.get(..=length)
+    sealed(buffer, length)
 }
 
 /// How many objects a line holds; `None` if there is anything in it but strings without escapes and outside of them JSON's numbers,
@@ -358,7 +362,10 @@ impl Lines {
         match line {
             None => Some(Err(Refused { id: None, code: Code::TooLong })),
             Some(line) if line.trim_ascii().is_empty() => None,
-            Some(line) => Some(Request::parse(line)),
+            Some(line) => Some(match opened(line) {
+                Some(json) => Request::parse(json),
+                None => Err(Refused { id: None, code: Code::Checksum }),
+            }),
         }
     }
 }

@@ -4,8 +4,8 @@ use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Pose, Wrench};
 use pkm_protocol::{
-    Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, MAX_REPLY,
-    Refused, Reply, Request, Status, Sweep, SweepReply, VERSION,
+    Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
+    MAX_REPLY, Refused, Reply, Request, Status, Sweep, SweepReply, VERSION, crc32, opened, sealed,
 };
 
 const DEMAND: Demand = Demand {
@@ -14,6 +14,25 @@ const DEMAND: Demand = Demand {
     wrench_at_tip: Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), moment_nm: Vector3::new(0.0, 0.0, 5.0) },
     tip_m: Vector3::new(0.0, 0.0, 0.3),
 };
+
+fn line_of(json: &[u8]) -> Vec<u8> {
+    let mut buffer = [json, &[0; 10]].concat();
+    sealed(&mut buffer, json.len()).unwrap().to_vec()
+}
+
+#[test]
+fn a_line_ends_with_its_crc() {
+    // the check value of CRC-32 in every catalogue
+    assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
+    assert_eq!(line_of(b"123456789"), b"123456789*cbf43926\n");
+    assert_eq!(opened(b"123456789*cbf43926\r\n"), Some(&b"123456789"[..]));
+    assert_eq!(opened(b"123456789*cbf43926"), Some(&b"123456789"[..]));
+    for bad in [&b"123456789"[..], b"123456789*CBF43926", b"123456789*cbf4392", b"123456788*cbf43926", b"", b"*"] {
+        assert_eq!(opened(bad), None);
+    }
+    assert_eq!(sealed(&mut [b'1'; 18], 9), None);
+    assert_eq!(sealed(&mut [b'1'; 18], 19), None);
+}
 
 #[test]
 fn commands_come_back() {
@@ -34,26 +53,33 @@ fn commands_come_back() {
 #[test]
 fn bad_lines_are_refused_and_forgotten() {
     let long = vec![b' '; MAX_COMMAND + 1];
-    let bad: [(&[u8], Option<u32>, Code); 12] = [
-        (&long, None, Code::TooLong),
+    let bad: [(&[u8], Option<u32>, Code); 11] = [
         (b"{", None, Code::Syntax),
         (b"\xff\"", None, Code::Syntax),
-        (br#"{"v":1,"id":01,"cmd":"hello"}"#, None, Code::Syntax),
-        (br#"{"v":1,"id":[,1],"cmd":"hello"}"#, None, Code::Syntax),
-        (br#"{"v":1,"id":1,"cmd":"hel\u006co"}"#, None, Code::Syntax),
-        (br#"{"v":1,"id":1,"cmd":"hello","more":1}"#, None, Code::Field),
-        (br#"{"v":1,"id":4294967296,"cmd":"hello"}"#, None, Code::Range),
-        (br#"{"v":2,"id":1,"cmd":"hello"}"#, Some(1), Code::Version),
-        (br#"{"v":1,"id":1,"cmd":"dance"}"#, Some(1), Code::Command),
-        (br#"{"v":1,"id":1,"cmd":"hello","z0_m":1}"#, Some(1), Code::Field),
-        (br#"{"v":1,"id":1,"cmd":"cycle"}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":01,"cmd":"hello"}"#, None, Code::Syntax),
+        (br#"{"v":2,"id":[,1],"cmd":"hello"}"#, None, Code::Syntax),
+        (br#"{"v":2,"id":1,"cmd":"hel\u006co"}"#, None, Code::Syntax),
+        (br#"{"v":2,"id":1,"cmd":"hello","more":1}"#, None, Code::Field),
+        (br#"{"v":2,"id":4294967296,"cmd":"hello"}"#, None, Code::Range),
+        (br#"{"v":9,"id":1,"cmd":"hello"}"#, Some(1), Code::Version),
+        (br#"{"v":2,"id":1,"cmd":"dance"}"#, Some(1), Code::Command),
+        (br#"{"v":2,"id":1,"cmd":"hello","z0_m":1}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"cycle"}"#, Some(1), Code::Field),
     ];
+    let unsealed: [(&[u8], Code); 4] = [
+        (&long, Code::TooLong),
+        (br#"{"v":2,"id":1,"cmd":"hello"}"#, Code::Checksum),
+        (br#"{"v":2,"id":1,"cmd":"hello"}*00000000"#, Code::Checksum),
+        (b"*", Code::Checksum),
+    ];
+    let bad = bad.map(|(json, id, code)| (line_of(json), id, code)).into_iter();
+    let bad = bad.chain(unsealed.map(|(line, code)| ([line, b"\n"].concat(), None, code)));
     let mut lines = Lines::new();
     for (line, id, code) in bad {
-        let found: Vec<_> = line.iter().chain(b"\n").filter_map(|byte| lines.push(*byte)).collect();
-        assert_eq!(found, [Err(Refused { id, code })], "{}", String::from_utf8_lossy(line));
-        let next: Vec<_> =
-            b"\r\n{\"v\":1,\"id\":5,\"cmd\":\"status\"}\n".iter().filter_map(|b| lines.push(*b)).collect();
+        let found: Vec<_> = line.iter().filter_map(|byte| lines.push(*byte)).collect();
+        assert_eq!(found, [Err(Refused { id, code })], "{}", String::from_utf8_lossy(&line));
+        let next = [b"\r\n".to_vec(), line_of(br#"{"v":2,"id":5,"cmd":"status"}"#)].concat();
+        let next: Vec<_> = next.iter().filter_map(|b| lines.push(*b)).collect();
         assert_eq!(next, [Ok(Request { id: 5, command: Command::Status })]);
     }
 }
@@ -84,7 +110,7 @@ fn replies_come_back() {
     };
     let answers = [
         Answer::Hello(hello),
-        Answer::Status(Counters::default()),
+        Answer::Status(Counters { last_fault: Some(Fault::Stack), ..Counters::default() }),
         Answer::Cycle(cycle),
         Answer::Cycle(refused),
         Answer::Sweep(sweep),
@@ -96,16 +122,16 @@ fn replies_come_back() {
         let line = reply.write(&mut buffer).unwrap();
         assert_eq!(Reply::<f64>::parse(line), Some(reply));
         assert_eq!(Reply::<f64>::parse(&line[1..]), None);
-        let later = String::from_utf8(line.to_vec()).unwrap().replacen("\"v\":1", "\"v\":9", 1);
-        assert_eq!(Reply::<f64>::parse(later.as_bytes()), None);
+        let later = String::from_utf8(opened(line).unwrap().to_vec()).unwrap().replacen("\"v\":2", "\"v\":9", 1);
+        assert_eq!(Reply::<f64>::parse(&line_of(later.as_bytes())), None);
     }
 }
 
 /// What serde-json-core takes for JSON, and what it reads null as.
 #[test]
 fn replies_are_json() {
-    let good = br#"{"v":1,"id":null,"answer":{"hello":{"firmware":"f","board":"b","machine":"0000000000000001","table":"0000000000000002","period_s":0.5,"ticks_hz":1,"travel_min_m":[1,2,3],"travel_max_m":[4,5,6],"max_command_bytes":1,"input_bytes":2,"stack_bytes":3}}}"#;
-    assert!(Reply::<f64>::parse(good).is_some());
+    let good = br#"{"v":2,"id":null,"answer":{"hello":{"firmware":"f","board":"b","machine":"0000000000000001","table":"0000000000000002","period_s":0.5,"ticks_hz":1,"travel_min_m":[1,2,3],"travel_max_m":[4,5,6],"max_command_bytes":1,"input_bytes":2,"stack_bytes":3}}}"#;
+    assert!(Reply::<f64>::parse(&line_of(good)).is_some());
     let good = std::str::from_utf8(good).unwrap();
     for (from, to) in [
         ("\"f\"", "\"f\0\""),
@@ -117,6 +143,6 @@ fn replies_are_json() {
         ("[4,5,6]", "[+4,5,6]"),
     ] {
         let bad = good.replacen(from, to, 1);
-        assert_eq!(Reply::<f64>::parse(bad.as_bytes()), None, "{bad}");
+        assert_eq!(Reply::<f64>::parse(&line_of(bad.as_bytes())), None, "{bad}");
     }
 }

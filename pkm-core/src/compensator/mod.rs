@@ -39,7 +39,7 @@ use crate::correction::{CorrectionError, CorrectionTable};
 use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::StiffnessError;
+use crate::stiffness::{LoadHistory, StiffnessError};
 use crate::types::{Domain, Pose, Wrench};
 
 use load::LoadFilter;
@@ -109,8 +109,6 @@ impl From<ToolDeflectionError> for Fault {
         match e {
             ToolDeflectionError::Tool(e) => Self::Tool(e),
             ToolDeflectionError::Stiffness(e) => Self::Correction(e),
-            // of `FiveAxis::compensated` alone, which iterates
-            ToolDeflectionError::NotConverged => Self::Compensation(CompensationError::Singular),
         }
     }
 }
@@ -181,6 +179,8 @@ pub struct Compensator<T, const JOINTS: usize> {
     gain: T,
     outside_box: OutsideBox,
     load: LoadFilter<T>,
+    /// Of the load that is compensated, for friction.
+    history: LoadHistory<T>,
     /// Of each joint.
     largest: SVector<T, JOINTS>,
     /// Of each joint in a period.
@@ -214,6 +214,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             gain: T::from_f64(settings.gain),
             outside_box: settings.outside_box,
             load: LoadFilter::new(settings),
+            history: LoadHistory::new(),
             largest: each(settings.max_screw_m, settings.max_wrist_rad),
             longest_step: each(screw_step, wrist_step),
             joints: SVector::zeros(),
@@ -228,6 +229,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     /// Back to no offset and no load at once, as after [`new`](Self::new). The offset steps: for drives that are off.
     pub fn reset(&mut self) {
         self.load.reset();
+        self.history = LoadHistory::new();
         self.joints = SVector::zeros();
     }
 
@@ -236,7 +238,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         &mut self,
         domain: Domain,
         reading: &Reading<T>,
-        offsets: impl FnOnce(&Load<T>) -> Result<SVector<T, JOINTS>, Fault>,
+        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<SVector<T, JOINTS>, Fault>,
     ) -> Offset<T, JOINTS> {
         let (target, fault) = self.target(domain, reading, offsets);
         let (joints, limit) = self.approach(target);
@@ -249,11 +251,12 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         &mut self,
         domain: Domain,
         reading: &Reading<T>,
-        offsets: impl FnOnce(&Load<T>) -> Result<SVector<T, JOINTS>, Fault>,
+        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<SVector<T, JOINTS>, Fault>,
     ) -> (SVector<T, JOINTS>, Option<Fault>) {
         let none = SVector::zeros();
         if !reading.enabled {
             self.load.forget_load();
+            self.history = LoadHistory::new();
             return (none, None);
         }
         let (wrench, rise_k, fault) = self.load.update(reading);
@@ -261,7 +264,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             (Domain::Outside, OutsideBox::Hold) => (self.joints, Some(Fault::OutsideBox)),
             (Domain::Outside, OutsideBox::Fade) => (none, Some(Fault::OutsideBox)),
             (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
-                match offsets(&Load { wrench, gain: self.gain, rise_k }) {
+                match offsets(&Load { wrench, gain: self.gain, rise_k }, &mut self.history) {
                     Ok(joints) => (joints, fault),
                     Err(fault) => (none, Some(fault)),
                 }
@@ -287,22 +290,23 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     }
 }
 
-/// What to add to the screw lengths of a pose: `gain` times the deflection under a load on the tip, and all of the thermal growth.
+/// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip, and all of the thermal
+/// growth.
 fn offsets<T: Scalar>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     pose: &Pose<T>,
     tip_m: Vector3<T>,
-    wrench_at_tip: &Wrench<T>,
-    gain: T,
-    rise_k: T,
+    load: &Load<T>,
+    history: &mut LoadHistory<T>,
 ) -> Result<Vector3<T>, Fault> {
     let posture = &match machine.posture(pose) {
         Ok(posture) => posture,
         Err(e) => return Err(CorrectionError::from(e).into()),
     };
-    let loaded = compensation::deflection_at(machine, Some(table), pose, posture, &wrench_at_tip.moved_to_a(tip_m))?;
-    let moved = loaded.times(gain).plus(&machine.thermal_deflection_at(posture, rise_k)?);
+    let wrench = &load.wrench.moved_to_a(tip_m);
+    let loaded = compensation::deflection_at(machine, Some(table), pose, posture, wrench, Some(history))?;
+    let moved = loaded.times(load.gain).plus(&machine.thermal_deflection_at(posture, load.rise_k)?);
     Ok(machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q)
 }
 
@@ -323,9 +327,7 @@ impl<T: Scalar> Compensator<T, 3> {
         tip_m: Vector3<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
-        self.step(table.domain(pose), reading, |load| {
-            offsets(machine, table, pose, tip_m, &load.wrench, load.gain, load.rise_k)
-        })
+        self.step(table.domain(pose), reading, |load, history| offsets(machine, table, pose, tip_m, load, history))
     }
 }
 
@@ -343,8 +345,8 @@ impl<T: Scalar> Compensator<T, 5> {
         configuration: &Configuration<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
-        self.step(table.domain(&configuration.pose), reading, |load| {
-            Ok(five.offsets(table, configuration, &load.wrench, load.gain, load.rise_k)?)
+        self.step(table.domain(&configuration.pose), reading, |load, history| {
+            Ok(five.offsets(table, configuration, &load.wrench, load.gain, load.rise_k, history)?)
         })
     }
 }

@@ -1,6 +1,6 @@
 //! The effects of one machine in its number type.
 
-use super::elements::ActiveElements;
+use super::active_elements::ActiveElements;
 use super::{COUNT, Effects, MAX_ELEMENTS, MAX_PARAMETERS};
 use crate::checksum::{over_numbers, over_numbers_f32};
 use crate::scalar::Scalar;
@@ -33,16 +33,17 @@ impl<T: Scalar> ActiveEffects<T> {
 macro_rules! active_effects {
     ($t:ty, $over:path) => {
         impl ActiveEffects<$t> {
-            pub const fn new(effects: &Effects) -> Self {
-                let mut new = Self {
-                    active: 0,
-                    parameters: [[0.0; MAX_PARAMETERS]; COUNT],
-                    elements: ActiveElements::<$t>::new(&effects.elements),
-                };
+            /// The basic model.
+            pub const NONE: Self =
+                Self { active: 0, parameters: [[0.0; MAX_PARAMETERS]; COUNT], elements: ActiveElements::<$t>::NONE };
+
+            /// Turns the basic model into one with effects and elements.
+            pub const fn set(&mut self, effects: &Effects) {
                 let mut i = 0;
                 while i < MAX_ELEMENTS {
-                    if effects.elements[i].is_some() {
-                        new.active |= ELEMENTS;
+                    if let Some(element) = &effects.elements[i] {
+                        self.elements.set(i, element);
+                        self.active |= ELEMENTS;
                     }
                     i += 1;
                 }
@@ -50,13 +51,12 @@ macro_rules! active_effects {
                 while i < COUNT * MAX_PARAMETERS {
                     let (effect, parameter) = (i / MAX_PARAMETERS, i % MAX_PARAMETERS);
                     let value = effects.parameters[effect][parameter];
-                    new.parameters[effect][parameter] = value as $t;
+                    self.parameters[effect][parameter] = value as $t;
                     if value != 0.0 {
-                        new.active |= 1 << effect;
+                        self.active |= 1 << effect;
                     }
                     i += 1;
                 }
-                new
             }
 
             /// Takes its numbers as they are in memory into a checksum.

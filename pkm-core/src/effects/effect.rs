@@ -1,6 +1,6 @@
 //! What an effect may change in the model.
 
-use super::{EffectInfo, MAX_PARAMETERS, ends_with};
+use super::{EffectInfo, MAX_PARAMETERS, ends_with, is_play_or_lag};
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
@@ -13,6 +13,8 @@ const fn limits_by_unit(names: &[&str]) -> [f64; MAX_PARAMETERS] {
         let name = names[i].as_bytes();
         limits[i] = if ends_with(name, b"per_nm2") {
             1e3
+        } else if is_play_or_lag(name) {
+            1e-2
         } else if ends_with(name, b"per_n") || ends_with(name, b"per_nm") {
             1e-3
         } else {
@@ -53,9 +55,9 @@ pub(crate) trait Effect {
         T::ZERO
     }
 
-    /// The part of a limb's elongation that depends on where the loading last turned, in m: from the tensions of the
-    /// linear model under the load and under the load there. Asked for when [`DEPENDS_ON_LOAD`](Self::DEPENDS_ON_LOAD).
-    fn lag<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _tension: T, _turned_at: T) -> T {
+    /// The part of a limb's elongation that depends on where the loading turned, in m: from the tensions of the
+    /// linear model under the load and at the turns, the outermost first. Asked for when [`DEPENDS_ON_LOAD`](Self::DEPENDS_ON_LOAD).
+    fn lag<T: Scalar>(_parameters: &[T; MAX_PARAMETERS], _tension: T, _turns: &[T]) -> T {
         T::ZERO
     }
 

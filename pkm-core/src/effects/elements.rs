@@ -1,18 +1,20 @@
 //! Elements: compliances that are on no list, each a place, a motion and a law (`[[element]]` of a machine file).
 //!
-//! An element sees one component of the forces and moments that pass at its place, a linear function s = aᵀλ of the
-//! transmitted wrenches λ, and yields by c·s in the direction that does work with it: it adds c a aᵀ to the compliance
-//! there. A law says how c changes with the limb's length and the temperature. Under the laws that depend on the load
+//! An element sees one component of the forces and moments that pass at its place, or a sum of several, a linear function
+//! s = aᵀλ of the transmitted wrenches λ, and yields by c·s in the direction that does work with it: it adds c a aᵀ to the
+//! compliance there. A law says how c changes with the limb's length and the temperature. Under the laws that depend on the load
 //! the elongation of a limb is no multiple of its force; they add to the deflection, not to the stiffness.
 
-use super::{MAX_PARAMETERS, ends_with, load_dependent, same};
-use crate::checksum::{over_byte, over_numbers, over_numbers_f32, over_text};
-use crate::elastic::Limb;
-use crate::linalg::axes;
-use crate::scalar::Scalar;
+use super::{ends_with, is_play_or_lag, same};
 
 /// Most elements that a machine has.
 pub const MAX_ELEMENTS: usize = 8;
+
+/// Most parameters that an element has.
+pub const MAX_ELEMENT_PARAMETERS: usize = 16;
+
+/// Weights of a coupled element are kept as multiples of 1/4096: 2⁻¹⁶ of the greatest that is allowed, 8.
+pub const WEIGHT_STEPS: f64 = 4096.0;
 
 /// Where an element sits. Limbs count from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,6 +80,14 @@ pub enum Motion {
     Ry,
     /// About z.
     Rz,
+    /// Of any place: by a sum s of all forces (weights without unit) and moments (weights in 1/m) that pass there, each weight
+    /// below 8 and rounded to 1/4096. Several such elements are any compliance of a place.
+    ///
+    /// Of joints the forces and moments along and about their axes x, y, z; of a body the wrenches that the limb
+    /// transmits (axial force, force across, couple; limb 3 has no couple); of the moving platform the forces on it at A₁, A₂,
+    /// A₃ along u, v, w, and the moments at A₁ and A₂; of the base the forces at B₁, B₂, B₃ along x, y, z of B, and the
+    /// moments there about x and z; of the tool force and moment at A along and about u, v, w.
+    Coupled,
 }
 
 /// What an element's compliance depends on.
@@ -108,7 +118,7 @@ pub struct Element {
     /// By what law.
     pub law: Law,
     /// SI, in the order of [`parameter_names`](Self::parameter_names), then zeros. Any sign.
-    pub parameters: [f64; MAX_PARAMETERS],
+    pub parameters: [f64; MAX_ELEMENT_PARAMETERS],
 }
 
 /// Why an element is none. Its parameters are checked apart.
@@ -177,15 +187,64 @@ impl Place {
         }
     }
 
-    /// The motions that it may have; of a limb all four, of anything else three translations and then three rotations.
+    /// The motions that it may have; of a limb its four, of anything else three translations and then three rotations; last
+    /// [`Motion::Coupled`].
     pub const fn motions(self) -> &'static [Motion] {
-        use Motion::{Axial, Lateral, Ru, Rv, Rw, Rx, Ry, Rz, Tilting, Torsion, U, V, W, X, Y, Z};
+        use Motion::{Axial, Coupled, Lateral, Ru, Rv, Rw, Rx, Ry, Rz, Tilting, Torsion, U, V, W, X, Y, Z};
         match self {
             Self::BaseJoint { .. } | Self::Body { .. } | Self::PlatformJoint { .. } => {
-                &[Axial, Lateral, Tilting, Torsion]
+                &[Axial, Lateral, Tilting, Torsion, Coupled]
             }
-            Self::MovingPlatform | Self::Tool => &[U, V, W, Ru, Rv, Rw],
-            Self::Base => &[X, Y, Z, Rx, Ry, Rz],
+            Self::MovingPlatform | Self::Tool => &[U, V, W, Ru, Rv, Rw, Coupled],
+            Self::Base => &[X, Y, Z, Rx, Ry, Rz, Coupled],
+        }
+    }
+
+    /// Names of the parameters of a coupled element.
+    const fn coupled_names(self) -> &'static [&'static str] {
+        match self {
+            Self::BaseJoint { .. } | Self::PlatformJoint { .. } => {
+                &["compliance_m_per_n", "x", "y", "z", "rx_per_m", "ry_per_m", "rz_per_m"]
+            }
+            Self::Body { limb: 3 } => &["compliance_m_per_n", "axial", "across"],
+            Self::Body { .. } => &["compliance_m_per_n", "axial", "across", "couple_per_m"],
+            Self::MovingPlatform => &[
+                "compliance_m_per_n",
+                "a1_u",
+                "a1_v",
+                "a1_w",
+                "a2_u",
+                "a2_v",
+                "a2_w",
+                "a3_u",
+                "a3_v",
+                "a3_w",
+                "a1_ru_per_m",
+                "a1_rv_per_m",
+                "a1_rw_per_m",
+                "a2_ru_per_m",
+                "a2_rv_per_m",
+                "a2_rw_per_m",
+            ],
+            Self::Base => &[
+                "compliance_m_per_n",
+                "b1_x",
+                "b1_y",
+                "b1_z",
+                "b2_x",
+                "b2_y",
+                "b2_z",
+                "b3_x",
+                "b3_y",
+                "b3_z",
+                "b1_rx_per_m",
+                "b1_rz_per_m",
+                "b2_rx_per_m",
+                "b2_rz_per_m",
+                "b3_rx_per_m",
+                "b3_rz_per_m",
+            ],
+            Self::Tool => &["compliance_m_per_n", "u", "v", "w", "ru_per_m", "rv_per_m", "rw_per_m"],
         }
     }
 }
@@ -210,6 +269,7 @@ impl Motion {
             Self::Rx => "rx",
             Self::Ry => "ry",
             Self::Rz => "rz",
+            Self::Coupled => "coupled",
         }
     }
 
@@ -257,6 +317,9 @@ impl Law {
 impl Element {
     /// Names of its parameters with units, as in files.
     pub const fn parameter_names(&self) -> &'static [&'static str] {
+        if matches!(self.motion, Motion::Coupled) {
+            return self.place.coupled_names();
+        }
         match (self.law, self.motion.is_rotation()) {
             (Law::Constant, false) => &["compliance_m_per_n"],
             (Law::Constant, true) => &["compliance_rad_per_nm"],
@@ -288,7 +351,7 @@ impl Element {
         let mut i = 0;
         while i < motions.len() {
             if same(motions[i].name().as_bytes(), motion.as_bytes()) {
-                let mut element = Self { place, motion: motions[i], law, parameters: [0.0; MAX_PARAMETERS] };
+                let mut element = Self { place, motion: motions[i], law, parameters: [0.0; MAX_ELEMENT_PARAMETERS] };
                 if element.misfit().is_some() {
                     return None;
                 }
@@ -325,8 +388,9 @@ impl Element {
         if !known {
             Some(Misfit::Motion)
         } else if match self.law {
-            Law::Constant | Law::Temperature => true,
-            Law::Extension | Law::Periodic => of_limb,
+            Law::Constant => true,
+            Law::Temperature => !matches!(self.motion, Motion::Coupled),
+            Law::Extension | Law::Periodic => of_limb && !matches!(self.motion, Motion::Coupled),
             Law::Load | Law::Direction => of_limb && matches!(self.motion, Motion::Axial),
         } {
             None
@@ -341,200 +405,21 @@ impl Element {
         if parameter >= names.len() {
             return 0.0;
         }
+        if parameter > 0 && matches!(self.motion, Motion::Coupled) {
+            return 8.0 - 0.5 / WEIGHT_STEPS;
+        }
         let name = names[parameter].as_bytes();
         let compliance = ends_with(name, b"per_n")
             || ends_with(name, b"per_nm")
             || ends_with(name, b"per_n2")
             || ends_with(name, b"per_n3")
             || ends_with(name, b"per_k");
-        if compliance { 1e-3 } else { 1e6 }
-    }
-}
-
-/// The elements of one machine, ready to be applied.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ActiveElements<T> {
-    list: [Option<Active<T>>; MAX_ELEMENTS],
-    /// Above 20 °C.
-    warmer_k: T,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Active<T> {
-    place: Place,
-    motion: Motion,
-    law: Law,
-    parameters: [T; MAX_PARAMETERS],
-}
-
-macro_rules! active_elements {
-    ($t:ty, $over:path) => {
-        impl ActiveElements<$t> {
-            pub const fn new(elements: &[Option<Element>; MAX_ELEMENTS]) -> Self {
-                let mut list = [None; MAX_ELEMENTS];
-                let mut i = 0;
-                while i < MAX_ELEMENTS {
-                    if let Some(Element { place, motion, law, parameters: [a, b, c, d, e, f] }) = elements[i] {
-                        let parameters = [a as $t, b as $t, c as $t, d as $t, e as $t, f as $t];
-                        list[i] = Some(Active { place, motion, law, parameters });
-                    }
-                    i += 1;
-                }
-                Self { list, warmer_k: 0.0 }
-            }
-
-            /// Takes its numbers as they are in memory into a checksum.
-            pub const fn checksum(&self, hash: u64) -> u64 {
-                let mut hash = $over(hash, &[self.warmer_k]);
-                let mut i = 0;
-                while i < MAX_ELEMENTS {
-                    if let Some(Active { place, motion, law, parameters }) = &self.list[i] {
-                        let place = match place.name() {
-                            Some(name) => name,
-                            None => "",
-                        };
-                        hash = over_text(over_byte(hash, i as u8), place);
-                        hash = $over(over_byte(over_byte(hash, *motion as u8), *law as u8), parameters);
-                    }
-                    i += 1;
-                }
-                hash
-            }
+        if compliance {
+            1e-3
+        } else if is_play_or_lag(name) {
+            1e-2
+        } else {
+            1e6
         }
-    };
-}
-
-active_elements!(f32, over_numbers_f32);
-active_elements!(f64, over_numbers);
-
-/// sin 2πt by its series up to the 17th power on a quarter turn, within 1e-13 in `f64` and 3e-7 in `f32` for few turns. Not
-/// `libm`'s: that takes 1 KB of stack where the stack is deepest, to reduce angles of any size.
-fn sine_of_turns<T: Scalar>(turns: T) -> T {
-    /// 1/n!, with alternating signs, from n = 17 down to 1.
-    const SERIES: [f64; 9] = [
-        1.0 / 355_687_428_096_000.0,
-        -1.0 / 1_307_674_368_000.0,
-        1.0 / 6_227_020_800.0,
-        -1.0 / 39_916_800.0,
-        1.0 / 362_880.0,
-        -1.0 / 5_040.0,
-        1.0 / 120.0,
-        -1.0 / 6.0,
-        1.0,
-    ];
-    let (half, quarter) = (T::from_f64(0.5), T::from_f64(0.25));
-    let within = turns - (turns + half).floor();
-    let folded = if within > quarter {
-        half - within
-    } else if within < -quarter {
-        -half - within
-    } else {
-        within
-    };
-    let x = T::from_f64(core::f64::consts::TAU) * folded;
-    let square = x * x;
-    SERIES.iter().fold(T::ZERO, |sum, c| sum * square + T::from_f64(*c)) * x
-}
-
-impl<T: Scalar> Active<T> {
-    /// At a length of the limb, m, and a temperature, K above 20 °C; 0 under a law of the load.
-    fn compliance(&self, q: T, warmer_k: T) -> T {
-        let [c, first, second, third, ..] = self.parameters;
-        match self.law {
-            Law::Constant => c,
-            Law::Extension => {
-                let x = q - third;
-                c + x * (first + x * second)
-            }
-            Law::Periodic => c + first * sine_of_turns(q / second + third * T::from_f64(0.5 / core::f64::consts::PI)),
-            Law::Temperature => c * warmer_k,
-            Law::Load | Law::Direction => T::ZERO,
-        }
-    }
-
-    fn is_in_limb(&self, index: usize) -> bool {
-        self.place.limb().is_some_and(|limb| usize::from(limb) == index + 1)
-    }
-}
-
-impl<T: Scalar> ActiveElements<T> {
-    fn iter(&self) -> impl Iterator<Item = &Active<T>> {
-        self.list.iter().flatten()
-    }
-
-    /// Whether any depends on the load.
-    pub fn depend_on_load(&self) -> bool {
-        self.iter().any(|element| element.law.depends_on_load())
-    }
-
-    /// Whether any depends on the temperature.
-    pub fn depend_on_temperature(&self) -> bool {
-        self.iter().any(|element| element.law == Law::Temperature)
-    }
-
-    /// Sets the temperature, K above 20 °C.
-    pub fn set_temperature(&mut self, warmer_k: T) {
-        self.warmer_k = warmer_k;
-    }
-
-    /// Adds the compliances inside a limb.
-    pub fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
-        let o = T::ZERO;
-        for element in self.iter().filter(|element| element.is_in_limb(limb.index)) {
-            let c = element.compliance(limb.q, self.warmer_k);
-            let at = if let Place::PlatformJoint { .. } = element.place { &limb.platform } else { &limb.base };
-            match (element.motion, element.place) {
-                (Motion::Tilting, Place::Body { .. }) => {
-                    let bending = c / limb.q;
-                    let [x, ..] = axes(&limb.axes);
-                    limb.chain.add_beam(&limb.base, &limb.platform, &x, [o, bending, bending, o]);
-                }
-                (motion, _) => {
-                    let along = |of: Motion| if motion == of { c } else { o };
-                    let (across, tilting) = (along(Motion::Lateral), along(Motion::Tilting));
-                    let compliance = [across, across, along(Motion::Axial), tilting, tilting, along(Motion::Torsion)];
-                    limb.chain.add_joint(at, &limb.axes, compliance);
-                }
-            }
-        }
-    }
-
-    /// Calls `add` with the compliances at a place outside the limbs, along and about its axes, if there are any.
-    pub fn at(&self, place: Place, add: impl FnOnce([T; 6])) {
-        let mut sum = [T::ZERO; 6];
-        let mut any = false;
-        for element in self.iter().filter(|element| element.place == place) {
-            for (sum, motion) in sum.iter_mut().zip(place.motions()) {
-                if element.motion == *motion {
-                    *sum += element.compliance(T::ZERO, self.warmer_k);
-                    any = true;
-                }
-            }
-        }
-        if any {
-            add(sum);
-        }
-    }
-
-    /// Elongation of a limb (0, 1, 2) under tension.
-    pub fn elongation(&self, limb: usize, tension: T) -> T {
-        let mut sum = T::ZERO;
-        for element in self.iter().filter(|element| element.law == Law::Load && element.is_in_limb(limb)) {
-            let [asymmetric, even, odd, cubic, play, taken_up] = element.parameters;
-            let size = tension.abs();
-            sum += asymmetric * size + tension * (even * tension + odd * size + cubic * tension * tension);
-            sum += load_dependent::taken_up(play, taken_up, tension);
-        }
-        sum
-    }
-
-    /// What lags behind the load in a limb's elongation.
-    pub fn lag(&self, limb: usize, tension: T, turned_at: T) -> T {
-        let mut sum = T::ZERO;
-        for element in self.iter().filter(|element| element.law == Law::Direction && element.is_in_limb(limb)) {
-            let [fixed, growing, reversal, ..] = element.parameters;
-            sum += load_dependent::lagging([fixed, growing, reversal], tension, turned_at);
-        }
-        sum
     }
 }

@@ -8,14 +8,26 @@ pub(super) fn taken_up<T: Scalar>(play: T, within: T, tension: T) -> T {
     half * tension / (tension * tension + width * width).sqrt()
 }
 
-/// A lag with a fixed part and one that grows with the load, built up within some force (at least 1 N) after the loading
-/// has turned.
-pub(super) fn lagging<T: Scalar>([fixed, growing, reversal]: [T; 3], tension: T, turned_at: T) -> T {
+/// A lag with a fixed part and one that grows with the load, built up within some force (at least 1 N). After each turn it
+/// follows the curve of the first loading from there at twice its size (Masing); beyond the first turn, that curve itself.
+pub(super) fn lagging<T: Scalar>([fixed, growing, reversal]: [T; 3], tension: T, turns: &[T]) -> T {
     let width = if reversal > T::ONE { reversal } else { T::ONE };
-    let (here, there) = (tension.abs(), turned_at.abs());
-    let most = fixed + growing * if here > there { here } else { there };
-    let x = (tension - turned_at) / width;
-    -(most * x / (T::ONE + x * x).sqrt())
+    let first_loading = |tension: T| {
+        let x = tension / width;
+        x / (T::ONE + x * x).sqrt()
+    };
+    let most = |tension: T| fixed + growing * tension.abs();
+    let outermost = turns.first().copied().unwrap_or(T::ZERO);
+    if tension.abs() >= outermost.abs() {
+        return -(most(tension) * first_loading(tension));
+    }
+    let (half, two) = (T::from_f64(0.5), T::from_f64(2.0));
+    let (mut sum, mut from) = (first_loading(outermost), outermost);
+    for to in turns.iter().skip(1).chain([&tension]) {
+        sum += two * first_loading(half * (*to - from));
+        from = *to;
+    }
+    -(most(outermost) * sum)
 }
 
 /// Free play in the force path of every limb: half of it is taken up either way, within some `taken_up_n`
@@ -57,8 +69,8 @@ impl Effect for FrictionHysteresis {
         EffectInfo { id: "friction-hysteresis", parameters: &["lag_m", "lag_m_per_n", "reversal_n"], signed: false };
     const DEPENDS_ON_LOAD: bool = true;
 
-    fn lag<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T, turned_at: T) -> T {
+    fn lag<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T, turns: &[T]) -> T {
         let [fixed, growing, reversal, ..] = *p;
-        lagging([fixed, growing, reversal], tension, turned_at)
+        lagging([fixed, growing, reversal], tension, turns)
     }
 }

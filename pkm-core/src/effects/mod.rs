@@ -6,6 +6,7 @@
 //! [`id`](EffectInfo::id). What is on no list is an [`Element`]: a place, a motion and a law.
 
 mod active;
+mod active_elements;
 mod effect;
 mod elements;
 mod parameters;
@@ -16,10 +17,12 @@ pub(crate) use active::ActiveEffects;
 use effect::Effect;
 pub(crate) use effect::Size;
 pub(crate) use elements::Misfit;
-pub use elements::{Element, Law, MAX_ELEMENTS, Motion, Place};
+pub use elements::{Element, Law, MAX_ELEMENT_PARAMETERS, MAX_ELEMENTS, Motion, Place, WEIGHT_STEPS};
 pub use parameters::Effects;
 
-use crate::elastic::Limb;
+use nalgebra::Matrix3;
+
+use crate::elastic::{Chain, Limb, LimbFrame};
 use crate::scalar::Scalar;
 
 /// Most parameters that an effect has.
@@ -42,6 +45,11 @@ const fn ends_with(text: &[u8], end: &[u8]) -> bool {
     }
     let (_, tail) = text.split_at(text.len() - end.len());
     same(tail, end)
+}
+
+/// Names of lengths that are small beside a machine: 10 mm are far beyond any.
+const fn is_play_or_lag(name: &[u8]) -> bool {
+    same(name, b"play_m") || same(name, b"lag_m")
 }
 
 /// `==` of slices does not work in a `const fn`.

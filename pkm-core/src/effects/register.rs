@@ -36,6 +36,29 @@ macro_rules! effects {
                 }
             }
 
+            /// Whether any element but at the tool is coupled.
+            pub(crate) fn are_coupled(&self) -> bool {
+                self.has_elements() && self.elements.are_coupled()
+            }
+
+            /// Adds what the coupled elements have between all limbs.
+            pub(crate) fn couple(
+                &self,
+                frame: impl Fn(usize) -> LimbFrame<T>,
+                length: impl Fn(usize) -> T,
+                base: &Matrix3<T>,
+                limbs: &mut Chain<T, 8>,
+            ) {
+                self.elements.coupled(frame, length, base, limbs);
+            }
+
+            /// Calls `add` with what A moves by, and the compliance, of each coupled element at the tool.
+            pub(crate) fn coupled_at_tool(&self, add: impl FnMut([T; 6], T)) {
+                if self.has_elements() {
+                    self.elements.coupled_at_tool(add);
+                }
+            }
+
             /// Whether anything active depends on the load.
             pub(crate) fn depend_on_load(&self) -> bool {
                 const MASK: u32 =
@@ -43,8 +66,13 @@ macro_rules! effects {
                 self.active & MASK != 0 || self.has_elements() && self.elements.depend_on_load()
             }
 
-            /// Elongation of a limb (0, 1, 2) under tension beyond the linear one.
+            /// Elongation of a limb (0, 1, 2) beyond the linear one, by a tension on top of its preload.
             pub(crate) fn elongation(&self, limb: usize, tension: T) -> T {
+                let before = self.tension(limb);
+                self.elongation_from_zero(limb, before + tension) - self.elongation_from_zero(limb, before)
+            }
+
+            fn elongation_from_zero(&self, limb: usize, tension: T) -> T {
                 let mut sum = T::ZERO;
                 $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
                     sum += $module::$name::elongation(&self.parameters[Index::$name as usize], tension);
@@ -53,12 +81,12 @@ macro_rules! effects {
             }
 
             /// What lags behind the load in a limb's elongation.
-            pub(crate) fn lag(&self, limb: usize, tension: T, turned_at: T) -> T {
+            pub(crate) fn lag(&self, limb: usize, tension: T, turns: &[T]) -> T {
                 let mut sum = T::ZERO;
                 $($(if <$module::$name as Effect>::DEPENDS_ON_LOAD && self.active & (1 << Index::$name as u32) != 0 {
-                    sum += $module::$name::lag(&self.parameters[Index::$name as usize], tension, turned_at);
+                    sum += $module::$name::lag(&self.parameters[Index::$name as usize], tension, turns);
                 })+)+
-                if self.has_elements() { sum + self.elements.lag(limb, tension, turned_at) } else { sum }
+                if self.has_elements() { sum + self.elements.lag(limb, tension, turns) } else { sum }
             }
 
             /// Tension in a limb before any load.

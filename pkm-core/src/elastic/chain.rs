@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 use crate::linalg::{Lower, NotPositiveDefinite, axes, length};
 use crate::scalar::Scalar;
 
-/// One limb: the `N` wrenches it transmits, at A in A-uvw, and the compliance they meet.
+/// The `N` wrenches that a limb, or all three, transmit, at A in A-uvw, and the compliance they meet.
 pub(crate) struct Chain<T, const N: usize> {
     pub wrenches: [[T; 6]; N],
     /// Hᵀ C H, lower triangle.
@@ -33,29 +33,35 @@ macro_rules! split {
 split!(3, 2);
 split!(2, 1);
 
-impl<T: Scalar> Chain<T, 6> {
-    /// Puts limb 1 (`LIMB` = 0) or 2 beside the other, for what couples them.
-    pub fn put<const LIMB: usize>(&mut self, limb: &Chain<T, 3>) {
-        for i in 0..3 {
-            self.wrenches[3 * LIMB + i] = limb.wrenches[i];
+impl<T: Scalar> Chain<T, 8> {
+    /// Puts a limb beside the others, for what couples them: its first wrench becomes number `FIRST`.
+    pub fn put<const FIRST: usize, const N: usize>(&mut self, limb: &Chain<T, N>) {
+        for i in 0..N {
+            self.wrenches[FIRST + i] = limb.wrenches[i];
             for j in 0..=i {
-                self.compliance[3 * LIMB + i][3 * LIMB + j] = limb.compliance[i][j];
+                self.compliance[FIRST + i][FIRST + j] = limb.compliance[i][j];
             }
         }
     }
 
-    /// Both limbs' bases, or their ends, move along an axis by `compliance` times the sum of their forces along it, the second
-    /// limb's taken with the sign.
-    pub fn add_mode(&mut self, axis: Vector3<T>, sign: T, compliance: T) {
-        let mut forces = [T::ZERO; 6];
-        for (i, (seen, wrench)) in forces.iter_mut().zip(&self.wrenches).enumerate() {
-            *seen = force(wrench).dot(&axis) * if i < 3 { T::ONE } else { sign };
-        }
-        for i in 0..6 {
+    /// Something that gives by `compliance` times a linear function s of the wrenches, in the direction that does work with it:
+    /// D += c a aᵀ, `seen` is a.
+    pub fn add_seen(&mut self, seen: &[T; 8], compliance: T) {
+        for i in 0..8 {
             for j in 0..=i {
-                self.compliance[i][j] += compliance * forces[i] * forces[j];
+                self.compliance[i][j] += compliance * seen[i] * seen[j];
             }
         }
+    }
+
+    /// The bases of limbs 1 and 2, or their ends, move along an axis by `compliance` times the sum of their forces along it, the
+    /// second limb's taken with the sign.
+    pub fn add_mode(&mut self, axis: Vector3<T>, sign: T, compliance: T) {
+        let mut forces = [T::ZERO; 8];
+        for (i, (seen, wrench)) in forces.iter_mut().zip(&self.wrenches).take(6).enumerate() {
+            *seen = force(wrench).dot(&axis) * if i < 3 { T::ONE } else { sign };
+        }
+        self.add_seen(&forces, compliance);
     }
 }
 

@@ -27,3 +27,14 @@ pub(crate) struct Limb<'a, T, const N: usize> {
     /// Where compliance is added.
     pub chain: &'a mut Chain<T, N>,
 }
+
+/// Joints of one limb at a pose, in A-uvw with A as the origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimbFrame<T> {
+    /// Length B_i A_i, m.
+    pub length_m: T,
+    /// B_i and A_i, m.
+    pub joints_m: [Vector3<T>; 2],
+    /// Unit vectors x, y, z of the base joint, and of body and platform joint, as columns.
+    pub axes: [Matrix3<T>; 2],
+}

@@ -10,4 +10,5 @@ mod series;
 
 pub(crate) use chain::{ALL, Chain};
 pub(crate) use limb::Limb;
-pub(crate) use series::Series;
+pub use limb::LimbFrame;
+pub(crate) use series::{Series, soften};

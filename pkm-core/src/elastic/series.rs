@@ -21,42 +21,49 @@ impl<T: Scalar> Series<T> {
         Self { at: Vector3::zeros(), axes: Matrix3::identity(), compliance }
     }
 
-    /// K := (K⁻¹ + C)⁻¹, a direction at a time (Sherman and Morrison). Lower triangle. False when a negative compliance
-    /// leaves it not positive definite.
+    /// K := (K⁻¹ + C)⁻¹, a direction at a time. Lower triangle. False when a negative compliance leaves it not positive
+    /// definite.
     #[must_use]
     pub fn soften(&self, k: &mut Lower<T>) -> bool {
-        let (o, k) = (T::ZERO, &mut k.data.0);
+        let o = T::ZERO;
         let mut definite = true;
         for (axis, (linear, angular)) in
             axes(&self.axes).iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
         {
             let [x, y, z] = (*axis).into();
             let [rx, ry, rz] = self.at.cross(axis).into();
-            // displacement of A when the spring gives by one unit
             for (compliance, motion) in [(*linear, [x, y, z, o, o, o]), (*angular, [rx, ry, rz, x, y, z])] {
-                if compliance == o {
-                    continue;
-                }
-                let mut force = [o; 6];
-                for i in 0..6 {
-                    for j in 0..6 {
-                        force[i] += if j <= i { k[j][i] } else { k[i][j] } * motion[j];
-                    }
-                }
-                let mut work = o;
-                for i in 0..6 {
-                    work += force[i] * motion[i];
-                }
-                let share = T::ONE / (T::ONE / compliance + work);
-                // det K changes by the factor 1 + compliance × work, which must stay positive
-                definite &= compliance > o || !(share > o);
-                for i in 0..6 {
-                    for j in 0..=i {
-                        k[j][i] -= share * force[i] * force[j];
-                    }
-                }
+                definite &= soften(k, motion, compliance);
             }
         }
         definite
     }
+}
+
+/// K := (K⁻¹ + c m mᵀ)⁻¹ (Sherman and Morrison), with m what A moves by when the spring gives by one unit. Lower triangle. False
+/// when a negative compliance leaves it not positive definite.
+#[must_use]
+pub(crate) fn soften<T: Scalar>(k: &mut Lower<T>, motion: [T; 6], compliance: T) -> bool {
+    let (o, k) = (T::ZERO, &mut k.data.0);
+    if compliance == o {
+        return true;
+    }
+    let mut force = [o; 6];
+    for i in 0..6 {
+        for j in 0..6 {
+            force[i] += if j <= i { k[j][i] } else { k[i][j] } * motion[j];
+        }
+    }
+    let mut work = o;
+    for i in 0..6 {
+        work += force[i] * motion[i];
+    }
+    let share = T::ONE / (T::ONE / compliance + work);
+    for i in 0..6 {
+        for j in 0..=i {
+            k[j][i] -= share * force[i] * force[j];
+        }
+    }
+    // det K changes by the factor 1 + compliance × work, which must stay positive
+    compliance > o || !(share > o)
 }

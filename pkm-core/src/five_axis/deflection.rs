@@ -9,12 +9,14 @@ use crate::correction::CorrectionTable;
 use crate::kinematics::platform_axes;
 use crate::linalg::{self, axes, length, split, unit};
 use crate::scalar::Scalar;
-use crate::stiffness::{self, Stiffness};
+use crate::stiffness::{self, LoadHistory, Stiffness, StiffnessError};
 use crate::types::{Deflection, Wrench};
 use crate::wrist::Wrist;
 
-/// Most times that [`FiveAxis::compensated`] works out a deflection.
-pub const MAX_DEFLECTIONS: usize = 8;
+/// Most times that [`FiveAxis::compensated`] works out a deflection. Two or three do where K alone yields, four with clearance.
+pub const MAX_DEFLECTIONS: usize = 4;
+/// Most configurations that [`FiveAxis::compensated`] looks at. On a path some six do.
+pub const MAX_COMPENSATION_LOOKS: u8 = 16;
 /// What [`FiveAxis::compensated`] leaves of a deflection, at the most: of the tip's plus home's Z0 times the axis's.
 pub const COMPENSATED_TO: f64 = 1e-4;
 
@@ -74,7 +76,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
     ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
         self.joints(configuration)?;
-        self.deflection_of(table, configuration, wrench)
+        self.deflection_of(table, configuration, wrench, None)
     }
 
     // what is turned before and after it takes no stack while the mechanism's own is worked out
@@ -84,9 +86,11 @@ impl<T: Scalar> FiveAxis<'_, T> {
         table: Option<&CorrectionTable<'_, T>>,
         configuration: &Configuration<T>,
         wrench: &Wrench<T>,
+        history: Option<&mut LoadHistory<T>>,
     ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
         let Configuration { pose, beta_rad } = configuration;
-        let at_a = compensation::deflection(self.machine, table, pose, &self.wrist.wrench_at_a(*beta_rad, wrench))?;
+        let at_a = self.wrist.wrench_at_a(*beta_rad, wrench);
+        let at_a = compensation::deflection(self.machine, table, pose, &at_a, history)?;
         let Deflection { translation_m, rotation_rad } = stiffness::finite(self.seen_at_tip(configuration, &at_a))?;
         Ok(ToolDeflection { translation_m, rotation_rad, domain: table.map(|table| table.domain(pose)) })
     }
@@ -103,13 +107,16 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// The configuration to command so that the loaded tool stands where `tool` asks, tip and axis: the tool is held where
     /// the deflection of the last try takes it from there, until the deflection changes by no more than [`COMPENSATED_TO`].
     ///
+    /// It fits a controller's period: at most [`MAX_DEFLECTIONS`] deflections, and in all of its inverse kinematics together
+    /// [`MAX_COMPENSATION_LOOKS`] configurations. Where these do not do, the best try is given, with what remains of the
+    /// deflection. A machine that does not stand near the tool takes [`inverse`](Self::inverse) first.
+    ///
     /// # Arguments
     /// * `wrench`: on the tool at its tip, in the axes of T_h, which the load turns with.
     /// * `near`: as for [`inverse`](Self::inverse).
     ///
     /// # Errors
-    /// Those of [`inverse`](Self::inverse) and of [`deflection`](Self::deflection), on the way as at its end;
-    /// [`ToolDeflectionError::NotConverged`] after [`MAX_DEFLECTIONS`] tries.
+    /// Those of [`inverse`](Self::inverse) and of [`deflection`](Self::deflection), on the way as at its end.
     pub fn compensated(
         &self,
         table: Option<&CorrectionTable<'_, T>>,
@@ -117,24 +124,31 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
         near: &Configuration<T>,
     ) -> Result<CompensatedTool<T>, ToolDeflectionError> {
-        // by reference: `?` would copy all of it
-        let mut found = self.inverse(tool, near);
-        let hold = match &mut found {
-            Ok(hold) => hold,
+        let mut looks_left = MAX_COMPENSATION_LOOKS;
+        let axis = unit(&tool.axis).ok_or(ToolError::NotFinite)?;
+        let mut hold = match &self.inverse_within(tool, near, &mut looks_left) {
+            Ok(hold) => *hold,
+            // by reference: `?` would copy all of it
             Err(e) => return Err((*e).into()),
         };
-        let mut met = [Vector3::zeros(); 2];
-        for _ in 0..MAX_DEFLECTIONS {
-            match &self.deflection_of(table, &hold.configuration, wrench) {
-                Ok(deflection) => {
-                    if self.is_met(tool, deflection, &mut met, hold)? {
-                        return Ok(CompensatedTool { hold: *hold, deflection: *deflection });
-                    }
-                }
+        let mut undone = [Vector3::zeros(); 2];
+        let mut best = None;
+        for left in (0..MAX_DEFLECTIONS).rev() {
+            match &self.deflection_of(table, &hold.configuration, wrench, None) {
+                Ok(deflection) => self.keep_better(axis, &hold, deflection, &mut undone, &mut best)?,
                 Err(e) => return Err(*e),
             }
+            if left == 0 || best.is_some_and(|best: CompensatedTool<T>| best.converged) {
+                break;
+            }
+            let held = Tool { tip_m: tool.tip_m - undone[0], axis: axis - undone[1] };
+            match &self.inverse_within(&held, &hold.configuration, &mut looks_left) {
+                Ok(found) => hold = *found,
+                Err(_) if looks_left == 0 => break,
+                Err(e) => return Err((*e).into()),
+            }
         }
-        Err(ToolDeflectionError::NotConverged)
+        best.ok_or(ToolDeflectionError::Tool(ToolError::Unreachable))
     }
 
     /// What to add to the joint values of a configuration: `gain` times the deflection of the tool under a load, and all of the
@@ -146,9 +160,11 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
         gain: T,
         rise_k: T,
+        history: &mut LoadHistory<T>,
     ) -> Result<SVector<T, 5>, ToolDeflectionError> {
+        self.joints(configuration)?;
         // by reference: `?` would copy all of it
-        match &self.deflection(Some(table), configuration, wrench) {
+        match &self.deflection_of(Some(table), configuration, wrench, Some(history)) {
             Ok(loaded) => self.offsets_against(configuration, loaded, gain, rise_k),
             Err(e) => Err(*e),
         }
@@ -181,25 +197,29 @@ impl<T: Scalar> FiveAxis<'_, T> {
         Ok([q1, q2, q3, beta1, beta2].into())
     }
 
-    /// Whether a deflection is the one that is met, of tip and axis. If not, it is from now on, and the tool is held where it
-    /// takes the tool to its place.
+    /// Takes a try in place of the best if less of its deflection remains, and its deflection, of tip and axis, as what the next
+    /// one undoes.
     #[inline(never)] // what it works with takes no stack while the next deflection is worked out
-    fn is_met(
+    fn keep_better(
         &self,
-        tool: &Tool<T>,
+        axis: Vector3<T>,
+        hold: &Hold<T>,
         deflection: &ToolDeflection<T>,
-        met: &mut [Vector3<T>; 2],
-        hold: &mut Hold<T>,
-    ) -> Result<bool, ToolError> {
-        let axis = unit(&tool.axis).ok_or(ToolError::NotFinite)?;
-        let now = [deflection.translation_m, deflection.rotation_rad.cross(&(axis - met[1]))];
+        undone: &mut [Vector3<T>; 2],
+        best: &mut Option<CompensatedTool<T>>,
+    ) -> Result<(), StiffnessError> {
+        let now = [deflection.translation_m, deflection.rotation_rad.cross(&(axis - undone[1]))];
         let size = |[tip, axis]: [Vector3<T>; 2]| length(&tip) + self.wrist.home_z0 * length(&axis);
-        if size([now[0] - met[0], now[1] - met[1]]) <= T::from_f64(COMPENSATED_TO) * size(now) {
-            return Ok(true);
+        let remaining_m = size([now[0] - undone[0], now[1] - undone[1]]);
+        // a deflection may be finite where its square is not
+        if !remaining_m.is_finite() {
+            return Err(StiffnessError::NotFinite);
         }
-        *met = now;
-        let held = Tool { tip_m: tool.tip_m - now[0], axis: axis - now[1] };
-        *hold = self.inverse(&held, &hold.configuration)?;
-        Ok(false)
+        if best.as_ref().is_none_or(|best| remaining_m < best.remaining_m) {
+            let converged = remaining_m <= T::from_f64(COMPENSATED_TO) * size(now);
+            *best = Some(CompensatedTool { hold: *hold, deflection: *deflection, remaining_m, converged });
+        }
+        *undone = now;
+        Ok(())
     }
 }

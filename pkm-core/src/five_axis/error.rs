@@ -60,8 +60,6 @@ pub enum ToolDeflectionError {
     Tool(ToolError),
     /// There is no stiffness or no deflection in it.
     Stiffness(CorrectionError),
-    /// The deflection changes too much on the way to be made up for.
-    NotConverged,
 }
 
 impl fmt::Display for ToolDeflectionError {
@@ -69,7 +67,6 @@ impl fmt::Display for ToolDeflectionError {
         match self {
             Self::Tool(e) => e.fmt(f),
             Self::Stiffness(e) => e.fmt(f),
-            Self::NotConverged => f.write_str("the deflection changes too much on the way to be made up for"),
         }
     }
 }

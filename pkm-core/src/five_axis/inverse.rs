@@ -20,6 +20,17 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// Not finite; singular: `near`, or the way to the tool, has a [home share](Self::home_share) below the wrist's margin;
     /// unreachable; then those of [`joints`](Self::joints).
     pub fn inverse(&self, tool: &Tool<T>, near: &Configuration<T>) -> Result<Hold<T>, ToolError> {
+        self.inverse_within(tool, near, &mut { MAX_LOOKS })
+    }
+
+    /// Takes what it looks at off `looks_left`; none are left where these were too few.
+    #[inline(never)] // once in an image
+    pub(super) fn inverse_within(
+        &self,
+        tool: &Tool<T>,
+        near: &Configuration<T>,
+        looks_left: &mut u8,
+    ) -> Result<Hold<T>, ToolError> {
         let axis = unit(&tool.axis).filter(|_| is_finite(&tool.tip_m) && near.pose.is_finite());
         let Some(axis) = axis.filter(|_| is_finite(&near.beta_rad)) else {
             return Err(ToolError::NotFinite);
@@ -35,6 +46,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         }
         let (half, longest) = (T::from_f64(0.5), T::from_f64(0.5));
         let mut looks = 1;
+        *looks_left = looks_left.saturating_sub(1);
         // a Newton step squares the error
         while !(look.error <= T::EPSILON) {
             let [dtheta, dsigma, dl, dbeta1, dbeta2] = look.step.into();
@@ -44,9 +56,10 @@ impl<T: Scalar> FiveAxis<'_, T> {
             let mut share = if size > longest { longest / size } else { T::ONE };
             let mut refused = ToolError::Unreachable;
             loop {
-                if looks >= MAX_LOOKS {
+                if *looks_left == 0 {
                     return Err(refused);
                 }
+                *looks_left -= 1;
                 looks += 1;
                 let next = state.moved(look.step, share);
                 if next.is_possible() {
@@ -59,6 +72,15 @@ impl<T: Scalar> FiveAxis<'_, T> {
                     }
                 }
                 share *= half;
+            }
+        }
+        if look.error > T::LAST_STEP && *looks_left > 0 {
+            // whether it helps or meets rounding: no more than this
+            (*looks_left, looks) = (*looks_left - 1, looks + 1);
+            let next = state.moved(look.step, T::ONE);
+            let ahead = self.wrist.look(&next, &target);
+            if ahead.error < look.error {
+                (state, look) = (next, ahead);
             }
         }
         if !(look.share >= self.wrist.margin) {

@@ -26,11 +26,13 @@ mod error;
 mod forward;
 mod frame;
 mod inverse;
+mod rates;
 mod state;
 
-pub use deflection::{COMPENSATED_TO, MAX_DEFLECTIONS};
+pub use deflection::{COMPENSATED_TO, MAX_COMPENSATION_LOOKS, MAX_DEFLECTIONS};
 pub use error::{ToolDeflectionError, ToolError};
 pub use inverse::MAX_LOOKS;
+pub use rates::{JointMotion, ToolMotion};
 
 /// Where the five axes of a machine stand.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,6 +108,10 @@ pub struct CompensatedTool<T> {
     pub hold: Hold<T>,
     /// What the load does to the tool there.
     pub deflection: ToolDeflection<T>,
+    /// How far the loaded tool then is from where it should be, by the model: the tip's distance, and home's Z0 times the axis's, m.
+    pub remaining_m: T,
+    /// Whether that is within [`COMPENSATED_TO`] of the deflection, and not the best of too few tries.
+    pub converged: bool,
 }
 
 /// A parallel mechanism and its wrist.

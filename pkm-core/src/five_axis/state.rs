@@ -72,6 +72,20 @@ struct Motion<T> {
     determinant: T,
 }
 
+impl<T: Scalar> Motion<T> {
+    /// θ, σ, L, β1, β2 by which the tip moves so along u, y and n, and the axis so along x and y of T_h.
+    #[inline(always)] // in `look` its parts stay in registers
+    fn step(&self, off: Vector3<T>, [turn_x, turn_y]: [T; 2]) -> SVector<T, 5> {
+        let Self { tip, axes: [_, y, _], r, swing, m, m12, determinant } = self;
+        let b = Vector3::new(off.x + swing.x * turn_x, off.y + swing.y * turn_x, -turn_y);
+        let (m20, m01) = (m[2].cross(&m[0]), m[0].cross(&m[1]));
+        let [dtheta, dsigma, dbeta1] = ((*m12 * b.x + m20 * b.y + m01 * b.z) / *determinant).into();
+        let dbeta2 = y.y * dtheta + y.x * dsigma - turn_x;
+        let dl = off.z + tip.x * dtheta - tip.y * dsigma - *r * y.z * dbeta1 - swing.z * dbeta2;
+        [dtheta, dsigma, dl, dbeta1, dbeta2].into()
+    }
+}
+
 impl<T: Scalar> Wrist<T> {
     #[inline(always)] // in `look` its parts stay in registers
     fn motion(&self, state: &State<T>) -> Motion<T> {
@@ -107,7 +121,8 @@ impl<T: Scalar> Wrist<T> {
     #[inline(never)]
     pub(super) fn look(&self, state: &State<T>, target: &Tool<T>) -> Look<T> {
         let (sin_theta, cos_theta) = state.theta.sin_cos();
-        let Motion { tip, axes: [x, y, z], r, swing, m, m12, determinant } = self.motion(state);
+        let motion = self.motion(state);
+        let (tip, [x, y, z]) = (motion.tip, motion.axes);
         let l = state.l;
         // into the axes u, y, n from B-xyz
         let seen = |at: Vector3<T>| {
@@ -124,12 +139,47 @@ impl<T: Scalar> Wrist<T> {
             let size = (turn_x * turn_x + turn_y * turn_y).sqrt() + T::SLACK;
             (turn_x, turn_y) = (turn_x / size, turn_y / size);
         }
-        let b = Vector3::new(off.x + swing.x * turn_x, off.y + swing.y * turn_x, -turn_y);
-        let (m20, m01) = (m[2].cross(&m[0]), m[0].cross(&m[1]));
-        let [dtheta, dsigma, dbeta1] = ((m12 * b.x + m20 * b.y + m01 * b.z) / determinant).into();
-        let dbeta2 = y.y * dtheta + y.x * dsigma - turn_x;
-        let dl = off.z + tip.x * dtheta - tip.y * dsigma - r * y.z * dbeta1 - swing.z * dbeta2;
-        let step = [dtheta, dsigma, dl, dbeta1, dbeta2].into();
-        Look { error, share: self.share_of(determinant, cos_theta), step }
+        let step = motion.step(off, [turn_x, turn_y]);
+        Look { error, share: self.share_of(motion.determinant, cos_theta), step }
+    }
+
+    /// Home share, first and second time derivatives of θ, σ, L, β1, β2 from those of tip and axis in the axes u, y, n.
+    #[inline(never)]
+    pub(super) fn rates(
+        &self,
+        state: &State<T>,
+        velocity: [Vector3<T>; 2],
+        acceleration: [Vector3<T>; 2],
+    ) -> (T, [SVector<T, 5>; 2]) {
+        let motion = &self.motion(state);
+        let [x, y, z] = motion.axes;
+        let step = |[tip, axis]: [Vector3<T>; 2]| motion.step(tip, [axis.dot(&x), axis.dot(&y)]);
+        let first = step(velocity);
+        let [dtheta, dsigma, dl, dbeta1, dbeta2] = first.into();
+
+        let (o, two) = (T::ZERO, T::from_f64(2.0));
+        let ((sin, cos), (sin1, cos1)) = (state.sigma.sin_cos(), state.beta.x.sin_cos());
+        let w = Vector3::new(o, -sin, cos);
+        // turns of platform, first link and tool, and their rates
+        let platform = Vector3::new(dsigma, dtheta, o);
+        let link = platform + w * dbeta1;
+        let tool = link - y * dbeta2;
+        let platform_rate = Vector3::new(o, o, -dsigma * dtheta);
+        let link_rate = platform_rate + platform.cross(&w) * dbeta1;
+        let tool_rate = link_rate - link.cross(&y) * dbeta2;
+        let carried =
+            |at: Vector3<T>, turn: Vector3<T>, rate: Vector3<T>| rate.cross(&at) + turn.cross(&turn.cross(&at));
+        // from A to the first axis, from there to the second, from there to the tip
+        let to_first = Vector3::new(self.offset, o, o);
+        let to_second = Vector3::new(cos1, sin1 * cos, sin1 * sin) * self.first_b + w * self.first_d;
+        let to_tip = motion.tip - to_first - to_second;
+        let a = Vector3::new(two * dl * dtheta, o, -(state.l * dtheta * dtheta));
+        let tip = a
+            + carried(to_first, platform, platform_rate)
+            + carried(to_second, link, link_rate)
+            + carried(to_tip, tool, tool_rate);
+        let [tip_rate, axis_rate] = acceleration;
+        let second = step([tip_rate - tip, axis_rate - carried(z, tool, tool_rate)]);
+        (self.share_of(motion.determinant, state.theta.sin_cos().1), [first, second])
     }
 }

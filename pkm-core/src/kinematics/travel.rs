@@ -6,11 +6,11 @@ use crate::scalar::Scalar;
 use crate::types::ScrewLengths;
 
 impl<T: Scalar> Machine<T> {
-    /// How far the lengths are from the nearest end of travel, in m; negative outside. With the limb, 0…2.
-    pub fn travel_margin_m(&self, lengths: &ScrewLengths<T>) -> (T, usize) {
+    /// How far the lengths are from the nearest end of travel, in m; negative outside. With the limb, which counts from 1.
+    pub fn travel_margin_m(&self, lengths: &ScrewLengths<T>) -> (T, u8) {
         let q_m: [T; 3] = lengths.q_m.into();
-        let mut least = (q_m[0] - self.q_min[0], 0);
-        for (limb, ((q, lo), hi)) in q_m.into_iter().zip(self.q_min).zip(self.q_max).enumerate() {
+        let mut least = (q_m[0] - self.q_min[0], 1);
+        for (limb, ((q, lo), hi)) in [1, 2, 3].into_iter().zip(q_m.into_iter().zip(self.q_min).zip(self.q_max)) {
             for margin in [q - lo, hi - q] {
                 if margin < least.0 {
                     least = (margin, limb);

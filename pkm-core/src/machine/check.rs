@@ -71,7 +71,7 @@ const fn check_element(found: &effects::Element, element: u8) -> Result<(), Mach
     let parameter = match found.misfit() {
         None => {
             let mut i = 0;
-            while i < effects::MAX_PARAMETERS {
+            while i < effects::MAX_ELEMENT_PARAMETERS {
                 let (value, limit) = (found.parameters[i], found.limit(i));
                 let parameter = Parameter::Element { element, parameter: i as u8 };
                 if !value.is_finite() {

@@ -76,6 +76,42 @@ macro_rules! machine {
             /// assert_eq!(refused.to_string(), "the platform size b2 is not above 0, or far beyond any machine");
             /// ```
             pub const fn new(parameters: &MachineParameters) -> Result<Self, MachineError> {
+                if let Err(error) = parameters.check() {
+                    return Err(error);
+                }
+                // set where it stays: copies of effects would take stack
+                let mut made = Ok(Self::BASIC);
+                if let Ok(machine) = &mut made {
+                    machine.set(parameters);
+                }
+                made
+            }
+
+            /// Without sizes and stiffnesses.
+            const BASIC: Self = {
+                let sizes = Sizes { a1: 0.0, a2: 0.0, b1: 0.0, b2: 0.0 };
+                let limb = LimbCompliance {
+                    base_linear: [0.0; 3],
+                    base_angular: [0.0; 3],
+                    platform_linear: [0.0; 3],
+                    platform_angular: [0.0; 3],
+                    axial: 0.0,
+                    bending: 0.0,
+                    torsion: 0.0,
+                    coupled: false,
+                };
+                Self {
+                    declared: sizes,
+                    actual: sizes,
+                    q_min: [0.0; 3],
+                    q_max: [0.0; 3],
+                    limbs: [limb; 3],
+                    softness: [1.0; 2],
+                    effects: ActiveEffects::<$t>::NONE,
+                }
+            };
+
+            const fn set(&mut self, parameters: &MachineParameters) {
                 /// 1/k, and 0 for a released direction.
                 const fn inverted(k: [f64; 3]) -> [$t; 3] {
                     let mut c = [0.0; 3];
@@ -107,22 +143,16 @@ macro_rules! machine {
                 const fn narrow(v: [f64; 3]) -> [$t; 3] {
                     [v[0] as $t, v[1] as $t, v[2] as $t]
                 }
-                if let Err(error) = parameters.check() {
-                    return Err(error);
-                }
                 const fn sizes(g: &Geometry) -> Sizes<$t> {
                     Sizes { a1: g.a1_m as $t, a2: g.a2_m as $t, b1: g.b1_m as $t, b2: g.b2_m as $t }
                 }
                 let l = &parameters.limbs;
-                Ok(Self {
-                    declared: sizes(&parameters.geometry),
-                    actual: sizes(&parameters.actual_geometry()),
-                    q_min: narrow(parameters.travel.min_m),
-                    q_max: narrow(parameters.travel.max_m),
-                    limbs: [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])],
-                    softness: [1.0; 2],
-                    effects: ActiveEffects::<$t>::new(&parameters.effects),
-                })
+                self.declared = sizes(&parameters.geometry);
+                self.actual = sizes(&parameters.actual_geometry());
+                self.q_min = narrow(parameters.travel.min_m);
+                self.q_max = narrow(parameters.travel.max_m);
+                self.limbs = [compliance(&l[0]), compliance(&l[1]), compliance(&l[2])];
+                self.effects.set(&parameters.effects);
             }
 
             /// Checksum of its numbers as they are in memory. [`MachineParameters::checksum`] is another one, of what it was

@@ -183,7 +183,12 @@ impl MachineParameters {
                     None => "",
                 };
                 hash = over_text(over_text(over_text(hash, place), element.motion.name()), element.law.name());
-                hash = over_numbers(hash, &element.parameters);
+                let (first, others) = element.parameters.split_at(effects::MAX_PARAMETERS);
+                hash = over_numbers(hash, first);
+                // only coupled elements have more than effects
+                if matches!(element.motion, effects::Motion::Coupled) {
+                    hash = over_numbers(hash, others);
+                }
             }
             i += 1;
         }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{Stiffness, StiffnessError, check_diagonal};
-use crate::elastic::{ALL, Chain, Series};
+use crate::elastic::{ALL, Chain, Series, soften};
 use crate::kinematics::Posture;
 use crate::linalg::{self, Lower};
 use crate::machine::Machine;
@@ -89,40 +89,41 @@ impl<T: Scalar> Machine<T> {
 
     #[inline(never)]
     fn add_limbs_with_effects(&self, p: &Posture<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
-        let (mut pair, mut third) = (Chain::zero(), Chain::zero());
-        self.chains_with_effects(p, &mut pair, &mut third, k);
-        pair.add_stiffness_to(k, ALL)?;
-        Ok(third.add_stiffness_to(k, ALL)?)
+        let mut limbs = Chain::zero();
+        self.limbs_with_effects(p, &mut limbs, k);
+        Ok(limbs.add_stiffness_to(k, ALL)?)
     }
 
-    /// Turns zeros into limbs 1 and 2 together, and limb 3, with what effects add inside them; and into what is
-    /// beside them in K, lower triangle. At the actual posture.
+    /// Turns zeros into the three limbs together, with what effects add inside them; and into what is beside them in K, lower
+    /// triangle. At the actual posture.
     #[inline(never)]
-    pub(super) fn chains_with_effects(
-        &self,
-        p: &Posture<T>,
-        pair: &mut Chain<T, 6>,
-        third: &mut Chain<T, 2>,
-        beside: &mut Lower<T>,
-    ) {
+    pub(super) fn limbs_with_effects(&self, p: &Posture<T>, limbs: &mut Chain<T, 8>, beside: &mut Lower<T>) {
         let offset = self.effects.offset();
         let mut p = *p;
         p.offset(offset);
         let (p, [h, h_3]) = (&p, offset);
-        self.put_limb_with_effects::<0>(p, h, pair, beside);
-        self.put_limb_with_effects::<1>(p, h, pair, beside);
-        self.turn_into_limb_3(p, h_3, third);
-        self.add_effects_3(p, h_3, third, beside);
-        self.couple_limbs_1_2(p, pair);
+        self.put_limb_with_effects::<0, 0>(p, h, limbs, beside);
+        self.put_limb_with_effects::<1, 3>(p, h, limbs, beside);
+        self.put_limb_3_with_effects(p, h_3, limbs, beside);
+        self.couple_limbs_1_2(p, limbs);
+        if self.effects.are_coupled() {
+            self.couple(p, offset, limbs);
+        }
     }
 
     #[inline(never)]
-    fn couple_limbs_1_2(&self, p: &Posture<T>, pair: &mut Chain<T, 6>) {
+    fn couple(&self, p: &Posture<T>, offset: [T; 2], limbs: &mut Chain<T, 8>) {
+        let length = |limb: usize| p.q.as_slice().get(limb).copied().unwrap_or(T::ZERO);
+        self.effects.couple(|limb| self.frame_of(p, offset, limb), length, &p.base(), limbs);
+    }
+
+    #[inline(never)]
+    fn couple_limbs_1_2(&self, p: &Posture<T>, limbs: &mut Chain<T, 8>) {
         let z = p.x().cross(&p.y());
-        self.effects.between_arms_1_2(|bridge| pair.add_mode(Vector3::z(), T::ONE, bridge));
+        self.effects.between_arms_1_2(|bridge| limbs.add_mode(Vector3::z(), T::ONE, bridge));
         self.effects.between_bases_1_2(|[together, opposed]| {
-            pair.add_mode(z, T::ONE, together);
-            pair.add_mode(z, -T::ONE, opposed);
+            limbs.add_mode(z, T::ONE, together);
+            limbs.add_mode(z, -T::ONE, opposed);
         });
     }
 
@@ -133,6 +134,10 @@ impl<T: Scalar> Machine<T> {
             self.effects.at_tool(|compliance| {
                 any = true;
                 definite &= Series::at_a(compliance).soften(k);
+            });
+            self.effects.coupled_at_tool(|motion, compliance| {
+                any = true;
+                definite &= soften(k, motion, compliance);
             });
         }
         if any {

@@ -15,21 +15,29 @@ pub(super) fn side<const LIMB: usize, T: Scalar>() -> T {
 
 impl<T: Scalar> Machine<T> {
     #[inline(never)]
-    pub(super) fn put_limb_with_effects<const LIMB: usize>(
+    pub(super) fn put_limb_with_effects<const LIMB: usize, const FIRST: usize>(
         &self,
         p: &Posture<T>,
         h: T,
-        pair: &mut Chain<T, 6>,
+        limbs: &mut Chain<T, 8>,
         beside: &mut Lower<T>,
     ) {
         let mut chain = Chain::zero();
         self.turn_into_limb_1_2::<LIMB>(p, h, &mut chain);
         let mut limb = self.limb_1_2::<LIMB>(p, h, &mut chain);
         self.add_effects(&mut limb, beside);
-        pair.put::<LIMB>(&chain);
+        limbs.put::<FIRST, 3>(&chain);
     }
 
-    // what these four work with takes no stack while effects are added
+    #[inline(never)]
+    pub(super) fn put_limb_3_with_effects(&self, p: &Posture<T>, h: T, limbs: &mut Chain<T, 8>, beside: &mut Lower<T>) {
+        let mut chain = Chain::zero();
+        self.turn_into_limb_3(p, h, &mut chain);
+        self.add_effects(&mut self.limb_3(p, h, &mut chain), beside);
+        limbs.put::<6, 2>(&chain);
+    }
+
+    // what these three work with takes no stack while effects are added
 
     #[inline(never)]
     fn turn_into_limb_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 3>) {
@@ -37,7 +45,7 @@ impl<T: Scalar> Machine<T> {
     }
 
     #[inline(never)]
-    pub(super) fn turn_into_limb_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>) {
+    fn turn_into_limb_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>) {
         *chain = self.chain_3::<true>(p, h);
     }
 
@@ -79,11 +87,6 @@ impl<T: Scalar> Machine<T> {
             torsion: self.limbs[2].torsion * body,
             chain,
         }
-    }
-
-    #[inline(never)]
-    pub(super) fn add_effects_3(&self, p: &Posture<T>, h: T, chain: &mut Chain<T, 2>, beside: &mut Lower<T>) {
-        self.add_effects(&mut self.limb_3(p, h, chain), beside);
     }
 
     /// Adds what effects have inside a limb to it, and what its tension adds to K beside it.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
-use super::{StiffnessError, factor, finite};
+use super::{LoadHistory, StiffnessError, factor, finite};
 use crate::elastic::{ALL, Chain};
 use crate::kinematics::{Actual, Posture};
 use crate::linalg::{self, Lower, is_finite, length};
@@ -34,6 +34,19 @@ fn tensions<T: Scalar>(
     Err(StiffnessError::NotConverged)
 }
 
+/// Number of each limb's axial force among the eight wrenches.
+const AXIAL: [usize; 3] = [0, 3, 6];
+
+/// The wrench at A per unit of elongation of one limb with A held, and the tensions of all three.
+#[inline(never)] // what it works with takes no stack while the limbs are put together
+fn add_response<T: Scalar>(limbs: &Chain<T, 8>, axial: usize, moved: &mut Vector6<T>, tensions: &mut [T; 3]) {
+    let x = limbs.response(axial);
+    *moved = limbs.combined(&x);
+    for (tension, at) in tensions.iter_mut().zip(AXIAL) {
+        *tension = x[at];
+    }
+}
+
 /// How a machine with load-dependent effects answers loads at one pose.
 #[derive(Clone, Copy, Debug)]
 pub struct LoadResponse<'a, T> {
@@ -51,29 +64,67 @@ struct LimbResponse<T> {
     m: Matrix3<T>,
 }
 
+impl<T: Scalar> LimbResponse<T> {
+    /// Tensions of the linear model under a load at A in commanded A-uvw.
+    fn linear_tensions(&self, load: Vector6<T>) -> Vector3<T> {
+        let load = self.actual.seen(load);
+        let [one, two, three] = &self.moved;
+        Vector3::new(one.dot(&load), two.dot(&load), three.dot(&load))
+    }
+}
+
 impl<T: Scalar> LoadResponse<'_, T> {
     /// See [`Machine::load_dependent_deflection`].
     ///
     /// # Errors
     /// A wrench or a deflection that is not finite; [`StiffnessError::NotConverged`].
-    #[inline(never)]
     pub fn deflection(&self, wrench: &Wrench<T>, turned_at: &Wrench<T>) -> Result<Deflection<T>, StiffnessError> {
-        let (load, turned_at) = (wrench.to_vector(), turned_at.to_vector());
-        if !(is_finite(&load) && is_finite(&turned_at)) {
+        let turned_at = turned_at.to_vector();
+        if !is_finite(&turned_at) {
             return Err(StiffnessError::NotFinite);
         }
-        let Some(LimbResponse { actual, moved, m }) = &self.limbs else {
+        self.after(wrench, |limbs, tensions| {
+            let turns = limbs.linear_tensions(turned_at);
+            let lag = |limb, tension, turn| self.machine.effects.lag(limb, tension, &[turn]);
+            let ([n1, n2, n3], [t1, t2, t3]) = ((*tensions).into(), turns.into());
+            Vector3::new(lag(0, n1, t1), lag(1, n2, t2), lag(2, n3, t3))
+        })
+    }
+
+    /// The same where friction has a history, which goes on by this load: one call a period.
+    ///
+    /// # Errors
+    /// Those of [`deflection`](Self::deflection).
+    pub fn deflection_after(
+        &self,
+        wrench: &Wrench<T>,
+        history: &mut LoadHistory<T>,
+    ) -> Result<Deflection<T>, StiffnessError> {
+        self.after(wrench, |_, tensions| {
+            history.go_on(tensions);
+            let lag = |limb, tension| self.machine.effects.lag(limb, tension, history.turns(limb));
+            Vector3::new(lag(0, tensions.x), lag(1, tensions.y), lag(2, tensions.z))
+        })
+    }
+
+    /// `lag` is that of each limb under the tensions of the linear model.
+    #[inline(never)]
+    fn after(
+        &self,
+        wrench: &Wrench<T>,
+        lag: impl FnOnce(&LimbResponse<T>, &Vector3<T>) -> Vector3<T>,
+    ) -> Result<Deflection<T>, StiffnessError> {
+        let load = wrench.to_vector();
+        if !is_finite(&load) {
+            return Err(StiffnessError::NotFinite);
+        }
+        let Some(limbs) = &self.limbs else {
             return Ok(Deflection::ZERO);
         };
+        let LimbResponse { actual, moved, m } = limbs;
         let effects = &self.machine.effects;
-        let (load, turned_at) = (actual.seen(load), actual.seen(turned_at));
-        let [one, two, three] = moved;
-        let linear = Vector3::new(one.dot(&load), two.dot(&load), three.dot(&load));
-        let lag = Vector3::new(
-            effects.lag(0, linear.x, one.dot(&turned_at)),
-            effects.lag(1, linear.y, two.dot(&turned_at)),
-            effects.lag(2, linear.z, three.dot(&turned_at)),
-        );
+        let linear = limbs.linear_tensions(load);
+        let lag = lag(limbs, &linear);
         // the lag is known from the linear tensions: what it does to them comes before the solve
         let linear = linear - m * lag;
         let elongations = |n: &Vector3<T>| {
@@ -88,6 +139,12 @@ impl<T: Scalar> LoadResponse<'_, T> {
     }
 }
 
+/// No deflection, where nothing depends on the load.
+fn none_under<T: Scalar>(wrenches: &[&Wrench<T>]) -> Result<Deflection<T>, StiffnessError> {
+    let finite = wrenches.iter().all(|w| is_finite(&w.force_n) && is_finite(&w.moment_nm));
+    if finite { Ok(Deflection::ZERO) } else { Err(StiffnessError::NotFinite) }
+}
+
 impl<T: Scalar> Machine<T> {
     /// What load-dependent effects add to the displacement of A under a wrench, on top of the linear deflection (of
     /// K_p or of a corrected K_m). Zero, and next to no work, when the machine has none.
@@ -96,8 +153,8 @@ impl<T: Scalar> Machine<T> {
     /// [`MAX_ITERATIONS`] fixed-point iterations (`docs/theory.md`, Effects). In f32 the whole deflection of the
     /// reference machine in its box is within 1e-4 of f64.
     ///
-    /// `turned_at` is the load at which the loading last turned back: zero when it has only grown. Friction asks for
-    /// it, nothing else does.
+    /// `turned_at` is the load at which the loading turned back: zero when it has only grown. Friction asks for
+    /// it, nothing else does. A longer history has [`LoadResponse::deflection_after`].
     ///
     /// # Errors
     /// Those of [`stiffness`](Self::stiffness); a wrench or a deflection that is not finite;
@@ -118,9 +175,32 @@ impl<T: Scalar> Machine<T> {
         wrench: &Wrench<T>,
         turned_at: &Wrench<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
+        if !self.effects.depend_on_load() {
+            return none_under(&[wrench, turned_at]);
+        }
         // by reference: `?` would copy all of it
         match &self.load_response_at(posture) {
             Ok(response) => response.deflection(wrench, turned_at),
+            Err(e) => Err(*e),
+        }
+    }
+
+    /// The same where friction has a history; without one, of a load that has only grown.
+    #[inline(never)]
+    pub(crate) fn load_dependent_deflection_after(
+        &self,
+        posture: &Posture<T>,
+        wrench: &Wrench<T>,
+        history: Option<&mut LoadHistory<T>>,
+    ) -> Result<Deflection<T>, StiffnessError> {
+        if !self.effects.depend_on_load() {
+            return none_under(&[wrench]);
+        }
+        match &self.load_response_at(posture) {
+            Ok(response) => match history {
+                Some(history) => response.deflection_after(wrench, history),
+                None => response.deflection(wrench, &Wrench::ZERO),
+            },
             Err(e) => Err(*e),
         }
     }
@@ -165,13 +245,11 @@ impl<T: Scalar> Machine<T> {
     /// limb, `m` into the tensions.
     #[inline(never)]
     fn add_limb_response(&self, limbs: &mut LimbResponse<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
-        let o = T::ZERO;
-        let (mut pair, mut third) = (Chain::zero(), Chain::zero());
-        self.chains_with_effects(&limbs.actual.posture, &mut pair, &mut third, k);
-        let (x1, x2, x3) = (pair.response(0), pair.response(3), third.response(0));
-        limbs.moved = [pair.combined(&x1), pair.combined(&x2), third.combined(&x3)];
-        limbs.m = Matrix3::new(x1[0], x2[0], o, x1[3], x2[3], o, o, o, x3[0]);
-        pair.add_stiffness_to(k, ALL)?;
-        Ok(third.add_stiffness_to(k, ALL)?)
+        let mut chain = Chain::zero();
+        self.limbs_with_effects(&limbs.actual.posture, &mut chain, k);
+        for ((first, moved), tensions) in AXIAL.into_iter().zip(&mut limbs.moved).zip(&mut limbs.m.data.0) {
+            add_response(&chain, first, moved, tensions);
+        }
+        Ok(chain.add_stiffness_to(k, ALL)?)
     }
 }

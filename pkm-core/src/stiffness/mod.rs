@@ -19,12 +19,14 @@ use crate::scalar::Scalar;
 use crate::types::{Deflection, Wrench};
 
 mod assembly;
+mod history;
 mod limbs;
 mod load;
 mod transmission;
 
+pub use history::{LoadHistory, MAX_TURNS};
 pub use load::{LoadResponse, MAX_ITERATIONS};
-pub use transmission::{LimbFrame, Transmission};
+pub use transmission::Transmission;
 
 /// Why there is no stiffness for a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use crate::elastic::Chain;
+use crate::elastic::{Chain, LimbFrame};
 use crate::kinematics::Posture;
 use crate::linalg::{self, frame, from_columns};
 use crate::machine::Machine;
@@ -10,17 +10,6 @@ use crate::scalar::Scalar;
 use crate::stiffness::StiffnessError;
 use crate::stiffness::limbs::side;
 use crate::types::Pose;
-
-/// Joints of one limb at a pose, in A-uvw with A as the origin.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LimbFrame<T> {
-    /// Length B_i A_i, m.
-    pub length_m: T,
-    /// B_i and A_i, m.
-    pub joints_m: [Vector3<T>; 2],
-    /// Unit vectors x, y, z of the base joint, and of body and platform joint, as columns.
-    pub axes: [Matrix3<T>; 2],
-}
 
 /// What the limbs transmit at a pose, and the compliance that it meets: K = H D⁻¹ Hᵀ, before what is in series at B and
 /// A (paper, Eqs. 7-9; `docs/theory.md`). As [`Machine::stiffness`] has it, to rounding: 1e-13 of √(k_ii k_jj) in f64.
@@ -47,28 +36,30 @@ impl<T: Scalar> Machine<T> {
     /// Those of [`inverse`](Self::inverse).
     pub fn transmission(&self, pose: &Pose<T>) -> Result<Transmission<T>, StiffnessError> {
         let actual = self.actual(&self.posture(pose)?)?;
-        let (mut pair, mut third) = (Chain::<T, 6>::zero(), Chain::<T, 2>::zero());
-        let mut beside = linalg::zero();
-        self.chains_with_effects(&actual.posture, &mut pair, &mut third, &mut beside);
-        let (mut wrenches, mut compliance) = ([[T::ZERO; 6]; 8], [[T::ZERO; 8]; 8]);
-        for i in 0..6 {
-            wrenches[i] = pair.wrenches[i];
+        let mut all = Chain::<T, 8>::zero();
+        self.limbs_with_effects(&actual.posture, &mut all, &mut linalg::zero());
+        let mut compliance = [[T::ZERO; 8]; 8];
+        for i in 0..8 {
             for j in 0..=i {
-                compliance[j][i] = pair.compliance[i][j];
+                compliance[j][i] = all.compliance[i][j];
             }
         }
-        for i in 0..2 {
-            wrenches[6 + i] = third.wrenches[i];
-            for j in 0..=i {
-                compliance[6 + j][6 + i] = third.compliance[i][j];
-            }
-        }
-        let [h, h_3] = self.effects.offset();
+        let offset = self.effects.offset();
         let mut p = actual.posture;
-        p.offset([h, h_3]);
-        let limbs = [self.frame_1_2::<0>(&p, h), self.frame_1_2::<1>(&p, h), self.frame_3(&p, h_3)];
-        let (wrenches, compliance) = (from_columns(wrenches), from_columns(compliance));
+        p.offset(offset);
+        let limbs = [0, 1, 2].map(|limb| self.frame_of(&p, offset, limb));
+        let (wrenches, compliance) = (from_columns(all.wrenches), from_columns(compliance));
         Ok(Transmission { wrenches, compliance, limbs, base_m: p.n() * -p.l, base_axes: p.base() })
+    }
+
+    /// Of a limb (0, 1, 2), A_i out of their plane by `offset`, as the posture has it.
+    #[inline(never)]
+    pub(super) fn frame_of(&self, p: &Posture<T>, [h, h_3]: [T; 2], limb: usize) -> LimbFrame<T> {
+        match limb {
+            0 => self.frame_1_2::<0>(p, h),
+            1 => self.frame_1_2::<1>(p, h),
+            _ => self.frame_3(p, h_3),
+        }
     }
 
     fn frame_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T) -> LimbFrame<T> {

@@ -124,7 +124,7 @@ impl Evidence<'_> {
     }
 
     /// A state of families as one of blocks.
-    fn of_blocks(&self, state: &State) -> State {
+    pub fn of_blocks(&self, state: &State) -> State {
         let blocks = state.blocks.iter().map(|(family, a)| {
             let f = &self.families[*family];
             let own = f

@@ -65,6 +65,8 @@ pub struct Finding {
     pub places: Vec<(String, f64)>,
     /// What it may do to the readings: whitened columns of one prior standard deviation.
     pub columns: DMatrix<f64>,
+    /// Amplitudes of the likeliest block's columns.
+    pub amplitudes: Vec<f64>,
 }
 
 /// What was inferred.

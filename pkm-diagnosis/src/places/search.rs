@@ -174,15 +174,15 @@ impl Search<'_> {
         let floor = self.best.ln - self.evidence.rules.rival_margin;
         let close: Vec<Set> =
             ranked.into_iter().take(self.evidence.rules.rivals_tried).filter(|r| r.0 > floor).map(|r| r.1).collect();
-        let mut rivals = vec![(own, self.best.ln)];
+        let mut rivals = vec![(own, self.best.clone())];
         for set in close {
-            rivals.extend(self.tried(&set).map(|t| (set.members[at].0, t.ln)));
+            rivals.extend(self.tried(&set).map(|t| (set.members[at].0, t)));
         }
-        let top = rivals.iter().fold(f64::NEG_INFINITY, |m, r| m.max(r.1));
-        let total: f64 = rivals.iter().map(|r| (r.1 - top).exp()).sum();
+        let top = rivals.iter().fold(f64::NEG_INFINITY, |m, r| m.max(r.1.ln));
+        let total: f64 = rivals.iter().map(|r| (r.1.ln - top).exp()).sum();
         let mut places: Vec<(String, f64)> = Vec::new();
-        for (family, ln) in &rivals {
-            let p = (ln - top).exp() / total;
+        for (family, tried) in &rivals {
+            let p = (tried.ln - top).exp() / total;
             let place = self.evidence.block(*family).places.first().map_or(NOWHERE, String::as_str);
             match places.iter_mut().find(|x| x.0 == place) {
                 Some(there) => there.1 += p,
@@ -190,11 +190,17 @@ impl Search<'_> {
             }
         }
         places.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let likeliest = rivals.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(own, |r| r.0);
+        let (likeliest, state) = rivals
+            .iter()
+            .max_by(|a, b| a.1.ln.total_cmp(&b.1.ln))
+            .map_or((own, &self.best.state), |(family, tried)| (*family, &tried.state));
+        let block = self.evidence.families[likeliest].block;
+        let of_block = |(b, amplitudes): (usize, Vec<f64>)| (b == block).then_some(amplitudes);
+        let amplitudes = self.evidence.of_blocks(state).blocks.into_iter().find_map(of_block).unwrap_or_default();
         let without = self.best.set.without(at);
         let gain = self.tried(&without).map_or(0.0, |t| self.best.ln - t.ln);
         let columns = self.linear.columns_of(own) * self.best.set.members[at].1;
-        Finding { block: self.evidence.families[likeliest].block, gain, places, columns }
+        Finding { block, gain, places, columns, amplitudes }
     }
 
     fn result(mut self) -> Option<Inferred> {

@@ -44,6 +44,7 @@ impl Chain {
             kind,
             place: name.into(),
             unknowns: unknowns.iter().copied().map(Unknown).collect(),
+            start: Vec::new(),
         };
         let candidates = vec![
             candidate("foundation", Kind::Effect, &[FOUNDATION]),

@@ -12,6 +12,7 @@ use crate::error::{Failure, Result, printable};
 use crate::files::dataset::MOST_LOAD;
 use crate::files::gcode::{CHORD_MM, Setup};
 use crate::files::job_program::ProgramJob;
+use crate::files::limits::JointLimits;
 use crate::files::source::{self, Source};
 use crate::files::tool_path::{MARK, ToolPath, is_program};
 use crate::files::tools::Tools;
@@ -59,6 +60,10 @@ pub(crate) struct Args {
     /// made, and written without the `/`.
     #[arg(long)]
     block_delete: bool,
+    /// For G-code: greatest velocity and acceleration of each joint, TOML. Lines are named whose feed (F in mm/min, G94) would take more, with
+    /// the feed that does not.
+    #[arg(long, value_name = "TOML")]
+    limits: Option<PathBuf>,
     /// Lets points pass that lie outside the table's box, and says so in the file.
     #[arg(long)]
     allow_extrapolation: bool,
@@ -83,6 +88,9 @@ impl Args {
         }
         if is_program(&self.path) == Some(false) && (self.job.is_some() || self.tools.is_some()) {
             return Err(Failure::usage("--job and --tools are for G-code: a CSV gives the tool in B"));
+        }
+        if is_program(&self.path) == Some(false) && self.limits.is_some() {
+            return Err(Failure::usage("--limits is for G-code: a CSV has no feed"));
         }
         if let Some(load) = self.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MOST_LOAD)) {
             let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
@@ -146,18 +154,22 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         return Err(Failure::usage(message).in_file(args.out.display().to_string()));
     }
     session.warn(model.machine.wrist_warning());
+    let limits = args.limits.as_deref().map(Source::read).transpose()?;
+    let limits = limits.as_ref().map(JointLimits::parse).transpose()?;
     let request = Request {
         file: &args.path.display().to_string(),
         moves: path.moves(),
         in_program,
         step_mm: args.step_mm,
         allow_extrapolation: args.allow_extrapolation,
+        limits: limits.as_ref(),
     };
     let margin = model.machine.wrist_parameters.singularity_margin;
     let track = walk(&model.machine, correction.as_ref(), &request, &bar())?;
+    session.warn(report::too_fast(&track));
     let written = path.written(&track.points, &notes(args, &model, &track, in_program, session));
-    let inputs =
-        [session.machine_path(), args.table.as_deref(), Some(&args.path), args.job.as_deref(), args.tools.as_deref()];
+    let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);
+    let inputs = [&[session.machine_path(), args.table.as_deref(), Some(args.path.as_path())], &others[..]].concat();
     let html = report::html(&track, &facts, &session.warnings, margin)?;
     let files = [(name, written), (svg_name, report::picture(&track)?), (REPORT.into(), html)];
     let folder = source::folder_of(&args.out);

@@ -2,14 +2,18 @@
 
 use std::path::PathBuf;
 
+use serde_json::json;
+
 use super::arguments::ColumnsArgs;
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::diagnose::{self, Method, report, write};
-use crate::error::Result;
+use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
 use crate::files::source::{self, Source};
+use crate::files::unloaded::Unloaded;
+use crate::geometry;
 
 /// From measured deflections to the physics that the model lacks: adds it, and compares before and after.
 #[derive(clap::Args)]
@@ -27,12 +31,54 @@ pub(crate) struct Args {
     out: PathBuf,
     /// `formulas`: effects with a formula, one after another. `places`: first where the machine yields, whatever the formula,
     /// then a formula only there; what has none is found as `element`. Rates of both: docs/trials.md.
-    #[arg(long, value_enum, default_value = "places")]
+    #[arg(long, value_enum, default_value = "places", conflicts_with = "unloaded")]
     method: Method,
+    /// From unloaded poses, measured against commanded ones (tracker, ball bar), the true geometry: --data and --holdout have
+    /// places or distances; --out gets geometry.json, machine.toml, residuals.csv and report.html.
+    #[arg(long, conflicts_with = "columns")]
+    unloaded: bool,
+}
+
+/// `diagnose --unloaded`.
+fn run_unloaded(args: &Args, session: &mut Session) -> Result<Output> {
+    let file = session.machine()?;
+    let Some(data) = args.data.as_deref() else {
+        return Err(Failure::usage("--unloaded needs --data: no unloaded readings come with the program"));
+    };
+    let unloaded = Unloaded::read(Source::read(data)?, &file)?;
+    let read = |path| Unloaded::read(Source::read(path)?, &file);
+    let held_out = args.holdout.as_deref().map(read).transpose()?;
+    session.warn(unloaded.warnings.iter().chain(held_out.iter().flat_map(|h| &h.warnings)).cloned());
+    if unloaded.has_wrist() {
+        session.warn(file.wrist_warning());
+    }
+    if held_out.as_ref().is_some_and(|h| h.source.sha256() == unloaded.source.sha256()) {
+        session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
+    }
+    let found = geometry::identify(&file, &unloaded, held_out.as_ref())?;
+    let json = found.to_json();
+    let machine_toml = geometry::write::machine_toml(&file, &found)?;
+    // what was written must be a machine
+    MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
+    let html = geometry::report::html(&file, &unloaded, held_out.as_ref(), &found, &session.warnings)?;
+    let wrote = source::write_all(
+        &args.out,
+        &[
+            ("geometry.json", source::json(&json)),
+            ("machine.toml", machine_toml),
+            ("residuals.csv", geometry::write::residuals_csv(&unloaded, &found)),
+            ("report.html", html),
+        ],
+        &[session.machine_path(), args.data.as_deref(), args.holdout.as_deref()],
+    )?;
+    session.output(geometry::report::text(&found) + &wrote, &json)
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { data, holdout, columns, out, method } = args;
+    if args.unloaded {
+        return run_unloaded(args, session);
+    }
+    let Args { data, holdout, columns, out, method, .. } = args;
     let columns = columns.renames();
     let file = session.machine()?;
     session.warn(file.wrist_warning());
@@ -45,9 +91,13 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
     }
     let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), *method, &bar())?;
-    let json = diagnosis.to_json();
     let machine_toml = write::machine_toml(&file, &diagnosis)?;
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
+    let mut json = diagnosis.to_json();
+    (json["machine"], json["machine_sha256"]) = (json!(file.name), json!(file.source.sha256()));
+    json["identified_sha256"] = json!(improved.source.sha256());
+    (json["data"], json["data_sha256"]) = (json!(readings.source.file_name()), json!(readings.source.sha256()));
+    json["readings"] = json!(write::shown_readings(&readings, &diagnosis));
     let (rust, table, warning) = write::table(&file, &improved, &readings, &diagnosis)?;
     session.warn(warning);
     let html = report::html(&file, &readings, held_out.as_ref(), &diagnosis, &session.warnings)?;

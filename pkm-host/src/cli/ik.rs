@@ -74,13 +74,13 @@ pub(super) fn margins(
     let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
     let json = json!({
         "travel_margin_mm": margin_m * 1e3,
-        "travel_margin_limb": limb + 1,
+        "travel_margin_limb": limb,
         "singularity_distance": { "limbs_1_2": distance.limbs_1_2, "limb_3": distance.limb_3 },
     });
     let text = format!(
         "travel left: {:.3} mm (limb {}); distance to singularity (0…1): limbs 1 and 2 {:.3}, limb 3 {:.3}\n",
         margin_m * 1e3,
-        limb + 1,
+        limb,
         distance.limbs_1_2,
         distance.limb_3
     );

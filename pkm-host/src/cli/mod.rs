@@ -31,6 +31,7 @@ mod plan;
 mod predict;
 mod session;
 mod stiffness;
+mod view;
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
 /// that a controller compiles in.
@@ -64,6 +65,7 @@ enum Command {
     Map(map::Args),
     Place(place::Args),
     Compensate(compensate::Args),
+    View(view::Args),
     Fem(fem::Args),
     Hil(hil::Args),
     Completions(completions::Args),
@@ -88,6 +90,7 @@ impl Cli {
             Command::Map(args) => map::run(args, s),
             Command::Place(args) => place::run(args, s),
             Command::Compensate(args) => compensate::run(args, s),
+            Command::View(args) => view::run(args, s),
             Command::Fem(args) => fem::run(args, s),
             Command::Hil(args) => hil::run(args, s),
             Command::Completions(args) => completions::run(args, s),

@@ -1,7 +1,7 @@
 //! Elements as candidates: a compliance at a place of the machine for which no effect has a formula.
 
 use pkm_core::MachineParameters;
-use pkm_core::effects::{Element, MAX_PARAMETERS};
+use pkm_core::effects::{Element, MAX_ELEMENT_PARAMETERS, Motion};
 use pkm_diagnosis::Prior;
 
 use super::model::Recorded;
@@ -32,12 +32,15 @@ impl ElementParameter {
     pub fn add_to(&self, machine: &mut MachineParameters, value: f64) {
         for template in &self.elements {
             let slots = &mut machine.effects.elements;
-            let is_own = |e: &Element| (e.place, e.motion, e.law) == (template.place, template.motion, template.law);
+            let kind = |e: &Element| (e.place, e.motion, e.law);
+            // coupled ones at one place differ by their weights
+            let is_alike = |e: &Element| e.motion != Motion::Coupled || e.parameters[1..] == template.parameters[1..];
+            let is_own = |e: &Element| kind(e) == kind(template) && is_alike(e);
             let at = slots.iter().position(|s| s.is_some_and(|e| is_own(&e)));
             let at = at.or_else(|| slots.iter().position(Option::is_none));
             match at {
                 Some(at) => slots[at].get_or_insert(*template).parameters[self.index] += value,
-                None => slots[0] = slots[0].map(|e| Element { parameters: [f64::NAN; MAX_PARAMETERS], ..e }),
+                None => slots[0] = slots[0].map(|e| Element { parameters: [f64::NAN; MAX_ELEMENT_PARAMETERS], ..e }),
             }
         }
     }
@@ -53,6 +56,8 @@ pub struct Family {
     pub law: &'static str,
     /// Parameters.
     pub parameters: Vec<ElementParameter>,
+    /// Where a fit of them begins, if something else has said how large they are; else empty.
+    pub start: Vec<f64>,
 }
 
 /// What compliances are usual in a machine.
@@ -89,7 +94,7 @@ pub fn families(usual: &Usual, recorded: Recorded) -> Vec<Family> {
     .map(|(place, motions)| {
         let of = |(motion, scale): (&&str, &f64)| parameter(&[place], motion, "constant", 0, *scale, true);
         let parameters = motions.iter().zip(&usual.terminal).filter_map(of).collect();
-        Family { places: vec![place.into()], motion: "general", law: "constant", parameters }
+        Family { places: vec![place.into()], motion: "general", law: "constant", parameters, start: Vec::new() }
     })
     .collect();
     for part in ["base_joint", "platform_joint", "body"] {
@@ -122,7 +127,7 @@ fn parameter(
     scale: f64,
     one_sided: bool,
 ) -> Option<ElementParameter> {
-    let of = |place: &&str| Element::from_names(place, motion, law, [0.0; MAX_PARAMETERS]);
+    let of = |place: &&str| Element::from_names(place, motion, law, []);
     let elements = places.iter().map(of).collect::<Option<Vec<Element>>>()?;
     Some(ElementParameter { elements, index, prior: Prior::Normal { scale }, one_sided })
 }
@@ -139,7 +144,7 @@ fn of_limbs(usual: &Usual, limbs: &[usize], part: &str) -> Family {
     let scales = [("axial", usual.axial), ("lateral", usual.across), ("tilting", turning), ("torsion", turning)];
     let of = |(motion, scale): (&str, f64)| parameter(&own, motion, "constant", 0, scale, false);
     let parameters = scales.into_iter().filter_map(of).collect();
-    Family { places, motion: "general", law: "constant", parameters }
+    Family { places, motion: "general", law: "constant", parameters, start: Vec::new() }
 }
 
 /// A compliance of bodies that changes with their length, a polynomial of some degree.
@@ -154,7 +159,7 @@ fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64, d
         Some(p)
     };
     let parameters = scales.into_iter().take(degree + 1).enumerate().filter_map(of).collect();
-    Family { places, motion, law: "extension", parameters }
+    Family { places, motion, law: "extension", parameters, start: Vec::new() }
 }
 
 /// An elongation of bodies that is not linear in their tension.
@@ -169,7 +174,7 @@ fn load(usual: &Usual, limbs: &[usize]) -> Family {
         Some(p)
     };
     let parameters = scales.into_iter().enumerate().filter_map(of).collect();
-    Family { places, motion: "axial", law: "load", parameters }
+    Family { places, motion: "axial", law: "load", parameters, start: Vec::new() }
 }
 
 /// An elongation of bodies that lags behind their tension.
@@ -182,7 +187,7 @@ fn direction(usual: &Usual, limbs: &[usize]) -> Family {
         Some(p)
     };
     let parameters = [LAG_M, 0.3 * usual.axial].into_iter().enumerate().filter_map(of).collect();
-    Family { places, motion: "axial", law: "direction", parameters }
+    Family { places, motion: "axial", law: "direction", parameters, start: Vec::new() }
 }
 
 /// Softening of a limb with temperature, wherever in it: bodies and joints pass the same forces.
@@ -203,5 +208,5 @@ fn temperature(usual: &Usual, limbs: &[usize]) -> Family {
         (&at_joints, "tilting", turning),
     ];
     let parameters = all.into_iter().filter_map(of).collect();
-    Family { places, motion: "general", law: "temperature", parameters }
+    Family { places, motion: "general", law: "temperature", parameters, start: Vec::new() }
 }

@@ -9,6 +9,7 @@ mod checks;
 pub mod compare;
 mod declared;
 pub(crate) mod design;
+mod effects;
 mod elements;
 mod experiment;
 pub mod findings;
@@ -24,19 +25,19 @@ mod tests;
 mod text;
 pub(crate) mod write;
 
-use pkm_diagnosis::places::{Inferred, NOWHERE};
-use pkm_diagnosis::residuals::{Residuals, Structure};
+use pkm_diagnosis::places::Inferred;
+use pkm_diagnosis::residuals::{Outlier, Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
-use pkm_diagnosis::{
-    Kind, Levels, Noise, Observations, Problem, Rules, Search, Unknown, UnknownNoise, Whitener, levels, search,
-};
+use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Search, UnknownNoise, Whitener, levels, search};
 pub use pkm_diagnosis::{SEED, verdict::Verdict};
 
 use self::checks::{Suspect, Warning};
 use self::compare::{Errors, Fitted, Predictions, RIVALS, Rival, Zone};
+pub use self::effects::{ELEMENT, Effect};
+use self::effects::{alternatives, effects};
 use self::experiment::{Experiment, observations};
 use self::findings::{DeclaredFinding, Detectable};
-use self::model::{Meaning, Model, Recorded, info};
+use self::model::{Model, Recorded};
 use self::places::World;
 use self::places::sites::{self, Site};
 use crate::error::{Failure, Result};
@@ -55,49 +56,6 @@ pub struct HeldOut {
     pub all: Vec<(Rival, Errors)>,
     /// By zone and rival.
     pub zones: Vec<(Zone, Vec<(Rival, Errors)>)>,
-}
-
-/// An effect that was found.
-pub struct Effect {
-    /// Its id.
-    pub id: &'static str,
-    /// Place of `[[element]]`, or `geometry`, `sensor`, `load`, `time`.
-    pub place: String,
-    /// Places that the readings cannot tell apart from it.
-    pub place_class: Vec<String>,
-    /// In which direction it gives.
-    pub motion: &'static str,
-    /// What it depends on.
-    pub law: &'static str,
-    /// Probability of the place and its class.
-    pub probability: f64,
-    /// Name, value, standard error.
-    pub parameters: Vec<(String, f64, f64)>,
-    /// Probability against what is not in its class.
-    pub confidence: f64,
-    /// What the data cannot tell from it.
-    pub class: Vec<String>,
-}
-
-impl Effect {
-    /// Whether another is the same physics: a form may take two blocks.
-    fn is_alike(&self, other: &Self) -> bool {
-        (self.id, &self.place, self.motion, self.law) == (other.id, &other.place, other.motion, other.law)
-    }
-
-    /// Takes in what was found of the same.
-    fn absorb(&mut self, other: Self) {
-        let new = other.place_class.into_iter().filter(|p| !self.place_class.contains(p));
-        let room = sites::MAX_CLASS - self.place_class.len();
-        self.place_class.extend(new.take(room).collect::<Vec<_>>());
-        self.parameters.extend(other.parameters);
-        self.probability = self.probability.max(other.probability);
-    }
-
-    /// Whether it is an error of the measurement and no part of the machine.
-    pub fn is_measurement(&self) -> bool {
-        matches!(self.place.as_str(), "sensor" | "load" | "time")
-    }
 }
 
 /// The model after one of the finds.
@@ -291,86 +249,6 @@ impl Judges<'_> {
     }
 }
 
-/// What an effect is called that has no formula.
-pub const ELEMENT: &str = "element";
-
-/// What stands at the sites: effects by their formula, and what yields without one. Declared values have a list of their own.
-fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
-    let end = &search.fit;
-    let standard_errors = end.standard_errors();
-    let at = |site: &Site| Effect {
-        id: ELEMENT,
-        place: site.place.clone(),
-        place_class: site.place_class.clone(),
-        motion: site.motion,
-        law: site.law,
-        probability: site.probability,
-        parameters: Vec::new(),
-        confidence: site.probability,
-        class: Vec::new(),
-    };
-    let of = |found: &search::Found, site: &Site| {
-        // wrong declared values have a list of their own
-        if model.class_of(found.candidate).is_some() {
-            return None;
-        }
-        let effect = model.effect_of(found.candidate);
-        let name = |u: Unknown| match model.meaning(u) {
-            Meaning::Effect { effect: own, parameter } if effect == Some(own) => {
-                Some(info(own).parameters[parameter].to_owned())
-            }
-            Meaning::Element(element) if effect.is_none() => Some(model.elements[element].name()),
-            _ => None,
-        };
-        let own = &model.candidates[found.candidate].unknowns;
-        let parameters = (end.unknowns.iter().enumerate())
-            .filter(|(_, u)| own.contains(u))
-            .filter_map(|(n, u)| {
-                let prior = model.parameters[u.0].prior;
-                Some((name(*u)?, prior.value(end.x[n]), prior.error(end.x[n], standard_errors[n])))
-            })
-            .collect();
-        let mut class: Vec<String> = Vec::new();
-        // an element can always do what a formula does
-        let rivals = found.class.iter().filter(|c| effect.is_none() || model.candidates[**c].kind != Kind::Element);
-        for name in rivals.flat_map(|c| &model.candidates[*c].names) {
-            if !class.contains(name) {
-                class.push(name.clone());
-            }
-        }
-        let id = effect.map_or(ELEMENT, |effect| info(effect).id);
-        Some(Effect { id, parameters, confidence: found.confidence, class, ..at(&site.named(model, found.candidate)) })
-    };
-    let named = sites::named_at(sites, search);
-    let all = sites.iter().zip(named).filter(|(site, _)| site.place != NOWHERE);
-    let found = all.filter_map(|(site, found)| found.map_or_else(|| Some(at(site)), |n| of(&search.found[n], site)));
-    let mut effects: Vec<Effect> = Vec::new();
-    for effect in found {
-        match effects.iter_mut().find(|e| e.is_alike(&effect)) {
-            Some(there) => there.absorb(effect),
-            None => effects.push(effect),
-        }
-    }
-    effects
-}
-
-/// Sets of findings as `place: law`; sets of equal places and laws are one.
-fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64)> {
-    let mut all: Vec<(Vec<String>, f64)> = Vec::new();
-    for (blocks, probability) in &inferred.alternatives {
-        let name = |b: &usize| {
-            let block = world.block(*b);
-            format!("{}: {}", block.places.first().map_or(NOWHERE, String::as_str), block.law)
-        };
-        let names: Vec<String> = blocks.iter().map(name).collect();
-        match all.iter_mut().find(|a| a.0 == names) {
-            Some(there) => there.1 += probability,
-            None => all.push((names, *probability)),
-        }
-    }
-    all
-}
-
 /// How a diagnosis searches for what the model lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Method {
@@ -410,7 +288,7 @@ pub fn diagnose(
     let tip_m = file.wrist_parameters.tip_at_zero_m();
     let otherwise = checks::taken_otherwise(&plain, &whitener, &model, readings, tip_m);
     let taken_as_said = otherwise.is_none();
-    let mut warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).collect();
+    let warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).collect();
     let not_converged = || not_converged(readings, &warnings);
     let whiteners = levels::whiteners(&plain).ok_or_else(not_converged)?;
     let levels = Levels::new(&plain, &whiteners);
@@ -419,6 +297,13 @@ pub fn diagnose(
         Method::Formulas => None,
         Method::Places => Some(places::infer(&levels, &noise, &model, readings).ok_or_else(not_converged)?),
     };
+    // what a block found is a candidate with the block's own directions
+    let mut model = model.clone();
+    let found = inferred.iter().flat_map(|(world, i)| i.findings.iter().filter_map(|f| world.elements(f)));
+    found.for_each(|family| model.add_family(family));
+    let experiment = Experiment::new(&model, readings);
+    let plain = Problem::new(&read, &whitener, &experiment, rules);
+    let levels = Levels::new(&plain, &whiteners);
     let sites = inferred.as_ref().map(|(world, inferred)| sites::sites(world, inferred, &model, rules));
     let permitted = sites.as_ref().map(|sites| sites::permitted(sites, &model));
     let search = search::search(&levels, permitted.as_deref()).ok_or_else(not_converged)?;
@@ -433,66 +318,123 @@ pub fn diagnose(
     });
     // a fit that fails beside disturbances stays what it is without them
     let (levels, search) = beside.unwrap_or((levels, search));
-    let mut judgement = verdict::judge(&levels, &noise, &search).ok_or_else(not_converged)?;
-    let effects = effects(&model, &search, &sites);
-    if effects.iter().any(|e| e.parameters.is_empty()) {
-        // something yields for which there is no formula, so that what was found is not all
-        judgement.verdict = Verdict::PartlyExplained;
-    }
-    let problem = &levels.problems[search.levels[1]];
-    step(2, "before and after");
-    let extent = compare::extent(readings);
-    let fitted = Fitted::new(problem, &experiment, &extent, &search, false).ok_or_else(not_converged)?;
-    let failed = || Failure::other("a model gives no deflection at some held-out pose");
-    let own = fitted.predict(&model, &experiment.poses, &readings.conditions, true).ok_or_else(failed)?;
-    let judges = Judges { noise: &noise, model: &model, rules };
-    let errors = judges.errors(&read, &own, &|_| true);
-    let steps = judges.steps(readings, held_out, &search).ok_or_else(failed)?;
-    let held_out = match held_out {
-        Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
-        None => judges.left_out(readings, &read, &search).ok_or_else(not_converged)?,
-    };
-    step(3, "what to measure next");
-    let rivals = pkm_diagnosis::design::rivals(&levels, &search);
-    let proposals = design::propose(&model, readings, &noise, file, &rivals, rules);
-    let residuals = Residuals::new(problem, &noise, &search).ok_or_else(not_converged)?;
-    let structure = findings::residual_structure(readings, &read, &residuals);
-    let mut suspects = checks::suspects(given, &gross, own.of(Rival::After), true);
-    suspects.extend(checks::suspects(readings, &residuals.outliers(&read, rules), own.of(Rival::After), false));
-    step(4, "report");
-    let given = observations(given, &model);
-    let deviations = |n| std::array::from_fn(|c| noise.variance_of(&given, n, c).sqrt());
-    let standard_deviations = (0..given.readings.len()).map(deviations).collect();
-    let end = &search.fit;
-    let name = |r: &search::Ranked| model.candidates[r.candidate].name();
-    let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
-    step(5, "report");
-    let declared = findings::declared_findings(problem, &model, &search);
-    warnings.extend(checks::of_result(&judgement, &declared, &structure, rules));
-    Ok(Diagnosis {
-        warnings,
-        suspects,
-        size: (problem.numbers(), readings.poses.len()),
-        effects,
-        alternatives: inferred.as_ref().map(|(world, inferred)| alternatives(world, inferred)).unwrap_or_default(),
-        none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these),
-        declared,
-        detectable: findings::detectable(problem, &model, &search),
-        structure,
-        machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
-        load_error: levels.load_error(search.levels[1]),
-        noise,
-        judgement,
-        search,
-        errors,
+    let searched = Searched {
+        file,
+        given,
+        readings,
         held_out,
-        steps,
-        proposals,
-        fitted,
-        own,
-        standard_deviations,
-        standardised: residuals.by_reading,
-        left_out,
-        names,
-    })
+        read: &read,
+        experiment: &experiment,
+        levels: &levels,
+        gross: &gross,
+        noise,
+        search,
+        sites: &sites,
+        inferred: inferred.as_ref(),
+        warnings,
+    };
+    searched.judged(&step)
+}
+
+/// A search that has ended, and what it is judged by.
+struct Searched<'a> {
+    file: &'a MachineFile,
+    /// As read, and without gross errors.
+    given: &'a Readings,
+    readings: &'a Readings,
+    held_out: Option<&'a Readings>,
+    read: &'a Observations,
+    experiment: &'a Experiment<'a>,
+    levels: &'a Levels<'a>,
+    gross: &'a [Outlier],
+    noise: Noise,
+    search: Search,
+    sites: &'a [Site],
+    inferred: Option<&'a (World, Inferred)>,
+    warnings: Vec<Warning>,
+}
+
+impl Searched<'_> {
+    /// The verdict, the models before and after, and what to measure next.
+    fn judged(self, step: &dyn Fn(u64, &str)) -> Result<Diagnosis> {
+        let Self {
+            file,
+            given,
+            readings,
+            held_out,
+            read,
+            experiment,
+            levels,
+            gross,
+            noise,
+            search,
+            sites,
+            inferred,
+            mut warnings,
+        } = self;
+        let (model, rules) = (experiment.model, levels.plain.rules);
+        let not_converged = || not_converged(readings, &warnings);
+        let mut judgement = verdict::judge(levels, &noise, &search).ok_or_else(not_converged)?;
+        let effects = effects(model, &search, sites);
+        if effects.iter().any(|e| e.parameters.is_empty()) {
+            // something yields for which there is no formula, so that what was found is not all
+            judgement.verdict = Verdict::PartlyExplained;
+        }
+        let problem = &levels.problems[search.levels[1]];
+        step(2, "before and after");
+        let extent = compare::extent(readings);
+        let fitted = Fitted::new(problem, experiment, &extent, &search, false).ok_or_else(not_converged)?;
+        let failed = || Failure::other("a model gives no deflection at some held-out pose");
+        let own = fitted.predict(model, &experiment.poses, &readings.conditions, true).ok_or_else(failed)?;
+        let judges = Judges { noise: &noise, model, rules };
+        let errors = judges.errors(read, &own, &|_| true);
+        let steps = judges.steps(readings, held_out, &search).ok_or_else(failed)?;
+        let held_out = match held_out {
+            Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
+            None => judges.left_out(readings, read, &search).ok_or_else(not_converged)?,
+        };
+        step(3, "what to measure next");
+        let rivals = pkm_diagnosis::design::rivals(levels, &search);
+        let proposals = design::propose(model, readings, &noise, file, &rivals, rules);
+        let residuals = Residuals::new(problem, &noise, &search).ok_or_else(not_converged)?;
+        let structure = findings::residual_structure(readings, read, &residuals);
+        let mut suspects = checks::suspects(given, gross, own.of(Rival::After), true);
+        suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
+        step(4, "report");
+        let given = observations(given, model);
+        let deviations = |n| std::array::from_fn(|c| noise.variance_of(&given, n, c).sqrt());
+        let standard_deviations = (0..given.readings.len()).map(deviations).collect();
+        let end = &search.fit;
+        let name = |r: &search::Ranked| model.candidates[r.candidate].name();
+        let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
+        step(5, "report");
+        let declared = findings::declared_findings(problem, model, &search);
+        warnings.extend(checks::of_result(&judgement, &declared, &structure, rules));
+        Ok(Diagnosis {
+            warnings,
+            suspects,
+            size: (problem.numbers(), readings.poses.len()),
+            effects,
+            alternatives: inferred.map(|(world, inferred)| alternatives(world, inferred)).unwrap_or_default(),
+            none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these),
+            declared,
+            detectable: findings::detectable(problem, model, &search),
+            structure,
+            machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
+            load_error: levels.load_error(search.levels[1]),
+            noise,
+            judgement,
+            search,
+            errors,
+            held_out,
+            steps,
+            proposals,
+            fitted,
+            own,
+            standard_deviations,
+            standardised: residuals.by_reading,
+            left_out: gross.iter().map(|o| (o.reading, o.channel)).collect(),
+            names,
+        })
+    }
 }

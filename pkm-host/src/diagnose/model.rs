@@ -71,6 +71,7 @@ pub struct Recorded {
 }
 
 /// A machine, with the priors of its unknowns.
+#[derive(Clone)]
 pub struct Model {
     /// As declared.
     pub declared: MachineParameters,
@@ -248,6 +249,7 @@ impl Model {
                     kind: if is_measurement(effect) { Kind::Measurement } else { Kind::Effect },
                     place: place(info.id, recorded).to_owned(),
                     unknowns,
+                    start: Vec::new(),
                 });
             }
         }
@@ -261,26 +263,36 @@ impl Model {
                 kind: Kind::DeclaredValues,
                 place: if of_limb_3 { LIMB_3 } else { LIMBS_1_2 }.to_owned(),
                 unknowns: vec![unknown],
+                start: Vec::new(),
             });
         }
-        let (mut elements, mut element_places) = (Vec::new(), HashMap::new());
-        let families = if method == Method::Places { families(&usual, recorded) } else { Vec::new() };
-        for family in families {
-            let mut unknowns = Vec::new();
-            for p in family.parameters {
-                let role = Role::Amplitude { one_sided: p.one_sided };
-                unknowns.push(add(Meaning::Element(elements.len()), p.prior, role, false));
-                elements.push(p);
-            }
-            let name = format!("{ELEMENT} at {}, {}, {}", family.places.join(", "), family.motion, family.law);
-            let Family { places, motion, law, .. } = family;
-            let place = places.join(", ");
-            element_places.insert(candidates.len(), Whereabouts { places, motion, law, ln_prior: 0.0 });
-            candidates.push(Candidate { names: vec![name], kind: Kind::Element, place, unknowns });
-        }
-        let uncertainty = file.uncertainty;
         let reach = reach(file);
-        Some(Self { declared, reach, uncertainty, classes, elements, element_places, candidates, parameters, meanings })
+        let (elements, element_places, uncertainty) = (Vec::new(), HashMap::new(), file.uncertainty);
+        let mut this =
+            Self { declared, reach, uncertainty, classes, elements, element_places, candidates, parameters, meanings };
+        if method == Method::Places {
+            for family in families(&usual, recorded) {
+                this.add_family(family);
+            }
+        }
+        Some(this)
+    }
+
+    /// Adds elements as a candidate.
+    pub fn add_family(&mut self, family: Family) {
+        let mut unknowns = Vec::new();
+        for p in family.parameters {
+            self.meanings.push(Meaning::Element(self.elements.len()));
+            let role = Role::Amplitude { one_sided: p.one_sided };
+            self.parameters.push(Parameter { prior: p.prior, role, ambiguous: false });
+            unknowns.push(Unknown(self.parameters.len() - 1));
+            self.elements.push(p);
+        }
+        let Family { places, motion, law, start, .. } = family;
+        let place = places.join(", ");
+        let names = vec![format!("{ELEMENT} at {place}, {motion}, {law}")];
+        self.element_places.insert(self.candidates.len(), Whereabouts { places, motion, law, ln_prior: 0.0 });
+        self.candidates.push(Candidate { names, kind: Kind::Element, place, unknowns, start });
     }
 
     /// What an unknown changes.

@@ -28,7 +28,7 @@ const POSES: [[f64; 3]; 7] = [
     [5.0, 6.0, 525.0],
 ];
 
-fn condition(pose: usize, wrench: [f64; 6]) -> Condition {
+pub(super) fn condition(pose: usize, wrench: [f64; 6]) -> Condition {
     Condition {
         pose,
         wrench: Wrench::from_vector(wrench.into()),
@@ -40,11 +40,11 @@ fn condition(pose: usize, wrench: [f64; 6]) -> Condition {
     }
 }
 
-fn reading(condition: usize, series: usize, observed: [Option<f64>; CHANNELS]) -> Reading {
+pub(super) fn reading(condition: usize, series: usize, observed: [Option<f64>; CHANNELS]) -> Reading {
     Reading { line: 1, condition, repeat_of: condition, series, observed, sigma: [None; 2], covariance: None }
 }
 
-fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Readings {
+pub(super) fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Readings {
     let used = conditions.iter().map(|c| c.pose + 1).max().unwrap_or(0);
     let named =
         |[theta, sigma, z0]: &[f64; 3]| NamedPose { id: String::new(), line: 1, pose: pose_of(*theta, *sigma, *z0) };
@@ -66,7 +66,7 @@ fn normal(rng: &mut fastrand::Rng) -> f64 {
     (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0
 }
 
-fn machine() -> MachineFile {
+pub(super) fn machine() -> MachineFile {
     MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).unwrap()
 }
 
@@ -119,7 +119,7 @@ fn simulated(model: &Model, conditions: Vec<Condition>, truth: (&[Unknown], &[f6
 }
 
 /// The same noise in all channels.
-fn even(s: f64) -> Noise {
+pub(super) fn even(s: f64) -> Noise {
     Noise {
         source: NoiseSource::Repeats,
         within: vec![s; CHANNELS],

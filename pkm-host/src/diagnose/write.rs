@@ -10,17 +10,18 @@ use crate::error::{Failure, Result};
 use crate::files::dataset::{READ_COLUMNS, StiffnessData, Target};
 use crate::files::elements;
 use crate::files::machine::MachineFile;
-use crate::files::readings::Readings;
+use crate::files::readings::{GAUGE, Readings};
+use crate::files::results::ShownReading;
 use crate::files::table::TableFile;
 use crate::fit::{self, TermChoice};
-use crate::pose::{NamedPose, pose_of};
+use crate::pose::{NamedPose, pose_of, tidy, written_units};
 use crate::report::export::{Provenance, rust_source};
 
 /// Levels of each variable at which the table on the remainder is taken.
 const LEVELS: usize = 5;
 
 /// Changes a number of the file, unless it holds this value already.
-fn set(item: &mut Item, number: f64) {
+pub(crate) fn set(item: &mut Item, number: f64) {
     let there = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
     if there != Some(number) {
         let decor = item.as_value().map(|v| v.decor().clone());
@@ -104,6 +105,41 @@ pub fn residuals_csv(readings: &Readings, diagnosis: &Diagnosis) -> String {
         }
     }
     csv
+}
+
+/// Every reading with what the model says of it as declared and as identified, to the nanometre and the nanoradian.
+pub fn shown_readings(readings: &Readings, diagnosis: &Diagnosis) -> Vec<ShownReading> {
+    let micro = |v: f64| (v * 1e9).round() / 1e3;
+    let rows = readings.readings.iter().enumerate().map(|(n, r)| {
+        let c = &readings.conditions[r.condition];
+        let [theta_deg, sigma_deg, z0_mm] = written_units(&readings.poses[c.pose].pose);
+        let channels = c.channels();
+        let said = |rival: Rival| {
+            let mut shown = [0.0; GAUGE];
+            for (to, from) in shown.iter_mut().zip(&diagnosis.own.of(rival)[r.condition][channels.clone()]) {
+                *to = micro(*from);
+            }
+            shown
+        };
+        let mut read = [None; GAUGE];
+        for (to, from) in read.iter_mut().zip(&r.observed[channels.clone()]) {
+            *to = from.map(micro);
+        }
+        ShownReading {
+            line: r.line,
+            theta_deg,
+            sigma_deg,
+            z0_mm,
+            point_mm: c.point_m.map(|m| tidy(m * 1e3)),
+            wrench: <[f64; 6]>::from(c.wrench.to_vector()).map(tidy),
+            gauge: c.gauge,
+            read,
+            before: said(Rival::Declared),
+            after: said(Rival::After),
+            excluded: diagnosis.left_out.iter().any(|(line, _)| *line == n),
+        }
+    });
+    rows.collect()
 }
 
 /// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it; and a warning

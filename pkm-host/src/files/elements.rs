@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use pkm_core::effects::{Element, Law, MAX_ELEMENTS, MAX_PARAMETERS, Place};
+use pkm_core::effects::{Element, Law, MAX_ELEMENTS, Place};
 use serde::Deserialize;
 use toml::Spanned;
 use toml_edit::{ArrayOfTables, Table, value};
@@ -52,7 +52,7 @@ fn element(text: &str, raw: &Spanned<RawElement>) -> Result<Element, Misplaced> 
         return Err(unknown("motion", motion, &motions));
     }
     let laws = Law::ALL.map(Law::name);
-    let possible = |law: &str| Element::from_names(place.get_ref(), motion.get_ref(), law, [0.0; MAX_PARAMETERS]);
+    let possible = |law: &str| Element::from_names(place.get_ref(), motion.get_ref(), law, []);
     let Some(mut element) = possible(law.get_ref()) else {
         let laws: Vec<_> = laws.into_iter().filter(|law| possible(law).is_some()).collect();
         return Err(unknown("law", law, &laws));
@@ -126,6 +126,7 @@ mod tests {
         ] {
             effects = effects.with_element(place, motion, law, parameters).unwrap();
         }
+        effects = effects.with_element("base", "coupled", "constant", [1e-10, 0.5, 0.0, -1.0, 0.25]).unwrap();
         let mut document: toml_edit::DocumentMut =
             Source::embedded(pkm_fixtures::MACHINE).text().unwrap().parse().unwrap();
         document["element"] = toml_edit::Item::ArrayOfTables(tables(&effects.elements).unwrap());

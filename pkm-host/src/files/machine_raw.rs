@@ -32,6 +32,10 @@ pub struct Uncertainty {
     pub load_gain: f64,
     /// Of the size of a load, relative, drawn anew with each reading: the load cell's noise.
     pub load_random: f64,
+    /// Of sizes of the platforms and of the wrist, and of the zeros of the screws, m.
+    pub geometry_m: f64,
+    /// Of the zeros of the wrist's joints, rad.
+    pub geometry_rad: f64,
 }
 
 #[derive(Deserialize)]
@@ -88,6 +92,8 @@ pub(super) struct RawUncertainty {
     pub(super) load_direction_mrad: Option<Number>,
     pub(super) load_gain: Option<Number>,
     pub(super) load_random: Option<Number>,
+    pub(super) geometry_mm: Option<Number>,
+    pub(super) geometry_mrad: Option<Number>,
 }
 
 #[derive(Deserialize)]
@@ -218,7 +224,7 @@ pub(super) fn effects(
 pub(super) type Place = (String, Range<usize>, f64);
 
 impl RawUncertainty {
-    /// Where nothing is declared: stiffnesses to 10 %, loads exact.
+    /// Where nothing is declared: stiffnesses to 10 %, loads exact, lengths to 1 mm, zeros of the wrist to 1 mrad.
     pub(super) fn values(&self) -> Uncertainty {
         let declared = |n: Option<&Number>, or: f64| n.map_or(or, |n| *n.get_ref());
         let stiffness = declared(self.stiffness.as_ref(), 0.10);
@@ -228,6 +234,8 @@ impl RawUncertainty {
             load_direction_rad: declared(self.load_direction_mrad.as_ref(), 0.0) / 1e3,
             load_gain: declared(self.load_gain.as_ref(), 0.0),
             load_random: declared(self.load_random.as_ref(), 0.0),
+            geometry_m: metres(declared(self.geometry_mm.as_ref(), 1.0)),
+            geometry_rad: declared(self.geometry_mrad.as_ref(), 1.0) / 1e3,
         }
     }
 }
@@ -393,6 +401,15 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
             let value = *n.get_ref();
             if !(value > 0.0 && value <= 1.0) {
                 let message = format!("expected a relative standard deviation above 0, at most 1, found {value}");
+                return Err((key, n.span(), message));
+            }
+        }
+        let of_geometry =
+            [("uncertainty.geometry_mm", &u.geometry_mm), ("uncertainty.geometry_mrad", &u.geometry_mrad)];
+        for (key, n) in of_geometry.into_iter().filter_map(|(key, n)| Some((key, n.as_ref()?))) {
+            let value = *n.get_ref();
+            if !(value > 0.0 && value <= 100.0) {
+                let message = format!("expected a standard deviation above 0, at most 100, found {value}");
                 return Err((key, n.span(), message));
             }
         }

@@ -19,6 +19,8 @@ pub struct Move {
     pub is_fresh: bool,
     /// A rapid move of a program.
     pub is_rapid: bool,
+    /// Feed of a cut: mm/min where the tip moves, °/min where only the tool turns; `None` where no F of G94 says it.
+    pub feed_per_min: Option<[f64; 2]>,
 }
 
 /// A share of the way from one wrench to another.

@@ -47,6 +47,12 @@ pub fn is_program(file: &Path) -> Option<bool> {
     }
 }
 
+/// The same, where it has to say either.
+fn kind_of(path: &Path) -> Result<bool> {
+    let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc or .tap";
+    is_program(path).ok_or_else(|| Failure::usage(message).in_file(path.display().to_string()))
+}
+
 impl ToolPath {
     /// Reads a path, its kind by its name, and says from what. `wrench` is a program's load until a comment sets another, `setup` what it does not
     /// say of the machine.
@@ -54,10 +60,7 @@ impl ToolPath {
     /// # Errors
     /// See [`read_csv`] and [`Program::parse`]; another name; a path that is compensated already.
     pub fn read(path: &Path, wrench: Option<[f64; 6]>, setup: &Setup) -> Result<(Self, Source)> {
-        let Some(is_program) = is_program(path) else {
-            let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc or .tap";
-            return Err(Failure::usage(message).in_file(path.display().to_string()));
-        };
+        let is_program = kind_of(path)?;
         let source = Source::read(path)?;
         let marked = |l: &str| l.strip_prefix(['(', '#']).is_some_and(|l| l.trim_start().starts_with(MARK));
         if let Some(line) = source.text()?.lines().position(marked) {
@@ -70,6 +73,20 @@ impl ToolPath {
         }
         if wrench.is_some() {
             return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));
+        }
+        let (sheet, moves) = read_csv(source.clone())?;
+        Ok((Self::Csv { sheet, moves }, source))
+    }
+
+    /// Reads a path to be looked at, compensated or not.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read) beside that.
+    pub fn read_any(path: &Path) -> Result<(Self, Source)> {
+        let is_program = kind_of(path)?;
+        let source = Source::read(path)?;
+        if is_program {
+            return Ok((Self::Program(Program::parse_with(&source, None, &Setup::default())?), source));
         }
         let (sheet, moves) = read_csv(source.clone())?;
         Ok((Self::Csv { sheet, moves }, source))
@@ -126,6 +143,7 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
             wrench: [before, wrench],
             longer_m: 0.0,
             is_fresh: false,
+            feed_per_min: None,
             is_rapid: false,
         });
     }

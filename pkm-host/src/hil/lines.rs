@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use pkm_core::{Pose, Wrench};
-use pkm_protocol::{Arithmetic, Code, Command, Demand, Lines, MAX_COMMAND, Request, Sweep};
+use pkm_protocol::{ABORT, Arithmetic, Code, Command, Demand, Lines, MAX_COMMAND, Request, Sweep, opened, sealed};
 
 use super::Campaign;
 use super::link::written;
@@ -96,19 +96,32 @@ fn demand(rng: &mut Rng, pose_box: &PoseBox, arithmetic: Arithmetic) -> Demand {
 
 /// A line that no firmware may accept.
 fn bad_line(rng: &mut Rng, good: &[u8]) -> Option<Sent> {
-    let text = String::from_utf8_lossy(good.trim_ascii_end()).into_owned();
-    let mut line = match rng.u8(0..9) {
+    let text = String::from_utf8_lossy(opened(good)?).into_owned();
+    let json: Vec<u8> = match rng.u8(0..10) {
         0 => text[..rng.usize(1..text.len())].to_owned().into_bytes(),
-        1 => (0..rng.usize(1..300)).map(|_| rng.u8(..)).filter(|b| *b != b'\n').collect(),
+        1 => (0..rng.usize(1..300)).map(|_| rng.u8(..)).filter(|b| ![b'\n', ABORT].contains(b)).collect(),
         2 => vec![b'['; rng.usize(1..2 * MAX_COMMAND)],
+        9 => return damaged(rng, good),
         3 => text.replacen(",\"force_n\"", "e999,\"force_n\"", 1).into(),
-        4 => text.replacen("\"v\":1", "\"v\":2", 1).into(),
+        4 => text.replacen("\"v\":2", "\"v\":1", 1).into(),
         5 => text.replacen("cycle", "reboot", 1).into(),
-        6 => text.replacen("\"v\":1", "\"v\":1,\"v\":1", 1).into(),
+        6 => text.replacen("\"v\":2", "\"v\":2,\"v\":2", 1).into(),
         7 => text.replacen("[", "[,", 1).into(),
         _ => text.replacen("\"z0_m\":", "\"z0_m\":NaN", 1).into(),
     };
-    line.push(b'\n');
+    let mut buffer = [&json[..], &[0; 10]].concat();
+    refused(sealed(&mut buffer, json.len())?.to_vec())
+}
+
+/// A digit that has flipped on the way.
+fn damaged(rng: &mut Rng, good: &[u8]) -> Option<Sent> {
+    let mut line = good.to_vec();
+    let digits: Vec<usize> = (0..line.len()).filter(|at| line[*at].is_ascii_digit()).collect();
+    line[digits[rng.usize(..digits.len())]] ^= 1;
+    refused(line)
+}
+
+fn refused(line: Vec<u8>) -> Option<Sent> {
     let mut lines = Lines::new();
     match line.iter().filter_map(|b| lines.push(*b)).next() {
         Some(Err(refused)) => Some(Sent { line, expected: Expected::Error { id: refused.id, code: refused.code } }),

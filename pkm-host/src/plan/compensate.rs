@@ -7,9 +7,11 @@
 use pkm_core::{Configuration, CorrectionTable, Domain, Hold, Pose, Tool, ToolDeflectionError, Wrench};
 
 use crate::error::{Failure, Result};
+use crate::files::limits::JointLimits;
 use crate::files::machine::MachineFile;
 use crate::files::path::{Move, Place, Toward, part_of, rounded};
 use crate::files::tool_path::Point;
+use crate::plan::feed::{JointTrack, TooFast};
 use crate::plan::reach::Reach;
 use crate::pose::{PoseBox, file_units};
 use crate::progress::Progress;
@@ -34,6 +36,8 @@ pub struct Request<'a> {
     pub step_mm: Option<f64>,
     /// Whether points outside the table's box are let through.
     pub allow_extrapolation: bool,
+    /// Of the joints, to hold the programmed feeds against.
+    pub limits: Option<&'a JointLimits>,
 }
 
 /// A correction and the box that it was fitted on.
@@ -127,6 +131,22 @@ pub struct Track {
     pub extrapolated: usize,
     /// Where a load acts, in the path's order.
     pub loaded: Vec<LoadedPoint>,
+    /// Lines that ask too much of a joint, with `limits`.
+    pub too_fast: Vec<TooFast>,
+    /// Moves whose feed was held against `limits`.
+    pub feeds: usize,
+}
+
+impl Track {
+    /// One entry a line, with the feed that all of its moves can have.
+    fn slow_down(&mut self, found: Option<TooFast>) {
+        let Some(found) = found else { return };
+        match self.too_fast.last_mut().filter(|last| last.line == found.line) {
+            Some(last) if last.allowed_per_min <= found.allowed_per_min => {}
+            Some(last) => *last = found,
+            None => self.too_fast.push(found),
+        }
+    }
 }
 
 /// How far outside a table's box a pose is.
@@ -216,6 +236,11 @@ impl Walk<'_> {
             let failure = self.failure(e, there.ok().map(|c| c.hold));
             Failure { message: format!("{} (with the deflection compensated)", failure.message), ..failure }
         })?;
+        if !command.converged {
+            let left_um = command.remaining_m * 1e6;
+            let why = format!("the deflection changes too much on the way: {left_um:.1} µm of it would remain");
+            return Err(self.here(Failure::input(why)));
+        }
         let configuration = command.hold.configuration;
         let Tool { tip_m, axis } = tool_at(&configuration)?;
         let toward = match asked.toward {
@@ -316,7 +341,7 @@ pub fn walk<'a>(
     let reach = &reaches[0];
     let mut walk =
         Walk { reach, correction, file, allow_extrapolation, in_program, track, last: None, way_m: 0.0, position };
-    let mut near = walk.reach.home();
+    let (mut near, mut stood) = (walk.reach.home(), None);
     for (index, mv) in moves.iter().enumerate() {
         walk.track.points.push(Vec::new());
         let tool = machines.iter().position(|(longer_m, _)| *longer_m == mv.longer_m);
@@ -335,6 +360,10 @@ pub fn walk<'a>(
         }
         let [length, _] = from.apart(&mv.to);
         let begun = walk.way_m;
+        let mut joints = JointTrack::default();
+        if !jumps && let Some(stood) = &stood {
+            joints.add(stood);
+        }
         for k in usize::from(!jumps)..=n {
             let (ends, share) = (k == n, k as f64 / n as f64);
             let asked = if ends { mv.to } else { from.between(&mv.to, share) };
@@ -352,6 +381,8 @@ pub fn walk<'a>(
                     .map_err(|e| walk.failure(e.into(), walk.reach.stand_anywhere(&asked, &near)))?,
             };
             near = hold.configuration;
+            joints.add(&hold.joints);
+            stood = Some(hold.joints);
             walk.track.least_share = walk.track.least_share.min(hold.home_share);
             let wrench = part_of(&mv.wrench, share);
             if wrench != Wrench::ZERO && (fill || ends) {
@@ -364,6 +395,12 @@ pub fn walk<'a>(
             }
             progress("points", done, all);
             done += 1;
+        }
+        if let Some(limits) =
+            request.limits.filter(|_| before.is_some_and(|b| b.longer_m == mv.longer_m) && mv.feed_per_min.is_some())
+        {
+            walk.track.feeds += 1;
+            walk.track.slow_down(joints.too_fast(&from, mv, limits));
         }
     }
     progress("points", all, all);

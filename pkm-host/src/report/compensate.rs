@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use crate::error::Result;
 use crate::plan::compensate::{LoadedPoint, Tally, Track};
+use crate::plan::feed::TooFast;
 use crate::report::page::{self, Finding, Page};
 use crate::report::plot::{self, Mark, Panel, Series};
 
@@ -114,6 +115,17 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     all
 }
 
+/// Lines that ask too much of a joint.
+pub fn too_fast(track: &Track) -> Vec<String> {
+    let line = |t: &TooFast| {
+        let TooFast { line, feed_per_min, allowed_per_min, unit } = t;
+        // down, so that what is written holds
+        let allowed = (allowed_per_min * 10.0).floor() / 10.0;
+        format!("line {line}: {feed_per_min} {unit} is too fast for a joint, {allowed} {unit} is within its limits")
+    };
+    track.too_fast.iter().map(line).collect()
+}
+
 /// The report; `limit` is the least normalised determinant that the machine file allows.
 ///
 /// # Errors
@@ -158,6 +170,13 @@ pub fn text(track: &Track, limit: f64) -> String {
     if track.halfway.count > 0 {
         text.push_str(&format!("of the tip at midpoints between points in µm: {}\n", micro(&track.halfway)));
     }
+    if track.feeds > 0 {
+        let lines = track.too_fast.len();
+        text.push_str(&format!(
+            "feed of {} moves held against the joints' limits: too fast in {lines} lines\n",
+            track.feeds
+        ));
+    }
     let [least, limit] = [track.least_share, limit].map(|share| 100.0 * share);
     text.push_str(&format!("closest to a singularity: determinant at {least:.1} % of home (limit {limit} %)\n"));
     text
@@ -177,5 +196,12 @@ pub fn document(track: &Track) -> Value {
         "error_halfway_um": (track.halfway.count > 0).then(|| micro(&track.halfway)),
         "min_home_share": track.least_share,
         "extrapolated_points": track.extrapolated,
+        "feeds_checked": track.feeds,
+        "too_fast": track.too_fast.iter().map(|t| json!({
+            "line": t.line,
+            "feed_per_min": t.feed_per_min,
+            "allowed_per_min": t.allowed_per_min,
+            "unit": t.unit,
+        })).collect::<Vec<_>>(),
     })
 }

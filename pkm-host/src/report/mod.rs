@@ -11,3 +11,4 @@ pub(crate) mod page;
 pub mod place;
 pub mod plot;
 pub mod stiffness;
+pub mod view;

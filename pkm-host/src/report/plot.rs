@@ -30,6 +30,8 @@ pub enum Mark {
     Cross,
     /// Filled circles on a line.
     Line,
+    /// Lines from each point at an even place to the next, which has a filled circle: vectors.
+    Vector,
 }
 
 /// Points with a name for the legend.
@@ -181,6 +183,13 @@ fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: b
         let drawn = match series.mark {
             Mark::Dot => chart.draw_series(points.map(|p| Circle::new(p, 3, colour.filled()).into_dyn())),
             Mark::Cross => chart.draw_series(points.map(|p| Cross::new(p, 4, colour.stroke_width(2)).into_dyn())),
+            Mark::Vector => {
+                let ends: Vec<(f64, f64)> = points.collect();
+                let line = |p: &[(f64, f64)]| PathElement::new(p.to_vec(), colour.stroke_width(1));
+                chart.draw_series(ends.chunks_exact(2).map(line)).map_err(failed)?;
+                let tips = ends.into_iter().skip(1).step_by(2);
+                chart.draw_series(tips.map(|p| Circle::new(p, 2, colour.filled()).into_dyn()))
+            }
             Mark::Line => {
                 chart.draw_series(LineSeries::new(points.clone(), colour.stroke_width(2))).map_err(failed)?;
                 chart.draw_series(points.map(|p| Circle::new(p, 3, colour.filled()).into_dyn()))

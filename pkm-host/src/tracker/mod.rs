@@ -7,8 +7,8 @@
 //! Unloaded points serve all readings of their series. Their errors are the zero error that the series has in common: each reading
 //! tells which share of its variance that is.
 
-mod registration;
-mod rigid;
+pub(crate) mod registration;
+pub(crate) mod rigid;
 mod survey;
 mod table;
 

@@ -15,7 +15,7 @@ const RIGID: usize = 6;
 
 /// Where a point is that the tracker has measured.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Place {
+pub(crate) enum Place {
     /// In B.
     Known(Vector3<f64>),
     /// On the platform, at an unknown place `reflector` in A-uvw, by index among those.
@@ -24,16 +24,16 @@ pub(super) enum Place {
 
 /// A point of which place and measurement are known.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sighting {
-    pub(super) place: Place,
-    pub(super) measured_m: Vector3<f64>,
-    pub(super) sd_m: f64,
+pub(crate) struct Sighting {
+    pub(crate) place: Place,
+    pub(crate) measured_m: Vector3<f64>,
+    pub(crate) sd_m: f64,
 }
 
 /// The transformation from B to the tracker's frame.
 #[derive(Clone, Debug)]
 pub struct Registration {
-    pub(super) motion: Motion,
+    pub(crate) motion: Motion,
     /// Points that it follows from.
     pub points: usize,
     /// Root mean square of what is left of a coordinate, m.
@@ -57,7 +57,7 @@ impl Registration {
     }
 
     /// Root mean square of the coordinates by which points of known places are off, m; 0 without any.
-    pub(super) fn rms_of(&self, sightings: &[Sighting]) -> f64 {
+    pub(crate) fn rms_of(&self, sightings: &[Sighting]) -> f64 {
         let off = |s: &Sighting| match s.place {
             Place::Known(at_m) => Some((s.measured_m - self.motion.of(&at_m)).norm_squared()),
             Place::Carried { .. } => None,
@@ -85,7 +85,7 @@ impl Sighting {
 }
 
 /// Registers the tracker, and finds `unknown` reflectors in A-uvw. `None` where the points do not determine that.
-pub(super) fn register(sightings: &[Sighting], unknown: usize) -> Option<(Registration, Vec<Vector3<f64>>)> {
+pub(crate) fn register(sightings: &[Sighting], unknown: usize) -> Option<(Registration, Vec<Vector3<f64>>)> {
     let mut reflectors = vec![Vector3::zeros(); unknown];
     let is_known = |s: &&Sighting| matches!(s.place, Place::Known(_));
     let known = sightings.iter().filter(is_known).count() >= 3;

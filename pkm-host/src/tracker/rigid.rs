@@ -4,38 +4,38 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 /// A rotation about the origin, then a translation.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Motion {
-    pub(super) rotation: Rotation3<f64>,
-    pub(super) translation_m: Vector3<f64>,
+pub struct Motion {
+    pub(crate) rotation: Rotation3<f64>,
+    pub(crate) translation_m: Vector3<f64>,
 }
 
 /// A point before and after a motion.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pair {
-    pub(super) before_m: Vector3<f64>,
-    pub(super) after_m: Vector3<f64>,
+pub struct Pair {
+    pub(crate) before_m: Vector3<f64>,
+    pub(crate) after_m: Vector3<f64>,
     /// Standard deviations of each coordinate, before and after.
-    pub(super) sd_m: [f64; 2],
+    pub(crate) sd_m: [f64; 2],
 }
 
 impl Pair {
-    pub(super) fn variance(&self) -> f64 {
+    pub(crate) fn variance(&self) -> f64 {
         self.sd_m.iter().map(|s| s * s).sum()
     }
 }
 
 impl Motion {
-    pub(super) fn of(&self, at_m: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn of(&self, at_m: &Vector3<f64>) -> Vector3<f64> {
         self.rotation * at_m + self.translation_m
     }
 
-    pub(super) fn back(&self, at_m: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn back(&self, at_m: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.inverse() * (at_m - self.translation_m)
     }
 
     /// The motion that leaves the least weighted squares (W. Kabsch, A solution for the best rotation to relate two sets of
     /// vectors, Acta Cryst. A32, 1976); some motion where the points determine none.
-    pub(super) fn fit(pairs: &[Pair]) -> Self {
+    pub(crate) fn fit(pairs: &[Pair]) -> Self {
         let total: f64 = pairs.iter().map(|p| 1.0 / p.variance()).sum();
         let mean =
             |of: fn(&Pair) -> Vector3<f64>| pairs.iter().map(|p| of(p) / p.variance()).sum::<Vector3<f64>>() / total;
@@ -52,14 +52,14 @@ impl Motion {
     }
 
     /// Translation of the origin, then the rotation vector.
-    pub(super) fn components(&self) -> Vector6<f64> {
+    pub(crate) fn components(&self) -> Vector6<f64> {
         let (t, r) = (self.translation_m, self.rotation.scaled_axis());
         Vector6::new(t.x, t.y, t.z, r.x, r.y, r.z)
     }
 
     /// Covariances of [`components`](Self::components), the rotation small or taken in the frame after it: of the errors before,
     /// and of those after. `None` where the points determine no motion.
-    pub(super) fn covariances(&self, pairs: &[Pair]) -> Option<[Matrix6<f64>; 2]> {
+    pub(crate) fn covariances(&self, pairs: &[Pair]) -> Option<[Matrix6<f64>; 2]> {
         let mut information = Matrix6::zeros();
         let mut moments = [Matrix6::zeros(); 2];
         for p in pairs {
@@ -86,7 +86,7 @@ fn squared_rows(at_m: &Vector3<f64>) -> Matrix6<f64> {
 }
 
 /// Root mean square distance of some points from the line that fits them best.
-pub(super) fn width_m(points: &[Vector3<f64>]) -> f64 {
+pub(crate) fn width_m(points: &[Vector3<f64>]) -> f64 {
     let n = points.len() as f64;
     let mean = points.iter().sum::<Vector3<f64>>() / n;
     let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum::<Matrix3<f64>>() / n;

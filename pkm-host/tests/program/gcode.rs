@@ -9,8 +9,9 @@ use pkm_host::files::job_program::ProgramJob;
 use pkm_host::files::path::{Move, Place};
 use pkm_host::files::source::Source;
 use pkm_host::files::tools::Tools;
+use serde_json::Value;
 
-use crate::common::{Folder, json, refused};
+use crate::common::{Folder, fixture, json, refused};
 use crate::gcode_programs::{CASES, Case, Direction, Says};
 
 const OFFSETS: &str = "[offsets]\nG54 = [-205, 0, 1130]\nG55 = [-195, 10, 1132]\nG28 = [-205, 0, 1110, 0, 0]\n";
@@ -110,6 +111,56 @@ fn programs_are_compensated() {
         let off = apart(&mm(&again.moves.last().unwrap().to), &last);
         assert!(off < 0.2, "{}: {off} mm", case.name);
     }
+}
+
+/// The feed that is said to be within the joints' limits is, and one percent more is not.
+#[test]
+fn feeds_are_held_against_the_limits_of_the_joints() {
+    let folder = Folder::new();
+    let (limits, out) = (fixture("jobs/limits.toml"), folder.path("out.ngc"));
+    let text = std::fs::read_to_string(fixture("jobs/path.ngc")).unwrap();
+    let found = |program: &str| {
+        let path = folder.write("p.ngc", program);
+        json(&["compensate", "--path", &path, "--limits", &limits, "--out", &out])
+    };
+    let lines = |found: &Value| found["too_fast"].as_array().unwrap().len();
+    let slow = found(&text);
+    assert_eq!((lines(&slow), slow["feeds_checked"].as_u64()), (0, Some(10)));
+    let fast = found(&text.replace("F600", "F60000"));
+    assert_eq!(lines(&fast), 8);
+    let least = fast["too_fast"].as_array().unwrap().iter().map(|t| t["allowed_per_min"].as_f64().unwrap());
+    let least = least.fold(f64::INFINITY, f64::min);
+    assert!((600.0..60000.0).contains(&least), "{least}");
+    assert_eq!(lines(&found(&text.replace("F600", &format!("F{:.4}", least * 0.9999)))), 0);
+    assert!(lines(&found(&text.replace("F600", &format!("F{:.4}", least * 1.01)))) > 0);
+    // a feed of a turn or of a move's time is none of a minute's
+    let of_a_turn = found(&text.replace("G94", "G95").replace("F600", "F60000"));
+    assert_eq!((lines(&of_a_turn), of_a_turn["feeds_checked"].as_u64()), (0, Some(0)));
+
+    let path = folder.write("p.ngc", &text);
+    let good = std::fs::read_to_string(&limits).unwrap();
+    for (from, to, said) in [
+        ("3600, 3600", "3600", "wrist_velocity_deg_per_min"),
+        ("3600, 3600", "3600, -1", "wrist_velocity_deg_per_min"),
+        ("2000, 2000, 2000", "2000, 2000, nan", "screw_acceleration_mm_per_s2"),
+        ("format = 1", "format = 2", "expected 1"),
+        ("wrist_acc", "wrist_act", "wrist_act"),
+    ] {
+        let bad = folder.write("limits.toml", &good.replace(from, to));
+        let message = refused(&["compensate", "--path", &path, "--limits", &bad, "--out", &out]).to_string();
+        assert!(message.contains(said), "{message}");
+    }
+    let csv = refused(&[
+        "compensate",
+        "--path",
+        &fixture("jobs/path.csv"),
+        "--limits",
+        &limits,
+        "--out",
+        &folder.path("o.csv"),
+    ])
+    .to_string();
+    assert!(csv.contains("--limits is for G-code"), "{csv}");
 }
 
 /// What LinuxCNC's interpreter says of a move.

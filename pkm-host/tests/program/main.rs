@@ -21,3 +21,5 @@ mod properties;
 mod readings;
 mod reports;
 mod tracker;
+mod unloaded;
+mod view;

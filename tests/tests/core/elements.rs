@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use nalgebra::{Matrix3, Matrix6, Rotation3, SMatrix, SVector, Vector3, Vector6};
-use pkm_core::effects::{Effects, Element, Law, MAX_ELEMENTS, Motion, Place};
+use pkm_core::effects::{Effects, Element, Law, MAX_ELEMENT_PARAMETERS, MAX_ELEMENTS, Motion, Place, WEIGHT_STEPS};
 use pkm_core::machine::{BodyKind, Joint, MachineError, MachineParameters, Parameter, Problem};
 use pkm_core::tables::reference::{MACHINE_F64, PARAMETERS};
 use pkm_core::{Deflection, Machine, Pose, StiffnessError, Wrench};
@@ -120,10 +120,46 @@ impl Transmission {
         d
     }
 
+    /// What a coupled element sees: all that passes at its place, by its weights.
+    fn coupled(&self, e: &Element) -> SVector<f64, 8> {
+        let uvw = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let seen: Vec<SVector<f64, 8>> = match e.place {
+            Place::Tool => self.seen(Vector3::zeros(), &uvw, 0..8).into(),
+            Place::BaseJoint { limb } | Place::PlatformJoint { limb } => {
+                let l = &self.limbs[usize::from(limb) - 1];
+                let is_base = matches!(e.place, Place::BaseJoint { .. });
+                let (at, axes) = if is_base { (l.base, l.base_axes) } else { (l.platform, l.axes) };
+                self.seen(at, &axes, l.columns.clone()).into()
+            }
+            Place::Body { limb } => {
+                let own = self.limbs[usize::from(limb) - 1].columns.clone();
+                own.map(|k| SVector::from_fn(|j, _| f64::from(u8::from(j == k)))).collect()
+            }
+            Place::MovingPlatform => {
+                let at = |l: &Limb| self.seen(l.platform, &uvw, l.columns.clone());
+                let forces = self.limbs.iter().flat_map(|l| at(l)[..3].to_vec());
+                forces.chain(self.limbs[..2].iter().flat_map(|l| at(l)[3..].to_vec())).collect()
+            }
+            Place::Base => {
+                let at = |l: &Limb| self.seen(l.base, &self.xyz, l.columns.clone());
+                let forces = self.limbs.iter().flat_map(|l| at(l)[..3].to_vec());
+                forces.chain(self.limbs.iter().flat_map(|l| [at(l)[3], at(l)[5]])).collect()
+            }
+        };
+        assert_eq!(seen.len() + 1, e.parameter_names().len());
+        seen.iter().zip(&e.parameters[1..]).fold(SVector::zeros(), |sum, (s, weight)| sum + s * *weight)
+    }
+
     /// Σ c a aᵀ.
     fn elements(&self, effects: &Effects, warmer_k: f64) -> Matrix8 {
         let mut sum = Matrix8::zeros();
         for e in effects.elements.iter().flatten() {
+            if e.motion == Motion::Coupled {
+                let q = e.place.limb().map_or(0.0, |limb| self.limbs[usize::from(limb) - 1].q);
+                let s = self.coupled(e);
+                sum += s * s.transpose() * law(e, q, warmer_k);
+                continue;
+            }
             let rotation = usize::from(e.motion.is_rotation()) * 3;
             let axis = |motions: &[Motion]| motions.iter().position(|m| *m == e.motion).unwrap();
             let Some(limb) = e.place.limb() else {
@@ -184,19 +220,30 @@ fn law(e: &Element, q: f64, warmer_k: f64) -> f64 {
 fn random_element(rng: &mut Rng, size: f64) -> Element {
     let place = Place::ALL[rng.usize(..Place::ALL.len())];
     let motion = place.motions()[rng.usize(..place.motions().len())];
-    let law = [Law::Constant, Law::Extension, Law::Periodic, Law::Temperature];
-    let law = law[rng.usize(..if place.limb().is_some() { 4 } else { 1 })];
+    let laws = [Law::Constant, Law::Extension, Law::Periodic, Law::Temperature];
+    let law = laws[rng.usize(..if place.limb().is_some() { 4 } else { 1 })];
     let law = if place.limb().is_none() && rng.bool() { Law::Temperature } else { law };
+    let law = if motion == Motion::Coupled { Law::Constant } else { law };
     // in a limb it may take away what the declared parts have
     let share = if place.limb().is_some() && rng.u8(..4) == 0 { -0.1 } else { 1.0 + rng.f64() };
     let unit = share * if motion.is_rotation() { 1e-6 } else { 1e-9 };
-    let parameters = match law {
-        Law::Constant => [unit, 0.0, 0.0, 0.0, 0.0, 0.0],
-        Law::Extension => [unit, 0.1 * unit / size, 0.1 * unit / size.powi(2), size * rng.f64(), 0.0, 0.0],
-        Law::Periodic => [unit, 0.1 * unit, 0.02 * size, rng.f64(), 0.0, 0.0],
-        _ => [unit / 50.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    let parameters: &[f64] = match law {
+        Law::Constant => &[unit],
+        Law::Extension => &[unit, 0.1 * unit / size, 0.1 * unit / size.powi(2), size * rng.f64()],
+        Law::Periodic => &[unit, 0.1 * unit, 0.02 * size, rng.f64()],
+        _ => &[unit / 50.0],
     };
-    Element { place, motion, law, parameters }
+    let mut element = Element::from_names(place.name().unwrap(), motion.name(), law.name(), []).unwrap();
+    element.parameters[..parameters.len()].copy_from_slice(parameters);
+    if motion == Motion::Coupled {
+        let names = element.parameter_names();
+        for (weight, name) in element.parameters.iter_mut().zip(names).skip(1) {
+            // moments act over a lever of a tenth of the machine
+            let scale = if name.ends_with("per_m") { (10.0 / size).min(10.0) } else { 1.0 };
+            *weight = ((rng.f64() - 0.5) * scale * WEIGHT_STEPS).round() / WEIGHT_STEPS;
+        }
+    }
+    element
 }
 
 #[test]
@@ -285,8 +332,11 @@ fn a_compliance_below_zero_is_refused_where_nothing_is_left() {
     for place in Place::ALL {
         for motion in place.motions() {
             let at = |c: f64| {
+                let element = Element::from_names(place.name().unwrap(), motion.name(), "constant", [c]).unwrap();
+                // a coupled one sees the first force that passes there
+                let weights = [c, f64::from(u8::from(*motion == Motion::Coupled))];
                 let element =
-                    Element { place, motion: *motion, law: Law::Constant, parameters: [c, 0., 0., 0., 0., 0.] };
+                    Element { parameters: std::array::from_fn(|i| weights.get(i).copied().unwrap_or(0.0)), ..element };
                 let mut effects = Effects::NONE;
                 effects.elements[0] = Some(element);
                 let parameters = MachineParameters { effects, ..PARAMETERS };
@@ -339,13 +389,15 @@ fn laws_of_the_load_lengthen_a_limb_by_their_definition() {
         let tension = |w: &Vector6<f64>| (d.solve(&(transmission.h.transpose() * k.solve(w))))[column];
         let (here, there) = (tension(&wrench), tension(&turned_at));
         let [a, b, c, e, play, width] = load_law;
-        let x = (here - there) / hysteresis[2];
+        let first = |n: f64| n / n.hypot(hysteresis[2]);
+        let back = first(there) + 2.0 * first(0.5 * (here - there));
+        let lag = if here.abs() < there.abs() { back } else { first(here) };
         let elongation = a * here.abs()
             + b * here.powi(2)
             + c * here * here.abs()
             + e * here.powi(3)
             + 0.5 * play * here / here.hypot(width)
-            - (hysteresis[0] + hysteresis[1] * here.abs().max(there.abs())) * x / x.hypot(1.0);
+            - (hysteresis[0] + hysteresis[1] * here.abs().max(there.abs())) * lag;
         // work of a unit wrench: the tension that it causes times the elongation
         let expected = Vector6::from_fn(|i, _| elongation * tension(&Vector6::ith(i, 1.0)));
 
@@ -417,17 +469,19 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
     for place in Place::ALL {
         let name = place.name().unwrap();
         assert_eq!(Place::from_name(name), Some(place));
-        for motion in
-            ["axial", "lateral", "tilting", "torsion", "u", "v", "w", "ru", "rv", "rw", "x", "y", "z", "rx", "ry", "rz"]
-        {
+        for motion in [
+            "axial", "lateral", "tilting", "torsion", "u", "v", "w", "ru", "rv", "rw", "x", "y", "z", "rx", "ry", "rz",
+            "coupled",
+        ] {
             let known = place.motions().iter().any(|m| m.name() == motion);
             assert_eq!(element(name, motion, "constant").is_some(), known, "{name} {motion}");
             for law in Law::ALL {
                 assert_eq!(Law::from_name(law.name()), Some(law));
                 let fits = known
                     && match law {
-                        Law::Constant | Law::Temperature => true,
-                        Law::Extension | Law::Periodic => place.limb().is_some(),
+                        Law::Constant => true,
+                        Law::Temperature => motion != "coupled",
+                        Law::Extension | Law::Periodic => place.limb().is_some() && motion != "coupled",
                         Law::Load | Law::Direction => place.limb().is_some() && motion == "axial",
                     };
                 assert_eq!(element(name, motion, law.name()).is_some(), fits, "{name} {motion} {}", law.name());
@@ -455,8 +509,8 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
         parameters.effects.elements[3] = Some(e);
         parameters.check()
     };
-    let good = element("limb.1.body", "axial", "periodic").unwrap().elements[0].unwrap();
-    let good = Element { parameters: [1e-9, 1e-10, 0.01, 0.0, 0.0, 0.0], ..good };
+    let good = Effects::NONE.with_element("limb.1.body", "axial", "periodic", [1e-9, 1e-10, 0.01]).unwrap();
+    let good = good.elements[0].unwrap();
     assert_eq!(checked(good), Ok(()));
     let refused = |parameter, problem| Err(MachineError { parameter, problem });
     let of_place = |parameter| refused(parameter, Problem::NotOfPlace);
@@ -468,6 +522,14 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
     assert_eq!(checked(Element { motion: Motion::X, ..good }), of_place(Parameter::ElementMotion { element }));
     let lateral = Element { motion: Motion::Lateral, law: Law::Load, ..good };
     assert_eq!(checked(lateral), of_place(Parameter::ElementLaw { element }));
+    // no play and no lag of 10 mm
+    for (law, index) in [(Law::Load, 4), (Law::Direction, 0)] {
+        let mut loose = Element { motion: Motion::Axial, law, parameters: [0.0; MAX_ELEMENT_PARAMETERS], ..good };
+        loose.parameters[index] = 0.999e-2;
+        assert_eq!(checked(loose), Ok(()));
+        loose.parameters[index] = 1e-2;
+        assert_eq!(checked(loose), refused(Parameter::Element { element, parameter: index as u8 }, Problem::TooLarge));
+    }
     for (index, value, problem) in [
         (0, f64::NAN, Problem::NotFinite),
         (0, 1e-3, Problem::TooLarge),
@@ -481,12 +543,31 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
         bad.parameters[index] = value;
         assert_eq!(checked(bad), refused(Parameter::Element { element, parameter: index as u8 }, problem));
     }
+    // of limb 3 two wrenches pass along the body
+    let coupled = Effects::NONE.with_element("limb.3.body", "coupled", "constant", [1e-9, 0.5, -7.9]).unwrap();
+    let coupled = coupled.elements[0].unwrap();
+    assert_eq!(checked(coupled), Ok(()));
+    for (index, value, problem) in [
+        (0, 1e-3, Problem::TooLarge),
+        (1, f64::NAN, Problem::NotFinite),
+        (2, -8.0, Problem::TooLarge),
+        (3, 1.0, Problem::TooLarge),
+    ] {
+        let mut bad = coupled;
+        bad.parameters[index] = value;
+        assert_eq!(checked(bad), refused(Parameter::Element { element, parameter: index as u8 }, problem));
+    }
+    assert_eq!(Effects::NONE.with_element("limb.3.body", "coupled", "constant", [1e-9, 0.5, 1.0, 1.0]), None);
 }
 
 #[test]
 fn every_part_of_an_element_is_in_the_checksum() {
     let sum = |place: &str, motion: &str, law: &str, c: f64| {
         let effects = Effects::NONE.with_element(place, motion, law, [c]).unwrap();
+        MachineParameters { effects, ..PARAMETERS }.checksum()
+    };
+    let coupled = |[x, y]: [f64; 2]| {
+        let effects = Effects::NONE.with_element("base", "coupled", "constant", [1e-9, x, y]).unwrap();
         MachineParameters { effects, ..PARAMETERS }.checksum()
     };
     let all = [
@@ -497,6 +578,9 @@ fn every_part_of_an_element_is_in_the_checksum() {
         sum("base", "x", "constant", 2e-9),
         sum("limb.1.body", "axial", "constant", 1e-9),
         sum("limb.1.base_joint", "axial", "constant", 1e-9),
+        coupled([1.0, 0.0]),
+        coupled([0.5, 0.0]),
+        coupled([0.0, 1.0]),
     ];
     for (i, a) in all.iter().enumerate() {
         assert!(all[i + 1..].iter().all(|b| a != b));

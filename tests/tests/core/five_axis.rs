@@ -4,17 +4,17 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use fastrand::Rng;
-use nalgebra::{Matrix3, Matrix4, Matrix6, Rotation3, Translation3, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix4, Matrix6, Rotation3, SVector, Translation3, Vector2, Vector3, Vector6};
 use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
     Configuration, Domain, FiveAxis, Hold, JointValues, KinematicsError, Machine, MachineParameters, Pose,
-    ScrewLengths, StiffnessError, Tool, ToolDeflectionError, ToolError, ToolFrame, Wrench, Wrist, WristError,
-    WristParameters,
+    ScrewLengths, StiffnessError, Tool, ToolDeflectionError, ToolError, ToolFrame, ToolMotion, Wrench, Wrist,
+    WristError, WristParameters,
 };
-use pkm_tests::{between, cases, first, random_parameters, random_pose, seeded};
+use pkm_tests::{between, cases, first, keep_worst, random_parameters, random_pose, seeded};
 
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
 const HOME: Configuration<f64> =
@@ -426,6 +426,214 @@ fn a_loaded_tool_stands_where_it_was_asked_for() {
     }
 }
 
+/// A tool that moves on a curve: along a parabola, and about an axis.
+struct Curve {
+    from: Tool<f64>,
+    tip: [Vector3<f64>; 2],
+    about: Vector3<f64>,
+    turn: [f64; 2],
+}
+
+impl Curve {
+    fn random(rng: &mut Rng, from: Tool<f64>, speed: f64) -> Self {
+        let mut three = |size: f64| Vector3::from_fn(|_, _| between(rng, -size, size));
+        let (tip, about) = ([three(speed), three(3.0 * speed)], three(1.0).normalize());
+        Self { from, tip, about, turn: [between(rng, -speed, speed), between(rng, -3.0 * speed, 3.0 * speed)] }
+    }
+
+    fn at(&self, t: f64) -> Tool<f64> {
+        let tip_m = self.from.tip_m + self.tip[0] * t + self.tip[1] * (0.5 * t * t);
+        let angle = self.turn[0] * t + self.turn[1] * (0.5 * t * t);
+        let axis = Rotation3::from_scaled_axis(self.about * angle) * self.from.axis;
+        Tool { tip_m, axis }
+    }
+
+    /// At its beginning.
+    fn motion(&self) -> ToolMotion<f64> {
+        let across = self.about.cross(&self.from.axis);
+        ToolMotion {
+            tip_m_per_s: self.tip[0],
+            axis_per_s: across * self.turn[0],
+            tip_m_per_s2: self.tip[1],
+            axis_per_s2: across * self.turn[1] + self.about.cross(&across) * self.turn[0].powi(2),
+        }
+    }
+}
+
+/// First and second derivative of the joints by central differences of sixth order.
+fn differences(five: &FiveAxis<'_, f64>, curve: &Curve, near: &Configuration<f64>) -> Option<[SVector<f64, 5>; 2]> {
+    const H: f64 = 2e-3;
+    let joints = |n: i32| {
+        let JointValues { lengths, beta_rad } = five.inverse(&curve.at(f64::from(n) * H), near).ok()?.joints;
+        Some(SVector::<f64, 5>::from([lengths.q_m.x, lengths.q_m.y, lengths.q_m.z, beta_rad.x, beta_rad.y]))
+    };
+    let (mut first, mut second) = (SVector::zeros(), joints(0)? * (-49.0 / 18.0));
+    for (n, a, b) in [(1, 0.75, 1.5), (2, -0.15, -0.15), (3, 1.0 / 60.0, 1.0 / 90.0)] {
+        let (ahead, behind) = (joints(n)?, joints(-n)?);
+        first += (ahead - behind) * a;
+        second += (ahead + behind) * b;
+    }
+    Some([first / H, second / (H * H)])
+}
+
+#[test]
+fn joints_move_as_differences_of_the_inverse_say() {
+    let mut rng = seeded();
+    let (mut worst, mut worst_f32) = ([0.0_f64; 2], [0.0_f64; 2]);
+    let single = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
+    let mut seen = 0;
+    for _ in 0..cases(5000) {
+        let (c, tool) = holdable(&mut rng, &FIVE);
+        let share = FIVE.home_share(&c).expect("a share");
+        // slow where a little of the tool is much of the joints: the differences have to be good
+        let curve = Curve::random(&mut rng, tool, 0.05 * share.min(1.0).powi(2));
+        let Some(expected) = differences(&FIVE, &curve, &c) else { continue };
+        let motion = curve.motion();
+        let Ok(found) = FIVE.joint_motion(&c, &motion) else { panic!("{c:?}") };
+        seen += 1;
+        let size = |v: &SVector<f64, 5>| v.amax().max(1e-3 * curve.turn[0].abs());
+        let found = [found.velocity, found.acceleration];
+        for i in 0..2 {
+            keep_worst(&mut worst[i], (found[i] - expected[i]).amax() / size(&expected[i]));
+        }
+        let Pose { theta_rad, sigma_rad, z0_m } = c.pose;
+        let narrow = Configuration {
+            pose: Pose { theta_rad: theta_rad as f32, sigma_rad: sigma_rad as f32, z0_m: z0_m as f32 },
+            beta_rad: c.beta_rad.cast(),
+        };
+        let slim = ToolMotion {
+            tip_m_per_s: motion.tip_m_per_s.cast(),
+            axis_per_s: motion.axis_per_s.cast(),
+            tip_m_per_s2: motion.tip_m_per_s2.cast(),
+            axis_per_s2: motion.axis_per_s2.cast(),
+        };
+        let Ok(rough) = single.joint_motion(&narrow, &slim) else { continue };
+        for (i, rough) in [rough.velocity, rough.acceleration].into_iter().enumerate() {
+            keep_worst(&mut worst_f32[i], (rough.cast::<f64>() - found[i]).amax() / size(&found[i]));
+        }
+    }
+    println!("{seen} motions: velocity and acceleration within {worst:?}; f32 {worst_f32:?}");
+    assert!(seen > cases(5000) * 9 / 10);
+    assert!(worst[0] <= 1e-8 && worst[1] <= 1e-5, "{worst:?}");
+    assert!(worst_f32[0] <= 2e-5 && worst_f32[1] <= 2e-5, "{worst_f32:?}");
+}
+
+#[test]
+fn a_feed_is_as_fast_as_the_slowest_joint_lets_it() {
+    let o = Vector3::zeros();
+    let along = |speed: f64| {
+        let curve = Vector3::new(0.0, speed * speed / 0.1, 0.0);
+        ToolMotion { tip_m_per_s: Vector3::new(speed, 0.0, 0.0), axis_per_s: o, tip_m_per_s2: curve, axis_per_s2: o }
+    };
+    let c = Configuration { beta_rad: Vector2::new(0.3, -0.2), ..HOME };
+    let (v, a) = (SVector::from([0.1, 0.1, 0.1, 0.5, 0.5]), SVector::from([1.0, 1.0, 1.0, 5.0, 5.0]));
+    let mut limited = [0; 2];
+    for speed in [1e-3, 0.05, 0.2, 1.0, 10.0] {
+        let joints = FIVE.joint_motion(&c, &along(speed)).unwrap();
+        let share = joints.feed_share(&v, &a);
+        // at that feed one limit is met, and none exceeded
+        let slower = FIVE.joint_motion(&c, &along(share * speed)).unwrap();
+        let used = slower.velocity.abs().component_div(&v).max().max(slower.acceleration.abs().component_div(&a).max());
+        assert!(if share < 1.0 { (used - 1.0).abs() < 1e-9 } else { used <= 1.0 }, "{speed}: {share} {used}");
+        limited[usize::from(share < 1.0)] += 1;
+    }
+    assert!(limited[0] > 0 && limited[1] > 1, "{limited:?}");
+    let joints = FIVE.joint_motion(&c, &along(0.05)).unwrap();
+    assert_eq!(joints.feed_share(&SVector::zeros(), &a), 0.0);
+    assert_eq!(joints.feed_share(&SVector::repeat(f64::NAN), &a), 0.0);
+
+    let nan = ToolMotion { axis_per_s: Vector3::repeat(f64::NAN), ..along(1.0) };
+    assert_eq!(FIVE.joint_motion(&c, &nan), Err(ToolError::NotFinite));
+    assert_eq!(FIVE.joint_motion(&c, &along(1e200)), Err(ToolError::NotFinite));
+    let singular = Configuration { beta_rad: Vector2::new(0.0, 0.45), ..HOME };
+    assert!(matches!(FIVE.home_share(&singular), Ok(..0.1)));
+    assert_eq!(FIVE.joint_motion(&singular, &along(1.0)), Err(ToolError::Singular));
+    let turned = Configuration { beta_rad: Vector2::new(2.0, 0.0), ..HOME };
+    assert_eq!(FIVE.joint_motion(&turned, &along(1.0)), Err(ToolError::WristLimit { joint: 1 }));
+}
+
+/// Of the tip's distance, and home's Z0 times the axis's.
+fn size([tip, axis]: [f64; 2]) -> f64 {
+    tip + WRIST.home_z0_m * axis
+}
+
+#[test]
+fn a_compensation_with_too_few_tries_says_what_remains() {
+    let mut rng = seeded();
+    let clearance = PARAMETERS.effects.with("clearance", [4e-3, 3.0]).unwrap();
+    let loose = Machine::<f64>::new(&MachineParameters { effects: clearance, ..PARAMETERS }).expect("a machine");
+    let (mut given, mut converged, mut few) = (0, 0, 0);
+    for n in 0..cases(1000) {
+        let machine = if n % 2 == 0 { &loose } else { &MACHINE_F64 };
+        let five = FiveAxis { machine, wrist: &WRIST_F64 };
+        let c = in_box(&mut rng);
+        let target = five.tool(&c).expect("a tool");
+        // up to some centimetres and degrees away, which takes many looks
+        let away = |rng: &mut Rng| between(rng, -0.05, 0.05);
+        let Pose { theta_rad, sigma_rad, z0_m } = c.pose;
+        let pose = Pose { theta_rad: theta_rad + away(&mut rng), sigma_rad: sigma_rad + away(&mut rng), z0_m };
+        let near = Configuration { pose, beta_rad: c.beta_rad.map(|b| b + 10.0 * away(&mut rng)) };
+        let w = wrench(&mut rng, if n % 2 == 0 { 20.0 } else { 2e4 }, 1.0);
+        let Ok(found) = five.compensated(Some(&TABLE_F64), &target, &w, &near) else { continue };
+        given += 1;
+        let there = five.tool(&found.hold.configuration).expect("a tool");
+        let d = five.deflection(Some(&TABLE_F64), &found.hold.configuration, &w).expect("a deflection");
+        assert_eq!(d, found.deflection);
+        let deflection = size([d.translation_m.norm(), d.rotation_rad.cross(&there.axis).norm()]);
+        let off = [
+            there.tip_m + d.translation_m - target.tip_m,
+            there.axis + d.rotation_rad.cross(&there.axis) - target.axis,
+        ];
+        let remains = size(off.map(|v| v.norm()));
+        let second_order = deflection * deflection / WRIST.home_z0_m;
+        assert!((remains - found.remaining_m).abs() <= 1e-10 + 1.5 * second_order, "{remains} {found:?}");
+        // better than nothing, whatever was left of the tries
+        let held = five.inverse(&target, &near).expect("the first try").configuration;
+        let bent = five.deflection(Some(&TABLE_F64), &held, &w).expect("a deflection");
+        let bent = size([bent.translation_m.norm(), bent.rotation_rad.cross(&target.axis).norm()]);
+        assert!(found.remaining_m <= bent * (1.0 + 1e-9), "{found:?} {bent}");
+        assert_eq!(found.converged, found.remaining_m <= 1e-4 * deflection, "{found:?}");
+        converged += usize::from(found.converged);
+        few += usize::from(!found.converged);
+    }
+    println!("{given} given, {converged} converged, {few} not");
+    assert!(converged > given / 10 && few > given / 100, "{given} {converged} {few}");
+}
+
+/// Where the Newton step stops, not where rounding does: near the margin the determinant magnifies what a step leaves.
+#[test]
+fn single_precision_leaves_no_step_undone_near_the_margin() {
+    let mut rng = seeded();
+    let five = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
+    let mut worst = 0.0_f64;
+    for _ in 0..cases(20_000) {
+        let c = first(|| {
+            let beta_rad = Vector2::new(between(&mut rng, -1.5, 1.5), between(&mut rng, 0.0, 0.5));
+            let c = Configuration { beta_rad, ..configuration(&mut rng) };
+            (matches!(FIVE.home_share(&c), Ok(0.101..0.15)) && FIVE.tool(&c).is_ok()).then_some(c)
+        });
+        let tool = FIVE.tool(&c).expect("a tool");
+        // so far away that the error is about where the steps end
+        let mut off = |size: f64| Vector3::from_fn(|_, _| between(&mut rng, -size, size));
+        let (tip_m, axis) = (tool.tip_m + off(1.5e-4), tool.axis + off(1.5e-4));
+        let target = Tool { tip_m: tip_m.cast::<f32>(), axis: axis.cast::<f32>() };
+        let Pose { theta_rad, sigma_rad, z0_m } = c.pose;
+        let pose = Pose { theta_rad: theta_rad as f32, sigma_rad: sigma_rad as f32, z0_m: z0_m as f32 };
+        let near = Configuration { pose, beta_rad: c.beta_rad.cast::<f32>() };
+        let Ok(hold) = five.inverse(&target, &near) else { continue };
+        let Configuration { pose, beta_rad } = hold.configuration;
+        let wide = Configuration {
+            pose: Pose { theta_rad: pose.theta_rad.into(), sigma_rad: pose.sigma_rad.into(), z0_m: pose.z0_m.into() },
+            beta_rad: beta_rad.map(f64::from),
+        };
+        let asked = Tool { tip_m: target.tip_m.cast::<f64>(), axis: target.axis.cast::<f64>() };
+        let Ok(stands) = FIVE.tool(&wide) else { continue };
+        worst = worst.max((stands.tip_m - asked.tip_m).norm());
+    }
+    println!("tip within {worst:e} m");
+    assert!(worst < 4e-7, "{worst:e}");
+}
+
 #[test]
 fn single_precision_follows() {
     let mut rng = seeded();
@@ -478,6 +686,10 @@ fn what_cannot_be_is_refused() {
         let w = Wrench { force_n: Vector3::new(bad, 0.0, 0.0), moment_nm: Vector3::zeros() };
         assert!(matches!(FIVE.compensated(None, &tool, &w, &HOME), Err(ToolDeflectionError::Stiffness(_))));
     }
+    // a finite load, a finite deflection, and a square of it that is not
+    let w = Wrench { force_n: Vector3::new(1e170, 0.0, 0.0), moment_nm: Vector3::zeros() };
+    assert!(FIVE.deflection(None, &HOME, &w).is_ok());
+    assert!(matches!(FIVE.compensated(None, &tool, &w, &HOME), Err(ToolDeflectionError::Stiffness(_))));
     for (theta_rad, sigma_rad, z0_m) in
         [(1.6, 0.0, -0.5), (0.0, 1.6, 0.5), (0.0, -1.6, 0.5), (0.0, 0.0, -0.5), (0.0, 0.0, 0.0)]
     {

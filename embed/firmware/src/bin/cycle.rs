@@ -15,9 +15,11 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
-use pkm_core::nalgebra::Vector2;
+use pkm_core::nalgebra::{Vector2, Vector3};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
-use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Tool, ToolError, ToolFrame, Wrench};
+use pkm_core::{
+    Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Tool, ToolError, ToolFrame, ToolMotion, Wrench,
+};
 
 #[path = "../semihosting.rs"]
 mod semihosting;
@@ -42,11 +44,51 @@ fn step<T: Scalar>(five: &FiveAxis<'_, T>, from: &Configuration<T>) -> Result<To
     Ok(Tool { tip_m: tip_m.add_scalar(along), axis: axes.column(2) + axes.column(0) * turn })
 }
 
-fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 9], ToolError> {
+/// Something across the tool's axis.
+fn across<T: Scalar>(frame: &ToolFrame<T>) -> Vector3<T> {
+    frame.axes.column(0) + frame.axes.column(1)
+}
+
+/// Instructions of the costliest compensation of a tool: too far for the looks that it has, and under loads that it does not
+/// converge under.
+fn worst_compensation<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    table: &CorrectionTable<'_, T>,
+    near: &Configuration<T>,
+) -> Result<u32, ToolError> {
+    let number = T::from_f64;
+    let ToolFrame { tip_m, axes } = five.frame(near)?;
+    let mut greatest = 0;
+    for share in [0.003, 0.03, 0.1, 0.3, 0.6] {
+        let aside = axes.column(0) * number(share) + axes.column(1) * number(-0.7 * share);
+        let tool = &Tool { tip_m: tip_m + aside * number(0.3), axis: axes.column(2) + aside };
+        for force_n in [1e3, 3e4, 1e5, 3e5, 1e6] {
+            let wrench = &black_box(Wrench::from_vector(
+                [0.3, -0.2, -1.0, 0.01, 0.02, 0.01].map(|c| number(c * force_n)).into(),
+            ));
+            greatest = greatest.max(ticks(|| five.compensated(Some(table), tool, wrench, near)));
+        }
+    }
+    Ok(greatest)
+}
+
+fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 11], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
     let tip = [0.01, -0.02, 0.3].map(number).into();
-    let names = ["inverse", "k_p", "k_m", "cycle", "tool", "tool_frame", "tool_cycle", "compensate", "compensate_tool"];
+    let names = [
+        "inverse",
+        "k_p",
+        "k_m",
+        "cycle",
+        "tool",
+        "tool_frame",
+        "tool_cycle",
+        "compensate",
+        "compensate_tool",
+        "compensated_tool",
+        "rates",
+    ];
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let (Ok(mut compensator), Ok(mut tool_compensator)) =
         (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
@@ -62,6 +104,12 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
             let beta_rad = Vector2::new(number(-3.0 * sigma), number(2.0 * theta));
             let near = &black_box(Configuration { pose, beta_rad });
             let (tool, frame, pose) = (&step(five, near)?, &five.frame(near)?, &near.pose);
+            let motion = &black_box(ToolMotion {
+                tip_m_per_s: tool.tip_m,
+                axis_per_s: across(frame),
+                tip_m_per_s2: tool.tip_m,
+                axis_per_s2: across(frame),
+            });
             let empty = ticks(|| ());
             let each = [
                 ticks(|| machine.inverse(pose)),
@@ -73,6 +121,8 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
                 ticks(|| five.compensated(Some(table), tool, &wrench, near)),
                 ticks(|| compensator.update(table, machine, pose, tip, &reading)),
                 ticks(|| tool_compensator.update(table, five, near, &reading)),
+                worst_compensation(five, table, near)?,
+                ticks(|| five.joint_motion(near, motion)),
             ];
             for (count, ticks) in counts.iter_mut().zip(each) {
                 count.greatest = count.greatest.max((ticks - empty) * 40 / 128);

@@ -5,6 +5,10 @@
 //! * The serial line's interrupt keeps the bytes that come.
 //! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand; `sweep` is one demand after another.
 //!
+//! What ends it: a demand that nothing follows for [`DEMAND_PERIODS`] is dropped. The task feeds the watchdog while `main` shows
+//! signs of life; a panic, an exception or a stack that meets its guard stop everything, and the watchdog starts the board again, without a demand
+//! and with the reason in `status`. A board with the wrong clock or a damaged memory stands still.
+//!
 //! `pkm-host hil` is the other end. Logs (features `log-*`) of QEMU's semihosting go to its standard output: give the serial line
 //! another place then, such as `-serial pty`. The machine and its table are the `coefficients.rs` that `build.rs` was given; the board is a
 //! feature, see `board`.
@@ -33,10 +37,11 @@ use defmt_rtt as _;
 #[cfg(feature = "log-semihosting")]
 use defmt_semihosting as _;
 use heapless::Deque;
+use pkm_core::self_test::{self_test_f32, self_test_f64};
 use pkm_core::{Cycle, CycleError, FiveAxis, Scalar};
 use pkm_protocol::{
-    Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Demand, Hello, Lines, MAX_COMMAND, MAX_REPLY, Refused,
-    Reply, Request, SweepReply, VERSION,
+    ABORT, Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
+    MAX_REPLY, Refused, Reply, Request, SweepReply, VERSION,
 };
 use serde::Serialize;
 
@@ -51,6 +56,10 @@ macro_rules! log {
 
 const PERIOD_HZ: u32 = 1000;
 const PERIOD_TICKS: u32 = board::CORE_HZ / PERIOD_HZ;
+/// Periods that the task goes on with a demand. The host of a machine that moves sends one in every period.
+const DEMAND_PERIODS: u32 = PERIOD_HZ;
+/// Periods that the serial line may take for a byte, and `main` for anything.
+const PATIENCE_PERIODS: u32 = 2 * PERIOD_HZ;
 /// Bytes that may wait for `main`.
 const INPUT_BYTES: usize = 4096;
 
@@ -76,6 +85,13 @@ static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 static WORST_TICKS: AtomicU32 = AtomicU32::new(0);
 static RUNNING: AtomicBool = AtomicBool::new(false);
 static LATE: AtomicBool = AtomicBool::new(false);
+static LOST_REPLIES: AtomicU32 = AtomicU32::new(0);
+static DROPPED_DEMANDS: AtomicU32 = AtomicU32::new(0);
+/// Asked for by the host; told to `main` by the task.
+static ABORT_ASKED: AtomicBool = AtomicBool::new(false);
+static ABORTED: AtomicBool = AtomicBool::new(false);
+/// Periods since `main` was seen at work.
+static MAIN_SILENT: AtomicU32 = AtomicU32::new(0);
 /// The latest, for the task's next run.
 static DEMAND: Mutex<Cell<Option<Demand>>> = Mutex::new(Cell::new(None));
 /// The latest.
@@ -97,7 +113,9 @@ fn ticks() -> u32 {
 #[exception]
 fn SysTick() {
     PERIODS.fetch_add(1, Relaxed);
-    if RUNNING.load(Relaxed) {
+    MAIN_SILENT.fetch_add(1, Relaxed);
+    // a run that waits has lost its period as well
+    if RUNNING.load(Relaxed) || SCB::is_pendsv_pending() {
         OVERRUNS.fetch_add(1, Relaxed);
         LATE.store(true, Relaxed);
     } else {
@@ -108,11 +126,24 @@ fn SysTick() {
 #[exception]
 fn PendSV() {
     static mut WORKING_ON: Option<Demand> = None;
+    static mut RUNS: u32 = 0;
+    if MAIN_SILENT.load(Relaxed) < PATIENCE_PERIODS {
+        board::feed_watchdog();
+    }
     LATE.store(false, Relaxed);
     RUNNING.store(true, Relaxed);
     let begun = ticks();
     if let Some(demand) = critical_section::with(|cs| DEMAND.borrow(cs).take()) {
-        *WORKING_ON = Some(demand);
+        (*WORKING_ON, *RUNS) = (Some(demand), 0);
+    }
+    let abort = ABORT_ASKED.swap(false, Relaxed);
+    if WORKING_ON.is_some() && (abort || *RUNS >= DEMAND_PERIODS) {
+        *WORKING_ON = None;
+        DROPPED_DEMANDS.fetch_add(1, Relaxed);
+    }
+    *RUNS = RUNS.saturating_add(1);
+    if abort {
+        ABORTED.store(true, Relaxed);
     }
     if let Some(demand) = WORKING_ON {
         let result = match demand.arithmetic {
@@ -132,6 +163,10 @@ fn PendSV() {
 fn received(what: Received) {
     static LOSING: AtomicBool = AtomicBool::new(false);
     const NO_COMMAND_HAS: u8 = 0xff;
+    if matches!(what, Received::Byte(ABORT)) {
+        ABORT_ASKED.store(true, Relaxed);
+        return;
+    }
     critical_section::with(|cs| {
         let mut input = INPUT.borrow_ref_mut(cs);
         let room = INPUT_BYTES - input.len();
@@ -156,26 +191,39 @@ fn send<T: Scalar + Serialize>(id: Option<u32>, answer: Answer<'_, T>) {
     let mut buffer = [0; MAX_REPLY];
     let reply = Reply { v: VERSION, id, answer };
     for byte in reply.write(&mut buffer).unwrap_or_default() {
-        board::send(*byte);
+        let begun = PERIODS.load(Relaxed);
+        while !board::try_send(*byte) {
+            if PERIODS.load(Relaxed).wrapping_sub(begun) > PATIENCE_PERIODS {
+                LOST_REPLIES.fetch_add(1, Relaxed);
+                return;
+            }
+        }
+        MAIN_SILENT.store(0, Relaxed);
     }
 }
 
-/// The first run that has this demand: runs interrupt `main`, so that any that ends from now on began from now on.
-fn run_of(demand: Demand) -> Run {
+/// The first run that has this demand: runs interrupt `main`, so that any that ends from now on began from now on. `None` when the
+/// host gives up.
+fn run_of(demand: Demand) -> Option<Run> {
     critical_section::with(|cs| {
         RUN.borrow(cs).set(None);
         DEMAND.borrow(cs).set(Some(demand));
     });
     loop {
         if let Some(run) = critical_section::with(|cs| RUN.borrow(cs).take()) {
-            return run;
+            return Some(run);
         }
+        if ABORTED.load(Relaxed) {
+            return None;
+        }
+        MAIN_SILENT.store(0, Relaxed);
         wfi();
     }
 }
 
-fn answer(request: &Request, bad_lines: u32) {
+fn answer(request: &Request, bad_lines: u32, last_fault: Option<Fault>) {
     let id = Some(request.id);
+    ABORTED.store(false, Relaxed);
     match request.command {
         Command::Hello => {
             let travel = coefficients::PARAMETERS.travel;
@@ -201,11 +249,16 @@ fn answer(request: &Request, bad_lines: u32) {
                 worst_ticks: WORST_TICKS.load(Relaxed),
                 stack_used_bytes: board::stack_bytes().1,
                 bad_lines,
+                lost_replies: LOST_REPLIES.load(Relaxed),
+                dropped_demands: DROPPED_DEMANDS.load(Relaxed),
+                last_fault,
             };
             send::<f64>(id, Answer::Status(counters));
         }
         Command::Cycle(demand) => {
-            let Run { result, ticks, overrun } = run_of(demand);
+            let Some(Run { result, ticks, overrun }) = run_of(demand) else {
+                return send::<f64>(id, Answer::Error(Code::Aborted));
+            };
             if overrun {
                 log!("a run of {} ticks did not end within its period", ticks);
             }
@@ -217,7 +270,9 @@ fn answer(request: &Request, bad_lines: u32) {
         Command::Sweep(sweep) => {
             let mut reply = SweepReply::default();
             for demand in sweep.demands() {
-                let Run { result, ticks, overrun } = run_of(demand);
+                let Some(Run { result, ticks, overrun }) = run_of(demand) else {
+                    return send::<f64>(id, Answer::Error(Code::Aborted));
+                };
                 match result {
                     Computed::F32(result) => reply.add(&CycleReply::new(&result, ticks, overrun)),
                     Computed::F64(result) => reply.add(&CycleReply::new(&result, ticks, overrun)),
@@ -228,7 +283,7 @@ fn answer(request: &Request, bad_lines: u32) {
     }
 }
 
-/// Whether machine, wrist and table are in memory as they were built.
+/// Whether the processor computes as it should, and machine, wrist and table are in memory as they were built.
 fn is_intact() -> bool {
     static F32: FiveAxis<'static, f32> =
         FiveAxis { machine: &coefficients::MACHINE_F32, wrist: &coefficients::WRIST_F32 };
@@ -236,26 +291,44 @@ fn is_intact() -> bool {
         FiveAxis { machine: &coefficients::MACHINE_F64, wrist: &coefficients::WRIST_F64 };
     let built_f32 = const { F32.checksums(&coefficients::TABLE_F32) };
     let built_f64 = const { F64.checksums(&coefficients::TABLE_F64) };
-    F32.verify(&coefficients::TABLE_F32, &built_f32).is_ok() && F64.verify(&coefficients::TABLE_F64, &built_f64).is_ok()
+    self_test_f32().is_ok()
+        && self_test_f64().is_ok()
+        && F32.verify(&coefficients::TABLE_F32, &built_f32).is_ok()
+        && F64.verify(&coefficients::TABLE_F64, &built_f64).is_ok()
+}
+
+/// What a word of the last start says.
+fn fault(word: u32) -> Option<Fault> {
+    [Fault::Restart, Fault::Panic, Fault::Exception, Fault::Stack, Fault::SelfTest]
+        .into_iter()
+        .find(|f| *f as u32 == word)
 }
 
 #[entry]
 fn main() -> ! {
-    assert!(is_intact(), "machine, wrist or table is damaged");
-    if let Some(peripherals) = Peripherals::take() {
-        board::start(peripherals, PERIOD_TICKS);
+    let last_fault = board::left().and_then(fault);
+    // as long as nothing better is known
+    board::leave(Fault::Restart as u32);
+    if !is_intact() {
+        stop(Fault::SelfTest);
+    }
+    if let Some(peripherals) = Peripherals::take()
+        && board::start(peripherals, PERIOD_TICKS).is_err()
+    {
+        stop(Fault::Exception);
     }
     log!("{} at {} Hz, period {} ticks", board::NAME, board::CORE_HZ, PERIOD_TICKS);
     let mut lines = Lines::new();
     let mut bad_lines = 0_u32;
     loop {
+        MAIN_SILENT.store(0, Relaxed);
         let Some(byte) = critical_section::with(|cs| INPUT.borrow_ref_mut(cs).pop_front()) else {
             wfi();
             continue;
         };
         match lines.push(byte) {
             None => {}
-            Some(Ok(request)) => answer(&request, bad_lines),
+            Some(Ok(request)) => answer(&request, bad_lines, last_fault),
             Some(Err(Refused { id, code })) => {
                 bad_lines = bad_lines.wrapping_add(1);
                 log!("bad line {}", bad_lines);
@@ -265,13 +338,22 @@ fn main() -> ! {
     }
 }
 
-/// Stands still: the host sees silence, and a machine must not go on.
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+/// Stands still: the host sees silence, and a machine must not go on. The watchdog, where it runs, starts the board again.
+fn stop(why: Fault) -> ! {
     // the task must not run on either
     cortex_m::interrupt::disable();
-    log!("panic");
+    board::leave(why as u32);
+    log!("stopped: {}", why as u32);
+    stand_still()
+}
+
+fn stand_still() -> ! {
     loop {
-        cortex_m::asm::bkpt();
+        cortex_m::asm::nop();
     }
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    stop(Fault::Panic)
 }

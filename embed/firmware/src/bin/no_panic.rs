@@ -18,12 +18,14 @@ use pkm_core::correction::narrow;
 use pkm_core::effects::{Element, Law, Place};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use pkm_core::self_test::{self_test_f32, self_test_f64};
+use pkm_core::stiffness::LoadHistory;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
     Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths,
-    Stiffness, Tool, ToolFrame, Wrench, Wrist,
+    Stiffness, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
 };
 
 #[path = "../handler.rs"]
@@ -62,6 +64,9 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     black_box(machine.load_dependent_deflection(&pose, &wrench, &black_box(wrench))).ok();
     if let Ok(response) = machine.load_response(&black_box(pose)) {
         black_box(response.deflection(&black_box(wrench), &black_box(wrench))).ok();
+        let mut history = black_box(LoadHistory::new());
+        black_box(response.deflection_after(&black_box(wrench), &mut history)).ok();
+        black_box(history);
     }
     black_box(machine.thermal_deflection(&pose, a)).ok();
     match black_box(machine.at_temperature(b)) {
@@ -126,6 +131,11 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(five.forward(&black_box(JointValues { lengths: ScrewLengths { q_m: vector }, beta_rad }))).ok();
     black_box(five.joints(&near)).ok();
     black_box(five.home_share(&near)).ok();
+    let motion = ToolMotion { tip_m_per_s: vector, axis_per_s: other, tip_m_per_s2: other, axis_per_s2: vector };
+    if let Ok(joints) = black_box(five.joint_motion(&near, &black_box(motion))) {
+        let limits = black_box([a, b, c, a, b]).into();
+        black_box(joints.feed_share(&limits, &limits));
+    }
     black_box(five.inverse(&tool, &near)).ok();
     black_box(five.inverse_at(tool.tip_m, near.beta_rad)).ok();
     black_box(five.inverse_at_any_margin(tool.tip_m, near.beta_rad)).ok();
@@ -138,6 +148,8 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
             show(e);
         }
     }
+    black_box(self_test_f32()).ok();
+    black_box(self_test_f64()).ok();
     black_box(CompensatorSettings::DEFAULT).check().ok();
     if let Ok(mut compensator) = Compensator::<T, 5>::new(&black_box(CompensatorSettings::DEFAULT)) {
         let reading = black_box(Reading { enabled: true, wrench, rise_k: a });

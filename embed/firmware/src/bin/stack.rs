@@ -4,6 +4,7 @@
 #![no_std]
 #![no_main]
 
+use core::cell::RefCell;
 use core::fmt::Write as _;
 use core::hint::black_box;
 
@@ -46,8 +47,8 @@ const EVERY_EFFECT: MachineParameters = {
         panic!()
     };
     let Some(effects) = effects.with_element("limb.3.body", "axial", "direction", [1e-9]) else { panic!() };
-    let Some(effects) = effects.with_element("base", "rz", "constant", [1e-9]) else { panic!() };
-    let Some(effects) = effects.with_element("tool", "w", "constant", [-1e-12]) else { panic!() };
+    let Some(effects) = effects.with_element("base", "coupled", "constant", [1e-6; 16]) else { panic!() };
+    let Some(effects) = effects.with_element("tool", "coupled", "constant", [-1e-6; 7]) else { panic!() };
     MachineParameters { effects, ..PARAMETERS }
 };
 
@@ -75,10 +76,11 @@ macro_rules! functions {
             use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
             use pkm_core::kinematics::platform_axes as axes;
             use pkm_core::nalgebra::{Matrix6, Vector2, Vector3, Vector6};
+            use pkm_core::self_test::{self_test_f32, self_test_f64};
             use pkm_core::tables::reference;
             use pkm_core::{
                 Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
-                Stiffness, StiffnessFactor, Tool, ToolFrame, Wrench, Wrist,
+                Stiffness, StiffnessFactor, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
             };
 
             pub struct Inputs {
@@ -99,8 +101,10 @@ macro_rules! functions {
                 joints: JointValues<$t>,
                 tool: Tool<$t>,
                 frame: ToolFrame<$t>,
-                compensator: Compensator<$t, 3>,
-                tool_compensator: Compensator<$t, 5>,
+                motion: ToolMotion<$t>,
+                // where their state lies is the caller's choice
+                compensator: RefCell<Compensator<$t, 3>>,
+                tool_compensator: RefCell<Compensator<$t, 5>>,
                 reading: Reading<$t>,
                 checksums: MemoryChecksums,
             }
@@ -150,8 +154,14 @@ macro_rules! functions {
                     joints: five.joints(&stands).ok()?,
                     tool: five.tool(&stands).ok()?,
                     frame: five.frame(&stands).ok()?,
-                    compensator: Compensator::new(&CompensatorSettings::DEFAULT).ok()?,
-                    tool_compensator: Compensator::new(&CompensatorSettings::DEFAULT).ok()?,
+                    motion: ToolMotion {
+                        tip_m_per_s: Vector3::x(),
+                        axis_per_s: Vector3::y(),
+                        tip_m_per_s2: Vector3::z(),
+                        axis_per_s2: Vector3::x(),
+                    },
+                    compensator: RefCell::new(Compensator::new(&CompensatorSettings::DEFAULT).ok()?),
+                    tool_compensator: RefCell::new(Compensator::new(&CompensatorSettings::DEFAULT).ok()?),
                     reading: Reading { enabled: true, wrench, rise_k: 4.5 },
                     checksums: five.checksums(&reference::$table),
                 })
@@ -221,13 +231,15 @@ both_widths! {
     inverse_frame(i) i.five().inverse_frame(&i.frame);
     tip_stiffness(i) i.five().tip_stiffness(&i.stiffness, &i.near);
     deflection_of_tool(i) i.five().deflection(Some(&i.table), &i.near, &i.wrench);
+    joint_motion(i) i.five().joint_motion(&i.near, &i.motion);
     compensated_tool(i) i.five().compensated(Some(&i.table), &i.tool, &i.wrench, &i.near);
     loop_gain(i) LoopGain::new(&i.factor, i.tip_m, 1e7, 0.7);
     new_compensator(_i) Compensator::<T, 5>::new(black_box(&CompensatorSettings::DEFAULT));
-    compensate(i) { i.compensator }.update(&i.table, &i.machine, &i.pose, i.tip_m, &i.reading);
-    compensate_tool(i) { i.tool_compensator }.update(&i.table, &i.five(), &i.near, &i.reading);
+    compensate(i) i.compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.machine, &i.pose, i.tip_m, &i.reading));
+    compensate_tool(i) i.tool_compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.five(), &i.near, &i.reading));
     checksums(i) i.five().checksums(&i.table);
     verify(i) i.five().verify(&i.table, &i.checksums);
+    self_test(_i) if size_of::<T>() == 4 { self_test_f32() } else { self_test_f64() };
     new_wrist(_i) Wrist::<T>::new(black_box(&WRIST));
 }
 

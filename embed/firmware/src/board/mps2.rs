@@ -1,6 +1,6 @@
 //! Arm MPS2 with the images AN386 (Cortex-M4F) and AN500 (Cortex-M7), as QEMU has them. Its CMSDK UART 0.
 
-use super::{Received, Register};
+use super::{ClockFailed, Received, Register, WATCHDOG_MS};
 
 pub const NAME: &str = "mps2";
 /// Of SysTick.
@@ -19,9 +19,29 @@ const CONTROL: Register = Register(UART + 0x8);
 const INTERRUPT: Register = Register(UART + 0xc);
 const DIVISOR: Register = Register(UART + 0x10);
 
-pub fn set_up() {
+/// The clock is the board's own.
+pub fn set_up() -> Result<(), ClockFailed> {
     DIVISOR.write(CORE_HZ / BAUD);
     CONTROL.write(0b1011);
+    Ok(())
+}
+
+const WATCHDOG: u32 = 0x4000_8000;
+const WATCHDOG_LOAD: Register = Register(WATCHDOG);
+/// Bit 0: count, and NMI at the first end; 1: reset at the second.
+const WATCHDOG_CONTROL: Register = Register(WATCHDOG + 0x8);
+const WATCHDOG_CLEAR: Register = Register(WATCHDOG + 0xc);
+const WATCHDOG_LOCK: Register = Register(WATCHDOG + 0xc00);
+
+pub fn start_watchdog() {
+    WATCHDOG_LOCK.write(0x1acc_e551);
+    WATCHDOG_LOAD.write(CORE_HZ / 1000 * WATCHDOG_MS);
+    WATCHDOG_CONTROL.write(0b11);
+}
+
+/// Any write begins anew.
+pub fn feed_watchdog() {
+    WATCHDOG_CLEAR.write(1);
 }
 
 pub fn receive() -> Option<Received> {
@@ -34,7 +54,11 @@ pub fn receive() -> Option<Received> {
     (state & 0b10 != 0).then(|| Received::Byte(DATA.read() as u8))
 }
 
-pub fn send(byte: u8) {
-    while STATE.read() & 1 != 0 {}
-    DATA.write(byte.into());
+/// False when there is no room yet.
+pub fn try_send(byte: u8) -> bool {
+    let has_room = STATE.read() & 1 == 0;
+    if has_room {
+        DATA.write(byte.into());
+    }
+    has_room
 }

@@ -3,7 +3,10 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use pkm_core::effects::Place;
+
 use super::Blocks;
+use super::coupled::Written;
 use super::elastic::{Frame, M8, V8};
 use super::terms::{Term, alike, rows, symmetric};
 use crate::diagnose::declared::Declared;
@@ -32,10 +35,7 @@ pub fn add(blocks: &mut Blocks<'_>) {
     joints(blocks);
     for (motion, first, last) in [("axial", 0, 1), ("lateral", 1, 3), ("general", 0, 3)] {
         for degree in 0..3 {
-            // all of a limb constant is what its joints have too
-            if (motion, degree) != ("general", 0) {
-                body(blocks, motion, first..last, degree);
-            }
+            body(blocks, motion, first..last, degree);
         }
     }
     periodic(blocks);
@@ -52,7 +52,7 @@ pub fn add(blocks: &mut Blocks<'_>) {
 fn joints(blocks: &mut Blocks<'_>) {
     for (joint, name) in ["base_joint", "platform_joint"].into_iter().enumerate() {
         for coupled in [false, true] {
-            let of_limb = |limb: usize| -> (Vec<Term>, usize) {
+            let of_limb = |limb: usize| -> (Vec<Term>, Written) {
                 let l = &blocks.model.declared.limbs[limb];
                 let j = if joint == 0 { &l.base_joint } else { &l.platform_joint };
                 let linear = (0..3).map(|a| (a, 1.0 / j.linear_n_per_m[a]));
@@ -61,17 +61,23 @@ fn joints(blocks: &mut Blocks<'_>) {
                 let (which, units): (Vec<usize>, Vec<f64>) = linear.chain(angular).unzip();
                 let forces = |f: &Frame| rows(&f.joints[limb][joint], &which);
                 let terms = symmetric(blocks.frames, &forces, &units, &[&|_| 1.0], coupled);
-                (terms, if coupled { units.len() } else { 0 })
+                (terms, Written::of(&[place(limb, joint)], &units, &|n| which[n]))
             };
-            let all: Vec<(Vec<Term>, usize)> = (0..3).map(of_limb).collect();
+            let all: Vec<(Vec<Term>, Written)> = (0..3).map(of_limb).collect();
             let both = alike(&[all[0].0.clone(), all[1].0.clone()]);
-            let forces = all[0].1;
-            for (limb, (terms, forces)) in all.into_iter().enumerate() {
-                blocks.add_with(&[part(limb, name)], "general", "constant", terms, forces, 0.0);
+            let of_both = all[0].1.clone().at(&[place(0, joint), place(1, joint)]);
+            for (limb, (terms, written)) in all.into_iter().enumerate() {
+                blocks.add_written(&[part(limb, name)], terms, coupled, written);
             }
-            blocks.add_with(&[part(0, name), part(1, name)], "general", "constant", both, forces, 0.0);
+            blocks.add_written(&[part(0, name), part(1, name)], both, coupled, of_both);
         }
     }
+}
+
+/// The base joint (0) or platform joint (1) of a limb.
+fn place(limb: usize, joint: usize) -> Place {
+    let limb = limb as u8 + 1;
+    if joint == 0 { Place::BaseJoint { limb } } else { Place::PlatformJoint { limb } }
 }
 
 /// A compliance of some of the limb's own wrenches, polynomial in its length.
@@ -91,7 +97,18 @@ fn body(blocks: &mut Blocks<'_>, motion: &'static str, wrenches: std::ops::Range
     let law = if degree == 0 { "constant" } else { "extension" };
     for group in GROUPS {
         let own: Vec<Vec<Term>> = group.iter().map(|i| all[*i].clone()).collect();
-        blocks.add(&bodies(group), motion, law, alike(&own));
+        if (motion, degree) == ("general", 0) {
+            let own_wrenches = OWN[group[0]].clone();
+            let places: Vec<Place> = group.iter().map(|i| Place::Body { limb: *i as u8 + 1 }).collect();
+            let units: Vec<f64> = own_wrenches.map(|k| usual[(k, k)]).collect();
+            // what limb 3 has in common with the others is less than theirs
+            if group.iter().all(|i| OWN[*i].len() == units.len()) {
+                let written = Written::of(&places, &units, &|n| n);
+                blocks.add_written(&bodies(group), alike(&own), true, written);
+            }
+        } else {
+            blocks.add(&bodies(group), motion, law, alike(&own));
+        }
     }
     blocks.add(&bodies(&[0, 1, 2]), motion, law, all.concat());
 }

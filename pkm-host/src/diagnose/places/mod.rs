@@ -4,6 +4,7 @@
 //! load add elongations; errors of the measurement add displacements (`terms`). `limbs`, `platforms` and `measurement` list
 //! the blocks, `named` those of the effects that have a formula.
 
+mod coupled;
 mod elastic;
 mod limbs;
 mod measurement;
@@ -16,8 +17,9 @@ mod world;
 use pkm_diagnosis::places::{Block, Inferred};
 use pkm_diagnosis::{Levels, Noise, Problem};
 
+use self::coupled::Written;
 use self::elastic::Frame;
-use self::terms::Term;
+use self::terms::{Term, symmetric};
 use super::model::Model;
 use crate::files::readings::Readings;
 
@@ -49,6 +51,8 @@ struct Blocks<'a> {
     /// Wrenches that pass under each condition and where the load turned, of the declared machine.
     passing: Vec<(elastic::V8, elastic::V8)>,
     list: Vec<(Block, Vec<Term>)>,
+    /// By block: how its compliance is written as elements, if it is one.
+    written: Vec<Option<Written>>,
 }
 
 impl Blocks<'_> {
@@ -68,6 +72,27 @@ impl Blocks<'_> {
         if !terms.is_empty() {
             let block = Block { places: places.to_vec(), motion, law, columns: terms.len(), forces, ln_prior };
             self.list.push((block, terms));
+            self.written.push(None);
+        }
+    }
+
+    /// A compliance of the forces that pass a place, whole or their diagonal alone, and how elements say it.
+    fn add_compliance(
+        &mut self,
+        places: &[String],
+        forces: &dyn Fn(&Frame) -> Vec<elastic::V8>,
+        coupled: bool,
+        written: Written,
+    ) {
+        let terms = symmetric(self.frames, forces, &written.units, &[&|_| 1.0], coupled);
+        self.add_written(places, terms, coupled, written);
+    }
+
+    fn add_written(&mut self, places: &[String], terms: Vec<Term>, coupled: bool, written: Written) {
+        let whole = if coupled { written.units.len() } else { 0 };
+        self.add_with(places, "general", "constant", terms, whole, 0.0);
+        if let Some(last) = self.written.last_mut() {
+            *last = Some(written);
         }
     }
 

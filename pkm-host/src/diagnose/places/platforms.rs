@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
+use pkm_core::effects::Place;
+
 use super::Blocks;
+use super::coupled::Written;
 use super::elastic::{Frame, V8};
-use super::terms::{Seen, Term, rows, symmetric};
+use super::terms::{Seen, Term, rows};
 
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 const SHIFTS: [usize; 3] = [0, 1, 2];
@@ -21,12 +24,11 @@ pub fn add(blocks: &mut Blocks<'_>) {
     let turn_units: Vec<f64> = (0..6).map(|i| 3.0 * usual[3 + i % 3]).collect();
     let bores = |f: &Frame| -> Vec<V8> { (0..3).flat_map(|i| rows(&f.bores[i], &SHIFTS)).collect() };
     let points = |f: &Frame| -> Vec<V8> { (0..3).flat_map(|i| rows(&f.points[i], &SHIFTS)).collect() };
+    let platform = |units: &[f64]| Written::of(&[Place::MovingPlatform], units, &|n| n);
+    let base = |units: &[f64]| Written::of(&[Place::Base], units, &|n| n);
     for coupled in [false, true] {
-        let forces = if coupled { 9 } else { 0 };
-        let terms = symmetric(blocks.frames, &bores, &shift_units, &[&|_| 1.0], coupled);
-        blocks.add_with(&["moving_platform".into()], "general", "constant", terms, forces, 0.0);
-        let terms = symmetric(blocks.frames, &points, &shift_units, &[&|_| 1.0], coupled);
-        blocks.add_with(&["base".into()], "general", "constant", terms, forces, 0.0);
+        blocks.add_compliance(&["moving_platform".into()], &bores, coupled, platform(&shift_units));
+        blocks.add_compliance(&["base".into()], &points, coupled, base(&shift_units));
     }
     // the joints of limbs 1 and 2 bring moments as well
     let with_moments = |f: &Frame| -> Vec<V8> {
@@ -34,33 +36,27 @@ pub fn add(blocks: &mut Blocks<'_>) {
         bores(f).into_iter().chain(moments).collect()
     };
     let units = [shift_units.clone(), turn_units].concat();
-    let terms = symmetric(blocks.frames, &with_moments, &units, &[&|_| 1.0], true);
-    blocks.add_with(&["moving_platform".into()], "general", "constant", terms, units.len(), 0.0);
+    blocks.add_compliance(&["moving_platform".into()], &with_moments, true, platform(&units));
     // and those of all three at the base, but about y, about which they turn
     let with_moments = |f: &Frame| -> Vec<V8> {
         let moments = (0..3).flat_map(|i| rows(&f.points[i], &ACROSS_Y));
         points(f).into_iter().chain(moments).collect()
     };
     let units: Vec<f64> = shift_units.into_iter().chain((0..6).map(|i| 3.0 * usual[ACROSS_Y[i % 2]])).collect();
-    let terms = symmetric(blocks.frames, &with_moments, &units, &[&|_| 1.0], true);
-    blocks.add_with(&["base".into()], "general", "constant", terms, units.len(), 0.0);
+    blocks.add_compliance(&["base".into()], &with_moments, true, base(&units));
     at_one_pose(blocks, &usual);
     smooth(blocks, &usual);
 }
 
 /// The whole mechanism on the base, and the tool on the platform.
 fn mounts(blocks: &mut Blocks<'_>, usual: &[f64]) {
-    let tool = |f: &Frame, which: &[usize]| rows(&f.wrenches, which);
-    let base = |f: &Frame, which: &[usize]| rows(&f.ground, which);
-    type Forces = fn(&Frame, &[usize]) -> Vec<V8>;
-    let mounts: [(&str, Forces); 2] = [("tool", tool), ("base", base)];
-    for (place, forces) in mounts {
-        for (which, coupled) in [(&SHIFTS[..], false), (&TURNS, false), (&ALL, false), (&ALL, true)] {
-            let units: Vec<f64> = which.iter().map(|i| usual[*i]).collect();
-            let terms = symmetric(blocks.frames, &|f| forces(f, which), &units, &[&|_| 1.0], coupled);
-            let whole = if coupled { units.len() } else { 0 };
-            blocks.add_with(&[place.into()], "general", "constant", terms, whole, 0.0);
-        }
+    let g = blocks.model.declared.geometry;
+    for (which, coupled) in [(&SHIFTS[..], false), (&TURNS, false), (&ALL, false), (&ALL, true)] {
+        let units: Vec<f64> = which.iter().map(|i| usual[*i]).collect();
+        let tool = Written::of(&[Place::Tool], &units, &|n| which[n]);
+        blocks.add_compliance(&["tool".into()], &|f| rows(&f.wrenches, which), coupled, tool);
+        let base = Written::of_ground(&g, &units, which);
+        blocks.add_compliance(&["base".into()], &|f| rows(&f.ground, which), coupled, base);
     }
 }
 

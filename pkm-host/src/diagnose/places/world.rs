@@ -1,14 +1,17 @@
 //! The blocks of a machine under the conditions of some readings, as a forward model.
 
 use nalgebra::{DMatrix, DVector, Vector6};
-use pkm_diagnosis::Problem;
-use pkm_diagnosis::places::{Block, PlaceModel, State};
+use pkm_core::effects::Element;
+use pkm_diagnosis::places::{Block, Finding, PlaceModel, State};
+use pkm_diagnosis::{Prior, Problem};
 use rayon::prelude::*;
 
+use super::coupled::Written;
 use super::elastic::{self, Frame, M6, M8, Solved, V8};
 use super::terms::{Seen, Term};
 use super::{Blocks, limbs, measurement, named, platforms};
 use crate::diagnose::declared::Declared;
+use crate::diagnose::elements::{ElementParameter, Family};
 use crate::diagnose::model::Model;
 use crate::files::readings::{CHANNELS, Readings};
 
@@ -25,6 +28,7 @@ pub struct World {
     offset: Vec<Six>,
     blocks: Vec<Block>,
     terms: Vec<Vec<Term>>,
+    written: Vec<Option<Written>>,
 }
 
 /// A world under the conditions of readings.
@@ -55,7 +59,8 @@ impl World {
             .collect();
         let uncertainty = stiffnesses.iter().map(|d| d.uncertainty(&model.uncertainty)).collect();
         let offset = vec![[0.0; 6]; wrenches.len()];
-        let mut this = Self { frames, uncertainty, wrenches, offset, blocks: Vec::new(), terms: Vec::new() };
+        let mut this =
+            Self { frames, uncertainty, wrenches, offset, blocks: Vec::new(), terms: Vec::new(), written: Vec::new() };
         let declared = State { declared: vec![0.0; stiffnesses.len()], blocks: Vec::new() };
         let solved = this.solve(&declared)?;
         let elastic = this.displacements(readings, &solved);
@@ -69,11 +74,13 @@ impl World {
         let passing = (0..this.wrenches.len()).map(|c| this.passing(readings, &solved, c)).collect();
         let usual = (usual_d, usual_c);
         let frames = &this.frames;
-        let mut blocks = Blocks { problem, model, readings, frames, usual, passing, list: Vec::new() };
+        let mut blocks =
+            Blocks { problem, model, readings, frames, usual, passing, list: Vec::new(), written: Vec::new() };
         limbs::add(&mut blocks);
         platforms::add(&mut blocks);
         measurement::add(&mut blocks, &solved);
         named::add(&mut blocks);
+        this.written = blocks.written;
         (this.blocks, this.terms) = blocks.list.into_iter().unzip();
         Some(this)
     }
@@ -86,6 +93,22 @@ impl World {
     /// A block.
     pub fn block(&self, index: usize) -> &Block {
         &self.blocks[index]
+    }
+
+    /// What a finding found as elements, a compliance of a place whatever its form; none if it is something else.
+    pub fn elements(&self, found: &Finding) -> Option<Family> {
+        let written = self.written[found.block].as_ref()?;
+        let block = &self.blocks[found.block];
+        let of = |(elements, compliance): (Vec<Element>, f64)| ElementParameter {
+            elements,
+            index: 0,
+            prior: Prior::Normal { scale: compliance.abs() },
+            one_sided: false,
+        };
+        let all = written.elements(&found.amplitudes);
+        let start = all.iter().map(|(_, compliance)| compliance.signum()).collect();
+        let parameters = all.into_iter().map(of).collect();
+        Some(Family { places: block.places.clone(), motion: block.motion, law: block.law, parameters, start })
     }
 
     fn solve(&self, state: &State) -> Option<Vec<Solved>> {
@@ -200,5 +223,76 @@ impl PlaceModel for Under<'_> {
         let terms: Vec<&Term> = declared.iter().chain(wanted.iter().flat_map(|b| &self.world.terms[*b])).collect();
         let columns: Vec<DVector<f64>> = terms.par_iter().map(|t| self.column(t, &solved, &said)).collect();
         Some((predicted, DMatrix::from_columns(&columns)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pkm_core::machine::Machine;
+    use pkm_diagnosis::{Rules, Whitener};
+
+    use super::*;
+    use crate::diagnose::Method;
+    use crate::diagnose::experiment::{Experiment, observations};
+    use crate::diagnose::model::Recorded;
+    use crate::diagnose::tests::{condition, even, machine, reading, readings};
+
+    /// What a block says with amplitudes of rank 1 is what the core says with the elements that are written for it.
+    #[test]
+    fn elements_of_a_block_are_its_compliance() {
+        let mut rng = fastrand::Rng::with_seed(17);
+        let file = machine();
+        let unit = |i: usize| std::array::from_fn(|k| if k == i { 100.0 } else { 0.0 });
+        let conditions: Vec<_> = (0..7).flat_map(|pose| (0..6).map(move |i| condition(pose, unit(i)))).collect();
+        let seen = std::array::from_fn(|channel| (channel < 6).then_some(1e-6));
+        let all = (0..conditions.len()).map(|c| reading(c, c, seen)).collect();
+        let readings = readings(conditions, all);
+        let model = Model::new(&file, Recorded::default(), Method::Places).unwrap();
+        let read = observations(&readings, &model);
+        let whitener = Whitener::new(&read, &even(1e-6));
+        let experiment = Experiment::new(&model, &readings);
+        let problem = Problem::new(&read, &whitener, &experiment, &Rules::DEFAULT);
+        let world = World::new(&problem, &model, &readings).unwrap();
+        let mut places = Vec::new();
+        for (block, written) in world.written.iter().enumerate() {
+            let Some(written) = written else { continue };
+            let n = written.units.len();
+            let root: Vec<f64> = (0..n).map(|_| 0.2 * (rng.f64() - 0.5)).collect();
+            let amplitudes: Vec<f64> = if world.blocks[block].forces == 0 {
+                (0..n).map(|i| if i == block % n { 0.05 } else { 0.0 }).collect()
+            } else {
+                (0..n)
+                    .flat_map(|i| (0..=i).map(move |j| (i, j)))
+                    .map(|(i, j)| root[i] * root[j] * if i == j { 1.0 } else { 2.0 })
+                    .collect()
+            };
+            let columns = DMatrix::zeros(0, 0);
+            let found = Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes: amplitudes.clone() };
+            let family = world.elements(&found).unwrap();
+            let mut softer = file.parameters;
+            for (parameter, start) in family.parameters.iter().zip(&family.start) {
+                parameter.add_to(&mut softer, parameter.prior.value(*start));
+            }
+            let softer = Machine::<f64>::new(&softer).unwrap();
+            let declared = State { declared: vec![0.0; world.uncertainty.len()], blocks: Vec::new() };
+            let state = State { blocks: vec![(block, amplitudes)], ..declared.clone() };
+            let (before, after) = (world.solve(&declared).unwrap(), world.solve(&state).unwrap());
+            for (pose, (before, after)) in readings.poses.iter().zip(before.iter().zip(&after)) {
+                let by_core = softer.stiffness(&pose.pose).unwrap().matrix().try_inverse().unwrap();
+                let usual = &before.compliance;
+                let size = |i: usize, j: usize| (usual[(i, i)] * usual[(j, j)]).sqrt();
+                for i in 0..6 {
+                    for j in 0..6 {
+                        let error = (by_core[(i, j)] - after.compliance[(i, j)]).abs() / size(i, j);
+                        // weights are kept to 1.5e-5 of the greatest
+                        assert!(error < 1e-4, "{:?} {i} {j}: {error:e}", world.blocks[block].places);
+                    }
+                }
+            }
+            places.extend(world.blocks[block].places.iter().cloned());
+        }
+        places.sort();
+        places.dedup();
+        assert_eq!(places.len(), 12, "every place has a block: {places:?}");
     }
 }

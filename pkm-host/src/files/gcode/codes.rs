@@ -68,6 +68,10 @@ impl Codes {
             if matches!(tenths, 940 | 950) {
                 modal.inverse_time = false;
             }
+            if matches!(tenths, 930 | 940 | 950) {
+                // an F of another mode is no feed of this one
+                (modal.feed_is_of_a_turn, modal.feed_per_min) = (tenths == 950, None);
+            }
         }
         match codes.motion {
             Some(motion) => modal.set_motion(motion_of(motion)),

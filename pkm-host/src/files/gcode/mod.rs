@@ -277,6 +277,7 @@ impl<'a> Reader<'a> {
             longer_m: self.modal.length_mm / 1e3,
             is_fresh,
             is_rapid: stop.rapid,
+            feed_per_min: self.modal.feed_per_min.filter(|_| !stop.rapid),
         });
         Ok(())
     }

@@ -78,6 +78,10 @@ pub(super) struct Modal<'a> {
     pub incremental: bool,
     pub center_is_absolute: bool,
     pub inverse_time: bool,
+    /// G95.
+    pub feed_is_of_a_turn: bool,
+    /// F of G94, see [`Move::feed_per_min`](crate::files::path::Move::feed_per_min).
+    pub feed_per_min: Option<[f64; 2]>,
     /// `G99` in place of `G98`.
     pub retracts_to_r: bool,
     pub offsets: Offsets,
@@ -143,6 +147,8 @@ impl<'a> Modal<'a> {
             incremental: false,
             center_is_absolute: false,
             inverse_time: false,
+            feed_is_of_a_turn: false,
+            feed_per_min: None,
             retracts_to_r: false,
             offsets: Offsets::new(setup),
             tool: None,
@@ -180,9 +186,8 @@ impl<'a> Modal<'a> {
     /// elsewhere than this one says.
     pub fn take(&mut self, line: &Line<'_>, loaded: bool, stops: &mut Vec<Stop>) -> Result<Effect, Refusal> {
         let mut numbers = Numbers::of(line)?;
-        for letter in ['F', 'S'] {
-            numbers.take(letter);
-        }
+        let feed = numbers.take('F');
+        numbers.take('S');
         if line.words.first().is_some_and(|w| w.letter == 'N') {
             numbers.take('N');
         }
@@ -190,6 +195,9 @@ impl<'a> Modal<'a> {
             self.tool = Some(tool);
         }
         let codes = codes::Codes::take(line, self)?;
+        if let Some(feed) = feed.filter(|feed| *feed > 0.0 && !self.inverse_time && !self.feed_is_of_a_turn) {
+            self.feed_per_min = Some([feed * self.unit_mm, feed]);
+        }
         if let Some(on) = codes.length {
             self.length_is_on = on;
         }

@@ -1,0 +1,186 @@
+//! Chromium without a window, driven over its DevTools protocol by a pair of pipes.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use base64::prelude::{BASE64_STANDARD, Engine};
+use serde_json::{Value, json};
+
+use crate::Outcome;
+
+const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+
+/// What a browser says of a picture that it draws without a graphics card.
+fn drawn_slowly(text: &Value) -> bool {
+    text.as_str().is_some_and(|text| text.contains("GL Driver Message") && text.contains("Performance"))
+}
+
+/// What an answer holds.
+fn bytes(answer: &Value) -> Result<Vec<u8>, String> {
+    BASE64_STANDARD.decode(answer["data"].as_str().unwrap_or_default()).map_err(|e| e.to_string())
+}
+
+/// A browser with one page.
+pub struct Browser {
+    child: Child,
+    to: ChildStdin,
+    from: BufReader<ChildStdout>,
+    session: Option<String>,
+    calls: u64,
+    /// Of the page that was opened last.
+    url: String,
+    /// What came between answers.
+    events: Vec<Value>,
+    /// Where it keeps its files.
+    _profile: tempfile::TempDir,
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        drop(self.child.kill());
+        drop(self.child.wait());
+    }
+}
+
+impl Browser {
+    /// Starts it, with an empty page.
+    pub fn start() -> Result<Self, String> {
+        let installed = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
+        let named = std::env::var("PKM_BROWSER").ok();
+        let program = match &named {
+            Some(program) => Some(program.as_str()).filter(installed),
+            None => BROWSERS.iter().copied().find(installed),
+        };
+        let program = program.ok_or(
+            "no browser to look at the reports with: apt-get install chromium, or name another Chromium or Chrome in PKM_BROWSER",
+        )?;
+        let profile = tempfile::tempdir().map_err(|e| e.to_string())?;
+        // the browser reads commands from its file 3 and answers in its file 4
+        let mut child = Command::new("sh")
+            .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null", "sh", program, "--remote-debugging-pipe"])
+            .args(["--headless", "--no-first-run", "--disable-gpu", "--hide-scrollbars", "--disable-dev-shm-usage"])
+            // what is opened is our own; without it no root user, such as a container's, gets a browser
+            .args(["--no-sandbox", "--disable-background-networking", "--disable-component-update"])
+            // WebGL without a graphics card
+            .arg("--enable-unsafe-swiftshader")
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|e| format!("{program}: {e}"))?;
+        let (to, from) = child.stdin.take().zip(child.stdout.take()).ok_or("no pipes")?;
+        let from = BufReader::new(from);
+        let mut browser = Self {
+            child,
+            to,
+            from,
+            session: None,
+            calls: 0,
+            url: String::new(),
+            events: Vec::new(),
+            _profile: profile,
+        };
+        let page = browser.call("Target.createTarget", json!({ "url": "about:blank" }))?;
+        let attach = json!({ "targetId": page["targetId"], "flatten": true });
+        browser.session = browser.call("Target.attachToTarget", attach)?["sessionId"].as_str().map(str::to_owned);
+        for domain in ["Page", "Runtime", "Log", "Network"] {
+            browser.call(&format!("{domain}.enable"), json!({}))?;
+        }
+        Ok(browser)
+    }
+
+    fn receive(&mut self) -> Result<Value, String> {
+        let mut message = Vec::new();
+        self.from.read_until(0, &mut message).map_err(|e| format!("browser: {e}"))?;
+        message.pop();
+        serde_json::from_slice(&message).map_err(|e| format!("the browser has gone: {e}"))
+    }
+
+    pub fn call(&mut self, method: &str, params: Value) -> Result<Value, String> {
+        self.calls += 1;
+        let mut message = json!({ "id": self.calls, "method": method, "params": params });
+        if let Some(session) = &self.session {
+            message["sessionId"] = session.as_str().into();
+        }
+        write!(self.to, "{message}\0").and_then(|()| self.to.flush()).map_err(|e| format!("browser: {e}"))?;
+        loop {
+            let mut answer = self.receive()?;
+            if answer["id"] == self.calls {
+                let error = &answer["error"];
+                return if error.is_null() { Ok(answer["result"].take()) } else { Err(format!("{method}: {error}")) };
+            }
+            self.events.push(answer);
+        }
+    }
+
+    /// Opens a page.
+    pub fn open(&mut self, path: &Path, [width, height]: [u32; 2], dark: bool, paper: bool) -> Outcome {
+        let screen = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600 });
+        self.call("Emulation.setDeviceMetricsOverride", screen)?;
+        let scheme = json!([{ "name": "prefers-color-scheme", "value": if dark { "dark" } else { "light" } }]);
+        let media = if paper { "print" } else { "screen" };
+        self.call("Emulation.setEmulatedMedia", json!({ "media": media, "features": scheme }))?;
+        self.events.clear();
+        self.url = format!("file://{}", path.display());
+        self.call("Page.navigate", json!({ "url": self.url }))?;
+        while !self.events.iter().any(|e| e["method"] == "Page.loadEventFired") {
+            let event = self.receive()?;
+            self.events.push(event);
+        }
+        Ok(())
+    }
+
+    /// What an expression gives, or the promise that it is.
+    pub fn evaluate(&mut self, expression: &str) -> Result<Value, String> {
+        let asked = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
+        let mut found = self.call("Runtime.evaluate", asked)?;
+        match &found["exceptionDetails"] {
+            Value::Null => Ok(found["result"]["value"].take()),
+            thrown => Err(format!("{expression}: {thrown}")),
+        }
+    }
+
+    /// What the page that is open asks for and complains of.
+    pub fn complaints(&self) -> Vec<String> {
+        let mut wrong = Vec::new();
+        for event in &self.events {
+            let params = &event["params"];
+            match event["method"].as_str() {
+                Some("Network.requestWillBeSent") => match params["request"]["url"].as_str() {
+                    Some(url) if url == self.url || url.starts_with("data:") => {}
+                    url => wrong.push(format!("asks for {url:?}")),
+                },
+                Some("Network.loadingFailed") => wrong.push(format!("a request failed: {}", params["errorText"])),
+                Some("Log.entryAdded") if !drawn_slowly(&params["entry"]["text"]) => {
+                    wrong.push(format!("the browser says: {}", params["entry"]["text"]));
+                }
+                Some("Runtime.consoleAPICalled") if !drawn_slowly(&params["args"][0]["value"]) => {
+                    wrong.push(format!("the console says: {params}"));
+                }
+                Some("Runtime.exceptionThrown") => wrong.push(format!("the console says: {params}")),
+                _ => {}
+            }
+        }
+        wrong.dedup();
+        wrong
+    }
+
+    /// A picture of the whole page that is open.
+    pub fn picture(&mut self, path: &Path) -> Outcome {
+        let size = self.call("Page.getLayoutMetrics", json!({}))?["cssContentSize"].take();
+        let clip = json!({ "x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1 });
+        let shot = json!({ "format": "png", "captureBeyondViewport": true, "clip": clip });
+        let whole = self.call("Page.captureScreenshot", shot)?;
+        std::fs::write(path, bytes(&whole)?).map_err(|e| format!("{}: {e}", path.display()))
+    }
+
+    /// Prints the page that is open; the number of its pages.
+    pub fn print(&mut self, path: &Path) -> Result<usize, String> {
+        let printed = self.call("Page.printToPDF", json!({ "preferCSSPageSize": true, "printBackground": true }))?;
+        let pdf = bytes(&printed)?;
+        std::fs::write(path, &pdf).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(pdf.windows(11).filter(|w| w == b"/Type /Page").count())
+    }
+}

@@ -1,0 +1,185 @@
+//! The page of `view`, driven in a browser as an engineer drives it.
+
+use std::path::{Path, PathBuf};
+
+use pkm_host::cli;
+use serde_json::{Value, json};
+
+use crate::browser::Browser;
+use crate::{Outcome, root};
+
+const DESKTOP: [u32; 2] = [1280, 800];
+const MOBILE: [u32; 2] = [375, 812];
+/// Greatest size of a page with a path and a placement, bytes.
+const LARGEST: u64 = 1_500_000;
+/// Frames that are asked for, each of which has to come.
+const FRAMES: u32 = 30;
+
+/// Waits until something is true, at most a minute.
+const UNTIL: &str = "async (what, is) => { for (let n = 0; n < 600; n++) { if (is()) return true; await new Promise(r => setTimeout(r, 100)); } throw new Error('in vain: ' + what); }";
+
+/// Opens a file in the page, as its button does: the message.
+const OPEN: &str = "async (name, text) => { await pkm.documents.open(new File([text], name)); return document.getElementById('file-message').textContent; }";
+
+pub fn run() -> Outcome {
+    let out = root().join("out/reports");
+    let wrong = look(&mut Browser::start()?, &out)?;
+    if wrong.is_empty() { Ok(()) } else { Err(wrong.join("\n")) }
+}
+
+fn written(out: &Path, name: &str, args: &[String]) -> Result<PathBuf, String> {
+    let path = out.join(name);
+    let args = ["view".to_owned(), format!("--out={}", path.display())].into_iter().chain(args.iter().cloned());
+    cli::run(args).map_err(|e| e.to_string())?;
+    Ok(path)
+}
+
+/// What is wrong with the page. Pictures of it go to a folder.
+pub fn look(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
+    std::fs::create_dir_all(out).map_err(|e| e.to_string())?;
+    let fixture = |option: &str, name: &str| format!("--{option}={}", root().join("fixtures").join(name).display());
+    let args = [fixture("table", "jobs/wide-table.json"), fixture("path", "jobs/path.csv")];
+    let page = written(out, "view.html", &args)?;
+    let other = written(out, "view-x150.html", &[fixture("machine", "machines/x150.toml")])?;
+    let size = std::fs::metadata(&page).map_err(|e| e.to_string())?.len();
+    let mut wrong = Vec::new();
+    if size > LARGEST {
+        wrong.push(format!("view: {size} bytes, {LARGEST} at the most"));
+    }
+    for (name, path, window, dark) in [
+        ("view-dark", &page, DESKTOP, true),
+        ("view-mobile-dark", &page, MOBILE, true),
+        ("view-mobile", &page, MOBILE, false),
+        ("view-x150", &other, DESKTOP, false),
+        ("view", &page, DESKTOP, false),
+    ] {
+        let faults = opened(browser, path, window, dark, &out.join(format!("{name}.png")))?;
+        wrong.extend(faults.into_iter().map(|fault| format!("{name}: {fault}")));
+    }
+    wrong.extend(driven(browser)?.into_iter().map(|fault| format!("view: {fault}")));
+    wrong.extend(browser.complaints().into_iter().map(|fault| format!("view: {fault}")));
+    let pages = browser.print(&out.join("view.pdf"))?;
+    println!("view: {size} bytes, {pages} pages of paper");
+    Ok(wrong)
+}
+
+/// Opens the page, waits until it has compared its results with the program's, and takes its picture.
+fn opened(
+    browser: &mut Browser,
+    path: &Path,
+    window: [u32; 2],
+    dark: bool,
+    picture: &Path,
+) -> Result<Vec<String>, String> {
+    browser.open(path, window, dark, false)?;
+    let compared = "() => /good|bad/.test(document.getElementById('checksum').className)";
+    browser.evaluate(&format!("({UNTIL})('the checksum', {compared})"))?;
+    let found = browser.evaluate(
+        "({ equal: document.getElementById('checksum').classList.contains('good'), wide: document.documentElement.scrollWidth,
+            drawn: pkm.renderer !== undefined, small: [...document.querySelectorAll('body *')].filter(e => e.checkVisibility()
+              && e.textContent.trim() && parseFloat(getComputedStyle(e).fontSize) < 12).length,
+            unnamed: [...document.querySelectorAll('input, select, button')].filter(e => !(e.labels?.length || e.ariaLabel || e.textContent.trim())).length })",
+    )?;
+    let mut wrong = browser.complaints();
+    if found["equal"] != true {
+        wrong.push("the page's results are not the program's".into());
+    }
+    if found["wide"].as_u64() > Some(u64::from(window[0])) {
+        wrong.push(format!("{} wide in a window of {}", found["wide"], window[0]));
+    }
+    if found["drawn"] != true || found["small"] != 0 || found["unnamed"] != 0 {
+        wrong.push(format!("no picture, small letters, or controls without names: {found}"));
+    }
+    browser.picture(picture)?;
+    Ok(wrong)
+}
+
+/// Drags, types, opens files, plays the path.
+fn driven(browser: &mut Browser) -> Result<Vec<String>, String> {
+    let mut wrong = Vec::new();
+    let mut expect = |is: bool, what: &str| {
+        if !is {
+            wrong.push(what.to_owned());
+        }
+    };
+    let tip = "({ tip: pkm.answer.tip, at: pkm.camera.project(pkm.answer.tip).map((v, i) => v + [0, 1].map(n => document.getElementById('picture').getBoundingClientRect()[n ? 'top' : 'left'])[i]) })";
+    let before = browser.evaluate(tip)?;
+    let [x, y] = [0, 1].map(|i| before["at"][i].as_f64().unwrap_or_default());
+    drag(browser, [x, y], [x + 30.0, y - 20.0])?;
+    let after = browser.evaluate(tip)?;
+    let moved = |i: usize| after["at"][i].as_f64().unwrap_or_default() - before["at"][i].as_f64().unwrap_or_default();
+    expect((moved(0) - 30.0).abs() < 1.0 && (moved(1) + 20.0).abs() < 1.0, "the tip does not follow the mouse");
+    let yaw = browser.evaluate("pkm.camera.yaw")?;
+    drag(browser, [100.0, 700.0], [160.0, 700.0])?;
+    expect(browser.evaluate("pkm.camera.yaw")? != yaw, "the picture does not turn");
+
+    browser.evaluate(
+        "{ const i = document.querySelector('#position-rows .row input[type=number]'); i.focus(); i.select(); }",
+    )?;
+    browser.call("Input.insertText", json!({ "text": "5" }))?;
+    for kind in ["keyDown", "keyUp"] {
+        browser.call(
+            "Input.dispatchKeyEvent",
+            json!({ "type": kind, "key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13, "text": "\r" }),
+        )?;
+    }
+    let theta = browser.evaluate("pkm.state.configuration[0] * 180 / Math.PI")?.as_f64().unwrap_or_default();
+    expect((theta - 5.0).abs() < 1e-9, "a typed angle is not taken");
+    browser.evaluate("pkm.drive({ configuration: [0, 0, 0.9, 0, 0] })")?;
+    let refused = browser.evaluate("document.getElementById('refused').textContent + pkm.state.configuration[2]")?;
+    expect(
+        refused.as_str().is_some_and(|t| t.contains("travel") && !t.ends_with("0.9")),
+        "a pose beyond travel is not refused",
+    );
+
+    let frames = format!(
+        "(async () => {{ const from = pkm.frames; for (let n = 0; n < {FRAMES}; n++) {{ pkm.camera.turn(0.02, 0); pkm.redraw(); \
+         await new Promise(requestAnimationFrame); await new Promise(r => setTimeout(r)); }} return pkm.frames - from; }})()"
+    );
+    expect(browser.evaluate(&frames)? == FRAMES, "frames are missing");
+    expect(documents(browser)?, "a foreign diagnosis is not refused, or the placement not opened");
+    browser.evaluate("document.getElementById('play').click()")?;
+    browser.evaluate(&format!("({UNTIL})('the path', () => +document.querySelector('#path input').value > 5)"))?;
+    browser.evaluate("document.getElementById('play').click()")?;
+    let on_path = "(() => { const p = pkm.data.path.points[+document.querySelector('#path input').value - 1]; return p[2].every((v, i) => v === pkm.state.configuration[i]) && p[3].every((v, i) => v === pkm.state.wrench[i]); })()";
+    expect(browser.evaluate(on_path)? == true, "the machine is not where the path is");
+    Ok(wrong)
+}
+
+/// A diagnosis of this machine is opened and shows its reading, one of another machine is refused.
+fn documents(browser: &mut Browser) -> Result<bool, String> {
+    let sum = browser.evaluate("pkm.data.machine.sha256")?;
+    let diagnosis = |machine_sha256: &Value| {
+        let reading = json!({ "line": 2, "theta_deg": 3.0, "sigma_deg": -2.0, "z0_mm": 530.0, "point_mm": [0, 0, 100], "wrench": [100, 0, 0, 0, 0, 0],
+            "gauge": null, "read": [9.0, 1.0, 0.0, null, null, null], "before": [7.0, 1.0, 0.0, 0, 0, 0], "after": [9.1, 1.0, 0.0, 0, 0, 0], "excluded": false });
+        let effect = json!({ "id": "limb-2-axial", "where": "limb.2.body", "where_class": [], "of": "machine", "parameters": {}, "inspect": "Look." });
+        json!({ "machine": "m", "machine_sha256": machine_sha256, "verdict": "explained", "effects": [effect], "readings": [reading] }).to_string()
+    };
+    let mut open = |name: &str, text: &str| browser.evaluate(&format!("({OPEN})({}, {})", json!(name), json!(text)));
+    let foreign = open("foreign.json", &diagnosis(&json!("0")))?;
+    let own = open("own.json", &diagnosis(&sum))?;
+    let hole = json!({ "theta_deg": 1.0, "sigma_deg": 0.0, "z0_mm": 530.0, "beta1_deg": 0.0, "beta2_deg": 3.0, "deflection_um": 12.0, "status": "ok" });
+    let series = json!({ "name": "A", "objective": "paper", "dx_mm": 1.0, "dy_mm": 2.0, "rotary_deg": 0.0, "value": 1.0, "unit": "µm", "holes": [hole] });
+    let placed =
+        open("placed.json", &json!({ "machine": "m", "machine_sha256": sum, "series": [series] }).to_string())?;
+    let seen = browser.evaluate(
+        "(() => { document.querySelector('#diagnosis [aria-label^=Next]').click(); pkm.draw(); return { found: pkm.scene.found.has('limb.2.body'), \
+         theta: pkm.state.configuration[0] * 180 / Math.PI, holes: pkm.documents.holes.length, table: document.querySelectorAll('#diagnosis td').length }; })()",
+    )?;
+    let says = |message: &Value, text: &str| message.as_str().is_some_and(|message| message.contains(text));
+    Ok(says(&foreign, "another machine file")
+        && says(&own, "is open")
+        && says(&placed, "is open")
+        && seen["found"] == true
+        && seen["holes"] == 1
+        && seen["theta"].as_f64().is_some_and(|theta| (theta - 3.0).abs() < 1e-9)
+        && seen["table"].as_u64() > Some(10))
+}
+
+fn drag(browser: &mut Browser, from: [f64; 2], to: [f64; 2]) -> Outcome {
+    for (kind, [x, y], buttons) in [("mousePressed", from, 1), ("mouseMoved", to, 1), ("mouseReleased", to, 0)] {
+        let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1 });
+        browser.call("Input.dispatchMouseEvent", event)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,143 @@
+//! What was found, as effects with their places, and the sets that it was compared with.
+
+use pkm_diagnosis::places::{Inferred, NOWHERE};
+use pkm_diagnosis::{Kind, Search, Unknown, search};
+
+use super::model::{Meaning, Model, info};
+use super::places::World;
+use super::places::sites::{self, Site};
+
+/// An effect that was found.
+pub struct Effect {
+    /// Its id.
+    pub id: &'static str,
+    /// Place of `[[element]]`, or `geometry`, `sensor`, `load`, `time`.
+    pub place: String,
+    /// Places that the readings cannot tell apart from it.
+    pub place_class: Vec<String>,
+    /// In which direction it gives.
+    pub motion: &'static str,
+    /// What it depends on.
+    pub law: &'static str,
+    /// Probability of the place and its class.
+    pub probability: f64,
+    /// Name, value, standard error.
+    pub parameters: Vec<(String, f64, f64)>,
+    /// Probability against what is not in its class.
+    pub confidence: f64,
+    /// What the data cannot tell from it.
+    pub class: Vec<String>,
+}
+
+impl Effect {
+    /// Whether another is the same physics: a form may take two blocks.
+    fn is_alike(&self, other: &Self) -> bool {
+        (self.id, &self.place, self.motion, self.law) == (other.id, &other.place, other.motion, other.law)
+    }
+
+    /// Takes in what was found of the same.
+    fn absorb(&mut self, other: Self) {
+        let new = other.place_class.into_iter().filter(|p| !self.place_class.contains(p));
+        let room = sites::MAX_CLASS - self.place_class.len();
+        self.place_class.extend(new.take(room).collect::<Vec<_>>());
+        self.parameters.extend(other.parameters);
+        self.probability = self.probability.max(other.probability);
+    }
+
+    /// Numbers parameters of one name, as coupled elements have in several directions.
+    fn number_parameters(&mut self) {
+        let names: Vec<String> = self.parameters.iter().map(|p| p.0.clone()).collect();
+        for (n, (name, ..)) in self.parameters.iter_mut().enumerate() {
+            if names.iter().filter(|other| *other == name).count() > 1 {
+                let number = names[..=n].iter().filter(|other| *other == name).count();
+                *name = name.replacen('.', &format!("_{number}."), 1);
+            }
+        }
+    }
+
+    /// Whether it is an error of the measurement and no part of the machine.
+    pub fn is_measurement(&self) -> bool {
+        matches!(self.place.as_str(), "sensor" | "load" | "time")
+    }
+}
+
+/// What an effect is called that has no formula.
+pub const ELEMENT: &str = "element";
+
+/// What stands at the sites: effects by their formula, and what yields without one. Declared values have a list of their own.
+pub fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
+    let end = &search.fit;
+    let standard_errors = end.standard_errors();
+    let at = |site: &Site| Effect {
+        id: ELEMENT,
+        place: site.place.clone(),
+        place_class: site.place_class.clone(),
+        motion: site.motion,
+        law: site.law,
+        probability: site.probability,
+        parameters: Vec::new(),
+        confidence: site.probability,
+        class: Vec::new(),
+    };
+    let of = |found: &search::Found, site: &Site| {
+        // wrong declared values have a list of their own
+        if model.class_of(found.candidate).is_some() {
+            return None;
+        }
+        let effect = model.effect_of(found.candidate);
+        let name = |u: Unknown| match model.meaning(u) {
+            Meaning::Effect { effect: own, parameter } if effect == Some(own) => {
+                Some(info(own).parameters[parameter].to_owned())
+            }
+            Meaning::Element(element) if effect.is_none() => Some(model.elements[element].name()),
+            _ => None,
+        };
+        let own = &model.candidates[found.candidate].unknowns;
+        let parameters = (end.unknowns.iter().enumerate())
+            .filter(|(_, u)| own.contains(u))
+            .filter_map(|(n, u)| {
+                let prior = model.parameters[u.0].prior;
+                Some((name(*u)?, prior.value(end.x[n]), prior.error(end.x[n], standard_errors[n])))
+            })
+            .collect();
+        let mut class: Vec<String> = Vec::new();
+        // an element can always do what a formula does
+        let rivals = found.class.iter().filter(|c| effect.is_none() || model.candidates[**c].kind != Kind::Element);
+        for name in rivals.flat_map(|c| &model.candidates[*c].names) {
+            if !class.contains(name) {
+                class.push(name.clone());
+            }
+        }
+        let id = effect.map_or(ELEMENT, |effect| info(effect).id);
+        Some(Effect { id, parameters, confidence: found.confidence, class, ..at(&site.named(model, found.candidate)) })
+    };
+    let named = sites::named_at(sites, search);
+    let all = sites.iter().zip(named).filter(|(site, _)| site.place != NOWHERE);
+    let found = all.filter_map(|(site, found)| found.map_or_else(|| Some(at(site)), |n| of(&search.found[n], site)));
+    let mut effects: Vec<Effect> = Vec::new();
+    for effect in found {
+        match effects.iter_mut().find(|e| e.is_alike(&effect)) {
+            Some(there) => there.absorb(effect),
+            None => effects.push(effect),
+        }
+    }
+    effects.iter_mut().for_each(Effect::number_parameters);
+    effects
+}
+
+/// Sets of findings as `place: law`; sets of equal places and laws are one.
+pub fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64)> {
+    let mut all: Vec<(Vec<String>, f64)> = Vec::new();
+    for (blocks, probability) in &inferred.alternatives {
+        let name = |b: &usize| {
+            let block = world.block(*b);
+            format!("{}: {}", block.places.first().map_or(NOWHERE, String::as_str), block.law)
+        };
+        let names: Vec<String> = blocks.iter().map(name).collect();
+        match all.iter_mut().find(|a| a.0 == names) {
+            Some(there) => there.1 += probability,
+            None => all.push((names, *probability)),
+        }
+    }
+    all
+}

@@ -1,0 +1,91 @@
+//! Compliances that blocks found, as coupled elements: what was inferred goes to the controller with its directions.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use pkm_core::effects::{Element, MAX_ELEMENT_PARAMETERS, Place};
+use pkm_core::machine::Geometry;
+
+/// Greatest weight.
+const MAX_WEIGHT: f64 = 7.99;
+/// Most weights of a coupled element.
+const MAX_WEIGHTS: usize = MAX_ELEMENT_PARAMETERS - 1;
+/// Most elements that say one compliance: the greatest of its main directions.
+const MAX_ELEMENTS: usize = 4;
+/// Least share of the greatest that is worth an element.
+const MIN_SHARE: f64 = 1e-3;
+
+/// How the compliance of a block is written as elements.
+#[derive(Clone)]
+pub struct Written {
+    /// Places that have it alike.
+    pub places: Vec<Place>,
+    /// Scale of each of the block's forces, m/N or rad/(N·m).
+    pub units: Vec<f64>,
+    /// Components of an element's direction by the block's forces.
+    to_direction: DMatrix<f64>,
+}
+
+impl Written {
+    /// Each force of the block is one component of the direction.
+    pub fn of(places: &[Place], units: &[f64], component: &dyn Fn(usize) -> usize) -> Self {
+        let to_direction = DMatrix::from_fn(MAX_WEIGHTS, units.len(), |i, n| f64::from(component(n) == i));
+        Self { places: places.to_vec(), units: units.to_vec(), to_direction }
+    }
+
+    /// The same of other places.
+    pub fn at(self, places: &[Place]) -> Self {
+        Self { places: places.to_vec(), ..self }
+    }
+
+    /// Some components of the wrench at B, of which the forces and moments at the base points are the sum.
+    pub fn of_ground(g: &Geometry, units: &[f64], which: &[usize]) -> Self {
+        let points = [Vector3::new(0.0, -g.b1_m, 0.0), Vector3::new(0.0, g.b1_m, 0.0), Vector3::new(g.b2_m, 0.0, 0.0)];
+        let of = |component: usize| {
+            let mut direction = DVector::zeros(MAX_WEIGHTS);
+            for (limb, point) in points.iter().enumerate() {
+                let axis = Vector3::ith(component % 3, 1.0);
+                let force = if component < 3 { axis } else { axis.cross(point) };
+                direction.rows_mut(3 * limb, 3).copy_from(&force);
+                if component >= 3 {
+                    direction[9 + 2 * limb] = axis.x;
+                    direction[10 + 2 * limb] = axis.z;
+                }
+            }
+            direction
+        };
+        let columns: Vec<DVector<f64>> = which.iter().map(|k| of(*k)).collect();
+        Self { places: vec![Place::Base], units: units.to_vec(), to_direction: DMatrix::from_columns(&columns) }
+    }
+
+    /// The elements that say the compliance with these amplitudes of the block's columns, each at every place alike, and
+    /// its compliance in m/N; the greatest first.
+    pub fn elements(&self, amplitudes: &[f64]) -> Vec<(Vec<Element>, f64)> {
+        let n = self.units.len();
+        let at = |i: usize, j: usize| match amplitudes.len() {
+            count if count == n => {
+                if i == j {
+                    amplitudes[i]
+                } else {
+                    0.0
+                }
+            }
+            _ => amplitudes[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)] * if i == j { 1.0 } else { 0.5 },
+        };
+        let eigen = DMatrix::from_fn(n, n, at).symmetric_eigen();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].abs().total_cmp(&eigen.eigenvalues[*a].abs()));
+        let greatest = order.first().map_or(0.0, |k| eigen.eigenvalues[*k].abs());
+        let kept = order.into_iter().filter(|k| eigen.eigenvalues[*k].abs() > MIN_SHARE * greatest).take(MAX_ELEMENTS);
+        kept.filter_map(|k| {
+            let roots = DVector::from_fn(n, |i, _| eigen.eigenvectors[(i, k)] * self.units[i].sqrt());
+            let direction = &self.to_direction * roots;
+            // the greatest weight is the greatest that is kept
+            let size = direction.amax() / MAX_WEIGHT;
+            let parameters: [f64; MAX_ELEMENT_PARAMETERS] =
+                std::array::from_fn(|i| if i == 0 { 0.0 } else { direction[i - 1] / size });
+            let of = |place: &Place| Element::from_names(place.name()?, "coupled", "constant", parameters);
+            let elements = self.places.iter().map(of).collect::<Option<Vec<Element>>>()?;
+            Some((elements, eigen.eigenvalues[k] * size * size))
+        })
+        .collect()
+    }
+}

@@ -1,0 +1,325 @@
+//! What people read of an identified geometry: sentences for the terminal, and `report.html`.
+
+use maud::{Markup, html};
+use pkm_diagnosis::verdict::LackOfFit;
+
+use super::model::Meaning;
+use super::outcome::{Estimate, Identification, LARGE_PULL_SD, Rival, TriedState, Verdict};
+use crate::error::Result;
+use crate::files::machine::MachineFile;
+use crate::files::unloaded::Unloaded;
+use crate::report::page::{Finding, Page, charts, fold, of_file, table};
+use crate::report::plot::{Mark, Panel, Series};
+
+/// Standard deviations from which a difference from the declared value is one.
+const SIGNIFICANT_SD: f64 = 3.0;
+/// Share of a picture's width that the longest error vector takes.
+const LONGEST_VECTOR: f64 = 0.15;
+
+fn number(e: &Estimate, value: f64) -> String {
+    format!("{:+.4} ± {:.4} {}", 1e3 * value, 1e3 * e.sd, e.unit())
+}
+
+/// What a combination needs to be told.
+fn remedy(parts: &[(Meaning, f64)]) -> &'static str {
+    let has = |is: fn(Meaning) -> bool| parts.iter().any(|(m, _)| is(*m));
+    if has(|m| m == Meaning::Beta(1)) && has(|m| matches!(m, Meaning::Wrist(3 | 4))) {
+        "measure a second ball on the spindle's axis, at another tool_z_mm: one alone cannot tell the tool's length from its lean"
+    } else if has(|m| matches!(m, Meaning::Wrist(_) | Meaning::Beta(_))) {
+        "measure more angles of the wrist, and two balls on the spindle's axis"
+    } else {
+        "measure three or more targets on the platform, and poses over the whole travel"
+    }
+}
+
+fn held_out_sentence(found: &Identification, rival: Rival) -> String {
+    found.held_out_of(rival).map_or(String::new(), |e| {
+        format!("{:.1} µm rms, {:.1} µm at most", e.kinds[0].rms * 1e6, e.kinds[0].max * 1e6)
+    })
+}
+
+fn ratio(found: &Identification, rival: Rival) -> f64 {
+    found.held_out_of(rival).map_or(f64::NAN, |e| e.chi2_per_dof.sqrt())
+}
+
+/// Names of what was found, with what it can't be told from.
+fn names(found: &Identification) -> String {
+    let of = |state: TriedState| -> Vec<&str> {
+        found.tried.iter().filter(|t| t.state == state).map(|t| t.id.as_str()).collect()
+    };
+    let alike = of(TriedState::Alike);
+    let or = if alike.is_empty() {
+        String::new()
+    } else {
+        format!(" (the readings cannot tell it from {})", alike.join(", "))
+    };
+    of(TriedState::Found).join(" and ") + &or
+}
+
+fn verdict(found: &Identification) -> Finding {
+    let how = if found.held_out.0 { "held-out poses" } else { "poses left out in turn" };
+    let before_after = format!(
+        "Volumetric error on {how}: declared geometry {}; identified {} ({:.2} times the noise)",
+        held_out_sentence(found, Rival::Declared),
+        held_out_sentence(found, Rival::Identified),
+        ratio(found, Rival::Identified),
+    );
+    let with = || format!("; with it {}", held_out_sentence(found, Rival::WithFound));
+    match found.verdict {
+        Verdict::Adequate => Finding::good(format!("{before_after}. Nothing but noise is left.")),
+        Verdict::Explained => Finding::warning(format!(
+            "{before_after}. What remains is {}: nothing but noise is left{}. The controller's kinematics cannot hold it: mend the \
+             joints, or accept the error of the identified geometry.",
+            names(found),
+            with()
+        )),
+        Verdict::PartlyExplained => Finding::warning(format!(
+            "{before_after}. {} accounts for part of what remains{}; a significant misfit is left, and deviations are too small.",
+            names(found),
+            with()
+        )),
+        Verdict::Unexplained => Finding::bad(format!(
+            "{before_after}. More than noise is left, and neither axes or places of joints nor pitches of screws account for it: is the \
+             declared noise right, was anything loose or warm?"
+        )),
+    }
+}
+
+/// The sentences of the conclusion, the most important first.
+fn findings(found: &Identification) -> Vec<Finding> {
+    let mut all = vec![verdict(found)];
+    let list = |of: Vec<String>| of.join(", ");
+    let zeros = found.zeros();
+    let told = |e: &&Estimate| e.identifiable;
+    let add = |(name, e): &(String, &Estimate)| format!("{name} {}", number(e, e.held));
+    let some: Vec<String> = zeros.iter().filter(|(_, e)| e.identifiable).map(add).collect();
+    if !some.is_empty() {
+        all.push(Finding::good(format!("Add to the home positions of the drives: {}.", list(some))));
+    }
+    let is_size = |e: &&Estimate| matches!(e.meaning, Meaning::Size(_) | Meaning::Wrist(_) | Meaning::ToolY);
+    let change = |e: &Estimate| format!("{} {}", e.meaning.key(), number(e, e.value - e.declared));
+    let differs = |e: &&Estimate| (e.value - e.declared).abs() > SIGNIFICANT_SD * e.sd;
+    let changed: Vec<String> =
+        found.estimates.iter().filter(is_size).filter(told).filter(differs).map(change).collect();
+    all.push(Finding::good(if changed.is_empty() {
+        "No size differs from its declared value by more than its deviation.".to_owned()
+    } else {
+        let has = if found.found().next().is_none() { "has them" } else { "has those that suit the controller" };
+        format!("True sizes less declared ones: {}. machine.toml {has}.", list(changed))
+    }));
+    if let Some(e) = found.estimates.iter().find(|e| e.meaning == Meaning::ToolY).filter(differs) {
+        all.push(Finding::warning(format!(
+            "The tip sits {} beside the plane of the wrist: the controller's kinematics have no such offset, align the spindle or the ball.",
+            number(e, e.value)
+        )));
+    }
+    for d in found.directions.iter().filter(|d| !d.is_identified()) {
+        all.push(Finding::warning(format!(
+            "The readings do not tell {} ({}): it stays within its declared uncertainty; {}.",
+            if d.parts.len() == 1 { "one number" } else { "a combination of numbers that change together" },
+            d.text(),
+            remedy(&d.parts)
+        )));
+    }
+    for e in found.estimates.iter().filter(|e| e.pull_sd().abs() > LARGE_PULL_SD) {
+        all.push(Finding::warning(format!(
+            "{} is {:.1} declared deviations from its declared value: is uncertainty.{} too small, or the machine another?",
+            e.meaning.key(),
+            e.pull_sd().abs(),
+            if e.meaning.is_angle() { "geometry_mrad" } else { "geometry_mm" }
+        )));
+    }
+    for s in &found.suspects {
+        all.push(Finding::warning(format!(
+            "Line {} is {:.0} standard deviations off and was left out: measure it again.",
+            s.line, s.residual_sd
+        )));
+    }
+    all
+}
+
+/// For the terminal.
+pub fn text(found: &Identification) -> String {
+    let mut text = format!("{} numbers at {} poses\n", found.size.0, found.size.1);
+    for e in &found.estimates {
+        let mark = if e.identifiable { "" } else { "  not identifiable" };
+        text.push_str(&format!(
+            "  {:<18} {:>12.4} -> {:>12.4} {} (sd {:.4}){mark}\n",
+            e.meaning.key(),
+            1e3 * e.declared,
+            1e3 * e.value,
+            e.unit(),
+            1e3 * e.sd
+        ));
+    }
+    findings(found).iter().for_each(|f| text.push_str(&format!("- {}\n", f.text)));
+    text
+}
+
+/// A round number below another.
+fn round(value: f64) -> f64 {
+    let power = 10_f64.powf(value.log10().floor());
+    [5.0, 2.0, 1.0].into_iter().map(|n| n * power).find(|n| *n <= value).unwrap_or(power)
+}
+
+/// Errors as vectors at the places measured, along two axes of the measuring frame.
+fn vectors(
+    unloaded: &Unloaded,
+    found: &Identification,
+    name: &str,
+    said: &[[f64; 4]],
+    [right, up]: [usize; 2],
+) -> Option<Panel> {
+    let all: Vec<([f64; 2], [f64; 2])> = (found.kept(unloaded).zip(said))
+        .filter_map(|(r, said)| {
+            let at = [r.observed[right]?, r.observed[up]?];
+            Some((at, [at[0] - said[right], at[1] - said[up]]))
+        })
+        .collect();
+    let extent = [0, 1].map(|i| {
+        let (low, high) =
+            all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (p, _)| (l.min(p[i]), h.max(p[i])));
+        high - low
+    });
+    let longest = all.iter().map(|(_, e)| e[0].hypot(e[1])).fold(0.0, f64::max);
+    if !(longest > 0.0) {
+        return None;
+    }
+    let factor = round(LONGEST_VECTOR * extent[0].max(extent[1]) / longest);
+    let ends = |(at, e): &([f64; 2], [f64; 2])| {
+        let end = |i: usize| 1e3 * (at[i] + factor * e[i]);
+        [(1e3 * at[0], 1e3 * at[1]), (end(0), end(1))]
+    };
+    let axis = |i: usize| format!("{} in mm", ["x", "y", "z"][i]);
+    Some(Panel {
+        title: format!("{name}, errors {factor} times"),
+        x_label: axis(right),
+        y_label: axis(up),
+        series: vec![Series { name: name.to_owned(), points: all.iter().flat_map(ends).collect(), mark: Mark::Vector }],
+    })
+}
+
+/// Pictures: errors before and after.
+fn pictures(unloaded: &Unloaded, found: &Identification) -> Result<Markup> {
+    let views = [[0, 1], [0, 2]];
+    let rivals = [("declared", &found.said_declared_m), ("identified", &found.said_m)];
+    let panels: Vec<Panel> = rivals
+        .iter()
+        .flat_map(|(name, said)| views.map(|view| vectors(unloaded, found, name, said, view)))
+        .flatten()
+        .collect();
+    if panels.is_empty() {
+        return Ok(html! {});
+    }
+    charts(
+        "Measured places less predicted ones, in the measuring frame, before and after; the dot is the measured end. Errors that are left \
+         should point anywhere.",
+        &panels,
+    )
+}
+
+fn parameters(found: &Identification) -> Markup {
+    let row = |e: &Estimate| {
+        let mm = |v: f64| format!("{:.4}", 1e3 * v);
+        let cells = vec![
+            e.unit().to_owned(),
+            mm(e.declared),
+            mm(e.value),
+            mm(e.value - e.declared),
+            mm(e.sd),
+            if e.identifiable { "yes" } else { "no" }.to_owned(),
+            mm(e.held),
+        ];
+        (e.meaning.key(), cells)
+    };
+    let heads = ["unit", "declared", "identified", "change", "sd", "identifiable", "for the controller"];
+    table(
+        "Numbers of the machine with one standard deviation. Zeros are true positions less commanded ones. For the controller: as \
+         machine.toml has them; other than the true ones where its kinematics make up for what they cannot hold.",
+        &heads,
+        &found.estimates.iter().map(row).collect::<Vec<_>>(),
+    )
+}
+
+fn errors(found: &Identification) -> Markup {
+    let lack = |l: &LackOfFit| vec![format!("{:.2}", l.statistic), format!("{:.2e}", l.p)];
+    let rows: Vec<(String, Vec<String>)> =
+        [("declared", Rival::Declared), ("identified", Rival::Identified), ("with what was found", Rival::WithFound)]
+            .into_iter()
+            .zip(&found.lack_of_fit)
+            .map(|((name, rival), l)| {
+                let own = found.errors.iter().find(|(r, _)| *r == rival).map(|(_, e)| e);
+                let of = |e: Option<&pkm_diagnosis::validation::Errors>| {
+                    e.map_or(vec![String::new(); 3], |e| {
+                        let k = &e.kinds[0];
+                        vec![
+                            format!("{:.2}", k.rms * 1e6),
+                            format!("{:.2}", k.max * 1e6),
+                            format!("{:.3}", e.chi2_per_dof.sqrt()),
+                        ]
+                    })
+                };
+                (name.to_owned(), [of(own), of(found.held_out_of(rival)), lack(l)].concat())
+            })
+            .collect();
+    let heads = [
+        "rms in µm",
+        "greatest in µm",
+        "over noise",
+        "held out: rms in µm",
+        "greatest in µm",
+        "over noise",
+        "reduced χ² or F",
+        "p",
+    ];
+    table("Length of the error of measured places, or of distances, and the test for more than noise.", &heads, &rows)
+}
+
+/// `report.html`.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn html(
+    file: &MachineFile,
+    unloaded: &Unloaded,
+    held_out: Option<&Unloaded>,
+    found: &Identification,
+    warnings: &[String],
+) -> Result<String> {
+    let direction = |d: &super::Direction| {
+        let told = if d.is_identified() { "yes" } else { "no" };
+        (format!("{:.3e}", d.singular_value), vec![told.to_owned(), d.text()])
+    };
+    let tried = |t: &super::Tried| {
+        let state = match t.state {
+            TriedState::Found => "found",
+            TriedState::Alike => "cannot be told from it",
+            TriedState::Rejected => "rejected",
+        };
+        (t.id.clone(), vec![format!("{:.1}", t.gain), format!("{:.3}", t.left_out_gain), state.to_owned()])
+    };
+    let directions: Vec<_> = found.directions.iter().map(direction).collect();
+    let body = html! {
+        h2 { "Errors before and after" }
+        (pictures(unloaded, found)?)
+        (errors(found))
+        h2 { "Geometry" }
+        (parameters(found))
+        (fold("What the readings tell: singular values", &table(
+            "Each line a combination of numbers, in declared deviations: how many times noise its declared uncertainty is. Below 3 it is not identified.",
+            &["identified", "combination"],
+            &directions,
+        )))
+        @if !found.tried.is_empty() {
+            (table(
+                "What was tried beside the geometry: gain of 2 ln evidence, and share of the squared error on poses left out that it saves.",
+                &["gain", "saved", ""],
+                &found.tried.iter().map(tried).collect::<Vec<_>>(),
+            ))
+        }
+    };
+    let mut facts = vec![("Machine", of_file(&file.source)), ("Readings", of_file(&unloaded.source))];
+    facts.extend(held_out.map(|h| ("Held-out readings", of_file(&h.source))));
+    Ok(Page { title: "Geometry of the unloaded machine".into(), findings: &findings(found), warnings, body, facts }
+        .html())
+}

@@ -1,0 +1,61 @@
+//! Which lines of a program ask a joint for more than it can do.
+
+use pkm_core::JointValues;
+use pkm_core::five_axis::JointMotion;
+use pkm_core::nalgebra::Vector5;
+
+use crate::files::limits::JointLimits;
+use crate::files::path::{Move, Place};
+
+/// A line at whose feed a joint would be too fast, or accelerate too much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TooFast {
+    /// Of the file, from 1.
+    pub line: u64,
+    /// As programmed.
+    pub feed_per_min: f64,
+    /// At which every joint stays within its limits.
+    pub allowed_per_min: f64,
+    /// Of both: `mm/min`, or `°/min` where only the tool turns.
+    pub unit: &'static str,
+}
+
+/// The joints along one move, at even steps.
+#[derive(Default)]
+pub struct JointTrack {
+    points: Vec<Vector5<f64>>,
+}
+
+impl JointTrack {
+    /// The next point.
+    pub fn add(&mut self, joints: &JointValues<f64>) {
+        let [q1, q2, q3] = joints.lengths.q_m.into();
+        self.points.push(Vector5::new(q1, q2, q3, joints.beta_rad.x, joints.beta_rad.y));
+    }
+
+    /// Whether the move's feed is too much for the joints: velocities from point to point, accelerations from three points each. What the
+    /// control does where moves meet is not known here.
+    pub fn too_fast(&self, from: &Place, mv: &Move, limits: &JointLimits) -> Option<TooFast> {
+        let [of_tip, of_turn] = mv.feed_per_min?;
+        let [way_m, turn_rad] = from.apart(&mv.to);
+        // as controls do: the feed is the tip's, and a turn's where the tip stays
+        let (way, feed_per_min, unit) =
+            if way_m > 1e-9 { (way_m * 1e3, of_tip, "mm/min") } else { (turn_rad.to_degrees(), of_turn, "°/min") };
+        let minutes = way / feed_per_min;
+        let steps = self.points.len().checked_sub(1).filter(|n| *n > 0 && minutes > 0.0)?;
+        let step_s = 60.0 * minutes / steps as f64;
+        let share = |velocity, acceleration| {
+            JointMotion { velocity, acceleration }.feed_share(&limits.velocity, &limits.acceleration)
+        };
+        let none = Vector5::zeros();
+        let fast = self.points.windows(2).map(|w| share((w[1] - w[0]) / step_s, none));
+        let strong = self.points.windows(3).map(|w| share(none, (w[2] - w[1] * 2.0 + w[0]) / (step_s * step_s)));
+        let allowed = fast.chain(strong).fold(1.0, f64::min);
+        (allowed < 1.0).then_some(TooFast {
+            line: mv.line,
+            feed_per_min,
+            allowed_per_min: allowed * feed_per_min,
+            unit,
+        })
+    }
+}
