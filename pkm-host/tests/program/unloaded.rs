@@ -35,7 +35,7 @@ fn errors_sd(document: &Value, truth: &Value) -> Vec<f64> {
 }
 
 /// Sets of each case; many more: `cargo xtask trials unloaded`.
-const SETS: u64 = 10;
+const SETS: u64 = 60;
 
 #[test]
 fn stated_deviations_are_those_of_the_errors() {
@@ -54,7 +54,7 @@ fn stated_deviations_are_those_of_the_errors() {
         assert_eq!(all.len(), SETS as usize * parameters, "all are identifiable at these poses");
         // errors of one set go together: some five independent ones a set
         let within = all.iter().filter(|e| e.abs() <= 2.0).count() as f64 / all.len() as f64;
-        assert!((0.88..=0.995).contains(&within), "{case:?}: {within}");
+        assert!((0.92..=0.99).contains(&within), "{case:?}: {within}");
         assert!(sets.iter().all(|s| s.1 < 1.3), "{case:?}");
     }
 }
