@@ -6,11 +6,12 @@ use std::path::Path;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
+use pkm_core::tables::reference::{PARAMETERS, TABLE_F64};
 use pkm_host::cli;
 use pkm_protocol::{ABORT, crc32, opened};
 
 use crate::proofs::firmware;
-use crate::{Outcome, output};
+use crate::{Outcome, output, root};
 
 /// Machine of QEMU, processor, `target-cpu`, feature of `pkm-fw`.
 const BOARDS: [(&str, &str, Option<&str>, Option<&str>); 3] = [
@@ -18,6 +19,8 @@ const BOARDS: [(&str, &str, Option<&str>, Option<&str>); 3] = [
     ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), None),
     ("netduinoplus2", "STM32F405", None, Some("stm32f405")),
 ];
+/// Of the same machine, with 33 terms.
+const OTHER_TABLE: &str = "fixtures/jobs/wide-table.json";
 /// Enough to see that the port works.
 const POSES_OVER_PORT: u64 = 100;
 
@@ -51,6 +54,8 @@ pub fn run(options: &[String]) -> Outcome {
             drive(&in_qemu, swept, 1000)?;
         }
         faults(board, &elf)?;
+        let other = root().join(OTHER_TABLE).display().to_string();
+        drive(&[&in_qemu[..], &["--send-table", "--table", &other]].concat(), POSES_OVER_PORT, 1)?;
         if (cpu, feature) == (None, None) {
             let board = OverPort::start(board, &elf)?;
             drive(&["--port", &board.port], POSES_OVER_PORT, 1)?;
@@ -79,17 +84,56 @@ fn faults(board: &str, elf: &Path) -> Outcome {
     line.hears("a sweep that is given up", r#"{"error":"aborted"}"#)?;
     let cycle = format!(r#"{{"v":2,"id":3,"cmd":"cycle",{CYCLE}"#);
     line.asks("a cycle", cycle.clone(), crc32(cycle.as_bytes()), r#""status":"ok""#)?;
+    bad_tables(&mut line)?;
     // QEMU's second is shorter than ours
     let dropped = r#""dropped_demands":2,"last_fault":null"#;
     for _ in 0..100 {
         line.send(status, crc32(status.as_bytes()))?;
         if line.receive()?.contains(dropped) {
-            println!("a damaged line, an aborted sweep, a host that is gone: as they should");
+            println!("a damaged line, an aborted sweep, damaged tables, a host that is gone: as they should");
             return Ok(());
         }
         std::thread::sleep(Duration::from_millis(100));
     }
     Err(format!("the task goes on with a demand that nothing follows: no {dropped}"))
+}
+
+/// Tables that must not be put into service, while the task runs on.
+fn bad_tables(line: &mut Line) -> Outcome {
+    let table = |machine: u64, terms: u8| {
+        let sum = TABLE_F64.checksum();
+        format!(
+            r#"{{"v":2,"id":4,"cmd":"table","machine":"{machine:016x}","table":"{sum:016x}","terms":{terms},"factor_form":true}}"#
+        )
+    };
+    let numbers = |numbers: &[f64], first: usize| {
+        format!(r#"{{"v":2,"id":5,"cmd":"numbers","first":{first},"numbers":{numbers:?}}}"#)
+    };
+    let swap = || r#"{"v":2,"id":6,"cmd":"swap"}"#.to_owned();
+    let mut asks = |what: &str, json: String, expected: &str| {
+        let crc = crc32(json.as_bytes());
+        line.asks(what, json, crc, expected)
+    };
+    let machine = PARAMETERS.checksum();
+    asks("a swap without a table", swap(), r#"{"error":"order"}"#)?;
+    asks("the table of another machine", table(machine + 1, 9), r#"{"error":"other_machine"}"#)?;
+    asks("a table of too many terms", table(machine, 64), r#"{"error":"table"}"#)?;
+    let all: Vec<f64> = TABLE_F64.numbers().collect();
+    // one number is its neighbour, one piece is missing
+    for (changed, missing, expected) in [(Some(100), None, "table"), (None, Some(48), "order"), (None, None, "swapped")]
+    {
+        asks("a table", table(machine, 9), r#"{"received":{"numbers":0,"of":276}}"#)?;
+        for first in (0..all.len()).step_by(24).filter(|first| Some(*first) != missing) {
+            let mut piece = all[first..all.len().min(first + 24)].to_vec();
+            if let Some(number) = changed.and_then(|at: usize| piece.get_mut(at.checked_sub(first)?)) {
+                *number = number.next_up();
+            }
+            let late = missing.is_some_and(|missing| first > missing);
+            asks("numbers", numbers(&piece, first), if late { r#"{"error":"order"}"# } else { "received" })?;
+        }
+        asks("a swap", swap(), expected)?;
+    }
+    Ok(())
 }
 
 /// A board of QEMU at the other end of its own input and output.

@@ -42,6 +42,10 @@ const RUNS: [(&str, &str, Option<&str>, Origin); 5] = [
     ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), Origin::Fit),
 ];
 
+/// Machine of QEMU, processor, the `target-cpu` to build for.
+const PROCESSORS: [(&str, &str, Option<&str>); 2] =
+    [("mps2-an386", "Cortex-M4F", None), ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"))];
+
 pub fn run() -> Outcome {
     for (board, processor, cpu, origin) in RUNS {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
@@ -74,6 +78,21 @@ pub fn run() -> Outcome {
         output(build.env("PKM_COEFFICIENTS", folder.path().join("coefficients.rs")))?;
         let lines = compare(&boot(board, &elf, &[])?, &Host::read(folder.path())?)?;
         println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
+    }
+    faults()
+}
+
+/// Every fault on every processor, with the reaction and the bits that it has on the host.
+fn faults() -> Outcome {
+    let here: String = pkm_faults::outcomes().map(|outcome| format!("{outcome}\n")).collect();
+    for (board, processor, cpu) in PROCESSORS {
+        let (mut build, elf) = firmware("faults", cpu);
+        output(&mut build)?;
+        let there = boot(board, &elf, &[])?;
+        if there != here {
+            return Err(format!("{processor} ({board}): faults have another outcome than on the host:\n{there}{here}"));
+        }
+        println!("{processor} ({board}): {} faults, reactions and bits as on the host", here.lines().count());
     }
     Ok(())
 }

@@ -14,8 +14,8 @@
  * copies of inputs and result come on top. Time: bounded; a pkm_tool_inverse looks at no more than 64 configurations, two or
  * three along a path, and a pkm_tool_compensated at no more than 16 in all, with four deflections. The floating-point unit must be on before the
  * first call.
- * One library holds one machine, one wrist and one table. For several, or for tables that change at run time, use the Rust
- * crate pkm-core.
+ * One library holds one machine, one wrist and one table; other tables of the machine may come while the program runs
+ * (pkm_table_receive). For several machines use the Rust crate pkm-core.
  * C99 or C++11.
  */
 
@@ -33,6 +33,9 @@
 #else
 #define PKM_MUST_USE
 #endif
+
+// Most terms of a table that comes while the program runs: all up to the fourth degree.
+#define PKM_TABLE_TERMS 35
 
 // Size of a `PkmMachine` in numbers of its type.
 #define PKM_MACHINE_NUMBERS 290
@@ -74,6 +77,8 @@ enum PkmError
   PKM_ERROR_NO_FACTOR_FORM = 30,
   // A coefficient of the table that must be positive is not, at this pose; only outside the table's box.
   PKM_ERROR_NOT_POSITIVE = 31,
+  // The numbers are no table: too many or too few, out of range, or more terms than there is room for.
+  PKM_ERROR_NOT_A_TABLE = 32,
   // The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
   // square to BA.
   PKM_ERROR_NOT_COMPENSABLE = 40,
@@ -194,6 +199,12 @@ typedef struct PkmCompensator_f32 PkmCompensator_f32;
 
 // What a compensator of the three screws keeps from period to period.
 typedef struct PkmCompensator_f64 PkmCompensator_f64;
+
+// Room for a table that comes while the program runs.
+typedef struct PkmTableBuffer_f32 PkmTableBuffer_f32;
+
+// Room for a table that comes while the program runs.
+typedef struct PkmTableBuffer_f64 PkmTableBuffer_f64;
 
 // A correction table.
 typedef struct PkmTable_f32 PkmTable_f32;
@@ -537,6 +548,18 @@ typedef struct {
   // Joints 1 and 2 of the wrist.
   float beta_rad[2];
 } PkmConfiguration_f32;
+
+// What is said of a table before its numbers.
+typedef struct {
+  // Checksum of the machine that it was fitted for, as `pkm_machine_checksum`.
+  uint64_t machine;
+  // Its own checksum, as the third assertion of its `coefficients.rs` states it.
+  uint64_t table;
+  // Number of terms, 1 to `PKM_TABLE_TERMS`.
+  uint32_t terms;
+  // Not 0: it has the factor form as well.
+  int32_t factor_form;
+} PkmTableHeader;
 
 // What the five drives are told.
 typedef struct {
@@ -1172,6 +1195,56 @@ uint64_t pkm_wrist_checksum(void);
 
 // Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
 uint64_t pkm_table_checksum(void);
+
+// Bytes that a buffer for a table takes.
+size_t pkm_table_buffer_size_f64(void);
+
+// A buffer's address is a multiple of this.
+size_t pkm_table_buffer_align_f64(void);
+
+// Makes a table of `count` numbers in memory of the caller, of at least as many bytes, `size`, and of the alignment that the
+// functions above say, and gives its address, which is within that memory. The numbers, in double for float as well:
+// centre and half width of the box (theta, sigma in rad, z0 in m), three exponents a term, six rows of the diagonal
+// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied.
+//
+// To change tables while a machine runs take two buffers: fill the one that is not in use, in any thread, and let the
+// controller take the new address between two periods. A buffer in use is neither moved nor written. A compensator goes
+// to the new table at its rate limit; without one the command steps.
+//
+// Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
+// them), NOT_A_TABLE. What was in the buffer is gone then.
+PKM_MUST_USE
+PkmError pkm_table_receive_f64(PkmTableBuffer_f64 *buffer,
+                               size_t size,
+                               const PkmTableHeader *header,
+                               const double *numbers,
+                               size_t count,
+                               const PkmTable_f64 **table);
+
+// Bytes that a buffer for a table takes.
+size_t pkm_table_buffer_size_f32(void);
+
+// A buffer's address is a multiple of this.
+size_t pkm_table_buffer_align_f32(void);
+
+// Makes a table of `count` numbers in memory of the caller, of at least as many bytes, `size`, and of the alignment that the
+// functions above say, and gives its address, which is within that memory. The numbers, in double for float as well:
+// centre and half width of the box (theta, sigma in rad, z0 in m), three exponents a term, six rows of the diagonal
+// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied.
+//
+// To change tables while a machine runs take two buffers: fill the one that is not in use, in any thread, and let the
+// controller take the new address between two periods. A buffer in use is neither moved nor written. A compensator goes
+// to the new table at its rate limit; without one the command steps.
+//
+// Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
+// them), NOT_A_TABLE. What was in the buffer is gone then.
+PKM_MUST_USE
+PkmError pkm_table_receive_f32(PkmTableBuffer_f32 *buffer,
+                               size_t size,
+                               const PkmTableHeader *header,
+                               const double *numbers,
+                               size_t count,
+                               const PkmTable_f32 **table);
 
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //

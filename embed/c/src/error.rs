@@ -45,6 +45,8 @@ pub enum PkmError {
     NoFactorForm = 30,
     /// A coefficient of the table that must be positive is not, at this pose; only outside the table's box.
     NotPositive = 31,
+    /// The numbers are no table: too many or too few, out of range, or more terms than there is room for.
+    NotATable = 32,
     /// The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
     /// square to BA.
     NotCompensable = 40,
@@ -111,6 +113,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         22 => c"no stiffness would be left at this temperature",
         30 => c"the table has no factor form",
         31 => c"a coefficient of the table is not positive at this pose",
+        32 => c"the numbers are no table, or there is no room for its terms",
         40 => c"the screws cannot move the tip in every direction",
         50 => c"the tool is out of reach from where the machine stands, or the machine cannot stand there",
         51 => c"too near to a singularity of the five axes",
@@ -123,6 +126,9 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         63 => c"the library has another machine than the program is for",
         64 => c"the library has another wrist than the program is for",
         65 => c"the library has another table than the program is for",
+        66 => c"the self-test of the kinematics has other bits",
+        67 => c"the self-test of stiffness and compensation has other bits",
+        68 => c"the self-test of the five axes has other bits",
         70 => c"a setting of the compensator is out of its range",
         71 => c"the memory holds no compensator of this version and kind",
         80 => c"the reading of the wrench is not finite",

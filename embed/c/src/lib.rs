@@ -15,12 +15,14 @@ mod compensator;
 mod error;
 mod identity;
 mod pointers;
+mod table;
 mod tool;
 mod types;
 
 pub use compensator::*;
 pub use error::{PkmError, pkm_error_text};
 pub use identity::*;
+pub use table::*;
 pub use tool::*;
 pub use types::*;
 

@@ -22,7 +22,9 @@ fn misuse<const N: usize>(inputs: [*const c_void; N], call: impl Fn([*const c_vo
     assert_eq!(call(inputs, to.wrapping_byte_add(1)), PkmError::Misaligned, "result");
     assert_eq!(result, [PATTERN; 512], "a refusal writes nothing");
     assert_eq!(call(inputs, result.as_mut_ptr().cast()), PkmError::Ok);
-    assert_ne!(result[0], PATTERN);
+    // a machine has bytes between its numbers that nobody writes: what was written is read byte by byte
+    // SAFETY: of the array; the first byte of every result is a number's
+    assert_ne!(unsafe { result.as_ptr().cast::<u8>().read() }, PATTERN as u8);
 }
 
 macro_rules! misuse_of_every_function {
@@ -240,4 +242,93 @@ misuse_of_compensators!(
 fn the_header_is_of_this_version() {
     let header = include_str!("../include/pkm.h");
     assert!(header.contains(concat!("#define PKM_VERSION \"", env!("CARGO_PKG_VERSION"), "\"\n")));
+}
+
+#[test]
+fn every_error_of_the_header_has_a_text() {
+    let text = |code| {
+        // SAFETY: never null, and of the program's length of life
+        unsafe { std::ffi::CStr::from_ptr(pkm_error_text(code)) }
+    };
+    let codes = include_str!("../include/pkm.h").lines().filter_map(|line| {
+        let (name, code) = line.trim().strip_prefix("PKM_ERROR_")?.strip_suffix(',')?.split_once(" = ")?;
+        (name != "UNKNOWN").then(|| code.parse::<i32>().unwrap())
+    });
+    let texts: Vec<_> = codes.map(text).collect();
+    assert!(texts.len() > 30 && texts.iter().all(|t| *t != text(PkmError::Unknown as i32)), "{texts:?}");
+    assert_eq!(texts.iter().collect::<std::collections::HashSet<_>>().len(), texts.len());
+}
+
+macro_rules! tables {
+    ($test:ident, $t:ty, $size:ident, $align:ident, $receive:ident, $machine:ident, $table:ident, $cycle:ident) => {
+        #[test]
+        fn $test() {
+            let sent = coefficients::TABLE_F64;
+            let numbers: Vec<f64> = sent.numbers().collect();
+            let terms = u32::from(sent.header(0).terms);
+            let header =
+                PkmTableHeader { machine: pkm_machine_checksum(), table: pkm_table_checksum(), terms, factor_form: 1 };
+            let size = $size();
+            let mut room = vec![PATTERN; size.div_ceil(8)];
+            let buffer = room.as_mut_ptr().cast::<PkmTableBuffer<$t>>();
+            let mut table = std::ptr::null();
+            assert!($align() <= 8 && buffer.is_aligned());
+            let (pose, tip) = (PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 }, [0.0, 0.0, 0.3]);
+            let (wrench, tip) = (PkmWrench::<$t> { force_n: [10.0; 3], moment_nm: [1.0; 3] }, PkmPoint { uvw_m: tip });
+            let count = numbers.len();
+            // SAFETY: pointers to what the functions ask for, or null
+            unsafe {
+                let mut receive = |header: &PkmTableHeader, numbers: &[f64]| {
+                    $receive(buffer, size, header, numbers.as_ptr(), numbers.len(), &mut table)
+                };
+                assert_eq!(receive(&header, &numbers), PkmError::Ok);
+                let cycle = |table| {
+                    let mut cycle = std::mem::MaybeUninit::<PkmCycle<$t>>::uninit();
+                    assert_eq!($cycle($machine(), table, &pose, &wrench, &tip, cycle.as_mut_ptr()), PkmError::Ok);
+                    cycle.assume_init()
+                };
+                assert_eq!(cycle(table), cycle($table()));
+                let taken = table;
+
+                let mut receive = |header: &PkmTableHeader, numbers: &[f64]| {
+                    $receive(buffer, size, header, numbers.as_ptr(), numbers.len(), &mut table)
+                };
+                let mut changed = numbers.clone();
+                changed[count - 1] = changed[count - 1].next_up();
+                assert_eq!(receive(&header, &changed), PkmError::DamagedTable);
+                let wrong = [
+                    (PkmTableHeader { machine: 1, ..header }, PkmError::OtherMachine),
+                    (PkmTableHeader { table: 1, ..header }, PkmError::DamagedTable),
+                    (PkmTableHeader { terms: terms + 1, ..header }, PkmError::NotATable),
+                    (PkmTableHeader { terms: 256 + terms, ..header }, PkmError::NotATable),
+                    (PkmTableHeader { factor_form: 0, ..header }, PkmError::NotATable),
+                ];
+                for (header, error) in &wrong {
+                    assert_eq!(receive(header, &numbers), *error, "{header:?}");
+                }
+                assert_eq!(receive(&header, &numbers[1..]), PkmError::NotATable);
+                let many = vec![0.0; 6 + 30 * 36];
+                assert_eq!(receive(&PkmTableHeader { terms: 36, ..header }, &many), PkmError::NotATable);
+                let (h, n) = (&raw const header, numbers.as_ptr());
+                let to = &raw mut table;
+                let null = std::ptr::null_mut();
+                assert_eq!($receive(buffer, size - 1, h, n, count, to), PkmError::WrongSize);
+                assert_eq!($receive(null, size, h, n, count, to), PkmError::NullPointer);
+                assert_eq!($receive(buffer, size, std::ptr::null(), n, count, to), PkmError::NullPointer);
+                assert_eq!($receive(buffer, size, h, std::ptr::null(), count, to), PkmError::NullPointer);
+                assert_eq!($receive(buffer, size, h, n, count, std::ptr::null_mut()), PkmError::NullPointer);
+                assert_eq!($receive(buffer.wrapping_byte_add(1), size, h, n, count, to), PkmError::Misaligned);
+                assert_eq!(table, taken, "a refusal writes no address");
+            }
+        }
+    };
+}
+
+tables! {
+    tables_come_in_f64, f64, pkm_table_buffer_size_f64, pkm_table_buffer_align_f64, pkm_table_receive_f64,
+    pkm_machine_f64, pkm_table_f64, pkm_cycle_f64
+}
+tables! {
+    tables_come_in_f32, f32, pkm_table_buffer_size_f32, pkm_table_buffer_align_f32, pkm_table_receive_f32,
+    pkm_machine_f32, pkm_table_f32, pkm_cycle_f32
 }

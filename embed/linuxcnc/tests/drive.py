@@ -92,13 +92,24 @@ def settings(phase, pin, value):
     turn_on()
 
 
-def lying(step, lie):
+def lying(step, lie, pin="lie.in1"):
     """A sensor that says something else for a while."""
     rows = [periods()]
-    halcmd("setp", "lie.in1", lie)
+    halcmd("setp", pin, lie)
     time.sleep(0.4)
     rows.append(periods())
-    halcmd("setp", "lie.in1", 0)
+    halcmd("setp", pin, 0)
+    time.sleep(0.4)
+    done(step, rows=rows + [periods()])
+
+
+def away(step, place):
+    """To a place and back."""
+    rows = [periods()]
+    go(place)
+    time.sleep(0.4)
+    rows.append(periods())
+    go(wish["home"])
     time.sleep(0.4)
     done(step, rows=rows + [periods()])
 
@@ -126,6 +137,9 @@ def faults():
     time.sleep(0.3)
     lying("nan", "nan")
     lying("spike", 1e6)
+    lying("reversed", -2 * wish["load"][2])
+    lying("temperature", "nan", "warm.in1")
+    away("outside", wish["outside"])
     load(False)
     settings(2, "pkmcompensator.max-screw-mm", wish["small_screw_mm"])
     loaded("small", 0.5)

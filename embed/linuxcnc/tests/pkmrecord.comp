@@ -15,7 +15,7 @@ include <stdlib.h>;
 include <string.h>;
 include <time.h>;
 
-pin in float real-###[80];
+pin in float real-###[81];
 pin in bit flag-#[4];
 pin in s32 whole-#[6];
 pin out u32 rows;
@@ -25,7 +25,7 @@ function after fp "behind it";
 function end fp "last in the thread";
 ;;
 
-#define ROW (3 + 80 + 4 + 6)
+#define ROW (3 + 81 + 4 + 6)
 #define MOST_ROWS 200000
 
 static char *file;
@@ -65,7 +65,7 @@ FUNCTION(end) {
     *row++ = rtapi_get_time() - wall;
     *row++ = thread_ns() - cpu;
     *row++ = cpu_ours;
-    for (int i = 0; i < 80; i++) *row++ = real(i);
+    for (int i = 0; i < 81; i++) *row++ = real(i);
     for (int i = 0; i < 4; i++) *row++ = flag(i);
     for (int i = 0; i < 6; i++) *row++ = whole(i);
     rows++;

@@ -17,6 +17,19 @@
 //! a host that is gone must not leave its load behind. `sweep` goes in a straight line from the pose towards `to` = [θ, σ, Z0], `steps` poses, one a period, and sums up the
 //! results and a checksum of all their bits. `to` is the pose that would come after the last: `steps` = 1 is the first pose alone.
 //!
+//! A table is changed while the task runs:
+//!
+//! ```text
+//! {"v":2,"id":5,"cmd":"table","machine":"0123456789abcdef","table":"fedcba9876543210","terms":9,"factor_form":true}
+//! {"v":2,"id":6,"cmd":"numbers","first":0,"numbers":[0,0,0.53,0.26,0.26,0.03]}
+//! {"v":2,"id":7,"cmd":"swap"}
+//! ```
+//!
+//! `table` announces it, with the checksums of the table and of the machine that it was fitted for. `numbers` brings up to
+//! [`MAX_NUMBERS`] of its numbers (their order: [`CorrectionTable::numbers`](pkm_core::CorrectionTable::numbers)), `first` being the place
+//! of the first of them. `swap` checks that the table is whole, has its checksum and lies in memory as it came, and puts it into service at the beginning of
+//! a period. Any error leaves the table in service where it is; begin again with `table`. After a start the table of the image is in service.
+//!
 //! # Replies
 //!
 //! ```text
@@ -25,10 +38,12 @@
 //! {"v":2,"id":3,"answer":{"cycle":{"status":"ok","ticks":7312,"overrun":false,"numbers":{"q_m":[0.5,0.5,0.5],"k":[1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18,19,20,21],"translation_m":[0,0,-0.00001],"rotation_rad":[0,0,0],"compensated":{"theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53001,"q_m":[0.5,0.5,0.5]}}}}}
 //! {"v":2,"id":3,"answer":{"cycle":{"status":"unreachable","ticks":312,"overrun":false,"numbers":null}}}
 //! {"v":2,"id":4,"answer":{"sweep":{"ok":1000,"outside_box":0,"refused":0,"overruns":0,"worst_ticks":7312,"results":"93b1c5a0e4d2f786"}}}
+//! {"v":2,"id":6,"answer":{"received":{"numbers":6,"of":276}}}
+//! {"v":2,"id":7,"answer":{"swapped":"fedcba9876543210"}}
 //! {"v":2,"id":null,"answer":{"error":"syntax"}}
 //! ```
 //!
-//! The fields are explained at [`Hello`], [`Counters`], [`CycleReply`], [`Numbers`] and [`SweepReply`]. `status` is one of
+//! The fields are explained at [`Hello`], [`Counters`], [`CycleReply`], [`Numbers`], [`SweepReply`] and [`Received`]. `status` is one of
 //!
 //! ```text
 //! ok outside_box out_of_travel unreachable singular not_finite not_positive no_factor_form failed
@@ -37,7 +52,7 @@
 //! (see [`Status`]; numbers come with the first two) and an `error` one of
 //!
 //! ```text
-//! too_long checksum syntax field version command range aborted
+//! too_long checksum syntax field version command range aborted other_machine table order
 //! ```
 //!
 //! (see [`Code`]), `last_fault` of `status` null or one of
@@ -68,12 +83,14 @@
 #![warn(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing)]
 
 mod line;
+mod piece;
 mod reply;
 mod request;
 
 pub use line::{crc32, opened, sealed};
+pub use piece::{MAX_NUMBERS, Piece, TableNumbers};
 pub use reply::{
-    Answer, Checksum, Compensated, Counters, CycleReply, Fault, Hello, Numbers, Reply, Status, SweepReply,
+    Answer, Checksum, Compensated, Counters, CycleReply, Fault, Hello, Numbers, Received, Reply, Status, SweepReply,
 };
 pub use request::{Arithmetic, Code, Command, Demand, Lines, Refused, Request, Sweep};
 

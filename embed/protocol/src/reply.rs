@@ -41,6 +41,10 @@ pub enum Answer<'a, T> {
     Cycle(CycleReply<T>),
     /// To `sweep`.
     Sweep(SweepReply),
+    /// To `table` and `numbers`.
+    Received(Received),
+    /// To `swap`: the checksum of the table that is in service now.
+    Swapped(Checksum),
     /// To a bad line.
     Error(Code),
 }
@@ -55,7 +59,7 @@ pub struct Hello<'a> {
     pub board: &'a str,
     /// `MachineParameters::checksum`.
     pub machine: Checksum,
-    /// `CorrectionTable::checksum`.
+    /// `CorrectionTable::checksum` of the table in service.
     pub table: Checksum,
     /// Period of the cyclic task in s.
     pub period_s: f64,
@@ -71,6 +75,16 @@ pub struct Hello<'a> {
     pub input_bytes: u32,
     /// Memory between the statics and the end of RAM.
     pub stack_bytes: u32,
+}
+
+/// What has come of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Received {
+    /// So many numbers.
+    pub numbers: u32,
+    /// Of so many.
+    pub of: u32,
 }
 
 /// What has happened since the start.
@@ -241,7 +255,7 @@ impl<'a, T: Scalar + Deserialize<'a>> Reply<'a, T> {
                 h.travel_min_m.iter().chain(&h.travel_max_m).chain([&h.period_s]).all(|v| v.is_finite())
             }
             Answer::Cycle(cycle) => cycle.numbers.as_ref().is_none_or(Numbers::are_finite),
-            Answer::Status(_) | Answer::Sweep(_) | Answer::Error(_) => true,
+            Answer::Status(_) | Answer::Sweep(_) | Answer::Received(_) | Answer::Swapped(_) | Answer::Error(_) => true,
         };
         (length == line.len() && reply.v == VERSION && finite).then_some(reply)
     }

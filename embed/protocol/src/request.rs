@@ -1,11 +1,14 @@
 //! Commands: lines from bytes, commands from lines.
 
+use pkm_core::correction::{TableHeader, TransferError};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench};
 use serde::{Deserialize, Serialize};
 use serde_json_core::de;
 
 use crate::line::{opened, sealed};
+use crate::piece::{Piece, TableNumbers};
+use crate::reply::Checksum;
 use crate::{MAX_COMMAND, MAX_STEPS, VERSION};
 
 /// Why a line was refused.
@@ -28,6 +31,22 @@ pub enum Code {
     Range,
     /// Given up: the byte [`ABORT`](crate::ABORT) came while it was worked on.
     Aborted,
+    /// The table was fitted for another machine.
+    OtherMachine,
+    /// The numbers are no table, or not the one that was announced; or there is no room for it.
+    Table,
+    /// No table was begun, or a number is missing, or comes twice.
+    Order,
+}
+
+impl From<TransferError> for Code {
+    fn from(e: TransferError) -> Self {
+        match e {
+            TransferError::OtherMachine => Self::OtherMachine,
+            TransferError::NumberCount => Self::Order,
+            _ => Self::Table,
+        }
+    }
 }
 
 /// A refused line, with its `id` if that could be read.
@@ -59,6 +78,12 @@ pub enum Command {
     Cycle(Demand),
     /// Go from pose to pose, a step a period, and sum up the results.
     Sweep(Sweep),
+    /// Expect the numbers of a table.
+    Table(TableHeader),
+    /// The next of them.
+    Numbers(Piece),
+    /// Check the table that has come, and work with it from the next period on.
+    Swap,
 }
 
 /// What the cyclic task works on.
@@ -137,6 +162,18 @@ struct Wire<'a> {
     to: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     steps: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    machine: Option<Checksum>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    table: Option<Checksum>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    terms: Option<u8>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    factor_form: Option<bool>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    numbers: Option<TableNumbers>,
 }
 
 impl Wire<'_> {
@@ -160,16 +197,51 @@ impl Wire<'_> {
         self.to.is_some() || self.steps.is_some()
     }
 
+    fn header(&self) -> Option<TableHeader> {
+        let (Checksum(machine), Checksum(table)) = (self.machine?, self.table?);
+        Some(TableHeader { machine, table, terms: self.terms?, factor_form: self.factor_form? })
+    }
+
+    fn has_header(&self) -> bool {
+        self.machine.is_some() || self.table.is_some() || self.terms.is_some() || self.factor_form.is_some()
+    }
+
+    fn has_piece(&self) -> bool {
+        self.first.is_some() || self.numbers.is_some()
+    }
+
+    /// Whether a field is there that the command does not have.
+    fn has_others(&self) -> bool {
+        let (demand, way, header, piece) = match self.cmd {
+            "cycle" => (true, false, false, false),
+            "sweep" => (true, true, false, false),
+            "table" => (false, false, true, false),
+            "numbers" => (false, false, false, true),
+            _ => (false, false, false, false),
+        };
+        !demand && self.has_demand()
+            || !way && self.has_way()
+            || !header && self.has_header()
+            || !piece && self.has_piece()
+    }
+
     fn command(&self) -> Result<Command, Code> {
         let demand = || {
             let demand = self.demand().ok_or(Code::Field)?;
             if demand.is_finite() { Ok(demand) } else { Err(Code::Range) }
         };
         match self.cmd {
-            "hello" | "status" if self.has_demand() || self.has_way() => Err(Code::Field),
+            "hello" | "status" | "cycle" | "sweep" | "table" | "numbers" | "swap" if self.has_others() => {
+                Err(Code::Field)
+            }
             "hello" => Ok(Command::Hello),
             "status" => Ok(Command::Status),
-            "cycle" if self.has_way() => Err(Code::Field),
+            "swap" => Ok(Command::Swap),
+            "table" => self.header().map(Command::Table).ok_or(Code::Field),
+            "numbers" => {
+                let (Some(first), Some(numbers)) = (self.first, self.numbers) else { return Err(Code::Field) };
+                if numbers.are_finite() { Ok(Command::Numbers(Piece { first, numbers })) } else { Err(Code::Range) }
+            }
             "cycle" => Ok(Command::Cycle(demand()?)),
             "sweep" => {
                 let (Some([theta_rad, sigma_rad, z0_m]), Some(steps)) = (self.to, self.steps) else {
@@ -192,7 +264,7 @@ impl Request {
     /// Why it is refused.
     pub fn parse(line: &[u8]) -> Result<Self, Refused> {
         let refused = |id, code| Err(Refused { id, code });
-        if objects(line, &[]) != Some(1) {
+        if objects(line, &[b"true", b"false"]) != Some(1) {
             return refused(None, Code::Syntax);
         }
         let wire: Wire<'_> = match de::from_slice(line) {
@@ -212,11 +284,27 @@ impl Request {
 
     /// Writes the line with its CRC and line feed; `None` when `buffer` is too short ([`MAX_COMMAND`] + 1 always do).
     pub fn write<'b>(&self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
-        let (cmd, demand, sweep) = match self.command {
-            Command::Hello => ("hello", None, None),
-            Command::Status => ("status", None, None),
-            Command::Cycle(demand) => ("cycle", Some(demand), None),
-            Command::Sweep(sweep) => ("sweep", Some(sweep.from), Some(sweep)),
+        let (mut demand, mut sweep, mut header, mut piece) = (None, None, None, None);
+        let cmd = match self.command {
+            Command::Hello => "hello",
+            Command::Status => "status",
+            Command::Swap => "swap",
+            Command::Cycle(asked) => {
+                demand = Some(asked);
+                "cycle"
+            }
+            Command::Sweep(asked) => {
+                (demand, sweep) = (Some(asked.from), Some(asked));
+                "sweep"
+            }
+            Command::Table(announced) => {
+                header = Some(announced);
+                "table"
+            }
+            Command::Numbers(next) => {
+                piece = Some(next);
+                "numbers"
+            }
         };
         let wire = Wire {
             v: VERSION,
@@ -231,6 +319,12 @@ impl Request {
             tip_m: demand.map(|d| d.tip_m.into()),
             to: sweep.map(|s| [s.to.theta_rad, s.to.sigma_rad, s.to.z0_m]),
             steps: sweep.map(|s| s.steps),
+            machine: header.map(|h| Checksum(h.machine)),
+            table: header.map(|h| Checksum(h.table)),
+            terms: header.map(|h| h.terms),
+            factor_form: header.map(|h| h.factor_form),
+            first: piece.map(|p| p.first),
+            numbers: piece.map(|p| p.numbers),
         };
         write_line(&wire, buffer)
     }

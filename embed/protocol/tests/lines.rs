@@ -1,11 +1,13 @@
 //! Lines there and back, and what is refused: few and quick, so that Miri can run them (`cargo xtask miri`).
 
+use pkm_core::correction::{TableHeader, TransferError};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Pose, Wrench};
 use pkm_protocol::{
     Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
-    MAX_REPLY, Refused, Reply, Request, Status, Sweep, SweepReply, VERSION, crc32, opened, sealed,
+    MAX_NUMBERS, MAX_REPLY, Piece, Received, Refused, Reply, Request, Status, Sweep, SweepReply, TableNumbers, VERSION,
+    crc32, opened, sealed,
 };
 
 const DEMAND: Demand = Demand {
@@ -39,8 +41,23 @@ fn commands_come_back() {
     let to = Pose { theta_rad: 0.2, sigma_rad: 0.1, z0_m: 0.55 };
     let sweep = Sweep { from: Demand { arithmetic: Arithmetic::F32, ..DEMAND }, to, steps: 3 };
     assert_eq!(sweep.demands().map(|d| d.pose).next(), Some(DEMAND.pose));
-    for command in [Command::Hello, Command::Status, Command::Cycle(DEMAND), Command::Sweep(sweep)] {
-        let request = Request { id: 7, command };
+    let header = TableHeader { machine: u64::MAX, table: 1, terms: 64, factor_form: true };
+    // the longest there is
+    let numbers = TableNumbers::new(&[-1.234_567_890_123_456_7e-300; MAX_NUMBERS]).unwrap();
+    assert_eq!(TableNumbers::new(&[0.0; MAX_NUMBERS + 1]), None);
+    let piece = Piece { first: u32::MAX, numbers };
+    let few = Piece { first: 0, numbers: TableNumbers::new(&[]).unwrap() };
+    for command in [
+        Command::Hello,
+        Command::Status,
+        Command::Cycle(DEMAND),
+        Command::Sweep(sweep),
+        Command::Table(header),
+        Command::Numbers(piece),
+        Command::Numbers(few),
+        Command::Swap,
+    ] {
+        let request = Request { id: u32::MAX, command };
         let mut buffer = [0; MAX_COMMAND + 1];
         let line = request.write(&mut buffer).unwrap();
         assert_eq!(request.write(&mut [0; 20]), None);
@@ -53,7 +70,7 @@ fn commands_come_back() {
 #[test]
 fn bad_lines_are_refused_and_forgotten() {
     let long = vec![b' '; MAX_COMMAND + 1];
-    let bad: [(&[u8], Option<u32>, Code); 11] = [
+    let bad: [(&[u8], Option<u32>, Code); 16] = [
         (b"{", None, Code::Syntax),
         (b"\xff\"", None, Code::Syntax),
         (br#"{"v":2,"id":01,"cmd":"hello"}"#, None, Code::Syntax),
@@ -65,6 +82,15 @@ fn bad_lines_are_refused_and_forgotten() {
         (br#"{"v":2,"id":1,"cmd":"dance"}"#, Some(1), Code::Command),
         (br#"{"v":2,"id":1,"cmd":"hello","z0_m":1}"#, Some(1), Code::Field),
         (br#"{"v":2,"id":1,"cmd":"cycle"}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"swap","terms":9}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"table","terms":9}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"numbers","first":0,"numbers":[1e999]}"#, Some(1), Code::Range),
+        (br#"{"v":2,"id":1,"cmd":"numbers","first":true,"numbers":[1]}"#, None, Code::Field),
+        (
+            br#"{"v":2,"id":1,"cmd":"numbers","first":0,"numbers":[0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]}"#,
+            None,
+            Code::Field,
+        ),
     ];
     let unsealed: [(&[u8], Code); 4] = [
         (&long, Code::TooLong),
@@ -114,6 +140,8 @@ fn replies_come_back() {
         Answer::Cycle(cycle),
         Answer::Cycle(refused),
         Answer::Sweep(sweep),
+        Answer::Received(Received { numbers: 24, of: 276 }),
+        Answer::Swapped(Checksum(u64::MAX)),
         Answer::Error(Code::Syntax),
     ];
     for answer in answers {

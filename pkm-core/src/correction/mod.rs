@@ -8,6 +8,8 @@
 //! * *factor*: with K_p = L Lᵀ, K_m = (L G)(L G)ᵀ, G lower triangular with 21 polynomial entries. Positive
 //!   definite wherever the diagonal of G is positive, and already factored.
 
+mod buffer;
+
 use core::fmt;
 
 use nalgebra::Vector6;
@@ -19,6 +21,8 @@ use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{self, StiffnessError, StiffnessFactor};
 use crate::types::{Domain, Pose};
+
+pub use buffer::{TableBuffer, TableHeader, TransferError};
 
 /// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
 pub const EQ_11: [[u8; 3]; 9] =

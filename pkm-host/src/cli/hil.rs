@@ -43,6 +43,9 @@ pub(crate) struct Args {
     /// coefficients.json of the firmware's table; default: the reference machine's.
     #[arg(long, value_name = "JSON")]
     table: Option<PathBuf>,
+    /// Send the table to firmware that has another one for the same machine. It is in service until the firmware starts again.
+    #[arg(long)]
+    send_table: bool,
     /// Folder for hil.json.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -82,7 +85,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             }
         }
     };
-    let campaign = Campaign { seed, poses: args.poses, steps: args.steps, pose_box };
+    let campaign = Campaign { seed, poses: args.poses, steps: args.steps, pose_box, send_table: args.send_table };
     let outcome = hil::run(&target, &campaign, &host, &bar())?;
     let (mut text, json) = (report::text(&outcome, &campaign), report::document(&outcome, &campaign));
     if let Some(failure) = outcome.failure() {

@@ -20,6 +20,7 @@ use crate::progress::Progress;
 mod check;
 mod lines;
 mod link;
+mod transfer;
 
 /// Virtual time of an instruction in QEMU is 2 to this in ns: 62.5 million a second.
 const ICOUNT_SHIFT: u32 = 4;
@@ -59,6 +60,8 @@ pub struct Campaign {
     pub steps: u32,
     /// Most are drawn from here.
     pub pose_box: PoseBox,
+    /// Put the host's table into service on firmware that has another.
+    pub send_table: bool,
 }
 
 /// Machine and table that the host computes with, as the firmware should.
@@ -75,8 +78,10 @@ pub struct HostModel<'a> {
 pub struct Outcome {
     /// The port, or QEMU with its board.
     pub name: String,
-    /// What the firmware said of itself.
+    /// What the firmware said of itself, with the table in service.
     pub hello: Value,
+    /// Whether the host's table was put into service.
+    pub table_sent: bool,
     /// Instructions in a tick; `None` on a board, of which that is not known.
     pub instructions_in_tick: Option<f64>,
     /// Ticks a second.
@@ -114,7 +119,7 @@ fn same_model(hello: &Hello<'_>, host: [Checksum; 2], name: &str) -> Result<Valu
     if [hello.machine, hello.table] != host {
         let message = format!(
             "the firmware has machine {} and table {}, the host {} and {}: build it with the coefficients.rs of this \
-             table (PKM_COEFFICIENTS), or give its --machine and --table",
+             table (PKM_COEFFICIENTS), give its --machine and --table, or change its table with --send-table",
             hello.machine, hello.table, host[0], host[1]
         );
         return Err(Failure::input(message).in_file(name));
@@ -130,6 +135,14 @@ pub fn run(target: &Target, campaign: &Campaign, host: &HostModel<'_>, progress:
     let mut link = Link::open(target)?;
     let name = link.name.clone();
     let checksums = host.checksums.map(Checksum);
+    let mut table_sent = false;
+    if campaign.send_table {
+        let (has_it, ..) = link.hello(|hello| Ok((hello.table == checksums[1]).into()))?;
+        table_sent = has_it == Value::Bool(false);
+        if table_sent {
+            transfer::send(&mut link, host.checksums[0], &host.double.1)?;
+        }
+    }
     let (hello, ticks_hz, input_bytes) = link.hello(|hello| same_model(hello, checksums, &name))?;
     let before = link.status()?;
     let mut findings = Findings::default();
@@ -180,5 +193,15 @@ pub fn run(target: &Target, campaign: &Campaign, host: &HostModel<'_>, progress:
         Target::Port { .. } => None,
     };
     let (replies, stack_used_bytes) = (link.replies, status.stack_used_bytes);
-    Ok(Outcome { name, hello, instructions_in_tick, ticks_hz, replies, seconds, stack_used_bytes, findings })
+    Ok(Outcome {
+        name,
+        hello,
+        table_sent,
+        instructions_in_tick,
+        ticks_hz,
+        replies,
+        seconds,
+        stack_used_bytes,
+        findings,
+    })
 }

@@ -22,6 +22,9 @@ pub fn text(outcome: &Outcome, campaign: &Campaign) -> String {
         findings.bad_lines,
         outcome.replies as f64 / outcome.seconds
     );
+    if outcome.table_sent {
+        text.push_str("the table was sent, and put into service while the firmware ran\n");
+    }
     for (name, of) in ["f32", "f64"].into_iter().zip(&findings.of) {
         let Some(([median, worst], instructions)) = cost(outcome, of) else { continue };
         let mut cost = match instructions {
@@ -52,6 +55,7 @@ pub fn text(outcome: &Outcome, campaign: &Campaign) -> String {
 pub fn document(outcome: &Outcome, campaign: &Campaign) -> Value {
     let findings = &outcome.findings;
     let mut document = outcome.hello.clone();
+    document["table_sent"] = outcome.table_sent.into();
     for (name, of) in ["f32", "f64"].into_iter().zip(&findings.of) {
         let Some(([median, worst], instructions)) = cost(outcome, of) else { continue };
         document[name] = json!({

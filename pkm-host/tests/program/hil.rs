@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_protocol::{
-    Answer, Arithmetic, Checksum, Command, Counters, CycleReply, Hello, Lines, MAX_REPLY, Reply, Request, SweepReply,
-    VERSION,
+    Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Hello, Lines, MAX_REPLY, Received, Reply,
+    Request, SweepReply, VERSION,
 };
 use serde_json::Value;
 use serialport::{SerialPort, TTYPort};
@@ -23,8 +23,10 @@ enum Fault {
     None,
     /// The last bit of the first screw length of one cycle.
     OneBit,
-    /// Another table.
+    /// Another table, until it is sent this one.
     Table,
+    /// Another table, and no other is taken.
+    Fixed,
     /// Takes one bad line for good.
     Lenient,
     /// Never says anything.
@@ -44,7 +46,7 @@ fn reply(fault: Fault, cycles: u32, bad_lines: u32, request: &Request) -> Vec<u8
             firmware: "stand-in",
             board: "none",
             machine: Checksum(PARAMETERS.checksum()),
-            table: Checksum(TABLE_F64.checksum() ^ u64::from(fault == Fault::Table)),
+            table: Checksum(TABLE_F64.checksum() ^ u64::from(matches!(fault, Fault::Table | Fault::Fixed))),
             period_s: 1e-3,
             ticks_hz: 1_000_000,
             travel_min_m: PARAMETERS.travel.min_m,
@@ -82,11 +84,17 @@ fn reply(fault: Fault, cycles: u32, bad_lines: u32, request: &Request) -> Vec<u8
             }
             double(Answer::Sweep(reply))
         }
+        Command::Table(_) | Command::Numbers(_) | Command::Swap if fault == Fault::Fixed => {
+            double(Answer::Error(Code::OtherMachine))
+        }
+        Command::Table(header) => double(Answer::Received(Received { numbers: 0, of: header.numbers() as u32 })),
+        Command::Numbers(piece) => double(Answer::Received(Received { numbers: piece.first, of: 276 })),
+        Command::Swap => double(Answer::Swapped(Checksum(TABLE_F64.checksum()))),
     };
     line.expect("fits")
 }
 
-fn controller(mut port: TTYPort, fault: Fault) {
+fn controller(mut port: TTYPort, mut fault: Fault) {
     let mut lines = Lines::new();
     let (mut cycles, mut bad_lines) = (0, 0);
     let mut bytes = [0; 1024];
@@ -100,7 +108,11 @@ fn controller(mut port: TTYPort, fault: Fault) {
                 None => continue,
                 Some(Ok(request)) => {
                     cycles += u32::from(matches!(request.command, Command::Cycle(_)));
-                    reply(fault, cycles, bad_lines, &request)
+                    let said = reply(fault, cycles, bad_lines, &request);
+                    if request.command == Command::Swap {
+                        fault = Fault::None;
+                    }
+                    said
                 }
                 Some(Err(refused)) => {
                     bad_lines += 1;
@@ -128,6 +140,10 @@ static ALONE: Mutex<()> = Mutex::new(());
 
 /// Exit code, document on stdout, stderr.
 fn hil(fault: Fault, steps: &str) -> (i32, Value, String) {
+    hil_with(fault, &["--steps", steps])
+}
+
+fn hil_with(fault: Fault, options: &[&str]) -> (i32, Value, String) {
     let _alone = ALONE.lock();
     let (master, slave) = TTYPort::pair().expect("a pseudo terminal");
     let name = slave.name().expect("its name");
@@ -136,7 +152,7 @@ fn hil(fault: Fault, steps: &str) -> (i32, Value, String) {
     let not_inherited = master.try_clone_native().expect("a copy");
     drop(master);
     thread::spawn(move || controller(not_inherited, fault));
-    let output = run(&["hil", "--port", &name, "--poses", "400", "--steps", steps, "--seed", "4", "--json"]);
+    let output = run(&[&["hil", "--port", &name, "--poses", "400", "--seed", "4", "--json"], options].concat());
     let document = serde_json::from_slice(&output.stdout).expect("one document");
     (output.status.code().expect("a code"), document, String::from_utf8_lossy(&output.stderr).into_owned())
 }
@@ -164,6 +180,17 @@ fn sweeps_are_compared_to_the_bit() {
     let (code, _, stderr) = hil(Fault::OneBit, "30");
     // two of the seven sweeps have no numbers at that step
     assert!(code == 1 && stderr.contains("5 replies differ"), "{stderr}");
+}
+
+#[test]
+fn a_table_is_sent_to_firmware_that_has_another() {
+    let (code, document, stderr) = hil_with(Fault::Table, &["--send-table"]);
+    assert!(code == 0 && document["table_sent"] == true, "{stderr}");
+    let (code, document, _) = hil_with(Fault::None, &["--send-table"]);
+    assert!(code == 0 && document["table_sent"] == false);
+    let (code, document, _) = hil_with(Fault::Fixed, &["--send-table"]);
+    let message = document["error"]["message"].as_str().unwrap();
+    assert!(code == 2 && message.contains("refuses the table: it was built for another machine"), "{message}");
 }
 
 #[test]

@@ -328,6 +328,16 @@ fn faulty_periods<T: Scalar>(
     assert!(periods < 1000 || faults.len() == 6, "{faults:?}");
 }
 
+/// Each with the reaction of `docs/stability.md`; `cargo xtask qemu` does the same on a Cortex-M.
+#[test]
+fn every_fault_has_its_reaction() {
+    let outcomes: Vec<_> = pkm_faults::outcomes().collect();
+    assert_eq!(outcomes.len(), 20);
+    for outcome in &outcomes {
+        assert!(outcome.result.is_ok(), "{outcome}");
+    }
+}
+
 /// All limits and a finite output on machines of any proportions, whatever the pose and the reading.
 #[test]
 fn random_machines_are_kept_within_the_limits() {

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::fmt::Display;
 
 use pkm_core::checksum::Damaged;
+use pkm_core::correction::TransferError;
 use pkm_core::machine::{End, MachineError, Member, Parameter, Problem};
 use pkm_core::{
     CompensationError, CorrectionError, CycleError, Fault, KinematicsError, StiffnessError, TableError,
@@ -55,6 +56,15 @@ fn every_error_says_what_is_wrong() {
     assert!(tool_texts[4].contains("joint 1") && tool_texts[5] == kinematics[3].to_string());
     let loaded = [ToolDeflectionError::Tool(tool[2]), ToolDeflectionError::Stiffness(correction[1])];
     assert_eq!(texts(&loaded), [tool[2].to_string(), correction[1].to_string()]);
+    let transfer = [
+        TransferError::OtherMachine,
+        TransferError::TermCount,
+        TransferError::NumberCount,
+        TransferError::Table(TableError::EmptyBox),
+        TransferError::Checksum,
+        TransferError::Memory,
+    ];
+    assert_eq!(texts(&transfer)[3], TableError::EmptyBox.to_string());
     let faults = [
         Fault::WrenchNotFinite,
         Fault::WrenchTooLarge,

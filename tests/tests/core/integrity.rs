@@ -1,12 +1,17 @@
 //! One bit that is not as it was built: found when the controller starts, and before it takes another table.
+//! Tables that come while it runs are the ones that were sent, or none.
 
 use pkm_core::checksum::{Damaged, MemoryChecksums};
-use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
+use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, TableBuffer, TableHeader, TransferError};
 use pkm_core::effects::EFFECTS;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
-use pkm_core::{Basis, CorrectionTable, FiveAxis, Machine, MachineParameters, Wrist, WristParameters};
+use pkm_core::{
+    Basis, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, TableError, Wrench, Wrist,
+    WristParameters,
+};
 use pkm_tests::{between, cases, seeded};
 
 static DOUBLE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
@@ -106,4 +111,142 @@ fn what_was_built_is_intact_and_another_machine_is_refused() {
         assert_eq!(five.verify(&TABLE_F32, &BUILT_F32), Err(Damaged::Machine));
         assert!(seen.insert(machine.checksum()) && seen.insert(single.checksum()));
     }
+}
+
+/// Sends a table, with what happens to its numbers on the way.
+fn send<T: Scalar, const TERMS: usize>(
+    buffer: &mut TableBuffer<T, TERMS>,
+    header: &TableHeader,
+    numbers: &[f64],
+) -> Result<(), TransferError> {
+    buffer.begin(header, PARAMETERS.checksum())?;
+    numbers.iter().try_for_each(|number| buffer.push(*number))?;
+    buffer.finish()
+}
+
+const ROWS_OF_ONES: [f64; 27 * 4] = [1.0; 27 * 4];
+/// Smaller than the reference table, without couplings.
+fn small() -> CorrectionTable<'static, f64> {
+    let basis = Basis::<f64>::new([0.0, 0.0, 0.5], [0.2, 0.3, 0.1], &[[0, 0, 0], [1, 0, 2], [0, 1, 0], [6, 0, 0]]);
+    CorrectionTable::<f64>::new(basis.unwrap(), &ROWS_OF_ONES[..24], None).unwrap()
+}
+
+#[test]
+fn a_table_that_comes_is_the_one_that_was_sent() {
+    let (mut double, mut single) = (TableBuffer::<f64, 20>::new(), TableBuffer::<f32, 20>::new());
+    assert!(double.table().is_none() && !double.is_intact());
+    for sent in [TABLE_F64, small(), TABLE_F64] {
+        let (header, numbers) = (sent.header(PARAMETERS.checksum()), sent.numbers().collect::<Vec<_>>());
+        assert_eq!((header.table, header.numbers()), (sent.checksum(), numbers.len()));
+        assert_eq!(send(&mut double, &header, &numbers), Ok(()));
+        assert_eq!(send(&mut single, &header, &numbers), Ok(()));
+        assert_eq!((double.received(), double.header()), (numbers.len(), &header));
+        assert!(double.is_intact() && single.is_intact());
+        let (double, single) = (double.table().unwrap(), single.table().unwrap());
+        assert_eq!(double.checksum(), sent.checksum());
+        assert_eq!(double.has_factor_form(), sent.has_factor_form());
+        let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+        assert_eq!(double.coefficients(&pose), sent.coefficients(&pose));
+        if sent.has_factor_form() {
+            assert_eq!(single.checksum(), TABLE_F32.checksum());
+            let k = |table: &CorrectionTable<'_, f64>| table.factor_form(&MACHINE_F64, &pose).unwrap();
+            assert_eq!(k(&double), k(&sent));
+        }
+    }
+}
+
+#[test]
+fn a_flipped_bit_on_the_way_is_found() {
+    let (header, sent) = (TABLE_F64.header(PARAMETERS.checksum()), TABLE_F64.numbers().collect::<Vec<_>>());
+    let (mut double, mut single) = (TableBuffer::<f64, 9>::new(), TableBuffer::<f32, 9>::new());
+    let mut rng = seeded();
+    for _ in 0..cases(10_000) {
+        let mut numbers = sent.clone();
+        let number = &mut numbers[rng.usize(..sent.len())];
+        *number = f64::from_bits(number.to_bits() ^ 1 << rng.u32(..64));
+        assert!(send(&mut double, &header, &numbers).is_err() && double.table().is_none());
+        // what a rounding hides was found before it
+        assert!(send(&mut single, &header, &numbers).is_err() && single.table().is_none());
+    }
+    let flipped = [
+        TableHeader { table: header.table ^ 1, ..header },
+        TableHeader { machine: header.machine ^ 1, ..header },
+        TableHeader { terms: 8, ..header },
+        TableHeader { terms: 0, ..header },
+        TableHeader { terms: 10, ..header },
+        TableHeader { factor_form: false, ..header },
+    ];
+    use TransferError::{Checksum, NumberCount, OtherMachine, TermCount};
+    let expected = [Checksum, OtherMachine, NumberCount, TermCount, TermCount, NumberCount];
+    for (header, expected) in flipped.iter().zip(expected) {
+        assert_eq!(send(&mut double, header, &sent), Err(expected));
+        assert!(double.table().is_none());
+    }
+}
+
+#[test]
+fn numbers_that_are_no_table_are_refused() {
+    let (header, sent) = (TABLE_F64.header(PARAMETERS.checksum()), TABLE_F64.numbers().collect::<Vec<_>>());
+    let mut buffer = TableBuffer::<f32, 9>::new();
+    assert_eq!(buffer.push(1.0), Err(TransferError::NumberCount));
+    assert_eq!(buffer.finish(), Err(TransferError::NumberCount));
+    assert_eq!(send(&mut buffer, &header, &sent[1..]), Err(TransferError::Table(TableError::Exponent)));
+    assert_eq!(send(&mut buffer, &header, &sent[..sent.len() - 1]), Err(TransferError::NumberCount));
+    // nothing of it is taken later
+    assert_eq!(buffer.push(sent[sent.len() - 1]), Err(TransferError::NumberCount));
+    let changes = [(7, 2.5, TableError::Exponent), (7, 7.0, TableError::Exponent), (7, -1.0, TableError::Exponent)];
+    let not_finite = [f64::NAN, f64::INFINITY].map(|bad| (100, bad, TableError::NotFinite));
+    for (at, bad, expected) in changes.into_iter().chain(not_finite) {
+        let mut numbers = sent.clone();
+        numbers[at] = bad;
+        assert_eq!(send(&mut buffer, &header, &numbers), Err(TransferError::Table(expected)));
+    }
+    // the right numbers, and no table in f32
+    for (half_width, expected) in [(1e-60, TableError::EmptyBox), (1e60, TableError::NotFinite)] {
+        let basis = Basis::<f64>::new([0.0; 3], [half_width; 3], &EQ_11).unwrap();
+        let table = CorrectionTable::<f64>::new(basis, &ROWS_OF_ONES[..54], None).unwrap();
+        let numbers: Vec<f64> = table.numbers().collect();
+        let header = table.header(PARAMETERS.checksum());
+        assert_eq!(send(&mut buffer, &header, &numbers), Err(TransferError::Table(expected)));
+        assert_eq!(send(&mut TableBuffer::<f64, 9>::new(), &header, &numbers), Ok(()));
+    }
+    assert_eq!(send(&mut buffer, &header, &sent), Ok(()));
+}
+
+/// References change hands between two periods, and the offset goes to the new table at its rate limit.
+#[test]
+fn a_change_of_table_makes_no_step() {
+    let settings = CompensatorSettings::DEFAULT;
+    let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
+    let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    let wrench = Wrench::from_vector([100.0, -50.0, -900.0, 2.0, -8.0, 5.0].into());
+    let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
+    let softer: Vec<f64> =
+        TABLE_F64.numbers().enumerate().map(|(i, n)| if i < 33 + 54 { n } else { 0.5 * n }).collect();
+    let numbers = |all: &[f64]| {
+        let (diagonal, factor) = all[33..].split_at(54);
+        let basis = Basis::<f64>::new([all[0], all[1], all[2]], [all[3], all[4], all[5]], &EQ_11).unwrap();
+        CorrectionTable::<f64>::new(basis, diagonal, Some(factor)).unwrap().header(PARAMETERS.checksum())
+    };
+    let (mut a, mut b) = (TableBuffer::<f64, 9>::new(), TableBuffer::<f64, 9>::new());
+    let (mut in_service, mut spare) = (&mut a, &mut b);
+    let settle = |compensator: &mut Compensator<f64, 3>, table: &CorrectionTable<'_, f64>| {
+        let mut before = compensator.joints();
+        let mut longest = 0.0_f64;
+        for _ in 0..500 {
+            let now = compensator.update(table, &MACHINE_F64, &pose, [0.01, -0.02, 0.3].into(), &reading).joints;
+            longest = longest.max((now - before).amax());
+            before = now;
+        }
+        longest
+    };
+    assert!(settle(&mut compensator, &in_service.table().unwrap_or(TABLE_F64)) > 0.0);
+    let first = compensator.joints();
+    let header = numbers(&softer);
+    assert_eq!(send(spare, &header, &softer), Ok(()));
+    core::mem::swap(&mut in_service, &mut spare);
+    let longest = settle(&mut compensator, &in_service.table().unwrap());
+    let moved = (compensator.joints() - first).amax();
+    assert!(longest <= settings.screw_rate_m_per_s * settings.period_s * (1.0 + 1e-12), "{longest}");
+    assert!(moved > 2.0 * longest, "{moved} {longest}");
 }

@@ -2,7 +2,7 @@
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 use pkm_core::nalgebra::{Vector2, Vector3};
-use pkm_core::{Configuration, FiveAxis};
+use pkm_core::{Configuration, FiveAxis, Pose};
 use serde_json::Value;
 
 use super::in_file_units;
@@ -66,6 +66,27 @@ pub fn parked_inside_the_margin(
     })
 }
 
+/// X Y Z A B with home's platform 5 mm beyond the table's box: mm and degrees.
+pub fn outside_the_box(host: &Host) -> Option<[f64; 5]> {
+    let five = host.five().ok()?;
+    let ([theta_rad, sigma_rad, z0_m], [.., half_m]) = (host.table.centre, host.table.half_width);
+    let beyond_m = half_m + 5e-3;
+    [z0_m + beyond_m, z0_m - beyond_m].into_iter().find_map(|z0_m| {
+        let pose = Pose { theta_rad, sigma_rad, z0_m };
+        let tool = five.tool(&Configuration { pose, beta_rad: Vector2::zeros() }).ok()?;
+        let [x, y, z] = (tool.tip_m * 1e3).into();
+        Some([x, y, z, 0.0, 0.0])
+    })
+}
+
+/// Where the offset is at the end of a fault.
+enum End {
+    Zero,
+    Same,
+    /// Another way, by more than it was.
+    Other,
+}
+
 /// What the script did, by the rows of the recorder that it noted.
 struct Steps<'a> {
     verdict: &'a Value,
@@ -95,18 +116,27 @@ fn size(values: &[f64]) -> f64 {
 pub fn judge_faults(host: &Host, verdict: &Value, rows: &[Vec<f64>]) -> Outcome {
     let steps = Steps { verdict, rows };
     always(rows)?;
-    for (name, code) in [("nan", 80.0), ("spike", 81.0)] {
+    let reactions = [
+        ("nan", 80.0, End::Zero),
+        ("spike", 81.0, End::Zero),
+        ("reversed", 0.0, End::Other),
+        ("temperature", 83.0, End::Same),
+        ("outside", 84.0, End::Zero),
+    ];
+    for (name, code, expected) in reactions {
         let (during, after) = (steps.rows(name, 0)?, steps.rows(name, 1)?);
         let [first, last, end] = [&during[0], &during[during.len() - 1], &after[after.len() - 1]];
         let seen = during.iter().any(|row| row.fault() == code);
+        let apart = worst(last.offsets, first.offsets);
+        let ends = match expected {
+            End::Zero => size(last.offsets) == 0.0,
+            End::Same => apart <= NOTHING,
+            End::Other => last.fault() == 0.0 && apart > size(first.offsets),
+        };
         let back = worst(end.offsets, first.offsets);
-        if !(seen
-            && size(first.offsets) > NOTHING
-            && size(last.offsets) == 0.0
-            && back <= NOTHING
-            && end.fault() == 0.0)
-        {
-            return Err(format!("{name}: expected fault {code}, no offset, and the offset again: {back:e} apart"));
+        if !(seen && ends && size(first.offsets) > NOTHING && back <= NOTHING && end.fault() == 0.0) {
+            let found = format!("{apart:e} from the offset before, {back:e} apart afterwards");
+            return Err(format!("{name}: expected fault {code}, its reaction, and the offset again: {found}"));
         }
     }
     let during = steps.rows("stuck", 0)?;

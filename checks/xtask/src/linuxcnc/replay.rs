@@ -18,7 +18,7 @@ use crate::c::compensator::number;
 /// A row of the recorder: times of the thread on the wall's and on the processor's clock and of the compensation, real pins,
 /// flags, whole numbers.
 const REALS: usize = 3;
-const FLAGS: usize = REALS + 80;
+const FLAGS: usize = REALS + 81;
 const WHOLE: usize = FLAGS + 4;
 pub const ROW: usize = WHOLE + 6;
 
@@ -40,6 +40,7 @@ pub struct Row<'a> {
     pub command: &'a [f64],
     pub drive: &'a [f64],
     pub motor_offset: &'a [f64],
+    rise_k: f64,
     pub k: &'a [f64],
 }
 
@@ -53,7 +54,7 @@ impl<'a> Row<'a> {
         let (asked, given, felt, placed) = (take(5), take(5), take(5), take(5));
         let (stands, wrench, offsets, moved) = (take(5), take(6), take(5), take(6));
         let (margins, target_share, command) = (take(3), take(1)[0], take(5));
-        let (drive, motor_offset, k) = (take(5), take(3), take(21));
+        let (drive, motor_offset, rise_k, k) = (take(5), take(3), take(1)[0], take(21));
         Self {
             all,
             asked,
@@ -69,6 +70,7 @@ impl<'a> Row<'a> {
             command,
             drive,
             motor_offset,
+            rise_k,
             k,
         }
     }
@@ -198,7 +200,7 @@ impl Compensation {
         self.was_on = row.enabled() && stands.is_ok();
         let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.0 };
         let nowhere = Configuration { pose, beta_rad: Vector2::zeros() };
-        let reading = Reading { enabled: self.was_on, wrench, rise_k: 0.0 };
+        let reading = Reading { enabled: self.was_on, wrench, rise_k: row.rise_k };
         let known = stands.is_ok();
         let Offset { joints, limit, fault, .. } =
             self.compensator.update(table, five, &stands.unwrap_or(nowhere), &reading);

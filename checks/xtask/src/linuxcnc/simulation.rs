@@ -8,7 +8,7 @@ use pkm_core::nalgebra::Vector2;
 use pkm_core::{Configuration, FiveAxis, ToolError};
 use serde_json::{Value, json};
 
-use super::faults::{judge_faults, parked_inside_the_margin};
+use super::faults::{judge_faults, outside_the_box, parked_inside_the_margin};
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
 use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template};
 use crate::image::symbols;
@@ -22,7 +22,7 @@ pub fn run() -> Outcome {
 }
 
 /// What the recorder keeps of a period: nets of `pkm.hal`, or pins that nothing else reads, with how many numbered ones.
-const RECORDED: [(&str, usize); 27] = [
+const RECORDED: [(&str, usize); 28] = [
     ("pkmkins.inverse-axis-", 5),
     ("pkmkins.inverse-joint-", 5),
     ("pkmkins.forward-joint-", 5),
@@ -50,6 +50,7 @@ const RECORDED: [(&str, usize); 27] = [
     ("joint.0.motor-offset", 1),
     ("joint.1.motor-offset", 1),
     ("joint.2.motor-offset", 1),
+    ("rise", 1),
 ];
 const ENTRIES: [&str; 21] = [
     "11", "12", "13", "14", "15", "16", "22", "23", "24", "25", "26", "33", "34", "35", "36", "44", "45", "46", "55",
@@ -92,9 +93,11 @@ fn recorder(file: &Path) -> String {
             addf pkmrecord.after servo-thread\naddf pkmrecord.end servo-thread\n"
 }
 
-/// Lines that let the script lie about the load, and let a drive sag.
+/// Lines that let the script lie about load and temperature, and let a drive sag.
 const FAULTS: &str = "\
-loadrt sum2 names=lie,sag
+loadrt sum2 names=lie,sag,warm
+net rise warm.out => pkmcompensator.rise-k
+addf warm servo-thread 1
 unlinkp pkmcompensator.fz
 net fz => lie.in0
 net fz-read lie.out => pkmcompensator.fz
@@ -179,7 +182,8 @@ fn drive(name: &str, periods: usize) -> Outcome {
         host.machine.wrist_parameters.singularity_margin,
     )
     .ok_or("no place inside the margin with a way out was found")?;
-    let wish = json!({ "parked": parked.joints, "inward": parked.inward, "stuck_s": STUCK_S, "small_screw_mm": SMALL_SCREW_MM,
+    let outside = outside_the_box(&host).ok_or("no place outside the table's box was found")?;
+    let wish = json!({ "parked": parked.joints, "inward": parked.inward, "stuck_s": STUCK_S, "small_screw_mm": SMALL_SCREW_MM, "outside": outside,
         "places": places, "load": load, "unreachable": unreachable, "singular": singular, "home": home_axes, "through": through,
         "program": "holes.ngc", "periods": periods });
     let write = |name: &str, text: &str| std::fs::write(out.join(name), text).map_err(|e| format!("{name}: {e}"));
@@ -297,6 +301,9 @@ fn judge_steps(
         "after",
         "nan",
         "spike",
+        "reversed",
+        "temperature",
+        "outside",
         "stuck",
         "small",
         "abort",

@@ -5,6 +5,9 @@
 //! * The serial line's interrupt keeps the bytes that come.
 //! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand; `sweep` is one demand after another.
 //!
+//! A table that comes over the line is put into service between two runs. `main` fills and checks one of two [`Tables`]; references to them change hands in [`NEXT`] and
+//! [`BEFORE`], so that the task never waits for `main` and no table is written while it is used. After a start the table of the image is in service.
+//!
 //! What ends it: a demand that nothing follows for [`DEMAND_PERIODS`] is dropped. The task feeds the watchdog while `main` shows
 //! signs of life; a panic, an exception or a stack that meets its guard stop everything, and the watchdog starts the board again, without a demand
 //! and with the reason in `status`. A board with the wrong clock or a damaged memory stands still.
@@ -30,6 +33,7 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use cortex_m::Peripherals;
 use cortex_m::asm::wfi;
 use cortex_m::peripheral::{SCB, SYST};
+use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 use critical_section::Mutex;
 #[cfg(feature = "log-rtt")]
@@ -37,11 +41,12 @@ use defmt_rtt as _;
 #[cfg(feature = "log-semihosting")]
 use defmt_semihosting as _;
 use heapless::Deque;
+use pkm_core::correction::{TableBuffer, TableHeader, TransferError};
 use pkm_core::self_test::{self_test_f32, self_test_f64};
 use pkm_core::{Cycle, CycleError, FiveAxis, Scalar};
 use pkm_protocol::{
     ABORT, Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
-    MAX_REPLY, Refused, Reply, Request, SweepReply, VERSION,
+    MAX_REPLY, Piece, Received as Numbers, Refused, Reply, Request, SweepReply, VERSION,
 };
 use serde::Serialize;
 
@@ -79,6 +84,46 @@ enum Computed {
     F64(Result<Cycle<f64>, CycleError>),
 }
 
+/// Most terms of a table that comes over the line: all up to the fourth degree.
+const TERMS: usize = 35;
+
+/// A table that came over the line, in either arithmetic.
+struct Tables {
+    f32: TableBuffer<f32, TERMS>,
+    f64: TableBuffer<f64, TERMS>,
+}
+
+impl Tables {
+    const fn new() -> Self {
+        Self { f32: TableBuffer::new(), f64: TableBuffer::new() }
+    }
+
+    fn begin(&mut self, header: &TableHeader) -> Result<(), TransferError> {
+        self.f32.begin(header, coefficients::PARAMETERS.checksum())?;
+        self.f64.begin(header, coefficients::PARAMETERS.checksum())
+    }
+
+    fn take(&mut self, piece: &Piece) -> Result<(), TransferError> {
+        if piece.first as usize != self.f64.received() {
+            return Err(TransferError::NumberCount);
+        }
+        for number in piece.numbers.as_slice() {
+            self.f32.push(*number)?;
+            self.f64.push(*number)?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), TransferError> {
+        self.f32.finish()?;
+        self.f64.finish()
+    }
+}
+
+/// To be put into service at the beginning of a run.
+static NEXT: Mutex<Cell<Option<&'static mut Tables>>> = Mutex::new(Cell::new(None));
+/// It is in service; with what was before it, unless that was the image's.
+static BEFORE: Mutex<Cell<Option<Option<&'static mut Tables>>>> = Mutex::new(Cell::new(None));
 static PERIODS: AtomicU32 = AtomicU32::new(0);
 static CYCLES: AtomicU32 = AtomicU32::new(0);
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
@@ -127,12 +172,17 @@ fn SysTick() {
 fn PendSV() {
     static mut WORKING_ON: Option<Demand> = None;
     static mut RUNS: u32 = 0;
+    static mut IN_SERVICE: Option<&'static mut Tables> = None;
     if MAIN_SILENT.load(Relaxed) < PATIENCE_PERIODS {
         board::feed_watchdog();
     }
     LATE.store(false, Relaxed);
     RUNNING.store(true, Relaxed);
     let begun = ticks();
+    if let Some(tables) = critical_section::with(|cs| NEXT.borrow(cs).take()) {
+        let before = IN_SERVICE.replace(tables);
+        critical_section::with(|cs| BEFORE.borrow(cs).set(Some(before)));
+    }
     if let Some(demand) = critical_section::with(|cs| DEMAND.borrow(cs).take()) {
         (*WORKING_ON, *RUNS) = (Some(demand), 0);
     }
@@ -146,9 +196,16 @@ fn PendSV() {
         ABORTED.store(true, Relaxed);
     }
     if let Some(demand) = WORKING_ON {
+        let tables = IN_SERVICE.as_deref();
         let result = match demand.arithmetic {
-            Arithmetic::F32 => Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &coefficients::TABLE_F32)),
-            Arithmetic::F64 => Computed::F64(demand.cycle(&coefficients::MACHINE_F64, &coefficients::TABLE_F64)),
+            Arithmetic::F32 => {
+                let table = tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32);
+                Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &table))
+            }
+            Arithmetic::F64 => {
+                let table = tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64);
+                Computed::F64(demand.cycle(&coefficients::MACHINE_F64, &table))
+            }
         };
         let ticks = ticks().wrapping_sub(begun);
         let run = Run { result, ticks, overrun: LATE.load(Relaxed) };
@@ -221,17 +278,59 @@ fn run_of(demand: Demand) -> Option<Run> {
     }
 }
 
-fn answer(request: &Request, bad_lines: u32, last_fault: Option<Fault>) {
+/// The tables of `main`'s side.
+struct Service {
+    /// Checksum of the table in service.
+    table: u64,
+    /// To be filled. Both while the image's table is in service.
+    spare: [Option<&'static mut Tables>; 2],
+}
+
+impl Service {
+    /// Lets a table begin or go on, and tells what there is of it.
+    fn fill(&mut self, with: impl FnOnce(&mut Tables) -> Result<(), TransferError>) -> Answer<'static, f64> {
+        let Some(spare) = &mut self.spare[0] else { return Answer::Error(Code::Table) };
+        if let Err(e) = with(spare) {
+            return Answer::Error(e.into());
+        }
+        let (numbers, of) = (spare.f64.received(), spare.f64.header().numbers());
+        Answer::Received(Numbers { numbers: numbers as u32, of: of as u32 })
+    }
+
+    /// Puts the table that has come into service, from the beginning of the next run on.
+    fn swap(&mut self) -> Answer<'static, f64> {
+        let done = self.spare[0].as_mut().map_or(Err(TransferError::NumberCount), |spare| spare.finish());
+        if let Err(e) = done {
+            return Answer::Error(e.into());
+        }
+        self.table = self.spare[0].as_ref().map_or(0, |spare| spare.f64.header().table);
+        critical_section::with(|cs| NEXT.borrow(cs).set(self.spare[0].take()));
+        let before = loop {
+            if let Some(before) = critical_section::with(|cs| BEFORE.borrow(cs).take()) {
+                break before;
+            }
+            MAIN_SILENT.store(0, Relaxed);
+            wfi();
+        };
+        self.spare[0] = before.or_else(|| self.spare[1].take());
+        Answer::Swapped(Checksum(self.table))
+    }
+}
+
+fn answer(request: &Request, service: &mut Service, bad_lines: u32, last_fault: Option<Fault>) {
     let id = Some(request.id);
     ABORTED.store(false, Relaxed);
     match request.command {
+        Command::Table(header) => send(id, service.fill(|spare| spare.begin(&header))),
+        Command::Numbers(piece) => send(id, service.fill(|spare| spare.take(&piece))),
+        Command::Swap => send(id, service.swap()),
         Command::Hello => {
             let travel = coefficients::PARAMETERS.travel;
             let hello = Hello {
                 firmware: concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")),
                 board: board::NAME,
                 machine: Checksum(const { coefficients::PARAMETERS.checksum() }),
-                table: Checksum(const { coefficients::TABLE_F64.checksum() }),
+                table: Checksum(service.table),
                 period_s: 1.0 / f64::from(PERIOD_HZ),
                 ticks_hz: board::CORE_HZ,
                 travel_min_m: travel.min_m,
@@ -318,6 +417,10 @@ fn main() -> ! {
         stop(Fault::Exception);
     }
     log!("{} at {} Hz, period {} ticks", board::NAME, board::CORE_HZ, PERIOD_TICKS);
+    let mut service = Service {
+        table: const { coefficients::TABLE_F64.checksum() },
+        spare: [singleton!(: Tables = Tables::new()), singleton!(: Tables = Tables::new())],
+    };
     let mut lines = Lines::new();
     let mut bad_lines = 0_u32;
     loop {
@@ -328,7 +431,7 @@ fn main() -> ! {
         };
         match lines.push(byte) {
             None => {}
-            Some(Ok(request)) => answer(&request, bad_lines, last_fault),
+            Some(Ok(request)) => answer(&request, &mut service, bad_lines, last_fault),
             Some(Err(Refused { id, code })) => {
                 bad_lines = bad_lines.wrapping_add(1);
                 log!("bad line {}", bad_lines);

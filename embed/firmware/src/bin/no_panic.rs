@@ -14,7 +14,7 @@ use cortex_m as _;
 use cortex_m_rt::entry;
 use pkm_core::checksum;
 use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
-use pkm_core::correction::narrow;
+use pkm_core::correction::{TableBuffer, TableHeader, TransferError, narrow};
 use pkm_core::effects::{Element, Law, Place};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
@@ -157,6 +157,17 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     }
 }
 
+/// A table that comes while the controller runs, and goes to another.
+fn fill<T: Scalar>(buffer: &mut TableBuffer<T, 4>) -> Result<(), TransferError> {
+    let header = black_box(TableHeader { machine: 1, table: 2, terms: 3, factor_form: true });
+    buffer.begin(&header, black_box(1))?;
+    for number in black_box(TABLE_F64).numbers() {
+        buffer.push(number)?;
+    }
+    black_box(black_box(TABLE_F64).header(header.machine));
+    buffer.finish()
+}
+
 /// Builds machine, basis, table and wrist at run time, and calls everything with them and with the generated ones.
 macro_rules! call_everything {
     ($t:ident, $machine:ident, $table:ident, $wrist:ident, $parameters:ident, $wrist_parameters:ident) => {
@@ -171,6 +182,14 @@ macro_rules! call_everything {
             Err(e) => show(e),
             Ok(wrist) => call_five_axes(machine, table, &wrist),
         }
+        let mut buffer = TableBuffer::<$t, 4>::new();
+        if let Err(e) = fill(&mut buffer) {
+            show(e);
+        }
+        if let Some(table) = buffer.table() {
+            black_box(table.factor_form(machine, black_box(&Pose { theta_rad: 0.1, sigma_rad: 0.1, z0_m: 0.5 }))).ok();
+        }
+        black_box((buffer.received(), *buffer.header(), buffer.is_intact()));
         let (numbers, terms) = black_box(([1.0 as $t; 64], [[1_u8; 3]; 4]));
         match Basis::<$t>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
             Err(e) => show(e),

@@ -74,6 +74,7 @@ macro_rules! functions {
             use super::*;
             use pkm_core::checksum::MemoryChecksums;
             use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
+            use pkm_core::correction::{TableBuffer, TableHeader};
             use pkm_core::kinematics::platform_axes as axes;
             use pkm_core::nalgebra::{Matrix6, Vector2, Vector3, Vector6};
             use pkm_core::self_test::{self_test_f32, self_test_f64};
@@ -105,6 +106,8 @@ macro_rules! functions {
                 // where their state lies is the caller's choice
                 compensator: RefCell<Compensator<$t, 3>>,
                 tool_compensator: RefCell<Compensator<$t, 5>>,
+                buffer: RefCell<TableBuffer<$t, 9>>,
+                header: TableHeader,
                 reading: Reading<$t>,
                 checksums: MemoryChecksums,
             }
@@ -136,6 +139,10 @@ macro_rules! functions {
                     Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
                 let five = FiveAxis { machine: &machine, wrist: &reference::$wrist };
                 let stands = Configuration { pose, beta_rad: Vector2::new(0.4, -0.3) };
+                let header = reference::TABLE_F64.header(1);
+                let mut buffer = TableBuffer::new();
+                buffer.begin(&header, 1).ok()?;
+                reference::TABLE_F64.numbers().try_for_each(|number| buffer.push(number)).ok()?;
                 Some(Inputs {
                     machine,
                     table: reference::$table,
@@ -162,6 +169,8 @@ macro_rules! functions {
                     },
                     compensator: RefCell::new(Compensator::new(&CompensatorSettings::DEFAULT).ok()?),
                     tool_compensator: RefCell::new(Compensator::new(&CompensatorSettings::DEFAULT).ok()?),
+                    buffer: RefCell::new(buffer),
+                    header,
                     reading: Reading { enabled: true, wrench, rise_k: 4.5 },
                     checksums: five.checksums(&reference::$table),
                 })
@@ -219,6 +228,9 @@ both_widths! {
     monomials(i) i.basis.monomials(&i.pose);
     new_basis(i) Basis::<T>::new(i.tip_m.into(), i.lengths.q_m.into(), black_box(&[[1, 2, 3]]));
     new_table(i) CorrectionTable::<T>::new(i.basis, &i.numbers[..6], Some(&i.numbers));
+    finish_table(i) i.buffer.try_borrow_mut().map(|mut b| b.finish());
+    begin_table(i) i.buffer.try_borrow_mut().map(|mut b| b.begin(&i.header, i.header.machine));
+    push_number(i) i.buffer.try_borrow_mut().map(|mut b| b.push(i.header.machine as f64));
     tool_frame(i) i.five().frame(&i.near);
     tool(i) i.five().tool(&i.near);
     platform_axes(i) axes((i.numbers[0], i.numbers[1]), (i.numbers[2], i.numbers[3]));

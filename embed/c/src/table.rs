@@ -1,0 +1,111 @@
+//! Tables that come while the program runs.
+
+use core::mem::MaybeUninit;
+use core::slice;
+
+use pkm_core::correction::{TableBuffer, TableHeader, TransferError};
+
+use crate::pointers::{answer, given};
+use crate::{PkmError, PkmTable, pkm_machine_checksum};
+
+/// Most terms of a table that comes while the program runs: all up to the fourth degree.
+pub const PKM_TABLE_TERMS: usize = 35;
+
+/// What is said of a table before its numbers.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PkmTableHeader {
+    /// Checksum of the machine that it was fitted for, as `pkm_machine_checksum`.
+    pub machine: u64,
+    /// Its own checksum, as the third assertion of its `coefficients.rs` states it.
+    pub table: u64,
+    /// Number of terms, 1 to `PKM_TABLE_TERMS`.
+    pub terms: u32,
+    /// Not 0: it has the factor form as well.
+    pub factor_form: i32,
+}
+
+/// Room for a table that comes while the program runs.
+pub struct PkmTableBuffer<T: 'static> {
+    buffer: TableBuffer<T, PKM_TABLE_TERMS>,
+    /// Of the buffer, once it is whole.
+    table: MaybeUninit<PkmTable<T>>,
+}
+
+impl From<TransferError> for PkmError {
+    fn from(e: TransferError) -> Self {
+        match e {
+            TransferError::OtherMachine => Self::OtherMachine,
+            TransferError::Checksum | TransferError::Memory => Self::DamagedTable,
+            _ => Self::NotATable,
+        }
+    }
+}
+
+macro_rules! table {
+    ($t:ident, size $size:ident, align $align:ident, receive $receive:ident) => {
+        /// Bytes that a buffer for a table takes.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $size() -> usize {
+            size_of::<PkmTableBuffer<$t>>()
+        }
+
+        /// A buffer's address is a multiple of this.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $align() -> usize {
+            align_of::<PkmTableBuffer<$t>>()
+        }
+
+        /// Makes a table of `count` numbers in memory of the caller, of at least as many bytes, `size`, and of the alignment that the
+        /// functions above say, and gives its address, which is within that memory. The numbers, in double for float as well:
+        /// centre and half width of the box (theta, sigma in rad, z0 in m), three exponents a term, six rows of the diagonal
+        /// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied.
+        ///
+        /// To change tables while a machine runs take two buffers: fill the one that is not in use, in any thread, and let the
+        /// controller take the new address between two periods. A buffer in use is neither moved nor written. A compensator goes
+        /// to the new table at its rate limit; without one the command steps.
+        ///
+        /// Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
+        /// them), NOT_A_TABLE. What was in the buffer is gone then.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $receive(
+            buffer: *mut PkmTableBuffer<$t>,
+            size: usize,
+            header: *const PkmTableHeader,
+            numbers: *const f64,
+            count: usize,
+            table: *mut *const PkmTable<$t>,
+        ) -> PkmError {
+            if size < size_of::<PkmTableBuffer<$t>>() {
+                return PkmError::WrongSize;
+            }
+            // SAFETY: the caller's promise; memory that was not written yet is not read
+            unsafe {
+                answer(table, || {
+                    given(buffer.cast::<MaybeUninit<PkmTableBuffer<$t>>>())?;
+                    let (header, _) = (given(header)?, given(numbers)?);
+                    let terms = u8::try_from(header.terms).map_err(|_| PkmError::NotATable)?;
+                    let (machine, table) = (header.machine, header.table);
+                    let header = TableHeader { machine, table, terms, factor_form: header.factor_form != 0 };
+                    if count != header.numbers() {
+                        return Err(PkmError::NotATable);
+                    }
+                    let room = &raw mut (*buffer).buffer;
+                    room.write(const { TableBuffer::new() });
+                    (*room).begin(&header, pkm_machine_checksum())?;
+                    slice::from_raw_parts(numbers, count).iter().try_for_each(|number| (*room).push(*number))?;
+                    (*room).finish()?;
+                    // for as long as the caller leaves the buffer alone
+                    let room: &'static TableBuffer<$t, PKM_TABLE_TERMS> = &*room;
+                    let whole = room.table().ok_or(PkmError::NotATable)?;
+                    (&raw mut (*buffer).table).cast::<PkmTable<$t>>().write(PkmTable(whole));
+                    Ok((&raw const (*buffer).table).cast::<PkmTable<$t>>())
+                })
+            }
+        }
+    };
+}
+
+table! { f64, size pkm_table_buffer_size_f64, align pkm_table_buffer_align_f64, receive pkm_table_receive_f64 }
+table! { f32, size pkm_table_buffer_size_f32, align pkm_table_buffer_align_f32, receive pkm_table_receive_f32 }

@@ -1,0 +1,28 @@
+//! Throws faults at a controller on a Cortex-M, for `cargo xtask qemu` to hold against the host: a line each over semihosting. Machine, wrist and
+//! table are the core's reference.
+
+#![no_std]
+#![no_main]
+
+use core::fmt::Write;
+
+use cortex_m_rt::entry;
+use cortex_m_semihosting::hio;
+
+#[path = "../semihosting.rs"]
+mod semihosting;
+
+fn print_all() -> Result<(), ()> {
+    let mut out = hio::hstdout()?;
+    pkm_faults::outcomes().try_for_each(|outcome| writeln!(out, "{outcome}").map_err(drop))
+}
+
+#[entry]
+fn main() -> ! {
+    semihosting::end(print_all().is_ok())
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    semihosting::end(false)
+}
