@@ -45,6 +45,8 @@ fn commands_come_back() {
     // the longest there is
     let numbers = TableNumbers::new(&[-1.234_567_890_123_456_7e-300; MAX_NUMBERS]).unwrap();
     assert_eq!(TableNumbers::new(&[0.0; MAX_NUMBERS + 1]), None);
+    let refusals = [TransferError::OtherMachine, TransferError::NumberCount, TransferError::Checksum].map(Code::from);
+    assert_eq!(refusals, [Code::OtherMachine, Code::Order, Code::Table]);
     let piece = Piece { first: u32::MAX, numbers };
     let few = Piece { first: 0, numbers: TableNumbers::new(&[]).unwrap() };
     for command in [

@@ -199,7 +199,7 @@ impl View {
 
         let mut row = Row(self.answer.iter_mut());
         row.put(joints.lengths.q_m.as_slice());
-        row.put(&[margin_m, limb as f64 + 1.0, distance.limbs_1_2, distance.limb_3, share]);
+        row.put(&[margin_m, limb as f64, distance.limbs_1_2, distance.limb_3, share]);
         row.put(&[if table.as_ref().is_some_and(|t| t.domain(pose) == Domain::Inside) { 1.0 } else { 0.0 }]);
         row.put(a_m.as_slice());
         row.put(placed.platform.as_slice());

@@ -18,6 +18,7 @@ mod bar;
 mod check;
 mod compensate;
 mod completions;
+mod demo;
 mod diagnose;
 mod fem;
 mod fit;
@@ -66,6 +67,7 @@ enum Command {
     Place(place::Args),
     Compensate(compensate::Args),
     View(view::Args),
+    Demo(demo::Args),
     Fem(fem::Args),
     Hil(hil::Args),
     Completions(completions::Args),
@@ -91,6 +93,7 @@ impl Cli {
             Command::Place(args) => place::run(args, s),
             Command::Compensate(args) => compensate::run(args, s),
             Command::View(args) => view::run(args, s),
+            Command::Demo(args) => demo::run(args, s),
             Command::Fem(args) => fem::run(args, s),
             Command::Hil(args) => hil::run(args, s),
             Command::Completions(args) => completions::run(args, s),

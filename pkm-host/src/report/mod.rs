@@ -1,6 +1,7 @@
 //! From a finished result to what people read and controllers compile: pages, charts, generated source.
 
 pub mod compensate;
+pub(crate) mod demo;
 pub mod drawing;
 pub mod export;
 pub mod fem;

@@ -1,0 +1,36 @@
+//! The page that leads to the reports of a demonstration.
+
+use maud::html;
+
+use super::page::{Finding, Page, fold};
+
+/// What one call made.
+pub(crate) struct Exhibit {
+    pub(crate) title: &'static str,
+    /// What it is for.
+    pub(crate) about: &'static str,
+    /// Its page, from the folder.
+    pub(crate) page: &'static str,
+    /// As it is typed.
+    pub(crate) command: String,
+    /// What it printed.
+    pub(crate) said: String,
+}
+
+/// `index.html`.
+pub(crate) fn page(exhibits: &[Exhibit]) -> String {
+    let findings = [
+        Finding::good("Every page below was made just now, from the data in the folder data."),
+        Finding::good("All readings are simulated, by solvers that share no code with this program."),
+        Finding::good("In this folder every call can be made again, with other data."),
+    ];
+    let body = html! {
+        @for exhibit in exhibits {
+            h2 { a href=(exhibit.page) { (exhibit.title) } }
+            p { (exhibit.about) }
+            pre { (exhibit.command) }
+            (fold("what it said", &html! { pre { (exhibit.said.trim_end()) } }))
+        }
+    };
+    Page { title: "What pkm-host makes".into(), findings: &findings, warnings: &[], body, facts: Vec::new() }.html()
+}
