@@ -3,9 +3,18 @@
 use serde_json::{Map, Value, json};
 
 use super::compare::{Errors, RIVALS, Rival};
-use super::{Diagnosis, SEED, text};
+use super::{Diagnosis, Effect, SEED, text};
 use crate::files::readings::GAUGE;
 use crate::pose::written_units;
+
+fn effect(e: &Effect) -> Value {
+    let parameters: Map<String, Value> =
+        e.parameters.iter().map(|(n, v, s)| (n.to_string(), json!({ "value": v, "stderr": s }))).collect();
+    json!({ "id": e.id, "where": e.place, "where_class": e.place_class, "motion": e.motion, "law": e.law,
+        "probability": e.probability, "parameters": parameters, "confidence": e.confidence, "class": e.class,
+        "of": if e.is_measurement() { "measurement" } else { "machine" },
+        "inspect": text::inspect_effect(e.id, &e.place) })
+}
 
 impl Diagnosis {
     /// The document of `formats.md`.
@@ -13,16 +22,7 @@ impl Diagnosis {
         let of = |errors: &[(Rival, Errors)], rival: Rival| {
             errors.iter().find(|e| e.0 == rival).map_or(Value::Null, |e| json!(e.1))
         };
-        let effects: Vec<Value> = (self.effects.iter())
-            .map(|e| {
-                let parameters: Map<String, Value> =
-                    e.parameters.iter().map(|(n, v, s)| (n.to_string(), json!({ "value": v, "stderr": s }))).collect();
-                json!({ "id": e.id, "where": e.place, "where_class": e.place_class, "motion": e.motion, "law": e.law,
-                    "probability": e.probability, "parameters": parameters, "confidence": e.confidence, "class": e.class,
-                    "of": if e.is_measurement() { "measurement" } else { "machine" },
-                    "inspect": text::inspect_effect(e.id, &e.place) })
-            })
-            .collect();
+        let effects: Vec<Value> = self.effects.iter().map(effect).collect();
         let hidden = self.detectable.iter().filter(|d| d.is_hidden());
         let ranking: Vec<Value> = (self.search.rounds.iter().zip(&self.names))
             .map(|(round, names)| {

@@ -336,6 +336,12 @@ pub fn diagnose(
     searched.judged(&step)
 }
 
+/// Of every number that was read.
+fn standard_deviations(noise: &Noise, given: &Observations) -> Vec<[f64; CHANNELS]> {
+    let of_reading = |n| std::array::from_fn(|c| noise.variance_of(given, n, c).sqrt());
+    (0..given.readings.len()).map(of_reading).collect()
+}
+
 /// A search that has ended, and what it is judged by.
 struct Searched<'a> {
     file: &'a MachineFile,
@@ -401,9 +407,7 @@ impl Searched<'_> {
         let mut suspects = checks::suspects(given, gross, own.of(Rival::After), true);
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
-        let given = observations(given, model);
-        let deviations = |n| std::array::from_fn(|c| noise.variance_of(&given, n, c).sqrt());
-        let standard_deviations = (0..given.readings.len()).map(deviations).collect();
+        let standard_deviations = standard_deviations(&noise, &observations(given, model));
         let end = &search.fit;
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
         let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();

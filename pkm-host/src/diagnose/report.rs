@@ -40,26 +40,9 @@ fn far_from_declared(findings: &[DeclaredFinding]) -> String {
     if parts.is_empty() { String::new() } else { format!(", with {}", parts.join(" and ")) }
 }
 
-/// The findings in sentences, the most important first.
-fn findings(d: &Diagnosis) -> Vec<Finding> {
-    let name = |e: &Effect| {
-        if e.id == ELEMENT { format!("an effect on no list at {}", e.place) } else { e.id.to_owned() }
-    };
-    let mut found: Vec<String> = Vec::new();
-    for name in d.effects.iter().map(name) {
-        if !found.contains(&name) {
-            found.push(name);
-        }
-    }
-    let found = if found.is_empty() { "what was found".to_owned() } else { found.join(" and ") };
-    let class = |class: &[String]| {
-        if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
-    };
-    let far = far_from_declared(&d.declared);
-    // where the readings themselves are in doubt nothing else counts
-    let mut all: Vec<Finding> =
-        d.warnings.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
-    all.push(match d.judgement.verdict {
+/// The verdict in a sentence.
+fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
+    match d.judgement.verdict {
         Verdict::Adequate if d.declared.is_empty() => Finding::good(
             "The model is adequate: with its stiffnesses re-tuned within their uncertainty it leaves nothing but noise.",
         ),
@@ -81,7 +64,28 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             "Unexplained beside what is named below: the model is wrong by more than noise, and no effect that this program \
              knows accounts for all of it.",
         ),
-    });
+    }
+}
+
+/// The findings in sentences, the most important first.
+fn findings(d: &Diagnosis) -> Vec<Finding> {
+    let name = |e: &Effect| {
+        if e.id == ELEMENT { format!("an effect on no list at {}", e.place) } else { e.id.to_owned() }
+    };
+    let mut found: Vec<String> = Vec::new();
+    for name in d.effects.iter().map(name) {
+        if !found.contains(&name) {
+            found.push(name);
+        }
+    }
+    let found = if found.is_empty() { "what was found".to_owned() } else { found.join(" and ") };
+    let class = |class: &[String]| {
+        if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
+    };
+    // where the readings themselves are in doubt nothing else counts
+    let mut all: Vec<Finding> =
+        d.warnings.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
+    all.push(conclusion(d, &found, &far_from_declared(&d.declared)));
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
     for e in &d.effects {
         let what = if e.is_measurement() { "an error of the measurement, not of the machine" } else { "physics" };

@@ -488,59 +488,7 @@ impl RawSolid {
         let guide = three("solid.guide.radial_n_per_m", &self.guide.radial_n_per_m, 1.0, POSITIVE, guide)?;
         let key = std::array::from_fn(|i| 0.2 * rods[i].young_pa * ram_outer[i].powi(3));
         let key = three("solid.guide.key_nm_per_rad", &self.guide.key_nm_per_rad, 1.0, POSITIVE, key)?;
-
-        for i in 0..3 {
-            let place = |raw: &Triple| raw.as_ref().map(Spanned::span);
-            let (mm, limb) = (|m: f64| (m / MM * 1e3).round() / 1e3, i + 1);
-            let rules = [
-                (ram_inner[i] < ram_outer[i], "ram.inner_mm", &self.ram.inner_mm, "a bore below the ram's outer_mm"),
-                (
-                    screw_inner[i] < screw_outer[i],
-                    "screw.inner_mm",
-                    &self.screw.inner_mm,
-                    "a bore below the screw's outer_mm",
-                ),
-                (
-                    tube_inner[i] < tube_outer[i],
-                    "tube.inner_mm",
-                    &self.tube.inner_mm,
-                    "a bore below the tube's outer_mm",
-                ),
-                (
-                    ram_outer[i].max(screw_outer[i]) <= tube_inner[i],
-                    "tube.inner_mm",
-                    &self.tube.inner_mm,
-                    "a bore that ram and screw fit in",
-                ),
-                (
-                    tube_m[i] < max[i],
-                    "tube.length_mm",
-                    &self.tube.length_mm,
-                    "a tube that ends before the platform joint",
-                ),
-                (
-                    tube_m[i] + ram_m[i] > max[i],
-                    "ram.length_mm",
-                    &self.ram.length_mm,
-                    "tube and ram long enough together for the greatest screw length",
-                ),
-            ];
-            for (holds, key, raw, expected) in rules {
-                if !holds {
-                    let message = format!(
-                        "limb {limb}: expected {expected}; tube {}/{} mm, {} mm long, ram {}/{} mm, {} mm long",
-                        mm(tube_outer[i]),
-                        mm(tube_inner[i]),
-                        mm(tube_m[i]),
-                        mm(ram_outer[i]),
-                        mm(ram_inner[i]),
-                        mm(ram_m[i])
-                    );
-                    return misfit(format!("solid.{key}"), place(raw), message);
-                }
-            }
-        }
-        Ok(std::array::from_fn(|i| Telescope {
+        let telescopes = std::array::from_fn(|i| Telescope {
             tube: Bar { outer_m: tube_outer[i], inner_m: tube_inner[i], ..rods[i] },
             tube_m: tube_m[i],
             behind_m: behind_m[i],
@@ -551,6 +499,54 @@ impl RawSolid {
             nut: nut[i],
             guide_n_per_m: guide[i],
             key_nm_per_rad: key[i],
-        }))
+        });
+        self.fit_together(&telescopes, max)?;
+        Ok(telescopes)
+    }
+
+    /// Whether the parts of each limb go into one another and reach far enough.
+    fn fit_together(&self, telescopes: &[Telescope; 3], longest_m: [f64; 3]) -> Checked<()> {
+        let (of_ram, of_screw, of_tube) = (&self.ram.inner_mm, &self.screw.inner_mm, &self.tube.inner_mm);
+        let mm = |m: f64| (m / MM * 1e3).round() / 1e3;
+        for (limb, (Telescope { tube, tube_m, ram, ram_m, screw, .. }, longest_m)) in
+            (1..).zip(telescopes.iter().zip(longest_m))
+        {
+            let rules = [
+                (ram.inner_m < ram.outer_m, "ram.inner_mm", of_ram, "a bore below the ram's outer_mm"),
+                (screw.inner_m < screw.outer_m, "screw.inner_mm", of_screw, "a bore below the screw's outer_mm"),
+                (tube.inner_m < tube.outer_m, "tube.inner_mm", of_tube, "a bore below the tube's outer_mm"),
+                (
+                    ram.outer_m.max(screw.outer_m) <= tube.inner_m,
+                    "tube.inner_mm",
+                    of_tube,
+                    "a bore that ram and screw fit in",
+                ),
+                (
+                    *tube_m < longest_m,
+                    "tube.length_mm",
+                    &self.tube.length_mm,
+                    "a tube that ends before the platform joint",
+                ),
+                (
+                    tube_m + ram_m > longest_m,
+                    "ram.length_mm",
+                    &self.ram.length_mm,
+                    "tube and ram long enough together for the greatest screw length",
+                ),
+            ];
+            if let Some((_, key, raw, expected)) = rules.into_iter().find(|(holds, ..)| !holds) {
+                let message = format!(
+                    "limb {limb}: expected {expected}; tube {}/{} mm, {} mm long, ram {}/{} mm, {} mm long",
+                    mm(tube.outer_m),
+                    mm(tube.inner_m),
+                    mm(*tube_m),
+                    mm(ram.outer_m),
+                    mm(ram.inner_m),
+                    mm(*ram_m)
+                );
+                return misfit(format!("solid.{key}"), raw.as_ref().map(Spanned::span), message);
+            }
+        }
+        Ok(())
     }
 }

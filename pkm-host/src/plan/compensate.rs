@@ -189,6 +189,20 @@ impl Walk<'_> {
         self.correction.map(|c| &c.table)
     }
 
+    /// Where the unloaded machine stands for a point: at the beginning of a path with a tool axis the nearest of all ways.
+    fn stand(&self, asked: &Place, near: &Configuration<f64>, is_first: bool) -> Result<Hold<f64>> {
+        match asked.toward.axis() {
+            Some(axis) if is_first => {
+                let tool = Tool { tip_m: asked.tip_m.into(), axis: axis.into() };
+                self.reach.nearest(&tool, near).map_err(|f| self.here(f))
+            }
+            _ => {
+                let stood = self.reach.stand(asked, near);
+                stood.map_err(|e| self.failure(e.into(), self.reach.stand_anywhere(asked, near)))
+            }
+        }
+    }
+
     /// What the loaded model makes of a command.
     fn met(
         &self,
@@ -308,6 +322,17 @@ fn with_tools(machine: &MachineFile, moves: &[Move]) -> Result<Vec<(f64, Machine
     Ok(machines)
 }
 
+/// Steps of a path, between points `steps` apart.
+fn all_steps(moves: &[Move], steps: impl Fn(&Place, &Place) -> f64) -> Result<u64> {
+    let between = |w: &[Move]| if w[1].is_fresh { 1.0 } else { steps(&w[0].to, &w[1].to) };
+    let all = moves.windows(2).map(between).sum::<f64>() + 1.0;
+    if all <= MOST_STEPS {
+        return Ok(all as u64);
+    }
+    let message = format!("{all:.0} steps, {MOST_STEPS:.0} at the most: give a greater --step-mm (are lengths in mm?)");
+    Err(Failure::input(message))
+}
+
 /// Goes along a path. A program's cuts are divided into steps; a CSV's only where a step is given.
 ///
 /// # Errors
@@ -327,14 +352,7 @@ pub fn walk<'a>(
         let [way, turn] = a.apart(b);
         (way / step_m).max(turn / STEP_RAD).ceil().max(1.0)
     };
-    let all: f64 =
-        moves.windows(2).map(|w| if w[1].is_fresh { 1.0 } else { steps(&w[0].to, &w[1].to) }).sum::<f64>() + 1.0;
-    if !(all <= MOST_STEPS) {
-        let message =
-            format!("{all:.0} steps, {MOST_STEPS:.0} at the most: give a greater --step-mm (are lengths in mm?)");
-        return Err(Failure::input(message).in_file(file));
-    }
-    let (mut done, all) = (0, all as u64);
+    let (mut done, all) = (0, all_steps(moves, steps).map_err(|f| f.in_file(file))?);
     let track = Track { least_share: f64::INFINITY, ..Track::default() };
     let allow_extrapolation = request.allow_extrapolation;
     let position = PathPosition { line: 0, from: None, tip_m: [0.0; 3] };
@@ -370,16 +388,7 @@ pub fn walk<'a>(
             walk.way_m = begun + share * length;
             walk.position =
                 PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
-            let hold = match asked.toward.axis() {
-                Some(axis) if before.is_none() => {
-                    let tool = Tool { tip_m: asked.tip_m.into(), axis: axis.into() };
-                    walk.reach.nearest(&tool, &near).map_err(|f| walk.here(f))?
-                }
-                _ => walk
-                    .reach
-                    .stand(&asked, &near)
-                    .map_err(|e| walk.failure(e.into(), walk.reach.stand_anywhere(&asked, &near)))?,
-            };
+            let hold = walk.stand(&asked, &near, before.is_none())?;
             near = hold.configuration;
             joints.add(&hold.joints);
             stood = Some(hold.joints);

@@ -44,6 +44,20 @@ fn faces(deck: &Deck) -> Vec<(&str, Vec<Vector3<f64>>)> {
     all
 }
 
+/// A face as it is lit, if it is turned toward the eye.
+fn face(part: &str, corners: &[Vector3<f64>], place: impl Fn(&Vector3<f64>) -> [f64; 2]) -> Option<String> {
+    const LIGHT: Vector3<f64> = Vector3::new(-0.4, 0.5, 0.77);
+    let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).normalize();
+    if normal.z <= 0.0 {
+        return None;
+    }
+    let lit = 0.55 + 0.45 * normal.dot(&LIGHT).max(0.0);
+    let [r, g, b] = colour(part).map(|c| (c * lit) as u8);
+    let fill = format!("#{r:02x}{g:02x}{b:02x}");
+    let points: Vec<String> = corners.iter().map(place).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+    Some(format!("<path d=\"M{}z\" fill=\"{fill}\" stroke=\"{fill}\"/>", points.join("L")))
+}
+
 /// The machine from the front, from the side and isometric, the base platform upright, with a bar of 100 mm.
 pub fn svg(deck: &Deck) -> String {
     const HEIGHT: f64 = 420.0;
@@ -82,7 +96,6 @@ pub fn svg(deck: &Deck) -> String {
         width,
         HEIGHT + 70.0
     );
-    let light = Vector3::new(-0.4, 0.5, 0.77);
     let mut x0 = gap / 2.0;
     for ((name, turn), [left, right, low, _]) in views.iter().zip(boxes) {
         let mut drawn: Vec<(f64, String)> = faces
@@ -92,18 +105,8 @@ pub fn svg(deck: &Deck) -> String {
                 // faces are sorted by their middles: long ones of a ram would come before the tube about it
                 let outside = if part.starts_with("TUBE") { 0.05 * tallest } else { 0.0 };
                 let depth = p.iter().map(|p| p.z).sum::<f64>() / p.len() as f64 + outside;
-                let normal = (p[1] - p[0]).cross(&(p[2] - p[0])).normalize();
-                if normal.z <= 0.0 {
-                    return None;
-                }
-                let lit = 0.55 + 0.45 * normal.dot(&light).max(0.0);
-                let [r, g, b] = colour(part).map(|c| (c * lit) as u8);
-                let points: Vec<String> = p
-                    .iter()
-                    .map(|p| format!("{:.1},{:.1}", x0 + (p.x - left) * scale, 10.0 + HEIGHT - (p.y - low) * scale))
-                    .collect();
-                let fill = format!("#{r:02x}{g:02x}{b:02x}");
-                Some((depth, format!("<path d=\"M{}z\" fill=\"{fill}\" stroke=\"{fill}\"/>", points.join("L"))))
+                let place = |p: &Vector3<f64>| [x0 + (p.x - left) * scale, 10.0 + HEIGHT - (p.y - low) * scale];
+                Some((depth, face(part, &p, place)?))
             })
             .collect();
         drawn.sort_by(|a, b| a.0.total_cmp(&b.0));

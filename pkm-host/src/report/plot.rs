@@ -130,27 +130,34 @@ fn plain(v: &f64, range: &std::ops::Range<f64>) -> String {
     if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) { format!("{rounded:e}") } else { rounded.to_string() }
 }
 
+/// Widens the range that costs less, above what is drawn or to its right, and says where the legend goes.
+fn make_room_for_legend(
+    panel: &Panel,
+    logarithmic: bool,
+    x_range: &mut std::ops::Range<f64>,
+    y_range: &mut std::ops::Range<f64>,
+) -> SeriesLabelPosition {
+    if panel.series.len() < 2 {
+        return SeriesLabelPosition::UpperRight;
+    }
+    // its mark and some 8 pixels a letter, of 320; some 20 pixels a line, of 215
+    let longest = panel.series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
+    let (wide, high) = ((60.0 + 8.0 * longest as f64) / 320.0, (20.0 + 20.0 * panel.series.len() as f64) / 215.0);
+    let grown = |range: &std::ops::Range<f64>, share: f64| share / (1.0 - share) * (range.end - range.start);
+    if high < wide && !logarithmic {
+        y_range.end += grown(y_range, high);
+        return SeriesLabelPosition::UpperRight;
+    }
+    x_range.end += grown(x_range, wide.min(0.6));
+    if logarithmic { SeriesLabelPosition::UpperRight } else { SeriesLabelPosition::MiddleRight }
+}
+
 fn draw(area: &DrawingArea<SVGBackend<'_>, Shift>, panel: &Panel, logarithmic: bool) -> Result<()> {
     let scale = |v: f64| if logarithmic { v.log10() } else { v };
     let scaled = |s: &Series| s.points.iter().map(|(x, y)| (scale(*x), scale(*y))).collect::<Vec<_>>();
     let points = || panel.series.iter().flat_map(scaled);
     let (mut x_range, mut y_range) = (range(points().map(|p| p.0)), range(points().map(|p| p.1)));
-    let mut legend = SeriesLabelPosition::UpperRight;
-    if panel.series.len() > 1 {
-        // room for the legend, above what is drawn or to its right, whichever costs less: its mark and some 8 pixels a
-        // letter, of 320; some 20 pixels a line, of 215
-        let longest = panel.series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0);
-        let (wide, high) = ((60.0 + 8.0 * longest as f64) / 320.0, (20.0 + 20.0 * panel.series.len() as f64) / 215.0);
-        let grown = |range: &std::ops::Range<f64>, share: f64| share / (1.0 - share) * (range.end - range.start);
-        if high < wide && !logarithmic {
-            y_range.end += grown(&y_range, high);
-        } else {
-            x_range.end += grown(&x_range, wide.min(0.6));
-            if !logarithmic {
-                legend = SeriesLabelPosition::MiddleRight;
-            }
-        }
-    }
+    let legend = make_room_for_legend(panel, logarithmic, &mut x_range, &mut y_range);
     let mut chart = ChartBuilder::on(area)
         .caption(&panel.title, ("sans-serif", 16))
         .margin(8)

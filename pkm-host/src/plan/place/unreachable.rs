@@ -8,6 +8,30 @@ use crate::error::Failure;
 use crate::files::job::Position;
 
 impl Searcher<'_> {
+    /// How far a hole is from being reached, as which status, and in words.
+    fn shortfall(
+        &self,
+        reached: &std::result::Result<(), Miss>,
+        hole: usize,
+        position: &Position,
+    ) -> Option<(f64, &'static str, String)> {
+        let model = self.model;
+        Some(match reached {
+            Err(Miss::Table) => {
+                (0.0, "outside_box", "outside of the table's box (see --allow-extrapolation)".to_owned())
+            }
+            Err(Miss::Stiffness) => (0.0, "unreachable", "without a stiffness of the model".to_owned()),
+            _ => {
+                let (far, words) = model.reach.shortfall(&model.tool(&self.series.holes[hole], position))?;
+                if words.is_empty() {
+                    (far, "singular", "too near a singularity of the five axes".to_owned())
+                } else {
+                    (far, "out_of_travel", words)
+                }
+            }
+        })
+    }
+
     /// Why no position reaches every hole: which hole, and by how much.
     pub(super) fn unreachable(&self, options: &Options) -> Failure {
         let (model, series) = (self.model, self.series);
@@ -48,20 +72,7 @@ impl Searcher<'_> {
                 missing.map(move |h| (position, h, &reached[h])).collect::<Vec<_>>()
             })
             .filter_map(|(position, h, reached)| {
-                let (far, status, words) = match reached {
-                    Err(Miss::Table) => {
-                        (0.0, "outside_box", "outside of the table's box (see --allow-extrapolation)".to_owned())
-                    }
-                    Err(Miss::Stiffness) => (0.0, "unreachable", "without a stiffness of the model".to_owned()),
-                    _ => {
-                        let (far, words) = model.reach.shortfall(&model.tool(&series.holes[h], position))?;
-                        if words.is_empty() {
-                            (far, "singular", "too near a singularity of the five axes".to_owned())
-                        } else {
-                            (far, "out_of_travel", words)
-                        }
-                    }
-                };
+                let (far, status, words) = self.shortfall(reached, h, position)?;
                 Some((far, h, status, format!("{words} at {}", at(position))))
             })
             .min_by(|a, b| a.0.total_cmp(&b.0));

@@ -515,7 +515,11 @@ fn panel(
     }
     area.draw(&Rectangle::new([(x, y), (x + width, y + height)], BLACK.stroke_width(2))).map_err(failed)?;
 
-    let bar = x + width + 24;
+    colour_bar(area, (x + width + 24, y), height, &bands)
+}
+
+/// What the colours stand for.
+fn colour_bar(area: &DrawingArea<SVGBackend<'_>, Shift>, (bar, y): Pixel, height: i32, bands: &Bands) -> Result<()> {
     let at = |n: usize| y + height - (height as usize * n / bands.count) as i32;
     for n in 0..bands.count {
         let band = [(bar, at(n + 1)), (bar + size::BAR, at(n))];
