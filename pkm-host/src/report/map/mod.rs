@@ -2,6 +2,7 @@
 
 mod contour;
 pub mod picture;
+mod region;
 
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
