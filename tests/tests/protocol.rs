@@ -211,7 +211,7 @@ fn every_bad_line_gets_its_code() {
         (with("0.53", "0,53"), Code::Syntax, None),
         (with("0.53", "1_000"), Code::Syntax, None),
         (with("0.53", "530 mm"), Code::Syntax, None),
-        (with("0.53", "true"), Code::Syntax, None),
+        (with("0.53", "true"), Code::Range, None),
         (with("[1,2,3.5]", "3.5"), Code::Field, None),
         (with("0.53", "0x1p-1"), Code::Syntax, None),
         (with("0.53", "\"0.53\""), Code::Range, None),
@@ -511,7 +511,7 @@ fn the_front_page_is_the_protocol() {
     for line in &replies {
         assert!(Reply::<f64>::parse(&line_of(line.as_bytes())).is_some(), "{line}");
     }
-    assert_eq!((commands.len(), replies.len()), (4, 6));
+    assert_eq!((commands.len(), replies.len()), (7, 8));
 
     // serde's message for a word that is none names all that are
     fn words<T: serde::de::DeserializeOwned>() -> String {
