@@ -164,7 +164,7 @@ fn fill<T: Scalar>(buffer: &mut TableBuffer<T, 4>) -> Result<(), TransferError> 
     for number in black_box(TABLE_F64).numbers() {
         buffer.push(number)?;
     }
-    black_box(black_box(TABLE_F64).header(header.machine));
+    black_box(black_box(TABLE_F64).header(header.machine).numbers());
     buffer.finish()
 }
 
