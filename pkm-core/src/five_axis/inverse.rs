@@ -24,7 +24,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     }
 
     /// Takes what it looks at off `looks_left`; none are left where these were too few.
-    #[inline(never)] // once in an image
+    #[inline(never)] // one copy saves flash
     pub(super) fn inverse_within(
         &self,
         tool: &Tool<T>,
@@ -121,7 +121,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let l = along_n - tv * sin - tw * cos;
         let theta = (x * along_n - z * tu).atan2(x * tu + z * along_n);
         let state = State { theta, sigma, l, beta: beta_rad };
-        // a root of what is negative is no number, and nothing of it is possible
+        // the root of a negative number is NaN and fails here
         if !state.is_possible() {
             return Err(ToolError::Unreachable);
         }

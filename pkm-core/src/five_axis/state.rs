@@ -64,7 +64,7 @@ struct Motion<T> {
     r: T,
     /// The tip by −β2.
     swing: Vector3<T>,
-    /// With β2 by the axis along x and L by the tip along n, what is left: the tip along u and y, the axis along y, by θ, σ,
+    /// The 3×3 system that remains after β2 and L are eliminated: the tip along u and y and the axis along y, by θ, σ and
     /// β1.
     m: [Vector3<T>; 3],
     /// Of the last two rows, and with the first: their cross product, and the determinant.

@@ -157,7 +157,7 @@ impl<T: Scalar> Machine<T> {
         Ok(self.posture(pose)?.singularity_distance(&self.declared))
     }
 
-    // once in an image: beside all that takes a posture further, the call is little
+    // not inlined: one copy saves flash, and the call costs little beside what uses a posture
     #[inline(never)]
     pub(crate) fn posture(&self, pose: &Pose<T>) -> Result<Posture<T>, KinematicsError> {
         self.posture_inline(pose)

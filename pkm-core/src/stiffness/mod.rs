@@ -147,7 +147,7 @@ impl<T: Scalar> StiffnessFactor<T> {
     }
 }
 
-/// What can be said: a deflection that overflows cannot.
+/// Rejects results that are not finite.
 pub(crate) fn finite<T: Scalar>(d: Deflection<T>) -> Result<Deflection<T>, StiffnessError> {
     if is_finite(&d.translation_m) && is_finite(&d.rotation_rad) { Ok(d) } else { Err(StiffnessError::NotFinite) }
 }
