@@ -72,7 +72,7 @@ const CALLS: [Call; 7] = [
     },
     Call {
         title: "A program without the deflection",
-        about: "Each point of a drilling program is moved so that the loaded tip goes where it should.",
+        about: "Each point of a milling program is moved so that the loaded tip goes where it should.",
         arguments: "compensate --table @data/table.json --path @data/part.ngc --out @compensate/part.ngc",
         page: "compensate/report.html",
     },
