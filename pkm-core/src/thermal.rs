@@ -2,8 +2,6 @@
 
 use core::fmt;
 
-use nalgebra::Vector6;
-
 use crate::kinematics::Posture;
 use crate::machine::{LimbCompliance, Machine, Sizes};
 use crate::scalar::Scalar;
@@ -125,24 +123,18 @@ impl<T: Scalar> Machine<T> {
             return Ok(Deflection::ZERO);
         }
         let actual = self.actual(commanded)?;
-        let (p, Sizes { a1, a2, b1, b2 }) = (&actual.posture, self.actual);
-        let (sin, cos, l) = (p.sin_sigma, p.cos_sigma, p.l);
+        let (p, Sizes { a1, a2, b2, .. }) = (&actual.posture, self.actual);
+        let (sin, l) = (p.sin_sigma, p.l);
         let [q1, q2, q3] = p.q.into();
         // q dq = … of each limb, with what its own growth and the platforms' bring on the right
         let (along, across) = (p.along_n, p.along_y[0]);
         let both = across * across;
         let first = limbs * q1 * q1 - platforms * (both - along[0] * sin * a1);
         let second = limbs * q2 * q2 - platforms * (both + along[1] * sin * a1);
-        let (sum, difference) = (first + second, second - first);
-        let half = T::from_f64(0.5) / (l * l * cos - a1 * b1 * sin * sin);
-        let dl = half * (sum * l * cos - difference * b1 * sin);
-        let dsigma = half * (difference * l / a1 - sum * sin);
         // limb 3, whose q² is L² + a2² + b2² − 2 b2 (L sin θ + a2 cos θ)
         let reach = l * p.sin_theta + a2 * p.cos_theta;
-        let grown = platforms * (a2 * a2 + b2 * b2 - b2 * (reach + a2 * p.cos_theta)) - limbs * q3 * q3;
-        let dtheta = (dl * (l - b2 * p.sin_theta) + grown) / (b2 * (l * p.cos_theta - a2 * p.sin_theta));
-        let (n, y) = (p.n(), p.y());
-        let moved = Vector6::new(l * dtheta, dl * n.y, dl * n.z, dsigma, dtheta * y.y, dtheta * y.z);
+        let third = limbs * q3 * q3 - platforms * (a2 * a2 + b2 * b2 - b2 * (reach + a2 * p.cos_theta));
+        let moved = self.actual.moved(p, [first, second, third]);
         stiffness::finite(Deflection::from_vector(actual.given_back(moved)))
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::elements::{Element, Law, MAX_ELEMENT_PARAMETERS, MAX_ELEMENTS, Motion, Place, WEIGHT_STEPS};
-use super::{MAX_PARAMETERS, load_dependent};
+use super::load_dependent;
 use crate::checksum::{over_byte, over_numbers, over_numbers_f32, over_text};
 use crate::elastic::{Chain, Limb, LimbFrame};
 use crate::linalg::{axes, join};
@@ -34,8 +34,10 @@ enum Numbers<T> {
 }
 
 const MAX_WEIGHTS: usize = MAX_ELEMENT_PARAMETERS - 1;
-/// Two more than a law has: so a machine is as many numbers long in `f32` as in `f64`, as the C library's structures are.
-const LAW_NUMBERS: usize = MAX_PARAMETERS + 2;
+/// Most parameters of a law.
+const MAX_LAW_PARAMETERS: usize = 7;
+/// One more than a law has: so a machine is as many numbers long in `f32` as in `f64`, as the C library's structures are.
+const LAW_NUMBERS: usize = MAX_LAW_PARAMETERS + 1;
 
 macro_rules! active_elements {
     ($t:ty, $over:path) => {
@@ -48,7 +50,7 @@ macro_rules! active_elements {
                 let mut parameters = [0.0; LAW_NUMBERS];
                 let mut weights = [0; MAX_WEIGHTS];
                 let mut n = 0;
-                while n < MAX_PARAMETERS {
+                while n < MAX_LAW_PARAMETERS {
                     parameters[n] = element.parameters[n] as $t;
                     n += 1;
                 }
@@ -157,10 +159,11 @@ impl<T: Scalar> Active<T> {
     }
 
     /// Those of its law.
-    fn parameters(&self) -> [T; MAX_PARAMETERS] {
+    fn parameters(&self) -> [T; MAX_LAW_PARAMETERS] {
+        let o = T::ZERO;
         match self.numbers {
-            Numbers::Law([a, b, c, d, e, f, ..]) => [a, b, c, d, e, f],
-            Numbers::Coupled(c, _) => [c, T::ZERO, T::ZERO, T::ZERO, T::ZERO, T::ZERO],
+            Numbers::Law([a, b, c, d, e, f, g, _]) => [a, b, c, d, e, f, g],
+            Numbers::Coupled(c, _) => [c, o, o, o, o, o, o],
         }
     }
 
@@ -312,9 +315,16 @@ impl<T: Scalar> ActiveElements<T> {
     pub fn elongation(&self, limb: usize, tension: T) -> T {
         let mut sum = T::ZERO;
         for element in self.iter().filter(|element| element.law == Law::Load && element.is_in_limb(limb)) {
-            let [asymmetric, even, odd, cubic, play, taken_up] = element.parameters();
+            let [asymmetric, even, odd, cubic, play, taken_up, straight_above] = element.parameters();
             let size = tension.abs();
-            sum += asymmetric * size + tension * (even * tension + odd * size + cubic * tension * tension);
+            let grown = if straight_above > T::ZERO {
+                let x = tension / if straight_above > T::ONE { straight_above } else { T::ONE };
+                (T::ONE + x * x).sqrt()
+            } else {
+                T::ONE
+            };
+            sum += asymmetric * size;
+            sum += tension / grown * (even * tension + odd * size + cubic * tension * tension / grown);
             sum += load_dependent::taken_up(play, taken_up, tension);
         }
         sum

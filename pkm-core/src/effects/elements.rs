@@ -100,7 +100,8 @@ pub enum Law {
     Extension,
     /// c + a sin(2π q/p + φ), q the limb's length. Places of a limb.
     Periodic,
-    /// Elongation under the limb's tension N: a |N| + b N² + d N|N| + e N³ + (p/2) N/√(N² + w²), w at least 1 N. Axial.
+    /// Elongation under the limb's tension N: a |N| + (b N² + d N|N|)/r + e N³/r² + (p/2) N/√(N² + w²), w at least 1 N. With
+    /// r = √(1 + (N/s)²) it goes over to straight lines above a tension s (at least 1 N); without one (s = 0) r is 1. Axial.
     Load,
     /// Elongation that lags behind the limb's tension, as that of the effect `friction-hysteresis`. Axial.
     Direction,
@@ -329,9 +330,15 @@ impl Element {
             }
             (Law::Periodic, false) => &["compliance_m_per_n", "amplitude_m_per_n", "pitch_m", "phase_rad"],
             (Law::Periodic, true) => &["compliance_rad_per_nm", "amplitude_rad_per_nm", "pitch_m", "phase_rad"],
-            (Law::Load, _) => {
-                &["asymmetric_m_per_n", "even_m_per_n2", "odd_m_per_n2", "cubic_m_per_n3", "play_m", "taken_up_n"]
-            }
+            (Law::Load, _) => &[
+                "asymmetric_m_per_n",
+                "even_m_per_n2",
+                "odd_m_per_n2",
+                "cubic_m_per_n3",
+                "play_m",
+                "taken_up_n",
+                "straight_above_n",
+            ],
             (Law::Direction, _) => &["lag_m", "lag_m_per_n", "reversal_n"],
             (Law::Temperature, false) => &["compliance_m_per_n_per_k"],
             (Law::Temperature, true) => &["compliance_rad_per_nm_per_k"],

@@ -25,19 +25,24 @@ impl<T: Scalar> Series<T> {
     /// definite.
     #[must_use]
     pub fn soften(&self, k: &mut Lower<T>) -> bool {
-        let o = T::ZERO;
         let mut definite = true;
         for (axis, (linear, angular)) in
             axes(&self.axes).iter().zip(self.compliance.iter().zip(self.compliance.iter().skip(3)))
         {
-            let [x, y, z] = (*axis).into();
-            let [rx, ry, rz] = self.at.cross(axis).into();
-            for (compliance, motion) in [(*linear, [x, y, z, o, o, o]), (*angular, [rx, ry, rz, x, y, z])] {
+            for (compliance, motion) in [*linear, *angular].into_iter().zip(motions(&self.at, axis)) {
                 definite &= soften(k, motion, compliance);
             }
         }
         definite
     }
+}
+
+/// What A moves by when a point, given in A-uvw, gives by one unit along an axis, and about it.
+pub(crate) fn motions<T: Scalar>(at: &Vector3<T>, axis: &Vector3<T>) -> [[T; 6]; 2] {
+    let o = T::ZERO;
+    let [x, y, z] = (*axis).into();
+    let [rx, ry, rz] = at.cross(axis).into();
+    [[x, y, z, o, o, o], [rx, ry, rz, x, y, z]]
 }
 
 /// K := (K⁻¹ + c m mᵀ)⁻¹ (Sherman and Morrison), with m what A moves by when the spring gives by one unit. Lower triangle. False

@@ -185,9 +185,11 @@ impl MachineParameters {
                 hash = over_text(over_text(over_text(hash, place), element.motion.name()), element.law.name());
                 let (first, others) = element.parameters.split_at(effects::MAX_PARAMETERS);
                 hash = over_numbers(hash, first);
-                // only coupled elements have more than effects
+                // few elements have more parameters than effects; what they do not use leaves no trace
                 if matches!(element.motion, effects::Motion::Coupled) {
                     hash = over_numbers(hash, others);
+                } else if others[0] != 0.0 {
+                    hash = over_numbers(hash, &[others[0]]);
                 }
             }
             i += 1;

@@ -1,7 +1,7 @@
 //! Elements as candidates: a compliance at a place of the machine for which no effect has a formula.
 
 use pkm_core::MachineParameters;
-use pkm_core::effects::{Element, MAX_ELEMENT_PARAMETERS, Motion};
+use pkm_core::effects::{Element, Law, MAX_ELEMENT_PARAMETERS, Motion};
 use pkm_diagnosis::Prior;
 
 use super::model::Recorded;
@@ -33,8 +33,12 @@ impl ElementParameter {
         for template in &self.elements {
             let slots = &mut machine.effects.elements;
             let kind = |e: &Element| (e.place, e.motion, e.law);
-            // coupled ones at one place differ by their weights
-            let is_alike = |e: &Element| e.motion != Motion::Coupled || e.parameters[1..] == template.parameters[1..];
+            // coupled ones at one place differ by their weights, laws of the load by what is not linear in them
+            let is_alike = |e: &Element| match (e.motion, e.law) {
+                (Motion::Coupled, _) => e.parameters[1..] == template.parameters[1..],
+                (_, Law::Load) => e.parameters[LOAD_SHAPES] == template.parameters[LOAD_SHAPES],
+                _ => true,
+            };
             let is_own = |e: &Element| kind(e) == kind(template) && is_alike(e);
             let at = slots.iter().position(|s| s.is_some_and(|e| is_own(&e)));
             let at = at.or_else(|| slots.iter().position(Option::is_none));
@@ -72,8 +76,11 @@ pub struct Usual {
     pub travel_m: [f64; 2],
 }
 
-/// Tension to which laws of the load are scaled, N: what a person can apply.
-const TENSION_N: f64 = 300.0;
+/// Tensions above which laws of the load are straight, N: what a person can apply, and a third of it. Nothing bends without end,
+/// and readings under some loads say nothing of how it bends beyond them.
+const STRAIGHT_ABOVE_N: [f64; 2] = [300.0, 100.0];
+/// Parameters of a law of the load that are not linear in it: what takes up the play, and where the law is straight.
+const LOAD_SHAPES: std::ops::Range<usize> = 5..7;
 /// Lag that is plausible, and the change of tension that turns it.
 const LAG_M: f64 = 5e-6;
 /// See `LAG_M`.
@@ -107,7 +114,7 @@ pub fn families(usual: &Usual, recorded: Recorded) -> Vec<Family> {
             all.push(extension(usual, limbs, "axial", usual.axial, degree));
             all.push(extension(usual, limbs, "lateral", usual.across, degree));
         }
-        all.push(load(usual, limbs));
+        all.extend(STRAIGHT_ABOVE_N.map(|straight_above_n| load(usual, limbs, straight_above_n)));
         if recorded.unloading {
             all.push(direction(usual, limbs));
         }
@@ -163,14 +170,14 @@ fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64, d
 }
 
 /// An elongation of bodies that is not linear in their tension.
-fn load(usual: &Usual, limbs: &[usize]) -> Family {
+fn load(usual: &Usual, limbs: &[usize], straight_above_n: f64) -> Family {
     let places = names(limbs, "body");
     let own: Vec<&str> = places.iter().map(String::as_str).collect();
-    let c = usual.axial;
-    let scales = [c, c / TENSION_N, c / TENSION_N, c / (TENSION_N * TENSION_N), PLAY.0];
+    let (c, n) = (usual.axial, straight_above_n);
+    let scales = [c, c / n, c / n, c / (n * n), PLAY.0];
     let of = |(index, scale): (usize, f64)| {
         let mut p = parameter(&own, "axial", "load", index, scale, false)?;
-        p.elements.iter_mut().for_each(|e| e.parameters[5] = PLAY.1);
+        p.elements.iter_mut().for_each(|e| e.parameters[LOAD_SHAPES].copy_from_slice(&[PLAY.1, straight_above_n]));
         Some(p)
     };
     let parameters = scales.into_iter().enumerate().filter_map(of).collect();

@@ -367,7 +367,9 @@ fn laws_of_the_load_lengthen_a_limb_by_their_definition() {
         let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
         let limb = rng.u8(1..=3);
         let mut sign = |amount: f64| if rng.bool() { amount } else { -amount };
-        let load_law = [sign(1e-8), sign(1e-11), sign(1e-11), sign(1e-14), 20e-6, 30.0];
+        // files of before have no tension above which the law is straight
+        let straight_above = [0.0, 150.0, 0.5][n % 3];
+        let load_law = [sign(1e-8), sign(1e-11), sign(1e-11), sign(1e-14), 20e-6, 30.0, straight_above];
         let hysteresis = [2e-6, 1e-8, 50.0];
         let place = ["base_joint", "body", "platform_joint"][n % 3];
         let place = format!("limb.{limb}.{place}");
@@ -388,14 +390,14 @@ fn laws_of_the_load_lengthen_a_limb_by_their_definition() {
         let column = 3 * (usize::from(limb) - 1);
         let tension = |w: &Vector6<f64>| (d.solve(&(transmission.h.transpose() * k.solve(w))))[column];
         let (here, there) = (tension(&wrench), tension(&turned_at));
-        let [a, b, c, e, play, width] = load_law;
+        let [a, b, c, e, play, width, _] = load_law;
         let first = |n: f64| n / n.hypot(hysteresis[2]);
         let back = first(there) + 2.0 * first(0.5 * (here - there));
         let lag = if here.abs() < there.abs() { back } else { first(here) };
+        let grown = if straight_above > 0.0 { (here / straight_above.max(1.0)).hypot(1.0) } else { 1.0 };
         let elongation = a * here.abs()
-            + b * here.powi(2)
-            + c * here * here.abs()
-            + e * here.powi(3)
+            + (b * here.powi(2) + c * here * here.abs()) / grown
+            + e * here.powi(3) / grown.powi(2)
             + 0.5 * play * here / here.hypot(width)
             - (hysteresis[0] + hysteresis[1] * here.abs().max(there.abs())) * lag;
         // work of a unit wrench: the tension that it causes times the elongation
@@ -570,8 +572,16 @@ fn every_part_of_an_element_is_in_the_checksum() {
         let effects = Effects::NONE.with_element("base", "coupled", "constant", [1e-9, x, y]).unwrap();
         MachineParameters { effects, ..PARAMETERS }.checksum()
     };
+    let load = |straight_above_n: f64| {
+        let law = [0.0, 1e-12, 0.0, 0.0, 0.0, 0.0, straight_above_n];
+        let effects = Effects::NONE.with_element("limb.1.body", "axial", "load", law).unwrap();
+        MachineParameters { effects, ..PARAMETERS }.checksum()
+    };
     let all = [
         PARAMETERS.checksum(),
+        load(0.0),
+        load(100.0),
+        load(300.0),
         sum("base", "x", "constant", 1e-9),
         sum("base", "y", "constant", 1e-9),
         sum("base", "x", "temperature", 1e-9),

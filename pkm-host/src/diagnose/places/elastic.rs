@@ -59,7 +59,8 @@ fn seen(h: &M68, columns: std::ops::Range<usize>, at: [f64; 3], axes: &[[f64; 3]
     out
 }
 
-fn full(lower: &M8) -> M8 {
+/// A symmetric matrix of its lower triangle.
+pub fn full(lower: &M8) -> M8 {
     M8::from_fn(|i, j| lower[(i.max(j), i.min(j))])
 }
 

@@ -38,6 +38,7 @@ pub fn add(blocks: &mut Blocks<'_>) {
             body(blocks, motion, first..last, degree);
         }
     }
+    twist(blocks);
     periodic(blocks);
     load(blocks);
     if blocks.readings.has_unloading {
@@ -111,6 +112,34 @@ fn body(blocks: &mut Blocks<'_>, motion: &'static str, wrenches: std::ops::Range
         }
     }
     blocks.add(&bodies(&[0, 1, 2]), motion, law, all.concat());
+}
+
+/// Axial force and torque along the limbs that pass couples: a screw that twists as it stretches. They are the same all along a
+/// body, so that elements at its platform joint, whose z is the limb's own line, say it.
+fn twist(blocks: &mut Blocks<'_>) {
+    /// Force along z and moment about it, of a joint.
+    const ALONG: [usize; 2] = [2, 5];
+    let usual = blocks.usual.0;
+    for degree in 0..2 {
+        let of_limb = |limb: usize| -> (Vec<Term>, Written) {
+            let units: Vec<f64> = [OWN[limb].start, OWN[limb].end - 1].iter().map(|k| usual[(*k, *k)]).collect();
+            let (mean, spread) = (blocks.mean(|f| f.q[limb]), blocks.spread(|f| f.q[limb]));
+            let shapes: [&dyn Fn(&Frame) -> f64; 2] = [&|_| 1.0, &|f| (f.q[limb] - mean) / spread];
+            let forces = |f: &Frame| rows(&f.joints[limb][1], &ALONG);
+            let terms = symmetric(blocks.frames, &forces, &units, &shapes[..=degree], true);
+            (terms, Written::of(&[place(limb, 1)], &units, &|n| ALONG[n]))
+        };
+        let all = [0, 1].map(of_limb);
+        for group in [&[0][..], &[1], &[0, 1]] {
+            let terms = alike(&group.iter().map(|i| all[*i].0.clone()).collect::<Vec<_>>());
+            if degree == 0 {
+                let places: Vec<Place> = group.iter().map(|i| place(*i, 1)).collect();
+                blocks.add_written(&bodies(group), terms, true, all[group[0]].1.clone().at(&places));
+            } else {
+                blocks.add(&bodies(group), "general", "extension", terms);
+            }
+        }
+    }
 }
 
 /// An axial compliance that is periodic in the limb's length.

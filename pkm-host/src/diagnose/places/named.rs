@@ -2,14 +2,20 @@
 
 use std::sync::Arc;
 
+use nalgebra::DVectorView;
+use pkm_core::Machine;
 use pkm_diagnosis::Unknown;
 
-use super::elastic::{Frame, M8};
+use super::elastic::{self, Frame, M8};
 use super::limbs::part;
 use super::terms::Term;
 use super::{Blocks, Whereabouts};
 use crate::diagnose::declared::{Declared, Part};
 use crate::diagnose::model::{Model, info};
+use crate::pose::NamedPose;
+
+/// Relative deviation up to which compliances add and wrenches are the same.
+const LINEAR: f64 = 1e-6;
 
 fn of_effect(id: &str) -> Whereabouts {
     let bodies = || (0..3).map(|i| part(i, "body")).collect::<Vec<_>>();
@@ -102,8 +108,39 @@ fn columns(blocks: &Blocks<'_>, candidate: usize, declared: &[Unknown], x: &[f64
             x[from + amplitudes.len()] = *start;
         }
         let matrix = problem.jacobian(&unknowns, &x, from..from + amplitudes.len())?;
-        let seen = matrix.column_iter().filter(|c| c.norm() > 0.0);
-        Some((seen.map(|c| Term::Fixed(Arc::new(c.clone_owned()))).collect(), -(starts.len() as f64).ln()))
+        let seen = amplitudes.iter().zip(matrix.column_iter()).filter(|(_, c)| c.norm() > 0.0);
+        let term = |(amplitude, column): (&Unknown, DVectorView<'_, f64>)| {
+            let shapes = shapes.iter().copied().zip(x[from + amplitudes.len()..].iter().copied());
+            let exact = compliance(blocks, *amplitude, &shapes.collect::<Vec<_>>());
+            exact.map_or_else(|| Term::Fixed(Arc::new(column.clone_owned())), |e| Term::Elastic(Arc::new(e)))
+        };
+        Some((seen.map(term).collect(), -(starts.len() as f64).ln()))
     };
     starts.iter().filter_map(at).collect()
+}
+
+/// What an amplitude of 1 adds to the compliance that the transmitted wrenches meet, at each pose: as it is far from the declared
+/// machine too, where a derivative there leaves a rest that would pass for something else. A series compliance S at B or A is
+/// HᵀSH. `None` of what is no compliance, such as sizes, or is not linear.
+fn compliance(blocks: &Blocks<'_>, amplitude: Unknown, shapes: &[(Unknown, f64)]) -> Option<Vec<M8>> {
+    let (others, starts): (Vec<Unknown>, Vec<f64>) = shapes.iter().copied().unzip();
+    let unknowns = [vec![amplitude], others].concat();
+    let at = |size: f64| -> Option<Vec<M8>> {
+        let x = [vec![size], starts.clone()].concat();
+        let machine = Machine::<f64>::new(&blocks.model.state(&unknowns, &x, false).machine).ok()?;
+        let of = |(f, p): (&Frame, &NamedPose)| {
+            let t = machine.transmission(&p.pose).ok()?;
+            let d = elastic::full(&t.compliance);
+            let in_series = machine.stiffness(&p.pose).ok()?.matrix().cholesky()?.inverse()
+                - elastic::solve(&f.wrenches, &d)?.compliance;
+            let is_same = (t.wrenches - f.wrenches).norm() <= LINEAR * f.wrenches.norm();
+            is_same.then(|| d + f.wrenches.tr_mul(&(in_series * f.wrenches)))
+        };
+        blocks.frames.iter().zip(&blocks.readings.poses).map(of).collect()
+    };
+    let (none, one, two) = (at(0.0)?, at(1.0)?, at(2.0)?);
+    let added: Vec<M8> = one.iter().zip(&none).map(|(a, b)| a - b).collect();
+    let acts = added.iter().zip(&none).any(|(e, d)| e.norm() > LINEAR * d.norm());
+    let is_linear = |((e, n), t): ((&M8, &M8), &M8)| (t - n - e * 2.0).norm() <= LINEAR * (e.norm() + n.norm());
+    (acts && added.iter().zip(&none).zip(&two).all(is_linear)).then_some(added)
 }

@@ -54,7 +54,9 @@ fn mounts(blocks: &mut Blocks<'_>, usual: &[f64]) {
     for (which, coupled) in [(&SHIFTS[..], false), (&TURNS, false), (&ALL, false), (&ALL, true)] {
         let units: Vec<f64> = which.iter().map(|i| usual[*i]).collect();
         let tool = Written::of(&[Place::Tool], &units, &|n| which[n]);
-        blocks.add_compliance(&["tool".into()], &|f| rows(&f.wrenches, which), coupled, tool);
+        // at A the moving platform's hub and the tool's holder are in a row
+        let at_a = ["tool".into(), "moving_platform".into()];
+        blocks.add_compliance(&at_a, &|f| rows(&f.wrenches, which), coupled, tool);
         let base = Written::of_ground(&g, &units, which);
         blocks.add_compliance(&["base".into()], &|f| rows(&f.ground, which), coupled, base);
     }

@@ -229,7 +229,7 @@ impl PlaceModel for Under<'_> {
 #[cfg(test)]
 mod tests {
     use pkm_core::machine::Machine;
-    use pkm_diagnosis::{Rules, Whitener};
+    use pkm_diagnosis::{Candidate, Rules, Whitener};
 
     use super::*;
     use crate::diagnose::Method;
@@ -237,62 +237,92 @@ mod tests {
     use crate::diagnose::model::Recorded;
     use crate::diagnose::tests::{condition, even, machine, reading, readings};
 
-    /// What a block says with amplitudes of rank 1 is what the core says with the elements that are written for it.
-    #[test]
-    fn elements_of_a_block_are_its_compliance() {
-        let mut rng = fastrand::Rng::with_seed(17);
-        let file = machine();
+    /// Judges the world of the reference machine under loads along and about each axis, at seven poses.
+    fn on_unit_loads(judge: impl FnOnce(&World, &Readings, &Model)) {
         let unit = |i: usize| std::array::from_fn(|k| if k == i { 100.0 } else { 0.0 });
         let conditions: Vec<_> = (0..7).flat_map(|pose| (0..6).map(move |i| condition(pose, unit(i)))).collect();
         let seen = std::array::from_fn(|channel| (channel < 6).then_some(1e-6));
         let all = (0..conditions.len()).map(|c| reading(c, c, seen)).collect();
         let readings = readings(conditions, all);
-        let model = Model::new(&file, Recorded::default(), Method::Places).unwrap();
+        let model = Model::new(&machine(), Recorded::default(), Method::Places).unwrap();
         let read = observations(&readings, &model);
         let whitener = Whitener::new(&read, &even(1e-6));
         let experiment = Experiment::new(&model, &readings);
         let problem = Problem::new(&read, &whitener, &experiment, &Rules::DEFAULT);
-        let world = World::new(&problem, &model, &readings).unwrap();
-        let mut places = Vec::new();
-        for (block, written) in world.written.iter().enumerate() {
-            let Some(written) = written else { continue };
-            let n = written.units.len();
-            let root: Vec<f64> = (0..n).map(|_| 0.2 * (rng.f64() - 0.5)).collect();
-            let amplitudes: Vec<f64> = if world.blocks[block].forces == 0 {
-                (0..n).map(|i| if i == block % n { 0.05 } else { 0.0 }).collect()
-            } else {
-                (0..n)
-                    .flat_map(|i| (0..=i).map(move |j| (i, j)))
-                    .map(|(i, j)| root[i] * root[j] * if i == j { 1.0 } else { 2.0 })
-                    .collect()
-            };
-            let columns = DMatrix::zeros(0, 0);
-            let found = Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes: amplitudes.clone() };
-            let family = world.elements(&found).unwrap();
-            let mut softer = file.parameters;
-            for (parameter, start) in family.parameters.iter().zip(&family.start) {
-                parameter.add_to(&mut softer, parameter.prior.value(*start));
-            }
-            let softer = Machine::<f64>::new(&softer).unwrap();
-            let declared = State { declared: vec![0.0; world.uncertainty.len()], blocks: Vec::new() };
-            let state = State { blocks: vec![(block, amplitudes)], ..declared.clone() };
-            let (before, after) = (world.solve(&declared).unwrap(), world.solve(&state).unwrap());
-            for (pose, (before, after)) in readings.poses.iter().zip(before.iter().zip(&after)) {
-                let by_core = softer.stiffness(&pose.pose).unwrap().matrix().try_inverse().unwrap();
-                let usual = &before.compliance;
-                let size = |i: usize, j: usize| (usual[(i, i)] * usual[(j, j)]).sqrt();
-                for i in 0..6 {
-                    for j in 0..6 {
-                        let error = (by_core[(i, j)] - after.compliance[(i, j)]).abs() / size(i, j);
-                        // weights are kept to 1.5e-5 of the greatest
-                        assert!(error < 1e-4, "{:?} {i} {j}: {error:e}", world.blocks[block].places);
-                    }
+        judge(&World::new(&problem, &model, &readings).unwrap(), &readings, &model);
+    }
+
+    /// With a block's amplitudes and without, by pose.
+    fn solved(world: &World, block: usize, amplitudes: &[f64]) -> [Vec<Solved>; 2] {
+        let declared = State { declared: vec![0.0; world.uncertainty.len()], blocks: Vec::new() };
+        let state = State { blocks: vec![(block, amplitudes.to_vec())], ..declared.clone() };
+        [world.solve(&state).unwrap(), world.solve(&declared).unwrap()]
+    }
+
+    /// Greatest difference between compliances, each entry in units of those on the diagonal.
+    fn difference(by_core: &M6, found: &M6, usual: &M6) -> f64 {
+        let size = |i: usize, j: usize| (usual[(i, i)] * usual[(j, j)]).sqrt();
+        M6::from_fn(|i, j| (by_core[(i, j)] - found[(i, j)]).abs() / size(i, j)).max()
+    }
+
+    /// The block of a formula is the core's effect far from the declared machine, where a derivative there would not be.
+    #[test]
+    fn a_formula_that_is_a_compliance_holds_however_much_yields() {
+        on_unit_loads(|world, readings, model| {
+            let block = world.blocks.iter().position(|b| b.places == ["moving_platform"] && b.columns == 5).unwrap();
+            let named = |c: &Candidate| c.names == ["moving-platform-compliance"];
+            let unknowns = &model.candidates.iter().find(|c| named(c)).unwrap().unknowns;
+            for amplitudes in [[1.0, 2.0, 0.5, 0.0, 0.0], [0.0, 0.0, 0.0, 2.0, 1.0]] {
+                let softer = Machine::<f64>::new(&model.state(unknowns, &amplitudes, false).machine).unwrap();
+                let [after, before] = solved(world, block, &amplitudes);
+                for (pose, (before, after)) in readings.poses.iter().zip(before.iter().zip(&after)) {
+                    let by_core = softer.stiffness(&pose.pose).unwrap().matrix().try_inverse().unwrap();
+                    let usual = &before.compliance;
+                    assert!(difference(&by_core, usual, usual) > 0.01);
+                    assert!(difference(&by_core, &after.compliance, usual) < 1e-8);
                 }
             }
-            places.extend(world.blocks[block].places.iter().cloned());
-        }
-        places.sort();
-        places.dedup();
-        assert_eq!(places.len(), 12, "every place has a block: {places:?}");
+        });
+    }
+
+    /// What a block says with amplitudes of rank 1 is what the core says with the elements that are written for it.
+    #[test]
+    fn elements_of_a_block_are_its_compliance() {
+        let mut rng = fastrand::Rng::with_seed(17);
+        on_unit_loads(|world, readings, model| {
+            let mut places = Vec::new();
+            for (block, written) in world.written.iter().enumerate() {
+                let Some(written) = written else { continue };
+                let n = written.units.len();
+                let root: Vec<f64> = (0..n).map(|_| 0.2 * (rng.f64() - 0.5)).collect();
+                let amplitudes: Vec<f64> = if world.blocks[block].forces == 0 {
+                    (0..n).map(|i| if i == block % n { 0.05 } else { 0.0 }).collect()
+                } else {
+                    (0..n)
+                        .flat_map(|i| (0..=i).map(move |j| (i, j)))
+                        .map(|(i, j)| root[i] * root[j] * if i == j { 1.0 } else { 2.0 })
+                        .collect()
+                };
+                let columns = DMatrix::zeros(0, 0);
+                let found = Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes: amplitudes.clone() };
+                let family = world.elements(&found).unwrap();
+                let mut softer = model.declared;
+                for (parameter, start) in family.parameters.iter().zip(&family.start) {
+                    parameter.add_to(&mut softer, parameter.prior.value(*start));
+                }
+                let softer = Machine::<f64>::new(&softer).unwrap();
+                let [after, before] = solved(world, block, &amplitudes);
+                for (pose, (before, after)) in readings.poses.iter().zip(before.iter().zip(&after)) {
+                    let by_core = softer.stiffness(&pose.pose).unwrap().matrix().try_inverse().unwrap();
+                    let error = difference(&by_core, &after.compliance, &before.compliance);
+                    // weights are kept to 1.5e-5 of the greatest
+                    assert!(error < 1e-4, "{:?}: {error:e}", world.blocks[block].places);
+                }
+                places.extend(world.blocks[block].places.iter().cloned());
+            }
+            places.sort();
+            places.dedup();
+            assert_eq!(places.len(), 12, "every place has a block: {places:?}");
+        });
     }
 }
