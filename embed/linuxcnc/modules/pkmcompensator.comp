@@ -82,6 +82,7 @@ function to_drives fp "all the rest; behind motion-controller";
 ;;
 
 #include <string.h>
+#include "checksums.h"
 
 /* fields of pkm.h are called so */
 #undef gain
@@ -229,21 +230,12 @@ FUNCTION(to_drives) {
     if (last_ns > max_ns) max_ns = last_ns;
 }
 
-static int is_for(const char *what, const char *wanted_sum, unsigned long long sum) {
-    char text[17];
-    rtapi_snprintf(text, sizeof(text), "%016llx", sum);
-    if (wanted_sum && !strcmp(wanted_sum, text)) return 1;
-    rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: the %s compiled in is %s, this configuration is for %s: build modules "
-                    "and configuration from one machine file (cargo xtask linuxcnc build)\n", what, text,
-                    wanted_sum ? wanted_sum : "none that it names");
-    return 0;
-}
-
 EXTRA_SETUP() {
     (void)prefix;
     (void)extra_arg;
-    if (!is_for("machine", machine, pkm_machine_checksum()) || !is_for("wrist", wrist, pkm_wrist_checksum()) ||
-        !is_for("table", table, pkm_table_checksum())) {
+    const char *us = "pkmcompensator";
+    if (!is_for(us, "machine", machine, pkm_machine_checksum()) || !is_for(us, "wrist", wrist, pkm_wrist_checksum()) ||
+        !is_for(us, "table", table, pkm_table_checksum())) {
         return -EINVAL;
     }
     PkmCompensatorSettings set;

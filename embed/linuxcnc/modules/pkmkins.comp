@@ -35,9 +35,9 @@ pin io s32 inverse-max-ns "longest time of an inverse; may be set to 0";
 pin io s32 forward-max-ns "longest time of a forward; may be set to 0";
 ;;
 
-#include <string.h>
 #include <rtapi_math.h>
 #include <kinematics.h>
+#include "checksums.h"
 
 static char *machine, *wrist;
 RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for");
@@ -162,19 +162,11 @@ EXPORT_SYMBOL(kinematicsType);
 EXPORT_SYMBOL(kinematicsInverse);
 EXPORT_SYMBOL(kinematicsForward);
 
-static int is_for(const char *what, const char *wanted, unsigned long long compiled_in) {
-    char text[17];
-    rtapi_snprintf(text, sizeof(text), "%016llx", compiled_in);
-    if (!wanted || !strcmp(wanted, text)) return 1;
-    rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: the %s compiled in is %s, this configuration is for %s: build modules and "
-                    "configuration from one machine file (cargo xtask linuxcnc build)\n", what, text, wanted);
-    return 0;
-}
-
 EXTRA_SETUP() {
     (void)prefix;
     (void)extra_arg;
     (void)__comp_inst;
-    const int fits = is_for("machine", machine, pkm_machine_checksum()) && is_for("wrist", wrist, pkm_wrist_checksum());
+    const int fits = (!machine || is_for("pkmkins", "machine", machine, pkm_machine_checksum())) &&
+                     (!wrist || is_for("pkmkins", "wrist", wrist, pkm_wrist_checksum()));
     return fits ? 0 : -EINVAL;
 }

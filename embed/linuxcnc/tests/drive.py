@@ -191,8 +191,32 @@ def park_and_drive_out():
     done("out")
 
 
+def to(place):
+    return " ".join(f"{letter}{value:.6f}" for letter, value in zip("XYZAB", place))
+
+
 def go(place):
-    mdi("G0 " + " ".join(f"{letter}{value:.6f}" for letter, value in zip("XYZAB", place)))
+    mdi("G0 " + to(place))
+
+
+def feed():
+    """A way that is too fast for a screw: as it is programmed, and with the share of the feed that the joints allow."""
+    limit = wish["slow_screw_mm_per_s"]
+    for screw in range(3):
+        halcmd("setp", f"pkmfeed.max-velocity-{screw}", limit)
+    halcmd("setp", "pkmfeed.feed-override", 1)
+    time.sleep(0.1)
+    rows = [periods()]
+    for acts in (0, 1):
+        mdi(f"M52 P{acts}")
+        for place in wish["places"] + [wish["home"]]:
+            mdi(f"G1 G94 F{wish['feed_mm_per_min']} " + to(place))
+            rows.append(periods())
+    mdi("M52 P0")
+    for screw in range(3):
+        halcmd("setp", f"pkmfeed.max-velocity-{screw}", 120)
+    halcmd("setp", "pkmfeed.feed-override", 1.2)
+    done("feed", rows=rows, slow_screw_mm_per_s=limit)
 
 
 def run():
@@ -230,6 +254,7 @@ def run():
     faults()
     abort_and_home_again()
     park_and_drive_out()
+    feed()
 
     go(wish["places"][0])
     mode(linuxcnc.MODE_AUTO)

@@ -1,6 +1,7 @@
 //! LinuxCNC with our kinematics and stiffness: its modules and a configuration for a machine.
 
 mod faults;
+mod feed;
 mod replay;
 mod simulation;
 
@@ -30,7 +31,7 @@ cargo xtask linuxcnc
 /// Where Debian's LinuxCNC looks for modules; `loadrt` takes them from nowhere else.
 const MODULES: &str = "/usr/lib/linuxcnc/modules";
 const PACKAGES: &str = "apt-get install --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev gcc make";
-const OURS: [&str; 2] = ["modules/pkmkins.comp", "modules/pkmcompensator.comp"];
+const OURS: [&str; 3] = ["modules/pkmkins.comp", "modules/pkmcompensator.comp", "modules/pkmfeed.comp"];
 /// Copied into a configuration as they are.
 const FILES: [&str; 4] = ["pkm.hal", "panel.hal", "panel.xml", "tool.tbl"];
 
@@ -166,7 +167,9 @@ fn compile(components: &[&str], library: &Path, to: &Path) -> Outcome {
     let copy = |from: PathBuf, to: PathBuf| {
         std::fs::copy(&from, &to).map(drop).map_err(|e| format!("{} to {}: {e}", from.display(), to.display()))
     };
-    copy(root().join("embed/c/include/pkm.h"), work.path().join("pkm.h"))?;
+    for (header, name) in [("c/include/pkm.h", "pkm.h"), ("linuxcnc/modules/checksums.h", "checksums.h")] {
+        copy(root().join("embed").join(header), work.path().join(name))?;
+    }
     for component in components {
         let component = Path::new(component);
         let name = component.file_name().ok_or("a component without a name")?;

@@ -1,5 +1,6 @@
 //! Every period of a simulation again on the host: kinematics, stiffness, deflection, and the compensator with its state.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Limit, Offset, Reading};
@@ -11,6 +12,7 @@ use pkm_core::{
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::table_numbers::TableNumbers;
 
+use super::feed::Feed;
 use super::in_file_units;
 use crate::Outcome;
 use crate::c::compensator::number;
@@ -18,8 +20,8 @@ use crate::c::compensator::number;
 /// A row of the recorder: times of the thread on the wall's and on the processor's clock and of the compensation, real pins,
 /// flags, whole numbers.
 const REALS: usize = 3;
-const FLAGS: usize = REALS + 81;
-const WHOLE: usize = FLAGS + 4;
+const FLAGS: usize = REALS + 98;
+const WHOLE: usize = FLAGS + 5;
 pub const ROW: usize = WHOLE + 6;
 
 /// Real pins of a row.
@@ -41,6 +43,12 @@ pub struct Row<'a> {
     pub drive: &'a [f64],
     pub motor_offset: &'a [f64],
     rise_k: f64,
+    /// What motmod commands the joints, how fast they move by the component, and the share of the programmed feed that it allows.
+    pub joints: &'a [f64],
+    pub velocity: &'a [f64],
+    pub acceleration: &'a [f64],
+    pub feed_share: f64,
+    pub requested: f64,
     pub k: &'a [f64],
 }
 
@@ -54,7 +62,9 @@ impl<'a> Row<'a> {
         let (asked, given, felt, placed) = (take(5), take(5), take(5), take(5));
         let (stands, wrench, offsets, moved) = (take(5), take(6), take(5), take(6));
         let (margins, target_share, command) = (take(3), take(1)[0], take(5));
-        let (drive, motor_offset, rise_k, k) = (take(5), take(3), take(1)[0], take(21));
+        let (drive, motor_offset, rise_k) = (take(5), take(3), take(1)[0]);
+        let (joints, velocity, acceleration) = (take(5), take(5), take(5));
+        let (feed_share, requested, k) = (take(1)[0], take(1)[0], take(21));
         Self {
             all,
             asked,
@@ -71,6 +81,11 @@ impl<'a> Row<'a> {
             drive,
             motor_offset,
             rise_k,
+            joints,
+            velocity,
+            acceleration,
+            feed_share,
+            requested,
             k,
         }
     }
@@ -86,6 +101,11 @@ impl<'a> Row<'a> {
 
     pub fn homed(&self) -> bool {
         self.flag(3)
+    }
+
+    /// Joint velocities and accelerations are of the period before.
+    pub fn feed_ok(&self) -> bool {
+        self.flag(4)
     }
 
     pub fn fault(&self) -> f64 {
@@ -164,7 +184,7 @@ pub fn settings(phase: usize) -> CompensatorSettings {
     }
 }
 
-const DEG: f64 = 180.0 / std::f64::consts::PI;
+pub const DEG: f64 = 180.0 / std::f64::consts::PI;
 /// Of phase 1.
 pub const STUCK_S: f64 = 0.5;
 /// Largest offset of a screw in phase 2.
@@ -243,7 +263,7 @@ fn component(
 }
 
 /// Of the configuration.
-const PERIOD_NS: f64 = 1e6;
+pub const PERIOD_NS: f64 = 1e6;
 
 fn keep(worst: &mut f64, d: f64) {
     *worst = if d > *worst || d.is_nan() { d } else { *worst };
@@ -273,6 +293,7 @@ struct Seen {
     last: Option<Configuration<f64>>,
     last_command: Option<Vec<f64>>,
     compensation: Option<Compensation>,
+    feed: Feed,
 }
 
 impl Seen {
@@ -381,6 +402,7 @@ impl Seen {
              deflection {:.1e} um or urad; K_m {:.1e} of its diagonal",
             self.inverse, self.forward, self.offsets, self.deflection, self.stiffness
         );
+        self.feed.print();
         let [half, _, most] = spread(self.looks.iter().map(|n| f64::from(*n)));
         println!(
             "  iterations: none; were tool vectors asked for, {half} Newton iterations from period to period, {most} at the most\n  \
@@ -411,11 +433,22 @@ impl Seen {
 }
 
 /// What the recorder saw, period by period.
-pub fn judge_rows(host: &Host, rows: &[Vec<f64>], load: &[f64; 6], periods: usize) -> Outcome {
+///
+/// # Arguments
+/// * `slow`: rows in which a screw has another limit of its velocity, and that limit, mm/s.
+pub fn judge_rows(
+    host: &Host,
+    rows: &[Vec<f64>],
+    load: &[f64; 6],
+    periods: usize,
+    slow: &(Range<usize>, f64),
+) -> Outcome {
     let mut seen = Seen::default();
-    rows.iter()
-        .enumerate()
-        .try_for_each(|(n, row)| seen.take(host, &Row::of(row), load).map_err(|e| format!("period {n}: {e}")))?;
+    rows.iter().enumerate().try_for_each(|(n, row)| {
+        let (row, limit) = (Row::of(row), slow.0.contains(&n).then_some(slow.1));
+        let done = seen.take(host, &row, load).and_then(|()| seen.feed.take(host, &row, limit));
+        done.map_err(|e| format!("period {n}: {e}"))
+    })?;
     seen.print(rows);
     let enough = rows.len() >= periods && seen.loaded >= 1000 && seen.stepped >= 100 && seen.inside > 0;
     let exact = [seen.inverse, seen.forward, seen.offsets].into_iter().all(|d| d <= 1e-11)
@@ -427,6 +460,7 @@ pub fn judge_rows(host: &Host, rows: &[Vec<f64>], load: &[f64; 6], periods: usiz
         (enough, "too little was seen"),
         (exact, "not what the host computes"),
         (steady, "a joint jumped"),
+        (seen.feed.holds(), "not the joints' velocities, accelerations or share of the feed"),
         (seen.late_by_us == 0, "our functions overran the period"),
     ] {
         if !holds {

@@ -9,6 +9,7 @@ use pkm_core::{Configuration, FiveAxis, ToolError};
 use serde_json::{Value, json};
 
 use super::faults::{judge_faults, outside_the_box, parked_inside_the_margin};
+use super::feed::{self, FEED_MM_PER_S, slow_screw_mm_per_s};
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
 use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template};
 use crate::image::symbols;
@@ -22,7 +23,7 @@ pub fn run() -> Outcome {
 }
 
 /// What the recorder keeps of a period: nets of `pkm.hal`, or pins that nothing else reads, with how many numbered ones.
-const RECORDED: [(&str, usize); 28] = [
+const RECORDED: [(&str, usize); 33] = [
     ("pkmkins.inverse-axis-", 5),
     ("pkmkins.inverse-joint-", 5),
     ("pkmkins.forward-joint-", 5),
@@ -51,6 +52,11 @@ const RECORDED: [(&str, usize); 28] = [
     ("joint.1.motor-offset", 1),
     ("joint.2.motor-offset", 1),
     ("rise", 1),
+    ("asked", 5),
+    ("pkmfeed.velocity-", 5),
+    ("pkmfeed.acceleration-", 5),
+    ("feed-share", 1),
+    ("requested-vel", 1),
 ];
 const ENTRIES: [&str; 21] = [
     "11", "12", "13", "14", "15", "16", "22", "23", "24", "25", "26", "33", "34", "35", "36", "44", "45", "46", "55",
@@ -75,7 +81,8 @@ fn recorder(file: &Path) -> String {
     for (n, name) in names.iter().enumerate() {
         tie(name, &format!("real-{n:03}"));
     }
-    for (n, name) in ["pkmcompensator.ok", "pkmcompensator.inside-box", "compensate", "homed"].into_iter().enumerate() {
+    let flags = ["pkmcompensator.ok", "pkmcompensator.inside-box", "compensate", "homed", "pkmfeed.ok"];
+    for (n, name) in flags.into_iter().enumerate() {
         tie(name, &format!("flag-{n}"));
     }
     // the last whole number is the script's: which settings it has chosen
@@ -149,7 +156,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let out = folder.path();
     let setup = ready(name).ok_or("no such machine")?;
-    build(&setup, out, &[OURS, FOR_TESTS].concat())?;
+    build(&setup, out, &[&OURS[..], &FOR_TESTS].concat())?;
     no_allocation(&out.join("modules"))?;
     let host = Host { machine: machine_file(&setup.machine)?, table: table(out)? };
     let five = host.five()?;
@@ -185,7 +192,8 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let outside = outside_the_box(&host).ok_or("no place outside the table's box was found")?;
     let wish = json!({ "parked": parked.joints, "inward": parked.inward, "stuck_s": STUCK_S, "small_screw_mm": SMALL_SCREW_MM, "outside": outside,
         "places": places, "load": load, "unreachable": unreachable, "singular": singular, "home": home_axes, "through": through,
-        "program": "holes.ngc", "periods": periods });
+        "program": "holes.ngc", "periods": periods, "feed_mm_per_min": 60.0 * FEED_MM_PER_S,
+        "slow_screw_mm_per_s": slow_screw_mm_per_s(&five, &home_axes, &places)? });
     let write = |name: &str, text: &str| std::fs::write(out.join(name), text).map_err(|e| format!("{name}: {e}"));
     write("drive.json", &wish.to_string())?;
     write("drive.py", &template("tests/drive.py")?)?;
@@ -221,7 +229,10 @@ fn drive(name: &str, periods: usize) -> Outcome {
     }
     judge_steps(&verdict, &five, home_axes, &places, &through).or_else(fails)?;
     let rows = numbers(&record, ROW)?;
-    judge_rows(&host, &rows, &load, periods).or_else(fails)?;
+    let (noted, limit) = feed::during(&verdict)?;
+    let slow = (noted[0]..noted[noted.len() - 1], limit);
+    judge_rows(&host, &rows, &load, periods, &slow).or_else(fails)?;
+    feed::judge(&host, &verdict, &rows).or_else(fails)?;
     judge_faults(&host, &verdict, &rows).or_else(fails)
 }
 
@@ -248,7 +259,7 @@ fn judge_steps(
         let at: Option<&[f64]> = match name {
             "home" => Some(&home_axes),
             "place" => asked.next().map(Vec::as_slice),
-            "before" | "after" | "out" | "rehome" => Some(&home_axes),
+            "before" | "after" | "out" | "rehome" | "feed" => Some(&home_axes),
             _ => None,
         };
         let refused = matches!(name, "unreachable" | "singular" | "through" | "inward");
@@ -312,6 +323,7 @@ fn judge_steps(
         "inward",
         "sag",
         "out",
+        "feed",
         "program",
     ];
     if all.into_iter().any(|name| count(name) != 1) || count("place") != places.len() {
@@ -322,7 +334,7 @@ fn judge_steps(
 
 /// The modules ask for no memory but what HAL gives them when they are loaded.
 fn no_allocation(modules: &Path) -> Outcome {
-    for name in ["pkmkins.so", "pkmcompensator.so"] {
+    for name in ["pkmkins.so", "pkmcompensator.so", "pkmfeed.so"] {
         let asked: Vec<String> = symbols(&modules.join(name))?
             .into_iter()
             .filter(|s| {
@@ -350,6 +362,8 @@ fn refuse_others(out: &Path, host: &Host) -> Outcome {
         (format!("pkmcompensator machine={machine:016x} wrist={another}"), "wrist"),
         (format!("pkmcompensator {ours} table={another}"), "table"),
         (format!("pkmcompensator {ours}"), "table"),
+        (format!("pkmfeed machine={another}"), "machine"),
+        (format!("pkmfeed machine={machine:016x}"), "wrist"),
     ] {
         std::fs::write(out.join("other.hal"), format!("loadrt {line}\n")).map_err(|e| e.to_string())?;
         let mut halrun = among_modules(&out.join("modules"), out)?;
