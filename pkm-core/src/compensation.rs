@@ -108,8 +108,18 @@ pub struct Cycle<T> {
     pub compensated: Compensated<T>,
 }
 
+/// What is to be compensated in a period.
+pub(crate) struct Load<T> {
+    /// On the tip.
+    pub wrench: Wrench<T>,
+    /// Share of its deflection.
+    pub gain: T,
+    pub rise_k: T,
+}
+
 /// Displacement of A under a wrench at A, by K_m in the factor form or, without a table, by K_p; with what load-dependent
 /// effects add, after a history or under a load that has only grown.
+#[inline(always)] // a frame less below the stiffness
 pub(crate) fn deflection<T: Scalar>(
     machine: &Machine<T>,
     table: Option<&CorrectionTable<'_, T>>,

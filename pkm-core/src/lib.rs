@@ -12,13 +12,14 @@
 //! 4. [`correction`]: K_m from a [`CorrectionTable`] fitted by `pkm-host`, with the status of the table's box.
 //! 5. [`compensation`]: [`CorrectionTable::cycle`], from a pose and a load on the tip to screw lengths that make up
 //!    for it; [`Machine::compensated`] alone.
-//! 6. [`five_axis`], [`wrist`]: all five axes; [`FiveAxis`] borrows a machine and a wrist.
-//! 7. [`compensator`]: compensation with state, for a controller to switch on: filter, limits, faults, stability.
-//! 8. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
+//! 6. [`estimation`]: what the machine learns from readings while it works, and how sure that is.
+//! 7. [`five_axis`], [`wrist`]: all five axes; [`FiveAxis`] borrows a machine and a wrist.
+//! 8. [`compensator`]: compensation with state, for a controller to switch on: filter, limits, faults, stability.
+//! 9. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
 //!    [`tables::reference`]: `PARAMETERS` and `WRIST` are the numbers, `MACHINE_F64`, `TABLE_F64`, `WRIST_F64` and
 //!    those in `F32` what to compute with.
-//! 9. [`self_test`]: known results, for a controller's start.
-//! 10. [`types`]: pose, wrench, deflection, their frames and units.
+//! 10. [`self_test`]: known results, for a controller's start.
+//! 11. [`types`]: pose, wrench, deflection, their frames and units.
 //!
 //! Vectors and matrices are those of [`nalgebra`], which is exported from here so that a program can name the same version.
 //!
@@ -72,6 +73,7 @@ pub mod compensator;
 pub mod correction;
 pub mod effects;
 mod elastic;
+pub mod estimation;
 pub mod five_axis;
 pub mod kinematics;
 mod linalg;

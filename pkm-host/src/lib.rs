@@ -4,7 +4,7 @@
 //!
 //! 1. [`error`], [`pose`], [`progress`]: failures; poses as plain numbers; how far a computation is
 //! 2. [`files`]: machine, job, table, CSV and G-code, from bytes to checked values; [`tracker`]: from its points to deflections
-//! 3. [`fit`], [`diagnose`], [`geometry`], [`plan`], [`fem`], [`hil`]: each computes, none from another's results
+//! 3. [`fit`], [`diagnose`], [`geometry`], [`plan`], [`fem`], [`hil`], [`replay`]: each computes, none from another's results
 //! 4. [`report`]: from a finished result to pages, charts and generated source
 //! 5. [`cli`]: the commands
 
@@ -19,5 +19,6 @@ pub mod hil;
 pub mod plan;
 pub mod pose;
 pub mod progress;
+pub mod replay;
 pub mod report;
 pub mod tracker;

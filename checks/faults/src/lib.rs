@@ -2,10 +2,12 @@
 //!
 //! Compensators of three screws and of five axes run through periods without the fault, with it, and without it again. What comes of it
 //! is a checksum of all that was computed, or what was not as it is defined. The same code runs as a test on the host, and in QEMU on a
-//! Cortex-M, where the checksums must be the host's.
+//! Cortex-M, where the checksums must be the host's. [`lessons`] does the same with readings and an estimator.
 
 #![no_std]
 #![forbid(unsafe_code)]
+
+mod learning;
 
 use core::fmt;
 
@@ -15,6 +17,8 @@ use pkm_core::correction::{TableBuffer, TransferError};
 use pkm_core::nalgebra::{SVector, Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{Configuration, CorrectionTable, Fault, FiveAxis, Pose, Scalar, Wrench};
+
+pub use learning::{Lesson, lessons};
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

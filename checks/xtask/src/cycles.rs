@@ -15,13 +15,15 @@ const RUNS: [(&str, &str, Option<&str>, &str); 2] = [
 ];
 
 /// What has a limit: its name in the firmware and in `checks/budgets.toml`, and what it is.
-const LIMITED: [(&str, &str); 6] = [
+const LIMITED: [(&str, &str); 8] = [
     ("cycle", "a cycle"),
     ("tool", "the next point of a path for five axes"),
     ("rates", "velocities and accelerations of five joints"),
     ("compensate", "an update of the compensator, three screws"),
     ("compensate_tool", "an update of the compensator, five axes"),
     ("compensated_tool", "the compensated command for a tool, at worst"),
+    ("absorb", "a reading of three components for six amplitudes"),
+    ("u95", "what six amplitudes add to a tip's deflection, and its uncertainty"),
 ];
 
 pub fn run() -> Outcome {

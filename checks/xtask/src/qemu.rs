@@ -84,7 +84,8 @@ pub fn run() -> Outcome {
 
 /// Every fault on every processor, with the reaction and the bits that it has on the host.
 fn faults() -> Outcome {
-    let here: String = pkm_faults::outcomes().map(|outcome| format!("{outcome}\n")).collect();
+    let mut here: String = pkm_faults::outcomes().map(|outcome| format!("{outcome}\n")).collect();
+    here.extend(pkm_faults::lessons().iter().map(|lesson| format!("{lesson}\n")));
     for (board, processor, cpu) in PROCESSORS {
         let (mut build, elf) = firmware("faults", cpu);
         output(&mut build)?;
@@ -143,6 +144,7 @@ even_m_per_n2 = -1e-13
 odd_m_per_n2 = 1e-13
 cubic_m_per_n3 = 1e-16
 play_m = 1e-6
+straight_above_n = 300.0
 [[element]]
 place = "limb.3.platform_joint"
 motion = "axial"

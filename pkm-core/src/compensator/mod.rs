@@ -34,8 +34,9 @@ use core::fmt;
 
 use nalgebra::{SVector, Vector3};
 
-use crate::compensation::{self, CompensationError};
+use crate::compensation::{self, CompensationError, Load};
 use crate::correction::{CorrectionError, CorrectionTable};
+use crate::estimation::Estimator;
 use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
@@ -188,13 +189,6 @@ pub struct Compensator<T, const JOINTS: usize> {
     joints: SVector<T, JOINTS>,
 }
 
-/// What is to be compensated in a period.
-struct Load<T> {
-    wrench: Wrench<T>,
-    gain: T,
-    rise_k: T,
-}
-
 impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     /// Begins without an offset.
     ///
@@ -292,11 +286,11 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
 
 /// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip, and all of the thermal
 /// growth.
-fn offsets<T: Scalar>(
+fn offsets<T: Scalar, const N: usize>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
-    pose: &Pose<T>,
-    tip_m: Vector3<T>,
+    learned: Option<&Estimator<T, N>>,
+    (pose, tip_m): (&Pose<T>, Vector3<T>),
     load: &Load<T>,
     history: &mut LoadHistory<T>,
 ) -> Result<Vector3<T>, Fault> {
@@ -306,6 +300,10 @@ fn offsets<T: Scalar>(
     };
     let wrench = &load.wrench.moved_to_a(tip_m);
     let loaded = compensation::deflection_at(machine, Some(table), pose, posture, wrench, Some(history))?;
+    let loaded = match learned {
+        Some(learned) => learned.known(machine, posture, wrench, tip_m, &loaded)?,
+        None => loaded,
+    };
     let moved = loaded.times(load.gain).plus(&machine.thermal_deflection_at(posture, load.rise_k)?);
     Ok(machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q)
 }
@@ -327,7 +325,28 @@ impl<T: Scalar> Compensator<T, 3> {
         tip_m: Vector3<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
-        self.step(table.domain(pose), reading, |load, history| offsets(machine, table, pose, tip_m, load, history))
+        self.step(table.domain(pose), reading, |load, history| {
+            offsets(machine, table, None::<&Estimator<T, 0>>, (pose, tip_m), load, history)
+        })
+    }
+
+    /// A period with what was learned: its deflection is added to that of machine and table. Where the tip moves by less than the
+    /// expanded uncertainty of that, only so great a share is compensated as it is of the uncertainty.
+    ///
+    /// # Arguments
+    /// As of [`update`](Self::update); `learned` has taken its [step](Estimator::follow) of the period.
+    #[inline(never)]
+    pub fn update_learned<const N: usize>(
+        &mut self,
+        table: &CorrectionTable<'_, T>,
+        machine: &Machine<T>,
+        learned: &Estimator<T, N>,
+        (pose, tip_m): (&Pose<T>, Vector3<T>),
+        reading: &Reading<T>,
+    ) -> Offset<T, 3> {
+        self.step(table.domain(pose), reading, |load, history| {
+            offsets(machine, table, Some(learned), (pose, tip_m), load, history)
+        })
     }
 }
 
@@ -346,7 +365,22 @@ impl<T: Scalar> Compensator<T, 5> {
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
         self.step(table.domain(&configuration.pose), reading, |load, history| {
-            Ok(five.offsets(table, configuration, &load.wrench, load.gain, load.rise_k, history)?)
+            Ok(five.offsets(table, None::<&Estimator<T, 0>>, configuration, load, history)?)
+        })
+    }
+
+    /// A period with what was learned; see the one for three screws.
+    #[inline(never)]
+    pub fn update_learned<const N: usize>(
+        &mut self,
+        table: &CorrectionTable<'_, T>,
+        five: &FiveAxis<'_, T>,
+        learned: &Estimator<T, N>,
+        configuration: &Configuration<T>,
+        reading: &Reading<T>,
+    ) -> Offset<T, 5> {
+        self.step(table.domain(&configuration.pose), reading, |load, history| {
+            Ok(five.offsets(table, Some(learned), configuration, load, history)?)
         })
     }
 }

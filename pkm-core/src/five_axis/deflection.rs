@@ -4,8 +4,9 @@ use nalgebra::{SVector, Vector2, Vector3};
 
 use super::state::State;
 use super::{CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError};
-use crate::compensation;
+use crate::compensation::{self, Load};
 use crate::correction::CorrectionTable;
+use crate::estimation::Estimator;
 use crate::kinematics::platform_axes;
 use crate::linalg::{self, axes, length, split, unit};
 use crate::scalar::Scalar;
@@ -151,37 +152,58 @@ impl<T: Scalar> FiveAxis<'_, T> {
         best.ok_or(ToolDeflectionError::Tool(ToolError::Unreachable))
     }
 
-    /// What to add to the joint values of a configuration: `gain` times the deflection of the tool under a load, and all of the
+    /// What to add to the joint values of a configuration: the gain times the deflection of the tool under a load, and all of the
     /// thermal growth, undone by one Newton step.
-    pub(crate) fn offsets(
+    pub(crate) fn offsets<const N: usize>(
         &self,
         table: &CorrectionTable<'_, T>,
+        learned: Option<&Estimator<T, N>>,
         configuration: &Configuration<T>,
-        wrench: &Wrench<T>,
-        gain: T,
-        rise_k: T,
+        load: &Load<T>,
         history: &mut LoadHistory<T>,
     ) -> Result<SVector<T, 5>, ToolDeflectionError> {
         self.joints(configuration)?;
         // by reference: `?` would copy all of it
-        match &self.deflection_of(Some(table), configuration, wrench, Some(history)) {
-            Ok(loaded) => self.offsets_against(configuration, loaded, gain, rise_k),
+        match &self.deflection_of(Some(table), configuration, &load.wrench, Some(history)) {
+            Ok(loaded) => {
+                let ToolDeflection { translation_m, rotation_rad, .. } = *loaded;
+                let mut moved = Deflection { translation_m, rotation_rad };
+                if let Some(learned) = learned {
+                    self.add_learned(learned, configuration, &load.wrench, &mut moved)?;
+                }
+                self.offsets_against(configuration, &moved, load)
+            }
             Err(e) => Err(*e),
         }
+    }
+
+    /// Adds what was learned to a deflection of the tool, and takes the share of it that is known.
+    #[inline(never)] // takes no stack while the deflection is worked out
+    fn add_learned<const N: usize>(
+        &self,
+        learned: &Estimator<T, N>,
+        configuration: &Configuration<T>,
+        wrench: &Wrench<T>,
+        moved: &mut Deflection<T>,
+    ) -> Result<(), ToolDeflectionError> {
+        let Configuration { pose, beta_rad } = configuration;
+        let posture = self.machine.posture(pose).map_err(StiffnessError::from)?;
+        let at_a = self.wrist.wrench_at_a(*beta_rad, wrench);
+        let tip = learned.tip_at(self.machine, &posture, &at_a, self.wrist.held(*beta_rad).tip)?;
+        let whole = moved.plus(&self.seen_at_tip(configuration, &tip.deflection));
+        *moved = whole.times(tip.known_share(&whole.translation_m));
+        Ok(())
     }
 
     #[inline(never)] // takes no stack while the deflection is worked out
     fn offsets_against(
         &self,
         configuration: &Configuration<T>,
-        loaded: &ToolDeflection<T>,
-        gain: T,
-        rise_k: T,
+        loaded: &Deflection<T>,
+        load: &Load<T>,
     ) -> Result<SVector<T, 5>, ToolDeflectionError> {
-        let ToolDeflection { translation_m, rotation_rad, .. } = *loaded;
-        let grown = self.machine.thermal_deflection(&configuration.pose, rise_k)?;
-        let moved =
-            Deflection { translation_m, rotation_rad }.times(gain).plus(&self.seen_at_tip(configuration, &grown));
+        let grown = self.machine.thermal_deflection(&configuration.pose, load.rise_k)?;
+        let moved = loaded.times(load.gain).plus(&self.seen_at_tip(configuration, &grown));
         let frame = self.frame_of(configuration);
         let [_, _, axis] = axes(&frame.axes);
         let target = Tool { tip_m: frame.tip_m - moved.translation_m, axis: axis - moved.rotation_rad.cross(&axis) };

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::CommandFactory;
 use serde_json::json;
 
-use super::Cli;
 use super::session::{Output, Session};
+use super::{Cli, Command};
 use crate::error::{Failure, Result};
 use crate::files::source;
 
@@ -19,7 +19,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "pkm-host", &mut script);
+    clap_complete::generate(args.shell, &mut Cli::<Command>::command(), "pkm-host", &mut script);
     let text = String::from_utf8(script).map_err(|e| Failure::other(e.to_string()))?;
     let json = json!({ "shell": args.shell.to_string(), "script": &text });
     session.output(text, &json)
@@ -34,7 +34,7 @@ pub(crate) struct ManArgs {
 }
 
 pub(crate) fn man(ManArgs { out }: &ManArgs, session: &mut Session) -> Result<Output> {
-    let mut program = Cli::command().disable_help_subcommand(true);
+    let mut program = Cli::<Command>::command().disable_help_subcommand(true);
     program.build();
     let mut pages = Vec::new();
     for command in std::iter::once(&program).chain(program.get_subcommands()) {

@@ -30,6 +30,7 @@ mod map;
 mod place;
 mod plan;
 mod predict;
+mod replay;
 mod session;
 mod stiffness;
 mod view;
@@ -41,7 +42,7 @@ mod view;
 /// Exit 0: success; 2: bad usage, bad input or a refused pose; 1: anything else.
 #[derive(Parser)]
 #[command(name = "pkm-host", version)]
-struct Cli {
+struct Cli<C: Subcommand> {
     /// One JSON document on stdout, messages on stderr.
     #[arg(long, global = true)]
     json: bool,
@@ -49,11 +50,12 @@ struct Cli {
     #[arg(long, global = true, value_name = "FILE")]
     machine: Option<PathBuf>,
     #[command(subcommand)]
-    command: Command,
+    command: C,
 }
 
+// What computes from files alone: for other programs, too. (A doc comment would be the text of `--help`.)
 #[derive(Subcommand)]
-enum Command {
+enum Computation {
     Ik(ik::Args),
     Fk(fk::Args),
     Stiffness(stiffness::Args),
@@ -66,6 +68,13 @@ enum Command {
     Map(map::Args),
     Place(place::Args),
     Compensate(compensate::Args),
+    Replay(replay::Args),
+}
+
+#[derive(Subcommand)]
+enum Command {
+    #[command(flatten)]
+    Computation(Computation),
     View(view::Args),
     Demo(demo::Args),
     Fem(fem::Args),
@@ -74,57 +83,90 @@ enum Command {
     Man(completions::ManArgs),
 }
 
-impl Cli {
-    /// What the command prints, and the warnings.
-    fn run(self) -> (Result<Output>, Vec<String>) {
-        let mut session = Session { machine_path: self.machine, warnings: Vec::new() };
-        let s = &mut session;
-        let result = match &self.command {
-            Command::Ik(args) => ik::run(args, s),
-            Command::Fk(args) => fk::run(args, s),
-            Command::Stiffness(args) => stiffness::run(args, s),
-            Command::Predict(args) => predict::run(args, s),
-            Command::Plan(args) => plan::run(args, s),
-            Command::Fit(args) => fit::run(args, s),
-            Command::Import(args) => import::run(args, s),
-            Command::Check(args) => check::run(args, s),
-            Command::Diagnose(args) => diagnose::run(args, s),
-            Command::Map(args) => map::run(args, s),
-            Command::Place(args) => place::run(args, s),
-            Command::Compensate(args) => compensate::run(args, s),
-            Command::View(args) => view::run(args, s),
-            Command::Demo(args) => demo::run(args, s),
-            Command::Fem(args) => fem::run(args, s),
-            Command::Hil(args) => hil::run(args, s),
-            Command::Completions(args) => completions::run(args, s),
-            Command::Man(args) => completions::man(args, s),
-        };
-        (result, session.warnings)
+trait Run: Subcommand {
+    fn run(&self, session: &mut Session) -> Result<Output>;
+}
+
+impl Run for Computation {
+    fn run(&self, s: &mut Session) -> Result<Output> {
+        match self {
+            Self::Ik(args) => ik::run(args, s),
+            Self::Fk(args) => fk::run(args, s),
+            Self::Stiffness(args) => stiffness::run(args, s),
+            Self::Predict(args) => predict::run(args, s),
+            Self::Plan(args) => plan::run(args, s),
+            Self::Fit(args) => fit::run(args, s),
+            Self::Import(args) => import::run(args, s),
+            Self::Check(args) => check::run(args, s),
+            Self::Diagnose(args) => diagnose::run(args, s),
+            Self::Map(args) => map::run(args, s),
+            Self::Place(args) => place::run(args, s),
+            Self::Compensate(args) => compensate::run(args, s),
+            Self::Replay(args) => replay::run(args, s),
+        }
     }
 }
 
-/// Runs a command as the program does, given its arguments without the program's name, and returns what it would print.
+impl Run for Command {
+    fn run(&self, s: &mut Session) -> Result<Output> {
+        match self {
+            Self::Computation(computation) => computation.run(s),
+            Self::View(args) => view::run(args, s),
+            Self::Demo(args) => demo::run(args, s),
+            Self::Fem(args) => fem::run(args, s),
+            Self::Hil(args) => hil::run(args, s),
+            Self::Completions(args) => completions::run(args, s),
+            Self::Man(args) => completions::man(args, s),
+        }
+    }
+}
+
+impl<C: Run> Cli<C> {
+    /// What the command prints, and the warnings.
+    fn run(self, prints: bool) -> (Result<Output>, Vec<String>) {
+        let mut session = Session { machine_path: self.machine, warnings: Vec::new(), prints };
+        (self.command.run(&mut session), session.warnings)
+    }
+}
+
+/// Runs a command as the program does, given its arguments without the program's name, and returns what it would print. Warnings are
+/// in the document and not printed.
 ///
 /// # Errors
 /// The failure that the program would print.
 pub fn run<A: Into<OsString>>(args: impl IntoIterator<Item = A>) -> Result<Output> {
+    parsed::<Command, A>(args)?.run(false).0
+}
+
+/// The same of the commands that compute from files, so that a program links nothing of the others.
+///
+/// # Errors
+/// The failure that the program would print.
+pub fn compute<A: Into<OsString>>(args: impl IntoIterator<Item = A>) -> Result<Output> {
+    parsed::<Computation, A>(args)?.run(false).0
+}
+
+fn parsed<C: Run, A: Into<OsString>>(args: impl IntoIterator<Item = A>) -> Result<Cli<C>> {
     let args = std::iter::once("pkm-host".into()).chain(args.into_iter().map(Into::into));
-    Cli::try_parse_from(args).map_err(|e| Failure::usage(e.to_string()))?.run().0
+    Cli::try_parse_from(args).map_err(|e| unusable(&e))
+}
+
+/// Bad options in one line, without the usage that clap prints below.
+fn unusable(error: &clap::Error) -> Failure {
+    let text = error.to_string();
+    let first = text.split("\n\n").next().unwrap_or("").trim_start_matches("error: ");
+    Failure::usage(first.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
 /// The program.
 pub fn main() -> ExitCode {
     let wants_json = std::env::args_os().any(|a| a == "--json");
-    let (result, warnings) = match Cli::try_parse() {
-        Ok(cli) => cli.run(),
+    let (result, warnings) = match Cli::<Command>::try_parse() {
+        Ok(cli) => cli.run(true),
         Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => e.exit(),
         // what is endless is clipped below
         Err(e) if !wants_json && e.to_string().len() < 4000 => e.exit(),
-        Err(e) => {
-            let text = e.to_string();
-            let first = text.split("\n\n").next().unwrap_or("").trim_start_matches("error: ");
-            (Err(Failure::usage(first.split_whitespace().collect::<Vec<_>>().join(" "))), Vec::new())
-        }
+        Err(e) => (Err(unusable(&e)), Vec::new()),
     };
     let printed = result.and_then(|output| {
         let text = if wants_json { format!("{}\n", output.json) } else { output.text };

@@ -31,13 +31,17 @@ pub(crate) struct Session {
     pub(crate) machine_path: Option<PathBuf>,
     /// Said so far.
     pub(crate) warnings: Vec<String>,
+    /// Whether warnings go to standard error too: not where a program calls, which finds them in the document.
+    pub(crate) prints: bool,
 }
 
 impl Session {
     /// Says warnings on standard error, and keeps them for documents and reports.
     pub(crate) fn warn(&mut self, warnings: impl IntoIterator<Item = String>) {
         for warning in warnings {
-            eprintln!("warning: {}", printable(&warning));
+            if self.prints {
+                eprintln!("warning: {}", printable(&warning));
+            }
             self.warnings.push(warning);
         }
     }

@@ -11,5 +11,6 @@ pub mod map;
 pub(crate) mod page;
 pub mod place;
 pub mod plot;
+pub mod replay;
 pub mod stiffness;
 pub mod view;

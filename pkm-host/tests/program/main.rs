@@ -20,6 +20,7 @@ mod path;
 mod place;
 mod properties;
 mod readings;
+mod replay;
 mod reports;
 mod tracker;
 mod unloaded;

@@ -7,6 +7,7 @@ mod correction;
 mod effects;
 mod elements;
 mod errors;
+mod estimation;
 mod five_axis;
 mod integrity;
 mod kinematics;

@@ -15,12 +15,17 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
-use pkm_core::nalgebra::{Vector2, Vector3};
+use pkm_core::estimation::{Estimator, TipReading, Touch};
+use pkm_core::nalgebra::{Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
     Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Tool, ToolError, ToolFrame, ToolMotion, Wrench,
 };
 
+#[path = "../learned.rs"]
+mod learned;
+#[path = "../panic.rs"]
+mod panic;
 #[path = "../semihosting.rs"]
 mod semihosting;
 
@@ -31,6 +36,11 @@ fn ticks<R>(f: impl FnOnce() -> R) -> u32 {
     black_box(&f());
     before.wrapping_sub(SYST::get_current()) & 0x00ff_ffff
 }
+
+/// Of the tool, in A-uvw.
+const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
+/// No update takes so long with floating-point hardware: 30,000 instructions.
+const TICKS_IN_SOFTWARE: u32 = 30_000 * 128 / 40;
 
 struct Counts {
     name: &'static str,
@@ -72,10 +82,58 @@ fn worst_compensation<T: Scalar>(
     Ok(greatest)
 }
 
-fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 11], ToolError> {
+/// Where doubles are computed in software an update takes many times as long, and fewer poses have to do.
+const POSES: u32 = 100_000;
+const POSES_IN_SOFTWARE: u32 = 100;
+
+/// Ticks of the costliest updates of compensators of three screws and of five axes, at poses all over the box and beyond, under loads that go
+/// and turn.
+fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[u32; 2], ToolError> {
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    let (Ok(mut screws), Ok(mut axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
+    else {
+        return Err(ToolError::NotFinite);
+    };
+    let tip = TIP_M.map(T::from_f64).into();
+    let mut state = 1_u32;
+    // from -1 to 1: the upper bits of a linear congruence
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        T::from_f64(f64::from(state >> 8) / f64::from(1 << 23) - 1.0)
+    };
+    let mut greatest = [0; 2];
+    let mut poses = POSES;
+    let mut done = 0;
+    while done < poses {
+        let mut within = |middle: f64, half: f64| T::from_f64(middle) + T::from_f64(half) * random();
+        let pose = Pose { theta_rad: within(0.0, 0.27), sigma_rad: within(0.0, 0.27), z0_m: within(0.53, 0.032) };
+        let beta_rad = Vector2::new(within(0.0, 1.2), within(-0.3, 0.3));
+        let wrench = [500.0, 500.0, 500.0, 50.0, 50.0, 50.0].map(|half| within(0.0, half));
+        let reading = &black_box(Reading {
+            enabled: true,
+            wrench: Wrench::from_vector(wrench.into()),
+            rise_k: within(0.0, 20.0),
+        });
+        let stands = &black_box(Configuration { pose, beta_rad });
+        let each = [
+            ticks(|| screws.update(table, five.machine, &stands.pose, tip, reading)),
+            ticks(|| axes.update(table, five, stands, reading)),
+        ];
+        if each[0] > TICKS_IN_SOFTWARE {
+            poses = POSES_IN_SOFTWARE;
+        }
+        for (greatest, ticks) in greatest.iter_mut().zip(each) {
+            *greatest = ticks.max(*greatest);
+        }
+        done += 1;
+    }
+    Ok(greatest)
+}
+
+fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 15], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
-    let tip = [0.01, -0.02, 0.3].map(number).into();
+    let tip = TIP_M.map(number).into();
     let names = [
         "inverse",
         "k_p",
@@ -88,14 +146,22 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
         "compensate_tool",
         "compensated_tool",
         "rates",
+        "absorb",
+        "u95",
+        "compensate_learned",
+        "compensate_tool_learned",
     ];
+    let [compensate, compensate_tool] = worst_updates(five, table)?;
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let (Ok(mut compensator), Ok(mut tool_compensator)) =
         (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
     else {
         return Err(ToolError::NotFinite);
     };
+    let Ok(mut estimator) = Estimator::<T, 6>::new(&learned::SETTINGS) else { return Err(ToolError::NotFinite) };
     let reading = black_box(Reading { enabled: true, wrench, rise_k: number(1.0) });
+    let amplitudes = &black_box(estimator.amplitudes());
+    let mut time_s = 0;
     let mut counts = names.map(|name| Counts { name, greatest: 0 });
     let angles = [-0.2618, -0.13, 0.05, 0.2618];
     for (theta, sigma) in angles.into_iter().flat_map(|theta| angles.map(|sigma| (theta, sigma))) {
@@ -110,7 +176,20 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
                 tip_m_per_s2: tool.tip_m,
                 axis_per_s2: across(frame),
             });
+            let known = machine.stiffness(pose).and_then(|k| k.factor()).and_then(|f| f.deflection(&wrench));
+            let (Ok(known), Ok(moved)) = (known, machine.sensitivities(pose, &wrench, amplitudes)) else {
+                return Err(ToolError::NotFinite);
+            };
+            time_s += 600;
+            let touch = &black_box(Touch { time_s, pose: *pose, tip_m: tip, wrench, rise_k: T::ZERO });
+            let readings = &black_box([Vector6::x(), Vector6::y(), Vector6::z()].map(|direction| TipReading {
+                direction,
+                read: direction.dot(&known.seen_at(tip).to_vector()),
+                deviation: number(1e-6),
+            }));
             let empty = ticks(|| ());
+            let plain = ticks(|| compensator.update(table, machine, pose, tip, &reading));
+            let learned = ticks(|| compensator.update_learned(table, machine, &estimator, (pose, tip), &reading));
             let each = [
                 ticks(|| machine.inverse(pose)),
                 ticks(|| machine.stiffness(pose)),
@@ -119,10 +198,14 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
                 ticks(|| five.inverse(tool, near)),
                 ticks(|| five.inverse_frame(frame)),
                 ticks(|| five.compensated(Some(table), tool, &wrench, near)),
-                ticks(|| compensator.update(table, machine, pose, tip, &reading)),
-                ticks(|| tool_compensator.update(table, five, near, &reading)),
+                compensate,
+                compensate_tool,
                 worst_compensation(five, table, near)?,
                 ticks(|| five.joint_motion(near, motion)),
+                ticks(|| estimator.absorb(touch, &known, &moved, readings)),
+                learned.saturating_sub(plain) + empty,
+                learned,
+                ticks(|| tool_compensator.update_learned(table, five, &estimator, near, &reading)),
             ];
             for (count, ticks) in counts.iter_mut().zip(each) {
                 count.greatest = count.greatest.max((ticks - empty) * 40 / 128);
@@ -152,9 +235,4 @@ fn run() -> Result<(), ()> {
 #[entry]
 fn main() -> ! {
     semihosting::end(run().is_ok())
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    semihosting::end(false)
 }

@@ -15,9 +15,10 @@ use cortex_m_rt::entry;
 use pkm_core::checksum;
 use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
 use pkm_core::correction::{TableBuffer, TableHeader, TransferError, narrow};
-use pkm_core::effects::{Element, Law, Place};
+use pkm_core::effects::{Element, Law, Motion, Place};
+use pkm_core::estimation::{Amplitude, Estimator, TipReading, Touch, newest, state_bytes};
 use pkm_core::kinematics::platform_axes;
-use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use pkm_core::self_test::{self_test_f32, self_test_f64};
 use pkm_core::stiffness::LoadHistory;
 use pkm_core::tables::reference::{
@@ -30,6 +31,8 @@ use pkm_core::{
 
 #[path = "../handler.rs"]
 mod handler;
+#[path = "../learned.rs"]
+mod learned;
 
 /// Takes formatted errors and forgets them.
 struct Sink;
@@ -157,6 +160,51 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     }
 }
 
+/// An estimator that learns, is saved and goes on, and compensators that use it.
+fn call_estimation<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) {
+    let settings = black_box(learned::SETTINGS);
+    settings.check().unwrap_or_else(show);
+    let mut estimator = match Estimator::<T, 6>::new(&settings) {
+        Ok(estimator) => estimator,
+        Err(e) => return show(e),
+    };
+    let [a, b, c] = black_box([T::ONE; 3]);
+    let (vector, pose) = (Vector3::new(a, b, c), Pose { theta_rad: a, sigma_rad: b, z0_m: c });
+    let wrench = Wrench { force_n: vector, moment_nm: vector };
+    let touch = black_box(Touch { time_s: 7, pose, tip_m: vector, wrench, rise_k: a });
+    let reading = TipReading { direction: Vector6::repeat(a), read: b, deviation: c };
+    if let Err(e) = black_box(estimator.learn(five.machine, Some(table), &touch, black_box(&[reading; 6]))) {
+        show(e);
+    }
+    if let Ok(moved) = five.machine.sensitivities(&pose, &wrench, &estimator.amplitudes()) {
+        let predicted = black_box(Deflection::ZERO);
+        black_box(estimator.absorb(&touch, &predicted, &moved, black_box(&[reading; 3]))).ok();
+        let tip = black_box(estimator.tip(&moved, vector));
+        black_box((tip.known_share(&vector), tip.u95_m()));
+    }
+    estimator.follow(a);
+    black_box((estimator.values(), estimator.applied(), estimator.alarm()));
+    black_box((estimator.readings(), estimator.refused(), estimator.time_s(), estimator.changed_at()));
+    black_box(Amplitude::compliance(black_box(Place::Base), black_box(Motion::X)));
+    black_box(Amplitude::RISE.place());
+    let mut slot = [0; state_bytes(6)];
+    if let Err(e) = estimator.save(black_box(1), black_box(2), black_box(&mut slot)) {
+        show(e);
+    }
+    black_box(newest(black_box(6), black_box(&slot), black_box(&slot)));
+    if let Err(e) = estimator.restore(black_box(1), black_box(&slot)) {
+        show(e);
+    }
+    let reading = black_box(Reading { enabled: true, wrench, rise_k: a });
+    if let Ok(mut compensator) = Compensator::<T, 3>::new(&CompensatorSettings::DEFAULT) {
+        black_box(compensator.update_learned(table, five.machine, &estimator, (&pose, vector), &reading));
+    }
+    if let Ok(mut compensator) = Compensator::<T, 5>::new(&CompensatorSettings::DEFAULT) {
+        let near = black_box(Configuration { pose, beta_rad: Vector2::new(a, b) });
+        black_box(compensator.update_learned(table, five, &estimator, &near, &reading));
+    }
+}
+
 /// A table that comes while the controller runs, and goes to another.
 fn fill<T: Scalar>(buffer: &mut TableBuffer<T, 4>) -> Result<(), TransferError> {
     let header = black_box(TableHeader { machine: 1, table: 2, terms: 3, factor_form: true });
@@ -174,6 +222,7 @@ macro_rules! call_everything {
         let (machine, table) = (black_box(&$machine), black_box(&$table));
         call_five_axes(machine, table, black_box(&$wrist));
         let five = FiveAxis { machine, wrist: black_box(&$wrist) };
+        call_estimation(&five, table);
         black_box((machine.checksum(), five.wrist.checksum(), table.checksum()));
         if let Err(damaged) = five.verify(table, &black_box(five.checksums(table))) {
             show(damaged);

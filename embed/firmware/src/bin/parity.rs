@@ -21,6 +21,8 @@ use pkm_core::{
 };
 use serde::Serialize;
 
+#[path = "../panic.rs"]
+mod panic;
 #[path = "../semihosting.rs"]
 mod semihosting;
 
@@ -242,9 +244,4 @@ fn print_all() -> Result<(), ()> {
 #[entry]
 fn main() -> ! {
     semihosting::end(print_all().is_ok())
-}
-
-#[panic_handler]
-fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
-    semihosting::end(false)
 }

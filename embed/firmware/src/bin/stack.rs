@@ -17,6 +17,8 @@ use pkm_core::tables::reference::{PARAMETERS, WRIST};
 
 #[path = "../handler.rs"]
 mod handler;
+#[path = "../learned.rs"]
+mod learned;
 #[path = "../semihosting.rs"]
 mod semihosting;
 
@@ -75,6 +77,7 @@ macro_rules! functions {
             use pkm_core::checksum::MemoryChecksums;
             use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
             use pkm_core::correction::{TableBuffer, TableHeader};
+            use pkm_core::estimation::{Estimator, TipReading, Touch, newest, state_bytes};
             use pkm_core::kinematics::platform_axes as axes;
             use pkm_core::nalgebra::{Matrix6, Vector2, Vector3, Vector6};
             use pkm_core::self_test::{self_test_f32, self_test_f64};
@@ -106,6 +109,10 @@ macro_rules! functions {
                 // where their state lies is the caller's choice
                 compensator: RefCell<Compensator<$t, 3>>,
                 tool_compensator: RefCell<Compensator<$t, 5>>,
+                estimator: RefCell<Estimator<$t, 6>>,
+                touch: Touch<$t>,
+                tip_reading: TipReading<$t>,
+                slot: RefCell<[u8; state_bytes(6)]>,
                 buffer: RefCell<TableBuffer<$t, 9>>,
                 header: TableHeader,
                 reading: Reading<$t>,
@@ -169,6 +176,10 @@ macro_rules! functions {
                     },
                     compensator: RefCell::new(Compensator::new(&CompensatorSettings::DEFAULT).ok()?),
                     tool_compensator: RefCell::new(Compensator::new(&CompensatorSettings::DEFAULT).ok()?),
+                    estimator: RefCell::new(Estimator::new(&learned::SETTINGS).ok()?),
+                    touch: Touch { time_s: 5, pose, tip_m: Vector3::new(0.03, -0.02, 0.3), wrench, rise_k: 4.5 },
+                    tip_reading: TipReading { direction: Vector6::z(), read: -5e-6, deviation: 1e-6 },
+                    slot: RefCell::new([0; state_bytes(6)]),
                     buffer: RefCell::new(buffer),
                     header,
                     reading: Reading { enabled: true, wrench, rise_k: 4.5 },
@@ -249,6 +260,19 @@ both_widths! {
     new_compensator(_i) Compensator::<T, 5>::new(black_box(&CompensatorSettings::DEFAULT));
     compensate(i) i.compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.machine, &i.pose, i.tip_m, &i.reading));
     compensate_tool(i) i.tool_compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.five(), &i.near, &i.reading));
+    sensitivities(i) i.machine.sensitivities(&i.pose, &i.wrench, &learned::SETTINGS.amplitudes.map(|own| own.amplitude));
+    new_estimator(_i) Estimator::<T, 6>::new(black_box(&learned::SETTINGS));
+    learn(i) i.estimator.try_borrow_mut().map(|mut e| e.learn(&i.machine, Some(&i.table), &i.touch, &[i.tip_reading; 6]));
+    absorb(i) i.estimator.try_borrow_mut().map(|mut e| e.absorb(&i.touch, &i.deflection, &[i.deflection; 6], &[i.tip_reading; 6]));
+    follow(i) i.estimator.try_borrow_mut().map(|mut e| e.follow(1e-3));
+    tip_of_estimator(i) i.estimator.try_borrow().map(|e| e.tip(&[i.deflection; 6], i.tip_m));
+    values(i) i.estimator.try_borrow().map(|e| e.values());
+    alarm(i) i.estimator.try_borrow().map(|e| e.alarm());
+    save(i) i.slot.try_borrow_mut().map(|mut s| i.estimator.try_borrow().map(|e| e.save(i.header.machine, 1, &mut s[..])));
+    restore(i) i.slot.try_borrow().map(|s| i.estimator.try_borrow_mut().map(|mut e| e.restore(i.header.machine, &s[..])));
+    newest_state(i) i.slot.try_borrow().map(|s| newest(6, &s[..], &s[..]));
+    compensate_learned(i) i.compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_learned(&i.table, &i.machine, &e, (&i.pose, i.tip_m), &i.reading)));
+    compensate_tool_learned(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_learned(&i.table, &i.five(), &e, &i.near, &i.reading)));
     checksums(i) i.five().checksums(&i.table);
     verify(i) i.five().verify(&i.table, &i.checksums);
     self_test(_i) if size_of::<T>() == 4 { self_test_f32() } else { self_test_f64() };

@@ -1,0 +1,446 @@
+//! The estimator itself.
+
+use nalgebra::{Vector3, Vector6};
+
+use super::filter::Filter;
+use super::reading::{Alarm, Learned, MAX_COMPONENTS, Refusal, TipEstimate, TipReading, Touch};
+use super::{Amplitude, EstimatorSettings, EstimatorSettingsError, MAX_AMPLITUDES};
+use crate::compensation;
+use crate::correction::{CorrectionError, CorrectionTable};
+use crate::kinematics::Posture;
+use crate::machine::Machine;
+use crate::scalar::Scalar;
+use crate::stiffness::StiffnessError;
+use crate::types::{Deflection, Pose, Wrench};
+
+/// So many deviations of a sum of innovations are a change: one of 1e7 healthy readings has as much by chance.
+pub const CHANGE: f64 = 5.3;
+
+/// Of χ², by the number of components: exceeded by 1e-7 of healthy readings.
+const GATE: [f64; MAX_COMPONENTS] = [28.37, 32.24, 35.41, 38.24, 40.86, 43.34];
+/// An innovation counts in the sums as this many deviations at most.
+const MOST_DEVIATIONS: f64 = 3.0;
+/// What is left of the sums from reading to reading.
+const REMEMBERED: f64 = 1.0 - 1.0 / 16.0;
+/// A reading tells something when all that was unknown at the start shows in it by this share of its variance.
+const EXCITED: f64 = 1e-4;
+/// Readings with the same numbers, from which on a probe is stuck.
+const STUCK: u8 = 5;
+/// Deviations by which the tip has to go against the load to be of the wrong sign.
+const OPPOSITE: f64 = 5.0;
+/// Of χ²: an amplitude explains a change as well as another when it explains no less by this, a thousandth of the likelihood.
+const LIKELY: f64 = 13.8;
+const DAY_S: f64 = 86_400.0;
+
+/// Displacement of A, by machine and table, under a wrench there.
+#[inline(never)] // what comes before and after takes no stack while it is worked out
+fn predict<T: Scalar>(
+    machine: &Machine<T>,
+    table: Option<&CorrectionTable<'_, T>>,
+    pose: &Pose<T>,
+    wrench: &Wrench<T>,
+    predicted: &mut Deflection<T>,
+) -> Result<(), CorrectionError> {
+    *predicted = compensation::deflection(machine, table, pose, wrench, None)?;
+    Ok(())
+}
+
+/// Numbers of an amplitude as they are computed with: in deviations of its settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scaled<T> {
+    deviation: T,
+    drift_per_s: T,
+    least: T,
+    most: T,
+    rate_per_s: T,
+}
+
+/// Learns `N` amplitudes. See the [module's documentation](super).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimator<T, const N: usize> {
+    pub(super) settings: EstimatorSettings<N>,
+    scaled: [Scaled<T>; N],
+    model_share: T,
+    /// Of the values in deviations of the settings.
+    pub(super) filter: Filter<T, N>,
+    /// What is used for compensation, in the same unit.
+    pub(super) applied: [T; N],
+    /// Sums of innovations, and their variances.
+    pub(super) sums: [[T; N]; 2],
+    /// Readings when each amplitude was found to have changed; 0 when it never was.
+    pub(super) changed_at: [u32; N],
+    /// Until when each amplitude's covariance has grown by its drift.
+    pub(super) drifted_at: [u32; N],
+    pub(super) time_s: u32,
+    pub(super) readings: u32,
+    /// In a row.
+    pub(super) refused: u32,
+    last: [T; MAX_COMPONENTS],
+    equal: u8,
+}
+
+impl<T: Scalar, const N: usize> Estimator<T, N> {
+    /// Begins with nothing read.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn new(settings: &EstimatorSettings<N>) -> Result<Self, EstimatorSettingsError> {
+        settings.check()?;
+        let accepted = settings.amplitudes.map(|own| T::from_f64(own.accepted / own.deviation));
+        let scaled = settings.amplitudes.map(|own| {
+            let in_deviations = |value: f64| T::from_f64(value / own.deviation);
+            let drift = own.drift_per_day / own.deviation;
+            Scaled {
+                deviation: T::from_f64(own.deviation),
+                drift_per_s: T::from_f64(drift * drift / DAY_S),
+                least: in_deviations(own.least),
+                most: in_deviations(own.most),
+                rate_per_s: in_deviations(own.rate_per_s),
+            }
+        });
+        Ok(Self {
+            settings: *settings,
+            scaled,
+            model_share: T::from_f64(settings.model_share),
+            filter: Filter::new(accepted),
+            applied: accepted,
+            sums: [[T::ZERO; N]; 2],
+            changed_at: [0; N],
+            drifted_at: [0; N],
+            time_s: 0,
+            readings: 0,
+            refused: 0,
+            last: [T::ZERO; MAX_COMPONENTS],
+            equal: 0,
+        })
+    }
+
+    /// What is learned, in the order of everything here.
+    pub fn amplitudes(&self) -> [Amplitude; N] {
+        self.settings.amplitudes.map(|own| own.amplitude)
+    }
+
+    /// Readings that were taken in.
+    pub fn readings(&self) -> u32 {
+        self.readings
+    }
+
+    /// Readings in a row that were refused as unexpected: some twenty are a broken sensor, or a machine beyond what it may learn.
+    pub fn refused(&self) -> u32 {
+        self.refused
+    }
+
+    /// How many readings had been taken in when each amplitude was last found to have changed; 0 when it never was.
+    pub fn changed_at(&self) -> [u32; N] {
+        self.changed_at
+    }
+
+    /// When the last reading was taken in, s.
+    pub fn time_s(&self) -> u32 {
+        self.time_s
+    }
+
+    /// Best values, and their standard deviations, in the amplitudes' units.
+    pub fn values(&self) -> [(f64, f64); N] {
+        let mut values = [(0.0, 0.0); N];
+        for (n, (value, own)) in values.iter_mut().zip(&self.settings.amplitudes).enumerate() {
+            let mean = self.filter.mean.get(n).map_or(0.0, |mean| mean.to_f64());
+            *value = (own.deviation * mean, own.deviation * self.filter.variance(n).sqrt().to_f64());
+        }
+        values
+    }
+
+    /// What is used for compensation, in the amplitudes' units.
+    pub fn applied(&self) -> [f64; N] {
+        let mut values = [0.0; N];
+        for ((value, applied), own) in values.iter_mut().zip(&self.applied).zip(&self.settings.amplitudes) {
+            *value = own.deviation * applied.to_f64();
+        }
+        values
+    }
+
+    /// A reading: what machine and table predict is worked out first.
+    ///
+    /// # Errors
+    /// Why it is not taken in.
+    #[inline(never)]
+    pub fn learn(
+        &mut self,
+        machine: &Machine<T>,
+        table: Option<&CorrectionTable<'_, T>>,
+        touch: &Touch<T>,
+        readings: &[TipReading<T>],
+    ) -> Result<Learned<T>, Refusal> {
+        let wrench = touch.wrench.moved_to_a(touch.tip_m);
+        let mut predicted = Deflection::ZERO;
+        predict(machine, table, &touch.pose, &wrench, &mut predicted)?;
+        self.absorb_at(machine, touch, &wrench, &predicted, readings)
+    }
+
+    /// A reading, with the displacement of A under its load alone.
+    #[inline(never)] // takes no stack while that is worked out
+    fn absorb_at(
+        &mut self,
+        machine: &Machine<T>,
+        touch: &Touch<T>,
+        wrench: &Wrench<T>,
+        loaded: &Deflection<T>,
+        readings: &[TipReading<T>],
+    ) -> Result<Learned<T>, Refusal> {
+        let posture = machine.posture(&touch.pose)?;
+        let predicted = loaded.plus(&machine.thermal_deflection_at(&posture, touch.rise_k)?);
+        let mut sensitivities = [Deflection::ZERO; N];
+        machine.put_sensitivities(&posture, wrench, &self.amplitudes(), &mut sensitivities)?;
+        self.absorb(touch, &predicted, &sensitivities, readings)
+    }
+
+    /// A reading, with the displacement of A that machine and table predict, and that per unit of each amplitude. A controller
+    /// that has them already saves them here; [`learn`](Self::learn) works them out.
+    ///
+    /// # Errors
+    /// Why it is not taken in.
+    #[inline(never)]
+    pub fn absorb(
+        &mut self,
+        touch: &Touch<T>,
+        predicted: &Deflection<T>,
+        sensitivities: &[Deflection<T>; N],
+        readings: &[TipReading<T>],
+    ) -> Result<Learned<T>, Refusal> {
+        if readings.is_empty() || readings.len() > MAX_COMPONENTS {
+            return Err(Refusal::Components);
+        }
+        if self.readings > 0 && touch.time_s < self.time_s {
+            return Err(Refusal::Backwards);
+        }
+        let tip_m = touch.tip_m;
+        let seen = predicted.seen_at(tip_m).to_vector();
+        let mut moved = [Vector6::zeros(); N];
+        for ((moved, sensitivity), own) in moved.iter_mut().zip(sensitivities).zip(&self.scaled) {
+            *moved = sensitivity.seen_at(tip_m).to_vector() * own.deviation;
+        }
+        let before = (self.filter, self.drifted_at);
+        if self.readings > 0 {
+            self.widen_by_drift(touch.time_s);
+        } else {
+            self.drifted_at = [touch.time_s; N];
+        }
+        let outcome = self.take_in(&seen, &moved, readings);
+        match outcome {
+            Ok(_) => {
+                self.keep_possible();
+                self.time_s = touch.time_s;
+                self.readings = self.readings.saturating_add(1);
+                self.refused = 0;
+            }
+            Err(_) => (self.filter, self.drifted_at) = before,
+        }
+        let changed = self.open_changed();
+        outcome.map(|chi_squared| Learned { chi_squared, changed })
+    }
+
+    /// Whether a probe has said the same too often.
+    fn is_stuck(&mut self, readings: &[TipReading<T>]) -> bool {
+        let mut same = true;
+        for (last, reading) in self.last.iter_mut().zip(readings) {
+            same &= *last == reading.read;
+            *last = reading.read;
+        }
+        self.equal = if same { self.equal.saturating_add(1) } else { 0 };
+        self.equal + 1 >= STUCK
+    }
+
+    /// Takes the components into the filter, and into the sums of innovations; gives χ². What it is refused for, the caller undoes in
+    /// the filter.
+    fn take_in(
+        &mut self,
+        seen: &Vector6<T>,
+        moved: &[Vector6<T>; N],
+        readings: &[TipReading<T>],
+    ) -> Result<T, Refusal> {
+        let [sums, variances] = self.sums;
+        let mut sums = sums.map(|sum| sum * T::from_f64(REMEMBERED));
+        let mut variances = variances.map(|variance| variance * T::from_f64(REMEMBERED * REMEMBERED));
+        let mut chi_squared = T::ZERO;
+        let (mut excited, mut opposite) = (false, false);
+        for reading in readings {
+            let TipReading { direction, read, deviation } = reading;
+            let expected = direction.dot(seen);
+            let own = self.model_share * expected;
+            let noise = *deviation * *deviation + own * own;
+            let weights = moved.each_ref().map(|moved| direction.dot(moved));
+            let (beyond, variance) = self.filter.absorb(&weights, *read - expected, noise);
+            if !(*deviation > T::ZERO && noise > T::ZERO && variance.is_finite() && beyond.is_finite()) {
+                return Err(Refusal::NotFinite);
+            }
+            let shown = weights.iter().fold(T::ZERO, |sum, weight| sum + *weight * *weight);
+            excited |= shown > T::from_f64(EXCITED) * noise;
+            let least = T::from_f64(OPPOSITE * OPPOSITE) * noise;
+            opposite |= expected * *read < T::ZERO && expected * expected > least && *read * *read > least;
+            let squared = beyond * beyond / variance;
+            chi_squared += squared;
+            let most = T::from_f64(MOST_DEVIATIONS * MOST_DEVIATIONS);
+            let counted = if squared > most { (most / squared).sqrt() } else { T::ONE };
+            let (share, innovation) = (T::ONE / variance, beyond * counted);
+            for ((sum, total), weight) in sums.iter_mut().zip(&mut variances).zip(&weights) {
+                let shared = *weight * share;
+                *sum += shared * innovation;
+                *total += shared * *weight;
+            }
+        }
+        if !excited {
+            return Err(Refusal::NotExcited);
+        }
+        if self.is_stuck(readings) {
+            return Err(Refusal::Stuck);
+        }
+        if opposite {
+            return Err(Refusal::WrongSign);
+        }
+        self.sums = [sums, variances];
+        let gate = GATE.get(readings.len().wrapping_sub(1)).copied().unwrap_or(0.0);
+        if chi_squared <= T::from_f64(gate) {
+            Ok(chi_squared)
+        } else {
+            self.refused = self.refused.saturating_add(1);
+            Err(Refusal::Unexpected)
+        }
+    }
+
+    /// Adds the drift of one amplitude since its last turn, up to what was unknown at the start. They take turns, reading by reading: a
+    /// period has no time for all.
+    fn widen_by_drift(&mut self, time_s: u32) {
+        let turn = self.readings as usize % N.max(1);
+        let (Some(own), Some(drifted_at)) = (self.scaled.get(turn), self.drifted_at.get_mut(turn)) else { return };
+        let drift = own.drift_per_s * T::from_f64(f64::from(time_s - *drifted_at));
+        *drifted_at = time_s;
+        let room = T::ONE - self.filter.variance(turn);
+        let added = if drift < room { drift } else { room };
+        if added > T::ZERO {
+            self.filter.widen(turn, added);
+        }
+    }
+
+    /// Moves the means to where physics allows them to be.
+    fn keep_possible(&mut self) {
+        for (mean, own) in self.filter.mean.iter_mut().zip(&self.scaled) {
+            if *mean < own.least {
+                *mean = own.least;
+            } else if *mean > own.most {
+                *mean = own.most;
+            }
+        }
+    }
+
+    /// Lets the amplitudes be unknown again that explain innovations of one sign, if any does so by more than [`CHANGE`].
+    fn open_changed(&mut self) -> [bool; MAX_AMPLITUDES] {
+        let mut changed = [false; MAX_AMPLITUDES];
+        let [sums, variances] = &self.sums;
+        let mut deviations = [T::ZERO; N];
+        let mut most = T::ZERO;
+        for ((squared, sum), variance) in deviations.iter_mut().zip(sums).zip(variances) {
+            if *variance > T::ZERO {
+                *squared = *sum * *sum / *variance;
+            }
+            if *squared > most {
+                most = *squared;
+            }
+        }
+        if !(most > T::from_f64(CHANGE * CHANGE)) {
+            return changed;
+        }
+        self.sums = [[T::ZERO; N]; 2];
+        for (n, (changed, squared)) in changed.iter_mut().zip(&deviations).enumerate() {
+            *changed = *squared > most - T::from_f64(LIKELY);
+            if !*changed {
+                continue;
+            }
+            let room = T::ONE - self.filter.variance(n);
+            if room > T::ZERO {
+                self.filter.widen(n, room);
+            }
+            if let Some(at) = self.changed_at.get_mut(n) {
+                *at = self.readings.max(1);
+            }
+        }
+        changed
+    }
+
+    /// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+    pub fn follow(&mut self, period_s: T) {
+        for ((applied, mean), own) in self.applied.iter_mut().zip(&self.filter.mean).zip(&self.scaled) {
+            let most = own.rate_per_s * period_s;
+            let step = *mean - *applied;
+            if step > most {
+                *applied += most;
+            } else if step < -most {
+                *applied -= most;
+            } else {
+                *applied = *mean;
+            }
+        }
+    }
+
+    /// What was learned of the tip's deflection, from the displacements of A per unit of each amplitude
+    /// ([`Machine::sensitivities`]). The uncertainty is that of the best values.
+    #[inline(never)] // takes no stack while the stiffness is worked out
+    pub fn tip(&self, sensitivities: &[Deflection<T>; N], tip_m: Vector3<T>) -> TipEstimate<T> {
+        let mut rows = [[T::ZERO; N]; 3];
+        let [along_u, along_v, along_w] = &mut rows;
+        let mut sum = Deflection::ZERO;
+        for (n, (moved, own)) in sensitivities.iter().zip(&self.scaled).enumerate() {
+            sum = sum.plus(&moved.times(own.deviation * self.applied[n]));
+            let seen_m = moved.seen_at(tip_m).translation_m * own.deviation;
+            [along_u[n], along_v[n], along_w[n]] = seen_m.into();
+        }
+        TipEstimate { deflection: sum, variance_m2: rows.each_ref().map(|row| self.filter.variance_of(row)).into() }
+    }
+
+    /// The same for a posture and a load at A.
+    pub(crate) fn tip_at(
+        &self,
+        machine: &Machine<T>,
+        posture: &Posture<T>,
+        wrench: &Wrench<T>,
+        tip_m: Vector3<T>,
+    ) -> Result<TipEstimate<T>, StiffnessError> {
+        let mut sensitivities = [Deflection::ZERO; N];
+        machine.put_sensitivities(posture, wrench, &self.amplitudes(), &mut sensitivities)?;
+        Ok(self.tip(&sensitivities, tip_m))
+    }
+
+    /// A displacement of A with what was learned added, and of that the share that is known.
+    #[inline(never)] // takes no stack while the stiffness is worked out
+    pub(crate) fn known(
+        &self,
+        machine: &Machine<T>,
+        posture: &Posture<T>,
+        wrench: &Wrench<T>,
+        tip_m: Vector3<T>,
+        predicted: &Deflection<T>,
+    ) -> Result<Deflection<T>, StiffnessError> {
+        let tip = self.tip_at(machine, posture, wrench, tip_m)?;
+        let whole = predicted.plus(&tip.deflection);
+        Ok(whole.times(tip.known_share(&whole.seen_at(tip_m).translation_m)))
+    }
+
+    /// The change since acceptance of which there is least doubt, if it is worth an alarm: by more than its settings say with a
+    /// probability of 0.95, where innovations had one sign or the change is of [`CHANGE`] standard deviations.
+    pub fn alarm(&self) -> Option<Alarm> {
+        let mut worst: Option<Alarm> = None;
+        for (amplitude, ((value, deviation), own)) in
+            self.values().into_iter().zip(&self.settings.amplitudes).enumerate()
+        {
+            let change = value - own.accepted;
+            let probability = 0.5 * libm::erfc((own.alarm - change.abs()) / (deviation * core::f64::consts::SQRT_2));
+            let since = self.changed_at.get(amplitude).copied().unwrap_or(0);
+            // either proves that something has changed, as one of 1e7 healthy readings does
+            let is_proven = since > 0 || change.abs() >= CHANGE * deviation;
+            if is_proven && probability >= 0.95 && worst.is_none_or(|worst| probability > worst.probability) {
+                let readings = self.readings.saturating_sub(since);
+                worst = Some(Alarm { amplitude, change, deviation, probability, readings });
+            }
+        }
+        worst
+    }
+}

@@ -1,0 +1,102 @@
+//! A controller's log through the controller's own estimator, reading by reading, and a fit of the same readings beside it.
+
+mod batch;
+
+use pkm_core::estimation::{Alarm, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal};
+use pkm_core::{CorrectionTable, Machine};
+
+use crate::error::{Failure, Result};
+use crate::files::learn::Learn;
+use crate::files::log::Entry;
+
+/// Readings of the fit beside the estimator: the last ones that were taken in.
+pub const BATCH: usize = 200;
+
+/// A value with its standard deviation.
+pub type Value = (f64, f64);
+
+/// What a reading did.
+pub struct Step {
+    /// Line of the log.
+    pub line: u64,
+    /// When, s.
+    pub time_s: u32,
+    /// χ² over the number of components, or why it was refused.
+    pub outcome: std::result::Result<f64, Refusal>,
+    /// Whether any amplitude counts as unknown again from here on.
+    pub changed: bool,
+    /// Of the amplitudes, after it.
+    pub values: Vec<Value>,
+}
+
+/// What came of a log.
+pub struct Replay {
+    /// What was learned.
+    pub learn: Learn,
+    /// Of every reading.
+    pub steps: Vec<Step>,
+    /// Each alarm when it was first raised, by the step.
+    pub alarms: Vec<(usize, Alarm)>,
+    /// The one that stands at the end.
+    pub alarm: Option<Alarm>,
+    /// A fit of the last [`BATCH`] readings that were taken in; `None` if there was none.
+    pub batch: Option<Vec<Value>>,
+}
+
+/// Runs a log through the core's estimator.
+///
+/// # Errors
+/// Settings that the core refuses.
+pub fn replay(
+    machine: &Machine<f64>,
+    table: Option<&CorrectionTable<'_, f64>>,
+    learn: Learn,
+    log: &[Entry],
+) -> Result<Replay> {
+    match learn.amplitudes.len() {
+        1 => with::<1>(machine, table, learn, log),
+        2 => with::<2>(machine, table, learn, log),
+        3 => with::<3>(machine, table, learn, log),
+        4 => with::<4>(machine, table, learn, log),
+        5 => with::<5>(machine, table, learn, log),
+        6 => with::<6>(machine, table, learn, log),
+        7 => with::<7>(machine, table, learn, log),
+        MAX_AMPLITUDES => with::<MAX_AMPLITUDES>(machine, table, learn, log),
+        other => Err(Failure::input(format!("expected 1 to {MAX_AMPLITUDES} amplitudes, found {other}"))),
+    }
+}
+
+fn with<const N: usize>(
+    machine: &Machine<f64>,
+    table: Option<&CorrectionTable<'_, f64>>,
+    learn: Learn,
+    log: &[Entry],
+) -> Result<Replay> {
+    let refused = |e: &dyn std::fmt::Display| Failure::input(e.to_string());
+    let amplitudes = learn.amplitudes.as_slice().try_into().map_err(|e| refused(&e))?;
+    let settings = EstimatorSettings::<N> { amplitudes, model_share: learn.model_share };
+    let mut estimator = Estimator::<f64, N>::new(&settings).map_err(|e| refused(&e))?;
+    let mut replay = Replay { learn, steps: Vec::new(), alarms: Vec::new(), alarm: None, batch: None };
+    for entry in log {
+        let Entry { line, touch, readings } = entry;
+        let changed_at = estimator.changed_at();
+        let learned = estimator.learn(machine, table, touch, readings);
+        replay.steps.push(Step {
+            line: *line,
+            time_s: touch.time_s,
+            outcome: learned.map(|learned| learned.chi_squared / readings.len() as f64),
+            changed: estimator.changed_at() != changed_at,
+            values: estimator.values().to_vec(),
+        });
+        let alarm = estimator.alarm();
+        if let Some(new) = alarm.filter(|new| replay.alarm.is_none_or(|old| old.amplitude != new.amplitude)) {
+            replay.alarms.push((replay.steps.len() - 1, new));
+        }
+        replay.alarm = alarm;
+    }
+    let taken = log.iter().zip(&replay.steps).filter(|(_, step)| step.outcome.is_ok()).map(|(entry, _)| entry);
+    let taken: Vec<&Entry> = taken.collect();
+    let last = &taken[taken.len().saturating_sub(BATCH)..];
+    replay.batch = batch::fit(machine, table, &settings, last);
+    Ok(replay)
+}

@@ -1,0 +1,212 @@
+//! What came of a replayed log: the report, text and JSON.
+
+use maud::html;
+use pkm_core::estimation::{Alarm, Refusal};
+use serde_json::{Value, json};
+
+use crate::error::Result;
+use crate::files::learn::{named, units};
+use crate::replay::{BATCH, Replay};
+use crate::report::page::{self, Finding, Page};
+use crate::report::plot::{Mark, Panel, Series};
+
+/// Coverage factor of 95 %.
+const K95: f64 = 1.96;
+/// Points of a curve, at most.
+const POINTS: usize = 400;
+const DAY_S: f64 = 86_400.0;
+/// So many readings refused in a row are no spikes.
+const BROKEN: usize = 20;
+
+/// As in `--json`.
+fn code(refusal: &Refusal) -> &'static str {
+    match refusal {
+        Refusal::NotFinite => "not_finite",
+        Refusal::Components => "components",
+        Refusal::Backwards => "backwards",
+        Refusal::NotExcited => "not_excited",
+        Refusal::Stuck => "stuck",
+        Refusal::WrongSign => "wrong_sign",
+        Refusal::Unexpected => "unexpected",
+        _ => "model",
+    }
+}
+
+fn days(replay: &Replay, step: usize) -> f64 {
+    let first = replay.steps.first().map_or(0, |step| step.time_s);
+    (f64::from(replay.steps[step].time_s) - f64::from(first)) / DAY_S
+}
+
+/// Mean and band of each amplitude over time.
+fn curves(replay: &Replay) -> Vec<Panel> {
+    let stride = replay.steps.len().div_ceil(POINTS).max(1);
+    let curve = |name: &str, n: usize, k: f64, scale: f64| Series {
+        name: name.to_owned(),
+        points: (replay.steps.iter().enumerate().step_by(stride))
+            .map(|(i, step)| (days(replay, i), scale * (step.values[n].0 + k * step.values[n].1)))
+            .collect(),
+        mark: Mark::Line,
+    };
+    let panel = |(n, own): (usize, &pkm_core::estimation::AmplitudeSettings)| {
+        let (_, unit, scale) = units(own.amplitude);
+        Panel {
+            title: named(own.amplitude),
+            x_label: "days".to_owned(),
+            y_label: unit.to_owned(),
+            series: vec![
+                curve("best value", n, 0.0, scale),
+                curve("95 %, lower", n, -K95, scale),
+                curve("95 %, upper", n, K95, scale),
+            ],
+        }
+    };
+    replay.learn.amplitudes.iter().enumerate().map(panel).collect()
+}
+
+fn innovations(replay: &Replay) -> Panel {
+    let taken = replay.steps.iter().enumerate().filter_map(|(i, step)| Some((days(replay, i), step.outcome.ok()?)));
+    Panel {
+        title: "χ² of each reading over its components: 1 on average".to_owned(),
+        x_label: "days".to_owned(),
+        y_label: "χ² over components".to_owned(),
+        series: vec![Series { name: "readings".to_owned(), points: taken.collect(), mark: Mark::Dot }],
+    }
+}
+
+/// An alarm in words.
+fn said(replay: &Replay, alarm: &Alarm) -> String {
+    let amplitude = replay.learn.amplitudes[alarm.amplitude].amplitude;
+    let (name, (_, unit, scale)) = (named(amplitude), units(amplitude));
+    let direction = if alarm.change > 0.0 { "more" } else { "less" };
+    let plural = if alarm.readings == 1 { "" } else { "s" };
+    format!(
+        "{name}: {:.2} ± {:.2} {unit} {direction} than at acceptance (95 %), since {} reading{plural}. That this is enough for an alarm has \
+         a probability of {:.3}. Inspect it.",
+        scale * alarm.change.abs(),
+        scale * K95 * alarm.deviation,
+        alarm.readings,
+        alarm.probability
+    )
+}
+
+/// Readings that were refused, by code.
+fn refusals(replay: &Replay) -> Vec<(&'static str, usize)> {
+    let mut counts: Vec<(&'static str, usize)> = Vec::new();
+    for refusal in replay.steps.iter().filter_map(|step| step.outcome.as_ref().err()) {
+        match counts.iter_mut().find(|(name, _)| *name == code(refusal)) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((code(refusal), 1)),
+        }
+    }
+    counts
+}
+
+/// What to think of it, the verdict first.
+fn findings(replay: &Replay) -> Vec<Finding> {
+    let (all, taken) = (replay.steps.len(), replay.steps.iter().filter(|step| step.outcome.is_ok()).count());
+    let in_a_row = replay.steps.iter().rev().take_while(|step| step.outcome == Err(Refusal::Unexpected)).count();
+    let mut found = Vec::new();
+    if in_a_row >= BROKEN {
+        found.push(Finding::bad(format!(
+            "The last {in_a_row} readings are too far from what is expected: the sensor is broken, or the machine has changed by more \
+             than it may learn."
+        )));
+    }
+    found.push(match &replay.alarm {
+        Some(alarm) => Finding::warning(said(replay, alarm)),
+        None => Finding::good("Nothing that is learned has changed by what is worth an alarm."),
+    });
+    let text = format!("{taken} of {all} readings were taken in.");
+    found.push(if taken == all { Finding::good(text) } else { Finding::warning(text) });
+    found
+}
+
+fn rows(replay: &Replay) -> Vec<(String, Vec<String>)> {
+    let Some(last) = replay.steps.last() else { return Vec::new() };
+    let own = replay.learn.amplitudes.iter().zip(&last.values);
+    let row = |(n, (own, value)): (usize, (&pkm_core::estimation::AmplitudeSettings, &(f64, f64)))| {
+        let (_, unit, scale) = units(own.amplitude);
+        let written = |(value, deviation): (f64, f64)| format!("{:.3} ± {:.3}", scale * value, scale * K95 * deviation);
+        let batch = replay.batch.as_ref().map_or("–".to_owned(), |batch| written(batch[n]));
+        (named(own.amplitude), vec![unit.to_owned(), written(*value), batch])
+    };
+    own.enumerate().map(row).collect()
+}
+
+/// The report.
+///
+/// # Errors
+/// What the drawing library says.
+pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> Result<String> {
+    let refused: Vec<_> =
+        refusals(replay).into_iter().map(|(n, count)| (n.to_owned(), vec![count.to_string()])).collect();
+    let alarms: Vec<_> = (replay.alarms.iter())
+        .map(|(step, alarm)| (format!("line {}", replay.steps[*step].line), vec![said(replay, alarm)]))
+        .collect();
+    let fit = format!("fit of the last {BATCH}, 95 %");
+    let body = html! {
+        h2 { "What was learned" }
+        (page::charts("Best value of each amplitude, reading by reading, and where it is with a probability of 95 %.", &curves(replay))?)
+        (page::table("At the end of the log, beside a least-squares fit of the last readings with the same prior.",
+            &["unit", "estimator, 95 %", &fit], &rows(replay)))
+        h2 { "Readings" }
+        (page::charts("How far each reading was from what was expected of it.", &[innovations(replay)])?)
+        @if !refused.is_empty() { (page::table("Readings that were refused. None of them has moved an amplitude.", &["readings"], &refused)) }
+        @if !alarms.is_empty() { (page::table("Alarms, each where it was raised first.", &["alarm"], &alarms)) }
+    };
+    let title = "What a controller would have learned".to_owned();
+    Ok(Page { title, findings: &findings(replay), warnings, body, facts: facts.to_vec() }.html())
+}
+
+/// For the terminal.
+pub fn text(replay: &Replay) -> String {
+    let mut text: String = findings(replay).into_iter().map(|finding| format!("{}\n", finding.text)).collect();
+    for (name, cells) in rows(replay) {
+        text.push_str(&format!("  {name}: {} {} (fit of the last {BATCH}: {})\n", cells[1], cells[0], cells[2]));
+    }
+    for (name, count) in refusals(replay) {
+        text.push_str(&format!("  refused as {name}: {count}\n"));
+    }
+    text
+}
+
+fn alarm_json(replay: &Replay, alarm: &Alarm) -> Value {
+    let amplitude = replay.learn.amplitudes[alarm.amplitude].amplitude;
+    json!({
+        "amplitude": named(amplitude), "unit": units(amplitude).0, "change": alarm.change, "deviation": alarm.deviation,
+        "probability": alarm.probability, "readings": alarm.readings,
+    })
+}
+
+/// For `--json`, and `replay.json`.
+pub fn document(replay: &Replay) -> Value {
+    let last = replay.steps.last();
+    let amplitudes: Vec<Value> = (replay.learn.amplitudes.iter().enumerate())
+        .map(|(n, own)| {
+            let value = last.map(|step| step.values[n]);
+            json!({
+                "amplitude": named(own.amplitude), "unit": units(own.amplitude).0, "accepted": own.accepted,
+                "value": value.map(|v| v.0), "deviation": value.map(|v| v.1),
+                "batch_value": replay.batch.as_ref().map(|b| b[n].0),
+                "batch_deviation": replay.batch.as_ref().map(|b| b[n].1),
+            })
+        })
+        .collect();
+    let refused: Vec<Value> = (replay.steps.iter())
+        .filter_map(|step| Some(json!({ "line": step.line, "code": code(step.outcome.as_ref().err()?) })))
+        .collect();
+    let alarms = replay.alarms.iter().map(|(step, alarm)| {
+        let mut alarm = alarm_json(replay, alarm);
+        alarm["line"] = json!(replay.steps[*step].line);
+        alarm
+    });
+    json!({
+        "readings": replay.steps.len(),
+        "taken": replay.steps.iter().filter(|step| step.outcome.is_ok()).count(),
+        "changes_at_lines": replay.steps.iter().filter(|step| step.changed).map(|step| step.line).collect::<Vec<_>>(),
+        "amplitudes": amplitudes,
+        "alarm": replay.alarm.as_ref().map(|alarm| alarm_json(replay, alarm)),
+        "alarms": alarms.collect::<Vec<_>>(),
+        "refused": refused,
+    })
+}
