@@ -9,6 +9,7 @@ mod image;
 mod linuxcnc;
 mod mutants;
 mod proofs;
+mod python;
 mod qemu;
 mod reports;
 mod showcase;
@@ -37,6 +38,7 @@ cargo xtask <chore>
   c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
   linuxcnc     build LinuxCNC's modules and configurations for two machines, drive them in simulation, compare with the host;
                build, run: see cargo xtask linuxcnc help
+  python       build the wheel of embed/python in a clean environment, test it against this build of the core, execute its notebook
   header       write embed/c/include/pkm.h
   f32          errors of a controller's cycle in f32 against f64, as tables; write docs/f32.svg
   showcase     diagnose the finite-element solids of fixtures/stiffness as readings without noise
@@ -76,6 +78,7 @@ fn main() -> ExitCode {
         Some("view") => view::run(),
         Some("f32") => single::run(),
         Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),
+        Some("python") => python::run(),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
     };
