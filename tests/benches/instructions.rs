@@ -204,7 +204,7 @@ macro_rules! kernels {
         #[library_benchmark]
         #[bench::reference(stiffness(&$machine))]
         fn $factor(k: Stiffness<$t>) -> StiffnessFactor<$t> {
-            black_box(black_box(k).factor()).unwrap()
+            black_box(black_box(&k).factor()).unwrap()
         }
 
         #[library_benchmark]
@@ -242,20 +242,20 @@ fn at_most(instructions: u64) -> LibraryBenchmarkConfig {
 }
 
 library_benchmark_group!(name = inverse, config = at_most(400), benchmarks = [ik_f64, ik_f32]);
-library_benchmark_group!(name = forward, config = at_most(900), benchmarks = [fk_f64, fk_f32]);
-library_benchmark_group!(name = basic, config = at_most(1400), benchmarks = [k_p_f64, k_p_f32]);
+library_benchmark_group!(name = forward, config = at_most(700), benchmarks = [fk_f64, fk_f32]);
+library_benchmark_group!(name = basic, config = at_most(1200), benchmarks = [k_p_f64, k_p_f32]);
 library_benchmark_group!(
     name = corrected,
-    config = at_most(3400),
+    config = at_most(3200),
     benchmarks = [k_m_f64, k_m_f32, k_m_and_deflection_f64, k_m_and_deflection_f32]
 );
-library_benchmark_group!(name = cycle, config = at_most(4200), benchmarks = [cycle_f64, cycle_f32]);
+library_benchmark_group!(name = cycle, config = at_most(4000), benchmarks = [cycle_f64, cycle_f32]);
 library_benchmark_group!(name = tool, config = at_most(4000), benchmarks = [inverse_tool_f64, inverse_tool_f32]);
 library_benchmark_group!(name = given, config = at_most(2600), benchmarks = [inverse_at_f64, inverse_at_f32]);
 library_benchmark_group!(name = frame, config = at_most(11500), benchmarks = [inverse_frame_f64, inverse_frame_f32]);
 library_benchmark_group!(
     name = loaded,
-    config = at_most(21500),
+    config = at_most(20000),
     benchmarks = [compensated_tool_f64, compensated_tool_f32]
 );
 library_benchmark_group!(name = compensator, config = at_most(4800), benchmarks = [compensate_f64, compensate_f32]);
@@ -266,7 +266,7 @@ library_benchmark_group!(
 );
 library_benchmark_group!(
     name = kernels,
-    config = at_most(600),
+    config = at_most(560),
     benchmarks = [factor_f64, deflection_f64, factor_f32, deflection_f32]
 );
 library_benchmark_group!(
