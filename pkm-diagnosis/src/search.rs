@@ -42,7 +42,7 @@ pub struct Round {
     pub ranking: Vec<Ranked>,
 }
 
-/// Something that was found.
+/// A finding.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// The best.
@@ -57,7 +57,7 @@ pub struct Found {
 pub struct Search {
     /// Declared values re-identified and nothing else.
     pub base: Fit,
-    /// With all that was found.
+    /// With all findings.
     pub fit: Fit,
     /// Level of load error that makes the readings most likely: with nothing found, and in the end.
     pub levels: [usize; 2],

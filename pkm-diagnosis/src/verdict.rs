@@ -67,9 +67,9 @@ pub enum Verdict {
 pub struct Judgement {
     /// The verdict.
     pub verdict: Verdict,
-    /// Before anything was found.
+    /// Before any finding.
     pub before: LackOfFit,
-    /// With all that was found.
+    /// With all findings.
     pub after: LackOfFit,
     /// Share of the misfit that is gone.
     pub gone: f64,

@@ -109,9 +109,9 @@ pub struct Diagnosis {
     pub repeat_sd_m: [f64; 4],
     /// Anchors alone.
     pub before: Identified,
-    /// With all that was found.
+    /// With all findings.
     pub after: Identified,
-    /// What was found.
+    /// The findings.
     pub inferred: Inferred,
     /// Whether the readings can tell each candidate from other anchors at any plausible size.
     pub identifiable: Vec<bool>,

@@ -16,7 +16,7 @@ const SHARED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/
 /// The readings are the files '10X Calibration Test.txt' and 'Tension testing.txt' of the public repository
 /// BarbourSmith/Calibration-Simulation at commit 95c920117bac714edc935c37ce9f88cbc9b3332d. They have no licence and are no
 /// part of this project: clone that repository and name the folder. Each of the runs is diagnosed alone and predicts the
-/// others; the tension test judges what was found.
+/// others; the tension test judges the findings.
 ///
 /// Exit 0: success; 2: bad usage or a bad file, with its line; 1: anything else.
 #[derive(Parser)]

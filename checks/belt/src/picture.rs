@@ -12,7 +12,7 @@ type Drawn = Result<(), String>;
 /// Colours that a colour-blind reader can tell apart (Okabe and Ito), before and after.
 const COLOURS: [RGBColor; 2] = [RGBColor(213, 94, 0), RGBColor(0, 114, 178)];
 const GREY: RGBColor = RGBColor(90, 90, 90);
-const NAMES: [&str; 2] = ["anchors alone", "with what was found"];
+const NAMES: [&str; 2] = ["anchors alone", "identified model"];
 /// Width and height of both charts together.
 const SIZE: (u32, u32) = (960, 400);
 /// Radius of a circle for an error of 1 mm, in pixels.

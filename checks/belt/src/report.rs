@@ -61,7 +61,7 @@ pub fn text(study: &Study) -> String {
         &mut out,
         format!("Rms of a condition of closure in runs that had no part, median: {before:.2} mm with identified"),
     );
-    line(&mut out, format!("anchors alone, {after:.2} mm with what was found."));
+    line(&mut out, format!("anchors alone, {after:.2} mm with the identified model."));
     for (n, run) in study.runs.iter().enumerate() {
         let (b, a) = (prediction_text(&run.before), prediction_text(&run.after));
         line(&mut out, format!("\nrun {}: others {b} -> {a} mm (95 % over places)", n + 1));
@@ -81,7 +81,7 @@ pub fn text(study: &Study) -> String {
         line(
             &mut out,
             format!(
-                "  {name}: {tool:.1} by the maker's tool, {anchors:.1} anchors alone, {found:.1} with what was found"
+                "  {name}: {tool:.1} by the maker's tool, {anchors:.1} anchors alone, {found:.1} with the identified model"
             ),
         );
     }

@@ -1,4 +1,4 @@
-//! All runs: each is diagnosed alone and predicts the others, and the tension test judges what was found.
+//! All runs: each is diagnosed alone and predicts the others, and the tension test judges the findings.
 
 use nalgebra::{DVector, Vector4};
 use pkm_diagnosis::places::Finding;
@@ -36,7 +36,7 @@ pub struct RunResult {
     pub diagnosis: Diagnosis,
     /// The other runs by anchors alone.
     pub before: Prediction,
-    /// The other runs with what was found.
+    /// The other runs with the identified model.
     pub after: Prediction,
 }
 

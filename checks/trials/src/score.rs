@@ -21,7 +21,7 @@ pub struct Truth {
     pub declared: Vec<String>,
     /// For each thing that is there, the places where it may rightly be found.
     pub places: Vec<Vec<String>>,
-    /// Signal that re-tuning cannot take.
+    /// Detectability λ: the signal that re-identification cannot take.
     pub lambda: f64,
     /// Seed, form and amplitude.
     pub about: String,
@@ -441,10 +441,10 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     let ratio = |o: &Outcome| o.answer.as_ref().map_or(f64::NAN, |a| a.after / a.retuned.max(1e-12));
     let gain = |o: &Outcome| o.answer.as_ref().map_or(f64::NAN, |a| a.after / a.before.max(1e-12));
     let worse = |o: &Outcome| ratio(o) > 1.05;
-    rate("held out: effect over re-tuned above 1.05", &judged, "0", &worse);
+    rate("held out: effect over re-identified above 1.05", &judged, "0", &worse);
     let fine: Vec<&Outcome> = all.iter().filter(|o| o.answer.is_ok()).copied().collect();
     let other: Vec<&Outcome> = forms.iter().chain(&pairs).filter(|o| o.answer.is_ok()).copied().collect();
-    rate("forms: held out, effect over re-tuned above 1.05", &other, "<= 4 %", &worse);
+    rate("forms: held out, effect over re-identified above 1.05", &other, "<= 4 %", &worse);
     rate("held out, all kinds: above 1.05", &fine, "0", &worse);
     let inside = |o: &Outcome| {
         let answer = o.answer.as_ref().ok()?;
@@ -464,17 +464,17 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     };
     let strong =
         |low: f64, f: &dyn Fn(&Outcome) -> f64| judged.iter().filter(|o| o.truth.lambda >= low).map(|o| f(o)).collect();
-    add("effect / re-tuned, λ >= 100", strong(100.0, &ratio), "<= 0.5");
-    add("effect / re-tuned, λ >= 1000", strong(1000.0, &ratio), "<= 0.15");
+    add("effect / re-identified, λ >= 100", strong(100.0, &ratio), "<= 0.5");
+    add("effect / re-identified, λ >= 1000", strong(1000.0, &ratio), "<= 0.15");
     let of_forms = |low: f64| {
         let strong = forms.iter().chain(&pairs).filter(|o| o.answer.is_ok() && o.truth.lambda >= low);
         strong.map(|o| ratio(o)).collect::<Vec<f64>>()
     };
-    add("forms: effect / re-tuned, λ >= 100", of_forms(100.0), "<= 0.6");
-    add("forms: effect / re-tuned, λ >= 1000", of_forms(1000.0), "<= 0.4");
+    add("forms: effect / re-identified, λ >= 100", of_forms(100.0), "<= 0.6");
+    add("forms: effect / re-identified, λ >= 1000", of_forms(1000.0), "<= 0.4");
     add("effect / declared, λ >= 400", strong(400.0, &gain), "");
     let sensed = fine.iter().filter(|o| o.truth.effects.iter().any(|(id, ..)| is_of_the_measurement(id)));
-    add("effect / re-tuned, of the measurement", sensed.map(|o| ratio(o)).collect(), "");
+    add("effect / re-identified, of the measurement", sensed.map(|o| ratio(o)).collect(), "");
     add("seconds", all.iter().map(|o| o.seconds).collect(), "");
 
     let mut ids: BTreeMap<&str, (usize, usize, Vec<&str>)> = BTreeMap::new();

@@ -84,7 +84,7 @@ pub struct Set {
     pub kind: Kind,
     /// All follows from it.
     pub seed: u64,
-    /// Signal of the effect that re-tuning cannot take.
+    /// Signal of the effect that re-identification of the stiffnesses cannot take.
     pub lambda: f64,
     declared: Machine,
     world: World,
@@ -325,7 +325,7 @@ impl Set {
         Err(format!("seed {seed}: no set can show this"))
     }
 
-    /// `None` when re-tuning takes so much of the signal that the set shows nothing.
+    /// `None` when re-identification takes so much of the signal that the set shows nothing.
     fn draw(kind: Kind, seed: u64, wish: &Wish, part: &Wrong, rng: &mut Random) -> Result<Option<Self>, String> {
         let specs = specs(kind, wish, rng)?;
         let needs: Vec<Needs> = specs.iter().map(|s| s.needs).collect();
@@ -434,7 +434,7 @@ impl Set {
             }
         }
         let tuning = Tuning::new(&self.world, &self.poses, &self.rows, self.rotations);
-        // here it is what re-tuning takes beyond its prior
+        // here it is what re-identification takes beyond its prior
         let signal = self.signal(&self.world, &other);
         self.lambda = tuning.lambda(&signal);
         self.wrong = limbs.iter().map(|l| format!("limb.{}.{joint}.{entries}", l + 1)).collect();
@@ -572,7 +572,7 @@ fn scaled_to(mut effect: Effect, spec: &Spec, target: f64, lambda: impl Fn(&Effe
         } else {
             high = at;
         }
-        // λ goes with the square of a small amplitude; where it doesn't, halving what is left does
+        // λ goes with the square of a small amplitude; where it doesn't, halving the residual does
         let guess = at + 0.5 * (target / now.max(1e-9)).ln();
         effect.amplitude = if guess > low && guess < high { guess } else { 0.5 * (low + high) }.exp();
     }
@@ -719,7 +719,7 @@ mod tests {
         let rows = plan(&mut rng, 2, &LAYOUTS[0], false, false);
         let tuning = Tuning::new(&world, &poses, &rows, true);
         let by_one_sd = tuning.jacobian.column(2).into_owned();
-        // AᵀA (AᵀA + 1)⁻¹, below 1: re-tuning by one sd costs 1 at most
+        // AᵀA (AᵀA + 1)⁻¹, below 1: re-identification by one sd costs 1 at most
         let expected = (tuning.jacobian.tr_mul(&tuning.jacobian) * &tuning.inner)[(2, 2)];
         assert!((tuning.lambda(&by_one_sd) / expected - 1.0).abs() < 1e-6 && expected < 1.0);
     }

@@ -18,11 +18,11 @@ pub struct Outcome {
     pub errors_sd: Vec<(String, f64)>,
     /// Parameters that were called not identifiable.
     pub not_identifiable: Vec<String>,
-    /// Errors on held-out poses over the noise: declared, identified, with what was found.
+    /// Errors on held-out poses over the noise: declared, identified, identified with its findings.
     pub over_noise: [f64; 3],
     /// Rms of the same, µm.
     pub rms_um: [f64; 3],
-    /// What was found beside the geometry.
+    /// Findings beside the geometry.
     pub found: Vec<String>,
     /// p of more than noise under the identified geometry.
     pub p: f64,
@@ -106,7 +106,7 @@ pub fn report(case: &str, outcomes: &[Outcome]) -> String {
     for (key, count) in open {
         text += &format!("    {key:<20} called not identifiable in {count}\n");
     }
-    for (n, name) in ["declared", "identified", "with what was found"].into_iter().enumerate() {
+    for (n, name) in ["declared", "identified", "identified with its findings"].into_iter().enumerate() {
         text += &format!("  held out, {name}: over noise {}; ", spread(outcomes.iter().map(|o| o.over_noise[n])));
         text += &format!("rms in µm {}\n", spread(outcomes.iter().map(|o| o.rms_um[n])));
     }

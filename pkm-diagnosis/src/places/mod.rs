@@ -54,7 +54,7 @@ pub trait PlaceModel: Sync {
     fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)>;
 }
 
-/// Something that was found.
+/// A finding.
 #[derive(Clone, Debug)]
 pub struct Finding {
     /// The likeliest block.

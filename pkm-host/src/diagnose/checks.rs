@@ -260,7 +260,7 @@ pub fn taken_otherwise(
     (*rest < said / problem.rules.min_rss_ratio).then(|| Warning {
         kind: "readings_taken_otherwise",
         message: format!(
-            "the readings fit the declared machine much better {how} ({} times their noise is left) than as the file says, \
+            "the readings fit the declared machine much better {how} (residuals of {} times their noise) than as the file says, \
              displacements of A in A-uvw under loads at A ({} times): are they?",
             times(*rest),
             times(said)
@@ -334,9 +334,10 @@ pub fn of_result(
     {
         warnings.push(Warning {
             kind: "order_of_readings",
-            message: "what is left goes with the order of the readings: a drift, or a zero that was read anew; give readings \
+            message:
+                "the residuals go with the order of the readings: a drift, or a zero that was read anew; give readings \
                       that share a zero reading one number in the column `series`"
-                .into(),
+                    .into(),
         });
     }
     warnings

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::experiment::{self, Experiment};
 use super::model::{Meaning, Model, is_measurement};
-use super::remainder::Remainder;
+use super::residual_table::ResidualTable;
 use crate::files::readings::{CHANNELS, Condition, Readings};
 use crate::pose::{PoseBox, file_units};
 
@@ -20,11 +20,11 @@ pub enum Rival {
     Declared,
     /// The same with a table fitted to the readings.
     Table,
-    /// Declared stiffnesses re-tuned and nothing else.
-    Retuned,
-    /// With what was found.
+    /// Re-identified stiffnesses and nothing else.
+    Reidentified,
+    /// The identified model.
     After,
-    /// The same with a table on what is left.
+    /// The identified model with a residual correction table.
     AfterAndTable,
 }
 
@@ -32,9 +32,9 @@ pub enum Rival {
 pub const RIVALS: [(Rival, &str, &str); 5] = [
     (Rival::Declared, "before", "as declared"),
     (Rival::Table, "table_only", "table refitted only"),
-    (Rival::Retuned, "retuned_only", "stiffnesses re-tuned only"),
-    (Rival::After, "after", "with what was found"),
-    (Rival::AfterAndTable, "after_and_table", "the same, and a table on the remainder"),
+    (Rival::Reidentified, "retuned_only", "stiffnesses re-identified only"),
+    (Rival::After, "after", "identified model"),
+    (Rival::AfterAndTable, "after_and_table", "the same with a residual correction table"),
 ];
 
 /// Errors of one model on some readings.
@@ -57,7 +57,7 @@ pub struct Errors {
     pub angular_urad_rms: f64,
     /// `angular_urad_rms` over the root mean square of the rotation.
     pub angular_percent: f64,
-    /// Squared error over the noise, a number read.
+    /// Reduced χ²: squared error over the noise, per scalar observation.
     pub chi2_per_dof: f64,
 }
 
@@ -68,7 +68,7 @@ pub struct Predictions([Vec<[f64; CHANNELS]>; 5]);
 pub struct Fitted {
     base: Fit,
     end: Fit,
-    tables: [Remainder; 2],
+    tables: [ResidualTable; 2],
 }
 
 /// Extent of the poses that were read.
@@ -113,14 +113,14 @@ impl Fitted {
         let model = experiment.model;
         let machine = model.state(&end.unknowns, end.x.as_slice(), false).machine;
         let tables = [
-            Remainder::fit(problem, experiment, &model.declared, &declared, extent)?,
-            Remainder::fit(problem, experiment, &machine, &end.residuals, extent)?,
+            ResidualTable::fit(problem, experiment, &model.declared, &declared, extent)?,
+            ResidualTable::fit(problem, experiment, &machine, &end.residuals, extent)?,
         ];
         Some(Self { base, end, tables })
     }
 
-    /// The table on what is left after everything that was found.
-    pub fn remainder(&self) -> &Remainder {
+    /// The residual correction table of the identified model.
+    pub fn residual_table(&self) -> &ResidualTable {
         &self.tables[1]
     }
 
@@ -133,7 +133,7 @@ impl Fitted {
         as_measured: bool,
     ) -> Option<Predictions> {
         let at = |fit: &Fit| predict(model, fit, poses, conditions, as_measured);
-        let plus = |a: &[[f64; CHANNELS]], table: &Remainder| -> Option<Vec<[f64; CHANNELS]>> {
+        let plus = |a: &[[f64; CHANNELS]], table: &ResidualTable| -> Option<Vec<[f64; CHANNELS]>> {
             let b = table.predict(poses, conditions)?;
             Some(a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|c| a[c] + b[c])).collect())
         };

@@ -1,4 +1,4 @@
-//! What was found, as effects with their places, and the sets that it was compared with.
+//! Findings as effects with their places, and the sets that they were compared with.
 
 use pkm_diagnosis::places::{Inferred, NOWHERE};
 use pkm_diagnosis::{Kind, Search, Unknown, search};
@@ -7,7 +7,7 @@ use super::model::{Meaning, Model, info};
 use super::places::World;
 use super::places::sites::{self, Site};
 
-/// An effect that was found.
+/// A finding.
 pub struct Effect {
     /// Its id.
     pub id: &'static str,
@@ -35,7 +35,7 @@ impl Effect {
         (self.id, &self.place, self.motion, self.law) == (other.id, &other.place, other.motion, other.law)
     }
 
-    /// Takes in what was found of the same.
+    /// Merges another finding of the same effect.
     fn absorb(&mut self, other: Self) {
         let new = other.place_class.into_iter().filter(|p| !self.place_class.contains(p));
         let room = sites::MAX_CLASS - self.place_class.len();

@@ -75,7 +75,7 @@ pub fn declared_findings(problem: &Problem<'_>, model: &Model, search: &Search) 
 pub struct Detectable {
     /// The effect.
     pub id: String,
-    /// Least amplitude of each parameter that would be found, alone; none when it could not be told from a re-tuned model.
+    /// Least amplitude of each parameter that would be found, alone; none when it cannot be told from re-identified stiffnesses.
     pub smallest: Vec<(String, Option<f64>)>,
     /// Why it is not looked for.
     pub why_not: Option<String>,

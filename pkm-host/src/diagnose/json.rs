@@ -74,7 +74,7 @@ impl Diagnosis {
             "error_before": of(&self.errors, Rival::Declared),
             "error_after": of(&self.errors, Rival::After),
             "error_after_and_table": of(&self.errors, Rival::AfterAndTable),
-            "error_retuned_only": of(&self.errors, Rival::Retuned),
+            "error_retuned_only": of(&self.errors, Rival::Reidentified),
             "error_table_only": of(&self.errors, Rival::Table),
             "holdout": held_out,
             "steps": self.steps.iter()

@@ -2,7 +2,7 @@
 //!
 //! The statistics are the crate `pkm-diagnosis`, which knows no machine. Here stands what they need of this one:
 //! [`crate::files::readings`] → `experiment` (readings and `model` as the engine takes them) → `checks` (are the readings what they
-//! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with a table on the `remainder`), `design`
+//! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with the `residual_table`), `design`
 //! (what to measure) → `json`, `report`, `write`.
 
 mod checks;
@@ -17,8 +17,8 @@ mod json;
 mod model;
 pub(crate) mod places;
 pub mod quality;
-mod remainder;
 pub mod report;
+mod residual_table;
 mod state;
 #[cfg(test)]
 mod tests;
@@ -106,7 +106,7 @@ pub struct Diagnosis {
     pub structure: Vec<Structure>,
     /// What to measure next.
     pub proposals: Vec<design::Proposal>,
-    /// The machine with re-tuned stiffnesses and effects.
+    /// The machine with re-identified stiffnesses and effects.
     pub machine: pkm_core::MachineParameters,
     /// The rivals, fitted to all readings.
     pub fitted: Fitted,
@@ -383,7 +383,7 @@ impl Searched<'_> {
         let mut judgement = verdict::judge(levels, &noise, &search).ok_or_else(not_converged)?;
         let effects = effects(model, &search, sites);
         if effects.iter().any(|e| e.parameters.is_empty()) {
-            // something yields for which there is no formula, so that what was found is not all
+            // something yields for which there is no formula, so that the findings are not all
             judgement.verdict = Verdict::PartlyExplained;
         }
         let problem = &levels.problems[search.levels[1]];

@@ -44,13 +44,13 @@ fn far_from_declared(findings: &[DeclaredFinding]) -> String {
 fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
     match d.judgement.verdict {
         Verdict::Adequate if d.declared.is_empty() => Finding::good(
-            "The model is adequate: with its stiffnesses re-tuned within their uncertainty it leaves nothing but noise.",
+            "The model is adequate: with its stiffnesses re-identified within their uncertainty its residuals are noise.",
         ),
         Verdict::Adequate => Finding::warning(format!(
             "The model is adequate, its values are not: no physics is missing, but declared values are wrong by more than \
              their uncertainty{far}."
         )),
-        Verdict::Explained => Finding::good(format!("Explained by {found}: nothing but noise is left{far}.")),
+        Verdict::Explained => Finding::good(format!("Explained by {found}: the residuals are noise{far}.")),
         Verdict::PartlyExplained => Finding::warning(format!(
             "Partly explained by {found}: a significant misfit remains. Don't take the names below for the whole truth."
         )),
@@ -78,7 +78,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             found.push(name);
         }
     }
-    let found = if found.is_empty() { "what was found".to_owned() } else { found.join(" and ") };
+    let found = if found.is_empty() { "the identified model".to_owned() } else { found.join(" and ") };
     let class = |class: &[String]| {
         if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
     };
@@ -92,7 +92,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
         let among = if e.place_class.is_empty() { String::new() } else { format!(" or {}", e.place_class.join(", ")) };
         let place = format!("at {}{among} ({}, law: {}, probability {:.2})", e.place, e.motion, e.law, e.probability);
         let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
-        // what was found without a form has none
+        // a finding without a formula has none
         let parameters = if parameters.is_empty() { String::new() } else { format!("; {}", parameters.join(", ")) };
         let look = text::inspect_effect(e.id, &e.place);
         all.push(Finding::good(format!("{}: {what} {place}{parameters}{}. Look at {look}.", e.id, class(&e.class))));
@@ -112,10 +112,10 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     let held = &d.held_out;
     let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
     if let (Some(before), Some(retuned), Some(after)) =
-        (of(&held.all, Rival::Declared), of(&held.all, Rival::Retuned), of(&held.all, Rival::After))
+        (of(&held.all, Rival::Declared), of(&held.all, Rival::Reidentified), of(&held.all, Rival::After))
     {
         all.push(Finding::good(format!(
-            "On {how}, rms translation error: {:.2} µm as declared, {:.2} µm re-tuned only, {:.2} µm with what was found.",
+            "On {how}, rms translation error: {:.2} µm as declared, {:.2} µm with re-identified stiffnesses, {:.2} µm with the identified model.",
             before.linear_um_rms, retuned.linear_um_rms, after.linear_um_rms
         )));
     }
@@ -135,7 +135,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     let hidden: Vec<&str> = d.detectable.iter().filter(|d| d.is_hidden()).map(|d| d.id.as_str()).collect();
     if !hidden.is_empty() {
         let hidden = hidden.join(", ");
-        all.push(Finding::good(format!("Not to be seen in these readings at any plausible size: {hidden}.")));
+        all.push(Finding::good(format!("Not identifiable with these readings at any plausible size: {hidden}.")));
     }
     all
 }
@@ -189,7 +189,7 @@ fn tensions(machine: &Machine<f64>, c: &Condition, pose: &pkm_core::Pose<f64>) -
 /// Residuals along the load, over pose, load and limb force.
 fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<Markup> {
     let step = readings.readings.len().div_ceil(POINTS);
-    // translation error along the force, µm, for the re-tuned model and the last one
+    // translation error along the force, µm, of the re-identified stiffnesses and of the identified model
     let along = |predictions: &[[f64; CHANNELS]], n: usize| -> Option<f64> {
         let r = &readings.readings[n];
         let c = &readings.conditions[r.condition];
@@ -202,7 +202,7 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
         }
         (size > 0.0).then_some(sum * 1e6)
     };
-    let rivals = [(Rival::Retuned, "re-tuned only"), (Rival::After, "with what was found")];
+    let rivals = [(Rival::Reidentified, "stiffnesses re-identified"), (Rival::After, "identified model")];
     let shown = if d.search.found.is_empty() { &rivals[..1] } else { &rivals[..] };
     type Axis<'a> = (&'a str, Box<dyn Fn(&Condition) -> Option<f64> + 'a>);
     let pose = |i: usize| move |c: &Condition| Some(file_units(&readings.poses[c.pose].pose)[i]);
@@ -217,9 +217,9 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
         ("tension in limb 3 in N", Box::new(limb(2))),
     ];
     let panels = axes.map(|(label, x)| Panel {
-        title: format!("left over {}", label.rsplit_once(" in ").map_or(label, |(name, _)| name)),
+        title: format!("Residual over {}", label.rsplit_once(" in ").map_or(label, |(name, _)| name)),
         x_label: label.into(),
-        y_label: "left along the force, µm".into(),
+        y_label: "residual along the force, µm".into(),
         series: shown
             .iter()
             .map(|(rival, name)| {
@@ -236,7 +236,7 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
     if panels.is_empty() {
         return Ok(html! { p { "There are no readings of translation along a force to show." } });
     }
-    charts("Reading minus model, along the force. What is only noise has no shape.", &panels)
+    charts("Residuals: reading minus model, along the force. Noise shows no pattern.", &panels)
 }
 
 fn interval(e: &Errors) -> String {
@@ -266,12 +266,12 @@ fn error_rows(errors: &[(Rival, Errors)]) -> Vec<(String, Vec<String>)> {
 }
 
 const ERROR_HEADS: [&str; 7] =
-    ["rms µm", "95 % interval", "max µm", "% of translation", "rms µrad", "% of rotation", "χ² a number"];
+    ["rms µm", "95 % interval", "max µm", "% of translation", "rms µrad", "% of rotation", "χ²/dof"];
 
 /// The candidates of each round, the best first.
 fn rounds(d: &Diagnosis) -> Markup {
     let heads =
-        ["drop of χ²", "freedoms", "p", "2 Δ ln E", "left-out gain, %", "poses that gain, %", "put aside because"];
+        ["Δχ²", "degrees of freedom", "p", "2 Δ ln E", "cross-validated gain, %", "poses that gain, %", "rejected"];
     let tables = d.search.rounds.iter().zip(&d.names).enumerate().map(|(n, (round, names))| {
         let mut shown: Vec<&str> = Vec::new();
         let rows: Vec<_> = (round.ranking.iter().zip(names))
@@ -295,11 +295,7 @@ fn rounds(d: &Diagnosis) -> Markup {
             })
             .collect();
         let p = round.p_family;
-        table(
-            &format!("Round {}: p of so strong a best candidate, if nothing were missing, {p:.1e}", n + 1),
-            &heads,
-            &rows,
-        )
+        table(&format!("Round {}: family-wise p-value of the best candidate {p:.1e}", n + 1), &heads, &rows)
     });
     let legend = text::LEGEND.map(|(what, means)| format!("{what}: {means}"));
     html! {

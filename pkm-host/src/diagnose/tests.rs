@@ -403,9 +403,9 @@ fn rivals_are_fitted_without_the_pose_that_they_predict() {
     let fitted = Fitted::new(&problem, &experiment, &compare::extent(&data), &search, false).unwrap();
     let own = fitted.predict(&model, &poses, &data.conditions, true).unwrap();
     assert_eq!(own.of(Rival::Declared), of(&search.fit, &[0.0; 3]));
-    assert_eq!(own.of(Rival::Retuned), of(&search.base, search.base.x.as_slice()));
+    assert_eq!(own.of(Rival::Reidentified), of(&search.base, search.base.x.as_slice()));
     assert_eq!(own.of(Rival::After), said(true));
-    let table = fitted.remainder().predict(&poses, &data.conditions).unwrap();
+    let table = fitted.residual_table().predict(&poses, &data.conditions).unwrap();
     assert!(table[0][2] != 0.0);
     let sum = |n: usize| -> [f64; CHANNELS] { std::array::from_fn(|c| said(true)[n][c] + table[n][c]) };
     assert_eq!(own.of(Rival::AfterAndTable), (0..table.len()).map(sum).collect::<Vec<_>>());
@@ -417,7 +417,7 @@ fn rivals_are_fitted_without_the_pose_that_they_predict() {
     for pose in 0..2 {
         let [base, fit] = fits(&data.without(|r| data.conditions[r.condition].pose == pose));
         for (n, _) in data.conditions.iter().enumerate().filter(|(_, c)| c.pose == pose) {
-            for (rival, fit) in [(Rival::Retuned, &base), (Rival::After, &fit)] {
+            for (rival, fit) in [(Rival::Reidentified, &base), (Rival::After, &fit)] {
                 let truth = of(fit, fit.x.as_slice())[n];
                 (0..CHANNELS).for_each(|c| assert!((held_out.of(rival)[n][c] - truth[c]).abs() < 1e-9));
             }

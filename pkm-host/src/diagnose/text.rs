@@ -8,13 +8,13 @@ use super::declared::{Declared, Part};
 pub const LEGEND: [(&str, &str); 7] = [
     (
         "λ",
-        "an effect's signal that re-tuned stiffnesses cannot imitate, squared, in noise variances: seen from about 30 on",
+        "detectability, the squared signal-to-noise ratio of an effect after the stiffnesses are re-identified: found from about 30 on",
     ),
     ("lack of fit", "misfit over noise, near 1 for a good model; p below 0.01: more than noise"),
-    ("drop of χ²", "squared misfit, in noise variances, that a candidate could take away"),
-    ("freedoms", "numbers that it may choose for that"),
+    ("Δχ²", "by how much a candidate would lower χ²"),
+    ("degrees of freedom", "parameters of the candidate"),
     ("2 Δ ln E", "how much likelier it makes the readings: more than 6 counts, for a second find more than 10"),
-    ("left-out gain", "how much better poses are predicted that its fit has not seen"),
+    ("cross-validated gain", "how much better poses are predicted that its fit has not seen"),
     ("order", "of the readings in the file"),
 ];
 

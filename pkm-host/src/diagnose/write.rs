@@ -1,5 +1,5 @@
-//! The files that a diagnosis leaves: for the controller the machine with its effects and a table on what is left, for people
-//! what is left of every reading.
+//! The files that a diagnosis leaves: for the controller the machine with its effects and a residual correction table, for people
+//! the residual of every reading.
 
 use pkm_core::effects::EFFECTS;
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
@@ -17,7 +17,7 @@ use crate::fit::{self, TermChoice};
 use crate::pose::{NamedPose, pose_of, tidy, written_units};
 use crate::report::export::{Provenance, rust_source};
 
-/// Levels of each variable at which the table on the remainder is taken.
+/// Levels of each variable at which the residual correction table is fitted.
 const LEVELS: usize = 5;
 
 /// Changes a number of the file, unless it holds this value already.
@@ -32,7 +32,7 @@ pub(crate) fn set(item: &mut Item, number: f64) {
     }
 }
 
-/// The machine file with re-tuned stiffnesses and effects; all else as it stood.
+/// The machine file with re-identified stiffnesses and effects; all else as it stood.
 ///
 /// # Errors
 /// None for a file that was read before.
@@ -164,10 +164,11 @@ pub fn table(
             poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
         }
     }
-    let corrected: Result<Vec<_>> = poses.iter().map(|p| diagnosis.fitted.remainder().stiffness(&p.pose)).collect();
+    let corrected: Result<Vec<_>> =
+        poses.iter().map(|p| diagnosis.fitted.residual_table().stiffness(&p.pose)).collect();
     let mut warning = None;
     let stiffnesses = corrected.or_else(|e| {
-        warning = Some(format!("{}; the table is left at 1", e.message));
+        warning = Some(format!("{}; no correction is applied", e.message));
         let own = poses.iter().map(|p| machine.stiffness(&p.pose));
         own.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Failure::other(e.to_string()))
     })?;

@@ -121,7 +121,7 @@ fn temper(problem: &Problem<'_>, fit: &Fit) -> f64 {
     (problem.chi2(fit) / (problem.numbers() as f64 - fit.effective_parameters()).max(1.0)).max(1.0)
 }
 
-/// What is missing beside the geometry: while more than noise is left, the likeliest candidate that predicts poses left out
+/// What is missing beside the geometry: while the residuals are more than noise, the likeliest candidate that predicts poses left out
 /// better.
 fn search(problem: &Problem<'_>, noise: &Noise, identified: &Fit) -> (Vec<usize>, Vec<Tried>) {
     let rules = problem.rules;

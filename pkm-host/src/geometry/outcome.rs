@@ -25,7 +25,7 @@ pub enum Rival {
     Declared,
     /// The identified one, which the controller's kinematics can hold.
     Identified,
-    /// With what was found beside it, which they can't.
+    /// With the findings beside it, which they cannot.
     WithFound,
 }
 
@@ -36,13 +36,13 @@ pub const RIVALS: [Rival; 3] = [Rival::Declared, Rival::Identified, Rival::WithF
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The identified geometry leaves nothing but noise.
+    /// The residuals of the identified geometry are noise.
     Adequate,
-    /// Beside it something of the joints or screws was found, and nothing but noise is left.
+    /// With findings in joints or screws beside it the residuals are noise.
     Explained,
-    /// Something was found, and more is left.
+    /// With findings beside it the residuals are more than noise.
     PartlyExplained,
-    /// More than noise is left, and nothing is known that it could be.
+    /// The residuals are more than noise, and no candidate accounts for them.
     Unexplained,
 }
 
@@ -53,7 +53,7 @@ pub struct Estimate {
     pub meaning: Meaning,
     /// As declared; 0 for zeros of joints.
     pub declared: f64,
-    /// As identified, beside what was found.
+    /// As identified, beside the findings.
     pub value: f64,
     /// Standard deviation; with more misfit than noise, by as much more.
     pub sd: f64,
@@ -61,7 +61,7 @@ pub struct Estimate {
     pub prior_sd: f64,
     /// Whether the readings tell it.
     pub identifiable: bool,
-    /// What the controller's kinematics should hold: where something was found that they can't, the value that makes up for as
+    /// What the controller's kinematics should hold: where a finding is beyond them, the value that makes up for as
     /// much of it as it can; else the same.
     pub held: f64,
 }
@@ -133,7 +133,7 @@ pub struct Identification {
     pub targets: Vec<Located<Target>>,
     /// Balls likewise, in B.
     pub balls: Vec<Located<String>>,
-    /// Of the declared geometry, the identified one, and with what was found.
+    /// Of the declared geometry, the identified one, and with the findings.
     pub lack_of_fit: [LackOfFit; 3],
     /// What was tried beside the geometry; nothing where that leaves only noise.
     pub tried: Vec<Tried>,
@@ -153,7 +153,7 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// What was found beside the geometry.
+    /// Findings beside the geometry.
     pub fn found(&self) -> impl Iterator<Item = &Tried> {
         self.tried.iter().filter(|t| t.state == TriedState::Found)
     }

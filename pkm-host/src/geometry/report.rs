@@ -42,7 +42,7 @@ fn ratio(found: &Identification, rival: Rival) -> f64 {
     found.held_out_of(rival).map_or(f64::NAN, |e| e.chi2_per_dof.sqrt())
 }
 
-/// Names of what was found, with what it can't be told from.
+/// Names of the findings, with what the readings cannot tell them from.
 fn names(found: &Identification) -> String {
     let of = |state: TriedState| -> Vec<&str> {
         found.tried.iter().filter(|t| t.state == state).map(|t| t.id.as_str()).collect()
@@ -66,9 +66,9 @@ fn verdict(found: &Identification) -> Finding {
     );
     let with = || format!("; with it {}", held_out_sentence(found, Rival::WithFound));
     match found.verdict {
-        Verdict::Adequate => Finding::good(format!("{before_after}. Nothing but noise is left.")),
+        Verdict::Adequate => Finding::good(format!("{before_after}. The residuals are noise.")),
         Verdict::Explained => Finding::warning(format!(
-            "{before_after}. What remains is {}: nothing but noise is left{}. The controller's kinematics cannot hold it: mend the \
+            "{before_after}. The rest is {}: with it the residuals are noise{}. The controller's kinematics cannot hold it: mend the \
              joints, or accept the error of the identified geometry.",
             names(found),
             with()
@@ -79,7 +79,7 @@ fn verdict(found: &Identification) -> Finding {
             with()
         )),
         Verdict::Unexplained => Finding::bad(format!(
-            "{before_after}. More than noise is left, and neither axes or places of joints nor pitches of screws account for it: is the \
+            "{before_after}. The residuals are more than noise, and neither axes or places of joints nor pitches of screws account for them: is the \
              declared noise right, was anything loose or warm?"
         )),
     }
@@ -243,25 +243,28 @@ fn parameters(found: &Identification) -> Markup {
 
 fn errors(found: &Identification) -> Markup {
     let lack = |l: &LackOfFit| vec![format!("{:.2}", l.statistic), format!("{:.2e}", l.p)];
-    let rows: Vec<(String, Vec<String>)> =
-        [("declared", Rival::Declared), ("identified", Rival::Identified), ("with what was found", Rival::WithFound)]
-            .into_iter()
-            .zip(&found.lack_of_fit)
-            .map(|((name, rival), l)| {
-                let own = found.errors.iter().find(|(r, _)| *r == rival).map(|(_, e)| e);
-                let of = |e: Option<&pkm_diagnosis::validation::Errors>| {
-                    e.map_or(vec![String::new(); 3], |e| {
-                        let k = &e.kinds[0];
-                        vec![
-                            format!("{:.2}", k.rms * 1e6),
-                            format!("{:.2}", k.max * 1e6),
-                            format!("{:.3}", e.chi2_per_dof.sqrt()),
-                        ]
-                    })
-                };
-                (name.to_owned(), [of(own), of(found.held_out_of(rival)), lack(l)].concat())
+    let rows: Vec<(String, Vec<String>)> = [
+        ("declared", Rival::Declared),
+        ("identified", Rival::Identified),
+        ("identified with its findings", Rival::WithFound),
+    ]
+    .into_iter()
+    .zip(&found.lack_of_fit)
+    .map(|((name, rival), l)| {
+        let own = found.errors.iter().find(|(r, _)| *r == rival).map(|(_, e)| e);
+        let of = |e: Option<&pkm_diagnosis::validation::Errors>| {
+            e.map_or(vec![String::new(); 3], |e| {
+                let k = &e.kinds[0];
+                vec![
+                    format!("{:.2}", k.rms * 1e6),
+                    format!("{:.2}", k.max * 1e6),
+                    format!("{:.3}", e.chi2_per_dof.sqrt()),
+                ]
             })
-            .collect();
+        };
+        (name.to_owned(), [of(own), of(found.held_out_of(rival)), lack(l)].concat())
+    })
+    .collect();
     let heads = [
         "rms in µm",
         "greatest in µm",

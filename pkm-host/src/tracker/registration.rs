@@ -36,7 +36,7 @@ pub struct Registration {
     pub(crate) motion: Motion,
     /// Points that it follows from.
     pub points: usize,
-    /// Root mean square of what is left of a coordinate, m.
+    /// Root mean square residual of a coordinate, m.
     pub rms_m: f64,
     /// What is left, squared, over the variances of the points, by degree of freedom; 1 without any.
     pub chi2_per_dof: f64,

@@ -66,15 +66,15 @@ fn misses(truth: &Value, found: &Value) -> Vec<&'static str> {
         // loads that are wrong leave more than noise, which is said, and name nothing
         ("not adequate", right.is_empty() && truth["kind"] != "load-errors" && found["verdict"] != "adequate"),
         ("no declared value blamed", !optional && truth.get("declared_value_finding").is_some() && parts.is_empty()),
-        // physics must not make it worse than re-tuning alone
-        ("worse than re-tuned", rms(found, "after") > 1.05 * rms(found, "retuned_only")),
+        // physics must not make it worse than re-identification alone
+        ("worse than re-identified stiffnesses", rms(found, "after") > 1.05 * rms(found, "retuned_only")),
     ];
     all.into_iter().filter(|(_, holds)| *holds).map(|(what, _)| what).collect()
 }
 
 /// Sets of which the diagnosis is known to be wrong: of ten poses with λ near 60, one offset of a joint that passes for
-/// compliance of the base, and one find that predicts 7 % worse than re-tuning. The others have physics on no list, which is
-/// found beside its place, or at it with a law that extrapolates worse than re-tuning.
+/// compliance of the base, and one find that predicts 7 % worse than re-identification. The others have physics on no list, which is
+/// found beside its place, or at it with a law that extrapolates worse than re-identification.
 const KNOWN_MISSES: [&str; 6] = [
     "own-geometry-a1-hard",
     "own-limb-coupling-hard",

@@ -24,7 +24,7 @@ const ENTRIES: usize = 21;
 
 /// The correction S, or none.
 #[derive(Clone)]
-pub struct Remainder {
+pub struct ResidualTable {
     machine: Machine<f64>,
     centre: [f64; 3],
     half_width: [f64; 3],
@@ -43,7 +43,7 @@ fn lower(machine: &Machine<f64>, pose: &Pose<f64>) -> Option<Matrix6<f64>> {
     Some(factor.lower())
 }
 
-impl Remainder {
+impl ResidualTable {
     /// Fits S to the residuals of a model.
     pub fn fit(
         problem: &Problem<'_>,
@@ -145,7 +145,7 @@ impl Remainder {
     /// # Errors
     /// A correction that leaves no positive definite stiffness.
     pub fn stiffness(&self, pose: &Pose<f64>) -> Result<Stiffness<f64>> {
-        let failed = || Failure::other("the table on the remainder leaves no positive definite stiffness");
+        let failed = || Failure::other("the residual correction table leaves no positive definite stiffness");
         let l = lower(&self.machine, pose).ok_or_else(failed)?;
         let basis =
             Basis::<f64>::new(self.centre, self.half_width, &EQ_11).map_err(|e| Failure::other(e.to_string()))?;
