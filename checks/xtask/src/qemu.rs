@@ -179,7 +179,7 @@ fn one_of(effect: &EffectInfo) -> String {
         name if name.ends_with("per_nm2") => 1e-6,
         _ => 1e-10,
     };
-    let values: String = effect.parameters.iter().map(|p| format!("{p} = {:e}\n", value(p))).collect();
+    let values: String = effect.names().map(|p| format!("{p} = {:e}\n", value(p))).collect();
     format!("\n[[effect]]\nid = \"{}\"\n{values}", effect.id)
 }
 

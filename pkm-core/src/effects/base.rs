@@ -1,4 +1,4 @@
-use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, Expected, MAX_PARAMETERS, ParameterInfo, Plausible, ToldBy};
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
@@ -8,8 +8,21 @@ pub(super) struct BaseCompliance;
 impl Effect for BaseCompliance {
     const INFO: EffectInfo = EffectInfo {
         id: "base-compliance",
-        parameters: &["mount_m_per_n", "mount_rad_per_nm", "under_joints_m_per_n"],
+        parameters: &[
+            ParameterInfo::new("mount_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
+            ParameterInfo::new("mount_rad_per_nm", 1e-3, Plausible::Within(|m| m.axial_m_per_n / (m.b1_m * m.b1_m))),
+            ParameterInfo::new("under_joints_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
+        ],
         signed: false,
+        expected: Expected {
+            places: &["base"],
+            motion: "general",
+            law: "constant",
+            ln_prior: 0.0,
+            class: None,
+            told_by: ToldBy::Loading,
+            inspect: "the base: its frame, its mounts and the seats of the joints",
+        },
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {

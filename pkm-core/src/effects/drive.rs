@@ -1,4 +1,4 @@
-use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, Expected, LIMB_3, LIMBS_1_2, MAX_PARAMETERS, ParameterInfo, Plausible, ToldBy};
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
@@ -11,7 +11,22 @@ fn along<T: Scalar, const N: usize>(compliance: T, limb: &mut Limb<'_, T, N>) {
 pub(super) struct ScrewPosition;
 
 impl Effect for ScrewPosition {
-    const INFO: EffectInfo = EffectInfo { id: "screw-position", parameters: &["axial_per_n"], signed: false };
+    const INFO: EffectInfo = EffectInfo {
+        id: "screw-position",
+        parameters: &[
+            ParameterInfo::new("axial_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n / m.shortest_m)),
+        ],
+        signed: false,
+        expected: Expected {
+            places: &["limb.1.body", "limb.2.body", "limb.3.body"],
+            motion: "axial",
+            law: "extension",
+            ln_prior: 0.0,
+            class: Some(LIMBS_1_2),
+            told_by: ToldBy::Loading,
+            inspect: "the limbs: screw, nut and bearing",
+        },
+    };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
         along(p[0] * limb.q, limb);
@@ -19,12 +34,27 @@ impl Effect for ScrewPosition {
 }
 
 macro_rules! softer_drive {
-    ($name:ident, $index:literal, $id:literal) => {
+    ($name:ident, $index:literal, $id:literal, $place:literal, $class:ident, $inspect:literal) => {
         /// Nut, bearing or screw of one limb.
         pub(super) struct $name;
 
         impl Effect for $name {
-            const INFO: EffectInfo = EffectInfo { id: $id, parameters: &["axial_m_per_n"], signed: false };
+            const INFO: EffectInfo = EffectInfo {
+                id: $id,
+                parameters: &[
+                    ParameterInfo::new("axial_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
+                ],
+                signed: false,
+                expected: Expected {
+                    places: &[$place],
+                    motion: "axial",
+                    law: "constant",
+                    ln_prior: 0.0,
+                    class: Some($class),
+                    told_by: ToldBy::Loading,
+                    inspect: $inspect,
+                },
+            };
 
             fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {
                 if limb.index == $index {
@@ -35,6 +65,6 @@ macro_rules! softer_drive {
     };
 }
 
-softer_drive!(Limb1Axial, 0, "limb-1-axial");
-softer_drive!(Limb2Axial, 1, "limb-2-axial");
-softer_drive!(Limb3Axial, 2, "limb-3-axial");
+softer_drive!(Limb1Axial, 0, "limb-1-axial", "limb.1.body", LIMBS_1_2, "limb 1: joint, bearing or drive along its axis");
+softer_drive!(Limb2Axial, 1, "limb-2-axial", "limb.2.body", LIMBS_1_2, "limb 2: joint, bearing or drive along its axis");
+softer_drive!(Limb3Axial, 2, "limb-3-axial", "limb.3.body", LIMB_3, "limb 3: joint, bearing or drive along its axis");

@@ -1,29 +1,8 @@
 //! What an effect may change in the model.
 
-use super::{EffectInfo, MAX_PARAMETERS, ends_with, is_play_or_lag};
+use super::{EffectInfo, MAX_PARAMETERS};
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
-
-/// Least sizes of parameters that are refused: far beyond any machine, and near where `f32` fails. By the unit in the
-/// name.
-const fn limits_by_unit(names: &[&str]) -> [f64; MAX_PARAMETERS] {
-    let mut limits = [f64::INFINITY; MAX_PARAMETERS];
-    let mut i = 0;
-    while i < names.len() {
-        let name = names[i].as_bytes();
-        limits[i] = if ends_with(name, b"per_nm2") {
-            1e3
-        } else if is_play_or_lag(name) {
-            1e-2
-        } else if ends_with(name, b"per_n") || ends_with(name, b"per_nm") {
-            1e-3
-        } else {
-            1e6
-        };
-        i += 1;
-    }
-    limits
-}
 
 /// The four sizes of the platforms.
 #[derive(Clone, Copy)]
@@ -37,9 +16,6 @@ pub(crate) enum Size {
 /// How an effect changes the model. Every method has a default that changes nothing.
 pub(crate) trait Effect {
     const INFO: EffectInfo;
-
-    /// Least sizes of its parameters that are refused.
-    const LIMITS: [f64; MAX_PARAMETERS] = limits_by_unit(Self::INFO.parameters);
 
     /// The size of a platform that differs from the declared one by the first parameter.
     const SIZE: Option<Size> = None;

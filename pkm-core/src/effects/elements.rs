@@ -5,7 +5,7 @@
 //! compliance there. A law says how c changes with the limb's length and the temperature. Under the laws that depend on the load
 //! the elongation of a limb is no multiple of its force; they add to the deflection, not to the stiffness.
 
-use super::{ends_with, is_play_or_lag, same};
+use super::same;
 
 /// Most elements that a machine has.
 pub const MAX_ELEMENTS: usize = 8;
@@ -429,4 +429,17 @@ impl Element {
             1e6
         }
     }
+}
+
+const fn ends_with(text: &[u8], end: &[u8]) -> bool {
+    if text.len() < end.len() {
+        return false;
+    }
+    let (_, tail) = text.split_at(text.len() - end.len());
+    same(tail, end)
+}
+
+/// Names of lengths that are small beside a machine: 10 mm are far beyond any.
+const fn is_play_or_lag(name: &[u8]) -> bool {
+    same(name, b"play_m") || same(name, b"lag_m")
 }

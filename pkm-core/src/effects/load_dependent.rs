@@ -1,4 +1,4 @@
-use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, Expected, MAX_PARAMETERS, ParameterInfo, Plausible, ToldBy};
 use crate::scalar::Scalar;
 
 /// Half of a free play is taken up either way, within some force (at least 1 N).
@@ -30,12 +30,30 @@ pub(super) fn lagging<T: Scalar>([fixed, growing, reversal]: [T; 3], tension: T,
     -(most(outermost) * sum)
 }
 
+const PLAY_OR_FRICTION: &str = "play or friction";
+
 /// Free play in the force path of every limb: half of it is taken up either way, within some `taken_up_n`
 /// (at least 1 N) of load.
 pub(super) struct Clearance;
 
 impl Effect for Clearance {
-    const INFO: EffectInfo = EffectInfo { id: "clearance", parameters: &["play_m", "taken_up_n"], signed: false };
+    const INFO: EffectInfo = EffectInfo {
+        id: "clearance",
+        parameters: &[
+            ParameterInfo::new("play_m", 1e-2, Plausible::Within(|_| 30e-6)),
+            ParameterInfo::new("taken_up_n", 1e6, Plausible::Around { median: |_| 20.0, ln_sd: 1.0 }),
+        ],
+        signed: false,
+        expected: Expected {
+            places: &["limb.1.body", "limb.2.body", "limb.3.body"],
+            motion: "axial",
+            law: "load",
+            ln_prior: 0.0,
+            class: Some(PLAY_OR_FRICTION),
+            told_by: ToldBy::Unloading,
+            inspect: "the limbs: play in joints, nuts and bearings",
+        },
+    };
     const DEPENDS_ON_LOAD: bool = true;
 
     fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> T {
@@ -48,8 +66,23 @@ impl Effect for Clearance {
 pub(super) struct ContactStiffening;
 
 impl Effect for ContactStiffening {
-    const INFO: EffectInfo =
-        EffectInfo { id: "contact-stiffening", parameters: &["unloaded_m_per_n", "reference_n"], signed: false };
+    const INFO: EffectInfo = EffectInfo {
+        id: "contact-stiffening",
+        parameters: &[
+            ParameterInfo::new("unloaded_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
+            ParameterInfo::new("reference_n", 1e6, Plausible::Around { median: |_| 100.0, ln_sd: 1.0 }),
+        ],
+        signed: false,
+        expected: Expected {
+            places: &["limb.1.body", "limb.2.body", "limb.3.body"],
+            motion: "axial",
+            law: "load",
+            ln_prior: 0.0,
+            class: None,
+            told_by: ToldBy::Loading,
+            inspect: "the limbs: preload of joints, nuts and bearings",
+        },
+    };
     const DEPENDS_ON_LOAD: bool = true;
 
     fn elongation<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T) -> T {
@@ -65,8 +98,25 @@ impl Effect for ContactStiffening {
 pub(super) struct FrictionHysteresis;
 
 impl Effect for FrictionHysteresis {
-    const INFO: EffectInfo =
-        EffectInfo { id: "friction-hysteresis", parameters: &["lag_m", "lag_m_per_n", "reversal_n"], signed: false };
+    const INFO: EffectInfo = EffectInfo {
+        id: "friction-hysteresis",
+        parameters: &[
+            ParameterInfo::new("lag_m", 1e-2, Plausible::Within(|_| 5e-6)),
+            // while the load only grows it is but a softer limb
+            ParameterInfo { needs_unloading: true, ..ParameterInfo::new("lag_m_per_n", 1e-3, Plausible::Within(|m| 0.3 * m.axial_m_per_n)) },
+            ParameterInfo::new("reversal_n", 1e6, Plausible::Around { median: |_| 50.0, ln_sd: 1.0 }),
+        ],
+        signed: false,
+        expected: Expected {
+            places: &["limb.1.body", "limb.2.body", "limb.3.body"],
+            motion: "axial",
+            law: "direction",
+            ln_prior: 0.0,
+            class: Some(PLAY_OR_FRICTION),
+            told_by: ToldBy::Unloading,
+            inspect: "the limbs: friction in joints, screws and guides",
+        },
+    };
     const DEPENDS_ON_LOAD: bool = true;
 
     fn lag<T: Scalar>(p: &[T; MAX_PARAMETERS], tension: T, turns: &[T]) -> T {

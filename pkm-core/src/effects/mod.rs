@@ -9,6 +9,7 @@ mod active;
 mod active_elements;
 mod effect;
 mod elements;
+mod info;
 mod parameters;
 #[macro_use]
 mod register;
@@ -18,6 +19,7 @@ use effect::Effect;
 pub(crate) use effect::Size;
 pub(crate) use elements::Misfit;
 pub use elements::{Element, Law, MAX_ELEMENT_PARAMETERS, MAX_ELEMENTS, Motion, Place, WEIGHT_STEPS};
+pub use info::{EffectInfo, Expected, MachineScales, ParameterInfo, Plausible, ToldBy};
 pub use parameters::Effects;
 
 use nalgebra::Matrix3;
@@ -28,29 +30,10 @@ use crate::scalar::Scalar;
 /// Most parameters that an effect has.
 pub const MAX_PARAMETERS: usize = 6;
 
-/// What is known of an effect without a machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct EffectInfo {
-    /// As in files.
-    pub id: &'static str,
-    /// Names with units, as in files.
-    pub parameters: &'static [&'static str],
-    /// Whether the parameters may be negative.
-    pub signed: bool,
-}
-
-const fn ends_with(text: &[u8], end: &[u8]) -> bool {
-    if text.len() < end.len() {
-        return false;
-    }
-    let (_, tail) = text.split_at(text.len() - end.len());
-    same(tail, end)
-}
-
-/// Names of lengths that are small beside a machine: 10 mm are far beyond any.
-const fn is_play_or_lag(name: &[u8]) -> bool {
-    same(name, b"play_m") || same(name, b"lag_m")
-}
+/// Class of what yields in limbs 1 and 2.
+pub const LIMBS_1_2: &str = "joints and screws of limbs 1 and 2";
+/// Class of what yields in limb 3.
+pub const LIMB_3: &str = "joints and screw of limb 3";
 
 /// `==` of slices does not work in a `const fn`.
 const fn same(a: &[u8], b: &[u8]) -> bool {

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, Expected, MAX_PARAMETERS, ParameterInfo, Plausible, ToldBy};
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
@@ -11,9 +11,24 @@ pub(super) struct MovingPlatformCompliance;
 impl Effect for MovingPlatformCompliance {
     const INFO: EffectInfo = EffectInfo {
         id: "moving-platform-compliance",
-        // 1/EI of an arm for bending out of the platform's plane and in it, 1/GJ; turning of the hub; bridge
-        parameters: &["bending_per_nm2", "in_plane_per_nm2", "torsion_per_nm2", "hub_rad_per_nm", "bridge_m_per_n"],
+        parameters: &[
+            // 1/EI of an arm for bending out of the platform's plane and in it, 1/GJ; turning of the hub; bridge
+            ParameterInfo::new("bending_per_nm2", 1e3, Plausible::Within(|m| 6.0 * m.axial_m_per_n / (m.arm_m * m.arm_m * m.arm_m))),
+            ParameterInfo::new("in_plane_per_nm2", 1e3, Plausible::Within(|m| 6.0 * m.axial_m_per_n / (m.arm_m * m.arm_m * m.arm_m))),
+            ParameterInfo::new("torsion_per_nm2", 1e3, Plausible::Within(|m| 6.0 * m.axial_m_per_n / (m.arm_m * m.arm_m * m.arm_m))),
+            ParameterInfo::new("hub_rad_per_nm", 1e-3, Plausible::Within(|m| m.turning_rad_per_nm)),
+            ParameterInfo::new("bridge_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
+        ],
         signed: false,
+        expected: Expected {
+            places: &["moving_platform"],
+            motion: "general",
+            law: "constant",
+            ln_prior: 0.0,
+            class: None,
+            told_by: ToldBy::Loading,
+            inspect: "the moving platform: its hub, its arms and the bridge between joints",
+        },
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {

@@ -15,7 +15,11 @@ macro_rules! effects {
 
         const AT_TOOL: [bool; COUNT] = [$($(<$module::$name as Effect>::AT_TOOL),+),+];
 
-        pub(crate) const LIMITS: [[f64; MAX_PARAMETERS]; COUNT] = [$($(<$module::$name as Effect>::LIMITS),+),+];
+        // of what the register knows only these reach an image
+        pub(crate) const IDS: [&str; COUNT] = [$($(<$module::$name as Effect>::INFO.id),+),+];
+        pub(crate) const IS_SIGNED: [bool; COUNT] = [$($(<$module::$name as Effect>::INFO.signed),+),+];
+        /// Least sizes of parameters that are refused.
+        pub(crate) const LIMITS: [[f64; MAX_PARAMETERS]; COUNT] = [$($(<$module::$name as Effect>::INFO.limits()),+),+];
 
         pub(crate) const SIZES: [Option<Size>; COUNT] = [$($(<$module::$name as Effect>::SIZE),+),+];
 

@@ -1,4 +1,4 @@
-use super::{Effect, EffectInfo, MAX_PARAMETERS};
+use super::{Effect, EffectInfo, Expected, MAX_PARAMETERS, ParameterInfo, Plausible, ToldBy};
 use crate::elastic::Limb;
 use crate::linalg::axes;
 use crate::scalar::Scalar;
@@ -11,17 +11,28 @@ pub(super) struct TelescopicLimb;
 impl Effect for TelescopicLimb {
     const INFO: EffectInfo = EffectInfo {
         id: "telescopic-limb",
-        // lengths of tube and ram; 1/EI of the ram less 1/EI of the declared body; a guide; the same of 1/GJ; of 1/EA,
-        // since the screw carries the axial load alone
         parameters: &[
-            "tube_m",
-            "ram_m",
-            "ram_bending_per_nm2",
-            "guide_m_per_n",
-            "ram_torsion_per_nm2",
-            "screw_axial_per_n",
+            // the tube ends before the shortest limb does
+            ParameterInfo::new("tube_m", 1e6, Plausible::Below(|m| m.shortest_m)),
+            // and overlaps the ram at the longest
+            ParameterInfo::new("ram_m", 1e6, Plausible::Around { median: |m| m.longest_m - 0.75 * m.shortest_m + 0.12, ln_sd: 0.15 }),
+            // 1/EI of the ram less 1/EI of the declared body; a guide; the same of 1/GJ
+            ParameterInfo::new("ram_bending_per_nm2", 1e3, Plausible::Within(|m| 3.0 * m.across_m_per_n / (m.shortest_m * m.shortest_m * m.shortest_m))),
+            ParameterInfo::new("guide_m_per_n", 1e-3, Plausible::Within(|m| m.axial_m_per_n)),
+            ParameterInfo::new("ram_torsion_per_nm2", 1e3, Plausible::Within(|m| 3.0 * m.across_m_per_n / (m.shortest_m * m.shortest_m * m.shortest_m))),
+            // of 1/EA, since the screw carries the axial load alone
+            ParameterInfo::new("screw_axial_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n / m.shortest_m)),
         ],
         signed: false,
+        expected: Expected {
+            places: &["limb.1.body", "limb.2.body", "limb.3.body"],
+            motion: "lateral",
+            law: "extension",
+            ln_prior: 0.0,
+            class: None,
+            told_by: ToldBy::Loading,
+            inspect: "the limbs: tube, ram and guides",
+        },
     };
 
     fn in_limb<T: Scalar, const N: usize>(p: &[T; MAX_PARAMETERS], limb: &mut Limb<'_, T, N>) {

@@ -129,7 +129,7 @@ impl MachineParameters {
                 Some(size) => 0.5 * g.size(size),
                 None => effects::LIMITS[effect][parameter],
             };
-            let signed = effects::EFFECTS[effect].signed;
+            let signed = effects::IS_SIGNED[effect];
             let parameter = Parameter::Effect { effect: effect as u8, parameter: parameter as u8 };
             if !value.is_finite() {
                 return Err(MachineError { parameter, problem: Problem::NotFinite });

@@ -106,7 +106,7 @@ impl fmt::Display for Parameter {
             Self::Effect { effect, parameter } => {
                 let info = effects::EFFECTS.get(usize::from(effect));
                 let name = info.and_then(|info| info.parameters.get(usize::from(parameter)));
-                write!(f, "effect {}: {}", info.map_or("?", |info| info.id), name.unwrap_or(&"?"))
+                write!(f, "effect {}: {}", info.map_or("?", |info| info.id), name.map_or("?", |p| p.name))
             }
             Self::ElementPlace { element } => write!(f, "element {element}: the limb"),
             Self::ElementMotion { element } => write!(f, "element {element}: the motion"),

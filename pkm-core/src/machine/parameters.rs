@@ -168,7 +168,7 @@ impl MachineParameters {
             while n < effects::MAX_PARAMETERS {
                 // what is off leaves no trace, so that a later version with more effects gives the same sum
                 if values[n] != 0.0 {
-                    hash = over_text(hash, effects::EFFECTS[i].id);
+                    hash = over_text(hash, effects::IDS[i]);
                     hash = over_numbers(over_byte(hash, n as u8), &[values[n]]);
                 }
                 n += 1;

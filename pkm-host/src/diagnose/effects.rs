@@ -87,7 +87,7 @@ pub fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
         let effect = model.effect_of(found.candidate);
         let name = |u: Unknown| match model.meaning(u) {
             Meaning::Effect { effect: own, parameter } if effect == Some(own) => {
-                Some(info(own).parameters[parameter].to_owned())
+                Some(info(own).parameters[parameter].name.to_owned())
             }
             Meaning::Element(element) if effect.is_none() => Some(model.elements[element].name()),
             _ => None,

@@ -110,7 +110,7 @@ pub fn detectable(problem: &Problem<'_>, model: &Model, search: &Search) -> Vec<
                 return Detectable { id, smallest: Vec::new(), why_not: Some(why) };
             };
             let name = |unknown| match model.meaning(unknown) {
-                Meaning::Effect { parameter, .. } => info(effect).parameters[parameter].to_owned(),
+                Meaning::Effect { parameter, .. } => info(effect).parameters[parameter].name.to_owned(),
                 Meaning::Stiffness(_) | Meaning::Class(_) | Meaning::Element(_) => String::new(),
             };
             let smallest = smallest_detectable(problem, search, candidate);

@@ -5,7 +5,9 @@
 use std::collections::HashMap;
 
 use nalgebra::Vector6;
-use pkm_core::effects::{EFFECTS, EffectInfo};
+use pkm_core::effects::{
+    EFFECTS, EffectInfo, Expected, LIMB_3, LIMBS_1_2, MachineScales, ParameterInfo, Plausible, ToldBy,
+};
 use pkm_core::machine::Machine;
 use pkm_core::{MachineParameters, Pose, ScrewLengths, Wrench};
 use pkm_diagnosis::{Candidate, Kind, Parameter, Prior, Role, Unknown};
@@ -20,11 +22,57 @@ use crate::files::readings::{CHANNELS, Condition};
 
 /// Errors of the measurement: no part of the machine, and none of the model that the controller runs.
 pub const MEASUREMENT: [EffectInfo; 4] = [
-    EffectInfo { id: "sensor-rotation", parameters: &["about_u_rad", "about_v_rad", "about_w_rad"], signed: true },
-    EffectInfo { id: "sensor-scale", parameters: &["translations", "rotations"], signed: true },
-    EffectInfo { id: "load-gain", parameters: &["forces", "moments"], signed: true },
-    EffectInfo { id: "load-point", parameters: &["along_u_m", "along_v_m", "along_w_m"], signed: true },
+    of_measurement(
+        "sensor-rotation",
+        &["sensor"],
+        "the sensor: directions of its axes",
+        &[normal("about_u_rad", |_| 0.02), normal("about_v_rad", |_| 0.02), normal("about_w_rad", |_| 0.02)],
+    ),
+    of_measurement(
+        "sensor-scale",
+        &["sensor"],
+        "the sensor: its calibration",
+        &[normal("translations", |_| 0.03), normal("rotations", |_| 0.03)],
+    ),
+    of_measurement(
+        "load-gain",
+        &["load"],
+        "the load cell or weights: their calibration",
+        &[normal("forces", |_| 0.05), normal("moments", |_| 0.05)],
+    ),
+    of_measurement(
+        "load-point",
+        &["load"],
+        "the loading gear: where the load acts",
+        &[normal("along_u_m", |_| 5e-3), normal("along_v_m", |_| 5e-3), normal("along_w_m", |_| 5e-3)],
+    ),
 ];
+
+const fn normal(name: &'static str, sd: fn(&MachineScales) -> f64) -> ParameterInfo {
+    ParameterInfo::new(name, f64::INFINITY, Plausible::Within(sd))
+}
+
+const fn of_measurement(
+    id: &'static str,
+    places: &'static [&'static str],
+    inspect: &'static str,
+    parameters: &'static [ParameterInfo],
+) -> EffectInfo {
+    EffectInfo {
+        id,
+        parameters,
+        signed: true,
+        expected: Expected {
+            places,
+            motion: "general",
+            law: "constant",
+            ln_prior: -3.0,
+            class: None,
+            told_by: ToldBy::Loading,
+            inspect,
+        },
+    }
+}
 
 /// Effects of the machine, then of the measurement.
 pub const COUNT: usize = EFFECTS.len() + MEASUREMENT.len();
@@ -93,19 +141,6 @@ pub struct Model {
     meanings: Vec<Meaning>,
 }
 
-/// A length between 0 and a greatest one.
-fn below(greatest: f64) -> Prior {
-    Prior::Below { greatest }
-}
-
-fn amplitude(scale: f64) -> Prior {
-    Prior::Normal { scale }
-}
-
-fn around(middle: f64, sd: f64) -> Prior {
-    Prior::LogNormal { middle, sd }
-}
-
 /// The machine's own compliance in the middle of its box.
 fn usual(file: &MachineFile) -> Option<Usual> {
     let [theta, sigma, z0] = file.pose_box.middle();
@@ -140,75 +175,40 @@ fn reach(file: &MachineFile) -> Vec<Pose<f64>> {
 /// Lengths of each screw on that grid.
 const REACH_STEPS: usize = 5;
 
-/// Priors of the effects' parameters. Scales follow from what is usual in the machine.
-fn priors(file: &MachineFile, usual: &Usual) -> Vec<Vec<Prior>> {
+/// Sizes of the machine that those of effects go with.
+fn scales(file: &MachineFile, usual: &Usual) -> MachineScales {
     let declared = file.parameters;
-    let (own, axial, across) = (&usual.terminal, usual.axial, usual.across);
-    let turning = own[3..].iter().copied().fold(f64::INFINITY, f64::min);
-    let g = &declared.geometry;
-    let (arm, stroke) = (0.5 * (g.a1_m + g.a2_m), declared.travel.min_m[0]);
-    let longest = declared.travel.max_m.into_iter().fold(0.0, f64::max);
     let angular = declared.limbs.iter().flat_map(|l| {
         let (b, p) = (l.base_joint.angular_nm_per_rad, l.platform_joint.angular_nm_per_rad);
         b.into_iter().chain(p).filter(|k| *k > 0.0)
     });
-    let tilting = 2.0 / angular.fold(f64::INFINITY, f64::min);
-    let prior = |id: &str, name: &str| -> Prior {
-        match (id, name) {
-            ("moving-platform-compliance", "hub_rad_per_nm") => amplitude(turning),
-            ("moving-platform-compliance", "bridge_m_per_n") => amplitude(2.0 * axial),
-            ("moving-platform-compliance", _) => amplitude(6.0 * axial / arm.powi(3)),
-            ("base-compliance", "mount_rad_per_nm") => amplitude(axial / (g.b1_m * g.b1_m)),
-            // the tube ends before the shortest limb does
-            ("telescopic-limb", "tube_m") => below(stroke),
-            // and overlaps the ram at the longest
-            ("telescopic-limb", "ram_m") => around(longest - 0.75 * stroke + 0.12, 0.15),
-            ("telescopic-limb", "ram_bending_per_nm2" | "ram_torsion_per_nm2") => {
-                amplitude(3.0 * across / stroke.powi(3))
-            }
-            ("telescopic-limb", "guide_m_per_n") => amplitude(axial),
-            ("screw-position", _) | ("telescopic-limb", "screw_axial_per_n") => amplitude(2.0 * axial / stroke),
-            ("wrist-compliance", "angular_rad_per_nm") => amplitude(turning),
-            ("clearance", "play_m") => amplitude(30e-6),
-            ("clearance", _) => around(20.0, 1.0),
-            ("contact-stiffening", "reference_n") => around(100.0, 1.0),
-            ("friction-hysteresis", "lag_m") => amplitude(5e-6),
-            ("friction-hysteresis", "lag_m_per_n") => amplitude(0.3 * axial),
-            ("friction-hysteresis", "reversal_n") => around(50.0, 1.0),
-            ("preload", _) => amplitude(1e4),
-            ("platform-offset", name) if name.starts_with("aside") => amplitude(3e-3),
-            ("platform-offset", _) => amplitude(20e-3),
-            ("thermal-modulus", _) => amplitude(0.01),
-            ("thermal-expansion", _) => amplitude(3e-5),
-            (id, _) if id.starts_with("geometry-") => amplitude(5e-3),
-            ("sensor-rotation", _) => amplitude(0.02),
-            ("sensor-scale", _) => amplitude(0.03),
-            ("load-gain", _) => amplitude(0.05),
-            ("load-point", _) => amplitude(5e-3),
-            (_, name) if name.ends_with("rad_per_nm") => amplitude(tilting),
-            _ => amplitude(2.0 * axial),
-        }
-    };
-    let of = |effect: usize| {
-        let info = info(effect);
-        info.parameters.iter().map(|name| prior(info.id, name)).collect()
-    };
-    (0..COUNT).map(of).collect()
-}
-
-/// Where an effect is: effects of one place are one class whatever is measured at the tool.
-fn place(id: &str, recorded: Recorded) -> &str {
-    match id {
-        "universal-joint" | "revolute-joint" | "screw-position" | "limb-1-axial" | "limb-2-axial" => LIMBS_1_2,
-        "spherical-joint" | "limb-3-axial" | "revolute-3-joint" => LIMB_3,
-        "geometry-a1" | "geometry-b1" => "geometry of limbs 1 and 2",
-        "clearance" | "friction-hysteresis" if !recorded.unloading => "play or friction",
-        id => id,
+    MachineScales {
+        axial_m_per_n: usual.axial,
+        across_m_per_n: usual.across,
+        turning_rad_per_nm: usual.terminal[3..].iter().copied().fold(f64::INFINITY, f64::min),
+        tilting_rad_per_nm: 1.0 / angular.fold(f64::INFINITY, f64::min),
+        arm_m: 0.5 * (declared.geometry.a1_m + declared.geometry.a2_m),
+        b1_m: declared.geometry.b1_m,
+        shortest_m: declared.travel.min_m[0],
+        longest_m: declared.travel.max_m.into_iter().fold(0.0, f64::max),
     }
 }
 
-const LIMBS_1_2: &str = "joints and screws of limbs 1 and 2";
-const LIMB_3: &str = "joints and screw of limb 3";
+fn prior(plausible: Plausible, scales: &MachineScales) -> Prior {
+    match plausible {
+        Plausible::Within(sd) => Prior::Normal { scale: sd(scales) },
+        Plausible::Below(greatest) => Prior::Below { greatest: greatest(scales) },
+        Plausible::Around { median, ln_sd } => Prior::LogNormal { middle: median(scales), sd: ln_sd },
+    }
+}
+
+/// Effects that readings with these columns hardly tell apart have the same class.
+fn class(info: &EffectInfo, recorded: Recorded) -> &'static str {
+    match info.expected.told_by {
+        ToldBy::Unloading if recorded.unloading => info.id,
+        _ => info.expected.class.unwrap_or(info.id),
+    }
+}
 
 impl Model {
     /// Of a machine, for readings with some of the columns.
@@ -226,28 +226,26 @@ impl Model {
         }
         let usual = usual(file)?;
         let mut candidates = Vec::new();
-        for (effect, priors) in priors(file, &usual).into_iter().enumerate() {
+        let scales = scales(file, &usual);
+        for effect in 0..COUNT {
             let info = info(effect);
             let mut unknowns = Vec::new();
-            for (parameter, prior) in priors.into_iter().enumerate() {
-                let name = info.parameters[parameter];
+            for (parameter, own) in info.parameters.iter().enumerate() {
+                let prior = prior(own.plausible, &scales);
                 let role = match prior {
                     Prior::Normal { .. } => Role::Amplitude { one_sided: !info.signed },
                     Prior::LogNormal { .. } | Prior::Below { .. } => Role::Shape,
                 };
-                // a body aside couples a limb's yielding along and across it, and so does much that is on no list
-                let ambiguous = name.starts_with("aside");
-                let unknown = add(Meaning::Effect { effect, parameter }, prior, role, ambiguous);
-                // without unloading a lag that grows with the load is but a softer limb
-                if recorded.unloading || name != "lag_m_per_n" {
+                let unknown = add(Meaning::Effect { effect, parameter }, prior, role, own.ambiguous);
+                if recorded.unloading || !own.needs_unloading {
                     unknowns.push(unknown);
                 }
             }
-            if recorded.temperatures || !matches!(info.id, "thermal-modulus" | "thermal-expansion") {
+            if recorded.temperatures || info.expected.told_by != ToldBy::Temperatures {
                 candidates.push(Candidate {
                     names: vec![info.id.to_owned()],
                     kind: if is_measurement(effect) { Kind::Measurement } else { Kind::Effect },
-                    place: place(info.id, recorded).to_owned(),
+                    place: class(&info, recorded).to_owned(),
                     unknowns,
                     start: Vec::new(),
                 });

@@ -1,8 +1,10 @@
 //! Findings in a machinist's words: what to inspect, units that he thinks in, what the figures mean.
 
 use pkm_core::Wrench;
+use pkm_core::effects::EFFECTS;
 
 use super::declared::{Declared, Part};
+use super::model::MEASUREMENT;
 
 /// What the statistics of a report mean, a line each.
 pub const LEGEND: [(&str, &str); 7] = [
@@ -23,33 +25,8 @@ pub fn inspect_effect(id: &str, place: &str) -> String {
     if id == super::ELEMENT {
         return place.replace("limb.", "limb ").replace('.', ", ").replace('_', " ");
     }
-    let what = match id {
-        "moving-platform-compliance" => "the moving platform: its hub, its arms and the bridge between joints",
-        "base-compliance" => "the base: its frame, its mounts and the seats of the joints",
-        "telescopic-limb" => "the limbs: tube, ram and guides",
-        "screw-position" => "the limbs: screw, nut and bearing",
-        "limb-1-axial" => "limb 1: joint, bearing or drive along its axis",
-        "limb-2-axial" => "limb 2: joint, bearing or drive along its axis",
-        "limb-3-axial" => "limb 3: joint, bearing or drive along its axis",
-        "universal-joint" => "limbs 1 and 2: the universal joints at the base",
-        "revolute-joint" => "limbs 1 and 2: the revolute joints at the platform",
-        "spherical-joint" => "limb 3: the spherical joint at the platform",
-        "revolute-3-joint" => "limb 3: the revolute joint at the base",
-        "platform-offset" => "the platform: where the joint centres lie",
-        "clearance" => "the limbs: play in joints, nuts and bearings",
-        "contact-stiffening" => "the limbs: preload of joints, nuts and bearings",
-        "friction-hysteresis" => "the limbs: friction in joints, screws and guides",
-        "preload" => "the limbs: forces in them without a load",
-        "thermal-modulus" | "thermal-expansion" => "temperatures of limbs and platforms during the readings",
-        "sensor-rotation" => "the sensor: directions of its axes",
-        "sensor-scale" => "the sensor: its calibration",
-        "load-gain" => "the load cell or weights: their calibration",
-        "load-point" => "the loading gear: where the load acts",
-        "wrist-compliance" => "the wrist and what is mounted at A",
-        "limb-coupling" => "the base between the joints of limbs 1 and 2",
-        _ => "the declared geometry: measure it",
-    };
-    what.to_owned()
+    let known = EFFECTS.iter().chain(&MEASUREMENT).find(|info| info.id == id);
+    known.map_or("", |info| info.expected.inspect).to_owned()
 }
 
 /// Where to look on the machine when a declared value is wrong.

@@ -62,8 +62,8 @@ pub fn machine_toml(file: &MachineFile, diagnosis: &Diagnosis) -> Result<String>
         }
         let mut table = Table::new();
         table["id"] = value(info.id);
-        for (name, v) in info.parameters.iter().zip(values).filter(|(_, v)| *v != 0.0) {
-            table[*name] = value(v);
+        for (name, v) in info.names().zip(values).filter(|(_, v)| *v != 0.0) {
+            table[name] = value(v);
         }
         effects.push(table);
     }

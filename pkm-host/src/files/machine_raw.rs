@@ -202,7 +202,7 @@ pub(super) fn effects(
         }
         for (name, value) in parameters {
             let key = format!("{}.{name}", id.get_ref());
-            let known = EFFECTS[index].parameters;
+            let known: Vec<&str> = EFFECTS[index].names().collect();
             let span = place_of(text, effect.span(), name);
             let Some(parameter) = known.iter().position(|p| p == name) else {
                 return fail(&key, span, format!("unknown parameter; known are {}", known.join(", ")));
@@ -213,7 +213,7 @@ pub(super) fn effects(
             effects.parameters[index][parameter] = number;
         }
         if parameters.is_empty() {
-            let known = EFFECTS[index].parameters.join(", ");
+            let known = EFFECTS[index].names().collect::<Vec<_>>().join(", ");
             return fail(id.get_ref(), id.span(), format!("expected at least one of the parameters {known}"));
         }
     }
@@ -328,7 +328,7 @@ impl RawMachine {
             }
             Parameter::Effect { effect, parameter } => {
                 let info = EFFECTS[usize::from(effect)];
-                let name = info.parameters[usize::from(parameter)];
+                let name = info.parameters[usize::from(parameter)].name;
                 let raw = self.effect.iter().find(|e| e.get_ref().id.get_ref() == info.id);
                 let (span, value) = raw.map_or((0..0, f64::NAN), |e| {
                     let value = e.get_ref().parameters.get(name).and_then(float).unwrap_or(0.0);

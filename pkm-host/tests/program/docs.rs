@@ -148,3 +148,19 @@ fn code_that_the_theory_names_exists() {
     }
     assert!(count > 40, "only {count} names were found");
 }
+
+/// The table of effects has every effect with its parameters, and no other.
+#[test]
+fn the_table_of_effects_is_the_register() {
+    let theory = fs::read_to_string(root().join("docs/theory.md")).unwrap();
+    let coded = |cell: &str| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
+    let section = theory.split("\n## Effects\n").nth(1).unwrap().split("\n## ").next().unwrap();
+    let rows = section.lines().filter(|l| l.starts_with("| `")).map(|l| l.split('|').collect::<Vec<_>>());
+    let mut listed: Vec<_> =
+        rows.flat_map(|cells| coded(cells[1]).into_iter().map(move |id| (id, coded(cells[2])))).collect();
+    let own = |e: &pkm_core::effects::EffectInfo| (e.id.to_owned(), e.names().map(str::to_owned).collect::<Vec<_>>());
+    let mut known: Vec<_> = pkm_core::effects::EFFECTS.iter().map(own).collect();
+    listed.sort();
+    known.sort();
+    assert_eq!(listed, known);
+}

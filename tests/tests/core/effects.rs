@@ -13,7 +13,7 @@ use pkm_tests::{between, cases, keep_worst, random_parameters, random_pose, scal
 /// A parameter of an effect, by its names in files.
 fn amplitude(parameters: &MachineParameters, id: &str, name: &str) -> f64 {
     let effect = EFFECTS.iter().position(|e| e.id == id).unwrap_or_else(|| panic!("no effect {id}"));
-    let parameter = EFFECTS[effect].parameters.iter().position(|p| *p == name).unwrap();
+    let parameter = EFFECTS[effect].names().position(|p| p == name).unwrap();
     parameters.effects.parameters[effect][parameter]
 }
 
@@ -268,7 +268,7 @@ fn every_linear_effect_equals_the_frame_solver() {
             if which != i + 1 && which != COUNT + 1 {
                 continue;
             }
-            for (j, name) in effect.parameters.iter().enumerate() {
+            for (j, name) in effect.names().enumerate() {
                 // bodies aside are the declared ones, not those of a telescope
                 if which == COUNT + 1 && name.starts_with("aside") {
                     continue;
@@ -283,7 +283,7 @@ fn every_linear_effect_equals_the_frame_solver() {
                 let g = &parameters.geometry;
                 parameters.effects.parameters[i][j] = share
                     * match name.rsplit_once('_').map(|(_, unit)| unit) {
-                        _ if *name == "error_m" => 0.03 * g.a1_m.min(g.a2_m).min(g.b1_m).min(g.b2_m),
+                        _ if name == "error_m" => 0.03 * g.a1_m.min(g.a2_m).min(g.b1_m).min(g.b2_m),
                         Some("m") if effect.id == "platform-offset" => 0.04 * size,
                         Some("m") => 0.7 * size,
                         _ if effect.id == "preload" => 1e3 * size,
@@ -756,13 +756,13 @@ fn only_signed_effects_may_be_negative_and_all_have_bounds() {
     }
     // see `Problem::TooLarge`
     for (e, effect) in EFFECTS.iter().enumerate().filter(|(_, effect)| !effect.id.starts_with("geometry-")) {
-        for (p, name) in effect.parameters.iter().enumerate() {
+        for (p, name) in effect.names().enumerate() {
             let limit = match effect.id {
                 "platform-offset" => 0.1,
                 "thermal-modulus" => 0.05,
                 "thermal-expansion" => 1e-3,
                 _ if name.ends_with("per_nm2") => 1e3,
-                _ if ["play_m", "lag_m"].contains(name) => 1e-2,
+                _ if ["play_m", "lag_m"].contains(&name) => 1e-2,
                 _ if name.ends_with("_per_n") || name.ends_with("_per_nm") => 1e-3,
                 _ => 1e6,
             };

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::DVectorView;
 use pkm_core::Machine;
+use pkm_core::effects::Expected;
 use pkm_diagnosis::Unknown;
 
 use super::elastic::{self, Frame, M8};
@@ -16,35 +17,6 @@ use crate::pose::NamedPose;
 
 /// Relative deviation up to which compliances add and wrenches are the same.
 const LINEAR: f64 = 1e-6;
-
-fn of_effect(id: &str) -> Whereabouts {
-    let bodies = || (0..3).map(|i| part(i, "body")).collect::<Vec<_>>();
-    let both = |name: &str| vec![part(0, name), part(1, name)];
-    let (places, motion, law, ln_prior) = match id {
-        "moving-platform-compliance" => (vec!["moving_platform".into()], "general", "constant", 0.0),
-        "base-compliance" | "limb-coupling" => (vec!["base".into()], "general", "constant", 0.0),
-        "wrist-compliance" => (vec!["tool".into()], "general", "constant", 0.0),
-        "telescopic-limb" => (bodies(), "lateral", "extension", 0.0),
-        "screw-position" => (bodies(), "axial", "extension", 0.0),
-        "limb-1-axial" => (vec![part(0, "body")], "axial", "constant", 0.0),
-        "limb-2-axial" => (vec![part(1, "body")], "axial", "constant", 0.0),
-        "limb-3-axial" => (vec![part(2, "body")], "axial", "constant", 0.0),
-        "universal-joint" => (both("base_joint"), "general", "constant", 0.0),
-        "revolute-joint" => (both("platform_joint"), "general", "constant", 0.0),
-        "spherical-joint" => (vec![part(2, "platform_joint")], "general", "constant", 0.0),
-        "revolute-3-joint" => (vec![part(2, "base_joint")], "general", "constant", 0.0),
-        "clearance" | "contact-stiffening" => (bodies(), "axial", "load", 0.0),
-        "friction-hysteresis" => (bodies(), "axial", "direction", 0.0),
-        "thermal-modulus" => (bodies(), "general", "temperature", 0.0),
-        "thermal-expansion" => (bodies(), "axial", "temperature", 0.0),
-        "preload" => (bodies(), "lateral", "constant", -5.0),
-        "platform-offset" => (vec!["geometry".into(), "moving_platform".into()], "general", "constant", -4.0),
-        "sensor-rotation" | "sensor-scale" => (vec!["sensor".into()], "general", "constant", -3.0),
-        "load-gain" | "load-point" => (vec!["load".into()], "general", "constant", -3.0),
-        _ => (vec!["geometry".into()], "general", "constant", -6.0),
-    };
-    Whereabouts { places, motion, law, ln_prior }
-}
 
 fn of_declared(d: &Declared) -> String {
     match d.part {
@@ -65,7 +37,9 @@ pub fn place_of(model: &Model, candidate: usize) -> Whereabouts {
         places.dedup();
         return Whereabouts { places, motion: "general", law: "constant", ln_prior: -1.0 };
     }
-    of_effect(model.effect_of(candidate).map_or("", |effect| info(effect).id))
+    let effect = model.effect_of(candidate).expect("elements, declared values or an effect");
+    let Expected { places, motion, law, ln_prior, .. } = info(effect).expected;
+    Whereabouts { places: places.iter().map(|p| (*p).to_owned()).collect(), motion, law, ln_prior }
 }
 
 /// Adds a block for each candidate.

@@ -91,8 +91,9 @@ pub(super) fn document(
     checksum: &str,
     warnings: &[String],
 ) -> Value {
-    let effects: Vec<Value> =
-        (EFFECTS.iter()).map(|e| json!({ "id": e.id, "parameters": e.parameters, "signed": e.signed })).collect();
+    let effects: Vec<Value> = (EFFECTS.iter())
+        .map(|e| json!({ "id": e.id, "parameters": e.names().collect::<Vec<_>>(), "signed": e.signed }))
+        .collect();
     let path = shown
         .path
         .as_ref()
