@@ -1,18 +1,18 @@
 //! The guards of the cyclic firmware, each made to act on a board of QEMU with what a debugger does to a running processor: the firmware
 //! has nothing for it. And its flash with a bit flipped.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use pkm_core::tables::reference::TABLE_F64;
 use tempfile::TempDir;
 
-use crate::Outcome;
 use crate::debugger::{Debugger, PROGRAM_COUNTER, STATUS, options};
 use crate::image::place;
-use crate::line::Line;
+use crate::line::{HELLO, Line};
 use crate::proofs::image;
 use crate::qemu::PROCESSORS;
+use crate::{Outcome, learning};
 
 /// What is done to a board, and what it must say of that after it has started again.
 struct Guard {
@@ -21,7 +21,7 @@ struct Guard {
     last_fault: &'static str,
 }
 
-enum Cause {
+pub enum Cause {
     /// `main` goes on with these instructions.
     Instructions(&'static [u16]),
     /// `main` goes on in this function.
@@ -37,8 +37,11 @@ const GUARDS: [Guard; 5] = [
     // jumps to itself: the task runs on
     Guard { what: "a main that hangs", cause: Cause::Instructions(&[0xe7fe]), last_fault: "restart" },
     // cpsid i, and the same
-    Guard { what: "interrupts that stay off", cause: Cause::Instructions(&[0xb672, 0xe7fe]), last_fault: "restart" },
+    Guard { what: "interrupts that stay off", cause: STANDSTILL, last_fault: "restart" },
 ];
+
+/// Interrupts off, and no other instruction any more.
+pub const STANDSTILL: Cause = Cause::Instructions(&[0xb672, 0xe7fe]);
 
 /// Longer than any start takes.
 const PATIENCE: usize = 500;
@@ -50,22 +53,37 @@ pub fn run() -> Outcome {
         let elf = image("cyclic", cpu)?;
         guards(board, &elf, cpu.is_none())?;
         flash(board, &elf)?;
+        learning::run(board, &elf)?;
     }
     Ok(())
 }
 
-fn guards(board: &str, elf: &Path, has_soft_f64: bool) -> Outcome {
-    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-    let (mut line, mut debugger) = start(&folder, board, elf, &[])?;
-    // it stands in no file of the image, and every start clears it
-    let (mark, _) = place(elf, "cyclic::LOST_REPLIES::")?;
-    debugger.go()?;
-    line.greet()?;
-    for Guard { what, cause, last_fault } in &GUARDS {
-        // a demand, which must not outlive the fault
-        line.ask("a cycle", &cycle("f32"), r#""status":"ok""#)?;
-        interrupt_main(&mut debugger)?;
-        debugger.put(mark, &[0xff; 4])?;
+/// A board that runs, with its line and a debugger.
+pub struct Board {
+    pub line: Line,
+    pub debugger: Debugger,
+    elf: PathBuf,
+    /// A word that the firmware clears at every start, and that else stays as it is.
+    mark: u32,
+    _folder: TempDir,
+}
+
+impl Board {
+    pub fn start(board: &str, elf: &Path) -> Result<Self, String> {
+        let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+        let (mut line, mut debugger) = start(&folder, board, elf, &[])?;
+        debugger.go()?;
+        // what comes before the serial line is on waits in QEMU
+        line.ask("hello", HELLO, r#""hello""#)?;
+        let (mark, _) = place(elf, "cyclic::LOST_REPLIES::")?;
+        Ok(Self { line, debugger, elf: elf.to_owned(), mark, _folder: folder })
+    }
+
+    /// Does something to it, and waits until its watchdog has started it again.
+    pub fn restart(&mut self, what: &str, cause: &Cause) -> Outcome {
+        let Self { debugger, elf, mark, .. } = self;
+        interrupt_main(debugger)?;
+        debugger.put(*mark, &[0xff; 4])?;
         match cause {
             Cause::Function(name) => debugger.set_register(PROGRAM_COUNTER, place(elf, name)?.0)?,
             Cause::Instructions(all) => {
@@ -74,27 +92,34 @@ fn guards(board: &str, elf: &Path, has_soft_f64: bool) -> Outcome {
                 debugger.put(at, &bytes)?;
             }
         }
-        let mut moments = 0;
-        while debugger.word(mark)? != 0 {
-            debugger.run_for(MOMENT)?;
-            moments += 1;
-            if moments > PATIENCE {
-                return Err(format!("{what}: the watchdog does not start the board again"));
+        for _ in 0..PATIENCE {
+            if debugger.word(*mark)? == 0 {
+                return debugger.go();
             }
+            debugger.run_for(MOMENT)?;
         }
-        debugger.go()?;
-        let status = line.ask(what, STATUS_COMMAND, &format!(r#""last_fault":"{last_fault}""#))?;
+        Err(format!("{what}: the watchdog does not start the board again"))
+    }
+}
+
+fn guards(board: &str, elf: &Path, has_soft_f64: bool) -> Outcome {
+    let mut board = Board::start(board, elf)?;
+    for Guard { what, cause, last_fault } in &GUARDS {
+        // a demand, which must not outlive the fault
+        board.line.ask("a cycle", &cycle("f32"), r#""status":"ok""#)?;
+        board.restart(what, cause)?;
+        let status = board.line.ask(what, STATUS_COMMAND, &format!(r#""last_fault":"{last_fault}""#))?;
         if !status.contains(r#"{"cycles":0,"#) {
             return Err(format!("{what}: the task goes on with the demand after the start: {status}"));
         }
         println!("{what}: the board starts again without a demand and says {last_fault}");
     }
-    periods(&mut line, &mut debugger, elf, has_soft_f64)
+    periods(&mut board.line, &mut board.debugger, elf, has_soft_f64)
 }
 
 const STATUS_COMMAND: &str = r#"{"v":2,"id":2,"cmd":"status"}"#;
 
-fn cycle(arithmetic: &str) -> String {
+pub fn cycle(arithmetic: &str) -> String {
     format!(
         r#"{{"v":2,"id":1,"cmd":"cycle","arithmetic":"{arithmetic}","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}}"#
     )
@@ -222,12 +247,15 @@ fn start(folder: &TempDir, board: &str, elf: &Path, more: &[String]) -> Result<(
 
 /// Stops a running board where no interrupt is at work.
 fn interrupt_main(debugger: &mut Debugger) -> Outcome {
-    for _ in 0..PATIENCE {
+    let mut status = 0;
+    for milliseconds in 0..PATIENCE as u64 {
         debugger.stop()?;
-        if debugger.register(STATUS)? & 0x1ff == 0 {
+        status = debugger.register(STATUS)?;
+        if status & 0x1ff == 0 {
             return Ok(());
         }
         debugger.go()?;
+        std::thread::sleep(Duration::from_millis(milliseconds % 10));
     }
-    Err("interrupts are always at work".into())
+    Err(format!("interrupts are always at work: xPSR {status:#x}"))
 }

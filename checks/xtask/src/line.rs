@@ -2,11 +2,15 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Stdio};
+use std::time::Duration;
 
-use pkm_protocol::{crc32, opened};
+use pkm_protocol::{Command, MAX_COMMAND, Request, crc32, opened};
 
 use crate::Outcome;
+
+/// A command.
+pub const HELLO: &str = r#"{"v":2,"id":0,"cmd":"hello"}"#;
 
 /// A board of QEMU at the other end of its own input and output.
 pub struct Line {
@@ -23,7 +27,7 @@ impl Drop for Line {
 
 impl Line {
     pub fn start(board: &str, elf: &Path, options: &[String]) -> Result<Self, String> {
-        let mut child = Command::new("qemu-system-arm")
+        let mut child = std::process::Command::new("qemu-system-arm")
             .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "stdio"])
             .args(["-icount", "shift=4,sleep=off"])
             .args(options)
@@ -52,10 +56,19 @@ impl Line {
         if opened(line.as_bytes()).is_some() { Ok(line) } else { Err(format!("a damaged reply: {line}")) }
     }
 
-    /// Says hello to a board that has just begun: what comes before its serial line is on waits in QEMU.
+    /// Sends a command as the protocol writes it, and gives its reply.
+    pub fn request(&mut self, command: Command) -> Result<String, String> {
+        let mut buffer = [0; MAX_COMMAND + 1];
+        let line = Request { id: 7, command }.write(&mut buffer).ok_or("a command that does not fit")?;
+        self.write(line)?;
+        self.receive()
+    }
+
+    /// Says hello to a board that has just begun, when its serial line is on: what comes before is lost.
     pub fn greet(&mut self) -> Outcome {
+        std::thread::sleep(Duration::from_secs(1));
         self.write(b"\n")?;
-        self.ask("hello", r#"{"v":2,"id":0,"cmd":"hello"}"#, r#""hello""#).map(drop)
+        self.ask("hello", HELLO, r#""hello""#).map(drop)
     }
 
     /// Sends a command and gives its reply, which has to have something in it.

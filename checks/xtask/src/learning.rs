@@ -1,0 +1,131 @@
+//! The cyclic firmware learns from readings with the bits of `pkm-host replay`, and goes on where it was after a restart.
+
+use std::path::Path;
+
+use pkm_core::estimation::{MAX_AMPLITUDES, state_bytes};
+use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
+use pkm_host::files::learn::Learn;
+use pkm_host::files::log::Entry;
+use pkm_host::replay::{Step, replay};
+use pkm_protocol::{Answer, Code, Command, Learned, Probe, Refusal, Reply};
+
+use crate::Outcome;
+use crate::guards::{Board, STANDSTILL, cycle};
+use crate::image::place;
+use crate::line::Line;
+
+#[path = "../../../embed/firmware/src/learned.rs"]
+mod learned;
+
+const READINGS: u32 = 40;
+/// A state is saved after so many readings, and again after the second number.
+const SAVED_AFTER: [usize; 2] = [15, 25];
+/// The readings after the second save are lost with it.
+const DAMAGED_AFTER: usize = 30;
+
+pub fn run(name: &str, elf: &Path) -> Outcome {
+    let amplitudes = learned::SETTINGS.amplitudes.to_vec();
+    let learn = || Learn { amplitudes: amplitudes.clone(), model_share: learned::SETTINGS.model_share };
+    let host = |log: &[Entry]| replay(&MACHINE_F64, Some(&TABLE_F64), learn(), log).map_err(|e| e.to_string());
+    let mut log = Vec::new();
+    for n in 1..=READINGS {
+        let (mut touch, readings) = pkm_faults::reading(&MACHINE_F64, &TABLE_F64, n).ok_or("no reading")?;
+        if n % 10 == 0 {
+            // refused: the clock runs backwards
+            touch.time_s = 1;
+        }
+        log.push(Entry { line: n.into(), touch, readings: readings.to_vec() });
+    }
+    let mut board = Board::start(name, elf)?;
+    let mut saved = Vec::new();
+    for (n, (entry, step)) in log.iter().zip(host(&log)?.steps).enumerate().take(DAMAGED_AFTER) {
+        same(&probe(&mut board.line, entry)?, entry, &step)?;
+        if SAVED_AFTER.contains(&(n + 1)) {
+            let state = learned_of(&board.line.request(Command::Save)?)?;
+            board.restart("a restart", &STANDSTILL)?;
+            expect_state(&mut board.line, &state, Some(saved.len() as u32 + 1))?;
+            saved.push(state);
+        }
+    }
+    // the newer state is damaged: the older one is read, and what came after it is learned anew
+    let [first, _] = &saved[..] else { return Err("two states are not saved".into()) };
+    let (slots, _) = place(elf, "cyclic::board::chip::SLOTS::")?;
+    board.debugger.stop()?;
+    let end = state_bytes(amplitudes.len());
+    board.debugger.put(slots + (state_bytes(MAX_AMPLITUDES) + end - 8) as u32, &[0xff; 8])?;
+    board.debugger.go()?;
+    board.restart("a restart", &STANDSTILL)?;
+    expect_state(&mut board.line, first, Some(1))?;
+    let rest: Vec<Entry> = log
+        .into_iter()
+        .enumerate()
+        .filter(|(n, _)| !(SAVED_AFTER[0]..DAMAGED_AFTER).contains(n))
+        .map(|(_, entry)| entry)
+        .collect();
+    let twin = host(&rest)?;
+    for (entry, step) in rest.iter().zip(&twin.steps).skip(SAVED_AFTER[0]) {
+        same(&probe(&mut board.line, entry)?, entry, step)?;
+    }
+    let last = learned_of(&board.line.request(Command::Learned)?)?;
+    let alarm = last.alarm.map(|alarm| {
+        (usize::from(alarm.amplitude), alarm.change.to_bits(), alarm.probability.to_bits(), alarm.readings)
+    });
+    let expected =
+        twin.alarm.map(|alarm| (alarm.amplitude, alarm.change.to_bits(), alarm.probability.to_bits(), alarm.readings));
+    if alarm != expected || alarm.is_none_or(|alarm| alarm.0 != 1) {
+        return Err(format!("the alarm is {:?}, the host's {:?}", last.alarm, twin.alarm));
+    }
+    // a flash that is erased may hold the task up
+    board.line.ask("a cycle", &cycle("f32"), r#""status":"ok""#)?;
+    match parsed(&board.line.request(Command::Save)?)? {
+        Answer::Error(Code::Busy) => {}
+        other => return Err(format!("a save while the task has a demand: {other:?}")),
+    }
+    println!(
+        "{READINGS} readings learned, bits and alarm as of replay; two restarts, the same state; a damaged one, the state before"
+    );
+    Ok(())
+}
+
+fn parsed(reply: &str) -> Result<Answer<'_, f64>, String> {
+    Reply::parse(reply.as_bytes()).map(|reply| reply.answer).ok_or_else(|| format!("not a reply: {reply}"))
+}
+
+fn learned_of(reply: &str) -> Result<Learned, String> {
+    match parsed(reply)? {
+        Answer::Learned(learned) => Ok(learned),
+        _ => Err(format!("not what is learned: {reply}")),
+    }
+}
+
+fn probe(line: &mut Line, entry: &Entry) -> Result<Learned, String> {
+    let [u, v, w] = entry.readings[..] else { return Err("a reading has three components".into()) };
+    let probe = Probe {
+        touch: entry.touch,
+        read_m: [u, v, w].map(|reading| reading.read),
+        deviation_m: [u, v, w].map(|reading| reading.deviation),
+    };
+    learned_of(&line.request(Command::Probe(probe))?)
+}
+
+/// What a board says after a reading, and what the host says.
+fn same(found: &Learned, entry: &Entry, step: &Step) -> Outcome {
+    let bits = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(f64::to_bits).collect::<Vec<_>>();
+    let values = bits(&mut found.values.as_slice().iter().copied());
+    let deviations = bits(&mut found.deviations.as_slice().iter().copied());
+    let refused = step.outcome.err().map(Refusal::from);
+    if values == bits(&mut step.values.iter().map(|(value, _)| *value))
+        && deviations == bits(&mut step.values.iter().map(|(_, deviation)| *deviation))
+        && found.refused == refused
+    {
+        return Ok(());
+    }
+    Err(format!("reading {}: {found:?}, on the host {refused:?} {:?}", entry.line, step.values))
+}
+
+/// The state after a start is that which was saved.
+fn expect_state(line: &mut Line, state: &Learned, saved: Option<u32>) -> Outcome {
+    let found = learned_of(&line.request(Command::Learned)?)?;
+    let expected = Learned { refused: None, saved, ..*state };
+    if found == expected { Ok(()) } else { Err(format!("after the start {found:?}, saved was {expected:?}")) }
+}
