@@ -58,10 +58,19 @@ impl Line {
 
     /// Sends a command as the protocol writes it, and gives its reply.
     pub fn request(&mut self, command: Command) -> Result<String, String> {
-        let mut buffer = [0; MAX_COMMAND + 1];
-        let line = Request { id: 7, command }.write(&mut buffer).ok_or("a command that does not fit")?;
-        self.write(line)?;
+        self.send_all(&[command])?;
         self.receive()
+    }
+
+    /// Sends commands, one behind the other.
+    pub fn send_all(&mut self, commands: &[Command]) -> Outcome {
+        let mut lines = Vec::new();
+        for command in commands {
+            let mut buffer = [0; MAX_COMMAND + 1];
+            let request = Request { id: 7, command: *command };
+            lines.extend_from_slice(request.write(&mut buffer).ok_or("a command that does not fit")?);
+        }
+        self.write(&lines)
     }
 
     /// Says hello to a board that has just begun, when its serial line is on: what comes before is lost.

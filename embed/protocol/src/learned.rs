@@ -56,6 +56,10 @@ pub struct Learned {
     pub state: Checksum,
     /// Sequence number of the state that was saved last; none was when it is null.
     pub saved: Option<u32>,
+    /// What the compensation adds to the screw lengths, in the arithmetic of the latest demand.
+    pub offset_m: [f64; 3],
+    /// Periods in which it has compensated a demand since the start.
+    pub compensated: u32,
 }
 
 /// Why a reading was not taken in: those of [`estimation::Refusal`].
@@ -110,7 +114,7 @@ pub struct Alarm {
 }
 
 impl Learned {
-    /// What an estimator of a machine knows. `None` when it has more amplitudes than fit into a line.
+    /// What an estimator of a machine knows, without compensation. `None` when it has more amplitudes than fit into a line.
     ///
     /// # Arguments
     /// * `state`: its state as it is saved, with the sequence number 0.
@@ -135,11 +139,14 @@ impl Learned {
             alarm,
             state: Checksum::over(state),
             saved,
+            offset_m: [0.0; 3],
+            compensated: 0,
         })
     }
 
     pub(crate) fn is_finite(&self) -> bool {
         let alarm = self.alarm.iter().all(|alarm| alarm.change.is_finite() && alarm.probability.is_finite());
-        self.values.are_finite() && self.deviations.are_finite() && alarm
+        let offset = self.offset_m.iter().all(|offset| offset.is_finite());
+        self.values.are_finite() && self.deviations.are_finite() && alarm && offset
     }
 }

@@ -405,10 +405,16 @@ impl Demand {
         machine: &Machine<T>,
         table: &CorrectionTable<'_, T>,
     ) -> Result<Cycle<T>, CycleError> {
+        let (pose, wrench, tip_m) = self.inputs();
+        table.cycle(machine, &pose, &wrench, tip_m)
+    }
+
+    /// Pose, load on the tip and tip, rounded to `T`.
+    pub fn inputs<T: Scalar>(&self) -> (Pose<T>, Wrench<T>, Vector3<T>) {
         let Self { arithmetic: _, pose, wrench_at_tip: w, tip_m } = self;
         let [theta_rad, sigma_rad, z0_m] = [pose.theta_rad, pose.sigma_rad, pose.z0_m].map(T::from_f64);
         let wrench = Wrench { force_n: w.force_n.map(T::from_f64), moment_nm: w.moment_nm.map(T::from_f64) };
-        table.cycle(machine, &Pose { theta_rad, sigma_rad, z0_m }, &wrench, tip_m.map(T::from_f64))
+        (Pose { theta_rad, sigma_rad, z0_m }, wrench, tip_m.map(T::from_f64))
     }
 
     fn is_finite(&self) -> bool {

@@ -170,6 +170,8 @@ fn replies_come_back() {
             deviations: TableNumbers::new(&[1.234_567_890_123_456_7e-300; 8]).unwrap(),
             alarm: Some(Alarm { amplitude: 7, change: -1.5e-9, probability: 0.999, readings: u32::MAX }),
             saved: Some(u32::MAX),
+            offset_m: [-1.234_567_890_123_456_7e-300; 3],
+            compensated: u32::MAX,
             ..learned()
         }),
         Answer::Error(Code::NotSaved),

@@ -8,7 +8,8 @@
 //! A table that comes over the line is put into service between two runs. `main` fills and checks one of two [`Tables`]; references to them change hands in [`NEXT`] and
 //! [`BEFORE`], so that the task never waits for `main` and no table is written while it is used. After a start the table of the image is in service.
 //!
-//! From `probe` the task learns what has changed in the machine; its state is kept over a restart, see `learning`.
+//! The task also compensates each demand, as a controller would in every period: `learned` tells the offset. From `probe` it learns what has changed
+//! in the machine, and compensates with that; what it knows is kept over a restart, see `learning`.
 //!
 //! What ends it: a demand that nothing follows for [`DEMAND_PERIODS`] is dropped. The task feeds the watchdog while `main` shows
 //! signs of life; a panic, an exception or a stack that meets its guard stop everything, and the watchdog starts the board again, without a demand
@@ -60,7 +61,7 @@ use pkm_protocol::{
 use serde::Serialize;
 
 use board::Received;
-use learning::{Learner, Learning};
+use learning::{Learning, Task};
 
 macro_rules! log {
     ($($part:tt)*) => {
@@ -185,7 +186,7 @@ fn PendSV() {
     static mut WORKING_ON: Option<Demand> = None;
     static mut RUNS: u32 = 0;
     static mut IN_SERVICE: Option<&'static mut Tables> = None;
-    static mut LEARNER: Option<Learner> = None;
+    static mut LEARNED: Option<Task> = None;
     if MAIN_SILENT.load(Relaxed) < PATIENCE_PERIODS {
         board::feed_watchdog();
     }
@@ -210,14 +211,14 @@ fn PendSV() {
     }
     WORKING.store(WORKING_ON.is_some(), Relaxed);
     let tables = IN_SERVICE.as_deref();
-    let double = tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64);
+    let tables = learning::Tables {
+        single: tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32),
+        double: tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64),
+    };
     if let Some(demand) = WORKING_ON {
         let result = match demand.arithmetic {
-            Arithmetic::F32 => {
-                let table = tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32);
-                Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &table))
-            }
-            Arithmetic::F64 => Computed::F64(demand.cycle(&coefficients::MACHINE_F64, &double)),
+            Arithmetic::F32 => Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &tables.single)),
+            Arithmetic::F64 => Computed::F64(demand.cycle(&coefficients::MACHINE_F64, &tables.double)),
         };
         let ticks = ticks().wrapping_sub(begun);
         let run = Run { result, ticks, overrun: LATE.load(Relaxed) };
@@ -225,7 +226,7 @@ fn PendSV() {
         CYCLES.fetch_add(1, Relaxed);
         WORST_TICKS.fetch_max(ticks, Relaxed);
     }
-    learning::work(LEARNER, &double);
+    learning::work(LEARNED, &tables, *WORKING_ON);
     RUNNING.store(false, Relaxed);
 }
 

@@ -2,7 +2,8 @@
 //!
 //! A board is one file with `NAME`, `CORE_HZ`, `UART_INTERRUPT`, `set_up`, `receive`, `try_send`, `start_watchdog` and `feed_watchdog`, a `Flash` for
 //! what is learned, and its memory file in `build.rs`.
-//! This module and its boards are the only place with `unsafe`: each register and each linker symbol is wrapped here.
+//! This module is the only place with blocks of `unsafe`: each register and each linker symbol is wrapped here. A board says where in memory
+//! something lies.
 
 #![allow(unsafe_code)]
 
