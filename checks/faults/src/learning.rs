@@ -62,8 +62,8 @@ fn settings() -> Option<EstimatorSettings<5>> {
     Some(EstimatorSettings { amplitudes, model_share: 0.01 })
 }
 
-/// A reading of three gauges under a load that changes.
-fn reading<T: Scalar>(
+/// A reading of three gauges under a load that changes, the `n`-th, of a machine whose limb 2 is softer; `None` outside the table's box.
+pub fn reading<T: Scalar>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     n: u32,

@@ -18,7 +18,7 @@ use pkm_core::nalgebra::{SVector, Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{Configuration, CorrectionTable, Fault, FiveAxis, Pose, Scalar, Wrench};
 
-pub use learning::{Lesson, lessons};
+pub use learning::{Lesson, lessons, reading};
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

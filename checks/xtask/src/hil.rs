@@ -1,15 +1,16 @@
 //! The cyclic firmware on the boards that QEMU has, driven by `pkm-host hil`: poses asked for one by one, and on the processor
 //! with f64 in hardware many more (`--swept`) in sweeps. Then what it does with faults of the line and of the host.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use pkm_core::tables::reference::{PARAMETERS, TABLE_F64};
 use pkm_host::cli;
-use pkm_protocol::{ABORT, crc32, opened};
+use pkm_protocol::{ABORT, crc32};
 
+use crate::line::Line;
 use crate::proofs::firmware;
 use crate::{Outcome, output, root};
 
@@ -68,7 +69,7 @@ const CYCLE: &str = r#""arithmetic":"f32","theta_rad":0.1,"sigma_rad":-0.05,"z0_
 
 /// What the firmware does with a damaged line, when the host gives up, and when it is gone.
 fn faults(board: &str, elf: &Path) -> Outcome {
-    let mut line = Line::start(board, elf)?;
+    let mut line = Line::start(board, elf, &[])?;
     let status = r#"{"v":2,"id":1,"cmd":"status"}"#;
     line.greet()?;
     line.asks(
@@ -134,67 +135,6 @@ fn bad_tables(line: &mut Line) -> Outcome {
         asks("a swap", swap(), expected)?;
     }
     Ok(())
-}
-
-/// A board of QEMU at the other end of its own input and output.
-struct Line {
-    child: Child,
-    replies: BufReader<ChildStdout>,
-}
-
-impl Drop for Line {
-    fn drop(&mut self) {
-        drop(self.child.kill());
-        drop(self.child.wait());
-    }
-}
-
-impl Line {
-    fn start(board: &str, elf: &Path) -> Result<Self, String> {
-        let mut child = Command::new("qemu-system-arm")
-            .args(["-M", board, "-nographic", "-monitor", "none", "-serial", "stdio"])
-            .args(["-icount", "shift=4,sleep=off", "-kernel"])
-            .arg(elf)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|e| format!("qemu-system-arm: {e}"))?;
-        let replies = BufReader::new(child.stdout.take().ok_or("QEMU has no output")?);
-        Ok(Self { child, replies })
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> Outcome {
-        let input = self.child.stdin.as_mut().ok_or("QEMU has no input")?;
-        input.write_all(bytes).and_then(|()| input.flush()).map_err(|e| e.to_string())
-    }
-
-    fn send(&mut self, json: &str, crc: u32) -> Outcome {
-        self.write(format!("{json}*{crc:08x}\n").as_bytes())
-    }
-
-    fn receive(&mut self) -> Result<String, String> {
-        let mut line = String::new();
-        self.replies.read_line(&mut line).map_err(|e| e.to_string())?;
-        if opened(line.as_bytes()).is_some() { Ok(line) } else { Err(format!("a damaged reply: {line}")) }
-    }
-
-    /// Until the serial line is on: what comes before is lost.
-    fn greet(&mut self) -> Outcome {
-        std::thread::sleep(Duration::from_secs(1));
-        let hello = r#"{"v":2,"id":0,"cmd":"hello"}"#;
-        self.write(b"\n")?;
-        self.asks("hello", hello.to_owned(), crc32(hello.as_bytes()), r#""hello""#)
-    }
-
-    fn asks(&mut self, what: &str, json: String, crc: u32, expected: &str) -> Outcome {
-        self.send(&json, crc)?;
-        self.hears(what, expected)
-    }
-
-    fn hears(&mut self, what: &str, expected: &str) -> Outcome {
-        let reply = self.receive()?;
-        if reply.contains(expected) { Ok(()) } else { Err(format!("{what}: {reply}expected {expected}")) }
-    }
 }
 
 /// A board of QEMU behind a pseudo terminal, which is as good as a serial port.

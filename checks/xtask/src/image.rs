@@ -41,3 +41,15 @@ pub fn sections(image: &Path) -> Result<BTreeMap<String, u64>, String> {
     };
     Ok(text.lines().filter_map(section).collect())
 }
+
+/// Address and length of the first symbol of an image whose name begins so.
+pub fn place(image: &Path, name: &str) -> Result<(u32, usize), String> {
+    let text = output(llvm("llvm-nm")?.args(["--demangle", "--print-size"]).arg(image))?;
+    let place = |line: &str| {
+        let mut words = line.splitn(4, ' ');
+        let mut number = || u32::from_str_radix(words.next()?, 16).ok();
+        let (address, length) = (number()?, number()?);
+        words.nth(1)?.starts_with(name).then_some((address, length as usize))
+    };
+    text.lines().find_map(place).ok_or_else(|| format!("{} has no {name}", image.display()))
+}

@@ -3,9 +3,13 @@
 mod browser;
 mod c;
 mod cycles;
+mod debugger;
 mod fuzz;
+mod guards;
 mod hil;
 mod image;
+mod learning;
+mod line;
 mod linuxcnc;
 mod mutants;
 mod proofs;
@@ -32,6 +36,8 @@ cargo xtask <chore>
   qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host
   cycles       count the instructions of a controller's cycle on both in QEMU, and hold them against limits
   hil          drive the cyclic firmware over its serial line: 2,000 poses on each of QEMU's boards, or --poses N, --swept N, --seed N
+  guards       make the cyclic firmware panic, fault, overrun its stack, hang and miss periods in QEMU; flip bits of its flash;
+               have it learn from readings as `replay` does, and keep that over a restart
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones. `trials unloaded --sets 500`: geometry from unloaded poses
@@ -62,6 +68,7 @@ fn main() -> ExitCode {
         Some("qemu") => qemu::run(),
         Some("cycles") => cycles::run(),
         Some("hil") => hil::run(&std::env::args().skip(2).collect::<Vec<_>>()),
+        Some("guards") => guards::run(),
         Some("no-panic") => proofs::no_panic(),
         Some("no-alloc") => proofs::no_alloc(),
         Some("size") => proofs::size(),

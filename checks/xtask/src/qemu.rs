@@ -43,7 +43,7 @@ const RUNS: [(&str, &str, Option<&str>, Origin); 5] = [
 ];
 
 /// Machine of QEMU, processor, the `target-cpu` to build for.
-const PROCESSORS: [(&str, &str, Option<&str>); 2] =
+pub const PROCESSORS: [(&str, &str, Option<&str>); 2] =
     [("mps2-an386", "Cortex-M4F", None), ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"))];
 
 pub fn run() -> Outcome {

@@ -30,6 +30,18 @@
 //! of the first of them. `swap` checks that the table is whole, has its checksum and lies in memory as it came, and puts it into service at the beginning of
 //! a period. Any error leaves the table in service where it is; begin again with `table`. After a start the table of the image is in service.
 //!
+//! A controller that learns takes readings of the tip under known loads:
+//!
+//! ```text
+//! {"v":2,"id":8,"cmd":"probe","time_s":600,"rise_k":0,"theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3],"read_m":[1e-6,0,-4e-6],"deviation_m":[3e-7,3e-7,3e-7]}
+//! {"v":2,"id":9,"cmd":"learned"}
+//! {"v":2,"id":10,"cmd":"save"}
+//! ```
+//!
+//! `probe` says by what the load has moved the tip along u, v, w, with standard deviations, at `time_s` of a clock that goes on while the
+//! controller is off; `rise_k` is how much warmer the machine is than at its zero reading. `learned` asks what is known; `save` keeps it over a restart, and is
+//! refused while the task has a demand.
+//!
 //! # Replies
 //!
 //! ```text
@@ -40,10 +52,11 @@
 //! {"v":2,"id":4,"answer":{"sweep":{"ok":1000,"outside_box":0,"refused":0,"overruns":0,"worst_ticks":7312,"results":"93b1c5a0e4d2f786"}}}
 //! {"v":2,"id":6,"answer":{"received":{"numbers":6,"of":276}}}
 //! {"v":2,"id":7,"answer":{"swapped":"fedcba9876543210"}}
+//! {"v":2,"id":8,"answer":{"learned":{"refused":null,"readings":41,"values":[1e-10,2.1e-9],"deviations":[2e-10,1e-10],"alarm":{"amplitude":1,"change":2.1e-9,"probability":0.999,"readings":41},"state":"0123456789abcdef","saved":3,"offset_m":[1e-6,0,0],"compensated":12}}}
 //! {"v":2,"id":null,"answer":{"error":"syntax"}}
 //! ```
 //!
-//! The fields are explained at [`Hello`], [`Counters`], [`CycleReply`], [`Numbers`], [`SweepReply`] and [`Received`]. `status` is one of
+//! The fields are explained at [`Hello`], [`Counters`], [`CycleReply`], [`Numbers`], [`SweepReply`], [`Received`] and [`Learned`]. `status` is one of
 //!
 //! ```text
 //! ok outside_box out_of_travel unreachable singular not_finite not_positive no_factor_form failed
@@ -52,7 +65,7 @@
 //! (see [`Status`]; numbers come with the first two) and an `error` one of
 //!
 //! ```text
-//! too_long checksum syntax field version command range aborted other_machine table order
+//! too_long checksum syntax field version command range aborted other_machine table order busy not_saved
 //! ```
 //!
 //! (see [`Code`]), `last_fault` of `status` null or one of
@@ -82,11 +95,14 @@
 #![forbid(unsafe_code)]
 #![warn(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing)]
 
+mod json;
+mod learned;
 mod line;
 mod piece;
 mod reply;
 mod request;
 
+pub use learned::{Alarm, Learned, Probe, Refusal};
 pub use line::{crc32, opened, sealed};
 pub use piece::{MAX_NUMBERS, Piece, TableNumbers};
 pub use reply::{

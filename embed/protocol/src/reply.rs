@@ -9,8 +9,9 @@ use pkm_core::{
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::json::{objects, write_line};
+use crate::learned::Learned;
 use crate::line::opened;
-use crate::request::{objects, write_line};
 use crate::{Code, VERSION};
 
 /// A line from the controller. `T` is the arithmetic of a cycle's numbers.
@@ -45,6 +46,8 @@ pub enum Answer<'a, T> {
     Received(Received),
     /// To `swap`: the checksum of the table that is in service now.
     Swapped(Checksum),
+    /// To `probe`, `learned` and `save`.
+    Learned(Learned),
     /// To a bad line.
     Error(Code),
 }
@@ -255,6 +258,7 @@ impl<'a, T: Scalar + Deserialize<'a>> Reply<'a, T> {
                 h.travel_min_m.iter().chain(&h.travel_max_m).chain([&h.period_s]).all(|v| v.is_finite())
             }
             Answer::Cycle(cycle) => cycle.numbers.as_ref().is_none_or(Numbers::are_finite),
+            Answer::Learned(learned) => learned.is_finite(),
             Answer::Status(_) | Answer::Sweep(_) | Answer::Received(_) | Answer::Swapped(_) | Answer::Error(_) => true,
         };
         (length == line.len() && reply.v == VERSION && finite).then_some(reply)
@@ -336,6 +340,13 @@ impl<T: Scalar> Numbers<T> {
 /// 64 bits, in JSON as 16 hexadecimal digits: many readers take numbers for `f64`.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Checksum(pub u64);
+
+impl Checksum {
+    /// [`pkm_core::checksum`] over bytes.
+    pub fn over(bytes: &[u8]) -> Self {
+        Self(bytes.iter().fold(START, |hash, byte| over_byte(hash, *byte)))
+    }
+}
 
 impl fmt::Display for Checksum {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -1,12 +1,15 @@
 //! Commands: lines from bytes, commands from lines.
 
 use pkm_core::correction::{TableHeader, TransferError};
+use pkm_core::estimation::Touch;
 use pkm_core::nalgebra::Vector3;
 use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench};
 use serde::{Deserialize, Serialize};
 use serde_json_core::de;
 
-use crate::line::{opened, sealed};
+use crate::json::{objects, write_line};
+use crate::learned::Probe;
+use crate::line::opened;
 use crate::piece::{Piece, TableNumbers};
 use crate::reply::Checksum;
 use crate::{MAX_COMMAND, MAX_STEPS, VERSION};
@@ -37,6 +40,10 @@ pub enum Code {
     Table,
     /// No table was begun, or a number is missing, or comes twice.
     Order,
+    /// A demand is worked on.
+    Busy,
+    /// The state could not be written where it stays.
+    NotSaved,
 }
 
 impl From<TransferError> for Code {
@@ -84,6 +91,12 @@ pub enum Command {
     Numbers(Piece),
     /// Check the table that has come, and work with it from the next period on.
     Swap,
+    /// Learn from this.
+    Probe(Probe),
+    /// What do you know?
+    Learned,
+    /// Write what you know where it stays.
+    Save,
 }
 
 /// What the cyclic task works on.
@@ -137,6 +150,14 @@ pub enum Arithmetic {
     F64,
 }
 
+/// Pose, load and tip.
+#[derive(Clone, Copy)]
+struct Place {
+    pose: Pose<f64>,
+    wrench_at_tip: Wrench<f64>,
+    tip_m: Vector3<f64>,
+}
+
 /// A command as it stands on the line.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -174,23 +195,45 @@ struct Wire<'a> {
     first: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
     numbers: Option<TableNumbers>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time_s: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rise_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    read_m: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    deviation_m: Option<[f64; 3]>,
 }
 
 impl Wire<'_> {
-    fn demand(&self) -> Option<Demand> {
-        Some(Demand {
-            arithmetic: self.arithmetic?,
+    fn place(&self) -> Option<Place> {
+        Some(Place {
             pose: Pose { theta_rad: self.theta_rad?, sigma_rad: self.sigma_rad?, z0_m: self.z0_m? },
             wrench_at_tip: Wrench { force_n: self.force_n?.into(), moment_nm: self.moment_nm?.into() },
             tip_m: self.tip_m?.into(),
         })
     }
 
-    fn has_demand(&self) -> bool {
-        let Self { v: _, id: _, cmd: _, arithmetic, theta_rad, sigma_rad, z0_m, force_n, moment_nm, tip_m, .. } = self;
-        arithmetic.is_some()
-            || [theta_rad, sigma_rad, z0_m].into_iter().any(Option::is_some)
+    fn demand(&self) -> Option<Demand> {
+        let Place { pose, wrench_at_tip, tip_m } = self.place()?;
+        Some(Demand { arithmetic: self.arithmetic?, pose, wrench_at_tip, tip_m })
+    }
+
+    fn probe(&self) -> Option<Probe> {
+        let Place { pose, wrench_at_tip: wrench, tip_m } = self.place()?;
+        let touch = Touch { time_s: self.time_s?, pose, tip_m, wrench, rise_k: self.rise_k? };
+        Some(Probe { touch, read_m: self.read_m?, deviation_m: self.deviation_m? })
+    }
+
+    fn has_place(&self) -> bool {
+        let Self { theta_rad, sigma_rad, z0_m, force_n, moment_nm, tip_m, .. } = self;
+        [theta_rad, sigma_rad, z0_m].into_iter().any(Option::is_some)
             || [force_n, moment_nm, tip_m].into_iter().any(Option::is_some)
+    }
+
+    fn has_reading(&self) -> bool {
+        let Self { time_s, rise_k, read_m, deviation_m, .. } = self;
+        time_s.is_some() || rise_k.is_some() || read_m.is_some() || deviation_m.is_some()
     }
 
     fn has_way(&self) -> bool {
@@ -212,17 +255,13 @@ impl Wire<'_> {
 
     /// Whether a field is there that the command does not have.
     fn has_others(&self) -> bool {
-        let (demand, way, header, piece) = match self.cmd {
-            "cycle" => (true, false, false, false),
-            "sweep" => (true, true, false, false),
-            "table" => (false, false, true, false),
-            "numbers" => (false, false, false, true),
-            _ => (false, false, false, false),
-        };
-        !demand && self.has_demand()
-            || !way && self.has_way()
-            || !header && self.has_header()
-            || !piece && self.has_piece()
+        let is = |commands: &[&str]| commands.contains(&self.cmd);
+        !is(&["cycle", "sweep"]) && self.arithmetic.is_some()
+            || !is(&["cycle", "sweep", "probe"]) && self.has_place()
+            || !is(&["sweep"]) && self.has_way()
+            || !is(&["table"]) && self.has_header()
+            || !is(&["numbers"]) && self.has_piece()
+            || !is(&["probe"]) && self.has_reading()
     }
 
     fn command(&self) -> Result<Command, Code> {
@@ -231,12 +270,20 @@ impl Wire<'_> {
             if demand.is_finite() { Ok(demand) } else { Err(Code::Range) }
         };
         match self.cmd {
-            "hello" | "status" | "cycle" | "sweep" | "table" | "numbers" | "swap" if self.has_others() => {
+            "hello" | "status" | "cycle" | "sweep" | "table" | "numbers" | "swap" | "probe" | "learned" | "save"
+                if self.has_others() =>
+            {
                 Err(Code::Field)
             }
             "hello" => Ok(Command::Hello),
             "status" => Ok(Command::Status),
             "swap" => Ok(Command::Swap),
+            "learned" => Ok(Command::Learned),
+            "save" => Ok(Command::Save),
+            "probe" => {
+                let probe = self.probe().ok_or(Code::Field)?;
+                if probe.is_finite() { Ok(Command::Probe(probe)) } else { Err(Code::Range) }
+            }
             "table" => self.header().map(Command::Table).ok_or(Code::Field),
             "numbers" => {
                 let (Some(first), Some(numbers)) = (self.first, self.numbers) else { return Err(Code::Field) };
@@ -284,17 +331,25 @@ impl Request {
 
     /// Writes the line with its CRC and line feed; `None` when `buffer` is too short ([`MAX_COMMAND`] + 1 always do).
     pub fn write<'b>(&self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
-        let (mut demand, mut sweep, mut header, mut piece) = (None, None, None, None);
+        let (mut place, mut arithmetic, mut sweep) = (None, None, None);
+        let (mut header, mut piece, mut probe) = (None, None, None);
+        let mut work_on = |demand: Demand| {
+            let Demand { arithmetic: asked, pose, wrench_at_tip, tip_m } = demand;
+            (place, arithmetic) = (Some(Place { pose, wrench_at_tip, tip_m }), Some(asked));
+        };
         let cmd = match self.command {
             Command::Hello => "hello",
             Command::Status => "status",
             Command::Swap => "swap",
+            Command::Learned => "learned",
+            Command::Save => "save",
             Command::Cycle(asked) => {
-                demand = Some(asked);
+                work_on(asked);
                 "cycle"
             }
             Command::Sweep(asked) => {
-                (demand, sweep) = (Some(asked.from), Some(asked));
+                work_on(asked.from);
+                sweep = Some(asked);
                 "sweep"
             }
             Command::Table(announced) => {
@@ -305,18 +360,24 @@ impl Request {
                 piece = Some(next);
                 "numbers"
             }
+            Command::Probe(read) => {
+                let Touch { pose, wrench, tip_m, .. } = read.touch;
+                place = Some(Place { pose, wrench_at_tip: wrench, tip_m });
+                probe = Some(read);
+                "probe"
+            }
         };
         let wire = Wire {
             v: VERSION,
             id: self.id,
             cmd,
-            arithmetic: demand.map(|d| d.arithmetic),
-            theta_rad: demand.map(|d| d.pose.theta_rad),
-            sigma_rad: demand.map(|d| d.pose.sigma_rad),
-            z0_m: demand.map(|d| d.pose.z0_m),
-            force_n: demand.map(|d| d.wrench_at_tip.force_n.into()),
-            moment_nm: demand.map(|d| d.wrench_at_tip.moment_nm.into()),
-            tip_m: demand.map(|d| d.tip_m.into()),
+            arithmetic,
+            theta_rad: place.map(|p| p.pose.theta_rad),
+            sigma_rad: place.map(|p| p.pose.sigma_rad),
+            z0_m: place.map(|p| p.pose.z0_m),
+            force_n: place.map(|p| p.wrench_at_tip.force_n.into()),
+            moment_nm: place.map(|p| p.wrench_at_tip.moment_nm.into()),
+            tip_m: place.map(|p| p.tip_m.into()),
             to: sweep.map(|s| [s.to.theta_rad, s.to.sigma_rad, s.to.z0_m]),
             steps: sweep.map(|s| s.steps),
             machine: header.map(|h| Checksum(h.machine)),
@@ -325,6 +386,10 @@ impl Request {
             factor_form: header.map(|h| h.factor_form),
             first: piece.map(|p| p.first),
             numbers: piece.map(|p| p.numbers),
+            time_s: probe.map(|p| p.touch.time_s),
+            rise_k: probe.map(|p| p.touch.rise_k),
+            read_m: probe.map(|p| p.read_m),
+            deviation_m: probe.map(|p| p.deviation_m),
         };
         write_line(&wire, buffer)
     }
@@ -340,87 +405,26 @@ impl Demand {
         machine: &Machine<T>,
         table: &CorrectionTable<'_, T>,
     ) -> Result<Cycle<T>, CycleError> {
+        let (pose, wrench, tip_m) = self.inputs();
+        table.cycle(machine, &pose, &wrench, tip_m)
+    }
+
+    /// Pose, load on the tip and tip, rounded to `T`.
+    pub fn inputs<T: Scalar>(&self) -> (Pose<T>, Wrench<T>, Vector3<T>) {
         let Self { arithmetic: _, pose, wrench_at_tip: w, tip_m } = self;
         let [theta_rad, sigma_rad, z0_m] = [pose.theta_rad, pose.sigma_rad, pose.z0_m].map(T::from_f64);
         let wrench = Wrench { force_n: w.force_n.map(T::from_f64), moment_nm: w.moment_nm.map(T::from_f64) };
-        table.cycle(machine, &Pose { theta_rad, sigma_rad, z0_m }, &wrench, tip_m.map(T::from_f64))
+        (Pose { theta_rad, sigma_rad, z0_m }, wrench, tip_m.map(T::from_f64))
     }
 
     fn is_finite(&self) -> bool {
-        let Self { arithmetic: _, pose, wrench_at_tip: w, tip_m } = self;
-        let pose = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
-        pose.iter().chain(&w.force_n).chain(&w.moment_nm).chain(tip_m).all(|v| v.is_finite())
+        are_finite(&self.pose, &self.wrench_at_tip, &self.tip_m)
     }
 }
 
-/// JSON, its CRC and a line feed.
-pub(crate) fn write_line<'b>(value: &impl Serialize, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
-    let length = serde_json_core::to_slice(value, buffer).ok()?;
-    sealed(buffer, length)
-}
-
-/// How many objects a line holds; `None` if there is anything in it but strings without escapes and outside of them JSON's numbers,
-/// brackets, commas, colons, and these words. serde-json-core lets more pass: `[,1]`, `[,1 2]`, `+1`, `01`, `1.`, `.5`, null for a
-/// number, an object for a name, line feeds in a string.
-pub(crate) fn objects(mut rest: &[u8], words: &[&[u8]]) -> Option<usize> {
-    let mut objects = 0;
-    let mut after_bracket = false;
-    while let [first, tail @ ..] = rest {
-        let length = match first {
-            b' ' | b'\t' | b'\r' => {
-                rest = tail;
-                continue;
-            }
-            b'"' => {
-                let end = tail.iter().position(|b| matches!(b, b'"' | b'\\') || b.is_ascii_control())?;
-                tail.get(end).filter(|b| **b == b'"').map(|_| end + 2)?
-            }
-            b',' if after_bracket => return None,
-            b'{' | b'}' | b'[' | b']' | b':' | b',' => 1,
-            _ => match words.iter().find(|word| rest.starts_with(word)) {
-                Some(word) => word.len(),
-                None => {
-                    let in_number = |b: &&u8| matches!(b, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E');
-                    let length = rest.iter().take_while(in_number).count();
-                    rest.get(..length).filter(|text| is_number(text))?;
-                    length
-                }
-            },
-        };
-        objects += usize::from(*first == b'{');
-        after_bracket = *first == b'[';
-        rest = rest.get(length..)?;
-    }
-    Some(objects)
-}
-
-/// A number of JSON's grammar.
-fn is_number(text: &[u8]) -> bool {
-    let text = text.strip_prefix(b"-").unwrap_or(text);
-    let (whole, after) = digits(text);
-    if whole == 0 || whole > 1 && text.starts_with(b"0") {
-        return false;
-    }
-    let after = match after {
-        [b'.', fraction @ ..] => match digits(fraction) {
-            (0, _) => return false,
-            (_, after) => after,
-        },
-        after => after,
-    };
-    match after {
-        [] => true,
-        [b'e' | b'E', b'+' | b'-', exponent @ ..] | [b'e' | b'E', exponent @ ..] => {
-            matches!(digits(exponent), (1.., []))
-        }
-        _ => false,
-    }
-}
-
-/// How many digits a text starts with, and what follows them.
-fn digits(text: &[u8]) -> (usize, &[u8]) {
-    let count = text.iter().take_while(|b| b.is_ascii_digit()).count();
-    (count, text.get(count..).unwrap_or_default())
+pub(crate) fn are_finite(pose: &Pose<f64>, load: &Wrench<f64>, tip_m: &Vector3<f64>) -> bool {
+    let pose = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
+    pose.iter().chain(&load.force_n).chain(&load.moment_nm).chain(tip_m).all(|v| v.is_finite())
 }
 
 /// Finds lines in a stream of bytes, whatever comes.

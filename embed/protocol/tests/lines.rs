@@ -1,13 +1,15 @@
 //! Lines there and back, and what is refused: few and quick, so that Miri can run them (`cargo xtask miri`).
 
 use pkm_core::correction::{TableHeader, TransferError};
+use pkm_core::effects::{Motion, Place};
+use pkm_core::estimation::{self, AmplitudeSettings, Estimator, EstimatorSettings, Touch, state_bytes};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
 use pkm_core::{Pose, Wrench};
 use pkm_protocol::{
-    Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
-    MAX_NUMBERS, MAX_REPLY, Piece, Received, Refused, Reply, Request, Status, Sweep, SweepReply, TableNumbers, VERSION,
-    crc32, opened, sealed,
+    Alarm, Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Learned, Lines,
+    MAX_COMMAND, MAX_NUMBERS, MAX_REPLY, Piece, Probe, Received, Refusal, Refused, Reply, Request, Status, Sweep,
+    SweepReply, TableNumbers, VERSION, crc32, opened, sealed,
 };
 
 const DEMAND: Demand = Demand {
@@ -49,7 +51,19 @@ fn commands_come_back() {
     assert_eq!(refusals, [Code::OtherMachine, Code::Order, Code::Table]);
     let piece = Piece { first: u32::MAX, numbers };
     let few = Piece { first: 0, numbers: TableNumbers::new(&[]).unwrap() };
+    const LONG: f64 = -1.234_567_890_123_456_7e-300;
+    let long = Vector3::repeat(LONG);
+    let touch = Touch {
+        time_s: u32::MAX,
+        pose: Pose { theta_rad: LONG, sigma_rad: LONG, z0_m: LONG },
+        tip_m: long,
+        wrench: Wrench { force_n: long, moment_nm: long },
+        rise_k: LONG,
+    };
     for command in [
+        Command::Probe(Probe { touch, read_m: [LONG; 3], deviation_m: [LONG; 3] }),
+        Command::Learned,
+        Command::Save,
         Command::Hello,
         Command::Status,
         Command::Cycle(DEMAND),
@@ -72,7 +86,7 @@ fn commands_come_back() {
 #[test]
 fn bad_lines_are_refused_and_forgotten() {
     let long = vec![b' '; MAX_COMMAND + 1];
-    let bad: [(&[u8], Option<u32>, Code); 16] = [
+    let bad: [(&[u8], Option<u32>, Code); 20] = [
         (b"{", None, Code::Syntax),
         (b"\xff\"", None, Code::Syntax),
         (br#"{"v":2,"id":01,"cmd":"hello"}"#, None, Code::Syntax),
@@ -88,6 +102,10 @@ fn bad_lines_are_refused_and_forgotten() {
         (br#"{"v":2,"id":1,"cmd":"table","terms":9}"#, Some(1), Code::Field),
         (br#"{"v":2,"id":1,"cmd":"numbers","first":0,"numbers":[1e999]}"#, Some(1), Code::Range),
         (br#"{"v":2,"id":1,"cmd":"numbers","first":true,"numbers":[1]}"#, None, Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"save","time_s":1}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"probe","time_s":1,"rise_k":0,"theta_rad":0,"sigma_rad":0,"z0_m":1,"force_n":[0,0,0],"moment_nm":[0,0,0],"tip_m":[0,0,0],"read_m":[0,0,0]}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"probe","arithmetic":"f64","time_s":1,"rise_k":0,"theta_rad":0,"sigma_rad":0,"z0_m":1,"force_n":[0,0,0],"moment_nm":[0,0,0],"tip_m":[0,0,0],"read_m":[0,0,0],"deviation_m":[1,1,1]}"#, Some(1), Code::Field),
+        (br#"{"v":2,"id":1,"cmd":"probe","time_s":1,"rise_k":0,"theta_rad":0,"sigma_rad":0,"z0_m":1,"force_n":[0,0,0],"moment_nm":[0,0,0],"tip_m":[0,0,0],"read_m":[0,0,1e999],"deviation_m":[1,1,1]}"#, Some(1), Code::Range),
         (
             br#"{"v":2,"id":1,"cmd":"numbers","first":0,"numbers":[0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0,0]}"#,
             None,
@@ -144,7 +162,19 @@ fn replies_come_back() {
         Answer::Sweep(sweep),
         Answer::Received(Received { numbers: 24, of: 276 }),
         Answer::Swapped(Checksum(u64::MAX)),
-        Answer::Error(Code::Syntax),
+        Answer::Learned(learned()),
+        Answer::Learned(Learned {
+            refused: Some(Refusal::WrongSign),
+            // the longest there is
+            values: TableNumbers::new(&[-1.234_567_890_123_456_7e-300; 8]).unwrap(),
+            deviations: TableNumbers::new(&[1.234_567_890_123_456_7e-300; 8]).unwrap(),
+            alarm: Some(Alarm { amplitude: 7, change: -1.5e-9, probability: 0.999, readings: u32::MAX }),
+            saved: Some(u32::MAX),
+            offset_m: [-1.234_567_890_123_456_7e-300; 3],
+            compensated: u32::MAX,
+            ..learned()
+        }),
+        Answer::Error(Code::NotSaved),
     ];
     for answer in answers {
         let reply = Reply { v: VERSION, id: Some(3), answer };
@@ -155,6 +185,42 @@ fn replies_come_back() {
         let later = String::from_utf8(opened(line).unwrap().to_vec()).unwrap().replacen("\"v\":2", "\"v\":9", 1);
         assert_eq!(Reply::<f64>::parse(&line_of(later.as_bytes())), None);
     }
+}
+
+/// What an estimator knows that has taken in a reading, and refused one.
+fn learned() -> Learned {
+    let amplitude = estimation::Amplitude::compliance(Place::Body { limb: 2 }, Motion::Axial).unwrap();
+    let own = AmplitudeSettings {
+        amplitude,
+        accepted: 0.0,
+        deviation: 1e-9,
+        drift_per_day: 0.0,
+        least: -1e-9,
+        most: 1e-8,
+        rate_per_s: 1e-12,
+        alarm: 1e-10,
+    };
+    let mut estimator = Estimator::new(&EstimatorSettings { amplitudes: [own], model_share: 0.0 }).unwrap();
+    let Demand { pose, wrench_at_tip: wrench, tip_m, .. } = DEMAND;
+    let touch = Touch { time_s: 9, pose, tip_m, wrench, rise_k: 0.0 };
+    let seen = DEMAND.cycle(&MACHINE_F64, &TABLE_F64).unwrap().deflection.seen_at(tip_m).translation_m;
+    let probe = Probe { touch, read_m: (seen * 1.1).into(), deviation_m: [1e-6; 3] };
+    let readings = probe.readings();
+    assert_eq!(readings.map(|reading| reading.read), probe.read_m);
+    assert_eq!(readings.map(|reading| reading.direction.imax()), [0, 1, 2]);
+    estimator.learn(&MACHINE_F64, Some(&TABLE_F64), &touch, &readings).unwrap();
+    let old = Touch { time_s: 8, ..touch };
+    let refused = estimator.learn(&MACHINE_F64, Some(&TABLE_F64), &old, &readings).unwrap_err();
+    let mut state = [0; state_bytes(1)];
+    estimator.save(1, 0, &mut state).unwrap();
+    let learned = Learned::new(&estimator, &state, Some(refused), None).unwrap();
+    let [(value, deviation)] = estimator.values();
+    assert_eq!((learned.values.as_slice(), learned.deviations.as_slice()), (&[value][..], &[deviation][..]));
+    assert_eq!((learned.refused, learned.readings, learned.saved), (Some(Refusal::Backwards), 1, None));
+    assert!(deviation < 1e-9 && value != 0.0);
+    // FNV-1a over the bytes of `a`
+    assert_eq!(Checksum::over(b"a"), Checksum(0xaf63_dc4c_8601_ec8c));
+    learned
 }
 
 /// What serde-json-core takes for JSON, and what it reads null as.

@@ -283,7 +283,7 @@ impl Truth {
 const NOISE_M: f64 = 0.3e-6;
 
 /// The drives of the three limbs, and the tool along three axes. A drive may be 20 % softer or stiffer, the others by as much.
-fn drives() -> EstimatorSettings<6> {
+pub fn drives() -> EstimatorSettings<6> {
     let all = compliances();
     let amplitudes = [0, 1, 2, 9, 10, 11].map(|n| {
         let compliance = drive_m_per_n(n % 3);
@@ -510,7 +510,7 @@ fn bad_readings_between_good_ones_teach_nothing_in_either_arithmetic() {
 }
 
 /// An estimator that has read a little, and the next reading.
-fn at_work() -> (Estimator<f64, 6>, Touch<f64>, [TipReading<f64>; 3]) {
+pub fn at_work() -> (Estimator<f64, 6>, Touch<f64>, [TipReading<f64>; 3]) {
     let mut rng = seeded();
     let truth = Truth::new(&mut rng);
     let mut estimator = Estimator::<f64, 6>::new(&drives()).unwrap();

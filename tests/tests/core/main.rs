@@ -12,4 +12,5 @@ mod five_axis;
 mod integrity;
 mod kinematics;
 mod machine;
+mod slots;
 mod stiffness;

@@ -8,6 +8,9 @@
 //! A table that comes over the line is put into service between two runs. `main` fills and checks one of two [`Tables`]; references to them change hands in [`NEXT`] and
 //! [`BEFORE`], so that the task never waits for `main` and no table is written while it is used. After a start the table of the image is in service.
 //!
+//! The task also compensates each demand, as a controller would in every period: `learned` tells the offset. From `probe` it learns what has changed
+//! in the machine, and compensates with that; what it knows is kept over a restart, see `learning`.
+//!
 //! What ends it: a demand that nothing follows for [`DEMAND_PERIODS`] is dropped. The task feeds the watchdog while `main` shows
 //! signs of life; a panic, an exception or a stack that meets its guard stop everything, and the watchdog starts the board again, without a demand
 //! and with the reason in `status`. A board with the wrong clock or a damaged memory stands still.
@@ -26,6 +29,13 @@ mod board;
 mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
+
+#[path = "../learned.rs"]
+mod learned;
+#[path = "../learning.rs"]
+mod learning;
+#[path = "../slots.rs"]
+mod slots;
 
 use core::cell::{Cell, RefCell};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
@@ -51,6 +61,7 @@ use pkm_protocol::{
 use serde::Serialize;
 
 use board::Received;
+use learning::{Learning, Task};
 
 macro_rules! log {
     ($($part:tt)*) => {
@@ -129,6 +140,8 @@ static CYCLES: AtomicU32 = AtomicU32::new(0);
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
 static WORST_TICKS: AtomicU32 = AtomicU32::new(0);
 static RUNNING: AtomicBool = AtomicBool::new(false);
+/// The task has a demand.
+static WORKING: AtomicBool = AtomicBool::new(false);
 static LATE: AtomicBool = AtomicBool::new(false);
 static LOST_REPLIES: AtomicU32 = AtomicU32::new(0);
 static DROPPED_DEMANDS: AtomicU32 = AtomicU32::new(0);
@@ -173,6 +186,7 @@ fn PendSV() {
     static mut WORKING_ON: Option<Demand> = None;
     static mut RUNS: u32 = 0;
     static mut IN_SERVICE: Option<&'static mut Tables> = None;
+    static mut LEARNED: Option<Task> = None;
     if MAIN_SILENT.load(Relaxed) < PATIENCE_PERIODS {
         board::feed_watchdog();
     }
@@ -195,17 +209,16 @@ fn PendSV() {
     if abort {
         ABORTED.store(true, Relaxed);
     }
+    WORKING.store(WORKING_ON.is_some(), Relaxed);
+    let tables = IN_SERVICE.as_deref();
+    let tables = learning::Tables {
+        single: tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32),
+        double: tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64),
+    };
     if let Some(demand) = WORKING_ON {
-        let tables = IN_SERVICE.as_deref();
         let result = match demand.arithmetic {
-            Arithmetic::F32 => {
-                let table = tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32);
-                Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &table))
-            }
-            Arithmetic::F64 => {
-                let table = tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64);
-                Computed::F64(demand.cycle(&coefficients::MACHINE_F64, &table))
-            }
+            Arithmetic::F32 => Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &tables.single)),
+            Arithmetic::F64 => Computed::F64(demand.cycle(&coefficients::MACHINE_F64, &tables.double)),
         };
         let ticks = ticks().wrapping_sub(begun);
         let run = Run { result, ticks, overrun: LATE.load(Relaxed) };
@@ -213,6 +226,7 @@ fn PendSV() {
         CYCLES.fetch_add(1, Relaxed);
         WORST_TICKS.fetch_max(ticks, Relaxed);
     }
+    learning::work(LEARNED, &tables, *WORKING_ON);
     RUNNING.store(false, Relaxed);
 }
 
@@ -278,12 +292,13 @@ fn run_of(demand: Demand) -> Option<Run> {
     }
 }
 
-/// The tables of `main`'s side.
+/// Tables and what is learned, of `main`'s side.
 struct Service {
     /// Checksum of the table in service.
     table: u64,
     /// To be filled. Both while the image's table is in service.
     spare: [Option<&'static mut Tables>; 2],
+    learning: Learning,
 }
 
 impl Service {
@@ -324,6 +339,11 @@ fn answer(request: &Request, service: &mut Service, bad_lines: u32, last_fault: 
         Command::Table(header) => send(id, service.fill(|spare| spare.begin(&header))),
         Command::Numbers(piece) => send(id, service.fill(|spare| spare.take(&piece))),
         Command::Swap => send(id, service.swap()),
+        Command::Probe(probe) => send(id, service.learning.probe(probe)),
+        Command::Learned => send(id, service.learning.state()),
+        // a memory that is erased may stop the processor for long
+        Command::Save if WORKING.load(Relaxed) => send::<f64>(id, Answer::Error(Code::Busy)),
+        Command::Save => send(id, service.learning.save()),
         Command::Hello => {
             let travel = coefficients::PARAMETERS.travel;
             let hello = Hello {
@@ -420,6 +440,7 @@ fn main() -> ! {
     let mut service = Service {
         table: const { coefficients::TABLE_F64.checksum() },
         spare: [singleton!(: Tables = Tables::new()), singleton!(: Tables = Tables::new())],
+        learning: Learning::begin(),
     };
     let mut lines = Lines::new();
     let mut bad_lines = 0_u32;

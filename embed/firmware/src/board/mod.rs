@@ -1,8 +1,9 @@
 //! What differs between boards, and what of the processor is reached without `unsafe` through no crate.
 //!
-//! A board is one file with `NAME`, `CORE_HZ`, `UART_INTERRUPT`, `set_up`, `receive`, `try_send`, `start_watchdog` and `feed_watchdog`, and its
-//! memory file in `build.rs`.
-//! This module is the only place with `unsafe`: each register and each linker symbol is wrapped here.
+//! A board is one file with `NAME`, `CORE_HZ`, `UART_INTERRUPT`, `set_up`, `receive`, `try_send`, `start_watchdog` and `feed_watchdog`, a `Flash` for
+//! what is learned, and its memory file in `build.rs`.
+//! This module is the only place with blocks of `unsafe`: each register and each linker symbol is wrapped here. A board says where in memory
+//! something lies.
 
 #![allow(unsafe_code)]
 
@@ -20,7 +21,7 @@ use cortex_m::peripheral::{MPU, NVIC};
 use cortex_m_rt::{ExceptionFrame, exception};
 use pkm_protocol::Fault;
 
-pub use chip::{CORE_HZ, NAME, feed_watchdog, try_send};
+pub use chip::{CORE_HZ, Flash, NAME, feed_watchdog, try_send};
 
 /// The board starts again when nobody feeds its watchdog for so long.
 const WATCHDOG_MS: u32 = 100;

@@ -1,6 +1,11 @@
 //! Arm MPS2 with the images AN386 (Cortex-M4F) and AN500 (Cortex-M7), as QEMU has them. Its CMSDK UART 0.
 
+use core::mem::MaybeUninit;
+
+use pkm_core::estimation::Slot;
+
 use super::{ClockFailed, Received, Register, WATCHDOG_MS};
+use crate::slots::{self, NotSaved, SLOT_BYTES};
 
 pub const NAME: &str = "mps2";
 /// Of SysTick.
@@ -61,4 +66,38 @@ pub fn try_send(byte: u8) -> bool {
         DATA.write(byte.into());
     }
     has_room
+}
+
+/// The board has no flash: RAM that a reset leaves as it is. Power-up does not.
+pub struct Flash;
+
+const SLOT_WORDS: usize = SLOT_BYTES / 4;
+
+#[unsafe(link_section = ".uninit.SLOTS")]
+static mut SLOTS: MaybeUninit<[[u32; SLOT_WORDS]; 2]> = MaybeUninit::uninit();
+
+impl Flash {
+    /// A word of a slot, which has to have it.
+    fn register(slot: Slot, at: usize) -> Register {
+        assert!(at < SLOT_BYTES);
+        Register((&raw const SLOTS) as u32 + (slot as usize * SLOT_BYTES + at) as u32)
+    }
+}
+
+impl slots::Flash for Flash {
+    fn erase(&mut self, slot: Slot) -> Result<(), NotSaved> {
+        (0..SLOT_WORDS).for_each(|word| Self::register(slot, 4 * word).write(u32::MAX));
+        Ok(())
+    }
+
+    fn write(&mut self, slot: Slot, at: usize, word: u32) -> Result<(), NotSaved> {
+        let register = Self::register(slot, at);
+        // as in a flash, bits are cleared alone
+        register.write(register.read() & word);
+        Ok(())
+    }
+
+    fn word(&self, slot: Slot, at: usize) -> u32 {
+        Self::register(slot, at).read()
+    }
 }

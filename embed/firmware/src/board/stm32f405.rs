@@ -2,7 +2,10 @@
 //!
 //! Run in QEMU only, which has neither clocks nor pins; those lines follow the reference manual RM0090.
 
+use pkm_core::estimation::Slot;
+
 use super::{ClockFailed, Received, Register, WATCHDOG_MS};
+use crate::slots::{self, NotSaved, SLOT_BYTES};
 
 pub const NAME: &str = "stm32f405";
 pub const CORE_HZ: u32 = 168_000_000;
@@ -96,4 +99,84 @@ pub fn try_send(byte: u8) -> bool {
         DATA.write(byte.into());
     }
     has_room
+}
+
+/// The last two sectors of 128K, which the memory file leaves free.
+pub struct Flash;
+
+const SECTORS: [(u32, u32); 2] = [(10, 0x080c_0000), (11, 0x080e_0000)];
+const FLASH_KEY: Register = Register(0x4002_3c04);
+/// Bit 1: operation failed, 4-7: protection, alignment, size or sequence is wrong (all cleared by writing them), 16: busy.
+const FLASH_STATUS: Register = Register(0x4002_3c0c);
+const FLASH_ERRORS: u32 = 0b1111_0010;
+const FLASH_BUSY: u32 = 1 << 16;
+/// Bit 0: write, 1: erase a sector, 3-6: which, 8-9: 2 for words of 32 bits (supply of 2.7 V and more), 16: start, 31: locked.
+const FLASH_CONTROL: Register = Register(0x4002_3c10);
+const FLASH_WORDS: u32 = 0b10 << 8;
+const FLASH_LOCKED: u32 = 1 << 31;
+
+impl Flash {
+    fn sector(slot: Slot) -> (u32, u32) {
+        match slot {
+            Slot::A => SECTORS[0],
+            Slot::B => SECTORS[1],
+        }
+    }
+
+    fn register(slot: Slot, at: usize) -> Register {
+        assert!(at < SLOT_BYTES);
+        Register(Self::sector(slot).1 + at as u32)
+    }
+
+    /// With the flash open, and closed again.
+    fn change(work: impl FnOnce()) -> Result<(), NotSaved> {
+        if FLASH_CONTROL.read() & FLASH_LOCKED != 0 {
+            FLASH_KEY.write(0x4567_0123);
+            FLASH_KEY.write(0xcdef_89ab);
+        }
+        FLASH_STATUS.write(FLASH_ERRORS);
+        cortex_m::interrupt::free(|_| work());
+        FLASH_CONTROL.write(FLASH_LOCKED);
+        if FLASH_STATUS.read() & (FLASH_BUSY | FLASH_ERRORS) == 0 { Ok(()) } else { Err(NotSaved) }
+    }
+}
+
+/// Erases a sector, which takes a second or two. Lies in RAM: nothing can be read from the flash meanwhile, no instruction either, and nobody
+/// else can feed the watchdog.
+#[inline(never)]
+#[unsafe(link_section = ".data.erase")]
+fn erase_sector(sector: u32) {
+    FLASH_CONTROL.write(FLASH_WORDS | sector << 3 | 0b10);
+    FLASH_CONTROL.write(1 << 16 | FLASH_WORDS | sector << 3 | 0b10);
+    // bounded: some ten seconds
+    for _ in 0..100_000_000 {
+        feed_watchdog();
+        if FLASH_STATUS.read() & FLASH_BUSY == 0 {
+            break;
+        }
+    }
+}
+
+impl slots::Flash for Flash {
+    fn erase(&mut self, slot: Slot) -> Result<(), NotSaved> {
+        Self::change(|| erase_sector(Self::sector(slot).0))?;
+        // the cache of data may still have what stood there: off, emptied, on
+        set(FLASH_ACCESS, 1 << 10, 0);
+        set(FLASH_ACCESS, 0, 1 << 12);
+        set(FLASH_ACCESS, 1 << 12, 1 << 10);
+        Ok(())
+    }
+
+    fn write(&mut self, slot: Slot, at: usize, word: u32) -> Result<(), NotSaved> {
+        Self::change(|| {
+            FLASH_CONTROL.write(FLASH_WORDS | 1);
+            Self::register(slot, at).write(word);
+            // the processor waits by itself for what it reads next from the flash; some 16 µs
+            (0..100_000).any(|_| FLASH_STATUS.read() & FLASH_BUSY == 0);
+        })
+    }
+
+    fn word(&self, slot: Slot, at: usize) -> u32 {
+        Self::register(slot, at).read()
+    }
 }
