@@ -109,7 +109,7 @@ fn effects<T: Scalar>(build: impl Fn(&MachineParameters) -> Result<Machine<T>, M
     let plain = basic.stiffness(&there).unwrap().principal();
     for effect in EFFECTS {
         let mut parameters = [0.0; 6];
-        for (value, name) in parameters.iter_mut().zip(effect.parameters) {
+        for (value, name) in parameters.iter_mut().zip(effect.names()) {
             *value = match name {
                 name if name.ends_with("per_nm2") => 1e-7,
                 name if name.ends_with("per_n") || name.ends_with("per_nm") => 1e-9,

@@ -13,9 +13,11 @@ pub(super) struct ScrewPosition;
 impl Effect for ScrewPosition {
     const INFO: EffectInfo = EffectInfo {
         id: "screw-position",
-        parameters: &[
-            ParameterInfo::new("axial_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n / m.shortest_m)),
-        ],
+        parameters: &[ParameterInfo::new(
+            "axial_per_n",
+            1e-3,
+            Plausible::Within(|m| 2.0 * m.axial_m_per_n / m.shortest_m),
+        )],
         signed: false,
         expected: Expected {
             places: &["limb.1.body", "limb.2.body", "limb.3.body"],
@@ -41,9 +43,7 @@ macro_rules! softer_drive {
         impl Effect for $name {
             const INFO: EffectInfo = EffectInfo {
                 id: $id,
-                parameters: &[
-                    ParameterInfo::new("axial_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
-                ],
+                parameters: &[ParameterInfo::new("axial_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n))],
                 signed: false,
                 expected: Expected {
                     places: &[$place],
@@ -65,6 +65,20 @@ macro_rules! softer_drive {
     };
 }
 
-softer_drive!(Limb1Axial, 0, "limb-1-axial", "limb.1.body", LIMBS_1_2, "limb 1: joint, bearing or drive along its axis");
-softer_drive!(Limb2Axial, 1, "limb-2-axial", "limb.2.body", LIMBS_1_2, "limb 2: joint, bearing or drive along its axis");
+softer_drive!(
+    Limb1Axial,
+    0,
+    "limb-1-axial",
+    "limb.1.body",
+    LIMBS_1_2,
+    "limb 1: joint, bearing or drive along its axis"
+);
+softer_drive!(
+    Limb2Axial,
+    1,
+    "limb-2-axial",
+    "limb.2.body",
+    LIMBS_1_2,
+    "limb 2: joint, bearing or drive along its axis"
+);
 softer_drive!(Limb3Axial, 2, "limb-3-axial", "limb.3.body", LIMB_3, "limb 3: joint, bearing or drive along its axis");

@@ -68,9 +68,7 @@ macro_rules! wrong_size {
         impl Effect for $name {
             const INFO: EffectInfo = EffectInfo {
                 id: $id,
-                parameters: &[
-                    ParameterInfo::new("error_m", f64::INFINITY, Plausible::Within(|_| 5e-3)),
-                ],
+                parameters: &[ParameterInfo::new("error_m", f64::INFINITY, Plausible::Within(|_| 5e-3))],
                 signed: true,
                 expected: Expected {
                     places: &["geometry"],

@@ -34,10 +34,55 @@ macro_rules! softer_joint {
 }
 
 const RADIAL: ParameterInfo = ParameterInfo::new("radial_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n));
-const TILTING: ParameterInfo = ParameterInfo::new("tilting_rad_per_nm", 1e-3, Plausible::Within(|m| 2.0 * m.tilting_rad_per_nm));
+const TILTING: ParameterInfo =
+    ParameterInfo::new("tilting_rad_per_nm", 1e-3, Plausible::Within(|m| 2.0 * m.tilting_rad_per_nm));
 const BOTH: &[ParameterInfo] = &[RADIAL, TILTING];
 
-softer_joint!(UniversalJoint, "universal-joint", "U joints of limbs 1 and 2.", BOTH, 0 | 1, base, base_axes, &["limb.1.base_joint", "limb.2.base_joint"], LIMBS_1_2, "limbs 1 and 2: the universal joints at the base");
-softer_joint!(RevoluteJoint, "revolute-joint", "R joints of limbs 1 and 2.", BOTH, 0 | 1, platform, axes, &["limb.1.platform_joint", "limb.2.platform_joint"], LIMBS_1_2, "limbs 1 and 2: the revolute joints at the platform");
-softer_joint!(SphericalJoint, "spherical-joint", "S joint of limb 3.", &[RADIAL], 2, platform, axes, &["limb.3.platform_joint"], LIMB_3, "limb 3: the spherical joint at the platform");
-softer_joint!(Revolute3Joint, "revolute-3-joint", "R joint of limb 3.", BOTH, 2, base, base_axes, &["limb.3.base_joint"], LIMB_3, "limb 3: the revolute joint at the base");
+softer_joint!(
+    UniversalJoint,
+    "universal-joint",
+    "U joints of limbs 1 and 2.",
+    BOTH,
+    0 | 1,
+    base,
+    base_axes,
+    &["limb.1.base_joint", "limb.2.base_joint"],
+    LIMBS_1_2,
+    "limbs 1 and 2: the universal joints at the base"
+);
+softer_joint!(
+    RevoluteJoint,
+    "revolute-joint",
+    "R joints of limbs 1 and 2.",
+    BOTH,
+    0 | 1,
+    platform,
+    axes,
+    &["limb.1.platform_joint", "limb.2.platform_joint"],
+    LIMBS_1_2,
+    "limbs 1 and 2: the revolute joints at the platform"
+);
+softer_joint!(
+    SphericalJoint,
+    "spherical-joint",
+    "S joint of limb 3.",
+    &[RADIAL],
+    2,
+    platform,
+    axes,
+    &["limb.3.platform_joint"],
+    LIMB_3,
+    "limb 3: the spherical joint at the platform"
+);
+softer_joint!(
+    Revolute3Joint,
+    "revolute-3-joint",
+    "R joint of limb 3.",
+    BOTH,
+    2,
+    base,
+    base_axes,
+    &["limb.3.base_joint"],
+    LIMB_3,
+    "limb 3: the revolute joint at the base"
+);

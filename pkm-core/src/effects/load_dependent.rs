@@ -103,7 +103,10 @@ impl Effect for FrictionHysteresis {
         parameters: &[
             ParameterInfo::new("lag_m", 1e-2, Plausible::Within(|_| 5e-6)),
             // while the load only grows it is but a softer limb
-            ParameterInfo { needs_unloading: true, ..ParameterInfo::new("lag_m_per_n", 1e-3, Plausible::Within(|m| 0.3 * m.axial_m_per_n)) },
+            ParameterInfo {
+                needs_unloading: true,
+                ..ParameterInfo::new("lag_m_per_n", 1e-3, Plausible::Within(|m| 0.3 * m.axial_m_per_n))
+            },
             ParameterInfo::new("reversal_n", 1e6, Plausible::Around { median: |_| 50.0, ln_sd: 1.0 }),
         ],
         signed: false,

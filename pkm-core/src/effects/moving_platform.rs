@@ -4,6 +4,9 @@ use super::{Effect, EffectInfo, Expected, MAX_PARAMETERS, ParameterInfo, Plausib
 use crate::elastic::Limb;
 use crate::scalar::Scalar;
 
+/// An arm that moves at its end by some of what a limb does.
+const ARM: Plausible = Plausible::Within(|m| 6.0 * m.axial_m_per_n / (m.arm_m * m.arm_m * m.arm_m));
+
 /// The moving platform as three arms from A to A_i, clamped to a hub at A that gives to moments; arms 1 and 2
 /// on one bridge that gives to the sum of their forces.
 pub(super) struct MovingPlatformCompliance;
@@ -13,9 +16,9 @@ impl Effect for MovingPlatformCompliance {
         id: "moving-platform-compliance",
         parameters: &[
             // 1/EI of an arm for bending out of the platform's plane and in it, 1/GJ; turning of the hub; bridge
-            ParameterInfo::new("bending_per_nm2", 1e3, Plausible::Within(|m| 6.0 * m.axial_m_per_n / (m.arm_m * m.arm_m * m.arm_m))),
-            ParameterInfo::new("in_plane_per_nm2", 1e3, Plausible::Within(|m| 6.0 * m.axial_m_per_n / (m.arm_m * m.arm_m * m.arm_m))),
-            ParameterInfo::new("torsion_per_nm2", 1e3, Plausible::Within(|m| 6.0 * m.axial_m_per_n / (m.arm_m * m.arm_m * m.arm_m))),
+            ParameterInfo::new("bending_per_nm2", 1e3, ARM),
+            ParameterInfo::new("in_plane_per_nm2", 1e3, ARM),
+            ParameterInfo::new("torsion_per_nm2", 1e3, ARM),
             ParameterInfo::new("hub_rad_per_nm", 1e-3, Plausible::Within(|m| m.turning_rad_per_nm)),
             ParameterInfo::new("bridge_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
         ],

@@ -3,6 +3,9 @@ use crate::elastic::Limb;
 use crate::linalg::axes;
 use crate::scalar::Scalar;
 
+/// A ram that moves at its end by some of what a limb does.
+const RAM: Plausible = Plausible::Within(|m| 3.0 * m.across_m_per_n / (m.shortest_m * m.shortest_m * m.shortest_m));
+
 /// A ram slides in a tube. The tube ends at a fixed distance from B_i, the ram at a fixed distance from A_i; guides at both
 /// ends of the overlap, at least 10 mm apart, carry the bending moment as a pair of forces. Where they overlap neither
 /// bends with the whole moment; beyond the tube the ram bends and twists alone. All of it changes with the length.
@@ -15,11 +18,15 @@ impl Effect for TelescopicLimb {
             // the tube ends before the shortest limb does
             ParameterInfo::new("tube_m", 1e6, Plausible::Below(|m| m.shortest_m)),
             // and overlaps the ram at the longest
-            ParameterInfo::new("ram_m", 1e6, Plausible::Around { median: |m| m.longest_m - 0.75 * m.shortest_m + 0.12, ln_sd: 0.15 }),
+            ParameterInfo::new(
+                "ram_m",
+                1e6,
+                Plausible::Around { median: |m| m.longest_m - 0.75 * m.shortest_m + 0.12, ln_sd: 0.15 },
+            ),
             // 1/EI of the ram less 1/EI of the declared body; a guide; the same of 1/GJ
-            ParameterInfo::new("ram_bending_per_nm2", 1e3, Plausible::Within(|m| 3.0 * m.across_m_per_n / (m.shortest_m * m.shortest_m * m.shortest_m))),
+            ParameterInfo::new("ram_bending_per_nm2", 1e3, RAM),
             ParameterInfo::new("guide_m_per_n", 1e-3, Plausible::Within(|m| m.axial_m_per_n)),
-            ParameterInfo::new("ram_torsion_per_nm2", 1e3, Plausible::Within(|m| 3.0 * m.across_m_per_n / (m.shortest_m * m.shortest_m * m.shortest_m))),
+            ParameterInfo::new("ram_torsion_per_nm2", 1e3, RAM),
             // of 1/EA, since the screw carries the axial load alone
             ParameterInfo::new("screw_axial_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n / m.shortest_m)),
         ],
