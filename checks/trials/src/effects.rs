@@ -176,7 +176,8 @@ pub fn places_of(effect: &Effect) -> Vec<String> {
         "geometry-a1" => with(&["geometry"], limb_parts(&[1, 2], &["platform_joint"])),
         "geometry-b1" => with(&["geometry"], limb_parts(&[1, 2], &["base_joint"])),
         "misaligned-joint-axes" => with(&["geometry"], limb_parts(&all, &["base_joint", "platform_joint"])),
-        "resonant-bracket" => with(&["base"], limb_parts(&all, &chain)),
+        // it stands between the platform and the tool, and turns with them
+        "resonant-bracket" => with(&["tool", "moving_platform"], vec![]),
         "sensor-rotation" => with(&["sensor"], vec![]),
         "sensor-scale" | "load-gain" | "load-point" => with(&["sensor", "load"], vec![]),
         _ => limb_parts(&all, &chain),

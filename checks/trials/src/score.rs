@@ -170,6 +170,27 @@ fn holds(names: &[String], right: &[String], prefixes: &[String]) -> bool {
     names.iter().any(|n| right.contains(n) || prefixes.iter().any(|p| n.starts_with(p.as_str())))
 }
 
+/// For each thing whether a find of its own accounts for it, as many things as possible. `fits` has for each thing which finds
+/// could.
+fn accounted(fits: &[Vec<bool>]) -> Vec<bool> {
+    fn takes(thing: usize, fits: &[Vec<bool>], tried: &mut [bool], taken: &mut [Option<usize>]) -> bool {
+        (0..taken.len()).any(|find| {
+            if !fits[thing][find] || std::mem::replace(&mut tried[find], true) {
+                return false;
+            }
+            // who has this find may take another
+            let free = taken[find].is_none_or(|other| takes(other, fits, tried, taken));
+            if free {
+                taken[find] = Some(thing);
+            }
+            free
+        })
+    }
+    let finds = fits.first().map_or(0, Vec::len);
+    let mut taken = vec![None; finds];
+    (0..fits.len()).map(|thing| takes(thing, fits, &mut vec![false; finds], &mut taken)).collect()
+}
+
 impl Outcome {
     /// Runs the program on a folder.
     pub fn of(program: &Path, folder: &Path) -> Result<Self, String> {
@@ -222,15 +243,16 @@ impl Outcome {
         named.filter(|names| !true_one(names)).map(|names| names[0].as_str()).collect()
     }
 
-    /// For each thing that is there, whether its place was found, by an effect or by a declared value of the part.
+    /// For each thing that is there, whether its place was found, by an effect or by a declared value of the part. One find
+    /// accounts for one thing: where two are there, two have to be found.
     fn located(&self) -> Vec<bool> {
         let Ok(answer) = &self.answer else { return vec![false; self.truth.places.len()] };
-        let is_there = |right: &Vec<String>| {
+        let by = |right: &Vec<String>| -> Vec<bool> {
             let part = |name: &String| right.iter().any(|place| name.starts_with(&format!("{place}.")));
-            answer.places.iter().any(|places| holds(places, right, &[]))
-                || answer.findings.iter().any(|names| names.iter().any(part))
+            let effects = answer.places.iter().map(|places| holds(places, right, &[]));
+            effects.chain(answer.findings.iter().map(|names| names.iter().any(part))).collect()
         };
-        self.truth.places.iter().map(is_there).collect()
+        accounted(&self.truth.places.iter().map(by).collect::<Vec<_>>())
     }
 
     /// Effects whose place is nowhere near anything that is there.
@@ -564,6 +586,22 @@ mod tests {
         let value = json!([{"parameter": "limb.1.body.young_gpa", "class": []}]);
         let o = outcome(&truth, true, said("explained", &json!([effect("base", &[])]), &value));
         assert_eq!((o.located(), o.misplaced()), (vec![true, true], 0));
+    }
+
+    #[test]
+    fn one_find_accounts_for_one_thing() {
+        let at_a = ["tool", "moving_platform"];
+        let truth = json!({"contains": ["wrist-compliance", "moving-platform-compliance"],
+            "where_ok": [["tool"], ["moving_platform", "limb.1.platform_joint"]]});
+        let effect = |place: &str, class: &[&str]| json!({"id": "element", "where": place, "where_class": class});
+        let found = |effects: Value| outcome(&truth, true, said("explained", &effects, &json!([])));
+        let o = found(json!([effect("tool", &at_a)]));
+        assert_eq!((o.located(), o.misplaced()), (vec![true, false], 0));
+        // the first thing gives way to the second where it has another find
+        let o = found(json!([effect("moving_platform", &at_a), effect("tool", &[])]));
+        assert_eq!((o.located(), o.misplaced()), (vec![true, true], 0));
+        let o = found(json!([effect("tool", &[]), effect("limb.1.platform_joint", &[])]));
+        assert_eq!(o.located(), [true, true]);
     }
 
     #[test]
