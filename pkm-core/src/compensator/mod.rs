@@ -16,7 +16,7 @@
 //! |---|---|---|
 //! | not enabled | none | goes to zero; the load is forgotten |
 //! | wrench not finite, beyond its greatest, or stuck | `Wrench…` | the last good reading for `hold_s`, then the load counts as zero |
-//! | temperature lost | `TemperatureLost` | the last good temperature |
+//! | a temperature lost, or jumped | `TemperatureLost` | the last good temperature of that sensor; the others as they read |
 //! | pose outside the table's box | `OutsideBox` | as [`OutsideBox`] says |
 //! | no stiffness, no posture, or no way to compensate | that of the model | goes to zero |
 //!
@@ -41,6 +41,7 @@ use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{LoadHistory, StiffnessError};
+use crate::thermal::TemperatureRise;
 use crate::types::{Domain, Pose, Wrench};
 
 use load::LoadFilter;
@@ -58,7 +59,8 @@ pub enum Fault {
     WrenchTooLarge,
     /// The readings of the wrench were equal for too long.
     WrenchStuck,
-    /// The temperature rise is not finite, or beyond ±100 K.
+    /// A temperature rise is not finite, beyond ±100 K, or has jumped: by more than 1 K, and 0.1 K for each second since its last
+    /// good reading.
     TemperatureLost,
     /// The pose is outside the table's box.
     OutsideBox,
@@ -76,7 +78,7 @@ impl fmt::Display for Fault {
             Self::WrenchNotFinite => f.write_str("the reading of the wrench is not finite"),
             Self::WrenchTooLarge => f.write_str("the reading of the wrench is beyond its greatest"),
             Self::WrenchStuck => f.write_str("the reading of the wrench is stuck"),
-            Self::TemperatureLost => f.write_str("the temperature is lost"),
+            Self::TemperatureLost => f.write_str("a temperature is lost"),
             Self::OutsideBox => f.write_str("the pose is outside the table's box"),
             Self::Correction(e) => e.fmt(f),
             Self::Compensation(e) => e.fmt(f),
@@ -123,9 +125,9 @@ pub struct Reading<T> {
     /// Load on the tip, its moment about the tip. For three axes in the axes of A-uvw, for five in those of the tool (T_h). NaN
     /// when there is no reading.
     pub wrench: Wrench<T>,
-    /// How much warmer the machine is than at its zero reading, K: a mean over its sensors. NaN when there is no reading, 0
-    /// without a sensor.
-    pub rise_k: T,
+    /// How much warmer limbs and platforms are than at the zero reading, each by a sensor of its own or all by one:
+    /// `rise_k.into()`. NaN where there is no reading, 0 without a sensor.
+    pub rise: TemperatureRise<T>,
 }
 
 /// Which limit holds an offset back.
@@ -169,7 +171,7 @@ pub struct Offset<T, const JOINTS: usize> {
 /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
 /// let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
 /// // every period
-/// let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
+/// let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
 /// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &pose, Vector3::new(0.0, 0.0, 0.3), &reading);
 /// let command = MACHINE_F64.inverse(&pose)?.q_m + offset.joints;
 /// assert!(offset.fault.is_none() && command.x > 0.5);
@@ -253,12 +255,12 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             self.history = LoadHistory::new();
             return (none, None);
         }
-        let (wrench, rise_k, fault) = self.load.update(reading);
+        let (wrench, rise, fault) = self.load.update(reading);
         match (domain, self.outside_box) {
             (Domain::Outside, OutsideBox::Hold) => (self.joints, Some(Fault::OutsideBox)),
             (Domain::Outside, OutsideBox::Fade) => (none, Some(Fault::OutsideBox)),
             (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
-                match offsets(&Load { wrench, gain: self.gain, rise_k }, &mut self.history) {
+                match offsets(&Load { wrench, gain: self.gain, rise }, &mut self.history) {
                     Ok(joints) => (joints, fault),
                     Err(fault) => (none, Some(fault)),
                 }
@@ -304,7 +306,7 @@ fn offsets<T: Scalar, const N: usize>(
         Some(learned) => learned.known(machine, posture, wrench, tip_m, &loaded)?,
         None => loaded,
     };
-    let moved = loaded.times(load.gain).plus(&machine.thermal_deflection_at(posture, load.rise_k)?);
+    let moved = loaded.times(load.gain).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
     Ok(machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q)
 }
 

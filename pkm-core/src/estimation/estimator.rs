@@ -188,7 +188,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         readings: &[TipReading<T>],
     ) -> Result<Learned<T>, Refusal> {
         let posture = machine.posture(&touch.pose)?;
-        let predicted = loaded.plus(&machine.thermal_deflection_at(&posture, touch.rise_k)?);
+        let predicted = loaded.plus(&machine.thermal_deflection_at(&posture, &touch.rise_k.into())?);
         let mut sensitivities = [Deflection::ZERO; N];
         machine.put_sensitivities(&posture, wrench, &self.amplitudes(), &mut sensitivities)?;
         self.absorb(touch, &predicted, &sensitivities, readings)

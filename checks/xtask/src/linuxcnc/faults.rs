@@ -121,6 +121,7 @@ pub fn judge_faults(host: &Host, verdict: &Value, rows: &[Vec<f64>]) -> Outcome 
         ("spike", 81.0, End::Zero),
         ("reversed", 0.0, End::Other),
         ("temperature", 83.0, End::Same),
+        ("jump", 83.0, End::Same),
         ("outside", 84.0, End::Zero),
     ];
     for (name, code, expected) in reactions {
@@ -200,7 +201,7 @@ fn one_joint_at_its_limit(host: &Host, during: &[Row<'_>]) -> Outcome {
     let (stands, _) = five.forward(&joints_of(row.stands)).map_err(|e| e.to_string())?;
     let wrench = wrench_of(row.wrench)?;
     for _ in 0..2000 {
-        compensator.update(&table, &five, &stands, &Reading { enabled: true, wrench, rise_k: 0.0 });
+        compensator.update(&table, &five, &stands, &Reading { enabled: true, wrench, rise: 0.0.into() });
     }
     let [a, b, c, d, e] = compensator.joints().into();
     let asked = [a * 1e3, b * 1e3, c * 1e3, d.to_degrees(), e.to_degrees()];
