@@ -139,16 +139,15 @@ impl<T: Scalar> Machine<T> {
         commanded: &Posture<T>,
         rise: &TemperatureRise<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
-        let TemperatureRise { limbs_k, platforms_k } = *rise;
-        if !(limbs_k.iter().all(|rise| rise.is_finite()) && platforms_k.is_finite()) {
-            return Err(StiffnessError::NotFinite);
-        }
-        let o = T::ZERO;
+        let TemperatureRise { limbs_k: [first_k, second_k, third_k], platforms_k } = *rise;
         let [of_limbs, of_platforms] = self.effects.growth();
-        let ([limb_1, limb_2, limb_3], platforms) = (limbs_k.map(|rise| of_limbs * rise), of_platforms * platforms_k);
-        if [limb_1, limb_2, limb_3, platforms] == [o; 4] {
-            return Ok(Deflection::ZERO);
+        if of_limbs == T::ZERO && of_platforms == T::ZERO {
+            // a rise that is not finite is none, also of what does not grow
+            let finite = (first_k + second_k + third_k + platforms_k).is_finite();
+            return if finite { Ok(Deflection::ZERO) } else { Err(StiffnessError::NotFinite) };
         }
+        let [limb_1, limb_2, limb_3] = [first_k, second_k, third_k].map(|rise_k| of_limbs * rise_k);
+        let platforms = of_platforms * platforms_k;
         let actual = self.actual(commanded)?;
         let (p, Sizes { a1, a2, b2, .. }) = (&actual.posture, self.actual);
         let (sin, l) = (p.sin_sigma, p.l);

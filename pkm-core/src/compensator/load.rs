@@ -28,12 +28,12 @@ impl<T: Scalar> RiseSensor<T> {
     const NEW: Self = Self { good_k: T::ZERO, lost: u32::MAX };
 
     /// Takes a reading that is good, and says whether it is.
-    fn update(&mut self, rise_k: T, warming_k: f64) -> bool {
+    fn update(&mut self, rise_k: T, warming_k: T) -> bool {
         let jump = (rise_k - self.good_k).abs();
+        let noise = T::from_f64(MAX_JUMP_K);
         // the machine may have changed its temperature while the sensor was lost
-        let near = |limit: f64| jump <= T::from_f64(limit);
         let good = rise_k.abs() <= T::from_f64(MAX_RISE_K)
-            && (near(MAX_JUMP_K) || near(MAX_JUMP_K + warming_k * f64::from(self.lost)));
+            && (jump <= noise || jump <= noise + warming_k * T::from_f64(f64::from(self.lost)));
         if good {
             *self = Self { good_k: rise_k, lost: 0 };
         } else {
@@ -63,7 +63,7 @@ pub(super) struct LoadFilter<T> {
     /// Of limbs 1, 2, 3 and the platforms.
     sensors: [RiseSensor<T>; 4],
     /// The most that a part warms up in a period, K.
-    warming_k: f64,
+    warming_k: T,
 }
 
 impl<T: Scalar> LoadFilter<T> {
@@ -81,7 +81,7 @@ impl<T: Scalar> LoadFilter<T> {
             refused: 0,
             equal: 0,
             sensors: [RiseSensor::NEW; 4],
-            warming_k: MAX_WARMING_K_PER_S * settings.period_s,
+            warming_k: T::from_f64(MAX_WARMING_K_PER_S * settings.period_s),
         }
     }
 
