@@ -22,6 +22,7 @@ use crate::linalg::{self, is_finite};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{self, LoadHistory, StiffnessFactor};
+use crate::thermal::TemperatureRise;
 use crate::types::{Deflection, Pose, ScrewLengths, Wrench};
 
 /// Why a deflection cannot be compensated.
@@ -114,7 +115,7 @@ pub(crate) struct Load<T> {
     pub wrench: Wrench<T>,
     /// Share of its deflection.
     pub gain: T,
-    pub rise_k: T,
+    pub rise: TemperatureRise<T>,
 }
 
 /// Displacement of A under a wrench at A, by K_m in the factor form or, without a table, by K_p; with what load-dependent

@@ -101,6 +101,6 @@ pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters};
 pub use scalar::Scalar;
 pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor, Transmission};
-pub use thermal::TemperatureError;
+pub use thermal::{TemperatureError, TemperatureRise};
 pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
 pub use wrist::{Wrist, WristError, WristParameters};

@@ -33,6 +33,23 @@ impl fmt::Display for TemperatureError {
 
 impl core::error::Error for TemperatureError {}
 
+/// How much warmer parts of a machine are than at its zero reading, K. One number for all of it, as of a single sensor or of a
+/// mean, becomes one by `into()`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TemperatureRise<T> {
+    /// Of limbs 1, 2, 3: the mean over the length of each.
+    pub limbs_k: [T; 3],
+    /// Of both platforms.
+    pub platforms_k: T,
+}
+
+impl<T: Copy> From<T> for TemperatureRise<T> {
+    fn from(rise_k: T) -> Self {
+        Self { limbs_k: [rise_k; 3], platforms_k: rise_k }
+    }
+}
+
 impl<T: Scalar> LimbCompliance<T> {
     /// Compliances of body and joints times a factor each.
     pub(crate) fn softened(mut self, [body, joints]: [T; 2]) -> Self {
@@ -87,9 +104,13 @@ impl<T: Scalar> Machine<T> {
         Ok(machine)
     }
 
-    /// Displacement of A when the machine is warmer by `rise_k` (K) than at the zero reading and no load acts, to first
-    /// order, by its `thermal-expansion` effect: limbs and platforms grow, the encoders read the same. Zero when the
-    /// machine has none. Growth of everything alike moves A by its share of L along BA and turns nothing.
+    /// Displacement of A when the machine is warmer than at the zero reading and no load acts, to first order, by its
+    /// `thermal-expansion` effect: each limb grows by its own rise, the platforms by theirs, the encoders read the same. Zero
+    /// when the machine has none. Growth of everything alike moves A by its share of L along BA and turns nothing; a limb that
+    /// grows alone turns the platform.
+    ///
+    /// # Arguments
+    /// * `rise`: in K, one number for all of the machine or a [`TemperatureRise`].
     ///
     /// # Errors
     /// Those of [`inverse`](Self::inverse); a rise or a displacement that is not finite.
@@ -104,24 +125,29 @@ impl<T: Scalar> Machine<T> {
     /// assert!((moved.translation_m.z - 10.0 * 11e-6 * 0.53).abs() < 1e-12);
     /// # Ok::<(), pkm_core::StiffnessError>(())
     /// ```
-    pub fn thermal_deflection(&self, pose: &Pose<T>, rise_k: T) -> Result<Deflection<T>, StiffnessError> {
-        self.thermal_deflection_at(&self.posture(pose)?, rise_k)
+    pub fn thermal_deflection(
+        &self,
+        pose: &Pose<T>,
+        rise: impl Into<TemperatureRise<T>>,
+    ) -> Result<Deflection<T>, StiffnessError> {
+        self.thermal_deflection_at(&self.posture(pose)?, &rise.into())
     }
 
     #[inline(never)] // takes no stack while the stiffness is worked out
     pub(crate) fn thermal_deflection_at(
         &self,
         commanded: &Posture<T>,
-        rise_k: T,
+        rise: &TemperatureRise<T>,
     ) -> Result<Deflection<T>, StiffnessError> {
-        if !rise_k.is_finite() {
-            return Err(StiffnessError::NotFinite);
+        let TemperatureRise { limbs_k: [first_k, second_k, third_k], platforms_k } = *rise;
+        let [of_limbs, of_platforms] = self.effects.growth();
+        if of_limbs == T::ZERO && of_platforms == T::ZERO {
+            // a rise that is not finite is none, also of what does not grow
+            let finite = (first_k + second_k + third_k + platforms_k).is_finite();
+            return if finite { Ok(Deflection::ZERO) } else { Err(StiffnessError::NotFinite) };
         }
-        let o = T::ZERO;
-        let [limbs, platforms] = self.effects.growth().map(|rate| rate * rise_k);
-        if limbs == o && platforms == o {
-            return Ok(Deflection::ZERO);
-        }
+        let [limb_1, limb_2, limb_3] = [first_k, second_k, third_k].map(|rise_k| of_limbs * rise_k);
+        let platforms = of_platforms * platforms_k;
         let actual = self.actual(commanded)?;
         let (p, Sizes { a1, a2, b2, .. }) = (&actual.posture, self.actual);
         let (sin, l) = (p.sin_sigma, p.l);
@@ -129,11 +155,11 @@ impl<T: Scalar> Machine<T> {
         // q dq = … of each limb, with what its own growth and the platforms' bring on the right
         let (along, across) = (p.along_n, p.along_y[0]);
         let both = across * across;
-        let first = limbs * q1 * q1 - platforms * (both - along[0] * sin * a1);
-        let second = limbs * q2 * q2 - platforms * (both + along[1] * sin * a1);
+        let first = limb_1 * q1 * q1 - platforms * (both - along[0] * sin * a1);
+        let second = limb_2 * q2 * q2 - platforms * (both + along[1] * sin * a1);
         // limb 3, whose q² is L² + a2² + b2² − 2 b2 (L sin θ + a2 cos θ)
         let reach = l * p.sin_theta + a2 * p.cos_theta;
-        let third = limbs * q3 * q3 - platforms * (a2 * a2 + b2 * b2 - b2 * (reach + a2 * p.cos_theta));
+        let third = limb_3 * q3 * q3 - platforms * (a2 * a2 + b2 * b2 - b2 * (reach + a2 * p.cos_theta));
         let moved = self.actual.moved(p, [first, second, third]);
         stiffness::finite(Deflection::from_vector(actual.given_back(moved)))
     }

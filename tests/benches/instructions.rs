@@ -102,7 +102,7 @@ fn frame<T: Scalar>(five: &FiveAxis<'_, T>) -> ToolFrame<T> {
 
 /// A compensator, and a period's reading for it.
 fn switched_on<T: Scalar, const JOINTS: usize>() -> (Compensator<T, JOINTS>, Reading<T>) {
-    let reading = Reading { enabled: true, wrench: wrench(), rise_k: T::ONE };
+    let reading = Reading { enabled: true, wrench: wrench(), rise: T::ONE.into() };
     (Compensator::new(&CompensatorSettings::DEFAULT).unwrap(), reading)
 }
 

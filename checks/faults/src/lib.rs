@@ -15,8 +15,10 @@ use pkm_core::checksum::{Damaged, MemoryChecksums, START, over_numbers};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, Reading};
 use pkm_core::correction::{TableBuffer, TransferError};
 use pkm_core::nalgebra::{SVector, Vector2, Vector3, Vector6};
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
-use pkm_core::{Configuration, CorrectionTable, Fault, FiveAxis, Pose, Scalar, Wrench};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
+use pkm_core::{
+    Configuration, CorrectionTable, Fault, FiveAxis, Machine, MachineParameters, Pose, Scalar, TemperatureRise, Wrench,
+};
 
 pub use learning::{Lesson, lessons, reading};
 
@@ -37,15 +39,17 @@ pub enum Injected {
     OutsideBox,
     /// No update comes for a while, and the load is another one then.
     PeriodsSkipped,
-    /// The sensor of the temperature says NaN.
+    /// The sensors of all temperatures say NaN.
     TemperatureLost,
+    /// One sensor of four temperatures jumps, and says NaN then.
+    OneTemperatureLost,
     /// One bit of a table that comes, or of the one in memory, is another.
     BitOfTable,
     /// A table of another machine comes; machine, wrist or table in memory are another one's.
     OtherMachine,
 }
 
-const ALL: [Injected; 10] = [
+const ALL: [Injected; 11] = [
     Injected::SensorStuck,
     Injected::SensorNotFinite,
     Injected::SensorSpike,
@@ -54,6 +58,7 @@ const ALL: [Injected; 10] = [
     Injected::OutsideBox,
     Injected::PeriodsSkipped,
     Injected::TemperatureLost,
+    Injected::OneTemperatureLost,
     Injected::BitOfTable,
     Injected::OtherMachine,
 ];
@@ -74,7 +79,8 @@ const STUCK_PERIODS: usize = 50;
 const NOISE: f64 = 2.0;
 const LOAD: [f64; 6] = [100.0, -50.0, -400.0, 2.0, -8.0, 5.0];
 const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
-const RISE_K: f64 = 2.0;
+/// Of limbs 1, 2, 3 and the platforms.
+const RISE_K: [f64; 4] = [2.5, 2.0, 1.0, 1.5];
 /// θ, σ, Z0, β1, β2, in the box of the reference table and out of it.
 const PLACE: [f64; 5] = [0.1, -0.05, 0.53, 0.3, -0.2];
 const OUTSIDE: [f64; 5] = [0.3, -0.05, 0.53, 0.3, -0.2];
@@ -93,7 +99,7 @@ impl Injected {
             Self::SensorNotFinite => Some(Fault::WrenchNotFinite),
             Self::SensorSpike => Some(Fault::WrenchTooLarge),
             Self::OutsideBox => Some(Fault::OutsideBox),
-            Self::TemperatureLost => Some(Fault::TemperatureLost),
+            Self::TemperatureLost | Self::OneTemperatureLost => Some(Fault::TemperatureLost),
             Self::SensorReversed | Self::LoadLeftOn | Self::PeriodsSkipped | Self::BitOfTable | Self::OtherMachine => {
                 None
             }
@@ -107,6 +113,7 @@ impl Injected {
             Self::SensorSpike
             | Self::PeriodsSkipped
             | Self::TemperatureLost
+            | Self::OneTemperatureLost
             | Self::BitOfTable
             | Self::OtherMachine => End::Same,
         }
@@ -118,7 +125,7 @@ impl Injected {
         let (mut enabled, mut place, mut rise_k) = (true, PLACE, RISE_K);
         if self == Self::PeriodsSkipped || self == Self::SensorReversed {
             // growth is no load, and does not turn with it
-            rise_k = 0.0;
+            rise_k = [0.0; 4];
         }
         if let Some(faulty) = faulty {
             match self {
@@ -130,11 +137,13 @@ impl Injected {
                 Self::OutsideBox => place = OUTSIDE,
                 Self::PeriodsSkipped if faulty < PERIODS / 4 => return None,
                 Self::PeriodsSkipped if faulty < PERIODS / 2 => reading = reading.map(|load| 3.0 * load),
-                Self::TemperatureLost => rise_k = f64::NAN,
+                Self::TemperatureLost => rise_k = [f64::NAN; 4],
+                Self::OneTemperatureLost => rise_k[1] = if faulty < PERIODS / 2 { 60.0 } else { f64::NAN },
                 _ => {}
             }
         }
         let [theta_rad, sigma_rad, z0_m, beta1, beta2] = place.map(T::from_f64);
+        let [first, second, third, platforms_k] = rise_k.map(T::from_f64);
         Some(Period {
             configuration: Configuration {
                 pose: Pose { theta_rad, sigma_rad, z0_m },
@@ -143,7 +152,7 @@ impl Injected {
             reading: Reading {
                 enabled,
                 wrench: Wrench::from_vector(Vector6::from(reading.map(T::from_f64))),
-                rise_k: T::from_f64(rise_k),
+                rise: TemperatureRise { limbs_k: [first, second, third], platforms_k },
             },
         })
     }
@@ -177,6 +186,19 @@ impl fmt::Display for Outcome {
 
 static SINGLE: FiveAxis<'static, f32> = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
 static DOUBLE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+/// Machines that grow: on them alone a temperature moves anything.
+const GROWS: MachineParameters = match PARAMETERS.effects.with("thermal-expansion", [11e-6, 11e-6]) {
+    Some(effects) => MachineParameters { effects, ..PARAMETERS },
+    None => panic!("no such effect"),
+};
+static STEEL_F32: Machine<f32> = match Machine::<f32>::new(&GROWS) {
+    Ok(machine) => machine,
+    Err(_) => panic!("no machine"),
+};
+static STEEL_F64: Machine<f64> = match Machine::<f64>::new(&GROWS) {
+    Ok(machine) => machine,
+    Err(_) => panic!("no machine"),
+};
 const BUILT_F32: MemoryChecksums = SINGLE.checksums(&TABLE_F32);
 const BUILT_F64: MemoryChecksums = DOUBLE.checksums(&TABLE_F64);
 
@@ -184,12 +206,14 @@ const BUILT_F64: MemoryChecksums = DOUBLE.checksums(&TABLE_F64);
 pub fn outcomes() -> impl Iterator<Item = Outcome> {
     let single = Controller {
         five: &SINGLE,
+        steel: &STEEL_F32,
         table: &TABLE_F32,
         built: BUILT_F32,
         verify: |built| SINGLE.verify(&TABLE_F32, built),
     };
     let double = Controller {
         five: &DOUBLE,
+        steel: &STEEL_F64,
         table: &TABLE_F64,
         built: BUILT_F64,
         verify: |built| DOUBLE.verify(&TABLE_F64, built),
@@ -203,6 +227,8 @@ pub fn outcomes() -> impl Iterator<Item = Outcome> {
 /// What a fault is thrown at.
 struct Controller<T: 'static> {
     five: &'static FiveAxis<'static, T>,
+    /// The machine of the faults of temperature.
+    steel: &'static Machine<T>,
     table: &'static CorrectionTable<'static, T>,
     /// Checksums as built.
     built: MemoryChecksums,
@@ -211,7 +237,9 @@ struct Controller<T: 'static> {
 }
 
 fn inject<T: Scalar>(fault: Injected, controller: &Controller<T>) -> Result<u64, &'static str> {
-    let Controller { five, table, .. } = *controller;
+    let Controller { five, steel, table, .. } = *controller;
+    let of_temperature = fault.code() == Some(Fault::TemperatureLost);
+    let five = &FiveAxis { machine: if of_temperature { steel } else { five.machine }, wrist: five.wrist };
     let stuck_s = STUCK_PERIODS as f64 * CompensatorSettings::DEFAULT.period_s;
     let settings = CompensatorSettings { stuck_s, ..CompensatorSettings::DEFAULT };
     let (Ok(mut screws), Ok(mut axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))

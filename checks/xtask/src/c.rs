@@ -8,8 +8,8 @@ use std::process::Command;
 use pkm_core::effects::EFFECTS;
 use pkm_core::nalgebra::{Vector2, Vector3};
 use pkm_core::{
-    Configuration, CorrectionTable, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths, Tool,
-    ToolMotion, Wrench,
+    Configuration, CorrectionTable, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths,
+    TemperatureRise, Tool, ToolMotion, Wrench,
 };
 
 use crate::image::symbols;
@@ -224,6 +224,7 @@ fn expected<T: Scalar>(
     let wrench = Wrench { force_n: t([100.0, -50.0, -400.0]).into(), moment_nm: t([2.0, -8.0, 5.0]).into() };
     let turned_at = Wrench { force_n: t([150.0, -20.0, -600.0]).into(), moment_nm: t([3.0, -8.0, 9.0]).into() };
     let tip = t([0.03, -0.02, 0.3]).into();
+    let rise = TemperatureRise { limbs_k: t([4.5, 2.5, -1.0]), platforms_k: T::from_f64(3.0) };
     let flat = |p: Pose<T>, q: ScrewLengths<T>| [&[p.theta_rad, p.sigma_rad, p.z0_m], q.q_m.as_slice()].concat();
     let lengths = machine.inverse(pose);
     let set = lengths.unwrap_or(ScrewLengths { q_m: Vector3::zeros() });
@@ -277,7 +278,7 @@ fn expected<T: Scalar>(
         line("k_m", table.factor_form(machine, pose).map(|k| whole(k.factor.stiffness()))),
         line("deflection", deflection.map(six)),
         line("compensated", compensated.map(|c| flat(c.pose, c.lengths))),
-        line("thermal", machine.thermal_deflection(pose, T::from_f64(4.5)).map(six)),
+        line("thermal", machine.thermal_deflection(pose, rise).map(six)),
         line("cycle", cycle),
         line("warm", warm.map(|_| Vec::<T>::new())),
         line("k_p_warm", warm.map_err(drop).and_then(|m| m.stiffness(pose).map(whole).map_err(drop))),

@@ -344,7 +344,7 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
     let mut screws = Compensator::<T, 3>::new(&settings).expect("the default is in range");
     let mut axes = Compensator::<T, 5>::new(&settings).expect("the default is in range");
     let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
-    let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise_k: T::from_f64(4.5) };
+    let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise: T::from_f64(4.5).into() };
     for _ in 0..3 {
         screws.update(table, five.machine, pose, TIP_M.map(T::from_f64).into(), &reading);
         axes.update(table, five, &stands, &reading);

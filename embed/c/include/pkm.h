@@ -26,7 +26,7 @@
 #include <stdint.h>
 
 /* Of this header; pkm_version() is that of the library. */
-#define PKM_VERSION "0.1.0"
+#define PKM_VERSION "0.2.0"
 
 #if defined(__GNUC__)
 #define PKM_MUST_USE __attribute__((warn_unused_result))
@@ -303,6 +303,14 @@ typedef struct {
   double rotation_rad[3];
 } PkmDeflection_f64;
 
+// How much warmer parts of a machine are than at its zero reading, K. With a single sensor all four numbers are its.
+typedef struct {
+  // Of limbs 1, 2, 3: the mean over the length of each.
+  double limbs_k[3];
+  // Of both platforms.
+  double platforms_k;
+} PkmTemperatureRise_f64;
+
 // A point of the moving platform in A-uvw.
 typedef struct {
   // From A along u, v, w.
@@ -408,6 +416,14 @@ typedef struct {
   float rotation_rad[3];
 } PkmDeflection_f32;
 
+// How much warmer parts of a machine are than at its zero reading, K. With a single sensor all four numbers are its.
+typedef struct {
+  // Of limbs 1, 2, 3: the mean over the length of each.
+  float limbs_k[3];
+  // Of both platforms.
+  float platforms_k;
+} PkmTemperatureRise_f32;
+
 // A point of the moving platform in A-uvw.
 typedef struct {
   // From A along u, v, w.
@@ -487,8 +503,8 @@ typedef struct {
   int32_t enabled;
   // Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
   PkmWrench_f64 wrench;
-  // How much warmer the machine is than at its zero reading, K; 0 without a sensor.
-  double rise_k;
+  // How much warmer limbs and platforms are than at the zero reading; 0 without a sensor.
+  PkmTemperatureRise_f64 rise;
 } PkmReading_f64;
 
 // What a compensator asks for: always finite, within the largest offset, and no further from the last one than the rate limit
@@ -522,8 +538,8 @@ typedef struct {
   int32_t enabled;
   // Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
   PkmWrench_f32 wrench;
-  // How much warmer the machine is than at its zero reading, K; 0 without a sensor.
-  float rise_k;
+  // How much warmer limbs and platforms are than at the zero reading; 0 without a sensor.
+  PkmTemperatureRise_f32 rise;
 } PkmReading_f32;
 
 // What a compensator asks for: always finite, within the largest offset, and no further from the last one than the rate limit
@@ -831,14 +847,14 @@ PkmError pkm_deflection_f64(const PkmMachine_f64 *machine,
                             const PkmWrench_f64 *turned_at,
                             PkmDeflection_f64 *deflection);
 
-// Displacement of A without load when the machine is warmer by `rise_k` than at the zero reading, by its
-// effect `thermal-expansion`; zero without it.
+// Displacement of A without load when the machine is warmer than at the zero reading, each limb and the platforms
+// by their own `rise`, by its effect `thermal-expansion`; zero without it.
 //
 // Errors: those of a pose.
 PKM_MUST_USE
 PkmError pkm_thermal_deflection_f64(const PkmMachine_f64 *machine,
                                     const PkmPose_f64 *pose,
-                                    double rise_k,
+                                    const PkmTemperatureRise_f64 *rise,
                                     PkmDeflection_f64 *deflection);
 
 // Pose and screw lengths to command so that the tip, displaced by `deflection` of A, stands where it would
@@ -975,14 +991,14 @@ PkmError pkm_deflection_f32(const PkmMachine_f32 *machine,
                             const PkmWrench_f32 *turned_at,
                             PkmDeflection_f32 *deflection);
 
-// Displacement of A without load when the machine is warmer by `rise_k` than at the zero reading, by its
-// effect `thermal-expansion`; zero without it.
+// Displacement of A without load when the machine is warmer than at the zero reading, each limb and the platforms
+// by their own `rise`, by its effect `thermal-expansion`; zero without it.
 //
 // Errors: those of a pose.
 PKM_MUST_USE
 PkmError pkm_thermal_deflection_f32(const PkmMachine_f32 *machine,
                                     const PkmPose_f32 *pose,
-                                    float rise_k,
+                                    const PkmTemperatureRise_f32 *rise,
                                     PkmDeflection_f32 *deflection);
 
 // Pose and screw lengths to command so that the tip, displaced by `deflection` of A, stands where it would

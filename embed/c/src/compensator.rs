@@ -11,8 +11,8 @@ use pkm_core::{FiveAxis, Scalar};
 
 use crate::pointers::{answer, given, taken};
 use crate::{
-    PkmConfiguration, PkmDomain, PkmError, PkmMachine, PkmPoint, PkmPose, PkmTable, PkmWrench, PkmWrist,
-    pkm_machine_checksum, pkm_table_checksum, pkm_verify_f32, pkm_verify_f64, pkm_wrist_checksum,
+    PkmConfiguration, PkmDomain, PkmError, PkmMachine, PkmPoint, PkmPose, PkmTable, PkmTemperatureRise, PkmWrench,
+    PkmWrist, pkm_machine_checksum, pkm_table_checksum, pkm_verify_f32, pkm_verify_f64, pkm_wrist_checksum,
 };
 
 /// What a compensator does where the pose is outside the box that the table was fitted on.
@@ -86,8 +86,8 @@ pub struct PkmReading<T> {
     pub enabled: i32,
     /// Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
     pub wrench: PkmWrench<T>,
-    /// How much warmer the machine is than at its zero reading, K; 0 without a sensor.
-    pub rise_k: T,
+    /// How much warmer limbs and platforms are than at the zero reading; 0 without a sensor.
+    pub rise: PkmTemperatureRise<T>,
 }
 
 /// Which limit holds an offset back.
@@ -214,7 +214,7 @@ impl From<CompensatorSettings> for PkmCompensatorSettings {
 
 impl<T: Scalar> PkmReading<T> {
     fn core(&self) -> Reading<T> {
-        Reading { enabled: self.enabled != 0, wrench: self.wrench.core(), rise_k: self.rise_k }
+        Reading { enabled: self.enabled != 0, wrench: self.wrench.core(), rise: self.rise.core() }
     }
 }
 

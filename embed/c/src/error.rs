@@ -134,7 +134,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         80 => c"the reading of the wrench is not finite",
         81 => c"the reading of the wrench is beyond its greatest",
         82 => c"the reading of the wrench is stuck",
-        83 => c"the temperature is lost",
+        83 => c"a temperature is lost",
         84 => c"the pose is outside the table's box",
         _ => c"unknown error",
     };

@@ -297,8 +297,8 @@ macro_rules! functions {
             }
         }
 
-        /// Displacement of A without load when the machine is warmer by `rise_k` than at the zero reading, by its
-        /// effect `thermal-expansion`; zero without it.
+        /// Displacement of A without load when the machine is warmer than at the zero reading, each limb and the platforms
+        /// by their own `rise`, by its effect `thermal-expansion`; zero without it.
         ///
         /// Errors: those of a pose.
         #[must_use]
@@ -306,13 +306,13 @@ macro_rules! functions {
         pub unsafe extern "C" fn $thermal_deflection(
             machine: *const PkmMachine<$t>,
             pose: *const PkmPose<$t>,
-            rise_k: $t,
+            rise: *const PkmTemperatureRise<$t>,
             deflection: *mut PkmDeflection<$t>,
         ) -> PkmError {
             // SAFETY: the caller's promise
             unsafe {
                 answer(deflection, || {
-                    Ok(given(machine)?.core().thermal_deflection(&given(pose)?.core(), rise_k)?.into())
+                    Ok(given(machine)?.core().thermal_deflection(&given(pose)?.core(), given(rise)?.core())?.into())
                 })
             }
         }

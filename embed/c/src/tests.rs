@@ -75,7 +75,9 @@ macro_rules! misuse_of_every_function {
                 misuse([m, t, p, w], |[m, t, p, w], to| {
                     $deflection(m.cast(), t.cast(), p.cast(), w.cast(), std::ptr::null(), to.cast())
                 });
-                misuse([m, p], |[m, p], to| $thermal(m.cast(), p.cast(), 4.5, to.cast()));
+                let rise = PkmTemperatureRise::<$t> { limbs_k: [4.5, 2.5, -1.0], platforms_k: 3.0 };
+                let rise = std::ptr::from_ref(&rise).cast();
+                misuse([m, p, rise], |[m, p, rise], to| $thermal(m.cast(), p.cast(), rise.cast(), to.cast()));
                 misuse([m, p, d, at], |[m, p, d, at], to| {
                     $compensated(m.cast(), p.cast(), d.cast(), at.cast(), to.cast())
                 });
@@ -185,7 +187,11 @@ macro_rules! misuse_of_compensators {
             let pose = PkmPose::<$t> { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
             let at = PkmConfiguration { pose, beta_rad: [0.1, -0.1] };
             let wrench = PkmWrench { force_n: [10.0, 20.0, -300.0], moment_nm: [0.0; 3] };
-            let reading = PkmReading::<$t> { enabled: 1, wrench, rise_k: 0.0 };
+            let reading = PkmReading::<$t> {
+                enabled: 1,
+                wrench,
+                rise: PkmTemperatureRise { limbs_k: [0.0; 3], platforms_k: 0.0 },
+            };
             let tip = PkmPoint::<$t> { uvw_m: [0.0, 0.0, 0.3] };
             fn to<T>(value: &T) -> *const c_void {
                 std::ptr::from_ref(value).cast()

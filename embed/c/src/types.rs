@@ -3,8 +3,8 @@
 use pkm_core::nalgebra::Matrix3;
 use pkm_core::{
     Compensated, CompensatedTool, Configuration, Corrected, CorrectionTable, Cycle, Deflection, Domain, Hold,
-    JointMotion, JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, Tool, ToolMotion,
-    Wrench, Wrist,
+    JointMotion, JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, TemperatureRise,
+    Tool, ToolMotion, Wrench, Wrist,
 };
 
 /// Size of a `PkmMachine` in numbers of its type.
@@ -52,6 +52,16 @@ pub struct PkmWrench<T> {
     pub force_n: [T; 3],
     /// About A (or about the tip, where a function says so), around u, v, w.
     pub moment_nm: [T; 3],
+}
+
+/// How much warmer parts of a machine are than at its zero reading, K. With a single sensor all four numbers are its.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmTemperatureRise<T> {
+    /// Of limbs 1, 2, 3: the mean over the length of each.
+    pub limbs_k: [T; 3],
+    /// Of both platforms.
+    pub platforms_k: T,
 }
 
 /// Displacement of the moving platform at A, in A-uvw.
@@ -298,6 +308,12 @@ impl<T: Scalar> PkmLengths<T> {
 impl<T: Scalar> PkmWrench<T> {
     pub(crate) fn core(&self) -> Wrench<T> {
         Wrench { force_n: self.force_n.into(), moment_nm: self.moment_nm.into() }
+    }
+}
+
+impl<T: Scalar> PkmTemperatureRise<T> {
+    pub(crate) fn core(&self) -> TemperatureRise<T> {
+        TemperatureRise { limbs_k: self.limbs_k, platforms_k: self.platforms_k }
     }
 }
 

@@ -20,7 +20,7 @@ static int32_t next(int32_t from, int32_t below) {
 
 /* What happens in a period, in numbers that float and double have alike on every computer. */
 typedef struct {
-    double pose[3], beta[2], wrench[6], rise;
+    double pose[3], beta[2], wrench[6], rise[4];
     int32_t enabled;
 } Period;
 
@@ -40,8 +40,10 @@ static void happen(Period *p, int32_t k) {
         if (broken == 0) p->wrench[1] = NAN;
         if (broken == 1) p->wrench[2] = 1e6;
     }
-    p->rise = next(-50, 101) / 10.0;
-    if (next(0, 100) == 0) p->rise = NAN;
+    for (int i = 0; i < 4; i++) p->rise[i] = i + next(-4, 5) / 10.0;
+    const int32_t lost = next(0, 200);
+    if (lost < 4) p->rise[lost] = NAN;
+    if (lost == 4) p->rise[2] = 60;
 }
 
 static uint64_t sum;
@@ -92,8 +94,9 @@ static int settings(PkmCompensatorSettings *s) {
             uint64_t bits[JOINTS];                                                                                  \
             happen(&p, k);                                                                                          \
             in.enabled = p.enabled;                                                                                 \
-            in.rise_k = (T)p.rise;                                                                                  \
+            in.rise.platforms_k = (T)p.rise[3];                                                                     \
             for (int i = 0; i < 3; i++) {                                                                           \
+                in.rise.limbs_k[i] = (T)p.rise[i];                                                                  \
                 in.wrench.force_n[i] = (T)p.wrench[i];                                                              \
                 in.wrench.moment_nm[i] = (T)p.wrench[3 + i];                                                        \
             }                                                                                                       \

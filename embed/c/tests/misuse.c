@@ -34,7 +34,7 @@ static void compensators(void) {
     const PkmPose_f64 pose = {0.1, -0.05, 0.53};
     const PkmPoint_f64 tip = {{0.0, 0.0, 0.3}};
     const PkmConfiguration_f64 home = {{0.0, 0.0, 0.53}, {0.0, 0.0}};
-    const PkmReading_f64 reading = {1, {{0.0, 0.0, -400.0}, {0.0, 0.0, 0.0}}, NAN};
+    const PkmReading_f64 reading = {1, {{0.0, 0.0, -400.0}, {0.0, 0.0, 0.0}}, {{NAN, NAN, NAN}, NAN}};
     const PkmChecksums ours = {pkm_machine_checksum(), pkm_wrist_checksum(), pkm_table_checksum()};
     static uint64_t room[128], tool_room[128];
     PkmCompensator_f64 *c = (PkmCompensator_f64 *)(void *)room;
@@ -159,7 +159,9 @@ int main(void) {
                 pkm_deflection_f64(machine, table, &pose, &bad_wrench, NULL, &deflection));
         REFUSED(PKM_ERROR_NOT_FINITE, deflection,
                 pkm_deflection_f64(machine, table, &pose, &wrench, &bad_wrench, &deflection));
-        REFUSED(PKM_ERROR_NOT_FINITE, deflection, pkm_thermal_deflection_f64(machine, &pose, bad[i], &deflection));
+        const PkmTemperatureRise_f64 bad_limb = {{0.0, bad[i], 0.0}, 0.0}, bad_platforms = {{0.0, 0.0, 0.0}, bad[i]};
+        REFUSED(PKM_ERROR_NOT_FINITE, deflection, pkm_thermal_deflection_f64(machine, &pose, &bad_limb, &deflection));
+        REFUSED(PKM_ERROR_NOT_FINITE, deflection, pkm_thermal_deflection_f64(machine, &pose, &bad_platforms, &deflection));
         REFUSED(PKM_ERROR_NOT_FINITE, warm, pkm_at_temperature_f64(machine, bad[i], &warm, sizeof warm));
         REFUSED(PKM_ERROR_NOT_FINITE, compensated,
                 pkm_compensated_f64(machine, &pose, &bad_deflection, &tip, &compensated));

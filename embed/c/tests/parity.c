@@ -39,6 +39,7 @@
         PkmStiffness_##S stiffness;                                                                               \
         PkmCorrected_##S corrected;                                                                               \
         PkmDeflection_##S deflection = {{0, 0, 0}, {0, 0, 0}}, thermal;                                           \
+        const PkmTemperatureRise_##S rise = {{(T)4.5, (T)2.5, (T)-1}, (T)3};                                      \
         PkmCompensated_##S compensated;                                                                           \
         PkmCycle_##S cycle;                                                                                       \
         PkmDomain domain;                                                                                         \
@@ -69,7 +70,7 @@
                   &deflection, 6);                                                                                \
         print_##S("compensated", pkm_compensated_##S(machine, &pose, &deflection, &tip, &compensated),            \
                   &compensated, 6);                                                                               \
-        print_##S("thermal", pkm_thermal_deflection_##S(machine, &pose, (T)4.5, &thermal), &thermal, 6);          \
+        print_##S("thermal", pkm_thermal_deflection_##S(machine, &pose, &rise, &thermal), &thermal, 6);            \
         print_##S("cycle", pkm_cycle_##S(machine, table, &pose, &wrench, &tip, &cycle), &cycle, 15);              \
         print_##S("warm", pkm_at_temperature_##S(machine, (T)31.5, &warm, sizeof warm), &warm, 0);                \
         print_##S("k_p_warm", pkm_stiffness_##S(&warm, &pose, &stiffness), &stiffness, 36);                       \

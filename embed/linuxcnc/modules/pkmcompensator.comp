@@ -7,7 +7,7 @@ controller sees the machine without them. The compensator of pkm.h decides how m
 joints are scaled as one vector, so that the tip keeps its direction whichever joint has reached its limit.
 
 Only while \\fBenable\\fR is true: it has to say that the machine is homed and on. Without it the offsets go to zero at their rate
-limit, and the load is forgotten. Wrench and temperature may be NaN when there is no reading. \\fBfault\\fR says that the load is not
+limit, and the load is forgotten. Wrench and temperatures may be NaN when there is no reading. \\fBfault\\fR says that the load is not
 compensated as usual, \\fBfault-code\\fR why; a fault ends with its cause.
 
 .B loadrt pkmcompensator machine=0123456789abcdef wrist=0123456789abcdef table=0123456789abcdef
@@ -31,7 +31,10 @@ pin in float fz;
 pin in float mx "moment about the tip in N m";
 pin in float my;
 pin in float mz;
-pin in float rise-k "how much warmer the machine is than at its zero reading, K; 0 without a sensor";
+pin in float rise-limb-1-k "how much warmer limb 1 is than at the zero reading, K; 0 without a sensor; one sensor goes to all four";
+pin in float rise-limb-2-k "the same of limb 2";
+pin in float rise-limb-3-k "the same of limb 3";
+pin in float rise-platforms-k "the same of both platforms";
 pin in float command-#[5] "what the controller commands: mm, degrees";
 pin out float drive-#[5] "the same with the offsets, for the drives";
 pin in float drive-fb-#[5] "what the drives report";
@@ -188,7 +191,7 @@ static void compensate(struct __comp_state *__comp_inst, PkmError stands, const 
                        const PkmWrench_f64 *wrench) {
     const PkmError unready = asked_found != PKM_ERROR_OK ? asked_found : stands;
     was_on = enable && unready == PKM_ERROR_OK;
-    const PkmReading_f64 reading = {was_on, *wrench, rise_k};
+    const PkmReading_f64 reading = {was_on, *wrench, {{rise_limb_1_k, rise_limb_2_k, rise_limb_3_k}, rise_platforms_k}};
     PkmOffset_f64 to;
     PkmError found = pkm_tool_compensator_update_f64(compensator, pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(),
                                                      configuration, &reading, &to);

@@ -139,6 +139,7 @@ def faults():
     lying("spike", 1e6)
     lying("reversed", -2 * wish["load"][2])
     lying("temperature", "nan", "warm.in1")
+    lying("jump", 60, "warm-2.in1")
     away("outside", wish["outside"])
     load(False)
     settings(2, "pkmcompensator.max-screw-mm", wish["small_screw_mm"])

@@ -15,7 +15,7 @@ include <stdlib.h>;
 include <string.h>;
 include <time.h>;
 
-pin in float real-###[98];
+pin in float real-###[99];
 pin in bit flag-#[5];
 pin in s32 whole-#[6];
 pin out u32 rows;
@@ -25,7 +25,8 @@ function after fp "behind it";
 function end fp "last in the thread";
 ;;
 
-#define ROW (3 + 98 + 5 + 6)
+#define REALS 99
+#define ROW (3 + REALS + 5 + 6)
 #define MOST_ROWS 200000
 
 static char *file;
@@ -65,7 +66,7 @@ FUNCTION(end) {
     *row++ = rtapi_get_time() - wall;
     *row++ = thread_ns() - cpu;
     *row++ = cpu_ours;
-    for (int i = 0; i < 98; i++) *row++ = real(i);
+    for (int i = 0; i < REALS; i++) *row++ = real(i);
     for (int i = 0; i < 5; i++) *row++ = flag(i);
     for (int i = 0; i < 6; i++) *row++ = whole(i);
     rows++;

@@ -7,7 +7,8 @@
 //! 2. K_m at the pose gives the deflection. `gain` times it, and the whole thermal growth, are turned into joint offsets by
 //!    one Newton step.
 //! 3. The vector of offsets is scaled into its size limit, and the step from the last one into its rate limit. Whole vectors are
-//!    scaled: the tip keeps its direction, whichever joint has reached its limit.
+//!    scaled: the tip keeps its direction, whichever joint has reached its limit. Joints that kept their proportion would bend the way
+//!    of a tool with five axes by the square of the offset; there the second derivative of the straight way is added.
 //!
 //! Start, stop, faults and a change of table are all the same to step 3: the offset moves from where it is to its new target at no
 //! more than the rate limit. What each fault does:
@@ -16,7 +17,7 @@
 //! |---|---|---|
 //! | not enabled | none | goes to zero; the load is forgotten |
 //! | wrench not finite, beyond its greatest, or stuck | `Wrench…` | the last good reading for `hold_s`, then the load counts as zero |
-//! | temperature lost | `TemperatureLost` | the last good temperature |
+//! | a temperature lost, or jumped | `TemperatureLost` | the last good temperature of that sensor; the others as they read |
 //! | pose outside the table's box | `OutsideBox` | as [`OutsideBox`] says |
 //! | no stiffness, no posture, or no way to compensate | that of the model | goes to zero |
 //!
@@ -41,6 +42,7 @@ use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{LoadHistory, StiffnessError};
+use crate::thermal::TemperatureRise;
 use crate::types::{Domain, Pose, Wrench};
 
 use load::LoadFilter;
@@ -58,7 +60,8 @@ pub enum Fault {
     WrenchTooLarge,
     /// The readings of the wrench were equal for too long.
     WrenchStuck,
-    /// The temperature rise is not finite, or beyond ±100 K.
+    /// A temperature rise is not finite, beyond ±100 K, or has jumped: by more than 1 K, and 0.1 K for each second since its last
+    /// good reading.
     TemperatureLost,
     /// The pose is outside the table's box.
     OutsideBox,
@@ -76,7 +79,7 @@ impl fmt::Display for Fault {
             Self::WrenchNotFinite => f.write_str("the reading of the wrench is not finite"),
             Self::WrenchTooLarge => f.write_str("the reading of the wrench is beyond its greatest"),
             Self::WrenchStuck => f.write_str("the reading of the wrench is stuck"),
-            Self::TemperatureLost => f.write_str("the temperature is lost"),
+            Self::TemperatureLost => f.write_str("a temperature is lost"),
             Self::OutsideBox => f.write_str("the pose is outside the table's box"),
             Self::Correction(e) => e.fmt(f),
             Self::Compensation(e) => e.fmt(f),
@@ -123,9 +126,9 @@ pub struct Reading<T> {
     /// Load on the tip, its moment about the tip. For three axes in the axes of A-uvw, for five in those of the tool (T_h). NaN
     /// when there is no reading.
     pub wrench: Wrench<T>,
-    /// How much warmer the machine is than at its zero reading, K: a mean over its sensors. NaN when there is no reading, 0
-    /// without a sensor.
-    pub rise_k: T,
+    /// How much warmer limbs and platforms are than at the zero reading, each by a sensor of its own or all by one:
+    /// `rise_k.into()`. NaN where there is no reading, 0 without a sensor.
+    pub rise: TemperatureRise<T>,
 }
 
 /// Which limit holds an offset back.
@@ -169,7 +172,7 @@ pub struct Offset<T, const JOINTS: usize> {
 /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
 /// let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
 /// // every period
-/// let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
+/// let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
 /// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &pose, Vector3::new(0.0, 0.0, 0.3), &reading);
 /// let command = MACHINE_F64.inverse(&pose)?.q_m + offset.joints;
 /// assert!(offset.fault.is_none() && command.x > 0.5);
@@ -227,15 +230,16 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         self.joints = SVector::zeros();
     }
 
-    /// A period; `offsets` is what would make up for a load.
+    /// A period; `second` is as for [`approach`](Self::approach), `offsets` is what would make up for a load.
     fn step(
         &mut self,
         domain: Domain,
         reading: &Reading<T>,
+        second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
         offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<SVector<T, JOINTS>, Fault>,
     ) -> Offset<T, JOINTS> {
         let (target, fault) = self.target(domain, reading, offsets);
-        let (joints, limit) = self.approach(target);
+        let (joints, limit) = self.approach(target, second);
         Offset { joints, limit, domain, fault }
     }
 
@@ -253,12 +257,12 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             self.history = LoadHistory::new();
             return (none, None);
         }
-        let (wrench, rise_k, fault) = self.load.update(reading);
+        let (wrench, rise, fault) = self.load.update(reading);
         match (domain, self.outside_box) {
             (Domain::Outside, OutsideBox::Hold) => (self.joints, Some(Fault::OutsideBox)),
             (Domain::Outside, OutsideBox::Fade) => (none, Some(Fault::OutsideBox)),
             (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
-                match offsets(&Load { wrench, gain: self.gain, rise_k }, &mut self.history) {
+                match offsets(&Load { wrench, gain: self.gain, rise }, &mut self.history) {
                     Ok(joints) => (joints, fault),
                     Err(fault) => (none, Some(fault)),
                 }
@@ -266,13 +270,22 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         }
     }
 
-    /// Moves the offset towards a target, within both limits. A point between two offsets of allowed size has allowed size.
+    /// Moves the offset towards a target, within both limits; `second` is the second derivative of the joints along a way that begins
+    /// as it is told, and on which the tip goes straight.
     #[inline(never)] // takes no stack while the stiffness is worked out
-    fn approach(&mut self, target: SVector<T, JOINTS>) -> (SVector<T, JOINTS>, Limit) {
+    fn approach(
+        &mut self,
+        target: SVector<T, JOINTS>,
+        second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
+    ) -> (SVector<T, JOINTS>, Limit) {
         let of_size = limit::share_within(&target, &self.largest);
-        let step = target * of_size - self.joints;
-        let of_step = limit::share_within(&step, &self.longest_step);
-        self.joints += step * of_step;
+        let end = limit::bent_part(&target, of_size, &self.largest, &second).unwrap_or(target * of_size);
+        let way = end - self.joints;
+        let of_step = limit::share_within(&way, &self.longest_step);
+        // a point between two offsets of allowed size has allowed size, one beside their line may not
+        let step = limit::bent_part(&way, of_step, &self.longest_step, &second)
+            .filter(|step| limit::share_within(&(self.joints + step), &self.largest) >= T::ONE);
+        self.joints += step.unwrap_or(way * of_step);
         let limit = if of_step < T::ONE {
             Limit::Rate
         } else if of_size < T::ONE {
@@ -282,6 +295,11 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         };
         (self.joints, limit)
     }
+}
+
+/// Three screws whose offsets keep their proportion hold the tip on its line within 0.6 µm.
+fn joints_go_straight<T: Scalar>(_: &SVector<T, 3>) -> Option<SVector<T, 3>> {
+    None
 }
 
 /// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip, and all of the thermal
@@ -300,11 +318,11 @@ fn offsets<T: Scalar, const N: usize>(
     };
     let wrench = &load.wrench.moved_to_a(tip_m);
     let loaded = compensation::deflection_at(machine, Some(table), pose, posture, wrench, Some(history))?;
-    let loaded = match learned {
+    let (loaded, share) = match learned {
         Some(learned) => learned.known(machine, posture, wrench, tip_m, &loaded)?,
-        None => loaded,
+        None => (loaded, T::ONE),
     };
-    let moved = loaded.times(load.gain).plus(&machine.thermal_deflection_at(posture, load.rise_k)?);
+    let moved = loaded.times(load.gain * share).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
     Ok(machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q)
 }
 
@@ -325,7 +343,7 @@ impl<T: Scalar> Compensator<T, 3> {
         tip_m: Vector3<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
-        self.step(table.domain(pose), reading, |load, history| {
+        self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
             offsets(machine, table, None::<&Estimator<T, 0>>, (pose, tip_m), load, history)
         })
     }
@@ -344,7 +362,7 @@ impl<T: Scalar> Compensator<T, 3> {
         (pose, tip_m): (&Pose<T>, Vector3<T>),
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
-        self.step(table.domain(pose), reading, |load, history| {
+        self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
             offsets(machine, table, Some(learned), (pose, tip_m), load, history)
         })
     }
@@ -364,7 +382,8 @@ impl<T: Scalar> Compensator<T, 5> {
         configuration: &Configuration<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
-        self.step(table.domain(&configuration.pose), reading, |load, history| {
+        let second = |way: &SVector<T, 5>| five.straight(configuration, way);
+        self.step(table.domain(&configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, None::<&Estimator<T, 0>>, configuration, load, history)?)
         })
     }
@@ -379,7 +398,8 @@ impl<T: Scalar> Compensator<T, 5> {
         configuration: &Configuration<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
-        self.step(table.domain(&configuration.pose), reading, |load, history| {
+        let second = |way: &SVector<T, 5>| five.straight(configuration, way);
+        self.step(table.domain(&configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, Some(learned), configuration, load, history)?)
         })
     }

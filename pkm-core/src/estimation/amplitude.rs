@@ -113,7 +113,7 @@ impl<T: Scalar> Machine<T> {
         let o = T::ZERO;
         for (amplitude, moved) in amplitudes.iter().zip(all) {
             let Kind::Compliance { place, motion } = amplitude.0 else {
-                *moved = self.thermal_deflection_at(posture, T::ONE)?;
+                *moved = self.thermal_deflection_at(posture, &T::ONE.into())?;
                 continue;
             };
             let yields = match place.limb() {

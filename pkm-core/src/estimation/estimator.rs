@@ -188,7 +188,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         readings: &[TipReading<T>],
     ) -> Result<Learned<T>, Refusal> {
         let posture = machine.posture(&touch.pose)?;
-        let predicted = loaded.plus(&machine.thermal_deflection_at(&posture, touch.rise_k)?);
+        let predicted = loaded.plus(&machine.thermal_deflection_at(&posture, &touch.rise_k.into())?);
         let mut sensitivities = [Deflection::ZERO; N];
         machine.put_sensitivities(&posture, wrench, &self.amplitudes(), &mut sensitivities)?;
         self.absorb(touch, &predicted, &sensitivities, readings)
@@ -418,10 +418,10 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         wrench: &Wrench<T>,
         tip_m: Vector3<T>,
         predicted: &Deflection<T>,
-    ) -> Result<Deflection<T>, StiffnessError> {
+    ) -> Result<(Deflection<T>, T), StiffnessError> {
         let tip = self.tip_at(machine, posture, wrench, tip_m)?;
         let whole = predicted.plus(&tip.deflection);
-        Ok(whole.times(tip.known_share(&whole.seen_at(tip_m).translation_m)))
+        Ok((whole, tip.known_share(&whole.seen_at(tip_m).translation_m)))
     }
 
     /// The change since acceptance of which there is least doubt, if it is worth an alarm: by more than its settings say with a

@@ -202,7 +202,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         loaded: &Deflection<T>,
         load: &Load<T>,
     ) -> Result<SVector<T, 5>, ToolDeflectionError> {
-        let grown = self.machine.thermal_deflection(&configuration.pose, load.rise_k)?;
+        let grown = self.machine.thermal_deflection(&configuration.pose, load.rise)?;
         let moved = loaded.times(load.gain).plus(&self.seen_at_tip(configuration, &grown));
         let frame = self.frame_of(configuration);
         let [_, _, axis] = axes(&frame.axes);

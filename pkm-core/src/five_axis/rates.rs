@@ -108,6 +108,21 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let finite = is_finite(&joints.velocity) && is_finite(&joints.acceleration);
         if finite { Ok(joints) } else { Err(ToolError::NotFinite) }
     }
+
+    /// Second derivative of the joints along a way on which tip and axis go straight, and which the joints begin by `way`. `None` nearer
+    /// to the singularity locus than the wrist's margin, or where the machine cannot stand.
+    #[inline(never)]
+    pub(crate) fn straight(&self, configuration: &Configuration<T>, way: &SVector<T, 5>) -> Option<SVector<T, 5>> {
+        let posture = &self.machine.posture(&configuration.pose).ok()?;
+        let declared = &self.machine.declared;
+        let [dq1, dq2, dq3, dbeta1, dbeta2] = (*way).into();
+        let [q1, q2, q3] = posture.q.into();
+        let [dtheta, dsigma, dl] = declared.rates(posture, [q1 * dq1, q2 * dq2, q3 * dq3]);
+        let first = [dtheta, dsigma, dl, dbeta1, dbeta2].into();
+        let (share, second) = self.wrist.straight(&State::of(configuration), &first);
+        let second = declared.joint_motion(posture, &[first, second]).acceleration;
+        (share >= self.wrist.margin && is_finite(&second)).then_some(second)
+    }
 }
 
 impl<T: Scalar> Sizes<T> {

@@ -84,6 +84,13 @@ impl<T: Scalar> Motion<T> {
         let dl = off.z + tip.x * dtheta - tip.y * dsigma - *r * y.z * dbeta1 - swing.z * dbeta2;
         [dtheta, dsigma, dl, dbeta1, dbeta2].into()
     }
+
+    /// The same, of an axis that moves so.
+    #[inline(always)] // its parts stay in registers
+    fn step_by(&self, [tip, axis]: [Vector3<T>; 2]) -> SVector<T, 5> {
+        let [x, y, _] = self.axes;
+        self.step(tip, [axis.dot(&x), axis.dot(&y)])
+    }
 }
 
 impl<T: Scalar> Wrist<T> {
@@ -152,11 +159,30 @@ impl<T: Scalar> Wrist<T> {
         acceleration: [Vector3<T>; 2],
     ) -> (T, [SVector<T, 5>; 2]) {
         let motion = &self.motion(state);
-        let [x, y, z] = motion.axes;
-        let step = |[tip, axis]: [Vector3<T>; 2]| motion.step(tip, [axis.dot(&x), axis.dot(&y)]);
-        let first = step(velocity);
-        let [dtheta, dsigma, dl, dbeta1, dbeta2] = first.into();
+        let first = motion.step_by(velocity);
+        let second = motion.step_by(self.beyond_carried(state, motion, &first, acceleration));
+        (self.share_of(motion.determinant, state.theta.sin_cos().1), [first, second])
+    }
 
+    /// Home share, and second derivatives of θ, σ, L, β1, β2 along a way on which tip and axis go straight, from the first ones.
+    #[inline(never)]
+    pub(super) fn straight(&self, state: &State<T>, first: &SVector<T, 5>) -> (T, SVector<T, 5>) {
+        let motion = &self.motion(state);
+        let second = motion.step_by(self.beyond_carried(state, motion, first, [Vector3::zeros(); 2]));
+        (self.share_of(motion.determinant, state.theta.sin_cos().1), second)
+    }
+
+    /// What is left of an acceleration of tip and axis without what steady rates of θ, σ, L, β1, β2 bring.
+    #[inline(always)] // its parts stay in registers
+    fn beyond_carried(
+        &self,
+        state: &State<T>,
+        motion: &Motion<T>,
+        first: &SVector<T, 5>,
+        [tip_rate, axis_rate]: [Vector3<T>; 2],
+    ) -> [Vector3<T>; 2] {
+        let [_, y, z] = motion.axes;
+        let [dtheta, dsigma, dl, dbeta1, dbeta2] = (*first).into();
         let (o, two) = (T::ZERO, T::from_f64(2.0));
         let ((sin, cos), (sin1, cos1)) = (state.sigma.sin_cos(), state.beta.x.sin_cos());
         let w = Vector3::new(o, -sin, cos);
@@ -178,8 +204,6 @@ impl<T: Scalar> Wrist<T> {
             + carried(to_first, platform, platform_rate)
             + carried(to_second, link, link_rate)
             + carried(to_tip, tool, tool_rate);
-        let [tip_rate, axis_rate] = acceleration;
-        let second = step([tip_rate - tip, axis_rate - carried(z, tool, tool_rate)]);
-        (self.share_of(motion.determinant, state.theta.sin_cos().1), [first, second])
+        [tip_rate - tip, axis_rate - carried(z, tool, tool_rate)]
     }
 }

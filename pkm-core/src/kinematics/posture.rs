@@ -159,6 +159,14 @@ impl<T: Scalar> Sizes<T> {
     /// By what A moves, to first order, when the limbs grow: q_i times the elongation of each, m². The screws are free to turn, so
     /// that nothing else resists.
     pub fn moved(&self, p: &Posture<T>, [first, second, third]: [T; 3]) -> Vector6<T> {
+        let [dtheta, dsigma, dl] = self.rates(p, [first, second, third]);
+        let (n, y) = (p.n(), p.y());
+        Vector6::new(p.l * dtheta, dl * n.y, dl * n.z, dsigma, dtheta * y.y, dtheta * y.z)
+    }
+
+    /// The same as derivatives of θ, σ and L.
+    #[inline(always)] // `moved` is called for every amplitude that is learned
+    pub fn rates(&self, p: &Posture<T>, [first, second, third]: [T; 3]) -> [T; 3] {
         let Self { a1, a2, b1, b2 } = *self;
         let (sin, cos, l) = (p.sin_sigma, p.cos_sigma, p.l);
         let half = T::from_f64(0.5) / (l * l * cos - a1 * b1 * sin * sin);
@@ -166,7 +174,6 @@ impl<T: Scalar> Sizes<T> {
         let dl = half * (sum * l * cos - difference * b1 * sin);
         let dsigma = half * (difference * l / a1 - sum * sin);
         let dtheta = (dl * (l - b2 * p.sin_theta) - third) / (b2 * (l * p.cos_theta - a2 * p.sin_theta));
-        let (n, y) = (p.n(), p.y());
-        Vector6::new(l * dtheta, dl * n.y, dl * n.z, dsigma, dtheta * y.y, dtheta * y.z)
+        [dtheta, dsigma, dl]
     }
 }

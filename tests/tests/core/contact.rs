@@ -53,7 +53,7 @@ fn run(
         let force = -equilibrium * (pressed + offset);
         let mut noise = || Vector3::from_fn(|_, _| between(rng, -4.0, 4.0));
         let wrench = Wrench { force_n: force + noise(), moment_nm: noise() * 0.05 };
-        let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
+        let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
         let joints = compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, &reading).joints;
         let q_m = lengths + joints;
         offset = into_a * (tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m }).unwrap()) - from);

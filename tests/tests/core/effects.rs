@@ -5,7 +5,7 @@ use pkm_core::effects::{COUNT, EFFECTS, Effects, MAX_PARAMETERS};
 use pkm_core::machine::{BodyKind, Geometry, MachineError, MachineParameters, Parameter, Problem};
 use pkm_core::stiffness::LoadHistory;
 use pkm_core::tables::reference;
-use pkm_core::{Machine, Pose, ScrewLengths, StiffnessError, TemperatureError, Wrench};
+use pkm_core::{Machine, Pose, ScrewLengths, StiffnessError, TemperatureError, TemperatureRise, Wrench};
 use pkm_frame::{Frame, Node, Section};
 use pkm_tests::single::narrow_pose;
 use pkm_tests::{between, cases, keep_worst, random_parameters, random_pose, scaled_difference, seeded};
@@ -652,13 +652,15 @@ fn a_uniform_rise_makes_a_similar_machine() {
     assert!(worst <= 1e-11, "{worst:e}");
 }
 
+/// Limbs and platforms by a temperature of their own each, by ±1 K about none, and by 20 K.
 #[test]
 fn thermal_deflection_is_the_slope_of_forward_kinematics_of_grown_machines() {
     let mut rng = seeded();
-    let mut worst = 0.0_f64;
+    let (mut worst, mut worst_whole) = (0.0_f64, 0.0_f64);
     for n in 0..cases(500) {
         let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
         let mut rate = || 1e-5 * (2.0 * rng.f64() - 1.0);
+        let rises: [f64; 4] = if n % 4 == 0 { [1.0; 4] } else { std::array::from_fn(|_| 1e5 * rate()) };
         let (limbs, platforms) = match n % 3 {
             0 => (rate(), 0.0),
             1 => (0.0, rate()),
@@ -676,7 +678,7 @@ fn thermal_deflection_is_the_slope_of_forward_kinematics_of_grown_machines() {
         let q = machine.inverse(&pose).unwrap().q_m;
         let actual = true_geometry(&parameters);
         let grown = |rise: f64| {
-            let part = |size: f64| size * (1.0 + platforms * rise);
+            let part = |size: f64| size * (1.0 + platforms * rises[3] * rise);
             let geometry = Geometry {
                 a1_m: part(actual.a1_m),
                 a2_m: part(actual.a2_m),
@@ -685,25 +687,42 @@ fn thermal_deflection_is_the_slope_of_forward_kinematics_of_grown_machines() {
             };
             let effects = pkm_core::effects::Effects::NONE;
             let machine = Machine::<f64>::new(&MachineParameters { geometry, effects, ..parameters }).unwrap();
-            placed(&machine.forward(&ScrewLengths { q_m: q.map(|q| q * (1.0 + limbs * rise)) }).unwrap())
+            placed(
+                &machine
+                    .forward(&ScrewLengths { q_m: Vector3::from_fn(|i, _| q[i] * (1.0 + limbs * rises[i] * rise)) })
+                    .unwrap(),
+            )
         };
-        let ((r_up, a_up), (r_down, a_down)) = (grown(5.0), grown(-5.0));
+        let ((r_up, a_up), (r_down, a_down)) = (grown(1.0), grown(-1.0));
         let commanded = placed(&pose).0.inverse();
-        let translation = commanded * (a_up - a_down) / 10.0;
+        let translation = commanded * (a_up - a_down) / 2.0;
         // the skew part: an angle from its cosine would have lost its digits
         let r = (r_up * r_down.inverse()).into_inner();
         let axis = Vector3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]) / 2.0;
-        let rotation = commanded * axis / 10.0;
-        let found = machine.thermal_deflection(&pose, 1.0).unwrap();
+        let rotation = commanded * axis / 2.0;
+        let [first, second, third, platforms_k] = rises;
+        let apart = TemperatureRise { limbs_k: [first, second, third], platforms_k };
+        let found = machine.thermal_deflection(&pose, apart).unwrap();
+        if n % 4 == 0 {
+            assert_eq!(machine.thermal_deflection(&pose, 1.0), Ok(found));
+        }
         let size = translation.norm() + rotation.norm();
         keep_worst(&mut worst, (Vector3::from(found.translation_m) - translation).norm() / size);
         keep_worst(&mut worst, (Vector3::from(found.rotation_rad) - rotation).norm() / size);
+        // the whole way, with all that is not of first order
+        let whole = commanded * (grown(20.0).1 - grown(0.0).1);
+        keep_worst(&mut worst_whole, (Vector3::from(found.translation_m) * 20.0 - whole).norm() / (20.0 * size));
     }
-    println!("thermal deflection: {worst:.1e}");
-    assert!(worst <= 1e-6, "{worst:e}");
+    println!("thermal deflection: {worst:.1e}, of 20 K whole: {worst_whole:.1e}");
+    assert!(worst <= 1e-6 && worst_whole <= 1e-2, "{worst:e} {worst_whole:e}");
     let pose = Pose { theta_rad: 0.1, sigma_rad: 0.0, z0_m: 0.53 };
     for rise in [f64::NAN, f64::INFINITY] {
-        assert_eq!(reference::MACHINE_F64.thermal_deflection(&pose, rise), Err(StiffnessError::NotFinite));
+        let mut apart = TemperatureRise::from(0.0);
+        apart.limbs_k[1] = rise;
+        let one_sensor = TemperatureRise { platforms_k: rise, ..0.0.into() };
+        for rise in [rise.into(), apart, one_sensor] {
+            assert_eq!(reference::MACHINE_F64.thermal_deflection(&pose, rise), Err(StiffnessError::NotFinite));
+        }
     }
 }
 

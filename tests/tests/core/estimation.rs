@@ -715,14 +715,14 @@ fn a_compensator_uses_what_was_learned_and_no_more_than_is_known() {
     let push = Wrench { force_n: Vector3::new(300.0, -200.0, -800.0), ..Wrench::ZERO };
     let offset = |estimator: &Estimator<f64, 6>, wrench: Wrench<f64>| {
         let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
-        let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
+        let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
         let offset = compensator.update_learned(&TABLE_F64, &MACHINE_F64, estimator, (&pose, TIP_M), &reading);
         assert_eq!(offset.fault, None);
         offset.joints
     };
     let plain = {
         let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
-        let reading = Reading { enabled: true, wrench: push, rise_k: 0.0 };
+        let reading = Reading { enabled: true, wrench: push, rise: 0.0.into() };
         compensator.update(&TABLE_F64, &MACHINE_F64, &pose, TIP_M, &reading).joints
     };
     // before anything is known the deflection is greater than what is unknown of it: all of it is compensated
@@ -764,7 +764,7 @@ fn a_compensator_uses_what_was_learned_and_no_more_than_is_known() {
     // five axes take the same way
     let configuration = Configuration { pose, beta_rad: Vector2::new(0.3, -0.2) };
     let [five, five_worn] = [&MACHINE_F64, &worn].map(|machine| FiveAxis { machine, wrist: &WRIST_F64 });
-    let reading = Reading { enabled: true, wrench: push, rise_k: 0.0 };
+    let reading = Reading { enabled: true, wrench: push, rise: 0.0.into() };
     let of_five = |estimator: Option<&Estimator<f64, 6>>| {
         let mut compensator = Compensator::<f64, 5>::new(&settings).unwrap();
         let offset = match estimator {

@@ -220,7 +220,7 @@ fn a_change_of_table_makes_no_step() {
     let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
     let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
     let wrench = Wrench::from_vector([100.0, -50.0, -900.0, 2.0, -8.0, 5.0].into());
-    let reading = Reading { enabled: true, wrench, rise_k: 0.0 };
+    let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
     let softer: Vec<f64> =
         TABLE_F64.numbers().enumerate().map(|(i, n)| if i < 33 + 54 { n } else { 0.5 * n }).collect();
     let numbers = |all: &[f64]| {

@@ -1,7 +1,7 @@
 //! What `embed/c/tests/compensator.c` prints, by the Rust compensator: the same readings, and every bit of the offsets.
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Limit, Offset, Reading};
-use pkm_core::{Configuration, CorrectionTable, Domain, FiveAxis, Pose, Scalar, Wrench};
+use pkm_core::{Configuration, CorrectionTable, Domain, FiveAxis, Pose, Scalar, TemperatureRise, Wrench};
 
 use crate::qemu::Host;
 
@@ -33,7 +33,7 @@ struct Period {
     pose: [f64; 3],
     beta: [f64; 2],
     wrench: [f64; 6],
-    rise: f64,
+    rise: [f64; 4],
     enabled: bool,
 }
 
@@ -55,9 +55,13 @@ impl Period {
                 _ => {}
             }
         }
-        self.rise = f64::from(random.next(-50, 101)) / 10.0;
-        if random.next(0, 100) == 0 {
-            self.rise = f64::NAN;
+        for (i, rise) in (0..).zip(&mut self.rise) {
+            *rise = f64::from(i) + f64::from(random.next(-4, 5)) / 10.0;
+        }
+        match random.next(0, 200) {
+            lost @ 0..4 => self.rise[lost as usize] = f64::NAN,
+            4 => self.rise[2] = 60.0,
+            _ => {}
         }
     }
 }
@@ -93,7 +97,9 @@ fn lines<T: Scalar, const JOINTS: usize>(
         let at =
             Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: period.beta.map(T::from_f64).into() };
         let wrench = Wrench::from_vector(period.wrench.map(T::from_f64).into());
-        let reading = Reading { enabled: period.enabled, wrench, rise_k: T::from_f64(period.rise) };
+        let [first, second, third, platforms_k] = period.rise.map(T::from_f64);
+        let rise = TemperatureRise { limbs_k: [first, second, third], platforms_k };
+        let reading = Reading { enabled: period.enabled, wrench, rise };
         let Offset { joints, limit, domain, fault } = update(&mut compensator, &at, &reading);
         let bits = joints.map(|joint| joint.to_f64().to_bits());
         sum = bits.iter().fold(sum, |sum, bits| (sum ^ bits).wrapping_mul(0x100_0000_01b3));

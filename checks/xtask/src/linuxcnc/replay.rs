@@ -7,7 +7,7 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, Limit, Offset, Rea
 use pkm_core::nalgebra::{SVector, Vector2, Vector3};
 use pkm_core::{
     CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose,
-    ScrewLengths, Tool, Wrench,
+    ScrewLengths, TemperatureRise, Tool, Wrench,
 };
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::table_numbers::TableNumbers;
@@ -20,7 +20,7 @@ use crate::c::compensator::number;
 /// A row of the recorder: times of the thread on the wall's and on the processor's clock and of the compensation, real pins,
 /// flags, whole numbers.
 const REALS: usize = 3;
-const FLAGS: usize = REALS + 98;
+const FLAGS: usize = REALS + 99;
 const WHOLE: usize = FLAGS + 5;
 pub const ROW: usize = WHOLE + 6;
 
@@ -42,7 +42,7 @@ pub struct Row<'a> {
     pub command: &'a [f64],
     pub drive: &'a [f64],
     pub motor_offset: &'a [f64],
-    rise_k: f64,
+    rise: TemperatureRise<f64>,
     /// What motmod commands the joints, how fast they move by the component, and the share of the programmed feed that it allows.
     pub joints: &'a [f64],
     pub velocity: &'a [f64],
@@ -62,7 +62,9 @@ impl<'a> Row<'a> {
         let (asked, given, felt, placed) = (take(5), take(5), take(5), take(5));
         let (stands, wrench, offsets, moved) = (take(5), take(6), take(5), take(6));
         let (margins, target_share, command) = (take(3), take(1)[0], take(5));
-        let (drive, motor_offset, rise_k) = (take(5), take(3), take(1)[0]);
+        let (drive, motor_offset) = (take(5), take(3));
+        let mut rise = TemperatureRise::from(take(1)[0]);
+        rise.limbs_k[1] = take(1)[0];
         let (joints, velocity, acceleration) = (take(5), take(5), take(5));
         let (feed_share, requested, k) = (take(1)[0], take(1)[0], take(21));
         Self {
@@ -80,7 +82,7 @@ impl<'a> Row<'a> {
             command,
             drive,
             motor_offset,
-            rise_k,
+            rise,
             joints,
             velocity,
             acceleration,
@@ -220,7 +222,7 @@ impl Compensation {
         self.was_on = row.enabled() && stands.is_ok();
         let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.0 };
         let nowhere = Configuration { pose, beta_rad: Vector2::zeros() };
-        let reading = Reading { enabled: self.was_on, wrench, rise_k: row.rise_k };
+        let reading = Reading { enabled: self.was_on, wrench, rise: row.rise };
         let known = stands.is_ok();
         let Offset { joints, limit, fault, .. } =
             self.compensator.update(table, five, &stands.unwrap_or(nowhere), &reading);

@@ -112,7 +112,7 @@ fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, 
         let reading = &black_box(Reading {
             enabled: true,
             wrench: Wrench::from_vector(wrench.into()),
-            rise_k: within(0.0, 20.0),
+            rise: within(0.0, 20.0).into(),
         });
         let stands = &black_box(Configuration { pose, beta_rad });
         let each = [
@@ -159,7 +159,7 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
         return Err(ToolError::NotFinite);
     };
     let Ok(mut estimator) = Estimator::<T, 6>::new(&learned::SETTINGS) else { return Err(ToolError::NotFinite) };
-    let reading = black_box(Reading { enabled: true, wrench, rise_k: number(1.0) });
+    let reading = black_box(Reading { enabled: true, wrench, rise: number(1.0).into() });
     let amplitudes = &black_box(estimator.amplitudes());
     let mut time_s = 0;
     let mut counts = names.map(|name| Counts { name, greatest: 0 });

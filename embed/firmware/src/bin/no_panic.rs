@@ -107,7 +107,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     match Compensator::<T, 3>::new(&black_box(CompensatorSettings::DEFAULT)) {
         Err(e) => show(e),
         Ok(mut compensator) => {
-            let reading = black_box(Reading { enabled: true, wrench, rise_k: a });
+            let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
             if let Some(fault) = black_box(compensator.update(table, machine, &pose, vector, &reading)).fault {
                 show(fault);
             }
@@ -155,7 +155,7 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(self_test_f64()).ok();
     black_box(CompensatorSettings::DEFAULT).check().ok();
     if let Ok(mut compensator) = Compensator::<T, 5>::new(&black_box(CompensatorSettings::DEFAULT)) {
-        let reading = black_box(Reading { enabled: true, wrench, rise_k: a });
+        let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
         black_box(compensator.update(table, &five, &near, &reading));
     }
 }
@@ -195,7 +195,7 @@ fn call_estimation<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_
     if let Err(e) = estimator.restore(black_box(1), black_box(&slot)) {
         show(e);
     }
-    let reading = black_box(Reading { enabled: true, wrench, rise_k: a });
+    let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
     if let Ok(mut compensator) = Compensator::<T, 3>::new(&CompensatorSettings::DEFAULT) {
         black_box(compensator.update_learned(table, five.machine, &estimator, (&pose, vector), &reading));
     }

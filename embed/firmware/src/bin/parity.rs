@@ -90,7 +90,7 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
         return Vec::new();
     };
     let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
-    let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise_k: T::from_f64(4.5) };
+    let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise: T::from_f64(4.5).into() };
     for _ in 0..3 {
         screws.update(table, five.machine, pose, TIP_M.map(T::from_f64).into(), &reading);
         axes.update(table, five, &stands, &reading);

@@ -182,7 +182,7 @@ macro_rules! functions {
                     slot: RefCell::new([0; state_bytes(6)]),
                     buffer: RefCell::new(buffer),
                     header,
-                    reading: Reading { enabled: true, wrench, rise_k: 4.5 },
+                    reading: Reading { enabled: true, wrench, rise: 4.5.into() },
                     checksums: five.checksums(&reference::$table),
                 })
             }
