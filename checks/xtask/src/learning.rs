@@ -172,7 +172,7 @@ fn offsets<T: Scalar>(
     let mut with = Compensator::<T, 3>::new(&settings).map_err(|e| e.to_string())?;
     let mut without = with;
     let (pose, wrench, tip_m) = demand.inputs();
-    let reading = Reading { enabled: true, wrench, rise_k: T::ZERO };
+    let reading = Reading { enabled: true, wrench, rise: T::ZERO.into() };
     for _ in 0..periods {
         learned.follow(T::from_f64(settings.period_s));
         with.update_learned(table, machine, &learned, (&pose, tip_m), &reading);

@@ -147,7 +147,7 @@ fn update<T: Scalar>(
     enabled: bool,
 ) -> [f64; 3] {
     let (pose, wrench, tip_m) = demand.inputs();
-    let reading = Reading { enabled, wrench, rise_k: T::ZERO };
+    let reading = Reading { enabled, wrench, rise: T::ZERO.into() };
     compensator.update_learned(table, machine, learned, (&pose, tip_m), &reading).joints.map(T::to_f64).into()
 }
 
