@@ -94,8 +94,8 @@ pub(crate) fn cholesky<T: Scalar>(a: &mut Lower<T>) -> bool {
         && column::<5, T>(a)
 }
 
-/// x with L Lᵀ x = b.
-pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
+/// x with L x = b.
+pub(crate) fn solve_lower<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
     let l = &l.data.0;
     let mut x: [T; 6] = (*b).into();
     for i in 0..6 {
@@ -104,6 +104,13 @@ pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
         }
         x[i] /= l[i][i];
     }
+    x.into()
+}
+
+/// x with L Lᵀ x = b.
+pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
+    let mut x: [T; 6] = solve_lower(l, b).into();
+    let l = &l.data.0;
     for i in (0..6).rev() {
         for k in i + 1..6 {
             x[i] -= l[i][k] * x[k];

@@ -13,3 +13,4 @@ mod integrity;
 mod kinematics;
 mod machine;
 mod stiffness;
+mod uncertainty;
