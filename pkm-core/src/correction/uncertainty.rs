@@ -132,7 +132,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         let mut u95 = Vector6::zeros();
         for (u95, row) in u95.iter_mut().zip(factor.lower.row_iter()) {
             let f = row.transpose();
-            let variance = spread * uncertainty.variance(&f, &f, &uncertainty.moved(&f));
+            let variance = spread * uncertainty.variance(&f, &f, &(f.dot(&f), uncertainty.moved(&f)));
             *u95 = T::from_f64(K95) * variance.sqrt();
         }
         u95
@@ -152,14 +152,16 @@ impl<T: Scalar> TableUncertainty<T> {
         wrench_at_tip: &Wrench<T>,
         tip_m: Vector3<T>,
     ) -> Result<TipUncertainty<T>, StiffnessError> {
-        let strained = |wrench: &Wrench<T>| linalg::solve_lower(&factor.lower, &wrench.moved_to_a(tip_m).to_vector());
-        let x = strained(wrench_at_tip);
-        let moved = self.moved(&x);
+        let lower = &factor.lower;
+        let x = linalg::solve_lower::<T, 0>(lower, &wrench_at_tip.moved_to_a(tip_m).to_vector());
+        let moved = (x.dot(&x), self.moved(&x));
+        let ([u, v, w], one, o) = (tip_m.into(), T::ONE, T::ZERO);
+        // unit forces on the tip, their moments about A
+        let along_u = linalg::solve_lower::<T, 0>(lower, &Vector6::new(one, o, o, o, w, -v));
+        let along_v = linalg::solve_lower::<T, 1>(lower, &Vector6::new(o, one, o, -w, o, u));
+        let along_w = linalg::solve_lower::<T, 2>(lower, &Vector6::new(o, o, one, v, -u, o));
         let spread = self.spread_at(scaled);
-        let variances = [Vector3::x(), Vector3::y(), Vector3::z()].map(|force_n| {
-            let y = strained(&Wrench { force_n, ..Wrench::ZERO });
-            spread * self.variance(&y, &x, &moved)
-        });
+        let variances = [along_u, along_v, along_w].map(|y| spread * self.variance(&y, &x, &moved));
         let variance_m2 = Vector3::from(variances);
         if linalg::is_finite(&variance_m2) {
             Ok(TipUncertainty { variance_m2 })
@@ -173,11 +175,16 @@ impl<T: Scalar> TableUncertainty<T> {
         self.columns.each_ref().map(|column| product(column, x))
     }
 
-    /// Variance of yᵀ S x for v = 1.
-    fn variance(&self, y: &Vector6<T>, x: &Vector6<T>, moved: &[Vector6<T>; UNCERTAINTY_COLUMNS]) -> T {
+    /// Variance of yᵀ S x for v = 1, from x² and columns times x.
+    fn variance(
+        &self,
+        y: &Vector6<T>,
+        x: &Vector6<T>,
+        (x_squared, moved): &(T, [Vector6<T>; UNCERTAINTY_COLUMNS]),
+    ) -> T {
         let along = y.dot(x);
         let half_rest = self.rest * self.rest * T::from_f64(0.5);
-        let mut variance = half_rest * (y.dot(y) * x.dot(x) + along * along);
+        let mut variance = half_rest * (y.dot(y) * *x_squared + along * along);
         for moved in moved {
             let off = y.dot(moved);
             variance += off * off;
