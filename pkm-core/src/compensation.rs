@@ -16,14 +16,14 @@ use core::fmt;
 
 use nalgebra::Vector3;
 
-use crate::correction::{Corrected, CorrectionError, CorrectionTable};
+use crate::correction::{Corrected, CorrectionError, CorrectionTable, TableUncertainty};
 use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
 use crate::linalg::{self, is_finite};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{self, LoadHistory, StiffnessFactor};
 use crate::thermal::TemperatureRise;
-use crate::types::{Deflection, Pose, ScrewLengths, Wrench};
+use crate::types::{Deflection, Pose, ScrewLengths, TipUncertainty, Wrench};
 
 /// Why a deflection cannot be compensated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +107,18 @@ pub struct Cycle<T> {
     pub deflection: Deflection<T>,
     /// What to command under the load.
     pub compensated: Compensated<T>,
+}
+
+/// A cycle that compensates no more than is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct KnownCycle<T> {
+    /// The cycle. Its deflection is the whole; [`Cycle::compensated`] makes up for `share` of it.
+    pub cycle: Cycle<T>,
+    /// How well the table knows the tip's translation.
+    pub uncertainty: TipUncertainty<T>,
+    /// 1 where the tip moves by more than its expanded uncertainty; see [`TipUncertainty::known_share`].
+    pub share: T,
 }
 
 /// What is to be compensated in a period.
@@ -280,11 +292,56 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         let wrench = wrench_at_tip.moved_to_a(tip_m);
         // first, with nothing of the rest on the stack
         let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &Wrench::ZERO)?;
-        self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m)
+        self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m, |_, _| Ok(T::ONE))
     }
 
-    /// `beyond` is what load-dependent effects add to the deflection.
+    /// [`cycle`](Self::cycle) with the uncertainty of the tip's deflection, which is compensated as far as it is known. A controller that
+    /// compensates the whole or nothing takes [`KnownCycle::share`] below 1 for nothing, and commands [`Cycle::lengths`].
+    ///
+    /// # Arguments
+    /// * `uncertainty`: of this table, as `fit` has written it beside the table.
+    ///
+    /// # Errors
+    /// Those of [`cycle`](Self::cycle); [`StiffnessError::NotFinite`](crate::StiffnessError::NotFinite) of an uncertainty that
+    /// overflows.
+    ///
+    /// ```
+    /// use pkm_core::nalgebra::Vector3;
+    /// use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, UNCERTAINTY_F64};
+    /// use pkm_core::{CycleError, Pose, Wrench};
+    /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    /// let push = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
+    /// let tip_m = Vector3::new(0.0, 0.0, 0.3);
+    /// let known = TABLE_F64.cycle_known(&MACHINE_F64, &UNCERTAINTY_F64, &pose, &push, tip_m)?;
+    /// assert_eq!(known.share, 1.0);
+    /// assert!(known.uncertainty.u95_m().z < 0.1 * -known.cycle.deflection.seen_at(tip_m).translation_m.z);
+    /// # Ok::<(), CycleError>(())
+    /// ```
+    pub fn cycle_known(
+        &self,
+        machine: &Machine<T>,
+        uncertainty: &TableUncertainty<T>,
+        pose: &Pose<T>,
+        wrench_at_tip: &Wrench<T>,
+        tip_m: Vector3<T>,
+    ) -> Result<KnownCycle<T>, CycleError> {
+        let posture = machine.posture(pose)?;
+        let wrench = wrench_at_tip.moved_to_a(tip_m);
+        let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &Wrench::ZERO)?;
+        let mut known = (TipUncertainty { variance_m2: Vector3::zeros() }, T::ONE);
+        let cycle = self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m, |factor, deflection| {
+            let uncertainty = self.tip_uncertainty(uncertainty, factor, pose, wrench_at_tip, tip_m)?;
+            let share = uncertainty.known_share(&deflection.seen_at(tip_m).translation_m);
+            known = (uncertainty, share);
+            Ok(share)
+        })?;
+        let (uncertainty, share) = known;
+        Ok(KnownCycle { cycle, uncertainty, share })
+    }
+
+    /// `beyond` is what load-dependent effects add to the deflection, `share` says how much of all is compensated.
     #[inline(never)]
+    #[allow(clippy::too_many_arguments)] // each is worked out before K_p takes its stack
     fn cycle_with(
         &self,
         machine: &Machine<T>,
@@ -293,12 +350,14 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         wrench: &Wrench<T>,
         beyond: &Deflection<T>,
         tip_m: Vector3<T>,
+        share: impl FnOnce(&StiffnessFactor<T>, &Deflection<T>) -> Result<T, CycleError>,
     ) -> Result<Cycle<T>, CycleError> {
         let mut factor = StiffnessFactor { lower: linalg::zero() };
         self.add_factor_form(machine, pose, posture, &mut factor.lower)?;
         let deflection = factor.deflection(wrench)?.plus(beyond);
+        let made_up_for = deflection.times(share(&factor, &deflection)?);
         let compensated =
-            machine.compensated_from(pose, posture, &deflection, tip_m).map_err(CycleError::Compensation)?;
+            machine.compensated_from(pose, posture, &made_up_for, tip_m).map_err(CycleError::Compensation)?;
         let corrected = Corrected { factor, domain: self.domain(pose) };
         Ok(Cycle { lengths: ScrewLengths { q_m: posture.q }, corrected, deflection, compensated })
     }

@@ -89,9 +89,9 @@ pub mod wrist;
 /// Vectors and matrices of this crate's interface.
 pub use nalgebra;
 
-pub use compensation::{Compensated, CompensationError, Cycle, CycleError};
+pub use compensation::{Compensated, CompensationError, Cycle, CycleError, KnownCycle};
 pub use compensator::{Compensator, CompensatorSettings, Fault};
-pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError};
+pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError, TableUncertainty};
 pub use elastic::LimbFrame;
 pub use five_axis::{
     CompensatedTool, Configuration, FiveAxis, Hold, JointMotion, JointValues, Tool, ToolDeflection,
@@ -102,5 +102,5 @@ pub use machine::{Machine, MachineError, MachineParameters};
 pub use scalar::Scalar;
 pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor, Transmission};
 pub use thermal::{TemperatureError, TemperatureRise};
-pub use types::{Deflection, Domain, Pose, ScrewLengths, Wrench};
+pub use types::{Deflection, Domain, Pose, ScrewLengths, TipUncertainty, Wrench};
 pub use wrist::{Wrist, WristError, WristParameters};

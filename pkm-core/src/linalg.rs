@@ -94,16 +94,23 @@ pub(crate) fn cholesky<T: Scalar>(a: &mut Lower<T>) -> bool {
         && column::<5, T>(a)
 }
 
-/// x with L Lᵀ x = b.
-pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
+/// x with L x = b, where b is 0 before `FIRST`.
+pub(crate) fn solve_lower<T: Scalar, const FIRST: usize>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
     let l = &l.data.0;
     let mut x: [T; 6] = (*b).into();
-    for i in 0..6 {
-        for k in 0..i {
+    for i in FIRST..6 {
+        for k in FIRST..i {
             x[i] -= l[k][i] * x[k];
         }
         x[i] /= l[i][i];
     }
+    x.into()
+}
+
+/// x with L Lᵀ x = b.
+pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
+    let mut x: [T; 6] = solve_lower::<T, 0>(l, b).into();
+    let l = &l.data.0;
     for i in (0..6).rev() {
         for k in i + 1..6 {
             x[i] -= l[i][k] * x[k];

@@ -120,6 +120,31 @@ impl<T: Scalar> Deflection<T> {
     }
 }
 
+/// Coverage factor of 95 %.
+pub(crate) const K95: f64 = 1.96;
+
+/// How well a translation of the tip is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct TipUncertainty<T> {
+    /// Variances along u, v, w, m².
+    pub variance_m2: Vector3<T>,
+}
+
+impl<T: Scalar> TipUncertainty<T> {
+    /// Expanded uncertainty along u, v, w, coverage 95 % (k = 1.96), m.
+    pub fn u95_m(&self) -> Vector3<T> {
+        self.variance_m2.map(|variance| T::from_f64(K95) * variance.sqrt())
+    }
+
+    /// What to compensate of a translation of the tip: all of it where it is greater than its expanded uncertainty, else the share
+    /// that it is of that.
+    pub fn known_share(&self, translation_m: &Vector3<T>) -> T {
+        let (moved, uncertain) = (translation_m.dot(translation_m), T::from_f64(K95 * K95) * self.variance_m2.sum());
+        if moved >= uncertain { T::ONE } else { (moved / uncertain).sqrt() }
+    }
+}
+
 /// Where a pose stands to the box that a correction table was fitted on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

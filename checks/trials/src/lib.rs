@@ -7,6 +7,7 @@ pub mod machine;
 pub mod score;
 pub mod set;
 pub mod truth;
+pub mod uncertainty;
 pub mod unloaded;
 pub mod unloaded_score;
 

@@ -11,7 +11,7 @@ use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
 use pkm_trials::set::{self, Kind, Set, Stiff, Wish};
 use pkm_trials::unloaded::{self, Case};
-use pkm_trials::unloaded_score;
+use pkm_trials::{uncertainty, unloaded_score};
 
 #[derive(Parser)]
 #[command(version, about)]
@@ -94,6 +94,28 @@ enum Command {
         /// Sets at a time
         #[arg(long, default_value_t = 2)]
         jobs: usize,
+    },
+    /// Make machines whose truth has other formulas, have the program fit tables, and print how often the uncertainty that it
+    /// gives to their deflections covers the error
+    Uncertainty {
+        /// What has the commands `fit` and `predict`
+        #[arg(long)]
+        program: PathBuf,
+        /// Machines
+        #[arg(long, default_value_t = 40)]
+        sets: u64,
+        /// Of the first machine; the others follow one by one
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Terms of the tables
+        #[arg(long, default_value = "full")]
+        terms: String,
+        /// Machines at a time
+        #[arg(long, default_value_t = 2)]
+        jobs: usize,
+        /// A line for each machine
+        #[arg(long)]
+        verbose: bool,
     },
     /// Write one set of unloaded poses
     MakeUnloaded {
@@ -260,6 +282,17 @@ fn main() -> ExitCode {
                 say(&unloaded_score::report(case.name(), &outcomes));
                 Ok(())
             })
+        }
+        Command::Uncertainty { program, sets, seed, terms, jobs, verbose } => {
+            say(&format!("seed {seed}, {sets} machines, terms {terms}"));
+            let seeds: Vec<u64> = (seed..seed + sets).collect();
+            let work = |seed: &u64| {
+                let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
+                let outcome = uncertainty::Outcome::of(&program, *seed, &terms, folder.path());
+                outcome.map_err(|e| format!("seed {seed}: {e}"))
+            };
+            all_of(&seeds, jobs, |o: &uncertainty::Outcome| verbose.then(|| o.line()), work)
+                .map(|outcomes| say(&uncertainty::report(&outcomes)))
         }
         Command::MakeUnloaded { case, seed, poses, noise_um, out } => {
             unloaded::Set::new(case, seed, poses, noise_um).write(&out)

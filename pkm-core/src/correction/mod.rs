@@ -9,6 +9,7 @@
 //!   definite wherever the diagonal of G is positive, and already factored.
 
 mod buffer;
+mod uncertainty;
 
 use core::fmt;
 
@@ -23,6 +24,7 @@ use crate::stiffness::{self, StiffnessError, StiffnessFactor};
 use crate::types::{Domain, Pose};
 
 pub use buffer::{TableBuffer, TableHeader, TransferError};
+pub use uncertainty::{TableUncertainty, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES, UNCERTAINTY_SPREAD, spread_terms};
 
 /// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
 pub const EQ_11: [[u8; 3]; 9] =
@@ -52,6 +54,8 @@ pub enum TableError {
     NotFinite,
     /// A half width is not above 0.
     EmptyBox,
+    /// A number of the uncertainty is not finite, or a variance below 0.
+    Uncertainty,
 }
 
 impl fmt::Display for TableError {
@@ -62,6 +66,7 @@ impl fmt::Display for TableError {
             Self::CoefficientCount => "the number of coefficients is not rows times terms",
             Self::NotFinite => "a number of the table is not finite",
             Self::EmptyBox => "a half width of the box is not above 0",
+            Self::Uncertainty => "a number of the table's uncertainty is not finite, or a variance below 0",
         })
     }
 }

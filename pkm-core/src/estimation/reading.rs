@@ -7,7 +7,7 @@ use nalgebra::{Vector3, Vector6};
 use super::MAX_AMPLITUDES;
 use crate::correction::CorrectionError;
 use crate::scalar::Scalar;
-use crate::types::{Deflection, Pose, Wrench};
+use crate::types::{Deflection, Pose, TipUncertainty, Wrench};
 
 /// Most components of a reading.
 pub const MAX_COMPONENTS: usize = 6;
@@ -124,19 +124,18 @@ pub struct TipEstimate<T> {
     pub variance_m2: Vector3<T>,
 }
 
-/// Coverage factor of 95 %.
-const K95: f64 = 1.96;
-
 impl<T: Scalar> TipEstimate<T> {
     /// Expanded uncertainty of the tip's translation along u, v, w, coverage 95 % (k = 1.96), m.
     pub fn u95_m(&self) -> Vector3<T> {
-        self.variance_m2.map(|variance| T::from_f64(K95) * variance.sqrt())
+        self.uncertainty().u95_m()
     }
 
-    /// What to compensate of a translation of the tip: all of it where it is greater than its expanded uncertainty, else the share
-    /// that it is of that.
+    /// See [`TipUncertainty::known_share`].
     pub fn known_share(&self, translation_m: &Vector3<T>) -> T {
-        let (moved, uncertain) = (translation_m.dot(translation_m), T::from_f64(K95 * K95) * self.variance_m2.sum());
-        if moved >= uncertain { T::ONE } else { (moved / uncertain).sqrt() }
+        self.uncertainty().known_share(translation_m)
+    }
+
+    fn uncertainty(&self) -> TipUncertainty<T> {
+        TipUncertainty { variance_m2: self.variance_m2 }
     }
 }

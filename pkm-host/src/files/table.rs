@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Failure, Result, clipped};
 use crate::files::source::{self, Source};
-use crate::files::table_numbers::{TableNumbers, refuse_not_positive};
+use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers, refuse_not_positive};
 use crate::files::toml_error::plain;
 use crate::pose::{PoseBox, core_units};
 
@@ -36,6 +36,9 @@ pub struct TableFile {
     pub diagonal: DiagonalForm,
     /// The factor form, when the data had all 21 columns.
     pub factor: Option<FactorForm>,
+    /// How far the factor form may be off; absent when that is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<UncertaintyNumbers>,
 }
 
 /// Rows c11…c66.
@@ -106,6 +109,9 @@ impl TableFile {
         }
         let numbers = self.numbers();
         numbers.table()?;
+        if let Some(uncertainty) = &self.uncertainty {
+            uncertainty.core().map_err(|f| f.at_column("uncertainty"))?;
+        }
         let center_scale = (self.center, self.scale);
         let rows = numbers.positive_rows();
         rows.into_iter().try_for_each(|(name, row)| refuse_not_positive(&name, row, &self.terms, center_scale))

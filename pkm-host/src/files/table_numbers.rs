@@ -1,6 +1,8 @@
 //! The numbers of a correction table in the core's units, and the proof that they leave it positive.
 
-use pkm_core::{Basis, CorrectionTable};
+use pkm_core::correction::{UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES, UNCERTAINTY_SPREAD};
+use pkm_core::{Basis, CorrectionTable, TableUncertainty};
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Failure, Result};
 
@@ -17,6 +19,47 @@ pub struct TableNumbers<T = f64> {
     pub diagonal: Vec<T>,
     /// 21 rows of G's lower triangle.
     pub factor: Option<Vec<T>>,
+}
+
+/// How far the factor form may be off: the numbers of [`TableUncertainty`].
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UncertaintyNumbers {
+    /// Growth of the variance: coefficients of [`pkm_core::correction::spread_terms`].
+    pub spread: [f64; UNCERTAINTY_SPREAD],
+    /// Standard deviation beyond the columns.
+    pub rest: f64,
+    /// Columns of the covariance factor, lower triangles row by row.
+    #[serde(with = "columns")]
+    pub columns: [[f64; UNCERTAINTY_ENTRIES]; UNCERTAINTY_COLUMNS],
+}
+
+/// Serde knows no arrays of this length and kind.
+mod columns {
+    use super::{Deserialize, Serialize, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES};
+
+    type Columns = [[f64; UNCERTAINTY_ENTRIES]; UNCERTAINTY_COLUMNS];
+
+    pub(super) fn serialize<S: serde::Serializer>(columns: &Columns, to: S) -> Result<S::Ok, S::Error> {
+        columns.iter().map(|column| column.to_vec()).collect::<Vec<_>>().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Columns, D::Error> {
+        let rows = Vec::<Vec<f64>>::deserialize(from)?;
+        let expected = || serde::de::Error::custom("expected 4 columns of 21 numbers");
+        let columns: Option<Vec<_>> = rows.into_iter().map(|row| row.try_into().ok()).collect();
+        columns.and_then(|columns| columns.try_into().ok()).ok_or_else(expected)
+    }
+}
+
+impl UncertaintyNumbers {
+    /// The core's.
+    ///
+    /// # Errors
+    /// What the core refuses.
+    pub fn core(&self) -> Result<TableUncertainty<f64>> {
+        TableUncertainty::<f64>::new(self.spread, self.rest, self.columns).map_err(|e| Failure::input(e.to_string()))
+    }
 }
 
 impl TableNumbers {

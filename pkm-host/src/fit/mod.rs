@@ -1,10 +1,11 @@
 //! Fitting correction tables to stiffness data (paper, Eqs. 10-14; `docs/theory.md`).
 
 mod evaluate;
+mod uncertainty;
 
 use std::collections::BTreeSet;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
 use pkm_core::{Basis, Machine, Stiffness};
 
@@ -13,10 +14,11 @@ use crate::files::dataset::{StiffnessData, Target};
 use crate::files::machine::MachineFile;
 use crate::files::source::Source;
 use crate::files::table::{DiagonalForm, FactorForm, TableFile};
-use crate::files::table_numbers::{TableNumbers, refuse_not_positive};
+use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers, refuse_not_positive};
 use crate::pose::{NamedPose, PoseBox, core_units, file_units};
 
 pub use self::evaluate::{DeflectionErrors, Evaluation, evaluate};
+use self::uncertainty::Training;
 
 /// Which of them Eq. 12 gives to c11…c66.
 const EQ_12: [[bool; 9]; 6] = {
@@ -78,6 +80,8 @@ pub struct Fit {
     pub extent: PoseBox,
     /// The table.
     pub numbers: TableNumbers,
+    /// Of the factor form, at poses that it was not fitted on; see [`Fit::estimate_uncertainty`].
+    pub uncertainty: Option<UncertaintyNumbers>,
     /// Of the diagonal form, then of the factor form.
     pub polynomials: Vec<Polynomial>,
     /// The paper's e_ij in ° and mm.
@@ -92,6 +96,23 @@ impl Fit {
         let key = |s: &Sample| file_units(&s.pose.pose).map(|v| (v * 1e6).round() as i64);
         let fitted: BTreeSet<_> = self.training.iter().map(key).collect();
         self.verification.iter().flatten().filter(|s| fitted.contains(&key(s))).count()
+    }
+
+    /// Finds out how far the table may be off at the tool's tip, here in A-uvw, from poses that are left out of the fit. It stays unknown
+    /// where the poses are too few for this.
+    pub fn estimate_uncertainty(&mut self, tip_m: Vector3<f64>) {
+        let TableNumbers { centre, half_width, terms, .. } = &self.numbers;
+        let entries: Option<Vec<_>> = self.training.iter().map(Sample::factor_entries).collect();
+        let basic: Option<Vec<_>> = self.training.iter().map(|s| s.basic.factor().ok()).collect();
+        let basis = Basis::<f64>::new(*centre, *half_width, terms).ok();
+        let (Some(entries), Some(basic), Some(basis)) = (entries, basic, basis) else { return };
+        let monomials: Vec<_> = self.training.iter().map(|s| basis.monomials(&s.pose.pose)).collect();
+        let design = DMatrix::from_fn(monomials.len(), terms.len(), |i, j| monomials[i][j]);
+        let variables: Vec<[f64; 3]> = self.training.iter().map(|s| file_units(&s.pose.pose)).collect();
+        let used: Vec<Vec<bool>> = self.polynomials.iter().skip(6).map(|p| p.used.clone()).collect();
+        let training =
+            Training { variables: &variables, design: &design, used: &used, entries: &entries, basic: &basic, tip_m };
+        self.uncertainty = training.uncertainty();
     }
 
     /// What is doubtful about the data or the figures.
@@ -145,6 +166,7 @@ impl Fit {
             terms: self.numbers.terms.clone(),
             diagonal: DiagonalForm { coefficients: rows(&self.numbers.diagonal), paper_e: self.paper_e },
             factor: self.numbers.factor.as_deref().map(|f| FactorForm { coefficients: rows(f) }),
+            uncertainty: self.uncertainty.clone(),
         }
     }
 }
@@ -289,7 +311,18 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
         refuse_not_positive(&name, row, &terms, (center, scale))?;
     }
     let condition = polynomials.iter().map(|p| condition(&columns(&design, &p.used))).fold(1.0, f64::max);
-    Ok(Fit { training, verification, center, scale, extent, numbers, polynomials, paper_e, condition })
+    Ok(Fit {
+        training,
+        verification,
+        center,
+        scale,
+        extent,
+        numbers,
+        uncertainty: None,
+        polynomials,
+        paper_e,
+        condition,
+    })
 }
 
 /// What `select` may pick, the constant first: products up to the fourth order (second in Z0), and single

@@ -1,7 +1,9 @@
 //! A machine with or without a correction table: stiffness and deflection at poses.
 
+use nalgebra::Vector3;
 use pkm_core::{
-    CorrectionError, CorrectionTable, Deflection, Domain, Machine, Pose, StiffnessError, StiffnessFactor, Wrench,
+    CorrectionError, CorrectionTable, Deflection, Domain, Machine, Pose, StiffnessError, StiffnessFactor,
+    TableUncertainty, TipUncertainty, Wrench,
 };
 
 use crate::error::{Failure, Result};
@@ -41,6 +43,8 @@ pub struct Table {
     pub form: Form,
     /// Where it was fitted.
     pub pose_box: PoseBox,
+    /// How far its factor form may be off, where that is applied and known.
+    pub uncertainty: Option<TableUncertainty<f64>>,
 }
 
 /// A stiffness ready for loads, and whether its pose is inside the table's box (`None` without a table).
@@ -49,6 +53,8 @@ pub struct Solved {
     pub factor: StiffnessFactor<f64>,
     /// Inside the table's box or outside.
     pub domain: Option<Domain>,
+    /// Expanded uncertainties of k11…k66, N/m and N·m/rad, where a table says them.
+    pub u95_principal: Option<[f64; 6]>,
 }
 
 /// The core's view of a table, and the form that applies.
@@ -75,7 +81,8 @@ impl Model {
             (Form::Auto, Some(_)) => Form::Factor,
             (form, _) => form,
         };
-        let table = Table { source, numbers: file.numbers(), form, pose_box: file.extent };
+        let uncertainty = file.uncertainty.as_ref().filter(|_| form == Form::Factor).map(|u| u.core()).transpose()?;
+        let table = Table { source, numbers: file.numbers(), form, pose_box: file.extent, uncertainty };
         Ok((Self { machine, table: Some(table) }, warning))
     }
 
@@ -98,7 +105,12 @@ impl Model {
             .map(|(p, temperature_c)| {
                 let failed = |e: String| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line);
                 let machine = self.machine.machine.at_temperature(temperature_c).map_err(|e| failed(e.to_string()))?;
-                let solved = solve_at(&table, &machine, &p.pose).map_err(|e| failed(e.to_string()))?;
+                let mut solved = solve_at(&table, &machine, &p.pose).map_err(|e| failed(e.to_string()))?;
+                let uncertainty = self.table.as_ref().and_then(|t| t.uncertainty.as_ref());
+                if let (Some((table, _)), Some(uncertainty)) = (&table, uncertainty) {
+                    let u95 = table.stiffness_u95(uncertainty, &solved.factor, &p.pose);
+                    solved.u95_principal = Some(u95.into());
+                }
                 if solved.factor.stiffness().matrix().iter().all(|k| k.is_finite()) {
                     Ok(solved)
                 } else {
@@ -124,6 +136,24 @@ impl Model {
         let extra = machine.load_dependent_deflection(pose, &at_a, &c.turned_at.moved_to_a(c.point_m.into()))?;
         Ok(linear.plus(&extra).plus(&machine.thermal_deflection(pose, c.rise_k)?).seen_at(c.point_m.into()))
     }
+
+    /// How well the table's part of the deflection of a condition's point is known; none without a table that says so.
+    ///
+    /// # Errors
+    /// What the core refuses.
+    pub fn uncertainty(
+        &self,
+        solved: &Solved,
+        pose: &Pose<f64>,
+        wrench: &Wrench<f64>,
+        point_m: Vector3<f64>,
+    ) -> Result<Option<TipUncertainty<f64>>> {
+        let Some((table, uncertainty)) = self.table.as_ref().and_then(|t| Some((t, t.uncertainty.as_ref()?))) else {
+            return Ok(None);
+        };
+        let found = table.numbers.table()?.tip_uncertainty(uncertainty, &solved.factor, pose, wrench, point_m);
+        found.map(Some).map_err(|e| Failure::input(format!("no uncertainty: {e}")))
+    }
 }
 
 /// Stiffness of a machine at a pose.
@@ -136,11 +166,11 @@ pub fn solve_at(
     pose: &Pose<f64>,
 ) -> std::result::Result<Solved, CorrectionError> {
     let corrected = match table {
-        None => return Ok(Solved { factor: machine.stiffness(pose)?.factor()?, domain: None }),
+        None => return Ok(Solved { factor: machine.stiffness(pose)?.factor()?, domain: None, u95_principal: None }),
         Some((table, Form::Diagonal)) => table.diagonal_form(machine, pose),
         Some((table, _)) => table.factor_form(machine, pose),
     };
-    corrected.map(|c| Solved { factor: c.factor, domain: Some(c.domain) })
+    corrected.map(|c| Solved { factor: c.factor, domain: Some(c.domain), u95_principal: None })
 }
 
 /// How many of some poses are outside the table's box.

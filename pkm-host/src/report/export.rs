@@ -11,7 +11,7 @@ use pkm_core::{MachineParameters, WristParameters};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::table::TableFile;
-use crate::files::table_numbers::TableNumbers;
+use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers};
 use crate::fit::{Evaluation, Fit};
 
 /// Where a table came from.
@@ -40,7 +40,11 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, machine: &MachineFile) -> Resu
     };
     write_origin(&mut line, p, fit);
     line("");
-    line("use pkm_core::correction::{Basis, CorrectionTable, narrow};");
+    line(if fit.uncertainty.is_some() {
+        "use pkm_core::correction::{Basis, CorrectionTable, TableUncertainty, narrow};"
+    } else {
+        "use pkm_core::correction::{Basis, CorrectionTable, narrow};"
+    });
     line("use pkm_core::machine::{Body, BodyKind, Geometry, Joint, LimbParameters, MachineParameters, Travel, Tube};");
     line(if machine.wrist.is_ok() {
         "use pkm_core::{Machine, Wrist, WristParameters};"
@@ -57,6 +61,9 @@ pub fn rust_source(p: &Provenance<'_>, fit: &Fit, machine: &MachineFile) -> Resu
         write_wrist(&mut line, &machine.wrist_parameters);
     }
     write_table(&mut line, &fit.numbers)?;
+    if let Some(uncertainty) = &fit.uncertainty {
+        write_uncertainty(&mut line, uncertainty)?;
+    }
     Ok(out)
 }
 
@@ -202,6 +209,39 @@ fn write_table(line: &mut impl FnMut(&str), table: &TableNumbers) -> Result<()> 
     line("        Err(_) => panic!(\"the box or the terms are damaged\"),");
     line("    }");
     line("};");
+    Ok(())
+}
+
+fn write_uncertainty(line: &mut impl FnMut(&str), uncertainty: &UncertaintyNumbers) -> Result<()> {
+    let UncertaintyNumbers { spread, rest, columns } = uncertainty;
+    line("");
+    line("/// How far the factor form may be off, in `f64`.");
+    line("pub static UNCERTAINTY_F64: TableUncertainty<f64> = KNOWN;");
+    line("");
+    line("/// How far the factor form may be off, in `f32`.");
+    line("pub static UNCERTAINTY_F32: TableUncertainty<f32> = match TableUncertainty::<f32>::new(");
+    line("    narrow(&SPREAD),");
+    line("    REST as f32,");
+    let narrowed: Vec<String> = (0..columns.len()).map(|n| format!("narrow(&COLUMNS[{n}])")).collect();
+    line(&format!("    [{}],", narrowed.join(", ")));
+    line(") {");
+    line("    Ok(known) => known,");
+    line("    Err(_) => panic!(\"the uncertainty is damaged\"),");
+    line("};");
+    line("");
+    line(&format!("const SPREAD: [f64; {}] = {spread:?};", spread.len()));
+    line(&format!("const REST: f64 = {rest:?};"));
+    line(&format!("const COLUMNS: [[f64; {}]; {}] = [", columns[0].len(), columns.len()));
+    columns.iter().for_each(|column| line(&format!("    {column:?},")));
+    line("];");
+    line("const KNOWN: TableUncertainty<f64> = match TableUncertainty::<f64>::new(SPREAD, REST, COLUMNS) {");
+    line("    Ok(known) => known,");
+    line("    Err(_) => panic!(\"the uncertainty is damaged\"),");
+    line("};");
+    line(&format!(
+        "const _: () = assert!(KNOWN.checksum() == 0x{:016x}, \"the uncertainty was changed by hand\");",
+        uncertainty.core()?.checksum()
+    ));
     Ok(())
 }
 

@@ -14,6 +14,8 @@ pub struct Document<'a> {
     k: [[f64; 6]; 6],
     pose: &'a str,
     status: &'static str,
+    /// Expanded uncertainties of k11…k66, N/m and N·m/rad; null where the table does not say.
+    u95_principal: Option<[f64; 6]>,
 }
 
 /// The document of `--json`.
@@ -24,6 +26,7 @@ pub fn documents<'a>(poses: &'a [NamedPose], solved: &[Solved]) -> Vec<Document<
         k: s.factor.stiffness().matrix().into(),
         pose: &p.id,
         status: if s.domain == Some(Domain::Outside) { "outside_box" } else { "ok" },
+        u95_principal: s.u95_principal,
     };
     poses.iter().zip(solved).map(document).collect()
 }
@@ -55,6 +58,9 @@ pub fn text(poses: &[NamedPose], solved: &[Solved]) -> String {
         let k = <[f64; 6]>::from(s.factor.stiffness().principal()).map(|k| format!("{k:>11.4e}")).join(" ");
         let mark = if s.domain == Some(Domain::Outside) { "  outside the box" } else { "" };
         text.push_str(&format!("{:>10} {k}{mark}\n", p.id));
+        if let Some(u95) = s.u95_principal {
+            text.push_str(&format!("{:>10} {}\n", "U95", u95.map(|u| format!("{u:>11.4e}")).join(" ")));
+        }
     }
     text
 }

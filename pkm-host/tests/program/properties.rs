@@ -9,7 +9,7 @@ use pkm_host::files::machine::MachineFile;
 use pkm_host::files::readings::Readings;
 use pkm_host::files::source::Source;
 use pkm_host::files::table::{DiagonalForm, FactorForm, TableFile};
-use pkm_host::files::table_numbers::TableNumbers;
+use pkm_host::files::table_numbers::{TableNumbers, UncertaintyNumbers};
 use pkm_host::fit::{self, TermChoice};
 use pkm_host::pose::PoseBox;
 use pkm_host::progress::silent;
@@ -113,6 +113,11 @@ fn tables_keep_their_bits() {
             terms: terms.clone(),
             diagonal: DiagonalForm { coefficients: diagonal, paper_e: [[any(&mut rng); 9]; 6] },
             factor: Some(FactorForm { coefficients: factor }),
+            uncertainty: Some(UncertaintyNumbers {
+                spread: std::array::from_fn(|_| any(&mut rng).abs()),
+                rest: any(&mut rng).abs(),
+                columns: std::array::from_fn(|_| std::array::from_fn(|_| any(&mut rng))),
+            }),
         };
         let text = table.to_json();
         let read =

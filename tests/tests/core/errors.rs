@@ -84,6 +84,7 @@ fn every_error_says_what_is_wrong() {
         TableError::CoefficientCount,
         TableError::NotFinite,
         TableError::EmptyBox,
+        TableError::Uncertainty,
     ]);
     texts(&[TemperatureError::NotFinite, TemperatureError::NoStiffness]);
     let wrist = [WristError::Flange, WristError::SingularityMargin, WristError::HomeIsSingular];

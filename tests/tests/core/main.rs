@@ -14,3 +14,4 @@ mod kinematics;
 mod machine;
 mod slots;
 mod stiffness;
+mod uncertainty;

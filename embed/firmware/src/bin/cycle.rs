@@ -17,9 +17,12 @@ use cortex_m_semihosting::hio;
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
 use pkm_core::estimation::{Estimator, TipReading, Touch};
 use pkm_core::nalgebra::{Vector2, Vector3, Vector6};
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
+use pkm_core::tables::reference::{
+    MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST_F32, WRIST_F64,
+};
 use pkm_core::{
-    Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Tool, ToolError, ToolFrame, ToolMotion, Wrench,
+    Configuration, CorrectionTable, FiveAxis, Pose, Scalar, TableUncertainty, Tool, ToolError, ToolFrame, ToolMotion,
+    Wrench,
 };
 
 #[path = "../learned.rs"]
@@ -130,7 +133,11 @@ fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, 
     Ok(greatest)
 }
 
-fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[Counts; 15], ToolError> {
+fn count<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    table: &CorrectionTable<'_, T>,
+    uncertainty: &TableUncertainty<T>,
+) -> Result<[Counts; 16], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
     let tip = TIP_M.map(number).into();
@@ -150,6 +157,7 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
         "u95",
         "compensate_learned",
         "compensate_tool_learned",
+        "table_u95",
     ];
     let [compensate, compensate_tool] = worst_updates(five, table)?;
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
@@ -189,12 +197,15 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
             }));
             let empty = ticks(|| ());
             let plain = ticks(|| compensator.update(table, machine, pose, tip, &reading));
+            let cycle = ticks(|| table.cycle(machine, pose, &wrench, tip));
+            let with_u95 = ticks(|| table.cycle_known(machine, uncertainty, pose, &wrench, tip));
+            let table_u95 = with_u95.saturating_sub(cycle) + empty;
             let learned = ticks(|| compensator.update_learned(table, machine, &estimator, (pose, tip), &reading));
             let each = [
                 ticks(|| machine.inverse(pose)),
                 ticks(|| machine.stiffness(pose)),
                 ticks(|| table.factor_form(machine, pose)),
-                ticks(|| table.cycle(machine, pose, &wrench, tip)),
+                cycle,
                 ticks(|| five.inverse(tool, near)),
                 ticks(|| five.inverse_frame(frame)),
                 ticks(|| five.compensated(Some(table), tool, &wrench, near)),
@@ -206,6 +217,7 @@ fn count<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> R
                 learned.saturating_sub(plain) + empty,
                 learned,
                 ticks(|| tool_compensator.update_learned(table, five, &estimator, near, &reading)),
+                table_u95,
             ];
             for (count, ticks) in counts.iter_mut().zip(each) {
                 count.greatest = count.greatest.max((ticks - empty) * 40 / 128);
@@ -222,8 +234,8 @@ fn run() -> Result<(), ()> {
     clock.clear_current();
     clock.enable_counter();
     let mut out = hio::hstdout()?;
-    let double = count(&FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 }, &TABLE_F64);
-    let single = count(&FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 }, &TABLE_F32);
+    let double = count(&FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 }, &TABLE_F64, &UNCERTAINTY_F64);
+    let single = count(&FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 }, &TABLE_F32, &UNCERTAINTY_F32);
     for (bits, counts) in [(64, double.map_err(drop)?), (32, single.map_err(drop)?)] {
         for Counts { name, greatest } in counts {
             writeln!(out, "{name}_f{bits} {greatest}").map_err(drop)?;

@@ -14,7 +14,9 @@ use cortex_m as _;
 use cortex_m_rt::entry;
 use pkm_core::checksum;
 use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
-use pkm_core::correction::{TableBuffer, TableHeader, TransferError, narrow};
+use pkm_core::correction::{
+    TableBuffer, TableHeader, TableUncertainty, TransferError, UNCERTAINTY_SPREAD, narrow, spread_terms,
+};
 use pkm_core::effects::{Element, Law, Motion, Place};
 use pkm_core::estimation::{Amplitude, Estimator, TipReading, Touch, newest, state_bytes};
 use pkm_core::kinematics::platform_axes;
@@ -22,7 +24,8 @@ use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use pkm_core::self_test::{self_test_f32, self_test_f64};
 use pkm_core::stiffness::LoadHistory;
 use pkm_core::tables::reference::{
-    MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
+    MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST, WRIST_F32,
+    WRIST_F64,
 };
 use pkm_core::{
     Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths,
@@ -115,6 +118,30 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
             compensator.reset();
         }
     }
+}
+
+/// A table with its uncertainty, from the program and from numbers at run time.
+macro_rules! call_uncertainty {
+    ($t:ident, $machine:expr, $table:expr, $uncertainty:ident) => {{
+        let [a, b, c] = black_box([1.0 as $t; 3]);
+        let (pose, tip_m) = (Pose { theta_rad: a, sigma_rad: b, z0_m: c }, Vector3::new(a, b, c));
+        let wrench = Wrench { force_n: tip_m, moment_nm: tip_m };
+        let built = TableUncertainty::<$t>::new(black_box([a; UNCERTAINTY_SPREAD]), a, black_box([[b; 21]; 4]));
+        for uncertainty in [black_box($uncertainty), built.unwrap_or_else(|e| black_box((show(e), $uncertainty)).1)] {
+            black_box(uncertainty.checksum());
+            match black_box($table.cycle_known($machine, &uncertainty, &pose, &wrench, tip_m)) {
+                Err(e) => show(e),
+                Ok(known) => {
+                    let factor = &known.cycle.corrected.factor;
+                    black_box($table.tip_uncertainty(&uncertainty, factor, &pose, &wrench, tip_m)).ok();
+                    black_box(uncertainty.of_tip(factor, black_box([a, b, c]), &wrench, tip_m)).ok();
+                    black_box($table.stiffness_u95(&uncertainty, factor, &pose));
+                    black_box((known.uncertainty.known_share(&tip_m), known.uncertainty.u95_m()));
+                }
+            }
+            black_box(spread_terms(black_box([a, b, c])));
+        }
+    }};
 }
 
 fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>, wrist: &Wrist<T>) {
@@ -218,11 +245,12 @@ fn fill<T: Scalar>(buffer: &mut TableBuffer<T, 4>) -> Result<(), TransferError> 
 
 /// Builds machine, basis, table and wrist at run time, and calls everything with them and with the generated ones.
 macro_rules! call_everything {
-    ($t:ident, $machine:ident, $table:ident, $wrist:ident, $parameters:ident, $wrist_parameters:ident) => {
+    ($t:ident, $machine:ident, $table:ident, $uncertainty:ident, $wrist:ident, $parameters:ident, $wrist_parameters:ident) => {
         let (machine, table) = (black_box(&$machine), black_box(&$table));
         call_five_axes(machine, table, black_box(&$wrist));
         let five = FiveAxis { machine, wrist: black_box(&$wrist) };
         call_estimation(&five, table);
+        call_uncertainty!($t, machine, table, $uncertainty);
         black_box((machine.checksum(), five.wrist.checksum(), table.checksum()));
         if let Err(damaged) = five.verify(table, &black_box(five.checksums(table))) {
             show(damaged);
@@ -293,8 +321,8 @@ fn main() -> ! {
     black_box(checksum::over_numbers_f32(checksum::START, black_box(&[1.0; 3])));
     let wrist = black_box(WRIST);
     black_box((wrist.check().is_ok(), wrist.checksum(), wrist.tip_at_zero_m()));
-    call_everything!(f64, MACHINE_F64, TABLE_F64, WRIST_F64, parameters, wrist);
-    call_everything!(f32, MACHINE_F32, TABLE_F32, WRIST_F32, parameters, wrist);
+    call_everything!(f64, MACHINE_F64, TABLE_F64, UNCERTAINTY_F64, WRIST_F64, parameters, wrist);
+    call_everything!(f32, MACHINE_F32, TABLE_F32, UNCERTAINTY_F32, WRIST_F32, parameters, wrist);
     #[cfg(feature = "planted-panic")]
     black_box([0_u8; 4][black_box(5)]);
     loop {

@@ -69,7 +69,7 @@ fn measure(call: impl Fn()) -> usize {
 
 /// One function a public function of the core, for one width, and a list of them.
 macro_rules! functions {
-    ($width:ident, $t:ident, $machine:ident, $table:ident, $wrist:ident: $($name:ident($i:ident) $call:expr;)+) => {
+    ($width:ident, $t:ident, $machine:ident, $table:ident, $uncertainty:ident, $wrist:ident: $($name:ident($i:ident) $call:expr;)+) => {
         mod $width {
             type T = $t;
 
@@ -84,12 +84,13 @@ macro_rules! functions {
             use pkm_core::tables::reference;
             use pkm_core::{
                 Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
-                Stiffness, StiffnessFactor, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
+                Stiffness, StiffnessFactor, TableUncertainty, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
             };
 
             pub struct Inputs {
                 machine: Machine<$t>,
                 table: CorrectionTable<'static, $t>,
+                uncertainty: TableUncertainty<$t>,
                 basis: Basis<'static, $t>,
                 pose: Pose<$t>,
                 lengths: ScrewLengths<$t>,
@@ -153,6 +154,7 @@ macro_rules! functions {
                 Some(Inputs {
                     machine,
                     table: reference::$table,
+                    uncertainty: reference::$uncertainty,
                     basis: BASIS,
                     pose,
                     lengths: machine.inverse(&pose).ok()?,
@@ -199,8 +201,8 @@ macro_rules! functions {
 
 macro_rules! both_widths {
     ($($name:ident($i:ident) $call:expr;)+) => {
-        functions! { f64, f64, MACHINE_F64, TABLE_F64, WRIST_F64: $($name($i) $call;)+ }
-        functions! { f32, f32, MACHINE_F32, TABLE_F32, WRIST_F32: $($name($i) $call;)+ }
+        functions! { f64, f64, MACHINE_F64, TABLE_F64, UNCERTAINTY_F64, WRIST_F64: $($name($i) $call;)+ }
+        functions! { f32, f32, MACHINE_F32, TABLE_F32, UNCERTAINTY_F32, WRIST_F32: $($name($i) $call;)+ }
     };
 }
 
@@ -236,6 +238,9 @@ both_widths! {
     diagonal_form(i) i.table.diagonal_form(&i.machine, &i.pose);
     factor_form(i) i.table.factor_form(&i.machine, &i.pose);
     cycle(i) i.table.cycle(&i.machine, &i.pose, &i.wrench, i.tip_m);
+    cycle_known(i) i.table.cycle_known(&i.machine, &i.uncertainty, &i.pose, &i.wrench, i.tip_m);
+    tip_uncertainty(i) i.table.tip_uncertainty(&i.uncertainty, &i.factor, &i.pose, &i.wrench, i.tip_m);
+    stiffness_u95(i) i.table.stiffness_u95(&i.uncertainty, &i.factor, &i.pose);
     monomials(i) i.basis.monomials(&i.pose);
     new_basis(i) Basis::<T>::new(i.tip_m.into(), i.lengths.q_m.into(), black_box(&[[1, 2, 3]]));
     new_table(i) CorrectionTable::<T>::new(i.basis, &i.numbers[..6], Some(&i.numbers));

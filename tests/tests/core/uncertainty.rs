@@ -1,0 +1,167 @@
+//! The uncertainty of a table's deflections against derivatives by differences of the dense inverse, and the gate that it makes.
+
+use pkm_core::correction::{TableError, TableUncertainty, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES};
+use pkm_core::nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64};
+use pkm_core::{CycleError, Pose, StiffnessError, Wrench};
+
+const TIP_M: Vector3<f64> = Vector3::new(0.03, -0.02, 0.3);
+/// ° and mm.
+const POSES: [[f64; 3]; 4] = [[0.0, 0.0, 530.0], [11.0, -9.0, 550.0], [-14.0, 14.0, 505.0], [17.0, -17.0, 570.0]];
+
+fn pose([theta_deg, sigma_deg, z0_mm]: [f64; 3]) -> Pose<f64> {
+    Pose { theta_rad: theta_deg.to_radians(), sigma_rad: sigma_deg.to_radians(), z0_m: z0_mm / 1e3 }
+}
+
+fn push() -> Wrench<f64> {
+    Wrench { force_n: Vector3::new(120.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) }
+}
+
+/// Numbers of an uncertainty of no table's, and what they mean entry by entry: the independent changes of S, before v.
+fn numbers() -> ([f64; 4], f64, [[f64; UNCERTAINTY_ENTRIES]; UNCERTAINTY_COLUMNS]) {
+    let columns = std::array::from_fn(|r| std::array::from_fn(|k| ((7 * r + 3 * k) as f64 * 1.3).sin()));
+    ([1e-4, 3e-4, 2e-4, 5e-4], 0.3, columns)
+}
+
+fn changes() -> Vec<Matrix6<f64>> {
+    let (_, rest, columns) = numbers();
+    let mut all = Vec::new();
+    for column in columns {
+        let mut entries = column.iter();
+        let mut s = Matrix6::zeros();
+        for i in 0..6 {
+            for j in 0..=i {
+                s[(i, j)] = *entries.next().unwrap();
+                s[(j, i)] = s[(i, j)];
+            }
+        }
+        all.push(s);
+    }
+    for i in 0..6 {
+        for j in 0..=i {
+            let mut s = Matrix6::zeros();
+            s[(i, j)] = if i == j { rest } else { rest / 2f64.sqrt() };
+            s[(j, i)] = s[(i, j)];
+            all.push(s);
+        }
+    }
+    all
+}
+
+fn spread(pose: &Pose<f64>) -> f64 {
+    let (spread, ..) = numbers();
+    let (middle, half) = ([0.0, 0.0, 0.53], [15f64.to_radians(), 15f64.to_radians(), 0.03]);
+    let at = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
+    spread[0] + (0..3).map(|k| spread[k + 1] * ((at[k] - middle[k]) / half[k]).powi(8)).sum::<f64>()
+}
+
+/// Motion of the tip by a dense inverse of the stiffness.
+fn tip_motion(k: &Matrix6<f64>) -> Vector3<f64> {
+    let arm = Matrix3::new(0.0, -TIP_M.z, TIP_M.y, TIP_M.z, 0.0, -TIP_M.x, -TIP_M.y, TIP_M.x, 0.0);
+    let (force, moment) = (push().force_n, push().moment_nm + arm * push().force_n);
+    let load = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+    let d = k.try_inverse().unwrap() * load;
+    d.fixed_rows::<3>(0) - arm * d.fixed_rows::<3>(3)
+}
+
+#[test]
+fn it_is_the_linear_propagation_of_the_covariance() {
+    let (s, rest, columns) = numbers();
+    let known = TableUncertainty::<f64>::new(s, rest, columns).unwrap();
+    for at in POSES.map(pose) {
+        let factor = TABLE_F64.factor_form(&MACHINE_F64, &at).unwrap().factor;
+        let found = TABLE_F64.tip_uncertainty(&known, &factor, &at, &push(), TIP_M).unwrap().variance_m2;
+        let stiff = TABLE_F64.stiffness_u95(&known, &factor, &at);
+        let f = factor.lower();
+        let (mut tip, mut principal) = (Vector3::<f64>::zeros(), Vector6::<f64>::zeros());
+        for change in changes() {
+            // central differences of K = F (I + S)⁻¹ Fᵀ
+            let h = 1e-5;
+            let k = |h: f64| f * (Matrix6::identity() + change * h).try_inverse().unwrap() * f.transpose();
+            let (more, less) = (k(h), k(-h));
+            tip += ((tip_motion(&more) - tip_motion(&less)) / (2.0 * h)).map(|d| d * d);
+            principal += ((more.diagonal() - less.diagonal()) / (2.0 * h)).map(|d| d * d);
+        }
+        for (found, expected) in found.iter().zip(&(tip * spread(&at))) {
+            assert!((found / expected - 1.0).abs() < 1e-6, "{found} is not {expected}");
+        }
+        for (found, expected) in stiff.iter().zip(&principal) {
+            let expected = 1.96 * (expected * spread(&at)).sqrt();
+            assert!((found / expected - 1.0).abs() < 1e-6, "{found} is not {expected}");
+        }
+    }
+}
+
+/// `checks/gtc/propagate.py` works these out with GTC 1.5.1 from PyPI, from the committed table's numbers.
+#[test]
+fn gtc_agrees() {
+    for (at, expected_um) in POSES.map(pose).into_iter().zip(GTC_U95_UM) {
+        let factor = TABLE_F64.factor_form(&MACHINE_F64, &at).unwrap().factor;
+        let found = TABLE_F64.tip_uncertainty(&UNCERTAINTY_F64, &factor, &at, &push(), TIP_M).unwrap().u95_m() * 1e6;
+        for (found, expected) in found.iter().zip(expected_um) {
+            assert!((found / expected - 1.0).abs() < 1e-6, "{found} is not {expected} at {at:?}");
+        }
+    }
+}
+
+/// Along u, v, w.
+const GTC_U95_UM: [[f64; 3]; 4] = [
+    [0.04695315061894342, 0.13013025770608128, 0.012041895416365259],
+    [0.12079660785981321, 0.35963974312210206, 0.14458961316436586],
+    [0.6883293959939744, 1.1410056184912916, 0.7817044048503315],
+    [1.215210866464278, 2.9596886493837022, 1.950511500262347],
+];
+
+#[test]
+fn f32_is_near_f64() {
+    for at in POSES {
+        let exact = TABLE_F64.cycle_known(&MACHINE_F64, &UNCERTAINTY_F64, &pose(at), &push(), TIP_M).unwrap();
+        let Pose { theta_rad, sigma_rad, z0_m } = pose(at);
+        let there = Pose { theta_rad: theta_rad as f32, sigma_rad: sigma_rad as f32, z0_m: z0_m as f32 };
+        let wrench = Wrench { force_n: push().force_n.cast(), moment_nm: push().moment_nm.cast() };
+        let found = TABLE_F32.cycle_known(&MACHINE_F32, &UNCERTAINTY_F32, &there, &wrench, TIP_M.cast()).unwrap();
+        for (found, exact) in found.uncertainty.variance_m2.iter().zip(&exact.uncertainty.variance_m2) {
+            assert!((f64::from(*found) / exact - 1.0).abs() < 1e-3, "{found} is not {exact}");
+        }
+    }
+}
+
+#[test]
+fn no_more_is_compensated_than_is_known() {
+    let at = pose(POSES[1]);
+    let plain = TABLE_F64.cycle(&MACHINE_F64, &at, &push(), TIP_M).unwrap();
+    let sure = TABLE_F64.cycle_known(&MACHINE_F64, &UNCERTAINTY_F64, &at, &push(), TIP_M).unwrap();
+    assert_eq!((sure.cycle, sure.share), (plain, 1.0));
+    // a table that may be off by 10 standard deviations of 100 %
+    let (s, rest, columns) = numbers();
+    let unsure = TableUncertainty::<f64>::new(s.map(|s| s * 1e4), rest, columns).unwrap();
+    let known = TABLE_F64.cycle_known(&MACHINE_F64, &unsure, &at, &push(), TIP_M).unwrap();
+    let moved = plain.deflection.seen_at(TIP_M).translation_m.norm();
+    let expected = moved / known.uncertainty.u95_m().norm();
+    assert!(known.share < 0.9 && (known.share / expected - 1.0).abs() < 1e-12, "{} is not {expected}", known.share);
+    assert_eq!(known.cycle.deflection, plain.deflection);
+    let part = MACHINE_F64.compensated(&at, &plain.deflection, TIP_M).unwrap().lengths.q_m - plain.lengths.q_m;
+    let commanded = known.cycle.compensated.lengths.q_m - known.cycle.lengths.q_m;
+    assert!((commanded - part * known.share).amax() < 1e-3 * part.amax());
+}
+
+#[test]
+fn what_is_no_uncertainty_is_refused() {
+    let (s, rest, columns) = numbers();
+    let new = |s, rest, columns| TableUncertainty::<f64>::new(s, rest, columns).err();
+    let refused = Some(TableError::Uncertainty);
+    assert_eq!(new(s, rest, columns), None);
+    assert_eq!(new([-1e-9, 0.0, 0.0, 0.0], rest, columns), refused);
+    assert_eq!(new([0.0, 0.0, 0.0, f64::INFINITY], rest, columns), refused);
+    assert_eq!(new(s, f64::NAN, columns), refused);
+    let mut bad = columns;
+    bad[3][20] = f64::NAN;
+    assert_eq!(new(s, rest, bad), refused);
+    let at = pose(POSES[0]);
+    let factor = TABLE_F64.factor_form(&MACHINE_F64, &at).unwrap().factor;
+    let nowhere = Wrench { force_n: Vector3::new(f64::NAN, 0.0, 0.0), ..push() };
+    let found = TABLE_F64.tip_uncertainty(&UNCERTAINTY_F64, &factor, &at, &nowhere, TIP_M);
+    assert_eq!(found, Err(StiffnessError::NotFinite));
+    let found = TABLE_F64.cycle_known(&MACHINE_F64, &UNCERTAINTY_F64, &at, &nowhere, TIP_M);
+    assert!(matches!(found, Err(CycleError::Correction(_))));
+}
