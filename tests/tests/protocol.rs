@@ -511,7 +511,7 @@ fn the_front_page_is_the_protocol() {
     for line in &replies {
         assert!(Reply::<f64>::parse(&line_of(line.as_bytes())).is_some(), "{line}");
     }
-    assert_eq!((commands.len(), replies.len()), (7, 8));
+    assert_eq!((commands.len(), replies.len()), (10, 9));
 
     // serde's message for a word that is none names all that are
     fn words<T: serde::de::DeserializeOwned>() -> String {
