@@ -17,7 +17,7 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading}
 use pkm_core::correction::{
     TableBuffer, TableHeader, TableUncertainty, TransferError, UNCERTAINTY_SPREAD, narrow, spread_terms,
 };
-use pkm_core::effects::{Element, Law, Motion, Place};
+use pkm_core::effects::{EFFECTS, Element, Law, Motion, Place};
 use pkm_core::estimation::{Amplitude, Estimator, TipReading, Touch, newest, state_bytes};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
@@ -306,6 +306,7 @@ fn main() -> ! {
     let parameters = black_box(PARAMETERS);
     black_box((parameters.check().is_ok(), parameters.checksum(), parameters.actual_geometry()));
     black_box(parameters.effects.with(black_box("preload"), black_box([1.0; 3])));
+    black_box(EFFECTS.first().map(|effect| effect.names().len()));
     if let Some(effects) = parameters.effects.with_element(
         black_box("limb.1.body"),
         black_box("axial"),
