@@ -29,8 +29,9 @@ fuzz_target!(|bytes: &[u8]| {
     if !holds {
         return;
     }
-    let places: Vec<_> = program.moves.iter().map(|m| vec![m.to]).collect();
-    let written = program.written(&places, &["note".to_owned()]);
+    let mut writer = program.writer();
+    program.moves.iter().for_each(|m| writer.push(vec![m.to]));
+    let written = writer.finish(&["note".to_owned()]);
     let again = read(Program::parse(&file(written.as_bytes()), Some(Wrench::ZERO))).expect("what was written");
     assert_eq!(program.moves.len(), again.moves.len());
     for (one, other) in program.moves.iter().zip(&again.moves) {

@@ -165,9 +165,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         limits: limits.as_ref(),
     };
     let margin = model.machine.wrist_parameters.singularity_margin;
-    let track = walk(&model.machine, correction.as_ref(), &request, &bar())?;
+    let mut writer = path.writer();
+    let track = walk(&model.machine, correction.as_ref(), &request, &mut |points| writer.push(points), &bar())?;
     session.warn(report::too_fast(&track));
-    let written = path.written(&track.points, &notes(args, &model, &track, in_program, session));
+    let written = writer.finish(&notes(args, &model, &track, in_program, session));
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);
     let inputs = [&[session.machine_path(), args.table.as_deref(), Some(args.path.as_path())], &others[..]].concat();
     let html = report::html(&track, &facts, &session.warnings, margin)?;
@@ -175,7 +176,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let folder = source::folder_of(&args.out);
     source::write_all(folder, &files, &inputs)?;
     let [out, plot, page] = [&args.out, &svg, &folder.join(REPORT)].map(|path| path.display().to_string());
-    let points: usize = track.points.iter().map(Vec::len).sum();
+    let points = track.points;
     let text = format!(
         "wrote {points} points to {out} and their errors to {plot} and {page}\n{}",
         report::text(&track, margin)
@@ -207,7 +208,7 @@ fn notes(args: &Args, model: &Model, track: &Track, in_program: bool, session: &
         notes.push(args.origin(model));
     }
     if track.extrapolated > 0 {
-        let points: usize = track.points.iter().map(Vec::len).sum();
+        let points = track.points;
         let beyond = format!("{} of {points} points lie outside the table's box: extrapolated", track.extrapolated);
         notes.push(format!("{MARK}: {beyond}"));
         session.warn([beyond]);

@@ -6,8 +6,9 @@ use std::path::Path;
 use pkm_core::Wrench;
 
 use crate::error::{Failure, Result};
+use crate::files::csv::Row;
 use crate::files::dataset::{self, Sheet, WRENCH_COLUMNS};
-use crate::files::gcode::{Program, Setup};
+use crate::files::gcode::{Program, Setup, Writer};
 use crate::files::path::{Move, Place, Toward};
 use crate::files::source::Source;
 
@@ -108,14 +109,11 @@ impl ToolPath {
         }
     }
 
-    /// The path with other places, several where a move was divided, and notes at its head.
-    pub fn written(&self, points: &[Vec<Point>], notes: &[String]) -> String {
+    /// The path to be written with other places.
+    pub fn writer(&self) -> PathWriter<'_> {
         match self {
-            Self::Csv { sheet, .. } => csv(sheet, points, notes),
-            Self::Program(program) => {
-                let places: Vec<Vec<Place>> = points.iter().map(|p| p.iter().map(|p| p.place).collect()).collect();
-                program.written(&places, notes)
-            }
+            Self::Csv { sheet, .. } => PathWriter::Csv { sheet, rows: Vec::new(), next: 0 },
+            Self::Program(program) => PathWriter::Program(program.writer()),
         }
     }
 }
@@ -150,28 +148,64 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
     Ok((sheet, moves))
 }
 
-/// The rows with other places, several where a cut was divided, and notes above the header.
-fn csv(sheet: &Sheet, points: &[Vec<Point>], notes: &[String]) -> String {
-    let place = |name: &str| sheet.header.iter().position(|h| h == name);
-    let columns: Vec<Option<usize>> = TOOL_COLUMNS.iter().chain(&WRENCH_COLUMNS).map(|name| place(name)).collect();
-    let mut rows = Vec::new();
-    for (row, points) in sheet.rows.iter().zip(points) {
-        for (n, point) in points.iter().enumerate() {
-            let mut cells = row.to_cells();
-            let Toward::Axis(axis) = point.place.toward else { continue };
-            let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
-            let wrench: [f64; 6] = point.wrench.to_vector().into();
-            // a row's own wrench stays as it was written
-            let values = tip.into_iter().chain(axis).chain(wrench);
-            let values = if n + 1 == points.len() { values.take(6) } else { values.take(12) };
-            for (column, value) in columns.iter().zip(values) {
-                if let Some(column) = column {
-                    cells[*column] = sheet.written(value + 0.0);
+/// A path that is written move by move with other places.
+pub enum PathWriter<'a> {
+    /// Its rows so far, and which row of the sheet comes next.
+    Csv {
+        /// As it was read.
+        sheet: &'a Sheet,
+        /// Their cells.
+        rows: Vec<Vec<String>>,
+        /// From 0.
+        next: usize,
+    },
+    /// G-code.
+    Program(Writer<'a>),
+}
+
+impl PathWriter<'_> {
+    /// The next move's points, several where it was divided.
+    pub fn push(&mut self, points: &[Point]) {
+        match self {
+            Self::Program(writer) => writer.push(points.iter().map(|p| p.place).collect()),
+            Self::Csv { sheet, rows, next } => {
+                if let Some(row) = sheet.rows.get(*next) {
+                    push_rows(sheet, row, points, rows);
                 }
+                *next += 1;
             }
-            rows.push(cells);
         }
     }
-    let notes: String = notes.iter().map(|note| format!("# {note}\n")).collect();
-    notes + &dataset::to_csv(sheet.delimiter(), &sheet.header, rows)
+
+    /// The new path, with notes at its head.
+    pub fn finish(self, notes: &[String]) -> String {
+        match self {
+            Self::Program(writer) => writer.finish(notes),
+            Self::Csv { sheet, rows, .. } => {
+                let notes: String = notes.iter().map(|note| format!("# {note}\n")).collect();
+                notes + &dataset::to_csv(sheet.delimiter(), &sheet.header, rows)
+            }
+        }
+    }
+}
+
+/// A row with other places, several where its cut was divided.
+fn push_rows(sheet: &Sheet, row: &Row, points: &[Point], rows: &mut Vec<Vec<String>>) {
+    let place = |name: &str| sheet.header.iter().position(|h| h == name);
+    let columns: Vec<Option<usize>> = TOOL_COLUMNS.iter().chain(&WRENCH_COLUMNS).map(|name| place(name)).collect();
+    for (n, point) in points.iter().enumerate() {
+        let mut cells = row.to_cells();
+        let Toward::Axis(axis) = point.place.toward else { continue };
+        let tip = point.place.tip_m.map(|m| (m * 1e12).round() / 1e9);
+        let wrench: [f64; 6] = point.wrench.to_vector().into();
+        // a row's own wrench stays as it was written
+        let values = tip.into_iter().chain(axis).chain(wrench);
+        let values = if n + 1 == points.len() { values.take(6) } else { values.take(12) };
+        for (column, value) in columns.iter().zip(values) {
+            if let Some(column) = column {
+                cells[*column] = sheet.written(value + 0.0);
+            }
+        }
+        rows.push(cells);
+    }
 }

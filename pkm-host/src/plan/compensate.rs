@@ -117,8 +117,8 @@ impl LoadedPoint {
 /// What came of a path.
 #[derive(Default)]
 pub struct Track {
-    /// New points of every move.
-    pub points: Vec<Vec<Point>>,
+    /// How many points the new path has.
+    pub points: usize,
     /// Of tip in m and axis in rad, as the path was.
     pub before: [Tally; 2],
     /// As it becomes.
@@ -180,6 +180,8 @@ struct Walk<'a> {
     track: Track,
     /// The last loaded point: as asked, and as commanded.
     last: Option<(Place, Point)>,
+    /// New points of the move that is being gone along.
+    points: Vec<Point>,
     way_m: f64,
     position: PathPosition,
 }
@@ -299,14 +301,8 @@ impl Walk<'_> {
         });
         let point = Point { place, wrench: *wrench };
         self.last = Some((*asked, point));
-        self.put(point);
+        self.points.push(point);
         Ok(after.hold)
-    }
-
-    fn put(&mut self, point: Point) {
-        if let Some(points) = self.track.points.last_mut() {
-            points.push(point);
-        }
     }
 }
 
@@ -333,7 +329,7 @@ fn all_steps(moves: &[Move], steps: impl Fn(&Place, &Place) -> f64) -> Result<u6
     Err(Failure::input(message))
 }
 
-/// Goes along a path. A program's cuts are divided into steps; a CSV's only where a step is given.
+/// Goes along a path, and gives the new points of each move to `write`. A program's cuts are divided into steps; a CSV's only where a step is given.
 ///
 /// # Errors
 /// A path that the machine or the table does not allow.
@@ -341,6 +337,7 @@ pub fn walk<'a>(
     machine: &'a MachineFile,
     correction: Option<&'a Correction<'a>>,
     request: &Request<'a>,
+    write: &mut dyn FnMut(&[Point]),
     progress: &Progress<'_>,
 ) -> Result<Track> {
     let Request { file, moves, in_program, .. } = *request;
@@ -357,11 +354,21 @@ pub fn walk<'a>(
     let allow_extrapolation = request.allow_extrapolation;
     let position = PathPosition { line: 0, from: None, tip_m: [0.0; 3] };
     let reach = &reaches[0];
-    let mut walk =
-        Walk { reach, correction, file, allow_extrapolation, in_program, track, last: None, way_m: 0.0, position };
+    let mut walk = Walk {
+        reach,
+        correction,
+        file,
+        allow_extrapolation,
+        in_program,
+        track,
+        last: None,
+        points: Vec::new(),
+        way_m: 0.0,
+        position,
+    };
     let (mut near, mut stood) = (walk.reach.home(), None);
     for (index, mv) in moves.iter().enumerate() {
-        walk.track.points.push(Vec::new());
+        walk.points.clear();
         let tool = machines.iter().position(|(longer_m, _)| *longer_m == mv.longer_m);
         walk.reach = &reaches[tool.unwrap_or(0)];
         let before = index.checked_sub(1).filter(|_| !mv.is_fresh).map(|i| &moves[i]);
@@ -400,11 +407,13 @@ pub fn walk<'a>(
                     walk.last = None;
                 }
             } else if ends || (fill && mv.is_loaded()) {
-                walk.put(Point { place: rounded(&asked, in_program), wrench });
+                walk.points.push(Point { place: rounded(&asked, in_program), wrench });
             }
             progress("points", done, all);
             done += 1;
         }
+        walk.track.points += walk.points.len();
+        write(&walk.points);
         if let Some(limits) =
             request.limits.filter(|_| before.is_some_and(|b| b.longer_m == mv.longer_m) && mv.feed_per_min.is_some())
         {

@@ -96,7 +96,7 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
         "The load takes the tip {before:.1} µm from its path at most; with the new commands {after:.4} µm are left."
     ))];
     if track.extrapolated > 0 {
-        let points: usize = track.points.iter().map(Vec::len).sum();
+        let points = track.points;
         let text = format!(
             "{} of {points} points lie outside the table's box: what is compensated there is extrapolated.",
             track.extrapolated
@@ -187,7 +187,7 @@ pub fn document(track: &Track) -> Value {
     let micro = |t: &Tally| json!({ "max": t.max * 1e6, "rms": t.rms() * 1e6 });
     let [before, after] = [&track.before, &track.after];
     json!({
-        "points": track.points.iter().map(Vec::len).sum::<usize>(),
+        "points": track.points,
         "loaded_points": track.loaded.len(),
         "error_before_um": micro(&before[0]),
         "error_after_um": micro(&after[0]),

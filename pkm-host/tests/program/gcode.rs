@@ -52,7 +52,9 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 
 /// A program that is written with the places that were asked for.
 fn rewritten(program: &Program) -> String {
-    program.written(&program.moves.iter().map(|m| vec![m.to]).collect::<Vec<_>>(), &[])
+    let mut writer = program.writer();
+    program.moves.iter().for_each(|m| writer.push(vec![m.to]));
+    writer.finish(&[])
 }
 
 #[test]

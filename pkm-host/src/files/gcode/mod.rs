@@ -19,6 +19,8 @@ mod offsets;
 mod words;
 mod writer;
 
+pub use writer::Writer;
+
 use pkm_core::Wrench;
 
 use self::flow::{Flow, Order};
@@ -108,7 +110,7 @@ enum Content {
     /// The same but for the words that called a subprogram or ended one: its lines follow.
     Call,
     /// So many moves.
-    Moves { count: u32, form: Form, style: u32 },
+    Moves { count: u32, style: u32 },
 }
 
 /// A program that is being read.
@@ -214,8 +216,8 @@ impl<'a> Reader<'a> {
                 for (n, stop) in stops.iter().enumerate() {
                     self.go(number, stop, fresh && n == 0)?;
                 }
-                let style = self.style(line);
-                Content::Moves { count: stops.len() as u32, form, style }
+                let style = self.style(form, line);
+                Content::Moves { count: stops.len() as u32, style }
             }
         };
         self.take_m(index, line, content)
@@ -229,7 +231,7 @@ impl<'a> Reader<'a> {
             return Err("of M2, M30, M98 and M99 more than one: which line is next is not clear".into());
         }
         let calls = has(98.0) || has(99.0);
-        if calls && matches!(content, Content::Moves { form: Form::Reference { .. }, .. }) {
+        if calls && self.is_reference(content) {
             return Err("G28 or G30 with M98 or M99: give them lines of their own".into());
         }
         self.put(index, if calls && matches!(content, Content::Text) { Content::Call } else { content });
@@ -241,6 +243,11 @@ impl<'a> Reader<'a> {
             self.flow.end(index);
         }
         Ok(())
+    }
+
+    fn is_reference(&self, content: Content) -> bool {
+        let Content::Moves { style, .. } = content else { return false };
+        matches!(self.program.styles[style as usize].form, Form::Reference { .. })
     }
 
     fn put(&mut self, index: usize, content: Content) {
@@ -283,8 +290,8 @@ impl<'a> Reader<'a> {
     }
 
     /// The number of the style that is in force.
-    fn style(&mut self, line: &Line<'_>) -> u32 {
-        let style = self.modal.style(line.words.iter().any(|w| w.is('G', &[53.0])));
+    fn style(&mut self, form: Form, line: &Line<'_>) -> u32 {
+        let style = self.modal.style(form, line.words.iter().any(|w| w.is('G', &[53.0])));
         let styles = &mut self.program.styles;
         if styles.last() != Some(&style) {
             styles.push(style);

@@ -26,9 +26,10 @@ pub(super) enum Motion {
     Drill(Drill),
 }
 
-/// How the coordinates of new points are written.
+/// How a line with moves is written, and the coordinates of new points.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Style {
+    pub form: Form,
     /// The program's origin in B, mm.
     pub origin_mm: [f64; 3],
     /// 1, or 25.4 for inches.
@@ -172,8 +173,9 @@ impl<'a> Modal<'a> {
     }
 
     /// How points of this line are written.
-    pub fn style(&self, in_machine: bool) -> Style {
+    pub fn style(&self, form: Form, in_machine: bool) -> Style {
         Style {
+            form,
             origin_mm: if in_machine { [0.0; 3] } else { self.offsets.total_mm() },
             unit_mm: self.unit_mm,
             incremental: self.incremental,

@@ -8,11 +8,19 @@ use crate::files::path::{Place, Toward};
 /// Stops of a program on the line of a move: they come behind it.
 const STOPS: [f64; 5] = [0.0, 1.0, 2.0, 30.0, 60.0];
 
-/// What the control has been told so far.
-struct Writer<'a> {
+/// A program that is written with other places, move by move, in the order in which they are made.
+pub struct Writer<'a> {
     text: String,
     lines: Vec<&'a str>,
     program: &'a Program,
+    /// The block that comes next, and its first move.
+    block: usize,
+    first: usize,
+    /// Places of that block's moves so far.
+    places: Vec<Vec<Place>>,
+    /// The line of a `%` at the beginning, and where in the text the notes go: behind it.
+    percent: Option<usize>,
+    head: usize,
     /// Whether the motion in force is rapid, if it is one of G0 and G1.
     rapid: Option<bool>,
     /// Where the tool was sent last, in the program's axes.
@@ -20,37 +28,25 @@ struct Writer<'a> {
 }
 
 impl Program {
-    /// The program with other places for its moves, several where one was divided, and notes at its head.
-    pub fn written(&self, places: &[Vec<Place>], notes: &[String]) -> String {
+    /// The program to be written with other places.
+    pub fn writer(&self) -> Writer<'_> {
         let source = self.source.text().unwrap_or_default();
         let lines: Vec<&str> = source.lines().collect();
-        let mut writer =
-            Writer { text: String::with_capacity(2 * source.len()), lines, program: self, rapid: None, last: None };
-        let head: String = notes.iter().map(|note| format!("({})\n", note.replace(['(', ')'], ""))).collect();
-        let first = writer.lines.iter().position(|l| !l.trim().is_empty());
-        let percent = first.filter(|i| writer.lines[*i].trim() == "%");
-        if percent.is_none() {
-            writer.text.push_str(&head);
-        }
-        let mut done = 0;
-        for block in &self.blocks {
-            let index = block.line as usize;
-            // it was read before, and so it is readable
-            let Ok(line) = Line::parse(writer.lines[index]) else { continue };
-            match block.content {
-                Content::Text => writer.pass(&line),
-                Content::Call => writer.call(&line),
-                Content::Moves { count, form, style } => {
-                    let end = (done + count as usize).min(places.len());
-                    writer.moves(&line, form, &self.styles[style as usize], done, &places[done.min(end)..end]);
-                    done = end;
-                }
-            }
-            if percent == Some(index) {
-                writer.text.push_str(&head);
-            }
-        }
-        writer.text
+        let first = lines.iter().position(|l| !l.trim().is_empty());
+        let mut writer = Writer {
+            text: String::with_capacity(2 * source.len()),
+            percent: first.filter(|i| lines[*i].trim() == "%"),
+            lines,
+            program: self,
+            block: 0,
+            first: 0,
+            places: Vec::new(),
+            head: 0,
+            rapid: None,
+            last: None,
+        };
+        writer.write_complete();
+        writer
     }
 }
 
@@ -66,6 +62,47 @@ fn calls(line: &Line<'_>, word: &Word<'_>) -> bool {
 }
 
 impl Writer<'_> {
+    /// The next move's places, several where it was divided.
+    pub fn push(&mut self, places: Vec<Place>) {
+        self.places.push(places);
+        self.write_complete();
+    }
+
+    /// The new program, with notes at its head.
+    pub fn finish(self, notes: &[String]) -> String {
+        let head: String = notes.iter().map(|note| format!("({})\n", note.replace(['(', ')'], ""))).collect();
+        let mut text = self.text;
+        text.insert_str(self.head, &head);
+        text
+    }
+
+    /// Writes the blocks that have all of their places.
+    fn write_complete(&mut self) {
+        while let Some(block) = self.program.blocks.get(self.block) {
+            let index = block.line as usize;
+            let count = if let Content::Moves { count, .. } = block.content { count as usize } else { 0 };
+            if self.places.len() < count {
+                return;
+            }
+            // it was read before, and so it is readable
+            if let Ok(line) = Line::parse(self.lines[index]) {
+                match block.content {
+                    Content::Text => self.pass(&line),
+                    Content::Call => self.call(&line),
+                    Content::Moves { style, .. } => {
+                        let places = std::mem::take(&mut self.places);
+                        self.moves(&line, &self.program.styles[style as usize], self.first, &places);
+                        self.first += count;
+                    }
+                }
+            }
+            if self.percent == Some(index) {
+                self.head = self.text.len();
+            }
+            self.block += 1;
+        }
+    }
+
     fn put(&mut self, line: &str) {
         self.text.push_str(line);
         self.text.push('\n');
@@ -98,7 +135,8 @@ impl Writer<'_> {
         self.put(parts.join(" ").trim_start());
     }
 
-    fn moves(&mut self, line: &Line<'_>, form: Form, style: &Style, first: usize, places: &[Vec<Place>]) {
+    fn moves(&mut self, line: &Line<'_>, style: &Style, first: usize, places: &[Vec<Place>]) {
+        let form = style.form;
         if let Form::Reference { named } = form {
             self.pass(line);
             self.reach_reference(places, named);
