@@ -14,7 +14,7 @@
 
 use core::fmt;
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
 use crate::correction::{Corrected, CorrectionError, CorrectionTable, TableUncertainty};
 use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
@@ -292,7 +292,8 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         let wrench = wrench_at_tip.moved_to_a(tip_m);
         // first, with nothing of the rest on the stack
         let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &Wrench::ZERO)?;
-        self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m, |_, _| Ok(T::ONE))
+        let whole = |_: &_, _: &_, _: &_| Ok((T::ONE, ()));
+        self.cycle_with((machine, pose, &posture, tip_m), &wrench, &beyond, whole, |cycle, _, ()| cycle)
     }
 
     /// [`cycle`](Self::cycle) with the uncertainty of the tip's deflection, which is compensated as far as it is known. A controller that
@@ -328,37 +329,41 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         let posture = machine.posture(pose)?;
         let wrench = wrench_at_tip.moved_to_a(tip_m);
         let beyond = machine.load_dependent_deflection_at(&posture, &wrench, &Wrench::ZERO)?;
-        let mut known = (TipUncertainty { variance_m2: Vector3::zeros() }, T::ONE);
-        let cycle = self.cycle_with(machine, pose, &posture, &wrench, &beyond, tip_m, |factor, deflection| {
-            let uncertainty = self.tip_uncertainty(uncertainty, factor, pose, wrench_at_tip, tip_m)?;
-            let share = uncertainty.known_share(&deflection.seen_at(tip_m).translation_m);
-            known = (uncertainty, share);
-            Ok(share)
-        })?;
-        let (uncertainty, share) = known;
-        Ok(KnownCycle { cycle, uncertainty, share })
+        let known = |factor: &StiffnessFactor<T>, x: &Vector6<T>, deflection: &Deflection<T>| {
+            let uncertainty = uncertainty.of_loaded(factor, self.scaled(pose), x, tip_m)?;
+            Ok((uncertainty.known_share(&deflection.seen_at(tip_m).translation_m), uncertainty))
+        };
+        self.cycle_with(
+            (machine, pose, &posture, tip_m),
+            &wrench,
+            &beyond,
+            known,
+            |cycle, share, uncertainty| KnownCycle { cycle, uncertainty, share },
+        )
     }
 
-    /// `beyond` is what load-dependent effects add to the deflection, `share` says how much of all is compensated.
-    #[inline(never)]
-    #[allow(clippy::too_many_arguments)] // each is worked out before K_p takes its stack
-    fn cycle_with(
+    /// `beyond` is what load-dependent effects add to the deflection. `known` says how much of the deflection is compensated, from
+    /// F, F⁻¹ times the load, and the deflection; `result` is put together where it is wanted, since a copy takes stack.
+    #[inline(never)] // what comes before takes no stack while K_p is put together
+    fn cycle_with<K, R>(
         &self,
-        machine: &Machine<T>,
-        pose: &Pose<T>,
-        posture: &Posture<T>,
+        (machine, pose, posture, tip_m): (&Machine<T>, &Pose<T>, &Posture<T>, Vector3<T>),
         wrench: &Wrench<T>,
         beyond: &Deflection<T>,
-        tip_m: Vector3<T>,
-        share: impl FnOnce(&StiffnessFactor<T>, &Deflection<T>) -> Result<T, CycleError>,
-    ) -> Result<Cycle<T>, CycleError> {
+        known: impl FnOnce(&StiffnessFactor<T>, &Vector6<T>, &Deflection<T>) -> Result<(T, K), CycleError>,
+        result: impl FnOnce(Cycle<T>, T, K) -> R,
+    ) -> Result<R, CycleError> {
         let mut factor = StiffnessFactor { lower: linalg::zero() };
         self.add_factor_form(machine, pose, posture, &mut factor.lower)?;
-        let deflection = factor.deflection(wrench)?.plus(beyond);
-        let made_up_for = deflection.times(share(&factor, &deflection)?);
-        let compensated =
-            machine.compensated_from(pose, posture, &made_up_for, tip_m).map_err(CycleError::Compensation)?;
+        let x = linalg::solve_lower::<T, 0>(&factor.lower, &wrench.to_vector());
+        let linear = Deflection::from_vector(linalg::solve_upper(&factor.lower, &x));
+        let deflection = stiffness::finite(linear)?.plus(beyond);
+        let (share, known) = known(&factor, &x, &deflection)?;
+        let compensated = machine
+            .compensated_from(pose, posture, &deflection.times(share), tip_m)
+            .map_err(CycleError::Compensation)?;
         let corrected = Corrected { factor, domain: self.domain(pose) };
-        Ok(Cycle { lengths: ScrewLengths { q_m: posture.q }, corrected, deflection, compensated })
+        let cycle = Cycle { lengths: ScrewLengths { q_m: posture.q }, corrected, deflection, compensated };
+        Ok(result(cycle, share, known))
     }
 }

@@ -109,8 +109,13 @@ pub(crate) fn solve_lower<T: Scalar, const FIRST: usize>(l: &Lower<T>, b: &Vecto
 
 /// x with L Lᵀ x = b.
 pub(crate) fn solve<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
-    let mut x: [T; 6] = solve_lower::<T, 0>(l, b).into();
+    solve_upper(l, &solve_lower::<T, 0>(l, b))
+}
+
+/// x with Lᵀ x = b.
+pub(crate) fn solve_upper<T: Scalar>(l: &Lower<T>, b: &Vector6<T>) -> Vector6<T> {
     let l = &l.data.0;
+    let mut x: [T; 6] = (*b).into();
     for i in (0..6).rev() {
         for k in i + 1..6 {
             x[i] -= l[i][k] * x[k];

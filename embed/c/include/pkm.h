@@ -10,7 +10,7 @@
  * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
  * interrupts. Input and result may be the same memory. A compensator is state, in memory that the caller gives: it is
  * updated by one caller at a time, and apart from its inputs and results.
- * Stack: the core takes at most 6,144 bytes on a Cortex-M in functions that end in _f64, 3,072 in _f32 (checks/budgets.toml);
+ * Stack: the core takes at most 5,632 bytes on a Cortex-M in functions that end in _f64, 3,072 in _f32 (checks/budgets.toml);
  * copies of inputs and result come on top. Time: bounded; a pkm_tool_inverse looks at no more than 64 configurations, two or
  * three along a path, and a pkm_tool_compensated at no more than 16 in all, with four deflections. The floating-point unit must be on before the
  * first call.

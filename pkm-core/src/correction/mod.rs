@@ -298,6 +298,11 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         self.basis.domain(pose)
     }
 
+    /// A pose in the table's scaled variables.
+    pub(crate) fn scaled(&self, pose: &Pose<T>) -> [T; 3] {
+        self.basis.scaled(pose)
+    }
+
     /// Whether the table has the factor form.
     pub const fn has_factor_form(&self) -> bool {
         self.factor.is_some()

@@ -117,7 +117,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         wrench_at_tip: &Wrench<T>,
         tip_m: Vector3<T>,
     ) -> Result<TipUncertainty<T>, StiffnessError> {
-        uncertainty.of_tip(factor, self.basis.scaled(pose), wrench_at_tip, tip_m)
+        uncertainty.of_tip(factor, self.scaled(pose), wrench_at_tip, tip_m)
     }
 
     /// Expanded uncertainties (k = 1.96) of the principal stiffnesses k11…k66 of `factor`, in their units, to first order in what the
@@ -128,7 +128,7 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         factor: &StiffnessFactor<T>,
         pose: &Pose<T>,
     ) -> Vector6<T> {
-        let spread = uncertainty.spread_at(self.basis.scaled(pose));
+        let spread = uncertainty.spread_at(self.scaled(pose));
         let mut u95 = Vector6::zeros();
         for (u95, row) in u95.iter_mut().zip(factor.lower.row_iter()) {
             let f = row.transpose();
@@ -144,7 +144,6 @@ impl<T: Scalar> TableUncertainty<T> {
     ///
     /// # Errors
     /// [`StiffnessError::NotFinite`] when the result is not finite.
-    #[inline(never)] // takes no stack while the stiffness is worked out
     pub fn of_tip(
         &self,
         factor: &StiffnessFactor<T>,
@@ -152,16 +151,28 @@ impl<T: Scalar> TableUncertainty<T> {
         wrench_at_tip: &Wrench<T>,
         tip_m: Vector3<T>,
     ) -> Result<TipUncertainty<T>, StiffnessError> {
+        let load = wrench_at_tip.moved_to_a(tip_m).to_vector();
+        self.of_loaded(factor, scaled, &linalg::solve_lower::<T, 0>(&factor.lower, &load), tip_m)
+    }
+
+    /// The same with x, F⁻¹ times the load at A.
+    #[inline(never)] // takes no stack while the stiffness is worked out
+    pub(crate) fn of_loaded(
+        &self,
+        factor: &StiffnessFactor<T>,
+        scaled: [T; 3],
+        x: &Vector6<T>,
+        tip_m: Vector3<T>,
+    ) -> Result<TipUncertainty<T>, StiffnessError> {
         let lower = &factor.lower;
-        let x = linalg::solve_lower::<T, 0>(lower, &wrench_at_tip.moved_to_a(tip_m).to_vector());
-        let moved = (x.dot(&x), self.moved(&x));
+        let moved = (x.dot(x), self.moved(x));
         let ([u, v, w], one, o) = (tip_m.into(), T::ONE, T::ZERO);
         // unit forces on the tip, their moments about A
         let along_u = linalg::solve_lower::<T, 0>(lower, &Vector6::new(one, o, o, o, w, -v));
         let along_v = linalg::solve_lower::<T, 1>(lower, &Vector6::new(o, one, o, -w, o, u));
         let along_w = linalg::solve_lower::<T, 2>(lower, &Vector6::new(o, o, one, v, -u, o));
         let spread = self.spread_at(scaled);
-        let variances = [along_u, along_v, along_w].map(|y| spread * self.variance(&y, &x, &moved));
+        let variances = [along_u, along_v, along_w].map(|y| spread * self.variance(&y, x, &moved));
         let variance_m2 = Vector3::from(variances);
         if linalg::is_finite(&variance_m2) {
             Ok(TipUncertainty { variance_m2 })

@@ -123,21 +123,21 @@ impl<T: Scalar, const N: usize> Chain<T, N> {
         for (i, x) in x.iter_mut().enumerate() {
             *x = if i == wrench { T::ONE } else { T::ZERO };
         }
-        let mut ratios = [[T::ZERO; N]; N];
         for j in 0..N {
-            for i in j + 1..N {
+            // from the last row up: a row's ratio takes the place of what the rows below it have used
+            for i in (j + 1..N).rev() {
                 let ratio = d[i][j] / d[j][j];
                 for m in j + 1..=i {
                     d[i][m] -= ratio * d[m][j];
                 }
                 x[i] -= ratio * x[j];
-                ratios[i][j] = ratio;
+                d[i][j] = ratio;
             }
         }
         for j in (0..N).rev() {
             x[j] /= d[j][j];
             for i in j + 1..N {
-                x[j] -= ratios[i][j] * x[i];
+                x[j] -= d[i][j] * x[i];
             }
         }
         x

@@ -223,10 +223,17 @@ impl<T: Scalar> Machine<T> {
             LimbResponse { actual: self.actual(posture)?, moved: [Vector6::zeros(); 3], m: Matrix3::zeros() };
         let mut lower = linalg::zero();
         self.add_limb_response(&mut limbs, &mut lower)?;
-        factor(&mut lower)?;
+        self.release(&mut limbs, &mut lower)?;
+        Ok(LoadResponse { machine: self, limbs: Some(limbs) })
+    }
+
+    /// Turns the wrenches and tensions of A held into displacements and tensions of A free. `k` is of no use afterwards.
+    #[inline(never)] // takes no stack while the limbs are put together
+    fn release(&self, limbs: &mut LimbResponse<T>, k: &mut Lower<T>) -> Result<(), StiffnessError> {
+        factor(k)?;
         let wrenches = limbs.moved;
         for (moved, wrench) in limbs.moved.iter_mut().zip(&wrenches) {
-            *moved = linalg::solve(&lower, wrench);
+            *moved = linalg::solve(k, wrench);
         }
         if (0..3).any(|limb| self.effects.tension(limb) != T::ZERO) {
             for (column, moved) in limbs.m.data.0.iter_mut().zip(&limbs.moved) {
@@ -238,7 +245,7 @@ impl<T: Scalar> Machine<T> {
             // the two cancel but for rounding
             limbs.m = Matrix3::zeros();
         }
-        Ok(LoadResponse { machine: self, limbs: Some(limbs) })
+        Ok(())
     }
 
     /// Turns zeros into K, lower triangle, and with A held, `moved` into the wrenches at A per unit of elongation of each
