@@ -138,7 +138,12 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let model = session.model(&TableArgs { table: args.table.clone(), form: Form::Auto })?;
     let table = model.table.as_ref().map(|t| match t.form {
         Form::Diagonal => Err(no_factor_form(&t.source, "there is no path without it")),
-        _ => Ok(Correction { table: t.numbers.table()?, extent: t.pose_box, name: t.source.name.clone() }),
+        _ => Ok(Correction {
+            table: t.numbers.table()?,
+            uncertainty: t.uncertainty,
+            extent: t.pose_box,
+            name: t.source.name.clone(),
+        }),
     });
     let correction = table.transpose()?;
     args.check()?;
@@ -168,6 +173,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let mut writer = path.writer();
     let track = walk(&model.machine, correction.as_ref(), &request, &mut |points| writer.push(points), &bar())?;
     session.warn(report::too_fast(&track));
+    session.warn(report::unsure(&track));
     let written = writer.finish(&notes(args, &model, &track, in_program, session));
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);
     let inputs = [&[session.machine_path(), args.table.as_deref(), Some(args.path.as_path())], &others[..]].concat();

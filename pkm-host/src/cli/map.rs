@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use pkm_core::effects::Effects;
-use pkm_core::{CorrectionError, Domain, Machine, Pose, StiffnessError};
+use pkm_core::nalgebra::Vector3;
+use pkm_core::{CorrectionError, Domain, Machine, Pose, StiffnessError, TableUncertainty};
 use serde_json::{Value, json};
 
 use super::arguments::{TableArgs, finite, list};
@@ -12,10 +13,10 @@ use super::session::{Output, Session};
 use crate::error::{Failure, Result, status};
 use crate::files::{dataset, source};
 use crate::plan::map::{self, Map, Window, claims};
-use crate::plan::model::{Applied, Form, solve_at};
+use crate::plan::model::{Applied, Form, solve_at, u95_m_per_n};
 use crate::report::map::{self as report, Sheet, picture};
 
-/// Maps of k11…k66 over the workspace (Fig. 7), and whether the paper's Section 5.2 is true of this machine.
+/// Maps of k11…k66 over the workspace (Fig. 7), of how far a table may be off at the tip where it says so, and whether the paper's Section 5.2 is true of this machine.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -63,8 +64,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let model = session.model(&args.table)?;
     let file = &model.machine;
     let applied = model.applied()?;
-    let value = |machine: &Machine<f64>, pose: &Pose<f64>| value_at(&applied, machine, pose);
-    let name = match &applied {
+    let uncertainty = model.table.as_ref().and_then(|table| table.uncertainty.as_ref());
+    let known = Known { applied, uncertainty, tip_m: file.wrist_parameters.tip_at_zero_m() };
+    let value = |machine: &Machine<f64>, pose: &Pose<f64>| known.value_at(machine, pose);
+    let name = match &known.applied {
         None => "basic",
         Some((_, Form::Diagonal)) => "diagonal",
         Some(_) => "factor",
@@ -109,20 +112,29 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     session.output(text, &json)
 }
 
-fn value_at(
-    applied: &Applied<'_>,
-    machine: &Machine<f64>,
-    pose: &Pose<f64>,
-) -> std::result::Result<map::Value, &'static str> {
-    match solve_at(applied, machine, pose) {
-        Ok(solved) => {
-            let principal: [f64; 6] = solved.factor.stiffness().principal().into();
-            let inside = solved.domain.map(|d| d == Domain::Inside);
-            let finite = principal.iter().all(|k| k.is_finite());
-            if finite { Ok(map::Value { principal, inside }) } else { Err("no_stiffness") }
+/// What a map is drawn of.
+struct Known<'a> {
+    applied: Applied<'a>,
+    uncertainty: Option<&'a TableUncertainty<f64>>,
+    /// With the wrist at 0.
+    tip_m: Vector3<f64>,
+}
+
+impl Known<'_> {
+    fn value_at(&self, machine: &Machine<f64>, pose: &Pose<f64>) -> std::result::Result<map::Value, &'static str> {
+        let solved = match solve_at(&self.applied, machine, pose) {
+            Ok(solved) => solved,
+            Err(CorrectionError::Stiffness(StiffnessError::Kinematics(e))) => return Err(status(e)),
+            // positive definite no more: a table far outside its box
+            Err(_) => return Err("no_stiffness"),
+        };
+        let principal: [f64; 6] = solved.factor.stiffness().principal().into();
+        if !principal.iter().all(|k| k.is_finite()) {
+            return Err("no_stiffness");
         }
-        Err(CorrectionError::Stiffness(StiffnessError::Kinematics(e))) => Err(status(e)),
-        // positive definite no more: a table far outside its box
-        Err(_) => Err("no_stiffness"),
+        let u95 = self.applied.as_ref().zip(self.uncertainty);
+        let u95 = u95.map(|((table, _), known)| u95_m_per_n(table, known, &solved.factor, pose, self.tip_m));
+        let inside = solved.domain.map(|d| d == Domain::Inside);
+        Ok(map::Value { principal, inside, u95_m_per_n: u95.transpose().map_err(|_| "no_stiffness")? })
     }
 }

@@ -4,7 +4,12 @@
 //! hold the tool; the first point is held as `ik` would. Where a load acts, the command is what [`pkm_core::FiveAxis::compensated`]
 //! says, rounded as it is written; its error is what the loaded model makes of that written command.
 
-use pkm_core::{Configuration, CorrectionTable, Domain, Hold, Pose, Tool, ToolDeflectionError, Wrench};
+use pkm_core::kinematics::platform_axes;
+use pkm_core::nalgebra::Vector3;
+use pkm_core::{
+    Configuration, CorrectionTable, Domain, Hold, Pose, TableUncertainty, TipUncertainty, Tool, ToolDeflectionError,
+    Wrench,
+};
 
 use crate::error::{Failure, Result};
 use crate::files::limits::JointLimits;
@@ -13,7 +18,7 @@ use crate::files::path::{Move, Place, Toward, part_of, rounded};
 use crate::files::tool_path::Point;
 use crate::plan::feed::{JointTrack, TooFast};
 use crate::plan::reach::Reach;
-use crate::pose::{PoseBox, file_units};
+use crate::pose::{PoseBox, a_in_b_m, file_units};
 use crate::progress::Progress;
 
 /// Longest path of the tip in one step when none is given, mm.
@@ -44,6 +49,8 @@ pub struct Request<'a> {
 pub struct Correction<'a> {
     /// In the factor form.
     pub table: CorrectionTable<'a, f64>,
+    /// How far it may be off, where it says so.
+    pub uncertainty: Option<TableUncertainty<f64>>,
     /// In the units of files.
     pub extent: PoseBox,
     /// Its file.
@@ -105,6 +112,17 @@ pub struct LoadedPoint {
     pub before_m: [f64; 3],
     /// How far it is off with the new command.
     pub after_m: f64,
+    /// How well the table knows the deflection, where it says so.
+    pub known: Option<KnownDeflection>,
+}
+
+/// How well a deflection of the tip is known.
+#[derive(Clone, Copy, Debug)]
+pub struct KnownDeflection {
+    /// Length of its expanded uncertainty along u, v, w, coverage 95 %.
+    pub u95_m: f64,
+    /// Share of it that a controller would compensate: [`TipUncertainty::known_share`].
+    pub share: f64,
 }
 
 impl LoadedPoint {
@@ -131,6 +149,10 @@ pub struct Track {
     pub extrapolated: usize,
     /// Where a load acts, in the path's order.
     pub loaded: Vec<LoadedPoint>,
+    /// Length of the deflection's expanded uncertainty in m; of no points where the table does not say.
+    pub u95: Tally,
+    /// Loaded points where that is greater than the deflection.
+    pub unsure: usize,
     /// Lines that ask too much of a joint, with `limits`.
     pub too_fast: Vec<TooFast>,
     /// Moves whose feed was held against `limits`.
@@ -224,6 +246,26 @@ impl Walk<'_> {
         })
     }
 
+    /// How well the table knows what a load does to the tool in a configuration.
+    fn known(
+        &self,
+        configuration: &Configuration<f64>,
+        wrench: &Wrench<f64>,
+        moved_m: [f64; 3],
+    ) -> std::result::Result<Option<KnownDeflection>, ToolDeflectionError> {
+        let Some(Correction { table, uncertainty: Some(uncertainty), .. }) = self.correction else { return Ok(None) };
+        let pose = &configuration.pose;
+        let frame = self.reach.five.frame(configuration)?;
+        // from B-xyz, and the load from the tool's axes, to A-uvw
+        let to_a = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()).transpose();
+        let tip_m = to_a * (frame.tip_m - Vector3::from(a_in_b_m(pose)));
+        let turned = to_a * frame.axes;
+        let at_tip = Wrench { force_n: turned * wrench.force_n, moment_nm: turned * wrench.moment_nm };
+        let factor = table.factor_form(self.reach.five.machine, pose)?.factor;
+        let found: TipUncertainty<f64> = table.tip_uncertainty(uncertainty, &factor, pose, &at_tip, tip_m)?;
+        Ok(Some(KnownDeflection { u95_m: found.u95_m().norm(), share: found.known_share(&moved_m.into()) }))
+    }
+
     fn here(&self, failure: Failure) -> Failure {
         let [x, y, z] = self.position.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
         let way = self.position.from.map_or(String::new(), |line| format!("on the way from line {line} to here, "));
@@ -268,6 +310,7 @@ impl Walk<'_> {
         let failed = |e| self.failure(e, self.reach.stand_anywhere(&place, &configuration));
         let before = self.met(asked, wrench, &tool, near).map_err(failed)?;
         let after = self.met(&place, wrench, &tool, &configuration).map_err(failed)?;
+        let known = self.known(&before.hold.configuration, wrench, before.tip_off_m).map_err(failed)?;
         let outside = self.correction.filter(|_| after.domain == Some(Domain::Outside));
         if let Some(correction) = outside.filter(|_| !self.allow_extrapolation) {
             let amount = outside_by(&after.hold.configuration.pose, &correction.extent);
@@ -292,12 +335,15 @@ impl Walk<'_> {
         }
         track.extrapolated += usize::from(outside.is_some());
         track.least_share = track.least_share.min(after.hold.home_share);
+        known.iter().for_each(|known| track.u95.add(known.u95_m));
+        track.unsure += known.iter().filter(|known| known.share < 1.0).count();
         track.loaded.push(LoadedPoint {
             line: self.position.line,
             way_m: self.way_m,
             tip_m: asked.tip_m,
             before_m: before.tip_off_m,
             after_m: off_after[0],
+            known,
         });
         let point = Point { place, wrench: *wrench };
         self.last = Some((*asked, point));

@@ -173,6 +173,26 @@ pub fn solve_at(
     corrected.map(|c| Solved { factor: c.factor, domain: Some(c.domain), u95_principal: None })
 }
 
+/// How far a table may be off at the tip: the greatest length of the expanded uncertainty (along u, v, w, coverage 95 %) of the
+/// tip's deflection under a force of 1 N on it along u, v or w, m.
+///
+/// # Errors
+/// What the core refuses.
+pub fn u95_m_per_n(
+    table: &CorrectionTable<'_, f64>,
+    uncertainty: &TableUncertainty<f64>,
+    factor: &StiffnessFactor<f64>,
+    pose: &Pose<f64>,
+    tip_m: Vector3<f64>,
+) -> std::result::Result<f64, StiffnessError> {
+    let mut greatest = 0.0_f64;
+    for axis in 0..3 {
+        let force = Wrench { force_n: Vector3::ith(axis, 1.0), ..Wrench::ZERO };
+        greatest = greatest.max(table.tip_uncertainty(uncertainty, factor, pose, &force, tip_m)?.u95_m().norm());
+    }
+    Ok(greatest)
+}
+
 /// How many of some poses are outside the table's box.
 pub fn outside_box(solved: &[Solved]) -> usize {
     solved.iter().filter(|s| s.domain == Some(Domain::Outside)).count()

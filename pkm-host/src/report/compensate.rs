@@ -28,11 +28,16 @@ fn along(track: &Track, name: &str, of: impl Fn(&LoadedPoint) -> f64) -> Series 
 
 fn errors(track: &Track) -> Panel {
     // residuals near zero are as intended
+    let mut series =
+        vec![along(track, "uncompensated", LoadedPoint::before), along(track, "compensated", |p| p.after_m)];
+    if track.u95.count > 0 {
+        series.push(along(track, "U95 of the prediction", |p| p.known.map_or(0.0, |known| known.u95_m)));
+    }
     Panel {
         title: "error of the tip, as the model predicts it".to_owned(),
         x_label: "path length in mm".to_owned(),
         y_label: "µm".to_owned(),
-        series: vec![along(track, "uncompensated", LoadedPoint::before), along(track, "compensated", |p| p.after_m)],
+        series,
     }
 }
 
@@ -86,6 +91,33 @@ fn worst_lines(track: &Track) -> Vec<(String, Vec<String>)> {
     lines.iter().take(SHOWN).map(row).collect()
 }
 
+/// How well the table knows what was compensated.
+fn known(track: &Track) -> Option<Finding> {
+    if track.u95.count == 0 {
+        return None;
+    }
+    let u95_um = track.u95.max * 1e6;
+    let text = format!("How far the table may be off moves the tip by {u95_um:.2} µm at most (U95, coverage 95 %).");
+    Some(match unsure(track) {
+        Some(warning) => Finding::warning(format!("{text} Not all of the deflection is known: {warning}.")),
+        None => Finding::good(format!("{text} Everywhere it is less than the deflection.")),
+    })
+}
+
+/// A warning where the expanded uncertainty exceeds what is compensated.
+pub fn unsure(track: &Track) -> Option<String> {
+    let share = track.loaded.iter().filter_map(|p| Some(p.known?.share)).fold(1.0, f64::min);
+    (track.unsure > 0).then(|| {
+        format!(
+            "at {} of {} loaded points the expanded uncertainty exceeds the deflection; a controller that compensates what is \
+             known would compensate {:.0} % there at least",
+            track.unsure,
+            track.loaded.len(),
+            100.0 * share
+        )
+    })
+}
+
 /// What to think of it.
 fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     if track.loaded.is_empty() {
@@ -103,6 +135,7 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
         );
         all.insert(0, Finding::bad(text));
     }
+    all.extend(known(track));
     let [least, limit] = [track.least_share, limit].map(|share| 100.0 * share);
     let text = format!(
         "Closest to a singularity the determinant is {least:.1} % of that at home; below {limit} % it is refused."
@@ -170,6 +203,9 @@ pub fn text(track: &Track, limit: f64) -> String {
     if track.halfway.count > 0 {
         text.push_str(&format!("of the tip at midpoints between points in µm: {}\n", micro(&track.halfway)));
     }
+    if track.u95.count > 0 {
+        text.push_str(&format!("expanded uncertainty U95 of the deflection in µm: {}\n", micro(&track.u95)));
+    }
     if track.feeds > 0 {
         let lines = track.too_fast.len();
         text.push_str(&format!(
@@ -194,6 +230,8 @@ pub fn document(track: &Track) -> Value {
         "axis_error_before_urad": micro(&before[1]),
         "axis_error_after_urad": micro(&after[1]),
         "error_halfway_um": (track.halfway.count > 0).then(|| micro(&track.halfway)),
+        "u95_um": (track.u95.count > 0).then(|| micro(&track.u95)),
+        "unsure_points": track.unsure,
         "min_home_share": track.least_share,
         "extrapolated_points": track.extrapolated,
         "feeds_checked": track.feeds,

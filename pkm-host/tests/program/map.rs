@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
-use pkm_core::{CorrectionError, Domain};
+use pkm_core::nalgebra::Vector3;
+use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, UNCERTAINTY_F64, WRIST};
+use pkm_core::{CorrectionError, Domain, Wrench};
 use pkm_host::error::status;
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::source::Source;
@@ -22,6 +23,7 @@ struct Row {
     status: String,
     inside: String,
     k: Option<[f64; 6]>,
+    u95_um_per_kn: Option<f64>,
 }
 
 fn rows(folder: &Folder) -> Vec<Row> {
@@ -30,13 +32,13 @@ fn rows(folder: &Folder) -> Vec<Row> {
     assert_eq!(
         lines.next().unwrap(),
         "x0_mm,z0_mm,theta_deg,sigma_deg,status,inside_domain,k11_n_per_m,k22_n_per_m,k33_n_per_m,\
-         k44_nm_per_rad,k55_nm_per_rad,k66_nm_per_rad"
+         k44_nm_per_rad,k55_nm_per_rad,k66_nm_per_rad,u95_um_per_kn"
     );
     let row = |line: &str| {
         let cells: Vec<&str> = line.split(',').collect();
         let number = |i: usize| cells[i].parse::<f64>().unwrap();
-        assert_eq!(cells.len(), 12, "{line}");
-        assert!(cells[6..].iter().all(|c| c.is_empty()) || cells[6..].iter().all(|c| !c.is_empty()), "{line}");
+        assert_eq!(cells.len(), 13, "{line}");
+        assert!(cells[6..12].iter().all(|c| c.is_empty()) || cells[6..12].iter().all(|c| !c.is_empty()), "{line}");
         Row {
             x0_mm: number(0),
             z0_mm: number(1),
@@ -45,6 +47,7 @@ fn rows(folder: &Folder) -> Vec<Row> {
             status: cells[4].to_owned(),
             inside: cells[5].to_owned(),
             k: (!cells[6].is_empty()).then(|| std::array::from_fn(|i| number(6 + i))),
+            u95_um_per_kn: (!cells[12].is_empty()).then(|| number(12)),
         }
     };
     lines.map(row).collect()
@@ -60,7 +63,7 @@ fn every_row_is_what_the_core_says() {
     for row in &rows {
         let pose = pose_of(row.theta_deg, row.sigma_deg, row.z0_mm);
         assert!((row.z0_mm * row.theta_deg.to_radians().tan() - row.x0_mm).abs() < 1e-9, "{}", row.x0_mm);
-        assert_eq!(row.inside, "");
+        assert_eq!((row.inside.as_str(), row.u95_um_per_kn), ("", None));
         match MACHINE_F64.stiffness(&pose).and_then(|k| k.factor()).map(|f| f.stiffness()) {
             Ok(k) => assert_eq!((row.status.as_str(), row.k), ("ok", Some(k.principal().into()))),
             Err(_) => {
@@ -142,6 +145,7 @@ fn a_table_corrects_and_says_where_it_was_fitted() {
         let document = json(&["map", "--out", &out, "--table", &table, "--form", form, "--step-mm", "15"]);
         assert_eq!(document["model"], if form == "auto" { "factor" } else { form });
         let mut seen = [0; 2];
+        let mut greatest = 0.0_f64;
         for row in rows(&folder) {
             let pose = pose_of(row.theta_deg, row.sigma_deg, row.z0_mm);
             let corrected = match form {
@@ -155,6 +159,19 @@ fn a_table_corrects_and_says_where_it_was_fitted() {
                     assert_eq!(row.inside, inside.to_string());
                     assert_eq!(row.status, if inside { "ok" } else { "outside_box" });
                     seen[usize::from(inside)] += 1;
+                    // of the diagonal form nobody says how far it may be off
+                    assert_eq!(row.u95_um_per_kn.is_some(), form == "auto");
+                    let tip_m = WRIST.tip_at_zero_m();
+                    let u95 = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| {
+                        let force = Wrench { force_n: axis * 1e3, ..Wrench::ZERO };
+                        let known = TABLE_F64.tip_uncertainty(&UNCERTAINTY_F64, &c.factor, &pose, &force, tip_m);
+                        known.unwrap().variance_m2.sum().sqrt() * 1.96e6
+                    });
+                    let expected = u95.into_iter().fold(0.0, f64::max);
+                    if let Some(found) = row.u95_um_per_kn {
+                        assert!((found - expected).abs() < 1e-9 * expected, "{found} is not {expected}");
+                        greatest = greatest.max(if inside { found } else { 0.0 });
+                    }
                 }
                 Err(CorrectionError::NotPositive { .. }) => {
                     assert_eq!((row.status.as_str(), row.k), ("no_stiffness", None))
@@ -163,7 +180,10 @@ fn a_table_corrects_and_says_where_it_was_fitted() {
             }
         }
         assert!(seen[0] > 500 && seen[1] > 50, "{seen:?}");
+        let said = &document["maps"][0]["u95_um_per_kn"];
+        assert_eq!(said["greatest"]["value"].as_f64(), (form == "auto").then_some(greatest), "{said}");
         let svg = folder.read("out/map.svg");
+        assert_eq!(svg.contains("U95 of the tip in µm/kN"), form == "auto");
         assert!(svg.contains("box of the table") && svg.contains("extrapolated"));
         let over = |scope: &str| document["claims"].as_array().unwrap().iter().filter(|c| c["over"] == scope).count();
         assert_eq!([over("workspace"), over("box of the table")], [7, 7]);

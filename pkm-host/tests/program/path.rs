@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Vector2, Vector3};
-use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
+use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, UNCERTAINTY_F64};
 use pkm_core::{Configuration, Pose, Tool, Wrench};
 use serde_json::Value;
 
@@ -61,13 +61,18 @@ fn about(axis: usize, angle: f64) -> Rotation {
     ][axis]
 }
 
-/// Tip and axis of the loaded tool, in mm: what the stiffness at A does is carried to the tip by matrices.
-fn loaded(c: &Configuration<f64>, wrench: &[f64], with_table: bool) -> ([f64; 3], [f64; 3], f64) {
-    let platform = product(&about(1, c.pose.theta_rad), &about(0, c.pose.sigma_rad));
+/// Where a configuration has the tip in A-uvw, in m, and the axes of the tool there.
+fn held(c: &Configuration<f64>) -> ([f64; 3], Rotation) {
     let [b1, b2] = c.beta_rad.into();
     let (r, h) = (-35.0 - 150.0 * b2.cos() - 190.0 * b2.sin(), 417.0 - 150.0 * b2.sin() + 190.0 * b2.cos());
     let arm = [-20.0 + b1.cos() * r, b1.sin() * r, h].map(|mm| mm / 1e3);
-    let tool = product(&about(2, b1), &about(1, -b2));
+    (arm, product(&about(2, b1), &about(1, -b2)))
+}
+
+/// Tip and axis of the loaded tool, in mm: what the stiffness at A does is carried to the tip by matrices.
+fn loaded(c: &Configuration<f64>, wrench: &[f64], with_table: bool) -> ([f64; 3], [f64; 3], f64) {
+    let platform = product(&about(1, c.pose.theta_rad), &about(0, c.pose.sigma_rad));
+    let (arm, tool) = held(c);
     let force = times(&tool, [wrench[0], wrench[1], wrench[2]]);
     let moment = times(&tool, [wrench[3], wrench[4], wrench[5]]);
     let cross =
@@ -259,6 +264,45 @@ fn a_compensated_csv_leaves_a_thousandth_of_the_deflection() {
     let filled = json(&["compensate", "--path", &path, "--step-mm", "5", "--out", &out]);
     assert!(filled["points"].as_u64().unwrap() > asked.len() as u64);
     assert!(filled["error_halfway_um"]["max"].as_f64().unwrap() < 0.1, "{filled}");
+}
+
+#[test]
+fn a_path_says_how_well_the_table_knows_its_deflection() {
+    let folder = Folder::new();
+    let (path, table, out) = (fixture("jobs/path.csv"), folder.table(), folder.path("out.csv"));
+    let summary = json(&["compensate", "--path", &path, "--table", &table, "--out", &out]);
+    let (mut near, mut worst) = (HOME, 0.0_f64);
+    let asked = rows(&std::fs::read_to_string(&path).unwrap(), ',');
+    for row in &asked {
+        let [x, y, z, i, j, k] = std::array::from_fn(|column| row[column]);
+        let tool = Tool { tip_m: Vector3::new(x, y, z) / 1e3, axis: Vector3::new(i, j, k) };
+        near = FIVE.inverse(&tool, &near).expect("in reach").configuration;
+        let (arm, axes) = held(&near);
+        let [force, moment] = [6, 9].map(|n| times(&axes, [row[n], row[n + 1], row[n + 2]]).into());
+        let load = Wrench { force_n: force, moment_nm: moment };
+        let factor = TABLE_F64.factor_form(&MACHINE_F64, &near.pose).unwrap().factor;
+        let known = TABLE_F64.tip_uncertainty(&UNCERTAINTY_F64, &factor, &near.pose, &load, arm.into()).unwrap();
+        worst = worst.max(1.96e6 * known.variance_m2.sum().sqrt());
+    }
+    let said = summary["u95_um"]["max"].as_f64().unwrap();
+    assert!((said - worst).abs() < 1e-6 * worst, "{said} is not {worst}");
+    assert_eq!(summary["unsure_points"], 0);
+
+    // a table that hardly knows anything
+    let mut unsure: Value = serde_json::from_str(&std::fs::read_to_string(&table).unwrap()).unwrap();
+    let spread = unsure["uncertainty"]["spread"].as_array_mut().expect("a table's uncertainty");
+    spread.iter_mut().for_each(|factor| *factor = (factor.as_f64().unwrap() * 1e8).into());
+    let table = folder.write("unsure.json", &unsure.to_string());
+    let summary = json(&["compensate", "--path", &path, "--table", &table, "--out", &out]);
+    assert!((summary["u95_um"]["max"].as_f64().unwrap() - 1e4 * said).abs() < 1e-6 * 1e4 * said);
+    assert_eq!(summary["unsure_points"], summary["loaded_points"]);
+    let warnings = summary["warnings"].to_string();
+    assert!(warnings.contains("expanded uncertainty exceeds the deflection"), "{warnings}");
+    let report = folder.read("report.html");
+    assert!(report.contains("Not all of the deflection is known"));
+
+    let without = json(&["compensate", "--path", &path, "--out", &out]);
+    assert_eq!((&without["u95_um"], &without["unsure_points"]), (&Value::Null, &0.into()));
 }
 
 #[test]

@@ -32,6 +32,8 @@ pub struct Value {
     pub principal: [f64; 6],
     /// Whether a table was fitted here; `None` without a table.
     pub inside: Option<bool>,
+    /// How far a table may be off there, see [`u95_m_per_n`](crate::plan::model::u95_m_per_n); `None` where no table says.
+    pub u95_m_per_n: Option<f64>,
 }
 
 /// A model: the value of a machine at a pose, or the status that says why there is none.
@@ -58,6 +60,11 @@ impl Point {
             Ok(_) => "ok",
             Err(status) => status,
         }
+    }
+
+    /// Expanded uncertainty of the tip's deflection, µm for each kN; `None` where no table says.
+    pub fn u95_um_per_kn(&self) -> Option<f64> {
+        self.value.ok()?.u95_m_per_n.map(|u95| u95 * 1e9)
     }
 }
 
@@ -149,16 +156,24 @@ impl Map {
 
     /// Where each stiffness is least and greatest, among points that can be trusted if there are any.
     pub(crate) fn extremes(&self) -> [[&Point; 2]; 6] {
+        std::array::from_fn(|k| self.ends(|value| value.principal[k]))
+    }
+
+    /// Where the uncertainty of the tip is least and greatest, likewise; none where no table says.
+    pub(crate) fn u95_extremes(&self) -> Option<[&Point; 2]> {
+        let ends = self.ends(|value| value.u95_m_per_n.unwrap_or(f64::NAN));
+        ends[0].u95_um_per_kn().map(|_| ends)
+    }
+
+    fn ends(&self, quantity: impl Fn(&Value) -> f64) -> [&Point; 2] {
         let any_ok = self.points.iter().any(|p| p.status() == "ok");
         let counts = |p: &&Point| if any_ok { p.status() == "ok" } else { p.value.is_ok() };
-        std::array::from_fn(|k| {
-            let of = |p: &&Point| p.value.map_or(f64::NAN, |v| v.principal[k]);
-            let points = || self.points.iter().filter(counts);
-            let least = points().min_by(|a, b| of(a).total_cmp(&of(b)));
-            let greatest = points().max_by(|a, b| of(a).total_cmp(&of(b)));
-            // a map has at least one point with a value
-            [least, greatest].map(|p| p.unwrap_or(&self.points[0]))
-        })
+        let of = |p: &&Point| p.value.map_or(f64::NAN, |v| quantity(&v));
+        let points = || self.points.iter().filter(counts);
+        let least = points().min_by(|a, b| of(a).total_cmp(&of(b)));
+        let greatest = points().max_by(|a, b| of(a).total_cmp(&of(b)));
+        // a map has at least one point with a value
+        [least, greatest].map(|p| p.unwrap_or(&self.points[0]))
     }
 
     /// For the terminal.
@@ -181,6 +196,13 @@ impl Map {
             let unit = if k < 3 { "N/m" } else { "N·m/rad" };
             text.push_str(&format!("  {} {unit:<8} {}   to   {}\n", stiffness_column(k, k), at(ends[0]), at(ends[1])));
         }
+        if let Some(ends) = self.u95_extremes() {
+            let [least, greatest] = ends.map(|p| {
+                let value = p.u95_um_per_kn().unwrap_or(f64::NAN);
+                format!("{value:.4} at X0 {:>6}, Z0 {:>6}", p.x0_mm, p.z0_mm)
+            });
+            text.push_str(&format!("  U95 of the tip, µm for each kN: {least}   to   {greatest}\n"));
+        }
         text
     }
 
@@ -198,9 +220,13 @@ impl Map {
                 )
             })
             .collect();
+        let u95_end = |p: &Point| json!({ "value": p.u95_um_per_kn(), "x0_mm": p.x0_mm, "z0_mm": p.z0_mm });
+        let u95 = self
+            .u95_extremes()
+            .map(|[least, greatest]| json!({ "least": u95_end(least), "greatest": u95_end(greatest) }));
         json!({
             "sigma_deg": self.sigma_deg, "x0_mm": x0_mm, "z0_mm": z0_mm, "step_mm": self.grid.step_mm,
-            "points": counts(&self.points), "stiffness": stiffness,
+            "points": counts(&self.points), "stiffness": stiffness, "u95_um_per_kn": u95,
         })
     }
 
@@ -212,6 +238,7 @@ impl Map {
             let mut row = numbers.to_vec();
             row.extend([p.status().to_owned(), inside]);
             row.extend((0..6).map(|i| p.value.map_or(String::new(), |v| v.principal[i].to_string())));
+            row.push(p.u95_um_per_kn().map_or(String::new(), |u95| u95.to_string()));
             row
         })
     }
@@ -235,6 +262,7 @@ pub fn header() -> Vec<String> {
     let mut header =
         ["x0_mm", "z0_mm", "theta_deg", "sigma_deg", "status", "inside_domain"].map(str::to_owned).to_vec();
     header.extend((0..6).map(|i| format!("{}_{}", stiffness_column(i, i), UNITS[i])));
+    header.push("u95_um_per_kn".to_owned());
     header
 }
 

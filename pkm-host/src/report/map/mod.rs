@@ -81,13 +81,19 @@ fn findings(sheets: &[Sheet], has_table: bool) -> Vec<Finding> {
 }
 
 fn extremes(map: &Map) -> Markup {
-    let rows: Vec<_> = (map.extremes().iter().enumerate())
+    let mut rows: Vec<_> = (map.extremes().iter().enumerate())
         .map(|(k, ends)| {
             let unit = if k < 3 { "N/m" } else { "N·m/rad" };
             let end = |p: &Point| [format!("{:.4e}", value(p, k)), p.x0_mm.to_string(), p.z0_mm.to_string()];
             (format!("{} {unit}", stiffness_column(k, k)), ends.iter().flat_map(|p| end(p)).collect())
         })
         .collect();
+    if let Some(ends) = map.u95_extremes() {
+        let end = |p: &Point| {
+            [format!("{:.4}", p.u95_um_per_kn().unwrap_or(f64::NAN)), p.x0_mm.to_string(), p.z0_mm.to_string()]
+        };
+        rows.push(("U95 of the tip, µm/kN".to_owned(), ends.iter().flat_map(|p| end(p)).collect()));
+    }
     let heads = ["least", "at X0 mm", "Z0 mm", "greatest", "at X0 mm", "Z0 mm"];
     table("Least and greatest values, inside the table's box if there is any", &heads, &rows)
 }
@@ -107,7 +113,15 @@ fn sheet(sheet: &Sheet) -> Markup {
     html! {
         h2 { "σ = " (map.sigma_deg) "°" }
         ul.signs { @for (svg, name) in &sheet.picture.signs { li { (PreEscaped(svg)) (name) } } }
-        (pictures("Stiffness at A in A-uvw, where A stands in the plane of X0 and Z0. Bright is stiff.", &sheet.picture.panels))
+        (pictures(
+            if map.u95_extremes().is_some() {
+                "Stiffness at A in A-uvw, where A stands in the plane of X0 and Z0: bright is stiff. At the end how far the table may be \
+                 off: the expanded uncertainty (coverage 95 %) of what a force of 1 kN along u, v or w moves the tip by, the greatest of the three."
+            } else {
+                "Stiffness at A in A-uvw, where A stands in the plane of X0 and Z0. Bright is stiff."
+            },
+            &sheet.picture.panels
+        ))
         (extremes(map))
         @for (over, of) in sheet.claims.iter().filter(|(_, of)| !of.is_empty()) {
             (fold(&format!("The paper's statements, over the {over}"), &claims(over, of)))

@@ -1,4 +1,4 @@
-//! The six maps as one picture.
+//! The six maps of stiffness, and that of how far a table may be off, as one picture.
 
 use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::contour::{self, Pixel};
-use super::region::{LIMITS, Region};
+use super::region::{LIMITS, Region, U95};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::plan::map::{Map, Model};
@@ -49,7 +49,7 @@ mod size {
 pub struct Picture {
     /// All of it.
     pub whole: String,
-    /// k11…k66 one by one, for a page: smaller, with the same letters.
+    /// k11…k66 one by one, and U95 where the table says it, for a page: smaller, with the same letters.
     pub panels: Vec<String>,
     /// Signs of the legend with what they stand for.
     pub signs: Vec<(String, String)>,
@@ -69,24 +69,26 @@ pub fn draw(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_
     let (panel_width, panel_height) = around(plot);
     let entries = entries(file, map, legend, &region);
     let legend_rows = entries.len().div_ceil(3) as i32;
-    let total = (3 * panel_width, size::TITLE + 2 * panel_height + legend_rows * size::ENTRY + 30);
+    let shown: Vec<usize> = (0..6).chain(map.u95_extremes().map(|_| U95)).collect();
+    let below = size::TITLE + shown.len().div_ceil(3) as i32 * panel_height;
+    let total = (3 * panel_width, below + legend_rows * size::ENTRY + 30);
     let whole = plot::svg(legend.title, (total.0 as u32, total.1 as u32), |area| {
         text(area, legend.title, (total.0 / 2, size::TITLE / 2), 34, HPos::Center)?;
-        for k in 0..6 {
-            let corner = (k as i32 % 3 * panel_width, size::TITLE + k as i32 / 3 * panel_height);
+        for (n, &k) in shown.iter().enumerate() {
+            let corner = (n as i32 % 3 * panel_width, size::TITLE + n as i32 / 3 * panel_height);
             panel(area, corner, plot, &Panel { k, map, legend, region: &region })?;
         }
         for (n, entry) in entries.iter().enumerate() {
             let x = n as i32 % 3 * panel_width + 40;
-            let y = size::TITLE + 2 * panel_height + n as i32 / 3 * size::ENTRY + size::ENTRY / 2;
+            let y = below + n as i32 / 3 * size::ENTRY + size::ENTRY / 2;
             entry.mark.line(area, vec![(x, y), (x + 80, y)])?;
             text(area, &entry.name, (x + 96, y), size::TEXT, HPos::Left)?;
         }
         Ok(())
     })?;
     let (small_width, small_height) = around(small);
-    let panels = (0..6).map(|k| {
-        let title = format!("k{0}{0} over X0 and Z0", k + 1);
+    let panels = shown.iter().map(|&k| {
+        let title = format!("{} over X0 and Z0", quantity(k).0);
         plot::svg(&title, (small_width as u32, small_height as u32), |area| {
             panel(area, (0, 0), small, &Panel { k, map, legend, region: &region })
         })
@@ -308,6 +310,15 @@ impl Bands {
     }
 }
 
+/// What is drawn by its place in what is known at a corner: name, unit, and how much of SI that is.
+fn quantity(k: usize) -> (String, &'static str, f64) {
+    match k {
+        U95 => ("U95 of the tip".to_owned(), "µm/kN", 1e-9),
+        k if k < 3 => (format!("k{0}{0}", k + 1), "N/µm", 1e6),
+        k => (format!("k{0}{0}", k + 1), "N·m/mrad", 1e3),
+    }
+}
+
 struct Panel<'a> {
     k: usize,
     map: &'a Map,
@@ -333,8 +344,8 @@ fn panel(
     panel: &Panel<'_>,
 ) -> Result<()> {
     let &Panel { k, map, legend, region } = panel;
-    let (unit, per_unit) = if k < 3 { ("N/µm", 1e6) } else { ("N·m/mrad", 1e3) };
-    let name = format!("k{0}{0} in {unit}", k + 1);
+    let (name, unit, per_unit) = quantity(k);
+    let name = format!("{name} in {unit}");
     let (x, y) = (left + size::LEFT, top + size::CAPTION);
     text(area, &name, (x + width / 2, top + size::CAPTION / 2), 30, HPos::Center)?;
 

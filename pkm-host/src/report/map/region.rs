@@ -16,8 +16,10 @@ const ON_BORDER: f64 = 1e-9;
 const BISECTIONS: usize = 20;
 
 /// What is known at a corner: k11…k66; how far each screw is above its least and below its greatest length, m; and
-/// two that are 0 on the border of a singularity, of limbs 1 and 2 or of limb 3.
-pub(super) const KNOWN: usize = 6 + LIMITS + 2;
+/// two that are 0 on the border of a singularity, of limbs 1 and 2 or of limb 3; and how far the table may be off, m/N.
+pub(super) const KNOWN: usize = U95 + 1;
+/// Where the last one of these stands.
+pub(super) const U95: usize = 6 + LIMITS + 2;
 pub(super) const LIMITS: usize = 6;
 
 pub(super) type Place = Corner<KNOWN>;
@@ -41,6 +43,7 @@ impl Region {
             let value = model(&free, &pose).map_err(|status| ["singular", "unreachable"].contains(&status))?;
             let mut values = [1.0; KNOWN];
             values[..6].copy_from_slice(&value.principal);
+            values[U95] = value.u95_m_per_n.unwrap_or(0.0);
             for (i, q_m) in lengths.q_m.iter().enumerate() {
                 values[6 + 2 * i] = q_m - travel.min_m[i];
                 values[7 + 2 * i] = travel.max_m[i] - q_m;
