@@ -2,7 +2,7 @@
 
 use fastrand::Rng;
 use nalgebra::{SVector, Vector2, Vector3};
-use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, OutsideBox, Reading};
+use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Offset, OutsideBox, Reading};
 use pkm_core::tables::reference::{PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
     Configuration, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, TemperatureRise, Wrench,
@@ -193,6 +193,93 @@ fn whatever_comes() {
     println!("f64 done");
     holds::<f32, 3>(&mut rng, &TABLE_F32, &five_32);
     holds::<f32, 5>(&mut rng, &TABLE_F32, &five_32);
+}
+
+/// Of the tests of temperatures.
+const PERIOD_S: f64 = 0.01;
+fn growing() -> Machine<f64> {
+    Machine::<f64>::new(&parameters()).unwrap()
+}
+
+fn at_once() -> Compensator<f64, 3> {
+    let settings = CompensatorSettings {
+        period_s: PERIOD_S,
+        screw_rate_m_per_s: 1.0,
+        max_screw_m: 0.01,
+        stuck_s: 0.0,
+        filter_s: 0.0,
+        ..CompensatorSettings::DEFAULT
+    };
+    Compensator::new(&settings).unwrap()
+}
+fn at(compensator: &mut Compensator<f64, 3>, machine: &Machine<f64>, rise_k: f64) -> Offset<f64, 3> {
+    let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+    let reading = Reading { enabled: true, wrench: Wrench::ZERO, rise: rise_k.into() };
+    compensator.update(&TABLE_F64, machine, &pose, Vector3::new(0.01, -0.02, 0.3), &reading)
+}
+
+/// A sensor says what it was reset to, or garbage, until its first conversion.
+#[test]
+fn a_wrong_first_reading_is_not_believed_for_minutes() {
+    let machine = growing();
+    let right = at(&mut at_once(), &machine, 5.0);
+    for wrong_periods in [1, 75] {
+        let mut compensator = at_once();
+        for _ in 0..wrong_periods {
+            at(&mut compensator, &machine, 65.0);
+        }
+        let mut periods = 0;
+        while at(&mut compensator, &machine, 5.0 + 0.1 * f64::from(periods % 2)).fault.is_some() {
+            periods += 1;
+            assert!(periods <= 101, "the right temperature is refused");
+        }
+        assert_eq!(at(&mut compensator, &machine, 5.0).joints, right.joints);
+    }
+}
+
+/// The same reading after a minute is a sensor that has failed.
+#[test]
+fn a_jump_later_on_is_no_first_reading() {
+    let (machine, mut compensator) = (growing(), at_once());
+    for _ in 0..1200 {
+        assert_eq!(at(&mut compensator, &machine, 5.0).fault, None);
+    }
+    for _ in 0..2000 {
+        assert_eq!(at(&mut compensator, &machine, 65.0).fault, Some(Fault::TemperatureLost));
+    }
+}
+
+/// A line that opens behind a filter, or a converter that drifts: no single step is large.
+#[test]
+fn a_temperature_that_runs_away_is_lost() {
+    let machine = growing();
+    for step_k in [0.9, 0.05, 0.005] {
+        let mut compensator = at_once();
+        for _ in 0..3000 {
+            assert_eq!(at(&mut compensator, &machine, 5.0).fault, None);
+        }
+        let before = at(&mut compensator, &machine, 5.0).joints;
+        let mut rise_k = 5.0;
+        let mut found = None;
+        while rise_k < 60.0 {
+            rise_k += step_k;
+            let offset = at(&mut compensator, &machine, rise_k);
+            if offset.fault.is_some() {
+                found = found.or(Some(rise_k));
+            }
+        }
+        let found = found.expect("it is believed");
+        assert!(found <= 5.0 + 3.1, "{step_k} K a period: found at {found} K");
+        let grown = (at(&mut compensator, &machine, 65.0).joints - before).amax();
+        assert!(grown < 3.1 * 14e-6, "{grown:e}");
+    }
+    // as fast as a machine may get warm
+    let mut compensator = at_once();
+    for period in 0..20_000 {
+        let noise = 0.4 * f64::from(period % 3 - 1);
+        let rise_k = 5.0 + 0.1 * PERIOD_S * f64::from(period) + noise;
+        assert_eq!(at(&mut compensator, &machine, rise_k).fault, None, "{period}");
+    }
 }
 
 #[test]
