@@ -37,7 +37,7 @@ pub struct PkmCompensatorSettings {
     /// Share of the load's deflection that is compensated, 0 to 1. Default 0.7: below 1 with a force sensor; 1 is for a load that
     /// is computed. Thermal growth is compensated whole.
     pub gain: f64,
-    /// Time constant of the first-order low-pass on the wrench, 0 s to 10 s; 0 is no filter. Default 0.02 s.
+    /// Time constant of the first-order low-pass on the wrench, 0 s to 10 s and at most 1e5 periods; 0 is no filter. Default 0.02 s.
     pub filter_s: f64,
     /// Dead band: this much is taken off the size of the filtered force, 0 N to `max_force_n`. Default 5 N.
     pub dead_band_n: f64,
@@ -49,16 +49,17 @@ pub struct PkmCompensatorSettings {
     pub max_moment_nm: f64,
     /// How long the last good reading stands in for refused ones, 0 s to 10 s; then the load counts as zero. Default 0.01 s.
     pub hold_s: f64,
-    /// After how long of equal readings a sensor counts as stuck, 0 s to 1000 s; 0 is never, for a load that is computed.
-    /// Default 1 s.
+    /// After how long of equal readings a sensor counts as stuck, 0 s to 1000 s, a period at least; 0 is never, for a load that is
+    /// computed. Default 1 s.
     pub stuck_s: f64,
     /// Largest offset of a screw, above 0 m and at most 0.01 m. Default 0.5e-3 m.
     pub max_screw_m: f64,
     /// Largest offset of a wrist joint, above 0 rad and at most 0.1 rad. Default 1e-3 rad.
     pub max_wrist_rad: f64,
-    /// Fastest offset of a screw, above 0 m/s and at most 1 m/s. Default 5e-3 m/s.
+    /// Fastest offset of a screw, above 0 m/s and at most 1 m/s, and fast enough for the largest offset in 1e6 periods. Default
+    /// 5e-3 m/s.
     pub screw_rate_m_per_s: f64,
-    /// Fastest offset of a wrist joint, above 0 rad/s and at most 10 rad/s. Default 10e-3 rad/s.
+    /// Fastest offset of a wrist joint, above 0 rad/s and at most 10 rad/s, and as fast. Default 10e-3 rad/s.
     pub wrist_rate_rad_per_s: f64,
     /// A `PkmOutsideBox`. Default PKM_OUTSIDE_BOX_FADE.
     pub outside_box: i32,

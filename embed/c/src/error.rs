@@ -86,7 +86,7 @@ pub enum PkmError {
     WrenchTooLarge = 81,
     /// The readings of the wrench were equal for too long.
     WrenchStuck = 82,
-    /// The temperature rise is not finite, or beyond 100 K either way.
+    /// A temperature rise is not finite, beyond 100 K either way, has jumped, or runs away.
     TemperatureLost = 83,
     /// The pose is outside the table's box.
     OutsideBox = 84,

@@ -2,46 +2,12 @@
 
 use nalgebra::{Vector3, Vector6};
 
+use super::temperature::{Pace, RiseSensor};
 use super::{CompensatorSettings, Fault, Reading};
 use crate::linalg::{is_finite, length};
 use crate::scalar::Scalar;
 use crate::thermal::TemperatureRise;
 use crate::types::Wrench;
-
-/// A temperature rise beyond this is a broken sensor, K.
-const MAX_RISE_K: f64 = 100.0;
-/// Noise of a sensor from one reading to the next is less, K.
-const MAX_JUMP_K: f64 = 1.0;
-/// No part of a machine warms up or cools down as fast, K/s: spindles and screws take minutes for a kelvin.
-const MAX_WARMING_K_PER_S: f64 = 0.1;
-
-/// A sensor of temperature.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct RiseSensor<T> {
-    /// The last reading that was good.
-    good_k: T,
-    /// For how many periods there has been none; the most at the beginning, when any reading may be the first.
-    lost: u32,
-}
-
-impl<T: Scalar> RiseSensor<T> {
-    const NEW: Self = Self { good_k: T::ZERO, lost: u32::MAX };
-
-    /// Takes a reading that is good, and says whether it is.
-    fn update(&mut self, rise_k: T, warming_k: T) -> bool {
-        let jump = (rise_k - self.good_k).abs();
-        let noise = T::from_f64(MAX_JUMP_K);
-        // the machine may have changed its temperature while the sensor was lost
-        let good = rise_k.abs() <= T::from_f64(MAX_RISE_K)
-            && (jump <= noise || jump <= noise + warming_k * T::from_f64(f64::from(self.lost)));
-        if good {
-            *self = Self { good_k: rise_k, lost: 0 };
-        } else {
-            self.lost = self.lost.saturating_add(1);
-        }
-        good
-    }
-}
 
 /// Filters of a compensator and what they remember.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +28,7 @@ pub(super) struct LoadFilter<T> {
     equal: u32,
     /// Of limbs 1, 2, 3 and the platforms.
     sensors: [RiseSensor<T>; 4],
-    /// The most that a part warms up in a period, K.
-    warming_k: T,
+    pace: Pace<T>,
 }
 
 impl<T: Scalar> LoadFilter<T> {
@@ -81,7 +46,7 @@ impl<T: Scalar> LoadFilter<T> {
             refused: 0,
             equal: 0,
             sensors: [RiseSensor::NEW; 4],
-            warming_k: T::from_f64(MAX_WARMING_K_PER_S * settings.period_s),
+            pace: Pace::new(settings.period_s),
         }
     }
 
@@ -90,8 +55,7 @@ impl<T: Scalar> LoadFilter<T> {
         let zero = Vector6::zeros();
         (self.filtered, self.last_good, self.last_read) = (zero, zero, zero);
         (self.refused, self.equal) = (0, 0);
-        // nobody has read the temperatures meanwhile
-        self.sensors.iter_mut().for_each(|sensor| sensor.lost = u32::MAX);
+        self.sensors.iter_mut().for_each(RiseSensor::begin_again);
     }
 
     /// Forgets the load and the temperatures.
@@ -106,11 +70,11 @@ impl<T: Scalar> LoadFilter<T> {
         let mut fault = None;
         let TemperatureRise { limbs_k: [first, second, third], platforms_k } = reading.rise;
         for (sensor, rise_k) in self.sensors.iter_mut().zip([first, second, third, platforms_k]) {
-            if !sensor.update(rise_k, self.warming_k) {
+            if !sensor.update(rise_k, &self.pace) {
                 fault = Some(Fault::TemperatureLost);
             }
         }
-        let [first, second, third, platforms] = self.sensors.map(|sensor| sensor.good_k);
+        let [first, second, third, platforms] = self.sensors.map(|sensor| sensor.good_k());
         let rise = TemperatureRise { limbs_k: [first, second, third], platforms_k: platforms };
         match self.refusal(&reading.wrench) {
             None => {

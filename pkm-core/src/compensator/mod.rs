@@ -30,6 +30,7 @@ mod limit;
 mod load;
 mod settings;
 mod stability;
+mod temperature;
 
 use core::fmt;
 
@@ -60,8 +61,8 @@ pub enum Fault {
     WrenchTooLarge,
     /// The readings of the wrench were equal for too long.
     WrenchStuck,
-    /// A temperature rise is not finite, beyond ±100 K, or has jumped: by more than 1 K, and 0.1 K for each second since its last
-    /// good reading.
+    /// A temperature rise is not finite, beyond ±100 K, has jumped, or runs away: it is further than 1 K, a sensor's noise, and 0.1 K
+    /// a second from a good reading of some ten seconds ago.
     TemperatureLost,
     /// The pose is outside the table's box.
     OutsideBox,

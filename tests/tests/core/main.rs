@@ -14,4 +14,5 @@ mod kinematics;
 mod machine;
 mod slots;
 mod stiffness;
+mod switched_on;
 mod uncertainty;
