@@ -6,6 +6,7 @@ const REFERENCE: &str = "../../pkm-core/src/tables/reference.rs";
 
 fn main() {
     println!("cargo::rerun-if-env-changed=PKM_COEFFICIENTS");
+    println!("cargo::rustc-check-cfg=cfg(table_uncertainty)");
     let given = env::var("PKM_COEFFICIENTS");
     if given.is_err() {
         println!("cargo::warning=PKM_COEFFICIENTS is not set: this library has the reference machine, not yours");
@@ -13,6 +14,9 @@ fn main() {
     match path(given.as_deref().unwrap_or(REFERENCE)) {
         Ok(path) => {
             println!("cargo::rustc-env=PKM_COEFFICIENTS={path}");
+            if fs::read_to_string(&path).is_ok_and(|text| text.contains("UNCERTAINTY_F64")) {
+                println!("cargo::rustc-cfg=table_uncertainty");
+            }
             println!("cargo::rerun-if-changed={path}");
         }
         Err(message) => println!("cargo::error=PKM_COEFFICIENTS: {message}"),

@@ -130,6 +130,16 @@ pub(crate) struct Load<T> {
     pub rise: TemperatureRise<T>,
 }
 
+/// What is asked beside a deflection: by how much its table may be off at a point of the platform.
+pub(crate) struct Doubt<'a, T> {
+    /// Of the table; without it the variances stay.
+    pub table: Option<&'a TableUncertainty<T>>,
+    /// In A-uvw.
+    pub tip_m: Vector3<T>,
+    /// The answer, from zeros.
+    pub variance_m2: Vector3<T>,
+}
+
 /// Displacement of A under a wrench at A, by K_m in the factor form or, without a table, by K_p; with what load-dependent
 /// effects add, after a history or under a load that has only grown.
 #[inline(always)] // a frame less below the stiffness
@@ -139,10 +149,11 @@ pub(crate) fn deflection<T: Scalar>(
     pose: &Pose<T>,
     wrench: &Wrench<T>,
     history: Option<&mut LoadHistory<T>>,
+    doubt: Option<&mut Doubt<'_, T>>,
 ) -> Result<Deflection<T>, CorrectionError> {
     // by reference: `?` would copy all of it
     match &machine.posture(pose) {
-        Ok(posture) => deflection_at(machine, table, pose, posture, wrench, history),
+        Ok(posture) => deflection_at(machine, table, (pose, posture), wrench, history, doubt),
         Err(e) => Err((*e).into()),
     }
 }
@@ -152,13 +163,13 @@ pub(crate) fn deflection<T: Scalar>(
 pub(crate) fn deflection_at<T: Scalar>(
     machine: &Machine<T>,
     table: Option<&CorrectionTable<'_, T>>,
-    pose: &Pose<T>,
-    posture: &Posture<T>,
+    (pose, posture): (&Pose<T>, &Posture<T>),
     wrench: &Wrench<T>,
     history: Option<&mut LoadHistory<T>>,
+    doubt: Option<&mut Doubt<'_, T>>,
 ) -> Result<Deflection<T>, CorrectionError> {
     let beyond = machine.load_dependent_deflection_after(posture, wrench, history)?;
-    let deflection = linear_deflection(machine, table, pose, posture, wrench)?.plus(&beyond);
+    let deflection = linear_deflection(machine, table, (pose, posture), wrench, doubt)?.plus(&beyond);
     Ok(stiffness::finite(deflection)?)
 }
 
@@ -166,20 +177,24 @@ pub(crate) fn deflection_at<T: Scalar>(
 fn linear_deflection<T: Scalar>(
     machine: &Machine<T>,
     table: Option<&CorrectionTable<'_, T>>,
-    pose: &Pose<T>,
-    posture: &Posture<T>,
+    (pose, posture): (&Pose<T>, &Posture<T>),
     wrench: &Wrench<T>,
+    doubt: Option<&mut Doubt<'_, T>>,
 ) -> Result<Deflection<T>, CorrectionError> {
-    let mut lower = linalg::zero();
+    let mut factor = StiffnessFactor { lower: linalg::zero() };
     match table {
-        Some(table) => table.add_factor_form(machine, pose, posture, &mut lower)?,
+        Some(table) => table.add_factor_form(machine, pose, posture, &mut factor.lower)?,
         None => {
-            machine.add_stiffness_below_tool(posture, &mut lower)?;
-            machine.add_tool_compliance(&mut lower)?;
-            stiffness::factor(&mut lower)?;
+            machine.add_stiffness_below_tool(posture, &mut factor.lower)?;
+            machine.add_tool_compliance(&mut factor.lower)?;
+            stiffness::factor(&mut factor.lower)?;
         }
     }
-    Ok(StiffnessFactor { lower }.deflection(wrench)?)
+    let x = linalg::solve_lower::<T, 0>(&factor.lower, &wrench.to_vector());
+    if let (Some(table), Some(Doubt { table: Some(uncertainty), tip_m, variance_m2 })) = (table, doubt) {
+        *variance_m2 = uncertainty.of_loaded(&factor, table.scaled(pose), &x, *tip_m)?.variance_m2;
+    }
+    Ok(stiffness::finite(Deflection::from_vector(linalg::solve_upper(&factor.lower, &x)))?)
 }
 
 impl<T: Scalar> Machine<T> {
@@ -333,13 +348,9 @@ impl<T: Scalar> CorrectionTable<'_, T> {
             let uncertainty = uncertainty.of_loaded(factor, self.scaled(pose), x, tip_m)?;
             Ok((uncertainty.known_share(&deflection.seen_at(tip_m).translation_m), uncertainty))
         };
-        self.cycle_with(
-            (machine, pose, &posture, tip_m),
-            &wrench,
-            &beyond,
-            known,
-            |cycle, share, uncertainty| KnownCycle { cycle, uncertainty, share },
-        )
+        self.cycle_with((machine, pose, &posture, tip_m), &wrench, &beyond, known, |cycle, share, uncertainty| {
+            KnownCycle { cycle, uncertainty, share }
+        })
     }
 
     /// `beyond` is what load-dependent effects add to the deflection. `known` says how much of the deflection is compensated, from

@@ -5,11 +5,13 @@ pub mod compensator;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use pkm_core::compensator::{Compensator, CompensatorSettings, Known, Offset, OutsideBox, Reading};
 use pkm_core::effects::EFFECTS;
+use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::{Vector2, Vector3};
 use pkm_core::{
-    Configuration, CorrectionTable, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths,
-    TemperatureRise, Tool, ToolMotion, Wrench,
+    Configuration, CorrectionTable, Cycle, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths,
+    TableUncertainty, TemperatureRise, TipUncertainty, Tool, ToolMotion, Wrench,
 };
 
 use crate::image::symbols;
@@ -183,13 +185,16 @@ fn check_symbols(library: &Path, platform: &Platform) -> Outcome {
 
 /// Holds what `parity.c` prints against the host; returns the number of results.
 fn compare(text: &str, host: &Host) -> Result<usize, String> {
+    let uncertainty = host.uncertainty()?;
     let mut lines = text.lines();
     let mut results = 0;
     while let Some(line) = lines.next() {
         let pose: Vec<u64> = line.split(' ').skip(2).map_while(|bits| u64::from_str_radix(bits, 16).ok()).collect();
         let [theta, sigma, z0] = pose[..] else { return Err(format!("not a pose: {line}")) };
         let bits = [theta, sigma, z0].map(f64::from_bits);
-        let (double, single) = host.both(|m, t| expected(m, t, bits), |m, t| expected(m, t, bits))?;
+        let (in_double, in_single) = &uncertainty;
+        let (double, single) =
+            host.both(|m, t| expected(m, (t, in_double), bits), |m, t| expected(m, (t, in_single), bits))?;
         for (name, expected) in if line.starts_with("pose_f64") { double } else { single } {
             let line = lines.next().ok_or("the program stopped early")?;
             let mut words = line.split(' ');
@@ -210,7 +215,7 @@ fn compare(text: &str, host: &Host) -> Result<usize, String> {
 /// What `parity.c` prints at a pose: name, and numbers unless there is an error.
 fn expected<T: Scalar>(
     five: &FiveAxis<'_, T>,
-    table: &CorrectionTable<'_, T>,
+    (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
     pose: [f64; 3],
 ) -> Vec<(&'static str, Option<Vec<String>>)> {
     fn line<T: Scalar, E>(name: &'static str, result: Result<Vec<T>, E>) -> (&'static str, Option<Vec<String>>) {
@@ -235,9 +240,12 @@ fn expected<T: Scalar>(
     });
     let six = |d: Deflection<T>| d.to_vector().as_slice().to_vec();
     let compensated = machine.compensated(pose, &deflection.unwrap_or(Deflection::ZERO), tip);
-    let cycle = table.cycle(machine, pose, &wrench, tip).map(|c| {
+    let whole_cycle = |c: Cycle<T>| {
         [c.lengths.q_m.as_slice().to_vec(), six(c.deflection), flat(c.compensated.pose, c.compensated.lengths)].concat()
-    });
+    };
+    let cycle = table.cycle(machine, pose, &wrench, tip).map(whole_cycle);
+    let known_cycle = table.cycle_known(machine, uncertainty, pose, &wrench, tip);
+    let reading = Reading { enabled: true, wrench, rise };
     let whole = |k: pkm_core::Stiffness<T>| k.matrix().as_slice().to_vec();
     let warm = machine.at_temperature(T::from_f64(31.5));
     let ok = |name, text: String| (name, Some(vec![text]));
@@ -256,6 +264,12 @@ fn expected<T: Scalar>(
     let place = five.forward(&JointValues { lengths: set, beta_rad });
     let tool = place.map_or(Tool { tip_m: Vector3::zeros(), axis: Vector3::zeros() }, |(_, tool)| tool);
     let loaded = five.compensated(Some(table), &tool, &wrench, &home);
+    let nowhere = Configuration {
+        pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::ZERO },
+        beta_rad: Vector2::zeros(),
+    };
+    let tool_stands = place.map_or(nowhere, |(stands, _)| stands);
+    let (screws, axes) = first_periods(five, (table, uncertainty), (pose, tip), &tool_stands, &reading);
     let motion = ToolMotion {
         tip_m_per_s: t([0.1, -0.05, 0.02]).into(),
         axis_per_s: t([0.2, 0.1, -0.3]).into(),
@@ -301,6 +315,37 @@ fn expected<T: Scalar>(
         ),
         line("joint_motion", joints.map(|j| [j.velocity.as_slice(), j.acceleration.as_slice()].concat())),
         line("feed_share", Ok::<_, ()>(vec![share])),
+        line("cycle_known", known_cycle.map(|known| whole_cycle(known.cycle))),
+        line("known", known_cycle.map(|known| numbers_of(known.uncertainty, known.share))),
+        line("offset", Ok::<_, ()>(screws.joints.as_slice().to_vec())),
+        line("of_offset", Ok::<_, ()>(of_offset(screws.known))),
+        line("tool_offset", Ok::<_, ()>(axes.joints.as_slice().to_vec())),
+        line("of_tool_offset", Ok::<_, ()>(of_offset(axes.known))),
         ok("self_test", "0".to_owned()),
     ]
+}
+
+/// As `PkmKnown` has them.
+fn numbers_of<T: Scalar>(uncertainty: TipUncertainty<T>, share: T) -> Vec<T> {
+    [uncertainty.u95_m().as_slice(), &[share]].concat()
+}
+
+fn of_offset<T: Scalar>(known: Option<Known<T>>) -> Vec<T> {
+    known.map_or(vec![T::ZERO; 4], |known| numbers_of(known.uncertainty, known.share))
+}
+
+/// A period of new compensators that compensate no more than is known, of three screws and of five axes.
+fn first_periods<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    known: (&CorrectionTable<'_, T>, &TableUncertainty<T>),
+    (pose, tip): (&Pose<T>, Vector3<T>),
+    stands: &Configuration<T>,
+    reading: &Reading<T>,
+) -> (Offset<T, 3>, Offset<T, 5>) {
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    let mut screws = Compensator::<T, 3>::new(&settings).expect("in range");
+    let mut axes = Compensator::<T, 5>::new(&settings).expect("in range");
+    let nothing_learned = None::<&Estimator<T, 0>>;
+    let of_screws = screws.update_known(known, five.machine, nothing_learned, (pose, tip), reading);
+    (of_screws, axes.update_known(known, five, nothing_learned, stands, reading))
 }

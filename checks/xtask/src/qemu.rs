@@ -8,16 +8,20 @@ use std::path::Path;
 use std::process::Command;
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::correction::narrow;
 use pkm_core::effects::{EFFECTS, EffectInfo};
+use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::Vector2;
+use pkm_core::tables::reference::{UNCERTAINTY_F32, UNCERTAINTY_F64};
 use pkm_core::{
-    Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar, Stiffness,
-    StiffnessError, Tool, ToolDeflectionError, Wrench, Wrist,
+    Configuration, CorrectionTable, CycleError, Domain, FiveAxis, Hold, KnownCycle, Machine, Pose, Scalar, Stiffness,
+    StiffnessError, TableUncertainty, Tool, ToolDeflectionError, Wrench, Wrist,
 };
 use pkm_host::cli;
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::source::Source;
 use pkm_host::files::table::TableFile;
+use pkm_host::files::table_numbers::UncertaintyNumbers;
 use serde_json::Value;
 
 use crate::proofs::firmware;
@@ -204,6 +208,14 @@ impl Host {
         Ok(Self { machine, table })
     }
 
+    /// How far the table may be off.
+    pub fn uncertainty(&self) -> Result<(TableUncertainty<f64>, TableUncertainty<f32>), String> {
+        let numbers = self.table.uncertainty.as_ref().ok_or("the table does not say how far it may be off")?;
+        let UncertaintyNumbers { spread, rest, columns } = numbers;
+        let single = TableUncertainty::<f32>::new(narrow(spread), *rest as f32, columns.map(|column| narrow(&column)));
+        Ok((numbers.core().map_err(|e| e.to_string())?, single.map_err(|e| e.to_string())?))
+    }
+
     /// Calls one with machine, wrist and table in `f64`, the other with those in `f32`, and gives what the calls give.
     pub fn both<R>(
         &self,
@@ -227,7 +239,8 @@ fn compare(text: &str, host: &Host) -> Result<usize, String> {
     for text in text.lines() {
         let line: Value = serde_json::from_str(text).map_err(|e| format!("not a line of the firmware: {e}: {text}"))?;
         let pose = bits(&line["pose"])?;
-        let (double, single) = host.both(|m, t| expected(m, t, &pose), |m, t| expected(m, t, &pose))?;
+        let (double, single) = host
+            .both(|m, t| expected(m, (t, &UNCERTAINTY_F64), &pose), |m, t| expected(m, (t, &UNCERTAINTY_F32), &pose))?;
         let expected = match line["float_bits"].as_u64() {
             Some(64) => double,
             Some(32) => single,
@@ -268,12 +281,17 @@ struct Expected {
     values: Vec<(&'static str, Vec<u64>)>,
 }
 
-fn expected<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &[u64]) -> Expected {
+fn expected<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
+    pose: &[u64],
+) -> Expected {
     let at = |i: usize| T::from_f64(f64::from_bits(pose[i]));
     let pose = Pose { theta_rad: at(0), sigma_rad: at(1), z0_m: at(2) };
     let values = values(five.machine, table, &pose).map(|mut values| {
         values.extend(five_axes(five, table, &pose));
         values.push(("offsets", offsets(five, table, &pose)));
+        values.push(("known", known(five.machine, (table, uncertainty), &pose).unwrap_or_default()));
         values
     });
     Expected {
@@ -350,6 +368,32 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
         axes.update(table, five, &stands, &reading);
     }
     bits_of(&[screws.joints().as_slice(), axes.joints().as_slice()].concat())
+}
+
+/// The cycle and a period of the compensator that compensate no more than is known, as embed/firmware/src/bin/parity.rs has them.
+fn known<T: Scalar>(
+    machine: &Machine<T>,
+    (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
+    pose: &Pose<T>,
+) -> Option<Vec<u64>> {
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    let (wrench, tip_m) = (wrench(WRENCH), TIP_M.map(T::from_f64).into());
+    let KnownCycle { cycle, uncertainty: of_cycle, share } =
+        table.cycle_known(machine, uncertainty, pose, &wrench, tip_m).ok()?;
+    let Pose { theta_rad, sigma_rad, z0_m } = cycle.compensated.pose;
+    let mut compensator = Compensator::<T, 3>::new(&settings).ok()?;
+    let reading = Reading { enabled: true, wrench, rise: T::from_f64(4.5).into() };
+    let nothing_learned = None::<&Estimator<T, 0>>;
+    let offset = compensator.update_known((table, uncertainty), machine, nothing_learned, (pose, tip_m), &reading);
+    let in_period = offset.known?;
+    let numbers = [
+        of_cycle.variance_m2.as_slice(),
+        &[share, theta_rad, sigma_rad, z0_m],
+        in_period.uncertainty.variance_m2.as_slice(),
+        &[in_period.share],
+        offset.joints.as_slice(),
+    ];
+    Some(bits_of(&numbers.concat()))
 }
 
 fn values<T: Scalar>(

@@ -206,6 +206,12 @@ typedef struct PkmTableBuffer_f32 PkmTableBuffer_f32;
 // Room for a table that comes while the program runs.
 typedef struct PkmTableBuffer_f64 PkmTableBuffer_f64;
 
+// How far a table may be off, as the fit has found it.
+typedef struct PkmTableUncertainty_f32 PkmTableUncertainty_f32;
+
+// How far a table may be off, as the fit has found it.
+typedef struct PkmTableUncertainty_f64 PkmTableUncertainty_f64;
+
 // A correction table.
 typedef struct PkmTable_f32 PkmTable_f32;
 
@@ -564,6 +570,60 @@ typedef struct {
   // Joints 1 and 2 of the wrist.
   float beta_rad[2];
 } PkmConfiguration_f32;
+
+// How well a deflection of the tip is known, and how much of it is compensated for that reason.
+typedef struct {
+  // Expanded uncertainty of the tip's translation along u, v, w, coverage 95 % (k = 1.96).
+  double u95_m[3];
+  // 1 where the tip moves by more than its expanded uncertainty, else the share that its way is of that. A controller that
+  // compensates the whole or nothing takes anything below 1 for nothing.
+  double share;
+} PkmKnown_f64;
+
+// A cycle that compensates no more than is known.
+typedef struct {
+  // Its deflection is the whole; `compensated` makes up for the share that is known.
+  PkmCycle_f64 cycle;
+  // How well.
+  PkmKnown_f64 known;
+} PkmKnownCycle_f64;
+
+// What a compensator asks for that compensates no more than is known.
+typedef struct {
+  // What it asks for.
+  PkmOffset_f64 offset;
+  // How well the deflection under the load that is compensated is known; zeros where `is_known` is 0.
+  PkmKnown_f64 known;
+  // Not 0: there is a deflection in this period. 0 when not enabled, outside the box, and with a fault of the model.
+  int32_t is_known;
+} PkmKnownOffset_f64;
+
+// How well a deflection of the tip is known, and how much of it is compensated for that reason.
+typedef struct {
+  // Expanded uncertainty of the tip's translation along u, v, w, coverage 95 % (k = 1.96).
+  float u95_m[3];
+  // 1 where the tip moves by more than its expanded uncertainty, else the share that its way is of that. A controller that
+  // compensates the whole or nothing takes anything below 1 for nothing.
+  float share;
+} PkmKnown_f32;
+
+// A cycle that compensates no more than is known.
+typedef struct {
+  // Its deflection is the whole; `compensated` makes up for the share that is known.
+  PkmCycle_f32 cycle;
+  // How well.
+  PkmKnown_f32 known;
+} PkmKnownCycle_f32;
+
+// What a compensator asks for that compensates no more than is known.
+typedef struct {
+  // What it asks for.
+  PkmOffset_f32 offset;
+  // How well the deflection under the load that is compensated is known; zeros where `is_known` is 0.
+  PkmKnown_f32 known;
+  // Not 0: there is a deflection in this period. 0 when not enabled, outside the box, and with a fault of the model.
+  int32_t is_known;
+} PkmKnownOffset_f32;
 
 // What is said of a table before its numbers.
 typedef struct {
@@ -1211,6 +1271,90 @@ uint64_t pkm_wrist_checksum(void);
 
 // Checksum of the compiled-in table, as its `coefficients.rs` and `coefficients.json` state it.
 uint64_t pkm_table_checksum(void);
+
+// How far the compiled-in table may be off; null when its `coefficients.rs` does not say.
+const PkmTableUncertainty_f64 *pkm_table_uncertainty_f64(void);
+
+// `pkm_cycle` with the uncertainty of the tip's deflection, of which as much is compensated as is known. `uncertainty` is
+// that of the table.
+//
+// Errors: those of `pkm_cycle`; NOT_FINITE also of an uncertainty that overflows.
+PKM_MUST_USE
+PkmError pkm_cycle_known_f64(const PkmMachine_f64 *machine,
+                             const PkmTable_f64 *table,
+                             const PkmTableUncertainty_f64 *uncertainty,
+                             const PkmPose_f64 *pose,
+                             const PkmWrench_f64 *wrench_at_tip,
+                             const PkmPoint_f64 *tip,
+                             PkmKnownCycle_f64 *known);
+
+// `pkm_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_compensator_update_known_f64(PkmCompensator_f64 *compensator,
+                                          const PkmMachine_f64 *machine,
+                                          const PkmTable_f64 *table,
+                                          const PkmTableUncertainty_f64 *uncertainty,
+                                          const PkmPose_f64 *pose,
+                                          const PkmPoint_f64 *tip,
+                                          const PkmReading_f64 *reading,
+                                          PkmKnownOffset_f64 *offset);
+
+// `pkm_tool_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_update_known_f64(PkmToolCompensator_f64 *compensator,
+                                               const PkmMachine_f64 *machine,
+                                               const PkmTable_f64 *table,
+                                               const PkmTableUncertainty_f64 *uncertainty,
+                                               const PkmWrist_f64 *wrist,
+                                               const PkmConfiguration_f64 *configuration,
+                                               const PkmReading_f64 *reading,
+                                               PkmKnownOffset_f64 *offset);
+
+// How far the compiled-in table may be off; null when its `coefficients.rs` does not say.
+const PkmTableUncertainty_f32 *pkm_table_uncertainty_f32(void);
+
+// `pkm_cycle` with the uncertainty of the tip's deflection, of which as much is compensated as is known. `uncertainty` is
+// that of the table.
+//
+// Errors: those of `pkm_cycle`; NOT_FINITE also of an uncertainty that overflows.
+PKM_MUST_USE
+PkmError pkm_cycle_known_f32(const PkmMachine_f32 *machine,
+                             const PkmTable_f32 *table,
+                             const PkmTableUncertainty_f32 *uncertainty,
+                             const PkmPose_f32 *pose,
+                             const PkmWrench_f32 *wrench_at_tip,
+                             const PkmPoint_f32 *tip,
+                             PkmKnownCycle_f32 *known);
+
+// `pkm_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_compensator_update_known_f32(PkmCompensator_f32 *compensator,
+                                          const PkmMachine_f32 *machine,
+                                          const PkmTable_f32 *table,
+                                          const PkmTableUncertainty_f32 *uncertainty,
+                                          const PkmPose_f32 *pose,
+                                          const PkmPoint_f32 *tip,
+                                          const PkmReading_f32 *reading,
+                                          PkmKnownOffset_f32 *offset);
+
+// `pkm_tool_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_update_known_f32(PkmToolCompensator_f32 *compensator,
+                                               const PkmMachine_f32 *machine,
+                                               const PkmTable_f32 *table,
+                                               const PkmTableUncertainty_f32 *uncertainty,
+                                               const PkmWrist_f32 *wrist,
+                                               const PkmConfiguration_f32 *configuration,
+                                               const PkmReading_f32 *reading,
+                                               PkmKnownOffset_f32 *offset);
 
 // Bytes that a buffer for a table takes.
 size_t pkm_table_buffer_size_f64(void);

@@ -121,17 +121,17 @@ pub struct PkmOffset<T> {
 }
 
 /// What is in the caller's memory.
-struct Kept<T, const JOINTS: usize> {
+pub(crate) struct Kept<T, const JOINTS: usize> {
     /// Tells a compensator of this version and kind from other memory.
     tag: u64,
     compensator: Compensator<T, JOINTS>,
 }
 
 /// What a compensator of the three screws keeps from period to period.
-pub struct PkmCompensator<T>(Kept<T, 3>);
+pub struct PkmCompensator<T>(pub(crate) Kept<T, 3>);
 
 /// What a compensator of the five axes keeps from period to period.
-pub struct PkmToolCompensator<T>(Kept<T, 5>);
+pub struct PkmToolCompensator<T>(pub(crate) Kept<T, 5>);
 
 impl<T: Scalar, const JOINTS: usize> Kept<T, JOINTS> {
     const TAG: u64 = over_text(START ^ (size_of::<Self>() * 8 + JOINTS) as u64, env!("CARGO_PKG_VERSION"));
@@ -152,7 +152,7 @@ impl<T: Scalar, const JOINTS: usize> Kept<T, JOINTS> {
         Ok(Self { tag: Self::TAG, compensator: Compensator::new(&settings.core()?)? })
     }
 
-    fn running(&mut self) -> Result<&mut Compensator<T, JOINTS>, PkmError> {
+    pub(crate) fn running(&mut self) -> Result<&mut Compensator<T, JOINTS>, PkmError> {
         if self.tag == Self::TAG { Ok(&mut self.compensator) } else { Err(PkmError::NotInitialised) }
     }
 }
@@ -214,13 +214,13 @@ impl From<CompensatorSettings> for PkmCompensatorSettings {
 }
 
 impl<T: Scalar> PkmReading<T> {
-    fn core(&self) -> Reading<T> {
+    pub(crate) fn core(&self) -> Reading<T> {
         Reading { enabled: self.enabled != 0, wrench: self.wrench.core(), rise: self.rise.core() }
     }
 }
 
 impl<T: Scalar> PkmOffset<T> {
-    fn of<const JOINTS: usize>(Offset { joints, limit, domain, fault }: Offset<T, JOINTS>) -> Self {
+    pub(crate) fn of<const JOINTS: usize>(Offset { joints, limit, domain, fault, .. }: Offset<T, JOINTS>) -> Self {
         let joint = |i: usize| joints.get(i).copied().unwrap_or(T::ZERO);
         let limit = match limit {
             Limit::None => PkmLimit::None,

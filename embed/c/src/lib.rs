@@ -14,6 +14,7 @@
 mod compensator;
 mod error;
 mod identity;
+mod known;
 mod pointers;
 mod table;
 mod tool;
@@ -22,6 +23,7 @@ mod types;
 pub use compensator::*;
 pub use error::{PkmError, pkm_error_text};
 pub use identity::*;
+pub use known::*;
 pub use table::*;
 pub use tool::*;
 pub use types::*;

@@ -174,7 +174,8 @@ misuse_of_every_function!(
 );
 
 macro_rules! misuse_of_compensators {
-    ($test:ident, $t:ty, $machine:ident, $table:ident, $wrist:ident, $init:ident, $update:ident, $tool_init:ident, $tool_update:ident) => {
+    ($test:ident, $t:ty, $machine:ident, $table:ident, $wrist:ident, $init:ident, $update:ident, $tool_init:ident, $tool_update:ident,
+     $uncertainty:ident, $cycle_known:ident, $update_known:ident, $tool_update_known:ident) => {
         #[test]
         fn $test() {
             let sums = PkmChecksums {
@@ -216,6 +217,19 @@ macro_rules! misuse_of_compensators {
                 misuse([c, m, t, w, to(&at), r], |[c, m, t, w, at, r], to| {
                     $tool_update(c.cast_mut().cast(), m.cast(), t.cast(), w.cast(), at.cast(), r.cast(), to.cast())
                 });
+                let u = $uncertainty().cast();
+                misuse([c, m, t, u, w, to(&at), r], |[c, m, t, u, w, at, r], to| {
+                    let (c, at, r) = (c.cast_mut().cast(), at.cast(), r.cast());
+                    $tool_update_known(c, m.cast(), t.cast(), u.cast(), w.cast(), at, r, to.cast())
+                });
+                let c = screws.cast_const().cast();
+                misuse([c, m, t, u, p, to(&tip), r], |[c, m, t, u, p, tip, r], to| {
+                    let (c, tip, r) = (c.cast_mut().cast(), tip.cast(), r.cast());
+                    $update_known(c, m.cast(), t.cast(), u.cast(), p.cast(), tip, r, to.cast())
+                });
+                misuse([m, t, u, p, to(&wrench), to(&tip)], |[m, t, u, p, wrench, tip], to| {
+                    $cycle_known(m.cast(), t.cast(), u.cast(), p.cast(), wrench.cast(), tip.cast(), to.cast())
+                });
             }
         }
     };
@@ -230,7 +244,11 @@ misuse_of_compensators!(
     pkm_compensator_init_f64,
     pkm_compensator_update_f64,
     pkm_tool_compensator_init_f64,
-    pkm_tool_compensator_update_f64
+    pkm_tool_compensator_update_f64,
+    pkm_table_uncertainty_f64,
+    pkm_cycle_known_f64,
+    pkm_compensator_update_known_f64,
+    pkm_tool_compensator_update_known_f64
 );
 misuse_of_compensators!(
     misuse_of_compensators_f32,
@@ -241,7 +259,11 @@ misuse_of_compensators!(
     pkm_compensator_init_f32,
     pkm_compensator_update_f32,
     pkm_tool_compensator_init_f32,
-    pkm_tool_compensator_update_f32
+    pkm_tool_compensator_update_f32,
+    pkm_table_uncertainty_f32,
+    pkm_cycle_known_f32,
+    pkm_compensator_update_known_f32,
+    pkm_tool_compensator_update_known_f32
 );
 
 #[test]

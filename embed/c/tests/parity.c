@@ -55,6 +55,18 @@
         const PkmJointMotion_##S limits = {{(T)0.05, (T)0.05, (T)0.05, 1, 1}, {2, 2, 2, 10, 10}};                 \
         PkmJointMotion_##S moved = {{0, 0, 0, 0, 0}, {0, 0, 0, 0, 0}};                                            \
         T share;                                                                                                  \
+        static uint64_t room[128];                                                                                \
+        PkmCompensator_##S *screws = (PkmCompensator_##S *)(void *)room;                                          \
+        PkmToolCompensator_##S *axes = (PkmToolCompensator_##S *)(void *)room;                                    \
+        const PkmTableUncertainty_##S *doubt = pkm_table_uncertainty_##S();                                       \
+        const PkmChecksums sums = {pkm_machine_checksum(), pkm_wrist_checksum(), pkm_table_checksum()};           \
+        const PkmReading_##S in = {1, wrench, rise};                                                              \
+        PkmCompensatorSettings set;                                                                               \
+        PkmKnownCycle_##S known;                                                                                  \
+        PkmKnownOffset_##S offset;                                                                                \
+        PkmError error;                                                                                           \
+        if (pkm_compensator_defaults(&set, sizeof set)) return;                                                   \
+        set.outside_box = PKM_OUTSIDE_BOX_EXTRAPOLATE;                                                            \
         print_##S("pose_" #S, PKM_ERROR_OK, &pose, 3);                                                            \
         print_##S("inverse", pkm_inverse_##S(machine, &pose, &lengths), &lengths, 3);                             \
         print_##S("forward", pkm_forward_##S(machine, &lengths, &forward), &forward, 3);                          \
@@ -90,6 +102,18 @@
         print_##S("joint_motion",                                                                                 \
                   pkm_joint_motion_##S(machine, wrist, &place.configuration, &motion, &moved), &moved, 10);       \
         print_##S("feed_share", pkm_feed_share_##S(&moved, &limits, &share), &share, 1);                          \
+        error = pkm_cycle_known_##S(machine, table, doubt, &pose, &wrench, &tip, &known);                         \
+        print_##S("cycle_known", error, &known, 15);                                                              \
+        print_##S("known", error, &known.known, 4);                                                               \
+        if (pkm_compensator_init_##S(screws, sizeof room, &set, sizeof set, &sums)) return;                       \
+        error = pkm_compensator_update_known_##S(screws, machine, table, doubt, &pose, &tip, &in, &offset);       \
+        print_##S("offset", error, &offset, 3);                                                                   \
+        print_##S("of_offset", error, &offset.known, 4);                                                          \
+        if (pkm_tool_compensator_init_##S(axes, sizeof room, &set, sizeof set, &sums)) return;                    \
+        error = pkm_tool_compensator_update_known_##S(axes, machine, table, doubt, wrist, &place.configuration,   \
+                                                      &in, &offset);                                              \
+        print_##S("tool_offset", error, &offset, 5);                                                              \
+        print_##S("of_tool_offset", error, &offset.known, 4);                                                     \
         printf("self_test 0 %d\n", (int)pkm_self_test_##S());                                                     \
     }
 

@@ -26,6 +26,7 @@
 //! A force sensor closes a loop through the machine: compensation pushes the tip against the workpiece, and the force grows. Its gain
 //! is below the compensator's, see [`LoopGain`] and `docs/stability.md`.
 
+mod known;
 mod limit;
 mod load;
 mod settings;
@@ -36,8 +37,8 @@ use core::fmt;
 
 use nalgebra::{SVector, Vector3};
 
-use crate::compensation::{self, CompensationError, Load};
-use crate::correction::{CorrectionError, CorrectionTable};
+use crate::compensation::{self, CompensationError, Doubt, Load};
+use crate::correction::{CorrectionError, CorrectionTable, TableUncertainty};
 use crate::estimation::Estimator;
 use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
 use crate::machine::Machine;
@@ -46,6 +47,8 @@ use crate::stiffness::{LoadHistory, StiffnessError};
 use crate::thermal::TemperatureRise;
 use crate::types::{Domain, Pose, Wrench};
 
+pub(crate) use known::Knowledge;
+pub use known::Known;
 use load::LoadFilter;
 pub use settings::{CompensatorSettings, OutsideBox, SettingsError};
 pub use stability::LoopGain;
@@ -157,6 +160,8 @@ pub struct Offset<T, const JOINTS: usize> {
     pub domain: Domain,
     /// The gravest fault of this period.
     pub fault: Option<Fault>,
+    /// How well the deflection under the load is known; `None` where that is not asked, and where no deflection is worked out.
+    pub known: Option<Known<T>>,
 }
 
 /// Compensation with state, for the three screws (`JOINTS` = 3) or all five axes (5). See the [module's documentation](self).
@@ -237,11 +242,11 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         domain: Domain,
         reading: &Reading<T>,
         second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
-        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<SVector<T, JOINTS>, Fault>,
+        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
     ) -> Offset<T, JOINTS> {
-        let (target, fault) = self.target(domain, reading, offsets);
+        let (target, known, fault) = self.target(domain, reading, offsets);
         let (joints, limit) = self.approach(target, second);
-        Offset { joints, limit, domain, fault }
+        Offset { joints, limit, domain, fault, known }
     }
 
     /// Where the offset should go.
@@ -250,22 +255,22 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         &mut self,
         domain: Domain,
         reading: &Reading<T>,
-        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<SVector<T, JOINTS>, Fault>,
-    ) -> (SVector<T, JOINTS>, Option<Fault>) {
+        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
+    ) -> (SVector<T, JOINTS>, Option<Known<T>>, Option<Fault>) {
         let none = SVector::zeros();
         if !reading.enabled {
             self.load.forget_load();
             self.history = LoadHistory::new();
-            return (none, None);
+            return (none, None, None);
         }
         let (wrench, rise, fault) = self.load.update(reading);
         match (domain, self.outside_box) {
-            (Domain::Outside, OutsideBox::Hold) => (self.joints, Some(Fault::OutsideBox)),
-            (Domain::Outside, OutsideBox::Fade) => (none, Some(Fault::OutsideBox)),
+            (Domain::Outside, OutsideBox::Hold) => (self.joints, None, Some(Fault::OutsideBox)),
+            (Domain::Outside, OutsideBox::Fade) => (none, None, Some(Fault::OutsideBox)),
             (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
                 match offsets(&Load { wrench, gain: self.gain, rise }, &mut self.history) {
-                    Ok(joints) => (joints, fault),
-                    Err(fault) => (none, Some(fault)),
+                    Ok((joints, known)) => (joints, known, fault),
+                    Err(fault) => (none, None, Some(fault)),
                 }
             }
         }
@@ -303,28 +308,31 @@ fn joints_go_straight<T: Scalar>(_: &SVector<T, 3>) -> Option<SVector<T, 3>> {
     None
 }
 
-/// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip, and all of the thermal
-/// growth.
+/// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip, as far as it is known, and
+/// all of the thermal growth.
 fn offsets<T: Scalar, const N: usize>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
-    learned: Option<&Estimator<T, N>>,
+    knowledge: &Knowledge<'_, T, N>,
     (pose, tip_m): (&Pose<T>, Vector3<T>),
     load: &Load<T>,
     history: &mut LoadHistory<T>,
-) -> Result<Vector3<T>, Fault> {
+) -> Result<(Vector3<T>, Option<Known<T>>), Fault> {
     let posture = &match machine.posture(pose) {
         Ok(posture) => posture,
         Err(e) => return Err(CorrectionError::from(e).into()),
     };
     let wrench = &load.wrench.moved_to_a(tip_m);
-    let loaded = compensation::deflection_at(machine, Some(table), pose, posture, wrench, Some(history))?;
-    let (loaded, share) = match learned {
-        Some(learned) => learned.known(machine, posture, wrench, tip_m, &loaded)?,
-        None => (loaded, T::ONE),
-    };
+    let mut doubt = Doubt { table: knowledge.table, tip_m, variance_m2: Vector3::zeros() };
+    let at = (pose, posture);
+    let mut loaded = compensation::deflection_at(machine, Some(table), at, wrench, Some(history), Some(&mut doubt))?;
+    if let Some(learned) = knowledge.learned {
+        learned.add_to(machine, posture, wrench, tip_m, (&mut loaded, &mut doubt.variance_m2))?;
+    }
+    let known = knowledge.known(&doubt.variance_m2, &loaded.seen_at(tip_m).translation_m);
+    let share = known.as_ref().map_or(T::ONE, |known| known.share);
     let moved = loaded.times(load.gain * share).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
-    Ok(machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q)
+    Ok((machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q, known))
 }
 
 impl<T: Scalar> Compensator<T, 3> {
@@ -345,7 +353,48 @@ impl<T: Scalar> Compensator<T, 3> {
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
         self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
-            offsets(machine, table, None::<&Estimator<T, 0>>, (pose, tip_m), load, history)
+            offsets(machine, table, &Knowledge::NONE, (pose, tip_m), load, history)
+        })
+    }
+
+    /// A period with the table's own uncertainty, and with what was learned if there is an estimator. Where the tip moves by less
+    /// than the expanded uncertainty of both together, only so great a share is compensated as it is of that:
+    /// [`Offset::known`] has both.
+    ///
+    /// # Arguments
+    /// As of [`update`](Self::update); `uncertainty`: of this table, as `fit` has written it beside the table; `learned`: as of
+    /// [`update_learned`](Self::update_learned), `None::<&Estimator<f64, 0>>` without.
+    ///
+    /// ```
+    /// use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+    /// use pkm_core::estimation::Estimator;
+    /// use pkm_core::nalgebra::Vector3;
+    /// use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, UNCERTAINTY_F64};
+    /// use pkm_core::{Pose, Wrench};
+    ///
+    /// let mut compensator = Compensator::<f64, 3>::new(&CompensatorSettings::DEFAULT)?;
+    /// let (pose, tip_m) = (Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 }, Vector3::new(0.0, 0.0, 0.3));
+    /// let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
+    /// let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
+    /// let nothing_learned = None::<&Estimator<f64, 0>>;
+    /// let at = (&pose, tip_m);
+    /// let offset =
+    ///     compensator.update_known((&TABLE_F64, &UNCERTAINTY_F64), &MACHINE_F64, nothing_learned, at, &reading);
+    /// assert!(offset.known.is_some_and(|known| known.share == 1.0 && known.uncertainty.u95_m().z < 1e-6));
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
+    #[inline(never)]
+    pub fn update_known<const N: usize>(
+        &mut self,
+        (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
+        machine: &Machine<T>,
+        learned: Option<&Estimator<T, N>>,
+        (pose, tip_m): (&Pose<T>, Vector3<T>),
+        reading: &Reading<T>,
+    ) -> Offset<T, 3> {
+        let knowledge = &Knowledge { table: Some(uncertainty), learned };
+        self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
+            offsets(machine, table, knowledge, (pose, tip_m), load, history)
         })
     }
 
@@ -363,8 +412,9 @@ impl<T: Scalar> Compensator<T, 3> {
         (pose, tip_m): (&Pose<T>, Vector3<T>),
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
+        let knowledge = &Knowledge { table: None, learned: Some(learned) };
         self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
-            offsets(machine, table, Some(learned), (pose, tip_m), load, history)
+            offsets(machine, table, knowledge, (pose, tip_m), load, history)
         })
     }
 }
@@ -385,7 +435,24 @@ impl<T: Scalar> Compensator<T, 5> {
     ) -> Offset<T, 5> {
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
         self.step(table.domain(&configuration.pose), reading, second, |load, history| {
-            Ok(five.offsets(table, None::<&Estimator<T, 0>>, configuration, load, history)?)
+            Ok(five.offsets(table, &Knowledge::NONE, configuration, load, history)?)
+        })
+    }
+
+    /// A period with the table's own uncertainty, and with what was learned if there is an estimator; see the one for three screws.
+    #[inline(never)]
+    pub fn update_known<const N: usize>(
+        &mut self,
+        (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
+        five: &FiveAxis<'_, T>,
+        learned: Option<&Estimator<T, N>>,
+        configuration: &Configuration<T>,
+        reading: &Reading<T>,
+    ) -> Offset<T, 5> {
+        let knowledge = &Knowledge { table: Some(uncertainty), learned };
+        let second = |way: &SVector<T, 5>| five.straight(configuration, way);
+        self.step(table.domain(&configuration.pose), reading, second, |load, history| {
+            Ok(five.offsets(table, knowledge, configuration, load, history)?)
         })
     }
 
@@ -399,9 +466,10 @@ impl<T: Scalar> Compensator<T, 5> {
         configuration: &Configuration<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
+        let knowledge = &Knowledge { table: None, learned: Some(learned) };
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
         self.step(table.domain(&configuration.pose), reading, second, |load, history| {
-            Ok(five.offsets(table, Some(learned), configuration, load, history)?)
+            Ok(five.offsets(table, knowledge, configuration, load, history)?)
         })
     }
 }

@@ -41,7 +41,7 @@ fn predict<T: Scalar>(
     wrench: &Wrench<T>,
     predicted: &mut Deflection<T>,
 ) -> Result<(), CorrectionError> {
-    *predicted = compensation::deflection(machine, table, pose, wrench, None)?;
+    *predicted = compensation::deflection(machine, table, pose, wrench, None, None)?;
     Ok(())
 }
 
@@ -409,19 +409,20 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         Ok(self.tip(&sensitivities, tip_m))
     }
 
-    /// A displacement of A with what was learned added, and of that the share that is known.
+    /// Adds what was learned to a displacement of A, and its variances to those of the tip.
     #[inline(never)] // takes no stack while the stiffness is worked out
-    pub(crate) fn known(
+    pub(crate) fn add_to(
         &self,
         machine: &Machine<T>,
         posture: &Posture<T>,
         wrench: &Wrench<T>,
         tip_m: Vector3<T>,
-        predicted: &Deflection<T>,
-    ) -> Result<(Deflection<T>, T), StiffnessError> {
+        (moved, variance_m2): (&mut Deflection<T>, &mut Vector3<T>),
+    ) -> Result<(), StiffnessError> {
         let tip = self.tip_at(machine, posture, wrench, tip_m)?;
-        let whole = predicted.plus(&tip.deflection);
-        Ok((whole, tip.known_share(&whole.seen_at(tip_m).translation_m)))
+        *moved = moved.plus(&tip.deflection);
+        *variance_m2 += tip.variance_m2;
+        Ok(())
     }
 
     /// The change since acceptance of which there is least doubt, if it is worth an alarm: by more than its settings say with a

@@ -4,8 +4,9 @@ use nalgebra::{SVector, Vector2, Vector3};
 
 use super::state::State;
 use super::{CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError};
-use crate::compensation::{self, Load};
-use crate::correction::CorrectionTable;
+use crate::compensation::{self, Doubt, Load};
+use crate::compensator::{Knowledge, Known};
+use crate::correction::{CorrectionTable, TableUncertainty};
 use crate::estimation::Estimator;
 use crate::kinematics::platform_axes;
 use crate::linalg::{self, axes, length, split, unit};
@@ -77,7 +78,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
     ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
         self.joints(configuration)?;
-        self.deflection_of(table, configuration, wrench, None)
+        self.deflection_of(table, configuration, wrench, None, None)
     }
 
     // what is turned before and after it takes no stack while the mechanism's own is worked out
@@ -88,10 +89,11 @@ impl<T: Scalar> FiveAxis<'_, T> {
         configuration: &Configuration<T>,
         wrench: &Wrench<T>,
         history: Option<&mut LoadHistory<T>>,
+        doubt: Option<&mut Doubt<'_, T>>,
     ) -> Result<ToolDeflection<T>, ToolDeflectionError> {
         let Configuration { pose, beta_rad } = configuration;
         let at_a = self.wrist.wrench_at_a(*beta_rad, wrench);
-        let at_a = compensation::deflection(self.machine, table, pose, &at_a, history)?;
+        let at_a = compensation::deflection(self.machine, table, pose, &at_a, history, doubt)?;
         let Deflection { translation_m, rotation_rad } = stiffness::finite(self.seen_at_tip(configuration, &at_a))?;
         Ok(ToolDeflection { translation_m, rotation_rad, domain: table.map(|table| table.domain(pose)) })
     }
@@ -135,7 +137,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let mut undone = [Vector3::zeros(); 2];
         let mut best = None;
         for left in (0..MAX_DEFLECTIONS).rev() {
-            match &self.deflection_of(table, &hold.configuration, wrench, None) {
+            match &self.deflection_of(table, &hold.configuration, wrench, None, None) {
                 Ok(deflection) => self.keep_better(axis, &hold, deflection, &mut undone, &mut best)?,
                 Err(e) => return Err(*e),
             }
@@ -157,27 +159,37 @@ impl<T: Scalar> FiveAxis<'_, T> {
     pub(crate) fn offsets<const N: usize>(
         &self,
         table: &CorrectionTable<'_, T>,
-        learned: Option<&Estimator<T, N>>,
+        knowledge: &Knowledge<'_, T, N>,
         configuration: &Configuration<T>,
         load: &Load<T>,
         history: &mut LoadHistory<T>,
-    ) -> Result<SVector<T, 5>, ToolDeflectionError> {
+    ) -> Result<(SVector<T, 5>, Option<Known<T>>), ToolDeflectionError> {
         self.joints(configuration)?;
+        let mut doubt = self.doubt(knowledge.table, configuration.beta_rad);
         // by reference: `?` would copy all of it
-        match &self.deflection_of(Some(table), configuration, &load.wrench, Some(history)) {
+        match &self.deflection_of(Some(table), configuration, &load.wrench, Some(history), Some(&mut doubt)) {
             Ok(loaded) => {
                 let ToolDeflection { translation_m, rotation_rad, .. } = *loaded;
                 let mut moved = Deflection { translation_m, rotation_rad };
-                if let Some(learned) = learned {
-                    self.add_learned(learned, configuration, &load.wrench, &mut moved)?;
+                if let Some(learned) = knowledge.learned {
+                    self.add_learned(learned, configuration, &load.wrench, &mut moved, &mut doubt)?;
                 }
-                self.offsets_against(configuration, &moved, load)
+                let known = knowledge.known(&doubt.variance_m2, &moved.translation_m);
+                if let Some(known) = &known {
+                    moved = moved.times(known.share);
+                }
+                Ok((self.offsets_against(configuration, &moved, load)?, known))
             }
             Err(e) => Err(*e),
         }
     }
 
-    /// Adds what was learned to a deflection of the tool, and takes the share of it that is known.
+    #[inline(never)] // takes no stack while the deflection is worked out
+    fn doubt<'a>(&self, table: Option<&'a TableUncertainty<T>>, beta_rad: Vector2<T>) -> Doubt<'a, T> {
+        Doubt { table, tip_m: self.wrist.held(beta_rad).tip, variance_m2: Vector3::zeros() }
+    }
+
+    /// Adds what was learned to a deflection of the tool, and to what is doubted of it.
     #[inline(never)] // takes no stack while the deflection is worked out
     fn add_learned<const N: usize>(
         &self,
@@ -185,13 +197,14 @@ impl<T: Scalar> FiveAxis<'_, T> {
         configuration: &Configuration<T>,
         wrench: &Wrench<T>,
         moved: &mut Deflection<T>,
+        doubt: &mut Doubt<'_, T>,
     ) -> Result<(), ToolDeflectionError> {
         let Configuration { pose, beta_rad } = configuration;
         let posture = self.machine.posture(pose).map_err(StiffnessError::from)?;
         let at_a = self.wrist.wrench_at_a(*beta_rad, wrench);
-        let tip = learned.tip_at(self.machine, &posture, &at_a, self.wrist.held(*beta_rad).tip)?;
-        let whole = moved.plus(&self.seen_at_tip(configuration, &tip.deflection));
-        *moved = whole.times(tip.known_share(&whole.translation_m));
+        let tip = learned.tip_at(self.machine, &posture, &at_a, doubt.tip_m)?;
+        *moved = moved.plus(&self.seen_at_tip(configuration, &tip.deflection));
+        doubt.variance_m2 += tip.variance_m2;
         Ok(())
     }
 

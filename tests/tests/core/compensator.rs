@@ -89,7 +89,10 @@ fn without_filter_and_limits_it_is_the_cycle() {
     let offset = update(&mut compensator, &POSE, &on(LOAD));
     let cycle = TABLE_F64.cycle(&MACHINE_F64, &POSE, &LOAD, TIP_M).unwrap();
     let expected = cycle.compensated.lengths.q_m - cycle.lengths.q_m;
-    assert_eq!(offset, Offset { joints: expected, limit: Limit::None, domain: Domain::Inside, fault: None });
+    assert_eq!(
+        offset,
+        Offset { joints: expected, limit: Limit::None, domain: Domain::Inside, fault: None, known: None }
+    );
     assert_eq!(compensator.joints(), expected);
     // nothing is kept of a load once it is switched off
     assert_eq!(update(&mut compensator, &POSE, &Reading { enabled: false, ..on(LOAD) }).joints, Vector3::zeros());

@@ -1,9 +1,13 @@
 //! The uncertainty of a table's deflections against derivatives by differences of the dense inverse, and the gate that it makes.
 
+use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Known, Offset, Reading};
 use pkm_core::correction::{TableError, TableUncertainty, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES};
-use pkm_core::nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64};
-use pkm_core::{CycleError, Pose, StiffnessError, Wrench};
+use pkm_core::estimation::{Amplitude, AmplitudeSettings, Estimator, EstimatorSettings};
+use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
+use pkm_core::tables::reference::{
+    MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST_F64,
+};
+use pkm_core::{Configuration, CycleError, FiveAxis, Pose, StiffnessError, Wrench};
 
 const TIP_M: Vector3<f64> = Vector3::new(0.03, -0.02, 0.3);
 /// ° and mm.
@@ -143,6 +147,108 @@ fn no_more_is_compensated_than_is_known() {
     let part = MACHINE_F64.compensated(&at, &plain.deflection, TIP_M).unwrap().lengths.q_m - plain.lengths.q_m;
     let commanded = known.cycle.compensated.lengths.q_m - known.cycle.lengths.q_m;
     assert!((commanded - part * known.share).amax() < 1e-3 * part.amax());
+}
+
+/// Follows its load at once and wholly.
+const DIRECT: CompensatorSettings = CompensatorSettings {
+    gain: 1.0,
+    filter_s: 0.0,
+    dead_band_n: 0.0,
+    dead_band_nm: 0.0,
+    screw_rate_m_per_s: 1.0,
+    wrist_rate_rad_per_s: 10.0,
+    ..CompensatorSettings::DEFAULT
+};
+
+fn reading() -> Reading<f64> {
+    Reading { enabled: true, wrench: push(), rise: 0.0.into() }
+}
+
+/// A first period of a compensator that compensates no more than is known.
+fn known_offset<const N: usize>(
+    uncertainty: &TableUncertainty<f64>,
+    learned: Option<&Estimator<f64, N>>,
+    at: &Pose<f64>,
+    reading: &Reading<f64>,
+) -> Offset<f64, 3> {
+    let mut compensator = Compensator::<f64, 3>::new(&DIRECT).unwrap();
+    compensator.update_known((&TABLE_F64, uncertainty), &MACHINE_F64, learned, (at, TIP_M), reading)
+}
+
+#[test]
+fn a_compensator_compensates_no_more_than_is_known() {
+    let at = pose(POSES[1]);
+    let nothing = None::<&Estimator<f64, 0>>;
+    let plain = Compensator::<f64, 3>::new(&DIRECT).unwrap().update(&TABLE_F64, &MACHINE_F64, &at, TIP_M, &reading());
+    assert_eq!((plain.known, plain.fault), (None, None));
+    // a table that knows the deflection is compensated as without it
+    let sure = known_offset(&UNCERTAINTY_F64, nothing, &at, &reading());
+    let cycle = TABLE_F64.cycle_known(&MACHINE_F64, &UNCERTAINTY_F64, &at, &push(), TIP_M).unwrap();
+    assert_eq!(sure.known, Some(Known { uncertainty: cycle.uncertainty, share: 1.0 }));
+    assert_eq!(sure.joints, plain.joints);
+    // one that does not is compensated as the cycle says
+    let (s, rest, columns) = numbers();
+    let unsure = TableUncertainty::<f64>::new(s.map(|s| s * 1e4), rest, columns).unwrap();
+    let cycle = TABLE_F64.cycle_known(&MACHINE_F64, &unsure, &at, &push(), TIP_M).unwrap();
+    let part = known_offset(&unsure, nothing, &at, &reading());
+    assert!(cycle.share < 0.9);
+    assert_eq!(part.known, Some(Known { uncertainty: cycle.uncertainty, share: cycle.share }));
+    let commanded = cycle.cycle.compensated.lengths.q_m - cycle.cycle.lengths.q_m;
+    assert!((part.joints - commanded).amax() < 1e-15);
+    // five axes have a tip elsewhere, and the same gate
+    let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
+    let stands = Configuration { pose: at, beta_rad: Vector2::new(0.3, -0.2) };
+    let of_five = |known| {
+        let mut compensator = Compensator::<f64, 5>::new(&DIRECT).unwrap();
+        compensator.update_known((&TABLE_F64, known), &five, nothing, &stands, &reading())
+    };
+    let (whole, part) = (of_five(&UNCERTAINTY_F64), of_five(&unsure));
+    let (sure, share) = (whole.known.unwrap(), part.known.unwrap().share);
+    let moved_m = five.deflection(Some(&TABLE_F64), &stands, &push()).unwrap().translation_m;
+    let expected = moved_m.norm() / part.known.unwrap().uncertainty.u95_m().norm();
+    assert!(sure.share == 1.0 && share < 0.9 && (share / expected - 1.0).abs() < 1e-12, "{share} is not {expected}");
+    assert!((part.joints - whole.joints * share).amax() < 1e-3 * whole.joints.amax());
+}
+
+#[test]
+fn a_table_and_what_was_learned_are_doubted_together() {
+    let at = pose(POSES[1]);
+    let warmth = AmplitudeSettings {
+        amplitude: Amplitude::RISE,
+        accepted: 0.0,
+        deviation: 3.0,
+        drift_per_day: 0.0,
+        least: -50.0,
+        most: 50.0,
+        rate_per_s: 1.0,
+        alarm: 5.0,
+    };
+    let learned = Estimator::<f64, 1>::new(&EstimatorSettings { amplitudes: [warmth], model_share: 0.0 }).unwrap();
+    let together = known_offset(&UNCERTAINTY_F64, Some(&learned), &at, &reading()).known.unwrap();
+    let of_table = known_offset(&UNCERTAINTY_F64, None::<&Estimator<f64, 0>>, &at, &reading()).known.unwrap();
+    let alone = Compensator::<f64, 3>::new(&DIRECT)
+        .unwrap()
+        .update_learned(&TABLE_F64, &MACHINE_F64, &learned, (&at, TIP_M), &reading())
+        .known
+        .unwrap();
+    let sum = of_table.uncertainty.variance_m2 + alone.uncertainty.variance_m2;
+    assert!((together.uncertainty.variance_m2 - sum).amax() <= 1e-15 * sum.amax());
+}
+
+#[test]
+fn nothing_is_known_where_nothing_is_compensated() {
+    let (at, nothing) = (pose(POSES[1]), None::<&Estimator<f64, 0>>);
+    let off = Reading { enabled: false, ..reading() };
+    assert_eq!(known_offset(&UNCERTAINTY_F64, nothing, &at, &off).known, None);
+    let outside = known_offset(&UNCERTAINTY_F64, nothing, &pose(POSES[3]), &reading());
+    assert_eq!((outside.known, outside.fault), (None, Some(Fault::OutsideBox)));
+    let nowhere = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: f64::NAN };
+    assert_eq!(known_offset(&UNCERTAINTY_F64, nothing, &nowhere, &reading()).known, None);
+    // an uncertainty that overflows is a fault
+    let (_, rest, columns) = numbers();
+    let endless = TableUncertainty::<f64>::new([f64::MAX; 4], rest, columns.map(|c| c.map(|x| x * 1e200))).unwrap();
+    let found = known_offset(&endless, nothing, &at, &reading());
+    assert_eq!((found.known, found.fault), (None, Some(StiffnessError::NotFinite.into())));
 }
 
 #[test]

@@ -100,7 +100,7 @@ fn lines<T: Scalar, const JOINTS: usize>(
         let [first, second, third, platforms_k] = period.rise.map(T::from_f64);
         let rise = TemperatureRise { limbs_k: [first, second, third], platforms_k };
         let reading = Reading { enabled: period.enabled, wrench, rise };
-        let Offset { joints, limit, domain, fault } = update(&mut compensator, &at, &reading);
+        let Offset { joints, limit, domain, fault, .. } = update(&mut compensator, &at, &reading);
         let bits = joints.map(|joint| joint.to_f64().to_bits());
         sum = bits.iter().fold(sum, |sum, bits| (sum ^ bits).wrapping_mul(0x100_0000_01b3));
         let (fault, limit) = (number(fault)?, [Limit::None, Limit::Size, Limit::Rate].iter().position(|l| *l == limit));

@@ -137,7 +137,7 @@ fn count<T: Scalar>(
     five: &FiveAxis<'_, T>,
     table: &CorrectionTable<'_, T>,
     uncertainty: &TableUncertainty<T>,
-) -> Result<[Counts; 16], ToolError> {
+) -> Result<[Counts; 17], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
     let tip = TIP_M.map(number).into();
@@ -158,6 +158,7 @@ fn count<T: Scalar>(
         "compensate_learned",
         "compensate_tool_learned",
         "table_u95",
+        "known",
     ];
     let [compensate, compensate_tool] = worst_updates(five, table)?;
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
@@ -200,6 +201,9 @@ fn count<T: Scalar>(
             let cycle = ticks(|| table.cycle(machine, pose, &wrench, tip));
             let with_u95 = ticks(|| table.cycle_known(machine, uncertainty, pose, &wrench, tip));
             let table_u95 = with_u95.saturating_sub(cycle) + empty;
+            let knowing = (table, uncertainty);
+            let nothing_learned = None::<&Estimator<T, 0>>;
+            let in_doubt = ticks(|| compensator.update_known(knowing, machine, nothing_learned, (pose, tip), &reading));
             let learned = ticks(|| compensator.update_learned(table, machine, &estimator, (pose, tip), &reading));
             let each = [
                 ticks(|| machine.inverse(pose)),
@@ -218,6 +222,7 @@ fn count<T: Scalar>(
                 learned,
                 ticks(|| tool_compensator.update_learned(table, five, &estimator, near, &reading)),
                 table_u95,
+                in_doubt.saturating_sub(plain) + empty,
             ];
             for (count, ticks) in counts.iter_mut().zip(each) {
                 count.greatest = count.greatest.max((ticks - empty) * 40 / 128);

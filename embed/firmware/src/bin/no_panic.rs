@@ -188,7 +188,11 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
 }
 
 /// An estimator that learns, is saved and goes on, and compensators that use it.
-fn call_estimation<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) {
+fn call_estimation<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    table: &CorrectionTable<'_, T>,
+    uncertainty: &TableUncertainty<T>,
+) {
     let settings = black_box(learned::SETTINGS);
     settings.check().unwrap_or_else(show);
     let mut estimator = match Estimator::<T, 6>::new(&settings) {
@@ -225,10 +229,17 @@ fn call_estimation<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_
     let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
     if let Ok(mut compensator) = Compensator::<T, 3>::new(&CompensatorSettings::DEFAULT) {
         black_box(compensator.update_learned(table, five.machine, &estimator, (&pose, vector), &reading));
+        for learned in black_box([None, Some(&estimator)]) {
+            let known = (table, uncertainty);
+            black_box(compensator.update_known(known, five.machine, learned, (&pose, vector), &reading));
+        }
     }
     if let Ok(mut compensator) = Compensator::<T, 5>::new(&CompensatorSettings::DEFAULT) {
         let near = black_box(Configuration { pose, beta_rad: Vector2::new(a, b) });
         black_box(compensator.update_learned(table, five, &estimator, &near, &reading));
+        for learned in black_box([None, Some(&estimator)]) {
+            black_box(compensator.update_known((table, uncertainty), five, learned, &near, &reading));
+        }
     }
 }
 
@@ -249,7 +260,7 @@ macro_rules! call_everything {
         let (machine, table) = (black_box(&$machine), black_box(&$table));
         call_five_axes(machine, table, black_box(&$wrist));
         let five = FiveAxis { machine, wrist: black_box(&$wrist) };
-        call_estimation(&five, table);
+        call_estimation(&five, table, black_box(&$uncertainty));
         call_uncertainty!($t, machine, table, $uncertainty);
         black_box((machine.checksum(), five.wrist.checksum(), table.checksum()));
         if let Err(damaged) = five.verify(table, &black_box(five.checksums(table))) {

@@ -14,10 +14,12 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use heapless::Vec;
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::Vector2;
+use pkm_core::tables::reference::{UNCERTAINTY_F32, UNCERTAINTY_F64};
 use pkm_core::{
     Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar,
-    Stiffness, StiffnessError, Tool, ToolDeflectionError, Wrench,
+    Stiffness, StiffnessError, TableUncertainty, Tool, ToolDeflectionError, Wrench,
 };
 use serde::Serialize;
 
@@ -31,8 +33,8 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 182 numbers of 20 digits and their commas, and the names.
-const LINE: usize = 4608;
+/// Longest line: 196 numbers of 20 digits and their commas, and the names.
+const LINE: usize = 4864;
 
 /// Of the cycle, in A-uvw.
 const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
@@ -67,6 +69,9 @@ struct Line {
     loaded: Vec<u64, 15>,
     /// Of the compensator after three periods: of the screws alone, and of the five axes with [`BETA`].
     offsets: Vec<u64, 8>,
+    /// The cycle that compensates no more than is known: variances, share, pose to command; then the compensator that does so after a
+    /// period, with variances and share.
+    known: Vec<u64, 14>,
 }
 
 fn bits<T: Scalar, const N: usize>(values: impl IntoIterator<Item: Borrow<T>>) -> Vec<u64, N> {
@@ -98,6 +103,29 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
     bits::<T, 8>(screws.joints().iter().chain(&axes.joints()))
 }
 
+/// Empty with an error.
+fn known<T: Scalar>(
+    machine: &Machine<T>,
+    (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
+    pose: &Pose<T>,
+) -> Vec<u64, 14> {
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    let (wrench, tip_m) = (wrench(WRENCH), TIP_M.map(T::from_f64).into());
+    let (Ok(cycle), Ok(mut compensator)) =
+        (table.cycle_known(machine, uncertainty, pose, &wrench, tip_m), Compensator::<T, 3>::new(&settings))
+    else {
+        return Vec::new();
+    };
+    let Pose { theta_rad, sigma_rad, z0_m } = cycle.cycle.compensated.pose;
+    let command = [cycle.share, theta_rad, sigma_rad, z0_m];
+    let reading = Reading { enabled: true, wrench, rise: T::from_f64(4.5).into() };
+    let nothing_learned = None::<&Estimator<T, 0>>;
+    let offset = compensator.update_known((table, uncertainty), machine, nothing_learned, (pose, tip_m), &reading);
+    let Some(known) = offset.known else { return Vec::new() };
+    let in_period = known.uncertainty.variance_m2.iter().chain([&known.share]).chain(&offset.joints);
+    bits::<T, 14>(cycle.uncertainty.variance_m2.iter().chain(&command).chain(in_period))
+}
+
 fn lower<T: Scalar>(k: &Stiffness<T>) -> Vec<u64, 21> {
     // row by row, which in a symmetric matrix is column by column
     let columns = k.matrix().data.0;
@@ -108,7 +136,7 @@ impl Line {
     fn new<T: Scalar>(
         float_bits: u8,
         five: &FiveAxis<'_, T>,
-        table: &CorrectionTable<'_, T>,
+        (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
         [theta, sigma, z0]: [f64; 3],
     ) -> Self {
         let machine = five.machine;
@@ -133,6 +161,7 @@ impl Line {
             tip_stiffness: Vec::new(),
             loaded: Vec::new(),
             offsets: Vec::new(),
+            known: Vec::new(),
         };
         if let Err(error) = line.compute(machine, table, &pose) {
             line.error = Some(match error {
@@ -144,6 +173,7 @@ impl Line {
             // what was found before an error stays
             line.compute_five_axes(five, table, &pose).ok();
             line.offsets = offsets(five, table, &pose);
+            line.known = known(machine, (table, uncertainty), &pose);
         }
         line
     }
@@ -235,8 +265,10 @@ fn print_all() -> Result<(), ()> {
     let double = FiveAxis { machine: &coefficients::MACHINE_F64, wrist: &coefficients::WRIST_F64 };
     let single = FiveAxis { machine: &coefficients::MACHINE_F32, wrist: &coefficients::WRIST_F32 };
     for pose in poses.chain(table_5).chain(refused) {
-        print(&Line::new(64, &double, &coefficients::TABLE_F64, pose), &mut out)?;
-        print(&Line::new(32, &single, &coefficients::TABLE_F32, pose), &mut out)?;
+        // not every table states its uncertainty
+        let known = (&coefficients::TABLE_F64, &UNCERTAINTY_F64);
+        print(&Line::new(64, &double, known, pose), &mut out)?;
+        print(&Line::new(32, &single, (&coefficients::TABLE_F32, &UNCERTAINTY_F32), pose), &mut out)?;
     }
     Ok(())
 }

@@ -278,6 +278,8 @@ both_widths! {
     newest_state(i) i.slot.try_borrow().map(|s| newest(6, &s[..], &s[..]));
     compensate_learned(i) i.compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_learned(&i.table, &i.machine, &e, (&i.pose, i.tip_m), &i.reading)));
     compensate_tool_learned(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_learned(&i.table, &i.five(), &e, &i.near, &i.reading)));
+    compensate_known(i) i.compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_known((&i.table, &i.uncertainty), &i.machine, Some(&*e), (&i.pose, i.tip_m), &i.reading)));
+    compensate_tool_known(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_known((&i.table, &i.uncertainty), &i.five(), Some(&*e), &i.near, &i.reading)));
     checksums(i) i.five().checksums(&i.table);
     verify(i) i.five().verify(&i.table, &i.checksums);
     self_test(_i) if size_of::<T>() == 4 { self_test_f32() } else { self_test_f64() };
