@@ -118,7 +118,7 @@ enum PkmError
   PKM_ERROR_WRENCH_TOO_LARGE = 81,
   // The readings of the wrench were equal for too long.
   PKM_ERROR_WRENCH_STUCK = 82,
-  // The temperature rise is not finite, or beyond 100 K either way.
+  // A temperature rise is not finite, beyond 100 K either way, has jumped, or runs away.
   PKM_ERROR_TEMPERATURE_LOST = 83,
   // The pose is outside the table's box.
   PKM_ERROR_OUTSIDE_BOX = 84,
@@ -464,7 +464,7 @@ typedef struct {
   // Share of the load's deflection that is compensated, 0 to 1. Default 0.7: below 1 with a force sensor; 1 is for a load that
   // is computed. Thermal growth is compensated whole.
   double gain;
-  // Time constant of the first-order low-pass on the wrench, 0 s to 10 s; 0 is no filter. Default 0.02 s.
+  // Time constant of the first-order low-pass on the wrench, 0 s to 10 s and at most 1e5 periods; 0 is no filter. Default 0.02 s.
   double filter_s;
   // Dead band: this much is taken off the size of the filtered force, 0 N to `max_force_n`. Default 5 N.
   double dead_band_n;
@@ -476,16 +476,17 @@ typedef struct {
   double max_moment_nm;
   // How long the last good reading stands in for refused ones, 0 s to 10 s; then the load counts as zero. Default 0.01 s.
   double hold_s;
-  // After how long of equal readings a sensor counts as stuck, 0 s to 1000 s; 0 is never, for a load that is computed.
-  // Default 1 s.
+  // After how long of equal readings a sensor counts as stuck, 0 s to 1000 s, a period at least; 0 is never, for a load that is
+  // computed. Default 1 s.
   double stuck_s;
   // Largest offset of a screw, above 0 m and at most 0.01 m. Default 0.5e-3 m.
   double max_screw_m;
   // Largest offset of a wrist joint, above 0 rad and at most 0.1 rad. Default 1e-3 rad.
   double max_wrist_rad;
-  // Fastest offset of a screw, above 0 m/s and at most 1 m/s. Default 5e-3 m/s.
+  // Fastest offset of a screw, above 0 m/s and at most 1 m/s, and fast enough for the largest offset in 1e6 periods. Default
+  // 5e-3 m/s.
   double screw_rate_m_per_s;
-  // Fastest offset of a wrist joint, above 0 rad/s and at most 10 rad/s. Default 10e-3 rad/s.
+  // Fastest offset of a wrist joint, above 0 rad/s and at most 10 rad/s, and as fast. Default 10e-3 rad/s.
   double wrist_rate_rad_per_s;
   // A `PkmOutsideBox`. Default PKM_OUTSIDE_BOX_FADE.
   int32_t outside_box;

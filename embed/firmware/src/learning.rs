@@ -117,11 +117,18 @@ impl Task {
         let _ = self.learner.save(machine(), 0, &mut state).and_then(|()| self.single.restore(machine(), &state));
     }
 
-    /// Without a demand the offset goes back to none.
+    /// Without a demand the offset goes back to none. Each arithmetic has a compensator of its own: the offset of one is gone before that
+    /// of the other comes, or it would leap.
     fn compensate(&mut self, tables: &Tables<'_>, demand: Option<Demand>) {
-        let Some(at) = demand.or(self.latest) else { return };
+        let (at, enabled) = match (demand, self.latest) {
+            (Some(next), Some(last)) if next.arithmetic != last.arithmetic && self.offset_m != [0.0; 3] => {
+                (last, false)
+            }
+            (Some(next), _) => (next, true),
+            (None, Some(last)) => (last, false),
+            (None, None) => return,
+        };
         self.latest = Some(at);
-        let enabled = demand.is_some();
         if enabled {
             self.compensated = self.compensated.wrapping_add(1);
             self.learner.follow(PERIOD_S);

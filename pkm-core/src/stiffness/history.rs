@@ -76,7 +76,13 @@ impl<T: Scalar> Turns<T> {
             *next = self.last;
             self.count += 1;
         }
-        // a loop that closes is forgotten, with both its turns; the outermost where the load is greater than ever
+        // a loop that closes is forgotten, with both its turns: the second is not there where there was no room for it
+        if let [.., outer, inner] = self.open()
+            && (tension - *inner) * (*inner - *outer) > T::ZERO
+        {
+            self.count -= 1;
+        }
+        // the outermost is forgotten where the load is greater than ever
         while let [.., outer, inner] = self.open() {
             if (tension - *outer) * (*outer - *inner) < T::ZERO {
                 break;

@@ -613,6 +613,32 @@ fn closed_loops_of_friction_leave_no_trace() {
     near(found, said.translation_m);
 }
 
+/// More loops within loops than are remembered, as noise makes them, are forgotten with the first turn beyond them: what follows is as
+/// without them.
+#[test]
+fn noise_does_not_hide_a_turn() {
+    let lag = [2e-6, 5e-9, 20.0];
+    let mut rng = seeded();
+    for _ in 0..cases(300) {
+        let (mut noisy, mut clean) = (Rubbing::new(lag), Rubbing::new(lag));
+        let mut turns = [1.0, between(&mut rng, -0.9, 0.3)];
+        for share in turns {
+            assert_eq!(noisy.to(share), clean.to(share));
+        }
+        for _ in 0..rng.usize(1..12) {
+            let [out, within] = turns;
+            turns = [within, out + (within - out) * between(&mut rng, 0.05, 0.6)];
+            noisy.to(turns[1]);
+        }
+        for share in
+            [between(&mut rng, -1.0, -0.91), between(&mut rng, 0.31, 0.95), 0.3, 1.2, between(&mut rng, -1.1, 0.0)]
+        {
+            let (found, expected) = (noisy.to(share), clean.to(share));
+            assert!((found - expected).norm() < 1e-15, "{share}: {found} {expected}");
+        }
+    }
+}
+
 /// A preload beyond the play's force takes the play up: the residual of the play's elongation is a hundredth.
 #[test]
 fn a_preload_takes_up_the_play() {

@@ -16,6 +16,7 @@ fn parameters() -> MachineParameters {
     MachineParameters { effects, ..PARAMETERS }
 }
 
+/// A setting in its range, on a border in one of three cases.
 fn pick(rng: &mut Rng, least: f64, most: f64) -> f64 {
     match rng.usize(0..6) {
         0 => least,
@@ -24,6 +25,7 @@ fn pick(rng: &mut Rng, least: f64, most: f64) -> f64 {
     }
 }
 
+/// Any that are accepted.
 fn settings(rng: &mut Rng) -> CompensatorSettings {
     let max_force_n = pick(rng, 1e-3, 1e9);
     let max_moment_nm = pick(rng, 1e-3, 1e9);
@@ -53,6 +55,7 @@ fn whatever(rng: &mut Rng) -> f64 {
     any[rng.usize(0..any.len())]
 }
 
+/// What a controller and its sensors say in a period.
 struct Place {
     pose: [f64; 3],
     beta: [f64; 2],
@@ -60,6 +63,7 @@ struct Place {
     rise: [f64; 4],
 }
 
+/// The next period: now and then a jump, or no number at all.
 fn period(rng: &mut Rng, at: &mut Place) {
     if rng.u8(..) < 10 {
         at.pose = [between(rng, -0.5, 0.5), between(rng, -0.5, 0.5), between(rng, 0.45, 0.6)];
@@ -87,10 +91,12 @@ fn period(rng: &mut Rng, at: &mut Place) {
     }
 }
 
+/// A period, of three screws or five axes.
 trait Runs<T: Scalar, const N: usize> {
     fn go(&mut self, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>, at: &Place, enabled: bool)
     -> Offset<T, N>;
 }
+
 fn reading<T: Scalar>(at: &Place, enabled: bool) -> Reading<T> {
     let n = |v: f64| T::from_f64(v);
     let [a, b, c, platforms_k] = at.rise.map(n);
@@ -100,10 +106,12 @@ fn reading<T: Scalar>(at: &Place, enabled: bool) -> Reading<T> {
         rise: TemperatureRise { limbs_k: [a, b, c], platforms_k },
     }
 }
+
 fn pose<T: Scalar>(at: &Place) -> Pose<T> {
     let [theta_rad, sigma_rad, z0_m] = at.pose.map(T::from_f64);
     Pose { theta_rad, sigma_rad, z0_m }
 }
+
 impl<T: Scalar> Runs<T, 3> for Compensator<T, 3> {
     fn go(
         &mut self,
@@ -121,6 +129,7 @@ impl<T: Scalar> Runs<T, 3> for Compensator<T, 3> {
         )
     }
 }
+
 impl<T: Scalar> Runs<T, 5> for Compensator<T, 5> {
     fn go(
         &mut self,
@@ -134,11 +143,11 @@ impl<T: Scalar> Runs<T, 5> for Compensator<T, 5> {
     }
 }
 
+/// Finite, within both limits, the same bits again, and back to zero when it is switched off.
 fn holds<T: Scalar, const N: usize>(rng: &mut Rng, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>)
 where
     Compensator<T, N>: Runs<T, N>,
 {
-    let mut longest = 0.0_f64;
     for case in 0..cases(100) {
         let s = settings(rng);
         let mut c = Compensator::<T, N>::new(&s).unwrap();
@@ -151,9 +160,8 @@ where
         for _ in 0..150 {
             period(rng, &mut at);
             let enabled = rng.u8(..) > 4;
-            let twin = c;
+            let mut twin = c;
             let now = c.go(table, five, &at, enabled);
-            let mut twin = twin;
             let again = twin.go(table, five, &at, enabled);
             assert_eq!(format!("{now:?}{c:?}"), format!("{again:?}{twin:?}"));
             let joints = now.joints.map(T::to_f64);
@@ -176,9 +184,7 @@ where
         }
         let left = c.joints().map(T::to_f64);
         assert!(left.iter().all(|o| *o == 0.0), "{case} stuck: {s:?} {left:?} from {last:?} after {way}");
-        longest = longest.max(way);
     }
-    println!("{longest:e} periods back");
 }
 
 #[test]
@@ -190,13 +196,13 @@ fn whatever_comes() {
     let five_32 = FiveAxis { machine: &single, wrist: &WRIST_F32 };
     holds::<f64, 3>(&mut rng, &TABLE_F64, &five);
     holds::<f64, 5>(&mut rng, &TABLE_F64, &five);
-    println!("f64 done");
     holds::<f32, 3>(&mut rng, &TABLE_F32, &five_32);
     holds::<f32, 5>(&mut rng, &TABLE_F32, &five_32);
 }
 
 /// Of the tests of temperatures.
 const PERIOD_S: f64 = 0.01;
+
 fn growing() -> Machine<f64> {
     Machine::<f64>::new(&parameters()).unwrap()
 }
@@ -212,6 +218,7 @@ fn at_once() -> Compensator<f64, 3> {
     };
     Compensator::new(&settings).unwrap()
 }
+
 fn at(compensator: &mut Compensator<f64, 3>, machine: &Machine<f64>, rise_k: f64) -> Offset<f64, 3> {
     let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
     let reading = Reading { enabled: true, wrench: Wrench::ZERO, rise: rise_k.into() };
