@@ -120,7 +120,7 @@ pub struct Diagnosis {
 }
 
 /// Scatter of repeats by belt, m.
-fn repeat_sd_m(run: &Run) -> Result<[f64; 4], DiagnosisError> {
+pub(crate) fn repeat_sd_m(run: &Run) -> Result<[f64; 4], DiagnosisError> {
     let readings = run.points.iter().enumerate().flat_map(|(point, readings)| {
         readings.iter().map(move |r| Reading {
             condition: point,
@@ -197,6 +197,18 @@ impl Measured {
             }
         }
     }
+}
+
+/// Fits the anchors that a run declares together with some other unknowns, without a search.
+///
+/// # Errors
+/// Lengths that fit no place, or readings that say too little.
+pub(crate) fn identify(run: &Run, upper_weight: f64, others: &[Unknown]) -> Result<Identified, DiagnosisError> {
+    let mut model = Model::new(run, run.tool, upper_weight)?;
+    let measured = Measured::new(&model, run)?;
+    let unknowns = [&model.declared()[..], others].concat();
+    let (level, fit) = measured.settled(&mut model, &unknowns)?;
+    Ok(Identified::new(&model, level, &fit))
 }
 
 /// Diagnoses a run. Declared: the anchors of the maker's tool, and belts that do not stretch.

@@ -17,7 +17,7 @@ pub const ANCHOR_SD_M: f64 = 0.05;
 pub const CONDITIONS: usize = 2;
 /// Degrees of freedom of the Student error of a visit, the usual choice where gross errors are expected but not many (Lange,
 /// Little and Taylor 1989).
-const VISIT_DOF: f64 = 4.0;
+pub(crate) const VISIT_DOF: f64 = 4.0;
 /// Step of the numbers in the files, m.
 const RESOLUTION_M: f64 = 1e-5;
 

@@ -85,6 +85,7 @@ pub fn text(study: &Study) -> String {
             ),
         );
     }
+    steps_text(&mut out, study);
     tension_text(&mut out, study);
     let hidden = hidden(&study.together);
     line(
@@ -104,6 +105,32 @@ pub fn text(study: &Study) -> String {
 fn line(out: &mut String, text: String) {
     // writing to a string cannot fail
     let _ = writeln!(out, "{text}");
+}
+
+/// The runs one by one.
+fn steps_text(out: &mut String, study: &Study) {
+    line(
+        out,
+        "\nRuns one by one: what a recursive fit knows after each, and a fit of all runs up to it at once in brackets."
+            .into(),
+    );
+    line(
+        out,
+        "Rms of a condition of the run before it was seen, mm: recursive, at once, by the first run alone.".into(),
+    );
+    for (n, step) in study.steps.iter().enumerate() {
+        let [own, batch] = step.stretch.map(|v| 1e3 * v);
+        let [own_y, batch_y] = step.anchors.map(|a| 1e3 * a.coordinates_m[TL_Y]);
+        let rms = step.predicted_m.map_or("–".to_owned(), |p| p.map(|v| format!("{:.2}", 1e3 * v)).join(", "));
+        line(
+            out,
+            format!(
+                "  run {}: {rms}; stretch {own:.2} ± {:.2} ({batch:.2}) mm/m, tl y {own_y:.1} ({batch_y:.1}) mm",
+                n + 1,
+                1e3 * step.stretch_error
+            ),
+        );
+    }
 }
 
 fn tension_text(out: &mut String, study: &Study) {
@@ -198,6 +225,14 @@ pub fn json(study: &Study) -> Value {
             "interval_95_mm": s.interval_m.map(|i| i.map(|v| 1e3 * v)),
         })
     });
+    let steps = study.steps.iter().map(|s| {
+        json!({
+            "anchors_mm": s.anchors.map(|a| a.coordinates_m.map(|v| 1e3 * v)),
+            "stretch_mm_per_m": s.stretch.map(|v| 1e3 * v),
+            "stretch_standard_error": 1e3 * s.stretch_error,
+            "predicted_rms_mm": s.predicted_m.map(|p| p.map(|v| 1e3 * v)),
+        })
+    });
     let [before, after] = study.median_rms_m().map(|v| 1e3 * v);
     let [tool, anchors, found] = study.scatter_m(TL_Y).map(|v| 1e3 * v);
     json!({
@@ -206,5 +241,6 @@ pub fn json(study: &Study) -> Value {
         "runs": runs.collect::<Vec<_>>(),
         "together": diagnosis_json(&study.together),
         "tension": tension.collect::<Vec<_>>(),
+        "one_by_one": steps.collect::<Vec<_>>(),
     })
 }

@@ -8,6 +8,7 @@ use crate::diagnosis::{Diagnosis, DiagnosisError, Identified, RULES, diagnose};
 use crate::files::{Published, READINGS_PER_POINT, ReadError, Run, Tension, TensionPair};
 use crate::machine::{Anchors, COORDINATES, Machine};
 use crate::model::{CONDITIONS, Model, NoPlace, closure_errors_m};
+use crate::recursive::{Step, one_by_one};
 
 /// Least probability of a place that is named; below it the places are rivals.
 pub const NAMED_PROBABILITY: f64 = 0.9;
@@ -66,6 +67,8 @@ pub struct Study {
     pub together: Diagnosis,
     /// The tension test, as all runs together predict it.
     pub tension: Vec<Slack>,
+    /// The runs one by one.
+    pub steps: Vec<Step>,
 }
 
 impl Study {
@@ -93,7 +96,8 @@ impl Study {
         let together = diagnose(&pooled).map_err(in_runs)?;
         let tension = published.tension.iter().map(|pair| slack(&together, pair)).collect::<Result<_, _>>();
         let tension = tension.map_err(|e: NoPlace| DiagnosisError::from(e).at(&published.tension_path))?;
-        Ok(Self { runs: results, together, tension })
+        let steps = one_by_one(published).map_err(in_runs)?;
+        Ok(Self { runs: results, together, tension, steps })
     }
 
     /// Median over all predictions of a run by another, before and after; m.
@@ -126,7 +130,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// Errors of a machine on runs that had no part in it.
-fn predict(machine: &Machine, runs: &[&Run]) -> Result<Prediction, NoPlace> {
+pub(crate) fn predict(machine: &Machine, runs: &[&Run]) -> Result<Prediction, NoPlace> {
     let points = runs.first().map_or(0, |r| r.points.len());
     let (mut by_run_m, mut by_point) = (Vec::new(), vec![0.0; points]);
     let mut observations = Observations {

@@ -39,6 +39,13 @@ fn the_published_readings_give_the_stated_figures() {
     assert!((17.7..17.8).contains(&tool), "{tool}");
     assert!(found <= 4.2, "{found}");
 
+    // one by one: as good as all runs before at once, and better than the first run alone
+    for (n, step) in study.steps.iter().enumerate().skip(1) {
+        let [own, batch, first] = step.predicted_m.unwrap();
+        assert!(own < 1.06 * batch && (n < 2 || own < first), "run {}: {own} {batch} {first}", n + 1);
+        assert!((step.stretch[0] - step.stretch[1]).abs() < 1e-4, "{:?}", step.stretch);
+    }
+
     for slack in &study.tension {
         for (read, [low, high]) in slack.read_m.iter().zip(slack.interval_m) {
             assert!((low..high).contains(read), "{slack:?}");
