@@ -6,6 +6,7 @@
 //! (what to measure) → `json`, `report`, `write`.
 
 pub mod badges;
+pub mod campaign;
 mod checks;
 mod checks_of_noise;
 pub mod compare;
