@@ -28,6 +28,7 @@ mod state;
 #[cfg(test)]
 mod tests;
 mod text;
+pub mod verify;
 pub(crate) mod write;
 
 use pkm_diagnosis::places::Inferred;
