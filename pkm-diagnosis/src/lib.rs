@@ -3,9 +3,10 @@
 //!
 //! [`gross`] errors out → [`Noise`] → [`Whitener`] → [`Problem`] (fits with priors) → [`Levels`] (errors that readings have in common) →
 //! [`search`](search::search) (screen, full fits, acceptance) → [`judge`](verdict::judge) →
-//! [`validation`] (errors on poses left out), [`residuals`], [`design`] (what to measure next). [`Rules`] has every number
+//! [`validation`] (errors on poses left out), [`residuals`], [`design`] (what to measure next). Before anything is read: [`campaign`]. [`Rules`] has every number
 //! that decides.
 
+pub mod campaign;
 mod class;
 pub mod design;
 mod extend;
@@ -21,6 +22,7 @@ mod rules;
 pub mod screening;
 pub mod search;
 mod solve;
+pub mod student;
 pub mod validation;
 pub mod verdict;
 mod whitening;

@@ -275,6 +275,15 @@ impl Noise {
         Ok(Self { source: NoiseSource::Repeats, within, between, dof, declared_share })
     }
 
+    /// As declared, whatever repeats show.
+    ///
+    /// # Errors
+    /// A channel with readings for which none is declared.
+    pub fn as_declared(observations: &Observations) -> Result<Self, UnknownNoise> {
+        let is_used = observations.used_channels();
+        Self::declared(observations, &(0..is_used.len()).filter(|c| is_used[*c]).collect::<Vec<_>>())
+    }
+
     fn declared(observations: &Observations, used: &[usize]) -> Result<Self, UnknownNoise> {
         let channels = &observations.channels;
         let (mut within, mut between) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);

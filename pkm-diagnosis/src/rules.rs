@@ -14,6 +14,8 @@ pub struct Rules {
     pub min_dof_of_kind: f64,
     /// The same where noise was declared as well: a declared deviation is better than a few repeats.
     pub min_dof_beside_declared: f64,
+    /// Least degrees of freedom of the noise, estimated from repeats, at which findings count as explained.
+    pub min_dof_of_verdict: f64,
     /// Errors that readings have in common, beyond the declared ones, that are considered, as nobody declares all; in the unit
     /// of [`CommonErrors::undeclared`](crate::CommonErrors). For loads relative errors of direction (rad) and size, from none to
     /// about 0.5°, doubling.
@@ -157,6 +159,7 @@ impl Rules {
         min_dof_of_channel: 20.0,
         min_dof_of_kind: 3.0,
         min_dof_beside_declared: 40.0,
+        min_dof_of_verdict: 10.0,
         load_error_levels: &[0.0, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3],
         null_draws: 4000,
         min_signal: 0.1,

@@ -1,7 +1,7 @@
 //! Which candidates the residual points at, before any of them is fitted.
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ChiSquared, ContinuousCDF};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use crate::fit::Fit;
 use crate::rules::Rules;
@@ -94,8 +94,9 @@ fn side_by_side(rows: usize, candidates: &[Columns]) -> (DMatrix<f64>, Vec<usize
     (all, starts)
 }
 
-/// Tests the columns of every candidate against the residuals of a fit.
-pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64, rules: &Rules) -> Screen {
+/// Tests the columns of every candidate against the residuals of a fit, which were whitened by noise that is known from so many
+/// degrees of freedom: with few of them the residuals may all be too large, and no statistic is χ².
+pub fn screen(fit: &Fit, candidates: &[Columns], noise_dof: Option<f64>, seed: u64, rules: &Rules) -> Screen {
     let widths: Vec<usize> = candidates.iter().map(|c| c.matrix.ncols()).collect();
     let (all, starts) = side_by_side(fit.residuals.len(), candidates);
     let s = all.tr_mul(&fit.residuals);
@@ -115,11 +116,11 @@ pub fn screen(fit: &Fit, candidates: &[Columns], seed: u64, rules: &Rules) -> Sc
         let statistic = whitened.norm_squared();
         let dof = values.len();
         let (gain, step) = best_choice(&part, &own, &columns.one_sided);
-        scores.push(Score { statistic, dof, p: tail(statistic, dof), gain, step });
+        scores.push(Score { statistic, dof, p: tail(statistic, dof, noise_dof), gain, step });
         whiteners.push(whitener);
     }
     let least = scores.iter().map(|s| s.p).fold(1.0, f64::min);
-    let as_small = draws_as_small(&v, &whiteners, &starts, least, rules.null_draws, seed);
+    let as_small = draws_as_small(&v, &whiteners, &starts, least, noise_dof, [rules.null_draws as u64, seed]);
     // a p below what the draws resolve is bounded by the number of candidates
     let resolved = (as_small as f64 + 1.0) / (rules.null_draws as f64 + 1.0);
     let bonferroni = least * candidates.len() as f64;
@@ -132,12 +133,12 @@ fn draws_as_small(
     whiteners: &[DMatrix<f64>],
     starts: &[usize],
     least: f64,
-    draws: usize,
-    seed: u64,
+    noise_dof: Option<f64>,
+    [draws, seed]: [u64; 2],
 ) -> usize {
     // thresholds of the statistic that would give as small a p, by degrees of freedom
     let most = whiteners.iter().map(DMatrix::ncols).max().unwrap_or(0);
-    let limits: Vec<f64> = (0..=most).map(|k| inverse_tail(least, k)).collect();
+    let limits: Vec<f64> = (0..=most).map(|k| inverse_tail(least, k, noise_dof)).collect();
     let (values, vectors) = seen(v, 1e-9);
     let mut root = vectors;
     for (i, value) in values.iter().enumerate() {
@@ -147,27 +148,39 @@ fn draws_as_small(
     let mut as_small = 0;
     for _ in 0..draws {
         let u = &root * DVector::from_fn(values.len(), |_, _| normal(&mut rng));
-        let hit = whiteners
-            .iter()
-            .zip(starts)
-            .any(|(w, start)| w.nrows() > 0 && (w * u.rows(*start, w.ncols())).norm_squared() >= limits[w.nrows()]);
+        // by how much the noise is taken for smaller than it is
+        let scale = noise_dof.map_or(1.0, |dof| 1.0 / mean_square(dof, normal(&mut rng)));
+        let hit = whiteners.iter().zip(starts).any(|(w, start)| {
+            w.nrows() > 0 && scale * (w * u.rows(*start, w.ncols())).norm_squared() >= limits[w.nrows()]
+        });
         as_small += usize::from(hit);
     }
     as_small
 }
 
-fn tail(statistic: f64, dof: usize) -> f64 {
-    ChiSquared::new(dof as f64).map_or(1.0, |d| d.sf(statistic))
+/// χ² of some degrees of freedom over their number, from a standard normal number (Wilson and Hilferty, The distribution of
+/// chi-square, Proc. Natl. Acad. Sci. 17, 1931: within 1 % from three degrees of freedom on).
+fn mean_square(dof: f64, normal: f64) -> f64 {
+    let spread = 2.0 / (9.0 * dof);
+    (1.0 - spread + normal * spread.sqrt()).max(0.01).powi(3)
 }
 
-fn inverse_tail(p: f64, dof: usize) -> f64 {
+fn tail(statistic: f64, dof: usize, noise_dof: Option<f64>) -> f64 {
+    let k = dof as f64;
+    match noise_dof {
+        None => ChiSquared::new(k).map_or(1.0, |d| d.sf(statistic)),
+        Some(noise) => FisherSnedecor::new(k, noise).map_or(1.0, |d| d.sf(statistic / k)),
+    }
+}
+
+fn inverse_tail(p: f64, dof: usize, noise_dof: Option<f64>) -> f64 {
     let (mut low, mut high) = (0.0, 10.0);
-    while tail(high, dof) > p && high < 1e6 {
+    while tail(high, dof, noise_dof) > p && high < 1e9 {
         high *= 2.0;
     }
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if tail(middle, dof) > p { low = middle } else { high = middle }
+        if tail(middle, dof, noise_dof) > p { low = middle } else { high = middle }
     }
     0.5 * (low + high)
 }

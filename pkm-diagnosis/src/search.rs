@@ -262,7 +262,8 @@ pub fn search(levels: &Levels<'_>, sites: Option<&[Vec<usize>]>) -> Option<Searc
             break;
         }
         let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
-        let screened = screening::screen(&state.fit, &open_columns, SEED + round as u64, rules);
+        let screened =
+            screening::screen(&state.fit, &open_columns, plain.whitener.noise_dof, SEED + round as u64, rules);
         let left_out = state.fit.left_out(&groups);
         let current = Current { levels, level: state.level, fit: &state.fit, groups: &groups, left_out };
         let mut ranking = current.ranking(&open, &open_columns, &screened);

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use crate::noise::Noise;
+use crate::noise::{Noise, NoiseSource};
 use crate::observations::Observations;
 
 /// Numbers of one channel under one condition that are told from one another by noise alone: their mean counts.
@@ -26,6 +26,8 @@ pub struct Whitener {
     pub entries: Vec<Entry>,
     /// Whitened squared scatter that went into the means of entries.
     pub averaged: f64,
+    /// Degrees of freedom of the noise that it was made with; none where that counts as known.
+    pub noise_dof: Option<f64>,
     /// One over the standard deviation of each, apart from zero errors.
     weight: Vec<f64>,
     /// Entries of one reading whose errors go together.
@@ -177,6 +179,7 @@ impl Whitener {
         let mut this = Self {
             entries: Vec::new(),
             averaged: 0.0,
+            noise_dof: (noise.source == NoiseSource::Repeats && noise.dof > 0.0).then_some(noise.dof),
             weight: Vec::new(),
             correlated: Vec::new(),
             shared: Vec::new(),

@@ -104,7 +104,7 @@ fn the_screen_says_what_each_candidate_could_bring() {
     let mut families = Vec::new();
     for r0 in &cases {
         let fit = linear_form(&a, r0);
-        let found = screening::screen(&fit, &candidates, 5, &Rules::DEFAULT);
+        let found = screening::screen(&fit, &candidates, None, 5, &Rules::DEFAULT);
         let mut least = 1.0_f64;
         for ((score, c), w) in found.scores.iter().zip(&candidates).zip(&rows) {
             assert_eq!(score.dof, w.nrows());
@@ -128,6 +128,38 @@ fn the_screen_says_what_each_candidate_could_bring() {
     // far out it is the number of candidates that bounds it
     near(families[3].0 / families[3].2, 8.0, 1e-5);
     assert_eq!(families[4].0, 1.0);
+}
+
+/// Noise that was estimated from three or ten degrees of freedom: the family-wise p keeps what it says, which it does not where
+/// the estimate counts as known.
+#[test]
+fn few_degrees_of_freedom_make_no_false_names() {
+    let mut rng = fastrand::Rng::with_seed(24);
+    let a = DMatrix::from_fn(30, 3, |_, _| normal(&mut rng));
+    let column = |rng: &mut fastrand::Rng, columns| Columns {
+        matrix: DMatrix::from_fn(30, columns, |_, _| normal(rng)),
+        one_sided: vec![false; columns],
+        shape: 0.0,
+    };
+    let candidates = [1, 2, 1, 3].map(|columns| column(&mut rng, columns));
+    let rules = Rules { null_draws: 400, ..Rules::DEFAULT };
+    let runs = 500_u32;
+    for noise_dof in [3_usize, 10] {
+        let mut named = [0_u32; 2];
+        for run in 0..runs {
+            let freedom = (0..noise_dof).map(|_| normal(&mut rng).powi(2)).sum::<f64>() / noise_dof as f64;
+            let r = DVector::from_fn(30, |_, _| normal(&mut rng)) / freedom.sqrt();
+            let fit = linear_form(&a, &r);
+            for (named, dof) in named.iter_mut().zip([Some(noise_dof as f64), None]) {
+                let found = screening::screen(&fit, &candidates, dof, u64::from(run), &rules);
+                *named += u32::from(found.p_family <= 0.05);
+            }
+        }
+        let [student, normal] = named.map(|n| f64::from(n) / f64::from(runs));
+        // 5 % within three standard deviations of so many runs
+        assert!((student - 0.05).abs() < 0.03, "{noise_dof}: {student}");
+        assert!(normal > 1.8 * student, "{noise_dof}: {normal} {student}");
+    }
 }
 
 #[test]

@@ -36,6 +36,10 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
     finite(text).and_then(|v| if v > 0.0 { Ok(v) } else { Err("expected a number above 0".into()) })
 }
 
+pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
+    finite(text).and_then(|v| if v >= 0.0 { Ok(v) } else { Err("expected a number of at least 0".into()) })
+}
+
 pub(crate) fn finite(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),

@@ -26,7 +26,8 @@ pub(crate) struct Args {
     holdout: Option<PathBuf>,
     #[command(flatten)]
     columns: ColumnsArgs,
-    /// Folder for diagnosis.json, machine.toml, coefficients.rs, coefficients.json, residuals.csv and report.html.
+    /// Folder for diagnosis.json, machine.toml, coefficients.rs, coefficients.json, residuals.csv, covariance.csv and
+    /// report.html.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// `formulas`: effects with a formula, one after another. `places`: first where the machine yields, whatever the formula,
@@ -98,17 +99,19 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     json["identified_sha256"] = json!(improved.source.sha256());
     (json["data"], json["data_sha256"]) = (json!(readings.source.file_name()), json!(readings.source.sha256()));
     json["readings"] = json!(write::shown_readings(&readings, &diagnosis));
-    let (rust, table, warning) = write::table(&file, &improved, &readings, &diagnosis)?;
-    session.warn(warning);
+    let shipped = write::table(&file, &improved, &readings, &diagnosis)?;
+    session.warn(shipped.warnings);
+    json["table_departure_um_rms"] = json!(shipped.departure_um_rms);
     let html = report::html(&file, &readings, held_out.as_ref(), &diagnosis, &session.warnings)?;
     let wrote = source::write_all(
         out,
         &[
             ("diagnosis.json", source::json(&json)),
             ("machine.toml", machine_toml),
-            ("coefficients.rs", rust),
-            ("coefficients.json", table.to_json()),
+            ("coefficients.rs", shipped.rust),
+            ("coefficients.json", shipped.table.to_json()),
             ("residuals.csv", write::residuals_csv(&readings, &diagnosis)),
+            ("covariance.csv", diagnosis.estimates.covariance_csv()),
             ("report.html", html),
         ],
         &[session.machine_path(), data.as_deref(), holdout.as_deref()],

@@ -33,6 +33,7 @@ mod predict;
 mod replay;
 mod session;
 mod stiffness;
+mod verify;
 mod view;
 
 /// Kinematics and stiffness of an Exechon-like parallel kinematic machine: fits, checks and writes the tables
@@ -69,6 +70,7 @@ enum Computation {
     Place(place::Args),
     Compensate(compensate::Args),
     Replay(replay::Args),
+    Verify(verify::Args),
 }
 
 #[derive(Subcommand)]
@@ -103,6 +105,7 @@ impl Run for Computation {
             Self::Place(args) => place::run(args, s),
             Self::Compensate(args) => compensate::run(args, s),
             Self::Replay(args) => replay::run(args, s),
+            Self::Verify(args) => verify::run(args, s),
         }
     }
 }

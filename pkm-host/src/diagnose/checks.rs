@@ -23,8 +23,8 @@ const GRAVITY: f64 = 9.806_65;
 /// A reason to look at the readings before the machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Warning {
-    /// `readings_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `order_of_readings` or
-    /// `many_great_changes`.
+    /// `readings_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
+    /// `repeats_that_differ`, `order_of_readings` or `many_great_changes`.
     pub kind: &'static str,
     /// For people.
     pub message: String,

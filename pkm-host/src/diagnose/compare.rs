@@ -1,7 +1,7 @@
 //! Before and after: how the models err on poses that had no part in choosing them.
 
 use pkm_diagnosis::validation::{self, KindErrors};
-use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Whitener};
+use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown, Whitener};
 use serde::Serialize;
 
 use super::experiment::{self, Experiment};
@@ -122,6 +122,12 @@ impl Fitted {
     /// The residual correction table of the identified model.
     pub fn residual_table(&self) -> &ResidualTable {
         &self.tables[1]
+    }
+
+    /// Whether errors of the measurement are among what was found.
+    pub fn has_measurement_errors(&self, model: &Model) -> bool {
+        let of = |u: &Unknown| matches!(model.meaning(*u), Meaning::Effect { effect, .. } if is_measurement(effect));
+        self.end.unknowns.iter().any(of)
     }
 
     /// Predictions of all rivals; see [`predict`].

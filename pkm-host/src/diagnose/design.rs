@@ -49,10 +49,10 @@ fn loads(conditions: &[Condition]) -> Vec<Wrench<f64>> {
     loads
 }
 
-/// A grid of poses over the box and somewhat beyond it, those out of travel left out.
-fn poses(file: &MachineFile) -> Vec<Pose<f64>> {
+/// A grid of poses over the box and beyond it by a share of its width, those out of travel left out.
+pub(super) fn grid(file: &MachineFile, beyond: f64) -> Vec<Pose<f64>> {
     let wider = PoseBox::from(file.pose_box.ranges().map(|[low, high]| {
-        let more = 0.5 * BEYOND * (high - low);
+        let more = 0.5 * beyond * (high - low);
         [low - more, high + more]
     }));
     let mut poses = Vec::new();
@@ -79,7 +79,7 @@ pub fn propose(
     rivals: &[Rival],
     rules: &Rules,
 ) -> Vec<Proposal> {
-    let (loads, poses) = (loads(&readings.conditions), poses(file));
+    let (loads, poses) = (loads(&readings.conditions), grid(file, BEYOND));
     let conditions: Vec<Condition> = (0..poses.len())
         .flat_map(|pose| {
             loads.iter().map(move |wrench| Condition {

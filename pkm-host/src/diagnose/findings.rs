@@ -36,7 +36,7 @@ pub fn declared_findings(problem: &Problem<'_>, model: &Model, search: &Search) 
     let finding = |d: &Declared, class: Vec<String>| {
         let (declared, estimated) = (d.value(&model.declared), d.value(&state.machine));
         let pull_sd = (estimated / declared).ln() / d.uncertainty(&model.uncertainty);
-        let inspect = text::inspect_declared(d);
+        let inspect = text::inspect_declared(d, estimated / declared);
         DeclaredFinding { parameter: d.key(), axis: d.axis(), class, declared, estimated, pull_sd, inspect }
     };
     for f in &search.found {
@@ -149,5 +149,7 @@ pub fn residual_structure(readings: &Readings, observations: &Observations, resi
         let sign = |i: usize| if with_sign { signed(i) } else { 1.0 };
         residuals.structure(observations, &Factor { name, group: &group, sign: &sign })
     };
-    levels.map(of).into()
+    // what was not recorded has nothing to say
+    let is_recorded = |name: &str| name != "temperature" || readings.has_temperature;
+    levels.into_iter().filter(|l| is_recorded(l.0)).map(of).collect()
 }

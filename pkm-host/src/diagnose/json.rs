@@ -1,9 +1,11 @@
 //! The document of `formats.md`.
 
+use pkm_diagnosis::search::{Ranked, Round};
 use serde_json::{Map, Value, json};
 
+use super::badges::Badge;
 use super::compare::{Errors, RIVALS, Rival};
-use super::{Diagnosis, Effect, SEED, text};
+use super::{Diagnosis, Effect, HeldOut, SEED, text};
 use crate::files::readings::GAUGE;
 use crate::pose::written_units;
 
@@ -16,42 +18,59 @@ fn effect(e: &Effect) -> Value {
         "inspect": text::inspect_effect(e.id, &e.place) })
 }
 
+/// Errors of one rival; null for one that was not judged.
+fn of(errors: &[(Rival, Errors)], rival: Rival) -> Value {
+    errors.iter().find(|e| e.0 == rival).map_or(Value::Null, |e| json!(e.1))
+}
+
+fn rivals(errors: &[(Rival, Errors)]) -> Map<String, Value> {
+    RIVALS.iter().map(|(rival, key, _)| (key.to_string(), of(errors, *rival))).collect()
+}
+
 impl Diagnosis {
     /// The document of `formats.md`.
     pub fn to_json(&self) -> Value {
-        let of = |errors: &[(Rival, Errors)], rival: Rival| {
-            errors.iter().find(|e| e.0 == rival).map_or(Value::Null, |e| json!(e.1))
+        let mut document = self.findings_json();
+        document["measurement"] = json!(Badge::measurement(self));
+        document["model"] = json!(Badge::model(self));
+        document["uncertainty"] = json!(self.estimates.coverage);
+        document["estimates"] = json!(self.estimates.all);
+        document["condition"] = self.estimates.condition_json();
+        document["holdout"] = self.held_out_json();
+        document["ranking"] = self.ranking_json();
+        document
+    }
+
+    /// Candidates round by round, the best first.
+    fn ranking_json(&self) -> Value {
+        let row = |(r, name): (&Ranked, &String)| {
+            json!({ "candidate": name, "statistic": r.score.statistic, "freedoms": r.score.dof,
+                "p": r.score.p, "gain_2_ln_evidence": r.gain, "left_out_gain": r.left_out_gain,
+                "poses_that_gain": r.poses_that_gain, "gain_from_pulls": r.from_pulls,
+                "rejected": r.rejected })
         };
+        let round = |(round, names): (&Round, &Vec<String>)| {
+            let rows: Vec<Value> = round.ranking.iter().zip(names).take(12).map(row).collect();
+            json!({ "p_family": round.p_family, "candidates": rows })
+        };
+        self.search.rounds.iter().zip(&self.names).map(round).collect()
+    }
+
+    fn held_out_json(&self) -> Value {
+        let HeldOut { given, poses, all, as_measured, zones } = &self.held_out;
+        let mut held_out = rivals(all);
+        held_out.insert("poses".into(), json!(poses));
+        held_out.insert("chosen".into(), json!(if *given { "given" } else { "by cross-validation" }));
+        held_out.insert("as_measured".into(), as_measured.as_ref().map_or(Value::Null, |errors| rivals(errors).into()));
+        let zones: Map<String, Value> =
+            zones.iter().map(|(zone, errors)| (zone.name().to_owned(), rivals(errors).into())).collect();
+        held_out.insert("zones".into(), zones.into());
+        held_out.into()
+    }
+
+    fn findings_json(&self) -> Value {
         let effects: Vec<Value> = self.effects.iter().map(effect).collect();
         let hidden = self.detectable.iter().filter(|d| d.is_hidden());
-        let ranking: Vec<Value> = (self.search.rounds.iter().zip(&self.names))
-            .map(|(round, names)| {
-                let rows: Vec<Value> = (round.ranking.iter().zip(names).take(12))
-                    .map(|(r, name)| {
-                        json!({ "candidate": name, "statistic": r.score.statistic, "freedoms": r.score.dof,
-                            "p": r.score.p, "gain_2_ln_evidence": r.gain, "left_out_gain": r.left_out_gain,
-                            "poses_that_gain": r.poses_that_gain, "gain_from_pulls": r.from_pulls,
-                            "rejected": r.rejected })
-                    })
-                    .collect();
-                json!({ "p_family": round.p_family, "candidates": rows })
-            })
-            .collect();
-        let mut held_out = json!({
-            "poses": self.held_out.poses,
-            "chosen": if self.held_out.given { "given" } else { "by cross-validation" },
-        });
-        for (rival, key, _) in RIVALS {
-            held_out[key] = of(&self.held_out.all, rival);
-        }
-        let zones: Map<String, Value> = (self.held_out.zones.iter())
-            .map(|(zone, errors)| {
-                let rivals: Map<String, Value> =
-                    RIVALS.iter().map(|(rival, key, _)| (key.to_string(), of(errors, *rival))).collect();
-                (zone.name().to_owned(), rivals.into())
-            })
-            .collect();
-        held_out["zones"] = zones.into();
         let micro = |v: &[f64]| v.iter().map(|v| v * 1e6).collect::<Vec<f64>>();
         json!({
             "verdict": self.judgement.verdict,
@@ -76,7 +95,6 @@ impl Diagnosis {
             "error_after_and_table": of(&self.errors, Rival::AfterAndTable),
             "error_retuned_only": of(&self.errors, Rival::Reidentified),
             "error_table_only": of(&self.errors, Rival::Table),
-            "holdout": held_out,
             "steps": self.steps.iter()
                 .map(|s| json!({ "found": s.found, "error": s.errors, "holdout": s.held_out })).collect::<Vec<_>>(),
             "next_measurements": self.proposals.iter().map(|p| {
@@ -88,7 +106,6 @@ impl Diagnosis {
                 .map(|(effects, probability)| json!({ "effects": effects, "probability": probability })).collect::<Vec<_>>(),
             "none_of_these": self.none_of_these,
             "residual_structure": self.structure,
-            "ranking": ranking,
             "seed": SEED,
         })
     }

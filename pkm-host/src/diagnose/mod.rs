@@ -5,12 +5,17 @@
 //! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with the `residual_table`), `design`
 //! (what to measure) → `json`, `report`, `write`.
 
+pub mod badges;
+pub mod campaign;
 mod checks;
+mod checks_of_noise;
 pub mod compare;
+mod condition;
 mod declared;
 pub(crate) mod design;
 mod effects;
 mod elements;
+pub mod estimates;
 mod experiment;
 pub mod findings;
 mod json;
@@ -23,6 +28,7 @@ mod state;
 #[cfg(test)]
 mod tests;
 mod text;
+pub mod verify;
 pub(crate) mod write;
 
 use pkm_diagnosis::places::Inferred;
@@ -35,6 +41,7 @@ use self::checks::{Suspect, Warning};
 use self::compare::{Errors, Fitted, Predictions, RIVALS, Rival, Zone};
 pub use self::effects::{ELEMENT, Effect};
 use self::effects::{alternatives, effects};
+use self::estimates::Estimates;
 use self::experiment::{Experiment, observations};
 use self::findings::{DeclaredFinding, Detectable};
 use self::model::{Model, Recorded};
@@ -44,6 +51,7 @@ use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, KINDS, Readings};
+use crate::pose::pose_of;
 use crate::progress::Progress;
 
 /// Held-out errors of all rivals, over all readings and by zone.
@@ -52,8 +60,10 @@ pub struct HeldOut {
     pub given: bool,
     /// Poses.
     pub poses: usize,
-    /// By rival.
+    /// By rival. Readings that were given are predicted as of a true measurement.
     pub all: Vec<(Rival, Errors)>,
+    /// The same of readings that were given, predicted with the errors of the measurement that were found, if any were.
+    pub as_measured: Option<Vec<(Rival, Errors)>>,
     /// By zone and rival.
     pub zones: Vec<(Zone, Vec<(Rival, Errors)>)>,
 }
@@ -108,6 +118,8 @@ pub struct Diagnosis {
     pub proposals: Vec<design::Proposal>,
     /// The machine with re-identified stiffnesses and effects.
     pub machine: pkm_core::MachineParameters,
+    /// How sure its parameters are, and in which condition it is.
+    pub estimates: Estimates,
     /// The rivals, fitted to all readings.
     pub fitted: Fitted,
     /// Their predictions of the readings.
@@ -211,7 +223,9 @@ impl Judges<'_> {
     /// Errors on held-out readings.
     fn given(&self, readings: &Readings, other: &Readings, fitted: &Fitted) -> Option<HeldOut> {
         let (poses, observations) = (experiment::poses(other), observations(other, self.model));
-        let found = fitted.predict(self.model, &poses, &other.conditions, false)?;
+        let predicted = |as_measured| fitted.predict(self.model, &poses, &other.conditions, as_measured);
+        let found = predicted(false)?;
+        let as_measured = if fitted.has_measurement_errors(self.model) { Some(predicted(true)?) } else { None };
         let zones = compare::zones(readings, other);
         let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
             .map(|zone| (zone, self.errors(&observations, &found, &|n| zones[n] == zone)));
@@ -219,6 +233,7 @@ impl Judges<'_> {
             given: true,
             poses: other.poses.len(),
             all: self.errors(&observations, &found, &|_| true),
+            as_measured: as_measured.map(|found| self.errors(&observations, &found, &|_| true)),
             zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
         })
     }
@@ -227,7 +242,7 @@ impl Judges<'_> {
     fn left_out(&self, readings: &Readings, observations: &Observations, search: &Search) -> Option<HeldOut> {
         let found = compare::cross_validate(readings, self.noise, self.model, search, self.rules)?;
         let all = self.errors(observations, &found, &|_| true);
-        Some(HeldOut { given: false, poses: readings.poses.len(), all, zones: Vec::new() })
+        Some(HeldOut { given: false, poses: readings.poses.len(), all, as_measured: None, zones: Vec::new() })
     }
 
     /// The model after each find.
@@ -277,6 +292,7 @@ pub fn diagnose(
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
     let gross = checks::gross(readings, &model, rules);
     let left_out: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
+    checks_of_noise::constant_channels(readings)?;
     let (given, readings) = (readings, &readings.without_numbers(&left_out));
     let read = observations(readings, &model);
     let experiment = Experiment::new(&model, readings);
@@ -288,7 +304,9 @@ pub fn diagnose(
     let tip_m = file.wrist_parameters.tip_at_zero_m();
     let otherwise = checks::taken_otherwise(&plain, &whitener, &model, readings, tip_m);
     let taken_as_said = otherwise.is_none();
-    let warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).collect();
+    let of_noise =
+        checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &left_out));
+    let warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).chain(of_noise).collect();
     let not_converged = || not_converged(readings, &warnings);
     let whiteners = levels::whiteners(&plain).ok_or_else(not_converged)?;
     let levels = Levels::new(&plain, &whiteners);
@@ -342,6 +360,20 @@ fn standard_deviations(noise: &Noise, given: &Observations) -> Vec<[f64; CHANNEL
     (0..given.readings.len()).map(of_reading).collect()
 }
 
+/// Where the machine's stiffness is given.
+fn middle(file: &MachineFile) -> pkm_core::Pose<f64> {
+    let [theta_deg, sigma_deg, z0_mm] = file.pose_box.middle();
+    pose_of(theta_deg, sigma_deg, z0_mm)
+}
+
+/// A verdict that claims no more than what was found and what is known of the noise bear out.
+fn restrained(verdict: Verdict, effects: &[Effect], noise: &Noise, rules: &Rules) -> Verdict {
+    // something yields for which there is no formula, so that the findings are not all
+    let is_nameless = effects.iter().any(|e| e.parameters.is_empty());
+    let is_guess = verdict == Verdict::Explained && checks_of_noise::is_little_known(noise, rules);
+    if is_nameless || is_guess { Verdict::PartlyExplained } else { verdict }
+}
+
 /// A search that has ended, and what it is judged by.
 struct Searched<'a> {
     file: &'a MachineFile,
@@ -382,10 +414,7 @@ impl Searched<'_> {
         let not_converged = || not_converged(readings, &warnings);
         let mut judgement = verdict::judge(levels, &noise, &search).ok_or_else(not_converged)?;
         let effects = effects(model, &search, sites);
-        if effects.iter().any(|e| e.parameters.is_empty()) {
-            // something yields for which there is no formula, so that the findings are not all
-            judgement.verdict = Verdict::PartlyExplained;
-        }
+        judgement.verdict = restrained(judgement.verdict, &effects, &noise, rules);
         let problem = &levels.problems[search.levels[1]];
         step(2, "before and after");
         let extent = compare::extent(readings);
@@ -409,6 +438,7 @@ impl Searched<'_> {
         step(4, "report");
         let standard_deviations = standard_deviations(&noise, &observations(given, model));
         let end = &search.fit;
+        let estimates = Estimates::new(model, end, &noise, middle(file)).ok_or_else(failed)?;
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
         let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
         step(5, "report");
@@ -425,6 +455,7 @@ impl Searched<'_> {
             detectable: findings::detectable(problem, model, &search),
             structure,
             machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
+            estimates,
             load_error: levels.load_error(search.levels[1]),
             noise,
             judgement,

@@ -4,10 +4,11 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 use pkm_core::{Machine, ScrewLengths};
+use pkm_diagnosis::Rules;
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::findings::DeclaredFinding;
-use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, text};
+use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Condition, GAUGE, Readings};
@@ -31,7 +32,12 @@ fn far_from_declared(findings: &[DeclaredFinding]) -> String {
     };
     let said = |what: &str, ratio: f64| {
         let (how, size) = if ratio > 1.0 { ("stiff", ratio) } else { ("soft", 1.0 / ratio) };
-        format!("{what} up to {size:.1} times as {how} as declared")
+        let doubt = if what == "bodies" && size > text::MATERIAL_RATIO {
+            " (no material is: their form is in doubt)"
+        } else {
+            ""
+        };
+        format!("{what} up to {size:.1} times as {how} as declared{doubt}")
     };
     let parts: Vec<String> = [(true, "bodies"), (false, "joints")]
         .into_iter()
@@ -51,6 +57,9 @@ fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
              their uncertainty{far}."
         )),
         Verdict::Explained => Finding::good(format!("Explained by {found}: the residuals are noise{far}.")),
+        Verdict::PartlyExplained if d.judgement.after.p >= Rules::DEFAULT.max_misfit_p => Finding::warning(format!(
+            "Partly explained by {found}: the residuals are noise, but what was found may not be all, or its form not right{far}."
+        )),
         Verdict::PartlyExplained => Finding::warning(format!(
             "Partly explained by {found}: a significant misfit remains. Don't take the names below for the whole truth."
         )),
@@ -97,6 +106,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
         let look = text::inspect_effect(e.id, &e.place);
         all.push(Finding::good(format!("{}: {what} {place}{parameters}{}. Look at {look}.", e.id, class(&e.class))));
     }
+    all.extend(d.estimates.notable().into_iter().map(|sentence| Finding::warning(format!("{sentence}."))));
     for f in &d.declared {
         let axis = f.axis.map_or(String::new(), |a| text::axis(&f.parameter, a));
         all.push(Finding::warning(format!(
@@ -304,6 +314,28 @@ fn rounds(d: &Diagnosis) -> Markup {
     }
 }
 
+/// Where the page comes from.
+fn facts(
+    file: &MachineFile,
+    readings: &Readings,
+    held_out: Option<&Readings>,
+    d: &Diagnosis,
+) -> Vec<(&'static str, String)> {
+    // the gauge's, where there is one, last
+    let used = if d.noise.within[GAUGE] > 0.0 { CHANNELS } else { GAUGE };
+    let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
+    vec![
+        ("Seed", SEED.to_string()),
+        ("Machine file", of_file(&file.source)),
+        ("Data", format!("{}, {} numbers read at {} poses", of_file(&readings.source), d.size.0, d.size.1)),
+        ("Held-out readings", held_out.map_or("none: poses left out in turn".into(), |h| of_file(&h.source))),
+        ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(&d.noise.within), d.noise.source)),
+        ("Zero error of a series", micro(&d.noise.between)),
+        ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),
+        ("Lack of fit after", format!("{:.4}, p = {:.2e}", d.judgement.after.statistic, d.judgement.after.p)),
+    ]
+}
+
 /// `report.html`.
 ///
 /// # Errors
@@ -318,6 +350,7 @@ pub fn html(
     let held = &d.held_out;
     let mut groups = vec![("the readings".to_owned(), &d.errors)];
     groups.push((if held.given { "held out, all".into() } else { "poses left out".to_owned() }, &held.all));
+    groups.extend(held.as_measured.iter().map(|errors| ("held out, as measured".to_owned(), errors)));
     groups.extend(
         held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
     );
@@ -342,6 +375,8 @@ pub fn html(
         .collect();
     let amplitudes: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
     let body = html! {
+        (condition::judgements(d))
+        (condition::condition(d))
         h2 { "Before and after" }
         (picture(
             "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that \
@@ -363,6 +398,7 @@ pub fn html(
         } @else {
             (table("In this order", &["θ °", "σ °", "Z0 mm", "load at A", "tells"], &proposals))
         }
+        (condition::estimates(d))
         h2 { "What was tried" }
         (fold("Candidates, round by round", &rounds(d)))
         h2 { "What these readings can show" }
@@ -371,18 +407,6 @@ pub fn html(
             &table("Smallest amplitude that would be found (λ = 30)", &["amplitude"], &amplitudes),
         ))
     };
-    // the gauge's, where there is one, last
-    let used = if d.noise.within[GAUGE] > 0.0 { CHANNELS } else { GAUGE };
-    let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
-    let facts = vec![
-        ("Seed", SEED.to_string()),
-        ("Machine file", of_file(&file.source)),
-        ("Data", format!("{}, {} numbers read at {} poses", of_file(&readings.source), d.size.0, d.size.1)),
-        ("Held-out readings", held_out.map_or("none: poses left out in turn".into(), |h| of_file(&h.source))),
-        ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(&d.noise.within), d.noise.source)),
-        ("Zero error of a series", micro(&d.noise.between)),
-        ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),
-        ("Lack of fit after", format!("{:.4}, p = {:.2e}", d.judgement.after.statistic, d.judgement.after.p)),
-    ];
+    let facts = facts(file, readings, held_out, d);
     Ok(Page { title: format!("Diagnosis of {}", file.name), findings: &findings(d), warnings, body, facts }.html())
 }

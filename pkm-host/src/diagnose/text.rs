@@ -29,9 +29,18 @@ pub fn inspect_effect(id: &str, place: &str) -> String {
     known.map_or("", |info| info.expected.inspect).to_owned()
 }
 
-/// Where to look on the machine when a declared value is wrong.
-pub fn inspect_declared(declared: &Declared) -> String {
+/// Factor by which no material of a kind differs from another: a body that comes out farther off has another section, length or form.
+pub const MATERIAL_RATIO: f64 = 1.15;
+
+/// Where to look on the machine when a declared value is wrong by a factor.
+pub fn inspect_declared(declared: &Declared, ratio: f64) -> String {
     let limb = declared.limb + 1;
+    if declared.is_of_body() && ratio.max(1.0 / ratio) > MATERIAL_RATIO {
+        return format!(
+            "limb {limb}: section, length and form of rod and screw, which no material makes {ratio:.2} times as stiff; the form of \
+             the model is in doubt"
+        );
+    }
     let what = match declared.part {
         Part::BaseLinear(2) | Part::PlatformLinear(2) => "joint, bearing or drive along its axis",
         Part::BaseLinear(_) => "the joint at the base, across the limb",

@@ -2,6 +2,7 @@
 //! the residual of every reading.
 
 use pkm_core::effects::EFFECTS;
+use pkm_core::{Deflection, Pose, StiffnessError, StiffnessFactor};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
@@ -19,6 +20,9 @@ use crate::report::export::{Provenance, rust_source};
 
 /// Levels of each variable at which the residual correction table is fitted.
 const LEVELS: usize = 5;
+
+/// Share of the noise of a reading by which the table that is written may differ from the one that was judged without a warning.
+const MAX_DEPARTURE: f64 = 0.2;
 
 /// Changes a number of the file, unless it holds this value already.
 pub(crate) fn set(item: &mut Item, number: f64) {
@@ -142,8 +146,41 @@ pub fn shown_readings(readings: &Readings, diagnosis: &Diagnosis) -> Vec<ShownRe
     rows.collect()
 }
 
-/// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it; and a warning
-/// where there is none.
+/// What the controller gets.
+pub struct Shipped {
+    /// `coefficients.rs`.
+    pub rust: String,
+    /// `coefficients.json`.
+    pub table: TableFile,
+    /// By how much its translations differ from those of the model that was judged, on the readings: rms, µm; none
+    /// where one of them has no stiffness at some pose.
+    pub departure_um_rms: Option<f64>,
+    /// Where no correction is applied, or not the one that was judged.
+    pub warnings: Vec<String>,
+}
+
+/// Rms difference of the translations that two stiffnesses give under the loads of the readings, µm.
+fn departure(
+    readings: &Readings,
+    judged: &dyn Fn(&Pose<f64>) -> Result<StiffnessFactor<f64>>,
+    shipped: &dyn Fn(&Pose<f64>) -> Result<StiffnessFactor<f64>>,
+) -> Result<f64> {
+    let failed = |e: StiffnessError| Failure::other(e.to_string());
+    let factors = readings.poses.iter().map(|p| Ok([judged(&p.pose)?, shipped(&p.pose)?]));
+    let factors: Vec<[StiffnessFactor<f64>; 2]> = factors.collect::<Result<_>>()?;
+    let mut sum = 0.0;
+    for c in &readings.conditions {
+        let at_a = c.wrench.moved_to_a(c.point_m.into());
+        let [a, b] = &factors[c.pose];
+        let seen = |d: Deflection<f64>| d.seen_at(c.point_m.into()).translation_m;
+        let difference = seen(a.deflection(&at_a).map_err(failed)?) - seen(b.deflection(&at_a).map_err(failed)?);
+        sum += difference.norm_squared();
+    }
+    Ok(1e6 * (sum / readings.conditions.len() as f64).sqrt())
+}
+
+/// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it, compared on the
+/// readings with the model that was judged.
 ///
 /// # Errors
 /// A correction that is not positive somewhere in its box.
@@ -152,7 +189,7 @@ pub fn table(
     improved: &MachineFile,
     readings: &Readings,
     diagnosis: &Diagnosis,
-) -> Result<(String, TableFile, Option<String>)> {
+) -> Result<Shipped> {
     let bounds = extent(readings);
     let machine = improved.below_tool()?;
     let mut poses = Vec::new();
@@ -166,9 +203,10 @@ pub fn table(
     }
     let corrected: Result<Vec<_>> =
         poses.iter().map(|p| diagnosis.fitted.residual_table().stiffness(&p.pose)).collect();
-    let mut warning = None;
+    let mut warnings = Vec::new();
+    let is_corrected = corrected.is_ok();
     let stiffnesses = corrected.or_else(|e| {
-        warning = Some(format!("{}; no correction is applied", e.message));
+        warnings.push(format!("{}; no correction is applied", e.message));
         let own = poses.iter().map(|p| machine.stiffness(&p.pose));
         own.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Failure::other(e.to_string()))
     })?;
@@ -184,5 +222,25 @@ pub fn table(
     );
     let provenance =
         Provenance { command: &command, file: &file, verification: None, training: &trained, verified: None };
-    Ok((rust_source(&provenance, &fit, improved)?, file, warning))
+    let failed = |e: &dyn std::fmt::Display| Failure::other(e.to_string());
+    let numbers = fit.numbers.table()?;
+    let judged = |pose: &Pose<f64>| {
+        if is_corrected {
+            diagnosis.fitted.residual_table().stiffness(pose)?.factor().map_err(|e| failed(&e))
+        } else {
+            machine.stiffness(pose).and_then(|k| k.factor()).map_err(|e| failed(&e))
+        }
+    };
+    let shipped = |pose: &Pose<f64>| Ok(numbers.factor_form(&machine, pose).map_err(|e| failed(&e))?.factor);
+    let departure_um_rms = departure(readings, &judged, &shipped).ok();
+    let variances = [0, 1, 2, GAUGE].map(|c| diagnosis.noise.variance(c));
+    let limit_um = MAX_DEPARTURE * 1e6 * variances.into_iter().fold(0.0, f64::max).sqrt();
+    if let Some(departure_um_rms) = departure_um_rms.filter(|d| *d > limit_um) {
+        warnings.push(format!(
+            "the table of coefficients.rs differs from the one that was judged by {departure_um_rms:.3} µm rms on the readings, more \
+             than {limit_um:.3} µm, a part of their noise: hold it against readings of its own"
+        ));
+    }
+    let rust = rust_source(&provenance, &fit, improved)?;
+    Ok(Shipped { rust, table: file, departure_um_rms, warnings })
 }

@@ -28,4 +28,5 @@ pub(crate) mod toml_error;
 pub mod tool_path;
 pub mod tools;
 pub mod unloaded;
+pub mod verified;
 mod wrist;

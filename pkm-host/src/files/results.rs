@@ -96,7 +96,7 @@ struct PlacedHole {
     status: String,
 }
 
-fn parsed<T: DeserializeOwned>(source: &Source, command: &str) -> Result<T> {
+pub(super) fn parsed<T: DeserializeOwned>(source: &Source, command: &str) -> Result<T> {
     let mut reader = serde_json::Deserializer::from_str(source.text()?);
     serde_path_to_error::deserialize(&mut reader).map_err(|e| {
         let (key, e) = (e.path().to_string(), e.into_inner());

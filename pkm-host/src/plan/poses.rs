@@ -19,6 +19,8 @@ pub enum PlanKind {
     Verify,
     /// Poses and loads that tell the rivals of a diagnosis apart.
     Discriminate,
+    /// Poses, loads, repeats and series that show effects of a stated size, before anything is read.
+    Campaign,
 }
 
 impl PlanKind {
@@ -33,13 +35,14 @@ impl PlanKind {
             ["l49-balanced"] => Ok(Self::L49Balanced),
             ["verify"] => Ok(Self::Verify),
             ["discriminate"] => Ok(Self::Discriminate),
+            ["campaign"] => Ok(Self::Campaign),
             ["levels", n] => match n.parse() {
                 Ok(n @ 4..=50) => Ok(Self::Levels(n)),
                 _ => Err(Failure::usage(format!("--kind levels: expected a whole number from 4 to 50, found `{n}`"))),
             },
             ["levels"] => Err(Failure::usage("--kind levels: expected the number of levels behind it")),
             other => Err(Failure::usage(format!(
-                "--kind: expected l49, l49-balanced, levels N, verify or discriminate, found `{}`",
+                "--kind: expected l49, l49-balanced, levels N, verify, discriminate or campaign, found `{}`",
                 other.join(" ")
             ))),
         }
@@ -56,7 +59,9 @@ pub fn plan(kind: PlanKind, machine: &MachineFile) -> Result<Vec<NamedPose>> {
         PlanKind::L49Balanced => ('O', latin(7, 3)),
         PlanKind::Levels(n) => ('O', latin(n, best_step(n))),
         PlanKind::Verify => ('V', spread(25)),
-        PlanKind::Discriminate => return Err(Failure::usage("--kind discriminate: needs readings to tell rivals by")),
+        PlanKind::Discriminate | PlanKind::Campaign => {
+            return Err(Failure::usage("expected a kind of plan that has poses alone"));
+        }
     };
     let width = points.len().to_string().len();
     let at = |i: usize, t: f64| {

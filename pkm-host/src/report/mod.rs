@@ -13,4 +13,5 @@ pub mod place;
 pub mod plot;
 pub mod replay;
 pub mod stiffness;
+pub(crate) mod verify;
 pub mod view;

@@ -134,6 +134,21 @@ impl Page<'_> {
     }
 }
 
+/// Judgements side by side, each with its name and reasons.
+pub(crate) fn badges(all: &[(&str, Finding, &[String])]) -> Markup {
+    html! {
+        div.badges {
+            @for (name, finding, reasons) in all {
+                section.badge.(finding.state.class()) {
+                    h2 { (name) }
+                    p { strong { (finding.state.symbol()) " " (finding.text) } }
+                    @for reason in *reasons { p { (reason) } }
+                }
+            }
+        }
+    }
+}
+
 /// Name and checksum of a file that was read.
 pub(crate) fn of_file(source: &Source) -> String {
     format!("{}, SHA-256 {}", source.file_name(), source.sha256())

@@ -328,3 +328,36 @@ fn single_readings_names_and_series_that_cannot_be_are_named() {
     // the header is line 1
     assert_eq!((&suspects[0]["line"], &suspects[0]["column"]), (&102.into(), &"dx_um".into()), "{suspects}");
 }
+
+/// A channel that says one number whatever the load is not a measured one; with few repeats nothing counts as explained.
+#[test]
+fn readings_that_cannot_be_noise_are_named() {
+    let folder = Folder::new();
+    let (machine, out) = (measured("p05", "machine.toml"), folder.path("out"));
+    let constant = changed(|_, h, _| (h == "dz_um").then(|| "12.5".into()));
+    let data = folder.write("d.csv", &constant);
+    let error = refused(&["diagnose", "--machine", &machine, "--data", &data, "--out", &out]);
+    assert_eq!((&error["column"], &error["line"]), (&"dz_um".into(), &2.into()), "{error}");
+    assert!(error["message"].as_str().unwrap().contains("leave the cells blank"), "{error}");
+
+    let text = changed(|_, _, _| None);
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let repeat = header.iter().position(|h| *h == "repeat").unwrap();
+    let mut once = header.join(",") + "\n";
+    let mut kept = 0;
+    for line in text.lines().skip(1) {
+        let is_first = line.split(',').nth(repeat) == Some("1");
+        // one repeat of six channels: six degrees of freedom
+        if is_first || kept < 1 {
+            kept += usize::from(!is_first);
+            once += &format!("{line}\n");
+        }
+    }
+    let data = folder.write("d.csv", &once);
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--method", "formulas", "--out", &out]);
+    let doubts = found["doubts"].as_array().unwrap();
+    let few = doubts.iter().find(|d| d["kind"] == "few_degrees_of_freedom").unwrap();
+    assert!(few["message"].as_str().unwrap().contains("repeat at least"), "{few}");
+    assert!(found["verdict"] != "explained" && found["measurement"]["verdict"] != "sound", "{}", found["measurement"]);
+    assert!(found["uncertainty"]["k"].as_f64().unwrap() > 2.2, "{}", found["uncertainty"]);
+}

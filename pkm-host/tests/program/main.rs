@@ -24,4 +24,5 @@ mod replay;
 mod reports;
 mod tracker;
 mod unloaded;
+mod verify;
 mod view;

@@ -1,0 +1,50 @@
+//! Uncertainties from noise that is itself known from few degrees of freedom: Student's distribution; normal where it counts as known.
+
+use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
+
+/// Student's distribution; none where the noise counts as known.
+fn student(dof: Option<f64>) -> Option<StudentsT> {
+    StudentsT::new(0.0, 1.0, dof?).ok()
+}
+
+/// By what a standard uncertainty is multiplied so that the truth lies within with a probability.
+pub fn coverage_factor(probability: f64, dof: Option<f64>) -> f64 {
+    let upper = 0.5 * (1.0 + probability);
+    student(dof).map_or_else(|| Normal::standard().inverse_cdf(upper), |d| d.inverse_cdf(upper))
+}
+
+/// Probability that a value as many standard uncertainties from 0 as this one, on either side, is nothing but noise.
+pub fn two_sided_p(t: f64, dof: Option<f64>) -> f64 {
+    2.0 * student(dof).map_or_else(|| Normal::standard().sf(t.abs()), |d| d.sf(t.abs()))
+}
+
+/// Degrees of freedom of a sum of variances, each with its own (Welch and Satterthwaite; GUM, G.4.1). None is known.
+pub fn effective_dof(parts: &[(f64, Option<f64>)]) -> Option<f64> {
+    let sum: f64 = parts.iter().map(|p| p.0).sum();
+    let loss: f64 = parts.iter().filter_map(|(variance, dof)| Some(variance * variance / (*dof)?)).sum();
+    (loss > 0.0).then(|| sum * sum / loss)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn factors_are_those_of_the_tables() {
+        // GUM, table G.2
+        for (dof, k) in [(1.0, 12.706), (3.0, 3.182), (10.0, 2.228), (50.0, 2.009)] {
+            assert!((coverage_factor(0.95, Some(dof)) - k).abs() < 2e-3, "{dof}");
+            assert!((two_sided_p(k, Some(dof)) - 0.05).abs() < 1e-4, "{dof}");
+        }
+        assert!((coverage_factor(0.95, None) - 1.96).abs() < 1e-3);
+        assert!((two_sided_p(-1.96, None) - 0.05).abs() < 1e-4);
+    }
+
+    #[test]
+    fn degrees_of_freedom_add_up() {
+        let both = effective_dof(&[(2.0, Some(8.0)), (2.0, Some(8.0))]).unwrap();
+        assert!((both - 16.0).abs() < 1e-12);
+        assert_eq!(effective_dof(&[(2.0, Some(8.0)), (0.0, None)]), Some(8.0));
+        assert_eq!(effective_dof(&[(1.0, None), (3.0, None)]), None);
+    }
+}

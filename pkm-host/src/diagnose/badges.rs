@@ -1,0 +1,85 @@
+//! Two judgements kept apart, each with its reasons: is the measurement sound, is the model good enough. What the machine is like is a
+//! third thing ([`super::estimates`]).
+
+use pkm_diagnosis::Rules;
+use pkm_diagnosis::verdict::Verdict;
+use serde::Serialize;
+
+use super::Diagnosis;
+
+/// How far a judgement goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Grade {
+    /// Nothing speaks against it.
+    Good,
+    /// Something does.
+    Doubtful,
+    /// Don't rely on it.
+    Bad,
+}
+
+/// A judgement with its reasons, the gravest first.
+#[derive(Clone, Debug, Serialize)]
+pub struct Badge {
+    /// `sound`, `doubtful`, `unsound`; `good_enough`, `in_doubt`, `not_good_enough`.
+    pub verdict: &'static str,
+    /// For people.
+    pub reasons: Vec<String>,
+    /// The same as `verdict`, to be compared.
+    #[serde(skip)]
+    pub grade: Grade,
+}
+
+impl Badge {
+    fn new(words: [&'static str; 3], mut reasons: Vec<(Grade, String)>) -> Self {
+        reasons.sort_by_key(|r| std::cmp::Reverse(r.0));
+        let grade = reasons.first().map_or(Grade::Good, |r| r.0);
+        Self { verdict: words[grade as usize], reasons: reasons.into_iter().map(|r| r.1).collect(), grade }
+    }
+
+    /// Of the readings.
+    pub fn measurement(d: &Diagnosis) -> Self {
+        let grade = |kind: &str| {
+            let is_fatal = matches!(kind, "readings_taken_otherwise" | "many_great_changes");
+            if is_fatal { Grade::Bad } else { Grade::Doubtful }
+        };
+        let mut reasons: Vec<(Grade, String)> = d.warnings.iter().map(|w| (grade(w.kind), w.message.clone())).collect();
+        if let [first, rest @ ..] = d.suspects.as_slice() {
+            let others = if rest.is_empty() { String::new() } else { format!(", and {} more", rest.len()) };
+            reasons.push((Grade::Doubtful, format!("a reading stands out: {}{others}", first.text())));
+        }
+        for e in d.effects.iter().filter(|e| e.is_measurement()) {
+            reasons.push((Grade::Doubtful, format!("an error of the measurement was found: {}", e.id)));
+        }
+        if d.load_error > Rules::DEFAULT.max_explaining_load_error {
+            let message = format!(
+                "the loads seem to be wrong by some {:.1} % and {:.1} mrad beyond what is declared",
+                100.0 * d.load_error,
+                1e3 * d.load_error
+            );
+            reasons.push((Grade::Doubtful, message));
+        }
+        Self::new(["sound", "doubtful", "unsound"], reasons)
+    }
+
+    /// Of the identified model.
+    pub fn model(d: &Diagnosis) -> Self {
+        let p = d.judgement.after.p;
+        let rest = format!("more than noise is left (p = {p:.1e})");
+        let reasons = match d.judgement.verdict {
+            Verdict::Adequate | Verdict::Explained => Vec::new(),
+            Verdict::Ambiguous => {
+                vec![(Grade::Doubtful, "what was found has rivals that call for different repairs".to_owned())]
+            }
+            Verdict::PartlyExplained if p < Rules::DEFAULT.max_misfit_p => vec![(Grade::Doubtful, rest)],
+            Verdict::PartlyExplained => {
+                vec![(
+                    Grade::Doubtful,
+                    "the residuals are noise, but what was found may not be all or its form not right".to_owned(),
+                )]
+            }
+            Verdict::Unexplained => vec![(Grade::Bad, rest)],
+        };
+        Self::new(["good_enough", "in_doubt", "not_good_enough"], reasons)
+    }
+}

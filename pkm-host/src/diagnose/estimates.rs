@@ -1,0 +1,220 @@
+//! How sure a diagnosis is: standard and expanded uncertainties of what it estimates, with their covariance, and the condition of
+//! the machine that follows: the stiffness of each limb along its axis, and of the platform in the middle of the box.
+
+use nalgebra::{DMatrix, DVector};
+use pkm_core::{Machine, MachineParameters, Pose};
+use pkm_diagnosis::{Fit, Noise, NoiseSource, Role, student};
+use serde::Serialize;
+
+use super::model::{Meaning, Model, info};
+use crate::files::verified::Quantity;
+use crate::pose::written_units;
+
+/// Probability that a value lies within its expanded uncertainty.
+pub const COVERAGE: f64 = 0.95;
+
+/// Step of the derivatives, in standard deviations of the priors.
+const STEP: f64 = 1e-3;
+
+/// Standard deviations of its declared uncertainty by which a limb must differ from its declared value to be worth an inspection.
+const NOTABLE_SD: f64 = 2.0;
+
+/// By what standard uncertainties are multiplied to be expanded ones.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Coverage {
+    /// Probability of lying within.
+    pub coverage: f64,
+    /// The factor.
+    pub k: f64,
+    /// Of the noise, which the uncertainties are multiples of; none where it was declared, and counts as known.
+    pub degrees_of_freedom: Option<f64>,
+}
+
+impl Coverage {
+    /// For some noise: Student where it was estimated from repeats.
+    pub fn of(noise: &Noise) -> Self {
+        let degrees_of_freedom = (noise.source == NoiseSource::Repeats).then_some(noise.dof);
+        Self { coverage: COVERAGE, k: student::coverage_factor(COVERAGE, degrees_of_freedom), degrees_of_freedom }
+    }
+}
+
+/// One estimate, in the units of the machine file.
+#[derive(Clone, Debug, Serialize)]
+pub struct Estimate {
+    /// Key of the machine file or `effect.parameter`; with several of a name, each once.
+    pub name: String,
+    /// Most likely value.
+    pub value: f64,
+    /// One standard deviation.
+    pub standard_uncertainty: f64,
+    /// The same times the coverage factor.
+    pub expanded_uncertainty: f64,
+}
+
+/// All estimates with their covariance, and the condition.
+pub struct Estimates {
+    /// By what standard uncertainties are multiplied.
+    pub coverage: Coverage,
+    /// In the order of the fit.
+    pub all: Vec<Estimate>,
+    /// Of their values.
+    pub covariance: DMatrix<f64>,
+    /// Where the platform's stiffness is given.
+    pub pose: Pose<f64>,
+    /// Names of the declared values, in the order of [`Quantity::shared`].
+    pub declared: Vec<String>,
+    /// Limbs first.
+    pub condition: Vec<Quantity>,
+}
+
+/// Axial compliance of each limb, by its place among the transmitted wrenches.
+const AXIAL: [usize; 3] = [0, 3, 6];
+
+/// ln of each quantity, in the order of [`quantity_names`].
+fn quantities(parameters: &MachineParameters, pose: &Pose<f64>) -> Option<DVector<f64>> {
+    let machine = Machine::<f64>::new(parameters).ok()?;
+    let compliance = machine.transmission(pose).ok()?.compliance;
+    let principal = machine.stiffness(pose).ok()?.principal();
+    let limbs = AXIAL.iter().map(|i| 1.0 / compliance[(*i, *i)]);
+    let all: Vec<f64> = limbs.chain(principal.iter().copied()).map(f64::ln).collect();
+    all.iter().all(|v| v.is_finite()).then(|| all.into())
+}
+
+/// Name, words and unit of each quantity.
+fn quantity_names() -> Vec<(String, String, &'static str)> {
+    let limb =
+        |n: usize| (format!("limb.{n}.axial"), format!("limb {n} along its axis, drive, joints and body"), "N/m");
+    let principal = |(i, axis): (usize, &str)| {
+        let what = format!("platform at the middle of the box, {axis}");
+        (format!("k{0}{0}", i + 1), what, if i < 3 { "N/m" } else { "N·m/rad" })
+    };
+    let axes = ["along u", "along v", "along w", "about u", "about v", "about w"];
+    (1..=3).map(limb).chain(axes.into_iter().enumerate().map(principal)).collect()
+}
+
+/// Names of what was fitted, each once.
+fn names(model: &Model, fit: &Fit) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for unknown in &fit.unknowns {
+        let plain = match model.meaning(*unknown) {
+            Meaning::Stiffness(d) => d.axis().map_or(d.key(), |axis| format!("{}[{axis}]", d.key())),
+            Meaning::Class(class) => format!("factor of {}", model.classes[class].keys().join(" + ")),
+            Meaning::Element(element) => format!("element.{}", model.elements[element].name()),
+            Meaning::Effect { effect, parameter } => {
+                let info = info(effect);
+                format!("{}.{}", info.id, info.parameters[parameter].name)
+            }
+        };
+        let number = |n: usize| if n == 1 { plain.clone() } else { format!("{plain} ({n})") };
+        let free = (1..).map(number).find(|name| !names.contains(name));
+        names.push(free.unwrap_or(plain));
+    }
+    names
+}
+
+/// Value of each unknown, and how it grows with the unknown.
+fn values(model: &Model, fit: &Fit) -> Vec<(f64, f64)> {
+    let value = |(u, x): (&pkm_diagnosis::Unknown, &f64)| {
+        let prior = model.parameters[u.0].prior;
+        let declared = match model.meaning(*u) {
+            Meaning::Stiffness(d) => d.value(&model.declared),
+            _ => 1.0,
+        };
+        (declared * prior.value(*x), declared * prior.error(*x, 1.0))
+    };
+    fit.unknowns.iter().zip(fit.x.iter()).map(value).collect()
+}
+
+fn state(change: f64, expanded: f64, declared: f64) -> &'static str {
+    match change {
+        _ if change.abs() <= expanded => "as_declared",
+        _ if change.abs() <= NOTABLE_SD * declared => "within_declared_uncertainty",
+        _ if change < 0.0 => "softer",
+        _ => "stiffer",
+    }
+}
+
+impl Estimates {
+    /// Of a fit; none where the machine has no stiffness at the pose.
+    pub fn new(model: &Model, fit: &Fit, noise: &Noise, pose: Pose<f64>) -> Option<Self> {
+        let coverage = Coverage::of(noise);
+        let (names, values) = (names(model, fit), values(model, fit));
+        let covariance = fit.information.inverse();
+        let scaled = |i: usize, j: usize| covariance[(i, j)] * values[i].1 * values[j].1;
+        let of = |(n, name): (usize, &String)| {
+            let standard_uncertainty = scaled(n, n).sqrt();
+            let expanded_uncertainty = coverage.k * standard_uncertainty;
+            Estimate { name: name.clone(), value: values[n].0, standard_uncertainty, expanded_uncertainty }
+        };
+        let at = |x: &DVector<f64>| quantities(&model.state(&fit.unknowns, x.as_slice(), false).machine, &pose);
+        let (declared, identified) = (quantities(&model.declared, &pose)?, at(&fit.x)?);
+        let slope = |n: usize| -> Option<DVector<f64>> {
+            let moved = |step: f64| {
+                let mut x = fit.x.clone();
+                x[n] += step;
+                at(&x)
+            };
+            Some((moved(STEP)? - moved(-STEP)?) / (2.0 * STEP))
+        };
+        // a row for each unknown
+        let slopes: Vec<DVector<f64>> = (0..fit.x.len()).map(slope).collect::<Option<_>>()?;
+        let is_declared: Vec<usize> =
+            (0..names.len()).filter(|n| model.parameters[fit.unknowns[*n].0].role == Role::Declared).collect();
+        let condition = |(q, (quantity, what, unit)): (usize, (String, String, &str))| {
+            let gradient = DVector::from_fn(slopes.len(), |n, _| slopes[n][q]);
+            let shared = &covariance * &gradient;
+            let standard_uncertainty = gradient.dot(&shared).sqrt();
+            let expanded_uncertainty = coverage.k * standard_uncertainty;
+            let declared_uncertainty = is_declared.iter().map(|n| gradient[*n].powi(2)).sum::<f64>().sqrt();
+            let change: f64 = identified[q] - declared[q];
+            Quantity {
+                quantity,
+                what,
+                unit: unit.to_owned(),
+                declared: declared[q].exp(),
+                identified: identified[q].exp(),
+                standard_uncertainty,
+                expanded_uncertainty,
+                declared_uncertainty,
+                state: state(change, expanded_uncertainty, declared_uncertainty).to_owned(),
+                shared: is_declared.iter().map(|n| shared[*n]).collect(),
+            }
+        };
+        Some(Self {
+            coverage,
+            all: names.iter().enumerate().map(of).collect(),
+            covariance: DMatrix::from_fn(names.len(), names.len(), scaled),
+            pose,
+            condition: quantity_names().into_iter().enumerate().map(condition).collect(),
+            declared: is_declared.iter().map(|n| names[*n].clone()).collect(),
+        })
+    }
+
+    /// `covariance.csv`: the covariance of the estimates, a row and a column for each.
+    pub fn covariance_csv(&self) -> String {
+        let header = ["estimate".to_owned()].into_iter().chain(self.all.iter().map(|e| e.name.clone()));
+        let row = |(n, e): (usize, &Estimate)| {
+            let numbers = self.covariance.row(n).iter().map(|v| format!("{v:.9e}")).collect::<Vec<_>>();
+            [vec![e.name.clone()], numbers].concat()
+        };
+        let rows = self.all.iter().enumerate().map(row);
+        crate::files::dataset::to_csv(b',', &header.collect::<Vec<_>>(), rows)
+    }
+
+    /// The limbs that are worth an inspection, in a sentence each.
+    pub fn notable(&self) -> Vec<String> {
+        let limbs = self.condition.iter().take(AXIAL.len()).enumerate().filter(|(_, q)| q.is_notable());
+        limbs.map(|(n, q)| format!("{}: inspect nut, bearings, screw and joints of limb {}", q.text(), n + 1)).collect()
+    }
+
+    /// The condition as JSON.
+    pub fn condition_json(&self) -> serde_json::Value {
+        let [theta_deg, sigma_deg, z0_mm] = written_units(&self.pose);
+        serde_json::json!({
+            "pose": { "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm },
+            "inspect": self.notable(),
+            "quantities": self.condition,
+            "shared_with": self.declared,
+        })
+    }
+}

@@ -1,0 +1,106 @@
+//! What two diagnoses say of a change: text, JSON and the page.
+
+use maud::html;
+use serde_json::{Value, json};
+
+use crate::diagnose::verify::{Change, Verification};
+use crate::report::page::{Finding, Page, table};
+
+/// One change in a sentence.
+fn sentence(c: &Change) -> String {
+    format!(
+        "{}: {:.1} % {} (± {:.1} %, probability {:.4})",
+        c.what,
+        c.change_percent.abs(),
+        c.verdict,
+        c.expanded_uncertainty_percent,
+        c.probability
+    )
+}
+
+/// The findings in sentences, the verdict first.
+fn findings(v: &Verification) -> Vec<Finding> {
+    let changed: Vec<&Change> = v.changes.iter().filter(|c| c.verdict != "unchanged").collect();
+    let mut all: Vec<Finding> = Vec::new();
+    all.push(match (v.verdict, changed.first()) {
+        ("unchanged", _) => {
+            let least = v.changes.iter().map(|c| c.expanded_uncertainty_percent).fold(0.0, f64::max);
+            Finding::good(format!(
+                "Nothing has changed beyond its uncertainty: what is compared is known to {least:.1} % or better."
+            ))
+        }
+        (_, Some(first)) => Finding::warning(format!("The machine has changed. {}.", sentence(first))),
+        (_, None) => {
+            Finding::warning("What was found has changed, the machine's stiffnesses have not beyond uncertainty.")
+        }
+    });
+    all.extend(v.doubts.iter().map(|doubt| Finding::bad(format!("Keep in mind: {doubt}."))));
+    all.extend(changed.iter().skip(1).map(|c| Finding::warning(format!("{}.", sentence(c)))));
+    all.extend(v.findings.iter().map(|f| {
+        let text = format!("{}.", f.text);
+        if f.verdict == "new" || f.verdict == "stronger" { Finding::warning(text) } else { Finding::good(text) }
+    }));
+    all
+}
+
+/// For the terminal.
+pub(crate) fn text(v: &Verification) -> String {
+    let mut text: String = findings(v).iter().map(|f| format!("- {}\n", f.text)).collect();
+    text.push_str("                    before        after   change %    ± 95 %   probability\n");
+    for c in &v.changes {
+        text.push_str(&format!(
+            "  {:<13} {:>12.4e} {:>12.4e} {:>+10.2} {:>9.2}   {:.4}  {} ({})\n",
+            c.quantity,
+            c.before,
+            c.after,
+            c.change_percent,
+            c.expanded_uncertainty_percent,
+            c.probability,
+            c.verdict,
+            c.unit
+        ));
+    }
+    text
+}
+
+/// For programs.
+pub(crate) fn document(v: &Verification, facts: &[(&str, String)]) -> Value {
+    let mut document = json!(v);
+    document["from"] =
+        facts.iter().map(|(name, value)| (name.to_lowercase(), json!(value))).collect::<serde_json::Map<_, _>>().into();
+    document
+}
+
+/// `report.html`.
+pub(crate) fn html(v: &Verification, machine: &str, facts: Vec<(&str, String)>, warnings: &[String]) -> String {
+    let cells = |c: &Change| {
+        let dof = c.degrees_of_freedom.map_or("-".to_owned(), |d| format!("{d:.0}"));
+        vec![
+            format!("{:.4e}", c.before),
+            format!("{:.4e}", c.after),
+            c.unit.clone(),
+            format!("{:+.2}", c.change_percent),
+            format!("{:.2}", c.expanded_uncertainty_percent),
+            format!("{:.2}", c.k),
+            dof,
+            format!("{:.4}", c.probability),
+            c.verdict.to_owned(),
+        ]
+    };
+    let rows: Vec<_> = v.changes.iter().map(|c| (c.what.clone(), cells(c))).collect();
+    let heads = ["before", "after", "unit", "change %", "± %", "k", "degrees of freedom", "probability", "verdict"];
+    let fates: Vec<_> = v.findings.iter().map(|f| (f.finding.clone(), vec![f.verdict.to_owned()])).collect();
+    let body = html! {
+        h2 { "Stiffness before and after" }
+        (table("Change with its expanded uncertainty (95 %), and the probability that it has this sign", &heads, &rows))
+        p {
+            "A change is named where noise alone would bring any as great in one comparison of a hundred. Errors of the declared \
+             values, which both diagnoses lean on, are taken out of the difference."
+        }
+        @if !fates.is_empty() {
+            h2 { "What became of the findings" }
+            (table("Effects and declared values", &["verdict"], &fates))
+        }
+    };
+    Page { title: format!("What has changed: {machine}"), findings: &findings(v), warnings, body, facts }.html()
+}

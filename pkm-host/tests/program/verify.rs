@@ -1,0 +1,176 @@
+//! `verify`: diagnoses of a machine before and after a repair, and `plan --kind campaign`, whose file becomes data of a diagnosis.
+
+use serde_json::Value;
+
+use crate::common::{Folder, json, reference_machine, refused};
+
+/// Readings of a campaign, by the program's own prediction of a machine, with noise of 1 µm and 4 µrad.
+fn measure(folder: &Folder, campaign: &str, machine: &str, name: &str, seed: u64) -> String {
+    let predicted = folder.path("predicted.csv");
+    json(&["predict", "--machine", machine, "--data", campaign, "--out", &predicted]);
+    let text = folder.read("predicted.csv");
+    let mut lines = text.lines().filter(|l| !l.starts_with('#'));
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let mut read = header.join(",") + "\n";
+    for line in lines {
+        let cells = line.split(',').zip(&header).map(|(cell, column)| {
+            let sigma = match *column {
+                "dx_um" | "dy_um" | "dz_um" => 1.0,
+                "rx_urad" | "ry_urad" | "rz_urad" => 4.0,
+                _ => return cell.to_owned(),
+            };
+            // twelve uniform numbers: near enough to normal
+            let noise = (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
+            format!("{:.3}", cell.parse::<f64>().unwrap() + sigma * noise)
+        });
+        read += &(cells.collect::<Vec<_>>().join(",") + "\n");
+    }
+    folder.write(name, &read)
+}
+
+fn change<'a>(found: &'a Value, quantity: &str) -> &'a Value {
+    found["changes"].as_array().unwrap().iter().find(|c| c["quantity"] == quantity).unwrap()
+}
+
+/// Ratio of limb 1's axial stiffness at its length in the middle of the reference machine's box, drive intact over drive worn: two
+/// joints and a tube beside a screw in series, by the numbers of its file.
+fn true_ratio(worn_n_per_m: f64, q_m: f64) -> f64 {
+    let area = |outer: f64, inner: f64| std::f64::consts::FRAC_PI_4 * (outer * outer - inner * inner);
+    let body = q_m / (206e9 * (area(0.06, 0.036) + area(0.032, 0.0)));
+    let compliance = |base: f64| 1.0 / base + body + 1.0 / 2.5e8;
+    compliance(worn_n_per_m) / compliance(3e8)
+}
+
+/// One diagnosis alone: measurement, model and machine are three things, each estimate with its uncertainty.
+fn says_apart(folder: &Folder, first: &Value) {
+    assert_eq!(first["measurement"]["verdict"], "sound", "{}", first["measurement"]);
+    let limb = &first["condition"]["quantities"][0];
+    assert_eq!((&limb["quantity"], &limb["state"]), (&"limb.1.axial".into(), &"softer".into()), "{limb}");
+    assert!(first["condition"]["inspect"][0].as_str().unwrap().starts_with("limb 1 along its axis"));
+    let estimates = first["estimates"].as_array().unwrap();
+    let covariance = folder.read("before/covariance.csv");
+    assert_eq!(covariance.lines().count(), estimates.len() + 1);
+    let first_row: Vec<&str> = covariance.lines().nth(1).unwrap().split(',').collect();
+    let deviation = estimates[0]["standard_uncertainty"].as_f64().unwrap();
+    assert!((first_row[1].parse::<f64>().unwrap().sqrt() / deviation - 1.0).abs() < 1e-6);
+    let k = first["uncertainty"]["k"].as_f64().unwrap();
+    assert!((1.95..2.1).contains(&k), "{k}");
+}
+
+#[test]
+fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed() {
+    let folder = Folder::new();
+    let campaign = folder.path("campaign.csv");
+    let planned = json(&[
+        "plan",
+        "--kind",
+        "campaign",
+        "--sigma-um",
+        "1",
+        "--sigma-urad",
+        "4",
+        "--most-poses",
+        "10",
+        "--out",
+        &campaign,
+    ]);
+    let poses = planned["poses"].as_u64().unwrap();
+    assert!((8..=10).contains(&poses), "{planned}");
+    // two series of 24 loads
+    assert_eq!(planned["readings"].as_u64().unwrap(), poses * 48);
+    let shown = planned["detectable"].as_array().unwrap();
+    let drive = shown.iter().find(|d| d["id"] == "limb-1-axial").unwrap();
+    assert_eq!(drive["found"], true);
+    let size = |key: &str| drive[key].as_f64().unwrap();
+    assert!(size("smallest_after") <= size("smallest_before") && size("smallest_of_grid") <= size("smallest_after"));
+
+    let reference = reference_machine();
+    // the first is limb 1's drive
+    let worn = reference.replacen("3.0e8]", "1.5e8]", 1);
+    assert_ne!(worn, reference);
+    let (intact, worn) = (folder.write("intact.toml", &reference), folder.write("worn.toml", &worn));
+    let diagnose = |machine: &str, name: &str, seed: u64| {
+        let data = measure(&folder, &campaign, machine, &format!("{name}.csv"), seed);
+        let out = folder.path(name);
+        let found = json(&["diagnose", "--machine", &intact, "--data", &data, "--method", "formulas", "--out", &out]);
+        (found, out)
+    };
+    let [(first, before), (_, after), (_, again)] =
+        [diagnose(&worn, "before", 1), diagnose(&intact, "after", 2), diagnose(&intact, "again", 3)];
+
+    says_apart(&folder, &first);
+
+    let out = folder.path("verified");
+    let found = json(&["verify", "--before", &before, "--after", &format!("{after}/diagnosis.json"), "--out", &out]);
+    assert_eq!(found["verdict"], "changed");
+    let limb = change(&found, "limb.1.axial");
+    assert_eq!(limb["verdict"], "stiffer", "{limb}");
+    let middle = json(&["ik", "--machine", &intact, "--theta-deg", "0", "--sigma-deg", "0", "--z0-mm", "530"]);
+    let truth = 100.0 * (true_ratio(1.5e8, 1e-3 * middle["q_mm"][0].as_f64().unwrap()) - 1.0);
+    let number = |key: &str| limb[key].as_f64().unwrap();
+    let off = (number("change_percent") - truth).abs();
+    assert!(off < 1.5 * number("expanded_uncertainty_percent"), "{truth} {limb}");
+    assert!(number("expanded_uncertainty_percent") < 0.3 * truth, "{truth} {limb}");
+    for other in ["limb.2.axial", "limb.3.axial"] {
+        assert_eq!(change(&found, other)["verdict"], "unchanged", "{found}");
+    }
+    assert!(folder.read("verified/report.html").contains("The machine has changed"));
+
+    // measured twice, and nothing was done in between
+    let found = json(&["verify", "--before", &after, "--after", &again]);
+    assert_eq!(found["verdict"], "unchanged", "{found}");
+    // the same readings twice
+    let same = json(&["verify", "--before", &after, "--after", &after]);
+    assert!(same["doubts"][0].as_str().unwrap().contains("of the same readings"), "{same}");
+
+    // a machine file of another number is another machine
+    let text = folder.read("again/diagnosis.json");
+    let sum = first["machine_sha256"].as_str().unwrap();
+    let foreign = folder.write("foreign.json", &text.replace(sum, &"0".repeat(64)));
+    let error = refused(&["verify", "--before", &after, "--after", &foreign, "--out", &folder.path("none")]);
+    assert_eq!(error["column"], "machine_sha256");
+    let broken = folder.write("broken.json", &text.replacen("\"condition\"", "\"state\"", 1));
+    assert!(
+        refused(&["verify", "--before", &broken, "--after", &after])["message"].as_str().unwrap().contains("condition")
+    );
+    assert!(!folder.has("none"));
+}
+
+#[test]
+fn a_campaign_stays_within_what_is_allowed_and_refuses_what_it_cannot_plan() {
+    let folder = Folder::new();
+    let out = folder.path("c.csv");
+    let plan = |more: &[&str]| [&["plan", "--kind", "campaign", "--out", &out], more].concat();
+    let stated =
+        ["--sigma-um", "2", "--force-n", "80", "--lever-mm", "0", "--detect", "limb-2-axial.axial_m_per_n=2e-9"];
+    let planned = json(&plan(&[&stated[..], &["--series", "3", "--repeats", "2"]].concat()));
+    // one load up, full and down again in each of six directions, three series of two repeats
+    assert_eq!(planned["readings"].as_u64().unwrap(), planned["poses"].as_u64().unwrap() * 18 * 6);
+    let text = folder.read("c.csv");
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    assert!(!header.contains(&"rx_urad"), "{header:?}");
+    let at = |line: &str, column: &str| {
+        let n = header.iter().position(|h| *h == column).unwrap();
+        line.split(',').nth(n).unwrap().to_owned()
+    };
+    let number = |line: &str, column: &str| at(line, column).parse::<f64>().unwrap();
+    for line in text.lines().skip(1) {
+        assert!(["fx_n", "fy_n", "fz_n"].iter().all(|c| number(line, c).abs() <= 80.0), "{line}");
+        assert!(["mx_nm", "my_nm", "mz_nm"].iter().all(|c| number(line, c) == 0.0), "{line}");
+        assert!(number(line, "theta_deg").abs() <= 15.0 && (500.0..=560.0).contains(&number(line, "z0_mm")), "{line}");
+        assert_eq!(at(line, "dx_um"), "");
+    }
+    assert_eq!(text.lines().filter(|l| at(l, "direction") == "unload").count() * 3, text.lines().count() - 1);
+    for (more, words) in [
+        (vec![], "--sigma-um"),
+        (vec!["--sigma-um", "1", "--detect", "no-such.axial=1"], "there is no effect of this name"),
+        (vec!["--sigma-um", "1", "--detect", "thermal-modulus.bodies_per_k=1e-4"], "temperatures"),
+        (vec!["--sigma-um", "1", "--data", "d.csv"], "--data goes with"),
+    ] {
+        let error = refused(&plan(&more));
+        assert!(error["message"].as_str().unwrap().contains(words), "{error}");
+    }
+    let error = refused(&["plan", "--kind", "l49", "--force-n", "10", "--out", &out]);
+    assert!(error["message"].as_str().unwrap().contains("--kind campaign"), "{error}");
+}
