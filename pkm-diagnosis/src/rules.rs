@@ -142,6 +142,9 @@ pub struct Rules {
     pub rival_margin: f64,
     /// See `rival_margin`.
     pub rivals_tried: usize,
+    /// What ln E of a finding's rival places is divided by before it becomes a probability: forms that no block has make
+    /// evidence sharper than it is. Found by practice sets whose forms are nobody's.
+    pub temper_of_places: f64,
     /// Least probability at which a place is named beside the likeliest.
     pub min_place_probability: f64,
     /// Degrees of freedom of noise that was declared: as good as known.
@@ -214,6 +217,7 @@ impl Rules {
         exchange_margin: 15.0,
         rival_margin: 60.0,
         rivals_tried: 10,
+        temper_of_places: 3.0,
         min_place_probability: 0.03,
         dof_of_declared_noise: 1e6,
         proposals: 8,

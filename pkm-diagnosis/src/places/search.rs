@@ -162,6 +162,11 @@ impl Search<'_> {
         Some(())
     }
 
+    /// Where the block of a family is.
+    fn place(&self, family: usize) -> &str {
+        self.evidence.block(family).places.first().map_or(NOWHERE, String::as_str)
+    }
+
     /// One member's place: all that could stand there, the other members kept.
     fn finding(&mut self, at: usize) -> Finding {
         let own = self.best.set.members[at].0;
@@ -172,23 +177,25 @@ impl Search<'_> {
         };
         let ranked = self.ranked(exchanged);
         let floor = self.best.ln - self.evidence.rules.rival_margin;
-        let close: Vec<Set> =
-            ranked.into_iter().take(self.evidence.rules.rivals_tried).filter(|r| r.0 > floor).map(|r| r.1).collect();
+        // one rival a place, the likeliest: how many blocks a place has says nothing of it
+        let mut seen: Vec<String> = vec![self.place(own).to_owned()];
+        let mut close: Vec<Set> = Vec::new();
+        for (_, set) in ranked.into_iter().filter(|r| r.0 > floor) {
+            let place = self.place(set.members[at].0).to_owned();
+            if close.len() < self.evidence.rules.rivals_tried && !seen.contains(&place) {
+                seen.push(place);
+                close.push(set);
+            }
+        }
         let mut rivals = vec![(own, self.best.clone())];
         for set in close {
             rivals.extend(self.tried(&set).map(|t| (set.members[at].0, t)));
         }
         let top = rivals.iter().fold(f64::NEG_INFINITY, |m, r| m.max(r.1.ln));
-        let total: f64 = rivals.iter().map(|r| (r.1.ln - top).exp()).sum();
-        let mut places: Vec<(String, f64)> = Vec::new();
-        for (family, tried) in &rivals {
-            let p = (tried.ln - top).exp() / total;
-            let place = self.evidence.block(*family).places.first().map_or(NOWHERE, String::as_str);
-            match places.iter_mut().find(|x| x.0 == place) {
-                Some(there) => there.1 += p,
-                None => places.push((place.to_owned(), p)),
-            }
-        }
+        let tempered = |ln: f64| ((ln - top) / self.evidence.rules.temper_of_places).exp();
+        let total: f64 = rivals.iter().map(|r| tempered(r.1.ln)).sum();
+        let mut places: Vec<(String, f64)> =
+            rivals.iter().map(|(f, tried)| (self.place(*f).to_owned(), tempered(tried.ln) / total)).collect();
         places.sort_by(|a, b| b.1.total_cmp(&a.1));
         let (likeliest, state) = rivals
             .iter()

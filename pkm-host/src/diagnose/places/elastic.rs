@@ -4,6 +4,7 @@ use nalgebra::{SMatrix, SVector};
 use pkm_core::machine::Machine;
 use pkm_core::{MachineParameters, Pose, Transmission};
 
+use super::turned;
 use crate::diagnose::declared::Declared;
 
 /// Eight transmitted wrenches.
@@ -25,6 +26,8 @@ pub struct Frame {
     pub rest: M8,
     /// What passes base and platform joint of each limb: forces and moments along and about its axes.
     pub joints: [[M68; 2]; 3],
+    /// How these joints move along and about their axes, free turns included.
+    pub motions: [[M68; 2]; 3],
     /// The forces at the platform joints along u, v, w.
     pub bores: [M68; 3],
     /// The wrench at B along the axes of B, on the whole of the base.
@@ -81,10 +84,15 @@ impl Frame {
             })
             .collect();
         let stiffer = stiffer?;
-        poses.iter().map(|pose| Self::new(&machine, &stiffer, pose)).collect()
+        poses.iter().map(|pose| Self::new(declared, &machine, &stiffer, pose)).collect()
     }
 
-    fn new(machine: &Machine<f64>, changed: &[Machine<f64>], pose: &Pose<f64>) -> Option<Self> {
+    fn new(
+        declared: &MachineParameters,
+        machine: &Machine<f64>,
+        changed: &[Machine<f64>],
+        pose: &Pose<f64>,
+    ) -> Option<Self> {
         let t: Transmission<f64> = machine.transmission(pose).ok()?;
         let d = full(&t.compliance);
         let h = t.wrenches;
@@ -99,8 +107,11 @@ impl Frame {
             seen(&h, own[limb].clone(), l.joints_m[joint].into(), &l.axes[joint].into())
         };
         let base_axes = t.base_axes.into();
+        let joints: [[M68; 2]; 3] = std::array::from_fn(|limb| [of(limb, 0), of(limb, 1)]);
+        let terminal = solve(&h, &d)?.compliance;
         Some(Self {
-            joints: std::array::from_fn(|limb| [of(limb, 0), of(limb, 1)]),
+            motions: std::array::from_fn(|limb| turned::motions(declared, &t, &terminal, limb, &joints[limb])),
+            joints,
             bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1].into(), &unit)),
             ground: seen(&h, 0..8, t.base_m.into(), &base_axes),
             points: std::array::from_fn(|limb| {

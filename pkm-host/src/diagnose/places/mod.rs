@@ -12,6 +12,7 @@ mod named;
 mod platforms;
 pub mod sites;
 mod terms;
+mod turned;
 mod world;
 
 use pkm_diagnosis::places::{Block, Inferred};

@@ -57,13 +57,26 @@ fn family(law: &str) -> &str {
 pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -> Vec<Site> {
     let of = |f: &pkm_diagnosis::places::Finding| {
         let block = world.block(f.block);
-        let likely = f.places.iter().filter(|p| p.1 >= rules.min_place_probability).map(|p| p.0.clone());
-        let mut all: Vec<String> = likely.collect();
-        let likely = all.clone();
-        all.extend(block.places.iter().filter(|p| !likely.contains(p)).cloned());
+        let likely = f.places.iter().filter(|p| p.1 >= rules.min_place_probability).map(|p| &p.0);
+        // the block's own second place, such as the joint whose axes are turned, before its rivals, and its others behind these
+        let (first, others) = block.places.split_at(block.places.len().min(2));
+        let mut all: Vec<String> = Vec::new();
+        for place in first.iter().chain(likely).chain(others) {
+            if !all.contains(place) {
+                all.push(place.clone());
+            }
+        }
+        all.truncate(1 + MAX_CLASS);
+        // formulas where evidence itself puts it: these become the model, and no place that is merely possible may
+        let top = f.places.first().map_or(1.0, |p| p.1);
+        let is_near = |place: &String| {
+            let share = |p: &(String, f64)| (p.1 / top).powf(rules.temper_of_places);
+            let is_likely = |p: &(String, f64)| p.0 == *place && share(p) >= rules.min_place_probability;
+            block.places.contains(place) || f.places.iter().any(is_likely)
+        };
         let is_there = |c: &usize| {
             let w = named::place_of(model, *c);
-            family(w.law) == family(block.law) && w.places.first().is_some_and(|p| all.contains(p))
+            family(w.law) == family(block.law) && w.places.first().is_some_and(is_near)
         };
         let candidates = (0..model.candidates.len()).filter(is_there).collect();
         Site {
@@ -72,7 +85,7 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
             motion: block.motion,
             law: block.law,
             candidates,
-            place_class: all.into_iter().skip(1).take(MAX_CLASS).collect(),
+            place_class: all.into_iter().skip(1).collect(),
             columns: f.columns.clone(),
         }
     };

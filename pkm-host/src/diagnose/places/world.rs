@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::coupled::Written;
 use super::elastic::{self, Frame, M6, M8, Solved, V8};
 use super::terms::{Seen, Term};
-use super::{Blocks, limbs, measurement, named, platforms};
+use super::{Blocks, limbs, measurement, named, platforms, turned};
 use crate::diagnose::declared::Declared;
 use crate::diagnose::elements::{ElementParameter, Family};
 use crate::diagnose::model::Model;
@@ -78,6 +78,7 @@ impl World {
             Blocks { problem, model, readings, frames, usual, passing, list: Vec::new(), written: Vec::new() };
         limbs::add(&mut blocks);
         platforms::add(&mut blocks);
+        turned::add(&mut blocks);
         measurement::add(&mut blocks, &solved);
         named::add(&mut blocks);
         this.written = blocks.written;
