@@ -70,6 +70,7 @@ extern crate self as pkm_core;
 pub mod checksum;
 pub mod compensation;
 pub mod compensator;
+mod conversion;
 pub mod correction;
 pub mod effects;
 mod elastic;

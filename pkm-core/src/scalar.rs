@@ -1,24 +1,30 @@
-//! The two number types the core is written for.
+//! The number types that the formulas run on.
 
-use core::fmt::Debug;
+use nalgebra::{ClosedAddAssign, ClosedDivAssign, ClosedMulAssign, ClosedSubAssign};
+use num_traits::{One, Zero};
 
-use nalgebra::Field;
-
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for f32 {}
-    impl Sealed for f64 {}
-}
-
-/// `f32` or `f64`. Sealed: every accuracy stated in this crate was measured for these two.
+/// `f32` or `f64` on a controller: every accuracy stated in this crate was measured for these two. A host may bring a type of its
+/// own, to run the same formulas over a range of poses at once; what it gives is for that type to prove.
 ///
 /// Roots and transcendental functions come from `libm` on every platform, so that a host and a
 /// controller that run the same code get the same bits. Sine and cosine in `f32` up to a right angle are our own: `libm`
 /// takes them by way of `f64`, which a Cortex-M4F does in software.
 ///
-/// What it has of [`Field`] is all that products, sums and differences of nalgebra's matrices ask for. Not its `RealField`: that
-/// brings roots and trigonometry of its own, which are other ones on a host with the standard library.
-pub trait Scalar: sealed::Sealed + Field + Copy + Debug + Default + PartialOrd + 'static {
+/// It has what products, sums and differences of nalgebra's matrices ask for. Not nalgebra's `RealField`: that brings roots and
+/// trigonometry of its own, which are other ones on a host with the standard library.
+pub trait Scalar:
+    nalgebra::Scalar
+    + Copy
+    + Default
+    + PartialOrd
+    + Zero
+    + One
+    + ClosedAddAssign
+    + ClosedSubAssign
+    + ClosedMulAssign
+    + ClosedDivAssign
+    + core::ops::Neg<Output = Self>
+{
     /// Zero.
     const ZERO: Self;
     /// One.

@@ -111,9 +111,9 @@ impl<E: Into<StiffnessError>> From<E> for CorrectionError {
 /// Monomials of the pose in scaled variables, and the box in which they are scaled to −1…1.
 #[derive(Clone, Copy, Debug)]
 pub struct Basis<'a, T> {
-    centre: [T; 3],
-    half_width: [T; 3],
-    terms: &'a [[u8; 3]],
+    pub(crate) centre: [T; 3],
+    pub(crate) half_width: [T; 3],
+    pub(crate) terms: &'a [[u8; 3]],
 }
 
 impl<T: Scalar> Basis<'_, T> {
@@ -178,9 +178,9 @@ impl<T: Scalar> Basis<'_, T> {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct CorrectionTable<'a, T> {
-    basis: Basis<'a, T>,
-    diagonal: &'a [T],
-    factor: Option<&'a [T]>,
+    pub(crate) basis: Basis<'a, T>,
+    pub(crate) diagonal: &'a [T],
+    pub(crate) factor: Option<&'a [T]>,
 }
 
 macro_rules! table {

@@ -3,6 +3,7 @@
 use super::active_elements::ActiveElements;
 use super::{COUNT, Effects, MAX_ELEMENTS, MAX_PARAMETERS};
 use crate::checksum::{over_numbers, over_numbers_f32};
+use crate::conversion::converted;
 use crate::scalar::Scalar;
 
 /// The effects of one machine, ready to be applied.
@@ -27,6 +28,14 @@ impl<T: Scalar> ActiveEffects<T> {
 
     pub(super) fn has_elements(&self) -> bool {
         self.active & ELEMENTS != 0
+    }
+}
+
+impl ActiveEffects<f64> {
+    /// In another number type.
+    pub fn converted<U: Scalar>(&self) -> ActiveEffects<U> {
+        let parameters = self.parameters.each_ref().map(converted);
+        ActiveEffects { active: self.active, parameters, elements: self.elements.converted() }
     }
 }
 

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::elements::{Element, Law, MAX_ELEMENT_PARAMETERS, MAX_ELEMENTS, Motion, Place, WEIGHT_STEPS};
 use super::load_dependent;
 use crate::checksum::{over_byte, over_numbers, over_numbers_f32, over_text};
+use crate::conversion::converted;
 use crate::elastic::{Chain, Limb, LimbFrame};
 use crate::linalg::{axes, join};
 use crate::scalar::Scalar;
@@ -38,6 +39,23 @@ const MAX_WEIGHTS: usize = MAX_ELEMENT_PARAMETERS - 1;
 const MAX_LAW_PARAMETERS: usize = 7;
 /// One more than a law has: so a machine is as many numbers long in `f32` as in `f64`, as the C library's structures are.
 const LAW_NUMBERS: usize = MAX_LAW_PARAMETERS + 1;
+
+impl ActiveElements<f64> {
+    /// In another number type.
+    pub fn converted<U: Scalar>(&self) -> ActiveElements<U> {
+        let element = |element: &Active<f64>| Active {
+            place: element.place,
+            motion: element.motion,
+            law: element.law,
+            numbers: match &element.numbers {
+                Numbers::Law(parameters) => Numbers::Law(converted(parameters)),
+                Numbers::Coupled(compliance, weights) => Numbers::Coupled(U::from_f64(*compliance), *weights),
+            },
+        };
+        let list = self.list.each_ref().map(|listed| listed.as_ref().map(element));
+        ActiveElements { list, warmer_k: U::from_f64(self.warmer_k) }
+    }
+}
 
 macro_rules! active_elements {
     ($t:ty, $over:path) => {

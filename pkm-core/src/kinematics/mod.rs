@@ -74,11 +74,10 @@ impl<T: Scalar> SingularityDistance<T> {
     }
 
     fn check(&self) -> Result<(), KinematicsError> {
-        let least = if self.limbs_1_2 < self.limb_3 { self.limbs_1_2 } else { self.limb_3 };
         let margin = T::from_f64(SINGULARITY_MARGIN);
-        if least >= margin {
+        if self.limbs_1_2 >= margin && self.limb_3 >= margin {
             Ok(())
-        } else if least > -margin {
+        } else if self.limbs_1_2 > -margin && self.limb_3 > -margin {
             Err(KinematicsError::Singular)
         } else {
             Err(KinematicsError::Unreachable)

@@ -312,6 +312,16 @@ fn call_elements() {
     }
 }
 
+/// Machine, wrist and table in another number type.
+macro_rules! call_conversions {
+    ($t:ident) => {
+        let machine: Machine<$t> = black_box(&MACHINE_F64).converted();
+        let wrist: Wrist<$t> = black_box(&WRIST_F64).converted();
+        let mut store: [$t; 512] = [0.0; 512];
+        black_box((machine, wrist, black_box(&TABLE_F64).converted(&mut store).is_some()));
+    };
+}
+
 #[entry]
 fn main() -> ! {
     let parameters = black_box(PARAMETERS);
@@ -333,6 +343,8 @@ fn main() -> ! {
     black_box(checksum::over_numbers_f32(checksum::START, black_box(&[1.0; 3])));
     let wrist = black_box(WRIST);
     black_box((wrist.check().is_ok(), wrist.checksum(), wrist.tip_at_zero_m()));
+    call_conversions!(f32);
+    call_conversions!(f64);
     call_everything!(f64, MACHINE_F64, TABLE_F64, UNCERTAINTY_F64, WRIST_F64, parameters, wrist);
     call_everything!(f32, MACHINE_F32, TABLE_F32, UNCERTAINTY_F32, WRIST_F32, parameters, wrist);
     #[cfg(feature = "planted-panic")]
