@@ -169,9 +169,9 @@ fn doubts(before: &Diagnosed, after: &Diagnosed) -> Vec<String> {
                 d.measurement.verdict
             ));
         }
-        if d.model.verdict != "good_enough" {
+        if d.model.verdict == "not_good_enough" {
             doubts.push(format!(
-                "the model {when} is in doubt ({}): its stiffnesses may be farther off than their uncertainties say",
+                "the model {when} leaves more than noise ({}): its stiffnesses are farther off than their uncertainties say",
                 d.verdict
             ));
         }

@@ -111,7 +111,7 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     let number = |key: &str| limb[key].as_f64().unwrap();
     let off = (number("change_percent") - truth).abs();
     assert!(off < 1.5 * number("expanded_uncertainty_percent"), "{truth} {limb}");
-    assert!(number("expanded_uncertainty_percent") < 0.3 * truth, "{truth} {limb}");
+    assert!(number("expanded_uncertainty_percent") < 0.5 * truth, "{truth} {limb}");
     for other in ["limb.2.axial", "limb.3.axial"] {
         assert_eq!(change(&found, other)["verdict"], "unchanged", "{found}");
     }
@@ -137,14 +137,18 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     assert!(!folder.has("none"));
 }
 
+/// Arguments of a campaign.
+fn campaign<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["plan", "--kind", "campaign", "--out", out], more].concat()
+}
+
 #[test]
 fn a_campaign_stays_within_what_is_allowed_and_refuses_what_it_cannot_plan() {
     let folder = Folder::new();
     let out = folder.path("c.csv");
-    let plan = |more: &[&str]| [&["plan", "--kind", "campaign", "--out", &out], more].concat();
     let stated =
         ["--sigma-um", "2", "--force-n", "80", "--lever-mm", "0", "--detect", "limb-2-axial.axial_m_per_n=2e-9"];
-    let planned = json(&plan(&[&stated[..], &["--series", "3", "--repeats", "2"]].concat()));
+    let planned = json(&campaign(&out, &[&stated[..], &["--series", "3", "--repeats", "2"]].concat()));
     // one load up, full and down again in each of six directions, three series of two repeats
     assert_eq!(planned["readings"].as_u64().unwrap(), planned["poses"].as_u64().unwrap() * 18 * 6);
     let text = folder.read("c.csv");
@@ -168,7 +172,7 @@ fn a_campaign_stays_within_what_is_allowed_and_refuses_what_it_cannot_plan() {
         (vec!["--sigma-um", "1", "--detect", "thermal-modulus.bodies_per_k=1e-4"], "temperatures"),
         (vec!["--sigma-um", "1", "--data", "d.csv"], "--data goes with"),
     ] {
-        let error = refused(&plan(&more));
+        let error = refused(&campaign(&out, &more));
         assert!(error["message"].as_str().unwrap().contains(words), "{error}");
     }
     let error = refused(&["plan", "--kind", "l49", "--force-n", "10", "--out", &out]);
