@@ -1,8 +1,9 @@
 //! Random measured data sets whose truth comes from solvers that share no code with the core, and what a program
-//! that diagnoses them makes of it. The program is a black box: files in, `diagnosis.json` out.
+//! that diagnoses them makes of it. The program is a black box: files in, `diagnosis.json` or other files out.
 
 pub mod effects;
 pub mod forms;
+pub mod life;
 pub mod machine;
 pub mod score;
 pub mod set;

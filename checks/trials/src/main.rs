@@ -11,7 +11,7 @@ use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
 use pkm_trials::set::{self, Kind, Set, Stiff, Wish};
 use pkm_trials::unloaded::{self, Case};
-use pkm_trials::{uncertainty, unloaded_score};
+use pkm_trials::{life, uncertainty, unloaded_score};
 
 #[derive(Parser)]
 #[command(version, about)]
@@ -114,6 +114,34 @@ enum Command {
         #[arg(long, default_value_t = 2)]
         jobs: usize,
         /// A line for each machine
+        #[arg(long)]
+        verbose: bool,
+    },
+    /// Live lives of machines: a nut wears, a part comes loose, seasons pass, the probe is replaced and fails; print how well `replay`
+    /// follows
+    Life {
+        /// What has a command `replay`
+        #[arg(long)]
+        program: PathBuf,
+        /// Lives
+        #[arg(long, default_value_t = 20)]
+        sets: u64,
+        /// Of the first life; the others follow one by one
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Days of a life
+        #[arg(long, default_value_t = 400)]
+        days: usize,
+        /// Readings in a day
+        #[arg(long, default_value_t = 4)]
+        readings: usize,
+        /// A part comes loose that is not learned
+        #[arg(long)]
+        foreign: bool,
+        /// Lives at a time
+        #[arg(long, default_value_t = 2)]
+        jobs: usize,
+        /// A line for each life
         #[arg(long)]
         verbose: bool,
     },
@@ -293,6 +321,17 @@ fn main() -> ExitCode {
             };
             all_of(&seeds, jobs, |o: &uncertainty::Outcome| verbose.then(|| o.line()), work)
                 .map(|outcomes| say(&uncertainty::report(&outcomes)))
+        }
+        Command::Life { program, sets, seed, days, readings, foreign, jobs, verbose } => {
+            say(&format!("seed {seed}, {sets} lives of {days} days with {readings} readings each"));
+            let seeds: Vec<u64> = (seed..seed + sets).collect();
+            let plan = life::Plan { days, readings: readings.max(1), foreign };
+            let work = |seed: &u64| {
+                let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
+                life::live(&program, *seed, &plan, folder.path()).map_err(|e| format!("seed {seed}: {e}"))
+            };
+            all_of(&seeds, jobs, |o: &life::Outcome| verbose.then(|| o.line()), work)
+                .map(|outcomes| say(&life::report(&outcomes)))
         }
         Command::MakeUnloaded { case, seed, poses, noise_um, out } => {
             unloaded::Set::new(case, seed, poses, noise_um).write(&out)

@@ -10,7 +10,7 @@ use crate::files::log;
 use crate::files::source::{self, Source};
 use crate::plan::model::{Form, no_factor_form};
 use crate::pose::pose_of;
-use crate::replay;
+use crate::replay::{self, Ask};
 use crate::report::page::of_file;
 use crate::report::replay as report;
 
@@ -25,7 +25,11 @@ pub(crate) struct Args {
     learn: Option<PathBuf>,
     #[command(flatten)]
     table: TableArgs,
-    /// Folder for replay.json and report.html.
+    /// Proposes up to so many poses and loads to probe next, one after the other those that tell most of what is still unknown, in
+    /// next.csv: a log with cells for times and readings. The loads are as great as the log's greatest.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=50))]
+    next: Option<u16>,
+    /// Folder for replay.json, report.html, steps.csv (what was known after each reading) and next.csv.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -54,17 +58,23 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         }
     };
     let entries = log::read(source, &model.machine)?;
-    let replay =
-        replay::replay(&model.machine.machine, applied.as_ref(), learn, &entries).map_err(|f| f.in_file(&name))?;
+    let ask = args.next.map(|count| Ask { count: count.into(), pose_box: model.machine.pose_box });
+    let replay = replay::replay_and_propose(&model.machine.machine, applied.as_ref(), learn, &entries, ask)
+        .map_err(|f| f.in_file(&name))?;
     let html = report::html(&replay, &facts, &session.warnings)?;
     let document = report::document(&replay);
-    let files = vec![
+    let mut files = vec![
         ("replay.json".to_owned(), format!("{document:#}\n").into_bytes()),
         ("report.html".to_owned(), html.into_bytes()),
+        ("steps.csv".to_owned(), report::steps_csv(&replay).into_bytes()),
     ];
+    if args.next.is_some() {
+        files.push(("next.csv".to_owned(), report::next_csv(&replay).into_bytes()));
+    }
     let inputs = [session.machine_path(), Some(args.log.as_path()), args.learn.as_deref(), args.table.table.as_deref()];
     source::write_all(&args.out, &files, &inputs)?;
     let mut text = report::text(&replay);
-    text.push_str(&format!("wrote replay.json, report.html to {}\n", args.out.display()));
+    let names: Vec<_> = files.iter().map(|(name, _)| name.as_str()).collect();
+    text.push_str(&format!("wrote {} to {}\n", names.join(", "), args.out.display()));
     session.output(text, &document)
 }

@@ -24,6 +24,8 @@ pub struct Sheet {
     /// Some number has one.
     decimal_commas: bool,
     columns: HashMap<String, usize>,
+    /// Columns that the file does not have.
+    added: Vec<String>,
     /// Names the columns that are not used, and comments that look like rows.
     pub warnings: Vec<String>,
 }
@@ -174,6 +176,7 @@ impl Sheet {
             delimiter,
             decimal_commas: false,
             columns,
+            added: Vec::new(),
             warnings,
             source,
         })
@@ -195,8 +198,14 @@ impl Sheet {
     /// Appends a column with the same cell in every row.
     pub(super) fn add_column(&mut self, name: &str, cell: &str) {
         self.columns.insert(name.to_owned(), self.header.len());
+        self.added.push(name.to_owned());
         self.header.push(name.to_owned());
         self.rows.iter_mut().for_each(|row| row.cells.push_field(cell));
+    }
+
+    /// Columns that the file does not have, and that were added with the same cell in every row.
+    pub(super) fn added(&self) -> &[String] {
+        &self.added
     }
 
     /// Whether a comma may stand in a number: none stands between cells.

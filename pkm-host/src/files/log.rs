@@ -3,7 +3,7 @@
 use pkm_core::estimation::{TipReading, Touch};
 use pkm_core::nalgebra::{Vector3, Vector6};
 
-use crate::error::Result;
+use crate::error::{Failure, Result};
 use crate::files::dataset::{DEFLECTION_COLUMNS, GAUGE_COLUMNS, READ_COLUMNS};
 use crate::files::import::Renames;
 use crate::files::machine::MachineFile;
@@ -27,10 +27,16 @@ pub struct Entry {
 /// Reads a log.
 ///
 /// # Errors
-/// Those of a measured file; rows without time or without standard deviations of what they read.
+/// Those of a measured file; a component of the load that has no column; rows without time or without standard deviations of what
+/// they read.
 pub fn read(source: Source, machine: &MachineFile) -> Result<Vec<Entry>> {
     let (sheet, cases) = Measured::read(source, machine, &Renames::default())?.complete()?;
     sheet.require(&[TIME_COLUMN])?;
+    // people leave out what is 0; a controller that says nothing of a load has lost it
+    if let Some(column) = sheet.added().first() {
+        let message = format!("expected a column `{column}`: a log says every component of its loads, 0 too");
+        return Err(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line));
+    }
     let entry = |(row, case): (&_, &crate::files::measured::LoadCase)| {
         let time = sheet.number(row, TIME_COLUMN)?;
         if !(0.0..=f64::from(u32::MAX)).contains(&time) || time.fract() != 0.0 {

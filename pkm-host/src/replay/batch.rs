@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use pkm_core::estimation::EstimatorSettings;
 use pkm_core::{CorrectionTable, Machine};
 
-use super::Value;
+use super::{Value, loaded};
 use crate::files::log::Entry;
 
 /// Values with their deviations; `None` without readings.
@@ -19,11 +19,7 @@ pub(super) fn fit<const N: usize>(
     let (mut information, mut right) = (DMatrix::<f64>::identity(N, N), DVector::<f64>::zeros(N));
     for Entry { touch, readings, .. } in entries {
         let wrench = touch.wrench.moved_to_a(touch.tip_m);
-        let factor = match table {
-            Some(table) => table.factor_form(machine, &touch.pose).ok()?.factor,
-            None => machine.stiffness(&touch.pose).ok()?.factor().ok()?,
-        };
-        let seen = factor.deflection(&wrench).ok()?.seen_at(touch.tip_m).to_vector();
+        let seen = loaded(machine, table, touch)?.seen_at(touch.tip_m).to_vector();
         let amplitudes = settings.amplitudes.map(|own| own.amplitude);
         let moved = machine.sensitivities(&touch.pose, &wrench, &amplitudes).ok()?;
         for reading in readings {

@@ -1,13 +1,15 @@
 //! A controller's log through the controller's own estimator, reading by reading, and a fit of the same readings beside it.
 
 mod batch;
+mod next;
 
-use pkm_core::estimation::{Alarm, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal};
-use pkm_core::{CorrectionTable, Machine};
+use pkm_core::estimation::{Alarm, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal, Touch};
+use pkm_core::{CorrectionTable, Deflection, Machine};
 
 use crate::error::{Failure, Result};
 use crate::files::learn::Learn;
 use crate::files::log::Entry;
+pub use next::{Ask, Proposal};
 
 /// Readings of the fit beside the estimator: the last ones that were taken in.
 pub const BATCH: usize = 200;
@@ -27,6 +29,8 @@ pub struct Step {
     pub changed: bool,
     /// Of the amplitudes, after it.
     pub values: Vec<Value>,
+    /// Of which an alarm stands after it, by its number from 0.
+    pub alarm: Option<usize>,
 }
 
 /// What came of a log.
@@ -41,6 +45,8 @@ pub struct Replay {
     pub alarm: Option<Alarm>,
     /// A fit of the last [`BATCH`] readings that were taken in; `None` if there was none.
     pub batch: Option<Vec<Value>>,
+    /// Where to probe next, if that was asked.
+    pub next: Vec<Proposal>,
 }
 
 /// Runs a log through the core's estimator.
@@ -53,17 +59,44 @@ pub fn replay(
     learn: Learn,
     log: &[Entry],
 ) -> Result<Replay> {
+    replay_and_propose(machine, table, learn, log, None)
+}
+
+/// Runs a log through the core's estimator, and says where to probe next.
+///
+/// # Errors
+/// Settings that the core refuses.
+pub fn replay_and_propose(
+    machine: &Machine<f64>,
+    table: Option<&CorrectionTable<'_, f64>>,
+    learn: Learn,
+    log: &[Entry],
+    ask: Option<Ask>,
+) -> Result<Replay> {
     match learn.amplitudes.len() {
-        1 => with::<1>(machine, table, learn, log),
-        2 => with::<2>(machine, table, learn, log),
-        3 => with::<3>(machine, table, learn, log),
-        4 => with::<4>(machine, table, learn, log),
-        5 => with::<5>(machine, table, learn, log),
-        6 => with::<6>(machine, table, learn, log),
-        7 => with::<7>(machine, table, learn, log),
-        MAX_AMPLITUDES => with::<MAX_AMPLITUDES>(machine, table, learn, log),
+        1 => with::<1>(machine, table, learn, log, ask),
+        2 => with::<2>(machine, table, learn, log, ask),
+        3 => with::<3>(machine, table, learn, log, ask),
+        4 => with::<4>(machine, table, learn, log, ask),
+        5 => with::<5>(machine, table, learn, log, ask),
+        6 => with::<6>(machine, table, learn, log, ask),
+        7 => with::<7>(machine, table, learn, log, ask),
+        MAX_AMPLITUDES => with::<MAX_AMPLITUDES>(machine, table, learn, log, ask),
         other => Err(Failure::input(format!("expected 1 to {MAX_AMPLITUDES} amplitudes, found {other}"))),
     }
+}
+
+/// Displacement of A that machine and table predict; none where there is none.
+fn loaded(
+    machine: &Machine<f64>,
+    table: Option<&CorrectionTable<'_, f64>>,
+    touch: &Touch<f64>,
+) -> Option<Deflection<f64>> {
+    let factor = match table {
+        Some(table) => table.factor_form(machine, &touch.pose).ok()?.factor,
+        None => machine.stiffness(&touch.pose).ok()?.factor().ok()?,
+    };
+    factor.deflection(&touch.wrench.moved_to_a(touch.tip_m)).ok()
 }
 
 fn with<const N: usize>(
@@ -71,12 +104,14 @@ fn with<const N: usize>(
     table: Option<&CorrectionTable<'_, f64>>,
     learn: Learn,
     log: &[Entry],
+    ask: Option<Ask>,
 ) -> Result<Replay> {
     let refused = |e: &dyn std::fmt::Display| Failure::input(e.to_string());
     let amplitudes = learn.amplitudes.as_slice().try_into().map_err(|e| refused(&e))?;
     let settings = EstimatorSettings::<N> { amplitudes, model_share: learn.model_share };
     let mut estimator = Estimator::<f64, N>::new(&settings).map_err(|e| refused(&e))?;
-    let mut replay = Replay { learn, steps: Vec::new(), alarms: Vec::new(), alarm: None, batch: None };
+    let mut replay =
+        Replay { learn, steps: Vec::new(), alarms: Vec::new(), alarm: None, batch: None, next: Vec::new() };
     for entry in log {
         let Entry { line, touch, readings } = entry;
         let changed_at = estimator.changed_at();
@@ -87,6 +122,7 @@ fn with<const N: usize>(
             outcome: learned.map(|learned| learned.chi_squared / readings.len() as f64),
             changed: estimator.changed_at() != changed_at,
             values: estimator.values().to_vec(),
+            alarm: estimator.alarm().map(|alarm| alarm.amplitude),
         });
         let alarm = estimator.alarm();
         if let Some(new) = alarm.filter(|new| replay.alarm.is_none_or(|old| old.amplitude != new.amplitude)) {
@@ -98,5 +134,8 @@ fn with<const N: usize>(
     let taken: Vec<&Entry> = taken.collect();
     let last = &taken[taken.len().saturating_sub(BATCH)..];
     replay.batch = batch::fit(machine, table, &settings, last);
+    if let Some(ask) = ask {
+        replay.next = next::propose(machine, table, (&estimator, &settings), &ask, log);
+    }
     Ok(replay)
 }

@@ -1,12 +1,15 @@
 //! What came of a replayed log: the report, text and JSON.
 
 use maud::html;
-use pkm_core::estimation::{Alarm, Refusal};
+use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 use serde_json::{Value, json};
 
 use crate::error::Result;
+use crate::files::dataset::{POINT_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, pose_cells, to_csv};
 use crate::files::learn::{named, units};
-use crate::replay::{BATCH, Replay};
+use crate::files::log::TIME_COLUMN;
+use crate::pose::{tidy, written_units};
+use crate::replay::{BATCH, Proposal, Replay};
 use crate::report::page::{self, Finding, Page};
 use crate::report::plot::{Mark, Panel, Series};
 
@@ -15,6 +18,8 @@ const K95: f64 = 1.96;
 /// Points of a curve, at most.
 const POINTS: usize = 400;
 const DAY_S: f64 = 86_400.0;
+/// An amplitude with more than this of its variance left is not known.
+const UNKNOWN: f64 = 0.5;
 /// So many readings refused in a row are no spikes.
 const BROKEN: usize = 20;
 
@@ -47,7 +52,7 @@ fn curves(replay: &Replay) -> Vec<Panel> {
             .collect(),
         mark: Mark::Line,
     };
-    let panel = |(n, own): (usize, &pkm_core::estimation::AmplitudeSettings)| {
+    let panel = |(n, own): (usize, &AmplitudeSettings)| {
         let (_, unit, scale) = units(own.amplitude);
         Panel {
             title: named(own.amplitude),
@@ -118,19 +123,65 @@ fn findings(replay: &Replay) -> Vec<Finding> {
     });
     let text = format!("{taken} of {all} readings were taken in.");
     found.push(if taken == all { Finding::good(text) } else { Finding::warning(text) });
+    let unknown = unknown(replay);
+    if !unknown.is_empty() {
+        found.push(Finding::warning(format!(
+            "What was touched so far tells little of {}: more than half of the variance from before the first reading is left.",
+            unknown.join(", ")
+        )));
+    }
     found
+}
+
+/// Share of the variance before anything was read that is left: 1 where nothing that was touched tells anything.
+fn variance_left(own: &AmplitudeSettings, (_, deviation): &(f64, f64)) -> f64 {
+    (deviation / own.deviation).powi(2)
+}
+
+/// Amplitudes of which the log tells hardly anything.
+fn unknown(replay: &Replay) -> Vec<String> {
+    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
+    let own = replay.learn.amplitudes.iter().zip(values);
+    own.filter(|(own, value)| variance_left(own, value) > UNKNOWN).map(|(own, _)| named(own.amplitude)).collect()
 }
 
 fn rows(replay: &Replay) -> Vec<(String, Vec<String>)> {
     let Some(last) = replay.steps.last() else { return Vec::new() };
     let own = replay.learn.amplitudes.iter().zip(&last.values);
-    let row = |(n, (own, value)): (usize, (&pkm_core::estimation::AmplitudeSettings, &(f64, f64)))| {
+    let row = |(n, (own, value)): (usize, (&AmplitudeSettings, &(f64, f64)))| {
         let (_, unit, scale) = units(own.amplitude);
         let written = |(value, deviation): (f64, f64)| format!("{:.3} ± {:.3}", scale * value, scale * K95 * deviation);
         let batch = replay.batch.as_ref().map_or("–".to_owned(), |batch| written(batch[n]));
-        (named(own.amplitude), vec![unit.to_owned(), written(*value), batch])
+        let left = format!("{:.2} %", 100.0 * variance_left(own, value));
+        (named(own.amplitude), vec![unit.to_owned(), written(*value), batch, left])
     };
     own.enumerate().map(row).collect()
+}
+
+fn next_rows(replay: &Replay) -> Vec<(String, Vec<String>)> {
+    let row = |(n, p): (usize, &Proposal)| {
+        let force = <[f64; 3]>::from(p.force_n).map(|part| part.to_string()).join(", ");
+        let left: Vec<_> = p.variance_left.iter().map(|share| format!("{:.2}", 100.0 * share)).collect();
+        let cells = pose_cells(&p.pose).into_iter().chain([force, left.join(", ")]);
+        (format!("N{:02}", n + 1), cells.collect())
+    };
+    replay.next.iter().enumerate().map(row).collect()
+}
+
+/// What to probe next, as a log whose times and readings are still to be written: all that `probe` of the line protocol asks for.
+pub fn next_csv(replay: &Replay) -> String {
+    let header = [TIME_COLUMN, POSE_COLUMNS[0], POSE_COLUMNS[1], POSE_COLUMNS[2], POSE_COLUMNS[3]].into_iter();
+    let read = ["dx_um", "dy_um", "dz_um", "sigma_linear_um"];
+    let header = header.chain(POINT_COLUMNS).chain(WRENCH_COLUMNS).chain(read).map(str::to_owned);
+    let row = |(n, p): (usize, &Proposal)| {
+        let mut row = vec![String::new(), format!("N{:02}", n + 1)];
+        row.extend(pose_cells(&p.pose));
+        row.extend(p.tip_m.iter().map(|m| tidy(m * 1e3).to_string()));
+        row.extend(p.force_n.iter().map(f64::to_string).chain(["0", "0", "0", "", "", ""].map(str::to_owned)));
+        row.push(tidy(p.deviation_m * 1e6).to_string());
+        row
+    };
+    to_csv(b',', &header.collect::<Vec<_>>(), replay.next.iter().enumerate().map(row))
 }
 
 /// The report.
@@ -148,9 +199,17 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
         h2 { "What was learned" }
         (page::charts("Best value of each amplitude, reading by reading, and where it is with a probability of 95 %.", &curves(replay))?)
         (page::table("At the end of the log, beside a least-squares fit of the last readings with the same prior.",
-            &["unit", "estimator, 95 %", &fit], &rows(replay)))
+            &["unit", "estimator, 95 %", &fit, "variance left"], &rows(replay)))
         h2 { "Readings" }
         (page::charts("How far each reading was from what was expected of it.", &[innovations(replay)])?)
+        @if !replay.next.is_empty() {
+            h2 { "Where to probe next" }
+            (page::table(
+                "Each is what tells most after those before it. Variance left: of each amplitude the share of what was unknown before the first reading.",
+                &["θ in °", "σ in °", "Z0 in mm", "force along u, v, w in N", "variance left in %"],
+                &next_rows(replay),
+            ))
+        }
         @if !refused.is_empty() { (page::table("Readings that were refused. None of them has moved an amplitude.", &["readings"], &refused)) }
         @if !alarms.is_empty() { (page::table("Alarms, each where it was raised first.", &["alarm"], &alarms)) }
     };
@@ -162,12 +221,38 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
 pub fn text(replay: &Replay) -> String {
     let mut text: String = findings(replay).into_iter().map(|finding| format!("{}\n", finding.text)).collect();
     for (name, cells) in rows(replay) {
-        text.push_str(&format!("  {name}: {} {} (fit of the last {BATCH}: {})\n", cells[1], cells[0], cells[2]));
+        text.push_str(&format!(
+            "  {name}: {} {} (fit of the last {BATCH}: {}), {} of its variance left\n",
+            cells[1], cells[0], cells[2], cells[3]
+        ));
+    }
+    for (name, cells) in next_rows(replay) {
+        let [theta, sigma, z0, force, left] = [0, 1, 2, 3, 4].map(|n| &cells[n]);
+        text.push_str(&format!(
+            "  probe {name} at θ {theta}°, σ {sigma}°, Z0 {z0} mm under {force} N: leaves {left} % of the variances\n"
+        ));
     }
     for (name, count) in refusals(replay) {
         text.push_str(&format!("  refused as {name}: {count}\n"));
     }
     text
+}
+
+/// What was known after each reading, as CSV: values and deviations in the amplitudes' units, alarms by the amplitude's number from 1.
+pub fn steps_csv(replay: &Replay) -> String {
+    let mut header = ["line", TIME_COLUMN, "status", "chi_squared", "changed", "alarm"].map(str::to_owned).to_vec();
+    let numbers = 1..=replay.learn.amplitudes.len();
+    header.extend(numbers.flat_map(|n| [format!("value_{n}"), format!("deviation_{n}")]));
+    let rows = replay.steps.iter().map(|step| {
+        let status = step.outcome.as_ref().map_or_else(code, |_| "taken");
+        let chi_squared = step.outcome.as_ref().map_or(String::new(), f64::to_string);
+        let alarm = step.alarm.map_or(String::new(), |n| (n + 1).to_string());
+        let mut row = vec![step.line.to_string(), step.time_s.to_string(), status.to_owned(), chi_squared];
+        row.extend([u8::from(step.changed).to_string(), alarm]);
+        row.extend(step.values.iter().flat_map(|(value, deviation)| [value.to_string(), deviation.to_string()]));
+        row
+    });
+    to_csv(b',', &header, rows)
 }
 
 fn alarm_json(replay: &Replay, alarm: &Alarm) -> Value {
@@ -187,6 +272,7 @@ pub fn document(replay: &Replay) -> Value {
             json!({
                 "amplitude": named(own.amplitude), "unit": units(own.amplitude).0, "accepted": own.accepted,
                 "value": value.map(|v| v.0), "deviation": value.map(|v| v.1),
+                "variance_left": value.map(|v| variance_left(own, &v)),
                 "batch_value": replay.batch.as_ref().map(|b| b[n].0),
                 "batch_deviation": replay.batch.as_ref().map(|b| b[n].1),
             })
@@ -208,5 +294,8 @@ pub fn document(replay: &Replay) -> Value {
         "alarm": replay.alarm.as_ref().map(|alarm| alarm_json(replay, alarm)),
         "alarms": alarms.collect::<Vec<_>>(),
         "refused": refused,
+        "next": replay.next.iter().map(|p| json!({
+            "pose": written_units(&p.pose), "force_n": <[f64; 3]>::from(p.force_n), "variance_left": p.variance_left,
+        })).collect::<Vec<_>>(),
     })
 }

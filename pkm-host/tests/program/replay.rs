@@ -1,6 +1,9 @@
 //! `replay`: a log of a drive that wears, what the core's estimator says of it, and what is refused.
 
+use std::path::Path;
+
 use pkm_core::tables::reference::PARAMETERS;
+use pkm_trials::life::{Plan, live};
 use serde_json::Value;
 
 use crate::common::{Folder, fixture, json, refused};
@@ -38,6 +41,15 @@ fn a_worn_drive_raises_an_alarm_and_its_size_is_found() {
     assert_eq!(found["refused"][0], serde_json::json!({ "line": 32, "code": "unexpected" }));
     let written: Value = serde_json::from_str(&folder.read("out/replay.json")).unwrap();
     assert_eq!(written["amplitudes"], found["amplitudes"]);
+    let steps = folder.read("out/steps.csv");
+    let last: Vec<&str> = steps.lines().last().unwrap().split(',').collect();
+    let values: Vec<f64> =
+        found["amplitudes"].as_array().unwrap().iter().map(|a| a["value"].as_f64().unwrap()).collect();
+    assert_eq!([6, 8, 10].map(|column| last[column].parse::<f64>().unwrap()).to_vec(), values);
+    assert_eq!(
+        (last[2], last[5], steps.lines().count()),
+        ("taken", "2", 1 + found["readings"].as_u64().unwrap() as usize)
+    );
     let page = folder.read("out/report.html");
     assert!(page.contains("limb.2.body axial") && page.contains("Inspect it."));
 
@@ -57,6 +69,113 @@ fn a_worn_drive_raises_an_alarm_and_its_size_is_found() {
     assert_eq!(found["amplitudes"][1]["deviation"], 1.0);
 }
 
+/// The example's readings before the wear, without the spike among them.
+fn healthy() -> String {
+    let text = std::fs::read_to_string(fixture(LOG)).unwrap();
+    text.lines().take(81).filter(|line| !line.contains("999.00")).map(|line| format!("{line}\n")).collect()
+}
+
+#[test]
+fn what_a_log_says_wrongly_is_refused_with_a_code_and_moves_nothing() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let healthy = healthy();
+    let good = json(&["replay", "--log", &folder.write("good.csv", &healthy), "--out", &out]);
+    assert_eq!((&good["taken"], &good["refused"]), (&79.into(), &serde_json::json!([])));
+    let place = "P01,9.2,-11.6,521.5,10,-20,300";
+    let pressed = format!("{place},0,0,-900,0,0,0");
+    let last = healthy.lines().last().unwrap();
+    let time: u64 = last.split(',').next().unwrap().parse().unwrap();
+    for (row, code) in [
+        // a press of 900 N that lifts the tip; of 0.01 N; with a reading of a tenth of a metre
+        (format!("{time},{pressed},0,0,90.00,0.3"), "wrong_sign"),
+        (format!("{time},{place},0,0,-0.01,0,0,0,0,0,0,0.3"), "not_excited"),
+        (format!("{time},{pressed},0,0,-100000,0.3"), "unexpected"),
+        (last.replacen(&time.to_string(), &(time - 1).to_string(), 1), "backwards"),
+    ] {
+        let log = folder.write("bad.csv", &format!("{healthy}{row}\n"));
+        let found = json(&["replay", "--log", &log, "--out", &out]);
+        assert_eq!(found["refused"], serde_json::json!([{ "line": 81, "code": code }]));
+        let values =
+            |of: &Value| of["amplitudes"].as_array().unwrap().iter().map(|a| a["value"].clone()).collect::<Vec<_>>();
+        assert_eq!(values(&found), values(&good), "{code}");
+    }
+    // the last reading three times more is taken in, from then on the probe is stuck
+    let stuck = format!("{last}\n").repeat(6);
+    let found = json(&["replay", "--log", &folder.write("stuck.csv", &format!("{healthy}{stuck}")), "--out", &out]);
+    let stuck = [84, 85, 86].map(|line| serde_json::json!({ "line": line, "code": "stuck" }));
+    assert_eq!(found["refused"], serde_json::json!(stuck));
+}
+
+#[test]
+fn the_next_probings_leave_what_they_say() {
+    let folder = Folder::new();
+    let (out, learn) = (folder.path("out"), learn("model_share = 0.01", "model_share = 0.0"));
+    let own = |place: &str, motion: &str| {
+        format!(
+            "[[learn]]\nplace = \"{place}\"\nmotion = \"{motion}\"\ndeviation = 1e-9\ndrift_per_day = 0.0\nleast = -1e-8\nmost = 1e-7\n\
+             rate_per_s = 1e-12\nalarm = 2e-10\n"
+        )
+    };
+    let learn = learn[..learn.rfind("[[learn]]").unwrap()].replace("drift_per_day = 1e-11", "drift_per_day = 0.0");
+    let learn = folder.write("learn.toml", &(learn + &own("limb.1.body", "axial") + &own("base", "rz")));
+    // one press along w alone: of a turn of the base about z it tells nothing
+    let healthy = healthy();
+    let mut lines = healthy.lines();
+    let header = lines.next().unwrap();
+    let first = lines.next().unwrap();
+    let log = folder.write("log.csv", &format!("{header}\n{first}\n"));
+    let found = json(&["replay", "--log", &log, "--learn", &learn, "--next", "3", "--out", &out]);
+    let next = found["next"].as_array().unwrap();
+    assert_eq!(next.len(), 3);
+    let sum = |shares: &Value| shares.as_array().unwrap().iter().map(|s| s.as_f64().unwrap()).sum::<f64>();
+    let now: f64 = found["amplitudes"].as_array().unwrap().iter().map(|a| a["variance_left"].as_f64().unwrap()).sum();
+    assert!(sum(&next[0]["variance_left"]) < now && sum(&next[2]["variance_left"]) < sum(&next[0]["variance_left"]));
+
+    // probed as proposed, with what the model predicts, the same estimator knows as much as was foretold
+    let filled = folder.path("filled.csv");
+    json(&["predict", "--data", &folder.path("out/next.csv"), "--out", &filled]);
+    let filled = folder.read("filled.csv");
+    let mut rows = filled.lines();
+    // with rotations behind, which no cell of the log keeps
+    let predicted = rows.next().unwrap();
+    assert!(predicted.starts_with(header), "the columns of a log: {predicted}");
+    let cells = header.split(',').count();
+    let time = first.split(',').next().unwrap();
+    let probed: String =
+        rows.map(|row| format!("{time}{}\n", row.split(',').take(cells).collect::<Vec<_>>().join(","))).collect();
+    let log = folder.write("log.csv", &format!("{header}\n{first}\n{probed}"));
+    let after = json(&["replay", "--log", &log, "--learn", &learn, "--out", &out]);
+    assert_eq!(after["taken"], 4, "{}", after["refused"]);
+    for (amplitude, foretold) in
+        after["amplitudes"].as_array().unwrap().iter().zip(next[2]["variance_left"].as_array().unwrap())
+    {
+        let [left, foretold] = [&amplitude["variance_left"], foretold].map(|v| v.as_f64().unwrap());
+        assert!((left - foretold).abs() < 1e-9 * foretold, "{left} {foretold}");
+    }
+    // no row of the log whose load is no greater is better than the first proposal
+    let force = |row: &str| {
+        let parts = row.split(',').skip(8).take(3).map(|cell| cell.parse::<f64>().unwrap().powi(2));
+        parts.sum::<f64>().sqrt()
+    };
+    for row in healthy.lines().skip(2).filter(|row| force(row) <= force(first)).take(20) {
+        let row = format!("{time}{}", &row[row.find(',').unwrap()..]);
+        let log = folder.write("log.csv", &format!("{header}\n{first}\n{row}\n"));
+        let other = json(&["replay", "--log", &log, "--learn", &learn, "--out", &out]);
+        let left: f64 =
+            other["amplitudes"].as_array().unwrap().iter().map(|a| a["variance_left"].as_f64().unwrap()).sum();
+        assert!(left > sum(&next[0]["variance_left"]), "{row}");
+    }
+    // nothing is said where nothing was asked
+    assert_eq!(after["next"], serde_json::json!([]));
+    assert!(
+        refused(&["replay", "--log", &log, "--next", "0", "--out", &out])["message"]
+            .as_str()
+            .unwrap()
+            .contains("1..=50")
+    );
+}
+
 #[test]
 fn bad_logs_and_amplitudes_are_refused_with_what_to_do() {
     let folder = Folder::new();
@@ -72,6 +191,10 @@ fn bad_logs_and_amplitudes_are_refused_with_what_to_do() {
         ("\n1700000000,", "\n-1,", "time_s", "expected whole seconds"),
         ("sigma_linear_um\n", "sigma_angular_urad\n", "", "sigma_linear_um"),
         ("0.3\n", "0\n", "sigma_linear_um", "above 0"),
+        ("10.33", "nan", "dx_um", "expected a finite number"),
+        ("801", "inf", "fy_n", "expected a finite number"),
+        (",fx_n,", ",xx,", "", "fx_n"),
+        (",801,", ",,", "fy_n", "found an empty cell"),
     ] {
         let error = log(from, to);
         let said = error["message"].as_str().unwrap();
@@ -102,4 +225,16 @@ fn bad_logs_and_amplitudes_are_refused_with_what_to_do() {
     let error = refused(&["replay", "--log", &fixture(LOG), "--learn", &file, "--out", &out]);
     assert!(error["message"].as_str().unwrap().contains("amplitude 2 stands twice"), "{error}");
     assert!(!folder.has("out/replay.json"));
+}
+
+/// A short life by `pkm-trials life`, whose truth is a frame; docs/estimation.md has the figures of long ones.
+#[test]
+fn over_a_life_with_wear_seasons_and_a_failing_probe_it_knows_more_than_a_frozen_table() {
+    let folder = Folder::new();
+    let plan = Plan { days: 200, readings: 2, foreign: false };
+    let lived = live(Path::new(env!("CARGO_BIN_EXE_pkm-host")), 20, &plan, Path::new(&folder.path("."))).unwrap();
+    println!("{}", lived.line());
+    assert!(lived.of_frozen[0] < 0.5 && lived.of_batch < 2.0);
+    assert!(lived.loose_after.is_some_and(|n| n <= 30));
+    assert_eq!((lived.false_alarms, lived.failed_taken), ([0, 0], [0, 20]));
 }
