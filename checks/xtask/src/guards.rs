@@ -4,7 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use pkm_core::Pose;
 use pkm_core::tables::reference::TABLE_F64;
+use pkm_protocol::{Answer, Arithmetic, Checksum, Command, Demand, Sweep, SweepReply};
 use tempfile::TempDir;
 
 use crate::debugger::{Debugger, PROGRAM_COUNTER, STATUS, options};
@@ -53,6 +55,7 @@ pub fn run() -> Outcome {
         let elf = image("cyclic", cpu)?;
         guards(board, &elf, cpu.is_none())?;
         flash(board, &elf)?;
+        zeros(board, &elf)?;
         learning::run(board, &elf)?;
     }
     Ok(())
@@ -163,6 +166,39 @@ fn periods(line: &mut Line, debugger: &mut Debugger, elf: &Path, has_soft_f64: b
     Err("the demand is always dropped".into())
 }
 
+/// Where a start leaves word of itself.
+struct Start {
+    left: u32,
+    periods: u32,
+}
+
+impl Start {
+    fn of(elf: &Path) -> Result<Self, String> {
+        Ok(Self { left: place(elf, "cyclic::board::LEFT::")?.0, periods: place(elf, "cyclic::PERIODS::")?.0 })
+    }
+
+    /// Starts a stopped board, with a bit of its flash flipped: whether its self-test refuses to.
+    fn is_refused(&self, debugger: &mut Debugger, flip: Option<(u32, u8)>) -> Result<bool, String> {
+        debugger.reset()?;
+        debugger.put(self.left, &[0; 8])?;
+        debugger.put(self.periods, &[0; 4])?;
+        if let Some((at, bit)) = flip {
+            let byte = debugger.read(at, 1)?[0];
+            debugger.put(at, &[byte ^ 1 << bit])?;
+        }
+        for _ in 0..PATIENCE {
+            debugger.run_for(MOMENT)?;
+            if debugger.word(self.left)? == SELF_TEST && debugger.word(self.left + 4)? == !SELF_TEST {
+                return Ok(true);
+            }
+            if debugger.word(self.periods)? > 0 {
+                return Ok(false);
+            }
+        }
+        Err("neither started nor refused".to_owned())
+    }
+}
+
 /// Flips of each piece of memory.
 const FLIPS: usize = 3;
 
@@ -170,38 +206,18 @@ const FLIPS: usize = 3;
 fn flash(board: &str, elf: &Path) -> Outcome {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let (_line, mut debugger) = start(&folder, board, elf, &["-S".to_owned()])?;
-    let [left, periods] = ["cyclic::board::LEFT::", "cyclic::PERIODS::"].map(|name| place(elf, name));
-    let (left, periods) = (left?.0, periods?.0);
-    let refused = |debugger: &mut Debugger, flip: Option<(u32, u8)>| {
-        debugger.reset()?;
-        debugger.put(left, &[0; 8])?;
-        debugger.put(periods, &[0; 4])?;
-        if let Some((at, bit)) = flip {
-            let byte = debugger.read(at, 1)?[0];
-            debugger.put(at, &[byte ^ 1 << bit])?;
-        }
-        for _ in 0..PATIENCE {
-            debugger.run_for(MOMENT)?;
-            if debugger.word(left)? == SELF_TEST && debugger.word(left + 4)? == !SELF_TEST {
-                return Ok(true);
-            }
-            if debugger.word(periods)? > 0 {
-                return Ok(false);
-            }
-        }
-        Err("neither started nor refused".to_owned())
-    };
-    if refused(&mut debugger, None)? {
+    let start = Start::of(elf)?;
+    if start.is_refused(&mut debugger, None)? {
         return Err("a board with a whole flash refuses to start".into());
     }
     let mut flips = 0;
     for (what, at, length) in pieces(&mut debugger, elf)? {
-        // what is zero may be a place that nothing uses
+        // what is zero may be a place that nothing uses: `zeros`
         let bytes = debugger.read(at, length)?;
         let used: Vec<u32> = (at..).zip(&bytes).filter(|(_, byte)| **byte != 0).map(|(at, _)| at).collect();
         for flip in 0..FLIPS {
             let (at, bit) = (used[(2 * flip + 1) * used.len() / (2 * FLIPS)], (flips * 3 % 8) as u8);
-            if !refused(&mut debugger, Some((at, bit)))? {
+            if !start.is_refused(&mut debugger, Some((at, bit)))? {
                 return Err(format!("{what}: a board whose bit {bit} at {at:#x} is flipped starts"));
             }
             flips += 1;
@@ -209,6 +225,59 @@ fn flash(board: &str, elf: &Path) -> Outcome {
     }
     println!("{flips} flips of a bit of machine, wrist and table in flash: each refused at the start as self_test");
     Ok(())
+}
+
+/// Flips of zeros of each machine.
+const ZEROS: usize = 10;
+
+/// Flips bits of zeros of the machines in flash, some of them places of elements that are not there: what is not refused must not be used.
+fn zeros(board: &str, elf: &Path) -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let (mut line, mut debugger) = start(&folder, board, elf, &["-S".to_owned()])?;
+    let start = Start::of(elf)?;
+    if start.is_refused(&mut debugger, None)? {
+        return Err("a board with a whole flash refuses to start".into());
+    }
+    let whole = computed(&mut line, &mut debugger)?;
+    let (mut refused, mut unused) = (0, 0);
+    for (what, at, length) in pieces(&mut debugger, elf)?.into_iter().filter(|(what, ..)| what.starts_with("MACHINE")) {
+        let bytes = debugger.read(at, length)?;
+        let zero: Vec<u32> = (at..).zip(&bytes).filter(|(_, byte)| **byte == 0).map(|(at, _)| at).collect();
+        for flip in 0..ZEROS {
+            let (at, bit) = (zero[(2 * flip + 1) * zero.len() / (2 * ZEROS)], (flip * 3 % 8) as u8);
+            if start.is_refused(&mut debugger, Some((at, bit)))? {
+                refused += 1;
+            } else if computed(&mut line, &mut debugger)? == whole {
+                unused += 1;
+            } else {
+                return Err(format!(
+                    "{what}: a board whose bit {bit} at {at:#x} is flipped starts and computes other bits"
+                ));
+            }
+        }
+    }
+    println!(
+        "{} flips of zeros of the machines: {refused} refused, {unused} that change no bit of a sweep",
+        refused + unused
+    );
+    Ok(())
+}
+
+/// What a running board computes across the box in both arithmetics, and stops it.
+fn computed(line: &mut Line, debugger: &mut Debugger) -> Result<[u64; 2], String> {
+    const TO: Pose<f64> = Pose { theta_rad: -0.2, sigma_rad: 0.15, z0_m: 0.51 };
+    debugger.go()?;
+    let mut results = [0; 2];
+    for (results, arithmetic) in results.iter_mut().zip([Arithmetic::F32, Arithmetic::F64]) {
+        let from = Demand { arithmetic, ..learning::DEMAND };
+        let reply = line.request(Command::Sweep(Sweep { from, to: TO, steps: 10 }))?;
+        *results = match learning::parsed(&reply)? {
+            Answer::Sweep(SweepReply { ok: 10, results: Checksum(results), .. }) => results,
+            _ => return Err(format!("not ten poses: {reply}")),
+        };
+    }
+    debugger.stop()?;
+    Ok(results)
 }
 
 /// `Fault::SelfTest` as a word that is left.

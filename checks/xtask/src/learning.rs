@@ -92,7 +92,7 @@ const DEMAND_PERIODS: u32 = 1000;
 const ATTEMPTS: usize = 10;
 
 /// The load of a demand in which what was learned is compensated.
-const DEMAND: Demand = Demand {
+pub const DEMAND: Demand = Demand {
     arithmetic: Arithmetic::F64,
     pose: Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 },
     wrench_at_tip: Wrench { force_n: Vector3::new(300.0, 0.0, -900.0), moment_nm: Vector3::new(0.0, 0.0, 5.0) },
@@ -181,7 +181,7 @@ fn offsets<T: Scalar>(
     Ok([with, without].map(|compensator| compensator.joints().map(T::to_f64).into()))
 }
 
-fn parsed(reply: &str) -> Result<Answer<'_, f64>, String> {
+pub fn parsed(reply: &str) -> Result<Answer<'_, f64>, String> {
     Reply::parse(reply.as_bytes()).map(|reply| reply.answer).ok_or_else(|| format!("not a reply: {reply}"))
 }
 

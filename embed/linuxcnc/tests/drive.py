@@ -155,10 +155,15 @@ def abort_and_home_again():
     command.program_open("abort.ngc")
     command.auto(linuxcnc.AUTO_RUN, 0)
     until("program begun", lambda s: s.interp_state != linuxcnc.INTERP_IDLE)
+    until("compensated", lambda s: halcmd("getp", "pkmcompensator.active") == "TRUE")
     time.sleep(1)
+    rows = [periods()]
     command.abort()
     until("aborted", idle)
-    done("abort")
+    until("no load", lambda s: float(halcmd("getp", "motion.analog-out-02")) == 0)
+    time.sleep(0.5)
+    done("abort", rows=rows + [periods()])
+    load(True)
     go(wish["home"])
     joint_mode()
     rows = [periods()]

@@ -147,6 +147,7 @@ pub fn judge_faults(host: &Host, verdict: &Value, rows: &[Vec<f64>]) -> Outcome 
         return Err(format!("stuck: expected fault 82 and no offset, found {} and {:?}", last.fault(), last.offsets));
     }
     one_joint_at_its_limit(host, &steps.rows("small", 0)?)?;
+    forgotten(&steps.rows("abort", 0)?)?;
     homed_again_under_load(&steps.rows("rehome", 0)?)?;
     let during = steps.rows("sag", 0)?;
     let first = &during[0];
@@ -223,7 +224,26 @@ fn one_joint_at_its_limit(host: &Host, during: &[Row<'_>]) -> Outcome {
     if whole <= 1.0 && each > 1.0 { Ok(()) } else { Err("small: the tip left its line, or nothing was tested".into()) }
 }
 
-/// A load that an aborted program has left: its offset goes while the machine is homed again, and is not taken into home.
+/// A load that a program had set when it was aborted is gone, and its offset.
+fn forgotten(during: &[Row<'_>]) -> Outcome {
+    let (first, last) = (&during[0], &during[during.len() - 1]);
+    let acted = size(first.wrench) > 0.0 && size(first.offsets) > NOTHING;
+    println!(
+        "  a program aborted under a load of {:.0} N: {:.0} N half a second later",
+        size(first.wrench),
+        size(last.wrench)
+    );
+    // where the platform is tilted no load leaves the rounding of the inverse kinematics
+    if acted && size(last.wrench) == 0.0 && size(last.offsets) <= 1e-9 {
+        return Ok(());
+    }
+    let [from, to] = [first, last].map(|row| size(row.offsets));
+    Err(format!(
+        "abort: expected a load that is forgotten, and no offset: it went from {from:e} to {to:e} mm or degrees"
+    ))
+}
+
+/// A load that is left on: its offset goes while the machine is homed again, and is not taken into home.
 fn homed_again_under_load(during: &[Row<'_>]) -> Outcome {
     let (first, last) = (&during[0], &during[during.len() - 1]);
     let load_stays = during.iter().all(|row| row.wrench == first.wrench) && size(first.wrench) > 0.0;

@@ -33,7 +33,7 @@ const MODULES: &str = "/usr/lib/linuxcnc/modules";
 const PACKAGES: &str = "apt-get install --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev gcc make";
 const OURS: [&str; 3] = ["modules/pkmkins.comp", "modules/pkmcompensator.comp", "modules/pkmfeed.comp"];
 /// Copied into a configuration as they are.
-const FILES: [&str; 4] = ["pkm.hal", "panel.hal", "panel.xml", "tool.tbl"];
+const FILES: [&str; 5] = ["pkm.hal", "panel.hal", "panel.xml", "tool.tbl", "on_abort.ngc"];
 
 /// A machine to build for.
 struct Setup {
@@ -274,7 +274,7 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
          G17 G21 G40 G49 G80 G90 G94 G64 P0.001\nT1 M6\nS1000 M3\n",
         plain(&machine.name)
     );
-    // an aborted program leaves its load
+    // one that has ended may have left its load
     text.extend((0..6).map(|i| format!("M68 E{i} Q0\n")));
     let mut near = home(machine);
     for (n, series) in job.series.iter().enumerate() {
