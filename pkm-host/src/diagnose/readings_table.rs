@@ -53,7 +53,7 @@ pub(super) fn list(readings: &Readings, d: &Diagnosis) -> Markup {
     };
     let rows: Vec<_> = order.iter().map(row).collect();
     let keys: Vec<usize> = order.iter().map(|(n, ..)| *n).collect();
-    let heads = ["θ °", "σ °", "Z0 mm", "load", "declared, µm", "identified, µm", "worst residual, sd", ""];
+    let heads = ["θ °", "σ °", "Z0 mm", "load", "declared, µm", "identified, µm", "worst residual, sd", "note"];
     keyed_table(
         "Readings, the farthest off first: length of the translation error of the model as declared and as identified, and the greatest residual \
          over its standard deviation. All of them are in residuals.csv.",

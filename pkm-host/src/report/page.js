@@ -200,7 +200,7 @@
   for (const figure of all('figure.table')) {
     const tables = all('table', figure);
     if (tables[0].tBodies[0].rows.length < 2) continue;
-    for (const table of tables) for (const head of all('thead th', table)) {
+    for (const table of tables) for (const head of all('thead th', table).filter(head => head.textContent)) {
       const button = document.createElement('button');
       button.type = 'button';
       button.append(...head.childNodes);

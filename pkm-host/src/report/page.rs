@@ -153,25 +153,27 @@ impl Page<'_> {
                     style { (PreEscaped(STYLE)) }
                 }
                 body {
-                    h1 { (self.title) }
-                    section.verdict.(verdict.state.class()) {
-                        p.state { span aria-hidden="true" { (verdict.state.symbol()) } " " (verdict.state.word()) }
-                        p.headline { (verdict.text) }
-                        @for (role, words) in [(Role::Sure, "How sure"), (Role::Todo, "What to do")] {
-                            @for f in of(role) { p { strong { (words) ": " } (f.text) } }
+                    main {
+                        h1 { (self.title) }
+                        section.verdict.(verdict.state.class()) {
+                            p.state { span aria-hidden="true" { (verdict.state.symbol()) } " " (verdict.state.word()) }
+                            p.headline { (verdict.text) }
+                            @for (role, words) in [(Role::Sure, "How sure"), (Role::Todo, "What to do")] {
+                                @for f in of(role) { p { strong { (words) ": " } (f.text) } }
+                            }
+                            @if !shown.is_empty() { (list(shown)) }
+                            @if !more.is_empty() { (fold(&format!("{} more", more.len()), &list(more))) }
                         }
-                        @if !shown.is_empty() { (list(shown)) }
-                        @if !more.is_empty() { (fold(&format!("{} more", more.len()), &list(more))) }
-                    }
-                    @if sections.len() >= CONTENTS {
-                        nav aria-label="Contents" { ul { @for (id, title) in &sections { li { a href={ "#" (id) } { (PreEscaped(title)) } } } } }
-                    }
-                    (PreEscaped(body))
-                    h2 id="origin" { "Where this comes from" }
-                    dl {
-                        dt { "Program" }
-                        dd { "pkm-host " (env!("CARGO_PKG_VERSION")) }
-                        @for (name, value) in &self.facts { dt { (name) } dd { (value) } }
+                        @if sections.len() >= CONTENTS {
+                            nav aria-label="Contents" { ul { @for (id, title) in &sections { li { a href={ "#" (id) } { (PreEscaped(title)) } } } } }
+                        }
+                        (PreEscaped(body))
+                        h2 id="origin" { "Where this comes from" }
+                        dl {
+                            dt { "Program" }
+                            dd { "pkm-host " (env!("CARGO_PKG_VERSION")) }
+                            @for (name, value) in &self.facts { dt { (name) } dd { (value) } }
+                        }
                     }
                     script { (PreEscaped(SCRIPT)) }
                 }
