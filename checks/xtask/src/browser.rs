@@ -11,6 +11,22 @@ use crate::Outcome;
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
+/// In the page: text of less than a contrast to what is behind it, by WCAG's formula, as sentences. Letters of controls that are switched off count
+/// as little there as here.
+pub const PALE: &str = r"(least, selector) => {
+  const light = c => { const [r, g, b] = c.match(/[\d.]+/g).map(v => c.startsWith('color(') ? v : v / 255).map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const behind = e => { for (; e; e = e.parentElement) { const c = getComputedStyle(e).backgroundColor; if (c !== 'rgba(0, 0, 0, 0)') return c; } return 'rgb(255, 255, 255)'; };
+  const contrast = (a, b) => { const [x, y] = [light(a), light(b)]; return (Math.max(x, y) + 0.05) / (Math.min(x, y) + 0.05); };
+  const wrong = [];
+  for (const e of document.querySelectorAll(selector)) {
+    if (e.disabled || !e.checkVisibility()) continue;
+    const style = getComputedStyle(e), c = contrast(e.closest('svg') ? style.fill : style.color, behind(e.closest('svg')?.parentElement ?? e));
+    if (c < least) wrong.push(`${e.tagName} ${e.getAttribute('class') ?? ''} has a contrast of ${c.toFixed(1)}: ${e.textContent.slice(0, 40)}`);
+  }
+  return wrong;
+}";
+
 /// What a browser says of a picture that it draws without a graphics card.
 fn drawn_slowly(text: &Value) -> bool {
     text.as_str().is_some_and(|text| text.contains("GL Driver Message") && text.contains("Performance"))
@@ -140,6 +156,13 @@ impl Browser {
             Value::Null => Ok(found["result"]["value"].take()),
             thrown => Err(format!("{expression}: {thrown}")),
         }
+    }
+
+    /// The sentences that a function in the page gives.
+    pub fn sentences(&mut self, function: &str, arguments: &str) -> Result<Vec<String>, String> {
+        let found = self.evaluate(&format!("({function})({arguments})"))?;
+        let list = found.as_array().ok_or_else(|| format!("{}: {found}", self.url))?;
+        Ok(list.iter().filter_map(Value::as_str).map(str::to_owned).collect())
     }
 
     /// What the page that is open asks for and complains of.

@@ -2,11 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use pkm_host::cli;
-use serde_json::Value;
-
-use crate::browser::Browser;
+use crate::browser::{Browser, PALE};
 use crate::{Outcome, root, view};
+use pkm_host::cli;
 
 /// Width and height: a desktop and a mobile.
 const WINDOWS: [[u32; 2]; 2] = [[1280, 800], [390, 844]];
@@ -14,6 +12,11 @@ const WINDOWS: [[u32; 2]; 2] = [[1280, 800], [390, 844]];
 const PAPER: [u32; 2] = [965, 725];
 /// Of body text to what is behind it.
 const CONTRAST: f64 = 7.0;
+/// What text is in.
+const TEXT: &str = "body, h1, h2, p, li, a, summary, figcaption, th, td, th button, dt, dd, pre, .state, svg text";
+
+/// Most pages of paper.
+const PAGES: [(&str, usize); 3] = [("fit", 7), ("diagnose-p08", 8), ("diagnose-p10", 8)];
 
 /// Mistakes that must be seen, made in a report: what is replaced by what, and whether it shows on paper alone.
 const PLANTED: [(&str, &str, &str, bool); 9] = [
@@ -24,34 +27,23 @@ const PLANTED: [(&str, &str, &str, bool); 9] = [
     ("tables as wide as they like", "overflow-x:auto", "", false),
     ("a verdict that nobody sees", "<h1>", "<p style=\"height:2000px\"></p><h1>", false),
     ("text outside of its picture", "<text x=\"", "<text x=\"9", false),
-    ("large tables on paper", "table{font-size:8.5pt}", "table{font-size:16pt}", true),
+    ("large tables on paper", "table{font-size:7pt", "table{font-size:16pt", true),
     ("folded parts on paper", "content-visibility:visible", "", true),
 ];
 
 /// In the page: what is wrong with it, as sentences.
-const CHECKS: &str = r"(least, paper, width) => {
+const CHECKS: &str = r"(paper, width) => {
   const wrong = [], root = document.documentElement;
   if (innerWidth !== width) wrong.push(`the page is laid out for ${innerWidth}, not for the window's ${width}`);
   if (root.scrollWidth > innerWidth) wrong.push(`the page is ${root.scrollWidth} wide in a window of ${innerWidth}`);
-  const light = c => { const [r, g, b] = c.match(/[\d.]+/g).map(v => v / 255).map(v => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-  const behind = e => { for (; e; e = e.parentElement) { const c = getComputedStyle(e).backgroundColor; if (c !== 'rgba(0, 0, 0, 0)') return c; } return 'rgb(255, 255, 255)'; };
-  const contrast = (a, b) => { const [x, y] = [light(a), light(b)]; return (Math.max(x, y) + 0.05) / (Math.min(x, y) + 0.05); };
-  for (const e of document.querySelectorAll('body, h1, h2, p, li, summary, figcaption, th, td, dt, dd, pre, .state')) {
-    const c = contrast(getComputedStyle(e).color, behind(e));
-    if (c < least) wrong.push(`${e.tagName} ${e.className} has a contrast of ${c.toFixed(1)}`);
-  }
-  for (const e of document.querySelectorAll('svg text')) {
-    const c = contrast(getComputedStyle(e).fill, behind(e.closest('div, li')));
-    if (c < least) wrong.push(`text of a picture has a contrast of ${c.toFixed(1)}: ${e.textContent}`);
-  }
   if (!paper && parseFloat(getComputedStyle(document.body).fontSize) < 17) wrong.push('letters are small');
   const seen = e => e.checkVisibility({ contentVisibilityAuto: true });
   if (paper) for (const e of document.querySelectorAll('details > *')) if (!seen(e)) { wrong.push('on paper something stays folded'); break; }
   if (!paper) document.querySelectorAll('details').forEach(e => e.open = true);
   for (const svg of document.querySelectorAll('svg')) {
     const box = svg.getBoundingClientRect(), name = svg.querySelector('title')?.textContent;
-    if (!name || svg.getAttribute('role') !== 'img') wrong.push('a picture has no name');
+    const told = svg.getAttribute('role') === 'img' ? name : svg.getAttribute('role') === 'group' && svg.tabIndex === 0 && svg.ariaLabel;
+    if (!told) wrong.push('a picture has no name');
     if (box.width < 20 || box.height < 10) wrong.push(`picture ${name} has no size`);
     for (const text of svg.querySelectorAll('text')) {
       const t = text.getBoundingClientRect();
@@ -68,10 +60,54 @@ const CHECKS: &str = r"(least, paper, width) => {
     const box = document.querySelector(what)?.getBoundingClientRect();
     if (!box || box.height === 0 || box.bottom > innerHeight) wrong.push(`${what} is not at the top`);
   }
-  if (document.querySelector('script, iframe, link, img')) wrong.push('there is a script, or something from elsewhere');
+  if (document.querySelector('script[src], iframe, link, img') || document.scripts.length > 1) wrong.push('there is a second script, or something from elsewhere');
+  for (const e of document.querySelectorAll('nav a')) if (!document.querySelector(e.hash)) wrong.push(`${e.hash} leads nowhere`);
   if (!paper) document.querySelectorAll('details').forEach(e => e.open = false);
   return wrong;
 }";
+
+/// In the page: what of its script does not work, as sentences.
+const USE: &str = r#"() => {
+  const wrong = [], expect = (is, what) => { if (!is) wrong.push(what); };
+  const all = (selector, within = document) => [...within.querySelectorAll(selector)], tip = document.querySelector('.tip');
+  const key = (e, key) => e.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true }));
+  document.querySelectorAll('details').forEach(e => e.open = true);
+  for (const svg of all('svg').filter(svg => svg.querySelector('.chart, .bars, .heat'))) {
+    svg.focus();
+    key(svg, 'ArrowRight');
+    expect(/[0-9]/.test(tip.textContent), `${svg.ariaLabel}: keys show no value`);
+    const ring = svg.querySelector('circle[r="7"]:last-of-type');
+    if (!ring) continue;
+    svg.scrollIntoView({ block: 'center' });
+    const text = tip.textContent, at = ring.getBoundingClientRect();
+    key(svg, 'Escape');
+    expect(tip.textContent === '', 'Escape hides no value');
+    svg.dispatchEvent(new PointerEvent('pointermove', { clientX: at.x + at.width / 2, clientY: at.y + at.height / 2, bubbles: true }));
+    expect(/[0-9]/.test(tip.textContent), `${svg.ariaLabel}: the pointer shows no value`);
+    svg.dispatchEvent(new PointerEvent('pointerleave'));
+  }
+  const legend = document.querySelector('[data-legend]');
+  const series = () => all(`[data-series="${legend.dataset.legend}"]`, legend.closest('.chart, .bars')).map(e => e.style.display);
+  key(legend, ' ');
+  expect(series().every(d => d === 'none') && legend.getAttribute('aria-pressed') === 'false', 'a series is not switched off');
+  key(legend, ' ');
+  expect(series().every(d => d === ''), 'a series is not switched on again');
+  const button = document.querySelector('thead th button'), column = button.parentElement.cellIndex, rows = button.closest('table').tBodies[0].rows;
+  const numbers = () => [...rows].map(row => parseFloat(row.cells[column].textContent)).filter(v => !isNaN(v));
+  button.click();
+  expect(numbers().every((v, i, a) => i === 0 || a[i - 1] >= v), 'a table is not sorted');
+  button.click();
+  expect(numbers().every((v, i, a) => i === 0 || a[i - 1] <= v), 'a table is not sorted the other way');
+  const reading = document.querySelector('tr[data-key] th button');
+  if (reading) {
+    reading.click();
+    const svg = document.activeElement, row = reading.closest('tr');
+    expect(svg.tagName === 'svg' && tip.textContent && row.classList.contains('chosen'), 'a reading does not lead to its point');
+    key(svg, 'Enter');
+    expect(document.activeElement === reading, 'a point does not lead to its reading');
+  }
+  return wrong;
+}"#;
 
 pub fn run() -> Outcome {
     let out = root().join("out/reports");
@@ -92,6 +128,14 @@ pub fn run() -> Outcome {
         }
         let pages = browser.print(&out.join(format!("{name}.pdf")))?;
         println!("{name}: {pages} pages of paper");
+        let most = PAGES.iter().find(|(of, _)| of == name).map_or(usize::MAX, |(_, most)| *most);
+        if pages > most {
+            wrong.push(format!("{name}: {pages} pages of paper, {most} at the most"));
+        }
+    }
+    for name in ["fit", "diagnose-p10", "place"] {
+        let path = reports.iter().find(|(of, _)| *of == name).map(|(_, path)| path).ok_or("no such report")?;
+        wrong.extend(used(&mut browser, path)?.into_iter().map(|f| format!("{name}, used: {f}")));
     }
     wrong.extend(unseen(&mut browser, &reports[0].1, &out)?);
     wrong.extend(view::look(&mut browser, &out)?);
@@ -112,11 +156,18 @@ fn look(
     picture: &Path,
 ) -> Result<Vec<String>, String> {
     browser.open(path, window, dark, paper)?;
-    let found = browser.evaluate(&format!("({CHECKS})({CONTRAST}, {paper}, {})", window[0]))?;
-    let found = found.as_array().ok_or_else(|| format!("{}: {found}", path.display()))?;
-    let mut wrong: Vec<String> = found.iter().filter_map(Value::as_str).map(str::to_owned).collect();
+    let mut wrong = browser.sentences(PALE, &format!("{CONTRAST}, '{TEXT}'"))?;
+    wrong.extend(browser.sentences(CHECKS, &format!("{paper}, {}", window[0]))?);
     wrong.extend(browser.complaints());
     browser.picture(picture)?;
+    Ok(wrong)
+}
+
+/// What does not work of the page's script: by keys and clicks, as a reader uses it.
+fn used(browser: &mut Browser, path: &Path) -> Result<Vec<String>, String> {
+    browser.open(path, WINDOWS[0], false, false)?;
+    let mut wrong = browser.sentences(USE, "")?;
+    wrong.extend(browser.complaints());
     Ok(wrong)
 }
 
@@ -167,9 +218,26 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
     let path = option("path", &fixture("jobs/path.ngc"));
     run(&["compensate", &table, &path], &folder("compensate").join("path.ngc"))?;
     let poses = option("poses", &poses);
+    run(&["replay", &option("log", &fixture("logs/worn-drive.csv"))], &folder("replay"))?;
+    let unloaded = |what: &str, name: &str| option(what, &fixture(&format!("unloaded/five/{name}")));
+    run(
+        &["diagnose", "--unloaded", &unloaded("data", "unloaded.csv"), &unloaded("holdout", "heldout.csv")],
+        &folder("geometry"),
+    )?;
     run(&["fem", &poses, "--mesh=3", "--jobs=1"], &out.join("fem.csv"))?;
     run(&["fem", &poses, "--mesh=3", "--jobs=1", "--dry-run"], &out.join("fem-dry.csv"))?;
-    let of_folder = ["fit", "fit-full", "fit-diagonal", "diagnose-p08", "diagnose-p10", "place", "map", "compensate"];
+    let of_folder = [
+        "fit",
+        "fit-full",
+        "fit-diagonal",
+        "diagnose-p08",
+        "diagnose-p10",
+        "place",
+        "map",
+        "compensate",
+        "replay",
+        "geometry",
+    ];
     let mut all: Vec<_> = of_folder.iter().map(|name| (*name, folder(name).join("report.html"))).collect();
     all.extend([("fem", folder("fem.html")), ("fem-dry", folder("fem-dry.drawing.html"))]);
     Ok(all)

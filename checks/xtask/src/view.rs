@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use pkm_host::cli;
 use serde_json::{Value, json};
 
-use crate::browser::Browser;
+use crate::browser::{Browser, PALE};
 use crate::{Outcome, root};
 
 const DESKTOP: [u32; 2] = [1280, 800];
@@ -14,6 +14,13 @@ const MOBILE: [u32; 2] = [375, 812];
 const LARGEST: u64 = 1_500_000;
 /// Frames that are asked for, each of which has to come.
 const FRAMES: u32 = 30;
+
+/// Of text to what is behind it: WCAG AA.
+const CONTRAST: f64 = 4.5;
+const TEXT: &str = "body, h1, h2, h3, p, li, a, summary, label, legend, button, select, input[type=number], th, td, dt, dd, output, span, small, strong";
+
+/// In the page: what can be used, and whether the focus has been there.
+const CONTROLS: &str = "[...document.querySelectorAll('input, select, button, summary, a[href], canvas, [tabindex]')].filter(e => e.checkVisibility() && !e.disabled && e.type !== 'file')";
 
 /// Waits until something is true, at most a minute.
 const UNTIL: &str = "async (what, is) => { for (let n = 0; n < 600; n++) { if (is()) return true; await new Promise(r => setTimeout(r, 100)); } throw new Error('in vain: ' + what); }";
@@ -57,10 +64,17 @@ pub fn look(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
         wrong.extend(faults.into_iter().map(|fault| format!("{name}: {fault}")));
     }
     wrong.extend(driven(browser)?.into_iter().map(|fault| format!("view: {fault}")));
+    wrong.extend(unreached(browser)?.into_iter().map(|fault| format!("view: {fault}")));
     wrong.extend(browser.complaints().into_iter().map(|fault| format!("view: {fault}")));
     let pages = browser.print(&out.join("view.pdf"))?;
     println!("view: {size} bytes, {pages} pages of paper");
     Ok(wrong)
+}
+
+/// Waits until the page has compared its results with the program's.
+fn wait(browser: &mut Browser) -> Outcome {
+    let compared = "() => /good|bad/.test(document.getElementById('checksum').className)";
+    browser.evaluate(&format!("({UNTIL})('the checksum', {compared})")).map(drop)
 }
 
 /// Opens the page, waits until it has compared its results with the program's, and takes its picture.
@@ -72,8 +86,7 @@ fn opened(
     picture: &Path,
 ) -> Result<Vec<String>, String> {
     browser.open(path, window, dark, false)?;
-    let compared = "() => /good|bad/.test(document.getElementById('checksum').className)";
-    browser.evaluate(&format!("({UNTIL})('the checksum', {compared})"))?;
+    wait(browser)?;
     let found = browser.evaluate(
         "({ equal: document.getElementById('checksum').classList.contains('good'), wide: document.documentElement.scrollWidth,
             drawn: pkm.renderer !== undefined, small: [...document.querySelectorAll('body *')].filter(e => e.checkVisibility()
@@ -90,8 +103,28 @@ fn opened(
     if found["drawn"] != true || found["small"] != 0 || found["unnamed"] != 0 {
         wrong.push(format!("no picture, small letters, or controls without names: {found}"));
     }
+    wrong.extend(browser.sentences(PALE, &format!("{CONTRAST}, '{TEXT}'"))?);
     browser.picture(picture)?;
     Ok(wrong)
+}
+
+/// Controls that the key Tab does not reach. Of a group of radio buttons it reaches one.
+fn unreached(browser: &mut Browser) -> Result<Vec<String>, String> {
+    browser.evaluate(
+        "document.addEventListener('focusin', e => { e.target.reached = true; }); document.activeElement.blur()",
+    )?;
+    let count = browser.evaluate(&format!("{CONTROLS}.length"))?.as_u64().unwrap_or_default();
+    for _ in 0..count + 5 {
+        for kind in ["keyDown", "keyUp"] {
+            let tab = json!({ "type": kind, "key": "Tab", "code": "Tab", "windowsVirtualKeyCode": 9 });
+            browser.call("Input.dispatchKeyEvent", tab)?;
+        }
+    }
+    let missed = format!(
+        "() => {CONTROLS}.filter(e => !e.reached && !(e.type === 'radio' && {CONTROLS}.some(o => o.name === e.name && o.reached)))\
+         .map(e => `Tab does not reach ${{e.tagName}} ${{e.id || e.ariaLabel || e.textContent.trim().slice(0, 30)}}`)"
+    );
+    browser.sentences(&missed, "")
 }
 
 /// Drags, types, opens files, plays the path.

@@ -21,7 +21,7 @@ pub(crate) struct Args {
 
 /// Folder of the data within that of the demonstration, and the files in it.
 const DATA: &str = "data";
-const FILES: [(&str, fixtures::Fixture); 7] = [
+const FILES: [(&str, fixtures::Fixture); 8] = [
     ("machine.toml", fixtures::DEMO_MACHINE),
     ("measured.csv", fixtures::DEMO_MEASURED),
     ("heldout.csv", fixtures::DEMO_HELD_OUT),
@@ -29,6 +29,7 @@ const FILES: [(&str, fixtures::Fixture); 7] = [
     ("unloaded-heldout.csv", fixtures::DEMO_UNLOADED_HELD_OUT),
     ("table.json", fixtures::DEMO_TABLE),
     ("part.ngc", fixtures::DEMO_PROGRAM),
+    ("log.csv", fixtures::DEMO_LOG),
 ];
 
 /// A call: files in it begin with `@`, which stands for the folder.
@@ -39,7 +40,7 @@ struct Call {
     page: &'static str,
 }
 
-const CALLS: [Call; 7] = [
+const CALLS: [Call; 8] = [
     Call {
         title: "A correction table from finite elements",
         about: "What the simple model misses of the machine's stiffness is fitted to finite-element results at 49 poses and judged at 25 others. The table goes into the controller as Rust source.",
@@ -75,6 +76,12 @@ const CALLS: [Call; 7] = [
         about: "Each point of a milling program is moved so that the loaded tip goes where it should.",
         arguments: "compensate --table @data/table.json --path @data/part.ngc --out @compensate/part.ngc",
         page: "compensate/report.html",
+    },
+    Call {
+        title: "What a controller learns",
+        about: "A log of readings under known loads, over months: the controller's own estimator follows what changes, and says when it should be inspected.",
+        arguments: "replay --log @data/log.csv --out @replay",
+        page: "replay/report.html",
     },
     Call {
         title: "The machine, live",

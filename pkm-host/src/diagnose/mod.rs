@@ -22,6 +22,7 @@ mod json;
 mod model;
 pub(crate) mod places;
 pub mod quality;
+mod readings_table;
 pub mod report;
 mod residual_table;
 mod state;

@@ -8,13 +8,13 @@ use pkm_diagnosis::Rules;
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::findings::DeclaredFinding;
-use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, text};
+use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, readings_table, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Condition, GAUGE, Readings};
 use crate::pose::{file_units, written_units};
-use crate::report::page::{Finding, Page, charts, fold, of_file, picture, table};
-use crate::report::plot::{self, Mark, Panel, Series};
+use crate::report::page::{Finding, Page, fold, keyed_charts, of_file, picture, table};
+use crate::report::plot::{self, Bar, Mark, Panel, Series};
 
 /// Most points of a series: more would only blacken the picture.
 const POINTS: usize = 1500;
@@ -73,6 +73,47 @@ fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
             "Unexplained beside what is named below: the model is wrong by more than noise, and no effect that this program \
              knows accounts for all of it.",
         ),
+    }
+}
+
+/// How sure the verdict is, in a sentence.
+fn certainty(d: &Diagnosis) -> String {
+    let (held, p) = (&d.held_out, d.judgement.after.p);
+    let noise = if p > 0.05 {
+        format!("what is left cannot be told from noise (p = {p:.2})")
+    } else {
+        format!("what is left is more than noise (p = {p:.0e})")
+    };
+    let of_places = d.effects.iter().map(|e| e.probability).reduce(f64::min);
+    let place = of_places.map_or(String::new(), |p| format!("; probability of the place {p:.2}"));
+    let (Some(before), Some(after)) = (of(&held.all, Rival::Declared), of(&held.all, Rival::After)) else {
+        return format!("{noise}{place}.");
+    };
+    let others = if held.given { "On readings that had no part in it" } else { "On poses left out in turn" };
+    format!(
+        "{others} the error goes from {:.2} to {:.2} µm rms (95 %: {}); {noise}{place}.",
+        before.linear_um_rms,
+        after.linear_um_rms,
+        interval(after)
+    )
+}
+
+/// What to do first.
+fn next_step(d: &Diagnosis) -> String {
+    let inspect = d.effects.iter().map(|e| text::inspect_effect(e.id, &e.place));
+    let places: Vec<String> = inspect.chain(d.declared.iter().map(|f| f.inspect.to_string())).collect();
+    match (d.warnings.is_empty(), d.judgement.verdict, places.first()) {
+        (false, ..) => "check the readings as said below; the rest counts after that.".to_owned(),
+        (_, Verdict::Ambiguous, _) => {
+            "measure what is proposed below, and diagnose again with these readings too.".to_owned()
+        }
+        (_, _, Some(place)) => {
+            format!("look at {place}; until that is repaired use machine.toml, which has what was found.")
+        }
+        (_, Verdict::Adequate | Verdict::Explained, None) => {
+            "nothing on the machine; machine.toml has the re-identified stiffnesses.".to_owned()
+        }
+        _ => "do not compensate with this model; look at the residuals below for what they go with.".to_owned(),
     }
 }
 
@@ -226,27 +267,27 @@ fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Res
         ("tension in limb 1 in N", Box::new(limb(0))),
         ("tension in limb 3 in N", Box::new(limb(2))),
     ];
-    let panels = axes.map(|(label, x)| Panel {
-        title: format!("Residual over {}", label.rsplit_once(" in ").map_or(label, |(name, _)| name)),
-        x_label: label.into(),
-        y_label: "residual along the force, µm".into(),
-        series: shown
-            .iter()
+    // with the readings that the points are of
+    let panels = axes.map(|(label, x)| {
+        let (series, keys) = (shown.iter())
             .map(|(rival, name)| {
                 let predictions = d.own.of(*rival);
-                let points = (0..readings.readings.len()).step_by(step).filter_map(|n| {
+                let found = (0..readings.readings.len()).step_by(step).filter_map(|n| {
                     let c = &readings.conditions[readings.readings[n].condition];
-                    Some((x(c)?, along(predictions, n)?))
+                    Some(((x(c)?, along(predictions, n)?), n))
                 });
-                Series { name: (*name).into(), points: points.collect(), mark: Mark::Dot }
+                let (points, keys) = found.unzip();
+                (Series { name: (*name).into(), points, mark: Mark::Dot }, keys)
             })
-            .collect(),
+            .unzip();
+        let title = format!("Residual over {}", label.rsplit_once(" in ").map_or(label, |(name, _)| name));
+        (Panel { title, x_label: label.into(), y_label: "residual along the force, µm".into(), series }, keys)
     });
-    let panels = panels.into_iter().filter(|p| p.series.iter().any(|s| !s.points.is_empty())).collect::<Vec<_>>();
+    let panels: Vec<_> = panels.into_iter().filter(|(p, _)| p.series.iter().any(|s| !s.points.is_empty())).collect();
     if panels.is_empty() {
         return Ok(html! { p { "There are no readings of translation along a force to show." } });
     }
-    charts("Residuals: reading minus model, along the force. Noise shows no pattern.", &panels)
+    keyed_charts("Residuals: reading minus model, along the force. Noise shows no pattern.", &panels)
 }
 
 fn interval(e: &Errors) -> String {
@@ -271,8 +312,15 @@ fn error_cells(e: &Errors) -> Vec<String> {
     ]
 }
 
-fn error_rows(errors: &[(Rival, Errors)]) -> Vec<(String, Vec<String>)> {
-    RIVALS.iter().filter_map(|(rival, _, name)| Some(((*name).to_owned(), error_cells(of(errors, *rival)?)))).collect()
+/// By group and model.
+fn error_rows(groups: &[(String, &Vec<(Rival, Errors)>)]) -> Vec<(String, Vec<String>)> {
+    let rows = |(group, errors): &(String, &Vec<(Rival, Errors)>)| {
+        let row = |(rival, _, name): &(Rival, &str, &str)| {
+            Some((format!("{group}: {name}"), error_cells(of(errors, *rival)?)))
+        };
+        RIVALS.iter().filter_map(row).collect::<Vec<_>>()
+    };
+    groups.iter().flat_map(rows).collect()
 }
 
 const ERROR_HEADS: [&str; 7] =
@@ -355,11 +403,16 @@ pub fn html(
         held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
     );
     let labels: Vec<&str> = groups.iter().map(|(name, _)| name.trim_start_matches("held out, ")).collect();
-    let bars: Vec<(&str, Vec<f64>)> = RIVALS
+    let bar = |e: Option<&Errors>| Bar {
+        value: e.map(|e| e.linear_um_rms),
+        interval: e.and_then(|e| {
+            let open = e.linear_um_rms_interval_open;
+            e.linear_um_rms_interval.map(|[low, high]| [low, if open { f64::INFINITY } else { high }])
+        }),
+    };
+    let bars: Vec<(&str, Vec<Bar>)> = RIVALS
         .iter()
-        .map(|(rival, _, name)| {
-            (*name, groups.iter().map(|(_, e)| of(e, *rival).map_or(0.0, |e| e.linear_um_rms)).collect())
-        })
+        .map(|(rival, _, name)| (*name, groups.iter().map(|(_, e)| bar(of(e, *rival))).collect()))
         .collect();
     let on_others = d.steps.iter().all(|s| s.held_out.is_some());
     let steps: Vec<_> =
@@ -380,13 +433,14 @@ pub fn html(
         h2 { "Before and after" }
         (picture(
             "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that \
-             count.",
+             count. Lines: 95 % intervals, where there are poses enough; without an end where there is no upper one.",
             &plot::bars("Translation error, rms", "µm", &labels, &bars)?,
         ))
         h2 { "What is left, over pose, load and limb force" }
         (residual_plots(file, readings, d)?)
+        (readings_table::list(readings, d))
         h2 { "Errors" }
-        @for (name, errors) in &groups { (table(&format!("Errors on {name}"), &ERROR_HEADS, &error_rows(errors))) }
+        (table("Errors of each model, on each group of readings", &ERROR_HEADS, &error_rows(&groups)))
         @if steps.len() > 1 {
             @let on = if on_others { "held out, all" } else { "the readings" };
             (table(&format!("After each find, errors on {on}"), &ERROR_HEADS, &steps))
@@ -408,5 +462,8 @@ pub fn html(
         ))
     };
     let facts = facts(file, readings, held_out, d);
-    Ok(Page { title: format!("Diagnosis of {}", file.name), findings: &findings(d), warnings, body, facts }.html())
+    let mut findings = findings(d);
+    findings.push(Finding::good(certainty(d)).sure());
+    findings.push(Finding::good(next_step(d)).todo());
+    Ok(Page { title: format!("Diagnosis of {}", file.name), findings: &findings, warnings, body, facts }.html())
 }

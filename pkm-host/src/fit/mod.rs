@@ -17,7 +17,7 @@ use crate::files::table::{DiagonalForm, FactorForm, TableFile};
 use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers, refuse_not_positive};
 use crate::pose::{NamedPose, PoseBox, core_units, file_units};
 
-pub use self::evaluate::{DeflectionErrors, Evaluation, evaluate};
+pub use self::evaluate::{DeflectionError, DeflectionErrors, Evaluation, evaluate};
 use self::uncertainty::Training;
 
 /// Which of them Eq. 12 gives to c11…c66.

@@ -7,16 +7,18 @@ use maud::{Markup, html};
 use pkm_core::correction::EQ_11;
 
 use crate::error::Result;
-use crate::fit::{DeflectionErrors, Evaluation, Fit, Sample, TermChoice};
+use crate::files::machine::MachineFile;
+use crate::fit::{DeflectionError, DeflectionErrors, Evaluation, Fit, Sample, TermChoice};
 use crate::pose::{ROTATION_ARM_M, file_units};
 use crate::report::export::Provenance;
-use crate::report::page::{Finding, Page, charts, fold, picture, table};
-use crate::report::plot::{self, Mark, Panel, Series};
+use crate::report::page::{Finding, Page, State, charts, fold, picture, table};
+use crate::report::paper;
+use crate::report::plot::{self, Bar, Mark, Panel, Series};
 use serde_json::{Value, json};
 
 /// A mean error that a model of the stiffness may have where it is used, %.
 pub(crate) const USABLE_PERCENT: f64 = 5.0;
-const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
+pub(super) const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
 const LOADS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 const SYMBOLS: [&str; 3] = ["θ", "σ", "Z0"];
 const VARIABLES: [&str; 3] = ["θ in °", "σ in °", "Z0 in mm"];
@@ -61,15 +63,20 @@ pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -
     text
 }
 
-/// Mean deflection errors of the models that there are.
-fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
+/// Deflection errors of the models that there are.
+fn models(d: &DeflectionErrors) -> Vec<(&'static str, &DeflectionError)> {
     let all = [
         ("K_p", &d.basic),
         ("Eq. 10 as published", &d.diagonal_literal),
         ("diagonal form", &d.diagonal),
         ("factor form", &d.factor),
     ];
-    all.into_iter().filter_map(|(name, e)| e.as_ref().map(|e| (name, e.mean))).collect()
+    all.into_iter().filter_map(|(name, e)| Some((name, e.as_ref()?))).collect()
+}
+
+/// The mean ones.
+fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
+    models(d).into_iter().map(|(name, e)| (name, e.mean)).collect()
 }
 
 /// What the fit is worth, in sentences.
@@ -147,6 +154,29 @@ fn verdict(e: &Evaluation, by_others: bool) -> Finding {
              was not fitted to."
         ))
     }
+}
+
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>, state: State) -> Vec<Finding> {
+    let mut all = Vec::new();
+    if let Some(factor) = &verified.unwrap_or(trained).deflection_percent.factor {
+        let worst = factor.max.iter().copied().fold(0.0, f64::max);
+        all.push(Finding::good(match verified {
+            Some(e) => format!("at the worst of {} verification poses, under the worst of six loads, it is {worst:.1} % off.", e.poses),
+            None => format!(
+                "at the worst of its own {} poses it is {worst:.1} % off; between them it may be more, which nothing here tells.",
+                trained.poses
+            ),
+        }).sure());
+    }
+    let [theta, sigma, z0] = fit.extent.ranges().map(|[low, high]| format!("{low} to {high}"));
+    let inside = format!("θ {theta}°, σ {sigma}°, Z0 {z0} mm");
+    all.push(Finding::good(match state {
+        State::Good => format!("compile coefficients.rs into the controller and use the factor form, inside {inside}: outside the status says so."),
+        State::Warning => "compute or measure more poses (pkm-host plan), all 21 entries of K, give other poses with --verify, or let the fit choose its terms with --terms select.".to_owned(),
+        State::Bad => "check that the data are of this machine file, at A in A-uvw and in SI units, before anything else.".to_owned(),
+    }).todo());
+    all
 }
 
 fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> Markup {
@@ -286,6 +316,27 @@ fn residuals(fit: &Fit, i: usize) -> Result<[Panel; 3]> {
     }))
 }
 
+/// Small pictures by coefficient and variable.
+fn over_pose(fit: &Fit) -> Result<Markup> {
+    let each = |of: &dyn Fn(usize) -> [Panel; 3]| (0..6).flat_map(of).collect::<Vec<_>>();
+    let left: Vec<Panel> =
+        (0..6).map(|i| residuals(fit, i)).collect::<Result<Vec<_>>>()?.into_iter().flatten().collect();
+    Ok(html! {
+        (fold("What the fitted polynomials leave", &charts(
+            "Error of the corrected k11…k66 at each pose, over each variable: it should show no pattern.",
+            &left,
+        )?))
+        (fold("Corrections over each variable", &charts(
+            "Mean of the correction c_ii, which makes k_ii of K_p that of the data (paper, Fig. 5).",
+            &each(&|i| tendencies(&fit.training, i)),
+        )?))
+        (fold("Corrections at every pose", &charts(
+            "c_ii by the value of another variable (paper, Fig. 6).",
+            &each(&|i| combinations(&fit.training, i)),
+        )?))
+    })
+}
+
 fn coefficient_tables(fit: &Fit) -> Markup {
     let names = |t: &[u8; 3]| {
         let mut name = String::new();
@@ -383,30 +434,30 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
         Some(v) => (v, "verification"),
         None => (p.training, "training"),
     };
-    let bars: Vec<(&str, Vec<f64>)> =
-        forms(&shown.deflection_percent).into_iter().map(|(name, errors)| (name, errors.to_vec())).collect();
+    let bar = |e: &DeflectionError, i: usize| Bar { value: Some(e.mean[i]), interval: Some([e.mean[i], e.max[i]]) };
+    let bars: Vec<(&str, Vec<Bar>)> = models(&shown.deflection_percent)
+        .into_iter()
+        .map(|(name, e)| (name, (0..6).map(|i| bar(e, i)).collect()))
+        .collect();
+    let file = MachineFile::read(None)?;
+    let of_the_paper = p.file.machine_sha256 == file.source.sha256();
     let body = html! {
         @if !bars.is_empty() {
             @let title = format!("Deflection error under unit loads, {on} poses, mean");
             (picture(
-                "How wrong each model is about the deflection of A under a force or moment along each axis: lower is better.",
+                "How wrong each model is about the deflection of A under a force or moment along each axis: lower is better. The line goes up to the \
+                 error at the worst pose.",
                 &plot::bars(&title, "error in %", &LOADS, &bars)?,
             ))
         }
         h2 { "Errors" }
         (error_tables(p.training, p.verified))
-        h2 { "Over the pose" }
-        @for (i, name) in STIFFNESSES.iter().enumerate() {
-            (fold(&format!("c{name} and k{name}"), &html! {
-                (charts(
-                    &format!("Mean of the correction c{name}, which makes k{name} of K_p that of the data (paper, Fig. 5)"),
-                    &tendencies(&fit.training, i),
-                )?)
-                (charts(&format!("c{name} at every pose, by the value of another variable (paper, Fig. 6)"),
-                    &combinations(&fit.training, i))?)
-                (charts(&format!("What the fitted polynomial leaves of k{name}"), &residuals(fit, i)?)?)
-            }))
+        @if of_the_paper {
+            h2 { "Beside the paper's printed values" }
+            (paper::compared(fit, &file, p.training, p.verified)?)
         }
+        h2 { "Over the pose" }
+        (over_pose(fit)?)
         h2 { "Coefficients" }
         (fold("All terms of all polynomials", &coefficient_tables(fit)))
     };
@@ -419,7 +470,8 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
         ("Box, outside which the controller gets a status", format!("θ {theta:?}°, σ {sigma:?}°, Z0 {z0:?} mm")),
         ("Condition number of the fit", format!("{:.1}", fit.condition)),
     ];
-    let findings = conclusion(fit, p.training, p.verified);
+    let mut findings = conclusion(fit, p.training, p.verified);
+    findings.extend(advice(fit, p.training, p.verified, findings[0].state));
     Ok(Page { title: format!("Stiffness table of {}", p.file.machine), findings: &findings, warnings, body, facts }
         .html())
 }

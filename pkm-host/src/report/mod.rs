@@ -1,5 +1,6 @@
 //! From a finished result to what people read and controllers compile: pages, charts, generated source.
 
+mod chart;
 pub mod compensate;
 pub(crate) mod demo;
 pub mod drawing;
@@ -9,6 +10,7 @@ pub mod fit;
 pub mod hil;
 pub mod map;
 pub(crate) mod page;
+mod paper;
 pub mod place;
 pub mod plot;
 pub mod replay;

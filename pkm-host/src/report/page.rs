@@ -1,6 +1,7 @@
-//! The one design of all reports: a page that stands alone, without script, for screen, mobile and paper.
+//! The one design of all reports: a page that stands alone, for screen, mobile and paper.
 //!
-//! Commands make their own pictures and tables; what a page is made of, and in which order, is said here.
+//! Commands make their own pictures and tables; what a page is made of, and in which order, is said here. All of it can be read without the
+//! script, which adds values under the pointer, series that are switched off, tables that are sorted, and ways between rows and points.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -9,13 +10,24 @@ use crate::files::source::Source;
 use crate::report::plot::{self, Panel};
 
 const STYLE: &str = include_str!("style.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// Sections from which on a page has a list of them.
+const CONTENTS: usize = 3;
+/// Pictures of a figure from which on they are small on paper.
+const MANY: usize = 9;
 
 /// Sentences beside the first that are shown at once.
 const SHOWN: usize = 5;
 /// Letters beside each other on a printed page of a table: what is wider is cut into several.
-const LETTERS: usize = 130;
+const LETTERS: usize = 160;
 /// What the borders of a cell take of that.
 const BORDERS: usize = 1;
+/// Letters of the cells beside a name with which two tables have room beside each other on paper, and of a table of which three parts have.
+const HALF: usize = 48;
+const THIRD: usize = 40;
+/// Rows of tables that are not parted on paper.
+const FEW_ROWS: usize = 26;
 /// A cell of more letters is a sentence, in as many lines as it needs.
 const SENTENCE: usize = 30;
 
@@ -53,23 +65,49 @@ impl State {
     }
 }
 
+/// What a sentence is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// What was found.
+    Found,
+    /// How sure that is.
+    Sure,
+    /// What to do about it.
+    Todo,
+}
+
 /// A sentence of the conclusion. The first of several is the verdict.
 pub(crate) struct Finding {
     pub(crate) state: State,
     pub(crate) text: String,
+    role: Role,
 }
 
 impl Finding {
+    fn new(state: State, text: impl Into<String>) -> Self {
+        Self { state, text: text.into(), role: Role::Found }
+    }
+
+    /// Says how sure the verdict is: shown right below it.
+    pub(crate) fn sure(self) -> Self {
+        Self { role: Role::Sure, ..self }
+    }
+
+    /// Says what to do: shown right below the verdict.
+    pub(crate) fn todo(self) -> Self {
+        Self { role: Role::Todo, ..self }
+    }
+
     pub(crate) fn good(text: impl Into<String>) -> Self {
-        Self { state: State::Good, text: text.into() }
+        Self::new(State::Good, text)
     }
 
     pub(crate) fn warning(text: impl Into<String>) -> Self {
-        Self { state: State::Warning, text: text.into() }
+        Self::new(State::Warning, text)
     }
 
     pub(crate) fn bad(text: impl Into<String>) -> Self {
-        Self { state: State::Bad, text: text.into() }
+        Self::new(State::Bad, text)
     }
 }
 
@@ -90,7 +128,8 @@ impl Page<'_> {
     pub(crate) fn html(self) -> String {
         let verdict = &self.findings[0];
         let warnings: Vec<Finding> = self.warnings.iter().map(Finding::warning).collect();
-        let others: Vec<&Finding> = warnings.iter().chain(&self.findings[1..]).collect();
+        let of = |role: Role| self.findings[1..].iter().filter(move |f| f.role == role);
+        let others: Vec<&Finding> = warnings.iter().chain(of(Role::Found)).collect();
         let (shown, more) = others.split_at(others.len().min(SHOWN));
         let list = |findings: &[&Finding]| {
             html! {
@@ -102,6 +141,7 @@ impl Page<'_> {
                 }
             }
         };
+        let (body, sections) = sections(&self.body.into_string());
         let page = html! {
             (DOCTYPE)
             html lang="en" {
@@ -113,20 +153,29 @@ impl Page<'_> {
                     style { (PreEscaped(STYLE)) }
                 }
                 body {
-                    h1 { (self.title) }
-                    section.verdict.(verdict.state.class()) {
-                        p.state { span aria-hidden="true" { (verdict.state.symbol()) } " " (verdict.state.word()) }
-                        p.headline { (verdict.text) }
-                        @if !shown.is_empty() { (list(shown)) }
-                        @if !more.is_empty() { (fold(&format!("{} more", more.len()), &list(more))) }
+                    main {
+                        h1 { (self.title) }
+                        section.verdict.(verdict.state.class()) {
+                            p.state { span aria-hidden="true" { (verdict.state.symbol()) } " " (verdict.state.word()) }
+                            p.headline { (verdict.text) }
+                            @for (role, words) in [(Role::Sure, "How sure"), (Role::Todo, "What to do")] {
+                                @for f in of(role) { p { strong { (words) ": " } (f.text) } }
+                            }
+                            @if !shown.is_empty() { (list(shown)) }
+                            @if !more.is_empty() { (fold(&format!("{} more", more.len()), &list(more))) }
+                        }
+                        @if sections.len() >= CONTENTS {
+                            nav aria-label="Contents" { ul { @for (id, title) in &sections { li { a href={ "#" (id) } { (PreEscaped(title)) } } } } }
+                        }
+                        (PreEscaped(body))
+                        h2 id="origin" { "Where this comes from" }
+                        dl {
+                            dt { "Program" }
+                            dd { "pkm-host " (env!("CARGO_PKG_VERSION")) }
+                            @for (name, value) in &self.facts { dt { (name) } dd { (value) } }
+                        }
                     }
-                    (self.body)
-                    h2 { "Where this comes from" }
-                    dl {
-                        dt { "Program" }
-                        dd { "pkm-host " (env!("CARGO_PKG_VERSION")) }
-                        @for (name, value) in &self.facts { dt { (name) } dd { (value) } }
-                    }
+                    script { (PreEscaped(SCRIPT)) }
                 }
             }
         };
@@ -149,6 +198,22 @@ pub(crate) fn badges(all: &[(&str, Finding, &[String])]) -> Markup {
     }
 }
 
+/// Gives each heading of a body a name to go to: the body, and the names with their titles.
+fn sections(body: &str) -> (String, Vec<(String, String)>) {
+    let mut parts = body.split("<h2>");
+    let mut named = parts.next().unwrap_or_default().to_owned();
+    let mut all = Vec::new();
+    for (n, part) in parts.enumerate() {
+        let id = format!("section-{}", n + 1);
+        let title = part.split("</h2>").next().unwrap_or_default();
+        // a heading that is a link is one already
+        let text = title.split('<').map(|t| t.rsplit_once('>').map_or(t, |(_, text)| text)).collect();
+        named.push_str(&format!("<h2 id=\"{id}\">{part}"));
+        all.push((id, text));
+    }
+    (named, all)
+}
+
 /// Name and checksum of a file that was read.
 pub(crate) fn of_file(source: &Source) -> String {
     format!("{}, SHA-256 {}", source.file_name(), source.sha256())
@@ -161,7 +226,7 @@ pub(crate) fn picture(caption: &str, svg: &str) -> Markup {
 
 /// Small pictures under one caption, as many beside each other as there is room for.
 pub(crate) fn pictures(caption: &str, svgs: &[String]) -> Markup {
-    html! { figure.pictures { div { @for svg in svgs { (PreEscaped(svg)) } } figcaption { (caption) } } }
+    html! { figure.pictures.many[svgs.len() > MANY] { div { @for svg in svgs { (PreEscaped(svg)) } } figcaption { (caption) } } }
 }
 
 /// Charts under one caption.
@@ -169,8 +234,19 @@ pub(crate) fn charts(caption: &str, panels: &[Panel]) -> Result<Markup> {
     Ok(pictures(caption, &panels.iter().map(plot::panel).collect::<Result<Vec<_>>>()?))
 }
 
+/// The same with keys by series and point, as rows of [`keyed_table`] have them.
+pub(crate) fn keyed_charts(caption: &str, panels: &[(Panel, Vec<Vec<usize>>)]) -> Result<Markup> {
+    let drawn = panels.iter().map(|(panel, keys)| plot::keyed(panel, keys));
+    Ok(pictures(caption, &drawn.collect::<Result<Vec<_>>>()?))
+}
+
 /// A table with a name a row, cut where a printed page ends.
 pub(crate) fn table(caption: &str, heads: &[&str], rows: &[(String, Vec<String>)]) -> Markup {
+    keyed_table(caption, heads, rows, &[])
+}
+
+/// The same with a key a row: it leads to the points of charts that have the same one. Paper has its first rows alone.
+pub(crate) fn keyed_table(caption: &str, heads: &[&str], rows: &[(String, Vec<String>)], keys: &[usize]) -> Markup {
     let letters = |text: &str| text.chars().count();
     let cell_width = |text: &str| letters(text).min(SENTENCE);
     let word = |text: &str| text.split(' ').map(letters).max().unwrap_or(0);
@@ -181,8 +257,11 @@ pub(crate) fn table(caption: &str, heads: &[&str], rows: &[(String, Vec<String>)
     let parts = widths.iter().sum::<usize>().div_ceil(LETTERS.saturating_sub(names).max(1)).max(1);
     let columns = heads.len().div_ceil(parts).max(1);
     let sentences: Vec<bool> = (0..heads.len()).map(|i| rows.iter().any(|r| letters(&r.1[i]) > SENTENCE)).collect();
+    let (cells, whole) = (widths.iter().sum::<usize>(), keys.is_empty());
+    let half = whole && cells <= HALF && rows.len() <= FEW_ROWS;
+    let slim = whole && cells <= THIRD && rows.len() > FEW_ROWS;
     html! {
-        figure.table {
+        figure.table.long[!whole].half[half].slim[slim] {
             figcaption { (caption) }
             @for first in (0..heads.len()).step_by(columns) {
                 @let part = first..heads.len().min(first + columns);
@@ -190,8 +269,8 @@ pub(crate) fn table(caption: &str, heads: &[&str], rows: &[(String, Vec<String>)
                     table {
                         thead { tr { td {} @for i in part.clone() { th.words[sentences[i]] scope="col" { (heads[i]) } } } }
                         tbody {
-                            @for (name, cells) in rows {
-                                tr {
+                            @for (n, (name, cells)) in rows.iter().enumerate() {
+                                tr data-key=[keys.get(n)] {
                                     th scope="row" { (name) }
                                     @for i in part.clone() { td.words[sentences[i]] { (cells[i]) } }
                                 }

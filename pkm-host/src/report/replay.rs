@@ -45,23 +45,22 @@ fn days(replay: &Replay, step: usize) -> f64 {
 /// Mean and band of each amplitude over time.
 fn curves(replay: &Replay) -> Vec<Panel> {
     let stride = replay.steps.len().div_ceil(POINTS).max(1);
-    let curve = |name: &str, n: usize, k: f64, scale: f64| Series {
-        name: name.to_owned(),
-        points: (replay.steps.iter().enumerate().step_by(stride))
+    let curve = |n: usize, k: f64, scale: f64| -> Vec<(f64, f64)> {
+        (replay.steps.iter().enumerate().step_by(stride))
             .map(|(i, step)| (days(replay, i), scale * (step.values[n].0 + k * step.values[n].1)))
-            .collect(),
-        mark: Mark::Line,
+            .collect()
     };
     let panel = |(n, own): (usize, &AmplitudeSettings)| {
         let (_, unit, scale) = units(own.amplitude);
+        let mut band = curve(n, -K95, scale);
+        band.extend(curve(n, K95, scale).into_iter().rev());
         Panel {
             title: named(own.amplitude),
             x_label: "days".to_owned(),
             y_label: unit.to_owned(),
             series: vec![
-                curve("best value", n, 0.0, scale),
-                curve("95 %, lower", n, -K95, scale),
-                curve("95 %, upper", n, K95, scale),
+                Series { name: "95 % interval".to_owned(), points: band, mark: Mark::Band },
+                Series { name: "best value".to_owned(), points: curve(n, 0.0, scale), mark: Mark::Line },
             ],
         }
     };

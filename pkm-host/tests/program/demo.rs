@@ -11,7 +11,7 @@ fn every_page_of_the_demonstration_is_there() {
     let folder = Folder::new();
     let document = json(&["demo", "--out", &folder.path("out")]);
     let calls = document["calls"].as_array().unwrap();
-    assert_eq!(calls.len(), 7);
+    assert_eq!(calls.len(), 8);
     let index = folder.read("out/index.html");
     for call in calls {
         let (page, command) = (call["page"].as_str().unwrap(), call["command"].as_str().unwrap());

@@ -1,4 +1,4 @@
-//! What all reports share: names that are none of HTML, one order, no script, nothing from elsewhere.
+//! What all reports share: names that are none of HTML, one order, one script, nothing from elsewhere.
 #![cfg(unix)]
 
 use std::fs;
@@ -39,14 +39,23 @@ impl Named {
         for name in [&[NAME, "<script>machine&\".toml"], names].concat() {
             assert!(html.contains(&escaped(name)), "{report} does not name {name}");
         }
+        let script = concat!("<script>", include_str!("../../src/report/page.js"), "</script>");
+        assert_eq!(html.matches(script).count(), 1, "{report} has the script of all pages, once");
+        // links lead within the page
+        let rest = html.replace(script, "").replace("href=\"#section-", "");
         for word in ["<script", "<link", "<img", "<iframe", "javascript:", "url(", "@import", "src=", "href="] {
-            assert!(!html.contains(word), "{report} has {word}");
+            assert!(!rest.contains(word), "{report} has {word}");
+        }
+        for (n, link) in html.split("href=\"#").skip(1).enumerate() {
+            let id = link.split('"').next().unwrap();
+            assert_eq!(id, format!("section-{}", n + 1), "{report}");
+            assert!(html.contains(&format!("<h2 id=\"{id}\">")), "{report}: {id} leads nowhere");
         }
         let order = [
             "<h1>",
             "<section class=\"verdict",
             "class=\"headline\"",
-            "<h2>",
+            "<h2 id=",
             "<svg",
             "<figcaption>",
             "Where this comes from",

@@ -15,8 +15,6 @@ use crate::report::plot::{self, COLOURS, failed};
 
 /// Bands of colour, at most.
 const BANDS: f64 = 14.0;
-/// Extrapolated values colour no further than this times the greatest that can be trusted, or the least divided by it.
-const EXTRAPOLATED: f64 = 2.0;
 /// What stands beside the map itself.
 pub struct Legend<'a> {
     /// Of the picture.
@@ -261,7 +259,7 @@ struct Bands {
 }
 
 impl Bands {
-    /// Over all values that can be trusted, and what is extrapolated as far as it is of their size.
+    /// Over the values that can be trusted: what is extrapolated beyond them has the colours of the ends. Without any, over all.
     fn new(&Panel { k, map, legend, region }: &Panel<'_>, per_unit: f64) -> Self {
         let planes = box_planes(map, legend);
         let inside = |[x, z]: [f64; 2]| planes.is_some_and(|p| p.iter().all(|[a, b, c]| a * x + b * z >= *c));
@@ -272,11 +270,7 @@ impl Bands {
         };
         let all = range(&|_| true);
         let trusted = range(&|at| !legend.table || inside(at));
-        let [low, high] = if trusted[0] <= trusted[1] {
-            [all[0].max(trusted[0] / EXTRAPOLATED), all[1].min(trusted[1] * EXTRAPOLATED)]
-        } else {
-            all
-        };
+        let [low, high] = if trusted[0] <= trusted[1] { trusted } else { all };
         let span = (high - low).max(1e-6 * high);
         let power = 10_f64.powf((span / BANDS).log10().floor());
         let fits = |step: &f64| *step * (BANDS - 1.0) >= span;
