@@ -9,6 +9,7 @@ pub mod fit;
 pub mod hil;
 pub mod map;
 pub(crate) mod page;
+mod path3d;
 pub mod place;
 pub mod plot;
 pub mod replay;
