@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 
 use crate::plan::track::{LineErrors, PathPlace};
 
-/// Of the picture, and its empty border.
+/// Of the picture, its empty border, and the room for axes and legend below the path.
 const SIZE: [f64; 2] = [900.0, 560.0];
-const BORDER: f64 = 60.0;
+const BORDER: f64 = 40.0;
+const LEGEND: f64 = 90.0;
 /// From no error to the greatest.
 const COLOURS: [&str; 6] = ["#fdae6b", "#fd8d3c", "#f16913", "#d94801", "#a63603", "#5f1c02"];
 
@@ -23,10 +24,15 @@ pub(super) fn svg(places: &[PathPlace], worst: Option<&LineErrors>) -> String {
             [[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]]
         });
     let spans: [f64; 2] = std::array::from_fn(|i| (ends[1][i] - ends[0][i]).max(1e-4));
-    let scale = (0..2).map(|i| (SIZE[i] - 2.0 * BORDER) / spans[i]).fold(f64::INFINITY, f64::min);
+    let scale = [SIZE[0], SIZE[1] - LEGEND]
+        .into_iter()
+        .zip(spans)
+        .map(|(s, span)| (s - 2.0 * BORDER) / span)
+        .fold(f64::INFINITY, f64::min);
+    let left = (SIZE[0] - spans[0] * scale) / 2.0;
     let at = |tip_m: [f64; 3]| {
         let p = seen(tip_m);
-        [BORDER + (p[0] - ends[0][0]) * scale, BORDER + (p[1] - ends[0][1]) * scale]
+        [left + (p[0] - ends[0][0]) * scale, BORDER + (p[1] - ends[0][1]) * scale]
     };
     let greatest = places.iter().filter_map(|p| p.before_m).fold(0.0, f64::max);
     let colour = |before_m: f64| {
