@@ -37,6 +37,6 @@ fuzz_target!(|bytes: &[u8]| {
     for (one, other) in program.moves.iter().zip(&again.moves) {
         let [way, turn] = one.to.apart(&other.to);
         assert!(way < 1e-8 && turn < 1e-5, "{:?} {:?}", one.to, other.to);
-        assert_eq!(one.wrench, other.wrench);
+        assert_eq!(one.load, other.load);
     }
 });

@@ -16,8 +16,9 @@ use crate::files::limits::JointLimits;
 use crate::files::source::{self, Source};
 use crate::files::tool_path::{MARK, ToolPath, is_program};
 use crate::files::tools::Tools;
-use crate::plan::compensate::{Correction, Request, Track, walk};
+use crate::plan::compensate::{Correction, Request, walk};
 use crate::plan::model::{Form, Model, no_factor_form};
+use crate::plan::track::Track;
 use crate::report::compensate as report;
 use crate::report::page::of_file;
 
@@ -50,7 +51,8 @@ pub(crate) struct Args {
     /// [i, j, k]).
     #[arg(long, value_name = "TOML")]
     job: Option<PathBuf>,
-    /// For G-code: lengths of tools over the machine file's flange, for G43 H; TOML, or LinuxCNC's tool table (.tbl).
+    /// For G-code: lengths of tools over the machine file's flange, for G43 H; TOML, or LinuxCNC's tool table (.tbl). A TOML table with [material] and the
+    /// tools' edges has cutting forces estimated from S, F and the engagement: docs/cutting.md.
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
     /// For G-code: how far the straight moves of an arc may be from it.
@@ -64,6 +66,10 @@ pub(crate) struct Args {
     /// the feed that does not.
     #[arg(long, value_name = "TOML")]
     limits: Option<PathBuf>,
+    /// How far loads that are given may be off, as a share of them, 0.2 for 20 %: the report then says which error that leaves. Estimated loads have
+    /// their material's u_rel.
+    #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "SHARE", default_value_t = 0.0)]
+    load_u_rel: f64,
     /// Lets points pass that lie outside the table's box, and says so in the file.
     #[arg(long)]
     allow_extrapolation: bool,
@@ -85,6 +91,9 @@ impl Args {
         }
         if !(1e-6..=1.0).contains(&self.chord_mm) {
             return Err(Failure::usage(format!("--chord-mm: expected 1e-6 to 1, found {}", self.chord_mm)));
+        }
+        if !(0.0..=1.0).contains(&self.load_u_rel) {
+            return Err(Failure::usage(format!("--load-u-rel: expected 0 to 1, found {}", self.load_u_rel)));
         }
         if is_program(&self.path) == Some(false) && (self.job.is_some() || self.tools.is_some()) {
             return Err(Failure::usage("--job and --tools are for G-code: a CSV gives the tool in B"));
@@ -168,6 +177,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         step_mm: args.step_mm,
         allow_extrapolation: args.allow_extrapolation,
         limits: limits.as_ref(),
+        load_u_rel: args.load_u_rel,
     };
     let margin = model.machine.wrist_parameters.singularity_margin;
     let mut writer = path.writer();
@@ -206,7 +216,7 @@ fn facts(args: &Args, model: &Model, path: &Source) -> Facts {
 
 /// What stands at the head of the new path.
 fn notes(args: &Args, model: &Model, track: &Track, in_program: bool, session: &mut Session) -> Vec<String> {
-    if track.loaded.is_empty() {
+    if track.stretches.is_empty() {
         session.warn(["no load anywhere on the path: nothing to compensate".to_owned()]);
     }
     let mut notes = Vec::new();

@@ -1,6 +1,7 @@
 //! Files that the program reads: from bytes to checked values, with file, line and column of what is wrong.
 
 pub mod csv;
+pub mod cutting;
 pub mod dataset;
 pub mod elements;
 pub mod gcode;

@@ -2,6 +2,7 @@
 
 use pkm_core::Wrench;
 
+use crate::files::cutting::Cut;
 use crate::files::head::Head;
 
 /// A straight move.
@@ -11,8 +12,8 @@ pub struct Move {
     pub line: u64,
     /// Where it ends; it begins where the one before ended.
     pub to: Place,
-    /// On the tool at its tip in the axes of T_h, at the beginning and at the end; linear between.
-    pub wrench: [Wrench<f64>; 2],
+    /// On the tool.
+    pub load: Load,
     /// By how much the tool is longer than the flange of the machine file says, m.
     pub longer_m: f64,
     /// Where it begins is not known: only its end counts.
@@ -21,6 +22,28 @@ pub struct Move {
     pub is_rapid: bool,
     /// Feed of a cut: mm/min where the tip moves, °/min where only the tool turns; `None` where no F of G94 says it.
     pub feed_per_min: Option<[f64; 2]>,
+}
+
+/// What loads the tool on a move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Load {
+    /// At its tip in the axes of T_h, at the beginning and at the end; linear between.
+    Given([Wrench<f64>; 2]),
+    /// To be estimated.
+    Cut(Cut),
+}
+
+impl Load {
+    /// Nothing.
+    pub const NONE: Self = Self::Given([Wrench::ZERO; 2]);
+
+    /// A given load at a share of the move.
+    pub fn given(&self, share: f64) -> Option<Wrench<f64>> {
+        match self {
+            Self::Given(wrenches) => Some(part_of(wrenches, share)),
+            Self::Cut(_) => None,
+        }
+    }
 }
 
 /// A share of the way from one wrench to another.
@@ -32,7 +55,7 @@ pub fn part_of([a, b]: &[Wrench<f64>; 2], share: f64) -> Wrench<f64> {
 impl Move {
     /// Whether a load acts somewhere on it.
     pub fn is_loaded(&self) -> bool {
-        self.wrench != [Wrench::ZERO; 2]
+        self.load != Load::NONE
     }
 }
 

@@ -9,7 +9,7 @@ use crate::error::{Failure, Result};
 use crate::files::csv::Row;
 use crate::files::dataset::{self, Sheet, WRENCH_COLUMNS};
 use crate::files::gcode::{Program, Setup, Writer};
-use crate::files::path::{Move, Place, Toward};
+use crate::files::path::{Load, Move, Place, Toward};
 use crate::files::source::Source;
 
 /// How a comment begins that says of a path that it went through `compensate`: in every program; in a CSV, which others read
@@ -134,11 +134,11 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
         }
         let wrench = Wrench::from_vector(sheet.load(row)?.into());
         let to = Place { tip_m: [x, y, z].map(|v| v / 1e3), toward: Toward::Axis([i, j, k]) };
-        let before = moves.last().map_or(wrench, |m| m.wrench[1]);
+        let before = moves.last().and_then(|m| m.load.given(1.0)).unwrap_or(wrench);
         moves.push(Move {
             line: row.line,
             to,
-            wrench: [before, wrench],
+            load: Load::Given([before, wrench]),
             longer_m: 0.0,
             is_fresh: false,
             feed_per_min: None,

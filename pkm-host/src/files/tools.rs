@@ -1,24 +1,51 @@
-//! Tool tables: lengths of tools by number, in TOML or as LinuxCNC keeps them (`tool.tbl`).
+//! Tool tables: lengths of tools by number, and what cutting forces are estimated from, in TOML; or as LinuxCNC keeps them (`tool.tbl`).
 
 use serde::Deserialize;
 use toml::Spanned;
 
 use crate::error::{Failure, Result};
+use crate::files::cutting::{Cutter, Engagement, Material, Side};
 use crate::files::source::Source;
 use crate::files::toml_error::{line_at, parsed};
 
 /// Longest tool, mm: far beyond any.
 const MAX_LENGTH_MM: f64 = 1e4;
 
-/// Lengths by number, over the flange of the machine file.
+/// Radial over tangential force where the table does not say it: a usual value for steel.
+const RADIAL_RATIO: f64 = 0.3;
+
+/// Tools by number, and the material that they cut.
 #[derive(Clone, Debug, Default)]
-pub struct Tools(Vec<(u32, f64)>);
+pub struct Tools {
+    tools: Vec<Tool>,
+    /// Of the workpiece.
+    pub material: Option<Material>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Tool {
+    number: u32,
+    /// Over the flange of the machine file.
+    length_mm: f64,
+    cutter: Option<Cutter>,
+}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawTools {
     format: Spanned<i64>,
+    material: Option<RawMaterial>,
     tool: Vec<RawTool>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawMaterial {
+    kc1_1_n_per_mm2: Spanned<f64>,
+    mc: Spanned<f64>,
+    u_rel: Spanned<f64>,
+    radial_ratio: Option<Spanned<f64>>,
+    axial_ratio: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -27,6 +54,100 @@ struct RawTool {
     number: Spanned<u32>,
     length_mm: Spanned<f64>,
     diameter_mm: Option<Spanned<f64>>,
+    kind: Option<Spanned<Kind>>,
+    teeth: Option<Spanned<u32>>,
+    lead_deg: Option<Spanned<f64>>,
+    depth_mm: Option<Spanned<f64>>,
+    width_mm: Option<Spanned<f64>>,
+    side: Option<Spanned<RawSide>>,
+}
+
+#[derive(Clone, Copy, Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Mill,
+    Drill,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum RawSide {
+    Climb,
+    Conventional,
+    Centre,
+}
+
+/// What is wrong: where, which key, and why.
+type Checked<T> = std::result::Result<T, (usize, &'static str, String)>;
+
+/// A number within bounds, the lower one excluded.
+fn within(key: &'static str, raw: &Spanned<f64>, low: f64, high: f64) -> Checked<f64> {
+    let value = *raw.get_ref();
+    if value > low && value <= high {
+        return Ok(value);
+    }
+    Err((raw.span().start, key, format!("expected a number above {low}, at most {high}, found {value}")))
+}
+
+impl RawMaterial {
+    fn checked(&self) -> Checked<Material> {
+        let ratio = |key, raw: &Option<Spanned<f64>>, default| match raw {
+            Some(raw) => within(key, raw, -2.0, 2.0),
+            None => Ok(default),
+        };
+        Ok(Material {
+            kc1_1_n_per_mm2: within("material.kc1_1_n_per_mm2", &self.kc1_1_n_per_mm2, 0.0, 1e5)?,
+            mc: within("material.mc", &self.mc, 0.0, 0.9)?,
+            u_rel: within("material.u_rel", &self.u_rel, 0.0, 1.0)?,
+            radial_ratio: ratio("material.radial_ratio", &self.radial_ratio, RADIAL_RATIO)?,
+            axial_ratio: ratio("material.axial_ratio", &self.axial_ratio, 0.0)?,
+        })
+    }
+}
+
+impl RawTool {
+    /// The edges, where a kind is given.
+    fn cutter(&self) -> Checked<Option<Cutter>> {
+        let Some(kind) = &self.kind else {
+            let others = [&self.lead_deg, &self.depth_mm, &self.width_mm].map(|v| v.as_ref().map(|v| v.span().start));
+            let others = others.into_iter().flatten().chain(self.teeth.as_ref().map(|v| v.span().start));
+            return match others.chain(self.side.as_ref().map(|v| v.span().start)).next() {
+                Some(at) => Err((at, "tool.kind", "missing key: expected kind = \"mill\" or \"drill\"".into())),
+                None => Ok(None),
+            };
+        };
+        let (at, is_mill) = (kind.span().start, *kind.get_ref() == Kind::Mill);
+        fn needed<'a, T>(at: usize, key: &'static str, raw: &'a Option<T>) -> Checked<&'a T> {
+            raw.as_ref().ok_or_else(|| (at, key, "missing key: an estimate of the cutting force needs it".to_owned()))
+        }
+        let diameter_mm =
+            within("tool.diameter_mm", needed(at, "tool.diameter_mm", &self.diameter_mm)?, 0.0, MAX_LENGTH_MM)?;
+        let teeth = needed(at, "tool.teeth", &self.teeth)?;
+        if !(1..=100).contains(teeth.get_ref()) {
+            let message = format!("expected 1 to 100 edges, found {}", teeth.get_ref());
+            return Err((teeth.span().start, "tool.teeth", message));
+        }
+        let lead_deg = match &self.lead_deg {
+            Some(raw) => within("tool.lead_deg", raw, 0.0, 90.0)?,
+            None if is_mill => 90.0,
+            // half of 118°
+            None => 59.0,
+        };
+        let engagement = if is_mill {
+            Some(Engagement {
+                depth_mm: within("tool.depth_mm", needed(at, "tool.depth_mm", &self.depth_mm)?, 0.0, 1e3)?,
+                width_mm: within("tool.width_mm", needed(at, "tool.width_mm", &self.width_mm)?, 0.0, diameter_mm)?,
+                side: match self.side.as_ref().map(|side| *side.get_ref()) {
+                    None | Some(RawSide::Climb) => Side::Climb,
+                    Some(RawSide::Conventional) => Side::Conventional,
+                    Some(RawSide::Centre) => Side::Centre,
+                },
+            })
+        } else {
+            None
+        };
+        Ok(Some(Cutter { diameter_mm, teeth: *teeth.get_ref(), lead_deg, engagement }))
+    }
 }
 
 impl Tools {
@@ -40,17 +161,26 @@ impl Tools {
 
     /// The length of a tool, mm.
     pub fn length_mm(&self, number: f64) -> Option<f64> {
-        self.0.iter().find(|(n, _)| f64::from(*n) == number).map(|(_, length)| *length)
+        self.tool(number).map(|tool| tool.length_mm)
     }
 
-    fn add(&mut self, number: u32, length_mm: f64) -> std::result::Result<(), String> {
+    /// The edges of a tool, where the table has them.
+    pub fn cutter(&self, number: f64) -> Option<Cutter> {
+        self.tool(number).and_then(|tool| tool.cutter)
+    }
+
+    fn tool(&self, number: f64) -> Option<&Tool> {
+        self.tools.iter().find(|tool| f64::from(tool.number) == number)
+    }
+
+    fn add(&mut self, number: u32, length_mm: f64, cutter: Option<Cutter>) -> std::result::Result<(), String> {
         if !(length_mm.abs() <= MAX_LENGTH_MM) {
             return Err(format!("expected a length within ±{MAX_LENGTH_MM} mm, found {length_mm}"));
         }
         if self.length_mm(f64::from(number)).is_some() {
             return Err(format!("duplicate tool {number}"));
         }
-        self.0.push((number, length_mm));
+        self.tools.push(Tool { number, length_mm, cutter });
         Ok(())
     }
 
@@ -64,14 +194,17 @@ impl Tools {
         if format != 1 {
             return Err(fail(raw.format.span().start, "format", format!("expected 1, found {format}")));
         }
-        let mut tools = Self::default();
+        let checked = |(start, key, message): (usize, &str, String)| fail(start, key, message);
+        let material = raw.material.as_ref().map(RawMaterial::checked).transpose().map_err(checked)?;
+        let mut tools = Self { tools: Vec::new(), material };
         for tool in &raw.tool {
             if let Some(diameter) = tool.diameter_mm.as_ref().filter(|d| !(0.0..=MAX_LENGTH_MM).contains(d.get_ref())) {
                 let message = format!("expected a diameter from 0 to {MAX_LENGTH_MM} mm, found {}", diameter.get_ref());
                 return Err(fail(diameter.span().start, "tool.diameter_mm", message));
             }
             let failed = |message| fail(tool.length_mm.span().start, "tool.length_mm", message);
-            tools.add(*tool.number.get_ref(), *tool.length_mm.get_ref()).map_err(failed)?;
+            let cutter = tool.cutter().map_err(checked)?;
+            tools.add(*tool.number.get_ref(), *tool.length_mm.get_ref(), cutter).map_err(failed)?;
         }
         Ok(tools)
     }
@@ -99,7 +232,7 @@ impl Tools {
                 }
             }
             if let Some(number) = number {
-                tools.add(number, length_mm).map_err(fail)?;
+                tools.add(number, length_mm, None).map_err(fail)?;
             }
         }
         Ok(tools)

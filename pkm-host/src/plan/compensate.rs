@@ -7,17 +7,20 @@
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::Vector3;
 use pkm_core::{
-    Configuration, CorrectionTable, Domain, Hold, Pose, TableUncertainty, TipUncertainty, Tool, ToolDeflectionError,
-    Wrench,
+    Configuration, CorrectionTable, Domain, Hold, JointValues, Pose, TableUncertainty, TipUncertainty, Tool,
+    ToolDeflectionError, Wrench,
 };
 
 use crate::error::{Failure, Result};
+use crate::files::cutting::Cut;
 use crate::files::limits::JointLimits;
 use crate::files::machine::MachineFile;
-use crate::files::path::{Move, Place, Toward, part_of, rounded};
+use crate::files::path::{Load, Move, Place, Toward, part_of, rounded};
 use crate::files::tool_path::Point;
-use crate::plan::feed::{JointTrack, TooFast};
+use crate::plan::cutting::{self, MeanForce};
+use crate::plan::feed::JointTrack;
 use crate::plan::reach::Reach;
+use crate::plan::track::{Error, KnownDeflection, LoadedPoint, PathPlace, Track};
 use crate::pose::{PoseBox, a_in_b_m, file_units};
 use crate::progress::Progress;
 
@@ -29,6 +32,9 @@ const STEP_RAD: f64 = std::f64::consts::PI / 180.0;
 const OPPOSITE_RAD: f64 = 0.999 * std::f64::consts::PI;
 /// Most steps of a path.
 const MOST_STEPS: f64 = 5e6;
+/// An estimated load that changes by no more than this share of it goes on without a point of its own.
+const STEADY: f64 = 0.01;
+
 /// A path and how it is walked.
 pub struct Request<'a> {
     /// Its file, for messages.
@@ -43,6 +49,8 @@ pub struct Request<'a> {
     pub allow_extrapolation: bool,
     /// Of the joints, to hold the programmed feeds against.
     pub limits: Option<&'a JointLimits>,
+    /// How far given loads may be off, as a share of them.
+    pub load_u_rel: f64,
 }
 
 /// A correction and the box that it was fitted on.
@@ -55,29 +63,6 @@ pub struct Correction<'a> {
     pub extent: PoseBox,
     /// Its file.
     pub name: String,
-}
-
-/// Greatest and root mean square of some errors.
-#[derive(Default)]
-pub struct Tally {
-    /// Greatest.
-    pub max: f64,
-    squares: f64,
-    /// How many.
-    pub count: usize,
-}
-
-impl Tally {
-    fn add(&mut self, value: f64) {
-        self.max = self.max.max(value);
-        self.squares += value * value;
-        self.count += 1;
-    }
-
-    /// Root mean square; 0 of none.
-    pub fn rms(&self) -> f64 {
-        if self.count == 0 { 0.0 } else { (self.squares / self.count as f64).sqrt() }
-    }
 }
 
 /// A loaded tool against what was asked.
@@ -97,78 +82,6 @@ impl LoadedTool {
 
 fn length(v: [f64; 3]) -> f64 {
     v.into_iter().map(|x| x.powi(2)).sum::<f64>().sqrt()
-}
-
-/// A point of the path under load.
-#[derive(Clone, Copy, Debug)]
-pub struct LoadedPoint {
-    /// Line of the file that leads to it.
-    pub line: u64,
-    /// Way of the tip from the beginning, m.
-    pub way_m: f64,
-    /// Where the tip was asked to be, in B.
-    pub tip_m: [f64; 3],
-    /// How far the load takes it from there, in B.
-    pub before_m: [f64; 3],
-    /// How far it is off with the new command.
-    pub after_m: f64,
-    /// How well the table knows the deflection, where it says so.
-    pub known: Option<KnownDeflection>,
-}
-
-/// How well a deflection of the tip is known.
-#[derive(Clone, Copy, Debug)]
-pub struct KnownDeflection {
-    /// Length of its expanded uncertainty along u, v, w, coverage 95 %.
-    pub u95_m: f64,
-    /// Share of it that a controller would compensate: [`TipUncertainty::known_share`].
-    pub share: f64,
-}
-
-impl LoadedPoint {
-    /// How far the load takes the tip.
-    pub fn before(&self) -> f64 {
-        length(self.before_m)
-    }
-}
-
-/// What came of a path.
-#[derive(Default)]
-pub struct Track {
-    /// How many points the new path has.
-    pub points: usize,
-    /// Of tip in m and axis in rad, as the path was.
-    pub before: [Tally; 2],
-    /// As it becomes.
-    pub after: [Tally; 2],
-    /// Of the tip in m, at midpoints between points.
-    pub halfway: Tally,
-    /// Least normalised Jacobian determinant.
-    pub least_share: f64,
-    /// Points outside the table's box.
-    pub extrapolated: usize,
-    /// Where a load acts, in the path's order.
-    pub loaded: Vec<LoadedPoint>,
-    /// Length of the deflection's expanded uncertainty in m; of no points where the table does not say.
-    pub u95: Tally,
-    /// Loaded points where that is greater than the deflection.
-    pub unsure: usize,
-    /// Lines that ask too much of a joint, with `limits`.
-    pub too_fast: Vec<TooFast>,
-    /// Moves whose feed was held against `limits`.
-    pub feeds: usize,
-}
-
-impl Track {
-    /// One entry a line, with the feed that all of its moves can have.
-    fn slow_down(&mut self, found: Option<TooFast>) {
-        let Some(found) = found else { return };
-        match self.too_fast.last_mut().filter(|last| last.line == found.line) {
-            Some(last) if last.allowed_per_min <= found.allowed_per_min => {}
-            Some(last) => *last = found,
-            None => self.too_fast.push(found),
-        }
-    }
 }
 
 /// How far outside a table's box a pose is.
@@ -193,17 +106,22 @@ struct PathPosition {
 
 /// A walk along a path.
 struct Walk<'a> {
+    request: &'a Request<'a>,
     /// With the tool in hand.
     reach: &'a Reach<'a>,
     correction: Option<&'a Correction<'a>>,
-    file: &'a str,
-    allow_extrapolation: bool,
-    in_program: bool,
     track: Track,
     /// The last loaded point: as asked, and as commanded.
     last: Option<(Place, Point)>,
     /// New points of the move that is being gone along.
     points: Vec<Point>,
+    /// Where the machine stands, and its joints without the load.
+    near: Configuration<f64>,
+    stood: Option<JointValues<f64>>,
+    /// The load at the end of the move before.
+    ended: Wrench<f64>,
+    /// The last cut that a force was estimated for.
+    estimated: Option<(Cut, MeanForce)>,
     way_m: f64,
     position: PathPosition,
 }
@@ -270,7 +188,7 @@ impl Walk<'_> {
         let [x, y, z] = self.position.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
         let way = self.position.from.map_or(String::new(), |line| format!("on the way from line {line} to here, "));
         let message = format!("{way}tip {x}, {y}, {z} mm: {}", failure.message);
-        Failure { message, ..failure }.in_file(self.file).at_line(self.position.line)
+        Failure { message, ..failure }.in_file(self.request.file).at_line(self.position.line)
     }
 
     fn failure(&self, e: ToolDeflectionError, there: Option<Hold<f64>>) -> Failure {
@@ -284,7 +202,13 @@ impl Walk<'_> {
     }
 
     /// The command for a point under load, and what it leaves.
-    fn loaded(&mut self, asked: &Place, near: &Configuration<f64>, wrench: &Wrench<f64>) -> Result<Hold<f64>> {
+    fn loaded(
+        &mut self,
+        asked: &Place,
+        near: &Configuration<f64>,
+        wrench: &Wrench<f64>,
+        u_rel: f64,
+    ) -> Result<(Hold<f64>, LoadedPoint)> {
         let tool_at = |configuration: &Configuration<f64>| {
             self.reach.five.tool(configuration).map_err(|e| self.failure(e.into(), None))
         };
@@ -306,13 +230,13 @@ impl Walk<'_> {
             Toward::Wrist(_) => Toward::Wrist(configuration.beta_rad.into()),
             Toward::Head(head, angles) => Toward::Head(head, head.angles(axis.into(), angles)),
         };
-        let place = rounded(&Place { tip_m: tip_m.into(), toward }, self.in_program);
+        let place = rounded(&Place { tip_m: tip_m.into(), toward }, self.request.in_program);
         let failed = |e| self.failure(e, self.reach.stand_anywhere(&place, &configuration));
         let before = self.met(asked, wrench, &tool, near).map_err(failed)?;
         let after = self.met(&place, wrench, &tool, &configuration).map_err(failed)?;
         let known = self.known(&before.hold.configuration, wrench, before.tip_off_m).map_err(failed)?;
         let outside = self.correction.filter(|_| after.domain == Some(Domain::Outside));
-        if let Some(correction) = outside.filter(|_| !self.allow_extrapolation) {
+        if let Some(correction) = outside.filter(|_| !self.request.allow_extrapolation) {
             let amount = outside_by(&after.hold.configuration.pose, &correction.extent);
             let name = &correction.name;
             let why = format!("outside the box of {name}: {amount}; fit a table there, or give --allow-extrapolation");
@@ -324,6 +248,11 @@ impl Walk<'_> {
             self.met(&last.place.between(&place, 0.5), &part_of(&[last.wrench, *wrench], 0.5), &meant, near)
         });
         let halfway = halfway.transpose().map_err(failed)?;
+        let off_by = |share: f64| {
+            let wrench = Wrench::from_vector(wrench.to_vector() * (1.0 + share));
+            Ok(self.met(&place, &wrench, &tool, &configuration).map_err(failed)?.off()[0])
+        };
+        let load_off_m = if u_rel > 0.0 { f64::max(off_by(u_rel)?, off_by(-u_rel)?) } else { after.off()[0] };
         let track = &mut self.track;
         if let Some(halfway) = halfway {
             track.halfway.add(halfway.off()[0]);
@@ -333,22 +262,119 @@ impl Walk<'_> {
             track.before[i].add(off_before[i]);
             track.after[i].add(off_after[i]);
         }
+        if u_rel > 0.0 {
+            track.load_off.add(load_off_m);
+        }
+        if let Some(known) = known {
+            track.u95.add(known.u95_m);
+            track.unsure += usize::from(known.share < 1.0);
+            track.least_known_share = track.least_known_share.min(known.share);
+        }
         track.extrapolated += usize::from(outside.is_some());
-        track.least_share = track.least_share.min(after.hold.home_share);
-        known.iter().for_each(|known| track.u95.add(known.u95_m));
-        track.unsure += known.iter().filter(|known| known.share < 1.0).count();
-        track.loaded.push(LoadedPoint {
-            line: self.position.line,
-            way_m: self.way_m,
-            tip_m: asked.tip_m,
-            before_m: before.tip_off_m,
-            after_m: off_after[0],
-            known,
-        });
+        let (line, tip_m) = (self.position.line, asked.tip_m);
+        let extent = self.correction.map(|c| &c.extent);
+        track.margins.take(self.reach.file, &after.hold, extent, line, tip_m);
+        let (before_m, after_m) = (before.tip_off_m, off_after[0]);
+        let loaded = LoadedPoint { line, way_m: self.way_m, tip_m, before_m, after_m, load_off_m, known };
+        track.take(loaded);
         let point = Point { place, wrench: *wrench };
         self.last = Some((*asked, point));
         self.points.push(point);
-        Ok(after.hold)
+        Ok((after.hold, loaded))
+    }
+
+    /// The load of a move at a share of it, with the machine in a configuration.
+    fn wrench(
+        &mut self,
+        mv: &Move,
+        from: &Place,
+        share: f64,
+        configuration: &Configuration<f64>,
+    ) -> Result<Wrench<f64>> {
+        let cut = match mv.load {
+            Load::Given(wrenches) => return Ok(part_of(&wrenches, share)),
+            Load::Cut(cut) => cut,
+        };
+        let mean = match self.estimated.filter(|(other, _)| *other == cut) {
+            Some((_, mean)) => mean,
+            None => self.estimated.insert((cut, cutting::milling(&cut))).1,
+        };
+        let frame = self.reach.five.frame(configuration).map_err(|e| self.failure(e.into(), None))?;
+        let direction = frame.axes.transpose() * (Vector3::from(mv.to.tip_m) - Vector3::from(from.tip_m));
+        Ok(cutting::wrench(&cut, &mean, &direction))
+    }
+
+    /// Whether the load at the beginning of a move is another than at the end of the one before. Where it is, so is the command.
+    fn jumps(&mut self, mv: &Move, from: &Place) -> Result<bool> {
+        if !mv.is_loaded() {
+            return Ok(false);
+        }
+        let near = self.near;
+        let begins = self.wrench(mv, from, 0.0, &near)?;
+        let change = (begins.to_vector() - self.ended.to_vector()).norm();
+        Ok(match mv.load {
+            Load::Given(_) => begins != self.ended,
+            Load::Cut(_) => begins != Wrench::ZERO && change > STEADY * begins.to_vector().norm(),
+        })
+    }
+
+    /// Goes along a move, in steps.
+    fn go(&mut self, mv: &Move, before: Option<&Move>, n: u64, progress: &Progress<'_>) -> Result<()> {
+        let Request { file, in_program, .. } = *self.request;
+        let fill = in_program || self.request.step_mm.is_some();
+        let from = before.map_or(mv.to, |m| m.to);
+        let [length_m, turn_rad] = from.apart(&mv.to);
+        if turn_rad > OPPOSITE_RAD && matches!(mv.to.toward, Toward::Axis(_)) {
+            let why = "the axis turns by 180° at once, and which way is not said: give a point between";
+            return Err(Failure::input(why).in_file(file).at_line(mv.line));
+        }
+        let jumps = before.is_some() && self.jumps(mv, &from)?;
+        if jumps || !mv.is_loaded() {
+            self.last = None;
+        }
+        let u_rel = if let Load::Cut(cut) = mv.load { cut.material.u_rel } else { self.request.load_u_rel };
+        self.track.estimated += usize::from(matches!(mv.load, Load::Cut(_)));
+        let begun = self.way_m;
+        let mut joints = JointTrack::default();
+        if !jumps && let Some(stood) = &self.stood {
+            joints.add(stood);
+        }
+        for k in u64::from(!jumps)..=n {
+            let (ends, share) = (k == n, k as f64 / n as f64);
+            let asked = if ends { mv.to } else { from.between(&mv.to, share) };
+            self.way_m = begun + share * length_m;
+            self.position =
+                PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
+            let hold = self.stand(&asked, &self.near, before.is_none())?;
+            self.near = hold.configuration;
+            joints.add(&hold.joints);
+            self.stood = Some(hold.joints);
+            let wrench = self.wrench(mv, &from, share, &hold.configuration)?;
+            self.track.margins.take(self.reach.file, &hold, None, mv.line, asked.tip_m);
+            let mut before_m = None;
+            if wrench != Wrench::ZERO && (fill || ends) {
+                let (loaded, point) = self.loaded(&asked, &hold.configuration, &wrench, u_rel)?;
+                (self.near, before_m) = (loaded.configuration, Some(point.error_m(Error::Before)));
+                if !fill {
+                    self.last = None;
+                }
+            } else if ends || (fill && mv.is_loaded()) {
+                self.points.push(Point { place: rounded(&asked, in_program), wrench });
+            }
+            self.ended = wrench;
+            self.track.step(PathPlace { tip_m: asked.tip_m, before_m, is_fresh: before.is_none() }, ends);
+            let [done, all] = self.track.steps;
+            progress("points", done.min(all), all);
+        }
+        if let Some(limits) = self
+            .request
+            .limits
+            .filter(|_| before.is_some_and(|b| b.longer_m == mv.longer_m) && mv.feed_per_min.is_some())
+        {
+            self.track.feeds += 1;
+            self.track.slow_down(joints.too_fast(&from, mv, limits));
+        }
+        Ok(())
     }
 }
 
@@ -386,8 +412,7 @@ pub fn walk<'a>(
     write: &mut dyn FnMut(&[Point]),
     progress: &Progress<'_>,
 ) -> Result<Track> {
-    let Request { file, moves, in_program, .. } = *request;
-    let fill = in_program || request.step_mm.is_some();
+    let Request { file, moves, .. } = *request;
     let machines = with_tools(machine, moves)?;
     let reaches = machines.iter().map(|(_, machine)| Reach::new(machine)).collect::<Result<Vec<_>>>()?;
     let step_m = request.step_mm.unwrap_or(STEP_MM) / 1e3;
@@ -395,78 +420,32 @@ pub fn walk<'a>(
         let [way, turn] = a.apart(b);
         (way / step_m).max(turn / STEP_RAD).ceil().max(1.0)
     };
-    let (mut done, all) = (0, all_steps(moves, steps).map_err(|f| f.in_file(file))?);
-    let track = Track { least_share: f64::INFINITY, ..Track::default() };
-    let allow_extrapolation = request.allow_extrapolation;
-    let position = PathPosition { line: 0, from: None, tip_m: [0.0; 3] };
-    let reach = &reaches[0];
+    let all = all_steps(moves, steps).map_err(|f| f.in_file(file))?;
     let mut walk = Walk {
-        reach,
+        request,
+        reach: &reaches[0],
         correction,
-        file,
-        allow_extrapolation,
-        in_program,
-        track,
+        track: Track::of_steps(all),
         last: None,
         points: Vec::new(),
+        near: reaches[0].home(),
+        stood: None,
+        ended: Wrench::ZERO,
+        estimated: None,
         way_m: 0.0,
-        position,
+        position: PathPosition { line: 0, from: None, tip_m: [0.0; 3] },
     };
-    let (mut near, mut stood) = (walk.reach.home(), None);
     for (index, mv) in moves.iter().enumerate() {
         walk.points.clear();
         let tool = machines.iter().position(|(longer_m, _)| *longer_m == mv.longer_m);
         walk.reach = &reaches[tool.unwrap_or(0)];
         let before = index.checked_sub(1).filter(|_| !mv.is_fresh).map(|i| &moves[i]);
-        let from = before.map_or(mv.to, |m| m.to);
-        let n = steps(&from, &mv.to) as usize;
-        if from.apart(&mv.to)[1] > OPPOSITE_RAD && matches!(mv.to.toward, Toward::Axis(_)) {
-            let why = "the axis turns by 180° at once, and which way is not said: give a point between";
-            return Err(Failure::input(why).in_file(file).at_line(mv.line));
-        }
-        // where the load changes at once, so does the command
-        let jumps = before.is_some_and(|b| mv.is_loaded() && b.wrench[1] != mv.wrench[0]);
-        if jumps || !mv.is_loaded() {
-            walk.last = None;
-        }
-        let [length, _] = from.apart(&mv.to);
-        let begun = walk.way_m;
-        let mut joints = JointTrack::default();
-        if !jumps && let Some(stood) = &stood {
-            joints.add(stood);
-        }
-        for k in usize::from(!jumps)..=n {
-            let (ends, share) = (k == n, k as f64 / n as f64);
-            let asked = if ends { mv.to } else { from.between(&mv.to, share) };
-            walk.way_m = begun + share * length;
-            walk.position =
-                PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
-            let hold = walk.stand(&asked, &near, before.is_none())?;
-            near = hold.configuration;
-            joints.add(&hold.joints);
-            stood = Some(hold.joints);
-            walk.track.least_share = walk.track.least_share.min(hold.home_share);
-            let wrench = part_of(&mv.wrench, share);
-            if wrench != Wrench::ZERO && (fill || ends) {
-                near = walk.loaded(&asked, &near, &wrench)?.configuration;
-                if !fill {
-                    walk.last = None;
-                }
-            } else if ends || (fill && mv.is_loaded()) {
-                walk.points.push(Point { place: rounded(&asked, in_program), wrench });
-            }
-            progress("points", done, all);
-            done += 1;
-        }
+        let n = before.map_or(1.0, |b| steps(&b.to, &mv.to)) as u64;
+        walk.go(mv, before, n, progress)?;
         walk.track.points += walk.points.len();
         write(&walk.points);
-        if let Some(limits) =
-            request.limits.filter(|_| before.is_some_and(|b| b.longer_m == mv.longer_m) && mv.feed_per_min.is_some())
-        {
-            walk.track.feeds += 1;
-            walk.track.slow_down(joints.too_fast(&from, mv, limits));
-        }
     }
     progress("points", all, all);
+    walk.track.finish();
     Ok(walk.track)
 }

@@ -4,7 +4,7 @@ use pkm_core::{Configuration, Wrench};
 
 use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
-use crate::files::path::{Move, part_of};
+use crate::files::path::Move;
 use crate::plan::reach::Reach;
 
 /// Between two points: of the tip in m, of the axis or a wrist's joint in rad. Finer than a page can show.
@@ -60,7 +60,7 @@ pub fn played(file: &MachineFile, name: &str, moves: &[Move]) -> Result<Vec<Play
             // the last always, of many short moves some
             if index + 1 == moves.len() || index % every == 0 {
                 let is_rapid = mv.is_rapid || mv.is_fresh;
-                let wrench = part_of(&mv.wrench, share);
+                let wrench = mv.load.given(share).unwrap_or(Wrench::ZERO);
                 points.push(PlayedPoint { line: mv.line, configuration: near, wrench, is_rapid });
             }
         }

@@ -4,34 +4,30 @@ use maud::html;
 use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::plan::compensate::{LoadedPoint, Tally, Track};
 use crate::plan::feed::TooFast;
+use crate::plan::track::{Error, LineErrors, Nearest, Tally, Track};
 use crate::report::page::{self, Finding, Page};
+use crate::report::path3d;
 use crate::report::plot::{self, Mark, Panel, Series};
 
-/// Lines of the program in the report's table.
-const SHOWN: usize = 12;
 /// A determinant below this many times the limit is a warning.
 const NEAR: f64 = 1.5;
 
-/// Of as many stretches of the path as a screen shows, the greatest value in µm over the way in mm.
-fn along(track: &Track, name: &str, of: impl Fn(&LoadedPoint) -> f64) -> Series {
-    const STRETCHES: usize = 250;
-    let stretch = track.loaded.len().div_ceil(STRETCHES).max(1);
-    let greatest = |part: &[LoadedPoint]| {
-        let worst = part.iter().max_by(|a, b| of(a).abs().total_cmp(&of(b).abs()));
-        worst.map(|p| (p.way_m * 1e3, of(p) * 1e6))
-    };
-    let points = track.loaded.chunks(stretch).filter_map(greatest).collect();
+/// Of each stretch of the path the greatest value in µm over the way in mm.
+fn along(track: &Track, name: &str, error: Error) -> Series {
+    let points = track.stretches.iter().map(|stretch| stretch.greatest(error));
+    let points = points.map(|p| (p.way_m * 1e3, p.error_m(error) * 1e6)).collect();
     Series { name: name.to_owned(), points, mark: Mark::Line }
 }
 
 fn errors(track: &Track) -> Panel {
     // residuals near zero are as intended
-    let mut series =
-        vec![along(track, "uncompensated", LoadedPoint::before), along(track, "compensated", |p| p.after_m)];
+    let mut series = vec![along(track, "uncompensated", Error::Before), along(track, "compensated", Error::After)];
+    if track.load_off.count > 0 {
+        series.insert(1, along(track, "compensated, load off", Error::LoadOff));
+    }
     if track.u95.count > 0 {
-        series.push(along(track, "U95 of the prediction", |p| p.known.map_or(0.0, |known| known.u95_m)));
+        series.push(along(track, "U95 of the prediction", Error::U95));
     }
     Panel {
         title: "error of the tip, as the model predicts it".to_owned(),
@@ -52,43 +48,75 @@ pub fn picture(track: &Track) -> Result<String> {
 /// Where the loaded path is, seen along an axis of B, and its point of greatest error.
 fn view(track: &Track, [right, up]: [usize; 2]) -> Panel {
     let name = |axis: usize| format!("{} in mm", ["x", "y", "z"][axis]);
-    let at = |p: &LoadedPoint| (p.tip_m[right] * 1e3, p.tip_m[up] * 1e3);
-    let step = track.loaded.len().div_ceil(2000).max(1);
+    let at = |tip_m: [f64; 3]| (tip_m[right] * 1e3, tip_m[up] * 1e3);
     let series = |name: &str, points: Vec<(f64, f64)>, mark| Series { name: name.to_owned(), points, mark };
-    let worst = track.loaded.iter().max_by(|a, b| a.before().total_cmp(&b.before()));
+    let loaded = track.places.iter().filter(|p| p.before_m.is_some()).map(|p| at(p.tip_m));
     Panel {
         title: format!("tip under load, {} over {}", ["x", "y", "z"][up], ["x", "y", "z"][right]),
         x_label: name(right),
         y_label: name(up),
         series: vec![
-            series("path", track.loaded.iter().step_by(step).map(at).collect(), Mark::Dot),
-            series("greatest error", worst.map(at).into_iter().collect(), Mark::Cross),
+            series("path", loaded.collect(), Mark::Dot),
+            series("greatest error", track.worst.iter().take(1).map(|l| at(l.worst.tip_m)).collect(), Mark::Cross),
         ],
     }
 }
 
 /// The lines with the greatest errors: line, way, and the greatest errors on it.
 fn worst_lines(track: &Track) -> Vec<(String, Vec<String>)> {
-    let mut lines: Vec<(LoadedPoint, f64)> = Vec::new();
-    for p in &track.loaded {
-        match lines.last_mut().filter(|(worst, _)| worst.line == p.line) {
-            Some((worst, after)) => {
-                *after = after.max(p.after_m);
-                if p.before() > worst.before() {
-                    *worst = *p;
-                }
-            }
-            None => lines.push((*p, p.after_m)),
-        }
-    }
-    lines.sort_by(|a, b| b.0.before().total_cmp(&a.0.before()));
-    let row = |(p, after): &(LoadedPoint, f64)| {
-        let [x, y, z] = p.tip_m.map(|m| format!("{:.3}", m * 1e3));
-        let [dx, dy, dz] = p.before_m.map(|m| format!("{:.2}", m * 1e6));
-        let sizes = [p.before(), *after].map(|m| format!("{:.3}", m * 1e6));
-        (format!("line {}", p.line), [&[x, y, z, dx, dy, dz][..], &sizes].concat())
+    let row = |LineErrors { worst, after_m }: &LineErrors| {
+        let [x, y, z] = worst.tip_m.map(|m| format!("{:.3}", m * 1e3));
+        let [dx, dy, dz] = worst.before_m.map(|m| format!("{:.2}", m * 1e6));
+        let sizes = [worst.error_m(Error::Before), *after_m].map(|m| format!("{:.3}", m * 1e6));
+        (format!("line {}", worst.line), [&[x, y, z, dx, dy, dz][..], &sizes].concat())
     };
-    lines.iter().take(SHOWN).map(row).collect()
+    track.worst.iter().map(row).collect()
+}
+
+/// Where limits come nearest: what, how much is left, on which line and where.
+fn margins(track: &Track, limit: f64) -> Vec<(String, Vec<String>)> {
+    let row = |name: String, room: String, nearest: &Nearest| {
+        let [x, y, z] = nearest.tip_m.map(|m| format!("{:.3}", m * 1e3));
+        (name, vec![room, nearest.line.to_string(), x, y, z])
+    };
+    let margins = &track.margins;
+    let mut rows = Vec::new();
+    if let Some(n) = &margins.travel {
+        rows.push(row(format!("travel of screw {}", n.which + 1), format!("{:.3} mm", n.room * 1e3), n));
+    }
+    if let Some(n) = &margins.wrist {
+        rows.push(row(format!("wrist joint β{}", n.which + 1), format!("{:.3}°", n.room.to_degrees()), n));
+    }
+    if let Some(n) = &margins.determinant {
+        let room = format!("{:.1} % of home's determinant, limit {:.1} %", n.room * 100.0, limit * 100.0);
+        rows.push(row("singularity".to_owned(), room, n));
+    }
+    if let Some(n) = &margins.extent {
+        let name = format!("the table's box, {}", ["θ", "σ", "Z0"][n.which]);
+        rows.push(row(name, format!("{:.1} % of its half width", n.room * 100.0), n));
+    }
+    rows
+}
+
+/// What the result rests on.
+fn assumptions(track: &Track) -> Vec<String> {
+    let mut all = vec![
+        "All errors are what the model predicts: of the deflection under the stated load alone, with nothing of friction's \
+         history, of the drives' following error or of thermal growth."
+            .to_owned(),
+        "Rapid moves have no load. Between two points of the new path the control goes straight.".to_owned(),
+    ];
+    if track.estimated > 0 {
+        all.push(format!(
+            "The load of {} moves is estimated by Kienzle's law from S, F, the tool's edges and the stated engagement, as the \
+             mean over a turn at the tip: no ripple from tooth to tooth, no wear, no run-out, and the engagement is not checked.",
+            track.estimated
+        ));
+    }
+    if track.feeds == 0 {
+        all.push("Feeds were not held against limits of the joints: --limits does.".to_owned());
+    }
+    all
 }
 
 /// How well the table knows what was compensated.
@@ -106,21 +134,20 @@ fn known(track: &Track) -> Option<Finding> {
 
 /// A warning where the expanded uncertainty exceeds what is compensated.
 pub fn unsure(track: &Track) -> Option<String> {
-    let share = track.loaded.iter().filter_map(|p| Some(p.known?.share)).fold(1.0, f64::min);
     (track.unsure > 0).then(|| {
         format!(
             "at {} of {} loaded points the expanded uncertainty exceeds the deflection; a controller that compensates what is \
              known would compensate {:.0} % there at least",
             track.unsure,
-            track.loaded.len(),
-            100.0 * share
+            track.before[0].count,
+            100.0 * track.least_known_share
         )
     })
 }
 
 /// What to think of it.
 fn findings(track: &Track, limit: f64) -> Vec<Finding> {
-    if track.loaded.is_empty() {
+    if track.stretches.is_empty() {
         return vec![Finding::warning("No load acts anywhere on the path: nothing was compensated.")];
     }
     let [before, after] = [&track.before[0], &track.after[0]].map(|t| t.max * 1e6);
@@ -135,16 +162,18 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
         );
         all.insert(0, Finding::bad(text));
     }
+    if track.load_off.count > 0 {
+        all.push(Finding::good(format!(
+            "If the load is off by its stated uncertainty, up to {:.2} µm are left.",
+            track.load_off.max * 1e6
+        )));
+    }
     all.extend(known(track));
-    let [least, limit] = [track.least_share, limit].map(|share| 100.0 * share);
+    let [least, limit] = [track.least_share(), limit].map(|share| 100.0 * share);
     let text = format!(
         "Closest to a singularity the determinant is {least:.1} % of that at home; below {limit} % it is refused."
     );
     all.push(if least < NEAR * limit { Finding::warning(text) } else { Finding::good(text) });
-    all.push(Finding::good(
-        "All errors are what the model predicts: of the deflection under the stated load alone, with nothing of friction's \
-         history, of the drives' following error or of thermal growth.",
-    ));
     all
 }
 
@@ -168,13 +197,14 @@ pub fn html(track: &Track, facts: &[(&str, String)], warnings: &[String], limit:
         title: "by component, uncompensated".to_owned(),
         x_label: "path length in mm".to_owned(),
         y_label: "µm".to_owned(),
-        series: (0..3).map(|i| along(track, ["x", "y", "z"][i], move |p| p.before_m[i])).collect(),
+        series: [("x", Error::X), ("y", Error::Y), ("z", Error::Z)].map(|(name, e)| along(track, name, e)).into(),
     };
     let panels = [errors(track), components, view(track, [0, 1]), view(track, [0, 2])];
     let heads = ["x in mm", "y in mm", "z in mm", "dx in µm", "dy in µm", "dz in µm", "off in µm", "compensated in µm"];
     let body = html! {
-        @if !track.loaded.is_empty() {
+        @if !track.stretches.is_empty() {
             h2 { "Error of the tip" }
+            (page::picture("The path of the tip in B, coloured by how far the load takes the tip from it; grey: no load.", &path3d::svg(&track.places, track.worst.first())))
             (page::charts("How far the load takes the tip from its path, and where, in the axes of B. Of each stretch the greatest.", &panels)?)
             h2 { "Lines" }
             (page::table(
@@ -183,6 +213,14 @@ pub fn html(track: &Track, facts: &[(&str, String)], warnings: &[String], limit:
                 &worst_lines(track),
             ))
         }
+        h2 { "Limits" }
+        (page::table(
+            "Where the path, as it is commanded, comes nearest to what the machine and the table allow.",
+            &["left", "line", "x in mm", "y in mm", "z in mm"],
+            &margins(track, limit),
+        ))
+        h2 { "What it rests on" }
+        ul { @for text in assumptions(track) { li { (text) } } }
     };
     let title = "Compensated tool path".to_owned();
     Ok(Page { title, findings: &findings(track, limit), warnings, body, facts: facts.to_vec() }.html())
@@ -203,8 +241,14 @@ pub fn text(track: &Track, limit: f64) -> String {
     if track.halfway.count > 0 {
         text.push_str(&format!("of the tip at midpoints between points in µm: {}\n", micro(&track.halfway)));
     }
+    if track.load_off.count > 0 {
+        text.push_str(&format!("if the load is off by its uncertainty, µm: {}\n", micro(&track.load_off)));
+    }
     if track.u95.count > 0 {
         text.push_str(&format!("expanded uncertainty U95 of the deflection in µm: {}\n", micro(&track.u95)));
+    }
+    if track.estimated > 0 {
+        text.push_str(&format!("load of {} moves estimated from the cut\n", track.estimated));
     }
     if track.feeds > 0 {
         let lines = track.too_fast.len();
@@ -213,7 +257,7 @@ pub fn text(track: &Track, limit: f64) -> String {
             track.feeds
         ));
     }
-    let [least, limit] = [track.least_share, limit].map(|share| 100.0 * share);
+    let [least, limit] = [track.least_share(), limit].map(|share| 100.0 * share);
     text.push_str(&format!("closest to a singularity: determinant at {least:.1} % of home (limit {limit} %)\n"));
     text
 }
@@ -222,17 +266,28 @@ pub fn text(track: &Track, limit: f64) -> String {
 pub fn document(track: &Track) -> Value {
     let micro = |t: &Tally| json!({ "max": t.max * 1e6, "rms": t.rms() * 1e6 });
     let [before, after] = [&track.before, &track.after];
+    let nearest = |n: &Option<Nearest>, unit: f64| {
+        n.as_ref().map(|n| json!({ "left": n.room * unit, "number": n.which + 1, "line": n.line }))
+    };
     json!({
         "points": track.points,
-        "loaded_points": track.loaded.len(),
+        "loaded_points": track.before[0].count,
         "error_before_um": micro(&before[0]),
         "error_after_um": micro(&after[0]),
         "axis_error_before_urad": micro(&before[1]),
         "axis_error_after_urad": micro(&after[1]),
         "error_halfway_um": (track.halfway.count > 0).then(|| micro(&track.halfway)),
+        "error_if_load_off_um": (track.load_off.count > 0).then(|| micro(&track.load_off)),
         "u95_um": (track.u95.count > 0).then(|| micro(&track.u95)),
         "unsure_points": track.unsure,
-        "min_home_share": track.least_share,
+        "estimated_moves": track.estimated,
+        "min_home_share": track.least_share(),
+        "nearest_limits": {
+            "travel_mm": nearest(&track.margins.travel, 1e3),
+            "wrist_deg": nearest(&track.margins.wrist, 1_f64.to_degrees()),
+            "determinant": nearest(&track.margins.determinant, 1.0),
+            "box_share": nearest(&track.margins.extent, 1.0),
+        },
         "extrapolated_points": track.extrapolated,
         "feeds_checked": track.feeds,
         "too_fast": track.too_fast.iter().map(|t| json!({

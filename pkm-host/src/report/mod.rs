@@ -11,6 +11,7 @@ pub mod hil;
 pub mod map;
 pub(crate) mod page;
 mod paper;
+mod path3d;
 pub mod place;
 pub mod plot;
 pub mod replay;

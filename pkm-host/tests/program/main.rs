@@ -4,6 +4,7 @@ mod bad_input;
 mod calculix;
 mod cli;
 mod common;
+mod cutting;
 mod demo;
 mod diagnose;
 mod docs;

@@ -70,7 +70,7 @@ impl Codes {
             }
             if matches!(tenths, 930 | 940 | 950) {
                 // an F of another mode is no feed of this one
-                (modal.feed_is_of_a_turn, modal.feed_per_min) = (tenths == 950, None);
+                (modal.feed_is_of_a_turn, modal.feed_per_min, modal.feed_per_turn_mm) = (tenths == 950, None, None);
             }
         }
         match codes.motion {

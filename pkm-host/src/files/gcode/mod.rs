@@ -7,12 +7,14 @@
 //!
 //! `X Y Z` are the tip of the tool in the work frame in force, whose axes are those of B or those that the job says. The tool's axis is given by `A B`, the
 //! wrist's joints; by `I J K` on straight moves; or by the angles of a head or a fixed direction, as the job says. A comment
-//! `(wrench fx,fy,fz,mx,my,mz)` sets the cutting load from there on: on the tool at its tip in the axes of T_h, N and N·m.
+//! `(wrench fx,fy,fz,mx,my,mz)` or `(F x y z)` sets the cutting load from there on: on the tool at its tip in the axes of T_h, N and N·m. Without
+//! one it is estimated, where the tool table has the tool's edges and a material.
 
 mod arcs;
 mod codes;
 mod cycles;
 mod flow;
+mod loads;
 mod modal;
 mod motions;
 mod offsets;
@@ -24,12 +26,13 @@ pub use writer::Writer;
 use pkm_core::Wrench;
 
 use self::flow::{Flow, Order};
+use self::loads::Loads;
 use self::modal::{Effect, Form, Modal, Stop, Style};
-use self::words::{Line, load};
+use self::words::Line;
 use crate::error::{Failure, Result, printable};
 use crate::files::head::{Head, ProgramAxes};
 use crate::files::job_program::ProgramOffsets;
-use crate::files::path::{Move, Place, Toward};
+use crate::files::path::{Load, Move, Place, Toward};
 use crate::files::source::Source;
 use crate::files::tools::Tools;
 
@@ -46,7 +49,7 @@ const MAX_MOVES: usize = 5_000_000;
 pub struct Setup {
     /// Work frames and reference points.
     pub offsets: ProgramOffsets,
-    /// Lengths of tools.
+    /// Lengths of tools, their edges, and the material.
     pub tools: Tools,
     /// How the program's axes lie in B.
     pub axes: ProgramAxes,
@@ -118,10 +121,7 @@ struct Reader<'a> {
     flow: Flow<'a>,
     modal: Modal<'a>,
     program: Program,
-    wrench: Option<Wrench<f64>>,
-    /// The tool in hand, and one that came without a load of its own.
-    tool: Option<f64>,
-    other_tool: Option<String>,
+    loads: Loads,
     /// The first line that was passed on unchecked, why, and how many are.
     unchecked: Option<(u64, String, usize)>,
 }
@@ -153,9 +153,7 @@ impl Program {
             flow: Flow::new(source.text()?),
             modal: Modal::new(setup),
             program,
-            wrench,
-            tool: None,
-            other_tool: None,
+            loads: Loads::new(wrench),
             unchecked: None,
         };
         let mut stops = Vec::new();
@@ -187,16 +185,7 @@ impl<'a> Reader<'a> {
             }
             Order::Do => {}
         }
-        for comment in &line.comments {
-            if let Some(set) = load(comment)? {
-                (self.wrench, self.other_tool) = (Some(set), None);
-            }
-        }
-        for word in line.words.iter().filter(|w| w.letter == 'T') {
-            if self.tool.replace(word.value).is_some_and(|before| before != word.value) {
-                self.other_tool = Some(word.written.to_owned());
-            }
-        }
+        self.loads.take(line, self.modal.setup)?;
         if let Some(word) = line.words.iter().find(|w| w.is('M', &[72.0, 73.0, 97.0, 198.0])) {
             return Err(format!(
                 "`{}` is not supported: which words are in force after it is not followed",
@@ -256,22 +245,14 @@ impl<'a> Reader<'a> {
 
     /// A move with its load.
     fn go(&mut self, line: u64, stop: &Stop, is_fresh: bool) -> std::result::Result<(), Refusal> {
-        let load = match self.wrench {
-            _ if stop.rapid => Wrench::ZERO,
-            Some(wrench) => wrench,
-            None => {
-                return Err(
-                    "a cut without a load: give --wrench, or a line (wrench fx,fy,fz,mx,my,mz) before it".into()
-                );
-            }
-        };
+        let load = if stop.rapid { Load::NONE } else { self.loads.load(&self.modal)? };
         if self.program.moves.len() >= MAX_MOVES {
             return Err(format!("more than {MAX_MOVES} moves: give a greater --chord-mm, or divide the program"));
         }
         if is_fresh && !stop.rapid && !self.program.moves.is_empty() {
             return Err("a cut from a place that is not known: begin with G0 and X Y Z".into());
         }
-        if let Some(number) = self.other_tool.take_if(|_| load != Wrench::ZERO) {
+        if let Some(number) = self.loads.unloaded_tool.take_if(|_| load != Load::NONE) {
             self.program.warnings.push(format!(
                 "{}:{line}: T{number} cuts with the load of the tool before: a line (wrench …) gives another",
                 printable(&self.program.source.name)
@@ -280,7 +261,7 @@ impl<'a> Reader<'a> {
         self.program.moves.push(Move {
             line,
             to: turned(&stop.place, |v| self.modal.setup.axes.to_base(v)),
-            wrench: [load; 2],
+            load,
             longer_m: self.modal.length_mm / 1e3,
             is_fresh,
             is_rapid: stop.rapid,

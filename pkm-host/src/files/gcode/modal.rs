@@ -83,6 +83,10 @@ pub(super) struct Modal<'a> {
     pub feed_is_of_a_turn: bool,
     /// F of G94, see [`Move::feed_per_min`](crate::files::path::Move::feed_per_min).
     pub feed_per_min: Option<[f64; 2]>,
+    /// F of G95.
+    pub feed_per_turn_mm: Option<f64>,
+    /// S.
+    pub spindle_per_min: Option<f64>,
     /// `G99` in place of `G98`.
     pub retracts_to_r: bool,
     pub offsets: Offsets,
@@ -150,6 +154,8 @@ impl<'a> Modal<'a> {
             inverse_time: false,
             feed_is_of_a_turn: false,
             feed_per_min: None,
+            feed_per_turn_mm: None,
+            spindle_per_min: None,
             retracts_to_r: false,
             offsets: Offsets::new(setup),
             tool: None,
@@ -189,7 +195,9 @@ impl<'a> Modal<'a> {
     pub fn take(&mut self, line: &Line<'_>, loaded: bool, stops: &mut Vec<Stop>) -> Result<Effect, Refusal> {
         let mut numbers = Numbers::of(line)?;
         let feed = numbers.take('F');
-        numbers.take('S');
+        if let Some(speed) = numbers.take('S') {
+            self.spindle_per_min = (speed > 0.0).then_some(speed);
+        }
         if line.words.first().is_some_and(|w| w.letter == 'N') {
             numbers.take('N');
         }
@@ -197,8 +205,10 @@ impl<'a> Modal<'a> {
             self.tool = Some(tool);
         }
         let codes = codes::Codes::take(line, self)?;
-        if let Some(feed) = feed.filter(|feed| *feed > 0.0 && !self.inverse_time && !self.feed_is_of_a_turn) {
-            self.feed_per_min = Some([feed * self.unit_mm, feed]);
+        match feed.filter(|feed| *feed > 0.0 && !self.inverse_time) {
+            Some(feed) if self.feed_is_of_a_turn => self.feed_per_turn_mm = Some(feed * self.unit_mm),
+            Some(feed) => self.feed_per_min = Some([feed * self.unit_mm, feed]),
+            None => {}
         }
         if let Some(on) = codes.length {
             self.length_is_on = on;

@@ -1,9 +1,6 @@
 //! A line of G-code as letters with numbers, comments, and O words.
 
-use pkm_core::Wrench;
-
 use super::Refusal;
-use crate::files::dataset::MOST_LOAD;
 
 /// For another control's own language.
 const ISO: &str = "is this G-code (DIN/ISO)?";
@@ -148,21 +145,4 @@ impl<'a> Line<'a> {
 pub(super) fn same_number(digits: &str) -> &str {
     let without = digits.trim_start_matches('0');
     if without.is_empty() { "0" } else { without }
-}
-
-/// The load that a comment sets, if it is one that does.
-pub(super) fn load(comment: &str) -> Result<Option<Wrench<f64>>, Refusal> {
-    let inner = comment.trim_start_matches([';', '(']).trim_end_matches(')').trim();
-    let Some((word, rest)) = inner.split_at_checked(6) else { return Ok(None) };
-    if !word.eq_ignore_ascii_case("wrench") || rest.starts_with(|c: char| c.is_alphanumeric()) {
-        return Ok(None);
-    }
-    let values: Vec<Option<f64>> =
-        rest.split(',').map(|v| v.trim().parse::<f64>().ok().filter(|v| v.abs() <= MOST_LOAD)).collect();
-    match values.into_iter().collect::<Option<Vec<_>>>().and_then(|v| <[f64; 6]>::try_from(v).ok()) {
-        Some(values) => Ok(Some(Wrench::from_vector(values.into()))),
-        None => Err(format!(
-            "expected `(wrench fx,fy,fz,mx,my,mz)`, six numbers in N and N·m within ±{MOST_LOAD:e}, found `{inner}`"
-        )),
-    }
 }
