@@ -7,11 +7,11 @@ use serde_json::json;
 use super::arguments::{TableArgs, positive};
 use super::bar::bar;
 use super::session::{Output, Session};
-use crate::error::Result;
+use crate::error::{Failure, Result};
 use crate::files::job::Job;
 use crate::files::source::{self, Source};
 use crate::plan::model::Form;
-use crate::plan::place::{self, Method, Objective, Options, PlacementModel};
+use crate::plan::place::{self, Limits, Method, Objective, Options, PlacementModel};
 use crate::report::place as report;
 
 /// Puts the workpiece where the machine is stiff: the best position of a cross slide, a rotary axis, or both, for each
@@ -27,13 +27,21 @@ pub(crate) struct Args {
     /// What should be small; several may be given. Default: paper and tip-worst.
     #[arg(long, value_enum, num_args = 1..)]
     objective: Vec<Objective>,
-    /// How the optimum is searched for; the grid certifies it in any case. Default: grid, and de when cross slide and
-    /// rotary axis both move.
+    /// How the optimum is searched for; a grid is computed in any case. Default: grid, and de when cross slide and rotary axis
+    /// both move.
     #[arg(long, value_enum)]
     method: Option<Method>,
-    /// Grid spacing in mm; ten times coarser when cross slide and rotary axis both move.
-    #[arg(long, default_value_t = 2.0, value_parser = positive, allow_hyphen_values = true)]
-    step_mm: f64,
+    /// For `certified`: by how much another position may be better, in % of the optimum, when the search ends. Default: 0.1,
+    /// and 0.5 when cross slide and rotary axis both move.
+    #[arg(long, value_name = "PERCENT", value_parser = positive, allow_hyphen_values = true)]
+    gap: Option<f64>,
+    /// For `certified`: cells of positions that are looked at, at the most; then the search ends with the gap that it has.
+    #[arg(long, default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(1..))]
+    max_cells: u32,
+    /// Grid spacing in mm; ten times coarser when cross slide and rotary axis both move. Default: 2, and 10 for `certified`, which
+    /// needs it for the map alone.
+    #[arg(long, value_parser = positive, allow_hyphen_values = true)]
+    step_mm: Option<f64>,
     /// Grid spacing of a rotary axis in °; five times coarser when a cross slide moves too.
     #[arg(long, default_value_t = 1.0, value_parser = positive, allow_hyphen_values = true)]
     step_deg: f64,
@@ -64,11 +72,18 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     }
     let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
     let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation)?;
-    let usual = if job.slides_and_turns() { Method::De } else { Method::Grid };
+    let method = args.method.unwrap_or(if job.slides_and_turns() { Method::De } else { Method::Grid });
+    if method == Method::Certified && !placement.can_be_certified() {
+        let message = "nothing can be certified where the cross slide runs along z of B, or with the effect preload: give --method grid";
+        return Err(Failure::usage(message));
+    }
+    let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };
+    let usual_step = if method == Method::Certified { 10.0 } else { 2.0 };
     let options = Options {
-        method: args.method.unwrap_or(usual),
-        step_m: args.step_mm / 1e3,
+        method,
+        step_m: args.step_mm.unwrap_or(usual_step) / 1e3,
         step_rad: args.step_deg.to_radians(),
+        limits: Limits { gap: args.gap.unwrap_or(usual_gap) / 100.0, cells: args.max_cells as usize },
         seed: args.seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
     };
     let placed = place::place(&placement, &objectives, &options, &bar())?;

@@ -38,6 +38,11 @@ fn holes(placement: &Placement) -> Vec<Value> {
     placement.holes.iter().map(hole).collect()
 }
 
+/// Whether the method draws numbers.
+fn is_random(options: &Options) -> bool {
+    matches!(options.method, Method::Ga | Method::De)
+}
+
 /// `placement.json`.
 pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Value {
     let series = placed.placements.iter().map(|p| {
@@ -63,13 +68,16 @@ pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) 
                 "deflection_um": postures.iter().map(um).collect::<Vec<_>>(),
                 "k": postures.iter().map(|p| p.k).collect::<Vec<_>>(),
             })),
+            "certificate": p.certificate.map(|c| json!({
+                "lower_bound": unit(c.bound), "gap": c.gap, "asked_gap": options.limits.gap, "cells": c.cells,
+            })),
             "convergence": p.convergence.iter().map(|(n, v)| (*n, unit(*v))).collect::<Vec<_>>(),
         })
     });
     json!({
         "machine": model.reach.file.name, "machine_sha256": model.reach.file.source.sha256(),
         "job_sha256": model.job.source.sha256(), "method": options.method.name(), "allow_extrapolation": model.extrapolate,
-        "seed": (options.method != Method::Grid).then_some(options.seed),
+        "seed": is_random(options).then_some(options.seed),
         "series": series.collect::<Vec<_>>(),
     })
 }
@@ -137,6 +145,12 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
             }
         }
         finding.text.push('.');
+        if let Some(c) = p.certificate {
+            let percent = 100.0 * c.gap;
+            let sentence =
+                format!(" Proved: no position gives less than {}, which is {percent:.3} % less.", shown(c.bound));
+            finding.text.push_str(&sentence);
+        }
         let outside = p.holes.iter().filter(|h| h.outside_box).count();
         if outside > 0 {
             finding.text.push_str(&format!(" EXTRAPOLATED: {outside} holes outside the table's box."));
@@ -177,7 +191,7 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
 /// For people at a terminal.
 pub fn text(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> String {
     let findings = findings(model, placed).into_iter().map(|f| format!("- {}\n", f.text)).collect::<String>();
-    let seed = if options.method == Method::Grid { String::new() } else { format!("  seed {}\n", options.seed) };
+    let seed = if is_random(options) { format!("  seed {}\n", options.seed) } else { String::new() };
     findings + &seed
 }
 
@@ -376,7 +390,7 @@ pub fn html(
     let file = model.reach.file;
     let facts = vec![
         ("Method", options.method.name().to_owned()),
-        ("Seed", if options.method == Method::Grid { "none: a grid".into() } else { options.seed.to_string() }),
+        ("Seed", if is_random(options) { options.seed.to_string() } else { "none".into() }),
         ("Machine file", of_file(&file.source)),
         ("Job", of_file(&model.job.source)),
         ("Correction table", table.map_or("none: the basic model".into(), of_file)),

@@ -169,6 +169,35 @@ fn the_grid_certifies_and_the_polish_is_the_best_known() {
 }
 
 #[test]
+fn a_certificate_holds_against_random_positions_and_is_not_worse_than_the_grid() {
+    let job = job([-60.0, 60.0], [-50.0, 70.0], "");
+    let search = |method: &str| {
+        let more = ["--method", method, "--objective", "paper", "tip-worst", "--step-mm", "10"];
+        place(&job, &more).0
+    };
+    let (certified, grid) = (search("certified"), search("grid"));
+    let mut rng = Rng::with_seed(7);
+    for (entry, other) in
+        certified["series"].as_array().expect("series").iter().zip(grid["series"].as_array().expect("series"))
+    {
+        let (found, bound) = (number(&entry["value"]), number(&entry["certificate"]["lower_bound"]));
+        assert!(other["certificate"].is_null());
+        assert!(number(&entry["certificate"]["gap"]) <= 1e-3, "{}", entry["certificate"]);
+        assert!(bound <= found && found <= number(&other["value"]) * (1.0 + 1e-6), "{found} {}", other["value"]);
+        let objective = entry["objective"].as_str().expect("an objective");
+        let series = usize::from(entry["name"] == "B");
+        let (here, _) = value(series, objective, position(entry)).expect("in reach");
+        assert!((here / found - 1.0).abs() < 1e-6);
+        for _ in 0..20 {
+            let at = [120.0 * rng.f64() - 60.0, 120.0 * rng.f64() - 50.0, 0.0];
+            if let Some((there, _)) = value(series, objective, at) {
+                assert!(there >= bound, "{at:?}: {there} is below {bound}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_genetic_algorithm_comes_near_with_every_seed() {
     let job = job([-150.0, 150.0], [-100.0, 130.0], "");
     let (grid, _folder) = place(&job, &["--step-mm", "10"]);

@@ -1,9 +1,13 @@
 //! Where the workpiece should stand (paper, Section 6, Eqs. 15-16; `docs/theory.md`).
 
+mod certify;
+mod cover;
 mod evolution;
 pub(crate) mod search;
+mod taylor;
 mod unreachable;
 
+use pkm_core::effects::EFFECTS;
 use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, Stiffness, Tool, ToolError, Wrench};
 
 use crate::error::{Failure, Result};
@@ -12,6 +16,7 @@ use crate::files::machine::MachineFile;
 use crate::files::table_numbers::TableNumbers;
 use crate::plan::reach::Reach;
 
+pub use certify::{Certificate, Limits};
 pub use search::{Grid, Method, Options, Placed, Placement, place};
 
 /// What is to be small.
@@ -96,6 +101,8 @@ enum Miss {
 pub struct PlacementModel<'a> {
     pub(crate) reach: Reach<'a>,
     pub(crate) table: Option<CorrectionTable<'a, f64>>,
+    /// Of the table.
+    numbers: Option<&'a TableNumbers>,
     /// Principal stiffnesses by the paper's form.
     diagonal: bool,
     pub(crate) job: &'a Job,
@@ -135,10 +142,19 @@ impl<'a> PlacementModel<'a> {
         Ok(Self {
             reach: Reach::new(machine)?,
             table: core,
+            numbers: table.map(|(numbers, _)| numbers),
             diagonal: table.is_some_and(|(_, diagonal)| diagonal),
             job,
             extrapolate,
         })
+    }
+
+    /// Whether branch and bound can prove anything: positions of the cross slide must follow from β1 and β2, so it must not run
+    /// along |AB|, and deflections from the load without iteration, which preloaded limbs take.
+    pub fn can_be_certified(&self) -> bool {
+        let parameters = &self.reach.file.parameters.effects.parameters;
+        let preloaded = EFFECTS.iter().zip(parameters).any(|(e, p)| e.id == "preload" && p.iter().any(|p| *p != 0.0));
+        self.job.base_in_world.rotation[(2, 2)].abs() > 0.5 && !preloaded
     }
 
     fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {

@@ -5,14 +5,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use pkm_core::Configuration;
 use rayon::prelude::*;
 
+use super::certify::{Certificate, Limits};
 use super::{Miss, Objective, PlacementModel, Posture};
 use crate::error::{Failure, Result};
 use crate::files::job::{Axis, Job, PerAxis, Position, Series};
 use crate::progress::Progress;
 
-/// How the optimum is searched for. The grid certifies it in any case.
+/// How the optimum is searched for. A grid is computed in any case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Method {
+    /// Branch and bound: with a proof of how much better any other position could be.
+    Certified,
     /// Every position of a dense grid, the best of them polished.
     Grid,
     /// The paper's genetic algorithm (Section 6.1, step 5).
@@ -25,6 +28,7 @@ impl Method {
     /// On the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Certified => "certified",
             Self::Grid => "grid",
             Self::Ga => "ga",
             Self::De => "de",
@@ -43,6 +47,8 @@ pub struct Options {
     pub step_rad: f64,
     /// Of the evolution.
     pub seed: u64,
+    /// Of branch and bound.
+    pub limits: Limits,
 }
 
 /// Positions of a coarse lattice along each axis, to see in how many ways holes are reached.
@@ -99,6 +105,8 @@ pub struct Placement {
     pub before: Option<(f64, Vec<Posture>)>,
     /// Evaluations and the best value so far, of an evolution.
     pub convergence: Vec<(usize, f64)>,
+    /// Of branch and bound.
+    pub certificate: Option<Certificate>,
 }
 
 /// Everything for a job, with the grid of each series.
@@ -110,9 +118,9 @@ pub struct Placed {
 }
 
 /// A position's value, and its postures, one a hole.
-type Judged = (f64, Vec<Posture>);
+pub(super) type Judged = (f64, Vec<Posture>);
 /// The same with the position.
-type Polished = (f64, Position, Vec<Posture>);
+pub(super) type Polished = (f64, Position, Vec<Posture>);
 
 /// Looks for positions of one series of holes.
 pub(super) struct Searcher<'a> {
@@ -263,7 +271,7 @@ impl Polish<'_> {
 }
 
 /// Of all postures that reach a hole the one that costs least.
-fn stiffest(objective: Objective, found: &[Vec<Posture>]) -> Judged {
+pub(super) fn stiffest(objective: Objective, found: &[Vec<Posture>]) -> Judged {
     let cost = |p: &Posture| objective.cost(p);
     let best: Vec<Posture> =
         found.iter().filter_map(|p| p.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).copied()).collect();
@@ -319,17 +327,29 @@ pub fn place(
         for (o, objective) in objectives.iter().enumerate() {
             let Some(certified) = grid.best(o) else { return Err(searcher.unreachable(options)) };
             let mut convergence = Vec::new();
-            let evolved = match options.method {
-                Method::Grid => None,
-                method => searcher.evolved(*objective, method, options.seed, &mut convergence),
-            };
-            let found = match (options.method, evolved) {
-                (Method::Ga, Some(position)) => {
-                    let judged = searcher.judged(*objective, &position, &mut searcher.state());
-                    judged.map(|(value, holes)| (value, position, holes))
+            let mut certificate = None;
+            let starts = match options.method {
+                Method::Certified => {
+                    let judged = searcher.judged(*objective, &certified.0, &mut searcher.state());
+                    let start = judged.map(|(value, holes)| (value, certified.0, holes));
+                    let (found, proved) = searcher.certified(*objective, start, &options.limits);
+                    certificate = Some(proved);
+                    found.map(|best| best.1).into_iter().collect()
                 }
-                (Method::De, Some(position)) => searcher.polished(*objective, &[position, certified.0], &grid),
-                _ => searcher.polished(*objective, &grid.optima(o), &grid),
+                Method::Grid => grid.optima(o),
+                method => {
+                    let evolved = searcher.evolved(*objective, method, options.seed, &mut convergence);
+                    let beside = (method == Method::De).then_some(certified.0);
+                    evolved.map(|evolved| [evolved].into_iter().chain(beside).collect()).unwrap_or_default()
+                }
+            };
+            let found = match (options.method, starts.as_slice()) {
+                (Method::Ga, [position]) => {
+                    let judged = searcher.judged(*objective, position, &mut searcher.state());
+                    judged.map(|(value, holes)| (value, *position, holes))
+                }
+                (_, []) => searcher.polished(*objective, &grid.optima(o), &grid),
+                (_, starts) => searcher.polished(*objective, starts, &grid),
             };
             let Some((value, position, holes)) = found else { return Err(searcher.unreachable(options)) };
             let middle = PerAxis::of(|axis| 0.5 * (job.limits[axis][0] + job.limits[axis][1]));
@@ -344,6 +364,7 @@ pub fn place(
                 before: searcher.judged(*objective, &middle, &mut searcher.state()),
                 holes,
                 convergence,
+                certificate: certificate.map(|certificate: Certificate| certificate.of(value)),
             });
         }
         grids.push(grid);

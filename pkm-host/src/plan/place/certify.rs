@@ -1,0 +1,315 @@
+//! Branch and bound: the best position, with a proof of how much better another one could be.
+//!
+//! A cell of positions has a lower bound of the objective over all of it, from [`Taylor`] and [`Cover`]. The cell with the least
+//! bound is divided until that bound is near the best value that was found.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use pkm_core::{Configuration, FiveAxis, Machine, Scalar, Wrist};
+use rayon::prelude::*;
+
+use super::cover::{Box2, Cell, Cost, Cover, Solved};
+use super::search::{Judged, Polished as Best, Searcher, stiffest};
+use super::taylor::{ROUNDING, Taylor};
+use super::{Objective, Posture};
+use crate::files::job::{Axis, Hole, Position};
+
+/// Cells that are divided at a time. The same on every machine, so that the result is.
+const BATCH: usize = 32;
+/// Coefficients of a table, for each of its terms.
+const ROWS: usize = 27;
+
+/// What is proved of a placement.
+#[derive(Clone, Copy, Debug)]
+pub struct Certificate {
+    /// No position is better than this, SI.
+    pub bound: f64,
+    /// By how much of its value the position may be worse than the best there is.
+    pub gap: f64,
+    /// Cells that were looked at.
+    pub cells: usize,
+}
+
+impl Certificate {
+    /// The same of a position with this value.
+    pub(super) fn of(self, value: f64) -> Self {
+        let bound = self.bound.min(value);
+        Self { bound, gap: (value - bound) / value, ..self }
+    }
+}
+
+/// When branch and bound ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// The gap that is asked for.
+    pub gap: f64,
+    /// Cells that are looked at, at the most.
+    pub cells: usize,
+}
+
+/// A cell that is not done with.
+struct Node {
+    cell: Cell,
+    /// Of the objective.
+    bound: f64,
+    /// Of each hole.
+    boxes: Vec<Vec<Box2>>,
+    /// The hole that cost most, to be looked at first.
+    first: usize,
+    /// Along which it is divided next.
+    divide: usize,
+}
+
+impl PartialEq for Node {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Node {}
+
+impl PartialOrd for Node {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Node {
+    /// The least bound is the greatest: it comes first out of a heap.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_place = || {
+            let pairs = self.cell.middle.iter().zip(&other.cell.middle);
+            pairs.map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
+        };
+        other.bound.total_cmp(&self.bound).then_with(by_place)
+    }
+}
+
+/// What looking at a cell gives.
+struct Seen {
+    /// `None`: no position of it reaches all holes.
+    node: Option<Node>,
+    /// The middle, judged.
+    best: Option<Best>,
+    /// A bound of what needs no more looking at.
+    done: f64,
+}
+
+impl Searcher<'_> {
+    /// Improves a position, and bounds by how much any other could be better.
+    pub(super) fn certified(
+        &self,
+        objective: Objective,
+        best: Option<Best>,
+        limits: &Limits,
+    ) -> (Option<Best>, Certificate) {
+        let [low, high] = self.model.job.limits[Axis::Rotary];
+        if high > low {
+            self.branched::<3>(objective, best, limits)
+        } else {
+            self.branched::<2>(objective, best, limits)
+        }
+    }
+
+    /// A position judged by the solutions of each hole near known ones.
+    fn judged_near(
+        &self,
+        objective: Objective,
+        position: &Position,
+        near: &[Vec<Configuration<f64>>],
+    ) -> Option<Judged> {
+        let five = &self.model.reach.five;
+        let reached = |(hole, near): (&Hole, &Vec<Configuration<f64>>)| {
+            let tool = self.model.tool(hole, position);
+            let holds = near.iter().filter_map(|near| five.inverse(&tool, near).ok());
+            let postures: Vec<Posture> =
+                holds.filter_map(|hold| self.model.judged(hold, &self.series.wrench).ok()).collect();
+            (!postures.is_empty()).then_some(postures)
+        };
+        let found: Option<Vec<_>> = self.series.holes.iter().zip(near).map(reached).collect();
+        found.map(|found| stiffest(objective, &found))
+    }
+
+    fn branched<const N: usize>(
+        &self,
+        objective: Objective,
+        mut best: Option<Best>,
+        limits: &Limits,
+    ) -> (Option<Best>, Certificate) {
+        let unlimited = self.model.reach.unlimited();
+        let machine: Machine<Taylor<N>> = unlimited.machine.converted();
+        let wrist: Wrist<Taylor<N>> = unlimited.wrist.converted();
+        let mut store = vec![Taylor::ZERO; self.model.numbers.map_or(0, |numbers| ROWS * numbers.terms.len())];
+        let table = self.model.table.as_ref().and_then(|table| table.converted(&mut store));
+        let five = FiveAxis { machine: &machine, wrist: &wrist };
+        let cover = Cover::new(self.model, five, table, (&self.series.holes, &self.series.wrench));
+        let search = Search { searcher: self, cover, objective, gap: limits.gap };
+        let half = Axis::ALL.map(|axis| {
+            let [low, high] = self.model.job.limits[axis];
+            [0.5 * (low + high), 0.5 * (high - low)]
+        });
+        let cell = Cell { middle: half.map(|h| h[0]), half: half.map(|h| h[1]) };
+        let boxes = vec![search.cover.whole(); self.series.holes.len()];
+        let root = Node { bound: 0.0, boxes, first: 0, divide: widest(&cell), cell };
+        let (mut open, mut done, mut cells) = (BinaryHeap::from([root]), f64::INFINITY, 0);
+        let told = format!("series {}, {}", self.series.name, objective.name());
+        while cells < limits.cells {
+            let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);
+            let batch: Vec<Node> = (0..BATCH)
+                .map_while(|_| {
+                    open.peek().is_some_and(|node| node.bound < value * (1.0 - limits.gap)).then(|| open.pop())?
+                })
+                .collect();
+            if batch.is_empty() {
+                break;
+            }
+            let seen: Vec<Seen> =
+                batch.into_par_iter().flat_map_iter(|node| node.parts().map(|part| search.seen(part, value))).collect();
+            cells += seen.len();
+            (self.progress)(&told, cells as u64, limits.cells as u64);
+            for Seen { node, best: found, done: bound } in seen {
+                open.extend(node);
+                done = done.min(bound);
+                if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.0 < best.0)) {
+                    best = Some(found);
+                }
+            }
+        }
+        let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);
+        let bound = open.peek().map_or(f64::INFINITY, |node| node.bound).min(done).min(value);
+        let bound = bound * (1.0 - ROUNDING);
+        (best, Certificate { bound, gap: 1.0, cells }.of(value))
+    }
+}
+
+/// Along which a cell is longest, a rad counting as half a metre.
+fn widest(cell: &Cell) -> usize {
+    let size = |i: usize| cell.half[i] * if i == 2 { 0.5 } else { 1.0 };
+    (0..3).max_by(|a, b| size(*a).total_cmp(&size(*b))).unwrap_or(0)
+}
+
+impl Node {
+    fn parts(&self) -> [Self; 2] {
+        [-1.0, 1.0].map(|sign| {
+            let mut cell = self.cell;
+            cell.half[self.divide] *= 0.5;
+            cell.middle[self.divide] += sign * cell.half[self.divide];
+            Self { cell, boxes: self.boxes.clone(), ..*self }
+        })
+    }
+}
+
+struct Search<'a, const N: usize> {
+    searcher: &'a Searcher<'a>,
+    cover: Cover<'a, N>,
+    objective: Objective,
+    gap: f64,
+}
+
+impl<const N: usize> Search<'_, N> {
+    /// Bounds the objective over a cell. `value`: the best that is known.
+    fn seen(&self, mut node: Node, value: f64) -> Seen {
+        let nothing = |done| Seen { node: None, best: None, done };
+        let enough = value * (1.0 - self.gap);
+        let count = node.boxes.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        order[..=node.first].rotate_right(1);
+        let mut solved: Vec<Vec<Solved<N>>> = vec![Vec::new(); count];
+        for hole in &order {
+            solved[*hole] = self.cover.solved(*hole, &node.cell, node.boxes[*hole].drain(..));
+            if solved[*hole].is_empty() {
+                return nothing(f64::INFINITY);
+            }
+        }
+        let mut costs = Vec::with_capacity(count);
+        let mut sum = 0.0;
+        for hole in &order {
+            let Some(cost) = self.cost(*hole, &node.cell, &mut solved[*hole]) else { return nothing(f64::INFINITY) };
+            sum += cost.low;
+            let bound = (if self.objective == Objective::TipWorst { cost.low } else { sum })
+                / if self.objective == Objective::TipMean { count as f64 } else { 1.0 };
+            if bound >= enough {
+                return nothing(bound.max(node.bound));
+            }
+            costs.push((*hole, cost));
+        }
+        let whole = self.together(&costs);
+        let lows = costs.iter().map(|cost| cost.1.low);
+        let bound = whole.low().max(node.bound).max(self.objective.value(lows));
+        if bound >= enough {
+            return nothing(bound);
+        }
+        let best = self.judged(&node.cell, &solved);
+        node.bound = bound;
+        node.first = costs.iter().max_by(|a, b| a.1.low.total_cmp(&b.1.low)).map_or(0, |cost| cost.0);
+        node.divide = self.division(&node.cell, &whole);
+        node.boxes = solved.iter().map(|all| all.iter().map(|one| one.within).collect()).collect();
+        Seen { node: Some(node), best, done: f64::INFINITY }
+    }
+
+    /// Of the best way to reach a hole. What is not possible is taken out.
+    fn cost(&self, hole: usize, cell: &Cell, solved: &mut Vec<Solved<N>>) -> Option<Cost<N>> {
+        let mut costs = Vec::new();
+        solved.retain(|one| {
+            let cost = self.cover.cost(self.objective, hole, cell, one);
+            costs.extend(cost);
+            cost.is_some()
+        });
+        match costs.as_slice() {
+            [] => None,
+            [one] => Some(*one),
+            // the least of several is no polynomial
+            all => Some(Cost::at_least(all.iter().map(|cost| cost.low).fold(f64::INFINITY, f64::min))),
+        }
+    }
+
+    /// A function that is nowhere above the objective.
+    fn together(&self, costs: &[(usize, Cost<N>)]) -> Taylor<N> {
+        let sum = |costs: &[(usize, Cost<N>)]| costs.iter().fold(Taylor::ZERO, |sum, (_, cost)| sum + cost.over);
+        match self.objective {
+            Objective::Paper => sum(costs),
+            Objective::TipMean => Taylor::ZERO.plus(1.0 / costs.len() as f64, &sum(costs)),
+            // the greatest of all is not less than any mean of them: the best mean of two, then of that and a third
+            Objective::TipWorst => {
+                let worst = costs.iter().map(|cost| cost.1.over).max_by(|a, b| a.low().total_cmp(&b.low()));
+                let mut mixed = worst.unwrap_or(Taylor::ZERO);
+                for _ in 0..2 {
+                    let better = costs.iter().map(|(_, cost)| best_mean(&mixed, &cost.over));
+                    let better = better.max_by(|a, b| a.low().total_cmp(&b.low()));
+                    mixed = better.filter(|better| better.low() > mixed.low()).unwrap_or(mixed);
+                }
+                mixed
+            }
+        }
+    }
+
+    /// Along which a cell's bound gains most by halving it.
+    fn division(&self, cell: &Cell, whole: &Taylor<N>) -> usize {
+        let gain = |i: usize| whole.linear[i].abs() + whole.square[i].iter().map(|h| h.abs()).sum::<f64>();
+        let moving = (0..N).filter(|i| cell.half[*i] > 0.0);
+        let best = moving.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).filter(|i| gain(*i) > 0.0);
+        let widest = widest(cell);
+        // not without end along one axis alone
+        best.filter(|best| cell.half[*best] * 8.0 > cell.half[widest]).unwrap_or(widest)
+    }
+
+    /// The middle of a cell as the core judges it.
+    fn judged(&self, cell: &Cell, solved: &[Vec<Solved<N>>]) -> Option<Best> {
+        let position = cell.position();
+        let near: Vec<Vec<_>> = solved.iter().map(|all| all.iter().map(|one| one.near).collect()).collect();
+        let judged: Judged = self.searcher.judged_near(self.objective, &position, &near)?;
+        Some((judged.0, position, judged.1))
+    }
+}
+
+/// The mean of two with the greatest bound.
+fn best_mean<const N: usize>(a: &Taylor<N>, b: &Taylor<N>) -> Taylor<N> {
+    let mean = |share: f64| Taylor::ZERO.plus(1.0 - share, a).plus(share, b);
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..12 {
+        let (left, right) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if mean(left).low() < mean(right).low() { low = left } else { high = right }
+    }
+    mean(0.5 * (low + high))
+}

@@ -1,0 +1,394 @@
+//! All configurations that may reach a hole from a cell of positions of the table.
+//!
+//! For a given axis of the tool β1 and β2 leave σ from the axis' component along y of B and θ from the others, and the tip
+//! then leaves |AB| and where the cross slide stands: both follow from β1, β2 and the rotary axis without a search. So boxes of
+//! β1 and β2 are divided, thrown away where nothing in them can reach the hole, and narrowed by Newton's method, which loses no
+//! solution.
+
+use nalgebra::{Matrix2, Vector2, Vector3};
+use pkm_core::kinematics::platform_axes;
+use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Wrench};
+
+use super::taylor::{Taylor, decided};
+use super::{Objective, PlacementModel};
+use crate::files::job::{Hole, PerAxis, Position};
+
+/// What a limit may be passed by, relative, before nothing is taken to be there: more than the core's own slack.
+const SLACK: f64 = 1e-7;
+/// Where a box is not divided any more, rad.
+const SMALLEST: f64 = 1e-6;
+/// Boxes that are looked at for a hole and a cell, at the most.
+const MOST_BOXES: usize = 3000;
+
+/// A cell of positions of the table: dx, dy, rotary axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cell {
+    pub middle: [f64; 3],
+    pub half: [f64; 3],
+}
+
+impl Cell {
+    pub fn position(&self) -> Position {
+        let [dx_m, dy_m, rotary_rad] = self.middle;
+        PerAxis { dx_m, dy_m, rotary_rad }
+    }
+}
+
+/// A box of β1 and β2 with solutions of a hole in it, perhaps.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Box2 {
+    middle: [f64; 2],
+    half: [f64; 2],
+    /// Sign of the tool axis along n.
+    side: f64,
+}
+
+/// A box in which a cell's solutions follow from the position: β1 and β2 over the cell.
+#[derive(Clone, Debug)]
+pub(super) struct Solved<const N: usize> {
+    pub within: Box2,
+    /// `None`: the box is small beside the cell, or tells nothing.
+    over_cell: Option<OverCell<N>>,
+    /// Near the middle.
+    pub near: Configuration<f64>,
+}
+
+/// β1 and β2 over a cell and somewhat beyond, to first order: without a rest, which a stiffness would magnify.
+#[derive(Clone, Debug)]
+struct OverCell<const N: usize> {
+    beta: [Taylor<N>; 2],
+    /// By how much the symbols of the cell may differ from those of β along the cross slide's axes.
+    apart: [f64; 2],
+}
+
+/// A hole in B: constant, times the sine and times the cosine of the rotary axis.
+struct Turning {
+    tip: [Vector3<f64>; 3],
+    axis: [Vector3<f64>; 3],
+}
+
+/// The core's formulas over cells, for one job.
+pub(super) struct Cover<'a, const N: usize> {
+    model: &'a PlacementModel<'a>,
+    /// Without travel and limits, which are looked at one by one.
+    five: FiveAxis<'a, Taylor<N>>,
+    table: Option<CorrectionTable<'a, Taylor<N>>>,
+    wrench: Wrench<Taylor<N>>,
+    holes: Vec<Turning>,
+    /// x and y of W in B.
+    slides: [Vector3<f64>; 2],
+}
+
+/// Where the machine stands over a cell, and its cross slide.
+struct Stand<const N: usize> {
+    configuration: Configuration<Taylor<N>>,
+    slide: [Taylor<N>; 2],
+}
+
+/// What a hole costs over a cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cost<const N: usize> {
+    /// No position of the cell costs less.
+    pub low: f64,
+    /// In the symbols of the cell: nowhere more than what it costs.
+    pub over: Taylor<N>,
+}
+
+impl<const N: usize> Cost<N> {
+    pub fn at_least(low: f64) -> Self {
+        Self { low, over: Taylor::constant(low) }
+    }
+}
+
+/// Whether it stands there at all.
+enum Standing<const N: usize> {
+    Nowhere,
+    Unknown,
+    /// Perhaps.
+    At(Stand<N>),
+}
+
+fn vector<const N: usize>(v: &Vector3<f64>) -> Vector3<Taylor<N>> {
+    v.map(Taylor::constant)
+}
+
+impl<'a, const N: usize> Cover<'a, N> {
+    pub fn new(
+        model: &'a PlacementModel<'a>,
+        five: FiveAxis<'a, Taylor<N>>,
+        table: Option<CorrectionTable<'a, Taylor<N>>>,
+        (holes, wrench): (&[Hole], &Wrench<f64>),
+    ) -> Self {
+        let at = |dx_m: f64, dy_m: f64, rotary_rad: f64| model.job.table_in_base(&PerAxis { dx_m, dy_m, rotary_rad });
+        let zero = at(0.0, 0.0, 0.0);
+        let slides = [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0)].map(|frame| frame.origin_m - zero.origin_m);
+        // a + b sin + c cos by its values at 0, a right angle and twice that
+        let turns = [0.0, 0.5, 1.0].map(|turn| at(0.0, 0.0, turn * std::f64::consts::PI));
+        let parts = |[zero, right, back]: [Vector3<f64>; 3]| {
+            let constant = (zero + back) * 0.5;
+            [constant, right - constant, (zero - back) * 0.5]
+        };
+        let turning = |hole: &Hole| Turning {
+            tip: parts(turns.map(|frame| frame.origin_m + frame.rotation * hole.tip_m)),
+            axis: parts(turns.map(|frame| frame.rotation * hole.axis)),
+        };
+        let wrench = Wrench { force_n: vector(&wrench.force_n), moment_nm: vector(&wrench.moment_nm) };
+        Self { model, five, table, wrench, holes: holes.iter().map(turning).collect(), slides }
+    }
+
+    /// Everything within the wrist's limits.
+    pub fn whole(&self) -> Vec<Box2> {
+        let wrist = &self.model.reach.file.wrist_parameters;
+        let of = |pick: fn(f64, f64) -> f64| [0, 1].map(|i| 0.5 * pick(wrist.max_rad[i], wrist.min_rad[i]));
+        let (middle, half): ([f64; 2], [f64; 2]) = (of(|max, min| max + min), of(|max, min| max - min));
+        // the core takes β up to half a turn
+        let half = [0, 1].map(|i: usize| f64::min(half[i] + SLACK, std::f64::consts::PI - middle[i].abs()));
+        [1.0, -1.0].map(|side| Box2 { middle, half, side }).into()
+    }
+
+    fn angle(cell: &Cell) -> Taylor<N> {
+        let [.., middle] = cell.middle;
+        if N > 2 { Taylor::range(middle, cell.half[2], 2) } else { Taylor::constant(middle) }
+    }
+
+    /// Where β1 and β2 put the machine and the cross slide for a hole.
+    fn stand(&self, hole: usize, beta: [Taylor<N>; 2], angle: Taylor<N>, side: f64) -> Standing<N> {
+        let (sin, cos) = angle.sin_cos();
+        let turned = |[constant, by_sin, by_cos]: &[Vector3<f64>; 3]| {
+            vector(constant) + vector(by_sin) * sin + vector(by_cos) * cos
+        };
+        let (tip, axis) = (turned(&self.holes[hole].tip), turned(&self.holes[hole].axis));
+        let beta_rad = Vector2::from(beta);
+        let home = Taylor::constant(self.model.reach.file.wrist_parameters.home_z0_m);
+        let zero = Taylor::ZERO;
+        let upright = Configuration { pose: Pose { theta_rad: zero, sigma_rad: zero, z0_m: home }, beta_rad };
+        let held = match decided(|| self.five.tool(&upright)) {
+            Some(Ok(held)) => held,
+            Some(Err(_)) => return Standing::Nowhere,
+            None => return Standing::Unknown,
+        };
+        let arm = held.tip_m - Vector3::new(zero, zero, home);
+        let [ax, ay, az]: [Taylor<N>; 3] = held.axis.into();
+        let [ex, ey, ez]: [Taylor<N>; 3] = axis.into();
+        let (across2, plane2) = (ay * ay + az * az, ex * ex + ez * ez);
+        let left = across2 - ey * ey;
+        if left.high() < 0.0 {
+            return Standing::Nowhere;
+        }
+        let along_n = left.root_of_positive() * Taylor::constant(side);
+        let theta = ((along_n * ex - ax * ez) / plane2, (ax * ex + along_n * ez) / plane2);
+        let sigma = ((ay * along_n - az * ey) / across2, (ay * ey + az * along_n) / across2);
+        if theta.1.high() < 0.0 || sigma.1.high() < 0.0 {
+            return Standing::Nowhere;
+        }
+        let arm = platform_axes(theta, sigma) * arm;
+        let n = Vector3::new(theta.0, zero, theta.1);
+        let [x, y] = self.slides.map(|slide| vector(&slide));
+        let square = vector(&self.slides[0].cross(&self.slides[1]));
+        let l = (tip - arm).dot(&square) / n.dot(&square);
+        let moved = n * l + arm - tip;
+        let pose = Pose { theta_rad: theta.0.atan2(theta.1), sigma_rad: sigma.0.atan2(sigma.1), z0_m: l * theta.1 };
+        let stand = Stand { configuration: Configuration { pose, beta_rad }, slide: [moved.dot(&x), moved.dot(&y)] };
+        if self.may_be(&stand.configuration) { Standing::At(stand) } else { Standing::Nowhere }
+    }
+
+    /// Whether some of these configurations may be within all limits.
+    fn may_be(&self, configuration: &Configuration<Taylor<N>>) -> bool {
+        let Pose { theta_rad, sigma_rad, z0_m } = configuration.pose;
+        if let Some(numbers) = self.model.numbers.filter(|_| !self.model.extrapolate) {
+            for (i, value) in [theta_rad, sigma_rad, z0_m].into_iter().enumerate() {
+                let (centre, half) = (numbers.centre[i], numbers.half_width[i] * (1.0 + SLACK));
+                if value.low() > centre + half || value.high() < centre - half {
+                    return false;
+                }
+            }
+        }
+        let file = self.model.reach.file;
+        match decided(|| self.five.machine.inverse(&configuration.pose)) {
+            None => return true,
+            Some(Err(_)) => return false,
+            Some(Ok(lengths)) => {
+                let travel = &file.parameters.travel;
+                for (i, q) in lengths.q_m.iter().enumerate() {
+                    let slack = SLACK * travel.max_m[i];
+                    if q.low() > travel.max_m[i] + slack || q.high() < travel.min_m[i] - slack {
+                        return false;
+                    }
+                }
+            }
+        }
+        match decided(|| self.five.home_share(configuration)) {
+            Some(Ok(share)) => share.high() >= self.model.reach.margin() - SLACK,
+            Some(Err(_)) => false,
+            None => true,
+        }
+    }
+
+    fn over(within: &Box2) -> [Taylor<N>; 2] {
+        [0, 1].map(|i| Taylor::range(within.middle[i], within.half[i], i))
+    }
+
+    /// Narrows boxes to what may reach a hole from a cell.
+    pub fn solved(&self, hole: usize, cell: &Cell, boxes: impl IntoIterator<Item = Box2>) -> Vec<Solved<N>> {
+        let (mut open, mut solved): (Vec<Box2>, Vec<_>) = (boxes.into_iter().collect(), Vec::new());
+        let mut count = 0;
+        while let Some(within) = open.pop() {
+            count += 1;
+            let (near, narrowed) = match self.stand(hole, Self::over(&within), Self::angle(cell), within.side) {
+                Standing::Nowhere => continue,
+                Standing::Unknown => (self.model.reach.home(), Narrowed::No),
+                Standing::At(stand) => (middle(&stand.configuration), narrowed(&within, &stand, cell)),
+            };
+            match narrowed {
+                Narrowed::Empty => {}
+                Narrowed::Solved(over_cell) => solved.push(Solved { within, over_cell, near }),
+                _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
+                    solved.push(Solved { within, over_cell: None, near });
+                }
+                Narrowed::To(smaller) => open.push(smaller),
+                Narrowed::No => {
+                    let i = usize::from(within.half[1] > within.half[0]);
+                    for sign in [-1.0, 1.0] {
+                        let mut part = within;
+                        part.half[i] *= 0.5;
+                        part.middle[i] += sign * part.half[i];
+                        open.push(part);
+                    }
+                }
+            }
+        }
+        solved
+    }
+
+    /// What a hole costs where a cell's solutions are in a box; `None`: none of them is possible.
+    pub fn cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &Solved<N>) -> Option<Cost<N>> {
+        let beta = solved.over_cell.as_ref().map_or(Self::over(&solved.within), |over| over.beta);
+        let stand = match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
+            Standing::Nowhere => return None,
+            Standing::Unknown => return Some(Cost::at_least(0.0)),
+            Standing::At(stand) => stand,
+        };
+        let Some(cost) = decided(|| self.cost_of(objective, &stand.configuration)) else {
+            return Some(Cost::at_least(0.0));
+        };
+        let mut over = cost?;
+        // all costs are positive
+        let low = over.low().max(0.0);
+        let Some(OverCell { apart, .. }) = solved.over_cell.as_ref().filter(|_| low > 0.0) else {
+            return Some(Cost::at_least(low));
+        };
+        for (i, apart) in apart.iter().enumerate() {
+            over.rest += apart * (over.linear[i].abs() + 2.0 * over.square[i].iter().map(|h| h.abs()).sum::<f64>());
+        }
+        Some(Cost { low, over })
+    }
+
+    fn cost_of(&self, objective: Objective, configuration: &Configuration<Taylor<N>>) -> Option<Taylor<N>> {
+        let (five, pose) = (&self.five, &configuration.pose);
+        Some(match objective {
+            Objective::Paper => {
+                let stiffness = match &self.table {
+                    None => five.machine.stiffness(pose).ok()?,
+                    Some(table) if self.model.diagonal => {
+                        table.diagonal_form(five.machine, pose).ok()?.factor.stiffness()
+                    }
+                    Some(table) => table.factor_form(five.machine, pose).ok()?.factor.stiffness(),
+                };
+                let sum = stiffness.principal().iter().fold(Taylor::ZERO, |sum, k| sum + *k);
+                Taylor::ONE / sum
+            }
+            Objective::TipWorst | Objective::TipMean => {
+                let factor = self.table.as_ref().filter(|table| table.has_factor_form());
+                let moved = five.deflection(factor, configuration, &self.wrench).ok()?.translation_m;
+                moved.dot(&moved).sqrt()
+            }
+        })
+    }
+}
+
+fn middle<const N: usize>(c: &Configuration<Taylor<N>>) -> Configuration<f64> {
+    let [theta_rad, sigma_rad, z0_m] = [c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m].map(|t| t.middle);
+    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: c.beta_rad.map(|t| t.middle) }
+}
+
+enum Narrowed<const N: usize> {
+    Empty,
+    /// Not much.
+    No,
+    To(Box2),
+    /// β1 and β2 over the cell, unless the box is small beside it.
+    Solved(Option<OverCell<N>>),
+}
+
+/// A step of Newton's method on s, the symbols of a box: J s = target − middle − (rotary) − squares(s) − rest.
+fn narrowed<const N: usize>(within: &Box2, stand: &Stand<N>, cell: &Cell) -> Narrowed<N> {
+    let [fx, fy] = &stand.slide;
+    for (f, i) in [(fx, 0), (fy, 1)] {
+        let reach = f.spread() + cell.half[i] + 1e-12;
+        if (f.middle - cell.middle[i]).abs() > reach {
+            return Narrowed::Empty;
+        }
+    }
+    let jacobian = Matrix2::new(fx.linear[0], fx.linear[1], fy.linear[0], fy.linear[1]);
+    let Some(inverse) = jacobian.try_inverse().filter(|m| m.iter().all(|v| v.is_finite())) else {
+        return Narrowed::No;
+    };
+    let size = inverse.abs();
+    let beyond = size * Vector2::new(fx.square_size() + fx.rest, fy.square_size() + fy.rest);
+    let offset = inverse * Vector2::new(cell.middle[0] - fx.middle, cell.middle[1] - fy.middle);
+    // s to first order in the symbols of the cell
+    let mut linear = [[0.0; N]; 2];
+    for i in 0..2 {
+        for (k, half) in cell.half.iter().enumerate().take(2) {
+            linear[i][k] = inverse[(i, k)] * half;
+        }
+        if N > 2 {
+            linear[i][2] = -(inverse[(i, 0)] * fx.linear[2] + inverse[(i, 1)] * fy.linear[2]);
+        }
+    }
+    let image = linear.map(|row| row.iter().map(|v| v.abs()).sum::<f64>());
+    let (mut smaller, mut shrinks) = (*within, false);
+    for i in 0..2 {
+        let reach = image[i] + beyond[i] + 1e-12;
+        let (low, high) = ((offset[i] - reach).max(-1.0), (offset[i] + reach).min(1.0));
+        // NaN is not empty
+        if low > high {
+            return Narrowed::Empty;
+        }
+        if !(high - low).is_finite() {
+            return Narrowed::No;
+        }
+        shrinks |= high - low < 1.4;
+        smaller.middle[i] += 0.5 * (low + high) * within.half[i];
+        smaller.half[i] = 0.5 * (high - low) * within.half[i] * (1.0 + 1e-9) + 1e-12;
+    }
+    if shrinks {
+        return Narrowed::To(smaller);
+    }
+    if !(0..2).all(|i| beyond[i] <= 0.5 * image[i] || beyond[i] * within.half[i] < 1e-5) {
+        return Narrowed::No;
+    }
+    let fills = image.iter().all(|image| *image < 1.5);
+    Narrowed::Solved(fills.then(|| over_cell(within, cell, [fx, fy], &inverse, &offset, &linear)))
+}
+
+/// The box of symbols that holds all solutions: as far as the cell, and by squares and rest beyond.
+fn over_cell<const N: usize>(
+    within: &Box2,
+    cell: &Cell,
+    slide: [&Taylor<N>; 2],
+    inverse: &Matrix2<f64>,
+    offset: &Vector2<f64>,
+    linear: &[[f64; N]; 2],
+) -> OverCell<N> {
+    let beyond = slide.map(|f| f.square_size() + f.rest + 1e-15);
+    let beta = std::array::from_fn(|i| {
+        let mut s = Taylor { middle: offset[i], linear: linear[i], ..Taylor::ZERO };
+        for k in 0..2 {
+            s.linear[k] = inverse[(i, k)] * (cell.half[k] + beyond[k]);
+        }
+        Taylor::constant(within.middle[i]).plus(within.half[i], &s)
+    });
+    let apart = [0, 1].map(|k: usize| 2.0 * beyond[k] / (cell.half[k] + beyond[k]));
+    OverCell { beta, apart }
+}
