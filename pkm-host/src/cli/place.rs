@@ -74,7 +74,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation)?;
     let method = args.method.unwrap_or(if job.slides_and_turns() { Method::De } else { Method::Grid });
     if method == Method::Certified && !placement.can_be_certified() {
-        let message = "nothing can be certified where the cross slide runs along z of B, or with the effect preload: give --method grid";
+        let message = "nothing can be certified without --table, beyond its box, where the cross slide runs along z of B, or with the effect preload: give --method grid";
         return Err(Failure::usage(message));
     }
     let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };

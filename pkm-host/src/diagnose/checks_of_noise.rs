@@ -118,7 +118,7 @@ mod tests {
         let conditions = (0..12).map(|n| condition(0, [f64::from(n), 0.0, 0.0, 0.0, 0.0, 0.0])).collect();
         let read = readings(conditions, all);
         let warning = of_repeats(&read, &[]).unwrap();
-        assert!(warning.message.contains("line 70, dx_um: by 90"), "{}", warning.message);
+        assert!(warning.message.contains("line 70, dx_um: by 89.9"), "{}", warning.message);
         // left out as a gross error it is said there
         assert!(of_repeats(&read, &[(15, 0)]).is_none());
         assert!(constant_channels(&read).is_ok());

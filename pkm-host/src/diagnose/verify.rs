@@ -76,6 +76,7 @@ fn change(before: &Quantity, after: &Quantity, dof: [Option<f64>; 2], count: usi
     let dof = student::effective_dof(&[(a * a, dof[0]), (b * b, dof[1])]);
     let k = student::coverage_factor(COVERAGE, dof);
     let change = (after.identified / before.identified).ln();
+    let ratio = change.exp();
     // two equal documents differ by nothing, and nothing is certain of that
     let p = if change == 0.0 { 1.0 } else { student::two_sided_p(change / deviation, dof) };
     let verdict = match change {
@@ -90,8 +91,8 @@ fn change(before: &Quantity, after: &Quantity, dof: [Option<f64>; 2], count: usi
         before: before.identified,
         after: after.identified,
         change_percent: 100.0 * change.exp_m1(),
-        standard_uncertainty_percent: 100.0 * deviation,
-        expanded_uncertainty_percent: 100.0 * k * deviation,
+        standard_uncertainty_percent: 100.0 * ratio * deviation,
+        expanded_uncertainty_percent: 100.0 * ratio * k * deviation,
         k,
         degrees_of_freedom: dof,
         p,

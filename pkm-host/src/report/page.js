@@ -194,8 +194,8 @@
   // Words come after numbers.
   const compare = (a, b) => {
     const [x, y] = [a, b].map(text => parseFloat(text.replace('−', '-')));
-    if (isNaN(x) !== isNaN(y)) return isNaN(x) ? 1 : -1;
-    return isNaN(x) ? a.localeCompare(b) : x - y;
+    if (Number.isFinite(x) !== Number.isFinite(y)) return Number.isFinite(x) ? -1 : 1;
+    return Number.isFinite(x) ? x - y : a.localeCompare(b);
   };
   for (const figure of all('figure.table')) {
     const tables = all('table', figure);

@@ -9,9 +9,14 @@ use crate::files::machine::MachineFile;
 use crate::fit::{Evaluation, Fit};
 use crate::pose::pose_of;
 
+/// Mean, stdev, max and min of six.
+type Spread = [[f64; 6]; 4];
+/// Poses in three bands, of six.
+type Bands = [[usize; 3]; 6];
+
 /// Table 3, correction effect of the orthogonal and of the verification experiment: mean, stdev, max and min of me11…me66, and the poses in
 /// the bands from 0.9, from 0.6 and from 0.
-const EFFECTS: [([[f64; 6]; 4], [[usize; 3]; 6]); 2] = [
+const EFFECTS: [(Spread, Bands); 2] = [
     (
         [
             [0.96, 0.90, 0.98, 1.00, 1.00, 1.00],
@@ -33,7 +38,7 @@ const EFFECTS: [([[f64; 6]; 4], [[usize; 3]; 6]); 2] = [
 ];
 
 /// Table 4, relative error in %: mean, stdev, max and min of re11…re66.
-const ERRORS: [[f64; 6]; 4] = [
+const ERRORS: Spread = [
     [2.33, 8.82, 5.67, 1.11, 2.35, 1.10],
     [0.85, 1.83, 0.81, 0.05, 0.04, 0.04],
     [4.57, 14.33, 12.99, 2.59, 4.32, 1.62],

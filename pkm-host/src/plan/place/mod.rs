@@ -149,12 +149,14 @@ impl<'a> PlacementModel<'a> {
         })
     }
 
-    /// Whether branch and bound can prove anything: positions of the cross slide must follow from β1 and β2, so it must not run
-    /// along |AB|, and deflections from the load without iteration, which preloaded limbs take.
+    /// Whether branch and bound can prove anything: postures must be within a table's box, since near the end of travel and near
+    /// singularities bounds hardly close; positions of the cross slide must follow from β1 and β2, so it must not run along
+    /// |AB|, and deflections from the load without iteration, which preloaded limbs take.
     pub fn can_be_certified(&self) -> bool {
         let parameters = &self.reach.file.parameters.effects.parameters;
         let preloaded = EFFECTS.iter().zip(parameters).any(|(e, p)| e.id == "preload" && p.iter().any(|p| *p != 0.0));
-        self.job.base_in_world.rotation[(2, 2)].abs() > 0.5 && !preloaded
+        let in_box = self.table.is_some() && !self.extrapolate;
+        in_box && self.job.base_in_world.rotation[(2, 2)].abs() > 0.5 && !preloaded
     }
 
     fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {

@@ -227,7 +227,7 @@ impl<const N: usize> Div for Taylor<N> {
     type Output = Self;
 
     fn div(self, other: Self) -> Self {
-        self * other.reciprocal()
+        Mul::mul(self, other.reciprocal())
     }
 }
 

@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn ticks_are_round_and_inside() {
         let axis = Axis::new([-0.3, 0.3].into_iter(), false).unwrap();
-        assert_eq!(labels(&axis), ["-0.3", "-0.2", "-0.1", "0", "0.1", "0.2", "0.3"]);
+        assert_eq!(labels(&axis), ["-0.2", "0", "0.2"]);
         let decades = Axis::new([1e-7, 1e-2].into_iter(), true).unwrap();
         assert_eq!(labels(&decades), ["1e-7", "1e-6", "1e-5", "0.0001", "0.001", "0.01"]);
         let few = Axis::new([0.6, 90.0].into_iter(), true).unwrap();
