@@ -27,9 +27,15 @@ const TURNS: usize = 3;
 const FITS: usize = 5;
 
 /// Rules of the statistics. What differs from a stiffness diagnosis: the error that readings share is that of a visit, not of
-/// a load, and no size of it is likelier than another.
-pub const RULES: Rules =
-    Rules { load_error_levels: &BETWEEN_VISITS_M, block_levels: &ALL_LEVELS, ln_prior_of_level: 0.0, ..Rules::DEFAULT };
+/// a load, and no size of it is likelier than another. The variance between visits takes what a form leaves, so that evidence needs no
+/// tempering.
+pub const RULES: Rules = Rules {
+    load_error_levels: &BETWEEN_VISITS_M,
+    block_levels: &ALL_LEVELS,
+    ln_prior_of_level: 0.0,
+    temper_of_places: 1.0,
+    ..Rules::DEFAULT
+};
 
 /// Why a run cannot be diagnosed.
 #[derive(Clone, Debug, PartialEq, Eq)]
