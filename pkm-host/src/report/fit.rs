@@ -179,7 +179,8 @@ fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>, state:
     all
 }
 
-fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> Markup {
+/// `with_effect`: the correction effect too, where no table of the paper's stands beside it.
+fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>, with_effect: bool) -> Markup {
     let sets =
         || [("training", Some(trained)), ("verification", verified)].into_iter().filter_map(|(n, e)| Some((n, e?)));
     let cells = |values: &[f64; 6], digits: usize| values.map(|v| format!("{v:.digits$}")).to_vec();
@@ -219,11 +220,13 @@ fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>) -> Markup {
     html! {
         @if !load.is_empty() { (table(&deflections, &LOADS, &load)) }
         (table("Relative error of principal stiffnesses in % (paper, Table 4, Eq. 14)", &heads, &error))
-        (table(
-            "Correction effect me of the diagonal form (paper, Table 3, Eq. 13 with absolute values)",
-            &heads,
-            &effect,
-        ))
+        @if with_effect {
+            (table(
+                "Correction effect me of the diagonal form (paper, Table 3, Eq. 13 with absolute values)",
+                &heads,
+                &effect,
+            ))
+        }
     }
 }
 
@@ -451,7 +454,7 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
             ))
         }
         h2 { "Errors" }
-        (error_tables(p.training, p.verified))
+        (error_tables(p.training, p.verified, !of_the_paper))
         @if of_the_paper {
             h2 { "Beside the paper's printed values" }
             (paper::compared(fit, &file, p.training, p.verified)?)

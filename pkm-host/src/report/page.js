@@ -108,7 +108,9 @@
     svg.focus({ preventScroll: true });
     show(first.chart, first.point);
   };
-  for (const row of all('tr[data-key]')) {
+  // a reading without a force has no point
+  const drawn = new Set(all('.chart').flatMap(chart => pointsOf(chart).map(point => point.key)));
+  for (const row of all('tr[data-key]').filter(row => drawn.has(row.dataset.key))) {
     const head = row.querySelector('th'), button = document.createElement('button');
     button.type = 'button';
     button.append(...head.childNodes);

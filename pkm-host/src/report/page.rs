@@ -23,9 +23,10 @@ const SHOWN: usize = 5;
 const LETTERS: usize = 160;
 /// What the borders of a cell take of that.
 const BORDERS: usize = 1;
-/// Letters of the cells beside a name with which two tables have room beside each other on paper, and of a table of which three parts have.
+/// Letters of the cells beside a name with which two tables have room beside each other on paper.
 const HALF: usize = 48;
-const THIRD: usize = 40;
+/// Letters of name and cells of a table of which three parts have.
+const THIRD: usize = LETTERS / 3;
 /// Rows of tables that are not parted on paper.
 const FEW_ROWS: usize = 26;
 /// A cell of more letters is a sentence, in as many lines as it needs.
@@ -259,7 +260,8 @@ pub(crate) fn keyed_table(caption: &str, heads: &[&str], rows: &[(String, Vec<St
     let sentences: Vec<bool> = (0..heads.len()).map(|i| rows.iter().any(|r| letters(&r.1[i]) > SENTENCE)).collect();
     let (cells, whole) = (widths.iter().sum::<usize>(), keys.is_empty());
     let half = whole && cells <= HALF && rows.len() <= FEW_ROWS;
-    let slim = whole && cells <= THIRD && rows.len() > FEW_ROWS;
+    let longest = rows.iter().map(|r| letters(&r.0)).max().unwrap_or(0);
+    let slim = whole && longest + cells <= THIRD && rows.len() > FEW_ROWS;
     html! {
         figure.table.long[!whole].half[half].slim[slim] {
             figcaption { (caption) }
