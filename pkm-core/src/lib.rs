@@ -95,8 +95,8 @@ pub use compensator::{Compensator, CompensatorSettings, Fault};
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError, TableUncertainty};
 pub use elastic::LimbFrame;
 pub use five_axis::{
-    CompensatedTool, Configuration, FiveAxis, Hold, JointMotion, JointValues, Tool, ToolDeflection,
-    ToolDeflectionError, ToolError, ToolFrame, ToolMotion,
+    CompensatedTool, Configuration, FiveAxis, JointMotion, JointValues, Tool, ToolDeflection, ToolDeflectionError,
+    ToolError, ToolFrame, ToolMotion, ToolSolution,
 };
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters};

@@ -73,9 +73,9 @@ fn five_axes<T: Scalar>(five: &FiveAxis<'_, T>, pose: &Pose<T>, hash: u64) -> u6
     let near = Configuration { pose: *pose, beta_rad: Vector2::new(T::from_f64(0.3), T::from_f64(-0.2)) };
     let moved = five.tool(&near).and_then(|Tool { tip_m, axis }| {
         let step = Vector3::repeat(T::from_f64(1e-3));
-        let hold = five.inverse(&Tool { tip_m: tip_m + step, axis: axis + step }, &near)?;
+        let solution = five.inverse(&Tool { tip_m: tip_m + step, axis: axis + step }, &near)?;
         let motion = ToolMotion { tip_m_per_s: step, axis_per_s: step, tip_m_per_s2: step, axis_per_s2: step };
-        Ok((hold.joints, five.joint_motion(&hold.configuration, &motion)?))
+        Ok((solution.joints, five.joint_motion(&solution.configuration, &motion)?))
     });
     let moved = &moved;
     let hash = over(hash, moved.as_ref().map(|(joints, _)| joints.lengths.q_m.as_slice()));

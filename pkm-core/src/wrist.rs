@@ -31,7 +31,7 @@ pub struct WristParameters {
     /// Z0 of the home configuration θ = σ = β1 = β2 = 0, m: the middle of the box of poses.
     pub home_z0_m: f64,
     /// Least share of the home configuration's determinant, 0 to 1, see
-    /// [`FiveAxis::home_share`](crate::FiveAxis::home_share).
+    /// [`FiveAxis::normalised_determinant`](crate::FiveAxis::normalised_determinant).
     pub singularity_margin: f64,
 }
 

@@ -207,19 +207,19 @@ fn five_axes<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) 
     for (found, expected) in tool.tip_m.iter().zip(&expected) {
         assert_near(*found, *expected, 1.0, 4.0);
     }
-    assert_near(five.home_share(&home).unwrap(), 1.0, 1.0, 10.0);
+    assert_near(five.normalised_determinant(&home).unwrap(), 1.0, 1.0, 10.0);
     let there = Configuration { pose: pose::<T>(0.05, -0.03, 0.54), beta_rad: [0.2, -0.1].map(T::from_f64).into() };
     let frame = five.frame(&there).unwrap();
     let aim = Tool { tip_m: frame.tip_m, axis: frame.axes.column(2).into() };
     let joints = five.joints(&there).unwrap();
     assert!(five.forward(&joints).is_ok());
-    for hold in [
+    for solution in [
         five.inverse(&aim, &home),
         five.search(&aim, &home),
         five.inverse_frame(&frame),
         five.inverse_at(frame.tip_m, there.beta_rad),
     ] {
-        let found = hold.unwrap();
+        let found = solution.unwrap();
         for (q, expected) in found.joints.lengths.q_m.iter().zip(&joints.lengths.q_m) {
             assert_near(*q, expected.to_f64(), 1.0, 200.0);
         }
@@ -229,9 +229,9 @@ fn five_axes<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) 
     let load = wrench::<T>([120.0, 0.0, -400.0], [0.0, 0.0, 5.0]);
     for table in [None, Some(table)] {
         let compensated = five.compensated(table, &aim, &load, &home).unwrap();
-        let deflection = five.deflection(table, &compensated.hold.configuration, &load).unwrap();
+        let deflection = five.deflection(table, &compensated.solution.configuration, &load).unwrap();
         assert_eq!(deflection, compensated.deflection);
-        let held = five.tool(&compensated.hold.configuration).unwrap();
+        let held = five.tool(&compensated.solution.configuration).unwrap();
         let loaded = held.tip_m + deflection.translation_m;
         for (loaded, aim) in loaded.iter().zip(&aim.tip_m) {
             assert_near(*loaded, aim.to_f64(), 1.0, 1e3f64.max(2e-8 / T::EPSILON.to_f64()));

@@ -13,8 +13,8 @@ use nalgebra::{Cholesky, Matrix6, U6, Vector2, Vector3, Vector6};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, Reading};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
-    CompensatedTool, Configuration, Corrected, Cycle, Deflection, FiveAxis, Hold, Machine, Pose, Scalar, ScrewLengths,
-    Stiffness, StiffnessFactor, Tool, ToolFrame, Wrench,
+    CompensatedTool, Configuration, Corrected, Cycle, Deflection, FiveAxis, Machine, Pose, Scalar, ScrewLengths,
+    Stiffness, StiffnessFactor, Tool, ToolFrame, ToolSolution, Wrench,
 };
 
 fn pose<T: Scalar>() -> Pose<T> {
@@ -117,7 +117,7 @@ macro_rules! five_axes {
         #[bench::third(step(&$five, 2))]
         #[bench::corner(step(&$five, 3))]
         #[bench::turned(step(&$five, 4))]
-        fn $warm(step: (Tool<$t>, Configuration<$t>)) -> Hold<$t> {
+        fn $warm(step: (Tool<$t>, Configuration<$t>)) -> ToolSolution<$t> {
             let (tool, near) = black_box(step);
             black_box($five.inverse(&tool, &near)).unwrap()
         }
@@ -125,14 +125,14 @@ macro_rules! five_axes {
         #[library_benchmark]
         #[bench::home(step(&$five, 0))]
         #[bench::corner(step(&$five, 3))]
-        fn $given(step: (Tool<$t>, Configuration<$t>)) -> Hold<$t> {
+        fn $given(step: (Tool<$t>, Configuration<$t>)) -> ToolSolution<$t> {
             let (tool, near) = black_box(step);
             black_box($five.inverse_at(tool.tip_m, near.beta_rad)).unwrap()
         }
 
         #[library_benchmark]
         #[bench::reference(frame(&$five))]
-        fn $whole(frame: ToolFrame<$t>) -> Hold<$t> {
+        fn $whole(frame: ToolFrame<$t>) -> ToolSolution<$t> {
             black_box($five.inverse_frame(&black_box(frame))).unwrap()
         }
 

@@ -4,8 +4,8 @@
 use libfuzzer_sys::fuzz_target;
 use pkm_core::tables::reference::{TABLE_F32, TABLE_F64};
 use pkm_core::{
-    Configuration, CorrectionTable, FiveAxis, Hold, JointValues, Machine, Scalar, ScrewLengths, Tool, ToolFrame,
-    Wrench, Wrist,
+    Configuration, CorrectionTable, FiveAxis, JointValues, Machine, Scalar, ScrewLengths, Tool, ToolFrame,
+    ToolSolution, Wrench, Wrist,
 };
 use pkm_fuzz::{Numbers, Rounded, assert_finite};
 
@@ -18,10 +18,10 @@ fn assert_frame<T: Scalar>(frame: &ToolFrame<T>) {
 }
 
 /// What holds a tool are joints of its configuration.
-fn assert_hold<T: Scalar>(five: &FiveAxis<'_, T>, hold: &Hold<T>) {
-    assert_configuration(&hold.configuration);
-    assert!(hold.home_share.is_finite());
-    assert_eq!(five.joints(&hold.configuration), Ok(hold.joints));
+fn assert_hold<T: Scalar>(five: &FiveAxis<'_, T>, solution: &ToolSolution<T>) {
+    assert_configuration(&solution.configuration);
+    assert!(solution.normalised_determinant.is_finite());
+    assert_eq!(five.joints(&solution.configuration), Ok(solution.joints));
 }
 
 fn walk<T: Scalar>(
@@ -35,19 +35,20 @@ fn walk<T: Scalar>(
     }
     if let Ok(frame) = five.frame(&near) {
         assert_frame(&frame);
-        if let Ok(hold) = five.inverse_frame(&frame) {
-            assert_hold(five, &hold);
+        if let Ok(solution) = five.inverse_frame(&frame) {
+            assert_hold(five, &solution);
         }
         if let Ok(stiffness) = five.machine.stiffness(&near.pose) {
             let _ = five.tip_stiffness(&stiffness, &near);
         }
     }
-    if let Ok(share) = five.home_share(&near) {
+    if let Ok(share) = five.normalised_determinant(&near) {
         assert!(share.is_finite());
     }
-    for hold in [five.inverse(&tool, &near), five.search(&tool, &near), five.inverse_at(tool.tip_m, near.beta_rad)] {
-        if let Ok(hold) = hold {
-            assert_hold(five, &hold);
+    for solution in [five.inverse(&tool, &near), five.search(&tool, &near), five.inverse_at(tool.tip_m, near.beta_rad)]
+    {
+        if let Ok(solution) = solution {
+            assert_hold(five, &solution);
         }
     }
     for table in [None, Some(table)] {
@@ -55,7 +56,7 @@ fn walk<T: Scalar>(
             assert_finite(deflection.translation_m.iter().chain(&deflection.rotation_rad).copied());
         }
         if let Ok(compensated) = five.compensated(table, &tool, &wrench, &near) {
-            assert_hold(five, &compensated.hold);
+            assert_hold(five, &compensated.solution);
             let d = compensated.deflection;
             assert_finite(d.translation_m.iter().chain(&d.rotation_rad).copied().chain([compensated.remaining_m]));
         }

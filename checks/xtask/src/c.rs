@@ -10,8 +10,8 @@ use pkm_core::effects::EFFECTS;
 use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::{Vector2, Vector3};
 use pkm_core::{
-    Configuration, CorrectionTable, Cycle, Deflection, Domain, FiveAxis, Hold, JointValues, Pose, Scalar, ScrewLengths,
-    TableUncertainty, TemperatureRise, TipUncertainty, Tool, ToolMotion, Wrench,
+    Configuration, CorrectionTable, Cycle, Deflection, Domain, FiveAxis, JointValues, Pose, Scalar, ScrewLengths,
+    TableUncertainty, TemperatureRise, TipUncertainty, Tool, ToolMotion, ToolSolution, Wrench,
 };
 
 use crate::image::symbols;
@@ -253,9 +253,9 @@ fn expected<T: Scalar>(
     let beta_rad = Vector2::from([0.3, -0.2].map(T::from_f64));
     let stands =
         |c: &Configuration<T>| [&[c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m], c.beta_rad.as_slice()].concat();
-    let hold = |h: &Hold<T>| {
+    let solution = |h: &ToolSolution<T>| {
         let JointValues { lengths, beta_rad } = &h.joints;
-        [&stands(&h.configuration), lengths.q_m.as_slice(), beta_rad.as_slice(), &[h.home_share]].concat()
+        [&stands(&h.configuration), lengths.q_m.as_slice(), beta_rad.as_slice(), &[h.normalised_determinant]].concat()
     };
     let home = Configuration {
         pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) },
@@ -300,17 +300,17 @@ fn expected<T: Scalar>(
             "tool_forward",
             place.map(|(c, tool)| [&stands(&c), tool.tip_m.as_slice(), tool.axis.as_slice()].concat()),
         ),
-        line("tool_inverse", five.inverse(&tool, &home).map(|h| hold(&h))),
-        line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| hold(&h))),
+        line("tool_inverse", five.inverse(&tool, &home).map(|h| solution(&h))),
+        line("tip_inverse", five.inverse_at(tool.tip_m, beta_rad).map(|h| solution(&h))),
         line(
             "any_margin",
-            five.inverse_at_any_margin(tool.tip_m, Vector2::new(beta_rad.x, T::from_f64(0.98))).map(|h| hold(&h)),
+            five.inverse_at_any_margin(tool.tip_m, Vector2::new(beta_rad.x, T::from_f64(0.98))).map(|h| solution(&h)),
         ),
         line(
             "tool_compensated",
             loaded.map(|l| {
                 let (moved, turned) = (l.deflection.translation_m, l.deflection.rotation_rad);
-                [&hold(&l.hold), moved.as_slice(), turned.as_slice(), &[l.remaining_m]].concat()
+                [&solution(&l.solution), moved.as_slice(), turned.as_slice(), &[l.remaining_m]].concat()
             }),
         ),
         line("joint_motion", joints.map(|j| [j.velocity.as_slice(), j.acceleration.as_slice()].concat())),

@@ -58,9 +58,9 @@ int main(void) {
         fprintf(stderr, "pkm: %s\n", pkm_error_text(error));
         return 1;
     }
-    const PkmJoints_f64 *joints = &command.hold.joints;
+    const PkmJoints_f64 *joints = &command.solution.joints;
     printf("five axes: %.4f %.4f %.4f mm, %.6f %.6f rad, home share %.3f\n", 1e3 * joints->lengths.q_m[0],
            1e3 * joints->lengths.q_m[1], 1e3 * joints->lengths.q_m[2], joints->beta_rad[0], joints->beta_rad[1],
-           command.hold.home_share);
+           command.solution.normalised_determinant);
     return 0;
 }

@@ -662,15 +662,15 @@ typedef struct {
   PkmTool_f64 tool;
 } PkmToolPlace_f64;
 
-// How a machine holds a tool.
+// A solution of the five-axis inverse kinematics.
 typedef struct {
   // Where the five axes stand.
   PkmConfiguration_f64 configuration;
   // What the drives are told.
   PkmJoints_f64 joints;
   // Distance from the singularity locus of the five axes: 1 in the home configuration, 0 on the locus.
-  double home_share;
-} PkmHold_f64;
+  double normalised_determinant;
+} PkmToolSolution_f64;
 
 // A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
 typedef struct {
@@ -683,7 +683,7 @@ typedef struct {
 // What to command so that a loaded tool is where it should be.
 typedef struct {
   // What to command, and where the five axes then would stand without the load.
-  PkmHold_f64 hold;
+  PkmToolSolution_f64 solution;
   // What the load moves the tip by there, along x, y, z of B.
   double translation_m[3];
   // What it turns the tool by, about x, y, z of B.
@@ -740,15 +740,15 @@ typedef struct {
   PkmTool_f32 tool;
 } PkmToolPlace_f32;
 
-// How a machine holds a tool.
+// A solution of the five-axis inverse kinematics.
 typedef struct {
   // Where the five axes stand.
   PkmConfiguration_f32 configuration;
   // What the drives are told.
   PkmJoints_f32 joints;
   // Distance from the singularity locus of the five axes: 1 in the home configuration, 0 on the locus.
-  float home_share;
-} PkmHold_f32;
+  float normalised_determinant;
+} PkmToolSolution_f32;
 
 // A tool's tip, in B-xyz, and where the wrist's joints stand: what a part program in the axes X Y Z A B asks for.
 typedef struct {
@@ -761,7 +761,7 @@ typedef struct {
 // What to command so that a loaded tool is where it should be.
 typedef struct {
   // What to command, and where the five axes then would stand without the load.
-  PkmHold_f32 hold;
+  PkmToolSolution_f32 solution;
   // What the load moves the tip by there, along x, y, z of B.
   float translation_m[3];
   // What it turns the tool by, about x, y, z of B.
@@ -1426,7 +1426,7 @@ PkmError pkm_tool_inverse_f64(const PkmMachine_f64 *machine,
                               const PkmWrist_f64 *wrist,
                               const PkmTool_f64 *tool,
                               const PkmConfiguration_f64 *near,
-                              PkmHold_f64 *hold);
+                              PkmToolSolution_f64 *solution);
 
 // Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
 // are the tip's position and these angles. In closed form, and without a configuration to begin from.
@@ -1436,17 +1436,17 @@ PKM_MUST_USE
 PkmError pkm_tip_inverse_f64(const PkmMachine_f64 *machine,
                              const PkmWrist_f64 *wrist,
                              const PkmTip_f64 *tip,
-                             PkmHold_f64 *hold);
+                             PkmToolSolution_f64 *solution);
 
 // The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
-// controller that drives a machine out of there. `home_share` of the result says how near it is.
+// controller that drives a machine out of there. `normalised_determinant` of the result says how near it is.
 //
 // Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
 PKM_MUST_USE
 PkmError pkm_tip_inverse_any_margin_f64(const PkmMachine_f64 *machine,
                                         const PkmWrist_f64 *wrist,
                                         const PkmTip_f64 *tip,
-                                        PkmHold_f64 *hold);
+                                        PkmToolSolution_f64 *solution);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
@@ -1501,7 +1501,7 @@ PkmError pkm_tool_inverse_f32(const PkmMachine_f32 *machine,
                               const PkmWrist_f32 *wrist,
                               const PkmTool_f32 *tool,
                               const PkmConfiguration_f32 *near,
-                              PkmHold_f32 *hold);
+                              PkmToolSolution_f32 *solution);
 
 // Inverse kinematics of the five axes with the wrist's joints at given angles: what a controller needs whose axes
 // are the tip's position and these angles. In closed form, and without a configuration to begin from.
@@ -1511,17 +1511,17 @@ PKM_MUST_USE
 PkmError pkm_tip_inverse_f32(const PkmMachine_f32 *machine,
                              const PkmWrist_f32 *wrist,
                              const PkmTip_f32 *tip,
-                             PkmHold_f32 *hold);
+                             PkmToolSolution_f32 *solution);
 
 // The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
-// controller that drives a machine out of there. `home_share` of the result says how near it is.
+// controller that drives a machine out of there. `normalised_determinant` of the result says how near it is.
 //
 // Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
 PKM_MUST_USE
 PkmError pkm_tip_inverse_any_margin_f32(const PkmMachine_f32 *machine,
                                         const PkmWrist_f32 *wrist,
                                         const PkmTip_f32 *tip,
-                                        PkmHold_f32 *hold);
+                                        PkmToolSolution_f32 *solution);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for

@@ -4,8 +4,8 @@ use pkm_core::FiveAxis;
 
 use crate::pointers::{answer, given};
 use crate::{
-    PkmCompensatedTool, PkmConfiguration, PkmError, PkmHold, PkmJointMotion, PkmJoints, PkmMachine, PkmTable, PkmTip,
-    PkmTool, PkmToolMotion, PkmToolPlace, PkmWrench, PkmWrist,
+    PkmCompensatedTool, PkmConfiguration, PkmError, PkmJointMotion, PkmJoints, PkmMachine, PkmTable, PkmTip, PkmTool,
+    PkmToolMotion, PkmToolPlace, PkmToolSolution, PkmWrench, PkmWrist,
 };
 
 macro_rules! functions {
@@ -47,11 +47,11 @@ macro_rules! functions {
             wrist: *const PkmWrist<$t>,
             tool: *const PkmTool<$t>,
             near: *const PkmConfiguration<$t>,
-            hold: *mut PkmHold<$t>,
+            solution: *mut PkmToolSolution<$t>,
         ) -> PkmError {
             // SAFETY: the caller's promise
             unsafe {
-                answer(hold, || {
+                answer(solution, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
                     Ok(five.inverse(&given(tool)?.core(), &given(near)?.core())?.into())
                 })
@@ -68,11 +68,11 @@ macro_rules! functions {
             machine: *const PkmMachine<$t>,
             wrist: *const PkmWrist<$t>,
             tip: *const PkmTip<$t>,
-            hold: *mut PkmHold<$t>,
+            solution: *mut PkmToolSolution<$t>,
         ) -> PkmError {
             // SAFETY: the caller's promise
             unsafe {
-                answer(hold, || {
+                answer(solution, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
                     let PkmTip { tip_m, beta_rad } = *given(tip)?;
                     Ok(five.inverse_at(tip_m.into(), beta_rad.into())?.into())
@@ -81,7 +81,7 @@ macro_rules! functions {
         }
 
         /// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
-        /// controller that drives a machine out of there. `home_share` of the result says how near it is.
+        /// controller that drives a machine out of there. `normalised_determinant` of the result says how near it is.
         ///
         /// Errors: those of `pkm_tip_inverse`; TOOL_SINGULAR only on the locus and beyond it.
         #[must_use]
@@ -90,11 +90,11 @@ macro_rules! functions {
             machine: *const PkmMachine<$t>,
             wrist: *const PkmWrist<$t>,
             tip: *const PkmTip<$t>,
-            hold: *mut PkmHold<$t>,
+            solution: *mut PkmToolSolution<$t>,
         ) -> PkmError {
             // SAFETY: the caller's promise
             unsafe {
-                answer(hold, || {
+                answer(solution, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
                     let PkmTip { tip_m, beta_rad } = *given(tip)?;
                     Ok(five.inverse_at_any_margin(tip_m.into(), beta_rad.into())?.into())

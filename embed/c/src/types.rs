@@ -2,9 +2,9 @@
 
 use pkm_core::nalgebra::Matrix3;
 use pkm_core::{
-    Compensated, CompensatedTool, Configuration, Corrected, CorrectionTable, Cycle, Deflection, Domain, Hold,
-    JointMotion, JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, TemperatureRise,
-    Tool, ToolMotion, Wrench, Wrist,
+    Compensated, CompensatedTool, Configuration, Corrected, CorrectionTable, Cycle, Deflection, Domain, JointMotion,
+    JointValues, Machine, Pose, Scalar, ScrewLengths, SingularityDistance, Stiffness, TemperatureRise, Tool,
+    ToolMotion, ToolSolution, Wrench, Wrist,
 };
 
 /// Size of a `PkmMachine` in numbers of its type.
@@ -216,16 +216,16 @@ pub struct PkmToolPlace<T> {
     pub tool: PkmTool<T>,
 }
 
-/// How a machine holds a tool.
+/// A solution of the five-axis inverse kinematics.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmHold<T> {
+pub struct PkmToolSolution<T> {
     /// Where the five axes stand.
     pub configuration: PkmConfiguration<T>,
     /// What the drives are told.
     pub joints: PkmJoints<T>,
     /// Distance from the singularity locus of the five axes: 1 in the home configuration, 0 on the locus.
-    pub home_share: T,
+    pub normalised_determinant: T,
 }
 
 /// What to command so that a loaded tool is where it should be.
@@ -233,7 +233,7 @@ pub struct PkmHold<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PkmCompensatedTool<T> {
     /// What to command, and where the five axes then would stand without the load.
-    pub hold: PkmHold<T>,
+    pub solution: PkmToolSolution<T>,
     /// What the load moves the tip by there, along x, y, z of B.
     pub translation_m: [T; 3],
     /// What it turns the tool by, about x, y, z of B.
@@ -423,17 +423,19 @@ impl<T: Scalar> From<Tool<T>> for PkmTool<T> {
     }
 }
 
-impl<T: Scalar> From<Hold<T>> for PkmHold<T> {
-    fn from(Hold { configuration, joints: JointValues { lengths, beta_rad }, home_share, .. }: Hold<T>) -> Self {
+impl<T: Scalar> From<ToolSolution<T>> for PkmToolSolution<T> {
+    fn from(
+        ToolSolution { configuration, joints: JointValues { lengths, beta_rad }, normalised_determinant, .. }: ToolSolution<T>,
+    ) -> Self {
         let joints = PkmJoints { lengths: lengths.into(), beta_rad: beta_rad.into() };
-        Self { configuration: configuration.into(), joints, home_share }
+        Self { configuration: configuration.into(), joints, normalised_determinant }
     }
 }
 
 impl<T: Scalar> From<CompensatedTool<T>> for PkmCompensatedTool<T> {
-    fn from(CompensatedTool { hold, deflection, remaining_m, converged }: CompensatedTool<T>) -> Self {
+    fn from(CompensatedTool { solution, deflection, remaining_m, converged }: CompensatedTool<T>) -> Self {
         Self {
-            hold: hold.into(),
+            solution: solution.into(),
             translation_m: deflection.translation_m.into(),
             rotation_rad: deflection.rotation_rad.into(),
             remaining_m,

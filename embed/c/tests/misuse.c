@@ -116,7 +116,7 @@ int main(void) {
     const PkmJoints_f64 joints = {{{0.55, 0.55, 0.53}}, {0.0, 0.0}};
     const PkmTip_f64 too_far = {{-0.2, 0.0, 11.3}, {0.0, 0.0}}, off_side = {{-0.2, 1.13, 0.0}, {0.0, 0.0}};
     PkmToolPlace_f64 place;
-    PkmHold_f64 hold;
+    PkmToolSolution_f64 solution;
     PkmCompensatedTool_f64 loaded;
 
     REFUSED(PKM_ERROR_NULL_POINTER, lengths, pkm_inverse_f64(NULL, &pose, &lengths));
@@ -127,10 +127,10 @@ int main(void) {
     REFUSED(PKM_ERROR_NULL_POINTER, cycle, pkm_cycle_f64(machine, table, &pose, &wrench, NULL, &cycle));
     REFUSED(PKM_ERROR_NULL_POINTER, domain, pkm_domain_f64(NULL, &pose, &domain));
     REFUSED(PKM_ERROR_NULL_POINTER, place, pkm_tool_forward_f64(machine, NULL, &joints, &place));
-    REFUSED(PKM_ERROR_NULL_POINTER, hold, pkm_tool_inverse_f64(machine, wrist, &tool, NULL, &hold));
-    REFUSED(PKM_ERROR_NULL_POINTER, hold, pkm_tip_inverse_f64(machine, wrist, NULL, &hold));
-    REFUSED(PKM_ERROR_OUT_OF_TRAVEL_LIMB1, hold, pkm_tip_inverse_f64(machine, wrist, &too_far, &hold));
-    REFUSED(PKM_ERROR_TOOL_UNREACHABLE, hold, pkm_tip_inverse_f64(machine, wrist, &off_side, &hold));
+    REFUSED(PKM_ERROR_NULL_POINTER, solution, pkm_tool_inverse_f64(machine, wrist, &tool, NULL, &solution));
+    REFUSED(PKM_ERROR_NULL_POINTER, solution, pkm_tip_inverse_f64(machine, wrist, NULL, &solution));
+    REFUSED(PKM_ERROR_OUT_OF_TRAVEL_LIMB1, solution, pkm_tip_inverse_f64(machine, wrist, &too_far, &solution));
+    REFUSED(PKM_ERROR_TOOL_UNREACHABLE, solution, pkm_tip_inverse_f64(machine, wrist, &off_side, &solution));
     REFUSED(PKM_ERROR_NULL_POINTER, loaded,
             pkm_tool_compensated_f64(machine, NULL, wrist, &tool, &wrench, &home, &loaded));
 
@@ -170,17 +170,17 @@ int main(void) {
         const PkmTool_f64 bad_tool = {{0.0, 0.0, bad[i]}, {0.0, 0.0, 1.0}};
         const PkmJoints_f64 bad_joints = {{{0.55, 0.55, 0.53}}, {bad[i], 0.0}};
         REFUSED(PKM_ERROR_NOT_FINITE, place, pkm_tool_forward_f64(machine, wrist, &bad_joints, &place));
-        REFUSED(PKM_ERROR_NOT_FINITE, hold, pkm_tool_inverse_f64(machine, wrist, &bad_tool, &home, &hold));
+        REFUSED(PKM_ERROR_NOT_FINITE, solution, pkm_tool_inverse_f64(machine, wrist, &bad_tool, &home, &solution));
         REFUSED(PKM_ERROR_NOT_FINITE, loaded,
                 pkm_tool_compensated_f64(machine, table, wrist, &tool, &bad_wrench, &home, &loaded));
     }
     const PkmTool_f64 aside = {{0.0, 4.0, 0.9}, {0.0, 0.0, 1.0}}, no_axis = {{0.0, 0.0, 1.1}, {0.0, 0.0, 0.0}};
     const PkmConfiguration_f64 singular = {{0.0, 0.0, 0.53}, {0.0, 1.0}};
     const PkmJoints_f64 bent = {{{0.55, 0.55, 0.53}}, {0.0, 2.0}};
-    hold.home_share = 0.0;
-    CHECK(pkm_tool_inverse_f64(machine, wrist, &aside, &home, &hold) != PKM_ERROR_OK && hold.home_share == 0.0);
-    REFUSED(PKM_ERROR_NOT_FINITE, hold, pkm_tool_inverse_f64(machine, wrist, &no_axis, &home, &hold));
-    REFUSED(PKM_ERROR_TOOL_SINGULAR, hold, pkm_tool_inverse_f64(machine, wrist, &tool, &singular, &hold));
+    solution.normalised_determinant = 0.0;
+    CHECK(pkm_tool_inverse_f64(machine, wrist, &aside, &home, &solution) != PKM_ERROR_OK && solution.normalised_determinant == 0.0);
+    REFUSED(PKM_ERROR_NOT_FINITE, solution, pkm_tool_inverse_f64(machine, wrist, &no_axis, &home, &solution));
+    REFUSED(PKM_ERROR_TOOL_SINGULAR, solution, pkm_tool_inverse_f64(machine, wrist, &tool, &singular, &solution));
     REFUSED(PKM_ERROR_WRIST_LIMIT2, place, pkm_tool_forward_f64(machine, wrist, &bent, &place));
 
     const PkmPose_f64 high = {0.1, 0.0, 0.9}, turned = {1.6, 0.0, 0.53};

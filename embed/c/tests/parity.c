@@ -48,7 +48,7 @@
         PkmJoints_##S joints;                                                                                     \
         PkmToolPlace_##S place;                                                                                   \
         PkmTip_##S at_tip;                                                                                        \
-        PkmHold_##S hold;                                                                                         \
+        PkmToolSolution_##S solution;                                                                             \
         PkmCompensatedTool_##S loaded;                                                                            \
         const PkmToolMotion_##S motion = {{(T)0.1, (T)-0.05, (T)0.02}, {(T)0.2, (T)0.1, (T)-0.3},                 \
                                           {1, 2, -3}, {(T)0.5, (T)-0.4, (T)0.1}};                                 \
@@ -73,16 +73,16 @@
         print_##S("jacobian", pkm_jacobian_##S(machine, &pose, &jacobian), &jacobian, 9);                         \
         print_##S("distance", pkm_singularity_distance_##S(machine, &pose, &distance), &distance, 2);             \
         print_##S("margin", pkm_travel_margin_##S(machine, &lengths, &margin), &margin, 1);                       \
-        printf("limb 0 %ld\n", (long)margin.limb);                                                                  \
+        printf("limb 0 %ld\n", (long)margin.limb);                                                                \
         print_##S("k_p", pkm_stiffness_##S(machine, &pose, &stiffness), &stiffness, 36);                          \
         print_##S("domain", pkm_domain_##S(table, &pose, &domain), &domain, 0);                                   \
-        printf("outside 0 %d\n", domain == PKM_DOMAIN_OUTSIDE);                                                     \
+        printf("outside 0 %d\n", domain == PKM_DOMAIN_OUTSIDE);                                                   \
         print_##S("k_m", pkm_corrected_stiffness_##S(machine, table, &pose, &corrected), &corrected, 36);         \
         print_##S("deflection", pkm_deflection_##S(machine, table, &pose, &wrench, &turned_at, &deflection),      \
                   &deflection, 6);                                                                                \
         print_##S("compensated", pkm_compensated_##S(machine, &pose, &deflection, &tip, &compensated),            \
                   &compensated, 6);                                                                               \
-        print_##S("thermal", pkm_thermal_deflection_##S(machine, &pose, &rise, &thermal), &thermal, 6);            \
+        print_##S("thermal", pkm_thermal_deflection_##S(machine, &pose, &rise, &thermal), &thermal, 6);           \
         print_##S("cycle", pkm_cycle_##S(machine, table, &pose, &wrench, &tip, &cycle), &cycle, 15);              \
         print_##S("warm", pkm_at_temperature_##S(machine, (T)31.5, &warm, sizeof warm), &warm, 0);                \
         print_##S("k_p_warm", pkm_stiffness_##S(&warm, &pose, &stiffness), &stiffness, 36);                       \
@@ -91,12 +91,12 @@
         joints.beta_rad[1] = (T)-0.2;                                                                             \
         memset(&place, 0, sizeof(place));                                                                         \
         print_##S("tool_forward", pkm_tool_forward_##S(machine, wrist, &joints, &place), &place, 11);             \
-        print_##S("tool_inverse", pkm_tool_inverse_##S(machine, wrist, &place.tool, &home, &hold), &hold, 11);    \
+        print_##S("tool_inverse", pkm_tool_inverse_##S(machine, wrist, &place.tool, &home, &solution), &solution, 11); \
         memcpy(at_tip.tip_m, place.tool.tip_m, sizeof(at_tip.tip_m));                                             \
         memcpy(at_tip.beta_rad, joints.beta_rad, sizeof(at_tip.beta_rad));                                        \
-        print_##S("tip_inverse", pkm_tip_inverse_##S(machine, wrist, &at_tip, &hold), &hold, 11);                 \
+        print_##S("tip_inverse", pkm_tip_inverse_##S(machine, wrist, &at_tip, &solution), &solution, 11);         \
         at_tip.beta_rad[1] = (T)0.98;                                                                             \
-        print_##S("any_margin", pkm_tip_inverse_any_margin_##S(machine, wrist, &at_tip, &hold), &hold, 11);       \
+        print_##S("any_margin", pkm_tip_inverse_any_margin_##S(machine, wrist, &at_tip, &solution), &solution, 11); \
         print_##S("tool_compensated",                                                                             \
                   pkm_tool_compensated_##S(machine, table, wrist, &place.tool, &wrench, &home, &loaded), &loaded, 18);\
         print_##S("joint_motion",                                                                                 \

@@ -166,7 +166,7 @@ static PkmError show(struct __comp_state *__comp_inst, const PkmToolPlace_f64 *p
     if (found != PKM_ERROR_OK) return found;
 
     inside_box = corrected.domain == PKM_DOMAIN_INSIDE && loaded.domain == PKM_DOMAIN_INSIDE;
-    share = loaded.hold.home_share;
+    share = loaded.solution.normalised_determinant;
     distance_1_2 = distance.limbs_1_2;
     distance_3 = distance.limb_3;
     tip_x_um = loaded.translation_m[0] * 1e6;

@@ -58,13 +58,13 @@ static const double SAME_SHARE = 1e-12;
 static int commanded(struct __comp_state *__comp_inst, double axis[5], double *share_there) {
     const PkmJoints_f64 joints = {{{command(0) / MM, command(1) / MM, command(2) / MM}}, {command(3) / DEG, command(4) / DEG}};
     PkmToolPlace_f64 place;
-    PkmHold_f64 hold;
+    PkmToolSolution_f64 solution;
     if (pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place) != PKM_ERROR_OK) return 0;
     PkmTip_f64 tip;
     for (int i = 0; i < 3; i++) axis[i] = (tip.tip_m[i] = place.tool.tip_m[i]) * MM;
     for (int i = 0; i < 2; i++) axis[3 + i] = (tip.beta_rad[i] = joints.beta_rad[i]) * DEG;
-    const PkmError found = pkm_tip_inverse_any_margin_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
-    *share_there = found == PKM_ERROR_OK ? hold.home_share : INFINITY;
+    const PkmError found = pkm_tip_inverse_any_margin_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &solution);
+    *share_there = found == PKM_ERROR_OK ? solution.normalised_determinant : INFINITY;
     return 1;
 }
 
@@ -72,13 +72,13 @@ static int commanded(struct __comp_state *__comp_inst, double axis[5], double *s
    motmod asks for where it stands as long as it moves by axes. Answers with the last command, never with the feedback: the
    drives would follow their own error. */
 static PkmError answer_refused(struct __comp_state *__comp_inst, const PkmTip_f64 *tip, const double axis[5], PkmError refusal,
-                               PkmHold_f64 *hold, double *joint) {
+                               PkmToolSolution_f64 *solution, double *joint) {
     double there[5], share_there, off = 0;
     if (!commanded(__comp_inst, there, &share_there)) return refusal;
     if (refusal == PKM_ERROR_TOOL_SINGULAR &&
-        pkm_tip_inverse_any_margin_f64(pkm_machine_f64(), pkm_wrist_f64(), tip, hold) == PKM_ERROR_OK &&
-        hold->home_share >= share_there - SAME_SHARE) {
-        for (int i = 0; i < 5; i++) joint[i] = i < 3 ? hold->joints.lengths.q_m[i] * MM : axis[i];
+        pkm_tip_inverse_any_margin_f64(pkm_machine_f64(), pkm_wrist_f64(), tip, solution) == PKM_ERROR_OK &&
+        solution->normalised_determinant >= share_there - SAME_SHARE) {
+        for (int i = 0; i < 5; i++) joint[i] = i < 3 ? solution->joints.lengths.q_m[i] * MM : axis[i];
         return PKM_ERROR_OK;
     }
     for (int i = 0; i < 5; i++) {
@@ -98,11 +98,11 @@ int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVE
     const long long begun = rtapi_get_time();
     const double axis[5] = {world->tran.x, world->tran.y, world->tran.z, world->a, world->b};
     const PkmTip_f64 tip = {{axis[0] / MM, axis[1] / MM, axis[2] / MM}, {axis[3] / DEG, axis[4] / DEG}};
-    PkmHold_f64 hold;
-    PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &hold);
+    PkmToolSolution_f64 solution;
+    PkmError found = pkm_tip_inverse_f64(pkm_machine_f64(), pkm_wrist_f64(), &tip, &solution);
     held = 0;
     if (found != PKM_ERROR_OK) {
-        found = answer_refused(__comp_inst, &tip, axis, found, &hold, joint);
+        found = answer_refused(__comp_inst, &tip, axis, found, &solution, joint);
         if (found == PKM_ERROR_OK) {
             why = said = found;
             held = 1;
@@ -115,9 +115,9 @@ int kinematicsInverse(const EmcPose *world, double *joint, const KINEMATICS_INVE
         return -1;
     }
     why = said = found;
-    share = hold.home_share;
+    share = solution.normalised_determinant;
     for (int i = 0; i < 5; i++) {
-        joint[i] = i < 3 ? hold.joints.lengths.q_m[i] * MM : axis[i];
+        joint[i] = i < 3 ? solution.joints.lengths.q_m[i] * MM : axis[i];
         inverse_axis(i) = axis[i];
         inverse_joint(i) = joint[i];
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3};
-use pkm_core::{Configuration, Domain, Hold, JointValues, Pose, ScrewLengths, Tool, Wrench};
+use pkm_core::{Configuration, Domain, JointValues, Pose, ScrewLengths, Tool, ToolSolution, Wrench};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::path::unit;
 use pkm_host::files::readings::{Condition, REFERENCE_C};
@@ -205,7 +205,7 @@ impl Model {
             }
         };
         let tools: Vec<_> = tips.into_iter().zip(axes).zip(near).collect();
-        let joints = each(py, &tools, |((tip_m, axis), near)| hold(&reach, *tip_m, *axis, near))?;
+        let joints = each(py, &tools, |((tip_m, axis), near)| solution(&reach, *tip_m, *axis, near))?;
         array(py, joints)
     }
 
@@ -236,11 +236,16 @@ impl Model {
 }
 
 /// Joint values of the inverse-kinematics solution nearest to a configuration, as `pkm-host ik` chooses it.
-fn hold(reach: &Reach<'_>, tip_m: [f64; 3], axis: [f64; 3], near: &Configuration<f64>) -> Result<[f64; 5], Refusal> {
+fn solution(
+    reach: &Reach<'_>,
+    tip_m: [f64; 3],
+    axis: [f64; 3],
+    near: &Configuration<f64>,
+) -> Result<[f64; 5], Refusal> {
     if !tip_m.iter().chain(&axis).all(|v| v.is_finite()) || axis == [0.0; 3] {
         return Err(pkm_core::ToolError::NotFinite.into());
     }
-    let Hold { joints, .. } = reach.nearest(&Tool { tip_m: tip_m.into(), axis: unit(axis).into() }, near)?;
+    let ToolSolution { joints, .. } = reach.nearest(&Tool { tip_m: tip_m.into(), axis: unit(axis).into() }, near)?;
     let ([q1, q2, q3], [beta1, beta2]) = (joints.lengths.q_m.into(), joints.beta_rad.into());
     Ok([q1, q2, q3, beta1, beta2])
 }

@@ -189,7 +189,7 @@ impl View {
         let joints = five.joints(c).map_err(|e| Text::of(&e))?;
         let distance = machine.singularity_distance(pose).map_err(|e| Text::of(&e))?;
         let transmission = machine.transmission(pose).map_err(|e| Text::of(&e))?;
-        let share = five.home_share(c).map_err(|e| Text::of(&e))?;
+        let share = five.normalised_determinant(c).map_err(|e| Text::of(&e))?;
         let table = self.table.as_ref().and_then(|table| table.core().ok());
         let (margin_m, limb) = machine.travel_margin_m(&joints.lengths);
         let sin_cos = pkm_core::Scalar::sin_cos(pose.theta_rad);
@@ -256,8 +256,8 @@ fn write_command(
     match found.and_then(|tool| five.compensated(table, &tool, &request.wrench, &request.configuration)) {
         Ok(command) => {
             row.put(&[1.0]);
-            row.put(&crate::numbers_of(&command.hold.configuration));
-            row.put(command.hold.joints.lengths.q_m.as_slice());
+            row.put(&crate::numbers_of(&command.solution.configuration));
+            row.put(command.solution.joints.lengths.q_m.as_slice());
             Ok(())
         }
         Err(e) => {

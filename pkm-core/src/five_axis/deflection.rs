@@ -3,7 +3,9 @@
 use nalgebra::{SVector, Vector2, Vector3};
 
 use super::state::State;
-use super::{CompensatedTool, Configuration, FiveAxis, Hold, Tool, ToolDeflection, ToolDeflectionError, ToolError};
+use super::{
+    CompensatedTool, Configuration, FiveAxis, Tool, ToolDeflection, ToolDeflectionError, ToolError, ToolSolution,
+};
 use crate::compensation::{self, Doubt, Load};
 use crate::compensator::{Knowledge, Known};
 use crate::correction::{CorrectionTable, TableUncertainty};
@@ -18,7 +20,7 @@ use crate::wrist::Wrist;
 /// Most times that [`FiveAxis::compensated`] works out a deflection. Two or three do where K alone yields, four with clearance.
 pub const MAX_DEFLECTIONS: usize = 4;
 /// Most configurations that [`FiveAxis::compensated`] looks at. On a path some six do.
-pub const MAX_COMPENSATION_LOOKS: u8 = 16;
+pub const MAX_COMPENSATION_ITERATIONS: u8 = 16;
 /// What [`FiveAxis::compensated`] leaves of a deflection, at the most: of the tip's plus home's Z0 times the axis's.
 pub const COMPENSATED_TO: f64 = 1e-4;
 
@@ -111,7 +113,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// the deflection of the last try takes it from there, until the deflection changes by no more than [`COMPENSATED_TO`].
     ///
     /// It fits a controller's period: at most [`MAX_DEFLECTIONS`] deflections, and in all of its inverse kinematics together
-    /// [`MAX_COMPENSATION_LOOKS`] configurations. Where these do not do, the best try is given, with what remains of the
+    /// [`MAX_COMPENSATION_ITERATIONS`] configurations. Where these do not do, the best try is given, with what remains of the
     /// deflection. A machine that does not stand near the tool takes [`inverse`](Self::inverse) first.
     ///
     /// # Arguments
@@ -127,27 +129,27 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
         near: &Configuration<T>,
     ) -> Result<CompensatedTool<T>, ToolDeflectionError> {
-        let mut looks_left = MAX_COMPENSATION_LOOKS;
+        let mut iterations_left = MAX_COMPENSATION_ITERATIONS;
         let axis = unit(&tool.axis).ok_or(ToolError::NotFinite)?;
-        let mut hold = match &self.inverse_within(tool, near, &mut looks_left) {
-            Ok(hold) => *hold,
+        let mut solution = match &self.inverse_within(tool, near, &mut iterations_left) {
+            Ok(solution) => *solution,
             // by reference: `?` would copy all of it
             Err(e) => return Err((*e).into()),
         };
         let mut undone = [Vector3::zeros(); 2];
         let mut best = None;
         for left in (0..MAX_DEFLECTIONS).rev() {
-            match &self.deflection_of(table, &hold.configuration, wrench, None, None) {
-                Ok(deflection) => self.keep_better(axis, &hold, deflection, &mut undone, &mut best)?,
+            match &self.deflection_of(table, &solution.configuration, wrench, None, None) {
+                Ok(deflection) => self.keep_better(axis, &solution, deflection, &mut undone, &mut best)?,
                 Err(e) => return Err(*e),
             }
             if left == 0 || best.is_some_and(|best: CompensatedTool<T>| best.converged) {
                 break;
             }
             let held = Tool { tip_m: tool.tip_m - undone[0], axis: axis - undone[1] };
-            match &self.inverse_within(&held, &hold.configuration, &mut looks_left) {
-                Ok(found) => hold = *found,
-                Err(_) if looks_left == 0 => break,
+            match &self.inverse_within(&held, &solution.configuration, &mut iterations_left) {
+                Ok(found) => solution = *found,
+                Err(_) if iterations_left == 0 => break,
                 Err(e) => return Err((*e).into()),
             }
         }
@@ -221,12 +223,12 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let [_, _, axis] = axes(&frame.axes);
         let target = Tool { tip_m: frame.tip_m - moved.translation_m, axis: axis - moved.rotation_rad.cross(&axis) };
         let state = State::of(configuration);
-        let look = self.wrist.look(&state, &target);
-        if !(look.share >= self.wrist.margin) {
+        let newton = self.wrist.newton_step(&state, &target);
+        if !(newton.determinant >= self.wrist.margin) {
             return Err(ToolError::Singular.into());
         }
         let from = self.joints(configuration)?;
-        let to = self.joints(&state.moved(look.step, T::ONE).configuration())?;
+        let to = self.joints(&state.moved(newton.step, T::ONE).configuration())?;
         let [q1, q2, q3] = (to.lengths.q_m - from.lengths.q_m).into();
         let [beta1, beta2] = (to.beta_rad - from.beta_rad).into();
         Ok([q1, q2, q3, beta1, beta2].into())
@@ -238,7 +240,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     fn keep_better(
         &self,
         axis: Vector3<T>,
-        hold: &Hold<T>,
+        solution: &ToolSolution<T>,
         deflection: &ToolDeflection<T>,
         undone: &mut [Vector3<T>; 2],
         best: &mut Option<CompensatedTool<T>>,
@@ -252,7 +254,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         }
         if best.as_ref().is_none_or(|best| remaining_m < best.remaining_m) {
             let converged = remaining_m <= T::from_f64(COMPENSATED_TO) * size(now);
-            *best = Some(CompensatedTool { hold: *hold, deflection: *deflection, remaining_m, converged });
+            *best = Some(CompensatedTool { solution: *solution, deflection: *deflection, remaining_m, converged });
         }
         *undone = now;
         Ok(())

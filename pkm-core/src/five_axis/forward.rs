@@ -62,13 +62,13 @@ impl<T: Scalar> FiveAxis<'_, T> {
         }
     }
 
-    /// How far a configuration is from the singular surface of the five axes: the determinant of ∂(tip, axis)/∂(θ, σ, Z0, β1, β2)
-    /// as a share of that of the home configuration. 0 on the surface, negative beyond.
+    /// How far a configuration is from the singularity locus of the five axes: the determinant of ∂(tip, axis)/∂(θ, σ, Z0, β1, β2)
+    /// as a share of that of the home configuration. 0 on the locus, negative beyond.
     ///
     /// # Errors
     /// Those of [`frame`](Self::frame).
-    pub fn home_share(&self, configuration: &Configuration<T>) -> Result<T, ToolError> {
+    pub fn normalised_determinant(&self, configuration: &Configuration<T>) -> Result<T, ToolError> {
         self.joints(configuration)?;
-        Ok(self.wrist.share(&State::of(configuration)))
+        Ok(self.wrist.determinant(&State::of(configuration)))
     }
 }

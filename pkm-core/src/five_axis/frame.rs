@@ -3,7 +3,7 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::state::State;
-use super::{Configuration, FiveAxis, Hold, Tool, ToolError, ToolFrame};
+use super::{Configuration, FiveAxis, Tool, ToolError, ToolFrame, ToolSolution};
 use crate::kinematics::platform_axes;
 use crate::linalg::{axes, is_finite, length};
 use crate::scalar::Scalar;
@@ -17,7 +17,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// # Errors
     /// Not finite; inconsistent: no rotation, or not within 1e-7 (`f32`: 1e-3) of one of this machine; then those of
     /// [`inverse`](Self::inverse), which polishes what was found.
-    pub fn inverse_frame(&self, frame: &ToolFrame<T>) -> Result<Hold<T>, ToolError> {
+    pub fn inverse_frame(&self, frame: &ToolFrame<T>) -> Result<ToolSolution<T>, ToolError> {
         let (tip, [x, y, z]) = (frame.tip_m, axes(&frame.axes));
         if ![tip, x, y, z].iter().all(is_finite) {
             return Err(ToolError::NotFinite);
@@ -33,7 +33,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
             (x.y * b1 + z.y * d1, x.y * d1 - z.y * b1, tip.y - x.y * b2 - z.y * f),
             (tip.dot(&x) - b2, f - tip.dot(&z), offset + b1),
         ];
-        let mut best: Result<Hold<T>, ToolError> = Err(ToolError::Inconsistent);
+        let mut best: Result<ToolSolution<T>, ToolError> = Err(ToolError::Inconsistent);
         let mut least = tolerance;
         for (a, b, c) in equations {
             let size = (a * a + b * b).sqrt();

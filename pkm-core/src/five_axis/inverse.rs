@@ -3,34 +3,34 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::state::State;
-use super::{Configuration, FiveAxis, Hold, Tool, ToolError};
+use super::{Configuration, FiveAxis, Tool, ToolError, ToolSolution};
 use crate::linalg::{is_finite, unit};
 use crate::scalar::Scalar;
 use crate::types::Pose;
 
-/// Most configurations that [`FiveAxis::inverse`] looks at.
-pub const MAX_LOOKS: u8 = 64;
+/// Most evaluations of the Newton step in [`FiveAxis::inverse`].
+pub const MAX_INVERSE_ITERATIONS: u8 = 64;
 
 impl<T: Scalar> FiveAxis<'_, T> {
-    /// The configuration that holds a tool, on the same side of the singular surface as `near`: damped Newton steps from there,
-    /// at most [`MAX_LOOKS`]. From the last configuration of a path two or three do. At its start `near` is where the machine
+    /// The configuration that holds a tool, on the same side of the singularity locus as `near`: damped Newton steps from there,
+    /// at most [`MAX_INVERSE_ITERATIONS`]. From the last configuration of a path two or three do. At its start `near` is where the machine
     /// stands: [`forward`](Self::forward) of the measured joints.
     ///
     /// # Errors
-    /// Not finite; singular: `near`, or the way to the tool, has a [home share](Self::home_share) below the wrist's margin;
+    /// Not finite; singular: `near`, or the way to the tool, has a [normalised determinant](Self::normalised_determinant) below the wrist's margin;
     /// unreachable; then those of [`joints`](Self::joints).
-    pub fn inverse(&self, tool: &Tool<T>, near: &Configuration<T>) -> Result<Hold<T>, ToolError> {
-        self.inverse_within(tool, near, &mut { MAX_LOOKS })
+    pub fn inverse(&self, tool: &Tool<T>, near: &Configuration<T>) -> Result<ToolSolution<T>, ToolError> {
+        self.inverse_within(tool, near, &mut { MAX_INVERSE_ITERATIONS })
     }
 
-    /// Takes what it looks at off `looks_left`; none are left where these were too few.
+    /// Takes its evaluations off `iterations_left`; none are left where these were too few.
     #[inline(never)] // one copy saves flash
     pub(super) fn inverse_within(
         &self,
         tool: &Tool<T>,
         near: &Configuration<T>,
-        looks_left: &mut u8,
-    ) -> Result<Hold<T>, ToolError> {
+        iterations_left: &mut u8,
+    ) -> Result<ToolSolution<T>, ToolError> {
         let axis = unit(&tool.axis).filter(|_| is_finite(&tool.tip_m) && near.pose.is_finite());
         let Some(axis) = axis.filter(|_| is_finite(&near.beta_rad)) else {
             return Err(ToolError::NotFinite);
@@ -40,77 +40,77 @@ impl<T: Scalar> FiveAxis<'_, T> {
         if !state.is_possible() {
             return Err(ToolError::Unreachable);
         }
-        let mut look = self.wrist.look(&state, &target);
-        if !(look.share >= self.wrist.margin) {
+        let mut newton = self.wrist.newton_step(&state, &target);
+        if !(newton.determinant >= self.wrist.margin) {
             return Err(ToolError::Singular);
         }
         let (half, longest) = (T::from_f64(0.5), T::from_f64(0.5));
-        let mut looks = 1;
-        *looks_left = looks_left.saturating_sub(1);
+        let mut iterations = 1;
+        *iterations_left = iterations_left.saturating_sub(1);
         // a Newton step squares the error
-        while !(look.error <= T::EPSILON) {
-            let [dtheta, dsigma, dl, dbeta1, dbeta2] = look.step.into();
+        while !(newton.error <= T::EPSILON) {
+            let [dtheta, dsigma, dl, dbeta1, dbeta2] = newton.step.into();
             let size = [dtheta, dsigma, dl / state.l, dbeta1, dbeta2]
                 .into_iter()
                 .fold(T::ZERO, |size, d| if d.abs() > size { d.abs() } else { size });
             let mut share = if size > longest { longest / size } else { T::ONE };
             let mut refused = ToolError::Unreachable;
             loop {
-                if *looks_left == 0 {
+                if *iterations_left == 0 {
                     return Err(refused);
                 }
-                *looks_left -= 1;
-                looks += 1;
-                let next = state.moved(look.step, share);
+                *iterations_left -= 1;
+                iterations += 1;
+                let next = state.moved(newton.step, share);
                 if next.is_possible() {
-                    let ahead = self.wrist.look(&next, &target);
-                    if !(ahead.share >= half * self.wrist.margin) {
+                    let ahead = self.wrist.newton_step(&next, &target);
+                    if !(ahead.determinant >= half * self.wrist.margin) {
                         refused = ToolError::Singular;
-                    } else if ahead.error < look.error {
-                        (state, look) = (next, ahead);
+                    } else if ahead.error < newton.error {
+                        (state, newton) = (next, ahead);
                         break;
                     }
                 }
                 share *= half;
             }
         }
-        if look.error > T::LAST_STEP && *looks_left > 0 {
+        if newton.error > T::LAST_STEP && *iterations_left > 0 {
             // whether it helps or meets rounding: no more than this
-            (*looks_left, looks) = (*looks_left - 1, looks + 1);
-            let next = state.moved(look.step, T::ONE);
-            let ahead = self.wrist.look(&next, &target);
-            if ahead.error < look.error {
-                (state, look) = (next, ahead);
+            (*iterations_left, iterations) = (*iterations_left - 1, iterations + 1);
+            let next = state.moved(newton.step, T::ONE);
+            let ahead = self.wrist.newton_step(&next, &target);
+            if ahead.error < newton.error {
+                (state, newton) = (next, ahead);
             }
         }
-        if !(look.share >= self.wrist.margin) {
+        if !(newton.determinant >= self.wrist.margin) {
             return Err(ToolError::Singular);
         }
-        let configuration = state.moved(look.step, T::ONE).configuration();
+        let configuration = state.moved(newton.step, T::ONE).configuration();
         let joints = self.joints(&configuration)?;
-        Ok(Hold { configuration, joints, home_share: look.share, looks })
+        Ok(ToolSolution { configuration, joints, normalised_determinant: newton.determinant, iterations })
     }
 
-    /// How the machine holds a tip with the wrist's joints at given angles, θ and σ within a right angle, in closed form: with
+    /// The solution for a tip with the wrist's joints at given angles, θ and σ within a right angle, in closed form: with
     /// the tip at t in A-uvw, t_v cos σ − t_w sin σ is y, and θ turns (t_u, L + t_v sin σ + t_w cos σ) to (x, z).
     ///
     /// # Errors
-    /// Not finite; unreachable; those of [`joints`](Self::joints); singular: the [home share](Self::home_share) is below the
+    /// Not finite; unreachable; those of [`joints`](Self::joints); singular: the [normalised determinant](Self::normalised_determinant) is below the
     /// wrist's margin.
-    pub fn inverse_at(&self, tip_m: Vector3<T>, beta_rad: Vector2<T>) -> Result<Hold<T>, ToolError> {
+    pub fn inverse_at(&self, tip_m: Vector3<T>, beta_rad: Vector2<T>) -> Result<ToolSolution<T>, ToolError> {
         let found = self.inverse_at_any_margin(tip_m, beta_rad);
         match &found {
-            Ok(hold) if !(hold.home_share >= self.wrist.margin) => Err(ToolError::Singular),
+            Ok(solution) if !(solution.normalised_determinant >= self.wrist.margin) => Err(ToolError::Singular),
             _ => found,
         }
     }
 
     /// The same, also where the machine is nearer to the singularity locus than the wrist's margin, on the side of home: for a
-    /// controller that drives a machine out of there. [`Hold::home_share`] says how near it is.
+    /// controller that drives a machine out of there. [`ToolSolution::normalised_determinant`] says how near it is.
     ///
     /// # Errors
     /// Those of [`inverse_at`](Self::inverse_at); singular only on the locus and beyond it.
-    pub fn inverse_at_any_margin(&self, tip_m: Vector3<T>, beta_rad: Vector2<T>) -> Result<Hold<T>, ToolError> {
+    pub fn inverse_at_any_margin(&self, tip_m: Vector3<T>, beta_rad: Vector2<T>) -> Result<ToolSolution<T>, ToolError> {
         if !(is_finite(&tip_m) && is_finite(&beta_rad)) {
             return Err(ToolError::NotFinite);
         }
@@ -127,11 +127,11 @@ impl<T: Scalar> FiveAxis<'_, T> {
         }
         let configuration = state.configuration();
         let joints = self.joints(&configuration)?;
-        let home_share = self.wrist.share(&state);
-        if !(home_share > T::ZERO) {
+        let normalised_determinant = self.wrist.determinant(&state);
+        if !(normalised_determinant > T::ZERO) {
             return Err(ToolError::Singular);
         }
-        Ok(Hold { configuration, joints, home_share, looks: 0 })
+        Ok(ToolSolution { configuration, joints, normalised_determinant, iterations: 0 })
     }
 
     /// [`inverse`](Self::inverse) for a machine that does not stand near: from `near`, and if that finds nothing from
@@ -139,7 +139,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ///
     /// # Errors
     /// Those of [`inverse`](Self::inverse) from `near`.
-    pub fn search(&self, tool: &Tool<T>, near: &Configuration<T>) -> Result<Hold<T>, ToolError> {
+    pub fn search(&self, tool: &Tool<T>, near: &Configuration<T>) -> Result<ToolSolution<T>, ToolError> {
         let refused = match self.inverse(tool, near) {
             Err(refused) if refused != ToolError::NotFinite => refused,
             done => return done,

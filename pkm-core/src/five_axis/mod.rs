@@ -29,9 +29,9 @@ mod inverse;
 mod rates;
 mod state;
 
-pub use deflection::{COMPENSATED_TO, MAX_COMPENSATION_LOOKS, MAX_DEFLECTIONS};
+pub use deflection::{COMPENSATED_TO, MAX_COMPENSATION_ITERATIONS, MAX_DEFLECTIONS};
 pub use error::{ToolDeflectionError, ToolError};
-pub use inverse::MAX_LOOKS;
+pub use inverse::MAX_INVERSE_ITERATIONS;
 pub use rates::{JointMotion, ToolMotion};
 
 /// Where the five axes of a machine stand.
@@ -74,18 +74,18 @@ pub struct ToolFrame<T> {
     pub axes: Matrix3<T>,
 }
 
-/// How a machine holds a tool.
+/// A solution of the five-axis inverse kinematics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Hold<T> {
+pub struct ToolSolution<T> {
     /// Where the five axes stand.
     pub configuration: Configuration<T>,
     /// What the drives are told.
     pub joints: JointValues<T>,
-    /// Distance from the singular surface, see [`FiveAxis::home_share`].
-    pub home_share: T,
-    /// Configurations that were looked at on the way; 0 in closed form.
-    pub looks: u8,
+    /// Distance from the singularity locus, see [`FiveAxis::normalised_determinant`].
+    pub normalised_determinant: T,
+    /// Evaluations of the Newton step; 0 in closed form.
+    pub iterations: u8,
 }
 
 /// How a load moves a tool, in B-xyz.
@@ -105,7 +105,7 @@ pub struct ToolDeflection<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct CompensatedTool<T> {
     /// What to command, and the configuration that the machine then would have without the load.
-    pub hold: Hold<T>,
+    pub solution: ToolSolution<T>,
     /// What the load does to the tool there.
     pub deflection: ToolDeflection<T>,
     /// How far the loaded tool then is from where it should be, by the model: the tip's distance, and home's Z0 times the axis's, m.
@@ -125,8 +125,8 @@ pub struct CompensatedTool<T> {
 /// let (mut stands, Tool { tip_m, axis }) = five.forward(&JointValues { lengths, beta_rad: Vector2::new(0.2, -0.1) })?;
 /// // 10 mm along x in steps of 1 mm
 /// for step in 1..=10 {
-///     let hold = five.inverse(&Tool { tip_m: tip_m + Vector3::x() * (1e-3 * step as f32), axis }, &stands)?;
-///     stands = hold.configuration;
+///     let solution = five.inverse(&Tool { tip_m: tip_m + Vector3::x() * (1e-3 * step as f32), axis }, &stands)?;
+///     stands = solution.configuration;
 /// }
 /// assert!((five.tool(&stands)?.tip_m.x - tip_m.x - 0.01).abs() < 1e-6);
 /// # Ok::<(), ToolError>(())

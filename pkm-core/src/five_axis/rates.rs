@@ -66,10 +66,10 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ///
     /// Velocities are within 1e-8 and accelerations within 1e-5 of differences of [`inverse`](Self::inverse) in `f64`, relative to the greatest
     /// joint's, which is what the differences are worth; `f32` is within 2e-5 of `f64`, all where the
-    /// [home share](Self::home_share) is 0.1 and more.
+    /// [normalised determinant](Self::normalised_determinant) is 0.1 and more.
     ///
     /// # Errors
-    /// Those of [`frame`](Self::frame); singular: the [home share](Self::home_share) is below the wrist's margin; a motion, or what comes of
+    /// Those of [`frame`](Self::frame); singular: the [normalised determinant](Self::normalised_determinant) is below the wrist's margin; a motion, or what comes of
     /// it, that is not finite.
     ///
     /// ```
@@ -100,8 +100,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let seen = |v: &Vector3<T>| Vector3::new(v.x * cos - v.z * sin, v.y, v.x * sin + v.z * cos);
         let velocity = [seen(&motion.tip_m_per_s), seen(&motion.axis_per_s)];
         let acceleration = [seen(&motion.tip_m_per_s2), seen(&motion.axis_per_s2)];
-        let (share, rates) = self.wrist.rates(&State::of(configuration), velocity, acceleration);
-        if !(share >= self.wrist.margin) {
+        let (determinant, rates) = self.wrist.rates(&State::of(configuration), velocity, acceleration);
+        if !(determinant >= self.wrist.margin) {
             return Err(ToolError::Singular);
         }
         let joints = self.machine.declared.joint_motion(posture, &rates);
@@ -119,9 +119,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let [q1, q2, q3] = posture.q.into();
         let [dtheta, dsigma, dl] = declared.rates(posture, [q1 * dq1, q2 * dq2, q3 * dq3]);
         let first = [dtheta, dsigma, dl, dbeta1, dbeta2].into();
-        let (share, second) = self.wrist.straight(&State::of(configuration), &first);
+        let (determinant, second) = self.wrist.straight(&State::of(configuration), &first);
         let second = declared.joint_motion(posture, &[first, second]).acceleration;
-        (share >= self.wrist.margin && is_finite(&second)).then_some(second)
+        (determinant >= self.wrist.margin && is_finite(&second)).then_some(second)
     }
 }
 

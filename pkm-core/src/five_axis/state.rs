@@ -18,11 +18,11 @@ pub(super) struct State<T> {
 }
 
 /// What a state shows.
-pub(super) struct Look<T> {
+pub(super) struct NewtonStep<T> {
     /// Square of what tip (as a share of L) and axis are off.
     pub error: T,
-    /// See [`FiveAxis::home_share`](super::FiveAxis::home_share).
-    pub share: T,
+    /// See [`FiveAxis::normalised_determinant`](super::FiveAxis::normalised_determinant).
+    pub determinant: T,
     /// Newton step to the target: θ, σ, L, β1, β2.
     pub step: SVector<T, 5>,
 }
@@ -74,7 +74,7 @@ struct Motion<T> {
 
 impl<T: Scalar> Motion<T> {
     /// θ, σ, L, β1, β2 by which the tip moves so along u, y and n, and the axis so along x and y of T_h.
-    #[inline(always)] // in `look` its parts stay in registers
+    #[inline(always)] // in `newton_step` its parts stay in registers
     fn step(&self, off: Vector3<T>, [turn_x, turn_y]: [T; 2]) -> SVector<T, 5> {
         let Self { tip, axes: [_, y, _], r, swing, m, m12, determinant } = self;
         let b = Vector3::new(off.x + swing.x * turn_x, off.y + swing.y * turn_x, -turn_y);
@@ -94,7 +94,7 @@ impl<T: Scalar> Motion<T> {
 }
 
 impl<T: Scalar> Wrist<T> {
-    #[inline(always)] // in `look` its parts stay in registers
+    #[inline(always)] // in `newton_step` its parts stay in registers
     fn motion(&self, state: &State<T>) -> Motion<T> {
         let (sin, cos) = state.sigma.sin_cos();
         let held = self.held(state.beta);
@@ -114,19 +114,19 @@ impl<T: Scalar> Wrist<T> {
         Motion { tip, axes, r, swing, m, m12, determinant: m[0].dot(&m12) }
     }
 
-    /// See [`FiveAxis::home_share`](super::FiveAxis::home_share).
-    fn share_of(&self, determinant: T, cos_theta: T) -> T {
+    /// See [`FiveAxis::normalised_determinant`](super::FiveAxis::normalised_determinant).
+    fn normalised(&self, determinant: T, cos_theta: T) -> T {
         -determinant / (cos_theta * self.home_determinant)
     }
 
-    /// See [`FiveAxis::home_share`](super::FiveAxis::home_share).
+    /// See [`FiveAxis::normalised_determinant`](super::FiveAxis::normalised_determinant).
     #[inline(never)]
-    pub(super) fn share(&self, state: &State<T>) -> T {
-        self.share_of(self.motion(state).determinant, state.theta.sin_cos().1)
+    pub(super) fn determinant(&self, state: &State<T>) -> T {
+        self.normalised(self.motion(state).determinant, state.theta.sin_cos().1)
     }
 
     #[inline(never)]
-    pub(super) fn look(&self, state: &State<T>, target: &Tool<T>) -> Look<T> {
+    pub(super) fn newton_step(&self, state: &State<T>, target: &Tool<T>) -> NewtonStep<T> {
         let (sin_theta, cos_theta) = state.theta.sin_cos();
         let motion = self.motion(state);
         let (tip, [x, y, z]) = (motion.tip, motion.axes);
@@ -147,10 +147,10 @@ impl<T: Scalar> Wrist<T> {
             (turn_x, turn_y) = (turn_x / size, turn_y / size);
         }
         let step = motion.step(off, [turn_x, turn_y]);
-        Look { error, share: self.share_of(motion.determinant, cos_theta), step }
+        NewtonStep { error, determinant: self.normalised(motion.determinant, cos_theta), step }
     }
 
-    /// Home share, first and second time derivatives of θ, σ, L, β1, β2 from those of tip and axis in the axes u, y, n.
+    /// Normalised determinant, first and second time derivatives of θ, σ, L, β1, β2 from those of tip and axis in the axes u, y, n.
     #[inline(never)]
     pub(super) fn rates(
         &self,
@@ -161,15 +161,15 @@ impl<T: Scalar> Wrist<T> {
         let motion = &self.motion(state);
         let first = motion.step_by(velocity);
         let second = motion.step_by(self.beyond_carried(state, motion, &first, acceleration));
-        (self.share_of(motion.determinant, state.theta.sin_cos().1), [first, second])
+        (self.normalised(motion.determinant, state.theta.sin_cos().1), [first, second])
     }
 
-    /// Home share, and second derivatives of θ, σ, L, β1, β2 along a way on which tip and axis go straight, from the first ones.
+    /// Normalised determinant, and second derivatives of θ, σ, L, β1, β2 along a way on which tip and axis go straight, from the first ones.
     #[inline(never)]
     pub(super) fn straight(&self, state: &State<T>, first: &SVector<T, 5>) -> (T, SVector<T, 5>) {
         let motion = &self.motion(state);
         let second = motion.step_by(self.beyond_carried(state, motion, first, [Vector3::zeros(); 2]));
-        (self.share_of(motion.determinant, state.theta.sin_cos().1), second)
+        (self.normalised(motion.determinant, state.theta.sin_cos().1), second)
     }
 
     /// What is left of an acceleration of tip and axis without what steady rates of θ, σ, L, β1, β2 bring.

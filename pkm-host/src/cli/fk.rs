@@ -56,14 +56,14 @@ fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<(St
     let reach = Reach::new(file)?;
     let refused = |e: ToolError| Failure::refused(tool_status(e), e.to_string());
     let (configuration, tool) = forward(&reach, &joint_values(q_mm, beta_deg))?;
-    let home_share = reach.five.home_share(&configuration).map_err(refused)?;
+    let normalised_determinant = reach.five.normalised_determinant(&configuration).map_err(refused)?;
     let (tip_mm, axis): ([f64; 3], [f64; 3]) = ((tool.tip_m * 1e3).into(), tool.axis.into());
-    let side = if home_share >= reach.margin() { "" } else { ": opposite working mode" };
+    let side = if normalised_determinant >= reach.margin() { "" } else { ": opposite working mode" };
     let ([x, y, z], [i, j, k]) = (tip_mm, axis);
     Ok((
         format!(
-            "tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  normalised determinant {home_share:.4}{side}\n"
+            "tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  normalised determinant {normalised_determinant:.4}{side}\n"
         ),
-        json!({ "tip_mm": tip_mm, "axis": axis, "home_share": home_share }),
+        json!({ "tip_mm": tip_mm, "axis": axis, "home_share": normalised_determinant }),
     ))
 }

@@ -1,6 +1,6 @@
 //! `ik`: screw lengths of a pose, joint values of a tool.
 
-use pkm_core::{Configuration, Hold, JointValues, KinematicsError, Machine, Pose, ScrewLengths, Tool};
+use pkm_core::{Configuration, JointValues, KinematicsError, Machine, Pose, ScrewLengths, Tool, ToolSolution};
 use serde_json::{Value, json};
 
 use super::arguments::{finite, list};
@@ -102,27 +102,27 @@ fn of_pose(session: &mut Session, theta_deg: f64, sigma_deg: f64, z0_mm: f64) ->
     session.output(format!("q = {:.4} {:.4} {:.4} mm\n{margins}", q_mm[0], q_mm[1], q_mm[2]), &json)
 }
 
-fn solution(reach: &Reach<'_>, hold: &Hold<f64>) -> Value {
-    let [theta_deg, sigma_deg, z0_mm] = file_units(&hold.configuration.pose);
-    let [beta1_deg, beta2_deg] = hold.configuration.beta_rad.map(f64::to_degrees).into();
-    let q_mm: [f64; 3] = (hold.joints.lengths.q_m * 1e3).into();
+fn solution_json(reach: &Reach<'_>, solution: &ToolSolution<f64>) -> Value {
+    let [theta_deg, sigma_deg, z0_mm] = file_units(&solution.configuration.pose);
+    let [beta1_deg, beta2_deg] = solution.configuration.beta_rad.map(f64::to_degrees).into();
+    let q_mm: [f64; 3] = (solution.joints.lengths.q_m * 1e3).into();
     json!({
         "q_mm": q_mm,
         "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
         "beta1_deg": beta1_deg, "beta2_deg": beta2_deg,
-        "home_share": hold.home_share,
-        "home_side": hold.home_share >= reach.margin(),
+        "home_share": solution.normalised_determinant,
+        "home_side": solution.normalised_determinant >= reach.margin(),
     })
 }
 
-fn in_words(hold: &Hold<f64>) -> String {
-    let q = hold.joints.lengths.q_m * 1e3;
-    let [theta, sigma, z0] = file_units(&hold.configuration.pose);
-    let [beta1, beta2] = hold.configuration.beta_rad.map(f64::to_degrees).into();
+fn in_words(solution: &ToolSolution<f64>) -> String {
+    let q = solution.joints.lengths.q_m * 1e3;
+    let [theta, sigma, z0] = file_units(&solution.configuration.pose);
+    let [beta1, beta2] = solution.configuration.beta_rad.map(f64::to_degrees).into();
     format!(
         "q = {:.4} {:.4} {:.4} mm  β1 = {beta1:.6}°  β2 = {beta2:.6}°\n\
          θ = {theta:.6}°  σ = {sigma:.6}°  Z0 = {z0:.4} mm  normalised determinant {:.4}\n",
-        q.x, q.y, q.z, hold.home_share
+        q.x, q.y, q.z, solution.normalised_determinant
     )
 }
 
@@ -143,24 +143,24 @@ fn of_tool(session: &mut Session, args: &Args, tip_mm: [f64; 3], axis: [f64; 3])
         }
     };
     let ways = reach.ways(&tool, &near);
-    let hold = match reach.chosen(&ways, &tool) {
+    let solution = match reach.chosen(&ways, &tool) {
         // in the other working mode alone
         Err(_) if args.all && !ways.is_empty() => ways[0],
         chosen => chosen.map_err(|f| Failure { message: format!("{}: {}", shown(&tool), f.message), ..f })?,
     };
-    let pose = &hold.configuration.pose;
-    let (mut json, margins) = margins(&file.machine, pose, &hold.joints.lengths)?;
-    let mut text = format!("{}{margins}", in_words(&hold));
+    let pose = &solution.configuration.pose;
+    let (mut json, margins) = margins(&file.machine, pose, &solution.joints.lengths)?;
+    let mut text = format!("{}{margins}", in_words(&solution));
     json["status"] = "ok".into();
-    if let (Value::Object(json), Value::Object(solution)) = (&mut json, solution(&reach, &hold)) {
+    if let (Value::Object(json), Value::Object(solution)) = (&mut json, solution_json(&reach, &solution)) {
         json.extend(solution);
     }
     if args.all {
-        json["solutions"] = ways.iter().map(|hold| solution(&reach, hold)).collect();
+        json["solutions"] = ways.iter().map(|solution| solution_json(&reach, solution)).collect();
         text.push_str(&format!("\ninverse-kinematics solutions: {}, the nearest first:\n", ways.len()));
-        for hold in &ways {
-            let side = if hold.home_share >= reach.margin() { "" } else { "opposite working mode:\n" };
-            text.push_str(&format!("{side}{}", in_words(hold)));
+        for solution in &ways {
+            let side = if solution.normalised_determinant >= reach.margin() { "" } else { "opposite working mode:\n" };
+            text.push_str(&format!("{side}{}", in_words(solution)));
         }
     }
     session.output(text, &json)

@@ -7,8 +7,8 @@
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::Vector3;
 use pkm_core::{
-    Configuration, CorrectionTable, Domain, Hold, JointValues, Pose, TableUncertainty, TipUncertainty, Tool,
-    ToolDeflectionError, Wrench,
+    Configuration, CorrectionTable, Domain, JointValues, Pose, TableUncertainty, TipUncertainty, Tool,
+    ToolDeflectionError, ToolSolution, Wrench,
 };
 
 use crate::error::{Failure, Result};
@@ -67,7 +67,7 @@ pub struct Correction<'a> {
 
 /// A loaded tool against what was asked.
 struct LoadedTool {
-    hold: Hold<f64>,
+    solution: ToolSolution<f64>,
     tip_off_m: [f64; 3],
     axis_off: [f64; 3],
     domain: Option<Domain>,
@@ -132,7 +132,7 @@ impl Walk<'_> {
     }
 
     /// Where the unloaded machine stands for a point: at the beginning of a path with a tool axis the nearest of all ways.
-    fn stand(&self, asked: &Place, near: &Configuration<f64>, is_first: bool) -> Result<Hold<f64>> {
+    fn stand(&self, asked: &Place, near: &Configuration<f64>, is_first: bool) -> Result<ToolSolution<f64>> {
         match asked.toward.axis() {
             Some(axis) if is_first => {
                 let tool = Tool { tip_m: asked.tip_m.into(), axis: axis.into() };
@@ -153,11 +153,11 @@ impl Walk<'_> {
         asked: &Tool<f64>,
         near: &Configuration<f64>,
     ) -> std::result::Result<LoadedTool, ToolDeflectionError> {
-        let hold = self.reach.stand(command, near)?;
-        let tool = self.reach.five.tool(&hold.configuration)?;
-        let moved = self.reach.five.deflection(self.table(), &hold.configuration, wrench)?;
+        let solution = self.reach.stand(command, near)?;
+        let tool = self.reach.five.tool(&solution.configuration)?;
+        let moved = self.reach.five.deflection(self.table(), &solution.configuration, wrench)?;
         Ok(LoadedTool {
-            hold,
+            solution,
             tip_off_m: (tool.tip_m + moved.translation_m - asked.tip_m).into(),
             axis_off: (tool.axis + moved.rotation_rad.cross(&tool.axis) - asked.axis).into(),
             domain: moved.domain,
@@ -191,7 +191,7 @@ impl Walk<'_> {
         Failure { message, ..failure }.in_file(self.request.file).at_line(self.position.line)
     }
 
-    fn failure(&self, e: ToolDeflectionError, there: Option<Hold<f64>>) -> Failure {
+    fn failure(&self, e: ToolDeflectionError, there: Option<ToolSolution<f64>>) -> Failure {
         self.here(match e {
             ToolDeflectionError::Tool(e) => {
                 let (status, why) = self.reach.refusal(e, there.as_ref());
@@ -208,14 +208,14 @@ impl Walk<'_> {
         near: &Configuration<f64>,
         wrench: &Wrench<f64>,
         u_rel: f64,
-    ) -> Result<(Hold<f64>, LoadedPoint)> {
+    ) -> Result<(ToolSolution<f64>, LoadedPoint)> {
         let tool_at = |configuration: &Configuration<f64>| {
             self.reach.five.tool(configuration).map_err(|e| self.failure(e.into(), None))
         };
         let tool = tool_at(near)?;
         let command = self.reach.five.compensated(self.table(), &tool, wrench, near).map_err(|e| {
             let there = self.reach.unlimited().compensated(self.table(), &tool, wrench, near);
-            let failure = self.failure(e, there.ok().map(|c| c.hold));
+            let failure = self.failure(e, there.ok().map(|c| c.solution));
             Failure { message: format!("{} (with the deflection compensated)", failure.message), ..failure }
         })?;
         if !command.converged {
@@ -223,7 +223,7 @@ impl Walk<'_> {
             let why = format!("the deflection changes too much on the way: {left_um:.1} µm of it would remain");
             return Err(self.here(Failure::input(why)));
         }
-        let configuration = command.hold.configuration;
+        let configuration = command.solution.configuration;
         let Tool { tip_m, axis } = tool_at(&configuration)?;
         let toward = match asked.toward {
             Toward::Axis(_) => Toward::Axis(axis.into()),
@@ -234,10 +234,10 @@ impl Walk<'_> {
         let failed = |e| self.failure(e, self.reach.stand_anywhere(&place, &configuration));
         let before = self.met(asked, wrench, &tool, near).map_err(failed)?;
         let after = self.met(&place, wrench, &tool, &configuration).map_err(failed)?;
-        let known = self.known(&before.hold.configuration, wrench, before.tip_off_m).map_err(failed)?;
+        let known = self.known(&before.solution.configuration, wrench, before.tip_off_m).map_err(failed)?;
         let outside = self.correction.filter(|_| after.domain == Some(Domain::Outside));
         if let Some(correction) = outside.filter(|_| !self.request.allow_extrapolation) {
-            let amount = outside_by(&after.hold.configuration.pose, &correction.extent);
+            let amount = outside_by(&after.solution.configuration.pose, &correction.extent);
             let name = &correction.name;
             let why = format!("outside the box of {name}: {amount}; fit a table there, or give --allow-extrapolation");
             return Err(self.here(Failure::refused("outside_box", why)));
@@ -273,14 +273,14 @@ impl Walk<'_> {
         track.extrapolated += usize::from(outside.is_some());
         let (line, tip_m) = (self.position.line, asked.tip_m);
         let extent = self.correction.map(|c| &c.extent);
-        track.margins.take(self.reach.file, &after.hold, extent, line, tip_m);
+        track.margins.take(self.reach.file, &after.solution, extent, line, tip_m);
         let (before_m, after_m) = (before.tip_off_m, off_after[0]);
         let loaded = LoadedPoint { line, way_m: self.way_m, tip_m, before_m, after_m, load_off_m, known };
         track.take(loaded);
         let point = Point { place, wrench: *wrench };
         self.last = Some((*asked, point));
         self.points.push(point);
-        Ok((after.hold, loaded))
+        Ok((after.solution, loaded))
     }
 
     /// The load of a move at a share of it, with the machine in a configuration.
@@ -345,15 +345,15 @@ impl Walk<'_> {
             self.way_m = begun + share * length_m;
             self.position =
                 PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
-            let hold = self.stand(&asked, &self.near, before.is_none())?;
-            self.near = hold.configuration;
-            joints.add(&hold.joints);
-            self.stood = Some(hold.joints);
-            let wrench = self.wrench(mv, &from, share, &hold.configuration)?;
-            self.track.margins.take(self.reach.file, &hold, None, mv.line, asked.tip_m);
+            let solution = self.stand(&asked, &self.near, before.is_none())?;
+            self.near = solution.configuration;
+            joints.add(&solution.joints);
+            self.stood = Some(solution.joints);
+            let wrench = self.wrench(mv, &from, share, &solution.configuration)?;
+            self.track.margins.take(self.reach.file, &solution, None, mv.line, asked.tip_m);
             let mut before_m = None;
             if wrench != Wrench::ZERO && (fill || ends) {
-                let (loaded, point) = self.loaded(&asked, &hold.configuration, &wrench, u_rel)?;
+                let (loaded, point) = self.loaded(&asked, &solution.configuration, &wrench, u_rel)?;
                 (self.near, before_m) = (loaded.configuration, Some(point.error_m(Error::Before)));
                 if !fill {
                     self.last = None;

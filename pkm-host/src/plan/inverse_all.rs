@@ -7,7 +7,7 @@
 
 use nalgebra::{Vector2, Vector3};
 use pkm_core::kinematics::platform_axes;
-use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
+use pkm_core::{Configuration, FiveAxis, Pose, Tool, ToolSolution, Wrist, WristParameters};
 
 /// Steps over all of β2.
 const GRID: usize = 128;
@@ -175,10 +175,10 @@ fn least(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Every configuration within travel and limits that holds a tool, in either working mode (see `home_share`), by β2.
-pub fn inverse_all(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Tool<f64>) -> Vec<Hold<f64>> {
+/// Every configuration within travel and limits that holds a tool, in either working mode (see `normalised_determinant`), by β2.
+pub fn inverse_all(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Tool<f64>) -> Vec<ToolSolution<f64>> {
     let equation = ToolEquation { wrist, core: five.wrist, tip: tool.tip_m, axis: tool.axis / tool.axis.norm() };
-    let mut found: Vec<Hold<f64>> = Vec::new();
+    let mut found: Vec<ToolSolution<f64>> = Vec::new();
     let breaks = equation.stretches();
     for side in [1.0, -1.0] {
         for beta2 in equation.fitting(side, &breaks) {
@@ -188,17 +188,19 @@ pub fn inverse_all(five: &FiveAxis<'_, f64>, wrist: &WristParameters, tool: &Too
             if (held.tip_m - equation.tip).amax() > 1e-6 || (held.axis - equation.axis).amax() > 1e-6 {
                 continue;
             }
-            let (Ok(joints), Ok(home_share)) = (five.joints(&configuration), five.home_share(&configuration)) else {
+            let (Ok(joints), Ok(normalised_determinant)) =
+                (five.joints(&configuration), five.normalised_determinant(&configuration))
+            else {
                 continue;
             };
-            let rough = Hold { configuration, joints, home_share, looks: 0 };
-            let hold = five.inverse(tool, &configuration).unwrap_or(rough);
-            let known = |other: &Hold<f64>| {
-                let [a, b] = [other, &hold].map(|h| (h.configuration.beta_rad, h.configuration.pose));
+            let rough = ToolSolution { configuration, joints, normalised_determinant, iterations: 0 };
+            let solution = five.inverse(tool, &configuration).unwrap_or(rough);
+            let known = |other: &ToolSolution<f64>| {
+                let [a, b] = [other, &solution].map(|h| (h.configuration.beta_rad, h.configuration.pose));
                 (0..2).all(|i| (a.0[i] - b.0[i]).abs() < 1e-7) && (a.1.z0_m - b.1.z0_m).abs() < 1e-7
             };
             if !found.iter().any(known) {
-                found.push(hold);
+                found.push(solution);
             }
         }
     }

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector2;
 use pkm_core::{
-    Configuration, FiveAxis, Hold, JointValues, KinematicsError, Machine, Pose, Tool, ToolError, Wrist, WristParameters,
+    Configuration, FiveAxis, JointValues, KinematicsError, Machine, Pose, Tool, ToolError, ToolSolution, Wrist,
+    WristParameters,
 };
 
 use crate::error::{Failure, Result, tool_status};
@@ -67,17 +68,17 @@ impl<'a> Reach<'a> {
     }
 
     /// Every inverse-kinematics solution.
-    fn all(&self, tool: &Tool<f64>) -> Vec<Hold<f64>> {
+    fn all(&self, tool: &Tool<f64>) -> Vec<ToolSolution<f64>> {
         inverse_all(&self.five, &self.file.wrist_parameters, tool)
     }
 
     /// Every inverse-kinematics solution in home's working mode.
-    pub fn on_home_side(&self, tool: &Tool<f64>) -> impl Iterator<Item = Hold<f64>> {
-        self.all(tool).into_iter().filter(|hold| hold.home_share >= self.margin())
+    pub fn in_working_mode(&self, tool: &Tool<f64>) -> impl Iterator<Item = ToolSolution<f64>> {
+        self.all(tool).into_iter().filter(|solution| solution.normalised_determinant >= self.margin())
     }
 
     /// Every inverse-kinematics solution, the nearest first.
-    pub(crate) fn ways(&self, tool: &Tool<f64>, near: &Configuration<f64>) -> Vec<Hold<f64>> {
+    pub(crate) fn ways(&self, tool: &Tool<f64>, near: &Configuration<f64>) -> Vec<ToolSolution<f64>> {
         let mut ways = self.all(tool);
         ways.sort_by(|a, b| self.apart(&a.configuration, near).total_cmp(&self.apart(&b.configuration, near)));
         ways
@@ -87,15 +88,17 @@ impl<'a> Reach<'a> {
     ///
     /// # Errors
     /// Refused, with the amount: see [`refusal`](Self::refusal).
-    pub fn nearest(&self, tool: &Tool<f64>, near: &Configuration<f64>) -> Result<Hold<f64>> {
+    pub fn nearest(&self, tool: &Tool<f64>, near: &Configuration<f64>) -> Result<ToolSolution<f64>> {
         self.chosen(&self.ways(tool, near), tool)
     }
 
-    pub(crate) fn chosen(&self, ways: &[Hold<f64>], tool: &Tool<f64>) -> Result<Hold<f64>> {
-        if let Some(hold) = ways.iter().find(|hold| hold.home_share >= self.margin()) {
-            return Ok(*hold);
+    pub(crate) fn chosen(&self, ways: &[ToolSolution<f64>], tool: &Tool<f64>) -> Result<ToolSolution<f64>> {
+        if let Some(solution) = ways.iter().find(|solution| solution.normalised_determinant >= self.margin()) {
+            return Ok(*solution);
         }
-        let best = |ways: &[Hold<f64>]| ways.iter().map(|hold| hold.home_share).fold(f64::NEG_INFINITY, f64::max);
+        let best = |ways: &[ToolSolution<f64>]| {
+            ways.iter().map(|solution| solution.normalised_determinant).fold(f64::NEG_INFINITY, f64::max)
+        };
         let singular = |share: f64| {
             let margin = self.margin();
             let message = format!(
@@ -108,8 +111,8 @@ impl<'a> Reach<'a> {
             return singular(best(ways));
         }
         let beyond = inverse_all(&self.unlimited(), &self.wrist_parameters, tool);
-        let on_home_side = beyond.iter().filter(|hold| hold.home_share >= self.margin());
-        let least = on_home_side.map(|hold| self.excess(&hold.joints)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let in_working_mode = beyond.iter().filter(|solution| solution.normalised_determinant >= self.margin());
+        let least = in_working_mode.map(|solution| self.excess(&solution.joints)).min_by(|a, b| a.0.total_cmp(&b.0));
         let hint = || {
             let tool = self.farthest(tool);
             tool.map_or(String::new(), |t| {
@@ -125,8 +128,8 @@ impl<'a> Reach<'a> {
 
     /// How far a tool is beyond travel and limits: a measure, and in words. `None` where it is out of reach whatever they are.
     pub fn shortfall(&self, tool: &Tool<f64>) -> Option<(f64, String)> {
-        let hold = self.unlimited().search(tool, &self.home()).ok()?;
-        Some(self.excess(&hold.joints))
+        let solution = self.unlimited().search(tool, &self.home()).ok()?;
+        Some(self.excess(&solution.joints))
     }
 
     /// How far joint values are beyond the limits: a measure, and in words.
@@ -167,7 +170,7 @@ impl<'a> Reach<'a> {
         let (mut share, mut step) = (0.0, 1.0 / 64.0);
         while step > 1e-6 && share < 1.0 {
             match self.stand(&place(&home).between(&place(tool), share + step), &near) {
-                Ok(hold) => (near, share) = (hold.configuration, share + step),
+                Ok(solution) => (near, share) = (solution.configuration, share + step),
                 Err(_) => step *= 0.5,
             }
         }
@@ -176,14 +179,15 @@ impl<'a> Reach<'a> {
 
     /// Why the core refuses, with the amount: a status and a message. `there` is where the machine would stand
     /// [without limits](Self::unlimited), if anywhere.
-    pub fn refusal(&self, error: ToolError, there: Option<&Hold<f64>>) -> (&'static str, String) {
+    pub fn refusal(&self, error: ToolError, there: Option<&ToolSolution<f64>>) -> (&'static str, String) {
         let message = match (error, there) {
-            (ToolError::WristLimit { .. } | ToolError::Kinematics(KinematicsError::OutOfTravel { .. }), Some(hold)) => {
-                self.excess(&hold.joints).1
-            }
+            (
+                ToolError::WristLimit { .. } | ToolError::Kinematics(KinematicsError::OutOfTravel { .. }),
+                Some(solution),
+            ) => self.excess(&solution.joints).1,
             (ToolError::Singular, there) => {
-                let share = there.map_or("it would change sides".to_owned(), |hold| {
-                    format!("the normalised determinant would be {:.4}", hold.home_share)
+                let share = there.map_or("it would change sides".to_owned(), |solution| {
+                    format!("the normalised determinant would be {:.4}", solution.normalised_determinant)
                 });
                 format!(
                     "it crosses the singularity locus of the five axes or comes too near: {share}, at least {} is required \
@@ -200,12 +204,12 @@ impl<'a> Reach<'a> {
     ///
     /// # Errors
     /// Those of [`FiveAxis::inverse`] and [`FiveAxis::inverse_at`].
-    pub fn stand(&self, place: &Place, near: &Configuration<f64>) -> std::result::Result<Hold<f64>, ToolError> {
+    pub fn stand(&self, place: &Place, near: &Configuration<f64>) -> std::result::Result<ToolSolution<f64>, ToolError> {
         stood(&self.five, place, near)
     }
 
     /// The same [without limits](Self::unlimited).
-    pub fn stand_anywhere(&self, place: &Place, near: &Configuration<f64>) -> Option<Hold<f64>> {
+    pub fn stand_anywhere(&self, place: &Place, near: &Configuration<f64>) -> Option<ToolSolution<f64>> {
         stood(&self.unlimited(), place, near).ok()
     }
 }
@@ -214,7 +218,7 @@ fn stood(
     five: &FiveAxis<'_, f64>,
     place: &Place,
     near: &Configuration<f64>,
-) -> std::result::Result<Hold<f64>, ToolError> {
+) -> std::result::Result<ToolSolution<f64>, ToolError> {
     let tip_m = place.tip_m.into();
     match place.toward {
         Toward::Axis(axis) => five.inverse(&Tool { tip_m, axis: axis.into() }, near),

@@ -1,6 +1,6 @@
 //! What is kept of a walk along a path, however long it is: tallies, the greatest errors of stretches and lines, and where limits come near.
 
-use pkm_core::Hold;
+use pkm_core::ToolSolution;
 
 use crate::files::machine::MachineFile;
 use crate::plan::feed::TooFast;
@@ -175,20 +175,20 @@ impl Margins {
     pub(super) fn take(
         &mut self,
         file: &MachineFile,
-        hold: &Hold<f64>,
+        solution: &ToolSolution<f64>,
         extent: Option<&PoseBox>,
         line: u64,
         tip_m: [f64; 3],
     ) {
         let room = |at: f64, low: f64, high: f64| (at - low).min(high - at);
         let (travel, wrist) = (&file.parameters.travel, &file.wrist_parameters);
-        let screws = hold.joints.lengths.q_m.iter().enumerate();
+        let screws = solution.joints.lengths.q_m.iter().enumerate();
         keep(&mut self.travel, line, tip_m, screws.map(|(i, q)| room(*q, travel.min_m[i], travel.max_m[i])));
-        let joints = hold.joints.beta_rad.iter().enumerate();
+        let joints = solution.joints.beta_rad.iter().enumerate();
         keep(&mut self.wrist, line, tip_m, joints.map(|(i, beta)| room(*beta, wrist.min_rad[i], wrist.max_rad[i])));
-        keep(&mut self.determinant, line, tip_m, std::iter::once(hold.home_share));
+        keep(&mut self.determinant, line, tip_m, std::iter::once(solution.normalised_determinant));
         if let Some(extent) = extent {
-            let variables = file_units(&hold.configuration.pose).into_iter().zip(extent.ranges());
+            let variables = file_units(&solution.configuration.pose).into_iter().zip(extent.ranges());
             let shares = variables.map(|(v, [low, high])| room(v, low, high) / (0.5 * (high - low)));
             keep(&mut self.extent, line, tip_m, shares);
         }

@@ -22,14 +22,14 @@ fn um(p: &Posture) -> Option<f64> {
 
 fn holes(placement: &Placement) -> Vec<Value> {
     let hole = |p: &Posture| {
-        let c = &p.hold.configuration;
+        let c = &p.solution.configuration;
         let [theta_deg, sigma_deg, z0_mm] = file_units(&c.pose);
-        let q_mm: [f64; 3] = p.hold.joints.lengths.q_m.map(mm).into();
+        let q_mm: [f64; 3] = p.solution.joints.lengths.q_m.map(mm).into();
         json!({
             "q_mm": q_mm,
             "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
             "beta1_deg": c.beta_rad[0].to_degrees(), "beta2_deg": c.beta_rad[1].to_degrees(),
-            "home_share": p.hold.home_share,
+            "home_share": p.solution.normalised_determinant,
             "k": p.k,
             "deflection_um": um(p),
             "status": if p.outside_box { "outside_box" } else { "ok" },
@@ -318,7 +318,7 @@ fn hole_table(model: &PlacementModel<'_>, p: &Placement) -> Markup {
         .map(|i| {
             let (after, before) = (&p.holes[i], p.before.as_ref().map(|(_, postures)| &postures[i]));
             let shown = |p: Option<&Posture>, of: &dyn Fn(&Posture) -> String| p.map_or("–".into(), of);
-            let c = &after.hold.configuration;
+            let c = &after.solution.configuration;
             let [theta, sigma, z0] = file_units(&c.pose);
             let mut cells = vec![
                 format!("{theta:.2}"),

@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use nalgebra::Vector2;
 use pkm_core::tables::reference::{MACHINE_F64, WRIST, WRIST_F64};
-use pkm_core::{Configuration, FiveAxis, Hold, Pose, Tool, Wrist, WristParameters};
+use pkm_core::{Configuration, FiveAxis, Pose, Tool, ToolSolution, Wrist, WristParameters};
 use pkm_host::plan::inverse_all::inverse_all;
 use pkm_tests::seeded;
 
@@ -22,8 +22,8 @@ fn apart(a: &Configuration<f64>, b: &Configuration<f64>) -> f64 {
     all(a).iter().zip(all(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-fn off(five: &FiveAxis<'_, f64>, hold: &Hold<f64>, tool: &Tool<f64>) -> f64 {
-    let held = five.tool(&hold.configuration).expect("within limits");
+fn off(five: &FiveAxis<'_, f64>, solution: &ToolSolution<f64>, tool: &Tool<f64>) -> f64 {
+    let held = five.tool(&solution.configuration).expect("within limits");
     let pairs = held.tip_m.iter().chain(&held.axis).zip(tool.tip_m.iter().chain(&tool.axis));
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
@@ -42,16 +42,16 @@ fn every_way_to_hold_a_tool_is_found() {
             2 => (c.beta_rad[0], c.pose.sigma_rad) = (0.0, 0.0),
             _ => {}
         }
-        let (Ok(tool), Ok(share)) = (FIVE.tool(&c), FIVE.home_share(&c)) else { continue };
+        let (Ok(tool), Ok(share)) = (FIVE.tool(&c), FIVE.normalised_determinant(&c)) else { continue };
         if share.abs() < 1e-3 {
             continue;
         }
         let found = inverse_all(&FIVE, &WRIST, &tool);
         counts[found.len()] += 1;
-        for hold in &found {
-            worst = worst.max(off(&FIVE, hold, &tool));
+        for solution in &found {
+            worst = worst.max(off(&FIVE, solution, &tool));
         }
-        assert!(found.iter().any(|hold| apart(&hold.configuration, &c) < 1e-6), "{c:?} not among {found:?}");
+        assert!(found.iter().any(|solution| apart(&solution.configuration, &c) < 1e-6), "{c:?} not among {found:?}");
     }
     println!("ways to hold a tool: {counts:?}; off by {worst:e}");
     assert!(worst < 1e-8, "{worst}");
@@ -70,11 +70,11 @@ fn no_search_finds_another() {
         for _ in 0..300 {
             let Ok(tool) = five.tool(&configuration(&mut rng, 3.0)) else { continue };
             let found = inverse_all(&five, &p, &tool);
-            several += usize::from(found.iter().filter(|h| h.home_share > 0.1).count() > 1);
+            several += usize::from(found.iter().filter(|h| h.normalised_determinant > 0.1).count() > 1);
             for _ in 0..30 {
-                let Ok(hold) = five.inverse(&tool, &configuration(&mut rng, 3.0)) else { continue };
-                let known = found.iter().any(|h| apart(&h.configuration, &hold.configuration) < 1e-6);
-                assert!(known, "{hold:?} not among {found:?}");
+                let Ok(solution) = five.inverse(&tool, &configuration(&mut rng, 3.0)) else { continue };
+                let known = found.iter().any(|h| apart(&h.configuration, &solution.configuration) < 1e-6);
+                assert!(known, "{solution:?} not among {found:?}");
             }
         }
     }

@@ -127,7 +127,7 @@ fn ik_of_a_tool_undoes_fk() {
     for (theta, sigma, z0) in [(0.0, 0.0, 530.0), (12.0, -9.0, 505.0), (-20.0, 11.0, 480.0), (-7.5, 3.0, 600.0)] {
         for beta in [[0.0, -10.0], [35.0, -40.0], [-60.0, 5.0], [80.0, -80.0], [0.0, 60.0]] {
             let c = at(theta, sigma, z0, beta);
-            let (Ok(joints), Ok(share)) = (FIVE.joints(&c), FIVE.home_share(&c)) else { continue };
+            let (Ok(joints), Ok(share)) = (FIVE.joints(&c), FIVE.normalised_determinant(&c)) else { continue };
             let q_mm: [f64; 3] = (joints.lengths.q_m * 1e3).into();
             let fk = json(&["fk", "--q-mm", &text(&q_mm), "--beta-deg", &text(&beta)]);
             assert!((fk["theta_deg"].as_f64().unwrap() - theta).abs() < 1e-9);

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use fastrand::Rng;
 use nalgebra::{Matrix4, Vector2, Vector3, Vector4};
 use pkm_core::tables::reference::MACHINE_F64;
-use pkm_core::{Configuration, Hold, Pose, Tool, Wrench};
+use pkm_core::{Configuration, Pose, Tool, ToolSolution, Wrench};
 use serde_json::Value;
 
 use crate::common::{FIVE, Folder, fixture, json, refused};
@@ -80,15 +80,15 @@ fn at(theta_rad: f64, sigma_rad: f64, beta_rad: Vector2<f64>) -> Configuration<f
 
 /// Principal stiffnesses and deflection of the tip in the posture that serves an objective best, of those that many starts find.
 fn best(tool: &Tool<f64>, paper: bool) -> Option<([f64; 6], f64)> {
-    let mut holds: Vec<Hold<f64>> = Vec::new();
+    let mut holds: Vec<ToolSolution<f64>> = Vec::new();
     for beta1 in [-1.2, 0.0, 1.2] {
         for beta2 in [-1.0, -0.3, 0.1] {
             holds.extend(FIVE.inverse(tool, &at(0.0, 0.0, Vector2::new(beta1, beta2))));
         }
     }
-    let judged = holds.iter().map(|hold| {
-        let k = MACHINE_F64.stiffness(&hold.configuration.pose).expect("a stiffness").principal().into();
-        let d = FIVE.deflection(None, &hold.configuration, &WRENCH).expect("a deflection").translation_m;
+    let judged = holds.iter().map(|solution| {
+        let k = MACHINE_F64.stiffness(&solution.configuration.pose).expect("a stiffness").principal().into();
+        let d = FIVE.deflection(None, &solution.configuration, &WRENCH).expect("a deflection").translation_m;
         (k, d.iter().map(|v| v * v).sum::<f64>().sqrt())
     });
     let cost = |p: &([f64; 6], f64)| if paper { -p.0.iter().sum::<f64>() } else { p.1 };

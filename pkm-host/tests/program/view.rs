@@ -114,7 +114,7 @@ fn with_a_table_deflection_and_command_are_those_of_the_five_axes() {
     close(part(part(answer, &ANSWER, "diagonal"), &FORM, "k"), diagonal.matrix().as_slice(), 1e-9);
     let tool = FIVE.tool(c).expect("a tool");
     let command = FIVE.compensated(Some(&TABLE_F64), &tool, &asked.wrench, c).expect("a command");
-    close(part(answer, &ANSWER, "command_lengths"), command.hold.joints.lengths.q_m.as_slice(), 1e-9);
+    close(part(answer, &ANSWER, "command_lengths"), command.solution.joints.lengths.q_m.as_slice(), 1e-9);
 }
 
 #[test]

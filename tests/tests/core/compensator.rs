@@ -530,8 +530,8 @@ fn five_axes_are_compensated_by_one_step() {
         let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
         let offset = compensator.update(&TABLE_F64, &five, &stands, &on(wrench));
         assert_eq!((offset.fault, offset.limit), (None, Limit::None));
-        let [q1, q2, q3] = (whole.hold.joints.lengths.q_m - from.lengths.q_m).into();
-        let [b1, b2] = (whole.hold.joints.beta_rad - from.beta_rad).into();
+        let [q1, q2, q3] = (whole.solution.joints.lengths.q_m - from.lengths.q_m).into();
+        let [b1, b2] = (whole.solution.joints.beta_rad - from.beta_rad).into();
         let expected = SVector::from([q1, q2, q3, b1, b2]);
         worst = worst.max((expected - offset.joints).amax() / expected.amax());
     }

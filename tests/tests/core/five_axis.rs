@@ -10,8 +10,8 @@ use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Configuration, Domain, FiveAxis, Hold, JointValues, KinematicsError, Machine, MachineParameters, Pose,
-    ScrewLengths, StiffnessError, Tool, ToolDeflectionError, ToolError, ToolFrame, ToolMotion, Wrench, Wrist,
+    Configuration, Domain, FiveAxis, JointValues, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths,
+    StiffnessError, Tool, ToolDeflectionError, ToolError, ToolFrame, ToolMotion, ToolSolution, Wrench, Wrist,
     WristError, WristParameters,
 };
 use pkm_tests::{between, cases, first, keep_worst, random_parameters, random_pose, seeded};
@@ -33,7 +33,7 @@ fn configuration(rng: &mut Rng) -> Configuration<f64> {
 fn holdable(rng: &mut Rng, five: &FiveAxis<'_, f64>) -> (Configuration<f64>, Tool<f64>) {
     first(|| {
         let c = configuration(rng);
-        matches!(five.home_share(&c), Ok(0.1..)).then_some((c, five.tool(&c).ok()?))
+        matches!(five.normalised_determinant(&c), Ok(0.1..)).then_some((c, five.tool(&c).ok()?))
     })
 }
 
@@ -134,11 +134,11 @@ fn the_frame_is_the_product_of_table_1() {
 
         let home = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: p.home_z0_m }, ..HOME };
         let share = determinant_by_differences(&c, &p) / determinant_by_differences(&home, &p);
-        let found = five.home_share(&c).expect("a share");
+        let found = five.normalised_determinant(&c).expect("a share");
         assert!((found - share).abs() < 1e-5 * (1.0 + share.abs()), "{found} {share}");
     }
     assert!(determinant_by_differences(&HOME, &WRIST) < 0.0);
-    assert_eq!((FIVE.home_share(&HOME), WRIST), (Ok(1.0), WristParameters::PAPER));
+    assert_eq!((FIVE.normalised_determinant(&HOME), WRIST), (Ok(1.0), WristParameters::PAPER));
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn every_reachable_tool_on_the_home_side_is_found() {
         let found = FIVE.search(&tool, &HOME).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
         let off = apart(&FIVE.forward(&found.joints).expect("in reach").1, &tool);
         worst = [worst[0].max(off[0]), worst[1].max(off[1])];
-        assert!(found.home_share >= 0.1);
+        assert!(found.normalised_determinant >= 0.1);
         same += usize::from(configurations_apart(&found.configuration, &c) < 1e-7);
     }
     println!("worst {worst:?}; {at_once} straight from home; {same} as drawn");
@@ -169,9 +169,13 @@ fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
         let (c, tool) = holdable(&mut rng, &FIVE);
         let found = FIVE.inverse_at(tool.tip_m, c.beta_rad).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
         worst = worst.max(configurations_apart(&found.configuration, &c));
-        assert_eq!((found.looks, found.configuration.beta_rad), (0, c.beta_rad));
-        let share = FIVE.home_share(&found.configuration).unwrap();
-        assert!((share - found.home_share).abs() < 1e-12 * share, "{share} {}", found.home_share);
+        assert_eq!((found.iterations, found.configuration.beta_rad), (0, c.beta_rad));
+        let share = FIVE.normalised_determinant(&found.configuration).unwrap();
+        assert!(
+            (share - found.normalised_determinant).abs() < 1e-12 * share,
+            "{share} {}",
+            found.normalised_determinant
+        );
     }
     println!("worst {worst:e}");
     assert!(worst <= 1e-12, "{worst:e}");
@@ -190,13 +194,17 @@ fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
     for _ in 0..cases(1000) {
         let (c, tool) = first(|| {
             let c = configuration(&mut rng);
-            matches!(FIVE.home_share(&c), Ok(..0.0999)).then_some((c, FIVE.tool(&c).ok()?))
+            matches!(FIVE.normalised_determinant(&c), Ok(..0.0999)).then_some((c, FIVE.tool(&c).ok()?))
         });
         assert_eq!(FIVE.inverse_at(tool.tip_m, c.beta_rad), Err(ToolError::Singular));
         // a machine that stands there can be driven out
-        let share = FIVE.home_share(&c).unwrap();
+        let share = FIVE.normalised_determinant(&c).unwrap();
         match FIVE.inverse_at_any_margin(tool.tip_m, c.beta_rad) {
-            Ok(found) => assert!(found.home_share > 0.0 && found.home_share < 0.1, "{share} {}", found.home_share),
+            Ok(found) => assert!(
+                found.normalised_determinant > 0.0 && found.normalised_determinant < 0.1,
+                "{share} {}",
+                found.normalised_determinant
+            ),
             Err(e) => assert!(e == ToolError::Singular && share <= 1e-12, "{e:?} at {share}"),
         }
     }
@@ -228,11 +236,11 @@ fn other_machines_hold_tools_on_their_home_side() {
                 pose,
                 beta_rad: Vector2::new(between(&mut rng, -1.5, 1.5), between(&mut rng, -1.5, 1.5)),
             };
-            let (Ok(tool), Ok(0.1..)) = (five.tool(&c), five.home_share(&c)) else { continue };
+            let (Ok(tool), Ok(0.1..)) = (five.tool(&c), five.normalised_determinant(&c)) else { continue };
             tried += 1;
-            if let Ok(hold) = five.search(&tool, &home) {
+            if let Ok(solution) = five.search(&tool, &home) {
                 found += 1;
-                let off = apart(&five.tool(&hold.configuration).expect("a tool"), &tool);
+                let off = apart(&five.tool(&solution.configuration).expect("a tool"), &tool);
                 assert!(off[0] < 1e-11 * size && off[1] < 1e-11, "{off:?}");
             }
         }
@@ -244,7 +252,7 @@ fn other_machines_hold_tools_on_their_home_side() {
 #[test]
 fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
     let mut rng = seeded();
-    let (mut looks, mut refused, mut done) = (Vec::new(), 0, 0);
+    let (mut iterations, mut refused, mut done) = (Vec::new(), 0, 0);
     let paths = cases(300).max(100);
     for _ in 0..paths {
         let (mut c, _) = holdable(&mut rng, &FIVE);
@@ -264,12 +272,12 @@ fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
                 beta_rad: Vector2::new(mix(from.beta_rad[0], to.beta_rad[0]), mix(from.beta_rad[1], to.beta_rad[1])),
             };
             let Ok(tool) = FIVE.tool(&right) else { break };
-            let distance = FIVE.home_share(&right).expect("a share");
+            let distance = FIVE.normalised_determinant(&right).expect("a share");
             match FIVE.inverse(&tool, &c) {
-                Ok(Hold { configuration, looks: n, home_share, .. }) => {
+                Ok(ToolSolution { configuration, iterations: n, normalised_determinant, .. }) => {
                     assert!(configurations_apart(&configuration, &right) < 1e-8, "a jump");
-                    assert!(distance >= 0.1 - 1e-9 && (home_share - distance).abs() < 1e-6);
-                    looks.push(n);
+                    assert!(distance >= 0.1 - 1e-9 && (normalised_determinant - distance).abs() < 1e-6);
+                    iterations.push(n);
                     c = configuration;
                     done += usize::from(step == STEPS);
                 }
@@ -281,8 +289,8 @@ fn a_path_is_followed_without_a_jump_up_to_the_singular_surface() {
             }
         }
     }
-    looks.sort_unstable();
-    let (median, most) = (looks[looks.len() / 2], looks[looks.len() - 1]);
+    iterations.sort_unstable();
+    let (median, most) = (iterations[iterations.len() / 2], iterations[iterations.len() - 1]);
     println!("looks: median {median}, most {most}; {done} paths to their end, {refused} up to the surface");
     assert!(median <= 3 && most <= 6 && done > paths / 10 && refused > paths / 10, "{median} {most} {done} {refused}");
 }
@@ -299,7 +307,7 @@ fn a_whole_frame_is_solved_in_closed_form() {
             _ => {}
         }
         let Ok(frame) = FIVE.frame(&c) else { continue };
-        if !matches!(FIVE.home_share(&c), Ok(0.1..)) {
+        if !matches!(FIVE.normalised_determinant(&c), Ok(0.1..)) {
             continue;
         }
         let found = FIVE.inverse_frame(&frame).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
@@ -312,7 +320,7 @@ fn a_whole_frame_is_solved_in_closed_form() {
         let c = first(|| {
             let beta_rad = Vector2::from_fn(|_, _| between(&mut rng, -3.1, 3.1));
             let c = Configuration { beta_rad, ..configuration(&mut rng) };
-            matches!(five.home_share(&c), Ok(0.1..)).then_some(c)
+            matches!(five.normalised_determinant(&c), Ok(0.1..)).then_some(c)
         });
         let frame = five.frame(&c).expect("a frame");
         let found = five.inverse_frame(&frame).unwrap_or_else(|e| panic!("{e:?} at {c:?}"));
@@ -358,7 +366,7 @@ fn in_box(rng: &mut Rng) -> Configuration<f64> {
             sigma_rad: between(rng, -0.25, 0.25),
             z0_m: between(rng, 0.505, 0.555),
         };
-        matches!(FIVE.home_share(&c), Ok(0.12..)).then_some(c)
+        matches!(FIVE.normalised_determinant(&c), Ok(0.12..)).then_some(c)
     })
 }
 
@@ -401,10 +409,10 @@ fn left(five: &FiveAxis<'_, f64>, machine: &Machine<f64>, table: bool, rng: &mut
             Err(ToolDeflectionError::Tool(ToolError::WristLimit { .. } | ToolError::Singular)) => continue,
             found => found.expect("compensated"),
         };
-        let there = five.tool(&found.hold.configuration).expect("a tool");
-        let d = five.deflection(table, &found.hold.configuration, &w).expect("a deflection");
+        let there = five.tool(&found.solution.configuration).expect("a tool");
+        let d = five.deflection(table, &found.solution.configuration, &w).expect("a deflection");
         assert_eq!(d, found.deflection);
-        assert_eq!(machine.inverse(&found.hold.configuration.pose), Ok(found.hold.joints.lengths));
+        assert_eq!(machine.inverse(&found.solution.configuration.pose), Ok(found.solution.joints.lengths));
         let before = apart(&loaded(&target, d.translation_m, d.rotation_rad), &target);
         let after = apart(&loaded(&there, d.translation_m, d.rotation_rad), &target);
         worst = [0, 1].map(|i| worst[i].max(after[i] / before[i]));
@@ -484,7 +492,7 @@ fn joints_move_as_differences_of_the_inverse_say() {
     let mut seen = 0;
     for _ in 0..cases(5000) {
         let (c, tool) = holdable(&mut rng, &FIVE);
-        let share = FIVE.home_share(&c).expect("a share");
+        let share = FIVE.normalised_determinant(&c).expect("a share");
         // slow where a little of the tool is much of the joints: the differences have to be good
         let curve = Curve::random(&mut rng, tool, 0.05 * share.min(1.0).powi(2));
         let Some(expected) = differences(&FIVE, &curve, &c) else { continue };
@@ -546,7 +554,7 @@ fn a_feed_is_as_fast_as_the_slowest_joint_lets_it() {
     assert_eq!(FIVE.joint_motion(&c, &nan), Err(ToolError::NotFinite));
     assert_eq!(FIVE.joint_motion(&c, &along(1e200)), Err(ToolError::NotFinite));
     let singular = Configuration { beta_rad: Vector2::new(0.0, 0.45), ..HOME };
-    assert!(matches!(FIVE.home_share(&singular), Ok(..0.1)));
+    assert!(matches!(FIVE.normalised_determinant(&singular), Ok(..0.1)));
     assert_eq!(FIVE.joint_motion(&singular, &along(1.0)), Err(ToolError::Singular));
     let turned = Configuration { beta_rad: Vector2::new(2.0, 0.0), ..HOME };
     assert_eq!(FIVE.joint_motion(&turned, &along(1.0)), Err(ToolError::WristLimit { joint: 1 }));
@@ -576,8 +584,8 @@ fn a_compensation_with_too_few_tries_says_what_remains() {
         let w = wrench(&mut rng, if n % 2 == 0 { 20.0 } else { 2e4 }, 1.0);
         let Ok(found) = five.compensated(Some(&TABLE_F64), &target, &w, &near) else { continue };
         given += 1;
-        let there = five.tool(&found.hold.configuration).expect("a tool");
-        let d = five.deflection(Some(&TABLE_F64), &found.hold.configuration, &w).expect("a deflection");
+        let there = five.tool(&found.solution.configuration).expect("a tool");
+        let d = five.deflection(Some(&TABLE_F64), &found.solution.configuration, &w).expect("a deflection");
         assert_eq!(d, found.deflection);
         let deflection = size([d.translation_m.norm(), d.rotation_rad.cross(&there.axis).norm()]);
         let off = [
@@ -610,7 +618,7 @@ fn single_precision_leaves_no_step_undone_near_the_margin() {
         let c = first(|| {
             let beta_rad = Vector2::new(between(&mut rng, -1.5, 1.5), between(&mut rng, 0.0, 0.5));
             let c = Configuration { beta_rad, ..configuration(&mut rng) };
-            (matches!(FIVE.home_share(&c), Ok(0.101..0.15)) && FIVE.tool(&c).is_ok()).then_some(c)
+            (matches!(FIVE.normalised_determinant(&c), Ok(0.101..0.15)) && FIVE.tool(&c).is_ok()).then_some(c)
         });
         let tool = FIVE.tool(&c).expect("a tool");
         // so far away that the error is about where the steps end
@@ -620,8 +628,8 @@ fn single_precision_leaves_no_step_undone_near_the_margin() {
         let Pose { theta_rad, sigma_rad, z0_m } = c.pose;
         let pose = Pose { theta_rad: theta_rad as f32, sigma_rad: sigma_rad as f32, z0_m: z0_m as f32 };
         let near = Configuration { pose, beta_rad: c.beta_rad.cast::<f32>() };
-        let Ok(hold) = five.inverse(&target, &near) else { continue };
-        let Configuration { pose, beta_rad } = hold.configuration;
+        let Ok(solution) = five.inverse(&target, &near) else { continue };
+        let Configuration { pose, beta_rad } = solution.configuration;
         let wide = Configuration {
             pose: Pose { theta_rad: pose.theta_rad.into(), sigma_rad: pose.sigma_rad.into(), z0_m: pose.z0_m.into() },
             beta_rad: beta_rad.map(f64::from),
@@ -644,8 +652,8 @@ fn single_precision_follows() {
         let c = in_box(&mut rng);
         let tool = FIVE.tool(&c).expect("a tool");
         let target = Tool { tip_m: tool.tip_m.cast::<f32>(), axis: tool.axis.cast::<f32>() };
-        let Ok(hold) = five.search(&target, &near) else { panic!("{c:?}") };
-        let Configuration { pose, beta_rad } = hold.configuration;
+        let Ok(solution) = five.search(&target, &near) else { panic!("{c:?}") };
+        let Configuration { pose, beta_rad } = solution.configuration;
         let wide = Configuration {
             pose: Pose { theta_rad: pose.theta_rad.into(), sigma_rad: pose.sigma_rad.into(), z0_m: pose.z0_m.into() },
             beta_rad: beta_rad.map(f64::from),
@@ -656,10 +664,10 @@ fn single_precision_follows() {
         let w = wrench(&mut rng, 500.0, 50.0);
         let load = Wrench { force_n: w.force_n.cast::<f32>(), moment_nm: w.moment_nm.cast::<f32>() };
         if let (Ok(single), Ok(double)) = (
-            five.compensated(Some(&TABLE_F32), &target, &load, &hold.configuration),
+            five.compensated(Some(&TABLE_F32), &target, &load, &solution.configuration),
             FIVE.compensated(Some(&TABLE_F64), &tool, &w, &c),
         ) {
-            for (a, b) in single.hold.joints.lengths.q_m.iter().zip(&double.hold.joints.lengths.q_m) {
+            for (a, b) in single.solution.joints.lengths.q_m.iter().zip(&double.solution.joints.lengths.q_m) {
                 left = left.max((f64::from(*a) - b).abs());
             }
         }

@@ -27,12 +27,15 @@ pub fn parked_inside_the_margin(
     let place = |beta_rad: Vector2<f64>| {
         let configuration = Configuration { beta_rad, ..home };
         let [x, y, z] = (five.tool(&configuration).ok()?.tip_m * 1e3).into();
-        Some(([x, y, z, beta_rad[0].to_degrees(), beta_rad[1].to_degrees()], five.home_share(&configuration).ok()?))
+        Some((
+            [x, y, z, beta_rad[0].to_degrees(), beta_rad[1].to_degrees()],
+            five.normalised_determinant(&configuration).ok()?,
+        ))
     };
     let share = |axes: [f64; 5]| {
         let [x, y, z, a, b] = axes;
-        let hold = five.inverse_at_any_margin(Vector3::new(x, y, z) / 1e3, Vector2::new(a, b).map(f64::to_radians));
-        hold.ok().map(|hold| hold.home_share)
+        let solution = five.inverse_at_any_margin(Vector3::new(x, y, z) / 1e3, Vector2::new(a, b).map(f64::to_radians));
+        solution.ok().map(|solution| solution.normalised_determinant)
     };
     let leads_out = |from: [f64; 5]| {
         let mut last = share(from)?;

@@ -30,7 +30,7 @@ pub fn slow_screw_mm_per_s(five: &FiveAxis<'_, f64>, from: &[f64], places: &[Vec
         let at = |step: usize| {
             let share = step as f64 / STEPS as f64;
             let axes: Vec<f64> = from.iter().zip(to).map(|(a, b)| a + share * (b - a)).collect();
-            held(five, &axes).map(|hold| in_file_units(&hold.joints))
+            held(five, &axes).map(|solution| in_file_units(&solution.joints))
         };
         for step in 0..STEPS {
             let moved = worst(&at(step + 1)?[..3], &at(step)?[..3]);

@@ -284,8 +284,9 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
             let (tip, axis) = (plate.origin_m + plate.rotation * hole.tip_m, plate.rotation * hole.axis);
             let mut point = |depth_mm: f64| {
                 let tool = Tool { tip_m: tip + axis * (depth_mm / 1e3), axis };
-                let hold = five.search(&tool, &near).map_err(|e| format!("hole {} of {}: {e}", m + 1, series.name))?;
-                near = hold.configuration;
+                let solution =
+                    five.search(&tool, &near).map_err(|e| format!("hole {} of {}: {e}", m + 1, series.name))?;
+                near = solution.configuration;
                 let [x, y, z] = (tool.tip_m * 1e3).into();
                 let [a, b] = near.beta_rad.map(f64::to_degrees).into();
                 Ok::<_, String>(format!("X{x:.6} Y{y:.6} Z{z:.6} A{a:.8} B{b:.8}\n"))

@@ -6,8 +6,8 @@ use std::time::Instant;
 use pkm_core::compensator::{Compensator, CompensatorSettings, Limit, Offset, Reading};
 use pkm_core::nalgebra::{SVector, Vector2, Vector3};
 use pkm_core::{
-    CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, Hold, JointValues, Pose,
-    ScrewLengths, TemperatureRise, Tool, Wrench,
+    CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, JointValues, Pose, ScrewLengths,
+    TemperatureRise, Tool, ToolSolution, Wrench,
 };
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::table_numbers::TableNumbers;
@@ -145,7 +145,7 @@ impl Host {
 }
 
 /// X Y Z A B in mm and degrees, held.
-pub fn held(five: &FiveAxis<'_, f64>, axes: &[f64]) -> Result<Hold<f64>, String> {
+pub fn held(five: &FiveAxis<'_, f64>, axes: &[f64]) -> Result<ToolSolution<f64>, String> {
     let [x, y, z, a, b] = axes.try_into().map_err(|_| "expected five axes")?;
     let (tip_m, beta_rad) = (Vector3::new(x, y, z) / 1e3, Vector2::new(a, b).map(f64::to_radians));
     five.inverse_at(tip_m, beta_rad).map_err(|e| e.to_string())
@@ -291,7 +291,7 @@ struct Seen {
     late: usize,
     late_by_us: usize,
     /// Of the inverse for a tool vector, from period to period.
-    looks: Vec<u8>,
+    iterations: Vec<u8>,
     last: Option<Configuration<f64>>,
     last_command: Option<Vec<f64>>,
     compensation: Option<Compensation>,
@@ -305,7 +305,10 @@ impl Seen {
         let [moved, turned] = [wanted.deflection.translation_m, wanted.deflection.rotation_rad].map(|v| v * 1e6);
         keep(&mut self.deflection, worst(row.moved, &[moved.as_slice(), turned.as_slice()].concat()));
         let distance = host.five()?.machine.singularity_distance(pose).map_err(|e| e.to_string())?;
-        keep(&mut self.deflection, worst(row.margins, &[wanted.hold.home_share, distance.limbs_1_2, distance.limb_3]));
+        keep(
+            &mut self.deflection,
+            worst(row.margins, &[wanted.solution.normalised_determinant, distance.limbs_1_2, distance.limb_3]),
+        );
         let matrix = stiffness.factor.stiffness().matrix();
         let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
         for ((i, j), found) in upper.zip(row.k) {
@@ -323,9 +326,9 @@ impl Seen {
         let (five, table) = (host.five()?, host.table()?);
         // until a first target was asked for or a first forward gave an answer, there is nothing
         if row.asked != [0.0; 5] {
-            let hold = held(&five, row.asked)?;
-            keep(&mut self.inverse, worst(row.given, &in_file_units(&hold.joints)));
-            keep(&mut self.inverse, (hold.home_share - row.target_share).abs());
+            let solution = held(&five, row.asked)?;
+            keep(&mut self.inverse, worst(row.given, &in_file_units(&solution.joints)));
+            keep(&mut self.inverse, (solution.normalised_determinant - row.target_share).abs());
         }
         if row.felt != [0.0; 5] {
             let (_, tool) = five.forward(&joints_of(row.felt)).map_err(|e| e.to_string())?;
@@ -364,7 +367,7 @@ impl Seen {
             self.take_late(&five, &table, row, &force);
         }
         if let Some(near) = &self.last {
-            self.looks.push(five.inverse(&computed.tool, near).map_err(|e| e.to_string())?.looks);
+            self.iterations.push(five.inverse(&computed.tool, near).map_err(|e| e.to_string())?.iterations);
         }
         self.last = Some(stood);
         Ok(())
@@ -405,7 +408,7 @@ impl Seen {
             self.inverse, self.forward, self.offsets, self.deflection, self.stiffness
         );
         self.feed.print();
-        let [half, _, most] = spread(self.looks.iter().map(|n| f64::from(*n)));
+        let [half, _, most] = spread(self.iterations.iter().map(|n| f64::from(*n)));
         println!(
             "  iterations: none; were tool vectors asked for, {half} Newton iterations from period to period, {most} at the most\n  \
              furthest that a joint's command moved in a period: {:.4} mm or degrees",

@@ -18,8 +18,8 @@ use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::Vector2;
 use pkm_core::tables::reference::{UNCERTAINTY_F32, UNCERTAINTY_F64};
 use pkm_core::{
-    Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Hold, Machine, Pose, Scalar,
-    Stiffness, StiffnessError, TableUncertainty, Tool, ToolDeflectionError, Wrench,
+    Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Machine, Pose, Scalar, Stiffness,
+    StiffnessError, TableUncertainty, Tool, ToolDeflectionError, ToolSolution, Wrench,
 };
 use serde::Serialize;
 
@@ -63,7 +63,7 @@ struct Line {
     thermal: Vec<u64, 6>,
     compensated: Vec<u64, 6>,
     /// The tool of the pose with [`BETA`], found from θ = σ = β1 = β2 = 0. This and what follows may be empty.
-    hold: Vec<u64, 9>,
+    solution: Vec<u64, 9>,
     hold_frame: Vec<u64, 9>,
     tip_stiffness: Vec<u64, 21>,
     loaded: Vec<u64, 15>,
@@ -82,10 +82,12 @@ fn wrench<T: Scalar>(components: [f64; 6]) -> Wrench<T> {
     Wrench::from_vector(components.map(T::from_f64).into())
 }
 
-fn hold_bits<T: Scalar, const N: usize>(hold: &Hold<T>) -> Vec<u64, N> {
-    let Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad } = hold.configuration;
+fn hold_bits<T: Scalar, const N: usize>(solution: &ToolSolution<T>) -> Vec<u64, N> {
+    let Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad } = solution.configuration;
     let pose = [theta_rad, sigma_rad, z0_m];
-    bits::<T, N>(pose.iter().chain(&beta_rad).chain(&hold.joints.lengths.q_m).chain([&hold.home_share]))
+    bits::<T, N>(
+        pose.iter().chain(&beta_rad).chain(&solution.joints.lengths.q_m).chain([&solution.normalised_determinant]),
+    )
 }
 
 fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Vec<u64, 8> {
@@ -156,7 +158,7 @@ impl Line {
             k_p_warm: Vec::new(),
             thermal: Vec::new(),
             compensated: Vec::new(),
-            hold: Vec::new(),
+            solution: Vec::new(),
             hold_frame: Vec::new(),
             tip_stiffness: Vec::new(),
             loaded: Vec::new(),
@@ -188,13 +190,13 @@ impl Line {
         let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
         let frame = five.frame(&stands)?;
         let tool = Tool { tip_m: frame.tip_m, axis: frame.axes.column(2).into() };
-        self.hold = hold_bits(&five.inverse(&tool, &Configuration { pose: upright, beta_rad: Vector2::zeros() })?);
+        self.solution = hold_bits(&five.inverse(&tool, &Configuration { pose: upright, beta_rad: Vector2::zeros() })?);
         self.hold_frame = hold_bits(&five.inverse_frame(&frame)?);
         self.tip_stiffness = lower(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
         let wrench = wrench(WRENCH);
         let table = table.has_factor_form().then_some(table);
         let loaded = five.compensated(table, &tool, &wrench, &stands)?;
-        self.loaded = hold_bits(&loaded.hold);
+        self.loaded = hold_bits(&loaded.solution);
         let moved = loaded.deflection.translation_m.iter().chain(&loaded.deflection.rotation_rad);
         self.loaded.extend(bits::<T, 6>(moved));
         Ok(())

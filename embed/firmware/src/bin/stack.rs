@@ -252,7 +252,7 @@ both_widths! {
     platform_axes(i) axes((i.numbers[0], i.numbers[1]), (i.numbers[2], i.numbers[3]));
     forward_tool(i) i.five().forward(&i.joints);
     joints(i) i.five().joints(&i.near);
-    home_share(i) i.five().home_share(&i.near);
+    normalised_determinant(i) i.five().normalised_determinant(&i.near);
     inverse_tool(i) i.five().inverse(&i.tool, &i.near);
     inverse_at(i) i.five().inverse_at(i.tool.tip_m, i.near.beta_rad);
     search(i) i.five().search(&i.tool, &i.near);

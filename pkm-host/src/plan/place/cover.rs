@@ -217,7 +217,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 }
             }
         }
-        match decided(|| self.five.home_share(configuration)) {
+        match decided(|| self.five.normalised_determinant(configuration)) {
             Some(Ok(share)) => share.high() >= self.model.reach.margin() - SLACK,
             Some(Err(_)) => false,
             None => true,

@@ -8,7 +8,9 @@ mod taylor;
 mod unreachable;
 
 use pkm_core::effects::EFFECTS;
-use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Hold, Stiffness, Tool, ToolError, Wrench};
+use pkm_core::{
+    Configuration, CorrectionError, CorrectionTable, Domain, Stiffness, Tool, ToolError, ToolSolution, Wrench,
+};
 
 use crate::error::{Failure, Result};
 use crate::files::job::{Hole, Job, Position, Series};
@@ -77,7 +79,7 @@ impl Objective {
 #[derive(Clone, Copy, Debug)]
 pub struct Posture {
     /// Its five axes.
-    pub hold: Hold<f64>,
+    pub solution: ToolSolution<f64>,
     /// k11…k66 at A in A-uvw, SI.
     pub k: [f64; 6],
     /// Of the tip under the series' wrench, m; none with a diagonal table, which has no deflections.
@@ -165,8 +167,8 @@ impl<'a> PlacementModel<'a> {
         Tool { tip_m: tip, axis: table.rotation * hole.axis }
     }
 
-    fn judged(&self, hold: Hold<f64>, wrench: &Wrench<f64>) -> std::result::Result<Posture, Miss> {
-        let pose = &hold.configuration.pose;
+    fn judged(&self, solution: ToolSolution<f64>, wrench: &Wrench<f64>) -> std::result::Result<Posture, Miss> {
+        let pose = &solution.configuration.pose;
         let domain = self.table.as_ref().map(|table| table.domain(pose));
         let outside_box = domain == Some(Domain::Outside);
         if outside_box && !self.extrapolate {
@@ -186,18 +188,18 @@ impl<'a> PlacementModel<'a> {
         let deflection_m = if self.table.is_some() && factor.is_none() {
             None
         } else {
-            let d = self.reach.five.deflection(factor, &hold.configuration, wrench).map_err(|_| Miss::Stiffness)?;
+            let d = self.reach.five.deflection(factor, &solution.configuration, wrench).map_err(|_| Miss::Stiffness)?;
             Some(d.translation_m.iter().map(|v| v * v).sum::<f64>().sqrt())
         };
-        Ok(Posture { hold, k, deflection_m, outside_box })
+        Ok(Posture { solution, k, deflection_m, outside_box })
     }
 
     /// Every posture that reaches a tool in home's working mode.
     fn postures(&self, tool: &Tool<f64>, wrench: &Wrench<f64>) -> std::result::Result<Vec<Posture>, Miss> {
         let mut miss = Miss::Reach;
         let mut found = Vec::new();
-        for hold in self.reach.on_home_side(tool) {
-            match self.judged(hold, wrench) {
+        for solution in self.reach.in_working_mode(tool) {
+            match self.judged(solution, wrench) {
                 Ok(posture) => found.push(posture),
                 Err(e) => miss = e,
             }
@@ -217,9 +219,9 @@ impl<'a> PlacementModel<'a> {
             Err(ToolError::Singular | ToolError::Unreachable) => five.search(tool, &self.reach.home()),
             done => done,
         };
-        match found.ok().and_then(|hold| self.judged(hold, wrench).ok()) {
+        match found.ok().and_then(|solution| self.judged(solution, wrench).ok()) {
             Some(posture) => {
-                *near = posture.hold.configuration;
+                *near = posture.solution.configuration;
                 Ok(vec![posture])
             }
             None => self.postures(tool, wrench),

@@ -246,7 +246,7 @@ impl Polish<'_> {
     /// The best along a line about a position, ever closer.
     fn line(&self, near: &Polished, mut position: Position, axis: Axis, mut reach: f64) -> Option<Polished> {
         let mut state = self.searcher.state();
-        state.near = near.2.iter().map(|p| p.hold.configuration).collect();
+        state.near = near.2.iter().map(|p| p.solution.configuration).collect();
         let mut best: Option<Polished> = None;
         for round in 0..7 {
             let (middle, half) = (position[axis], if round == 0 { 10 } else { 5 });
@@ -291,7 +291,7 @@ fn places([low, high]: [f64; 2], step: f64) -> Vec<f64> {
 /// Whether holes of a series are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
 fn in_several_ways(model: &PlacementModel<'_>, series: &Series) -> bool {
     lattice(model.job).par_iter().any(|position| {
-        series.holes.iter().any(|hole| model.reach.on_home_side(&model.tool(hole, position)).count() > 1)
+        series.holes.iter().any(|hole| model.reach.in_working_mode(&model.tool(hole, position)).count() > 1)
     })
 }
 
