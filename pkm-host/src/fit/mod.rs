@@ -253,15 +253,7 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     let centre = core_units(center);
     let half_width = core_units(scale);
 
-    let mut responses: Vec<(String, Vec<f64>)> =
-        (0..6).map(|i| (format!("c{0}{0}", i + 1), training.iter().map(|s| s.ratios()[i]).collect())).collect();
-    let entries: Option<Vec<_>> = training.iter().map(Sample::factor_entries).collect();
-    if let Some(entries) = &entries {
-        let names = (1..=6).flat_map(|i| (1..=i).map(move |j| format!("g{i}{j}")));
-        responses.extend(names.enumerate().map(|(n, name)| (name, entries.iter().map(|e| e[n]).collect())));
-    }
-    let paper_mask = |row: usize| EQ_12.get(row).map_or([true; 9], |mask| *mask);
-
+    let (responses, has_factor) = responses(&training);
     let design_of = |terms: &[[u8; 3]]| -> Result<DMatrix<f64>> {
         let basis = Basis::<f64>::new(centre, half_width, terms).map_err(|e| Failure::other(e.to_string()))?;
         let monomials: Vec<_> = training.iter().map(|s| basis.monomials(&s.pose.pose)).collect();
@@ -269,22 +261,11 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     };
     let paper_design = design_of(&EQ_11)?;
     // Eq. 12 is fitted for every choice, and Eq. 11's θσ where nine terms are asked for.
-    let all_nine = choice == TermChoice::Full || entries.is_some();
+    let all_nine = choice == TermChoice::Full || has_factor;
     let needed: Vec<bool> = EQ_11.iter().map(|t| all_nine || *t != [1, 1, 0]).collect();
     refuse_rank_deficiency(&paper_design, &needed)?;
 
-    let candidates = candidate_terms();
-    let (terms, masks): (Vec<[u8; 3]>, Vec<Vec<bool>>) = match choice {
-        TermChoice::Paper => (EQ_11.to_vec(), (0..responses.len()).map(|r| paper_mask(r).to_vec()).collect()),
-        TermChoice::Full => (EQ_11.to_vec(), vec![vec![true; 9]; responses.len()]),
-        TermChoice::Select => {
-            let design = design_of(&candidates)?;
-            let chosen: Vec<BTreeSet<usize>> = responses.iter().map(|(_, y)| select(&design, y)).collect();
-            let union: Vec<usize> = chosen.iter().flatten().copied().collect::<BTreeSet<_>>().into_iter().collect();
-            let masks = chosen.iter().map(|set| union.iter().map(|t| set.contains(t)).collect()).collect();
-            (union.iter().map(|t| candidates[*t]).collect(), masks)
-        }
-    };
+    let (terms, masks) = terms_of(choice, &responses, design_of)?;
     let design = design_of(&terms)?;
 
     let mut polynomials = Vec::new();
@@ -315,7 +296,7 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
         half_width,
         terms: terms.clone(),
         diagonal: flat(diagonal),
-        factor: entries.is_some().then(|| flat(factor)),
+        factor: has_factor.then(|| flat(factor)),
     };
 
     for (name, row) in numbers.positive_rows() {
@@ -333,6 +314,44 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
         polynomials,
         paper_e,
         condition,
+    })
+}
+
+/// What the polynomials are fitted to, by name: c11…c66, and the factor form's g11…g66 where the data are whole matrices, which
+/// the flag says.
+fn responses(training: &[Sample]) -> (Vec<(String, Vec<f64>)>, bool) {
+    let mut responses: Vec<(String, Vec<f64>)> =
+        (0..6).map(|i| (format!("c{0}{0}", i + 1), training.iter().map(|s| s.ratios()[i]).collect())).collect();
+    let entries: Option<Vec<_>> = training.iter().map(Sample::factor_entries).collect();
+    if let Some(entries) = &entries {
+        let names = (1..=6).flat_map(|i| (1..=i).map(move |j| format!("g{i}{j}")));
+        responses.extend(names.enumerate().map(|(n, name)| (name, entries.iter().map(|e| e[n]).collect())));
+    }
+    (responses, entries.is_some())
+}
+
+/// Which of Eq. 11's terms the paper gives to a response.
+fn paper_mask(row: usize) -> [bool; 9] {
+    EQ_12.get(row).map_or([true; 9], |mask| *mask)
+}
+
+/// The table's terms, and which of them each response uses.
+fn terms_of(
+    choice: TermChoice,
+    responses: &[(String, Vec<f64>)],
+    design_of: impl Fn(&[[u8; 3]]) -> Result<DMatrix<f64>>,
+) -> Result<(Vec<[u8; 3]>, Vec<Vec<bool>>)> {
+    Ok(match choice {
+        TermChoice::Paper => (EQ_11.to_vec(), (0..responses.len()).map(|r| paper_mask(r).to_vec()).collect()),
+        TermChoice::Full => (EQ_11.to_vec(), vec![vec![true; 9]; responses.len()]),
+        TermChoice::Select => {
+            let candidates = candidate_terms();
+            let design = design_of(&candidates)?;
+            let chosen: Vec<BTreeSet<usize>> = responses.iter().map(|(_, y)| select(&design, y)).collect();
+            let union: Vec<usize> = chosen.iter().flatten().copied().collect::<BTreeSet<_>>().into_iter().collect();
+            let masks = chosen.iter().map(|set| union.iter().map(|t| set.contains(t)).collect()).collect();
+            (union.iter().map(|t| candidates[*t]).collect(), masks)
+        }
     })
 }
 
