@@ -201,7 +201,7 @@ impl<T: Scalar> Machine<T> {
     /// Pose and screw lengths to command so that the loaded tip stands where the unloaded one would at `pose`. The
     /// tip's position is made up for, the platform's orientation is not.
     ///
-    /// One Newton step with the deflection of `pose`. What is left is of second order, half as large a part of the
+    /// One Newton step with the deflection of `pose`. The remainder is of second order, half as large a part of the
     /// displacement under half the load: within 1e-3 of it for the reference machine in its box, tip 0.2 m to 0.4 m ahead of A,
     /// up to 50 N and 5 N·m on each axis; and for random machines with the tip L/2 to 2 L ahead, displaced by 2.5e-6 of L.
     ///

@@ -57,7 +57,7 @@ impl Scatter {
         }
     }
 
-    /// s and t. Sums of squares are divided by two freedoms less, so that it is 1/variance, which readings are weighed by,
+    /// s and t. Sums of squares are divided by two degrees of freedom less, so that it is 1/variance, which readings are weighed by,
     /// that is right on average. No t where no series are repeats of one another.
     fn deviations(&self) -> (f64, Option<f64>) {
         let mean = |sum: f64, freedom: f64| sum / if freedom > 4.0 { freedom - 2.0 } else { freedom };

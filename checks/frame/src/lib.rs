@@ -1,4 +1,4 @@
-//! A dense frame solver: nodes of six freedoms, Euler–Bernoulli beams, joints as springs, rigid bodies.
+//! A dense frame solver: nodes of six degrees of freedom, Euler–Bernoulli beams, joints as springs, rigid bodies.
 //!
 //! It is the tests' truth and shares nothing with `pkm-core`: no formula, no type, no dependency. Positions,
 //! forces and stiffnesses are SI in one fixed frame; six-vectors are [x, y, z, about x, about y, about z].
@@ -182,12 +182,12 @@ impl Frame {
     }
 
     fn solve(&self, loads: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        // freedoms in terms of independent ones
+        // degrees of freedom in terms of independent ones
         let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
         let mut dependent: Vec<usize> = (0..6).collect();
         let mut stiffness = self.stiffness.clone();
         for Modes { body, nodes, shapes } in &self.modes {
-            // the shapes' amounts are kept in the first node's first freedoms
+            // the shapes' amounts are kept in the first node's first degrees of freedom
             let amount = |shape: usize| 6 * nodes[0].0 + shape;
             let carrier = expand.rows(6 * body.0, 6).clone_owned();
             for (n, node) in nodes.iter().enumerate() {

@@ -81,7 +81,7 @@ struct Life {
 
 /// Days in which the probe fails.
 const FAILS_DAYS: usize = 10;
-/// What is left of the worn drive's stiffness at the end.
+/// Stiffness of the worn drive at the end, as a share of the first.
 const WORN: f64 = 0.7;
 /// Part of all stiffness that goes for each degree, and the hall's swing over a year, K.
 const SOFTER_PER_K: f64 = 4e-4;

@@ -59,7 +59,7 @@ int main(void) {
         return 1;
     }
     const PkmJoints_f64 *joints = &command.solution.joints;
-    printf("five axes: %.4f %.4f %.4f mm, %.6f %.6f rad, home share %.3f\n", 1e3 * joints->lengths.q_m[0],
+    printf("five axes: %.4f %.4f %.4f mm, %.6f %.6f rad, normalised determinant %.3f\n", 1e3 * joints->lengths.q_m[0],
            1e3 * joints->lengths.q_m[1], 1e3 * joints->lengths.q_m[2], joints->beta_rad[0], joints->beta_rad[1],
            command.solution.normalised_determinant);
     return 0;

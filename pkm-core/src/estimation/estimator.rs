@@ -20,7 +20,7 @@ pub const CHANGE: f64 = 5.3;
 const GATE: [f64; MAX_COMPONENTS] = [28.37, 32.24, 35.41, 38.24, 40.86, 43.34];
 /// An innovation counts in the sums as this many deviations at most.
 const MOST_DEVIATIONS: f64 = 3.0;
-/// What is left of the sums from reading to reading.
+/// Forgetting factor of the sums, per reading.
 const REMEMBERED: f64 = 1.0 - 1.0 / 16.0;
 /// A reading tells something when all that was unknown at the start shows in it by this share of its variance.
 const EXCITED: f64 = 1e-4;

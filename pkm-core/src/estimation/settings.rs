@@ -48,7 +48,7 @@ pub struct EstimatorSettings<const N: usize> {
 pub enum EstimatorSettingsError {
     /// None, or more than [`MAX_AMPLITUDES`].
     Count,
-    /// An amplitude stands twice. They count from 1.
+    /// A duplicate amplitude. They count from 1.
     Twice {
         /// The second one.
         amplitude: u8,
@@ -68,7 +68,7 @@ impl fmt::Display for EstimatorSettingsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Count => f.write_str("an estimator takes 1 to 8 amplitudes"),
-            Self::Twice { amplitude } => write!(f, "amplitude {amplitude} stands twice"),
+            Self::Twice { amplitude } => write!(f, "amplitude {amplitude} is a duplicate"),
             Self::Amplitude { amplitude, setting } => {
                 write!(f, "{setting} of amplitude {amplitude} is out of its range")
             }

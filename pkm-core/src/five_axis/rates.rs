@@ -2,7 +2,7 @@
 //!
 //! With the rates of (θ, σ, L, β1, β2) the platform turns by σ' u + θ' y, the wrist's first link by β1' w beyond that, the tool by −β2' y_h
 //! beyond that. What is carried along by a steady turn accelerates by the rate of the turn's axis and toward it, A besides by
-//! 2 L' θ' u − L θ'² n: that is the time derivative of the Jacobian times the rates. What is left of the tool's acceleration is a Newton step's
+//! 2 L' θ' u − L θ'² n: that is the time derivative of the Jacobian times the rates. The rest of the tool's acceleration is a Newton step's
 //! right side, as the tool's velocity is.
 
 use nalgebra::{SVector, Vector2, Vector3};

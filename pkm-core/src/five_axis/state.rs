@@ -172,7 +172,7 @@ impl<T: Scalar> Wrist<T> {
         (self.normalised(motion.determinant, state.theta.sin_cos().1), second)
     }
 
-    /// What is left of an acceleration of tip and axis without what steady rates of θ, σ, L, β1, β2 bring.
+    /// Acceleration of tip and axis less the part that steady rates of θ, σ, L, β1, β2 cause.
     #[inline(always)] // its parts stay in registers
     fn beyond_carried(
         &self,

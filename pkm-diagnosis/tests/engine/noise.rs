@@ -7,13 +7,13 @@ use pkm_diagnosis::{Covariance, Entry, Noise, NoiseSource, Observations, Reading
 
 use crate::support::*;
 
-/// What is left of columns when those of `of` are projected out, as the projector.
+/// Projector that removes the columns of `of`.
 fn without(of: &DMatrix<f64>) -> DMatrix<f64> {
     let inverse = of.clone().pseudo_inverse(1e-9).unwrap();
     DMatrix::identity(of.nrows(), of.nrows()) - of * inverse
 }
 
-/// Within, its freedoms, total, its freedoms, weight of t² of one channel by linear algebra on the repeated readings.
+/// Within, its degrees of freedom, total, its degrees of freedom, weight of t² of one channel by linear algebra on the repeated readings.
 fn variance_analysis(readings: &Observations, channel: usize) -> [f64; 5] {
     let rows: Vec<&Reading> = readings.readings.iter().filter(|r| r.observed[channel].is_some()).collect();
     let repeats = |g: usize| rows.iter().filter(|r| r.repeat_of == g).count();
@@ -112,7 +112,7 @@ fn simulated_noise_is_found() {
         information += noise.within.iter().filter(|s| **s > 0.0).map(|s| 1e-12 / (s * s)).sum::<f64>() / 300.0;
         between += noise.between.iter().map(|t| t * t * 1e12).sum::<f64>() / 300.0;
     }
-    // 27 and 9 freedoms: what a zero's variance gains by two freedoms less is known
+    // 27 and 9 degrees of freedom: what a zero's variance gains by two less is known
     near(information, 1.0, 0.04);
     near(between, ((1.0 + 4.0 * 4.0) * 9.0 / 7.0 - 1.0) / 4.0, 0.12);
 }
@@ -138,7 +138,7 @@ fn noise_may_be_declared_and_must_be_known() {
     let truth = [2.5_f64.sqrt() * 1e-6, 3.0_f64.sqrt() * 1e-6, rounding, 2e-6, rounding, 0.0];
     noise.within.iter().zip(truth).for_each(|(found, truth)| near(*found, truth, 1e-12));
 
-    // repeats: 39 freedoms a kind are too few beside declared deviations, 42 are enough, and rounding counts
+    // repeats: 39 degrees of freedom a kind are too few beside declared deviations, 42 are enough, and rounding counts
     let repeats = |n: usize| {
         let layout: Vec<(usize, usize)> = (0..n).map(|_| (0, 0)).collect();
         let mut file = scattered(&layout, &mut fastrand::Rng::with_seed(4), |_, _| false);
@@ -167,7 +167,7 @@ pub fn varied(rng: &mut fastrand::Rng) -> Observations {
     file
 }
 
-/// Numbers read, as reading and channel, and their covariance.
+/// Scalar observations, as reading and channel, and their covariance.
 pub fn covariance(file: &Observations, noise: &Noise) -> (Vec<(usize, usize)>, DMatrix<f64>) {
     let rows: Vec<(usize, usize)> = (0..file.readings.len())
         .flat_map(|r| (0..CHANNELS).map(move |c| (r, c)))

@@ -57,7 +57,7 @@ pub fn ln_likelihood(c: &DMatrix<f64>, r: &DVector<f64>) -> f64 {
     -0.5 * (quadratic(c, r) + c.determinant().ln())
 }
 
-/// (I + A Aᵀ)⁻¹, what is left of a residual when unknowns with priors are fitted.
+/// (I + A Aᵀ)⁻¹, the residual when unknowns with priors are fitted.
 pub fn unexplained(a: &DMatrix<f64>) -> DMatrix<f64> {
     (DMatrix::identity(a.nrows(), a.nrows()) + a * a.transpose()).try_inverse().unwrap()
 }

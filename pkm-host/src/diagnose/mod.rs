@@ -165,7 +165,10 @@ fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>
     }
     let unknowns = problem.model.declared().len();
     if problem.numbers() < 2 * unknowns {
-        return fail(format!("{} numbers read are too few for {unknowns} unknown stiffnesses", problem.numbers()));
+        return fail(format!(
+            "{} scalar observations are too few for {unknowns} unknown stiffnesses",
+            problem.numbers()
+        ));
     }
     let Some(found) = experiment.model.predict(&experiment.poses, experiment.conditions, &[], &[]) else {
         return fail("the declared machine gives no deflection at some pose or load".into());

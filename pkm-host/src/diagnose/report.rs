@@ -80,9 +80,9 @@ fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
 fn certainty(d: &Diagnosis) -> String {
     let (held, p) = (&d.held_out, d.judgement.after.p);
     let noise = if p > 0.05 {
-        format!("what is left cannot be told from noise (p = {p:.2})")
+        format!("the residuals cannot be told from noise (p = {p:.2})")
     } else {
-        format!("what is left is more than noise (p = {p:.0e})")
+        format!("the residuals are more than noise (p = {p:.0e})")
     };
     let of_places = d.effects.iter().map(|e| e.probability).reduce(f64::min);
     let place = of_places.map_or(String::new(), |p| format!("; probability of the place {p:.2}"));
@@ -375,7 +375,7 @@ fn facts(
     vec![
         ("Seed", SEED.to_string()),
         ("Machine file", of_file(&file.source)),
-        ("Data", format!("{}, {} numbers read at {} poses", of_file(&readings.source), d.size.0, d.size.1)),
+        ("Data", format!("{}, {} scalar observations at {} poses", of_file(&readings.source), d.size.0, d.size.1)),
         ("Held-out readings", held_out.map_or("none: poses left out in turn".into(), |h| of_file(&h.source))),
         ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(&d.noise.within), d.noise.source)),
         ("Zero error of a series", micro(&d.noise.between)),
@@ -436,7 +436,7 @@ pub fn html(
              count. Lines: 95 % intervals, where there are poses enough; without an end where there is no upper one.",
             &plot::bars("Translation error, rms", "µm", &labels, &bars)?,
         ))
-        h2 { "What is left, over pose, load and limb force" }
+        h2 { "Residuals over pose, load and limb force" }
         (residual_plots(file, readings, d)?)
         (readings_table::list(readings, d))
         h2 { "Errors" }

@@ -21,7 +21,7 @@ fn least_apart_m(q: f64) -> f64 {
     (0.004 * q).min(0.002)
 }
 
-/// A rigid body's two nodes in CalculiX, or two nodes of the ground: translations are the first one's freedoms, rotations the
+/// A rigid body's two nodes in CalculiX, or two nodes of the ground: translations are the first one's degrees of freedom, rotations the
 /// second one's.
 #[derive(Clone, Copy)]
 struct Body {
@@ -409,7 +409,7 @@ impl Deck {
             _ = writeln!(s, "** {}\n*ELEMENT, TYPE=SPRING2, ELSET=SPRING{i}", spring.what);
             topology(&mut s, &spring.between, 0);
             let (f, o, k) = (spring.freedom, spring.orientation, spring.stiffness);
-            // a stiffness without a point would be read as freedoms
+            // a stiffness without a point would be read as degrees of freedom
             _ = writeln!(s, "*SPRING, ELSET=SPRING{i}, ORIENTATION=O{o}\n{f},{f}\n{k:.9e}");
         }
         for (i, (nodes, body)) in self.rigid.iter().enumerate() {

@@ -66,7 +66,7 @@ fn divisions(length: f64, element: f64, least: usize) -> usize {
     ((length / element - 1e-9).ceil() as usize).max(least)
 }
 
-/// Nodes of an element of second order: corners below and above, middles of sides below and above, corners half-way up.
+/// Nodes of an element of second order: corners below and above, middles of sides below and above, midpoints of the vertical edges.
 fn element<const SIDES: usize, const NODES: usize>(
     corners: [(usize, usize); SIDES],
     middles: [(usize, usize); SIDES],

@@ -113,11 +113,8 @@ impl PointList {
             }
             let set = sets.entry((reading.clone(), state)).or_default();
             if let Some(first) = set.iter().find(|p| p.reflector == reflector) {
-                let message = format!(
-                    "`{name}` stands twice in reading {reading}, {}: first in line {}",
-                    state.name(),
-                    first.line
-                );
+                let message =
+                    format!("duplicate `{name}` in reading {reading}, {}: first in line {}", state.name(), first.line);
                 return Err(fail("point", message));
             }
             set.push(Point { line: row.line, reflector, at_m: at_mm.map(|v| v / 1e3), sd_m: u95_m / COVERAGE });

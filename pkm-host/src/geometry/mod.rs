@@ -243,7 +243,7 @@ impl<'a> Study<'a> {
             (this.problem().numbers(), model.unknowns(|m| m.is_of_machine() || m.is_of_measurement()));
         if 2 * numbers < 3 * unknowns.len() {
             let message = format!(
-                "{numbers} numbers read are too few for {} unknowns of machine and measurement: measure more poses",
+                "{numbers} scalar observations are too few for {} unknowns of machine and measurement: measure more poses",
                 unknowns.len()
             );
             return Err(fail(unloaded, message));

@@ -119,7 +119,7 @@ pub struct Identification {
     pub verdict: Verdict,
     /// Of the readings.
     pub noise: Noise,
-    /// Numbers read, and different poses.
+    /// Scalar observations, and different poses.
     pub size: (usize, usize),
     /// Numbers of the machine.
     pub estimates: Vec<Estimate>,

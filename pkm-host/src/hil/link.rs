@@ -90,7 +90,7 @@ impl Link {
         Reply::parse(line).ok_or_else(|| self.failed(format!("not a reply of this protocol: {}{baud}", shown(line))))
     }
 
-    /// Passes over what is left from earlier, and hears who is there.
+    /// Discards bytes of earlier replies, and asks who is there.
     pub(super) fn hello(&mut self, seen: impl Fn(&Hello<'_>) -> Result<Value>) -> Result<(Value, u32, usize)> {
         let mut noise = None;
         for id in 1..=ATTEMPTS {

@@ -38,7 +38,7 @@ pub struct Registration {
     pub points: usize,
     /// Root mean square residual of a coordinate, m.
     pub rms_m: f64,
-    /// What is left, squared, over the variances of the points, by degree of freedom; 1 without any.
+    /// Reduced χ² of the registration; 1 without degrees of freedom.
     pub chi2_per_dof: f64,
     /// Of B's origin and of the rotation vector in the tracker's frame, m and rad; with more left than the points' own errors, by
     /// as much more.

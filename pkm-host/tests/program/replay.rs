@@ -223,7 +223,7 @@ fn bad_logs_and_amplitudes_are_refused_with_what_to_do() {
     let twice = learn("place = \"temperature\"", "place = \"limb.2.body\"\nmotion = \"axial\"");
     let file = folder.write("learn.toml", &twice);
     let error = refused(&["replay", "--log", &fixture(LOG), "--learn", &file, "--out", &out]);
-    assert!(error["message"].as_str().unwrap().contains("amplitude 2 stands twice"), "{error}");
+    assert!(error["message"].as_str().unwrap().contains("amplitude 2 is a duplicate"), "{error}");
     assert!(!folder.has("out/replay.json"));
 }
 

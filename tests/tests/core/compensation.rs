@@ -22,7 +22,7 @@ fn placed(pose: &Pose<f64>, deflection: Option<&Deflection<f64>>, mut tip: Vecto
     a + turn * tip
 }
 
-/// What is left of the tip's displacement when the load acts at the compensated pose, relative to it. `deflection` is
+/// Residual displacement of the tip when the load acts at the compensated pose, relative to it. `deflection` is
 /// the loaded model.
 fn left(
     machine: &Machine<f64>,

@@ -240,7 +240,7 @@ struct Truth {
     factors: [Vec<Cholesky<f64, U6>>; 4],
 }
 
-/// What is left of the stiffness of a worn drive.
+/// Stiffness of a worn drive, as a share of the declared one.
 const WORN: f64 = 0.9;
 
 /// Axial compliance of a limb's platform joint, which stands for its drive.

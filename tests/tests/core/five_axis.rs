@@ -157,7 +157,7 @@ fn every_reachable_tool_on_the_home_side_is_found() {
     }
     println!("worst {worst:?}; {at_once} straight from home; {same} as drawn");
     assert!(worst[0] <= 1e-12 && worst[1] <= 1e-12, "{worst:?}");
-    // 99.2 %; and on its home side this machine holds a tool in one way only
+    // 99.2 %; and in its working mode this machine holds a tool in one way only
     assert!(at_once > targets * 99 / 100 && same == targets, "{at_once} {same}");
 }
 

@@ -90,7 +90,7 @@ pub struct Seat {
 /// A plate: the hull of a rim about each of its bores.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plate {
-    /// Thickness; the joints are half-way.
+    /// Thickness; the joints are at half of it.
     pub thickness_m: f64,
     /// Diameter of the bores that hold the joints.
     pub bore_m: f64,

@@ -23,7 +23,7 @@ impl RawSolid {
             (declared * 64.0 / std::f64::consts::PI + tube_inner[i].powi(4)).powf(0.25)
         });
         let tube_outer = three("solid.tube.outer_mm", &self.tube.outer_mm, MM, POSITIVE, outer)?;
-        // room to the joints at both ends of travel; overlap is what is left, unless it takes a tube that reaches behind
+        // room to the joints at both ends of travel; the overlap is the rest, unless it takes a tube that reaches behind
         let room = max.map(|q| 0.02 * q);
         let tube_m = std::array::from_fn(|i| (min[i] - room[i]).max(0.2 * min[i]));
         let tube_m = three("solid.tube.length_mm", &self.tube.length_mm, MM, POSITIVE, tube_m)?;

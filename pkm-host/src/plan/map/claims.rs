@@ -15,7 +15,7 @@ const PARTS: [&str; 3] = ["left", "middle", "right"];
 /// Half an order of magnitude: "about an order" is within it of 10, "much better" is beyond it.
 const HALF_ORDER: f64 = 3.162_277_660_168_379_5;
 
-/// A claim with what was found.
+/// A claim of the paper and how often it holds.
 pub struct Claim {
     /// In words that say how it is decided.
     pub claim: String,

@@ -34,7 +34,7 @@ const POINTS: &[Kind] = &[
     ("a negative uncertainty", Make(|good| good.replacen(",6\n", ",-6\n", 1).into()), ":7: u95_um: ", "found -6"),
     ("a state of another name", Put("P1-fx,loaded,R1", "P1-fx,pressed,R1"), ":10: state: ", "expected `unloaded` or `loaded`, found `pressed`"),
     ("a reflector that is not there", Put("P1-fx,loaded,R2", "P1-fx,loaded,R9"), ":11: point: ", "no reflector `R9`|R1, R2, R3, R4, G1, G2, G3"),
-    ("a reflector twice", Put("P1-fx,loaded,R2", "P1-fx,loaded,R1"), ":11: point: ", "stands twice|first in line 10"),
+    ("a reflector twice", Put("P1-fx,loaded,R2", "P1-fx,loaded,R1"), ":11: point: ", "duplicate|first in line 10"),
     ("no name of a reading", Put("P1-fx,loaded,R1", ",loaded,R1"), ":10: reading: ", "empty cell"),
     ("a reading that is not there", Put("P1-fx,loaded,R1", "P1-fy,loaded,R1"), ":10: reading: ", "no reading and no series `P1-fy`"),
     ("a point loaded alone", Make(|good| without(good, "P1 zero,unloaded,R3")), ":11: point: ", "`R3` of reading P1-fx was not measured unloaded"),
