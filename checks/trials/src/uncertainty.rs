@@ -116,25 +116,18 @@ fn tip_motion(c: &nalgebra::Matrix6<f64>, w: &Vector6<f64>) -> [f64; 3] {
     [d[0] + TIP_M * d[4], d[1] - TIP_M * d[3], d[2]]
 }
 
-impl Outcome {
-    /// Makes a set and asks the program.
-    ///
-    /// # Errors
-    /// What the program refuses.
-    pub fn of(program: &Path, seed: u64, terms: &str, folder: &Path) -> Result<Self, String> {
-        let mut rng = Random::new(seed ^ (0x20 << 48));
-        let world = world(&mut rng);
-        let angle = rng.pick(&[12.0_f64, 15.0]).to_radians();
-        let write = |name: &str, text: String| {
-            let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
-        };
-        let machine = write("machine.toml", world.nominal.toml("trial"))?;
-        let data = write("stiffness.csv", stiffness_csv(&world, angle)?)?;
-        let mut csv = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,load_u_mm,load_v_mm,load_w_mm,\
-                       point_u_mm,point_v_mm,point_w_mm,dx_um,dy_um,dz_um\n"
-            .to_owned();
-        let mut truth = Vec::new();
+/// Readings that are asked for, as CSV, and with each its zone and the tip's true motion in m.
+struct Asked {
+    csv: String,
+    truth: Vec<(usize, [f64; 3])>,
+}
+
+impl Asked {
+    /// Poses of each zone, each under some loads at the tip.
+    fn random(world: &World, angle: f64, rng: &mut Random) -> Self {
+        let head = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,load_u_mm,load_v_mm,load_w_mm,\
+                    point_u_mm,point_v_mm,point_w_mm,dx_um,dy_um,dz_um\n";
+        let mut asked = Self { csv: head.to_owned(), truth: Vec::new() };
         for (zone, (_, least, most)) in ZONES.iter().enumerate() {
             let mut poses = 0;
             while poses < POSES {
@@ -145,63 +138,84 @@ impl Outcome {
                     continue;
                 }
                 poses += 1;
-                let c = world.reduced(&p, 20.0).c;
-                let [theta, sigma, z0] = p.0;
-                for _ in 0..LOADS {
-                    let (force, moment) = (rng.direction() * 500.0, rng.direction() * rng.between(0.0, 50.0));
-                    let w = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
-                        .map(|v| (v * 10.0).round() / 10.0);
-                    let loads: Vec<String> = w.iter().map(|v| format!("{:.1}", v + 0.0)).collect();
-                    let tip = TIP_M * 1e3;
-                    _ = writeln!(
-                        csv,
-                        "H{:04},{:.4},{:.4},{:.3},{},0,0,{tip},0,0,{tip},0,0,0",
-                        truth.len(),
-                        theta.to_degrees(),
-                        sigma.to_degrees(),
-                        z0 * 1e3,
-                        loads.join(",")
-                    );
-                    truth.push((zone, tip_motion(&c, &w)));
-                }
+                asked.add(zone, &p, &world.reduced(&p, 20.0).c, rng);
             }
         }
-        let asked = write("asked.csv", csv)?;
-        let (fitted, said) = (folder.join("fit"), folder.join("said.csv"));
-        let s = |text: &'static str| std::ffi::OsStr::new(text);
-        let common = [s("--machine"), machine.as_os_str()];
-        run(
-            program,
-            &[
-                &[s("fit")],
-                &common[..],
-                &[s("--terms"), terms.as_ref(), s("--data"), data.as_os_str(), s("--out"), fitted.as_os_str()],
-            ]
-            .concat(),
-        )?;
-        let table = fitted.join("coefficients.json");
-        run(
-            program,
-            &[
-                &[s("predict")],
-                &common[..],
-                &[s("--table"), table.as_os_str(), s("--data"), asked.as_os_str(), s("--out"), said.as_os_str()],
-            ]
-            .concat(),
-        )?;
-        let text = std::fs::read_to_string(&said).map_err(|e| format!("{}: {e}", said.display()))?;
+        asked
+    }
+
+    /// Loads at a pose where A has this compliance.
+    fn add(&mut self, zone: usize, p: &Pose, c: &nalgebra::Matrix6<f64>, rng: &mut Random) {
+        let [theta, sigma, z0] = p.0;
+        for _ in 0..LOADS {
+            let (force, moment) = (rng.direction() * 500.0, rng.direction() * rng.between(0.0, 50.0));
+            let w = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z)
+                .map(|v| (v * 10.0).round() / 10.0);
+            let loads: Vec<String> = w.iter().map(|v| format!("{:.1}", v + 0.0)).collect();
+            let tip = TIP_M * 1e3;
+            _ = writeln!(
+                self.csv,
+                "H{:04},{:.4},{:.4},{:.3},{},0,0,{tip},0,0,{tip},0,0,0",
+                self.truth.len(),
+                theta.to_degrees(),
+                sigma.to_degrees(),
+                z0 * 1e3,
+                loads.join(",")
+            );
+            self.truth.push((zone, tip_motion(c, &w)));
+        }
+    }
+}
+
+/// What the program predicts for the readings in `asked`, with a table that it fits to `data`.
+fn predicted(program: &Path, terms: &str, [machine, data, asked]: [&Path; 3], folder: &Path) -> Result<String, String> {
+    let (fitted, said) = (folder.join("fit"), folder.join("said.csv"));
+    let s = |text: &'static str| std::ffi::OsStr::new(text);
+    let common = [s("--machine"), machine.as_os_str()];
+    let fit = [s("--terms"), terms.as_ref(), s("--data"), data.as_os_str(), s("--out"), fitted.as_os_str()];
+    run(program, &[&[s("fit")], &common[..], &fit].concat())?;
+    let table = fitted.join("coefficients.json");
+    let predict = [s("--table"), table.as_os_str(), s("--data"), asked.as_os_str(), s("--out"), said.as_os_str()];
+    run(program, &[&[s("predict")], &common[..], &predict].concat())?;
+    std::fs::read_to_string(&said).map_err(|e| format!("{}: {e}", said.display()))
+}
+
+impl Outcome {
+    /// Makes a set and asks the program.
+    ///
+    /// # Errors
+    /// What the program refuses.
+    pub fn of(program: &Path, seed: u64, terms: &str, folder: &Path) -> Result<Self, String> {
+        let mut rng = Random::new(seed ^ (0x20 << 48));
+        let world = world(&mut rng);
+        let angle = rng.pick(&[12.0_f64, 15.0]).to_radians();
+        let write = |name: &str, text: &str| {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
+        };
+        let machine = write("machine.toml", &world.nominal.toml("trial"))?;
+        let data = write("stiffness.csv", &stiffness_csv(&world, angle)?)?;
+        let Asked { csv, truth } = Asked::random(&world, angle, &mut rng);
+        let asked = write("asked.csv", &csv)?;
+        let text = predicted(program, terms, [&machine, &data, &asked], folder)?;
         let mut outcome = Self { seed, effects: world.effects.iter().map(|e| e.id).collect(), ..Self::default() };
-        let mut lines = text.lines();
+        outcome.count(&text, &truth)?;
+        Ok(outcome)
+    }
+
+    /// Counts which components of the predictions cover the truth.
+    fn count(&mut self, said: &str, truth: &[(usize, [f64; 3])]) -> Result<(), String> {
+        let mut lines = said.lines();
         let head: Vec<&str> = lines.next().unwrap_or("").split(',').collect();
         let column = |name: &str| head.iter().position(|h| *h == name).ok_or_else(|| format!("no column {name}"));
         let columns = ["dx_um", "dy_um", "dz_um", "u95_dx_um", "u95_dy_um", "u95_dz_um"].map(column);
-        for (line, (zone, truth)) in lines.zip(&truth) {
+        for (line, (zone, truth)) in lines.zip(truth) {
             let cells: Vec<&str> = line.split(',').collect();
             let number = |n: usize| -> Result<f64, String> {
                 let cell = cells.get(columns[n].clone()?).ok_or("a short line")?;
                 cell.parse().map_err(|e| format!("{cell}: {e}"))
             };
-            let (covered, of, sums) = &mut outcome.zones[*zone];
+            let (covered, of, sums) = &mut self.zones[*zone];
             for axis in 0..3 {
                 let (error, u95) = (number(axis)? - truth[axis] * 1e6, number(3 + axis)?);
                 *covered += usize::from(error.abs() <= u95);
@@ -211,7 +225,7 @@ impl Outcome {
                 }
             }
         }
-        Ok(outcome)
+        Ok(())
     }
 
     /// A line for people.
