@@ -7,6 +7,7 @@ pub mod life;
 pub mod machine;
 pub mod score;
 pub mod set;
+pub mod stiffness;
 pub mod truth;
 pub mod uncertainty;
 pub mod unloaded;

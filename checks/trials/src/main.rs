@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::{Parser, Subcommand};
 use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
-use pkm_trials::set::{self, Kind, Set, Stiff, Wish};
+use pkm_trials::set::{Kind, Set, Wish};
+use pkm_trials::stiffness::{self, Stiff};
 use pkm_trials::unloaded::{self, Case};
 use pkm_trials::{life, uncertainty, unloaded_score};
 
@@ -281,7 +282,7 @@ fn main() -> ExitCode {
         Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out, false)),
         Command::Fixtures { out } => fixtures(&out),
         Command::Stiffness { machine, out } => {
-            let csv = set::stiffness(machine);
+            let csv = stiffness::csv(machine);
             csv.and_then(|csv| std::fs::write(&out, csv).map_err(|e| format!("{}: {e}", out.display())))
         }
         Command::Run { program, sets, seed, kinds, wish, jobs, keep, verbose, markdown } => {

@@ -1,17 +1,23 @@
 //! One data set: a machine, what it was declared as, readings, held-out deflections, and what is in it.
 
-use std::collections::BTreeMap;
+mod measuring;
+#[cfg(test)]
+mod tests;
+mod tuning;
+
 use std::fmt::Write as _;
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector, Vector3, Vector6};
+use nalgebra::{DVector, Vector6};
 use serde_json::{Value, json};
 
+use self::measuring::{HeldOut, LAYOUTS, held_out, layouts_for, misaim, noise, plan, pose_in};
+use self::tuning::{Tuning, whitened};
 use crate::Random;
 use crate::effects::{self, Effect, LISTED, Needs, OUTSIDE, Spec};
 use crate::forms::FORMS;
 use crate::machine::{Machine, Part, Pose};
-use crate::truth::{Row, World, Wrench};
+use crate::truth::{Row, World};
 
 /// What a set is meant to show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -70,13 +76,8 @@ pub struct Wish {
     pub poses: Option<usize>,
 }
 
-/// Standard deviations of a reading (µm, µrad) and of a series' zero.
-const NOISE: [[f64; 2]; 2] = [[1.5, 0.7], [5.0, 2.5]];
 /// Relative scatter of declared stiffnesses.
 const SCATTER: f64 = 0.05;
-/// What a user believes of it.
-const PRIOR: f64 = 0.10;
-
 /// A generated set.
 #[derive(Clone, Debug)]
 pub struct Set {
@@ -98,196 +99,6 @@ pub struct Set {
     temperature: bool,
     wrong: Vec<String>,
     factor: f64,
-}
-
-/// Loads of a series, in order.
-struct Levels {
-    force: &'static [f64],
-    moment: &'static [f64],
-    unload: bool,
-}
-
-const LAYOUTS: [Levels; 6] = [
-    Levels { force: &[200.0, 500.0, 1000.0], moment: &[30.0, 100.0], unload: true },
-    Levels { force: &[500.0, 1000.0], moment: &[20.0, 50.0, 100.0], unload: false },
-    Levels { force: &[200.0, 500.0, 1000.0], moment: &[], unload: true },
-    Levels { force: &[100.0, 200.0, 400.0, 700.0, 1000.0], moment: &[50.0, 100.0], unload: false },
-    Levels { force: &[100.0, 250.0, 500.0, 1000.0], moment: &[30.0, 100.0], unload: true },
-    Levels { force: &[500.0, 1000.0], moment: &[], unload: false },
-];
-
-fn layouts_for(needs: &[Needs]) -> Vec<usize> {
-    let fits = |levels: &Levels| {
-        needs.iter().all(|n| match n {
-            Needs::Nothing | Needs::Temperature => true,
-            Needs::Moments => !levels.moment.is_empty(),
-            Needs::Levels => levels.force.len() >= 4,
-            Needs::Unloading => levels.unload,
-        })
-    };
-    (0..LAYOUTS.len()).filter(|i| fits(&LAYOUTS[*i])).collect()
-}
-
-/// A pose of the box, `wide` times as large.
-fn pose_in(rng: &mut Random, machine: &Machine, angle: f64, wide: f64) -> Pose {
-    loop {
-        let mut part = |limit: f64| rng.between(-limit, limit);
-        let (theta, sigma, z) = (part(angle * wide), part(angle * wide), part(0.030 * wide));
-        let round = |v: f64, digits: f64| (v * digits).round() / digits;
-        let pose = Pose([
-            round(theta.to_degrees(), 1e4).to_radians(),
-            round(sigma.to_degrees(), 1e4).to_radians(),
-            round(0.530 + z, 1e6),
-        ]);
-        let beyond = theta.abs() > angle || sigma.abs() > angle || z.abs() > 0.030;
-        if machine.reaches(&pose) && (wide <= 1.0 || beyond) {
-            return pose;
-        }
-    }
-}
-
-fn plan(rng: &mut Random, poses: usize, levels: &Levels, soft_y: bool, temperature: bool) -> Vec<Row> {
-    let mut rows = Vec::new();
-    let (mut series, mut t) = (0, rng.between(19.0, 23.0));
-    for pose in 0..poses {
-        if temperature {
-            // between poses time goes by
-            t = (t + 2.0 * rng.normal()).clamp(17.0, 27.0);
-        }
-        for axis in 0..6 {
-            let list = if axis < 3 { levels.force } else { levels.moment };
-            if list.is_empty() {
-                continue;
-            }
-            let share = if soft_y && axis == 1 { 0.5 } else { 1.0 };
-            for sign in [1.0, -1.0] {
-                for repeat in 1..=2 {
-                    series += 1;
-                    let up = list.iter().map(|l| (*l, false));
-                    let falls = if levels.unload && axis < 3 { list.len() - 1 } else { 0 };
-                    let down = list[..falls].iter().rev().map(|l| (*l, true));
-                    for (level, unload) in up.chain(down) {
-                        if temperature {
-                            t = (t + 0.1 * rng.normal()).clamp(16.0, 28.0);
-                        }
-                        let wrench = Wrench::ith(axis, sign * level * share);
-                        let temperature = if temperature { (t * 100.0).round() / 100.0 } else { 20.0 };
-                        rows.push(Row { pose, wrench, applied: wrench, series, repeat, unload, temperature });
-                    }
-                }
-            }
-        }
-    }
-    rows
-}
-
-/// Poses and loads that were not measured.
-#[derive(Clone, Debug)]
-struct HeldOut {
-    poses: Vec<Pose>,
-    rows: Vec<Row>,
-    zones: Vec<&'static str>,
-    values: Vec<Vector6<f64>>,
-}
-
-/// Draws `count` times 22 poses that were not measured.
-fn held_out(
-    rng: &mut Random,
-    machine: &Machine,
-    angle: f64,
-    moments: bool,
-    temperature: bool,
-    count: usize,
-) -> HeldOut {
-    let (mut poses, mut rows, mut zones) = (Vec::new(), Vec::new(), Vec::new());
-    for n in 0..22 * count {
-        let zone = ["inside", "beyond", "loads"][usize::from(n % 22 >= 8) + usize::from(n % 22 >= 16)];
-        poses.push(pose_in(rng, machine, angle, if zone == "beyond" { 1.4 } else { 1.0 }));
-        let t = if temperature { (rng.between(17.0, 26.0) * 100.0).round() / 100.0 } else { 20.0 };
-        for k in 0..if zone == "loads" { 4 } else { 5 } {
-            let mut wrench = Wrench::zeros();
-            if zone == "loads" {
-                let part = |v: Vector3<f64>, size: f64| v.map(|x| (x * size * 10.0).round() / 10.0);
-                wrench.fixed_rows_mut::<3>(0).copy_from(&part(rng.direction(), 1500.0));
-                let moment = part(rng.direction(), rng.between(20.0, 120.0));
-                wrench.fixed_rows_mut::<3>(3).copy_from(&moment);
-            } else {
-                let sign = rng.pick(&[1.0, -1.0]);
-                match k {
-                    4 if moments => wrench[3 + rng.index(3)] = sign * 100.0,
-                    3 | 4 => wrench[rng.index(3)] = sign * rng.pick(&[300.0, 700.0, 1000.0]),
-                    axis => wrench[axis] = sign * rng.pick(&[300.0, 700.0, 1000.0]),
-                }
-            }
-            let series = rows.len() + 1;
-            rows.push(Row { pose: n, wrench, applied: wrench, series, repeat: 1, unload: false, temperature: t });
-            zones.push(zone);
-        }
-    }
-    HeldOut { poses, rows, zones, values: Vec::new() }
-}
-
-/// Readings in µm and µrad as one vector, whitened with the noise of a reading and of a series' zero.
-fn whitened(rows: &[Row], readings: &[Vector6<f64>], rotations: bool) -> DVector<f64> {
-    let channels = if rotations { 6 } else { 3 };
-    let mut all = DVector::zeros(rows.len() * channels);
-    for same in rows.chunk_by(|a, b| a.series == b.series).scan(0, |from, chunk| {
-        let range = *from..*from + chunk.len();
-        *from = range.end;
-        Some(range)
-    }) {
-        let n = same.len() as f64;
-        for channel in 0..channels {
-            let [s, t] = NOISE[channel / 3];
-            let mean = same.clone().map(|i| readings[i][channel] * 1e6).sum::<f64>() / n;
-            let share = 1.0 - s / (s * s + n * t * t).sqrt();
-            for i in same.clone() {
-                all[i * channels + channel] = (readings[i][channel] * 1e6 - share * mean) / s;
-            }
-        }
-    }
-    all
-}
-
-/// Derivatives of the whitened readings by every declared stiffness, times its prior.
-struct Tuning {
-    jacobian: DMatrix<f64>,
-    /// (AᵀA + 1)⁻¹
-    inner: DMatrix<f64>,
-}
-
-impl Tuning {
-    fn new(world: &World, poses: &[Pose], rows: &[Row], rotations: bool) -> Self {
-        let bare = world.with(Vec::new());
-        let base = bare.deflections(poses, rows, false);
-        let h = 1e-3;
-        let columns: Vec<DVector<f64>> = bare
-            .machine
-            .stiffnesses()
-            .into_iter()
-            .map(|which| {
-                let mut moved = bare.clone();
-                moved.machine.scale(which, 1.0 + h);
-                let there = moved.deflections(poses, rows, false);
-                let change: Vec<_> = there.iter().zip(&base).map(|(a, b)| (a - b) * (PRIOR / h)).collect();
-                whitened(rows, &change, rotations)
-            })
-            .collect();
-        let jacobian = DMatrix::from_columns(&columns);
-        let inner = jacobian.tr_mul(&jacobian) + DMatrix::identity(columns.len(), columns.len());
-        let inner = inner.cholesky().expect("identity plus a square").inverse();
-        Self { jacobian, inner }
-    }
-
-    /// aᵀ(1 + AAᵀ)⁻¹b in its small form.
-    fn product(&self, a: &DVector<f64>, b: &DVector<f64>) -> f64 {
-        a.dot(b) - (self.jacobian.tr_mul(a).transpose() * &self.inner * self.jacobian.tr_mul(b))[0]
-    }
-
-    /// λ = ηᵀ(1 + AAᵀ)⁻¹η.
-    fn lambda(&self, signal: &DVector<f64>) -> f64 {
-        self.product(signal, signal)
-    }
 }
 
 /// Parts of a machine that may be declared wrong together: limbs, which entries, and their names in files.
@@ -577,161 +388,4 @@ fn scaled_to(mut effect: Effect, spec: &Spec, target: f64, lambda: impl Fn(&Effe
         effect.amplitude = if guess > low && guess < high { guess } else { 0.5 * (low + high) }.exp();
     }
     effect
-}
-
-/// Per pose and direction of load: a small turn of the force and an error of its size.
-fn misaim(rows: &mut [Row], rng: &mut Random) {
-    let (angle, gain) = (rng.between(2e-3, 5e-3), rng.between(5e-3, 1e-2));
-    let mut found = BTreeMap::new();
-    for row in rows {
-        let sign: [i8; 6] =
-            std::array::from_fn(|i| if row.wrench[i] == 0.0 { 0 } else { row.wrench[i].signum() as i8 });
-        let (turn, size) = *found
-            .entry((row.pose, sign))
-            .or_insert_with(|| (rng.direction() * (angle * rng.normal().abs()), 1.0 + gain * rng.normal()));
-        let rotation = nalgebra::Rotation3::new(turn);
-        for part in [0, 3] {
-            let v: Vector3<f64> = row.wrench.fixed_rows::<3>(part).into();
-            row.applied.fixed_rows_mut::<3>(part).copy_from(&(rotation * v * size));
-        }
-    }
-}
-
-fn noise(rows: &[Row], readings: &mut [Vector6<f64>], rng: &mut Random) {
-    let mut zero = [0.0; 6];
-    let mut series = usize::MAX;
-    for (row, reading) in rows.iter().zip(readings) {
-        if row.series != series {
-            series = row.series;
-            zero = std::array::from_fn(|i| NOISE[i / 3][1] * rng.normal());
-        }
-        for (i, v) in reading.iter_mut().enumerate() {
-            *v += 1e-6 * (zero[i] + NOISE[i / 3][0] * rng.normal());
-        }
-    }
-}
-
-/// A machine whose stiffness [`stiffness`] writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Stiff {
-    /// That of `fixtures/machines/reference.toml`.
-    Reference,
-    /// That of `fixtures/machines/x150.toml`.
-    X150,
-}
-
-/// Stiffness at A in A-uvw of a machine with an elastic moving platform and an elastic base, by dense frames, over a box
-/// that is as wide as travel lets it be: where nothing but the machine's own physics is wrong with the model.
-///
-/// # Errors
-/// A machine that does not stand.
-pub fn stiffness(of: Stiff) -> Result<String, String> {
-    // θ and σ in degrees, Z0 in mm: least, greatest, step
-    let (name, machine, grid): (_, _, [[i32; 3]; 3]) = match of {
-        Stiff::Reference => ("reference", Machine::reference(), [[-36, 36, 9], [-24, 24, 8], [440, 620, 36]]),
-        Stiff::X150 => ("X150", Machine::x150(), [[-6, 18, 3], [-8, 8, 4], [244, 272, 4]]),
-    };
-    let elastic = |id, amplitude| Effect { id, variant: 0, amplitude, shape: [0.0; 8] };
-    let effects = vec![elastic("moving-platform-compliance", 3.0), elastic("base-compliance", 2.0)];
-    let world = World::new(machine.clone(), machine, effects);
-    let names: Vec<String> = (1..=6).flat_map(|i| (i..=6).map(move |j| format!("k{i}{j}"))).collect();
-    let mut csv = format!(
-        "# terminal stiffness of the {name} machine with an elastic moving platform and base, by dense frames; simulated\n\
-         # K at A in A-uvw, SI\npose,theta_deg,sigma_deg,z0_mm,{}\n",
-        names.join(",")
-    );
-    let mut count = 0;
-    let [thetas, sigmas, heights] = grid.map(|[least, most, step]| (least..=most).step_by(step as usize));
-    for theta in thetas {
-        for sigma in sigmas.clone() {
-            for z0 in heights.clone() {
-                let pose = Pose([f64::from(theta).to_radians(), f64::from(sigma).to_radians(), f64::from(z0) / 1e3]);
-                if !world.nominal.reaches(&pose) {
-                    continue;
-                }
-                count += 1;
-                let k = world.reduced(&pose, 20.0).c.try_inverse().ok_or("a compliance that has no inverse")?;
-                let upper = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
-                let cells: Vec<String> = upper.map(|(i, j)| format!("{:.9e}", 0.5 * (k[(i, j)] + k[(j, i)]))).collect();
-                csv.push_str(&format!("W{count:03},{theta},{sigma},{z0},{}\n", cells.join(",")));
-            }
-        }
-    }
-    Ok(csv)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn everything_follows_from_the_seed() {
-        for kind in [Kind::None, Kind::Two, Kind::Declared, Kind::Outside, Kind::LoadErrors] {
-            let [a, b] = [0, 1].map(|_| Set::new(kind, 7, &Wish::default()).unwrap());
-            assert_eq!((a.truth(), a.readings), (b.truth(), b.readings));
-        }
-        let [a, b] = [7, 8].map(|seed| Set::new(Kind::None, seed, &Wish::default()).unwrap());
-        assert_ne!(a.readings[0], b.readings[0]);
-    }
-
-    #[test]
-    fn every_effect_can_be_made_and_reaches_lambda() {
-        for spec in LISTED.iter().chain([&effects::COUPLING]).chain(&OUTSIDE).chain(&FORMS) {
-            let wish = Wish { effect: Some(spec.id.to_owned()), lambda: Some(60.0), ..Wish::default() };
-            let is_among = |list: &[Spec]| list.iter().any(|s| s.id == spec.id);
-            let kind = match spec {
-                _ if is_among(&OUTSIDE) => Kind::Outside,
-                _ if is_among(&FORMS) => Kind::Forms,
-                _ => Kind::One,
-            };
-            let set = Set::new(kind, 3, &wish).unwrap();
-            assert!(set.readings.iter().chain(&set.held.values).all(|d| d.norm() < 0.02), "{}", spec.id);
-            // all stiffnesses together take a gain of the load; a telescope is never a plain rod
-            let range = match spec.id {
-                "load-gain" => 1.0..60.0,
-                "telescopic-limb" => 20.0..1000.0,
-                _ => 25.0..150.0,
-            };
-            assert!(range.contains(&set.lambda), "{}: {}", spec.id, set.lambda);
-        }
-    }
-
-    #[test]
-    fn noise_is_white_with_unit_variance_once_whitened() {
-        let mut rng = Random::new(5);
-        let rows = plan(&mut rng, 12, &LAYOUTS[0], false, false);
-        let mut readings = vec![Vector6::zeros(); rows.len()];
-        noise(&rows, &mut readings, &mut rng);
-        let z = whitened(&rows, &readings, true);
-        let n = z.len() as f64;
-        assert!((z.norm_squared() / n - 1.0).abs() < 4.0 * (2.0 / n).sqrt());
-        // the zero of a series is no longer in it: neighbours are independent
-        let product: f64 = (0..z.len() - 6).map(|i| z[i] * z[i + 6]).sum::<f64>() / n;
-        assert!(product.abs() < 4.0 / n.sqrt(), "{product}");
-    }
-
-    #[test]
-    fn lambda_of_a_change_of_stiffness_is_what_the_prior_leaves() {
-        let m = Machine::reference();
-        let world = World::new(m.clone(), m.clone(), Vec::new());
-        let mut rng = Random::new(1);
-        let poses = [Pose([0.1, 0.05, 0.52]), Pose([-0.1, 0.1, 0.55])];
-        let rows = plan(&mut rng, 2, &LAYOUTS[0], false, false);
-        let tuning = Tuning::new(&world, &poses, &rows, true);
-        let by_one_sd = tuning.jacobian.column(2).into_owned();
-        // AᵀA (AᵀA + 1)⁻¹, below 1: re-identification by one sd costs 1 at most
-        let expected = (tuning.jacobian.tr_mul(&tuning.jacobian) * &tuning.inner)[(2, 2)];
-        assert!((tuning.lambda(&by_one_sd) / expected - 1.0).abs() < 1e-6 && expected < 1.0);
-    }
-
-    #[test]
-    fn held_out_poses_beyond_the_box_are_within_travel() {
-        let mut rng = Random::new(2);
-        let machine = Machine::random(&mut rng);
-        let HeldOut { poses, rows, zones, .. } = held_out(&mut rng, &machine, 0.2, true, false, 1);
-        assert_eq!((rows.len(), zones.iter().filter(|z| **z == "beyond").count()), (104, 40));
-        assert!(poses.iter().all(|p| machine.reaches(p)));
-        let beyond = |p: &Pose| p.0[0].abs() > 0.2 || p.0[1].abs() > 0.2 || (p.0[2] - 0.53).abs() > 0.03;
-        assert!(poses[8..16].iter().all(beyond) && !poses[..8].iter().any(beyond));
-    }
 }
