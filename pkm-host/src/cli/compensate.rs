@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use super::arguments::{TableArgs, finite, list};
+use super::arguments::{DateArgs, TableArgs, finite, list};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result, printable};
@@ -73,6 +73,8 @@ pub(crate) struct Args {
     /// Lets points pass that lie outside the table's box, and says so in the file.
     #[arg(long)]
     allow_extrapolation: bool,
+    #[command(flatten)]
+    date: DateArgs,
     /// File to write, in the path's format; the plot goes to the same name with .svg, and report.html into its folder.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -187,7 +189,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let written = writer.finish(&notes(args, &model, &track, in_program, session));
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);
     let inputs = [&[session.machine_path(), args.table.as_deref(), Some(args.path.as_path())], &others[..]].concat();
-    let html = report::html(&track, &facts, &session.warnings, margin)?;
+    let html = args.date.of(report::html(&track, &facts, &session.warnings, margin)?);
     let files = [(name, written), (svg_name, report::picture(&track)?), (REPORT.into(), html)];
     let folder = source::folder_of(&args.out);
     source::write_all(folder, &files, &inputs)?;

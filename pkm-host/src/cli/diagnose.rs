@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::arguments::ColumnsArgs;
+use super::arguments::{ColumnsArgs, DateArgs};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::diagnose::{self, Method, report, write};
@@ -26,6 +26,8 @@ pub(crate) struct Args {
     holdout: Option<PathBuf>,
     #[command(flatten)]
     columns: ColumnsArgs,
+    #[command(flatten)]
+    date: DateArgs,
     /// Folder for diagnosis.json, machine.toml, coefficients.rs, coefficients.json, residuals.csv, covariance.csv and
     /// report.html.
     #[arg(long, value_name = "DIR")]
@@ -62,6 +64,7 @@ fn run_unloaded(args: &Args, session: &mut Session) -> Result<Output> {
     // what was written must be a machine
     MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
     let html = geometry::report::html(&file, &unloaded, held_out.as_ref(), &found, &session.warnings)?;
+    let html = args.date.of(html);
     let wrote = source::write_all(
         &args.out,
         &[
@@ -102,7 +105,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let shipped = write::table(&file, &improved, &readings, &diagnosis)?;
     session.warn(shipped.warnings);
     json["table_departure_um_rms"] = json!(shipped.departure_um_rms);
-    let html = report::html(&file, &readings, held_out.as_ref(), &diagnosis, &session.warnings)?;
+    let html = args.date.of(report::html(&file, &readings, held_out.as_ref(), &diagnosis, &session.warnings)?);
     let wrote = source::write_all(
         out,
         &[

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use pkm_core::effects::Effects;
 use serde_json::json;
 
-use super::arguments::{finite, list, positive};
+use super::arguments::{DateArgs, finite, list, positive};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
@@ -30,6 +30,8 @@ pub(crate) struct Args {
     /// CSV with pose,theta_deg,sigma_deg,z0_mm or pose,q1_mm,q2_mm,q3_mm.
     #[arg(long, value_name = "CSV", required_unless_present = "loads", conflicts_with = "loads")]
     poses: Option<PathBuf>,
+    #[command(flatten)]
+    date: DateArgs,
     /// Stiffness CSV to write, 21 columns.
     #[arg(long, value_name = "CSV")]
     out: PathBuf,
@@ -239,7 +241,7 @@ fn largest(cases: &[Case]) -> (usize, usize) {
 
 /// `--dry-run`.
 fn draw(args: &Args, session: &Session, facts: &Facts<'_>, html: &Path) -> Result<Output> {
-    source::write(html, report::page(facts, &session.warnings)?, &args.inputs(session))?;
+    source::write(html, args.date.of(report::page(facts, &session.warnings)?), &args.inputs(session))?;
     let (nodes, elements) = largest(facts.cases);
     let json = json!({
         "poses": facts.cases.len(), "nodes": nodes, "elements": elements, "report": html.display().to_string(),
@@ -288,7 +290,7 @@ fn finish(
             html.display()
         ),
     );
-    let page = report::page(&facts, &session.warnings)?;
+    let page = args.date.of(report::page(&facts, &session.warnings)?);
     if let (Some(out), Some(loads)) = (&args.readings, loads) {
         let (csv, count) = loads.csv(simulation, facts.file, &args.set, &solved)?;
         source::write(out, csv, &read)?;

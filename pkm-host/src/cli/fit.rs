@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
+use super::arguments::DateArgs;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::dataset;
@@ -25,6 +26,8 @@ pub(crate) struct Args {
     /// Which terms the polynomials get.
     #[arg(long, value_enum, default_value = "paper")]
     terms: TermChoice,
+    #[command(flatten)]
+    date: DateArgs,
     /// Folder for coefficients.rs, coefficients.json, fit.json and report.html.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -66,7 +69,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             ("coefficients.rs", rust_source(&provenance, fit, machine)?),
             ("coefficients.json", table.to_json()),
             ("fit.json", source::json(&with_warnings)),
-            ("report.html", report::html(&provenance, fit, &session.warnings)?),
+            ("report.html", args.date.of(report::html(&provenance, fit, &session.warnings)?)),
         ],
         &[session.machine_path(), args.data.as_deref(), args.verify.as_deref()],
     )?;

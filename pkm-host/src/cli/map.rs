@@ -7,7 +7,7 @@ use pkm_core::nalgebra::Vector3;
 use pkm_core::{CorrectionError, Domain, Machine, Pose, StiffnessError, TableUncertainty};
 use serde_json::{Value, json};
 
-use super::arguments::{TableArgs, finite, list};
+use super::arguments::{DateArgs, TableArgs, finite, list};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result, status};
@@ -33,6 +33,8 @@ pub(crate) struct Args {
     /// Between points of the CSV in mm; default: 100 to 250 points along the longer side.
     #[arg(long, value_parser = finite, allow_hyphen_values = true)]
     step_mm: Option<f64>,
+    #[command(flatten)]
+    date: DateArgs,
     /// Folder for map.csv, map.svg (with several σ map-sigma-….svg) and report.html; built with the feature png, PNG pictures too.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -99,6 +101,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         sheets.push(Sheet { map, picture, claims });
     }
     let html = report::html(file, model.table.as_ref().map(|t| &t.source), &described, &sheets, &session.warnings);
+    let html = args.date.of(html);
     files.push(("map.csv".into(), dataset::to_csv(b',', &map::header(), rows).into_bytes()));
     files.push(("report.html".into(), html.into_bytes()));
     source::write_all(&args.out, &files, &[session.machine_path(), args.table.table.as_deref()])?;

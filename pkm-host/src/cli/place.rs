@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::arguments::{TableArgs, positive};
+use super::arguments::{DateArgs, TableArgs, positive};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
@@ -51,6 +51,8 @@ pub(crate) struct Args {
     /// Count positions outside of the table's box as well.
     #[arg(long)]
     allow_extrapolation: bool,
+    #[command(flatten)]
+    date: DateArgs,
     /// Folder for placement.json and report.html.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -90,7 +92,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let mut json = report::document(&placement, &options, &placed);
     let table_source = model.table.as_ref().map(|t| &t.source);
     json["table_sha256"] = json!(table_source.map(Source::sha256));
-    let html = report::html(&placement, table_source, &options, &placed, &session.warnings)?;
+    let html = args.date.of(report::html(&placement, table_source, &options, &placed, &session.warnings)?);
     let inputs = [session.machine_path(), args.job.as_deref(), args.table.table.as_deref()];
     let files = [("placement.json", source::json(&json)), ("report.html", html)];
     let wrote = source::write_all(&args.out, &files, &inputs)?;

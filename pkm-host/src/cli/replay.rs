@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::arguments::TableArgs;
+use super::arguments::{DateArgs, TableArgs};
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::learn::Learn;
@@ -29,6 +29,8 @@ pub(crate) struct Args {
     /// next.csv: a log with cells for times and readings. The loads are as great as the log's greatest.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=50))]
     next: Option<u16>,
+    #[command(flatten)]
+    date: DateArgs,
     /// Folder for replay.json, report.html, steps.csv (what was known after each reading) and next.csv.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -61,7 +63,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let ask = args.next.map(|count| Ask { count: count.into(), pose_box: model.machine.pose_box });
     let replay = replay::replay_and_propose(&model.machine.machine, applied.as_ref(), learn, &entries, ask)
         .map_err(|f| f.in_file(&name))?;
-    let html = report::html(&replay, &facts, &session.warnings)?;
+    let html = args.date.of(report::html(&replay, &facts, &session.warnings)?);
     let document = report::document(&replay);
     let mut files = vec![
         ("replay.json".to_owned(), format!("{document:#}\n").into_bytes()),

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::arguments::DateArgs;
 use super::session::{Output, Session};
 use crate::diagnose::verify::verify;
 use crate::error::{Failure, Result, printable};
@@ -19,6 +20,8 @@ pub(crate) struct Args {
     /// diagnosis.json of the machine after, made with the same machine file.
     #[arg(long, value_name = "JSON")]
     after: PathBuf,
+    #[command(flatten)]
+    date: DateArgs,
     /// Folder for verify.json and report.html.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -50,7 +53,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let document = report::document(&found, &facts);
     let mut text = report::text(&found);
     if let Some(out) = &args.out {
-        let html = report::html(&found, &printable(&after.machine), facts, &session.warnings);
+        let html = args.date.of(report::html(&found, &printable(&after.machine), facts, &session.warnings));
         let files = [("verify.json", source::json(&document)), ("report.html", html)];
         text += &source::write_all(out, &files, &[Some(args.before.as_path()), Some(args.after.as_path())])?;
     }

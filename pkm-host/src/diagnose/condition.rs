@@ -6,7 +6,7 @@ use super::Diagnosis;
 use super::badges::{Badge, Grade};
 use super::estimates::Estimate;
 use crate::files::verified::Quantity;
-use crate::report::page::{Finding, badges, fold, table};
+use crate::report::page::{Finding, badges, on_screen, table};
 
 /// A badge as a finding.
 fn finding(badge: &Badge) -> Finding {
@@ -30,7 +30,6 @@ pub fn judgements(d: &Diagnosis) -> Markup {
 /// What the machine is like, whatever the model lacks.
 pub fn condition(d: &Diagnosis) -> Markup {
     let estimates = &d.estimates;
-    let notable = estimates.notable();
     let percent = |ln: f64| format!("{:.1}", 100.0 * ln);
     let cells = |q: &Quantity| {
         vec![
@@ -50,10 +49,9 @@ pub fn condition(d: &Diagnosis) -> Markup {
     };
     html! {
         h2 { "Condition of the machine" }
-        @if notable.is_empty() {
+        // the others are among the findings
+        @if estimates.notable().is_empty() {
             p { "No limb differs along its axis from what is declared by more than the declared uncertainty allows." }
-        } @else {
-            ul { @for sentence in &notable { li.warning { "⚠ " (sentence) "." } } }
         }
         (table("Stiffness as declared and as identified, with its expanded uncertainty", &heads, &rows))
         p { "Expanded uncertainties cover 95 % (" (known) ")." }
@@ -67,5 +65,9 @@ pub fn estimates(d: &Diagnosis) -> Markup {
     };
     let rows: Vec<(String, Vec<String>)> = d.estimates.all.iter().map(|e| (e.name.clone(), cells(e))).collect();
     let heads = ["value", "standard uncertainty", "expanded uncertainty"];
-    fold("All estimates", &table("In the units of machine.toml; their covariance is in covariance.csv", &heads, &rows))
+    on_screen(
+        "All estimates",
+        "diagnosis.json and covariance.csv",
+        &table("In the units of machine.toml; their covariance is in covariance.csv", &heads, &rows),
+    )
 }

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Condition, GAUGE, Readings};
 use crate::pose::{file_units, written_units};
-use crate::report::page::{Finding, Page, fold, keyed_charts, of_file, picture, table};
+use crate::report::page::{Finding, Page, keyed_charts, of_file, on_screen, picture, table};
 use crate::report::plot::{self, Bar, Mark, Panel, Series};
 
 /// Most points of a series: more would only blacken the picture.
@@ -402,6 +402,8 @@ pub fn html(
     groups.extend(
         held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
     );
+    // the readings and all others; what follows are groups of these
+    let (main, subsets) = groups.split_at(2);
     let labels: Vec<&str> = groups.iter().map(|(name, _)| name.trim_start_matches("held out, ")).collect();
     let bar = |e: Option<&Errors>| Bar {
         value: e.map(|e| e.linear_um_rms),
@@ -429,18 +431,23 @@ pub fn html(
     let amplitudes: Vec<_> = d.detectable.iter().map(|d| (d.id.clone(), vec![d.text()])).collect();
     let body = html! {
         (condition::judgements(d))
-        (condition::condition(d))
         h2 { "Before and after" }
         (picture(
             "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that \
              count. Lines: 95 % intervals, where there are poses enough; without an end where there is no upper one.",
             &plot::bars("Translation error, rms", "µm", &labels, &bars)?,
         ))
+        (condition::condition(d))
         h2 { "Residuals over pose, load and limb force" }
         (residual_plots(file, readings, d)?)
         (readings_table::list(readings, d))
         h2 { "Errors" }
-        (table("Errors of each model, on each group of readings", &ERROR_HEADS, &error_rows(&groups)))
+        (table("Errors of each model, on the readings and on others", &ERROR_HEADS, &error_rows(main)))
+        @if !subsets.is_empty() {
+            (on_screen("Errors on each group of the held-out readings", "diagnosis.json", &table(
+                "Errors of each model, on groups of the held-out readings", &ERROR_HEADS, &error_rows(subsets),
+            )))
+        }
         @if steps.len() > 1 {
             @let on = if on_others { "held out, all" } else { "the readings" };
             (table(&format!("After each find, errors on {on}"), &ERROR_HEADS, &steps))
@@ -454,10 +461,11 @@ pub fn html(
         }
         (condition::estimates(d))
         h2 { "What was tried" }
-        (fold("Candidates, round by round", &rounds(d)))
+        (on_screen("Candidates, round by round", "diagnosis.json", &rounds(d)))
         h2 { "What these readings can show" }
-        (fold(
+        (on_screen(
             "Smallest amplitudes",
+            "diagnosis.json",
             &table("Smallest amplitude that would be found (λ = 30)", &["amplitude"], &amplitudes),
         ))
     };

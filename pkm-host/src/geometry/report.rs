@@ -7,7 +7,7 @@ use super::model::Meaning;
 use super::outcome::{Estimate, Identification, LARGE_PULL_SD, Rival, TriedState, Verdict};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
-use crate::files::unloaded::Unloaded;
+use crate::files::unloaded::{Unloaded, UnloadedReading};
 use crate::report::page::{Finding, Page, charts, fold, of_file, table};
 use crate::report::plot::{Mark, Panel, Series};
 
@@ -138,6 +138,29 @@ fn findings(found: &Identification) -> Vec<Finding> {
     all
 }
 
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+fn advice(found: &Identification) -> [Finding; 2] {
+    let unknown = found.directions.iter().filter(|d| !d.is_identified()).count();
+    let told = match unknown {
+        0 => "the readings tell every number".to_owned(),
+        n => format!("{n} of {} combinations of numbers are not told by the readings", found.directions.len()),
+    };
+    let noise = found.lack_of_fit.iter().nth(1).map_or(String::new(), |l| format!("; lack of fit p = {:.2}", l.p));
+    let todo = match found.verdict {
+        Verdict::Adequate if unknown == 0 => "put the zeros into the drives, and use machine.toml from now on.",
+        Verdict::Adequate => {
+            "use machine.toml, and measure what is proposed below before the numbers are taken for the machine's."
+        }
+        Verdict::Explained => {
+            "mend the joints that are named, then measure again; until then machine.toml is the best the controller can hold."
+        }
+        Verdict::PartlyExplained | Verdict::Unexplained => {
+            "look for what was loose or warm and check the declared noise, then measure again."
+        }
+    };
+    [Finding::good(format!("{told}{noise}.")).sure(), Finding::good(todo).todo()]
+}
+
 /// For the terminal.
 pub fn text(found: &Identification) -> String {
     let mut text = format!("{} numbers at {} poses\n", found.size.0, found.size.1);
@@ -162,52 +185,55 @@ fn round(value: f64) -> f64 {
     [5.0, 2.0, 1.0].into_iter().map(|n| n * power).find(|n| *n <= value).unwrap_or(power)
 }
 
-/// Errors as vectors at the places measured, along two axes of the measuring frame.
-fn vectors(
-    unloaded: &Unloaded,
-    found: &Identification,
-    name: &str,
-    said: &[[f64; 4]],
-    [right, up]: [usize; 2],
-) -> Option<Panel> {
-    let all: Vec<([f64; 2], [f64; 2])> = (found.kept(unloaded).zip(said))
-        .filter_map(|(r, said)| {
-            let at = [r.observed[right]?, r.observed[up]?];
-            Some((at, [at[0] - said[right], at[1] - said[up]]))
-        })
-        .collect();
+/// A place and its error along two axes of the measuring frame, m.
+type Vector = ([f64; 2], [f64; 2]);
+
+/// Errors at the places measured.
+fn vectors(unloaded: &Unloaded, found: &Identification, said: &[[f64; 4]], [right, up]: [usize; 2]) -> Vec<Vector> {
+    let vector = |(r, said): (&UnloadedReading, &[f64; 4])| {
+        let at = [r.observed[right]?, r.observed[up]?];
+        Some((at, [at[0] - said[right], at[1] - said[up]]))
+    };
+    found.kept(unloaded).zip(said).filter_map(vector).collect()
+}
+
+/// How many times as long as they are vectors are drawn; none where there are none.
+fn exaggeration(all: &[Vector]) -> Option<f64> {
     let extent = [0, 1].map(|i| {
         let (low, high) =
             all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (p, _)| (l.min(p[i]), h.max(p[i])));
         high - low
     });
     let longest = all.iter().map(|(_, e)| e[0].hypot(e[1])).fold(0.0, f64::max);
-    if !(longest > 0.0) {
-        return None;
-    }
-    let factor = round(LONGEST_VECTOR * extent[0].max(extent[1]) / longest);
+    (longest > 0.0).then(|| round(LONGEST_VECTOR * extent[0].max(extent[1]) / longest))
+}
+
+fn vector_panel(name: &str, [right, up]: [usize; 2], all: &[Vector], factor: f64) -> Panel {
     let ends = |(at, e): &([f64; 2], [f64; 2])| {
         let end = |i: usize| 1e3 * (at[i] + factor * e[i]);
         [(1e3 * at[0], 1e3 * at[1]), (end(0), end(1))]
     };
     let axis = |i: usize| format!("{} in mm", ["x", "y", "z"][i]);
-    Some(Panel {
+    Panel {
         title: format!("{name}, errors {factor} times"),
         x_label: axis(right),
         y_label: axis(up),
         series: vec![Series { name: name.to_owned(), points: all.iter().flat_map(ends).collect(), mark: Mark::Vector }],
-    })
+    }
 }
 
 /// Pictures: errors before and after.
 fn pictures(unloaded: &Unloaded, found: &Identification) -> Result<Markup> {
     let views = [[0, 1], [0, 2]];
     let rivals = [("declared", &found.said_declared_m), ("identified", &found.said_m)];
-    let panels: Vec<Panel> = rivals
-        .iter()
-        .flat_map(|(name, said)| views.map(|view| vectors(unloaded, found, name, said, view)))
-        .flatten()
-        .collect();
+    let mut panels = Vec::new();
+    for (name, said) in rivals {
+        let of_views = views.map(|view| vectors(unloaded, found, said, view));
+        // the same for both views: they are compared
+        let Some(factor) = of_views.iter().filter_map(|all| exaggeration(all)).reduce(f64::min) else { continue };
+        let drawn = views.iter().zip(&of_views).filter(|(_, all)| !all.is_empty());
+        panels.extend(drawn.map(|(view, all)| vector_panel(name, *view, all, factor)));
+    }
     if panels.is_empty() {
         return Ok(html! {});
     }
@@ -323,6 +349,7 @@ pub fn html(
     };
     let mut facts = vec![("Machine", of_file(&file.source)), ("Readings", of_file(&unloaded.source))];
     facts.extend(held_out.map(|h| ("Held-out readings", of_file(&h.source))));
-    Ok(Page { title: "Geometry of the unloaded machine".into(), findings: &findings(found), warnings, body, facts }
-        .html())
+    let mut findings = findings(found);
+    findings.extend(advice(found));
+    Ok(Page { title: "Geometry of the unloaded machine".into(), findings: &findings, warnings, body, facts }.html())
 }

@@ -177,6 +177,32 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     all
 }
 
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+fn advice(track: &Track) -> Vec<Finding> {
+    if track.stretches.is_empty() {
+        return vec![
+            Finding::good("give the loads: in the CSV, with --wrench, or for a milling program with --job.").todo(),
+        ];
+    }
+    let sure = if track.u95.count > 0 {
+        "all of this is by the model that the new commands are made with; how far its table may be off is said below."
+    } else {
+        "all of this is by the model that the new commands are made with, and nothing here says how far that is off: no measurement is behind it."
+    };
+    let todo = match (track.extrapolated > 0, track.too_fast.is_empty()) {
+        (true, _) => {
+            "move the work into the table's box (pkm-host place), or fit a table that reaches as far, before this path is run."
+        }
+        (_, false) => {
+            "lower the feed on the lines that are named below, then run the new file in place of the old one."
+        }
+        (false, true) => {
+            "run the new file in place of the old one; measure the first part where the error was greatest."
+        }
+    };
+    vec![Finding::good(sure).sure(), Finding::good(todo).todo()]
+}
+
 /// Lines that ask too much of a joint.
 pub fn too_fast(track: &Track) -> Vec<String> {
     let line = |t: &TooFast| {
@@ -223,7 +249,9 @@ pub fn html(track: &Track, facts: &[(&str, String)], warnings: &[String], limit:
         ul { @for text in assumptions(track) { li { (text) } } }
     };
     let title = "Compensated tool path".to_owned();
-    Ok(Page { title, findings: &findings(track, limit), warnings, body, facts: facts.to_vec() }.html())
+    let mut findings = findings(track, limit);
+    findings.extend(advice(track));
+    Ok(Page { title, findings: &findings, warnings, body, facts: facts.to_vec() }.html())
 }
 
 /// For the terminal; `limit` is the least normalised determinant that the machine file allows.

@@ -110,6 +110,22 @@ fn findings(facts: &Facts<'_>) -> Vec<Finding> {
     all
 }
 
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+fn advice(facts: &Facts<'_>) -> [Finding; 2] {
+    let (sure, todo) = if facts.solved.is_some() {
+        (
+            "solids built from the machine file's dimensions, not the machine: as right as these, and as the mesh is fine (--mesh).",
+            "fit a table to the file of stiffnesses: pkm-host fit --data.",
+        )
+    } else {
+        (
+            "a collision would have been said; stiffness is not known yet.",
+            "look at the drawing, then leave out --dry-run.",
+        )
+    };
+    [Finding::good(sure).sure(), Finding::good(todo).todo()]
+}
+
 /// k11…k66 of the basic model over those of the solids.
 fn against(pairs: &[Pair]) -> [Panel; 6] {
     std::array::from_fn(|i| {
@@ -215,5 +231,7 @@ pub fn page(facts: &Facts<'_>, warnings: &[String]) -> Result<String> {
         ("Computed by", facts.version.to_owned()),
     ];
     let title = format!("Stiffness of {} by finite elements", facts.file.name);
-    Ok(Page { title, findings: &findings(facts), warnings, body, facts: facts_of }.html())
+    let mut findings = findings(facts);
+    findings.extend(advice(facts));
+    Ok(Page { title, findings: &findings, warnings, body, facts: facts_of }.html())
 }

@@ -11,7 +11,7 @@ use crate::files::machine::MachineFile;
 use crate::fit::{DeflectionError, DeflectionErrors, Evaluation, Fit, Sample, TermChoice};
 use crate::pose::{ROTATION_ARM_M, file_units};
 use crate::report::export::Provenance;
-use crate::report::page::{Finding, Page, State, charts, fold, picture, table};
+use crate::report::page::{Finding, Page, State, charts, fold, on_screen, picture, table};
 use crate::report::paper;
 use crate::report::plot::{self, Bar, Mark, Panel, Series};
 use serde_json::{Value, json};
@@ -319,6 +319,9 @@ fn residuals(fit: &Fit, i: usize) -> Result<[Panel; 3]> {
     }))
 }
 
+/// Where paper sends readers of the corrections.
+const CORRECTIONS: &str = "this page on a screen; as polynomials in coefficients.json";
+
 /// Small pictures by coefficient and variable.
 fn over_pose(fit: &Fit) -> Result<Markup> {
     let each = |of: &dyn Fn(usize) -> [Panel; 3]| (0..6).flat_map(of).collect::<Vec<_>>();
@@ -329,11 +332,11 @@ fn over_pose(fit: &Fit) -> Result<Markup> {
             "Error of the corrected k11…k66 at each pose, over each variable: it should show no pattern.",
             &left,
         )?))
-        (fold("Corrections over each variable", &charts(
+        (on_screen("Corrections over each variable", CORRECTIONS, &charts(
             "Mean of the correction c_ii, which makes k_ii of K_p that of the data (paper, Fig. 5).",
             &each(&|i| tendencies(&fit.training, i)),
         )?))
-        (fold("Corrections at every pose", &charts(
+        (on_screen("Corrections at every pose", CORRECTIONS, &charts(
             "c_ii by the value of another variable (paper, Fig. 6).",
             &each(&|i| combinations(&fit.training, i)),
         )?))
@@ -462,7 +465,7 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
         h2 { "Over the pose" }
         (over_pose(fit)?)
         h2 { "Coefficients" }
-        (fold("All terms of all polynomials", &coefficient_tables(fit)))
+        (on_screen("All terms of all polynomials", "coefficients.json and fit.json", &coefficient_tables(fit)))
     };
     let [theta, sigma, z0] = fit.extent.ranges();
     let facts = vec![

@@ -47,7 +47,7 @@
     const rows = chart.dataset.values.split('|').map(row => row.split(' '));
     return rows.flatMap((row, r) => row.map((value, c) => {
       const x = left + (right - left) * (c + 0.5) / row.length, y = bottom - (bottom - top) * (r + 0.5) / rows.length;
-      const text = () => `${chart.dataset.name}: ${value}; ${said(chart.dataset.x, valueAt([lowX, highX, left, right], x))}; ${said(chart.dataset.y, valueAt([lowY, highY, bottom, top], y))}`;
+      const text = () => `${chart.dataset.name}: ${value.replace('*', ' (extrapolated)')}; ${said(chart.dataset.x, valueAt([lowX, highX, left, right], x))}; ${said(chart.dataset.y, valueAt([lowY, highY, bottom, top], y))}`;
       return { x, y, text, value };
     })).filter(point => point.value !== '-');
   };

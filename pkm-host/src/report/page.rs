@@ -14,8 +14,6 @@ const SCRIPT: &str = include_str!("page.js");
 
 /// Sections from which on a page has a list of them.
 const CONTENTS: usize = 3;
-/// Pictures of a figure from which on they are small on paper.
-const MANY: usize = 9;
 
 /// Sentences beside the first that are shown at once.
 const SHOWN: usize = 5;
@@ -184,6 +182,12 @@ impl Page<'_> {
     }
 }
 
+/// A page that says when it was made, too: not one that has to be the same whenever it is made.
+pub(crate) fn dated(html: &str, when: &str) -> String {
+    let fact = html! { dt { "Made" } dd { (when) } }.into_string();
+    html.replacen("</dl></main>", &format!("{fact}</dl></main>"), 1)
+}
+
 /// Judgements side by side, each with its name and reasons.
 pub(crate) fn badges(all: &[(&str, Finding, &[String])]) -> Markup {
     html! {
@@ -227,7 +231,7 @@ pub(crate) fn picture(caption: &str, svg: &str) -> Markup {
 
 /// Small pictures under one caption, as many beside each other as there is room for.
 pub(crate) fn pictures(caption: &str, svgs: &[String]) -> Markup {
-    html! { figure.pictures.many[svgs.len() > MANY] { div { @for svg in svgs { (PreEscaped(svg)) } } figcaption { (caption) } } }
+    html! { figure.pictures.pairs[svgs.len() == 4] { div { @for svg in svgs { (PreEscaped(svg)) } } figcaption { (caption) } } }
 }
 
 /// Charts under one caption.
@@ -282,6 +286,14 @@ pub(crate) fn keyed_table(caption: &str, heads: &[&str], rows: &[(String, Vec<St
                 }
             }
         }
+    }
+}
+
+/// What is long and in a file too: folded on a screen, and on paper the name of that file.
+pub(crate) fn on_screen(summary: &str, file: &str, body: &Markup) -> Markup {
+    html! {
+        details.screen { summary { (summary) } (body) }
+        p.paper { strong { (summary) } ": in " (file) "." }
     }
 }
 

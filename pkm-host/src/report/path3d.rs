@@ -61,7 +61,7 @@ pub(super) fn svg(places: &[PathPlace], worst: Option<&LineErrors>) -> String {
         let [x, y] = at(line.worst.tip_m);
         _ = writeln!(
             s,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"none\" stroke=\"#000000\" stroke-width=\"1.5\"/><text x=\"{:.1}\" y=\"{:.1}\">line {}</text>",
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"none\" stroke=\"#000000\" stroke-width=\"1.5\"/><text x=\"{:.1}\" y=\"{:.1}\" stroke=\"#FFFFFF\" stroke-width=\"5\" paint-order=\"stroke\">line {}</text>",
             x + 10.0,
             y - 8.0,
             line.worst.line

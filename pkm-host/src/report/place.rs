@@ -1,5 +1,7 @@
 //! `placement.json`, the text, and `report.html`.
 
+use std::ops::Range;
+
 use maud::{Markup, html};
 use serde_json::{Value, json};
 
@@ -9,7 +11,7 @@ use crate::files::source::Source;
 use crate::plan::place::search::{Grid, Method, Options, Placed, Placement};
 use crate::plan::place::{Objective, PlacementModel, Posture};
 use crate::pose::file_units;
-use crate::report::page::{Finding, Page, charts, fold, of_file, picture, pictures, table};
+use crate::report::page::{Finding, Page, charts, fold, of_file, pictures, table};
 use crate::report::plot::{self, HeatMap, Mark, Panel, Series as Points};
 
 fn mm(m: f64) -> f64 {
@@ -111,10 +113,14 @@ fn short(objective: Objective, value: f64) -> String {
     }
 }
 
+/// What the verdict is on: the tip's deflection, if it is an objective.
+fn judged(placed: &Placed) -> Objective {
+    placed.placements.iter().map(|p| p.objective).find(|o| *o != Objective::Paper).unwrap_or(Objective::Paper)
+}
+
 /// What the placements do. The verdict is on those by the tip's deflection, if there are any.
 fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
-    let objectives = || placed.placements.iter().map(|p| p.objective);
-    let judged = objectives().find(|o| *o != Objective::Paper).unwrap_or(Objective::Paper);
+    let judged = judged(placed);
     let counts = |p: &&Placement| p.objective == judged;
     let better = |p: &Placement| p.before.as_ref().is_none_or(|(before, _)| p.value <= *before);
     let (mut all, mut gains) = (Vec::new(), Vec::new());
@@ -188,6 +194,35 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
     findings
 }
 
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+fn advice(model: &PlacementModel<'_>, placed: &Placed) -> [Finding; 2] {
+    let counted = || placed.placements.iter().filter(|p| p.objective == judged(placed));
+    let proved = counted().all(|p| p.certificate.is_some());
+    let extrapolated = counted().any(|p| p.holes.iter().any(|h| h.outside_box));
+    let sure = match (proved, extrapolated) {
+        (_, true) => "by the model, beyond what its table was fitted to: a guess there.",
+        (true, false) => "by the model, and by its bounds no other place can be much better, as said below.",
+        (false, false) => {
+            "by the model; a search from the best point of a grid ended here, which proves nothing about other places: --method certified does."
+        }
+    };
+    let places: Vec<String> = (counted())
+        .map(|p| {
+            let [x, y] = model.job.in_cross_slide_m(&p.position).map(mm);
+            let turned = model
+                .job
+                .rotary
+                .as_ref()
+                .map_or(String::new(), |_| format!(" turned to {:.3}°", p.position.rotary_rad.to_degrees()));
+            format!(
+                "for series {} set the cross slide to x = {x:.3} mm, y = {y:.3} mm{turned}",
+                model.job.series[p.series].name
+            )
+        })
+        .collect();
+    [Finding::good(sure).sure(), Finding::good(format!("{}.", places.join("; "))).todo()]
+}
+
 /// For people at a terminal.
 pub fn text(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> String {
     let findings = findings(model, placed).into_iter().map(|f| format!("- {}\n", f.text)).collect::<String>();
@@ -232,13 +267,20 @@ fn overview(model: &PlacementModel<'_>, placed: &Placed) -> Markup {
     table("Where the table goes, and what that does; objective paper in 1/(N/m + N·m/rad)", &heads, &rows)
 }
 
+/// From the first to the last of some places on a grid's axis, with a neighbour at each end.
+fn extent(places: impl Iterator<Item = usize> + Clone, count: usize) -> Range<usize> {
+    let (first, last) = (places.clone().min().unwrap_or(0), places.max().unwrap_or(count - 1));
+    first.saturating_sub(1)..(last + 2).min(count)
+}
+
 /// The map of a grid at the angle of a placement.
-fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<Markup> {
+fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) -> Result<String> {
     let [xs, ys, angles] = Axis::ALL.map(|axis| &grid.axes[axis]);
     let nearest = |all: &[f64], v: f64| {
         (0..all.len()).min_by(|a, b| (all[*a] - v).abs().total_cmp(&(all[*b] - v).abs())).unwrap_or(0)
     };
     let [x, y, slice] = Axis::ALL.map(|axis| nearest(&grid.axes[axis], p.position[axis]));
+    let nearest_cell = (x, y);
     let value = |x: usize, y: usize, a: usize| {
         let cell = grid.cells[column][(a * ys.len() + y) * xs.len() + x].as_ref();
         cell.map(|c| p.objective.value_in_unit(c.value))
@@ -246,18 +288,19 @@ fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) ->
     let title = format!("{}, {}", name(model, p), p.objective.unit());
     let in_mm = |v: &[f64]| v.iter().copied().map(mm).collect::<Vec<_>>();
     if xs.len() > 1 && ys.len() > 1 {
-        let svg = plot::heat_map(&HeatMap {
+        // where something is in reach, and the optimum
+        let known = |x: &usize, y: &usize| (*x, *y) == nearest_cell || value(*x, *y, slice).is_some();
+        let columns = extent((0..xs.len()).filter(|x| (0..ys.len()).any(|y| known(x, &y))), xs.len());
+        let rows = extent((0..ys.len()).filter(|y| (0..xs.len()).any(|x| known(&x, y))), ys.len());
+        return plot::heat_map(&HeatMap {
             title,
             x_label: "dx in mm".into(),
             y_label: "dy in mm".into(),
-            x: in_mm(xs),
-            y: in_mm(ys),
-            value: &|x, y| value(x, y, slice),
+            x: in_mm(&xs[columns.clone()]),
+            y: in_mm(&ys[rows.clone()]),
+            value: &|x, y| value(columns.start + x, rows.start + y, slice),
             mark: Some([mm(p.position.dx_m), mm(p.position.dy_m)]),
-        })?;
-        let caption = "What the table's position does: low is good, and the ring is the optimum. Where there is no \
-                       colour a hole is out of reach.";
-        return Ok(picture(caption, &svg));
+        });
     }
     // one axis alone: a curve
     let (label, points): (&str, Vec<(f64, f64)>) = if angles.len() > 1 {
@@ -272,7 +315,7 @@ fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) ->
     };
     let series = vec![Points { name: "grid".into(), points, mark: Mark::Dot }];
     let panel = Panel { title, x_label: label.into(), y_label: p.objective.unit().into(), series };
-    charts("What the position does: low is good.", &[panel])
+    plot::panel(&panel)
 }
 
 /// Workpiece and machine from above, in W.
@@ -373,14 +416,20 @@ pub fn html(
 ) -> Result<String> {
     let objectives = placed.placements.len() / placed.grids.len();
     let evolution = convergence(model, placed);
+    let of_place = |(n, p): (usize, &Placement)| map(model, &placed.grids[p.series], n % objectives, p);
+    let maps = placed.placements.iter().enumerate().map(of_place);
     let body = html! {
         h2 { "Where the table goes" }
         (overview(model, placed))
         (plan_view(model, placed)?)
-        @for (n, p) in placed.placements.iter().enumerate() {
-            h2 { "Series " (name(model, p)) }
-            (map(model, &placed.grids[p.series], n % objectives, p)?)
-            (fold(&format!("{} holes", p.holes.len()), &hole_table(model, p)))
+        h2 { "What the table's position does" }
+        (pictures(
+            "Low is good, and the ring is the optimum. Where there is no colour a hole is out of reach.",
+            &maps.collect::<Result<Vec<_>>>()?,
+        ))
+        h2 { "Holes" }
+        @for p in &placed.placements {
+            (fold(&format!("{} holes of series {}", p.holes.len(), name(model, p)), &hole_table(model, p)))
         }
         @if !evolution.is_empty() {
             h2 { "Convergence" }
@@ -395,6 +444,7 @@ pub fn html(
         ("Job", of_file(&model.job.source)),
         ("Correction table", table.map_or("none: the basic model".into(), of_file)),
     ];
-    let findings = findings(model, placed);
+    let mut findings = findings(model, placed);
+    findings.extend(advice(model, placed));
     Ok(Page { title: format!("Placement on {}", file.name), findings: &findings, warnings, body, facts }.html())
 }

@@ -132,6 +132,28 @@ fn findings(replay: &Replay) -> Vec<Finding> {
     found
 }
 
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+fn advice(replay: &Replay) -> [Finding; 2] {
+    let sure = match &replay.alarm {
+        Some(alarm) => format!(
+            "the change is {:.0} times its standard deviation; the curves show when it came.",
+            (alarm.change / alarm.deviation).abs()
+        ),
+        None => "what is known of each amplitude stands in the table: a change within its interval would not be seen."
+            .to_owned(),
+    };
+    let todo = match &replay.alarm {
+        Some(alarm) => format!(
+            "inspect {}; repair it, or make a new table and accept the machine as it is now.",
+            named(replay.learn.amplitudes[alarm.amplitude].amplitude)
+        ),
+        None if unknown(replay).is_empty() => "nothing; go on touching known loads.".to_owned(),
+        None => "touch the loads that are proposed below: what was touched so far leaves some amplitudes unknown."
+            .to_owned(),
+    };
+    [Finding::good(sure).sure(), Finding::good(todo).todo()]
+}
+
 /// Share of the variance before anything was read that is left: 1 where nothing that was touched tells anything.
 fn variance_left(own: &AmplitudeSettings, (_, deviation): &(f64, f64)) -> f64 {
     (deviation / own.deviation).powi(2)
@@ -213,7 +235,9 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
         @if !alarms.is_empty() { (page::table("Alarms, each where it was raised first.", &["alarm"], &alarms)) }
     };
     let title = "What a controller would have learned".to_owned();
-    Ok(Page { title, findings: &findings(replay), warnings, body, facts: facts.to_vec() }.html())
+    let mut findings = findings(replay);
+    findings.extend(advice(replay));
+    Ok(Page { title, findings: &findings, warnings, body, facts: facts.to_vec() }.html())
 }
 
 /// For the terminal.

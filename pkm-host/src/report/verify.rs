@@ -43,6 +43,21 @@ fn findings(v: &Verification) -> Vec<Finding> {
     all
 }
 
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+fn advice(v: &Verification) -> [Finding; 2] {
+    let sure = if v.doubts.is_empty() {
+        "noise alone would bring a change as great as those that are named in one comparison of a hundred."
+    } else {
+        "less than the figures say: the two diagnoses cannot be compared in all, as said below."
+    };
+    let todo = if v.verdict == "unchanged" {
+        "nothing: tables and compensation stay as they are."
+    } else {
+        "if a repair was to bring this, make a new table; if not, inspect what is named first."
+    };
+    [Finding::good(sure).sure(), Finding::good(todo).todo()]
+}
+
 /// For the terminal.
 pub(crate) fn text(v: &Verification) -> String {
     let mut text: String = findings(v).iter().map(|f| format!("- {}\n", f.text)).collect();
@@ -102,5 +117,7 @@ pub(crate) fn html(v: &Verification, machine: &str, facts: Vec<(&str, String)>, 
             (table("Effects and declared values", &["verdict"], &fates))
         }
     };
-    Page { title: format!("What has changed: {machine}"), findings: &findings(v), warnings, body, facts }.html()
+    let mut findings = findings(v);
+    findings.extend(advice(v));
+    Page { title: format!("What has changed: {machine}"), findings: &findings, warnings, body, facts }.html()
 }

@@ -63,7 +63,7 @@ pub(in crate::report) fn drawing(
 
     let names: Vec<&str> = series.iter().map(|(name, _)| *name).collect();
     let top = 8.0 + LINE;
-    let (legend, band) = legend(&names, WIDTH, top, |_| false);
+    let (legend, band) = legend(&names, WIDTH, top, |_| None);
     let top = top + band + 10.0;
     let bottom = top + HEIGHT;
     let y = |v: f64| px(bottom - HEIGHT * axis.share(v).clamp(0.0, 1.0));

@@ -30,6 +30,8 @@ const GAP: f64 = 12.0;
 const LETTER: f64 = 7.4;
 /// Points of a series from which on another would cover it: each series gets a strip of its own.
 const MANY_POINTS: usize = 60;
+/// Opacity of a band.
+const BAND: &str = ".3";
 /// Points of a line that are marked each.
 const FEW_POINTS: usize = 60;
 
@@ -81,7 +83,7 @@ fn wrapped(text: &str, letters: usize) -> Vec<String> {
 }
 
 /// Names of series beside their signs, in as many lines as they need from a height on; the height of these.
-pub(super) fn legend(names: &[&str], width: f64, top: f64, cross: impl Fn(usize) -> bool) -> (Markup, f64) {
+pub(super) fn legend(names: &[&str], width: f64, top: f64, mark: impl Fn(usize) -> Option<Mark>) -> (Markup, f64) {
     let (mut x, mut y) = (10.0, top);
     let mut places = Vec::new();
     for name in names {
@@ -94,7 +96,8 @@ pub(super) fn legend(names: &[&str], width: f64, top: f64, cross: impl Fn(usize)
     }
     let entry = |i: usize| {
         let (x, y) = places[i];
-        let sign = if cross(i) {
+        let cross = mark(i) == Some(Mark::Cross);
+        let sign = if cross {
             format!("M{},{}l10,10m-10,0l10-10", x + 2.0, y + 4.0)
         } else {
             format!("M{},{}h8", x + 3.0, y + 9.0)
@@ -102,7 +105,8 @@ pub(super) fn legend(names: &[&str], width: f64, top: f64, cross: impl Fn(usize)
         html! {
             g data-legend=(i) {
                 rect x=(x) y=(y) width=(22.0 + LETTER * names[i].chars().count() as f64) height="19" fill="#FFFFFF" {}
-                path d=(sign) stroke=(colour(i)) fill="none" stroke-width=(if cross(i) { 2 } else { 10 }) {}
+                path d=(sign) stroke=(colour(i)) fill="none" stroke-width=(if cross { 2 } else { 10 })
+                    stroke-opacity=[(mark(i) == Some(Mark::Band)).then_some(BAND)] {}
                 text x=(x + 17.0) y=(y + 14.0) { (names[i]) }
             }
         }
@@ -193,7 +197,7 @@ impl Plot {
         html! {
             g data-series=(i) data-name=(series.name) data-place=(place) data-mark=(series.mark.name()) data-keys=[keys] {
                 @if series.mark == Mark::Band {
-                    path d={ (line) "z" } fill=(colour(i)) fill-opacity=".22" {}
+                    path d={ (line) "z" } fill=(colour(i)) fill-opacity=(BAND) {}
                 } @else {
                     @if !line.is_empty() { path d=(line) stroke=(colour(i)) fill="none" stroke-width=(width) {} }
                     @if !dots.is_empty() { path d=(dots) stroke=(colour(i)) fill="none" stroke-width=(size) stroke-linecap="round" {} }
@@ -218,7 +222,7 @@ pub(super) fn panel(panel: &Panel, keys: &[Vec<usize>], logarithmic: bool) -> Re
     let title = wrapped(&panel.title, ((WIDTH - 20.0) / LETTER) as usize);
     let mut top = 8.0 + LINE * title.len() as f64;
     let names: Vec<&str> = panel.series.iter().map(|s| s.name.as_str()).collect();
-    let legend = (names.len() > 1).then(|| legend(&names, WIDTH, top, |i| panel.series[i].mark == Mark::Cross));
+    let legend = (names.len() > 1).then(|| legend(&names, WIDTH, top, |i| Some(panel.series[i].mark)));
     top += 8.0 + legend.as_ref().map_or(0.0, |l| l.1);
     let covers = |s: &&Series| s.mark == Mark::Dot && s.points.len() > MANY_POINTS;
     let strips = if panel.series.iter().filter(covers).count() > 1 { panel.series.len() } else { 1 };

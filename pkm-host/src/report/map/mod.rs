@@ -64,6 +64,23 @@ fn findings(sheets: &[Sheet], has_table: bool) -> Vec<Finding> {
             100.0 * outside as f64 / (inside + outside) as f64
         )));
     }
+    let sure = if has_table && inside > 0 {
+        let known = sheets.iter().filter_map(|s| s.map.u95_extremes()?[1].u95_um_per_kn()).reduce(f64::max);
+        let known = known.map_or("".to_owned(), |um| {
+            format!(": it knows the tip under a force to {um:.3} µm/kN or better (U95, coverage 95 %)")
+        });
+        format!(
+            "inside its box as sure as the table{known}; its report says how far off it is at poses that it was not fitted to."
+        )
+    } else {
+        "no data back these values: take the pattern for a hint, and the numbers for a guess.".to_owned()
+    };
+    all.push(Finding::good(sure).sure());
+    all.push(Finding::good(match (has_table, inside) {
+        (false, _) => "fit a table first (pkm-host fit), and draw the map with --table.",
+        (true, 0) => "choose poses in this window (pkm-host plan), compute or measure them, and fit a table to them.",
+        (true, _) => "keep work, and forces along the soft axis above all, in bright places inside the box; for given holes pkm-host place finds the best.",
+    }).todo());
     if without > 0 {
         all.push(Finding::warning(format!("At {without} points the table gives no stiffness: too far from its box.")));
     }
@@ -127,7 +144,7 @@ fn sheet(sheet: &Sheet) -> Markup {
             (fold(&format!("The paper's statements, over the {over}"), &claims(over, of)))
         }
         p { "X0 " (x0) " to " (x1) " mm, Z0 " (z0) " to " (z1) " mm, every " (map.grid.step_mm) " mm: "
-            (crate::plan::map::counted(&map.points)) "." }
+            (crate::plan::map::counted(&map.points).replace('_', " ")) "." }
     }
 }
 

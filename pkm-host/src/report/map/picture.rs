@@ -1,5 +1,6 @@
 //! The six maps of stiffness, and that of how far a table may be off, as one picture.
 
+use maud::html;
 use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
@@ -9,12 +10,14 @@ use super::contour::{self, Pixel};
 use super::region::{LIMITS, Region, U95};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
-use crate::plan::map::{Map, Model};
+use crate::plan::map::{Map, Model, Point};
 use crate::pose::PoseBox;
 use crate::report::plot::{self, COLOURS, failed};
 
 /// Bands of colour, at most.
 const BANDS: f64 = 14.0;
+/// Points along the longer side that a page's script knows the values of, at most.
+const VALUES: usize = 54;
 /// What stands beside the map itself.
 pub struct Legend<'a> {
     /// Of the picture.
@@ -87,15 +90,53 @@ pub fn draw(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_
     let (small_width, small_height) = around(small);
     let panels = shown.iter().map(|&k| {
         let title = format!("{} over X0 and Z0", quantity(k).0);
-        plot::svg(&title, (small_width as u32, small_height as u32), |area| {
+        let svg = plot::svg(&title, (small_width as u32, small_height as u32), |area| {
             panel(area, (0, 0), small, &Panel { k, map, legend, region: &region })
-        })
+        })?;
+        Ok(svg.replace("</svg>", &format!("{}</svg>", values(map, k, small))))
     });
     let signs = entries.iter().map(|entry| {
         let svg = plot::svg(&entry.name, (96, 36), |area| entry.mark.line(area, vec![(8, 18), (88, 18)]))?;
         Ok((svg, entry.name.clone()))
     });
     Ok(Picture { whole, panels: panels.collect::<Result<_>>()?, signs: signs.collect::<Result<_>>()? })
+}
+
+/// Values at points of the map, for a page's script: see `page.js`. Those with a star are extrapolated.
+fn values(map: &Map, k: usize, [width, height]: [i32; 2]) -> String {
+    let (name, unit, per_unit) = quantity(k);
+    let grid = &map.grid;
+    let step = grid.count.into_iter().max().unwrap_or(1).div_ceil(VALUES).max(1);
+    let [columns, rows] = grid.count.map(|n| (0..n).step_by(step).collect::<Vec<_>>());
+    let written = |point: &Point| {
+        let Ok(value) = point.value else { return "-".to_owned() };
+        let own = if k == U95 { value.u95_m_per_n } else { Some(value.principal[k]) };
+        let star = if value.inside == Some(false) { "*" } else { "" };
+        own.map_or("-".to_owned(), |own| format!("{}{star}", rounded(own / per_unit)))
+    };
+    let row =
+        |r: &usize| columns.iter().map(|c| written(&map.points[r * grid.count[0] + c])).collect::<Vec<_>>().join(" ");
+    let all: Vec<String> = rows.iter().map(row).collect();
+    // cells with the points in their middles, in mm and in pixels
+    let [[x0, x1], [z0, z1]] = grid.extent_mm();
+    let (left, bottom) = (f64::from(size::LEFT), f64::from(size::CAPTION + height));
+    let across = |x: f64| left + f64::from(width) * (x - x0) / (x1 - x0);
+    let up = |z: f64| bottom - f64::from(height) * (z - z0) / (z1 - z0);
+    let cell = grid.step_mm * step as f64;
+    let ends = |least: f64, count: usize| [least - cell / 2.0, least + cell * (count as f64 - 0.5)];
+    let ([low_x, high_x], [low_z, high_z]) = (ends(x0, columns.len()), ends(z0, rows.len()));
+    let axes = format!("{low_x} {high_x} {} {} {low_z} {high_z} linear", across(low_x), across(high_x));
+    let place = format!("{} {}", up(high_z), up(low_z));
+    let markup = html! {
+        g.heat data-axes=(axes) data-x="X0 in mm" data-y="Z0 in mm" data-name={ (name) " in " (unit) } data-place=(place)
+            data-values=(all.join("|")) {}
+    };
+    markup.into_string()
+}
+
+/// Four digits.
+fn rounded(v: f64) -> f64 {
+    format!("{v:.3e}").parse().unwrap_or(v)
 }
 
 /// The same picture as PNG.
