@@ -199,6 +199,13 @@ impl Browser {
         std::fs::write(path, bytes(&whole)?).map_err(|e| format!("{}: {e}", path.display()))
     }
 
+    /// A small picture of what a window shows of the page that is open.
+    pub fn first_screen(&mut self, path: &Path, [width, height]: [u32; 2], scale: f64) -> Outcome {
+        let clip = json!({ "x": 0, "y": 0, "width": width, "height": height, "scale": scale });
+        let shot = self.call("Page.captureScreenshot", json!({ "format": "webp", "quality": 80, "clip": clip }))?;
+        std::fs::write(path, bytes(&shot)?).map_err(|e| format!("{}: {e}", path.display()))
+    }
+
     /// Prints the page that is open; the number of its pages.
     pub fn print(&mut self, path: &Path) -> Result<usize, String> {
         let printed = self.call("Page.printToPDF", json!({ "preferCSSPageSize": true, "printBackground": true }))?;

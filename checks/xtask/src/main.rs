@@ -52,7 +52,8 @@ cargo xtask <chore>
   miri         core, protocol and C library under Miri
   mutants      small mistakes in the core and in the diagnosis' statistics: which the tests find; takes cargo-mutants' options, such as
                --shard 0/8 for a sample
-  reports      write every report from the fixtures, look at it in Chromium (screens, dark and light, paper); pictures in out/reports
+  reports      write every report from the fixtures, look at it in Chromium (screens, dark and light, paper); pictures in out/reports;
+               with --gallery those of docs/gallery too
   view         the page of `view` alone, driven in Chromium: drag, type, open files, play a path
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
@@ -81,7 +82,7 @@ fn main() -> ExitCode {
         Some("mutants") => mutants::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("header") => c::header(),
         Some("showcase") => showcase::run(),
-        Some("reports") => reports::run(),
+        Some("reports") => reports::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("view") => view::run(),
         Some("f32") => single::run(),
         Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),

@@ -145,7 +145,7 @@ fn advice(found: &Identification) -> [Finding; 2] {
         0 => "the readings tell every number".to_owned(),
         n => format!("{n} of {} combinations of numbers are not told by the readings", found.directions.len()),
     };
-    let noise = found.lack_of_fit.iter().nth(1).map_or(String::new(), |l| format!("; lack of fit p = {:.2}", l.p));
+    let noise = found.lack_of_fit.get(1).map_or(String::new(), |l| format!("; lack of fit p = {:.2}", l.p));
     let todo = match found.verdict {
         Verdict::Adequate if unknown == 0 => "put the zeros into the drives, and use machine.toml from now on.",
         Verdict::Adequate => {
