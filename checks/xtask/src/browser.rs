@@ -211,6 +211,7 @@ impl Browser {
         let printed = self.call("Page.printToPDF", json!({ "preferCSSPageSize": true, "printBackground": true }))?;
         let pdf = bytes(&printed)?;
         std::fs::write(path, &pdf).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(pdf.windows(11).filter(|w| w == b"/Type /Page").count())
+        // not `/Pages`, the nodes of their tree
+        Ok(pdf.windows(12).filter(|w| w.starts_with(b"/Type /Page") && w[11] != b's').count())
     }
 }

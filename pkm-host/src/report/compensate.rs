@@ -187,7 +187,7 @@ fn advice(track: &Track) -> Vec<Finding> {
     let sure = if track.u95.count > 0 {
         "all of this is by the model that the new commands are made with; how far its table may be off is said below."
     } else {
-        "all of this is by the model that the new commands are made with, and nothing here says how far that is off: no measurement is behind it."
+        "all of this is by the model that the new commands are made with, and nothing here says how far that is off: a table that pkm-host fit writes does."
     };
     let todo = match (track.extrapolated > 0, track.too_fast.is_empty()) {
         (true, _) => {

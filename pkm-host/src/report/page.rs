@@ -263,7 +263,7 @@ pub(crate) fn keyed_table(caption: &str, heads: &[&str], rows: &[(String, Vec<St
     let columns = heads.len().div_ceil(parts).max(1);
     let sentences: Vec<bool> = (0..heads.len()).map(|i| rows.iter().any(|r| letters(&r.1[i]) > SENTENCE)).collect();
     let (cells, whole) = (widths.iter().sum::<usize>(), keys.is_empty());
-    let half = whole && cells <= HALF && rows.len() <= FEW_ROWS;
+    let half = whole && !sentences.contains(&true) && cells <= HALF && rows.len() <= FEW_ROWS;
     let longest = rows.iter().map(|r| letters(&r.0)).max().unwrap_or(0);
     let slim = whole && longest + cells <= THIRD && rows.len() > FEW_ROWS;
     html! {

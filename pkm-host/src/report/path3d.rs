@@ -59,11 +59,13 @@ pub(super) fn svg(places: &[PathPlace], worst: Option<&LineErrors>) -> String {
     s.push_str("</g>\n");
     if let Some(line) = worst.filter(|_| last.is_some()) {
         let [x, y] = at(line.worst.tip_m);
+        // its name away from the path
+        let (side, anchor) = if x > SIZE[0] / 2.0 { (10.0, "start") } else { (-10.0, "end") };
         _ = writeln!(
             s,
-            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"none\" stroke=\"#000000\" stroke-width=\"1.5\"/><text x=\"{:.1}\" y=\"{:.1}\" stroke=\"#FFFFFF\" stroke-width=\"5\" paint-order=\"stroke\">line {}</text>",
-            x + 10.0,
-            y - 8.0,
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"none\" stroke=\"#000000\" stroke-width=\"1.5\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">line {}</text>",
+            x + side,
+            y + 14.0,
             line.worst.line
         );
     }

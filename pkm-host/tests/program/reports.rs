@@ -64,6 +64,9 @@ impl Named {
         for part in order {
             from += html[from..].find(part).unwrap_or_else(|| panic!("{report}: {part} is not in its place"));
         }
+        for words in ["How sure", "What to do"] {
+            assert_eq!(html.matches(&format!("<strong>{words}: </strong>")).count(), 1, "{report}: {words}");
+        }
         assert_eq!(html.matches("role=\"img\"").count(), html.matches("<svg").count(), "{report}");
         assert!(html[from..].contains(env!("CARGO_PKG_VERSION")), "{report}");
     }
@@ -101,6 +104,12 @@ fn map_escapes_names() {
     named.check(&["map", "--table", &table, "--out", &out], "out/report.html", &[FILE]);
     let first = named.folder.read("out/report.html");
     assert_eq!(first.matches("over X0 and Z0").count(), 6, "all maps");
+    let values: Vec<&str> = first.split("data-values=\"").skip(1).map(|v| v.split('"').next().unwrap()).collect();
+    assert_eq!(values.len(), 6, "values of all maps");
+    assert!(
+        values.iter().all(|v| v.contains("* ") && v.contains("- ")),
+        "values that are extrapolated, and places without any"
+    );
     assert_eq!(first.matches("holds</td>").count() + first.matches("does not</td>").count(), 14, "all statements");
     named.check(&["map", "--table", &table, "--out", &out], "out/report.html", &[FILE]);
     assert!(first == named.folder.read("out/report.html"), "the same bytes again");
@@ -111,6 +120,21 @@ fn compensate_escapes_names() {
     let named = Named::new();
     let (path, out) = (named.copy("jobs/path.csv"), named.folder.path("out/p.csv"));
     named.check(&["compensate", "--path", &path, "--out", &out], "out/report.html", &[FILE]);
+}
+
+#[test]
+fn date_is_written_where_it_is_asked_for() {
+    let folder = Folder::new();
+    let (path, out) = (fixture("jobs/path.csv"), folder.path("p.csv"));
+    let call = ["compensate", "--path", &path, "--out", &out];
+    json(&call);
+    let plain = folder.read("report.html");
+    json(&[&call[..], &["--date"]].concat());
+    let dated = folder.read("report.html");
+    let (before, rest) = dated.split_once("<dt>Made</dt><dd>").expect("a date");
+    let (date, after) = rest.split_once(" UTC</dd>").expect("its end");
+    assert!(date.len() == "2026-01-01 00:00".len() && date.starts_with("20"), "{date}");
+    assert!(before.to_owned() + after == plain, "nothing else differs");
 }
 
 #[test]

@@ -16,11 +16,11 @@ const SHADES: usize = 24;
 const LEFT: f64 = 76.0;
 const TOP: f64 = 36.0;
 /// The longer side of the map.
-const SIDE: f64 = 560.0;
+const SIDE: f64 = 330.0;
 /// The shorter side is not shorter than this.
 const SHORTEST: f64 = 120.0;
 const BAR: f64 = 110.0;
-const BAR_HEIGHT: f64 = 360.0;
+const BAR_HEIGHT: f64 = 240.0;
 const BOTTOM: f64 = 54.0;
 
 /// Dark is low: purple, green, yellow.

@@ -28,6 +28,8 @@ const LINE: f64 = 20.0;
 const GAP: f64 = 12.0;
 /// What a letter takes of a line, about.
 const LETTER: f64 = 7.4;
+/// The same of a name in a legend, at the most: the next one follows right behind it.
+const LEGEND_LETTER: f64 = 8.2;
 /// Points of a series from which on another would cover it: each series gets a strip of its own.
 const MANY_POINTS: usize = 60;
 /// Opacity of a band.
@@ -87,7 +89,7 @@ pub(super) fn legend(names: &[&str], width: f64, top: f64, mark: impl Fn(usize) 
     let (mut x, mut y) = (10.0, top);
     let mut places = Vec::new();
     for name in names {
-        let own = 34.0 + LETTER * name.chars().count() as f64;
+        let own = 34.0 + LEGEND_LETTER * name.chars().count() as f64;
         if x > 10.0 && x + own > width {
             (x, y) = (10.0, y + LINE);
         }

@@ -125,7 +125,7 @@ class Load {
     this.temperature = new Row({
       label: "Temperature", unit: "°C", low: 0, high: 60, step: 1, digits: 1, changed: value => { state.temperature = value; update(); },
     });
-    const scales = [["0", "to be seen"], ...[100, 300, 1000, 3000, 10000, 30000].map(s => [String(s), `× ${s}`])];
+    const scales = [["0", "so that it can be seen"], ...[100, 300, 1000, 3000, 10000, 30000].map(s => [String(s), `× ${s}`])];
     const select = element("select", { id: "scale", onchange: () => { state.scale = +select.value; update(); } },
       ...scales.map(([value, text]) => element("option", { value }, text)));
     byId("load-rows").append(...this.rows.slice(0, 3).map(r => r.element),
