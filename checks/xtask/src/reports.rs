@@ -21,8 +21,8 @@ const PAGES: [(&str, usize); 2] = [("fit", 6), ("diagnose", 5)];
 /// Reports that docs/gallery.md shows, with the view page.
 const GALLERY: [&str; 9] = ["fit", "diagnose-p10", "verify", "geometry", "map", "place", "compensate", "replay", "fem"];
 /// Of a picture there: as much of a page as is seen, and how small.
-const GALLERY_WINDOW: [u32; 2] = [1000, 700];
-const GALLERY_SCALE: f64 = 0.6;
+const GALLERY_WINDOW: [u32; 2] = [1000, 1300];
+const GALLERY_SCALE: f64 = 0.5;
 
 /// Mistakes that must be seen, made in a report: what is replaced by what, and whether it shows on paper alone.
 const PLANTED: [(&str, &str, &str, bool); 9] = [
@@ -148,7 +148,7 @@ pub fn run(options: &[String]) -> Outcome {
     wrong.extend(unseen(&mut browser, &reports[0].1, &out)?);
     wrong.extend(view::look(&mut browser, &out)?);
     if options.iter().any(|option| option == "--gallery") {
-        gallery(&mut browser, &reports)?;
+        gallery(&mut browser, &reports, &out)?;
     }
     if wrong.is_empty() {
         println!("{} reports are whole; pictures of them are in {}", reports.len(), out.display());
@@ -182,12 +182,17 @@ fn used(browser: &mut Browser, path: &Path) -> Result<Vec<String>, String> {
     Ok(wrong)
 }
 
-/// Pictures of the first screens, for docs/gallery.md.
-fn gallery(browser: &mut Browser, reports: &[(&str, PathBuf)]) -> Outcome {
+/// Pictures of how reports begin, for docs/gallery.md.
+fn gallery(browser: &mut Browser, reports: &[(&str, PathBuf)], out: &Path) -> Outcome {
     let folder = root().join("docs/gallery");
     std::fs::create_dir_all(&folder).map_err(|e| e.to_string())?;
     for (name, path) in reports.iter().filter(|(name, _)| GALLERY.contains(name)) {
-        browser.open(path, GALLERY_WINDOW, false, false)?;
+        // names of files without the folders of this machine
+        let html = std::fs::read_to_string(path).map_err(|e| e.to_string())?;
+        let shown = out.join("gallery.html");
+        let html = html.replace(&format!("{}/", root().display()), "");
+        std::fs::write(&shown, html).map_err(|e| e.to_string())?;
+        browser.open(&shown, GALLERY_WINDOW, false, false)?;
         browser.first_screen(&folder.join(format!("{name}.webp")), GALLERY_WINDOW, GALLERY_SCALE)?;
     }
     println!("wrote docs/gallery");
