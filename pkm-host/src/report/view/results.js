@@ -40,7 +40,7 @@ class Results {
   }
 
   distances() {
-    const rows = [["share", "Five axes, share of home's determinant"], ["limbs", "Singularity, limbs 1 and 2"], ["limb3", "Singularity, limb 3"],
+    const rows = [["share", "Five axes, normalised determinant"], ["limbs", "Singularity, limbs 1 and 2"], ["limb3", "Singularity, limb 3"],
       ["travel", "To the end of travel"]];
     this.meters = {};
     const list = element("dl", { class: "meters" });
