@@ -317,10 +317,12 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     })
 }
 
-/// What the polynomials are fitted to, by name: c11…c66, and the factor form's g11…g66 where the data are whole matrices, which
-/// the flag says.
-fn responses(training: &[Sample]) -> (Vec<(String, Vec<f64>)>, bool) {
-    let mut responses: Vec<(String, Vec<f64>)> =
+/// What a polynomial is fitted to: its name, and a value at each pose.
+type Response = (String, Vec<f64>);
+
+/// c11…c66, and the factor form's g11…g66 where the data are whole matrices, which the flag says.
+fn responses(training: &[Sample]) -> (Vec<Response>, bool) {
+    let mut responses: Vec<Response> =
         (0..6).map(|i| (format!("c{0}{0}", i + 1), training.iter().map(|s| s.ratios()[i]).collect())).collect();
     let entries: Option<Vec<_>> = training.iter().map(Sample::factor_entries).collect();
     if let Some(entries) = &entries {
@@ -335,12 +337,14 @@ fn paper_mask(row: usize) -> [bool; 9] {
     EQ_12.get(row).map_or([true; 9], |mask| *mask)
 }
 
-/// The table's terms, and which of them each response uses.
+/// A table's terms, and which of them each response uses.
+type Terms = (Vec<[u8; 3]>, Vec<Vec<bool>>);
+
 fn terms_of(
     choice: TermChoice,
-    responses: &[(String, Vec<f64>)],
+    responses: &[Response],
     design_of: impl Fn(&[[u8; 3]]) -> Result<DMatrix<f64>>,
-) -> Result<(Vec<[u8; 3]>, Vec<Vec<bool>>)> {
+) -> Result<Terms> {
     Ok(match choice {
         TermChoice::Paper => (EQ_11.to_vec(), (0..responses.len()).map(|r| paper_mask(r).to_vec()).collect()),
         TermChoice::Full => (EQ_11.to_vec(), vec![vec![true; 9]; responses.len()]),
