@@ -129,8 +129,10 @@ fn learn<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T>) -> Res
         }
         sum = over_numbers(sum, &estimator.applied());
     }
-    match estimator.alarm() {
-        Some(alarm) if alarm.amplitude == 1 && (alarm.change - SOFTER_M_PER_N).abs() < 0.3 * SOFTER_M_PER_N => Ok(sum),
+    match estimator.alarms() {
+        [None, Some(alarm), None, None, None] if (alarm.change - SOFTER_M_PER_N).abs() < 0.3 * SOFTER_M_PER_N => {
+            Ok(sum)
+        }
         _ => Err("the softer drive is not found"),
     }
 }

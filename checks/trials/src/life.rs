@@ -283,7 +283,7 @@ fn learn_toml(drive: f64, accepted: &[f64; AMPLITUDES]) -> String {
 /// What `replay` made of a reading.
 struct Step {
     is_taken: bool,
-    alarm: Option<usize>,
+    alarms: Vec<usize>,
     values: [f64; AMPLITUDES],
 }
 
@@ -291,14 +291,15 @@ fn steps(text: &str) -> Result<Vec<Step>, String> {
     let mut lines = text.lines();
     let head: Vec<&str> = lines.next().unwrap_or("").split(',').collect();
     let column = |name: &str| head.iter().position(|h| *h == name).ok_or_else(|| format!("no column {name}"));
-    let (status, alarm) = (column("status")?, column("alarm")?);
+    let (status, alarms) = (column("status")?, column("alarms")?);
     let values = (1..=AMPLITUDES).map(|n| column(&format!("value_{n}"))).collect::<Result<Vec<_>, _>>()?;
     let step = |line: &str| {
         let cells: Vec<&str> = line.split(',').collect();
         let cell = |n: usize| cells.get(n).copied().ok_or_else(|| format!("a short line: {line}"));
-        let mut step = Step { is_taken: cell(status)? == "taken", alarm: None, values: [0.0; AMPLITUDES] };
-        if let Ok(number) = cell(alarm)?.parse::<usize>() {
-            step.alarm = number.checked_sub(1);
+        let mut step = Step { is_taken: cell(status)? == "taken", alarms: Vec::new(), values: [0.0; AMPLITUDES] };
+        for number in cell(alarms)?.split_whitespace() {
+            let number = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
+            step.alarms.push(number.ok_or_else(|| format!("no alarm: {line}"))?);
         }
         for (value, column) in step.values.iter_mut().zip(&values) {
             *value = cell(*column)?.parse().map_err(|e| format!("{line}: {e}"))?;
@@ -454,14 +455,14 @@ fn errors(judge: &Judge<'_>, presses: &[Press], steps: &[Step], accepted: &[f64;
 fn alarms(life: &Life, plan: &Plan, presses: &[Press], steps: &[Step]) -> Outcome {
     let limit = |amplitude: usize| settings(life.drive, amplitude)[2];
     let first = |amplitude: usize, from: usize| {
-        let at = steps.iter().skip(from).position(|step| step.alarm == Some(amplitude));
+        let at = steps.iter().skip(from).position(|step| step.alarms.contains(&amplitude));
         at.map(|after| after as i64 + 1)
     };
     let worth = |press: &Press| life.amplitudes(plan, press.day)[life.worn] >= limit(life.worn);
     let worn_from = presses.iter().position(worth).unwrap_or(presses.len());
     let loose_from = life.loose_from * plan.readings;
     let is_false = |(press, step): &(&Press, &Step)| {
-        step.alarm.is_some_and(|n| life.amplitudes(plan, press.day)[n] < 0.5 * limit(n))
+        step.alarms.iter().any(|n| life.amplitudes(plan, press.day)[*n] < 0.5 * limit(*n))
     };
     let failed = || presses.iter().zip(steps).filter(|(press, _)| press.failed);
     Outcome {

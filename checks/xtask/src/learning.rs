@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
-use pkm_core::estimation::{Estimator, MAX_AMPLITUDES, state_bytes};
+use pkm_core::estimation::{Alarm, Estimator, MAX_AMPLITUDES, state_bytes};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
@@ -72,13 +72,15 @@ pub fn run(name: &str, elf: &Path) -> Outcome {
         same(&probe(&mut board.line, entry)?, entry, step)?;
     }
     let last = learned_of(&board.line.request(Command::Learned)?)?;
-    let alarm = last.alarm.map(|alarm| {
-        (usize::from(alarm.amplitude), alarm.change.to_bits(), alarm.probability.to_bits(), alarm.readings)
-    });
-    let expected =
-        twin.alarm.map(|alarm| (alarm.amplitude, alarm.change.to_bits(), alarm.probability.to_bits(), alarm.readings));
-    if alarm != expected || alarm.is_none_or(|alarm| alarm.0 != 1) {
-        return Err(format!("the alarm is {:?}, the host's {:?}", last.alarm, twin.alarm));
+    let told =
+        |(n, alarm): &(usize, Alarm)| (*n, Some((alarm.change.to_bits(), alarm.probability.to_bits(), alarm.readings)));
+    let expected: Vec<_> = twin.standing().iter().map(told).collect();
+    let alarms = last
+        .alarms
+        .map(|alarm| alarm.map(|alarm| (alarm.change.to_bits(), alarm.probability.to_bits(), alarm.readings)));
+    let found: Vec<_> = (0..).zip(alarms).filter(|(_, alarm)| alarm.is_some()).collect();
+    if found != expected || !matches!(found[..], [(1, _)]) {
+        return Err(format!("the alarms are {:?}, the host's {:?}", last.alarms, twin.standing()));
     }
     compensates(&mut board, &rest)?;
     println!(

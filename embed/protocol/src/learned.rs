@@ -1,6 +1,6 @@
 //! What a controller learns from: a reading of the tip; and what it knows.
 
-use pkm_core::estimation::{self, Estimator, TipReading, Touch};
+use pkm_core::estimation::{self, Estimator, MAX_AMPLITUDES, TipReading, Touch};
 use pkm_core::nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
 
@@ -50,8 +50,8 @@ pub struct Learned {
     pub values: TableNumbers,
     /// Standard deviations of the values.
     pub deviations: TableNumbers,
-    /// A change that is worth one.
-    pub alarm: Option<Alarm>,
+    /// Of each amplitude, where its change is worth one.
+    pub alarms: [Option<Alarm>; MAX_AMPLITUDES],
     /// [`pkm_core::checksum`] over the state as it is saved, with the sequence number 0.
     pub state: Checksum,
     /// Sequence number of the state that was saved last; none was when it is null.
@@ -103,8 +103,6 @@ impl From<estimation::Refusal> for Refusal {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Alarm {
-    /// Which, from 0.
-    pub amplitude: u8,
     /// By how much.
     pub change: f64,
     /// Probability that it has changed by more than is worth an alarm.
@@ -125,18 +123,18 @@ impl Learned {
         saved: Option<u32>,
     ) -> Option<Self> {
         let values = estimator.values();
-        let alarm = estimator.alarm().map(|alarm| Alarm {
-            amplitude: alarm.amplitude as u8,
-            change: alarm.change,
-            probability: alarm.probability,
-            readings: alarm.readings,
-        });
+        let mut alarms = [None; MAX_AMPLITUDES];
+        for (place, alarm) in alarms.iter_mut().zip(estimator.alarms()) {
+            let told =
+                |estimation::Alarm { change, probability, readings, .. }| Alarm { change, probability, readings };
+            *place = alarm.map(told);
+        }
         Some(Self {
             refused: refused.map(Refusal::from),
             readings: estimator.readings(),
             values: TableNumbers::new(&values.map(|(value, _)| value))?,
             deviations: TableNumbers::new(&values.map(|(_, deviation)| deviation))?,
-            alarm,
+            alarms,
             state: Checksum::over(state),
             saved,
             offset_m: [0.0; 3],
@@ -145,8 +143,9 @@ impl Learned {
     }
 
     pub(crate) fn is_finite(&self) -> bool {
-        let alarm = self.alarm.iter().all(|alarm| alarm.change.is_finite() && alarm.probability.is_finite());
+        let mut alarms = self.alarms.iter().flatten();
+        let alarms = alarms.all(|alarm| alarm.change.is_finite() && alarm.probability.is_finite());
         let offset = self.offset_m.iter().all(|offset| offset.is_finite());
-        self.values.are_finite() && self.deviations.are_finite() && alarm && offset
+        self.values.are_finite() && self.deviations.are_finite() && alarms && offset
     }
 }

@@ -168,7 +168,11 @@ fn replies_come_back() {
             // the longest there is
             values: TableNumbers::new(&[-1.234_567_890_123_456_7e-300; 8]).unwrap(),
             deviations: TableNumbers::new(&[1.234_567_890_123_456_7e-300; 8]).unwrap(),
-            alarm: Some(Alarm { amplitude: 7, change: -1.5e-9, probability: 0.999, readings: u32::MAX }),
+            alarms: [Some(Alarm {
+                change: -1.234_567_890_123_456_7e-300,
+                probability: 0.999_999_999_999_999_9,
+                readings: u32::MAX,
+            }); 8],
             saved: Some(u32::MAX),
             offset_m: [-1.234_567_890_123_456_7e-300; 3],
             compensated: u32::MAX,

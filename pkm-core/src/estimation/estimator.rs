@@ -30,6 +30,11 @@ const STUCK: u8 = 5;
 const OPPOSITE: f64 = 5.0;
 /// Of χ²: an amplitude explains a change as well as another when it explains no less by this, a thousandth of the likelihood.
 const LIKELY: f64 = 13.8;
+/// Deviations of a change that are not what the change of another has left in doubt, with 99 %, where innovations of one sign have shown that there is
+/// one.
+const OWN: f64 = 2.58;
+/// Deviations beyond what is worth an alarm, from which on the probability of that is 0.95.
+const SURE: f64 = 1.644_853_6;
 const DAY_S: f64 = 86_400.0;
 
 /// Displacement of A, by machine and table, under a wrench there.
@@ -49,6 +54,8 @@ fn predict<T: Scalar>(
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Scaled<T> {
     deviation: T,
+    accepted: T,
+    alarm: T,
     drift_per_s: T,
     least: T,
     most: T,
@@ -86,18 +93,20 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// The first setting that is out of its range.
     pub fn new(settings: &EstimatorSettings<N>) -> Result<Self, EstimatorSettingsError> {
         settings.check()?;
-        let accepted = settings.amplitudes.map(|own| T::from_f64(own.accepted / own.deviation));
         let scaled = settings.amplitudes.map(|own| {
             let in_deviations = |value: f64| T::from_f64(value / own.deviation);
             let drift = own.drift_per_day / own.deviation;
             Scaled {
                 deviation: T::from_f64(own.deviation),
+                accepted: in_deviations(own.accepted),
+                alarm: in_deviations(own.alarm),
                 drift_per_s: T::from_f64(drift * drift / DAY_S),
                 least: in_deviations(own.least),
                 most: in_deviations(own.most),
                 rate_per_s: in_deviations(own.rate_per_s),
             }
         });
+        let accepted = scaled.map(|own| own.accepted);
         Ok(Self {
             settings: *settings,
             scaled,
@@ -355,12 +364,14 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             if !*changed {
                 continue;
             }
+            let has_alarm = self.has_alarm(n);
             let room = T::ONE - self.filter.variance(n);
             if room > T::ZERO {
                 self.filter.widen(n, room);
             }
             if let Some(at) = self.changed_at.get_mut(n) {
-                *at = self.readings.max(1);
+                // what has changed already goes on counting from then
+                *at = if has_alarm { *at } else { self.readings }.max(1);
             }
         }
         changed
@@ -425,23 +436,32 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         Ok(())
     }
 
-    /// The change since acceptance of which there is least doubt, if it is worth an alarm: by more than its settings say with a
-    /// probability of 0.95, where innovations had one sign or the change is of [`CHANGE`] standard deviations.
-    pub fn alarm(&self) -> Option<Alarm> {
-        let mut worst: Option<Alarm> = None;
-        for (amplitude, ((value, deviation), own)) in
-            self.values().into_iter().zip(&self.settings.amplitudes).enumerate()
-        {
+    /// Of each amplitude its change since acceptance, where it is worth an alarm: by more than its settings say with a probability of
+    /// 0.95, and is of [`CHANGE`] standard deviations, or of 2.58 where innovations had one sign.
+    pub fn alarms(&self) -> [Option<Alarm>; N] {
+        let mut alarms = [None; N];
+        let each = self.values().into_iter().zip(&self.settings.amplitudes).zip(&self.changed_at);
+        for (n, (alarm, (((value, deviation), own), changed_at))) in alarms.iter_mut().zip(each).enumerate() {
+            if !self.has_alarm(n) {
+                continue;
+            }
             let change = value - own.accepted;
             let probability = 0.5 * libm::erfc((own.alarm - change.abs()) / (deviation * core::f64::consts::SQRT_2));
-            let since = self.changed_at.get(amplitude).copied().unwrap_or(0);
-            // either proves that something has changed, as one of 1e7 healthy readings does
-            let is_proven = since > 0 || change.abs() >= CHANGE * deviation;
-            if is_proven && probability >= 0.95 && worst.is_none_or(|worst| probability > worst.probability) {
-                let readings = self.readings.saturating_sub(since);
-                worst = Some(Alarm { amplitude, change, deviation, probability, readings });
-            }
+            // the reading that has shown it is the first
+            let readings = self.readings.saturating_sub((*changed_at).max(1)).saturating_add(1);
+            *alarm = Some(Alarm { change, deviation, probability, readings });
         }
-        worst
+        alarms
+    }
+
+    /// Whether an amplitude's change is proven, and worth an alarm.
+    fn has_alarm(&self, n: usize) -> bool {
+        let (Some(mean), Some(own)) = (self.filter.mean.get(n), self.scaled.get(n)) else { return false };
+        let change = (*mean - own.accepted).abs();
+        let deviation = self.filter.variance(n).sqrt();
+        // innovations of one sign prove that something has changed; that it is this one, its own change
+        let is_found = self.changed_at.get(n).is_some_and(|at| *at > 0);
+        let is_proven = change >= T::from_f64(if is_found { OWN } else { CHANGE }) * deviation;
+        is_proven && change - own.alarm >= T::from_f64(SURE) * deviation
     }
 }

@@ -25,7 +25,7 @@
 //! that explain it, and those that do so nearly as well, count as unknown again, and the next readings tell them apart. Readings that are refused as unexpected count in this sum too, each as
 //! three deviations at most: one spike opens nothing, five of the same sign do.
 //!
-//! **Alarm.** [`Estimator::alarm`] says of an amplitude that it has changed since acceptance by more than its settings allow.
+//! **Alarm.** [`Estimator::alarms`] says of each amplitude whether it has changed since acceptance by more than its settings allow.
 
 mod amplitude;
 mod estimator;

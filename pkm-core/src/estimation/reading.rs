@@ -102,15 +102,13 @@ pub struct Learned<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Alarm {
-    /// Its number, from 0.
-    pub amplitude: usize,
     /// Its change since acceptance, in its unit.
     pub change: f64,
     /// Standard deviation of the change.
     pub deviation: f64,
     /// Probability that the change is of this sign and greater than what is worth an alarm.
     pub probability: f64,
-    /// Readings since it was found, or since the first.
+    /// Readings since it was found, the one that has shown it included; all readings where it came little by little.
     pub readings: u32,
 }
 

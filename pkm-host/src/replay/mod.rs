@@ -29,8 +29,8 @@ pub struct Step {
     pub changed: bool,
     /// Of the amplitudes, after it.
     pub values: Vec<Value>,
-    /// Of which an alarm stands after it, by its number from 0.
-    pub alarm: Option<usize>,
+    /// Alarms that stand after it, each with the number of its amplitude from 0.
+    pub alarms: Vec<(usize, Alarm)>,
 }
 
 /// What came of a log.
@@ -39,14 +39,27 @@ pub struct Replay {
     pub learn: Learn,
     /// Of every reading.
     pub steps: Vec<Step>,
-    /// Each alarm when it was first raised, by the step.
-    pub alarms: Vec<(usize, Alarm)>,
-    /// The one that stands at the end.
-    pub alarm: Option<Alarm>,
     /// A fit of the last [`BATCH`] readings that were taken in; `None` if there was none.
     pub batch: Option<Vec<Value>>,
     /// Where to probe next, if that was asked.
     pub next: Vec<Proposal>,
+}
+
+impl Replay {
+    /// Alarms that stand at the end.
+    pub fn standing(&self) -> &[(usize, Alarm)] {
+        self.steps.last().map_or(&[], |step| &step.alarms)
+    }
+
+    /// Alarms that no reading before had, with the step that has raised each.
+    pub fn raised(&self) -> impl Iterator<Item = (&Step, &(usize, Alarm))> {
+        let mut before: &[(usize, Alarm)] = &[];
+        self.steps.iter().flat_map(move |step| {
+            let had = std::mem::replace(&mut before, &step.alarms);
+            let is_new = move |(n, _): &&(usize, Alarm)| had.iter().all(|(other, _)| other != n);
+            step.alarms.iter().filter(is_new).map(move |alarm| (step, alarm))
+        })
+    }
 }
 
 /// Runs a log through the core's estimator.
@@ -110,8 +123,7 @@ fn with<const N: usize>(
     let amplitudes = learn.amplitudes.as_slice().try_into().map_err(|e| refused(&e))?;
     let settings = EstimatorSettings::<N> { amplitudes, model_share: learn.model_share };
     let mut estimator = Estimator::<f64, N>::new(&settings).map_err(|e| refused(&e))?;
-    let mut replay =
-        Replay { learn, steps: Vec::new(), alarms: Vec::new(), alarm: None, batch: None, next: Vec::new() };
+    let mut replay = Replay { learn, steps: Vec::new(), batch: None, next: Vec::new() };
     for entry in log {
         let Entry { line, touch, readings } = entry;
         let changed_at = estimator.changed_at();
@@ -122,13 +134,8 @@ fn with<const N: usize>(
             outcome: learned.map(|learned| learned.chi_squared / readings.len() as f64),
             changed: estimator.changed_at() != changed_at,
             values: estimator.values().to_vec(),
-            alarm: estimator.alarm().map(|alarm| alarm.amplitude),
+            alarms: (0..).zip(estimator.alarms()).filter_map(|(n, alarm)| Some((n, alarm?))).collect(),
         });
-        let alarm = estimator.alarm();
-        if let Some(new) = alarm.filter(|new| replay.alarm.is_none_or(|old| old.amplitude != new.amplitude)) {
-            replay.alarms.push((replay.steps.len() - 1, new));
-        }
-        replay.alarm = alarm;
     }
     let taken = log.iter().zip(&replay.steps).filter(|(_, step)| step.outcome.is_ok()).map(|(entry, _)| entry);
     let taken: Vec<&Entry> = taken.collect();

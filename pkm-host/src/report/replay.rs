@@ -78,8 +78,8 @@ fn innovations(replay: &Replay) -> Panel {
 }
 
 /// An alarm in words.
-fn said(replay: &Replay, alarm: &Alarm) -> String {
-    let amplitude = replay.learn.amplitudes[alarm.amplitude].amplitude;
+fn said(replay: &Replay, (n, alarm): &(usize, Alarm)) -> String {
+    let amplitude = replay.learn.amplitudes[*n].amplitude;
     let (name, (_, unit, scale)) = (named(amplitude), units(amplitude));
     let direction = if alarm.change > 0.0 { "more" } else { "less" };
     let plural = if alarm.readings == 1 { "" } else { "s" };
@@ -116,10 +116,10 @@ fn findings(replay: &Replay) -> Vec<Finding> {
              than it may learn."
         )));
     }
-    found.push(match &replay.alarm {
-        Some(alarm) => Finding::warning(said(replay, alarm)),
-        None => Finding::good("Nothing that is learned has changed by what is worth an alarm."),
-    });
+    found.extend(replay.standing().iter().map(|alarm| Finding::warning(said(replay, alarm))));
+    if replay.standing().is_empty() {
+        found.push(Finding::good("Nothing that is learned has changed by what is worth an alarm."));
+    }
     let text = format!("{taken} of {all} readings were taken in.");
     found.push(if taken == all { Finding::good(text) } else { Finding::warning(text) });
     let unknown = unknown(replay);
@@ -134,22 +134,23 @@ fn findings(replay: &Replay) -> Vec<Finding> {
 
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
 fn advice(replay: &Replay) -> [Finding; 2] {
-    let sure = match &replay.alarm {
-        Some(alarm) => format!(
-            "the change is {:.0} times its standard deviation; the curves show when it came.",
-            (alarm.change / alarm.deviation).abs()
-        ),
-        None => "what is known of each amplitude stands in the table: a change within its interval would not be seen."
-            .to_owned(),
+    let standing = replay.standing();
+    let sizes: Vec<_> =
+        standing.iter().map(|(_, alarm)| format!("{:.0}", (alarm.change / alarm.deviation).abs())).collect();
+    let names: Vec<_> = standing.iter().map(|(n, _)| named(replay.learn.amplitudes[*n].amplitude)).collect();
+    let sure = if standing.is_empty() {
+        "what is known of each amplitude stands in the table: a change within its interval would not be seen."
+            .to_owned()
+    } else {
+        format!("the change is {} times its standard deviation; the curves show when it came.", sizes.join(" and "))
     };
-    let todo = match &replay.alarm {
-        Some(alarm) => format!(
-            "inspect {}; repair it, or make a new table and accept the machine as it is now.",
-            named(replay.learn.amplitudes[alarm.amplitude].amplitude)
-        ),
-        None if unknown(replay).is_empty() => "nothing; go on touching known loads.".to_owned(),
-        None => "touch the loads that are proposed below: what was touched so far leaves some amplitudes unknown."
-            .to_owned(),
+    let todo = if !standing.is_empty() {
+        let names = names.join(" and ");
+        format!("inspect {names}; repair it, or make a new table and accept the machine as it is now.")
+    } else if unknown(replay).is_empty() {
+        "nothing; go on touching known loads.".to_owned()
+    } else {
+        "touch the loads that are proposed below: what was touched so far leaves some amplitudes unknown.".to_owned()
     };
     [Finding::good(sure).sure(), Finding::good(todo).todo()]
 }
@@ -212,9 +213,8 @@ pub fn next_csv(replay: &Replay) -> String {
 pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> Result<String> {
     let refused: Vec<_> =
         refusals(replay).into_iter().map(|(n, count)| (n.to_owned(), vec![count.to_string()])).collect();
-    let alarms: Vec<_> = (replay.alarms.iter())
-        .map(|(step, alarm)| (format!("line {}", replay.steps[*step].line), vec![said(replay, alarm)]))
-        .collect();
+    let alarms: Vec<_> =
+        replay.raised().map(|(step, alarm)| (format!("line {}", step.line), vec![said(replay, alarm)])).collect();
     let fit = format!("fit of the last {BATCH}, 95 %");
     let body = html! {
         h2 { "What was learned" }
@@ -232,7 +232,7 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
             ))
         }
         @if !refused.is_empty() { (page::table("Readings that were refused. None of them has moved an amplitude.", &["readings"], &refused)) }
-        @if !alarms.is_empty() { (page::table("Alarms, each where it was raised first.", &["alarm"], &alarms)) }
+        @if !alarms.is_empty() { (page::table("Alarms, each where it was raised.", &["alarm"], &alarms)) }
     };
     let title = "What a controller would have learned".to_owned();
     let mut findings = findings(replay);
@@ -261,25 +261,25 @@ pub fn text(replay: &Replay) -> String {
     text
 }
 
-/// What was known after each reading, as CSV: values and deviations in the amplitudes' units, alarms by the amplitude's number from 1.
+/// What was known after each reading, as CSV: values and deviations in the amplitudes' units, alarms by the amplitudes' numbers from 1.
 pub fn steps_csv(replay: &Replay) -> String {
-    let mut header = ["line", TIME_COLUMN, "status", "chi_squared", "changed", "alarm"].map(str::to_owned).to_vec();
+    let mut header = ["line", TIME_COLUMN, "status", "chi_squared", "changed", "alarms"].map(str::to_owned).to_vec();
     let numbers = 1..=replay.learn.amplitudes.len();
     header.extend(numbers.flat_map(|n| [format!("value_{n}"), format!("deviation_{n}")]));
     let rows = replay.steps.iter().map(|step| {
         let status = step.outcome.as_ref().map_or_else(code, |_| "taken");
         let chi_squared = step.outcome.as_ref().map_or(String::new(), f64::to_string);
-        let alarm = step.alarm.map_or(String::new(), |n| (n + 1).to_string());
+        let alarms = step.alarms.iter().map(|(n, _)| (n + 1).to_string()).collect::<Vec<_>>().join(" ");
         let mut row = vec![step.line.to_string(), step.time_s.to_string(), status.to_owned(), chi_squared];
-        row.extend([u8::from(step.changed).to_string(), alarm]);
+        row.extend([u8::from(step.changed).to_string(), alarms]);
         row.extend(step.values.iter().flat_map(|(value, deviation)| [value.to_string(), deviation.to_string()]));
         row
     });
     to_csv(b',', &header, rows)
 }
 
-fn alarm_json(replay: &Replay, alarm: &Alarm) -> Value {
-    let amplitude = replay.learn.amplitudes[alarm.amplitude].amplitude;
+fn alarm_json(replay: &Replay, (n, alarm): &(usize, Alarm)) -> Value {
+    let amplitude = replay.learn.amplitudes[*n].amplitude;
     json!({
         "amplitude": named(amplitude), "unit": units(amplitude).0, "change": alarm.change, "deviation": alarm.deviation,
         "probability": alarm.probability, "readings": alarm.readings,
@@ -304,9 +304,9 @@ pub fn document(replay: &Replay) -> Value {
     let refused: Vec<Value> = (replay.steps.iter())
         .filter_map(|step| Some(json!({ "line": step.line, "code": code(step.outcome.as_ref().err()?) })))
         .collect();
-    let alarms = replay.alarms.iter().map(|(step, alarm)| {
+    let raised = replay.raised().map(|(step, alarm)| {
         let mut alarm = alarm_json(replay, alarm);
-        alarm["line"] = json!(replay.steps[*step].line);
+        alarm["line"] = json!(step.line);
         alarm
     });
     json!({
@@ -314,8 +314,8 @@ pub fn document(replay: &Replay) -> Value {
         "taken": replay.steps.iter().filter(|step| step.outcome.is_ok()).count(),
         "changes_at_lines": replay.steps.iter().filter(|step| step.changed).map(|step| step.line).collect::<Vec<_>>(),
         "amplitudes": amplitudes,
-        "alarm": replay.alarm.as_ref().map(|alarm| alarm_json(replay, alarm)),
-        "alarms": alarms.collect::<Vec<_>>(),
+        "alarms": raised.collect::<Vec<_>>(),
+        "standing": replay.standing().iter().map(|alarm| alarm_json(replay, alarm)).collect::<Vec<_>>(),
         "refused": refused,
         "next": replay.next.iter().map(|p| json!({
             "pose": written_units(&p.pose), "force_n": <[f64; 3]>::from(p.force_n), "variance_left": p.variance_left,

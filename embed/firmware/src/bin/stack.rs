@@ -272,7 +272,7 @@ both_widths! {
     follow(i) i.estimator.try_borrow_mut().map(|mut e| e.follow(1e-3));
     tip_of_estimator(i) i.estimator.try_borrow().map(|e| e.tip(&[i.deflection; 6], i.tip_m));
     values(i) i.estimator.try_borrow().map(|e| e.values());
-    alarm(i) i.estimator.try_borrow().map(|e| e.alarm());
+    alarms(i) i.estimator.try_borrow().map(|e| e.alarms());
     save(i) i.slot.try_borrow_mut().map(|mut s| i.estimator.try_borrow().map(|e| e.save(i.header.machine, 1, &mut s[..])));
     restore(i) i.slot.try_borrow().map(|s| i.estimator.try_borrow_mut().map(|mut e| e.restore(i.header.machine, &s[..])));
     newest_state(i) i.slot.try_borrow().map(|s| newest(6, &s[..], &s[..]));
