@@ -1,6 +1,7 @@
 //! The C library: its header, what its objects ask for, and C programs on this computer and on Cortex-M processors.
 
 pub mod compensator;
+mod estimator;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -121,9 +122,10 @@ pub fn run() -> Outcome {
         run("tests/misuse.c")?;
         let lines = compare(&run("tests/parity.c")?, &host).map_err(at)?;
         let periods = compensator::compare(&run("tests/compensator.c")?, &host).map_err(at)?;
+        let readings = estimator::compare(&run("tests/estimator.c")?, &host).map_err(at)?;
         println!(
-            "{}: no panic, no allocator; misuse is refused; {lines} results and {periods} periods of compensators, every \
-             bit as the host's",
+            "{}: no panic, no allocator; misuse is refused; {lines} results, {periods} periods of compensators and {readings} \
+             readings of estimators, every bit as the host's",
             platform.name
         );
     }
@@ -210,6 +212,16 @@ fn compare(text: &str, host: &Host) -> Result<usize, String> {
         }
     }
     if results < 4000 { Err(format!("the program stopped early: {results} results")) } else { Ok(results) }
+}
+
+/// Holds lines that a program printed against the host's; returns their number.
+fn same_lines(text: &str, expected: &[String]) -> Result<usize, String> {
+    let found: Vec<&str> = text.lines().collect();
+    match expected.iter().zip(&found).find(|(expected, found)| expected != *found) {
+        Some((expected, found)) => Err(format!("{found}\nwhere the host has {expected}")),
+        None if found.len() != expected.len() => Err(format!("{} lines of {}", found.len(), expected.len())),
+        None => Ok(found.len()),
+    }
 }
 
 /// What `parity.c` prints at a pose: name, and numbers unless there is an error.

@@ -8,8 +8,8 @@
  * PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors. GCC and Clang warn when one is ignored.
  * Numbers: functions that end in _f64 compute in double, those in _f32 in float; the same bits on a PC as on a Cortex-M.
  * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
- * interrupts. Input and result may be the same memory. A compensator is state, in memory that the caller gives: it is
- * updated by one caller at a time, and apart from its inputs and results.
+ * interrupts. Input and result may be the same memory. A compensator or an estimator is state, in memory that the caller gives:
+ * it is updated by one caller at a time, and apart from its inputs and results.
  * Stack: the core takes at most 5,632 bytes on a Cortex-M in functions that end in _f64, 3,072 in _f32 (checks/budgets.toml);
  * copies of inputs and result come on top. Time: bounded; a pkm_tool_inverse looks at no more than 64 configurations, two or
  * three along a path, and a pkm_tool_compensated at no more than 16 in all, with four deflections. The floating-point unit must be on before the
@@ -33,6 +33,9 @@
 #else
 #define PKM_MUST_USE
 #endif
+
+// Most amplitudes that an estimator learns.
+#define PKM_AMPLITUDES 8
 
 // Most terms of a table that comes while the program runs: all up to the fourth degree.
 #define PKM_TABLE_TERMS 35
@@ -108,9 +111,9 @@ enum PkmError
   PKM_ERROR_SELF_TEST_STIFFNESS = 67,
   // The five axes do not compute the bits that they should.
   PKM_ERROR_SELF_TEST_FIVE_AXES = 68,
-  // A setting of a compensator is out of its range.
+  // A setting of a compensator or an estimator is out of its range.
   PKM_ERROR_SETTING_OUT_OF_RANGE = 70,
-  // The memory holds no compensator of this version and kind.
+  // The memory holds no compensator or estimator of this version and kind.
   PKM_ERROR_NOT_INITIALISED = 71,
   // The reading of the wrench is NaN or infinite.
   PKM_ERROR_WRENCH_NOT_FINITE = 80,
@@ -122,6 +125,22 @@ enum PkmError
   PKM_ERROR_TEMPERATURE_LOST = 83,
   // The pose is outside the table's box.
   PKM_ERROR_OUTSIDE_BOX = 84,
+  // A reading of the tip has no component, or more than six.
+  PKM_ERROR_READING_COMPONENTS = 90,
+  // A reading of the tip is older than the last one.
+  PKM_ERROR_READING_BACKWARDS = 91,
+  // The load moves the tip by too little for the reading to tell anything.
+  PKM_ERROR_READING_NOT_EXCITED = 92,
+  // The probe has said the same five times in a row.
+  PKM_ERROR_READING_STUCK = 93,
+  // The tip goes against the deflection that its load makes: the sign of probe or load is wrong.
+  PKM_ERROR_READING_WRONG_SIGN = 94,
+  // A reading of the tip is further from what is expected than noise and what is unknown explain.
+  PKM_ERROR_READING_UNEXPECTED = 95,
+  // No saved state is whole.
+  PKM_ERROR_STATE_NOT_WHOLE = 96,
+  // The saved state is that of another machine, or of other amplitudes.
+  PKM_ERROR_OTHER_STATE = 97,
   // An error of the core that has no number here.
   PKM_ERROR_UNKNOWN = 255,
 };
@@ -194,11 +213,64 @@ typedef int32_t PkmOutsideBox;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
+// What an amplitude is of. Its unit is m/N along, rad/(N m) about an axis, and K of the temperature.
+enum PkmAmplitude
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+  // Compliance of limb 1 along its axis: drive, nut, bearings and screw together.
+  PKM_AMPLITUDE_LIMB1 = 1,
+  // The same of limb 2.
+  PKM_AMPLITUDE_LIMB2 = 2,
+  // The same of limb 3.
+  PKM_AMPLITUDE_LIMB3 = 3,
+  // Compliance under the base along x of B.
+  PKM_AMPLITUDE_BASE_X = 10,
+  // Along y.
+  PKM_AMPLITUDE_BASE_Y = 11,
+  // Along z.
+  PKM_AMPLITUDE_BASE_Z = 12,
+  // About x.
+  PKM_AMPLITUDE_BASE_RX = 13,
+  // About y.
+  PKM_AMPLITUDE_BASE_RY = 14,
+  // About z.
+  PKM_AMPLITUDE_BASE_RZ = 15,
+  // Compliance behind A, of spindle, holder and tool, along u.
+  PKM_AMPLITUDE_TOOL_U = 20,
+  // Along v.
+  PKM_AMPLITUDE_TOOL_V = 21,
+  // Along w.
+  PKM_AMPLITUDE_TOOL_W = 22,
+  // About u.
+  PKM_AMPLITUDE_TOOL_RU = 23,
+  // About v.
+  PKM_AMPLITUDE_TOOL_RV = 24,
+  // About w.
+  PKM_AMPLITUDE_TOOL_RW = 25,
+  // How much warmer the machine is than its sensors say.
+  PKM_AMPLITUDE_RISE = 30,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PkmAmplitude PkmAmplitude;
+#else
+typedef int32_t PkmAmplitude;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
 // What a compensator of the three screws keeps from period to period.
 typedef struct PkmCompensator_f32 PkmCompensator_f32;
 
 // What a compensator of the three screws keeps from period to period.
 typedef struct PkmCompensator_f64 PkmCompensator_f64;
+
+// What is in the caller's memory.
+typedef struct PkmEstimator_f32 PkmEstimator_f32;
+
+// What is in the caller's memory.
+typedef struct PkmEstimator_f64 PkmEstimator_f64;
 
 // Room for a table that comes while the program runs.
 typedef struct PkmTableBuffer_f32 PkmTableBuffer_f32;
@@ -572,6 +644,115 @@ typedef struct {
   float beta_rad[2];
 } PkmConfiguration_f32;
 
+// What is known of an amplitude before the first reading, and how it may move.
+typedef struct {
+  // A `PkmAmplitude`.
+  int32_t amplitude;
+  // Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here.
+  double accepted;
+  // Standard deviation of the value before anything is read, above 0.
+  double deviation;
+  // Standard deviation of its drift in a day, at least 0.
+  double drift_per_day;
+  // Least value that physics allows, at most `accepted`.
+  double least;
+  // Greatest value that physics allows, at least `accepted`.
+  double most;
+  // Fastest change of what is used for compensation, above 0, each second.
+  double rate_per_s;
+  // A change by this is worth an alarm, above 0.
+  double alarm;
+} PkmAmplitudeSettings;
+
+// Settings of an estimator; docs/estimation.md says how to choose them.
+typedef struct {
+  // What is learned, none twice; those behind `count` are not looked at.
+  PkmAmplitudeSettings amplitudes[PKM_AMPLITUDES];
+  // How many, 1 to `PKM_AMPLITUDES`.
+  uint32_t count;
+  // Standard deviation of the model's own error as a share of the deflection, 0 to 1.
+  double model_share;
+} PkmEstimatorSettings;
+
+// Which of two slots holds the newest whole state.
+typedef struct {
+  // 0 the first, 1 the second: write the next state to the other one.
+  uint32_t slot;
+  // Its sequence number: the next state gets the one that follows.
+  uint32_t sequence;
+} PkmNewest;
+
+// Where and under which load something is read.
+typedef struct {
+  // When, s since any fixed time: a clock that goes on while the controller is off.
+  uint32_t time_s;
+  // Where the machine stands.
+  PkmPose_f64 pose;
+  // Where the tip is.
+  PkmPoint_f64 tip;
+  // Load on the tip, its moment about the tip, in the axes of A-uvw.
+  PkmWrench_f64 wrench;
+  // How much warmer the machine is than at its zero reading by its sensors; 0 without sensors.
+  double rise_k;
+} PkmTouch_f64;
+
+// One component of what was read.
+typedef struct {
+  // What is read: weights of the tip's translation along and of its rotation about u, v, w. A probe has a unit vector and no
+  // rotation.
+  double direction[6];
+  // What the load moves the tip by, m or rad.
+  double read;
+  // Standard deviation of `read`, above 0.
+  double deviation;
+} PkmTipReading_f64;
+
+// What a reading did.
+typedef struct {
+  // Chi squared of its components before they were taken in: their number, on average.
+  double chi_squared;
+  // Not 0 where an amplitude counts as unknown again from here on, because something has changed.
+  int32_t changed[PKM_AMPLITUDES];
+} PkmLearned_f64;
+
+// Where and under which load the tool of the five axes is read.
+typedef struct {
+  // As `pkm_estimator_learn` takes it.
+  PkmTouch_f64 touch;
+  // Axes x, y, z of B in A-uvw: directions of readings along them, without rotation.
+  double base_axes[3][3];
+} PkmToolTouch_f64;
+
+// What is known of an amplitude, in its unit.
+typedef struct {
+  // Best value.
+  double value;
+  // Its standard deviation.
+  double deviation;
+  // What is used for compensation.
+  double applied;
+  // Not 0: it has changed since acceptance by what is worth an alarm. The rest is 0 without one.
+  int32_t alarm;
+  // Readings since the change was found.
+  uint32_t alarm_readings;
+  // The change since acceptance.
+  double change;
+  // Probability that the change is of this sign and greater than what is worth an alarm.
+  double probability;
+} PkmAmplitudeState;
+
+// What an estimator knows.
+typedef struct {
+  // In the order of the settings; zeros behind their count.
+  PkmAmplitudeState amplitudes[PKM_AMPLITUDES];
+  // Readings that were taken in.
+  uint32_t readings;
+  // Readings in a row that were refused as unexpected: some twenty are a broken sensor, or a machine beyond what it may learn.
+  uint32_t refused;
+  // When the last reading was taken in, s.
+  uint32_t time_s;
+} PkmEstimatorState;
+
 // How well a deflection of the tip is known, and how much of it is compensated for that reason.
 typedef struct {
   // Expanded uncertainty of the tip's translation along u, v, w, coverage 95 % (k = 1.96).
@@ -580,14 +761,6 @@ typedef struct {
   // compensates the whole or nothing takes anything below 1 for nothing.
   double share;
 } PkmKnown_f64;
-
-// A cycle that compensates no more than is known.
-typedef struct {
-  // Its deflection is the whole; `compensated` makes up for the share that is known.
-  PkmCycle_f64 cycle;
-  // How well.
-  PkmKnown_f64 known;
-} PkmKnownCycle_f64;
 
 // What a compensator asks for that compensates no more than is known.
 typedef struct {
@@ -599,6 +772,47 @@ typedef struct {
   int32_t is_known;
 } PkmKnownOffset_f64;
 
+// Where and under which load something is read.
+typedef struct {
+  // When, s since any fixed time: a clock that goes on while the controller is off.
+  uint32_t time_s;
+  // Where the machine stands.
+  PkmPose_f32 pose;
+  // Where the tip is.
+  PkmPoint_f32 tip;
+  // Load on the tip, its moment about the tip, in the axes of A-uvw.
+  PkmWrench_f32 wrench;
+  // How much warmer the machine is than at its zero reading by its sensors; 0 without sensors.
+  float rise_k;
+} PkmTouch_f32;
+
+// One component of what was read.
+typedef struct {
+  // What is read: weights of the tip's translation along and of its rotation about u, v, w. A probe has a unit vector and no
+  // rotation.
+  float direction[6];
+  // What the load moves the tip by, m or rad.
+  float read;
+  // Standard deviation of `read`, above 0.
+  float deviation;
+} PkmTipReading_f32;
+
+// What a reading did.
+typedef struct {
+  // Chi squared of its components before they were taken in: their number, on average.
+  float chi_squared;
+  // Not 0 where an amplitude counts as unknown again from here on, because something has changed.
+  int32_t changed[PKM_AMPLITUDES];
+} PkmLearned_f32;
+
+// Where and under which load the tool of the five axes is read.
+typedef struct {
+  // As `pkm_estimator_learn` takes it.
+  PkmTouch_f32 touch;
+  // Axes x, y, z of B in A-uvw: directions of readings along them, without rotation.
+  float base_axes[3][3];
+} PkmToolTouch_f32;
+
 // How well a deflection of the tip is known, and how much of it is compensated for that reason.
 typedef struct {
   // Expanded uncertainty of the tip's translation along u, v, w, coverage 95 % (k = 1.96).
@@ -607,14 +821,6 @@ typedef struct {
   // compensates the whole or nothing takes anything below 1 for nothing.
   float share;
 } PkmKnown_f32;
-
-// A cycle that compensates no more than is known.
-typedef struct {
-  // Its deflection is the whole; `compensated` makes up for the share that is known.
-  PkmCycle_f32 cycle;
-  // How well.
-  PkmKnown_f32 known;
-} PkmKnownCycle_f32;
 
 // What a compensator asks for that compensates no more than is known.
 typedef struct {
@@ -625,6 +831,22 @@ typedef struct {
   // Not 0: there is a deflection in this period. 0 when not enabled, outside the box, and with a fault of the model.
   int32_t is_known;
 } PkmKnownOffset_f32;
+
+// A cycle that compensates no more than is known.
+typedef struct {
+  // Its deflection is the whole; `compensated` makes up for the share that is known.
+  PkmCycle_f64 cycle;
+  // How well.
+  PkmKnown_f64 known;
+} PkmKnownCycle_f64;
+
+// A cycle that compensates no more than is known.
+typedef struct {
+  // Its deflection is the whole; `compensated` makes up for the share that is known.
+  PkmCycle_f32 cycle;
+  // How well.
+  PkmKnown_f32 known;
+} PkmKnownCycle_f32;
 
 // What is said of a table before its numbers.
 typedef struct {
@@ -1258,6 +1480,221 @@ PkmError pkm_tool_compensator_update_f32(PkmToolCompensator_f32 *compensator,
 
 // What a number of `PkmError` means, in English; never null, also for a number that is none.
 const char *pkm_error_text(int32_t error);
+
+// Name of the first setting of an estimator that is out of its range; null when all are within, or when there are none. The number
+// of its amplitude, from 1, goes to `amplitude` unless that is null: 0 of a setting that is none's.
+const char *pkm_estimator_setting_out_of_range(const PkmEstimatorSettings *settings,
+                                               size_t settings_size,
+                                               uint32_t *amplitude);
+
+// Bytes of the saved state of so many amplitudes; the same of both number types.
+size_t pkm_estimator_state_bytes(uint32_t count);
+
+// Which of two slots, of `size` bytes each, holds the newest whole state of so many amplitudes.
+//
+// Errors: STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
+PKM_MUST_USE
+PkmError pkm_estimator_newest(uint32_t count,
+                              const uint8_t *first,
+                              const uint8_t *second,
+                              size_t size,
+                              PkmNewest *found);
+
+// Bytes that an estimator takes.
+size_t pkm_estimator_size_f64(void);
+
+// An estimator's address is a multiple of this.
+size_t pkm_estimator_align_f64(void);
+
+// Makes an estimator that has read nothing in memory of the caller: of at least as many bytes, `size`, and of the alignment
+// that the functions above say; `settings_size` is `sizeof *settings`. It holds no pointer, and may be copied.
+//
+// Errors: WRONG_SIZE, SETTING_OUT_OF_RANGE: `pkm_estimator_setting_out_of_range` names it.
+PKM_MUST_USE
+PkmError pkm_estimator_init_f64(PkmEstimator_f64 *estimator,
+                                size_t size,
+                                const PkmEstimatorSettings *settings,
+                                size_t settings_size);
+
+// Takes a reading of one to six components in. `machine` is at its temperature. It takes about as long as a cycle. On an
+// error no amplitude has moved.
+//
+// Errors: NOT_INITIALISED, those of `pkm_corrected_stiffness`, NOT_FINITE (also of a deviation that is not above 0),
+// READING_COMPONENTS, READING_BACKWARDS, READING_NOT_EXCITED, READING_STUCK, READING_WRONG_SIGN, READING_UNEXPECTED.
+PKM_MUST_USE
+PkmError pkm_estimator_learn_f64(PkmEstimator_f64 *estimator,
+                                 const PkmMachine_f64 *machine,
+                                 const PkmTable_f64 *table,
+                                 const PkmTouch_f64 *touch,
+                                 const PkmTipReading_f64 *readings,
+                                 size_t count,
+                                 PkmLearned_f64 *learned);
+
+// Where and under which load the tool of the five axes is read: `wrench` is on the tool at its tip, in the tool's own axes, as a
+// reading of a compensator has it; time and rise are as in a `PkmTouch`.
+//
+// Errors: those of `pkm_tool_forward`.
+PKM_MUST_USE
+PkmError pkm_tool_touch_f64(const PkmMachine_f64 *machine,
+                            const PkmWrist_f64 *wrist,
+                            const PkmConfiguration_f64 *configuration,
+                            const PkmWrench_f64 *wrench,
+                            uint32_t time_s,
+                            double rise_k,
+                            PkmToolTouch_f64 *touch);
+
+// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+//
+// Errors: NOT_INITIALISED, NOT_FINITE.
+PKM_MUST_USE PkmError pkm_estimator_follow_f64(PkmEstimator_f64 *estimator, double period_s);
+
+// What it knows, and alarms. `size` is the room for it: `sizeof *state`.
+//
+// Errors: WRONG_SIZE, NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_estimator_state_f64(const PkmEstimator_f64 *estimator, PkmEstimatorState *state, size_t size);
+
+// Writes what it knows into a slot of `size` bytes, at least `pkm_estimator_state_bytes`. A controller keeps two slots in
+// memory that stays and writes over the older one, as `pkm_estimator_newest` says: a cut at any byte leaves the newer.
+// `sequence` is one more than that of the last save. Nothing is written on an error.
+//
+// Errors: NOT_INITIALISED, WRONG_SIZE.
+PKM_MUST_USE
+PkmError pkm_estimator_save_f64(const PkmEstimator_f64 *estimator,
+                                uint32_t sequence,
+                                uint8_t *slot,
+                                size_t size);
+
+// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed.
+//
+// Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
+PKM_MUST_USE PkmError pkm_estimator_restore_f64(PkmEstimator_f64 *estimator, const uint8_t *slot, size_t size);
+
+// `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
+// compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_compensator_update_learned_f64(PkmCompensator_f64 *compensator,
+                                            const PkmMachine_f64 *machine,
+                                            const PkmTable_f64 *table,
+                                            const PkmTableUncertainty_f64 *uncertainty,
+                                            const PkmEstimator_f64 *estimator,
+                                            const PkmPose_f64 *pose,
+                                            const PkmPoint_f64 *tip,
+                                            const PkmReading_f64 *reading,
+                                            PkmKnownOffset_f64 *offset);
+
+// The same for all five axes: `pkm_tool_compensator_update` with what was learned.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_update_learned_f64(PkmToolCompensator_f64 *compensator,
+                                                 const PkmMachine_f64 *machine,
+                                                 const PkmTable_f64 *table,
+                                                 const PkmTableUncertainty_f64 *uncertainty,
+                                                 const PkmEstimator_f64 *estimator,
+                                                 const PkmWrist_f64 *wrist,
+                                                 const PkmConfiguration_f64 *configuration,
+                                                 const PkmReading_f64 *reading,
+                                                 PkmKnownOffset_f64 *offset);
+
+// Bytes that an estimator takes.
+size_t pkm_estimator_size_f32(void);
+
+// An estimator's address is a multiple of this.
+size_t pkm_estimator_align_f32(void);
+
+// Makes an estimator that has read nothing in memory of the caller: of at least as many bytes, `size`, and of the alignment
+// that the functions above say; `settings_size` is `sizeof *settings`. It holds no pointer, and may be copied.
+//
+// Errors: WRONG_SIZE, SETTING_OUT_OF_RANGE: `pkm_estimator_setting_out_of_range` names it.
+PKM_MUST_USE
+PkmError pkm_estimator_init_f32(PkmEstimator_f32 *estimator,
+                                size_t size,
+                                const PkmEstimatorSettings *settings,
+                                size_t settings_size);
+
+// Takes a reading of one to six components in. `machine` is at its temperature. It takes about as long as a cycle. On an
+// error no amplitude has moved.
+//
+// Errors: NOT_INITIALISED, those of `pkm_corrected_stiffness`, NOT_FINITE (also of a deviation that is not above 0),
+// READING_COMPONENTS, READING_BACKWARDS, READING_NOT_EXCITED, READING_STUCK, READING_WRONG_SIGN, READING_UNEXPECTED.
+PKM_MUST_USE
+PkmError pkm_estimator_learn_f32(PkmEstimator_f32 *estimator,
+                                 const PkmMachine_f32 *machine,
+                                 const PkmTable_f32 *table,
+                                 const PkmTouch_f32 *touch,
+                                 const PkmTipReading_f32 *readings,
+                                 size_t count,
+                                 PkmLearned_f32 *learned);
+
+// Where and under which load the tool of the five axes is read: `wrench` is on the tool at its tip, in the tool's own axes, as a
+// reading of a compensator has it; time and rise are as in a `PkmTouch`.
+//
+// Errors: those of `pkm_tool_forward`.
+PKM_MUST_USE
+PkmError pkm_tool_touch_f32(const PkmMachine_f32 *machine,
+                            const PkmWrist_f32 *wrist,
+                            const PkmConfiguration_f32 *configuration,
+                            const PkmWrench_f32 *wrench,
+                            uint32_t time_s,
+                            float rise_k,
+                            PkmToolTouch_f32 *touch);
+
+// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+//
+// Errors: NOT_INITIALISED, NOT_FINITE.
+PKM_MUST_USE PkmError pkm_estimator_follow_f32(PkmEstimator_f32 *estimator, float period_s);
+
+// What it knows, and alarms. `size` is the room for it: `sizeof *state`.
+//
+// Errors: WRONG_SIZE, NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_estimator_state_f32(const PkmEstimator_f32 *estimator, PkmEstimatorState *state, size_t size);
+
+// Writes what it knows into a slot of `size` bytes, at least `pkm_estimator_state_bytes`. A controller keeps two slots in
+// memory that stays and writes over the older one, as `pkm_estimator_newest` says: a cut at any byte leaves the newer.
+// `sequence` is one more than that of the last save. Nothing is written on an error.
+//
+// Errors: NOT_INITIALISED, WRONG_SIZE.
+PKM_MUST_USE
+PkmError pkm_estimator_save_f32(const PkmEstimator_f32 *estimator,
+                                uint32_t sequence,
+                                uint8_t *slot,
+                                size_t size);
+
+// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed.
+//
+// Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
+PKM_MUST_USE PkmError pkm_estimator_restore_f32(PkmEstimator_f32 *estimator, const uint8_t *slot, size_t size);
+
+// `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
+// compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_compensator_update_learned_f32(PkmCompensator_f32 *compensator,
+                                            const PkmMachine_f32 *machine,
+                                            const PkmTable_f32 *table,
+                                            const PkmTableUncertainty_f32 *uncertainty,
+                                            const PkmEstimator_f32 *estimator,
+                                            const PkmPose_f32 *pose,
+                                            const PkmPoint_f32 *tip,
+                                            const PkmReading_f32 *reading,
+                                            PkmKnownOffset_f32 *offset);
+
+// The same for all five axes: `pkm_tool_compensator_update` with what was learned.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_update_learned_f32(PkmToolCompensator_f32 *compensator,
+                                                 const PkmMachine_f32 *machine,
+                                                 const PkmTable_f32 *table,
+                                                 const PkmTableUncertainty_f32 *uncertainty,
+                                                 const PkmEstimator_f32 *estimator,
+                                                 const PkmWrist_f32 *wrist,
+                                                 const PkmConfiguration_f32 *configuration,
+                                                 const PkmReading_f32 *reading,
+                                                 PkmKnownOffset_f32 *offset);
 
 // Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
 const char *pkm_version(void);

@@ -76,9 +76,9 @@ pub enum PkmError {
     SelfTestStiffness = 67,
     /// The five axes do not compute the bits that they should.
     SelfTestFiveAxes = 68,
-    /// A setting of a compensator is out of its range.
+    /// A setting of a compensator or an estimator is out of its range.
     SettingOutOfRange = 70,
-    /// The memory holds no compensator of this version and kind.
+    /// The memory holds no compensator or estimator of this version and kind.
     NotInitialised = 71,
     /// The reading of the wrench is NaN or infinite.
     WrenchNotFinite = 80,
@@ -90,6 +90,22 @@ pub enum PkmError {
     TemperatureLost = 83,
     /// The pose is outside the table's box.
     OutsideBox = 84,
+    /// A reading of the tip has no component, or more than six.
+    ReadingComponents = 90,
+    /// A reading of the tip is older than the last one.
+    ReadingBackwards = 91,
+    /// The load moves the tip by too little for the reading to tell anything.
+    ReadingNotExcited = 92,
+    /// The probe has said the same five times in a row.
+    ReadingStuck = 93,
+    /// The tip goes against the deflection that its load makes: the sign of probe or load is wrong.
+    ReadingWrongSign = 94,
+    /// A reading of the tip is further from what is expected than noise and what is unknown explain.
+    ReadingUnexpected = 95,
+    /// No saved state is whole.
+    StateNotWhole = 96,
+    /// The saved state is that of another machine, or of other amplitudes.
+    OtherState = 97,
     /// An error of the core that has no number here.
     Unknown = 255,
 }
@@ -129,13 +145,21 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         66 => c"the self-test of the kinematics has other bits",
         67 => c"the self-test of stiffness and compensation has other bits",
         68 => c"the self-test of the five axes has other bits",
-        70 => c"a setting of the compensator is out of its range",
-        71 => c"the memory holds no compensator of this version and kind",
+        70 => c"a setting is out of its range",
+        71 => c"the memory holds no compensator or estimator of this version and kind",
         80 => c"the reading of the wrench is not finite",
         81 => c"the reading of the wrench is beyond its greatest",
         82 => c"the reading of the wrench is stuck",
         83 => c"a temperature is lost",
         84 => c"the pose is outside the table's box",
+        90 => c"a reading of the tip has one to six components",
+        91 => c"the reading of the tip is older than the last one",
+        92 => c"the load is too small for the reading of the tip to tell anything",
+        93 => c"the probe says the same over and over",
+        94 => c"the tip goes against its load: the sign of the probe or of the load is wrong",
+        95 => c"the reading of the tip is too far from what is expected",
+        96 => c"no saved state is whole",
+        97 => c"the saved state is that of another machine or of other amplitudes",
         _ => c"unknown error",
     };
     text.as_ptr()

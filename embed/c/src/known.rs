@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// How far a table may be off, as the fit has found it.
-pub struct PkmTableUncertainty<T>(TableUncertainty<T>);
+pub struct PkmTableUncertainty<T>(pub(crate) TableUncertainty<T>);
 
 /// How well a deflection of the tip is known, and how much of it is compensated for that reason.
 #[repr(C)]
@@ -55,7 +55,7 @@ impl<T: Scalar> PkmKnown<T> {
 }
 
 impl<T: Scalar> PkmKnownOffset<T> {
-    fn of(offset: PkmOffset<T>, known: Option<Known<T>>) -> Self {
+    pub(crate) fn of(offset: PkmOffset<T>, known: Option<Known<T>>) -> Self {
         let nothing = PkmKnown { u95_m: [T::ZERO; 3], share: T::ZERO };
         let is_known = i32::from(known.is_some());
         Self { offset, known: known.map_or(nothing, |known| PkmKnown::of(known.uncertainty, known.share)), is_known }

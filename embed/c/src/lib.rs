@@ -13,6 +13,7 @@
 
 mod compensator;
 mod error;
+mod estimator;
 mod identity;
 mod known;
 mod pointers;
@@ -22,6 +23,7 @@ mod types;
 
 pub use compensator::*;
 pub use error::{PkmError, pkm_error_text};
+pub use estimator::*;
 pub use identity::*;
 pub use known::*;
 pub use table::*;

@@ -28,6 +28,7 @@ mod frame;
 mod inverse;
 mod rates;
 mod state;
+mod touch;
 
 pub use deflection::{COMPENSATED_TO, MAX_COMPENSATION_ITERATIONS, MAX_DEFLECTIONS};
 pub use error::{ToolDeflectionError, ToolError};

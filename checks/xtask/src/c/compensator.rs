@@ -17,11 +17,11 @@ const SETTINGS: CompensatorSettings = CompensatorSettings {
 };
 
 /// The program's random numbers.
-struct Random(u32);
+pub struct Random(pub u32);
 
 impl Random {
     /// From `from` to below `below`.
-    fn next(&mut self, from: i32, below: i32) -> i32 {
+    pub fn next(&mut self, from: i32, below: i32) -> i32 {
         self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         from + ((self.0 >> 8) % (below - from).unsigned_abs()) as i32
     }
@@ -135,11 +135,6 @@ fn both_kinds<T: Scalar>(
 /// Holds what the program printed against the host; returns the number of periods that are the same bits.
 pub fn compare(text: &str, host: &Host) -> Result<usize, String> {
     let (double, single) = host.both(|m, t| both_kinds("f64", m, t), |m, t| both_kinds("f32", m, t))?;
-    let expected = [double?, single?].concat();
-    let found: Vec<&str> = text.lines().collect();
-    match expected.iter().zip(&found).find(|(expected, found)| expected != *found) {
-        Some((expected, found)) => Err(format!("{found}\nwhere the host has {expected}")),
-        None if found.len() != expected.len() => Err(format!("{} lines of {}", found.len(), expected.len())),
-        None => Ok(4 * PERIODS as usize),
-    }
+    super::same_lines(text, &[double?, single?].concat())?;
+    Ok(4 * PERIODS as usize)
 }

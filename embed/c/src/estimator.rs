@@ -1,0 +1,718 @@
+//! The core's estimator, what a machine learns while it works, in memory of the caller.
+
+use core::ffi::{CStr, c_char};
+use core::{ptr, slice};
+
+use pkm_core::checksum::{START, over_text};
+use pkm_core::effects::{Motion, Place};
+use pkm_core::estimation::{
+    self, Amplitude, AmplitudeSettings, Estimator, EstimatorSettings, EstimatorSettingsError, Learned, MAX_AMPLITUDES,
+    Refusal, Slot, StateError, TipReading, Touch, newest, state_bytes,
+};
+use pkm_core::nalgebra::Vector6;
+use pkm_core::{FiveAxis, Scalar};
+
+use crate::pointers::{answer, given, taken};
+use crate::{
+    PkmCompensator, PkmConfiguration, PkmError, PkmKnownOffset, PkmMachine, PkmOffset, PkmPoint, PkmPose, PkmReading,
+    PkmTable, PkmTableUncertainty, PkmToolCompensator, PkmWrench, PkmWrist, pkm_machine_checksum,
+};
+
+/// Most amplitudes that an estimator learns.
+pub const PKM_AMPLITUDES: usize = 8;
+const _: () = assert!(PKM_AMPLITUDES == MAX_AMPLITUDES, "another number of amplitudes than the core's");
+
+/// What an amplitude is of. Its unit is m/N along, rad/(N m) about an axis, and K of the temperature.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PkmAmplitude {
+    /// Compliance of limb 1 along its axis: drive, nut, bearings and screw together.
+    Limb1 = 1,
+    /// The same of limb 2.
+    Limb2 = 2,
+    /// The same of limb 3.
+    Limb3 = 3,
+    /// Compliance under the base along x of B.
+    BaseX = 10,
+    /// Along y.
+    BaseY = 11,
+    /// Along z.
+    BaseZ = 12,
+    /// About x.
+    BaseRx = 13,
+    /// About y.
+    BaseRy = 14,
+    /// About z.
+    BaseRz = 15,
+    /// Compliance behind A, of spindle, holder and tool, along u.
+    ToolU = 20,
+    /// Along v.
+    ToolV = 21,
+    /// Along w.
+    ToolW = 22,
+    /// About u.
+    ToolRu = 23,
+    /// About v.
+    ToolRv = 24,
+    /// About w.
+    ToolRw = 25,
+    /// How much warmer the machine is than its sensors say.
+    Rise = 30,
+}
+
+/// What is known of an amplitude before the first reading, and how it may move.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmAmplitudeSettings {
+    /// A `PkmAmplitude`.
+    pub amplitude: i32,
+    /// Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here.
+    pub accepted: f64,
+    /// Standard deviation of the value before anything is read, above 0.
+    pub deviation: f64,
+    /// Standard deviation of its drift in a day, at least 0.
+    pub drift_per_day: f64,
+    /// Least value that physics allows, at most `accepted`.
+    pub least: f64,
+    /// Greatest value that physics allows, at least `accepted`.
+    pub most: f64,
+    /// Fastest change of what is used for compensation, above 0, each second.
+    pub rate_per_s: f64,
+    /// A change by this is worth an alarm, above 0.
+    pub alarm: f64,
+}
+
+/// Settings of an estimator; docs/estimation.md says how to choose them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmEstimatorSettings {
+    /// What is learned, none twice; those behind `count` are not looked at.
+    pub amplitudes: [PkmAmplitudeSettings; PKM_AMPLITUDES],
+    /// How many, 1 to `PKM_AMPLITUDES`.
+    pub count: u32,
+    /// Standard deviation of the model's own error as a share of the deflection, 0 to 1.
+    pub model_share: f64,
+}
+
+/// Where and under which load something is read.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmTouch<T> {
+    /// When, s since any fixed time: a clock that goes on while the controller is off.
+    pub time_s: u32,
+    /// Where the machine stands.
+    pub pose: PkmPose<T>,
+    /// Where the tip is.
+    pub tip: PkmPoint<T>,
+    /// Load on the tip, its moment about the tip, in the axes of A-uvw.
+    pub wrench: PkmWrench<T>,
+    /// How much warmer the machine is than at its zero reading by its sensors; 0 without sensors.
+    pub rise_k: T,
+}
+
+/// Where and under which load the tool of the five axes is read.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmToolTouch<T> {
+    /// As `pkm_estimator_learn` takes it.
+    pub touch: PkmTouch<T>,
+    /// Axes x, y, z of B in A-uvw: directions of readings along them, without rotation.
+    pub base_axes: [[T; 3]; 3],
+}
+
+/// One component of what was read.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmTipReading<T> {
+    /// What is read: weights of the tip's translation along and of its rotation about u, v, w. A probe has a unit vector and no
+    /// rotation.
+    pub direction: [T; 6],
+    /// What the load moves the tip by, m or rad.
+    pub read: T,
+    /// Standard deviation of `read`, above 0.
+    pub deviation: T,
+}
+
+/// What a reading did.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmLearned<T> {
+    /// Chi squared of its components before they were taken in: their number, on average.
+    pub chi_squared: T,
+    /// Not 0 where an amplitude counts as unknown again from here on, because something has changed.
+    pub changed: [i32; PKM_AMPLITUDES],
+}
+
+/// What is known of an amplitude, in its unit.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmAmplitudeState {
+    /// Best value.
+    pub value: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+    /// What is used for compensation.
+    pub applied: f64,
+    /// Not 0: it has changed since acceptance by what is worth an alarm. The rest is 0 without one.
+    pub alarm: i32,
+    /// Readings since the change was found.
+    pub alarm_readings: u32,
+    /// The change since acceptance.
+    pub change: f64,
+    /// Probability that the change is of this sign and greater than what is worth an alarm.
+    pub probability: f64,
+}
+
+/// What an estimator knows.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PkmEstimatorState {
+    /// In the order of the settings; zeros behind their count.
+    pub amplitudes: [PkmAmplitudeState; PKM_AMPLITUDES],
+    /// Readings that were taken in.
+    pub readings: u32,
+    /// Readings in a row that were refused as unexpected: some twenty are a broken sensor, or a machine beyond what it may learn.
+    pub refused: u32,
+    /// When the last reading was taken in, s.
+    pub time_s: u32,
+}
+
+/// Which of two slots holds the newest whole state.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PkmNewest {
+    /// 0 the first, 1 the second: write the next state to the other one.
+    pub slot: u32,
+    /// Its sequence number: the next state gets the one that follows.
+    pub sequence: u32,
+}
+
+/// An estimator of any number of amplitudes.
+macro_rules! any {
+    ($($name:ident $n:literal),*) => {
+        #[allow(clippy::large_enum_variant)] // the memory is of the largest
+        enum Any<T> { $($name(Estimator<T, $n>)),* }
+
+        impl<T: Scalar> Any<T> {
+            fn new(settings: &PkmEstimatorSettings) -> Result<Self, EstimatorSettingsError> {
+                match settings.count {
+                    $($n => Ok(Self::$name(Estimator::new(&settings.core::<$n>()?)?)),)*
+                    _ => Err(EstimatorSettingsError::Count),
+                }
+            }
+        }
+
+        /// The same for each number of amplitudes.
+        macro_rules! each {
+            ($any:expr, $estimator:ident => $do:expr) => {
+                match $any { $(Any::$name($estimator) => $do),* }
+            };
+        }
+    };
+}
+any! { One 1, Two 2, Three 3, Four 4, Five 5, Six 6, Seven 7, Eight 8 }
+
+/// What is in the caller's memory.
+pub struct PkmEstimator<T> {
+    /// Tells an estimator of this version and kind from other memory.
+    tag: u64,
+    any: Any<T>,
+}
+
+impl<T: Scalar> PkmEstimator<T> {
+    const TAG: u64 = over_text(START ^ size_of::<Self>() as u64, concat!("estimator ", env!("CARGO_PKG_VERSION")));
+
+    fn new(settings: &PkmEstimatorSettings) -> Result<Self, PkmError> {
+        Ok(Self { tag: Self::TAG, any: Any::new(settings)? })
+    }
+
+    fn running(&self) -> Result<&Any<T>, PkmError> {
+        if self.tag == Self::TAG { Ok(&self.any) } else { Err(PkmError::NotInitialised) }
+    }
+
+    fn running_mut(&mut self) -> Result<&mut Any<T>, PkmError> {
+        if self.tag == Self::TAG { Ok(&mut self.any) } else { Err(PkmError::NotInitialised) }
+    }
+}
+
+/// Of the numbers of [`PkmAmplitude`].
+fn amplitude(number: i32) -> Option<Amplitude> {
+    use Motion::{Axial, Ru, Rv, Rw, Rx, Ry, Rz, U, V, W, X, Y, Z};
+    let (place, motion) = match number {
+        1 => (Place::Body { limb: 1 }, Axial),
+        2 => (Place::Body { limb: 2 }, Axial),
+        3 => (Place::Body { limb: 3 }, Axial),
+        10 => (Place::Base, X),
+        11 => (Place::Base, Y),
+        12 => (Place::Base, Z),
+        13 => (Place::Base, Rx),
+        14 => (Place::Base, Ry),
+        15 => (Place::Base, Rz),
+        20 => (Place::Tool, U),
+        21 => (Place::Tool, V),
+        22 => (Place::Tool, W),
+        23 => (Place::Tool, Ru),
+        24 => (Place::Tool, Rv),
+        25 => (Place::Tool, Rw),
+        30 => return Some(Amplitude::RISE),
+        _ => return None,
+    };
+    Amplitude::compliance(place, motion)
+}
+
+impl PkmEstimatorSettings {
+    fn core<const N: usize>(&self) -> Result<EstimatorSettings<N>, EstimatorSettingsError> {
+        let unknown = AmplitudeSettings {
+            amplitude: Amplitude::RISE,
+            accepted: 0.0,
+            deviation: 0.0,
+            drift_per_day: 0.0,
+            least: 0.0,
+            most: 0.0,
+            rate_per_s: 0.0,
+            alarm: 0.0,
+        };
+        let mut amplitudes = [unknown; N];
+        for (number, (to, own)) in (1..).zip(amplitudes.iter_mut().zip(&self.amplitudes)) {
+            let Some(amplitude) = amplitude(own.amplitude) else {
+                return Err(EstimatorSettingsError::Amplitude { amplitude: number, setting: "amplitude" });
+            };
+            *to = AmplitudeSettings {
+                amplitude,
+                accepted: own.accepted,
+                deviation: own.deviation,
+                drift_per_day: own.drift_per_day,
+                least: own.least,
+                most: own.most,
+                rate_per_s: own.rate_per_s,
+                alarm: own.alarm,
+            };
+        }
+        Ok(EstimatorSettings { amplitudes, model_share: self.model_share })
+    }
+}
+
+impl<T: Scalar> PkmTouch<T> {
+    fn core(&self) -> Touch<T> {
+        Touch {
+            time_s: self.time_s,
+            pose: self.pose.core(),
+            tip_m: self.tip.uvw_m.into(),
+            wrench: self.wrench.core(),
+            rise_k: self.rise_k,
+        }
+    }
+}
+
+impl<T: Scalar> From<Touch<T>> for PkmTouch<T> {
+    fn from(Touch { time_s, pose, tip_m, wrench, rise_k }: Touch<T>) -> Self {
+        let wrench = PkmWrench { force_n: wrench.force_n.into(), moment_nm: wrench.moment_nm.into() };
+        Self { time_s, pose: pose.into(), tip: PkmPoint { uvw_m: tip_m.into() }, wrench, rise_k }
+    }
+}
+
+impl<T: Scalar> PkmTipReading<T> {
+    fn core(&self) -> TipReading<T> {
+        TipReading { direction: Vector6::from(self.direction), read: self.read, deviation: self.deviation }
+    }
+}
+
+impl<T: Scalar> From<Learned<T>> for PkmLearned<T> {
+    fn from(Learned { chi_squared, changed }: Learned<T>) -> Self {
+        Self { chi_squared, changed: changed.map(i32::from) }
+    }
+}
+
+impl PkmEstimatorState {
+    fn of<T: Scalar, const N: usize>(estimator: &Estimator<T, N>) -> Self {
+        let nothing = PkmAmplitudeState {
+            value: 0.0,
+            deviation: 0.0,
+            applied: 0.0,
+            alarm: 0,
+            alarm_readings: 0,
+            change: 0.0,
+            probability: 0.0,
+        };
+        let mut amplitudes = [nothing; PKM_AMPLITUDES];
+        let known = estimator.values().into_iter().zip(estimator.applied()).zip(estimator.alarms());
+        for (to, (((value, deviation), applied), alarm)) in amplitudes.iter_mut().zip(known) {
+            *to = PkmAmplitudeState { value, deviation, applied, ..nothing };
+            if let Some(estimation::Alarm { change, probability, readings, .. }) = alarm {
+                *to = PkmAmplitudeState { alarm: 1, alarm_readings: readings, change, probability, ..*to };
+            }
+        }
+        let (readings, refused, time_s) = (estimator.readings(), estimator.refused(), estimator.time_s());
+        Self { amplitudes, readings, refused, time_s }
+    }
+}
+
+impl From<EstimatorSettingsError> for PkmError {
+    fn from(_: EstimatorSettingsError) -> Self {
+        Self::SettingOutOfRange
+    }
+}
+
+impl From<Refusal> for PkmError {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::NotFinite => Self::NotFinite,
+            Refusal::Components => Self::ReadingComponents,
+            Refusal::Backwards => Self::ReadingBackwards,
+            Refusal::NotExcited => Self::ReadingNotExcited,
+            Refusal::Stuck => Self::ReadingStuck,
+            Refusal::WrongSign => Self::ReadingWrongSign,
+            Refusal::Unexpected => Self::ReadingUnexpected,
+            Refusal::Model(e) => e.into(),
+            _ => Self::Unknown,
+        }
+    }
+}
+
+impl From<StateError> for PkmError {
+    fn from(error: StateError) -> Self {
+        match error {
+            StateError::NotWhole => Self::StateNotWhole,
+            StateError::Other => Self::OtherState,
+            StateError::TooShort => Self::WrongSize,
+            _ => Self::Unknown,
+        }
+    }
+}
+
+/// Name of the first setting of an estimator that is out of its range; null when all are within, or when there are none. The number
+/// of its amplitude, from 1, goes to `amplitude` unless that is null: 0 of a setting that is none's.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn pkm_estimator_setting_out_of_range(
+    settings: *const PkmEstimatorSettings,
+    settings_size: usize,
+    amplitude: *mut u32,
+) -> *const c_char {
+    if settings_size != size_of::<PkmEstimatorSettings>() {
+        return ptr::null();
+    }
+    // SAFETY: the caller's promise
+    let Ok(settings) = (unsafe { given(settings) }) else { return ptr::null() };
+    let Err(error) = Any::<f64>::new(settings) else { return ptr::null() };
+    let (number, name): (u8, &'static CStr) = match error {
+        EstimatorSettingsError::Count => (0, c"count"),
+        EstimatorSettingsError::ModelShare => (0, c"model_share"),
+        EstimatorSettingsError::Twice { amplitude } => (amplitude, c"amplitude"),
+        EstimatorSettingsError::Amplitude { amplitude, setting } => {
+            let name = match setting {
+                "accepted" => c"accepted",
+                "deviation" => c"deviation",
+                "drift_per_day" => c"drift_per_day",
+                "least" => c"least",
+                "most" => c"most",
+                "rate_per_s" => c"rate_per_s",
+                "alarm" => c"alarm",
+                _ => c"amplitude",
+            };
+            (amplitude, name)
+        }
+        _ => (0, c"settings"),
+    };
+    // SAFETY: the caller's promise
+    if let Ok(to) = unsafe { taken(amplitude) } {
+        *to = number.into();
+    }
+    name.as_ptr()
+}
+
+/// Bytes of the saved state of so many amplitudes; the same of both number types.
+#[unsafe(no_mangle)]
+pub extern "C" fn pkm_estimator_state_bytes(count: u32) -> usize {
+    state_bytes((count as usize).min(PKM_AMPLITUDES))
+}
+
+/// Which of two slots, of `size` bytes each, holds the newest whole state of so many amplitudes.
+///
+/// Errors: STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
+#[must_use]
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn pkm_estimator_newest(
+    count: u32,
+    first: *const u8,
+    second: *const u8,
+    size: usize,
+    found: *mut PkmNewest,
+) -> PkmError {
+    // SAFETY: the caller's promise
+    unsafe {
+        answer(found, || {
+            let (first, second) = (given(first)?, given(second)?);
+            let [first, second] = [first, second].map(|slot| slice::from_raw_parts(slot, size));
+            let count = (count as usize).min(PKM_AMPLITUDES);
+            let (slot, sequence) = newest(count, first, second).ok_or(PkmError::StateNotWhole)?;
+            Ok(PkmNewest { slot: u32::from(slot == Slot::B), sequence })
+        })
+    }
+}
+
+macro_rules! estimator {
+    (
+        $t:ident, size $size:ident, align $align:ident, init $init:ident, learn $learn:ident, tool_touch $tool_touch:ident, follow $follow:ident,
+        state $state:ident, save $save:ident, restore $restore:ident, update_learned $update_learned:ident,
+        tool_update_learned $tool_update_learned:ident
+    ) => {
+        /// Bytes that an estimator takes.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $size() -> usize {
+            size_of::<PkmEstimator<$t>>()
+        }
+
+        /// An estimator's address is a multiple of this.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn $align() -> usize {
+            align_of::<PkmEstimator<$t>>()
+        }
+
+        /// Makes an estimator that has read nothing in memory of the caller: of at least as many bytes, `size`, and of the alignment
+        /// that the functions above say; `settings_size` is `sizeof *settings`. It holds no pointer, and may be copied.
+        ///
+        /// Errors: WRONG_SIZE, SETTING_OUT_OF_RANGE: `pkm_estimator_setting_out_of_range` names it.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $init(
+            estimator: *mut PkmEstimator<$t>,
+            size: usize,
+            settings: *const PkmEstimatorSettings,
+            settings_size: usize,
+        ) -> PkmError {
+            if size < size_of::<PkmEstimator<$t>>() || settings_size != size_of::<PkmEstimatorSettings>() {
+                return PkmError::WrongSize;
+            }
+            // SAFETY: the caller's promise
+            unsafe { answer(estimator, || PkmEstimator::new(given(settings)?)) }
+        }
+
+        /// Takes a reading of one to six components in. `machine` is at its temperature. It takes about as long as a cycle. On an
+        /// error no amplitude has moved.
+        ///
+        /// Errors: NOT_INITIALISED, those of `pkm_corrected_stiffness`, NOT_FINITE (also of a deviation that is not above 0),
+        /// READING_COMPONENTS, READING_BACKWARDS, READING_NOT_EXCITED, READING_STUCK, READING_WRONG_SIGN, READING_UNEXPECTED.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $learn(
+            estimator: *mut PkmEstimator<$t>,
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            touch: *const PkmTouch<$t>,
+            readings: *const PkmTipReading<$t>,
+            count: usize,
+            learned: *mut PkmLearned<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(learned, || {
+                    let (machine, table, touch) = (given(machine)?.core(), &given(table)?.0, given(touch)?.core());
+                    let first = given(readings)?;
+                    let any = taken(estimator)?.running_mut()?;
+                    if !(1..=estimation::MAX_COMPONENTS).contains(&count) {
+                        return Err(PkmError::ReadingComponents);
+                    }
+                    let mut all = [first.core(); estimation::MAX_COMPONENTS];
+                    for (to, reading) in all.iter_mut().zip(slice::from_raw_parts(readings, count)) {
+                        *to = reading.core();
+                    }
+                    let readings = all.get(..count).ok_or(PkmError::ReadingComponents)?;
+                    Ok(each!(any, estimator => estimator.learn(machine, Some(table), &touch, readings))?.into())
+                })
+            }
+        }
+
+        /// Where and under which load the tool of the five axes is read: `wrench` is on the tool at its tip, in the tool's own axes, as a
+        /// reading of a compensator has it; time and rise are as in a `PkmTouch`.
+        ///
+        /// Errors: those of `pkm_tool_forward`.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_touch(
+            machine: *const PkmMachine<$t>,
+            wrist: *const PkmWrist<$t>,
+            configuration: *const PkmConfiguration<$t>,
+            wrench: *const PkmWrench<$t>,
+            time_s: u32,
+            rise_k: $t,
+            touch: *mut PkmToolTouch<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(touch, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let (configuration, wrench) = (given(configuration)?.core(), given(wrench)?.core());
+                    let touch = five.touch(&configuration, &wrench, time_s, rise_k)?.into();
+                    // columns
+                    Ok(PkmToolTouch { touch, base_axes: configuration.base_axes().into() })
+                })
+            }
+        }
+
+        /// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+        ///
+        /// Errors: NOT_INITIALISED, NOT_FINITE.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $follow(estimator: *mut PkmEstimator<$t>, period_s: $t) -> PkmError {
+            if !(period_s >= 0.0 && period_s.is_finite()) {
+                return PkmError::NotFinite;
+            }
+            // SAFETY: the caller's promise
+            match unsafe { taken(estimator) }.and_then(PkmEstimator::running_mut) {
+                Ok(any) => each!(any, estimator => estimator.follow(period_s)),
+                Err(error) => return error,
+            }
+            PkmError::Ok
+        }
+
+        /// What it knows, and alarms. `size` is the room for it: `sizeof *state`.
+        ///
+        /// Errors: WRONG_SIZE, NOT_INITIALISED.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $state(
+            estimator: *const PkmEstimator<$t>,
+            state: *mut PkmEstimatorState,
+            size: usize,
+        ) -> PkmError {
+            if size != size_of::<PkmEstimatorState>() {
+                return PkmError::WrongSize;
+            }
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(state, || {
+                    Ok(each!(given(estimator)?.running()?, estimator => PkmEstimatorState::of(estimator)))
+                })
+            }
+        }
+
+        /// Writes what it knows into a slot of `size` bytes, at least `pkm_estimator_state_bytes`. A controller keeps two slots in
+        /// memory that stays and writes over the older one, as `pkm_estimator_newest` says: a cut at any byte leaves the newer.
+        /// `sequence` is one more than that of the last save. Nothing is written on an error.
+        ///
+        /// Errors: NOT_INITIALISED, WRONG_SIZE.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $save(
+            estimator: *const PkmEstimator<$t>,
+            sequence: u32,
+            slot: *mut u8,
+            size: usize,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            let saved = unsafe { given(estimator) }.and_then(PkmEstimator::running).and_then(|any| {
+                // SAFETY: the caller's promise
+                let slot = unsafe {
+                    taken(slot)?;
+                    slice::from_raw_parts_mut(slot, size)
+                };
+                Ok(each!(any, estimator => estimator.save(pkm_machine_checksum(), sequence, slot))?)
+            });
+            saved.map_or_else(|error| error, |()| PkmError::Ok)
+        }
+
+        /// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed.
+        ///
+        /// Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $restore(
+            estimator: *mut PkmEstimator<$t>,
+            slot: *const u8,
+            size: usize,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            let restored = unsafe { taken(estimator) }.and_then(PkmEstimator::running_mut).and_then(|any| {
+                // SAFETY: the caller's promise
+                let slot = unsafe { slice::from_raw_parts(given(slot)?, size) };
+                Ok(each!(any, estimator => estimator.restore(pkm_machine_checksum(), slot))?)
+            });
+            restored.map_or_else(|error| error, |()| PkmError::Ok)
+        }
+
+        /// `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
+        /// compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.
+        ///
+        /// Errors: NOT_INITIALISED.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $update_learned(
+            compensator: *mut PkmCompensator<$t>,
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            uncertainty: *const PkmTableUncertainty<$t>,
+            estimator: *const PkmEstimator<$t>,
+            pose: *const PkmPose<$t>,
+            tip: *const PkmPoint<$t>,
+            reading: *const PkmReading<$t>,
+            offset: *mut PkmKnownOffset<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(offset, || {
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (tip, reading) = (given(tip)?.uvw_m.into(), given(reading)?.core());
+                    let uncertainty = if uncertainty.is_null() { None } else { Some(&given(uncertainty)?.0) };
+                    let any = given(estimator)?.running()?;
+                    let compensator = taken(compensator)?.0.running()?;
+                    let at = (&pose, tip);
+                    let offset = each!(any, learned => match uncertainty {
+                        Some(own) => compensator.update_known((table, own), machine, Some(learned), at, &reading),
+                        None => compensator.update_learned(table, machine, learned, at, &reading),
+                    });
+                    Ok(PkmKnownOffset::of(PkmOffset::of(offset), offset.known))
+                })
+            }
+        }
+
+        /// The same for all five axes: `pkm_tool_compensator_update` with what was learned.
+        ///
+        /// Errors: NOT_INITIALISED.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $tool_update_learned(
+            compensator: *mut PkmToolCompensator<$t>,
+            machine: *const PkmMachine<$t>,
+            table: *const PkmTable<$t>,
+            uncertainty: *const PkmTableUncertainty<$t>,
+            estimator: *const PkmEstimator<$t>,
+            wrist: *const PkmWrist<$t>,
+            configuration: *const PkmConfiguration<$t>,
+            reading: *const PkmReading<$t>,
+            offset: *mut PkmKnownOffset<$t>,
+        ) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe {
+                answer(offset, || {
+                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
+                    let (table, reading) = (&given(table)?.0, given(reading)?.core());
+                    let uncertainty = if uncertainty.is_null() { None } else { Some(&given(uncertainty)?.0) };
+                    let configuration = given(configuration)?.core();
+                    let any = given(estimator)?.running()?;
+                    let compensator = taken(compensator)?.0.running()?;
+                    let offset = each!(any, learned => match uncertainty {
+                        Some(own) => {
+                            compensator.update_known((table, own), &five, Some(learned), &configuration, &reading)
+                        }
+                        None => compensator.update_learned(table, &five, learned, &configuration, &reading),
+                    });
+                    Ok(PkmKnownOffset::of(PkmOffset::of(offset), offset.known))
+                })
+            }
+        }
+    };
+}
+
+estimator! {
+    f64, size pkm_estimator_size_f64, align pkm_estimator_align_f64, init pkm_estimator_init_f64,
+    learn pkm_estimator_learn_f64, tool_touch pkm_tool_touch_f64, follow pkm_estimator_follow_f64, state pkm_estimator_state_f64,
+    save pkm_estimator_save_f64, restore pkm_estimator_restore_f64,
+    update_learned pkm_compensator_update_learned_f64, tool_update_learned pkm_tool_compensator_update_learned_f64
+}
+estimator! {
+    f32, size pkm_estimator_size_f32, align pkm_estimator_align_f32, init pkm_estimator_init_f32,
+    learn pkm_estimator_learn_f32, tool_touch pkm_tool_touch_f32, follow pkm_estimator_follow_f32, state pkm_estimator_state_f32,
+    save pkm_estimator_save_f32, restore pkm_estimator_restore_f32,
+    update_learned pkm_compensator_update_learned_f32, tool_update_learned pkm_tool_compensator_update_learned_f32
+}
