@@ -7,38 +7,20 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use cortex_m::asm::wfi;
 use critical_section::Mutex;
-use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
-use pkm_core::estimation::{Estimator, Refusal, state_bytes};
-use pkm_core::{CorrectionTable, Machine, Scalar};
-use pkm_protocol::{Answer, Arithmetic, Code, Demand, Learned, Probe};
+use pkm_core::CorrectionTable;
+use pkm_core::estimation::{Refusal, state_bytes};
+use pkm_protocol::{Answer, Code, Demand, Learned, Probe};
 
 use crate::board::Flash;
+use crate::compensation::{AMPLITUDES, Compensation, Learner, Model};
 use crate::learned::SETTINGS;
 use crate::slots::{NotSaved, restore, save};
 use crate::{ABORTED, MAIN_SILENT, PERIOD_HZ, coefficients};
 
-const AMPLITUDES: usize = SETTINGS.amplitudes.len();
 const PERIOD_S: f64 = 1.0 / PERIOD_HZ as f64;
 
-type Learner = Estimator<f64, AMPLITUDES>;
-
-/// For a load that is computed, not measured.
-const COMPENSATION: CompensatorSettings =
-    CompensatorSettings { period_s: PERIOD_S, gain: 1.0, stuck_s: 0.0, ..CompensatorSettings::DEFAULT };
-
 /// The task's side: what it knows, and what it compensates with that.
-#[derive(Clone, Copy)]
-pub struct Task {
-    learner: Learner,
-    /// What it knows, narrowed.
-    single: Estimator<f32, AMPLITUDES>,
-    of_double: Compensator<f64, 3>,
-    of_single: Compensator<f32, 3>,
-    /// The latest demand, at whose place the offset goes back when there is none any more.
-    latest: Option<Demand>,
-    offset_m: [f64; 3],
-    compensated: u32,
-}
+pub type Task = Compensation;
 
 /// From `main` to the task.
 #[derive(Clone, Copy)]
@@ -77,10 +59,12 @@ pub fn work(task: &mut Option<Task>, tables: &Tables<'_>, demand: Option<Demand>
         ASKED.borrow(cs).take()
     });
     let Some(task) = task else { return };
-    task.compensate(tables, demand);
+    let single = (&tables.single, &coefficients::MACHINE_F32);
+    let double = (&tables.double, &coefficients::MACHINE_F64);
+    task.period(&Model { single, double }, demand);
     let refused = match asked {
         None => return,
-        Some(Question::Probe(probe)) => task.learn(&tables.double, &probe).err(),
+        Some(Question::Probe(probe)) => learn(task, &tables.double, &probe).err(),
         Some(Question::State) => None,
     };
     let Task { learner, offset_m, compensated, .. } = *task;
@@ -88,74 +72,18 @@ pub fn work(task: &mut Option<Task>, tables: &Tables<'_>, demand: Option<Demand>
     critical_section::with(|cs| KNOWN.borrow(cs).set(Some(known)));
 }
 
-impl Task {
-    /// With what was saved, if it is whole; and its sequence number then.
-    fn new(flash: &Flash) -> Option<(Self, Option<u32>)> {
-        let mut task = Self {
-            learner: Estimator::new(&SETTINGS).ok()?,
-            single: Estimator::new(&SETTINGS).ok()?,
-            of_double: Compensator::new(&COMPENSATION).ok()?,
-            of_single: Compensator::new(&COMPENSATION).ok()?,
-            latest: None,
-            offset_m: [0.0; 3],
-            compensated: 0,
-        };
-        let saved = restore(flash, machine(), &mut task.learner).ok();
-        task.narrow();
-        Some((task, saved))
-    }
-
-    fn learn(&mut self, table: &CorrectionTable<'_, f64>, probe: &Probe) -> Result<(), Refusal> {
-        let learned = self.learner.learn(&coefficients::MACHINE_F64, Some(table), &probe.touch, &probe.readings());
-        self.narrow();
-        learned.map(drop)
-    }
-
-    fn narrow(&mut self) {
-        let mut state = [0; state_bytes(AMPLITUDES)];
-        // both are of the same settings
-        let _ = self.learner.save(machine(), 0, &mut state).and_then(|()| self.single.restore(machine(), &state));
-    }
-
-    /// Without a demand the offset goes back to none. Each arithmetic has a compensator of its own: the offset of one is gone before that
-    /// of the other comes, or it would leap.
-    fn compensate(&mut self, tables: &Tables<'_>, demand: Option<Demand>) {
-        let (at, enabled) = match (demand, self.latest) {
-            (Some(next), Some(last)) if next.arithmetic != last.arithmetic && self.offset_m != [0.0; 3] => {
-                (last, false)
-            }
-            (Some(next), _) => (next, true),
-            (None, Some(last)) => (last, false),
-            (None, None) => return,
-        };
-        self.latest = Some(at);
-        if enabled {
-            self.compensated = self.compensated.wrapping_add(1);
-            self.learner.follow(PERIOD_S);
-            self.single.follow(PERIOD_S as f32);
-        }
-        self.offset_m = match at.arithmetic {
-            Arithmetic::F32 => {
-                update(&mut self.of_single, &self.single, (&tables.single, &coefficients::MACHINE_F32), &at, enabled)
-            }
-            Arithmetic::F64 => {
-                update(&mut self.of_double, &self.learner, (&tables.double, &coefficients::MACHINE_F64), &at, enabled)
-            }
-        };
-    }
+/// With what was saved, if it is whole; and its sequence number then.
+fn begin(flash: &Flash) -> Option<(Task, Option<u32>)> {
+    let mut task = Task::new(&SETTINGS, PERIOD_S)?;
+    let saved = restore(flash, machine(), &mut task.learner).ok();
+    task.narrow();
+    Some((task, saved))
 }
 
-/// A period of the compensation, in the arithmetic of the demand.
-fn update<T: Scalar>(
-    compensator: &mut Compensator<T, 3>,
-    learned: &Estimator<T, AMPLITUDES>,
-    (table, machine): (&CorrectionTable<'_, T>, &Machine<T>),
-    demand: &Demand,
-    enabled: bool,
-) -> [f64; 3] {
-    let (pose, wrench, tip_m) = demand.inputs();
-    let reading = Reading { enabled, wrench, rise: T::ZERO.into() };
-    compensator.update_learned(table, machine, learned, (&pose, tip_m), &reading).joints.map(T::to_f64).into()
+fn learn(task: &mut Task, table: &CorrectionTable<'_, f64>, probe: &Probe) -> Result<(), Refusal> {
+    let learned = task.learner.learn(&coefficients::MACHINE_F64, Some(table), &probe.touch, &probe.readings());
+    task.narrow();
+    learned.map(drop)
 }
 
 /// `None` when the host gives up.
@@ -187,7 +115,7 @@ impl Learning {
     /// Goes on from the newest state that is whole; without one from the settings.
     pub fn begin() -> Self {
         let flash = Flash;
-        let Some((task, saved)) = Task::new(&flash) else { return Self { flash, saved: None } };
+        let Some((task, saved)) = begin(&flash) else { return Self { flash, saved: None } };
         critical_section::with(|cs| FIRST.borrow(cs).set(Some(task)));
         Self { flash, saved }
     }

@@ -8,6 +8,7 @@ mod effects;
 mod elements;
 mod errors;
 mod estimation;
+mod firmware_compensation;
 mod five_axis;
 mod integrity;
 mod kinematics;

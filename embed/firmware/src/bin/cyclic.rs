@@ -30,6 +30,8 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
+#[path = "../compensation.rs"]
+mod compensation;
 #[path = "../learned.rs"]
 mod learned;
 #[path = "../learning.rs"]

@@ -1,0 +1,93 @@
+//! What the cyclic task compensates with: in either arithmetic, with what was learned. Knows no hardware.
+
+use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+use pkm_core::estimation::{Estimator, EstimatorSettings, state_bytes};
+use pkm_core::{CorrectionTable, Machine, Scalar};
+use pkm_protocol::{Arithmetic, Demand};
+
+pub const AMPLITUDES: usize = 6;
+
+pub type Learner = Estimator<f64, AMPLITUDES>;
+
+/// Machine and table in service, in either arithmetic.
+pub struct Model<'a> {
+    pub single: (&'a CorrectionTable<'a, f32>, &'a Machine<f32>),
+    pub double: (&'a CorrectionTable<'a, f64>, &'a Machine<f64>),
+}
+
+/// From period to period.
+#[derive(Clone, Copy)]
+pub struct Compensation {
+    pub learner: Learner,
+    /// What it knows, narrowed.
+    single: Estimator<f32, AMPLITUDES>,
+    of_double: Compensator<f64, 3>,
+    of_single: Compensator<f32, 3>,
+    period_s: f64,
+    /// The latest demand, at whose place the offset goes back when there is none any more.
+    latest: Option<Demand>,
+    pub offset_m: [f64; 3],
+    /// Periods in which it has compensated a demand.
+    pub compensated: u32,
+}
+
+impl Compensation {
+    /// Without an offset. `None` when a setting is out of its range.
+    pub fn new(learned: &EstimatorSettings<AMPLITUDES>, period_s: f64) -> Option<Self> {
+        // for a load that is computed, not measured
+        let settings = CompensatorSettings { period_s, gain: 1.0, stuck_s: 0.0, ..CompensatorSettings::DEFAULT };
+        Some(Self {
+            learner: Estimator::new(learned).ok()?,
+            single: Estimator::new(learned).ok()?,
+            of_double: Compensator::new(&settings).ok()?,
+            of_single: Compensator::new(&settings).ok()?,
+            period_s,
+            latest: None,
+            offset_m: [0.0; 3],
+            compensated: 0,
+        })
+    }
+
+    /// Has `f32` know what the learner knows.
+    pub fn narrow(&mut self) {
+        let mut state = [0; state_bytes(AMPLITUDES)];
+        // both are of the same settings, and of any machine
+        let _ = self.learner.save(0, 0, &mut state).and_then(|()| self.single.restore(0, &state));
+    }
+
+    /// A period. Without a demand the offset goes back to none. Each arithmetic has a compensator of its own: the offset of one is gone
+    /// before that of the other comes, or it would leap.
+    pub fn period(&mut self, model: &Model<'_>, demand: Option<Demand>) {
+        let (at, enabled) = match (demand, self.latest) {
+            (Some(next), Some(last)) if next.arithmetic != last.arithmetic && self.offset_m != [0.0; 3] => {
+                (last, false)
+            }
+            (Some(next), _) => (next, true),
+            (None, Some(last)) => (last, false),
+            (None, None) => return,
+        };
+        self.latest = Some(at);
+        if enabled {
+            self.compensated = self.compensated.wrapping_add(1);
+            self.learner.follow(self.period_s);
+            self.single.follow(self.period_s as f32);
+        }
+        self.offset_m = match at.arithmetic {
+            Arithmetic::F32 => update(&mut self.of_single, &self.single, model.single, &at, enabled),
+            Arithmetic::F64 => update(&mut self.of_double, &self.learner, model.double, &at, enabled),
+        };
+    }
+}
+
+/// A period of the compensation, in the arithmetic of the demand.
+fn update<T: Scalar>(
+    compensator: &mut Compensator<T, 3>,
+    learned: &Estimator<T, AMPLITUDES>,
+    (table, machine): (&CorrectionTable<'_, T>, &Machine<T>),
+    demand: &Demand,
+    enabled: bool,
+) -> [f64; 3] {
+    let (pose, wrench, tip_m) = demand.inputs();
+    let reading = Reading { enabled, wrench, rise: T::ZERO.into() };
+    compensator.update_learned(table, machine, learned, (&pose, tip_m), &reading).joints.map(T::to_f64).into()
+}
