@@ -14,6 +14,10 @@ compensated as usual, \\fBfault-code\\fR why; a fault ends with its cause.
 
 loads only where the machine, the wrist and the table that are compiled in have these checksums.
 
+It learns from readings of the tip under a load, docs/estimation.md: at a rising edge of \\fBprobe\\fR the reading of that period is taken in.
+With \\fBstate=FILE\\fR it goes on from what FILE holds, and writes what it knows there when it is unloaded: no file is touched while
+it runs. What is learned is compensated while \\fBuse-learned\\fR is true.
+
 Parameters are settings of the compensator, docs/stability.md. A change is taken up while \\fBenable\\fR is false and all offsets are
 zero.""";
 
@@ -21,7 +25,12 @@ author "pkm";
 license "Dual MIT/GPL";
 option singleton yes;
 option extra_setup yes;
+option extra_cleanup yes;
+include <stdio.h>;
+include <time.h>;
+include <unistd.h>;
 include "pkm.h";
+include "learned.h";
 
 pin in bit enable "the machine is homed and on, and the wrench means the load on the tool";
 pin in float joint-#[5] "where the joints stand without the offsets: three screws in mm, wrist in degrees";
@@ -35,6 +44,22 @@ pin in float rise-limb-1-k "how much warmer limb 1 is than at the zero reading, 
 pin in float rise-limb-2-k "the same of limb 2";
 pin in float rise-limb-3-k "the same of limb 3";
 pin in float rise-platforms-k "the same of both platforms";
+pin in bit use-learned "compensate with what was learned, and no more than is known by it";
+pin in bit probe "at its rising edge the tip is read";
+pin in float probe-x-um "by what the load moves the tip along x of the base; NaN where it is not read";
+pin in float probe-y-um;
+pin in float probe-z-um;
+pin in float probe-deviation-um = 1.0 "standard deviation of each of the three";
+pin out s32 probe-code "why the last reading was not taken in: a PkmError of pkm.h; 0 when it was";
+pin out s32 state-code "why it does not go on from a saved state: a PkmError; 0 when it does, or when none is asked for";
+pin out u32 readings-taken "readings that were taken in";
+pin out u32 readings-refused "readings in a row that were too far from what was expected";
+pin out float learned-#[6] "what was learned: compliances of limbs 1, 2, 3 and under the base along x, y, z, nm/N";
+pin out float learned-deviation-#[6] "standard deviations";
+pin out bit alarm-#[6] "it has changed since acceptance by what is worth an alarm";
+pin out float alarm-probability-#[6] "with this probability; 0 without an alarm";
+pin out u32 alarm-readings-#[6] "since so many readings";
+pin out bit any-alarm "there is an alarm";
 pin in float command-#[5] "what the controller commands: mm, degrees";
 pin out float drive-#[5] "the same with the offsets, for the drives";
 pin in float drive-fb-#[5] "what the drives report";
@@ -102,13 +127,23 @@ function to_drives fp "all the rest; behind motion-controller";
 
 static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
 
-static char *machine, *wrist, *table;
+static char *machine, *wrist, *table, *state;
 RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for");
 RTAPI_MP_STRING(wrist, "of its wrist, with the tool's length");
 RTAPI_MP_STRING(table, "and of its correction table");
+RTAPI_MP_STRING(state, "file that keeps what was learned");
 
 /* in HAL's memory */
 static PkmToolCompensator_f64 *compensator;
+
+static PkmEstimator_f64 *estimator;
+
+/* readings that the file has, and what came of reading it */
+static uint32_t readings_saved;
+static PkmError restored = PKM_ERROR_OK;
+
+/* whether the pins say what is known: they are not there yet when the module is set up */
+static int is_told;
 
 /* what it was asked to be made with, and whether it could be */
 static PkmCompensatorSettings asked;
@@ -116,6 +151,9 @@ static PkmError asked_found = PKM_ERROR_NOT_INITIALISED;
 
 /* whether it compensated in the last period */
 static int was_on;
+
+/* whether probe was true then */
+static int was_probed;
 
 static PkmError make(const PkmCompensatorSettings *settings) {
     const PkmChecksums sums = {pkm_machine_checksum(), pkm_wrist_checksum(), pkm_table_checksum()};
@@ -148,6 +186,90 @@ static void take_settings(const struct __comp_state *__comp_inst, long period_ns
         rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s: %s; nothing is compensated\n", pkm_error_text(asked_found),
                         name ? name : "not the settings");
     }
+}
+
+/* Two states in turn, docs/estimation.md, one behind the other in the file. */
+static unsigned char slots[2][512];
+
+static void read_slots(size_t bytes) {
+    FILE *from = fopen(state, "rb");
+    if (!from) return;
+    for (int i = 0; i < 2; i++) {
+        if (fread(slots[i], 1, bytes, from) != bytes) break;
+    }
+    fclose(from);
+}
+
+/* Goes on from the newest state that is whole. Not in the thread. */
+static PkmError restore(void) {
+    const size_t bytes = pkm_estimator_state_bytes(LEARNED_COUNT);
+    PkmNewest newest;
+    read_slots(bytes);
+    PkmError found = pkm_estimator_newest(LEARNED_COUNT, slots[0], slots[1], bytes, &newest);
+    if (found == PKM_ERROR_OK) found = pkm_estimator_restore_f64(estimator, slots[newest.slot], bytes);
+    return found;
+}
+
+/* Writes what is known over the older state. Not in the thread. */
+static int save(void) {
+    const size_t bytes = pkm_estimator_state_bytes(LEARNED_COUNT);
+    PkmNewest newest = {1, 0};
+    if (pkm_estimator_newest(LEARNED_COUNT, slots[0], slots[1], bytes, &newest) != PKM_ERROR_OK) newest.slot = 1;
+    const uint32_t to = 1 - newest.slot;
+    if (pkm_estimator_save_f64(estimator, newest.sequence + 1, slots[to], bytes) != PKM_ERROR_OK) return 0;
+    FILE *file = fopen(state, "r+b");
+    if (!file) file = fopen(state, "w+b");
+    if (!file) return 0;
+    int done = !fseek(file, (long)(to * bytes), SEEK_SET) && fwrite(slots[to], 1, bytes, file) == bytes;
+    done = !fflush(file) && !fsync(fileno(file)) && done;
+    return !fclose(file) && done;
+}
+
+static uint32_t readings_known(void) {
+    PkmEstimatorState known;
+    return pkm_estimator_state_f64(estimator, &known, sizeof known) == PKM_ERROR_OK ? known.readings : 0;
+}
+
+/* What is known, to the pins. */
+static void tell(struct __comp_state *__comp_inst) {
+    PkmEstimatorState known;
+    if (pkm_estimator_state_f64(estimator, &known, sizeof known) != PKM_ERROR_OK) return;
+    is_told = 1;
+    state_code = restored;
+    readings_taken = known.readings;
+    readings_refused = known.refused;
+    any_alarm = 0;
+    for (int i = 0; i < LEARNED_COUNT; i++) {
+        const PkmAmplitudeState *own = &known.amplitudes[i];
+        learned(i) = own->value * 1e9;
+        learned_deviation(i) = own->deviation * 1e9;
+        alarm(i) = own->alarm;
+        alarm_probability(i) = own->probability;
+        alarm_readings(i) = own->alarm_readings;
+        if (own->alarm) any_alarm = 1;
+    }
+}
+
+/* Takes the tip's reading in. */
+static PkmError take_in(struct __comp_state *__comp_inst, const PkmConfiguration_f64 *configuration, const PkmWrench_f64 *wrench) {
+    const double read_um[3] = {probe_x_um, probe_y_um, probe_z_um};
+    /* one temperature is known of the whole */
+    const double rise = (rise_limb_1_k + rise_limb_2_k + rise_limb_3_k + rise_platforms_k) / 4;
+    PkmToolTouch_f64 at;
+    PkmTipReading_f64 readings[3];
+    PkmLearned_f64 done;
+    size_t count = 0;
+    memset(readings, 0, sizeof readings);
+    PkmError found = pkm_tool_touch_f64(pkm_machine_f64(), pkm_wrist_f64(), configuration, wrench, (uint32_t)time(NULL), rise, &at);
+    if (found != PKM_ERROR_OK) return found;
+    for (int i = 0; i < 3; i++) {
+        if (read_um[i] != read_um[i]) continue;
+        memcpy(readings[count].direction, at.base_axes[i], sizeof at.base_axes[i]);
+        readings[count].read = read_um[i] * 1e-6;
+        readings[count].deviation = probe_deviation_um * 1e-6;
+        count++;
+    }
+    return pkm_estimator_learn_f64(estimator, pkm_machine_f64(), pkm_table_f64(), &at.touch, readings, count, &done);
 }
 
 /* Stiffness where the machine stands, and what the load does to it. */
@@ -188,13 +310,25 @@ static PkmError show(struct __comp_state *__comp_inst, const PkmToolPlace_f64 *p
 
 /* A period of the compensator. `stands` is an error when there is no place to compensate at. */
 static void compensate(struct __comp_state *__comp_inst, PkmError stands, const PkmConfiguration_f64 *configuration,
-                       const PkmWrench_f64 *wrench) {
+                       const PkmWrench_f64 *wrench, double period_s) {
     const PkmError unready = asked_found != PKM_ERROR_OK ? asked_found : stands;
     was_on = enable && unready == PKM_ERROR_OK;
     const PkmReading_f64 reading = {was_on, *wrench, {{rise_limb_1_k, rise_limb_2_k, rise_limb_3_k}, rise_platforms_k}};
+    PkmKnownOffset_f64 learned_to;
+    memset(&learned_to, 0, sizeof learned_to);
     PkmOffset_f64 to;
-    PkmError found = pkm_tool_compensator_update_f64(compensator, pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(),
-                                                     configuration, &reading, &to);
+    PkmError found;
+    if (use_learned) {
+        found = pkm_estimator_follow_f64(estimator, period_s);
+        if (found == PKM_ERROR_OK) {
+            found = pkm_tool_compensator_update_learned_f64(compensator, pkm_machine_f64(), pkm_table_f64(), NULL, estimator,
+                                                            pkm_wrist_f64(), configuration, &reading, &learned_to);
+        }
+        to = learned_to.offset;
+    } else {
+        found = pkm_tool_compensator_update_f64(compensator, pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(),
+                                                configuration, &reading, &to);
+    }
     if (found == PKM_ERROR_OK) {
         active = 0;
         for (int i = 0; i < 5; i++) {
@@ -226,7 +360,13 @@ FUNCTION(to_drives) {
     const PkmError stands = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
     why = stands == PKM_ERROR_OK ? show(__comp_inst, &place, &wrench) : stands;
     ok = why == PKM_ERROR_OK;
-    compensate(__comp_inst, stands, &place.configuration, &wrench);
+    if (probe && !was_probed) {
+        probe_code = stands == PKM_ERROR_OK ? take_in(__comp_inst, &place.configuration, &wrench) : stands;
+        is_told = 0;
+    }
+    was_probed = probe;
+    if (!is_told) tell(__comp_inst);
+    compensate(__comp_inst, stands, &place.configuration, &wrench, period * 1e-9);
     for (int i = 0; i < 5; i++) drive(i) = command(i) + offset(i);
 
     last_ns = rtapi_get_time() - begun;
@@ -245,6 +385,8 @@ EXTRA_SETUP() {
     PkmError found = pkm_compensator_defaults(&set, sizeof set);
     compensator = hal_malloc(pkm_tool_compensator_size_f64());
     if (found == PKM_ERROR_OK) found = make(&set);
+    PkmEstimator_f64 *room = hal_malloc(pkm_estimator_size_f64());
+    if (found == PKM_ERROR_OK) found = pkm_estimator_init_f64(room, pkm_estimator_size_f64(), &LEARNED, sizeof LEARNED);
     if (found != PKM_ERROR_OK) {
         rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s\n", pkm_error_text(found));
         return -EINVAL;
@@ -262,5 +404,18 @@ EXTRA_SETUP() {
     screw_rate_mm_per_s = set.screw_rate_m_per_s * MM;
     wrist_rate_deg_per_s = set.wrist_rate_rad_per_s * DEG;
     __comp_inst->outside_box = set.outside_box;
+    estimator = room;
+    if (state) restored = restore();
+    if (restored != PKM_ERROR_OK) {
+        rtapi_print_msg(RTAPI_MSG_WARN, "pkmcompensator: %s: %s; it begins with nothing learned\n", state, pkm_error_text(restored));
+    }
+    readings_saved = readings_known();
     return 0;
+}
+
+/* The threads are at rest, and this is none of theirs. */
+EXTRA_CLEANUP() {
+    /* also called when the set-up failed */
+    if (!estimator || !state || readings_known() == readings_saved) return;
+    if (!save()) rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s: what was learned could not be written\n", state);
 }

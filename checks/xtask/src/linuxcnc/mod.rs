@@ -2,6 +2,7 @@
 
 mod faults;
 mod feed;
+mod learning;
 mod replay;
 mod simulation;
 
@@ -167,7 +168,8 @@ fn compile(components: &[&str], library: &Path, to: &Path) -> Outcome {
     let copy = |from: PathBuf, to: PathBuf| {
         std::fs::copy(&from, &to).map(drop).map_err(|e| format!("{} to {}: {e}", from.display(), to.display()))
     };
-    for (header, name) in [("c/include/pkm.h", "pkm.h"), ("linuxcnc/modules/checksums.h", "checksums.h")] {
+    let headers = ["c/include/pkm.h", "linuxcnc/modules/checksums.h", "linuxcnc/modules/learned.h"];
+    for (header, name) in headers.into_iter().zip(["pkm.h", "checksums.h", "learned.h"]) {
         copy(root().join("embed").join(header), work.path().join(name))?;
     }
     for component in components {

@@ -1,0 +1,229 @@
+//! The compensation under HAL alone: it reads a machine whose drive has worn, keeps what it has learned over restarts, and compensates
+//! with it; all beside the host's estimator.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+use pkm_core::effects::{Motion, Place};
+use pkm_core::estimation::{Amplitude, AmplitudeSettings, Estimator, EstimatorSettings, TipReading, state_bytes};
+use pkm_core::nalgebra::{Vector2, Vector3, Vector6};
+use pkm_core::{Configuration, FiveAxis, Machine, Pose, Wrench};
+
+use super::replay::Host;
+use super::{among_modules, in_file_units};
+use crate::{Outcome, output};
+
+const READINGS: i32 = 30;
+const COUNT: usize = 6;
+/// What is left of the stiffness of limb 2's drive.
+const WORN: f64 = 0.7;
+const DEVIATION_UM: f64 = 0.5;
+
+/// As `learned.h` has them.
+fn settings() -> Result<EstimatorSettings<COUNT>, String> {
+    let limbs = [1, 2, 3].map(|limb| (Place::Body { limb }, Motion::Axial));
+    let base = [Motion::X, Motion::Y, Motion::Z].map(|motion| (Place::Base, motion));
+    let amplitudes = limbs.into_iter().chain(base).map(|(place, motion)| {
+        let amplitude = Amplitude::compliance(place, motion)?;
+        let (deviation, drift_per_day) = (1e-9, 1e-11);
+        let (least, most, rate_per_s, alarm) = (-4e-9, 4e-8, 1e-9, 2e-10);
+        Some(AmplitudeSettings { amplitude, accepted: 0.0, deviation, drift_per_day, least, most, rate_per_s, alarm })
+    });
+    let amplitudes: Option<Vec<_>> = amplitudes.collect();
+    let amplitudes = amplitudes.and_then(|all| all.try_into().ok()).ok_or("no such amplitude")?;
+    Ok(EstimatorSettings { amplitudes, model_share: 0.02 })
+}
+
+/// A place, a load there, and what is read, along x, y, z of B.
+struct Probing {
+    at: Configuration<f64>,
+    wrench: Wrench<f64>,
+    read_m: Vector3<f64>,
+}
+
+/// What a gauge would read on a machine with a worn drive, known to none of both estimators.
+fn probing(host: &Host, five: &FiveAxis<'_, f64>, n: i32) -> Result<Probing, String> {
+    let said = |e: pkm_core::ToolDeflectionError| e.to_string();
+    let table = host.table()?;
+    let mut parameters = host.machine.parameters;
+    parameters.limbs[1].platform_joint.linear_n_per_m[2] *= WORN;
+    let worn = Machine::<f64>::new(&parameters).map_err(|e| e.to_string())?;
+    let wave = |k: i32, by: i32| f64::from((n * by + k) % 13 - 6) / 6.0;
+    let [.., z0_m] = host.table.centre;
+    let pose = Pose { theta_rad: 0.1 * wave(0, 5), sigma_rad: 0.1 * wave(1, 7), z0_m: z0_m + 0.01 * wave(2, 3) };
+    let at = Configuration { pose, beta_rad: Vector2::new(0.2 * wave(3, 11), 0.2 * wave(4, 2)) };
+    let force_n = Vector3::new(600.0 * wave(5, 4), 600.0 * wave(6, 9), 600.0 * wave(7, 6) - 300.0);
+    let wrench = Wrench { force_n, moment_nm: Vector3::zeros() };
+    let moved = |machine: &Machine<f64>, table| FiveAxis { machine, ..*five }.deflection(table, &at, &wrench);
+    let wear = moved(&worn, None).map_err(said)?.translation_m - moved(five.machine, None).map_err(said)?.translation_m;
+    let seen = moved(five.machine, Some(&table)).map_err(said)?.translation_m + wear;
+    // noise, and as many digits as HAL takes
+    let read_m = seen.map(|m| ((m * 1e9).round() + f64::from(n * 7919 % 401 - 200)) / 1e9);
+    Ok(Probing { at, wrench, read_m })
+}
+
+/// HAL's lines for a probing, as they change from one to the next.
+fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> {
+    let mut text = String::new();
+    let joints = in_file_units(&five.joints(&probing.at).map_err(|e| e.to_string())?);
+    for (n, joint) in joints.into_iter().enumerate() {
+        writeln!(text, "setp pkmcompensator.joint-{n} {joint}").ok();
+    }
+    for (name, force) in ["fx", "fy", "fz"].into_iter().zip(&probing.wrench.force_n) {
+        writeln!(text, "setp pkmcompensator.{name} {force}").ok();
+    }
+    for (axis, read_m) in ["x", "y", "z"].into_iter().zip(&probing.read_m) {
+        writeln!(text, "setp pkmcompensator.probe-{axis}-um {}", read_m * 1e6).ok();
+    }
+    Ok(text + "setp pkmcompensator.probe 1\nloadusr -w sleep 0.01\nsetp pkmcompensator.probe 0\nloadusr -w sleep 0.01\n")
+}
+
+/// What `halcmd getp` prints of pins.
+struct Session<'a> {
+    out: &'a Path,
+    host: &'a Host,
+}
+
+impl Session<'_> {
+    /// The component with its state in a file, through some lines; then the pins that are asked for.
+    fn run(&self, lines: &str, pins: &[String]) -> Result<Vec<f64>, String> {
+        let sums = [
+            self.host.machine.parameters.checksum(),
+            self.host.machine.wrist_parameters.checksum(),
+            self.host.table()?.checksum(),
+        ];
+        let [machine, wrist, table] = sums.map(|sum| format!("{sum:016x}"));
+        let mut text = format!(
+            "loadrt threads name1=servo period1=1000000\n\
+             loadrt pkmcompensator machine={machine} wrist={wrist} table={table} state=learned.bin\n\
+             addf pkmcompensator.to-drives servo\nsetp pkmcompensator.probe-deviation-um {DEVIATION_UM}\n\
+             setp pkmcompensator.gain 1\nsetp pkmcompensator.stuck-s 0\nstart\n{lines}"
+        );
+        for pin in pins {
+            writeln!(text, "getp pkmcompensator.{pin}").ok();
+        }
+        std::fs::write(self.out.join("learn.hal"), text).map_err(|e| e.to_string())?;
+        let mut halrun = among_modules(&self.out.join("modules"), self.out)?;
+        let said = output(halrun.args(["timeout", "120", "halrun", "-f", "learn.hal"]))?;
+        let number = |line: &str| match line.trim() {
+            "TRUE" => Some(1.0),
+            "FALSE" => Some(0.0),
+            other => match other.strip_prefix("0x") {
+                Some(digits) => u32::from_str_radix(digits, 16).ok().map(f64::from),
+                None => other.parse().ok(),
+            },
+        };
+        let found: Vec<f64> = said.lines().filter_map(number).collect();
+        if found.len() == pins.len() { Ok(found) } else { Err(format!("expected {} pins: {said}", pins.len())) }
+    }
+}
+
+/// Pins of every amplitude.
+fn each(name: &str) -> impl Iterator<Item = String> {
+    (0..COUNT).map(move |n| format!("{name}-{n}"))
+}
+
+fn expect(what: &str, found: &[f64], expected: &[f64], within: f64) -> Outcome {
+    let near = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= within);
+    if near { Ok(()) } else { Err(format!("{what}: {found:?} where the host has {expected:?}")) }
+}
+
+/// Learns, is asked, is restarted, has a slot damaged, compensates.
+pub fn learn(out: &Path, host: &Host) -> Outcome {
+    let five = host.five()?;
+    let table = host.table()?;
+    let session = Session { out, host };
+    let mut estimator = Estimator::<f64, COUNT>::new(&settings()?).map_err(|e| e.to_string())?;
+    let mut text = String::new();
+    let mut take = |probing: &Probing| -> Result<Estimator<f64, COUNT>, String> {
+        let touch = five.touch(&probing.at, &probing.wrench, 0, 0.0).map_err(|e| e.to_string())?;
+        let axes = probing.at.base_axes();
+        let readings = [0, 1, 2].map(|axis| {
+            let [x, y, z] = axes.column(axis).into_owned().into();
+            let direction = Vector6::new(x, y, z, 0.0, 0.0, 0.0);
+            TipReading { direction, read: probing.read_m[axis], deviation: DEVIATION_UM * 1e-6 }
+        });
+        estimator.learn(five.machine, Some(&table), &touch, &readings).map_err(|e| e.to_string())?;
+        Ok(estimator)
+    };
+    let mut knows = None;
+    for n in 0..READINGS {
+        let probing = probing(host, &five, n)?;
+        text.push_str(&lines(&five, &probing)?);
+        knows = Some(take(&probing)?);
+    }
+    let knows = knows.ok_or("nothing is read")?;
+    // one of the wrong sign teaches nothing
+    let mut wrong = probing(host, &five, READINGS)?;
+    wrong.read_m = -wrong.read_m;
+    text.push_str(&lines(&five, &wrong)?);
+    let names = ["learned", "learned-deviation", "alarm", "alarm-readings"].into_iter().flat_map(each);
+    let pins: Vec<String> =
+        ["readings-taken", "probe-code", "state-code"].map(str::to_owned).into_iter().chain(names).collect();
+    let expected = |of: &Estimator<f64, COUNT>, codes: [f64; 2]| -> Vec<f64> {
+        let (values, alarms) = (of.values(), of.alarms());
+        let head = [f64::from(of.readings()), codes[0], codes[1]];
+        let known = values.iter().map(|(value, _)| value * 1e9).chain(values.iter().map(|(_, sd)| sd * 1e9));
+        let told = alarms.iter().map(|alarm| f64::from(u8::from(alarm.is_some())));
+        let since = alarms.iter().map(|alarm| alarm.map_or(0.0, |alarm| f64::from(alarm.readings)));
+        head.into_iter().chain(known).chain(told).chain(since).collect()
+    };
+    // 94 the wrong sign, 96 no state yet
+    expect("learned", &session.run(&text, &pins)?, &expected(&knows, [94.0, 96.0]), 1e-4)?;
+    let alarms = knows.alarms();
+    if !(0..COUNT).all(|n| alarms[n].is_some() == (n == 1)) {
+        return Err(format!("expected an alarm of the worn drive alone: {alarms:?}"));
+    }
+    // a restart goes on from there, and one reading more goes to the other slot; then that is damaged
+    let more = probing(host, &five, READINGS + 1)?;
+    let after = take(&more)?;
+    let found = session.run(&lines(&five, &more)?, &pins)?;
+    expect("after a restart", &found, &expected(&after, [0.0, 0.0]), 1e-4)?;
+    let file = out.join("learned.bin");
+    let mut bytes = std::fs::read(&file).map_err(|e| e.to_string())?;
+    let length = state_bytes(COUNT);
+    if bytes.len() != 2 * length {
+        return Err(format!("two states are {} bytes, found {}", 2 * length, bytes.len()));
+    }
+    bytes[length + 100] ^= 1;
+    std::fs::write(&file, bytes).map_err(|e| e.to_string())?;
+    expect("a damaged state", &session.run("", &pins)?, &expected(&knows, [0.0, 0.0]), 1e-4)?;
+    compensates(&session, &five, &more, knows)?;
+    println!(
+        "  {READINGS} readings learned, alarm and deviations as the host's, over restarts and a damaged state; compensated with it"
+    );
+    Ok(())
+}
+
+/// Where the offsets come to rest, without what was learned and with it.
+fn compensates(
+    session: &Session<'_>,
+    five: &FiveAxis<'_, f64>,
+    at: &Probing,
+    mut learned: Estimator<f64, COUNT>,
+) -> Outcome {
+    let table = session.host.table()?;
+    let settings = CompensatorSettings { gain: 1.0, stuck_s: 0.0, ..CompensatorSettings::DEFAULT };
+    let reading = Reading { enabled: true, wrench: at.wrench, rise: 0.0.into() };
+    let mut plain = Compensator::<f64, 5>::new(&settings).map_err(|e| e.to_string())?;
+    let mut knowing = Compensator::<f64, 5>::new(&settings).map_err(|e| e.to_string())?;
+    for _ in 0..8000 {
+        learned.follow(settings.period_s);
+        plain.update(&table, five, &at.at, &reading);
+        knowing.update_learned(&table, five, &learned, &at.at, &reading);
+    }
+    let in_pins = |joints: [f64; 5]| -> Vec<f64> {
+        (0..5).map(|n| if n < 3 { joints[n] * 1e3 } else { joints[n].to_degrees() }).collect()
+    };
+    let (plain, knowing) = (in_pins(plain.joints().into()), in_pins(knowing.joints().into()));
+    let offsets: Vec<String> = (0..5).map(|n| format!("offset-{n}")).collect();
+    // the reading that the lines would take is none
+    let lines = lines(five, at)?.replace("setp pkmcompensator.probe 1\n", "");
+    let on = "setp pkmcompensator.enable 1\nloadusr -w sleep 6\n";
+    expect("offsets", &session.run(&format!("{lines}{on}"), &offsets)?, &plain, 1e-6)?;
+    let with = format!("{lines}setp pkmcompensator.use-learned 1\n{on}");
+    expect("offsets with what was learned", &session.run(&with, &offsets)?, &knowing, 1e-6)?;
+    let apart = plain.iter().zip(&knowing).map(|(plain, knowing)| (plain - knowing).abs()).fold(0.0, f64::max);
+    if apart > 1e-4 { Ok(()) } else { Err(format!("what was learned moves the offsets by {apart:e} alone")) }
+}
