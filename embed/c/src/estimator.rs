@@ -4,188 +4,21 @@ use core::ffi::{CStr, c_char};
 use core::{ptr, slice};
 
 use pkm_core::checksum::{START, over_text};
-use pkm_core::effects::{Motion, Place};
 use pkm_core::estimation::{
-    self, Amplitude, AmplitudeSettings, Estimator, EstimatorSettings, EstimatorSettingsError, Learned, MAX_AMPLITUDES,
-    Refusal, Slot, StateError, TipReading, Touch, newest, state_bytes,
+    Estimator, EstimatorSettingsError, MAX_AMPLITUDES, MAX_COMPONENTS, Slot, newest, state_bytes,
 };
-use pkm_core::nalgebra::Vector6;
 use pkm_core::{FiveAxis, Scalar};
 
 use crate::pointers::{answer, given, taken};
 use crate::{
-    PkmCompensator, PkmConfiguration, PkmError, PkmKnownOffset, PkmMachine, PkmOffset, PkmPoint, PkmPose, PkmReading,
-    PkmTable, PkmTableUncertainty, PkmToolCompensator, PkmWrench, PkmWrist, pkm_machine_checksum,
+    PkmCompensator, PkmConfiguration, PkmError, PkmEstimatorSettings, PkmEstimatorState, PkmKnownOffset, PkmLearned,
+    PkmMachine, PkmNewest, PkmOffset, PkmPoint, PkmPose, PkmReading, PkmTable, PkmTableUncertainty, PkmTipReading,
+    PkmToolCompensator, PkmToolTouch, PkmTouch, PkmWrench, PkmWrist, pkm_machine_checksum,
 };
 
 /// Most amplitudes that an estimator learns.
 pub const PKM_AMPLITUDES: usize = 8;
 const _: () = assert!(PKM_AMPLITUDES == MAX_AMPLITUDES, "another number of amplitudes than the core's");
-
-/// What an amplitude is of. Its unit is m/N along, rad/(N m) about an axis, and K of the temperature.
-#[repr(i32)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PkmAmplitude {
-    /// Compliance of limb 1 along its axis: drive, nut, bearings and screw together.
-    Limb1 = 1,
-    /// The same of limb 2.
-    Limb2 = 2,
-    /// The same of limb 3.
-    Limb3 = 3,
-    /// Compliance under the base along x of B.
-    BaseX = 10,
-    /// Along y.
-    BaseY = 11,
-    /// Along z.
-    BaseZ = 12,
-    /// About x.
-    BaseRx = 13,
-    /// About y.
-    BaseRy = 14,
-    /// About z.
-    BaseRz = 15,
-    /// Compliance behind A, of spindle, holder and tool, along u.
-    ToolU = 20,
-    /// Along v.
-    ToolV = 21,
-    /// Along w.
-    ToolW = 22,
-    /// About u.
-    ToolRu = 23,
-    /// About v.
-    ToolRv = 24,
-    /// About w.
-    ToolRw = 25,
-    /// How much warmer the machine is than its sensors say.
-    Rise = 30,
-}
-
-/// What is known of an amplitude before the first reading, and how it may move.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmAmplitudeSettings {
-    /// A `PkmAmplitude`.
-    pub amplitude: i32,
-    /// Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here.
-    pub accepted: f64,
-    /// Standard deviation of the value before anything is read, above 0.
-    pub deviation: f64,
-    /// Standard deviation of its drift in a day, at least 0.
-    pub drift_per_day: f64,
-    /// Least value that physics allows, at most `accepted`.
-    pub least: f64,
-    /// Greatest value that physics allows, at least `accepted`.
-    pub most: f64,
-    /// Fastest change of what is used for compensation, above 0, each second.
-    pub rate_per_s: f64,
-    /// A change by this is worth an alarm, above 0.
-    pub alarm: f64,
-}
-
-/// Settings of an estimator; docs/estimation.md says how to choose them.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmEstimatorSettings {
-    /// What is learned, none twice; those behind `count` are not looked at.
-    pub amplitudes: [PkmAmplitudeSettings; PKM_AMPLITUDES],
-    /// How many, 1 to `PKM_AMPLITUDES`.
-    pub count: u32,
-    /// Standard deviation of the model's own error as a share of the deflection, 0 to 1.
-    pub model_share: f64,
-}
-
-/// Where and under which load something is read.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmTouch<T> {
-    /// When, s since any fixed time: a clock that goes on while the controller is off.
-    pub time_s: u32,
-    /// Where the machine stands.
-    pub pose: PkmPose<T>,
-    /// Where the tip is.
-    pub tip: PkmPoint<T>,
-    /// Load on the tip, its moment about the tip, in the axes of A-uvw.
-    pub wrench: PkmWrench<T>,
-    /// How much warmer the machine is than at its zero reading by its sensors; 0 without sensors.
-    pub rise_k: T,
-}
-
-/// Where and under which load the tool of the five axes is read.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmToolTouch<T> {
-    /// As `pkm_estimator_learn` takes it.
-    pub touch: PkmTouch<T>,
-    /// Axes x, y, z of B in A-uvw: directions of readings along them, without rotation.
-    pub base_axes: [[T; 3]; 3],
-}
-
-/// One component of what was read.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmTipReading<T> {
-    /// What is read: weights of the tip's translation along and of its rotation about u, v, w. A probe has a unit vector and no
-    /// rotation.
-    pub direction: [T; 6],
-    /// What the load moves the tip by, m or rad.
-    pub read: T,
-    /// Standard deviation of `read`, above 0.
-    pub deviation: T,
-}
-
-/// What a reading did.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmLearned<T> {
-    /// Chi squared of its components before they were taken in: their number, on average.
-    pub chi_squared: T,
-    /// Not 0 where an amplitude counts as unknown again from here on, because something has changed.
-    pub changed: [i32; PKM_AMPLITUDES],
-}
-
-/// What is known of an amplitude, in its unit.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmAmplitudeState {
-    /// Best value.
-    pub value: f64,
-    /// Its standard deviation.
-    pub deviation: f64,
-    /// What is used for compensation.
-    pub applied: f64,
-    /// Not 0: it has changed since acceptance by what is worth an alarm. The rest is 0 without one.
-    pub alarm: i32,
-    /// Readings since the change was found.
-    pub alarm_readings: u32,
-    /// The change since acceptance.
-    pub change: f64,
-    /// Probability that the change is of this sign and greater than what is worth an alarm.
-    pub probability: f64,
-}
-
-/// What an estimator knows.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PkmEstimatorState {
-    /// In the order of the settings; zeros behind their count.
-    pub amplitudes: [PkmAmplitudeState; PKM_AMPLITUDES],
-    /// Readings that were taken in.
-    pub readings: u32,
-    /// Readings in a row that were refused as unexpected: some twenty are a broken sensor, or a machine beyond what it may learn.
-    pub refused: u32,
-    /// When the last reading was taken in, s.
-    pub time_s: u32,
-}
-
-/// Which of two slots holds the newest whole state.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PkmNewest {
-    /// 0 the first, 1 the second: write the next state to the other one.
-    pub slot: u32,
-    /// Its sequence number: the next state gets the one that follows.
-    pub sequence: u32,
-}
 
 /// An estimator of any number of amplitudes.
 macro_rules! any {
@@ -232,151 +65,6 @@ impl<T: Scalar> PkmEstimator<T> {
 
     fn running_mut(&mut self) -> Result<&mut Any<T>, PkmError> {
         if self.tag == Self::TAG { Ok(&mut self.any) } else { Err(PkmError::NotInitialised) }
-    }
-}
-
-/// Of the numbers of [`PkmAmplitude`].
-fn amplitude(number: i32) -> Option<Amplitude> {
-    use Motion::{Axial, Ru, Rv, Rw, Rx, Ry, Rz, U, V, W, X, Y, Z};
-    let (place, motion) = match number {
-        1 => (Place::Body { limb: 1 }, Axial),
-        2 => (Place::Body { limb: 2 }, Axial),
-        3 => (Place::Body { limb: 3 }, Axial),
-        10 => (Place::Base, X),
-        11 => (Place::Base, Y),
-        12 => (Place::Base, Z),
-        13 => (Place::Base, Rx),
-        14 => (Place::Base, Ry),
-        15 => (Place::Base, Rz),
-        20 => (Place::Tool, U),
-        21 => (Place::Tool, V),
-        22 => (Place::Tool, W),
-        23 => (Place::Tool, Ru),
-        24 => (Place::Tool, Rv),
-        25 => (Place::Tool, Rw),
-        30 => return Some(Amplitude::RISE),
-        _ => return None,
-    };
-    Amplitude::compliance(place, motion)
-}
-
-impl PkmEstimatorSettings {
-    fn core<const N: usize>(&self) -> Result<EstimatorSettings<N>, EstimatorSettingsError> {
-        let unknown = AmplitudeSettings {
-            amplitude: Amplitude::RISE,
-            accepted: 0.0,
-            deviation: 0.0,
-            drift_per_day: 0.0,
-            least: 0.0,
-            most: 0.0,
-            rate_per_s: 0.0,
-            alarm: 0.0,
-        };
-        let mut amplitudes = [unknown; N];
-        for (number, (to, own)) in (1..).zip(amplitudes.iter_mut().zip(&self.amplitudes)) {
-            let Some(amplitude) = amplitude(own.amplitude) else {
-                return Err(EstimatorSettingsError::Amplitude { amplitude: number, setting: "amplitude" });
-            };
-            *to = AmplitudeSettings {
-                amplitude,
-                accepted: own.accepted,
-                deviation: own.deviation,
-                drift_per_day: own.drift_per_day,
-                least: own.least,
-                most: own.most,
-                rate_per_s: own.rate_per_s,
-                alarm: own.alarm,
-            };
-        }
-        Ok(EstimatorSettings { amplitudes, model_share: self.model_share })
-    }
-}
-
-impl<T: Scalar> PkmTouch<T> {
-    fn core(&self) -> Touch<T> {
-        Touch {
-            time_s: self.time_s,
-            pose: self.pose.core(),
-            tip_m: self.tip.uvw_m.into(),
-            wrench: self.wrench.core(),
-            rise_k: self.rise_k,
-        }
-    }
-}
-
-impl<T: Scalar> From<Touch<T>> for PkmTouch<T> {
-    fn from(Touch { time_s, pose, tip_m, wrench, rise_k }: Touch<T>) -> Self {
-        let wrench = PkmWrench { force_n: wrench.force_n.into(), moment_nm: wrench.moment_nm.into() };
-        Self { time_s, pose: pose.into(), tip: PkmPoint { uvw_m: tip_m.into() }, wrench, rise_k }
-    }
-}
-
-impl<T: Scalar> PkmTipReading<T> {
-    fn core(&self) -> TipReading<T> {
-        TipReading { direction: Vector6::from(self.direction), read: self.read, deviation: self.deviation }
-    }
-}
-
-impl<T: Scalar> From<Learned<T>> for PkmLearned<T> {
-    fn from(Learned { chi_squared, changed }: Learned<T>) -> Self {
-        Self { chi_squared, changed: changed.map(i32::from) }
-    }
-}
-
-impl PkmEstimatorState {
-    fn of<T: Scalar, const N: usize>(estimator: &Estimator<T, N>) -> Self {
-        let nothing = PkmAmplitudeState {
-            value: 0.0,
-            deviation: 0.0,
-            applied: 0.0,
-            alarm: 0,
-            alarm_readings: 0,
-            change: 0.0,
-            probability: 0.0,
-        };
-        let mut amplitudes = [nothing; PKM_AMPLITUDES];
-        let known = estimator.values().into_iter().zip(estimator.applied()).zip(estimator.alarms());
-        for (to, (((value, deviation), applied), alarm)) in amplitudes.iter_mut().zip(known) {
-            *to = PkmAmplitudeState { value, deviation, applied, ..nothing };
-            if let Some(estimation::Alarm { change, probability, readings, .. }) = alarm {
-                *to = PkmAmplitudeState { alarm: 1, alarm_readings: readings, change, probability, ..*to };
-            }
-        }
-        let (readings, refused, time_s) = (estimator.readings(), estimator.refused(), estimator.time_s());
-        Self { amplitudes, readings, refused, time_s }
-    }
-}
-
-impl From<EstimatorSettingsError> for PkmError {
-    fn from(_: EstimatorSettingsError) -> Self {
-        Self::SettingOutOfRange
-    }
-}
-
-impl From<Refusal> for PkmError {
-    fn from(refusal: Refusal) -> Self {
-        match refusal {
-            Refusal::NotFinite => Self::NotFinite,
-            Refusal::Components => Self::ReadingComponents,
-            Refusal::Backwards => Self::ReadingBackwards,
-            Refusal::NotExcited => Self::ReadingNotExcited,
-            Refusal::Stuck => Self::ReadingStuck,
-            Refusal::WrongSign => Self::ReadingWrongSign,
-            Refusal::Unexpected => Self::ReadingUnexpected,
-            Refusal::Model(e) => e.into(),
-            _ => Self::Unknown,
-        }
-    }
-}
-
-impl From<StateError> for PkmError {
-    fn from(error: StateError) -> Self {
-        match error {
-            StateError::NotWhole => Self::StateNotWhole,
-            StateError::Other => Self::OtherState,
-            StateError::TooShort => Self::WrongSize,
-            _ => Self::Unknown,
-        }
     }
 }
 
@@ -509,10 +197,10 @@ macro_rules! estimator {
                     let (machine, table, touch) = (given(machine)?.core(), &given(table)?.0, given(touch)?.core());
                     let first = given(readings)?;
                     let any = taken(estimator)?.running_mut()?;
-                    if !(1..=estimation::MAX_COMPONENTS).contains(&count) {
+                    if !(1..=MAX_COMPONENTS).contains(&count) {
                         return Err(PkmError::ReadingComponents);
                     }
-                    let mut all = [first.core(); estimation::MAX_COMPONENTS];
+                    let mut all = [first.core(); MAX_COMPONENTS];
                     for (to, reading) in all.iter_mut().zip(slice::from_raw_parts(readings, count)) {
                         *to = reading.core();
                     }

@@ -14,6 +14,7 @@
 mod compensator;
 mod error;
 mod estimator;
+mod estimator_types;
 mod identity;
 mod known;
 mod pointers;
@@ -24,6 +25,7 @@ mod types;
 pub use compensator::*;
 pub use error::{PkmError, pkm_error_text};
 pub use estimator::*;
+pub use estimator_types::*;
 pub use identity::*;
 pub use known::*;
 pub use table::*;
