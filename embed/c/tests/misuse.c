@@ -1,5 +1,6 @@
 /* What a caller may get wrong: every mistake is an error with a text, and writes nothing. */
 
+#include <fenv.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -95,6 +96,18 @@ static void compensators(void) {
             pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset));
     CHECK(pkm_tool_compensator_init_f64(tool, sizeof tool_room, &set, sizeof set, &ours) == PKM_ERROR_OK);
     CHECK(pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset) == PKM_ERROR_OK);
+}
+
+/* A processor in another rounding mode is found, where the C library can set one: newlib for the Cortex-M has none. */
+static void self_test(void) {
+#ifdef FE_TOWARDZERO
+    const int usual = fegetround();
+    CHECK(fesetround(FE_TOWARDZERO) == 0);
+    const PkmError single = pkm_self_test_f32(), twice = pkm_self_test_f64();
+    CHECK(fesetround(usual) == 0);
+    CHECK(single == PKM_ERROR_SELF_TEST_KINEMATICS && twice == PKM_ERROR_SELF_TEST_KINEMATICS);
+#endif
+    CHECK(pkm_self_test_f32() == PKM_ERROR_OK && pkm_self_test_f64() == PKM_ERROR_OK);
 }
 
 int main(void) {
@@ -200,6 +213,7 @@ int main(void) {
     CHECK(pkm_cycle_f64(&warm, table, &pose, &wrench, &tip, &cycle) == PKM_ERROR_OK);
 
     compensators();
+    self_test();
 
     for (int32_t code = -2; code < 300; code++) {
         CHECK(pkm_error_text(code) != NULL && strlen(pkm_error_text(code)) > 0);
