@@ -98,7 +98,7 @@ impl Session<'_> {
             "loadrt threads name1=servo period1=1000000\n\
              loadrt pkmcompensator machine={machine} wrist={wrist} table={table} state=learned.bin\n\
              addf pkmcompensator.to-drives servo\nsetp pkmcompensator.probe-deviation-um {DEVIATION_UM}\n\
-             setp pkmcompensator.gain 1\nsetp pkmcompensator.stuck-s 0\nstart\n{lines}"
+             setp pkmcompensator.gain 1\nsetp pkmcompensator.stuck-s 0\nstart\nloadusr -w sleep 0.1\n{lines}"
         );
         for pin in pins {
             writeln!(text, "getp pkmcompensator.{pin}").ok();
