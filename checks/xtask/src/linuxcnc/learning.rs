@@ -225,5 +225,6 @@ fn compensates(
     let with = format!("{lines}setp pkmcompensator.use-learned 1\n{on}");
     expect("offsets with what was learned", &session.run(&with, &offsets)?, &knowing, 1e-6)?;
     let apart = plain.iter().zip(&knowing).map(|(plain, knowing)| (plain - knowing).abs()).fold(0.0, f64::max);
-    if apart > 1e-4 { Ok(()) } else { Err(format!("what was learned moves the offsets by {apart:e} alone")) }
+    // ten times what they may differ by from the host
+    if apart > 1e-5 { Ok(()) } else { Err(format!("what was learned moves the offsets by {apart:e} alone")) }
 }
