@@ -1,6 +1,6 @@
 //! The elements of one machine in its number type.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3, Vector6};
 
 use super::elements::{Element, Law, MAX_ELEMENT_PARAMETERS, MAX_ELEMENTS, Motion, Place, WEIGHT_STEPS};
 use super::load_dependent;
@@ -250,7 +250,8 @@ impl<T: Scalar> ActiveElements<T> {
     /// Adds the compliances inside a limb.
     pub fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
         let o = T::ZERO;
-        for element in self.iter().filter(|element| element.is_in_limb(limb.index) && !element.is_coupled()) {
+        let is_of_limb = |e: &&Active<T>| e.is_in_limb(limb.index) && !e.is_coupled() && e.motion.tied_to().is_none();
+        for element in self.iter().filter(is_of_limb) {
             let c = element.compliance(limb.q, self.warmer_k);
             let at = if let Place::PlatformJoint { .. } = element.place { &limb.platform } else { &limb.base };
             match (element.motion, element.place) {
@@ -302,6 +303,21 @@ impl<T: Scalar> ActiveElements<T> {
     /// Whether any of the limbs, the platform or the base is coupled.
     pub fn are_coupled(&self) -> bool {
         self.iter().any(|element| element.is_coupled() && element.place != Place::Tool)
+    }
+
+    /// Whether any ties limbs.
+    pub fn tie_limbs(&self) -> bool {
+        self.iter().any(|element| element.motion.tied_to().is_some())
+    }
+
+    /// Calls `add` with what each tie does at A per unit of its force, and its stiffness. `frame` is that of a limb.
+    pub fn ties(&self, frame: impl Fn(usize) -> LimbFrame<T>, mut add: impl FnMut(Vector6<T>, T)) {
+        for element in self.iter() {
+            let (Some(to), Some(from)) = (element.motion.tied_to(), element.place.limb()) else { continue };
+            let [stiffness, u, v, w, ..] = element.parameters();
+            let limbs = [frame(usize::from(from) - 1), frame(to)];
+            add(LimbFrame::tied(limbs.each_ref(), &Vector3::new(u, v, w)), stiffness);
+        }
     }
 
     /// Calls `add` with what A moves by, and the compliance, of each coupled element at the tool.

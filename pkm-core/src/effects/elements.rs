@@ -88,6 +88,11 @@ pub enum Motion {
     /// A₃ along u, v, w, and the moments at A₁ and A₂; of the base the forces at B₁, B₂, B₃ along x, y, z of B, and the
     /// moments there about x and z; of the tool force and moment at A along and about u, v, w.
     Coupled,
+    /// Of the body of limb 1: a spring to the body of limb 2, such as a cable carrier or a pack of hoses. It is beside the mechanism,
+    /// not in a row with what the limbs transmit: it adds a stiffness. See [`LimbFrame::tied`](crate::LimbFrame::tied).
+    TiedToLimb2,
+    /// Of the bodies of limbs 1 and 2: the same to the body of limb 3.
+    TiedToLimb3,
 }
 
 /// What an element's compliance depends on.
@@ -188,11 +193,16 @@ impl Place {
         }
     }
 
-    /// The motions that it may have; of a limb its four, of anything else three translations and then three rotations; last
-    /// [`Motion::Coupled`].
+    /// The motions that it may have; of a limb its four, of anything else three translations and then three rotations; then
+    /// [`Motion::Coupled`]; last what the body of a limb may be tied to.
     pub const fn motions(self) -> &'static [Motion] {
-        use Motion::{Axial, Coupled, Lateral, Ru, Rv, Rw, Rx, Ry, Rz, Tilting, Torsion, U, V, W, X, Y, Z};
+        use Motion::{
+            Axial, Coupled, Lateral, Ru, Rv, Rw, Rx, Ry, Rz, TiedToLimb2, TiedToLimb3, Tilting, Torsion, U, V, W, X, Y,
+            Z,
+        };
         match self {
+            Self::Body { limb: 1 } => &[Axial, Lateral, Tilting, Torsion, Coupled, TiedToLimb2, TiedToLimb3],
+            Self::Body { limb: 2 } => &[Axial, Lateral, Tilting, Torsion, Coupled, TiedToLimb3],
             Self::BaseJoint { .. } | Self::Body { .. } | Self::PlatformJoint { .. } => {
                 &[Axial, Lateral, Tilting, Torsion, Coupled]
             }
@@ -271,6 +281,17 @@ impl Motion {
             Self::Ry => "ry",
             Self::Rz => "rz",
             Self::Coupled => "coupled",
+            Self::TiedToLimb2 => "tied_to_limb_2",
+            Self::TiedToLimb3 => "tied_to_limb_3",
+        }
+    }
+
+    /// The limb (0, 1, 2) that a body is tied to.
+    pub const fn tied_to(self) -> Option<usize> {
+        match self {
+            Self::TiedToLimb2 => Some(1),
+            Self::TiedToLimb3 => Some(2),
+            _ => None,
         }
     }
 
@@ -320,6 +341,9 @@ impl Element {
     pub const fn parameter_names(&self) -> &'static [&'static str] {
         if matches!(self.motion, Motion::Coupled) {
             return self.place.coupled_names();
+        }
+        if self.motion.tied_to().is_some() {
+            return &["stiffness_n_per_m", "u", "v", "w"];
         }
         match (self.law, self.motion.is_rotation()) {
             (Law::Constant, false) => &["compliance_m_per_n"],
@@ -379,6 +403,11 @@ impl Element {
         None
     }
 
+    /// Whether it is one compliance by its motion: neither a sum of what passes nor a tie.
+    const fn is_one_compliance(&self) -> bool {
+        !matches!(self.motion, Motion::Coupled) && self.motion.tied_to().is_none()
+    }
+
     /// What does not fit together.
     pub(crate) const fn misfit(&self) -> Option<Misfit> {
         if self.place.name().is_none() {
@@ -396,8 +425,8 @@ impl Element {
             Some(Misfit::Motion)
         } else if match self.law {
             Law::Constant => true,
-            Law::Temperature => !matches!(self.motion, Motion::Coupled),
-            Law::Extension | Law::Periodic => of_limb && !matches!(self.motion, Motion::Coupled),
+            Law::Temperature => self.is_one_compliance(),
+            Law::Extension | Law::Periodic => of_limb && self.is_one_compliance(),
             Law::Load | Law::Direction => of_limb && matches!(self.motion, Motion::Axial),
         } {
             None
@@ -423,6 +452,8 @@ impl Element {
             || ends_with(name, b"per_k");
         if compliance {
             1e-3
+        } else if ends_with(name, b"n_per_m") {
+            1e9
         } else if is_play_or_lag(name) {
             1e-2
         } else {

@@ -22,7 +22,7 @@ pub use elements::{Element, Law, MAX_ELEMENT_PARAMETERS, MAX_ELEMENTS, Motion, P
 pub use info::{EffectInfo, Expected, MachineScales, ParameterInfo, Plausible, ToldBy};
 pub use parameters::Effects;
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector6};
 
 use crate::elastic::{Chain, Limb, LimbFrame};
 use crate::scalar::Scalar;

@@ -56,6 +56,16 @@ macro_rules! effects {
                 self.elements.coupled(frame, length, base, limbs);
             }
 
+            /// Whether any element ties limbs.
+            pub(crate) fn tie_limbs(&self) -> bool {
+                self.has_elements() && self.elements.tie_limbs()
+            }
+
+            /// Calls `add` with what each tie between limbs does at A per unit of its force, and its stiffness.
+            pub(crate) fn ties(&self, frame: impl Fn(usize) -> LimbFrame<T>, add: impl FnMut(Vector6<T>, T)) {
+                self.elements.ties(frame, add);
+            }
+
             /// Calls `add` with what A moves by, and the compliance, of each coupled element at the tool.
             pub(crate) fn coupled_at_tool(&self, add: impl FnMut([T; 6], T)) {
                 if self.has_elements() {

@@ -1,8 +1,10 @@
 //! A limb at a pose.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3, Vector6};
 
 use super::Chain;
+use crate::linalg::join;
+use crate::scalar::Scalar;
 
 /// A limb as effects see it. Points and axes are in A-uvw, with A as the origin.
 pub(crate) struct Limb<'a, T, const N: usize> {
@@ -37,4 +39,31 @@ pub struct LimbFrame<T> {
     pub joints_m: [Vector3<T>; 2],
     /// Unit vectors x, y, z of the base joint, and of body and platform joint, as columns.
     pub axes: [Matrix3<T>; 2],
+}
+
+impl<T: Scalar> LimbFrame<T> {
+    /// The middle between both joints.
+    fn middle(&self) -> Vector3<T> {
+        let [b, a] = &self.joints_m;
+        (a + b) * T::from_f64(0.5)
+    }
+
+    /// What a force at a point that is fixed to the limb's body does at A. The limb hangs between its joints: it goes along with A_i,
+    /// stays at B_i, and turns as the line between them does.
+    fn carried(&self, point: &Vector3<T>, force: &Vector3<T>) -> Vector6<T> {
+        let [b, a] = &self.joints_m;
+        let moment = (point - b).cross(force);
+        let z = self.axes[1].column(2);
+        let along = z * (force.dot(&z) * (point - b).dot(&z));
+        let at_a = (moment.cross(&z) + along) * (T::ONE / self.length_m);
+        join(at_a, a.cross(&at_a))
+    }
+
+    /// What a tie between the middles of two limbs' bodies does at A when it pulls with a force on the first: the force acts half way
+    /// between the middles, on both.
+    pub fn tied(limbs: [&Self; 2], force: &Vector3<T>) -> Vector6<T> {
+        let [first, second] = limbs;
+        let point = (first.middle() + second.middle()) * T::from_f64(0.5);
+        first.carried(&point, force) - second.carried(&point, force)
+    }
 }

@@ -11,4 +11,4 @@ mod series;
 pub(crate) use chain::{ALL, Chain};
 pub(crate) use limb::Limb;
 pub use limb::LimbFrame;
-pub(crate) use series::{Series, motions, soften};
+pub(crate) use series::{Series, motions, soften, stiffen};

@@ -1,6 +1,6 @@
 //! Compliance in series with the whole mechanism.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3, Vector6};
 
 use crate::linalg::{Lower, axes};
 use crate::scalar::Scalar;
@@ -43,6 +43,16 @@ pub(crate) fn motions<T: Scalar>(at: &Vector3<T>, axis: &Vector3<T>) -> [[T; 6];
     let [x, y, z] = (*axis).into();
     let [rx, ry, rz] = at.cross(axis).into();
     [[x, y, z, o, o, o], [rx, ry, rz, x, y, z]]
+}
+
+/// K := K + k w wᵀ: a spring beside the mechanism that does the wrench w at A per unit of its force. Lower triangle.
+pub(crate) fn stiffen<T: Scalar>(k: &mut Lower<T>, wrench: &Vector6<T>, stiffness: T) {
+    let w: [T; 6] = (*wrench).into();
+    for i in 0..6 {
+        for j in 0..=i {
+            k.data.0[j][i] += stiffness * w[i] * w[j];
+        }
+    }
 }
 
 /// K := (K⁻¹ + c m mᵀ)⁻¹ (Sherman and Morrison), with m what A moves by when the spring gives by one unit. Lower triangle. False

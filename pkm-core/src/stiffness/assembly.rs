@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{Stiffness, StiffnessError, check_diagonal};
-use crate::elastic::{ALL, Chain, Series, soften};
+use crate::elastic::{ALL, Chain, Series, soften, stiffen};
 use crate::kinematics::Posture;
 use crate::linalg::{self, Lower};
 use crate::machine::Machine;
@@ -109,6 +109,14 @@ impl<T: Scalar> Machine<T> {
         if self.effects.are_coupled() {
             self.couple(p, offset, limbs);
         }
+        if self.effects.tie_limbs() {
+            self.tie(p, offset, beside);
+        }
+    }
+
+    #[inline(never)]
+    fn tie(&self, p: &Posture<T>, offset: [T; 2], beside: &mut Lower<T>) {
+        self.effects.ties(|limb| self.frame_of(p, offset, limb), |pull, stiffness| stiffen(beside, &pull, stiffness));
     }
 
     #[inline(never)]

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::elastic::{Chain, Limb};
+use crate::elastic::{Chain, Limb, stiffen};
 use crate::kinematics::Posture;
 use crate::linalg::{Lower, axes, frame, join};
 use crate::machine::Machine;
@@ -102,13 +102,7 @@ impl<T: Scalar> Machine<T> {
         let tension = self.effects.tension(limb.index);
         if tension != T::ZERO {
             let [_, across, _] = axes(&limb.axes);
-            let wrench: [T; 6] = join(across, limb.platform.cross(&across)).into();
-            let spring = tension / limb.q;
-            for i in 0..6 {
-                for j in 0..=i {
-                    beside.data.0[j][i] += spring * wrench[i] * wrench[j];
-                }
-            }
+            stiffen(beside, &join(across, limb.platform.cross(&across)), tension / limb.q);
         }
     }
 

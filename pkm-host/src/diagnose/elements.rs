@@ -33,9 +33,11 @@ impl ElementParameter {
         for template in &self.elements {
             let slots = &mut machine.effects.elements;
             let kind = |e: &Element| (e.place, e.motion, e.law);
-            // coupled ones at one place differ by their weights, laws of the load by what is not linear in them
+            // coupled ones and ties at one place differ by their weights, laws of the load by what is not linear in them
             let is_alike = |e: &Element| match (e.motion, e.law) {
-                (Motion::Coupled, _) => e.parameters[1..] == template.parameters[1..],
+                (Motion::Coupled | Motion::TiedToLimb2 | Motion::TiedToLimb3, _) => {
+                    e.parameters[1..] == template.parameters[1..]
+                }
                 (_, Law::Load) => e.parameters[LOAD_SHAPES] == template.parameters[LOAD_SHAPES],
                 _ => true,
             };

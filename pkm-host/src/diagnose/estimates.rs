@@ -63,6 +63,10 @@ pub struct Estimates {
     pub pose: Pose<f64>,
     /// Names of the declared values, in the order of [`Quantity::shared`].
     pub declared: Vec<String>,
+    /// How far each is from what was declared, in units of its prior, and the covariance of that.
+    pub deviations: Vec<f64>,
+    /// See `deviations`.
+    pub deviation_covariance: Vec<Vec<f64>>,
     /// Limbs first.
     pub condition: Vec<Quantity>,
 }
@@ -187,6 +191,11 @@ impl Estimates {
             pose,
             condition: quantity_names().into_iter().enumerate().map(condition).collect(),
             declared: is_declared.iter().map(|n| names[*n].clone()).collect(),
+            deviations: is_declared.iter().map(|n| fit.x[*n]).collect(),
+            deviation_covariance: is_declared
+                .iter()
+                .map(|n| is_declared.iter().map(|m| covariance[(*n, *m)]).collect())
+                .collect(),
         })
     }
 
@@ -215,6 +224,8 @@ impl Estimates {
             "inspect": self.notable(),
             "quantities": self.condition,
             "shared_with": self.declared,
+            "deviations": self.deviations,
+            "deviation_covariance": self.deviation_covariance,
         })
     }
 }

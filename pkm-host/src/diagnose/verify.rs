@@ -1,10 +1,11 @@
 //! Two diagnoses of one machine compared, such as before and after a repair: what changed beyond uncertainty.
 
+use nalgebra::{DMatrix, DVector};
 use pkm_diagnosis::student;
 use serde::Serialize;
 
 use super::estimates::COVERAGE;
-use crate::files::verified::{Diagnosed, Finding, Quantity};
+use crate::files::verified::{Condition, Diagnosed, Finding, Quantity};
 
 /// Largest probability that any of the changes that are named is nothing but noise.
 const MAX_FAMILY_P: f64 = 0.01;
@@ -18,9 +19,9 @@ pub struct Change {
     pub what: String,
     /// `N/m` or `N·m/rad`.
     pub unit: String,
-    /// As identified the first time.
+    /// The first time, held to the declared value by nothing but what is known of the second.
     pub before: f64,
-    /// As identified the second time.
+    /// The second time, the same way.
     pub after: f64,
     /// After over before, less 1.
     pub change_percent: f64,
@@ -66,30 +67,85 @@ pub struct Verification {
     pub doubts: Vec<String>,
 }
 
-/// Compares one quantity. Errors of the declared values stand in both diagnoses and go out of the difference as far as both lean
-/// on them: with posterior covariances C and gradients g, in units of the priors, the difference has the variance
-/// gᵀCg + g'ᵀC'g' − 2 (Cg)·(C'g').
-fn change(before: &Quantity, after: &Quantity, dof: [Option<f64>; 2], count: usize) -> Change {
-    let (a, b) = (before.standard_uncertainty, after.standard_uncertainty);
-    let in_common: f64 = before.shared.iter().zip(&after.shared).map(|(a, b)| a * b).sum();
-    let deviation = (a * a + b * b - 2.0 * in_common).max(0.0).sqrt();
+/// Standard deviation of a change, in units of what is known of the declared value: a part that wears or is replaced may become
+/// several times softer or stiffer. A prior that held either machine to the declared values would pull a change toward nothing, and
+/// no uncertainty would say so.
+const CHANGE_SD: f64 = 10.0;
+
+/// Both machines by the readings of both, in deviations from the declared values. The diagnoses' own prior is taken off: each has
+/// the information C⁻¹ − 1 of its readings alone. Before and after are p + Δ and p + Δ', with p ~ N(0, 1) as declared and changes Δ ~
+/// N(0, [`CHANGE_SD`]²).
+struct Joint {
+    /// How far each is from where its own diagnosis has it.
+    moved: [DVector<f64>; 2],
+    /// Of both, one after the other.
+    covariance: DMatrix<f64>,
+    /// Of each by its own diagnosis.
+    precisions: [DMatrix<f64>; 2],
+}
+
+impl Joint {
+    /// None where a covariance is none.
+    fn new(both: [&Condition; 2]) -> Option<Self> {
+        let n = both[0].deviations.len();
+        let precision =
+            |c: &Condition| DMatrix::from_fn(n, n, |i, j| c.deviation_covariance[i][j]).cholesky().map(|c| c.inverse());
+        let precisions = [precision(both[0])?, precision(both[1])?];
+        let own = both.map(|c| DVector::from_column_slice(&c.deviations));
+        let one = 1.0 + CHANGE_SD * CHANGE_SD;
+        let (diagonal, off) = (one / (one * one - 1.0), -1.0 / (one * one - 1.0));
+        let mut information = DMatrix::zeros(2 * n, 2 * n);
+        let mut right = DVector::zeros(2 * n);
+        for (k, (precision, own)) in precisions.iter().zip(&own).enumerate() {
+            let readings = precision + DMatrix::identity(n, n) * (diagonal - 1.0);
+            information.view_mut((k * n, k * n), (n, n)).copy_from(&readings);
+            right.rows_mut(k * n, n).copy_from(&(precision * own));
+        }
+        for i in 0..n {
+            information[(i, n + i)] = off;
+            information[(n + i, i)] = off;
+        }
+        let covariance = information.cholesky()?.inverse();
+        let found = &covariance * right;
+        let moved = [0, 1].map(|k| found.rows(k * n, n) - &own[k]);
+        Some(Self { moved, covariance, precisions })
+    }
+
+    /// ln of a quantity before and after, and the standard deviations that each brings to the difference, one by one and together.
+    /// What no declared value takes part in is uncertain for itself.
+    fn quantity(&self, both: [&Quantity; 2]) -> ([f64; 2], [f64; 2], f64) {
+        let shared = both.map(|q| DVector::from_column_slice(&q.shared));
+        let slopes = [0, 1].map(|k| &self.precisions[k] * &shared[k]);
+        let rest = [0, 1].map(|k| (both[k].standard_uncertainty.powi(2) - shared[k].dot(&slopes[k])).max(0.0));
+        let values = [0, 1].map(|k| both[k].identified.ln() + slopes[k].dot(&self.moved[k]));
+        let n = slopes[0].len();
+        let own = |k: usize| slopes[k].dot(&(self.covariance.view((k * n, k * n), (n, n)) * &slopes[k])) + rest[k];
+        let cross = slopes[0].dot(&(self.covariance.view((0, n), (n, n)) * &slopes[1]));
+        let variances = [own(0), own(1)];
+        (values, variances.map(f64::sqrt), (variances[0] + variances[1] - 2.0 * cross).max(0.0).sqrt())
+    }
+}
+
+/// Compares one quantity.
+fn change(joint: &Joint, both: [&Quantity; 2], dof: [Option<f64>; 2], count: usize) -> Change {
+    let ([before, after], [a, b], deviation) = joint.quantity(both);
     let dof = student::effective_dof(&[(a * a, dof[0]), (b * b, dof[1])]);
     let k = student::coverage_factor(COVERAGE, dof);
-    let change = (after.identified / before.identified).ln();
+    let change = after - before;
     let ratio = change.exp();
-    // two equal documents differ by nothing, and nothing is certain of that
-    let p = if change == 0.0 { 1.0 } else { student::two_sided_p(change / deviation, dof) };
+    let p = student::two_sided_p(change / deviation, dof);
     let verdict = match change {
         _ if p * count as f64 > MAX_FAMILY_P => "unchanged",
         _ if change < 0.0 => "softer",
         _ => "stiffer",
     };
+    let [_, second] = both;
     Change {
-        quantity: after.quantity.clone(),
-        what: after.what.clone(),
-        unit: after.unit.clone(),
-        before: before.identified,
-        after: after.identified,
+        quantity: second.quantity.clone(),
+        what: second.what.clone(),
+        unit: second.unit.clone(),
+        before: before.exp(),
+        after: after.exp(),
         change_percent: 100.0 * change.exp_m1(),
         standard_uncertainty_percent: 100.0 * ratio * deviation,
         expanded_uncertainty_percent: 100.0 * ratio * k * deviation,
@@ -170,103 +226,148 @@ fn doubts(before: &Diagnosed, after: &Diagnosed) -> Vec<String> {
                 d.measurement.verdict
             ));
         }
-        if d.model.verdict == "not_good_enough" {
-            doubts.push(format!(
-                "the model {when} leaves more than noise ({}): its stiffnesses are farther off than their uncertainties say",
-                d.verdict
-            ));
-        }
+        let what = match d.model.verdict.as_str() {
+            "good_enough" => continue,
+            "in_doubt" => "is in doubt",
+            _ => "leaves more than noise",
+        };
+        doubts.push(format!(
+            "the model {when} {what} ({}): its stiffnesses may be farther off than their uncertainties say",
+            d.verdict
+        ));
     }
     doubts
 }
 
-/// Compares two diagnoses of one machine.
-pub fn verify(before: &Diagnosed, after: &Diagnosed) -> Verification {
+/// Compares two diagnoses of one machine; none where one has a covariance that is none.
+pub fn verify(before: &Diagnosed, after: &Diagnosed) -> Option<Verification> {
     let dof = [before, after].map(|d| d.uncertainty.degrees_of_freedom);
     let pairs: Vec<(&Quantity, &Quantity)> = (before.condition.quantities.iter())
         .filter_map(|a| Some((a, after.condition.quantities.iter().find(|b| b.quantity == a.quantity)?)))
         .collect();
-    let changes: Vec<Change> = pairs.iter().map(|(a, b)| change(a, b, dof, pairs.len())).collect();
+    let joint = Joint::new([&before.condition, &after.condition])?;
+    let changes: Vec<Change> = pairs.iter().map(|(a, b)| change(&joint, [a, b], dof, pairs.len())).collect();
     let findings = fates(before, after);
     let is_changed =
         changes.iter().map(|c| c.verdict).chain(findings.iter().map(|f| f.verdict)).any(|v| v != "unchanged");
-    Verification {
+    Some(Verification {
         verdict: if is_changed { "changed" } else { "unchanged" },
         changes,
         findings,
         doubts: doubts(before, after),
-    }
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{DMatrix, DVector};
-
     use super::*;
-
-    fn quantity(identified: f64, standard_uncertainty: f64, shared: Vec<f64>) -> Quantity {
-        Quantity {
-            quantity: "k11".into(),
-            what: String::new(),
-            unit: "N/m".into(),
-            declared: 1e8,
-            identified,
-            standard_uncertainty,
-            expanded_uncertainty: 2.0 * standard_uncertainty,
-            declared_uncertainty: 0.1,
-            state: "as_declared".into(),
-            shared,
-        }
-    }
 
     fn normal(rng: &mut fastrand::Rng) -> f64 {
         (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0
     }
 
-    /// One linear machine measured twice, thousands of times: the standard deviation of the difference of both estimates is the one
-    /// that is stated, which it would not be without what both have in common.
-    #[test]
-    fn a_difference_is_as_uncertain_as_simulation_says() {
-        let mut rng = fastrand::Rng::with_seed(3);
-        let design = |rng: &mut fastrand::Rng, rows: usize| DMatrix::from_fn(rows, 3, |_, _| 0.4 * normal(rng));
-        let designs = [design(&mut rng, 4), design(&mut rng, 9)];
-        let gradient = DVector::from_vec(vec![0.1, 0.08, -0.05]);
-        let covariances = designs.each_ref().map(|a| (a.tr_mul(a) + DMatrix::identity(3, 3)).try_inverse().unwrap());
-        let stated = covariances.each_ref().map(|c| {
-            let shared = c * &gradient;
-            quantity(1e8, gradient.dot(&shared).sqrt(), shared.iter().copied().collect())
-        });
-        let said = change(&stated[0], &stated[1], [None; 2], 1).standard_uncertainty_percent / 100.0;
-        let (mut sum, runs) = (0.0, 20_000);
-        for _ in 0..runs {
-            let truth = DVector::from_fn(3, |_, _| normal(&mut rng));
-            let mut estimate = |n: usize| {
-                let a = &designs[n];
-                let read = a * &truth + DVector::from_fn(a.nrows(), |_, _| normal(&mut rng));
-                gradient.dot(&(&covariances[n] * a.tr_mul(&read)))
+    /// A linear machine of three declared values under a design of readings with noise 1, and one quantity of it.
+    struct Linear {
+        design: DMatrix<f64>,
+        gradient: DVector<f64>,
+    }
+
+    impl Linear {
+        fn new(rng: &mut fastrand::Rng, rows: usize, size: f64) -> Self {
+            let design = DMatrix::from_fn(rows, 3, |_, _| size * normal(rng));
+            Self { design, gradient: DVector::from_vec(vec![0.1, 0.08, -0.05]) }
+        }
+
+        /// What a diagnosis under the declared prior says of a machine with these deviations.
+        fn diagnosed(&self, truth: &DVector<f64>, noise: impl FnMut(usize, usize) -> f64) -> (Condition, Quantity) {
+            let a = &self.design;
+            let covariance = (a.tr_mul(a) + DMatrix::identity(3, 3)).try_inverse().unwrap();
+            let read = a * truth + DVector::from_fn(a.nrows(), noise);
+            let found = &covariance * a.tr_mul(&read);
+            let shared = &covariance * &self.gradient;
+            let standard_uncertainty = self.gradient.dot(&shared).sqrt();
+            let quantity = Quantity {
+                quantity: "k11".into(),
+                what: String::new(),
+                unit: "N/m".into(),
+                declared: 1e8,
+                identified: 1e8 * self.gradient.dot(&found).exp(),
+                standard_uncertainty,
+                expanded_uncertainty: 2.0 * standard_uncertainty,
+                declared_uncertainty: 0.1,
+                state: "as_declared".into(),
+                shared: shared.iter().copied().collect(),
             };
-            sum += (estimate(1) - estimate(0)).powi(2);
+            let condition = Condition {
+                quantities: Vec::new(),
+                shared_with: Vec::new(),
+                deviations: found.iter().copied().collect(),
+                deviation_covariance: covariance.row_iter().map(|r| r.iter().copied().collect()).collect(),
+            };
+            (condition, quantity)
+        }
+    }
+
+    fn compared(both: &[(Condition, Quantity); 2], dof: Option<f64>, count: usize) -> Change {
+        let joint = Joint::new([&both[0].0, &both[1].0]).unwrap();
+        change(&joint, [&both[0].1, &both[1].1], [dof; 2], count)
+    }
+
+    /// Thousands of machines that differ from what is declared, and change, as the priors say: the change that is found is off by
+    /// the standard deviation that is stated.
+    #[test]
+    fn a_change_is_as_uncertain_as_simulation_says() {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let designs = [Linear::new(&mut rng, 4, 0.4), Linear::new(&mut rng, 9, 0.4)];
+        let (mut sum, mut said, runs) = (0.0, 0.0, 5000);
+        for _ in 0..runs {
+            let declared = DVector::from_fn(3, |_, _| normal(&mut rng));
+            let truths = [0, 1].map(|_| &declared + DVector::from_fn(3, |_, _| CHANGE_SD * normal(&mut rng)));
+            let both = [0, 1].map(|k| designs[k].diagnosed(&truths[k], |_, _| normal(&mut rng)));
+            let joint = Joint::new([&both[0].0, &both[1].0]).unwrap();
+            let ([before, after], _, deviation) = joint.quantity([&both[0].1, &both[1].1]);
+            let truth = designs[0].gradient.dot(&(&truths[1] - &truths[0]));
+            sum += (after - before - truth).powi(2);
+            said = deviation;
         }
         let found = (sum / f64::from(runs)).sqrt();
-        assert!((said / found - 1.0).abs() < 0.02, "{said} instead of {found}");
-        let alone = stated[0].standard_uncertainty.hypot(stated[1].standard_uncertainty);
-        assert!(alone > 1.1 * found, "{alone} {found}");
+        assert!((said / found - 1.0).abs() < 0.03, "{said} instead of {found}");
+    }
+
+    /// Ten standard deviations of the declared prior, which pulls each diagnosis by itself a third of the way back.
+    #[test]
+    fn a_large_change_is_not_pulled_toward_nothing() {
+        let mut rng = fastrand::Rng::with_seed(5);
+        let design = Linear::new(&mut rng, 12, 0.5);
+        let truths = [DVector::from_vec(vec![-10.0, 0.0, 0.0]), DVector::zeros(3)];
+        let both = truths.map(|t| design.diagnosed(&t, |_, _| 0.0));
+        let truth = 100.0 * 1.0_f64.exp_m1();
+        let plain = 100.0 * (both[1].1.identified / both[0].1.identified - 1.0);
+        assert!(plain < 0.8 * truth, "{plain}");
+        let found = compared(&both, None, 9);
+        assert!((found.change_percent - truth).abs() < 0.03 * truth, "{} instead of {truth}", found.change_percent);
+        assert_eq!(found.verdict, "stiffer");
     }
 
     #[test]
     fn a_change_must_be_more_than_noise_and_have_its_sign() {
-        let before = quantity(1e8, 0.01, vec![0.0]);
-        let of = |after: f64, dof, count| change(&before, &quantity(after, 0.01, vec![0.0]), [dof; 2], count);
-        // 9 % at a standard deviation of 1.4 %
-        let softer = of(0.91e8, None, 9);
+        let mut rng = fastrand::Rng::with_seed(7);
+        let design = Linear::new(&mut rng, 300, 0.8);
+        let of = |sds: f64, dof, count| {
+            let both = |size: f64| {
+                let truths = [DVector::zeros(3), &design.gradient * (size / design.gradient.norm_squared())];
+                compared(&truths.map(|t| design.diagnosed(&t, |_, _| 0.0)), dof, count)
+            };
+            let deviation = 0.01 * both(0.0).standard_uncertainty_percent;
+            both(sds * deviation)
+        };
+        let softer = of(-6.0, None, 9);
         assert_eq!(softer.verdict, "softer");
-        assert!((softer.change_percent + 9.0).abs() < 1e-9 && softer.probability > 0.999_999);
-        assert_eq!(of(1.1e8, None, 9).verdict, "stiffer");
-        assert_eq!(of(1.02e8, None, 9).verdict, "unchanged");
+        assert!(softer.probability > 0.999_999 && softer.change_percent < 0.0);
+        assert_eq!(of(6.0, None, 9).verdict, "stiffer");
+        assert_eq!(of(1.4, None, 9).verdict, "unchanged");
         // as many standard deviations are less with two degrees of freedom each
-        assert_eq!(of(1.06e8, None, 1).verdict, "stiffer");
-        assert_eq!(of(1.06e8, Some(2.0), 1).verdict, "unchanged");
-        let same = of(1e8, None, 9);
-        assert_eq!((same.verdict, same.p), ("unchanged", 1.0));
+        assert_eq!(of(4.2, None, 1).verdict, "stiffer");
+        assert_eq!(of(4.2, Some(2.0), 1).verdict, "unchanged");
     }
 }

@@ -79,6 +79,10 @@ pub struct Condition {
     pub quantities: Vec<Quantity>,
     /// Names of what these share.
     pub shared_with: Vec<String>,
+    /// How far each is from what was declared, in units of its prior.
+    pub deviations: Vec<f64>,
+    /// Covariance of these.
+    pub deviation_covariance: Vec<Vec<f64>>,
 }
 
 /// `uncertainty`.
@@ -148,6 +152,13 @@ impl Diagnosed {
             let numbers = [q.identified, q.declared, q.standard_uncertainty];
             !(numbers.iter().all(|v| v.is_finite() && *v > 0.0) && q.shared.len() == shared)
         };
+        let (deviations, covariance) = (&found.condition.deviations, &found.condition.deviation_covariance);
+        let all = || covariance.iter().chain([deviations]);
+        if covariance.len() != shared || all().any(|row| row.len() != shared || row.iter().any(|v| !v.is_finite())) {
+            return Err(Failure::input("expected a deviation and a row of covariances for each name of shared_with")
+                .in_file(&source.name)
+                .at_column("condition.deviation_covariance"));
+        }
         match found.condition.quantities.iter().position(is_unsound) {
             None => Ok(found),
             Some(n) => Err(Failure::input("expected numbers above 0, and a covariance for each name of shared_with")

@@ -219,7 +219,9 @@ fn law(e: &Element, q: f64, warmer_k: f64) -> f64 {
 /// An element of any place, motion and linear law, of a size that a machine may have.
 fn random_element(rng: &mut Rng, size: f64) -> Element {
     let place = Place::ALL[rng.usize(..Place::ALL.len())];
-    let motion = place.motions()[rng.usize(..place.motions().len())];
+    // ties are no compliances
+    let motions: Vec<Motion> = place.motions().iter().copied().filter(|m| m.tied_to().is_none()).collect();
+    let motion = motions[rng.usize(..motions.len())];
     let laws = [Law::Constant, Law::Extension, Law::Periodic, Law::Temperature];
     let law = laws[rng.usize(..if place.limb().is_some() { 4 } else { 1 })];
     let law = if place.limb().is_none() && rng.bool() { Law::Temperature } else { law };
@@ -271,6 +273,64 @@ fn linear_elements_equal_the_transmitted_wrenches_in_64_bits() {
     }
     println!("elements: {worst:.1e}; without them {worst_plain:.1e}");
     assert!(worst <= 1e-9 && worst_plain <= 1e-9, "{worst:e} {worst_plain:e}");
+}
+
+/// Where a point of a rod goes that hangs between a joint that stays and one that moves, and stretches evenly: it turns by the
+/// smallest rotation.
+fn carried(limb: &Limb, point: Vector3<f64>, platform: Vector3<f64>) -> Vector3<f64> {
+    let (before, after) = (limb.platform - limb.base, platform - limb.base);
+    let arm = point - limb.base;
+    let along = arm.dot(&before) / before.norm_squared();
+    // nalgebra's rotation between two vectors takes the arc cosine, which is blunt for small turns
+    let axis = before.cross(&after);
+    let turn = Rotation3::new(axis.normalize() * axis.norm().atan2(before.dot(&after)));
+    limb.base + after * along + turn * (arm - before * along)
+}
+
+/// A tie pulls by what the bodies' middles move against each other, half way between them, as the platform moves by a little.
+#[test]
+fn a_tie_adds_the_stiffness_of_a_spring_between_two_rods() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for _ in 0..cases(300) {
+        let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let plain = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &plain, size, 0.2);
+        let (from, to, motion) =
+            [(1, 2, "tied_to_limb_2"), (1, 3, "tied_to_limb_3"), (2, 3, "tied_to_limb_3")][rng.usize(..3)];
+        let axis = Vector3::from_fn(|_, _| rng.f64() - 0.5);
+        let stiffness = 1e7 * rng.f64();
+        let place = format!("limb.{from}.body");
+        let element = Element::from_names(&place, motion, "constant", [stiffness, axis.x, axis.y, axis.z]).unwrap();
+        parameters.effects.elements[2] = Some(element);
+        let tied = Machine::<f64>::new(&parameters).unwrap().stiffness(&pose).unwrap().matrix();
+        let k = plain.stiffness(&pose).unwrap().matrix();
+
+        let t = transmission(&parameters, &pose);
+        let limbs = [&t.limbs[from - 1], &t.limbs[to - 1]];
+        let point = limbs.iter().fold(Vector3::zeros(), |sum, l| sum + (l.base + l.platform) * 0.25);
+        let apart = |d: Vector6<f64>| {
+            let [first, second] = limbs.map(|l| {
+                let turn = Rotation3::new(Vector3::new(d[3], d[4], d[5]));
+                carried(l, point, turn * l.platform + Vector3::new(d[0], d[1], d[2]))
+            });
+            axis.dot(&(first - second))
+        };
+        let step = 1e-5 * size;
+        let lever = |j: usize| if j < 3 { 1.0 } else { 1.0 / size };
+        let pull = Vector6::from_fn(|j, _| {
+            let moved = Vector6::ith(j, step * lever(j));
+            (apart(moved) - apart(-moved)) / (2.0 * step * lever(j))
+        });
+        let added = pull * pull.transpose() * stiffness;
+        // a tie is a spring beside the mechanism: what it adds is not lost beside what was there
+        let scale = |i: usize, j: usize| (added[(i, i)] * added[(j, j)]).sqrt() + 1e-6 * (k[(i, i)] * k[(j, j)]).sqrt();
+        let error = Matrix6::from_fn(|i, j| (tied[(i, j)] - k[(i, j)] - added[(i, j)]).abs() / scale(i, j)).max();
+        keep_worst(&mut worst, error);
+    }
+    println!("ties: {worst:.1e}");
+    assert!(worst <= 1e-6, "{worst:e}");
 }
 
 fn stiffness_with(effects: Effects, pose: &Pose<f64>) -> Result<Matrix6<f64>, StiffnessError> {
@@ -330,7 +390,7 @@ fn a_table_is_fitted_without_what_sits_at_the_tool() {
 #[test]
 fn a_compliance_below_zero_is_refused_where_nothing_is_left() {
     for place in Place::ALL {
-        for motion in place.motions() {
+        for motion in place.motions().iter().filter(|m| m.tied_to().is_none()) {
             let at = |c: f64| {
                 let element = Element::from_names(place.name().unwrap(), motion.name(), "constant", [c]).unwrap();
                 // a coupled one sees the first force that passes there
@@ -472,9 +532,27 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
         let name = place.name().unwrap();
         assert_eq!(Place::from_name(name), Some(place));
         for motion in [
-            "axial", "lateral", "tilting", "torsion", "u", "v", "w", "ru", "rv", "rw", "x", "y", "z", "rx", "ry", "rz",
+            "axial",
+            "lateral",
+            "tilting",
+            "torsion",
+            "u",
+            "v",
+            "w",
+            "ru",
+            "rv",
+            "rw",
+            "x",
+            "y",
+            "z",
+            "rx",
+            "ry",
+            "rz",
             "coupled",
+            "tied_to_limb_2",
+            "tied_to_limb_3",
         ] {
+            let is_one = motion != "coupled" && !motion.starts_with("tied");
             let known = place.motions().iter().any(|m| m.name() == motion);
             assert_eq!(element(name, motion, "constant").is_some(), known, "{name} {motion}");
             for law in Law::ALL {
@@ -482,8 +560,8 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
                 let fits = known
                     && match law {
                         Law::Constant => true,
-                        Law::Temperature => motion != "coupled",
-                        Law::Extension | Law::Periodic => place.limb().is_some() && motion != "coupled",
+                        Law::Temperature => is_one,
+                        Law::Extension | Law::Periodic => place.limb().is_some() && is_one,
                         Law::Load | Law::Direction => place.limb().is_some() && motion == "axial",
                     };
                 assert_eq!(element(name, motion, law.name()).is_some(), fits, "{name} {motion} {}", law.name());
@@ -588,6 +666,8 @@ fn every_part_of_an_element_is_in_the_checksum() {
         sum("base", "x", "constant", 2e-9),
         sum("limb.1.body", "axial", "constant", 1e-9),
         sum("limb.1.base_joint", "axial", "constant", 1e-9),
+        sum("limb.1.body", "tied_to_limb_2", "constant", 1e-9),
+        sum("limb.1.body", "tied_to_limb_3", "constant", 1e-9),
         coupled([1.0, 0.0]),
         coupled([0.5, 0.0]),
         coupled([0.0, 1.0]),

@@ -1,7 +1,8 @@
-//! Compliances that blocks found, as coupled elements: what was inferred goes to the controller with its directions.
+//! What blocks found as elements, compliances as coupled ones and stiffnesses of ties: what was inferred goes to the controller with
+//! its directions.
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use pkm_core::effects::{Element, MAX_ELEMENT_PARAMETERS, Place};
+use pkm_core::effects::{Element, MAX_ELEMENT_PARAMETERS, Motion, Place};
 use pkm_core::machine::Geometry;
 
 /// Greatest weight.
@@ -13,13 +14,16 @@ const MAX_ELEMENTS: usize = 4;
 /// Least share of the greatest that is worth an element.
 const MIN_SHARE: f64 = 1e-3;
 
-/// How the compliance of a block is written as elements.
+/// How the compliance of a block, or the stiffness of a tie, is written as elements.
 #[derive(Clone)]
 pub struct Written {
     /// Places that have it alike.
     pub places: Vec<Place>,
-    /// Scale of each of the block's forces, m/N or rad/(N·m).
+    motion: Motion,
+    /// Scale of each of the block's forces, m/N or rad/(N·m); of a tie N/m.
     pub units: Vec<f64>,
+    /// The greatest weight is the greatest that is kept; of a tie 1.
+    greatest_weight: f64,
     /// Components of an element's direction by the block's forces.
     to_direction: DMatrix<f64>,
 }
@@ -28,7 +32,23 @@ impl Written {
     /// Each force of the block is one component of the direction.
     pub fn of(places: &[Place], units: &[f64], component: &dyn Fn(usize) -> usize) -> Self {
         let to_direction = DMatrix::from_fn(MAX_WEIGHTS, units.len(), |i, n| f64::from(component(n) == i));
-        Self { places: places.to_vec(), units: units.to_vec(), to_direction }
+        Self::coupled(places, units, to_direction)
+    }
+
+    fn coupled(places: &[Place], units: &[f64], to_direction: DMatrix<f64>) -> Self {
+        let (places, units) = (places.to_vec(), units.to_vec());
+        Self { places, motion: Motion::Coupled, units, greatest_weight: MAX_WEIGHT, to_direction }
+    }
+
+    /// A tie of the body of a limb along three axes.
+    pub fn tie(limb: usize, motion: Motion, unit: f64) -> Self {
+        let places = [Place::Body { limb: limb as u8 + 1 }];
+        Self { motion, greatest_weight: 1.0, ..Self::of(&places, &[unit; 3], &|n| n) }
+    }
+
+    /// Whether less than nothing of it is nonsense: a compliance may be less than declared, a tie is there or is not.
+    pub fn is_one_sided(&self) -> bool {
+        self.motion.tied_to().is_some()
     }
 
     /// The same of other places.
@@ -53,11 +73,11 @@ impl Written {
             direction
         };
         let columns: Vec<DVector<f64>> = which.iter().map(|k| of(*k)).collect();
-        Self { places: vec![Place::Base], units: units.to_vec(), to_direction: DMatrix::from_columns(&columns) }
+        Self::coupled(&[Place::Base], units, DMatrix::from_columns(&columns))
     }
 
     /// The elements that say the compliance with these amplitudes of the block's columns, each at every place alike, and
-    /// its compliance in m/N; the greatest first.
+    /// its compliance in m/N, or stiffness in N/m; the greatest first.
     pub fn elements(&self, amplitudes: &[f64]) -> Vec<(Vec<Element>, f64)> {
         let n = self.units.len();
         let at = |i: usize, j: usize| match amplitudes.len() {
@@ -74,15 +94,18 @@ impl Written {
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*b].abs().total_cmp(&eigen.eigenvalues[*a].abs()));
         let greatest = order.first().map_or(0.0, |k| eigen.eigenvalues[*k].abs());
-        let kept = order.into_iter().filter(|k| eigen.eigenvalues[*k].abs() > MIN_SHARE * greatest).take(MAX_ELEMENTS);
+        let is_worth = |k: &usize| {
+            let value = eigen.eigenvalues[*k];
+            value.abs() > MIN_SHARE * greatest && (value > 0.0 || !self.is_one_sided())
+        };
+        let kept = order.into_iter().filter(is_worth).take(MAX_ELEMENTS);
         kept.filter_map(|k| {
             let roots = DVector::from_fn(n, |i, _| eigen.eigenvectors[(i, k)] * self.units[i].sqrt());
             let direction = &self.to_direction * roots;
-            // the greatest weight is the greatest that is kept
-            let size = direction.amax() / MAX_WEIGHT;
+            let size = direction.amax() / self.greatest_weight;
             let parameters: [f64; MAX_ELEMENT_PARAMETERS] =
                 std::array::from_fn(|i| if i == 0 { 0.0 } else { direction[i - 1] / size });
-            let of = |place: &Place| Element::from_names(place.name()?, "coupled", "constant", parameters);
+            let of = |place: &Place| Element::from_names(place.name()?, self.motion.name(), "constant", parameters);
             let elements = self.places.iter().map(of).collect::<Option<Vec<Element>>>()?;
             Some((elements, eigen.eigenvalues[k] * size * size))
         })

@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector};
 use pkm_core::machine::Machine;
-use pkm_core::{MachineParameters, Pose, Transmission};
+use pkm_core::{LimbFrame, MachineParameters, Pose, Transmission};
 
 use super::turned;
 use crate::diagnose::declared::Declared;
@@ -34,6 +34,8 @@ pub struct Frame {
     pub ground: M68,
     /// Forces on the three base points, along the axes of B.
     pub points: [M68; 3],
+    /// Joints of each limb.
+    pub limbs: [LimbFrame<f64>; 3],
     /// Limb lengths, m.
     pub q: [f64; 3],
     /// θ, σ in rad, Z0 in m.
@@ -108,7 +110,7 @@ impl Frame {
         };
         let base_axes = t.base_axes.into();
         let joints: [[M68; 2]; 3] = std::array::from_fn(|limb| [of(limb, 0), of(limb, 1)]);
-        let terminal = solve(&h, &d)?.compliance;
+        let terminal = solve(&h, &d, &M6::zeros())?.compliance;
         Some(Self {
             motions: std::array::from_fn(|limb| turned::motions(declared, &t, &terminal, limb, &joints[limb])),
             joints,
@@ -117,6 +119,7 @@ impl Frame {
             points: std::array::from_fn(|limb| {
                 seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0].into(), &base_axes)
             }),
+            limbs: t.limbs,
             q: std::array::from_fn(|i| t.limbs[i].length_m),
             pose: [pose.theta_rad, pose.sigma_rad, pose.z0_m],
             wrenches: h,
@@ -134,11 +137,11 @@ pub struct Solved {
     pub compliance: M6,
 }
 
-/// P and K⁻¹ for a compliance; `None` if it is not positive definite.
-pub fn solve(h: &M68, d: &M8) -> Option<Solved> {
+/// P and K⁻¹ for a compliance and a stiffness beside it; `None` if they are not positive definite.
+pub fn solve(h: &M68, d: &M8, beside: &M6) -> Option<Solved> {
     let chol = d.cholesky()?;
     let dinv_ht = chol.solve(&h.transpose());
-    let k = h * dinv_ht;
+    let k = h * dinv_ht + beside;
     let c = k.cholesky()?.inverse();
     Some(Solved { response: c * dinv_ht.transpose(), compliance: c })
 }

@@ -7,7 +7,7 @@ use pkm_core::effects::Place;
 
 use super::Blocks;
 use super::coupled::Written;
-use super::elastic::{Frame, M8, V8};
+use super::elastic::{Frame, M6, M8, V8};
 use super::terms::{Term, alike, rows, symmetric};
 use crate::diagnose::declared::Declared;
 use crate::files::readings::REFERENCE_C;
@@ -241,7 +241,9 @@ fn temperature(blocks: &mut Blocks<'_>) {
         let of = |c: usize| -> [f64; 6] {
             let condition = &readings.conditions[c];
             let f = &blocks.frames[condition.pose];
-            let Some(solved) = super::elastic::solve(&f.wrenches, &f.compliance()) else { return [0.0; 6] };
+            let Some(solved) = super::elastic::solve(&f.wrenches, &f.compliance(), &M6::zeros()) else {
+                return [0.0; 6];
+            };
             let mut e = V8::zeros();
             for i in limbs {
                 e[AXIAL[*i]] = f.q[*i] * 1e-5 * condition.rise_k;

@@ -12,6 +12,7 @@ mod named;
 mod platforms;
 pub mod sites;
 mod terms;
+mod ties;
 mod turned;
 mod world;
 
@@ -92,6 +93,11 @@ impl Blocks<'_> {
     fn add_written(&mut self, places: &[String], terms: Vec<Term>, coupled: bool, written: Written) {
         let whole = if coupled { written.units.len() } else { 0 };
         self.add_with(places, "general", "constant", terms, whole, 0.0);
+        self.write_last(written);
+    }
+
+    /// Says how the block that was added last is written as elements.
+    fn write_last(&mut self, written: Written) {
         if let Some(last) = self.written.last_mut() {
             *last = Some(written);
         }

@@ -7,7 +7,7 @@ use pkm_core::Machine;
 use pkm_core::effects::Expected;
 use pkm_diagnosis::Unknown;
 
-use super::elastic::{self, Frame, M8};
+use super::elastic::{self, Frame, M6, M8};
 use super::limbs::part;
 use super::terms::Term;
 use super::{Blocks, Whereabouts};
@@ -106,7 +106,7 @@ fn compliance(blocks: &Blocks<'_>, amplitude: Unknown, shapes: &[(Unknown, f64)]
             let t = machine.transmission(&p.pose).ok()?;
             let d = elastic::full(&t.compliance);
             let in_series = machine.stiffness(&p.pose).ok()?.matrix().cholesky()?.inverse()
-                - elastic::solve(&f.wrenches, &d)?.compliance;
+                - elastic::solve(&f.wrenches, &d, &M6::zeros())?.compliance;
             let is_same = (t.wrenches - f.wrenches).norm() <= LINEAR * f.wrenches.norm();
             is_same.then(|| d + f.wrenches.tr_mul(&(in_series * f.wrenches)))
         };

@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 use pkm_diagnosis::places::{Inferred, NOWHERE};
 use pkm_diagnosis::{Kind, Rules, Search};
 
+use super::ties::TIED;
 use super::{World, named};
 use crate::diagnose::model::Model;
 
@@ -76,7 +77,9 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
         };
         let is_there = |c: &usize| {
             let w = named::place_of(model, *c);
-            family(w.law) == family(block.law) && w.places.first().is_some_and(is_near)
+            // what is beside the mechanism is no formula of something in it
+            let is_alike = family(w.law) == family(block.law) && (w.motion == TIED) == (block.motion == TIED);
+            is_alike && w.places.first().is_some_and(is_near)
         };
         let candidates = (0..model.candidates.len()).filter(is_there).collect();
         Site {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::coupled::Written;
 use super::elastic::{self, Frame, M6, M8, Solved, V8};
 use super::terms::{Seen, Term};
-use super::{Blocks, limbs, measurement, named, platforms, turned};
+use super::{Blocks, limbs, measurement, named, platforms, ties, turned};
 use crate::diagnose::declared::Declared;
 use crate::diagnose::elements::{ElementParameter, Family};
 use crate::diagnose::model::Model;
@@ -79,6 +79,7 @@ impl World {
         limbs::add(&mut blocks);
         platforms::add(&mut blocks);
         turned::add(&mut blocks);
+        ties::add(&mut blocks);
         measurement::add(&mut blocks, &solved);
         named::add(&mut blocks);
         this.written = blocks.written;
@@ -104,7 +105,7 @@ impl World {
             elements,
             index: 0,
             prior: Prior::Normal { scale: compliance.abs() },
-            one_sided: false,
+            one_sided: written.is_one_sided(),
         };
         let all = written.elements(&found.amplitudes);
         let start = all.iter().map(|(_, compliance)| compliance.signum()).collect();
@@ -114,18 +115,20 @@ impl World {
 
     fn solve(&self, state: &State) -> Option<Vec<Solved>> {
         let of = |(pose, f): (usize, &Frame)| {
-            let mut d = f.rest;
+            let (mut d, mut beside) = (f.rest, M6::zeros());
             for ((part, x), sd) in f.parts.iter().zip(&state.declared).zip(&self.uncertainty) {
                 d += part * (-sd * x).exp();
             }
             for (b, amplitudes) in &state.blocks {
                 for (term, a) in self.terms[*b].iter().zip(amplitudes) {
-                    if let Term::Elastic(e) = term {
-                        d += e[pose] * *a;
+                    match term {
+                        Term::Elastic(e) => d += e[pose] * *a,
+                        Term::Beside(k) => beside += k[pose] * *a,
+                        _ => {}
                     }
                 }
             }
-            elastic::solve(&f.wrenches, &d)
+            elastic::solve(&f.wrenches, &d, &beside)
         };
         self.frames.iter().enumerate().map(of).collect()
     }
@@ -172,6 +175,11 @@ impl Under<'_> {
             Term::Fixed(column) => return (**column).clone(),
             Term::Entry(values) => whitened((**values).clone()),
             Term::Elastic(e) => self.by_condition(|c| elastic(e, c)),
+            Term::Beside(k) => self.by_condition(|c| {
+                let compliance = &solved[conditions[c].pose].compliance;
+                let moved = compliance * Vector6::from(self.world.wrenches[c].0);
+                seen_at((compliance * (k[conditions[c].pose] * -moved)).into(), conditions[c].point_m)
+            }),
             Term::Times(e, factors) => {
                 let all = self.read(&(0..conditions.len()).map(|c| elastic(e, c)).collect::<Vec<Six>>());
                 let entries = self.problem.whitener.entries.iter().zip(factors.iter());
@@ -215,7 +223,7 @@ impl PlaceModel for Under<'_> {
         let mut predicted: DVector<f64> = self.problem.whitened(self.read(&said).as_flattened()).into();
         for (b, amplitudes) in &state.blocks {
             for (term, a) in self.world.terms[*b].iter().zip(amplitudes) {
-                if !matches!(term, Term::Elastic(_)) && *a != 0.0 {
+                if !matches!(term, Term::Elastic(_) | Term::Beside(_)) && *a != 0.0 {
                     predicted.axpy(*a, &self.column(term, &solved, &said), 1.0);
                 }
             }
