@@ -93,13 +93,12 @@ fn is_ambiguous(problem: &Problem<'_>, search: &Search) -> bool {
 
 /// Judges a search.
 pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judgement> {
-    // by the noise and the load errors that were declared, and no others
-    let problem = &levels.problems[0];
+    // by the errors of the loads under which both models were fitted, the declared one again
+    let problem = &levels.problems[search.levels[1]];
     let rules = problem.rules;
-    let as_declared = |fit: &Fit| problem.linear(&fit.unknowns, fit.x.clone());
-    let (base, end) = (as_declared(&search.base)?, as_declared(&search.fit)?);
+    let (base, end) = (problem.fit(&search.base.unknowns, search.base.x.as_slice())?, &search.fit);
     let before = lack_of_fit(problem, noise, &base);
-    let after = lack_of_fit(problem, noise, &end);
+    let after = lack_of_fit(problem, noise, end);
     // what the search brought, against what was wrong to begin with
     let gained = (base.objective - end.objective).max(0.0);
     let gone = gained / (gained + after.excess).max(f64::MIN_POSITIVE);

@@ -175,6 +175,7 @@ pub fn places_of(effect: &Effect) -> Vec<String> {
         "platform-offset" => with(&["geometry", "moving_platform"], limb_parts(&all, &["platform_joint"])),
         "geometry-a1" => with(&["geometry"], limb_parts(&[1, 2], &["platform_joint"])),
         "geometry-b1" => with(&["geometry"], limb_parts(&[1, 2], &["base_joint"])),
+        "cable-carrier-between-limbs" => limb_parts(&[1, 3], &["body"]),
         "misaligned-joint-axes" => with(&["geometry"], limb_parts(&all, &["base_joint", "platform_joint"])),
         // it stands between the platform and the tool, and turns with them
         "resonant-bracket" => with(&["tool", "moving_platform"], vec![]),
@@ -187,9 +188,10 @@ pub fn places_of(effect: &Effect) -> Vec<String> {
 /// Declared values that may rightly be blamed for an effect.
 pub fn declared_of(id: &str) -> &'static [&'static str] {
     match id {
-        "universal-joint" | "revolute-joint" | "screw-position" | "limb-1-axial" | "limb-2-axial" => {
-            &["limb.1.", "limb.2."]
-        }
+        "universal-joint" | "revolute-joint" | "screw-position" => &["limb.1.", "limb.2."],
+        // another limb is another repair
+        "limb-1-axial" => &["limb.1."],
+        "limb-2-axial" => &["limb.2."],
         "spherical-joint" | "limb-3-axial" | "revolute-3-joint" => &["limb.3."],
         _ => &[],
     }

@@ -105,6 +105,27 @@ fn a_curved_fit_ends_at_the_bottom() {
     }
 }
 
+/// Strongly curved predictions under little noise take many steps: a fit that is given ends at the bottom all the same.
+#[test]
+fn a_fit_that_takes_long_is_no_worse_than_another() {
+    let mut worst = 0.0_f64;
+    let mut given = 0;
+    for seed in 0..40 {
+        let mut model = Table::random(&mut fastrand::Rng::with_seed(seed), 4, 6, 1e-6);
+        model.curve = 2.0;
+        let truth = [-1.0, 0.8, 0.7, 1.2, -0.9, 0.4];
+        let data = simulated(&model, vec![0; 4], &truth, 1e-9, seed);
+        let whitener = Whitener::new(&data, &even(1e-9));
+        let problem = Problem::new(&data, &whitener, &model, RULES);
+        let Some(fit) = problem.fit(&unknowns(6), &[0.0; 6]) else { continue };
+        given += 1;
+        let slope = fit.jacobian.transpose() * &fit.residuals - &fit.x;
+        worst = worst.max(slope.dot(&fit.information.solve(&slope)));
+    }
+    println!("{given} fits, a step to the bottom of at most {worst:.1e}");
+    assert!(given >= 30 && worst < 0.1, "{given} {worst:e}");
+}
+
 #[test]
 fn pure_error_is_that_of_repeats_about_their_means() {
     let mut rng = fastrand::Rng::with_seed(13);

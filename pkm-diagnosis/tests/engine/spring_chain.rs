@@ -148,6 +148,23 @@ fn nothing_is_named_where_nothing_is_missing() {
     }
 }
 
+/// Forces that are off by more than anybody declared, each pose's by its own: that is an error of the measurement, which is said
+/// beside, and no lack of fit of the model.
+#[test]
+fn errors_of_the_load_are_no_lack_of_fit() {
+    let chain = chain();
+    let mut rng = fastrand::Rng::with_seed(70);
+    let mut readings = read(&chain, &[], 70);
+    let gains: Vec<f64> = (0..14).map(|_| 3e-3 * normal(&mut rng)).collect();
+    for r in &mut readings.readings {
+        let pose = r.condition / 6;
+        r.observed[0] = r.observed[0].map(|d| d * (1.0 + gains[pose]));
+    }
+    let (names, verdict, level) = diagnosed(&chain, &readings, |_, _, search| search.levels[1]);
+    assert_eq!((names, verdict), (vec![], Verdict::Adequate));
+    assert!(Rules::DEFAULT.load_error_levels[level] >= 2e-3);
+}
+
 #[test]
 fn what_is_missing_is_named_and_measured() {
     let chain = chain();
