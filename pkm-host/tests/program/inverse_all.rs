@@ -1,10 +1,12 @@
 //! All ways to hold a tool, against configurations that are known to and against searches from anywhere.
 
+use std::time::{Duration, Instant};
+
 use fastrand::Rng;
 use nalgebra::Vector2;
 use pkm_core::tables::reference::{MACHINE_F64, WRIST, WRIST_F64};
 use pkm_core::{Configuration, FiveAxis, Pose, Tool, ToolSolution, Wrist, WristParameters};
-use pkm_host::plan::inverse_all::inverse_all;
+use pkm_host::plan::inverse_all::{inverse_all, inverse_all_scanned};
 use pkm_tests::seeded;
 
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
@@ -80,4 +82,36 @@ fn no_search_finds_another() {
     }
     println!("{several} tools in several ways in home's working mode");
     assert!(several > 0);
+}
+
+#[test]
+fn roots_and_scan_find_the_same_ways_and_the_roots_sooner() {
+    let mut rng = seeded();
+    let wide = WristParameters { min_rad: [-3.1; 2], max_rad: [3.1; 2], ..WRIST };
+    // without offset both ways of every β2 are roots of the polynomial twice
+    let wrists = [WRIST, wide, WristParameters { offset_m: 0.0, ..wide }];
+    let (mut count, mut times) = (0, [Duration::ZERO; 2]);
+    for p in &wrists {
+        let wrist = Wrist::<f64>::new(p).expect("a wrist");
+        let five = FiveAxis { machine: &MACHINE_F64, wrist: &wrist };
+        for _ in 0..3000 {
+            let Ok(tool) = five.tool(&configuration(&mut rng, p.max_rad[0])) else { continue };
+            let mut timed =
+                |n: usize, all: fn(&FiveAxis<'_, f64>, &WristParameters, &Tool<f64>) -> Vec<ToolSolution<f64>>| {
+                    let start = Instant::now();
+                    let found = all(&five, p, &tool);
+                    times[n] += start.elapsed();
+                    found
+                };
+            let (roots, scan) = (timed(0, inverse_all), timed(1, inverse_all_scanned));
+            // next to the singularity locus two ways are one
+            for hold in scan.iter().filter(|hold| hold.normalised_determinant.abs() > 1e-3) {
+                count += 1;
+                let known = roots.iter().any(|root| apart(&root.configuration, &hold.configuration) < 1e-6);
+                assert!(known, "{p:?} {tool:?}: {hold:?} not among {roots:?}");
+            }
+        }
+    }
+    println!("{count} ways; roots {:?}, scan {:?}", times[0], times[1]);
+    assert!(count > 2000 && times[0] < times[1], "{count} {times:?}");
 }
