@@ -19,6 +19,7 @@ mod limits;
 mod map;
 mod path;
 mod place;
+mod place_proof;
 mod properties;
 mod readings;
 mod replay;

@@ -188,8 +188,7 @@ impl<'a, const N: usize> Cover<'a, N> {
         let l = (tip - arm).dot(&square) / n.dot(&square);
         let moved = n * l + arm - tip;
         let pose = Pose { theta_rad: theta.0.atan2(theta.1), sigma_rad: sigma.0.atan2(sigma.1), z0_m: l * theta.1 };
-        let stand = Stand { configuration: Configuration { pose, beta_rad }, slide: [moved.dot(&x), moved.dot(&y)] };
-        if self.may_be(&stand.configuration) { Standing::At(stand) } else { Standing::Nowhere }
+        Standing::At(Stand { configuration: Configuration { pose, beta_rad }, slide: [moved.dot(&x), moved.dot(&y)] })
     }
 
     /// Whether some of these configurations may be within all limits.
@@ -237,7 +236,14 @@ impl<'a, const N: usize> Cover<'a, N> {
             let (near, narrowed) = match self.stand(hole, Self::over(&within), Self::angle(cell), within.side) {
                 Standing::Nowhere => continue,
                 Standing::Unknown => (self.model.reach.home(), Narrowed::No),
-                Standing::At(stand) => (middle(&stand.configuration), narrowed(&within, &stand, cell)),
+                Standing::At(stand) => {
+                    let narrowed = narrowed(&within, &stand, cell);
+                    // limits take longer than a step, and are looked at again where the cost is
+                    if matches!(narrowed, Narrowed::No) && !self.may_be(&stand.configuration) {
+                        continue;
+                    }
+                    (middle(&stand.configuration), narrowed)
+                }
             };
             match narrowed {
                 Narrowed::Empty => {}
@@ -268,6 +274,9 @@ impl<'a, const N: usize> Cover<'a, N> {
             Standing::Unknown => return Some(Cost::at_least(0.0)),
             Standing::At(stand) => stand,
         };
+        if !self.may_be(&stand.configuration) {
+            return None;
+        }
         let Some(cost) = decided(|| self.cost_of(objective, &stand.configuration)) else {
             return Some(Cost::at_least(0.0));
         };

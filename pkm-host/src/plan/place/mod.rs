@@ -8,9 +8,7 @@ mod taylor;
 mod unreachable;
 
 use pkm_core::effects::EFFECTS;
-use pkm_core::{
-    Configuration, CorrectionError, CorrectionTable, Domain, Stiffness, Tool, ToolError, ToolSolution, Wrench,
-};
+use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Stiffness, Tool, ToolSolution, Wrench};
 
 use crate::error::{Failure, Result};
 use crate::files::job::{Hole, Job, Position, Series};
@@ -207,24 +205,11 @@ impl<'a> PlacementModel<'a> {
         if found.is_empty() { Err(miss) } else { Ok(found) }
     }
 
-    /// The same where there is one at the most, from where the machine stood last.
-    fn only(
-        &self,
-        tool: &Tool<f64>,
-        wrench: &Wrench<f64>,
-        near: &mut Configuration<f64>,
-    ) -> std::result::Result<Vec<Posture>, Miss> {
-        let five = &self.reach.five;
-        let found = match five.inverse(tool, near) {
-            Err(ToolError::Singular | ToolError::Unreachable) => five.search(tool, &self.reach.home()),
-            done => done,
-        };
-        match found.ok().and_then(|solution| self.judged(solution, wrench).ok()) {
-            Some(posture) => {
-                *near = posture.solution.configuration;
-                Ok(vec![posture])
-            }
-            None => self.postures(tool, wrench),
-        }
+    /// The posture that Newton's steps find from where the machine stood last.
+    fn near(&self, tool: &Tool<f64>, wrench: &Wrench<f64>, near: &mut Configuration<f64>) -> Option<Posture> {
+        let solution = self.reach.five.inverse(tool, near).ok()?;
+        let posture = self.judged(solution, wrench).ok()?;
+        *near = posture.solution.configuration;
+        Some(posture)
     }
 }

@@ -140,9 +140,11 @@ impl Searcher<'_> {
     ) -> std::result::Result<Vec<Posture>, Miss> {
         let tool = self.model.tool(&self.series.holes[hole], position);
         if self.several {
-            self.model.postures(&tool, &self.series.wrench)
-        } else {
-            self.model.only(&tool, &self.series.wrench, near)
+            return self.model.postures(&tool, &self.series.wrench);
+        }
+        match self.model.near(&tool, &self.series.wrench, near) {
+            Some(posture) => Ok(vec![posture]),
+            None => self.model.postures(&tool, &self.series.wrench),
         }
     }
 
@@ -328,28 +330,29 @@ pub fn place(
             let Some(certified) = grid.best(o) else { return Err(searcher.unreachable(options)) };
             let mut convergence = Vec::new();
             let mut certificate = None;
-            let starts = match options.method {
+            let optima = grid.optima(o);
+            let found = match options.method {
                 Method::Certified => {
-                    let judged = searcher.judged(*objective, &certified.0, &mut searcher.state());
-                    let start = judged.map(|(value, holes)| (value, certified.0, holes));
+                    let start = searcher.polished(*objective, &optima, &grid);
+                    let known = start.as_ref().map(|start| start.1);
                     let (found, proved) = searcher.certified(*objective, start, &options.limits);
                     certificate = Some(proved);
-                    found.map(|best| best.1).into_iter().collect()
+                    // where branch and bound has found a better one, there
+                    let better = found.as_ref().map(|found| found.1).filter(|better| known != Some(*better));
+                    better.map_or(found, |better| searcher.polished(*objective, &[better], &grid))
                 }
-                Method::Grid => grid.optima(o),
+                Method::Grid => searcher.polished(*objective, &optima, &grid),
                 method => {
                     let evolved = searcher.evolved(*objective, method, options.seed, &mut convergence);
-                    let beside = (method == Method::De).then_some(certified.0);
-                    evolved.map(|evolved| [evolved].into_iter().chain(beside).collect()).unwrap_or_default()
+                    match evolved {
+                        Some(position) if method == Method::Ga => {
+                            let judged = searcher.judged(*objective, &position, &mut searcher.state());
+                            judged.map(|(value, holes)| (value, position, holes))
+                        }
+                        Some(position) => searcher.polished(*objective, &[position, certified.0], &grid),
+                        None => searcher.polished(*objective, &optima, &grid),
+                    }
                 }
-            };
-            let found = match (options.method, starts.as_slice()) {
-                (Method::Ga, [position]) => {
-                    let judged = searcher.judged(*objective, position, &mut searcher.state());
-                    judged.map(|(value, holes)| (value, *position, holes))
-                }
-                (_, []) => searcher.polished(*objective, &grid.optima(o), &grid),
-                (_, starts) => searcher.polished(*objective, starts, &grid),
             };
             let Some((value, position, holes)) = found else { return Err(searcher.unreachable(options)) };
             let middle = PerAxis::of(|axis| 0.5 * (job.limits[axis][0] + job.limits[axis][1]));
