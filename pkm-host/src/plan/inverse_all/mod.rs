@@ -3,7 +3,7 @@
 //! Seen from A, tip t and axis e lie in one plane with the first axis w of the wrist, S2 t + r e = S2 offset u + (S2 h + r C2) w,
 //! with S2, C2 of β2 and r, h of the wrist. For a given β2 that leaves σ from its component along y of B and
 //! θ from the others, in two ways at the most; left is one equation in β2, e·w = C2. It holds twice at β2 = 0 whatever the tool,
-//! which is divided away. Its roots are those of a polynomial ([`roots`]); where they crowd, they are bracketed ([`scan`]).
+//! which is divided away. Its roots are those of a polynomial (`roots`); where they crowd, they are bracketed (`scan`).
 
 mod roots;
 mod scan;
