@@ -96,14 +96,11 @@ fn roots_and_scan_find_the_same_ways_and_the_roots_sooner() {
         let five = FiveAxis { machine: &MACHINE_F64, wrist: &wrist };
         for _ in 0..3000 {
             let Ok(tool) = five.tool(&configuration(&mut rng, p.max_rad[0])) else { continue };
-            let mut timed =
-                |n: usize, all: fn(&FiveAxis<'_, f64>, &WristParameters, &Tool<f64>) -> Vec<ToolSolution<f64>>| {
-                    let start = Instant::now();
-                    let found = all(&five, p, &tool);
-                    times[n] += start.elapsed();
-                    found
-                };
-            let (roots, scan) = (timed(0, inverse_all), timed(1, inverse_all_scanned));
+            let start = Instant::now();
+            let roots = inverse_all(&five, p, &tool);
+            let between = Instant::now();
+            let scan = inverse_all_scanned(&five, p, &tool);
+            times = [times[0] + (between - start), times[1] + between.elapsed()];
             // next to the singularity locus two ways are one
             for hold in scan.iter().filter(|hold| hold.normalised_determinant.abs() > 1e-3) {
                 count += 1;
