@@ -245,30 +245,48 @@ impl Polish<'_> {
         }
     }
 
-    /// The best along a line about a position, ever closer.
-    fn line(&self, near: &Polished, mut position: Position, axis: Axis, mut reach: f64) -> Option<Polished> {
+    /// The best along a line about a position: samples, then golden sections between the neighbours of the best.
+    fn line(&self, near: &Polished, position: Position, axis: Axis, reach: f64) -> Option<Polished> {
         let mut state = self.searcher.state();
         state.near = near.2.iter().map(|p| p.solution.configuration).collect();
         let mut best: Option<Polished> = None;
-        for round in 0..7 {
-            let (middle, half) = (position[axis], if round == 0 { 10 } else { 5 });
-            for n in -half..=half {
-                position[axis] = self.limited(axis, middle + reach * f64::from(n) / f64::from(half));
-                if let Some((value, holes)) = self.searcher.judged(self.objective, &position, &mut state)
-                    && best.as_ref().is_none_or(|best| value < best.0)
-                {
-                    best = Some((value, position, holes));
-                }
+        let mut value_at = |value: f64| {
+            let mut at = position;
+            at[axis] = self.limited(axis, value);
+            let Some((value, holes)) = self.searcher.judged(self.objective, &at, &mut state) else {
+                return f64::INFINITY;
+            };
+            if best.as_ref().is_none_or(|best| value < best.0) {
+                best = Some((value, at, holes));
             }
-            position[axis] = best.as_ref()?.1[axis];
-            reach *= if round == 0 { 0.12 } else { 0.24 };
-        }
+            value
+        };
+        let (middle, half) = (position[axis], 10);
+        let spacing = reach / f64::from(half);
+        let sampled = (-half..=half).map(|n| middle + spacing * f64::from(n)).map(|at| (value_at(at), at));
+        let known = sampled.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(least, _)| least.is_finite())?;
+        golden(&mut value_at, [known.1 - spacing, known.1 + spacing], known);
         best
     }
 
     fn limited(&self, axis: Axis, value: f64) -> f64 {
         let [low, high] = self.searcher.model.job.limits[axis];
         value.clamp(low, high)
+    }
+}
+
+/// Evaluates between two ends where there may be less than what is known between them, by golden sections.
+fn golden(value_at: &mut impl FnMut(f64) -> f64, [mut low, mut high]: [f64; 2], (mut least, mut at): (f64, f64)) {
+    const SECTIONS: usize = 20;
+    let share = 0.5 * (3.0 - 5.0_f64.sqrt());
+    for _ in 0..SECTIONS {
+        let to = if high - at > at - low { high } else { low };
+        let next = at + share * (to - at);
+        let value = value_at(next);
+        let (kept, end) = if value < least { (next, at) } else { (at, next) };
+        // the end on the side of what is dropped
+        *(if end > kept { &mut high } else { &mut low }) = end;
+        (least, at) = (least.min(value), kept);
     }
 }
 
