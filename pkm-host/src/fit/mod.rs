@@ -1,12 +1,13 @@
 //! Fitting correction tables to stiffness data (paper, Eqs. 10-14; `docs/theory.md`).
 
 mod evaluate;
+mod regression;
 mod uncertainty;
 
 use std::collections::BTreeSet;
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, MAX_TERMS};
+use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
 use pkm_core::{Basis, Machine, Stiffness};
 
 use crate::error::{Failure, Result, printable};
@@ -18,6 +19,7 @@ use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers, refuse_not_p
 use crate::pose::{NamedPose, PoseBox, core_units, file_units};
 
 pub use self::evaluate::{DeflectionError, DeflectionErrors, Evaluation, evaluate};
+use self::regression::{Regression, columns, condition, refuse_rank_deficiency, select, spread};
 use self::uncertainty::Training;
 
 /// Which of them Eq. 12 gives to c11…c66.
@@ -40,9 +42,6 @@ const EQ_12: [[bool; 9]; 6] = {
         with(Some(SIGMA_Z0)),
     ]
 };
-
-/// Least ratio of singular values at which terms count as determined.
-const RANK_LIMIT: f64 = 1e-8;
 
 /// Which terms the polynomials get.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -369,110 +368,6 @@ fn candidate_terms() -> Vec<[u8; 3]> {
     terms.extend([[5, 0, 0], [6, 0, 0], [0, 5, 0], [0, 6, 0]]);
     terms.sort_by_key(|t| (t.iter().sum::<u8>(), std::cmp::Reverse(*t)));
     terms
-}
-
-/// Values by used term, spread over all terms.
-fn spread(values: &DVector<f64>, used: &[bool]) -> Vec<f64> {
-    let mut next = values.iter();
-    used.iter().map(|u| if *u { next.next().copied().unwrap_or(0.0) } else { 0.0 }).collect()
-}
-
-fn columns(design: &DMatrix<f64>, used: &[bool]) -> DMatrix<f64> {
-    let picked: Vec<usize> = (0..design.ncols()).filter(|j| used[*j]).collect();
-    design.select_columns(&picked)
-}
-
-fn condition(design: &DMatrix<f64>) -> f64 {
-    let values = design.singular_values();
-    values.max() / values.min()
-}
-
-/// Names the terms that the poses leave undetermined.
-fn refuse_rank_deficiency(design: &DMatrix<f64>, used: &[bool]) -> Result<()> {
-    let names = ["θ²", "θ", "σ²", "σ", "Z0", "θσ", "θZ0", "σZ0", "1"];
-    let names: Vec<&str> = names.into_iter().zip(used).filter_map(|(n, u)| u.then_some(n)).collect();
-    let x = columns(design, used);
-    if x.nrows() <= x.ncols() {
-        let (found, needed) = (x.nrows(), x.ncols() + 1);
-        return Err(Failure::input(format!(
-            "{found} poses cannot determine the {} terms {}: at least {needed} are needed",
-            x.ncols(),
-            names.join(", ")
-        )));
-    }
-    let svd = x.svd(false, true);
-    let Some(v_t) = svd.v_t else { return Err(Failure::other("no singular value decomposition")) };
-    let limit = RANK_LIMIT * svd.singular_values.max();
-    let mut undetermined = BTreeSet::new();
-    for (k, value) in svd.singular_values.iter().enumerate() {
-        if *value <= limit {
-            undetermined.extend((0..names.len()).filter(|j| v_t[(k, *j)].abs() > 0.1));
-        }
-    }
-    if undetermined.is_empty() {
-        return Ok(());
-    }
-    let list: Vec<&str> = undetermined.into_iter().map(|j| names[j]).collect();
-    Err(Failure::input(format!(
-        "these poses cannot determine the terms {}: vary θ, σ and Z0 independently (`pkm-host plan` lays such poses)",
-        list.join(", ")
-    )))
-}
-
-/// A least-squares fit by singular values.
-struct Regression {
-    coefficients: DVector<f64>,
-    standard_errors: DVector<f64>,
-    loo_rms: f64,
-}
-
-impl Regression {
-    fn new(design: &DMatrix<f64>, used: &[bool], y: &DVector<f64>) -> Result<Self> {
-        let x = columns(design, used);
-        let (n, k) = x.shape();
-        let svd = x.clone().svd(true, true);
-        let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
-            return Err(Failure::other("no singular value decomposition"));
-        };
-        if svd.singular_values.min() <= RANK_LIMIT * svd.singular_values.max() {
-            return Err(Failure::input("the poses cannot determine the terms"));
-        }
-        let coefficients = v_t.tr_mul(&(u.tr_mul(y)).component_div(&svd.singular_values));
-        let residuals = y - &x * &coefficients;
-        let variance = residuals.norm_squared() / n.saturating_sub(k).max(1) as f64;
-        let standard_errors = DVector::from_fn(k, |j, _| {
-            let sum: f64 = (0..k).map(|i| (v_t[(i, j)] / svd.singular_values[i]).powi(2)).sum();
-            (variance * sum).sqrt()
-        });
-        // leave-one-out residual: r / (1 − leverage)
-        let loo: f64 = (0..n).map(|i| (residuals[i] / (1.0 - u.row(i).norm_squared()).max(f64::EPSILON)).powi(2)).sum();
-        Ok(Self { coefficients, standard_errors, loo_rms: (loo / n as f64).sqrt() })
-    }
-}
-
-/// Forward selection: add the term that lowers the leave-one-out error most, as long as one lowers it by 5 %.
-fn select(design: &DMatrix<f64>, y: &[f64]) -> BTreeSet<usize> {
-    const LEAST_GAIN: f64 = 0.05;
-    let y = DVector::from_column_slice(y);
-    let error = |set: &BTreeSet<usize>| {
-        let used: Vec<bool> = (0..design.ncols()).map(|j| set.contains(&j)).collect();
-        Regression::new(design, &used, &y).map_or(f64::INFINITY, |r| r.loo_rms)
-    };
-    // the first candidate is the constant
-    let mut chosen = BTreeSet::from([0]);
-    let mut best = error(&chosen);
-    let most_terms = (y.len() / 3).min(MAX_TERMS);
-    while chosen.len() < most_terms {
-        let with = |j: usize| chosen.iter().copied().chain([j]).collect::<BTreeSet<_>>();
-        let trials = (0..design.ncols()).filter(|j| !chosen.contains(j)).map(|j| (error(&with(j)), j));
-        let Some((least, j)) = trials.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        if !(least < (1.0 - LEAST_GAIN) * best) {
-            break;
-        }
-        best = least;
-        chosen.insert(j);
-    }
-    chosen
 }
 
 /// e_i1…e_i9 of Eq. 11 in ° and mm, from coefficients of its scaled terms.

@@ -10,7 +10,7 @@ use pkm_core::correction::{
 };
 use pkm_core::{Stiffness, StiffnessFactor, Wrench};
 
-use super::Regression;
+use super::regression::Regression;
 use crate::files::table_numbers::UncertaintyNumbers;
 
 /// From here on a scaled variable is at a face of the box.

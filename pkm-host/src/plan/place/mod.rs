@@ -3,6 +3,7 @@
 mod certify;
 mod cover;
 mod evolution;
+mod polish;
 pub(crate) mod search;
 mod taylor;
 mod unreachable;

@@ -6,6 +6,7 @@ use pkm_core::Configuration;
 use rayon::prelude::*;
 
 use super::certify::{Certificate, Limits};
+use super::polish::Polish;
 use super::{Miss, Objective, PlacementModel, Posture};
 use crate::error::{Failure, Result};
 use crate::files::job::{Axis, Job, PerAxis, Position, Series};
@@ -59,11 +60,6 @@ const POLISHED: usize = 6;
 const COARSER: [f64; 2] = [10.0, 5.0];
 /// Of a grid.
 const MOST_POSITIONS: f64 = 4e6;
-/// Where the polish ends, as a share of the grid's step.
-const FINEST: f64 = 1e-6;
-/// Of the polish, at the most.
-const ROUNDS: usize = 4;
-
 /// One position of the grid as an objective sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
@@ -164,7 +160,7 @@ impl Searcher<'_> {
         Some(found)
     }
 
-    fn judged(&self, objective: Objective, position: &Position, state: &mut State) -> Option<Judged> {
+    pub(super) fn judged(&self, objective: Objective, position: &Position, state: &mut State) -> Option<Judged> {
         self.all(position, state).map(|found| stiffest(objective, &found))
     }
 
@@ -187,107 +183,8 @@ impl Searcher<'_> {
 
 /// What the next position starts from.
 pub(super) struct State {
-    near: Vec<Configuration<f64>>,
+    pub(super) near: Vec<Configuration<f64>>,
     order: Vec<usize>,
-}
-
-/// Search for the least value about a position. The least is often on the edge of what is in reach, where value and edge may run
-/// nearly alike, so that no fixed set of directions leads on. So along one axis always the best of the other is taken, edge or not.
-struct Polish<'a> {
-    searcher: &'a Searcher<'a>,
-    objective: Objective,
-    /// Of the grid.
-    spacing: Position,
-}
-
-impl Polish<'_> {
-    fn from(&self, start: Position) -> Option<Polished> {
-        let mut state = self.searcher.state();
-        // kept with its postures: on the edge of reach another start may just miss them
-        let (value, holes) = self.searcher.judged(self.objective, &start, &mut state)?;
-        let mut best: Polished = (value, start, holes);
-        let moving: Vec<Axis> = Axis::ALL.into_iter().filter(|axis| self.spacing[*axis] > 0.0).collect();
-        for _ in 0..ROUNDS {
-            let before = best.0;
-            for inner in &moving {
-                let others = moving.iter().filter(|outer| *outer != inner);
-                // one axis alone has itself
-                for outer in others.chain(moving.iter().filter(|_| moving.len() == 1)) {
-                    self.ridge(&mut best, *outer, *inner);
-                }
-            }
-            if !(best.0 < before * (1.0 - 1e-10)) {
-                break;
-            }
-        }
-        Some(best)
-    }
-
-    /// Along one axis, with the best of the other at each place.
-    fn ridge(&self, best: &mut Polished, outer: Axis, inner: Axis) {
-        let mut scale = 1.0;
-        while scale > FINEST {
-            let mut next: Option<Polished> = None;
-            for k in [0.0, -1.0, 1.0, -0.5, 0.5] {
-                let mut position = best.1;
-                position[outer] = self.limited(outer, position[outer] + k * scale * self.spacing[outer]);
-                let found = self.line(best, position, inner, 6.0 * scale * self.spacing[inner]);
-                let least = next.as_ref().map_or(best.0, |n| n.0);
-                if let Some(found) = found.filter(|found| found.0 < least) {
-                    next = Some(found);
-                }
-            }
-            // stay at a scale while it pays
-            if !next.as_ref().is_some_and(|n| n.0 < best.0 * (1.0 - 1e-11)) {
-                scale *= 0.3;
-            }
-            *best = next.unwrap_or_else(|| best.clone());
-        }
-    }
-
-    /// The best along a line about a position: samples, then golden sections between the neighbours of the best.
-    fn line(&self, near: &Polished, position: Position, axis: Axis, reach: f64) -> Option<Polished> {
-        let mut state = self.searcher.state();
-        state.near = near.2.iter().map(|p| p.solution.configuration).collect();
-        let mut best: Option<Polished> = None;
-        let mut value_at = |value: f64| {
-            let mut at = position;
-            at[axis] = self.limited(axis, value);
-            let Some((value, holes)) = self.searcher.judged(self.objective, &at, &mut state) else {
-                return f64::INFINITY;
-            };
-            if best.as_ref().is_none_or(|best| value < best.0) {
-                best = Some((value, at, holes));
-            }
-            value
-        };
-        let (middle, half) = (position[axis], 10);
-        let spacing = reach / f64::from(half);
-        let sampled = (-half..=half).map(|n| middle + spacing * f64::from(n)).map(|at| (value_at(at), at));
-        let known = sampled.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(least, _)| least.is_finite())?;
-        golden(&mut value_at, [known.1 - spacing, known.1 + spacing], known);
-        best
-    }
-
-    fn limited(&self, axis: Axis, value: f64) -> f64 {
-        let [low, high] = self.searcher.model.job.limits[axis];
-        value.clamp(low, high)
-    }
-}
-
-/// Evaluates between two ends where there may be less than what is known between them, by golden sections.
-fn golden(value_at: &mut impl FnMut(f64) -> f64, [mut low, mut high]: [f64; 2], (mut least, mut at): (f64, f64)) {
-    const SECTIONS: usize = 20;
-    let share = 0.5 * (3.0 - 5.0_f64.sqrt());
-    for _ in 0..SECTIONS {
-        let to = if high - at > at - low { high } else { low };
-        let next = at + share * (to - at);
-        let value = value_at(next);
-        let (kept, end) = if value < least { (next, at) } else { (at, next) };
-        // the end on the side of what is dropped
-        *(if end > kept { &mut high } else { &mut low }) = end;
-        (least, at) = (least.min(value), kept);
-    }
 }
 
 /// Of all postures that reach a hole the one that costs least.
