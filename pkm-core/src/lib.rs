@@ -53,7 +53,7 @@
 //! let tool = Tool { tip_m: Vector3::new(-0.15, 0.02, 1.12), axis: Vector3::new(0.05, 0.0, 1.0) };
 //! let cutting = Wrench { force_n: Vector3::new(120.0, 0.0, -400.0), moment_nm: Vector3::new(0.0, 0.0, 5.0) };
 //! let command = five.compensated(Some(&reference::TABLE_F64), &tool, &cutting, &near)?;
-//! let (_, unloaded) = five.forward(&command.hold.joints)?;
+//! let (_, unloaded) = five.forward(&command.solution.joints)?;
 //! // the load takes the tool from here to where it was asked for
 //! assert!((unloaded.tip_m + command.deflection.translation_m - tool.tip_m).amax() < 1e-7);
 //! # Ok::<(), ToolDeflectionError>(())

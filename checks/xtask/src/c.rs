@@ -224,7 +224,7 @@ fn same_lines(text: &str, expected: &[String]) -> Result<usize, String> {
     }
 }
 
-/// What `parity.c` prints at a pose: name, and numbers unless there is an error.
+/// What `parity.c` prints at a pose: name, and numbers unless there is an error. One list in the order of its lines: not cut into parts.
 fn expected<T: Scalar>(
     five: &FiveAxis<'_, T>,
     (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),

@@ -313,8 +313,8 @@ fn error_cells(e: &Errors) -> Vec<String> {
 }
 
 /// By group and model.
-fn error_rows(groups: &[(String, &Vec<(Rival, Errors)>)]) -> Vec<(String, Vec<String>)> {
-    let rows = |(group, errors): &(String, &Vec<(Rival, Errors)>)| {
+fn error_rows(groups: &[(String, &[(Rival, Errors)])]) -> Vec<(String, Vec<String>)> {
+    let rows = |(group, errors): &(String, &[(Rival, Errors)])| {
         let row = |(rival, _, name): &(Rival, &str, &str)| {
             Some((format!("{group}: {name}"), error_cells(of(errors, *rival)?)))
         };
@@ -384,6 +384,19 @@ fn facts(
     ]
 }
 
+/// Errors by group of readings: those that were fitted, all others, and then parts of these.
+fn groups(d: &Diagnosis) -> Vec<(String, &[(Rival, Errors)])> {
+    let held = &d.held_out;
+    let others = if held.given { "held out, all" } else { "poses left out" };
+    let mut groups = vec![("the readings".to_owned(), d.errors.as_slice()), (others.to_owned(), held.all.as_slice())];
+    groups.extend(held.as_measured.iter().map(|errors| ("held out, as measured".to_owned(), errors.as_slice())));
+    groups.extend(
+        (held.zones.iter())
+            .map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors.as_slice())),
+    );
+    groups
+}
+
 /// `report.html`.
 ///
 /// # Errors
@@ -395,13 +408,7 @@ pub fn html(
     d: &Diagnosis,
     warnings: &[String],
 ) -> Result<String> {
-    let held = &d.held_out;
-    let mut groups = vec![("the readings".to_owned(), &d.errors)];
-    groups.push((if held.given { "held out, all".into() } else { "poses left out".to_owned() }, &held.all));
-    groups.extend(held.as_measured.iter().map(|errors| ("held out, as measured".to_owned(), errors)));
-    groups.extend(
-        held.zones.iter().map(|(zone, errors)| (format!("held out, {}", zone.name().replace('_', " ")), errors)),
-    );
+    let groups = groups(d);
     // the readings and all others; what follows are groups of these
     let (main, subsets) = groups.split_at(2);
     let labels: Vec<&str> = groups.iter().map(|(name, _)| name.trim_start_matches("held out, ")).collect();

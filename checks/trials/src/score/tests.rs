@@ -35,10 +35,15 @@ fn a_class_counts_and_a_guess_outside_it_does_not() {
 
 #[test]
 fn a_softer_joint_may_come_out_as_a_declared_value_and_the_reverse() {
-    let finding =
-        json!([{"parameter": "limb.2.body.young_gpa", "class": [], "declared": 1, "estimated": 2, "pull_sd": 4}]);
-    let o = outcome(&json!({"contains": ["limb-1-axial"]}), true, said("adequate", &json!([]), &finding));
-    assert_eq!(o.right(), [true]);
+    let body = |limb: u8| {
+        let parameter = format!("limb.{limb}.body.young_gpa");
+        json!([{"parameter": parameter, "class": [], "declared": 1, "estimated": 2, "pull_sd": 4}])
+    };
+    let finding = body(1);
+    for (limb, right) in [(1, true), (2, false)] {
+        let said = said("adequate", &json!([]), &body(limb));
+        assert_eq!(outcome(&json!({"contains": ["limb-1-axial"]}), true, said).right(), [right]);
+    }
     let wrong = json!({"contains": [], "declared_value_finding": "joint", "declared_parameters": ["limb.3.platform_joint.linear_n_per_m"]});
     let o = outcome(&wrong, true, said("explained", &json!([{"id": "limb-3-axial", "class": []}]), &json!([])));
     assert!(o.declared_found() && o.truth.kind == "declared");

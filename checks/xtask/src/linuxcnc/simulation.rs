@@ -207,12 +207,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     write("abort.ngc", &format!("G90 G94\nM68 E2 Q{}\nG1 F60 Z{:.6}\nM68 E2 Q0\nM2\n", load[2], home_axes[2] + size))?;
     write("record.hal", &(recorder(&record) + FAULTS))?;
     let ini = std::fs::read_to_string(out.join("pkm.ini")).map_err(|e| e.to_string())?;
-    let lines = ini.lines().filter(|l| !l.starts_with("PYVCP"));
-    let ini: Vec<String> = lines
-        .map(|l| l.replace("POSTGUI_HALFILE = panel.hal", "HALFILE = record.hal"))
-        .map(|l| if l.starts_with("DISPLAY =") { "DISPLAY = ./drive.py".to_owned() } else { l })
-        .collect();
-    write("test.ini", &ini.join("\n"))?;
+    write("test.ini", &scripted(&ini))?;
     let mut linuxcnc = among_modules(&out.join("modules"), out)?;
     // it maps a file with the tool table from there, which another LinuxCNC on this computer would cut off
     linuxcnc.env("HOME", out);
@@ -240,6 +235,44 @@ fn drive(name: &str, periods: usize) -> Outcome {
     feed::judge(&host, &verdict, &rows).or_else(fails)?;
     judge_faults(&host, &verdict, &rows).or_else(fails)
 }
+
+/// A configuration whose operator is the script, and whose pins are recorded.
+fn scripted(ini: &str) -> String {
+    let lines = ini.lines().filter(|l| !l.starts_with("PYVCP"));
+    let lines: Vec<String> = lines
+        .map(|l| l.replace("POSTGUI_HALFILE = panel.hal", "HALFILE = record.hal"))
+        .map(|l| if l.starts_with("DISPLAY =") { "DISPLAY = ./drive.py".to_owned() } else { l })
+        .collect();
+    lines.join("\n")
+}
+
+/// Steps that the script takes once.
+const ONCE: [&str; 24] = [
+    "home",
+    "load",
+    "unload",
+    "unreachable",
+    "singular",
+    "before",
+    "through",
+    "after",
+    "nan",
+    "spike",
+    "reversed",
+    "temperature",
+    "jump",
+    "outside",
+    "stuck",
+    "small",
+    "abort",
+    "rehome",
+    "park",
+    "inward",
+    "sag",
+    "out",
+    "feed",
+    "program",
+];
 
 /// What the script saw: every step as it should be, refusals with their reason.
 fn judge_steps(
@@ -306,33 +339,7 @@ fn judge_steps(
         last_joints = joints;
     }
     let count = |name: &str| steps.iter().filter(|s| s["step"] == name).count();
-    let all = [
-        "home",
-        "load",
-        "unload",
-        "unreachable",
-        "singular",
-        "before",
-        "through",
-        "after",
-        "nan",
-        "spike",
-        "reversed",
-        "temperature",
-        "jump",
-        "outside",
-        "stuck",
-        "small",
-        "abort",
-        "rehome",
-        "park",
-        "inward",
-        "sag",
-        "out",
-        "feed",
-        "program",
-    ];
-    if all.into_iter().any(|name| count(name) != 1) || count("place") != places.len() {
+    if ONCE.into_iter().any(|name| count(name) != 1) || count("place") != places.len() {
         return Err(format!("steps are missing: {verdict:#}"));
     }
     Ok(())

@@ -133,6 +133,7 @@ fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, 
     Ok(greatest)
 }
 
+/// The greatest count of each function over poses of the box. One list of functions beside their names: not cut into parts.
 fn count<T: Scalar>(
     five: &FiveAxis<'_, T>,
     table: &CorrectionTable<'_, T>,

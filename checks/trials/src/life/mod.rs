@@ -1,12 +1,15 @@
 //! A machine's life as one whole: a nut wears, a bolt comes loose, seasons pass, the probe is replaced and fails; what `replay` learns
 //! of it, against a frozen table and against fits of the last readings. The truth is the frame, which knows no amplitude.
 
+mod report;
+
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
+pub use self::report::report;
 use crate::Random;
 use crate::machine::{Machine, Part, Pose};
 use crate::truth::World;
@@ -482,57 +485,4 @@ fn alarms(life: &Life, plan: &Plan, presses: &[Press], steps: &[Step]) -> Outcom
         failed_taken: [failed().filter(|(_, step)| step.is_taken).count(), failed().count()],
         refused: presses.iter().zip(steps).filter(|(press, step)| !press.failed && !step.is_taken).count(),
     }
-}
-
-impl Outcome {
-    /// A line for people.
-    pub fn line(&self) -> String {
-        let [whole, worst] = self.of_frozen;
-        let after = |found: Option<i64>| found.map_or("never".to_owned(), |n| format!("after {n} readings"));
-        format!(
-            "{}: {:?}: error {whole:.2} of the frozen table's, worst stretch {worst:.2}, {:.2} of a fit of the last {LAST}; worn drive found {}, \
-             loose part {}, readings with a false alarm {:?}; of the failing probe {} of {} taken in, {} healthy readings refused",
-            self.seed,
-            self.loose,
-            self.of_batch,
-            after(self.worn_after),
-            after(self.loose_after),
-            self.false_alarms,
-            self.failed_taken[0],
-            self.failed_taken[1],
-            self.refused
-        )
-    }
-}
-
-/// Over all lives.
-pub fn report(outcomes: &[Outcome]) -> String {
-    let sorted = |of: &dyn Fn(&Outcome) -> f64| {
-        let mut all: Vec<f64> = outcomes.iter().map(of).collect();
-        all.sort_by(f64::total_cmp);
-        let at = |share: f64| all.get((share * (all.len() - 1) as f64).round() as usize).copied().unwrap_or(f64::NAN);
-        format!("median {:.2}, greatest {:.2}", at(0.5), at(1.0))
-    };
-    let count = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| is(o)).count();
-    let sum = |of: &dyn Fn(&Outcome) -> usize| outcomes.iter().map(of).sum::<usize>();
-    format!(
-        "error over the frozen table's, whole life: {}\nerror over the frozen table's, worst {STRETCH} days: {}\n\
-         error over that of a fit of the last {LAST} readings: {}\nlives with an alarm of the worn drive: {} of {}; readings until then: {}\n\
-         lives with an alarm of the loose tool: {} of {}; readings until then: {}\nlives with a false alarm before the probe was replaced: {}, after: {}\n\
-         readings of the failing probe that were taken in: {} of {}; healthy readings refused: {}",
-        sorted(&|o| o.of_frozen[0]),
-        sorted(&|o| o.of_frozen[1]),
-        sorted(&|o| o.of_batch),
-        count(&|o| o.worn_after.is_some()),
-        outcomes.len(),
-        sorted(&|o| o.worn_after.unwrap_or(0) as f64),
-        count(&|o| o.loose_after.is_some()),
-        count(&|o| matches!(o.loose, Loose::Tool(_))),
-        sorted(&|o| o.loose_after.unwrap_or(0) as f64),
-        count(&|o| o.false_alarms[0] > 0),
-        count(&|o| o.false_alarms[1] > 0),
-        sum(&|o| o.failed_taken[0]),
-        sum(&|o| o.failed_taken[1]),
-        sum(&|o| o.refused),
-    )
 }
