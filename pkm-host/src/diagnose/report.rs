@@ -397,6 +397,17 @@ fn groups(d: &Diagnosis) -> Vec<(String, &[(Rival, Errors)])> {
     groups
 }
 
+/// The translation error of a model, none where it has none.
+fn bar(e: Option<&Errors>) -> Bar {
+    Bar {
+        value: e.map(|e| e.linear_um_rms),
+        interval: e.and_then(|e| {
+            let open = e.linear_um_rms_interval_open;
+            e.linear_um_rms_interval.map(|[low, high]| [low, if open { f64::INFINITY } else { high }])
+        }),
+    }
+}
+
 /// `report.html`.
 ///
 /// # Errors
@@ -412,13 +423,6 @@ pub fn html(
     // the readings and all others; what follows are groups of these
     let (main, subsets) = groups.split_at(2);
     let labels: Vec<&str> = groups.iter().map(|(name, _)| name.trim_start_matches("held out, ")).collect();
-    let bar = |e: Option<&Errors>| Bar {
-        value: e.map(|e| e.linear_um_rms),
-        interval: e.and_then(|e| {
-            let open = e.linear_um_rms_interval_open;
-            e.linear_um_rms_interval.map(|[low, high]| [low, if open { f64::INFINITY } else { high }])
-        }),
-    };
     let bars: Vec<(&str, Vec<Bar>)> = RIVALS
         .iter()
         .map(|(rival, _, name)| (*name, groups.iter().map(|(_, e)| bar(of(e, *rival))).collect()))
