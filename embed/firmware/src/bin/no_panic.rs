@@ -161,6 +161,8 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(five.forward(&black_box(JointValues { lengths: ScrewLengths { q_m: vector }, beta_rad }))).ok();
     black_box(five.joints(&near)).ok();
     black_box(five.normalised_determinant(&near)).ok();
+    black_box(five.touch(&near, &wrench, black_box(7), a)).ok();
+    black_box(near.base_axes());
     let motion = ToolMotion { tip_m_per_s: vector, axis_per_s: other, tip_m_per_s2: other, axis_per_s2: vector };
     if let Ok(joints) = black_box(five.joint_motion(&near, &black_box(motion))) {
         let limits = black_box([a, b, c, a, b]).into();
