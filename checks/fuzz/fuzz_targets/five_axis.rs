@@ -18,7 +18,7 @@ fn assert_frame<T: Scalar>(frame: &ToolFrame<T>) {
 }
 
 /// What holds a tool are joints of its configuration.
-fn assert_hold<T: Scalar>(five: &FiveAxis<'_, T>, solution: &ToolSolution<T>) {
+fn assert_solution<T: Scalar>(five: &FiveAxis<'_, T>, solution: &ToolSolution<T>) {
     assert_configuration(&solution.configuration);
     assert!(solution.normalised_determinant.is_finite());
     assert_eq!(five.joints(&solution.configuration), Ok(solution.joints));
@@ -36,7 +36,7 @@ fn walk<T: Scalar>(
     if let Ok(frame) = five.frame(&near) {
         assert_frame(&frame);
         if let Ok(solution) = five.inverse_frame(&frame) {
-            assert_hold(five, &solution);
+            assert_solution(five, &solution);
         }
         if let Ok(stiffness) = five.machine.stiffness(&near.pose) {
             let _ = five.tip_stiffness(&stiffness, &near);
@@ -48,7 +48,7 @@ fn walk<T: Scalar>(
     for solution in [five.inverse(&tool, &near), five.search(&tool, &near), five.inverse_at(tool.tip_m, near.beta_rad)]
     {
         if let Ok(solution) = solution {
-            assert_hold(five, &solution);
+            assert_solution(five, &solution);
         }
     }
     for table in [None, Some(table)] {
@@ -56,7 +56,7 @@ fn walk<T: Scalar>(
             assert_finite(deflection.translation_m.iter().chain(&deflection.rotation_rad).copied());
         }
         if let Ok(compensated) = five.compensated(table, &tool, &wrench, &near) {
-            assert_hold(five, &compensated.solution);
+            assert_solution(five, &compensated.solution);
             let d = compensated.deflection;
             assert_finite(d.translation_m.iter().chain(&d.rotation_rad).copied().chain([compensated.remaining_m]));
         }

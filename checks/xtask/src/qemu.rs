@@ -321,7 +321,7 @@ fn lower_of<T: Scalar>(k: &Stiffness<T>) -> Vec<u64> {
 }
 
 /// Configuration, screw lengths and normalised Jacobian determinant.
-fn hold_numbers<T: Scalar>(solution: &ToolSolution<T>) -> Vec<T> {
+fn solution_numbers<T: Scalar>(solution: &ToolSolution<T>) -> Vec<T> {
     let Configuration { pose, beta_rad } = &solution.configuration;
     let stands = [pose.theta_rad, pose.sigma_rad, pose.z0_m];
     [&stands, beta_rad.as_slice(), solution.joints.lengths.q_m.as_slice(), &[solution.normalised_determinant]].concat()
@@ -333,22 +333,22 @@ fn five_axes<T: Scalar>(
     table: &CorrectionTable<'_, T>,
     pose: &Pose<T>,
 ) -> [(&'static str, Vec<u64>); 4] {
-    let mut found = ["hold", "hold_frame", "tip_stiffness", "loaded"].map(|name| (name, Vec::new()));
-    let [(_, solution), (_, hold_frame), (_, tip_stiffness), (_, loaded)] = &mut found;
+    let mut found = ["solution", "frame_solution", "tip_stiffness", "loaded"].map(|name| (name, Vec::new()));
+    let [(_, solution), (_, frame_solution), (_, tip_stiffness), (_, loaded)] = &mut found;
     let mut compute = || {
         let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
         let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
         let frame = five.frame(&stands)?;
         let tool = Tool { tip_m: frame.tip_m, axis: frame.axes.column(2).into() };
         let near = Configuration { pose: upright, beta_rad: Vector2::zeros() };
-        *solution = bits_of(&hold_numbers(&five.inverse(&tool, &near)?));
-        *hold_frame = bits_of(&hold_numbers(&five.inverse_frame(&frame)?));
+        *solution = bits_of(&solution_numbers(&five.inverse(&tool, &near)?));
+        *frame_solution = bits_of(&solution_numbers(&five.inverse_frame(&frame)?));
         *tip_stiffness = lower_of(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
         let wrench = wrench(WRENCH);
         let table = table.has_factor_form().then_some(table);
         let command = five.compensated(table, &tool, &wrench, &stands)?;
         let (moved, turned) = (command.deflection.translation_m, command.deflection.rotation_rad);
-        *loaded = bits_of(&[&hold_numbers(&command.solution), moved.as_slice(), turned.as_slice()].concat());
+        *loaded = bits_of(&[&solution_numbers(&command.solution), moved.as_slice(), turned.as_slice()].concat());
         Ok::<(), ToolDeflectionError>(())
     };
     // the firmware's error shows in what is empty there

@@ -64,7 +64,7 @@ struct Line {
     compensated: Vec<u64, 6>,
     /// The tool of the pose with [`BETA`], found from θ = σ = β1 = β2 = 0. This and what follows may be empty.
     solution: Vec<u64, 9>,
-    hold_frame: Vec<u64, 9>,
+    frame_solution: Vec<u64, 9>,
     tip_stiffness: Vec<u64, 21>,
     loaded: Vec<u64, 15>,
     /// Of the compensator after three periods: of the screws alone, and of the five axes with [`BETA`].
@@ -82,7 +82,7 @@ fn wrench<T: Scalar>(components: [f64; 6]) -> Wrench<T> {
     Wrench::from_vector(components.map(T::from_f64).into())
 }
 
-fn hold_bits<T: Scalar, const N: usize>(solution: &ToolSolution<T>) -> Vec<u64, N> {
+fn solution_bits<T: Scalar, const N: usize>(solution: &ToolSolution<T>) -> Vec<u64, N> {
     let Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad } = solution.configuration;
     let pose = [theta_rad, sigma_rad, z0_m];
     bits::<T, N>(
@@ -159,7 +159,7 @@ impl Line {
             thermal: Vec::new(),
             compensated: Vec::new(),
             solution: Vec::new(),
-            hold_frame: Vec::new(),
+            frame_solution: Vec::new(),
             tip_stiffness: Vec::new(),
             loaded: Vec::new(),
             offsets: Vec::new(),
@@ -190,13 +190,14 @@ impl Line {
         let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
         let frame = five.frame(&stands)?;
         let tool = Tool { tip_m: frame.tip_m, axis: frame.axes.column(2).into() };
-        self.solution = hold_bits(&five.inverse(&tool, &Configuration { pose: upright, beta_rad: Vector2::zeros() })?);
-        self.hold_frame = hold_bits(&five.inverse_frame(&frame)?);
+        self.solution =
+            solution_bits(&five.inverse(&tool, &Configuration { pose: upright, beta_rad: Vector2::zeros() })?);
+        self.frame_solution = solution_bits(&five.inverse_frame(&frame)?);
         self.tip_stiffness = lower(&five.tip_stiffness(&five.machine.stiffness(pose)?, &stands)?);
         let wrench = wrench(WRENCH);
         let table = table.has_factor_form().then_some(table);
         let loaded = five.compensated(table, &tool, &wrench, &stands)?;
-        self.loaded = hold_bits(&loaded.solution);
+        self.loaded = solution_bits(&loaded.solution);
         let moved = loaded.deflection.translation_m.iter().chain(&loaded.deflection.rotation_rad);
         self.loaded.extend(bits::<T, 6>(moved));
         Ok(())
