@@ -50,8 +50,9 @@ fn probing(host: &Host, five: &FiveAxis<'_, f64>, n: i32) -> Result<Probing, Str
     parameters.limbs[1].platform_joint.linear_n_per_m[2] *= WORN;
     let worn = Machine::<f64>::new(&parameters).map_err(|e| e.to_string())?;
     let wave = |k: i32, by: i32| f64::from((n * by + k) % 13 - 6) / 6.0;
-    let [.., z0_m] = host.table.centre;
-    let pose = Pose { theta_rad: 0.1 * wave(0, 5), sigma_rad: 0.1 * wave(1, 7), z0_m: z0_m + 0.01 * wave(2, 3) };
+    // well within the table's box, and so within travel
+    let part = |axis: usize, wave: f64| host.table.centre[axis] + 0.35 * host.table.half_width[axis] * wave;
+    let pose = Pose { theta_rad: part(0, wave(0, 5)), sigma_rad: part(1, wave(1, 7)), z0_m: part(2, wave(2, 3)) };
     let at = Configuration { pose, beta_rad: Vector2::new(0.2 * wave(3, 11), 0.2 * wave(4, 2)) };
     let force_n = Vector3::new(600.0 * wave(5, 4), 600.0 * wave(6, 9), 600.0 * wave(7, 6) - 300.0);
     let wrench = Wrench { force_n, moment_nm: Vector3::zeros() };
