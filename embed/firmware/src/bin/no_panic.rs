@@ -28,8 +28,8 @@ use pkm_core::tables::reference::{
     WRIST_F64,
 };
 use pkm_core::{
-    Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths,
-    Stiffness, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
+    Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, LimbFrame, Machine, Pose, Scalar,
+    ScrewLengths, Stiffness, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
 };
 
 #[path = "../handler.rs"]
@@ -66,7 +66,10 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     black_box(machine.singularity_distance(&pose)).ok();
     black_box(machine.travel_margin_m(&lengths));
     black_box(machine.stiffness(&pose)).ok();
-    black_box(machine.transmission(&pose)).ok();
+    if let Ok(transmitted) = machine.transmission(&pose) {
+        let [first, second, _] = black_box(transmitted).limbs;
+        black_box(LimbFrame::tied([&first, &second], &vector));
+    }
     black_box(machine.load_dependent_deflection(&pose, &wrench, &black_box(wrench))).ok();
     if let Ok(response) = machine.load_response(&black_box(pose)) {
         black_box(response.deflection(&black_box(wrench), &black_box(wrench))).ok();
