@@ -109,8 +109,8 @@ pub(crate) fn html(v: &Verification, machine: &str, facts: Vec<(&str, String)>, 
         h2 { "Stiffness before and after" }
         (table("Change with its expanded uncertainty (95 %), and the probability that it has this sign", &heads, &rows))
         p {
-            "A change is named where noise alone would bring any as great in one comparison of a hundred. Errors of the declared \
-             values, which both diagnoses lean on, are taken out of the difference."
+            "A change is named where noise alone would bring any as great in one comparison of a hundred. Neither machine \
+             is held to the declared values: few of them are taken to have changed, and the readings of both say which."
         }
         @if !fates.is_empty() {
             h2 { "What became of the findings" }
