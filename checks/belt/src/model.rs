@@ -1,7 +1,7 @@
 //! The machine as the statistics see it: conditions of closure, declared anchors, and what the model may lack.
 
 use nalgebra::{DMatrix, DVector, Matrix4x2, Vector2, Vector4};
-use pkm_diagnosis::places::{Block, PlaceModel, State};
+use pkm_diagnosis::places::{AtState, Block, PlaceModel, State};
 use pkm_diagnosis::{
     Candidate, Channel, CommonErrors, ForwardModel, Kind, Observations, Parameter, Prior, Problem, Reading, Role,
     Unknown,
@@ -307,16 +307,41 @@ impl PlaceModel for Blocks<'_> {
         &self.model.blocks
     }
 
-    fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let absent = wanted.iter().filter(|b| state.blocks.iter().all(|s| s.0 != **b)).map(|b| (*b, 0.0));
-        let present = state.blocks.iter().map(|(b, amplitudes)| (*b, amplitudes[0]));
-        let (blocks, amplitudes): (Vec<usize>, Vec<f64>) = present.chain(absent).unzip();
+    fn at<'a>(&'a self, state: &State) -> Option<Box<dyn AtState + 'a>> {
         let unknowns: Vec<Unknown> =
-            (0..COORDINATES).map(Unknown).chain(blocks.iter().map(|b| amplitude(*b))).collect();
-        let x: Vec<f64> = state.declared.iter().copied().chain(amplitudes).collect();
-        let jacobian = self.problem.jacobian(&unknowns, &x, 0..x.len())?;
-        let column = |b: &usize| blocks.iter().position(|own| own == b).map(|at| COORDINATES + at);
-        let order: Option<Vec<usize>> = (0..COORDINATES).map(Some).chain(wanted.iter().map(column)).collect();
-        Some((self.problem.predict(&unknowns, &x)?, jacobian.select_columns(&order?)))
+            (0..COORDINATES).map(Unknown).chain(state.blocks.iter().map(|(b, _)| amplitude(*b))).collect();
+        let x: Vec<f64> =
+            state.declared.iter().copied().chain(state.blocks.iter().map(|(_, amplitudes)| amplitudes[0])).collect();
+        let predicted = self.problem.predict(&unknowns, &x)?;
+        let declared = self.problem.jacobian(&unknowns, &x, 0..COORDINATES)?;
+        Some(Box::new(AtUnknowns { problem: self.problem, unknowns, x, predicted, declared }))
+    }
+}
+
+/// The model where its unknowns have some values.
+struct AtUnknowns<'a> {
+    problem: &'a Problem<'a>,
+    unknowns: Vec<Unknown>,
+    x: Vec<f64>,
+    predicted: DVector<f64>,
+    declared: DMatrix<f64>,
+}
+
+impl AtState for AtUnknowns<'_> {
+    fn predicted(&self) -> &DVector<f64> {
+        &self.predicted
+    }
+
+    fn declared(&self) -> DMatrix<f64> {
+        self.declared.clone()
+    }
+
+    fn block(&self, block: usize) -> Option<DMatrix<f64>> {
+        let own = amplitude(block);
+        if let Some(at) = self.unknowns.iter().position(|u| *u == own) {
+            return self.problem.jacobian(&self.unknowns, &self.x, at..at + 1);
+        }
+        let unknowns = [self.unknowns.as_slice(), &[own]].concat();
+        self.problem.jacobian(&unknowns, &[self.x.as_slice(), &[0.0]].concat(), self.x.len()..unknowns.len())
     }
 }

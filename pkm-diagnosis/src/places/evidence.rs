@@ -1,5 +1,7 @@
 //! Evidence of sets of blocks in the linear model at a state.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -45,26 +47,36 @@ impl Set {
     }
 }
 
-/// Inner products of columns under one level of common errors. Only pairs that can be in one set are kept: all columns with
-/// those of the state's members, and each family with itself.
+/// Inner products under one level of common errors.
 struct Products {
-    shared: DMatrix<f64>,
+    /// Of what every set may hold, with itself: declared values, members of the state, data.
+    held: DMatrix<f64>,
+    /// By wanted family: with what is held, and with itself. No set has two families of which neither is held.
+    with_held: DMatrix<f64>,
     own: Vec<DMatrix<f64>>,
     /// By scatter: the part of each column, and of the data, that declared values take, and ln of their determinant.
     taken: Vec<(DMatrix<f64>, f64)>,
 }
 
-/// The linear model at a state.
+/// Inner products of a block's columns under one level: with what is held, and with themselves.
+struct Part {
+    with_held: DMatrix<f64>,
+    own: DMatrix<f64>,
+}
+
+/// The linear model at a state. Columns of blocks are as long as the readings are many: what is kept of them is their inner
+/// products.
 pub struct Linear {
     wanted: Vec<usize>,
     /// First column of each wanted family, and the data's.
     starts: Vec<usize>,
-    /// Place of each wanted family among the shared columns.
-    shared_at: Vec<Option<usize>>,
+    /// First of the held columns of each wanted family that is a member of the state.
+    held_at: Vec<Option<usize>>,
     products: Vec<Products>,
-    /// Whitened readings about the state.
-    data: DVector<f64>,
-    columns: DMatrix<f64>,
+    /// By block that is wanted: its products, level by level.
+    parts: BTreeMap<usize, Vec<Part>>,
+    /// Families of the state with their whitened columns.
+    members: Vec<(usize, DMatrix<f64>)>,
     declared: usize,
 }
 
@@ -77,23 +89,36 @@ impl Linear {
         self.wanted.iter().position(|w| *w == family)
     }
 
-    /// Whitened columns of a family; none of one that is not wanted.
-    pub fn columns_of(&self, family: usize) -> DMatrix<f64> {
-        let own = self.position(family).map_or(0..0, |at| self.starts[at]..self.starts[at + 1]);
-        self.columns.columns(self.declared + own.start, own.len()).clone_owned()
+    /// Whitened columns of a member of the state.
+    pub fn columns_of(&self, family: usize) -> Option<&DMatrix<f64>> {
+        self.members.iter().find(|m| m.0 == family).map(|m| &m.1)
     }
 
     fn product(&self, p: &Products, (w, i): (usize, usize), (v, j): (usize, usize)) -> f64 {
         if w == v {
             p.own[w][(i - self.starts[w], j - self.starts[w])]
-        } else if let Some(at) = self.shared_at[w] {
-            p.shared[(at + i - self.starts[w], j)]
-        } else if let Some(at) = self.shared_at[v] {
-            p.shared[(at + j - self.starts[v], i)]
+        } else if let Some(at) = self.held_at[w] {
+            p.with_held[(at + i - self.starts[w], j)]
+        } else if let Some(at) = self.held_at[v] {
+            p.with_held[(at + j - self.starts[v], i)]
         } else {
             f64::NAN
         }
     }
+}
+
+/// What every set may hold, under one level of common errors: declared values, members of the state, data, row by row.
+fn held(
+    whitener: &Whitener,
+    declared: &DMatrix<f64>,
+    members: &[(usize, DMatrix<f64>)],
+    data: &DVector<f64>,
+) -> DMatrix<f64> {
+    let columns = members.iter().flat_map(|m| m.1.column_iter());
+    let mut columns: Vec<DVector<f64>> =
+        declared.column_iter().chain(columns).chain([data.column(0)]).map(|c| c.clone_owned()).collect();
+    columns.iter_mut().for_each(|c| whitener.shrink(c.as_mut_slice()));
+    DMatrix::from_columns(&columns).transpose()
 }
 
 /// Readings, model and rules together.
@@ -145,87 +170,106 @@ impl Evidence<'_> {
 
     /// The linear model at a state for some families; those of the state must be among them.
     pub fn linear(&self, state: &State, wanted: &[usize]) -> Option<Linear> {
-        let mut blocks: Vec<usize> = wanted.iter().map(|f| self.families[*f].block).collect();
+        let at = self.model.at(&self.of_blocks(state))?;
+        let declared = at.declared();
+        let mut data = self.observed - at.predicted();
+        data.gemv(1.0, &declared, &DVector::from_column_slice(&state.declared), 1.0);
+        let mut members = Vec::new();
+        for (f, amplitudes) in &state.blocks {
+            let family = &self.families[*f];
+            let columns = at.block(family.block)?;
+            let columns = match &family.combinations {
+                Some(c) => columns * c,
+                None => columns,
+            };
+            data.gemv(1.0, &columns, &DVector::from_column_slice(amplitudes), 1.0);
+            members.push((*f, columns));
+        }
+        let held_by_level: Vec<DMatrix<f64>> =
+            self.whiteners.par_iter().map(|w| held(w, &declared, &members, &data)).collect();
+        let is_member = |f: &usize| members.iter().any(|m| m.0 == *f);
+        let mut blocks: Vec<usize> = wanted.iter().filter(|f| !is_member(f)).map(|f| self.families[*f].block).collect();
         blocks.sort_unstable();
         blocks.dedup();
-        let (predicted, by_block) = self.model.linear(&self.of_blocks(state), &blocks)?;
-        let declared = self.model.declared();
-        let mut first = vec![declared];
-        for b in &blocks {
-            first.push(first[first.len() - 1] + self.model.blocks()[*b].columns);
-        }
-        let mut starts = vec![0];
-        for f in wanted {
-            starts.push(starts[starts.len() - 1] + self.width(*f));
-        }
-        let mut columns = DMatrix::zeros(by_block.nrows(), declared + starts[wanted.len()]);
-        columns.columns_mut(0, declared).copy_from(&by_block.columns(0, declared));
-        for (f, start) in wanted.iter().zip(&starts) {
-            let family = &self.families[*f];
-            let at = blocks.binary_search(&family.block).ok()?;
-            let own = by_block.columns(first[at], first[at + 1] - first[at]);
-            let mut target = columns.columns_mut(declared + start, self.width(*f));
-            match &family.combinations {
-                Some(c) => target.gemm(1.0, &own, c, 0.0),
-                None => target.copy_from(&own),
-            }
-        }
-        let mut data = self.observed - predicted;
-        for (j, x) in state.declared.iter().enumerate() {
-            data.axpy(*x, &columns.column(j), 1.0);
-        }
-        for (f, a) in &state.blocks {
-            let at = wanted.iter().position(|w| w == f)?;
-            for (k, a) in a.iter().enumerate() {
-                data.axpy(*a, &columns.column(declared + starts[at] + k), 1.0);
-            }
-        }
-        let mut shared_at = vec![None; wanted.len()];
-        let mut shared: Vec<usize> = Vec::new();
-        for (w, f) in wanted.iter().enumerate() {
-            if state.blocks.iter().any(|s| s.0 == *f) {
-                shared_at[w] = Some(shared.len());
-                shared.extend(starts[w]..starts[w + 1]);
-            }
-        }
-        shared.push(starts[wanted.len()]);
-        let products = (0..self.whiteners.len())
-            .into_par_iter()
-            .map(|level| self.products(level, &columns, &data, &starts, &shared))
-            .collect::<Option<Vec<_>>>()?;
-        Some(Linear { wanted: wanted.to_vec(), starts, shared_at, products, data, columns, declared })
+        let parts = blocks.into_par_iter().map(|block| {
+            let columns = at.block(block)?;
+            let of = |(whitener, held): (&&Whitener, &DMatrix<f64>)| {
+                let mut columns = columns.clone();
+                columns.column_iter_mut().for_each(|mut c| whitener.shrink(c.as_mut_slice()));
+                Part { with_held: held * &columns, own: columns.transpose() * columns }
+            };
+            Some((block, self.whiteners.iter().zip(&held_by_level).map(of).collect()))
+        });
+        let parts = parts.collect::<Option<Vec<(usize, Vec<Part>)>>>()?.into_iter().collect();
+        let products = held_by_level.iter().map(|held| Products {
+            held: held * held.transpose(),
+            with_held: DMatrix::zeros(0, 0),
+            own: Vec::new(),
+            taken: Vec::new(),
+        });
+        let mut linear = Linear {
+            wanted: Vec::new(),
+            starts: Vec::new(),
+            held_at: Vec::new(),
+            products: products.collect(),
+            parts,
+            members,
+            declared: declared.ncols(),
+        };
+        self.widen(&mut linear, wanted)?;
+        Some(linear)
     }
 
-    fn products(
-        &self,
-        level: usize,
-        columns: &DMatrix<f64>,
-        data: &DVector<f64>,
-        starts: &[usize],
-        shared: &[usize],
-    ) -> Option<Products> {
-        let declared = self.model.declared();
-        let whitener = self.whiteners[level];
-        let n = columns.ncols();
-        let mut all = columns.clone().insert_column(n, 0.0);
-        all.set_column(n, data);
-        for mut c in all.column_iter_mut() {
-            whitener.shrink(c.as_mut_slice());
+    /// Takes other families of the same blocks.
+    pub fn widen(&self, l: &mut Linear, wanted: &[usize]) -> Option<()> {
+        l.wanted = wanted.to_vec();
+        l.starts = vec![0];
+        for f in wanted {
+            l.starts.push(l.starts[l.starts.len() - 1] + self.width(*f));
         }
-        let a = all.columns(0, declared).transpose();
-        let rest = all.columns(declared, n + 1 - declared);
-        let (aa, ab) = (&a * all.columns(0, declared), &a * rest);
-        let shared = rest.select_columns(shared).transpose() * rest;
-        let own = starts.windows(2).map(|w| {
-            let c = rest.columns(w[0], w[1] - w[0]);
-            c.transpose() * c
-        });
-        let taken = self.rules.declared_scatters.iter().map(|s| {
-            let chol = (&aa * (s * s) + DMatrix::identity(declared, declared)).cholesky()?;
-            let x = chol.l_dirty().solve_lower_triangular(&(&ab * *s))?;
-            Some((x, ln_determinant(&chol) + whitener.log_determinant))
-        });
-        Some(Products { shared, own: own.collect(), taken: taken.collect::<Option<Vec<_>>>()? })
+        let mut next = l.declared;
+        let mut firsts = Vec::new();
+        for (f, columns) in &l.members {
+            firsts.push((*f, next));
+            next += columns.ncols();
+        }
+        l.held_at = wanted.iter().map(|f| firsts.iter().find(|m| m.0 == *f).map(|m| m.1)).collect();
+        for (level, p) in l.products.iter_mut().enumerate() {
+            let rows = p.held.nrows();
+            let mut with_held = DMatrix::zeros(rows, l.starts[wanted.len()] + 1);
+            p.own.clear();
+            for (w, f) in wanted.iter().enumerate() {
+                let width = self.width(*f);
+                let family = &self.families[*f];
+                let mut target = with_held.columns_mut(l.starts[w], width);
+                if let Some(at) = l.held_at[w] {
+                    target.copy_from(&p.held.columns(at, width));
+                    p.own.push(p.held.view((at, at), (width, width)).clone_owned());
+                    continue;
+                }
+                let part = &l.parts.get(&family.block)?[level];
+                match &family.combinations {
+                    Some(c) => {
+                        target.gemm(1.0, &part.with_held, c, 0.0);
+                        p.own.push(c.tr_mul(&(&part.own * c)));
+                    }
+                    None => {
+                        target.copy_from(&part.with_held);
+                        p.own.push(part.own.clone());
+                    }
+                }
+            }
+            with_held.set_column(l.starts[wanted.len()], &p.held.column(rows - 1));
+            let declared = p.held.view((0, 0), (l.declared, l.declared));
+            let taken = self.rules.declared_scatters.iter().map(|s| {
+                let chol = (declared * (s * s) + DMatrix::identity(l.declared, l.declared)).cholesky()?;
+                let x = chol.l_dirty().solve_lower_triangular(&(with_held.rows(0, l.declared) * *s))?;
+                Some((x, ln_determinant(&chol) + self.whiteners[level].log_determinant))
+            });
+            p.taken = taken.collect::<Option<Vec<_>>>()?;
+            p.with_held = with_held;
+        }
+        Some(())
     }
 
     /// ln evidence of a set, with the priors of its members. The variance of the noise is known from so many degrees of
@@ -234,7 +278,7 @@ impl Evidence<'_> {
         let rules = self.rules;
         let p = &l.products[set.level];
         let (taken, ln_declared) = &p.taken[set.scatter];
-        let (data, data_row) = (l.starts[l.wanted.len()], p.shared.nrows() - 1);
+        let (data, data_row) = (l.starts[l.wanted.len()], p.held.nrows() - 1);
         let mut index: Vec<(usize, usize, f64)> = Vec::new();
         let mut ln_prior = rules.ln_prior_of_scatter * set.scatter as f64 + rules.ln_prior_of_level * set.level as f64;
         for (f, scale) in &set.members {
@@ -256,9 +300,9 @@ impl Evidence<'_> {
         }
         let g = DVector::from_fn(n, |i, _| {
             let (_, column, scale) = index[i];
-            (p.shared[(data_row, column)] - taken.column(column).dot(&taken.column(data))) * scale
+            (p.with_held[(data_row, column)] - taken.column(column).dot(&taken.column(data))) * scale
         });
-        let all = p.shared[(data_row, data)] - taken.column(data).norm_squared();
+        let all = p.with_held[(data_row, data)] - taken.column(data).norm_squared();
         let Some(chol) = m.cholesky() else { return f64::NEG_INFINITY };
         let rest = (all - g.dot(&chol.solve(&g))).max(f64::MIN_POSITIVE);
         let count = self.observed.len() as f64;
@@ -304,25 +348,32 @@ impl Evidence<'_> {
     /// Most likely state of a set in the linear model, and the squared whitened residuals there.
     pub fn solve(&self, l: &Linear, set: &Set) -> Option<(State, f64)> {
         let scatter = self.rules.declared_scatters[set.scatter];
-        let mut index: Vec<(usize, f64)> = (0..l.declared).map(|j| (j, scatter)).collect();
+        let p = &l.products[set.level];
+        // wanted family, its column, prior scale; declared values have no family
+        let mut index: Vec<(Option<usize>, usize, f64)> = (0..l.declared).map(|j| (None, j, scatter)).collect();
         for (f, scale) in &set.members {
             let at = l.position(*f)?;
-            index.extend((l.starts[at]..l.starts[at + 1]).map(|c| (l.declared + c, *scale)));
+            index.extend((l.starts[at]..l.starts[at + 1]).map(|c| (Some(at), c, *scale)));
         }
+        let product = |a: &(Option<usize>, usize, f64), b: &(Option<usize>, usize, f64)| {
+            let unscaled = match (a.0, b.0) {
+                (None, None) => p.held[(a.1, b.1)],
+                (None, Some(_)) => p.with_held[(a.1, b.1)],
+                (Some(_), None) => p.with_held[(b.1, a.1)],
+                (Some(w), Some(v)) => l.product(p, (w, a.1), (v, b.1)),
+            };
+            unscaled * a.2 * b.2
+        };
         let n = index.len();
-        let mut j = DMatrix::zeros(l.data.len(), n);
-        for (k, (c, s)) in index.iter().enumerate() {
-            j.set_column(k, &(l.columns.column(*c) * *s));
-        }
-        let mut d = l.data.clone();
-        let whitener = self.whiteners[set.level];
-        whitener.shrink(d.as_mut_slice());
-        for mut c in j.column_iter_mut() {
-            whitener.shrink(c.as_mut_slice());
-        }
-        let y = (j.transpose() * &j + DMatrix::identity(n, n)).cholesky()?.solve(&j.tr_mul(&d));
-        let rest = (d - &j * &y).norm_squared();
-        let values: Vec<f64> = y.iter().zip(&index).map(|(v, (_, s))| v * s).collect();
+        let data = p.held.nrows() - 1;
+        let with_data = |a: &(Option<usize>, usize, f64)| {
+            a.2 * if a.0.is_none() { p.held[(data, a.1)] } else { p.with_held[(data, a.1)] }
+        };
+        let information = DMatrix::from_fn(n, n, |i, j| product(&index[i], &index[j]) + f64::from(u8::from(i == j)));
+        let slope = DVector::from_iterator(n, index.iter().map(with_data));
+        let y = information.cholesky()?.solve(&slope);
+        let rest = p.held[(data, data)] - slope.dot(&y) - y.norm_squared();
+        let values: Vec<f64> = y.iter().zip(&index).map(|(v, (.., s))| v * s).collect();
         let (declared, mut others) = values.split_at(l.declared);
         let mut blocks = Vec::new();
         for (f, _) in &set.members {

@@ -49,9 +49,20 @@ pub trait PlaceModel: Sync {
     /// What may yield.
     fn blocks(&self) -> &[Block];
 
-    /// Whitened predictions at a state, and their derivatives by the declared values and by the amplitudes of some blocks, in
-    /// that order. `None` where the model has no prediction.
-    fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)>;
+    /// The model at a state. `None` where it has no prediction.
+    fn at<'a>(&'a self, state: &State) -> Option<Box<dyn AtState + 'a>>;
+}
+
+/// A model at a state.
+pub trait AtState: Sync {
+    /// Whitened predictions.
+    fn predicted(&self) -> &DVector<f64>;
+
+    /// Their derivatives by the declared values.
+    fn declared(&self) -> DMatrix<f64>;
+
+    /// Their derivatives by the amplitudes of a block.
+    fn block(&self, block: usize) -> Option<DMatrix<f64>>;
 }
 
 /// A finding.

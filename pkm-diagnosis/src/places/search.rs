@@ -103,8 +103,9 @@ impl Search<'_> {
             }
         }
         self.evidence.families.extend(new);
-        self.linear = self.evidence.linear(&self.best.state, &self.all())?;
-        Some(())
+        let all = self.all();
+        // the blocks are those at the same state: only their combinations are new
+        self.evidence.widen(&mut self.linear, &all)
     }
 
     /// Sets that differ from the best by one member, by their evidence at the best state.
@@ -168,7 +169,7 @@ impl Search<'_> {
     }
 
     /// One member's place: all that could stand there, the other members kept.
-    fn finding(&mut self, at: usize) -> Finding {
+    fn finding(&mut self, at: usize) -> Option<Finding> {
         let own = self.best.set.members[at].0;
         let exchanged = |f: usize| {
             let mut set = self.best.set.clone();
@@ -206,12 +207,13 @@ impl Search<'_> {
         let amplitudes = self.evidence.of_blocks(state).blocks.into_iter().find_map(of_block).unwrap_or_default();
         let without = self.best.set.without(at);
         let gain = self.tried(&without).map_or(0.0, |t| self.best.ln - t.ln);
-        let columns = self.linear.columns_of(own) * self.best.set.members[at].1;
-        Finding { block, gain, places, columns, amplitudes }
+        let columns = self.linear.columns_of(own)? * self.best.set.members[at].1;
+        Some(Finding { block, gain, places, columns, amplitudes })
     }
 
     fn result(mut self) -> Option<Inferred> {
-        let mut findings: Vec<Finding> = (0..self.best.set.members.len()).map(|at| self.finding(at)).collect();
+        let mut findings: Vec<Finding> =
+            (0..self.best.set.members.len()).map(|at| self.finding(at)).collect::<Option<_>>()?;
         findings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let (_, rest) = self.evidence.solve(&self.linear, &self.best.set)?;
         let top = self.compared.iter().fold(f64::NEG_INFINITY, |m, c| m.max(c.1));

@@ -1,7 +1,7 @@
 //! Places inferred by blocks, on the chain of springs: what yields there follows no formula that any block has.
 
 use nalgebra::{DMatrix, DVector};
-use pkm_diagnosis::places::{Block, Inferred, NOWHERE, PlaceModel, State, infer};
+use pkm_diagnosis::places::{AtState, Block, Inferred, NOWHERE, PlaceModel, State, infer};
 use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Unknown, Whitener, levels};
 
 use crate::spring_chain::{COMPLIANCE, Chain, chain, read};
@@ -44,22 +44,45 @@ impl PlaceModel for Blocks<'_> {
         &self.blocks
     }
 
-    fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let unknowns = [0, 1, 2].map(Unknown);
+    fn at<'a>(&'a self, state: &State) -> Option<Box<dyn AtState + 'a>> {
+        let springs = [0, 1, 2].map(Unknown);
+        let mut predicted = self.problem.predict(&springs, &state.declared)?;
+        for (block, amplitudes) in &state.blocks {
+            predicted.gemv(1.0, &self.block(*block), &DVector::from_column_slice(amplitudes), 1.0);
+        }
+        let declared = self.problem.jacobian(&springs, &state.declared, 0..3)?;
+        Some(Box::new(AtSprings { blocks: self, predicted, declared }))
+    }
+}
+
+impl Blocks<'_> {
+    fn block(&self, block: usize) -> DMatrix<f64> {
         let column = |of: &Column| -> DVector<f64> {
             let values: Vec<f64> = self.chain.conditions.iter().map(|(q, f)| of(q, *f)).collect();
             self.problem.whitened(&values).into()
         };
-        let mut predicted = self.problem.predict(&unknowns, &state.declared)?;
-        for (block, amplitudes) in &state.blocks {
-            for (of, a) in self.columns[*block].iter().zip(amplitudes) {
-                predicted.axpy(*a, &column(of), 1.0);
-            }
-        }
-        let declared = self.problem.jacobian(&unknowns, &state.declared, 0..3)?;
-        let mut columns: Vec<DVector<f64>> = declared.column_iter().map(|c| c.clone_owned()).collect();
-        columns.extend(wanted.iter().flat_map(|b| &self.columns[*b]).map(column));
-        Some((predicted, DMatrix::from_columns(&columns)))
+        DMatrix::from_columns(&self.columns[block].iter().map(column).collect::<Vec<_>>())
+    }
+}
+
+/// The chain with some stiffnesses.
+struct AtSprings<'a> {
+    blocks: &'a Blocks<'a>,
+    predicted: DVector<f64>,
+    declared: DMatrix<f64>,
+}
+
+impl AtState for AtSprings<'_> {
+    fn predicted(&self) -> &DVector<f64> {
+        &self.predicted
+    }
+
+    fn declared(&self) -> DMatrix<f64> {
+        self.declared.clone()
+    }
+
+    fn block(&self, block: usize) -> Option<DMatrix<f64>> {
+        Some(self.blocks.block(block))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector6};
 use pkm_core::effects::Element;
-use pkm_diagnosis::places::{Block, Finding, PlaceModel, State};
+use pkm_diagnosis::places::{AtState, Block, Finding, PlaceModel, State};
 use pkm_diagnosis::{Prior, Problem};
 use rayon::prelude::*;
 
@@ -217,7 +217,7 @@ impl PlaceModel for Under<'_> {
         &self.world.blocks
     }
 
-    fn linear(&self, state: &State, wanted: &[usize]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    fn at<'a>(&'a self, state: &State) -> Option<Box<dyn AtState + 'a>> {
         let solved = self.world.solve(state)?;
         let said = self.world.displacements(self.readings, &solved);
         let mut predicted: DVector<f64> = self.problem.whitened(self.read(&said).as_flattened()).into();
@@ -228,10 +228,40 @@ impl PlaceModel for Under<'_> {
                 }
             }
         }
-        let declared = self.declared_terms(state);
-        let terms: Vec<&Term> = declared.iter().chain(wanted.iter().flat_map(|b| &self.world.terms[*b])).collect();
-        let columns: Vec<DVector<f64>> = terms.par_iter().map(|t| self.column(t, &solved, &said)).collect();
-        Some((predicted, DMatrix::from_columns(&columns)))
+        Some(Box::new(Solution { under: self, declared: self.declared_terms(state), solved, said, predicted }))
+    }
+}
+
+/// A state, solved.
+struct Solution<'a> {
+    under: &'a Under<'a>,
+    declared: Vec<Term>,
+    /// By pose.
+    solved: Vec<Solved>,
+    /// By condition.
+    said: Vec<Six>,
+    predicted: DVector<f64>,
+}
+
+impl Solution<'_> {
+    fn columns(&self, terms: &[Term]) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> =
+            terms.par_iter().map(|t| self.under.column(t, &self.solved, &self.said)).collect();
+        DMatrix::from_columns(&columns)
+    }
+}
+
+impl AtState for Solution<'_> {
+    fn predicted(&self) -> &DVector<f64> {
+        &self.predicted
+    }
+
+    fn declared(&self) -> DMatrix<f64> {
+        self.columns(&self.declared)
+    }
+
+    fn block(&self, block: usize) -> Option<DMatrix<f64>> {
+        Some(self.columns(&self.under.world.terms[block]))
     }
 }
 
