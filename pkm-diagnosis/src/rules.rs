@@ -76,7 +76,7 @@ pub struct Rules {
     /// Detectability λ at which an amplitude counts as detectable, from the specification of the method.
     pub detectable: f64,
 
-    /// Folds of the cross-validation.
+    /// Folds of the cross-validation: each repeats the whole search.
     pub folds: usize,
     /// Resamples of the poses for intervals.
     pub resamples: usize,
@@ -188,7 +188,7 @@ impl Rules {
         large_pull_sd: 3.0,
         alike_cosine: 0.95,
         detectable: 30.0,
-        folds: 10,
+        folds: 5,
         resamples: 1000,
         min_resampled_poses: 5,
         min_poses: 4,

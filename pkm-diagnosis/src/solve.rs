@@ -116,12 +116,13 @@ impl<'a> Problem<'a> {
         values
     }
 
-    /// Rows of the whitened readings by pose.
+    /// Rows of the whitened readings by pose, of those that have any.
     pub fn by_pose(&self) -> Vec<Vec<usize>> {
         let mut groups = vec![Vec::new(); self.observations.poses()];
         for (i, e) in self.whitener.entries.iter().enumerate() {
             groups[self.observations.pose_of[e.condition]].push(i);
         }
+        groups.retain(|rows| !rows.is_empty());
         groups
     }
 

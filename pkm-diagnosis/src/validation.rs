@@ -1,5 +1,7 @@
 //! Errors of predictions on readings that had no part in choosing the model.
 
+use rayon::prelude::*;
+
 use crate::noise::Noise;
 use crate::observations::Observations;
 use crate::rules::{Rules, SEED};
@@ -118,29 +120,28 @@ fn interval(by_pose: &[(f64, f64)], rules: &Rules) -> Option<[f64; 2]> {
     Some([low, high].map(|t| (middle - t * error).exp()))
 }
 
-/// Predictions for every condition from models that have not seen its pose. `refit` fits models to the readings that are
-/// kept and predicts all conditions, one table of predictions a model.
-pub fn cross_validate(
+/// Which poses are left out.
+pub type LeftOut<'a> = dyn Fn(usize) -> bool + Sync + 'a;
+
+/// Predictions for every condition from models that have not seen its pose. `refit` chooses and fits models without the poses
+/// that it is told and predicts all conditions, one table of predictions a model; what else it says is returned fold by fold.
+pub fn cross_validate<E: Send>(
     observations: &Observations,
     rules: &Rules,
-    refit: impl Fn(&Observations) -> Option<Vec<Vec<f64>>>,
-) -> Option<Vec<Vec<f64>>> {
+    refit: impl Fn(&LeftOut<'_>) -> Option<(Vec<Vec<f64>>, E)> + Sync,
+) -> Option<(Vec<Vec<f64>>, Vec<E>)> {
     let channels = observations.channels.len();
     let folds = rules.folds.min(observations.poses());
-    let mut all: Option<Vec<Vec<f64>>> = None;
-    for fold in 0..folds {
-        let kept = observations.without(|r| observations.pose(r) % folds == fold);
-        let found = refit(&kept)?;
-        let Some(all) = &mut all else {
-            all = Some(found);
-            continue;
-        };
-        for (all, found) in all.iter_mut().zip(&found) {
+    let of_fold = |fold: usize| refit(&|pose| pose % folds == fold);
+    let found: Vec<(Vec<Vec<f64>>, E)> = (0..folds).into_par_iter().map(of_fold).collect::<Option<_>>()?;
+    let mut all: Vec<Vec<f64>> = found.first()?.0.clone();
+    for (fold, (found, _)) in found.iter().enumerate() {
+        for (all, found) in all.iter_mut().zip(found) {
             for (n, _) in observations.pose_of.iter().enumerate().filter(|(_, pose)| *pose % folds == fold) {
                 let own = n * channels..(n + 1) * channels;
                 all[own.clone()].copy_from_slice(&found[own]);
             }
         }
     }
-    all
+    Some((all, found.into_iter().map(|f| f.1).collect()))
 }

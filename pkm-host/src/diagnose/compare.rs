@@ -1,10 +1,11 @@
 //! Before and after: how the models err on poses that had no part in choosing them.
 
-use pkm_diagnosis::validation::{self, KindErrors};
-use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown, Whitener};
+use pkm_diagnosis::validation::{self, KindErrors, LeftOut};
+use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown};
 use serde::Serialize;
 
 use super::experiment::{self, Experiment};
+use super::inference::{Found, Start};
 use super::model::{Meaning, Model, is_measurement};
 use super::residual_table::ResidualTable;
 use crate::files::readings::{CHANNELS, Condition, Readings};
@@ -76,11 +77,6 @@ pub fn extent(readings: &Readings) -> PoseBox {
     PoseBox::of(readings.readings.iter().map(|r| &readings.poses[readings.conditions[r.condition].pose].pose))
 }
 
-/// Extent of the poses of some of the readings.
-fn extent_of(readings: &Readings, some: &Observations) -> PoseBox {
-    PoseBox::of(some.readings.iter().map(|r| &readings.poses[some.pose(r)].pose))
-}
-
 /// Predictions of one fit; without errors of the measurement when the truth has none.
 pub fn predict(
     model: &Model,
@@ -99,16 +95,9 @@ pub fn predict(
 }
 
 impl Fitted {
-    /// Fits all rivals to some of the readings, beginning where a search ended.
-    pub fn new(
-        problem: &Problem<'_>,
-        experiment: &Experiment<'_>,
-        extent: &PoseBox,
-        search: &Search,
-        again: bool,
-    ) -> Option<Self> {
-        let fit = |fit: &Fit| if again { problem.fit(&fit.unknowns, fit.x.as_slice()) } else { Some(fit.clone()) };
-        let (base, end) = (fit(&search.base)?, fit(&search.fit)?);
+    /// The fits that a search ended with, and tables of what these leave of its readings.
+    pub fn new(problem: &Problem<'_>, experiment: &Experiment<'_>, extent: &PoseBox, search: &Search) -> Option<Self> {
+        let (base, end) = (search.base.clone(), search.fit.clone());
         let declared = problem.residuals(&[], &[])?;
         let model = experiment.model;
         let machine = model.state(&end.unknowns, end.x.as_slice(), false).machine;
@@ -158,25 +147,27 @@ impl Predictions {
     }
 }
 
-/// Predictions for every reading from models that have not seen its pose.
+/// Predictions for every reading from models that have not seen its pose, and what they were found to lack, fold by fold: the
+/// whole search is made again without the poses that a fold leaves out.
 pub fn cross_validate(
     readings: &Readings,
-    noise: &Noise,
-    model: &Model,
-    search: &Search,
-    rules: &Rules,
-) -> Option<Predictions> {
-    let experiment = Experiment::new(model, readings);
-    let refit = |kept: &Observations| {
-        let whitener = Whitener::new(kept, noise);
-        let problem = Problem::new(kept, &whitener, &experiment, rules);
-        let fitted = Fitted::new(&problem, &experiment, &extent_of(readings, kept), search, true)?;
-        let found = fitted.predict(model, &experiment.poses, &readings.conditions, true)?;
-        Some(found.0.map(Vec::into_flattened).into())
+    observations: &Observations,
+    start: &Start<'_>,
+) -> Option<(Predictions, Vec<Vec<String>>)> {
+    let of_fold = |is_left_out: &LeftOut<'_>| {
+        let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));
+        let read = experiment::observations(&kept, start.model);
+        start.search(&kept, &read, |Found { experiment, levels, search, .. }| {
+            let problem = &levels.problems[search.levels[1]];
+            let fitted = Fitted::new(problem, experiment, &extent(&kept), &search)?;
+            let said = fitted.predict(experiment.model, &experiment.poses, &readings.conditions, true)?;
+            let names = search.found.iter().map(|f| experiment.model.candidates[f.candidate].name()).collect();
+            Some((said.0.map(Vec::into_flattened).into(), names))
+        })?
     };
-    let found = validation::cross_validate(&experiment::observations(readings, model), rules, refit)?;
-    let tables: Vec<Vec<[f64; CHANNELS]>> = found.iter().map(|f| f.as_chunks().0.to_vec()).collect();
-    Some(Predictions(tables.try_into().ok()?))
+    let (said, names) = validation::cross_validate(observations, start.rules, of_fold)?;
+    let tables: Vec<Vec<[f64; CHANNELS]>> = said.iter().map(|f| f.as_chunks().0.to_vec()).collect();
+    Some((Predictions(tables.try_into().ok()?), names))
 }
 
 /// Where a held-out reading lies.

@@ -57,10 +57,13 @@ impl Diagnosis {
     }
 
     fn held_out_json(&self) -> Value {
-        let HeldOut { given, poses, all, as_measured, zones } = &self.held_out;
+        let HeldOut { given, poses, all, as_measured, zones, folds } = &self.held_out;
         let mut held_out = rivals(all);
         held_out.insert("poses".into(), json!(poses));
         held_out.insert("chosen".into(), json!(if *given { "given" } else { "by cross-validation" }));
+        if !given {
+            held_out.insert("found_in_folds".into(), json!(folds));
+        }
         held_out.insert("as_measured".into(), as_measured.as_ref().map_or(Value::Null, |errors| rivals(errors).into()));
         let zones: Map<String, Value> =
             zones.iter().map(|(zone, errors)| (zone.name().to_owned(), rivals(errors).into())).collect();

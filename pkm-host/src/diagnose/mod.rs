@@ -18,6 +18,7 @@ mod elements;
 pub mod estimates;
 mod experiment;
 pub mod findings;
+mod inference;
 mod json;
 mod model;
 pub(crate) mod places;
@@ -32,10 +33,9 @@ mod text;
 pub mod verify;
 pub(crate) mod write;
 
-use pkm_diagnosis::places::Inferred;
 use pkm_diagnosis::residuals::{Outlier, Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
-use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Search, UnknownNoise, Whitener, levels, search};
+use pkm_diagnosis::{Noise, Observations, Problem, Rules, Search, UnknownNoise, Whitener, search};
 pub use pkm_diagnosis::{SEED, verdict::Verdict};
 
 use self::checks::{Suspect, Warning};
@@ -45,9 +45,8 @@ use self::effects::{alternatives, effects};
 use self::estimates::Estimates;
 use self::experiment::{Experiment, observations};
 use self::findings::{DeclaredFinding, Detectable};
+use self::inference::{Found, Start};
 use self::model::{Model, Recorded};
-use self::places::World;
-use self::places::sites::{self, Site};
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
@@ -67,6 +66,8 @@ pub struct HeldOut {
     pub as_measured: Option<Vec<(Rival, Errors)>>,
     /// By zone and rival.
     pub zones: Vec<(Zone, Vec<(Rival, Errors)>)>,
+    /// Names of what the search in each fold of a cross-validation found.
+    pub folds: Vec<Vec<String>>,
 }
 
 /// The model after one of the finds.
@@ -239,14 +240,16 @@ impl Judges<'_> {
             all: self.errors(&observations, &found, &|_| true),
             as_measured: as_measured.map(|found| self.errors(&observations, &found, &|_| true)),
             zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
+            folds: Vec::new(),
         })
     }
 
-    /// Errors on each pose of models that have not seen it.
-    fn left_out(&self, readings: &Readings, observations: &Observations, search: &Search) -> Option<HeldOut> {
-        let found = compare::cross_validate(readings, self.noise, self.model, search, self.rules)?;
+    /// Errors on each pose of models that have been chosen and fitted without it.
+    fn left_out(&self, readings: &Readings, observations: &Observations, start: &Start<'_>) -> Option<HeldOut> {
+        let (found, folds) = compare::cross_validate(readings, observations, start)?;
         let all = self.errors(observations, &found, &|_| true);
-        Some(HeldOut { given: false, poses: readings.poses.len(), all, as_measured: None, zones: Vec::new() })
+        let poses = readings.poses.len();
+        Some(HeldOut { given: false, poses, all, as_measured: None, zones: Vec::new(), folds })
     }
 
     /// The model after each find.
@@ -311,51 +314,14 @@ pub fn diagnose(
     let of_noise =
         checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &left_out));
     let warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).chain(of_noise).collect();
-    let not_converged = || not_converged(readings, &warnings);
-    let whiteners = levels::whiteners(&plain).ok_or_else(not_converged)?;
-    let levels = Levels::new(&plain, &whiteners);
     step(1, "what the model lacks");
-    let inferred = match method {
-        Method::Formulas => None,
-        Method::Places => Some(places::infer(&levels, &noise, &model, readings).ok_or_else(not_converged)?),
-    };
-    // what a block found is a candidate with the block's own directions
-    let mut model = model.clone();
-    let found = inferred.iter().flat_map(|(world, i)| i.findings.iter().filter_map(|f| world.elements(f)));
-    found.for_each(|family| model.add_family(family));
-    let experiment = Experiment::new(&model, readings);
-    let plain = Problem::new(&read, &whitener, &experiment, rules);
-    let levels = Levels::new(&plain, &whiteners);
-    let sites = inferred.as_ref().map(|(world, inferred)| sites::sites(world, inferred, &model, rules));
-    let permitted = sites.as_ref().map(|sites| sites::permitted(sites, &model));
-    let search = search::search(&levels, permitted.as_deref()).ok_or_else(not_converged)?;
-    let sites = sites.unwrap_or_else(|| sites::of_search(&model, &search));
-    // readings in another unit or frame are no readings that something disturbs
-    let disturbances = taken_as_said.then(|| sites::disturbances(&sites, &search)).flatten();
-    let disturbed = disturbances.as_ref().map(|columns| levels::disturbed(&whiteners, columns));
-    let beside = disturbed.as_ref().and_then(|whiteners| {
-        let levels = Levels::new(&plain, whiteners);
-        let search = search::search(&levels, permitted.as_deref())?;
-        Some((levels, search))
+    let start = Start { model: &model, noise: &noise, method, taken_as_said, rules };
+    let failure = not_converged(readings, &warnings);
+    let judged = start.search(readings, &read, |found| {
+        Searched { file, given, readings, held_out, read: &read, gross: &gross, start: &start, found, warnings }
+            .judged(&step)
     });
-    // a fit that fails beside disturbances stays what it is without them
-    let (levels, search) = beside.unwrap_or((levels, search));
-    let searched = Searched {
-        file,
-        given,
-        readings,
-        held_out,
-        read: &read,
-        experiment: &experiment,
-        levels: &levels,
-        gross: &gross,
-        noise,
-        search,
-        sites: &sites,
-        inferred: inferred.as_ref(),
-        warnings,
-    };
-    searched.judged(&step)
+    judged.ok_or(failure)?
 }
 
 /// Of every number that was read.
@@ -386,63 +352,46 @@ struct Searched<'a> {
     readings: &'a Readings,
     held_out: Option<&'a Readings>,
     read: &'a Observations,
-    experiment: &'a Experiment<'a>,
-    levels: &'a Levels<'a>,
     gross: &'a [Outlier],
-    noise: Noise,
-    search: Search,
-    sites: &'a [Site],
-    inferred: Option<&'a (World, Inferred)>,
+    start: &'a Start<'a>,
+    found: Found<'a>,
     warnings: Vec<Warning>,
 }
 
 impl Searched<'_> {
     /// The verdict, the models before and after, and what to measure next.
     fn judged(self, step: &dyn Fn(u64, &str)) -> Result<Diagnosis> {
-        let Self {
-            file,
-            given,
-            readings,
-            held_out,
-            read,
-            experiment,
-            levels,
-            gross,
-            noise,
-            search,
-            sites,
-            inferred,
-            mut warnings,
-        } = self;
-        let (model, rules) = (experiment.model, levels.plain.rules);
+        let Self { file, given, readings, held_out, read, gross, start, found, mut warnings } = self;
+        let Found { experiment, levels, search, sites, inferred } = found;
+        let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, &warnings);
-        let mut judgement = verdict::judge(levels, &noise, &search).ok_or_else(not_converged)?;
+        let mut judgement = verdict::judge(levels, noise, &search).ok_or_else(not_converged)?;
         let effects = effects(model, &search, sites);
-        judgement.verdict = restrained(judgement.verdict, &effects, &noise, rules);
+        judgement.verdict = restrained(judgement.verdict, &effects, noise, rules);
         let problem = &levels.problems[search.levels[1]];
         step(2, "before and after");
         let extent = compare::extent(readings);
-        let fitted = Fitted::new(problem, experiment, &extent, &search, false).ok_or_else(not_converged)?;
+        let fitted = Fitted::new(problem, experiment, &extent, &search).ok_or_else(not_converged)?;
         let failed = || Failure::other("a model gives no deflection at some held-out pose");
         let own = fitted.predict(model, &experiment.poses, &readings.conditions, true).ok_or_else(failed)?;
-        let judges = Judges { noise: &noise, model, rules };
+        let judges = Judges { noise, model, rules };
         let errors = judges.errors(read, &own, &|_| true);
         let steps = judges.steps(readings, held_out, &search).ok_or_else(failed)?;
         let held_out = match held_out {
             Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
-            None => judges.left_out(readings, read, &search).ok_or_else(not_converged)?,
+            None => judges.left_out(readings, read, start).ok_or_else(not_converged)?,
         };
         step(3, "what to measure next");
         let rivals = pkm_diagnosis::design::rivals(levels, &search);
-        let proposals = design::propose(model, readings, &noise, file, &rivals, rules);
-        let residuals = Residuals::new(problem, &noise, &search).ok_or_else(not_converged)?;
+        let proposals = design::propose(model, readings, noise, file, &rivals, rules);
+        let residuals = Residuals::new(problem, noise, &search).ok_or_else(not_converged)?;
         let structure = findings::residual_structure(readings, read, &residuals);
         let mut suspects = checks::suspects(given, gross, own.of(Rival::After), true);
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
-        let standard_deviations = standard_deviations(&noise, &observations(given, model));
+        let standard_deviations = standard_deviations(noise, &observations(given, model));
         let end = &search.fit;
-        let estimates = Estimates::new(model, end, &noise, middle(file)).ok_or_else(failed)?;
+        let estimates = Estimates::new(model, end, noise, middle(file)).ok_or_else(failed)?;
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
         let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
         step(5, "report");
@@ -461,7 +410,7 @@ impl Searched<'_> {
             machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
             estimates,
             load_error: levels.load_error(search.levels[1]),
-            noise,
+            noise: noise.clone(),
             judgement,
             search,
             errors,

@@ -170,6 +170,13 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             before.linear_um_rms, retuned.linear_um_rms, after.linear_um_rms
         )));
     }
+    if !held.given && !d.search.found.is_empty() {
+        let as_often = held.folds.iter().filter(|names| names.len() == d.search.found.len()).count();
+        all.push(Finding::good(format!(
+            "Searched again {} times, each time without some of the poses: as many effects found in {as_often}.",
+            held.folds.len(),
+        )));
+    }
     if let (Some(here), Some(there), Some(after)) =
         (of(&d.errors, Rival::Table), of(&held.all, Rival::Table), of(&held.all, Rival::After))
         && there.linear_um_rms > 1.5 * after.linear_um_rms

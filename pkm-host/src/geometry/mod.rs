@@ -14,7 +14,7 @@ pub mod report;
 mod start;
 pub mod write;
 
-use pkm_diagnosis::validation;
+use pkm_diagnosis::validation::{self, LeftOut};
 use pkm_diagnosis::verdict::{LackOfFit, lack_of_fit};
 use pkm_diagnosis::{
     Channel, Fit, ForwardModel, Noise, Observations, Problem, Reading, Rules, Unknown, UnknownNoise, Whitener,
@@ -283,18 +283,19 @@ impl<'a> Study<'a> {
             let said = RIVALS.into_iter().map(said).collect::<Result<Vec<_>>>()?;
             return Ok((true, other.poses.len(), self.errors(&observations(other), &said)));
         }
-        let refit = |kept: &Observations| {
-            let whitener = Whitener::new(kept, &self.noise);
-            let problem = Problem::new(kept, &whitener, &self.experiment, self.rules);
+        let refit = |is_left_out: &LeftOut<'_>| {
+            let kept = self.observations.without(|r| is_left_out(self.observations.pose(r)));
+            let whitener = Whitener::new(&kept, &self.noise);
+            let problem = Problem::new(&kept, &whitener, &self.experiment, self.rules);
             let fits = Fits::new(&problem, self.model, found)?;
             let said = |rival| {
                 let fit = fits.of(rival);
                 self.experiment.predict(&fit.unknowns, fit.x.as_slice())
             };
-            RIVALS.into_iter().map(said).collect()
+            Some((RIVALS.into_iter().map(said).collect::<Option<Vec<_>>>()?, ()))
         };
         let said = validation::cross_validate(&self.observations, self.rules, refit);
-        let said = said.ok_or_else(|| not_converged(self.unloaded))?;
+        let (said, _) = said.ok_or_else(|| not_converged(self.unloaded))?;
         Ok((false, self.unloaded.poses.len(), self.errors(&self.observations, &said)))
     }
 
