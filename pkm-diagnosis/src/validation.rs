@@ -1,7 +1,5 @@
 //! Errors of predictions on readings that had no part in choosing the model.
 
-use rayon::prelude::*;
-
 use crate::noise::Noise;
 use crate::observations::Observations;
 use crate::rules::{Rules, SEED};
@@ -121,19 +119,19 @@ fn interval(by_pose: &[(f64, f64)], rules: &Rules) -> Option<[f64; 2]> {
 }
 
 /// Which poses are left out.
-pub type LeftOut<'a> = dyn Fn(usize) -> bool + Sync + 'a;
+pub type LeftOut<'a> = dyn Fn(usize) -> bool + 'a;
 
 /// Predictions for every condition from models that have not seen its pose. `refit` chooses and fits models without the poses
 /// that it is told and predicts all conditions, one table of predictions a model; what else it says is returned fold by fold.
-pub fn cross_validate<E: Send>(
+pub fn cross_validate<E>(
     observations: &Observations,
     rules: &Rules,
-    refit: impl Fn(&LeftOut<'_>) -> Option<(Vec<Vec<f64>>, E)> + Sync,
+    refit: impl Fn(&LeftOut<'_>) -> Option<(Vec<Vec<f64>>, E)>,
 ) -> Option<(Vec<Vec<f64>>, Vec<E>)> {
     let channels = observations.channels.len();
     let folds = rules.folds.min(observations.poses());
     let of_fold = |fold: usize| refit(&|pose| pose % folds == fold);
-    let found: Vec<(Vec<Vec<f64>>, E)> = (0..folds).into_par_iter().map(of_fold).collect::<Option<_>>()?;
+    let found: Vec<(Vec<Vec<f64>>, E)> = (0..folds).map(of_fold).collect::<Option<_>>()?;
     let mut all: Vec<Vec<f64>> = found.first()?.0.clone();
     for (fold, (found, _)) in found.iter().enumerate() {
         for (all, found) in all.iter_mut().zip(found) {

@@ -1,5 +1,7 @@
 //! Before and after: how the models err on poses that had no part in choosing them.
 
+use std::cell::Cell;
+
 use pkm_diagnosis::validation::{self, KindErrors, LeftOut};
 use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown};
 use serde::Serialize;
@@ -10,6 +12,7 @@ use super::model::{Meaning, Model, is_measurement};
 use super::residual_table::ResidualTable;
 use crate::files::readings::{CHANNELS, Condition, Readings};
 use crate::pose::{PoseBox, file_units};
+use crate::progress::Progress;
 
 /// Width of the edge of the measured box, relative to its half width.
 const EDGE: f64 = 0.1;
@@ -153,8 +156,12 @@ pub fn cross_validate(
     readings: &Readings,
     observations: &Observations,
     start: &Start<'_>,
+    progress: &Progress<'_>,
 ) -> Option<(Predictions, Vec<Vec<String>>)> {
+    let done = Cell::new(0);
+    let folds = start.rules.folds.min(observations.poses()) as u64;
     let of_fold = |is_left_out: &LeftOut<'_>| {
+        progress("searching without some of the poses", done.replace(done.get() + 1), folds);
         let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));
         let read = experiment::observations(&kept, start.model);
         start.search(&kept, &read, |Found { experiment, levels, search, .. }| {

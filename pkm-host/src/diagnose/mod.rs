@@ -245,8 +245,14 @@ impl Judges<'_> {
     }
 
     /// Errors on each pose of models that have been chosen and fitted without it.
-    fn left_out(&self, readings: &Readings, observations: &Observations, start: &Start<'_>) -> Option<HeldOut> {
-        let (found, folds) = compare::cross_validate(readings, observations, start)?;
+    fn left_out(
+        &self,
+        readings: &Readings,
+        observations: &Observations,
+        start: &Start<'_>,
+        progress: &Progress<'_>,
+    ) -> Option<HeldOut> {
+        let (found, folds) = compare::cross_validate(readings, observations, start, progress)?;
         let all = self.errors(observations, &found, &|_| true);
         let poses = readings.poses.len();
         Some(HeldOut { given: false, poses, all, as_measured: None, zones: Vec::new(), folds })
@@ -280,6 +286,9 @@ pub enum Method {
     Places,
 }
 
+/// Steps of which progress is told.
+const STEPS: u64 = 5;
+
 /// Diagnoses readings.
 ///
 /// # Errors
@@ -291,7 +300,7 @@ pub fn diagnose(
     method: Method,
     progress: &Progress<'_>,
 ) -> Result<Diagnosis> {
-    let step = |done: u64, what: &str| progress(what, done, 5);
+    let step = |done: u64, what: &str| progress(what, done, STEPS);
     let rules = &Rules::DEFAULT;
     step(0, "noise");
     let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
@@ -319,7 +328,7 @@ pub fn diagnose(
     let failure = not_converged(readings, &warnings);
     let judged = start.search(readings, &read, |found| {
         Searched { file, given, readings, held_out, read: &read, gross: &gross, start: &start, found, warnings }
-            .judged(&step)
+            .judged(progress)
     });
     judged.ok_or(failure)?
 }
@@ -360,7 +369,8 @@ struct Searched<'a> {
 
 impl Searched<'_> {
     /// The verdict, the models before and after, and what to measure next.
-    fn judged(self, step: &dyn Fn(u64, &str)) -> Result<Diagnosis> {
+    fn judged(self, progress: &Progress<'_>) -> Result<Diagnosis> {
+        let step = |done: u64, what: &str| progress(what, done, STEPS);
         let Self { file, given, readings, held_out, read, gross, start, found, mut warnings } = self;
         let Found { experiment, levels, search, sites, inferred } = found;
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
@@ -379,7 +389,7 @@ impl Searched<'_> {
         let steps = judges.steps(readings, held_out, &search).ok_or_else(failed)?;
         let held_out = match held_out {
             Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
-            None => judges.left_out(readings, read, start).ok_or_else(not_converged)?,
+            None => judges.left_out(readings, read, start, progress).ok_or_else(not_converged)?,
         };
         step(3, "what to measure next");
         let rivals = pkm_diagnosis::design::rivals(levels, &search);

@@ -9,7 +9,6 @@ use std::time::Duration;
 
 use pkm_fixtures::Fixture;
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use crate::error::{Failure, Result, printable};
 
@@ -116,7 +115,7 @@ impl Source {
 
 /// SHA-256, hexadecimal.
 pub fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
+    hmac_sha256::Hash::hash(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// A document as a file has it.
