@@ -251,6 +251,8 @@ enum PkmAmplitude
   PKM_AMPLITUDE_TOOL_RW = 25,
   // How much warmer the machine is than its sensors say.
   PKM_AMPLITUDE_RISE = 30,
+  // By how much more than the tip moves the sensor reads, as a share; never compensated.
+  PKM_AMPLITUDE_GAIN = 31,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

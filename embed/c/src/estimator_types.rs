@@ -46,6 +46,8 @@ pub enum PkmAmplitude {
     ToolRw = 25,
     /// How much warmer the machine is than its sensors say.
     Rise = 30,
+    /// By how much more than the tip moves the sensor reads, as a share; never compensated.
+    Gain = 31,
 }
 
 /// What is known of an amplitude before the first reading, and how it may move.
@@ -195,6 +197,7 @@ fn amplitude(number: i32) -> Option<Amplitude> {
         24 => (Place::Tool, Rv),
         25 => (Place::Tool, Rw),
         30 => return Some(Amplitude::RISE),
+        31 => return Some(Amplitude::GAIN),
         _ => return None,
     };
     Amplitude::compliance(place, motion)

@@ -26,12 +26,18 @@ pub struct Amplitude(Kind);
 enum Kind {
     Compliance { place: Place, motion: Motion },
     Rise,
+    Gain,
 }
 
 impl Amplitude {
     /// How much warmer the machine is than at its zero reading, K, beyond what its temperature sensors say; it moves the tool as the
     /// effect `thermal-expansion` says.
     pub const RISE: Self = Self(Kind::Rise);
+
+    /// By how much more than its tip moves the machine's sensor reads, as a share: no matter of the machine, and never compensated. List
+    /// it where a sensor may be replaced, or drift: else what its gain has changed by passes for a change of the machine. One of all
+    /// readings; what softens all of the machine alike looks the same, and is taken for it.
+    pub const GAIN: Self = Self(Kind::Gain);
 
     /// A compliance beyond the machine's own, m/N or rad/(N·m): axial in a limb (its base joint, body and platform joint are
     /// the same here), or along or about an axis of the base or at the tool. `None` for any other.
@@ -57,18 +63,24 @@ impl Amplitude {
         if fits { Some(Self(Kind::Compliance { place, motion })) } else { None }
     }
 
-    /// Where it is, and in which direction it yields; `None` of a temperature.
+    /// Where it is, and in which direction it yields; `None` of a temperature and of a gain.
     pub const fn place(self) -> Option<(Place, Motion)> {
         match self.0 {
             Kind::Compliance { place, motion } => Some((place, motion)),
-            Kind::Rise => None,
+            Kind::Rise | Kind::Gain => None,
         }
+    }
+
+    /// What a unit of it adds to a reading, as a displacement of A: what it moves A by, and of the gain what machine and table predict.
+    pub fn shown<T: Scalar>(self, moved: &Deflection<T>, predicted: &Deflection<T>) -> Deflection<T> {
+        if self == Self::GAIN { *predicted } else { *moved }
     }
 
     /// What it is in bytes that are saved: place and motion.
     pub(super) fn code(self) -> [u8; 2] {
         match self.0 {
             Kind::Rise => [u8::MAX; 2],
+            Kind::Gain => [u8::MAX, 0],
             Kind::Compliance { place, motion } => {
                 let place = Place::ALL.iter().position(|other| *other == place).unwrap_or(0);
                 [place as u8, motion as u8]
@@ -78,7 +90,8 @@ impl Amplitude {
 }
 
 impl<T: Scalar> Machine<T> {
-    /// Displacement of A per unit of each amplitude under a wrench at A, both in A-uvw: m and rad per m/N, per rad/(N·m) or per K.
+    /// Displacement of A per unit of each amplitude under a wrench at A, both in A-uvw: m and rad per m/N, per rad/(N·m) or per K;
+    /// of a gain none, which moves nothing.
     ///
     /// It is what the same compliance as an element does to the deflection of K_p: to 1e-9 of it in f64, for machines without
     /// preload and of which the limbs' ends are in their planes. In f32 within 1e-4 of f64.
@@ -112,17 +125,19 @@ impl<T: Scalar> Machine<T> {
         let [q1, q2, q3] = p.q.into();
         let o = T::ZERO;
         for (amplitude, moved) in amplitudes.iter().zip(all) {
-            let Kind::Compliance { place, motion } = amplitude.0 else {
-                *moved = self.thermal_deflection_at(posture, &T::ONE.into())?;
-                continue;
+            *moved = match amplitude.0 {
+                Kind::Gain => Deflection::ZERO,
+                Kind::Rise => self.thermal_deflection_at(posture, &T::ONE.into())?,
+                Kind::Compliance { place, motion } => {
+                    let yields = match place.limb() {
+                        Some(1) => self.actual.moved(p, [q1, o, o]),
+                        Some(2) => self.actual.moved(p, [o, q2, o]),
+                        Some(_) => self.actual.moved(p, [o, o, q3]),
+                        None => at_end(if place == Place::Base { &base } else { &tool }, motion),
+                    };
+                    Deflection::from_vector(actual.given_back(yields * yields.dot(&load)))
+                }
             };
-            let yields = match place.limb() {
-                Some(1) => self.actual.moved(p, [q1, o, o]),
-                Some(2) => self.actual.moved(p, [o, q2, o]),
-                Some(_) => self.actual.moved(p, [o, o, q3]),
-                None => at_end(if place == Place::Base { &base } else { &tool }, motion),
-            };
-            *moved = Deflection::from_vector(actual.given_back(yields * yields.dot(&load)));
         }
         Ok(())
     }

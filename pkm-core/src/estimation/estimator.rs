@@ -225,8 +225,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let tip_m = touch.tip_m;
         let seen = predicted.seen_at(tip_m).to_vector();
         let mut moved = [Vector6::zeros(); N];
-        for ((moved, sensitivity), own) in moved.iter_mut().zip(sensitivities).zip(&self.scaled) {
-            *moved = sensitivity.seen_at(tip_m).to_vector() * own.deviation;
+        for (n, (moved, sensitivity)) in moved.iter_mut().zip(sensitivities).enumerate() {
+            let shown = self.settings.amplitudes[n].amplitude.shown(sensitivity, predicted);
+            *moved = shown.seen_at(tip_m).to_vector() * self.scaled[n].deviation;
         }
         let before = (self.filter, self.drifted_at);
         if self.readings > 0 {

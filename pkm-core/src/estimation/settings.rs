@@ -8,7 +8,7 @@ use crate::checksum::{over_byte, over_numbers};
 /// Most amplitudes of an estimator.
 pub const MAX_AMPLITUDES: usize = 8;
 
-/// What is known of an amplitude before the first reading, and how it may move. In its own unit: m/N, rad/(N·m) or K.
+/// What is known of an amplitude before the first reading, and how it may move. In its own unit: m/N, rad/(N·m), K, or a share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct AmplitudeSettings {

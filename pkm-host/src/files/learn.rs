@@ -44,6 +44,8 @@ struct RawAmplitude {
 
 /// The place of a temperature.
 const TEMPERATURE: &str = "temperature";
+/// The place of a gain.
+const PROBE: &str = "probe";
 /// Of the compliance that the limb has along its axis: how far its drive may be off, and what is worth an alarm.
 const UNKNOWN_SHARE: f64 = 0.2;
 const ALARM_SHARE: f64 = 0.05;
@@ -103,9 +105,11 @@ impl Learn {
             };
             let amplitude = match (&own.motion, own.place.get_ref().as_str()) {
                 (None, TEMPERATURE) => Amplitude::RISE,
+                (None, PROBE) => Amplitude::GAIN,
                 (motion, place) => {
                     let places: Vec<_> = Place::ALL.iter().filter(|place| !motions(**place).is_empty()).collect();
-                    let names: Vec<_> = places.iter().filter_map(|place| place.name()).chain([TEMPERATURE]).collect();
+                    let names: Vec<_> =
+                        places.iter().filter_map(|place| place.name()).chain([TEMPERATURE, PROBE]).collect();
                     let place = places.into_iter().find(|other| other.name() == Some(place));
                     let place = *place.ok_or_else(|| wrong(&own.place, "learn.place", &names))?;
                     let motions = motions(place);
@@ -143,6 +147,7 @@ fn motions(place: Place) -> Vec<(Motion, Amplitude)> {
 pub fn named(amplitude: Amplitude) -> String {
     match amplitude.place() {
         Some((place, motion)) => format!("{} {}", place.name().unwrap_or_default(), motion.name()),
+        None if amplitude == Amplitude::GAIN => PROBE.to_owned(),
         None => TEMPERATURE.to_owned(),
     }
 }
@@ -152,6 +157,7 @@ pub fn units(amplitude: Amplitude) -> (&'static str, &'static str, f64) {
     match amplitude.place() {
         Some((_, motion)) if motion.is_rotation() => ("rad/(N·m)", "nrad/(N·m)", 1e9),
         Some(_) => ("m/N", "nm/N", 1e9),
+        None if amplitude == Amplitude::GAIN => ("1", "%", 100.0),
         None => ("K", "K", 1.0),
     }
 }

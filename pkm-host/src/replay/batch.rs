@@ -19,13 +19,16 @@ pub(super) fn fit<const N: usize>(
     let (mut information, mut right) = (DMatrix::<f64>::identity(N, N), DVector::<f64>::zeros(N));
     for Entry { touch, readings, .. } in entries {
         let wrench = touch.wrench.moved_to_a(touch.tip_m);
-        let seen = loaded(machine, table, touch)?.seen_at(touch.tip_m).to_vector();
+        let predicted = loaded(machine, table, touch)?;
+        let seen = predicted.seen_at(touch.tip_m).to_vector();
         let amplitudes = settings.amplitudes.map(|own| own.amplitude);
         let moved = machine.sensitivities(&touch.pose, &wrench, &amplitudes).ok()?;
+        let shown = |n: usize| amplitudes[n].shown(&moved[n], &predicted).seen_at(touch.tip_m).to_vector();
+        let shown: [_; N] = std::array::from_fn(shown);
         for reading in readings {
             let expected = reading.direction.dot(&seen);
             let noise = reading.deviation.hypot(settings.model_share * expected);
-            let whole = moved.map(|moved| reading.direction.dot(&moved.seen_at(touch.tip_m).to_vector()) / noise);
+            let whole = shown.map(|shown| reading.direction.dot(&shown) / noise);
             let row =
                 DVector::from_iterator(N, whole.iter().zip(&settings.amplitudes).map(|(w, own)| w * own.deviation));
             let accepted: f64 = whole.iter().zip(&settings.amplitudes).map(|(w, own)| w * own.accepted).sum();

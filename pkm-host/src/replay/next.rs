@@ -88,8 +88,9 @@ impl<const N: usize> Candidate<N> {
     /// What the estimator would be after it, if the reading is what it expects.
     fn after(&self, estimator: &Estimator<f64, N>, deviation: f64) -> Option<Estimator<f64, N>> {
         let mut expected = self.predicted.seen_at(self.touch.tip_m).to_vector();
-        for (moved, (value, _)) in self.sensitivities.iter().zip(estimator.values()) {
-            expected += moved.seen_at(self.touch.tip_m).to_vector() * value;
+        let amplitudes = estimator.amplitudes().into_iter().zip(estimator.values());
+        for (moved, (amplitude, (value, _))) in self.sensitivities.iter().zip(amplitudes) {
+            expected += amplitude.shown(moved, &self.predicted).seen_at(self.touch.tip_m).to_vector() * value;
         }
         let readings: [_; 3] = std::array::from_fn(|axis| TipReading {
             direction: Vector6::ith(axis, 1.0),

@@ -100,7 +100,7 @@ fn box_pose(rng: &mut Rng) -> Pose<f64> {
     }
 }
 
-const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
+pub const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
 
 /// An amplitude whose size nothing bounds.
 fn free(amplitude: Amplitude, deviation: f64) -> AmplitudeSettings {
@@ -234,7 +234,7 @@ fn narrow(d: &Deflection<f64>) -> Deflection<f32> {
 }
 
 /// Truth of a machine at some places: the structural matrix, which knows no amplitude.
-struct Truth {
+pub struct Truth {
     poses: Vec<Pose<f64>>,
     /// By what limb is worn, none first: factors of the stiffness at each pose.
     factors: [Vec<Cholesky<f64, U6>>; 4],
@@ -249,7 +249,7 @@ fn drive_m_per_n(limb: usize) -> f64 {
 }
 
 impl Truth {
-    fn new(rng: &mut Rng) -> Self {
+    pub fn new(rng: &mut Rng) -> Self {
         let poses: Vec<_> = (0..40).map(|_| box_pose(rng)).collect();
         let factors = std::array::from_fn(|state| {
             let mut parameters = PARAMETERS;
@@ -269,7 +269,7 @@ impl Truth {
     }
 
     /// A press of up to 1 kN along each axis, read by three gauges.
-    fn touch(&self, rng: &mut Rng, worn: usize, time_s: u32) -> (Touch<f64>, [TipReading<f64>; 3]) {
+    pub fn touch(&self, rng: &mut Rng, worn: usize, time_s: u32) -> (Touch<f64>, [TipReading<f64>; 3]) {
         let place = rng.usize(..self.poses.len());
         let force_n = Vector3::from_fn(|_, _| between(rng, -1e3, 1e3));
         let wrench = Wrench { force_n, moment_nm: Vector3::zeros() };

@@ -13,6 +13,7 @@ mod five_axis;
 mod integrity;
 mod kinematics;
 mod machine;
+mod probe_gain;
 mod slots;
 mod stiffness;
 mod switched_on;

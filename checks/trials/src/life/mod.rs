@@ -23,15 +23,18 @@ const TIP_M: f64 = 0.25;
 /// How far each declared stiffness is off (1 sd), and the model's own error as the estimator is told, as a share of the deflection.
 const DECLARED_SD: f64 = 0.005;
 const MODEL_SHARE: f64 = 0.005;
-/// What is learned: drives of three limbs, and the tool along u, v, w.
-const AMPLITUDES: usize = 6;
+/// What is learned: drives of three limbs, the tool along u, v, w, and the probe's gain.
+const AMPLITUDES: usize = 7;
+const GAIN: usize = 6;
 /// Deviation, drift in a day and alarm of a drive, as shares of its compliance; of the tool, m/N: one hundredth of what the tip gives by.
 const DRIVE: [f64; 3] = [0.2, 0.002, 0.1];
 const TOOL: [f64; 3] = [5e-9, 2e-11, 2e-9];
+/// The same of the gain, as shares.
+const PROBE: [f64; 3] = [5e-3, 2e-4, 2e-2];
 /// What the tool's holder gives by when it is loose, m/N.
 const LOOSE_M_PER_N: f64 = 6e-9;
-/// Readings of the acceptance, from which on changes count.
-const ACCEPTANCE: usize = 60;
+/// Readings of the acceptance, from which on changes count: so many that they tell the gain from the tool.
+const ACCEPTANCE: usize = 120;
 /// Readings of the fit beside the estimator.
 const LAST: usize = 200;
 /// Days of a stretch of life that is judged for itself.
@@ -184,10 +187,11 @@ impl Life {
 
 /// What a unit of an amplitude adds to the compliance at A.
 fn added(drives: &[Matrix6<f64>; 3], amplitude: usize) -> Matrix6<f64> {
-    drives.get(amplitude).copied().unwrap_or_else(|| {
-        let axis = Vector6::ith(amplitude - 3, 1.0);
-        axis * axis.transpose()
-    })
+    match amplitude {
+        0..3 => drives[amplitude],
+        GAIN => Matrix6::zeros(),
+        _ => Matrix6::from_diagonal(&Vector6::ith(amplitude - 3, 1.0)),
+    }
 }
 
 /// Motion of the tip under a force there.
@@ -263,18 +267,25 @@ fn log_csv(life: &Life, plan: &Plan, presses: &[Press]) -> String {
 
 /// Deviation, drift in a day and alarm of an amplitude.
 fn settings(drive: f64, amplitude: usize) -> [f64; 3] {
-    if amplitude < 3 { DRIVE.map(|share| share * drive) } else { TOOL }
+    match amplitude {
+        0..3 => DRIVE.map(|share| share * drive),
+        GAIN => PROBE,
+        _ => TOOL,
+    }
 }
 
 fn learn_toml(drive: f64, accepted: &[f64; AMPLITUDES]) -> String {
     let mut text = format!("format = 1\nmodel_share = {MODEL_SHARE}\n");
     for (n, accepted) in accepted.iter().enumerate() {
-        let place = if n < 3 { format!("limb.{}.body", n + 1) } else { "tool".to_owned() };
-        let motion = ["axial", "axial", "axial", "u", "v", "w"][n];
+        let place = match n {
+            0..3 => format!("place = \"limb.{}.body\"\nmotion = \"axial\"", n + 1),
+            GAIN => "place = \"probe\"".to_owned(),
+            _ => format!("place = \"tool\"\nmotion = \"{}\"", ["u", "v", "w"][n - 3]),
+        };
         let [deviation, drift, alarm] = settings(drive, n);
         _ = writeln!(
             text,
-            "[[learn]]\nplace = \"{place}\"\nmotion = \"{motion}\"\naccepted = {accepted:e}\ndeviation = {deviation:e}\n\
+            "[[learn]]\n{place}\naccepted = {accepted:e}\ndeviation = {deviation:e}\n\
              drift_per_day = {drift:e}\nleast = {:e}\nmost = {:e}\nrate_per_s = {drive:e}\nalarm = {alarm:e}",
             accepted - 5.0 * deviation,
             accepted + 50.0 * deviation
@@ -338,8 +349,8 @@ impl Judge<'_> {
 fn rows(life: &Life, press: &Press, accepted: &[f64; AMPLITUDES]) -> [(DVector<f64>, f64); 3] {
     let place = &life.places[press.place];
     let seen = tip_motion(&place.declared, &press.force_n);
-    let moved: [Vector3<f64>; AMPLITUDES] =
-        std::array::from_fn(|n| tip_motion(&added(&place.drives[1], n), &press.force_n));
+    let shown = |n| if n == GAIN { seen } else { tip_motion(&added(&place.drives[1], n), &press.force_n) };
+    let moved: [Vector3<f64>; AMPLITUDES] = std::array::from_fn(shown);
     let expected = moved.iter().zip(accepted).fold(seen, |sum, (moved, accepted)| sum + moved * *accepted);
     [0, 1, 2].map(|axis| {
         let noise = press.deviation_m.hypot(MODEL_SHARE * seen[axis]);
