@@ -15,7 +15,7 @@ const RUNS: [(&str, &str, Option<&str>, &str); 2] = [
 ];
 
 /// What has a limit: its name in the firmware and in `checks/budgets.toml`, and what it is.
-const LIMITED: [(&str, &str); 10] = [
+const LIMITED: [(&str, &str); 11] = [
     ("cycle", "a cycle"),
     ("tool", "the next point of a path for five axes"),
     ("rates", "velocities and accelerations of five joints"),
@@ -26,6 +26,7 @@ const LIMITED: [(&str, &str); 10] = [
     ("u95", "what six amplitudes add to a tip's deflection, and its uncertainty"),
     ("table_u95", "the uncertainty of a cycle's deflection by its table"),
     ("known", "the same in an update of the compensator"),
+    ("watch", "a look at eight numbers of the table in service"),
 ];
 
 pub fn run() -> Outcome {

@@ -55,6 +55,7 @@ pub fn run() -> Outcome {
         let elf = image("cyclic", cpu)?;
         guards(board, &elf, cpu.is_none())?;
         flash(board, &elf)?;
+        in_service(board, &elf)?;
         zeros(board, &elf)?;
         learning::run(board, &elf)?;
     }
@@ -224,6 +225,36 @@ fn flash(board: &str, elf: &Path) -> Outcome {
         }
     }
     println!("{flips} flips of a bit of machine, wrist and table in flash: each refused at the start as self_test");
+    Ok(())
+}
+
+/// Flips bits of the table while the task compensates with it: the firmware has to notice, and to stop.
+fn in_service(board: &str, elf: &Path) -> Outcome {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let (_line, mut debugger) = start(&folder, board, elf, &["-S".to_owned()])?;
+    let start = Start::of(elf)?;
+    let mut flips = 0;
+    let pieces = pieces(&mut debugger, elf)?;
+    for (what, at, length) in pieces.into_iter().filter(|(what, ..)| what.starts_with("TABLE")) {
+        for flip in 0..FLIPS {
+            if start.is_refused(&mut debugger, None)? {
+                return Err("a board with a whole flash refuses to start".into());
+            }
+            let (at, bit) = (at + ((2 * flip + 1) * length / (2 * FLIPS)) as u32, flips % 8);
+            let byte = debugger.read(at, 1)?[0];
+            debugger.put(at, &[byte ^ 1 << bit])?;
+            let mut looks = 0;
+            while debugger.word(start.left)? != SELF_TEST {
+                looks += 1;
+                if looks > PATIENCE {
+                    return Err(format!("{what}: bit {bit} at {at:#x} is flipped, and the board runs on"));
+                }
+                debugger.run_for(MOMENT)?;
+            }
+            flips += 1;
+        }
+    }
+    println!("{flips} flips of a bit of the table in service: each stops the board as self_test");
     Ok(())
 }
 

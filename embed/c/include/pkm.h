@@ -862,6 +862,18 @@ typedef struct {
   int32_t factor_form;
 } PkmTableHeader;
 
+// Looks through the table in service while the program runs, some numbers each period.
+typedef struct {
+  // What the table has to sum up to.
+  uint64_t expected;
+  // Of the numbers of this round.
+  uint64_t sum;
+  // How many they are.
+  uint32_t next;
+  // Not 0: found to be damaged, which stays so.
+  uint32_t is_damaged;
+} PkmTableWatch;
+
 // What the five drives are told.
 typedef struct {
   // Of the three screws.
@@ -1821,6 +1833,21 @@ PkmError pkm_table_receive_f64(PkmTableBuffer_f64 *buffer,
                                size_t count,
                                const PkmTable_f64 **table);
 
+// Begins to watch a table, as it is in memory now: after `pkm_verify`, or when it has come. Outside of the periods; it goes
+// through all of the table.
+PKM_MUST_USE
+PkmError pkm_table_watch_begin_f64(PkmTableWatch *watch,
+                                   const PkmTable_f64 *table);
+
+// Looks at the next eight numbers of the table that the period uses. A bit that has flipped is found within twice as many
+// periods as the table has eights of numbers. Compensate no more then: a compensator whose reading is not `enabled` takes
+// its offset back at its rate.
+//
+// Errors: DAMAGED_TABLE, from then on.
+PKM_MUST_USE
+PkmError pkm_table_watch_f64(PkmTableWatch *watch,
+                             const PkmTable_f64 *table);
+
 // Bytes that a buffer for a table takes.
 size_t pkm_table_buffer_size_f32(void);
 
@@ -1845,6 +1872,21 @@ PkmError pkm_table_receive_f32(PkmTableBuffer_f32 *buffer,
                                const double *numbers,
                                size_t count,
                                const PkmTable_f32 **table);
+
+// Begins to watch a table, as it is in memory now: after `pkm_verify`, or when it has come. Outside of the periods; it goes
+// through all of the table.
+PKM_MUST_USE
+PkmError pkm_table_watch_begin_f32(PkmTableWatch *watch,
+                                   const PkmTable_f32 *table);
+
+// Looks at the next eight numbers of the table that the period uses. A bit that has flipped is found within twice as many
+// periods as the table has eights of numbers. Compensate no more then: a compensator whose reading is not `enabled` takes
+// its offset back at its rate.
+//
+// Errors: DAMAGED_TABLE, from then on.
+PKM_MUST_USE
+PkmError pkm_table_watch_f32(PkmTableWatch *watch,
+                             const PkmTable_f32 *table);
 
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //

@@ -3,9 +3,9 @@
 use core::mem::MaybeUninit;
 use core::slice;
 
-use pkm_core::correction::{TableBuffer, TableHeader, TransferError};
+use pkm_core::correction::{TableBuffer, TableHeader, TableWatch, TransferError};
 
-use crate::pointers::{answer, given};
+use crate::pointers::{answer, given, taken};
 use crate::{PkmError, PkmTable, pkm_machine_checksum};
 
 /// Most terms of a table that comes while the program runs: all up to the fourth degree.
@@ -42,8 +42,38 @@ impl From<TransferError> for PkmError {
     }
 }
 
+/// Looks through the table in service while the program runs, some numbers each period.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PkmTableWatch {
+    /// What the table has to sum up to.
+    pub expected: u64,
+    /// Of the numbers of this round.
+    pub sum: u64,
+    /// How many they are.
+    pub next: u32,
+    /// Not 0: found to be damaged, which stays so.
+    pub is_damaged: u32,
+}
+
+impl PkmTableWatch {
+    fn core(self) -> TableWatch {
+        let Self { expected, sum, next, is_damaged } = self;
+        TableWatch { expected, sum, next, is_damaged: is_damaged != 0 }
+    }
+}
+
+impl From<TableWatch> for PkmTableWatch {
+    fn from(TableWatch { expected, sum, next, is_damaged }: TableWatch) -> Self {
+        Self { expected, sum, next, is_damaged: is_damaged.into() }
+    }
+}
+
 macro_rules! table {
-    ($t:ident, size $size:ident, align $align:ident, receive $receive:ident) => {
+    (
+        $t:ident, size $size:ident, align $align:ident, receive $receive:ident,
+        watch_begin $watch_begin:ident, watch $watch:ident
+    ) => {
         /// Bytes that a buffer for a table takes.
         #[unsafe(no_mangle)]
         pub extern "C" fn $size() -> usize {
@@ -104,8 +134,41 @@ macro_rules! table {
                 })
             }
         }
+
+        /// Begins to watch a table, as it is in memory now: after `pkm_verify`, or when it has come. Outside of the periods; it goes
+        /// through all of the table.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $watch_begin(watch: *mut PkmTableWatch, table: *const PkmTable<$t>) -> PkmError {
+            // SAFETY: the caller's promise
+            unsafe { answer(watch, || Ok(TableWatch::new(given(table)?.0.checksum()).into())) }
+        }
+
+        /// Looks at the next eight numbers of the table that the period uses. A bit that has flipped is found within twice as many
+        /// periods as the table has eights of numbers. Compensate no more then: a compensator whose reading is not `enabled` takes
+        /// its offset back at its rate.
+        ///
+        /// Errors: DAMAGED_TABLE, from then on.
+        #[must_use]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $watch(watch: *mut PkmTableWatch, table: *const PkmTable<$t>) -> PkmError {
+            // SAFETY: the caller's promise
+            let looked = unsafe { taken(watch).and_then(|watch| Ok((watch, given(table)?))) };
+            looked.map_or_else(PkmError::from, |(watch, table)| {
+                let mut core = watch.core();
+                let found = core.look(&table.0);
+                *watch = core.into();
+                found.map_or_else(PkmError::from, |()| PkmError::Ok)
+            })
+        }
     };
 }
 
-table! { f64, size pkm_table_buffer_size_f64, align pkm_table_buffer_align_f64, receive pkm_table_receive_f64 }
-table! { f32, size pkm_table_buffer_size_f32, align pkm_table_buffer_align_f32, receive pkm_table_receive_f32 }
+table! {
+    f64, size pkm_table_buffer_size_f64, align pkm_table_buffer_align_f64, receive pkm_table_receive_f64,
+    watch_begin pkm_table_watch_begin_f64, watch pkm_table_watch_f64
+}
+table! {
+    f32, size pkm_table_buffer_size_f32, align pkm_table_buffer_align_f32, receive pkm_table_receive_f32,
+    watch_begin pkm_table_watch_begin_f32, watch pkm_table_watch_f32
+}

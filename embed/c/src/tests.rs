@@ -288,7 +288,7 @@ fn every_error_of_the_header_has_a_text() {
 }
 
 macro_rules! tables {
-    ($test:ident, $t:ty, $size:ident, $align:ident, $receive:ident, $machine:ident, $table:ident, $cycle:ident) => {
+    ($test:ident, $t:ty, $size:ident, $align:ident, $receive:ident, $begin:ident, $watch:ident, $machine:ident, $table:ident, $cycle:ident) => {
         #[test]
         fn $test() {
             let sent = coefficients::TABLE_F64;
@@ -317,6 +317,18 @@ macro_rules! tables {
                 };
                 assert_eq!(cycle(table), cycle($table()));
                 let taken = table;
+
+                let mut watch = std::mem::MaybeUninit::<PkmTableWatch>::uninit();
+                assert_eq!($begin(watch.as_mut_ptr(), table), PkmError::Ok);
+                let mut watch = watch.assume_init();
+                assert!((0..1000).all(|_| $watch(&mut watch, table) == PkmError::Ok));
+                let mut other = PkmTableWatch { expected: watch.expected ^ 1, ..watch };
+                assert!((0..1000).any(|_| $watch(&mut other, table) == PkmError::DamagedTable));
+                assert_eq!($watch(&mut other, table), PkmError::DamagedTable, "it stays so");
+                assert_eq!($watch(std::ptr::null_mut(), table), PkmError::NullPointer);
+                assert_eq!($watch(&mut watch, std::ptr::null()), PkmError::NullPointer);
+                assert_eq!($begin(std::ptr::null_mut(), table), PkmError::NullPointer);
+                assert_eq!($begin(&mut watch, std::ptr::null()), PkmError::NullPointer);
 
                 let mut receive = |header: &PkmTableHeader, numbers: &[f64]| {
                     $receive(buffer, size, header, numbers.as_ptr(), numbers.len(), &mut table)
@@ -354,9 +366,9 @@ macro_rules! tables {
 
 tables! {
     tables_come_in_f64, f64, pkm_table_buffer_size_f64, pkm_table_buffer_align_f64, pkm_table_receive_f64,
-    pkm_machine_f64, pkm_table_f64, pkm_cycle_f64
+    pkm_table_watch_begin_f64, pkm_table_watch_f64, pkm_machine_f64, pkm_table_f64, pkm_cycle_f64
 }
 tables! {
     tables_come_in_f32, f32, pkm_table_buffer_size_f32, pkm_table_buffer_align_f32, pkm_table_receive_f32,
-    pkm_machine_f32, pkm_table_f32, pkm_cycle_f32
+    pkm_table_watch_begin_f32, pkm_table_watch_f32, pkm_machine_f32, pkm_table_f32, pkm_cycle_f32
 }

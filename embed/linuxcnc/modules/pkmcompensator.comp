@@ -149,6 +149,9 @@ static int is_told;
 static PkmCompensatorSettings asked;
 static PkmError asked_found = PKM_ERROR_NOT_INITIALISED;
 
+/* the table that is compiled in, some numbers of it each period */
+static PkmTableWatch watch;
+
 /* whether it compensated in the last period */
 static int was_on;
 
@@ -311,7 +314,8 @@ static PkmError show(struct __comp_state *__comp_inst, const PkmToolPlace_f64 *p
 /* A period of the compensator. `stands` is an error when there is no place to compensate at. */
 static void compensate(struct __comp_state *__comp_inst, PkmError stands, const PkmConfiguration_f64 *configuration,
                        const PkmWrench_f64 *wrench, double period_s) {
-    const PkmError unready = asked_found != PKM_ERROR_OK ? asked_found : stands;
+    const PkmError kept = pkm_table_watch_f64(&watch, pkm_table_f64());
+    const PkmError unready = kept != PKM_ERROR_OK ? kept : asked_found != PKM_ERROR_OK ? asked_found : stands;
     was_on = enable && unready == PKM_ERROR_OK;
     const PkmReading_f64 reading = {was_on, *wrench, {{rise_limb_1_k, rise_limb_2_k, rise_limb_3_k}, rise_platforms_k}};
     PkmKnownOffset_f64 learned_to;
@@ -385,6 +389,7 @@ EXTRA_SETUP() {
     PkmError found = pkm_compensator_defaults(&set, sizeof set);
     compensator = hal_malloc(pkm_tool_compensator_size_f64());
     if (found == PKM_ERROR_OK) found = make(&set);
+    if (found == PKM_ERROR_OK) found = pkm_table_watch_begin_f64(&watch, pkm_table_f64());
     PkmEstimator_f64 *room = hal_malloc(pkm_estimator_size_f64());
     if (found == PKM_ERROR_OK) found = pkm_estimator_init_f64(room, pkm_estimator_size_f64(), &LEARNED, sizeof LEARNED);
     if (found != PKM_ERROR_OK) {

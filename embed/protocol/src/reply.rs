@@ -124,7 +124,7 @@ pub enum Fault {
     Exception,
     /// The stack met its guard.
     Stack,
-    /// A self-test failed, or machine, wrist or table are not in memory as they were built.
+    /// A self-test failed, or machine, wrist or table are not in memory as they were built; or the table in service no longer is as it came.
     SelfTest,
 }
 

@@ -3,12 +3,12 @@
 use core::fmt;
 use core::hint::black_box;
 
-use super::{Basis, CorrectionTable, FACTOR_ENTRIES, MAX_EXPONENT, MAX_TERMS, TableError};
+use super::{Basis, CorrectionTable, FACTOR_ENTRIES, MAX_EXPONENT, MAX_TERMS, TableError, TableWatch};
 use crate::checksum::{START, over_byte, over_numbers};
 use crate::scalar::Scalar;
 
 /// Numbers of the box: centre and half width.
-const BOX: usize = 6;
+pub(super) const BOX: usize = 6;
 /// Exponents of a term.
 const EXPONENTS: usize = 3;
 /// Rows of the diagonal form.
@@ -273,6 +273,11 @@ impl<T: Scalar, const TERMS: usize> TableBuffer<T, TERMS> {
     #[inline]
     pub fn table(&self) -> Option<CorrectionTable<'_, T>> {
         (self.state == State::Whole).then(|| self.laid_out())
+    }
+
+    /// What looks through the table each period while it is in service.
+    pub fn watch(&self) -> Option<TableWatch> {
+        (self.state == State::Whole).then(|| TableWatch::new(self.kept))
     }
 
     /// Whether there is a table and the memory still holds it as it came: computes its checksum again. For a controller that asks from

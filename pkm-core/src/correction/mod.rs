@@ -10,6 +10,7 @@
 
 mod buffer;
 mod uncertainty;
+mod watch;
 
 use core::fmt;
 
@@ -25,6 +26,7 @@ use crate::types::{Domain, Pose};
 
 pub use buffer::{TableBuffer, TableHeader, TransferError};
 pub use uncertainty::{TableUncertainty, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES, UNCERTAINTY_SPREAD, spread_terms};
+pub use watch::{TableWatch, WATCHED_NUMBERS};
 
 /// The nine terms of Eq. 11 in its order: exponents of θ, σ, Z0.
 pub const EQ_11: [[u8; 3]; 9] =

@@ -3,7 +3,9 @@
 
 use pkm_core::checksum::{Damaged, MemoryChecksums};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
-use pkm_core::correction::{EQ_11, FACTOR_ENTRIES, TableBuffer, TableHeader, TransferError};
+use pkm_core::correction::{
+    EQ_11, FACTOR_ENTRIES, TableBuffer, TableHeader, TableWatch, TransferError, WATCHED_NUMBERS,
+};
 use pkm_core::effects::EFFECTS;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
@@ -182,6 +184,55 @@ fn a_flipped_bit_on_the_way_is_found() {
         assert_eq!(send(&mut double, header, &sent), Err(expected));
         assert!(double.table().is_none());
     }
+}
+
+#[test]
+fn a_bit_that_flips_in_service_is_found_within_two_rounds() {
+    let mut rng = seeded();
+    let sent: Vec<f64> = TABLE_F64.numbers().collect();
+    let periods = 2 * (sent.len() / WATCHED_NUMBERS + 1);
+    let (exponents, coefficients) = (6..6 + 3 * EQ_11.len(), 6 + 3 * EQ_11.len());
+    for place in (0..cases(4)).flat_map(|_| 0..sent.len()) {
+        let mut watch = TableWatch::new(TABLE_F64.checksum());
+        for _ in 0..rng.usize(..periods) {
+            assert_eq!(watch.look(&TABLE_F64), Ok(()));
+        }
+        let mut numbers = sent.clone();
+        numbers[place] = match exponents.contains(&place) {
+            true => f64::from(numbers[place] as u8 ^ 1 << rng.u32(..2)),
+            false => f64::from_bits(numbers[place].to_bits() ^ 1 << rng.u32(..52)),
+        };
+        let terms: Vec<_> = numbers[exponents.clone()].chunks(3).map(|t| [t[0], t[1], t[2]].map(|e| e as u8)).collect();
+        let (centre, half_width) = (std::array::from_fn(|n| numbers[n]), std::array::from_fn(|n| numbers[3 + n]));
+        let (diagonal, factor) = numbers[coefficients..].split_at(6 * terms.len());
+        let basis = Basis::<f64>::new(centre, half_width, &terms).expect("a box and terms");
+        let flipped = CorrectionTable::<f64>::new(basis, diagonal, Some(factor)).expect("a table");
+        let found = (1..=periods).find(|_| watch.look(&flipped) == Err(Damaged::Table));
+        assert!(found.is_some(), "number {place}");
+        // for good, also where the bit comes back
+        assert!((0..periods).all(|_| watch.look(&TABLE_F64) == Err(Damaged::Table)));
+    }
+}
+
+#[test]
+fn a_table_that_stays_as_it_came_is_never_damaged() {
+    let (mut double, mut single) = (TableBuffer::<f64, 9>::new(), TableBuffer::<f32, 9>::new());
+    assert!(double.watch().is_none());
+    for sent in [TABLE_F64, small()] {
+        let (header, numbers) = (sent.header(PARAMETERS.checksum()), sent.numbers().collect::<Vec<_>>());
+        send(&mut double, &header, &numbers).unwrap();
+        send(&mut single, &header, &numbers).unwrap();
+        let (mut of_double, mut of_single) = (double.watch().unwrap(), single.watch().unwrap());
+        for _ in 0..1000 {
+            assert_eq!(of_double.look(&double.table().unwrap()), Ok(()));
+            assert_eq!(of_single.look(&single.table().unwrap()), Ok(()));
+        }
+        // and it is this one that is watched
+        let other = if sent.has_factor_form() { small() } else { TABLE_F64 };
+        assert!((0..1000).any(|_| of_double.look(&other).is_err()));
+    }
+    let mut built_in = TableWatch::new(TABLE_F32.checksum());
+    assert!((0..1000).all(|_| built_in.look(&TABLE_F32).is_ok()));
 }
 
 #[test]

@@ -15,6 +15,7 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::correction::TableWatch;
 use pkm_core::estimation::{Estimator, TipReading, Touch};
 use pkm_core::nalgebra::{Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{
@@ -138,7 +139,7 @@ fn count<T: Scalar>(
     five: &FiveAxis<'_, T>,
     table: &CorrectionTable<'_, T>,
     uncertainty: &TableUncertainty<T>,
-) -> Result<[Counts; 17], ToolError> {
+) -> Result<[Counts; 18], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
     let tip = TIP_M.map(number).into();
@@ -160,6 +161,7 @@ fn count<T: Scalar>(
         "compensate_tool_learned",
         "table_u95",
         "known",
+        "watch",
     ];
     let [compensate, compensate_tool] = worst_updates(five, table)?;
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
@@ -171,6 +173,7 @@ fn count<T: Scalar>(
     let Ok(mut estimator) = Estimator::<T, 6>::new(&learned::SETTINGS) else { return Err(ToolError::NotFinite) };
     let reading = black_box(Reading { enabled: true, wrench, rise: number(1.0).into() });
     let amplitudes = &black_box(estimator.amplitudes());
+    let mut watch = TableWatch::new(0);
     let mut time_s = 0;
     let mut counts = names.map(|name| Counts { name, greatest: 0 });
     let angles = [-0.2618, -0.13, 0.05, 0.2618];
@@ -224,6 +227,7 @@ fn count<T: Scalar>(
                 ticks(|| tool_compensator.update_learned(table, five, &estimator, near, &reading)),
                 table_u95,
                 in_doubt.saturating_sub(plain) + empty,
+                ticks(|| watch.look(table)),
             ];
             for (count, ticks) in counts.iter_mut().zip(each) {
                 count.greatest = count.greatest.max((ticks - empty) * 40 / 128);

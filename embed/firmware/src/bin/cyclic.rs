@@ -53,7 +53,7 @@ use defmt_rtt as _;
 #[cfg(feature = "log-semihosting")]
 use defmt_semihosting as _;
 use heapless::Deque;
-use pkm_core::correction::{TableBuffer, TableHeader, TransferError};
+use pkm_core::correction::{TableBuffer, TableHeader, TableWatch, TransferError};
 use pkm_core::self_test::{self_test_f32, self_test_f64};
 use pkm_core::{Cycle, CycleError, FiveAxis, Scalar};
 use pkm_protocol::{
@@ -189,6 +189,8 @@ fn PendSV() {
     static mut RUNS: u32 = 0;
     static mut IN_SERVICE: Option<&'static mut Tables> = None;
     static mut LEARNED: Option<Task> = None;
+    static mut WATCHES: [TableWatch; 2] =
+        [TableWatch::new(coefficients::TABLE_F32.checksum()), TableWatch::new(coefficients::TABLE_F64.checksum())];
     if MAIN_SILENT.load(Relaxed) < PATIENCE_PERIODS {
         board::feed_watchdog();
     }
@@ -196,6 +198,9 @@ fn PendSV() {
     RUNNING.store(true, Relaxed);
     let begun = ticks();
     if let Some(tables) = critical_section::with(|cs| NEXT.borrow(cs).take()) {
+        if let (Some(single), Some(double)) = (tables.f32.watch(), tables.f64.watch()) {
+            *WATCHES = [single, double];
+        }
         let before = IN_SERVICE.replace(tables);
         critical_section::with(|cs| BEFORE.borrow(cs).set(Some(before)));
     }
@@ -217,6 +222,10 @@ fn PendSV() {
         single: tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32),
         double: tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64),
     };
+    let [single, double] = WATCHES;
+    if single.look(&tables.single).and(double.look(&tables.double)).is_err() {
+        stop(Fault::SelfTest);
+    }
     if let Some(demand) = WORKING_ON {
         let result = match demand.arithmetic {
             Arithmetic::F32 => Computed::F32(demand.cycle(&coefficients::MACHINE_F32, &tables.single)),

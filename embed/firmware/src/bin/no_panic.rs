@@ -15,7 +15,7 @@ use cortex_m_rt::entry;
 use pkm_core::checksum;
 use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
 use pkm_core::correction::{
-    TableBuffer, TableHeader, TableUncertainty, TransferError, UNCERTAINTY_SPREAD, narrow, spread_terms,
+    TableBuffer, TableHeader, TableUncertainty, TableWatch, TransferError, UNCERTAINTY_SPREAD, narrow, spread_terms,
 };
 use pkm_core::effects::{EFFECTS, Element, Law, Motion, Place};
 use pkm_core::estimation::{Amplitude, Estimator, TipReading, Touch, newest, state_bytes};
@@ -284,6 +284,10 @@ macro_rules! call_everything {
             black_box(table.factor_form(machine, black_box(&Pose { theta_rad: 0.1, sigma_rad: 0.1, z0_m: 0.5 }))).ok();
         }
         black_box((buffer.received(), *buffer.header(), buffer.is_intact()));
+        let mut watch = buffer.watch().unwrap_or(TableWatch::new(table.checksum()));
+        if let Err(damaged) = watch.look(table) {
+            show(damaged);
+        }
         let (numbers, terms) = black_box(([1.0 as $t; 64], [[1_u8; 3]; 4]));
         match Basis::<$t>::new([numbers[0]; 3], [numbers[1]; 3], black_box(&terms[..])) {
             Err(e) => show(e),
