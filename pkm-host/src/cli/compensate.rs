@@ -28,7 +28,7 @@ use crate::report::page::of_file;
 /// Fanuc family: X Y Z are the tip in the work frame in force (its axes are those of B, or turned as the job says); its direction is A B, the wrist's β1
 /// and β2 in degrees, or on straight moves I J K, its axis in B, or the angles or the fixed direction that the job names. A
 /// comment (wrench fx,fy,fz,mx,my,mz) sets the load from there on; G0 has none. Arcs, drilling cycles (G73 G81 G82 G83) and
-/// subprograms (M98, O words) become straight moves; G20, G91, G54-G59.3, G92, G52, G10 and G43 H are followed; what does not
+/// subprograms (M98, O words) become straight moves, parameters and expressions numbers, loops all of their passes; G20, G91, G54-G59.3, G92, G52, G10 and G43 H are followed; what does not
 /// move the tool is passed on, and what is not understood is refused with its line: docs/formats.md has the table.
 #[derive(clap::Args)]
 pub(crate) struct Args {

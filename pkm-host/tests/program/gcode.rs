@@ -1,18 +1,17 @@
 //! Programs as posts write them: 44 of our own, in five dialects. Each is read with checked moves, or refused for a reason.
 
 use std::path::Path;
-use std::process::Command;
 
 use pkm_core::Wrench;
 use pkm_host::files::gcode::{Program, Setup};
 use pkm_host::files::job_program::ProgramJob;
-use pkm_host::files::path::{Move, Place};
+use pkm_host::files::path::Place;
 use pkm_host::files::source::Source;
 use pkm_host::files::tools::Tools;
 use serde_json::Value;
 
 use crate::common::{Folder, fixture, json, refused};
-use crate::gcode_programs::{CASES, Case, Direction, Says};
+use crate::gcode_programs::{CASES, Case, Direction, Says, cases};
 
 const OFFSETS: &str = "[offsets]\nG54 = [-205, 0, 1130]\nG55 = [-195, 10, 1132]\nG28 = [-205, 0, 1110, 0, 0]\n";
 const TOOLS: &str =
@@ -30,28 +29,28 @@ impl Case {
         format!("format = 1\n{direction}{OFFSETS}")
     }
 
-    fn setup(&self) -> Setup {
+    pub fn setup(&self) -> Setup {
         let ProgramJob { offsets, axes, head } = ProgramJob::parse(&Source::from_text("job.toml", self.job())).unwrap();
         let tools = Tools::parse(&Source::from_text("tools.toml", TOOLS.to_owned())).unwrap();
         Setup { offsets, axes, head, tools, ..Setup::default() }
     }
 
-    fn read(&self, text: &str) -> pkm_host::error::Result<Program> {
+    pub fn read(&self, text: &str) -> pkm_host::error::Result<Program> {
         let source = Source::from_text("p.ngc", text.to_owned());
         Program::parse_with(&source, Some(Wrench::ZERO), &self.setup())
     }
 }
 
-fn mm(place: &Place) -> [f64; 3] {
+pub fn mm(place: &Place) -> [f64; 3] {
     place.tip_m.map(|m| m * 1e3)
 }
 
-fn apart(a: &[f64], b: &[f64]) -> f64 {
+pub fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 /// A program that is written with the places that were asked for.
-fn rewritten(program: &Program) -> String {
+pub fn rewritten(program: &Program) -> String {
     let mut writer = program.writer();
     program.moves.iter().for_each(|m| writer.push(vec![m.to]));
     writer.finish(&[])
@@ -61,7 +60,7 @@ fn rewritten(program: &Program) -> String {
 fn programs_are_read_or_refused_for_a_reason() {
     assert!(CASES.len() >= 40);
     let mut wrong = Vec::new();
-    for case in CASES {
+    for case in cases() {
         let read = case.read(case.text);
         match (&case.says, read) {
             (Says::Moves(count, last), Ok(program)) => {
@@ -82,7 +81,7 @@ fn programs_are_read_or_refused_for_a_reason() {
 /// What is written says the same as what was read: in its own units, frames, and increments.
 #[test]
 fn what_is_written_is_read_as_the_same_moves() {
-    for case in CASES.iter().filter(|c| matches!(c.says, Says::Moves(..))) {
+    for case in cases().filter(|c| matches!(c.says, Says::Moves(..))) {
         let program = case.read(case.text).unwrap();
         let written = rewritten(&program);
         let again = case.read(&written).unwrap_or_else(|e| panic!("{}: {e}\n{written}", case.name));
@@ -100,7 +99,7 @@ fn what_is_written_is_read_as_the_same_moves() {
 fn programs_are_compensated() {
     let folder = Folder::new();
     let (tools, out) = (folder.write("tools.toml", TOOLS), folder.path("out.ngc"));
-    for case in CASES.iter().filter(|c| matches!(c.says, Says::Moves(..))) {
+    for case in cases().filter(|c| matches!(c.says, Says::Moves(..))) {
         let (job, path) = (folder.write("job.toml", &case.job()), folder.write("p.ngc", case.text));
         let step = ["--step-mm", "10", "--chord-mm", "0.05"];
         let args = ["compensate", "--path", &path, "--job", &job, "--tools", &tools, "--wrench", WRENCH, "--out", &out];
@@ -163,130 +162,6 @@ fn feeds_are_held_against_the_limits_of_the_joints() {
     ])
     .to_string();
     assert!(csv.contains("--limits is for G-code"), "{csv}");
-}
-
-/// What LinuxCNC's interpreter says of a move.
-struct Canonical {
-    end_mm: [f64; 3],
-    angles_deg: [f64; 3],
-    /// Centre in the plane's axes, for an arc.
-    arc: Option<([usize; 2], [f64; 2])>,
-    rapid: bool,
-}
-
-/// Runs LinuxCNC's interpreter. Its lengths have four decimals in the program's unit, its tool table is in inches.
-fn canonical(folder: &Folder, text: &str) -> (Vec<Canonical>, f64) {
-    let offsets = "G21 G90\nG10 L2 P1 X-205 Y0 Z1130\nG10 L2 P2 X-195 Y10 Z1132\n";
-    let without: String = text.lines().filter(|l| l.trim() != "%").map(|l| format!("{l}\n")).collect();
-    let program = folder.write("judge.ngc", &(offsets.to_owned() + &without));
-    let length = |mm: f64| mm / 25.4;
-    let tools = format!("T1 P1 Z{} D0\nT2 P2 Z{} D0\n", length(10.0), length(25.5));
-    let tools = folder.write("judge.tbl", &tools);
-    let rs274 = std::env::var("RS274").unwrap_or("rs274".to_owned());
-    let said = Command::new(rs274).args(["-g", "-t", &tools, &program]).output().expect("rs274 is installed");
-    let said = String::from_utf8_lossy(&said.stdout).into_owned();
-    assert!(said.contains("PROGRAM_END"), "{said}");
-    let (mut moves, mut unit) = (Vec::new(), 1.0);
-    let (mut frame, mut shift) = ([0.0; 3], [0.0; 3]);
-    let (mut plane, mut finest) = ([0, 1, 2], 1.0_f64);
-    for line in said.lines() {
-        let Some((name, rest)) = line.split_once('(') else {
-            continue;
-        };
-        let name = name.split_whitespace().last().unwrap_or("");
-        let cells = rest.trim_end_matches(')');
-        let numbers: Vec<f64> = cells.split(',').filter_map(|c| c.trim().parse().ok()).collect();
-        let three = |from: usize| [numbers[from], numbers[from + 1], numbers[from + 2]].map(|v| v * unit);
-        let placed = |v: [f64; 3]| std::array::from_fn(|i| v[i] + frame[i] + shift[i]);
-        match name {
-            "USE_LENGTH_UNITS" => unit = if cells.contains("INCH") { 25.4 } else { 1.0 },
-            "SET_G5X_OFFSET" => frame = three(1),
-            "SET_G92_OFFSET" => shift = three(0),
-            "SELECT_PLANE" if cells.contains("XY") => plane = [0, 1, 2],
-            "SELECT_PLANE" if cells.contains("XZ") => plane = [2, 0, 1],
-            "SELECT_PLANE" => plane = [1, 2, 0],
-            "STRAIGHT_TRAVERSE" | "STRAIGHT_FEED" => {
-                let angles_deg = [numbers[3], numbers[4], numbers[5]];
-                let rapid = name == "STRAIGHT_TRAVERSE";
-                moves.push(Canonical { end_mm: placed(three(0)), angles_deg, arc: None, rapid });
-                finest = finest.max(unit);
-            }
-            "ARC_FEED" => {
-                let [a, b, along] = plane;
-                let (mut end, mut center) = ([0.0; 3], [0.0; 3]);
-                (end[a], end[b], end[along]) = (numbers[0] * unit, numbers[1] * unit, numbers[5] * unit);
-                (center[a], center[b]) = (numbers[2] * unit, numbers[3] * unit);
-                let (end_mm, center) = (placed(end), placed(center));
-                let angles_deg = [numbers[6], numbers[7], numbers[8]];
-                let arc = Some(([a, b], [center[a], center[b]]));
-                moves.push(Canonical { end_mm, angles_deg, arc, rapid: false });
-                finest = finest.max(unit);
-            }
-            _ => {}
-        }
-    }
-    (moves, 6e-5 * finest)
-}
-
-/// The same moves one after the other, but for those that go nowhere.
-fn agrees(name: &str, case: &Case, moves: &[Move], judged: &[Canonical], allowed_mm: f64) {
-    let letters = case.setup().head.map_or("AB", |h| h.letters());
-    let goes = |i: &usize| *i == 0 || moves[*i].to != moves[i - 1].to;
-    let mut own = (0..moves.len()).filter(goes).map(|i| &moves[i]).peekable();
-    let mut at = Some(([0.0; 3], [0.0; 3]));
-    for canonical in judged {
-        let end = (canonical.end_mm, canonical.angles_deg);
-        let stays = at.is_some_and(|at| apart(&at.0, &end.0) < 1e-9 && apart(&at.1, &end.1) < 1e-9);
-        if stays && canonical.arc.is_none() {
-            continue;
-        }
-        let Some(mut mv) = own.next() else { panic!("{name}: no move to {:?}", canonical.end_mm) };
-        if let Some(([a, b], center)) = canonical.arc {
-            let radius = |p: &[f64; 3]| (p[a] - center[0]).hypot(p[b] - center[1]);
-            let of_arc = radius(&canonical.end_mm);
-            let line = mv.line;
-            while own.peek().is_some_and(|next| next.line == line && !next.is_rapid) {
-                assert!(
-                    (radius(&mm(&mv.to)) - of_arc).abs() < 3.0 * allowed_mm,
-                    "{name}: {:?} off the arc",
-                    mm(&mv.to)
-                );
-                mv = own.next().unwrap();
-            }
-        }
-        let found = mm(&mv.to);
-        let off = apart(&found, &canonical.end_mm);
-        assert!(off <= allowed_mm, "{name}, line {}: {found:?} is {off} mm from {:?}", mv.line, canonical.end_mm);
-        assert_eq!(mv.is_rapid, canonical.rapid, "{name}, line {}", mv.line);
-        if let pkm_host::files::path::Toward::Wrist(angles) | pkm_host::files::path::Toward::Head(_, angles) =
-            mv.to.toward
-        {
-            for (letter, angle) in letters.chars().zip(angles) {
-                let said = canonical.angles_deg["ABC".find(letter).unwrap()];
-                assert!((angle.to_degrees() - said).abs() <= 6e-5, "{name}: {letter}");
-            }
-        }
-        at = Some(end);
-    }
-    assert!(own.next().is_none(), "{name}: more moves than LinuxCNC makes");
-}
-
-#[test]
-#[ignore = "needs LinuxCNC's interpreter, rs274 (Debian: linuxcnc-uspace)"]
-fn linuxcnc_makes_the_same_moves() {
-    let folder = Folder::new();
-    let cases: Vec<&Case> = CASES.iter().filter(|c| c.for_linuxcnc).collect();
-    assert!(cases.len() >= 15);
-    for case in cases {
-        let program = case.read(case.text).unwrap();
-        let (judged, allowed_mm) = canonical(&folder, case.text);
-        agrees(case.name, case, &program.moves, &judged, allowed_mm);
-        // and of what is written: straight moves alone
-        let written = rewritten(&program);
-        let (judged, allowed_mm) = canonical(&folder, &written);
-        assert!(judged.iter().all(|c| c.arc.is_none()));
-        agrees(&format!("{} as written", case.name), case, &program.moves, &judged, allowed_mm);
-    }
 }
 
 #[test]

@@ -23,6 +23,7 @@ pub enum Says {
     Refused(u64, &'static str),
 }
 
+use crate::gcode_macros::MACROS;
 use Direction::{Ac, Bc, Fixed, Wrist};
 use Says::{Moves, Refused};
 
@@ -37,8 +38,19 @@ pub struct Case {
     pub says: Says,
 }
 
-const fn case(name: &'static str, direction: Direction, for_linuxcnc: bool, says: Says, text: &'static str) -> Case {
+pub const fn case(
+    name: &'static str,
+    direction: Direction,
+    for_linuxcnc: bool,
+    says: Says,
+    text: &'static str,
+) -> Case {
     Case { name, direction, for_linuxcnc, text, says }
+}
+
+/// All programs, those with parameters and conditions among them.
+pub fn cases() -> impl Iterator<Item = &'static Case> {
+    CASES.iter().chain(MACROS)
 }
 
 /// Of an arc of 1 µm: 56 moves a quarter of 10 mm, 40 of 5 mm.
@@ -115,20 +127,6 @@ pub const CASES: &[Case] = &[
         true,
         Moves(4, [-205.0, 0.0, 1130.0]),
         "G21 G90 G54 G0 X0 Y0 Z0 A0 B0\nG93 G1 X5 A3 F20\nX10 Y5 B-2 F15\nG94 G0 X0 Y0 A0 B0\nM2\n",
-    ),
-    case(
-        "LinuxCNC: expressions",
-        Fixed,
-        false,
-        Refused(3, "write numbers"),
-        "G21 G90 G54\nG0 X0 Y0 Z0\n#1=[2*3]\nG1 X#1\nM2\n",
-    ),
-    case(
-        "LinuxCNC: a loop with a condition",
-        Fixed,
-        false,
-        Refused(3, "while is not supported"),
-        "G21 G90 G54\nG0 X0 Y0 Z0\no1 while [1 LT 2]\nG1 X1\no1 endwhile\nM2\n",
     ),
     case("LinuxCNC: probe", Fixed, false, Refused(3, "probe"), "G21 G90 G54\nG0 X0 Y0 Z0\nG38.2 Z-5 F50\nM2\n"),
     case(

@@ -11,6 +11,8 @@ mod docs;
 mod fem;
 mod fixtures;
 mod gcode;
+mod gcode_judge;
+mod gcode_macros;
 mod gcode_programs;
 mod hil;
 mod import;

@@ -1,33 +1,36 @@
-//! The order in which a control takes a program's lines: subprograms, repeats, block delete, the end.
-
-use std::collections::HashMap;
+//! The order in which a control takes a program's lines: subprograms, conditions, loops, block delete, the end.
 
 use super::Refusal;
+use super::expressions::Values;
+use super::outline::{self, Outline, Part};
+use super::parameters::{ARGUMENTS, Parameters};
 use super::words::{Label, Line, same_number};
 
 /// Most subprograms inside each other, as Fanuc and LinuxCNC have it.
 const MAX_DEPTH: usize = 10;
-/// Most lines that a program may have when its subprograms are written out.
+/// Most lines that a program may have when its subprograms and loops are written out.
 const MAX_LINES: usize = 5_000_000;
 
-/// Where the reader is, and where it came from.
+/// Where the reader is, where it came from, and what the parameters hold.
 pub(super) struct Flow<'a> {
     lines: Vec<&'a str>,
-    /// First line of each subprogram, after `O100` or `o100 sub`.
-    starts: HashMap<&'a str, usize>,
-    stack: Vec<Frame<'a>>,
+    outline: Outline,
+    stack: Vec<Frame>,
+    pub parameters: Parameters,
     next: usize,
     taken: usize,
     /// M2 or M30 was read: nothing moves any more.
     ended: bool,
     /// Some words were read already.
     begun: bool,
+    /// No branch has held of the `if` that is gone through: the next one is tried.
+    seeks: bool,
 }
 
 /// A subprogram or a repeat that is being gone through.
-struct Frame<'a> {
-    name: &'a str,
+struct Frame {
     kind: Kind,
+    /// Its first line.
     start: usize,
     /// Times to come after this one.
     left: u32,
@@ -52,22 +55,19 @@ pub(super) enum Order {
     Do,
     /// Goes unchanged into the new program.
     Pass,
-    /// Is not written: it only said which line is next.
+    /// Is not written: the control never comes to it.
     Drop,
+    /// Becomes a comment: it only said which line is next.
+    Note,
 }
 
 impl<'a> Flow<'a> {
-    pub fn new(text: &'a str) -> Self {
+    /// The program from its beginning, or a line that belongs to no other.
+    pub fn new(text: &'a str) -> Result<Self, (usize, Refusal)> {
         let lines: Vec<&str> = text.lines().collect();
-        let mut starts = HashMap::new();
-        for (index, line) in lines.iter().enumerate().filter(|(_, l)| l.trim_start().starts_with(['O', 'o'])) {
-            if let Ok(Line { label: Some(label), .. }) = Line::parse(line)
-                && (label.keyword.is_empty() || label.keyword == "sub")
-            {
-                starts.entry(label.name).or_insert(index + 1);
-            }
-        }
-        Self { lines, starts, stack: Vec::new(), next: 0, taken: 0, ended: false, begun: false }
+        let outline = Outline::of(&lines)?;
+        let (stack, parameters) = (Vec::new(), Parameters::default());
+        Ok(Self { lines, outline, stack, parameters, next: 0, taken: 0, ended: false, begun: false, seeks: false })
     }
 
     /// The next line's index and text.
@@ -78,15 +78,22 @@ impl<'a> Flow<'a> {
         Some((self.next - 1, text))
     }
 
+    /// Whether a line with words is left out.
+    pub fn leaves_out(&self, deletable: bool, leave_out_deletable: bool) -> bool {
+        self.ended || (deletable && leave_out_deletable)
+    }
+
     /// What is done with a line; O words take their effect.
-    pub fn order(&mut self, line: &Line<'a>, leave_out_deletable: bool) -> Result<Order, Refusal> {
+    pub fn order(&mut self, line: &Line<'_>, leave_out_deletable: bool) -> Result<Order, Refusal> {
         if self.taken > MAX_LINES {
-            return Err(format!("more than {MAX_LINES} lines with subprograms and repeats written out"));
+            return Err(format!(
+                "more than {MAX_LINES} lines with subprograms and loops written out: does a loop end? Else divide the program"
+            ));
         }
         if self.ended {
             return Ok(if line.is_silent() { Order::Pass } else { Order::Drop });
         }
-        if line.deletable && leave_out_deletable {
+        if self.leaves_out(line.deletable, leave_out_deletable) {
             return Ok(Order::Drop);
         }
         match &line.label {
@@ -94,75 +101,159 @@ impl<'a> Flow<'a> {
                 self.begun |= !line.words.is_empty();
                 Ok(Order::Do)
             }
-            Some(label) if line.words.is_empty() => self.label(label),
+            Some(label) if line.words.is_empty() => {
+                let order = self.label(label).map_err(|why| {
+                    let space = if label.keyword.is_empty() { "" } else { " " };
+                    format!("O{}{space}{}: {why}", label.name, label.keyword)
+                });
+                self.begun |= !matches!(order, Ok(Order::Pass));
+                order
+            }
             Some(label) => Err(format!("O{}: expected nothing but a comment behind it", label.name)),
         }
     }
 
-    fn label(&mut self, label: &Label<'a>) -> Result<Order, Refusal> {
-        let name = label.name;
-        let innermost = self.stack.last().filter(|f| f.name == name).map(|f| f.kind);
+    /// Carries an O word out.
+    fn label(&mut self, label: &Label<'_>) -> Result<Order, Refusal> {
         match label.keyword.as_str() {
-            "" if !self.begun && self.stack.is_empty() => return Ok(Order::Pass),
+            "" if !self.begun && self.stack.is_empty() => {
+                nothing_behind(label.argument)?;
+                return Ok(Order::Pass);
+            }
             "" => {
-                let message = format!(
-                    "O{name}: another program begins, and the one before has not ended: M30 ends a main program, M99 a \
-                     subprogram"
-                );
-                return Err(message);
+                return Err("another program begins, and the one before has not ended: M30 ends a main program, M99 a subprogram"
+                    .into());
             }
-            // a definition is passed over until it is called
-            "sub" => self.next = self.after(label, "endsub")?,
-            "call" if label.argument.is_empty() => self.call(name, Kind::Named, 1)?,
             "call" => {
-                return Err(format!(
-                    "O{name}: a call with arguments is not supported: write the subprogram's moves out"
-                ));
+                let arguments = self.arguments(label.argument)?;
+                self.call(&label.name, Kind::Named, 1)?;
+                self.parameters.enter(&arguments);
+                return Ok(Order::Note);
             }
-            "endsub" if innermost == Some(Kind::Named) => self.close(),
-            "return" if self.stack.iter().any(|f| f.kind == Kind::Named) => {
-                self.stack.truncate(self.stack.iter().rposition(|f| f.kind == Kind::Named).map_or(0, |i| i + 1));
-                self.close();
-            }
-            "repeat" => {
-                let count = label.argument.strip_prefix('[').and_then(|a| a.strip_suffix(']'));
-                let Some(count) = count.and_then(|count| count.trim().parse::<u32>().ok()) else {
-                    let message = format!(
-                        "O{name} repeat: expected a whole number, such as [3]: parameters and expressions are not supported"
-                    );
-                    return Err(message);
+            "return" => {
+                let Some(of) = self.stack.iter().rposition(|f| f.kind == Kind::Named) else {
+                    return Err("no `sub` around it".into());
                 };
-                let back = self.after(label, "endrepeat")?;
-                match count.checked_sub(1) {
-                    None => self.next = back,
-                    Some(left) => self.open(Frame { name, kind: Kind::Repeat, start: self.next, left, back })?,
+                let value = self.returned(label.argument)?;
+                self.stack.truncate(of + 1);
+                self.close(value);
+                return Ok(Order::Note);
+            }
+            _ => {}
+        }
+        let Some(part) = self.outline.part(self.next - 1) else {
+            return Err("not supported here; known are sub, endsub, call, return, if, elseif, else, endif, while, endwhile, do, break, \
+                        continue, repeat and endrepeat, without `/`"
+                .into());
+        };
+        self.part(label, part)
+    }
+
+    /// Carries out the O word of a block.
+    fn part(&mut self, label: &Label<'_>, part: Part) -> Result<Order, Refusal> {
+        let innermost = self.stack.last().filter(|f| f.start == part.opens + 1).map(|f| f.kind);
+        let argument = label.argument;
+        match (label.keyword.as_str(), part.kind) {
+            // a definition is passed over until it is called
+            ("sub", _) => {
+                self.next = part.closes + 1;
+                return Ok(Order::Drop);
+            }
+            ("endsub", _) if innermost == Some(Kind::Named) => {
+                let value = self.returned(argument)?;
+                self.close(value);
+            }
+            ("repeat", _) => {
+                let count = self.condition(argument)?.round();
+                let back = part.closes + 1;
+                if count < 1.0 {
+                    self.next = back;
+                } else {
+                    let left = count.min(f64::from(u32::MAX)) as u32 - 1;
+                    self.open(Frame { kind: Kind::Repeat, start: self.next, left, back })?;
                 }
             }
-            "endrepeat" if innermost == Some(Kind::Repeat) => self.close(),
-            keyword => {
-                let known = "known are sub, endsub, call, return, repeat and endrepeat";
-                return Err(format!("O{name} {keyword} is not supported here: {known}; write the moves out"));
+            ("endrepeat", _) if innermost == Some(Kind::Repeat) => self.close(None),
+            ("if", _) => self.branch(argument, part)?,
+            ("elseif", _) if self.seeks => self.branch(argument, part)?,
+            // the end of a branch that was taken
+            ("elseif", _) => self.next = part.closes + 1,
+            ("while", outline::Kind::Do) => {
+                if self.condition(argument)? != 0.0 {
+                    self.next = part.opens + 1;
+                }
+            }
+            ("while", _) => {
+                if self.condition(argument)? == 0.0 {
+                    self.next = part.closes + 1;
+                }
+            }
+            (keyword, kind) => {
+                nothing_behind(argument)?;
+                let seeks = std::mem::take(&mut self.seeks);
+                match keyword {
+                    "else" if !seeks => self.next = part.closes + 1,
+                    "endwhile" => self.next = part.opens,
+                    "break" => self.leap(part, part.closes + 1),
+                    "continue" if kind == outline::Kind::Do => self.leap(part, part.closes),
+                    "continue" => self.leap(part, part.opens),
+                    "else" | "endif" | "do" => {}
+                    _ => return Err("the program comes here without its beginning".into()),
+                }
             }
         }
-        self.begun = true;
-        Ok(Order::Drop)
+        Ok(Order::Note)
     }
 
-    /// The line behind the one that closes what a label opens.
-    fn after(&self, label: &Label<'_>, keyword: &str) -> Result<usize, Refusal> {
-        let closes = |text: &str| {
-            text.trim_start().starts_with(['O', 'o'])
-                && Line::parse(text)
-                    .is_ok_and(|l| l.label.is_some_and(|l| l.name == label.name && l.keyword == keyword))
-        };
-        let found = self.lines[self.next..].iter().position(|text| closes(text));
-        let missing = || format!("O{} {}: `O{} {keyword}` is missing", label.name, label.keyword, label.name);
-        found.map(|n| self.next + n + 1).ok_or_else(missing)
+    /// `if` or `elseif`: on, or to the block's next O word.
+    fn branch(&mut self, condition: &str, part: Part) -> Result<(), Refusal> {
+        self.seeks = self.condition(condition)? == 0.0;
+        if self.seeks {
+            self.next = part.next;
+        }
+        Ok(())
     }
 
-    fn open(&mut self, frame: Frame<'a>) -> Result<(), Refusal> {
+    /// Out of the middle of a loop: repeats inside of it end.
+    fn leap(&mut self, part: Part, to: usize) {
+        let inside = |f: &Frame| f.kind == Kind::Repeat && (part.opens..part.closes).contains(&f.start);
+        while self.stack.last().is_some_and(inside) {
+            self.stack.pop();
+        }
+        self.next = to;
+    }
+
+    /// `[#1 LT 5]`, and nothing behind it.
+    fn condition(&self, text: &str) -> Result<f64, Refusal> {
+        let mut values = Values::new(text, &self.parameters);
+        let value = values.bracketed()?;
+        nothing_behind(values.rest)?;
+        Ok(value)
+    }
+
+    /// What a subroutine returns.
+    fn returned(&self, text: &str) -> Result<Option<f64>, Refusal> {
+        if text.is_empty() { Ok(None) } else { self.condition(text).map(Some) }
+    }
+
+    /// `[1] [#2]` …
+    fn arguments(&self, text: &str) -> Result<Vec<f64>, Refusal> {
+        let mut values = Values::new(text, &self.parameters);
+        let mut arguments = Vec::new();
+        while values.first().is_some() {
+            arguments.push(values.bracketed()?);
+        }
+        if arguments.len() > ARGUMENTS {
+            return Err(format!("more than {ARGUMENTS} arguments"));
+        }
+        Ok(arguments)
+    }
+
+    fn open(&mut self, frame: Frame) -> Result<(), Refusal> {
         if self.stack.len() >= MAX_DEPTH {
-            return Err(format!("more than {MAX_DEPTH} subprograms and repeats inside each other"));
+            return Err(format!(
+                "more than {MAX_DEPTH} subprograms and repeats inside each other: does one call itself without end?"
+            ));
         }
         self.next = frame.start;
         self.stack.push(frame);
@@ -170,22 +261,25 @@ impl<'a> Flow<'a> {
     }
 
     fn call(&mut self, name: &str, kind: Kind, times: u32) -> Result<(), Refusal> {
-        let Some((name, start)) = self.starts.get_key_value(name).map(|(name, start)| (*name, *start)) else {
+        let Some(start) = self.outline.starts.get(name).copied() else {
             return Err(format!("O{name} is not in this file: put the subprogram's lines behind the main program"));
         };
         match times.checked_sub(1) {
             None => Ok(()),
-            Some(left) => self.open(Frame { name, kind, start, left, back: self.next }),
+            Some(left) => self.open(Frame { kind, start, left, back: self.next }),
         }
     }
 
-    /// The end of the innermost subprogram or repeat: once more, or back.
-    fn close(&mut self) {
+    /// The end of the innermost subprogram or repeat: once more, or back, from a subroutine with what it returns.
+    fn close(&mut self, value: Option<f64>) {
         let Some(frame) = self.stack.last_mut() else { return };
         match frame.left.checked_sub(1) {
             Some(left) => (frame.left, self.next) = (left, frame.start),
             None => {
                 self.next = frame.back;
+                if frame.kind == Kind::Named {
+                    self.parameters.leave(value);
+                }
                 self.stack.pop();
             }
         }
@@ -200,7 +294,7 @@ impl<'a> Flow<'a> {
         let Some(times) = times.map_or(Some(1), whole) else {
             return Err("M98: expected L with a whole number of times".into());
         };
-        let known = |number: u32| self.starts.contains_key(number.to_string().as_str());
+        let known = |number: u32| self.outline.starts.contains_key(number.to_string().as_str());
         let (program, times) = match program {
             p if p > 9999 && times == 1 && !known(p) => (p % 10_000, p / 10_000),
             p => (p, times),
@@ -212,7 +306,7 @@ impl<'a> Flow<'a> {
     pub fn m99(&mut self) -> Result<(), Refusal> {
         match self.stack.last().map(|f| f.kind) {
             Some(Kind::Numbered) => {
-                self.close();
+                self.close(None);
                 Ok(())
             }
             Some(_) => Err("M99 inside a repeat or an `O… sub`".into()),
@@ -221,14 +315,23 @@ impl<'a> Flow<'a> {
     }
 
     /// `M2`, `M30`: the lines behind it are never reached.
-    pub fn end(&mut self, index: usize) {
-        let main = self.stack.first().map_or(index + 1, |f| f.back);
+    pub fn end(&mut self) {
+        let main = self.stack.first().map_or(self.next, |f| f.back);
         self.stack.clear();
         (self.ended, self.next) = (true, main);
     }
 
     /// The end of the file inside of a subprogram.
     pub fn unfinished(&self) -> Option<String> {
-        self.stack.last().map(|f| format!("O{}: the file ends inside this subprogram", f.name))
+        let line = self.stack.last()?.start;
+        Some(format!("the file ends inside the subprogram of line {line}: M99 or `endsub` is missing"))
+    }
+}
+
+fn nothing_behind(text: &str) -> Result<(), Refusal> {
+    if text.trim().is_empty() {
+        Ok(())
+    } else {
+        Err(format!("expected nothing but a comment behind it, found `{}`", text.trim()))
     }
 }

@@ -1,7 +1,8 @@
 //! G-code (RS-274) as controls of the Fanuc family and LinuxCNC read it: read into straight moves of the tool, and written again
 //! with other places. [docs/formats.md](https://docs.rs/pkm-host) has the table of words.
 //!
-//! A program is read in the order in which a control carries it out. Arcs, cycles and subprograms become straight moves; all that
+//! A program is read in the order in which a control carries it out. Expressions become numbers, loops all of their passes, arcs, cycles and
+//! subprograms straight moves; all that
 //! does not move the tool is passed on as it stands. A cut is divided, and each part ends with all of its words. Where the load
 //! changes between two moves, the second begins with a small move to where the tool has to be commanded under its own load.
 //!
@@ -13,11 +14,14 @@
 mod arcs;
 mod codes;
 mod cycles;
+mod expressions;
 mod flow;
 mod loads;
 mod modal;
 mod motions;
 mod offsets;
+mod outline;
+mod parameters;
 mod words;
 mod writer;
 
@@ -25,6 +29,7 @@ pub use writer::Writer;
 
 use pkm_core::Wrench;
 
+use self::expressions::{expand, has_expressions};
 use self::flow::{Flow, Order};
 use self::loads::Loads;
 use self::modal::{Effect, Form, Modal, Stop, Style};
@@ -88,6 +93,8 @@ impl Setup {
 /// A program: its lines in the order in which they are carried out, and the moves among them.
 pub struct Program {
     source: Source,
+    /// Lines with numbers in place of their expressions.
+    expanded: Vec<Box<str>>,
     blocks: Vec<Block>,
     styles: Vec<Style>,
     axes: ProgramAxes,
@@ -100,9 +107,17 @@ pub struct Program {
 
 /// A line that was carried out.
 struct Block {
-    /// Index in the file.
-    line: u32,
+    text: TextAt,
     content: Content,
+}
+
+/// Where a line's text stands.
+#[derive(Clone, Copy, PartialEq)]
+enum TextAt {
+    /// In the file.
+    Line(u32),
+    /// Among those with numbers in place of their expressions.
+    Expanded(u32),
 }
 
 /// What a line becomes.
@@ -110,6 +125,8 @@ struct Block {
 enum Content {
     /// The same.
     Text,
+    /// A comment: it only set parameters, or said which line is next, or stands beside itself with numbers in place of expressions.
+    Note,
     /// The same but for the words that called a subprogram or ended one: its lines follow.
     Call,
     /// So many moves.
@@ -142,6 +159,7 @@ impl Program {
     pub fn parse_with(source: &Source, wrench: Option<Wrench<f64>>, setup: &Setup) -> Result<Self> {
         let program = Self {
             source: source.clone(),
+            expanded: Vec::new(),
             blocks: Vec::new(),
             styles: Vec::new(),
             axes: setup.axes,
@@ -149,8 +167,10 @@ impl Program {
             moves: Vec::new(),
             warnings: Vec::new(),
         };
+        let failed =
+            |(index, message): (usize, String)| Failure::input(message).in_file(&source.name).at_line(index as u64 + 1);
         let mut reader = Reader {
-            flow: Flow::new(source.text()?),
+            flow: Flow::new(source.text()?).map_err(failed)?,
             modal: Modal::new(setup),
             program,
             loads: Loads::new(wrench),
@@ -158,9 +178,7 @@ impl Program {
         };
         let mut stops = Vec::new();
         while let Some((index, text)) = reader.flow.next() {
-            let failed = |message: String| Failure::input(message).in_file(&source.name).at_line(index as u64 + 1);
-            let line = Line::parse(text).map_err(failed)?;
-            reader.take(index, &line, &mut stops).map_err(failed)?;
+            reader.step(index, text, &mut stops).map_err(|message| failed((index, message)))?;
         }
         reader.finish()
     }
@@ -175,13 +193,62 @@ fn turned(place: &Place, turn: impl Fn([f64; 3]) -> [f64; 3]) -> Place {
     Place { tip_m: turn(place.tip_m), toward }
 }
 
-impl<'a> Reader<'a> {
-    fn take(&mut self, index: usize, line: &Line<'a>, stops: &mut Vec<Stop>) -> std::result::Result<(), Refusal> {
+impl Reader<'_> {
+    /// A line of the file.
+    fn step(&mut self, index: usize, text: &str, stops: &mut Vec<Stop>) -> std::result::Result<(), Refusal> {
+        let (place, number) = (TextAt::Line(index as u32), index as u64 + 1);
+        if has_expressions(text) {
+            let (deletable, body) = words::without_switch(text);
+            let (code, comments) = words::apart(body)?;
+            if has_expressions(&code) && !code.starts_with(['O', 'o']) {
+                if self.flow.leaves_out(deletable, self.modal.setup.block_delete) {
+                    return Ok(());
+                }
+                let words = expand(&code, &mut self.flow.parameters)?;
+                self.put(place, Content::Note);
+                return self.take_rest(number, words, &comments, stops);
+            }
+        }
+        self.take(place, number, &Line::parse(text)?, stops)
+    }
+
+    /// What of a line is more than a note.
+    fn take_rest(
+        &mut self,
+        number: u64,
+        mut words: String,
+        comments: &[&str],
+        stops: &mut Vec<Stop>,
+    ) -> std::result::Result<(), Refusal> {
+        for comment in comments {
+            words = format!("{words} {comment}");
+        }
+        let text = words.trim_start();
+        if text.is_empty() {
+            return Ok(());
+        }
+        let place = TextAt::Expanded(self.program.expanded.len() as u32);
+        self.program.expanded.push(text.into());
+        self.take(place, number, &Line::parse(text)?, stops)
+    }
+
+    /// A line without expressions.
+    fn take(
+        &mut self,
+        text: TextAt,
+        number: u64,
+        line: &Line<'_>,
+        stops: &mut Vec<Stop>,
+    ) -> std::result::Result<(), Refusal> {
         match self.flow.order(line, self.modal.setup.block_delete)? {
             Order::Drop => return Ok(()),
             Order::Pass => {
-                self.put(index, Content::Text);
+                self.put(text, Content::Text);
                 return Ok(());
+            }
+            Order::Note => {
+                self.put(text, Content::Note);
+                return self.take_rest(number, String::new(), &line.comments, stops);
             }
             Order::Do => {}
         }
@@ -194,7 +261,6 @@ impl<'a> Reader<'a> {
         }
         stops.clear();
         let loaded = self.program.moves.last().is_some_and(Move::is_loaded);
-        let number = index as u64 + 1;
         let content = match self.modal.take(line, loaded, stops)? {
             Effect::Nothing => Content::Text,
             Effect::Unchecked(why) => {
@@ -209,11 +275,11 @@ impl<'a> Reader<'a> {
                 Content::Moves { count: stops.len() as u32, style }
             }
         };
-        self.take_m(index, line, content)
+        self.take_m(text, line, content)
     }
 
     /// M words that say which line is next.
-    fn take_m(&mut self, index: usize, line: &Line<'a>, content: Content) -> std::result::Result<(), Refusal> {
+    fn take_m(&mut self, text: TextAt, line: &Line<'_>, content: Content) -> std::result::Result<(), Refusal> {
         let has = |number: f64| line.words.iter().any(|w| w.is('M', &[number]));
         let value = |letter: char| line.words.iter().find(|w| w.letter == letter).map(|w| w.value);
         if [2.0, 30.0, 98.0, 99.0].into_iter().filter(|m| has(*m)).count() > 1 {
@@ -223,13 +289,13 @@ impl<'a> Reader<'a> {
         if calls && self.is_reference(content) {
             return Err("G28 or G30 with M98 or M99: give them lines of their own".into());
         }
-        self.put(index, if calls && matches!(content, Content::Text) { Content::Call } else { content });
+        self.put(text, if calls && matches!(content, Content::Text) { Content::Call } else { content });
         if has(98.0) {
             self.flow.m98(value('P'), value('L'))?;
         } else if has(99.0) {
             self.flow.m99()?;
         } else if has(2.0) || has(30.0) {
-            self.flow.end(index);
+            self.flow.end();
         }
         Ok(())
     }
@@ -239,8 +305,8 @@ impl<'a> Reader<'a> {
         matches!(self.program.styles[style as usize].form, Form::Reference { .. })
     }
 
-    fn put(&mut self, index: usize, content: Content) {
-        self.program.blocks.push(Block { line: index as u32, content });
+    fn put(&mut self, text: TextAt, content: Content) {
+        self.program.blocks.push(Block { text, content });
     }
 
     /// A move with its load.

@@ -30,9 +30,10 @@ impl Word<'_> {
     }
 }
 
-/// A subprogram's number or name, and what is done with it: `O100`, `o100 sub`, `o<drill> call`.
+/// A block's number or name, and what is done with it: `O100`, `o100 sub`, `o<drill> call`, `o1 while [#1 LT 5]`.
 pub(super) struct Label<'a> {
-    pub name: &'a str,
+    /// In lower case.
+    pub name: String,
     /// In lower case; empty where the number stands alone.
     pub keyword: String,
     pub argument: &'a str,
@@ -51,16 +52,12 @@ pub(super) struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// Reads a line.
+    /// Reads a line without expressions.
     pub fn parse(text: &'a str) -> Result<Self, Refusal> {
-        let mut line = Line { text: text.trim_end(), ..Line::default() };
+        let (deletable, text) = without_switch(text);
+        let mut line = Line { text, deletable, ..Line::default() };
         if text.trim() == "%" {
             return Ok(line);
-        }
-        if let Some(rest) = text.trim_start().strip_prefix('/') {
-            // Fanuc numbers its switches: /1 to /9
-            let rest = rest.strip_prefix(|c: char| c.is_ascii_digit()).unwrap_or(rest);
-            (line.deletable, line.text) = (true, rest.trim());
         }
         let mut rest = line.text.trim_start();
         if rest.starts_with(['O', 'o']) {
@@ -73,38 +70,26 @@ impl<'a> Line<'a> {
                     break;
                 }
                 '(' => line.take_comment(rest)?,
-                '#' | '[' | '=' => {
-                    return Err("parameters and expressions are not supported: write numbers".into());
-                }
-                'O' | 'o' => return Err("an O word has to begin its line".into()),
-                c if c.is_ascii_alphabetic() => line.take_word(rest, c)?,
-                c => return Err(format!("expected a letter with a number, found `{c}`: {ISO}")),
+                _ => line.take_word(rest)?,
             };
         }
         Ok(line)
     }
 
     fn take_comment(&mut self, rest: &'a str) -> Result<&'a str, Refusal> {
-        let end = rest.find(')').ok_or("the comment is not closed: `)` is missing")?;
-        self.comments.push(&rest[..=end]);
-        Ok(rest[end + 1..].trim_start())
+        let (comment, rest) = comment(rest)?;
+        self.comments.push(comment);
+        Ok(rest.trim_start())
     }
 
-    fn take_word(&mut self, rest: &'a str, first: char) -> Result<&'a str, Refusal> {
-        let letter = first.to_ascii_uppercase();
+    fn take_word(&mut self, rest: &'a str) -> Result<&'a str, Refusal> {
+        let letter = letter(rest)?.to_ascii_uppercase();
         let after = rest[1..].trim_start();
         let digits = after.find(|c: char| !c.is_ascii_digit() && !"+-.".contains(c)).unwrap_or(after.len());
         let written = &after[..digits];
         match written.parse::<f64>() {
             Ok(value) if value.is_finite() => self.words.push(Word { letter, value, written }),
-            _ if after.starts_with(['#', '[']) => {
-                return Err(format!("{letter}: parameters and expressions are not supported: write a number"));
-            }
-            _ => {
-                let found: String = after.chars().take_while(|c| !c.is_whitespace()).take(20).collect();
-                let hint = if found.starts_with(char::is_alphabetic) { format!(": {ISO}") } else { String::new() };
-                return Err(format!("{letter}: expected a number, found `{found}`{hint}"));
-            }
+            _ => return Err(statement(rest).unwrap_or_else(|| format!("{letter}: {}", not_a_number(after)))),
         }
         Ok(after[digits..].trim_start())
     }
@@ -119,12 +104,16 @@ impl<'a> Line<'a> {
             Some(head.find(|c: char| !c.is_ascii_digit()).unwrap_or(head.len()))
         };
         let Some(end) = after_name.filter(|end| *end > 0) else {
-            return Err("O: expected a subprogram's number, or its name in < >".into());
+            return Err("O: expected a number, or a name in < >".into());
         };
         let (name, rest) = head.split_at(end);
         let rest = rest.trim();
         let letters = rest.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(rest.len());
-        let name = if name.starts_with('<') { name } else { same_number(name) };
+        let name = if name.starts_with('<') {
+            name.chars().filter(|c| !c.is_whitespace()).collect::<String>().to_ascii_lowercase()
+        } else {
+            same_number(name).to_owned()
+        };
         let (keyword, argument) = (rest[..letters].to_ascii_lowercase(), rest[letters..].trim());
         self.label = Some(Label { name, keyword, argument });
         Ok(tail)
@@ -139,6 +128,69 @@ impl<'a> Line<'a> {
     pub fn is_silent(&self) -> bool {
         self.words.is_empty() && self.label.is_none()
     }
+}
+
+/// Whether a line begins with `/`, and what is behind that. Fanuc numbers its switches: `/1` to `/9`.
+pub(super) fn without_switch(text: &str) -> (bool, &str) {
+    match text.trim_start().strip_prefix('/') {
+        Some(rest) => (true, rest.strip_prefix(|c: char| c.is_ascii_digit()).unwrap_or(rest).trim()),
+        None => (false, text.trim_end()),
+    }
+}
+
+/// A line's code, and its comments.
+pub(super) fn apart(mut rest: &str) -> Result<(String, Vec<&str>), Refusal> {
+    let (mut code, mut comments) = (String::new(), Vec::new());
+    while let Some(start) = rest.find(['(', ';']) {
+        code.push_str(&rest[..start]);
+        let (found, after) = comment(&rest[start..])?;
+        comments.push(found);
+        rest = after;
+    }
+    code.push_str(rest);
+    Ok((code.trim().to_owned(), comments))
+}
+
+/// The comment that a text begins with, and what is behind it.
+fn comment(text: &str) -> Result<(&str, &str), Refusal> {
+    if text.starts_with(';') {
+        return Ok((text, ""));
+    }
+    let end = text.find(')').ok_or("the comment is not closed: `)` is missing")?;
+    Ok(text.split_at(end + 1))
+}
+
+/// Statements of Fanuc's macros.
+const STATEMENTS: [&str; 7] = ["GOTO", "IF", "WHILE", "THEN", "ELSE", "END", "DO"];
+
+/// Why a word is refused that begins one of Fanuc's statements.
+pub(super) fn statement(word: &str) -> Option<Refusal> {
+    let letters = word.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(word.len());
+    let found = STATEMENTS.iter().find(|s| s.eq_ignore_ascii_case(&word[..letters]))?;
+    Some(format!(
+        "`{found}` of Fanuc's macros is not supported: write LinuxCNC's O words, such as `o1 while [#1 LT 5]` and `o1 endwhile`, or \
+         let the CAM system write the moves out"
+    ))
+}
+
+/// The letter that a word begins with.
+pub(super) fn letter(rest: &str) -> Result<char, Refusal> {
+    match rest.chars().next() {
+        Some('O' | 'o') => Err("an O word has to begin its line".into()),
+        Some(c) if c.is_ascii_alphabetic() => Ok(c),
+        Some(c @ ('+' | '-' | '*')) => Err(format!(
+            "expected a letter with a number, found `{c}`: what is computed stands in brackets, such as #1=[#2+3]"
+        )),
+        Some(']') => Err("`]` closes no bracket".into()),
+        c => Err(format!("expected a letter with a number, found `{}`: {ISO}", c.unwrap_or(' '))),
+    }
+}
+
+/// What stands where a number is expected.
+pub(super) fn not_a_number(rest: &str) -> Refusal {
+    let found: String = rest.chars().take_while(|c| !c.is_whitespace()).take(20).collect();
+    let hint = if found.starts_with(char::is_alphabetic) { format!(": {ISO}") } else { String::new() };
+    format!("expected a number, found `{found}`{hint}")
 }
 
 /// `0100` and `100` are one number.

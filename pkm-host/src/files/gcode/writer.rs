@@ -1,8 +1,8 @@
 //! A program written with other places, line by line beside the original.
 
 use super::modal::{Form, Style};
-use super::words::{Line, Word};
-use super::{Content, Program, turned};
+use super::words::{Line, Word, apart, without_switch};
+use super::{Content, Program, TextAt, turned};
 use crate::files::path::{Place, Toward};
 
 /// Stops of a program on the line of a move: they come behind it.
@@ -79,27 +79,38 @@ impl Writer<'_> {
     /// Writes the blocks that have all of their places.
     fn write_complete(&mut self) {
         while let Some(block) = self.program.blocks.get(self.block) {
-            let index = block.line as usize;
             let count = if let Content::Moves { count, .. } = block.content { count as usize } else { 0 };
             if self.places.len() < count {
                 return;
             }
+            let program = self.program;
+            let text: &str = match block.text {
+                TextAt::Line(index) => self.lines[index as usize],
+                TextAt::Expanded(index) => &program.expanded[index as usize],
+            };
             // it was read before, and so it is readable
-            if let Ok(line) = Line::parse(self.lines[index]) {
-                match block.content {
-                    Content::Text => self.pass(&line),
-                    Content::Call => self.call(&line),
-                    Content::Moves { style, .. } => {
-                        let places = std::mem::take(&mut self.places);
-                        self.moves(&line, &self.program.styles[style as usize], self.first, &places);
-                        self.first += count;
-                    }
+            match (block.content, Line::parse(text)) {
+                (Content::Note, _) => self.note(text),
+                (Content::Text, Ok(line)) => self.pass(&line),
+                (Content::Call, Ok(line)) => self.call(&line),
+                (Content::Moves { style, .. }, Ok(line)) => {
+                    let places = std::mem::take(&mut self.places);
+                    self.moves(&line, &self.program.styles[style as usize], self.first, &places);
+                    self.first += count;
                 }
+                (_, Err(_)) => {}
             }
-            if self.percent == Some(index) {
+            if self.percent.is_some_and(|line| block.text == TextAt::Line(line as u32)) {
                 self.head = self.text.len();
             }
             self.block += 1;
+        }
+    }
+
+    /// The line as a comment.
+    fn note(&mut self, text: &str) {
+        if let Ok((code, _)) = apart(without_switch(text).1) {
+            self.put(&format!("({})", code.replace(['(', ')'], "")));
         }
     }
 
