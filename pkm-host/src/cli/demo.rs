@@ -7,8 +7,9 @@ use serde_json::json;
 
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
-use crate::files::source;
+use crate::files::source::{self, Source};
 use crate::report::demo::{self as report, Exhibit};
+use crate::report::page::headline;
 
 /// Runs the main commands on data that come with the program, and writes a page that leads to all their reports: what each is for, how it was
 /// called, what it said. It takes half a minute; the data go to the folder, too, so that every call can be made again and changed.
@@ -117,7 +118,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     for (n, call) in CALLS.iter().enumerate() {
         eprintln!("{} of {}: {}", n + 1, CALLS.len(), call.title);
         let Call { title, about, page, .. } = *call;
-        exhibits.push(Exhibit { title, about, page, command: call.typed(), said: call.run(&args.out)? });
+        let said = call.run(&args.out)?;
+        let made = Source::read(&args.out.join(page))?;
+        let headline = headline(made.text()?).map(str::to_owned);
+        exhibits.push(Exhibit { title, about, page, command: call.typed(), said, headline });
     }
     source::write_all(&args.out, &[("index.html", report::page(&exhibits))], &[])?;
     let index = args.out.join("index.html").display().to_string();

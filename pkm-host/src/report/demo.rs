@@ -1,6 +1,6 @@
 //! The page that leads to the reports of a demonstration.
 
-use maud::html;
+use maud::{PreEscaped, html};
 
 use super::page::{Finding, Page, fold};
 
@@ -15,6 +15,8 @@ pub(crate) struct Exhibit {
     pub(crate) command: String,
     /// What it printed.
     pub(crate) said: String,
+    /// What its page says first, as HTML.
+    pub(crate) headline: Option<String>,
 }
 
 /// `index.html`.
@@ -28,6 +30,7 @@ pub(crate) fn page(exhibits: &[Exhibit]) -> String {
         @for exhibit in exhibits {
             h2 { a href=(exhibit.page) { (exhibit.title) } }
             p { (exhibit.about) }
+            @if let Some(headline) = &exhibit.headline { p { strong { (PreEscaped(headline)) } } }
             pre { (exhibit.command) }
             (fold("what it said", &html! { pre { (exhibit.said.trim_end()) } }))
         }

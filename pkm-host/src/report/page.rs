@@ -11,6 +11,8 @@ use crate::report::plot::{self, Panel};
 
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("page.js");
+/// Around what a page says first.
+const HEADLINE: [&str; 2] = ["<p class=\"headline\">", "</p>"];
 
 /// Sections from which on a page has a list of them.
 const CONTENTS: usize = 3;
@@ -156,7 +158,7 @@ impl Page<'_> {
                         h1 { (self.title) }
                         section.verdict.(verdict.state.class()) {
                             p.state { span aria-hidden="true" { (verdict.state.symbol()) } " " (verdict.state.word()) }
-                            p.headline { (verdict.text) }
+                            (PreEscaped(HEADLINE[0])) (verdict.text) (PreEscaped(HEADLINE[1]))
                             @for (role, words) in [(Role::Sure, "How sure"), (Role::Todo, "What to do")] {
                                 @for f in of(role) { p { strong { (words) ": " } (f.text) } }
                             }
@@ -180,6 +182,12 @@ impl Page<'_> {
         };
         page.into_string() + "\n"
     }
+}
+
+/// What a page says first, as it stands in it.
+pub(crate) fn headline(html: &str) -> Option<&str> {
+    let (_, rest) = html.split_once(HEADLINE[0])?;
+    Some(rest.split_once(HEADLINE[1])?.0)
 }
 
 /// A page that says when it was made, too: not one that has to be the same whenever it is made.

@@ -21,6 +21,7 @@ fn every_page_of_the_demonstration_is_there() {
             assert!(fs::metadata(folder.path(&format!("out/{input}"))).is_ok(), "{input}");
         }
     }
+    assert_eq!(index.matches("<strong>").count(), 8 - 1, "each report but the live page says what it found");
     // the README's picture is what a reader gets
     let picture = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/finding.svg")).unwrap();
     assert!(folder.read("out/diagnosis/report.html").contains(picture.trim_end()));

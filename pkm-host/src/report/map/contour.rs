@@ -94,6 +94,29 @@ pub fn chord(planes: &[[f64; 3]], p: [f64; 2], d: [f64; 2], range: [f64; 2]) -> 
     (part[0] < part[1]).then_some(part)
 }
 
+/// Where the line p + t·d is inside of polygons that cover nothing twice: stretches of t, in order.
+pub fn within<const N: usize>(polygons: &[Vec<Corner<N>>], p: [f64; 2], d: [f64; 2]) -> Vec<[f64; 2]> {
+    let from_p = |c: &Corner<N>| [c.at[0] - p[0], c.at[1] - p[1]];
+    let side = |[x, z]: [f64; 2]| x * d[1] - z * d[0];
+    let along = |[x, z]: [f64; 2]| (x * d[0] + z * d[1]) / (d[0] * d[0] + d[1] * d[1]);
+    let crossing = |[a, b]: [&Corner<N>; 2]| {
+        let (a, b) = (from_p(a), from_p(b));
+        let (at_a, at_b) = (side(a), side(b));
+        ((at_a >= 0.0) != (at_b >= 0.0)).then(|| along(a) + (along(b) - along(a)) * at_a / (at_a - at_b))
+    };
+    let mut crossings: Vec<f64> = polygons.iter().flat_map(|polygon| edges(polygon).filter_map(crossing)).collect();
+    crossings.sort_unstable_by(f64::total_cmp);
+    let mut stretches: Vec<[f64; 2]> = Vec::new();
+    for pair in crossings.chunks_exact(2) {
+        match stretches.last_mut() {
+            // where two of them meet
+            Some(last) if pair[0] - last[1] < 1e-6 => last[1] = pair[1],
+            _ => stretches.push([pair[0], pair[1]]),
+        }
+    }
+    stretches
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,5 +166,17 @@ mod tests {
         assert_eq!(chord(&square, [-1.0, 0.5], [1.0, 0.0], [0.0, 9.0]), Some([1.0, 2.0]));
         assert_eq!(chord(&square, [-1.0, 0.5], [1.0, 0.0], [0.0, 1.5]), Some([1.0, 1.5]));
         assert_eq!(chord(&square, [-1.0, 1.5], [1.0, 0.0], [0.0, 9.0]), None);
+    }
+
+    #[test]
+    fn a_line_is_inside_of_a_row_of_squares_but_for_the_gap() {
+        let square = |x: f64| {
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+                .map(|[a, b]| Corner { at: [x + a, b], values: [0.0] })
+                .to_vec()
+        };
+        let row = [square(0.0), square(3.0), square(1.0)];
+        assert_eq!(within(&row, [-1.0, 0.25], [0.5, 0.0]), [[2.0, 6.0], [8.0, 10.0]]);
+        assert!(within(&row, [-1.0, 1.5], [1.0, 0.0]).is_empty());
     }
 }

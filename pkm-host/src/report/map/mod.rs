@@ -189,3 +189,38 @@ pub fn html(
     let findings = findings(sheets, correction.is_some());
     Page { title: format!("Stiffness map of {}", file.name), findings: &findings, warnings, body, facts }.html()
 }
+
+#[cfg(test)]
+mod tests {
+    use plotters::prelude::*;
+
+    /// By WCAG's formula.
+    fn light(rgb: [u8; 3]) -> f64 {
+        let [r, g, b] = rgb.map(|v| {
+            let v = f64::from(v) / 255.0;
+            if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+        });
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    }
+
+    /// Black and white become the page's ink and card.
+    #[test]
+    fn stripes_are_seen_on_every_colour_light_and_dark() {
+        let style = include_str!("../style.css");
+        for scheme in style.lines().take(2) {
+            let colour = |name: &str| {
+                let start = scheme.find(name).unwrap() + name.len();
+                let hex = scheme[start..].split([';', '}']).next().unwrap();
+                let hex = if hex.len() == 3 { hex.repeat(2) } else { hex.to_owned() };
+                light([0, 2, 4].map(|i| u8::from_str_radix(&hex[i..i + 2], 16).unwrap()))
+            };
+            let lines = [colour("--ink:#"), colour("--card:#")];
+            for n in 0..=100 {
+                let RGBColor(r, g, b) = ViridisRGB.get_color(f64::from(n) / 100.0);
+                let ground = light([r, g, b]);
+                let contrast = lines.map(|l| (l.max(ground) + 0.05) / (l.min(ground) + 0.05));
+                assert!(contrast[0].max(contrast[1]) >= 3.0, "{n} %: {contrast:?} in {scheme}");
+            }
+        }
+    }
+}

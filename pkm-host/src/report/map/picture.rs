@@ -184,18 +184,19 @@ impl Mark {
 
     const BOX: Self = Self { colour: RGBAColor(0, 0, 0, 1.0), width: 4, dash: Some((14, 8)), striped: false };
 
-    const STRIPES: Self = Self { colour: RGBAColor(255, 255, 255, 0.75), width: 4, dash: None, striped: true };
+    /// Light on dark: one of them is seen on every colour.
+    const STRIPES: [Self; 2] = [
+        Self { colour: RGBAColor(0, 0, 0, 1.0), width: 4, dash: None, striped: true },
+        Self { colour: RGBAColor(255, 255, 255, 1.0), width: 2, dash: None, striped: true },
+    ];
 
     fn line(&self, area: &DrawingArea<SVGBackend<'_>, Shift>, points: Vec<Pixel>) -> Result<()> {
         if self.striped {
             let [(x0, y), (x1, _)] = [points[0], points[1]];
             area.draw(&Rectangle::new([(x0, y - 14), (x1, y + 14)], ViridisRGB.get_color(0.5).filled()))
                 .map_err(failed)?;
-            for x in (x0..=x1 - 28).step_by(18) {
-                let stripe = vec![(x, y + 14), (x + 28, y - 14)];
-                area.draw(&PathElement::new(stripe, self.colour.stroke_width(self.width))).map_err(failed)?;
-            }
-            return Ok(());
+            let stripes = (x0..=x1 - 28).step_by(18).map(|x| vec![(x, y + 14), (x + 28, y - 14)]);
+            return draw_stripes(area, &stripes.collect::<Vec<_>>());
         }
         let style = self.colour.stroke_width(self.width);
         match self.dash {
@@ -236,7 +237,7 @@ fn entries(file: &MachineFile, map: &Map, legend: &Legend<'_>, region: &Region) 
         entries.push(Entry { mark: Mark::BOX, name });
     }
     if map.points.iter().any(|p| p.status() == "outside_box") {
-        entries.push(Entry { mark: Mark::STRIPES, name: "outside the table's box: extrapolated".into() });
+        entries.push(Entry { mark: Mark::STRIPES[0], name: "outside the table's box: extrapolated".into() });
     }
     entries
 }
@@ -271,8 +272,17 @@ fn box_edges(map: &Map, legend: &Legend<'_>) -> Vec<[[f64; 2]; 2]> {
     (0..4).filter_map(side).collect()
 }
 
-/// Stripes over the window but for the box.
-fn stripes(map: &Map, legend: &Legend<'_>, spacing_mm: f64) -> Vec<[[f64; 2]; 2]> {
+fn draw_stripes(area: &DrawingArea<SVGBackend<'_>, Shift>, stripes: &[Vec<Pixel>]) -> Result<()> {
+    for mark in Mark::STRIPES {
+        for stripe in stripes {
+            area.draw(&PathElement::new(stripe.clone(), mark.colour.stroke_width(mark.width))).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
+/// Stripes over what the machine reaches but for the box.
+fn stripes(map: &Map, legend: &Legend<'_>, region: &Region, spacing_mm: f64) -> Vec<[[f64; 2]; 2]> {
     let [[x0, x1], [z0, z1]] = map.grid.extent_mm();
     let count = ((x1 - x0 + z1 - z0) / spacing_mm) as usize;
     let mut stripes = Vec::new();
@@ -282,9 +292,11 @@ fn stripes(map: &Map, legend: &Legend<'_>, spacing_mm: f64) -> Vec<[[f64; 2]; 2]
         let Some([from, to]) = contour::chord(&window_planes(map), p, [1.0, 1.0], [0.0, f64::INFINITY]) else {
             continue;
         };
-        match box_planes(map, legend).and_then(|planes| contour::chord(&planes, p, [1.0, 1.0], [from, to])) {
-            Some([enter, leave]) => stripes.extend([[at(from), at(enter)], [at(leave), at(to)]]),
-            None => stripes.push([at(from), at(to)]),
+        let boxed = box_planes(map, legend).and_then(|planes| contour::chord(&planes, p, [1.0, 1.0], [from, to]));
+        let [enter, leave] = boxed.unwrap_or([to, to]);
+        for [a, b] in contour::within(&region.pieces, p, [1.0, 1.0]) {
+            let outside = [[from, enter], [leave, to]].map(|[c, d]| [a.max(c), b.min(d)]);
+            stripes.extend(outside.into_iter().filter(|[c, d]| c < d).map(|part| part.map(at)));
         }
     }
     stripes
@@ -418,13 +430,8 @@ fn panel(
     }
     if legend.table {
         let spacing_mm = size::HATCH * (x1 - x0) / f64::from(width);
-        for stripe in stripes(map, legend, spacing_mm) {
-            area.draw(&PathElement::new(
-                stripe.map(pixel).to_vec(),
-                Mark::STRIPES.colour.stroke_width(Mark::STRIPES.width),
-            ))
-            .map_err(failed)?;
-        }
+        let stripes = stripes(map, legend, region, spacing_mm);
+        draw_stripes(area, &stripes.into_iter().map(|s| s.map(pixel).to_vec()).collect::<Vec<_>>())?;
     }
     let border = |border: usize, mark: Mark| {
         let edges = region.borders[border].iter().map(|e| e.map(pixel));
