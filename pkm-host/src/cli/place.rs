@@ -75,9 +75,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
     let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation)?;
     let method = args.method.unwrap_or(if job.slides_and_turns() { Method::De } else { Method::Grid });
-    if method == Method::Certified && !placement.can_be_certified() {
-        let message = "nothing can be certified without --table, beyond its box, where the cross slide runs along z of B, or with the effect preload: give --method grid";
-        return Err(Failure::usage(message));
+    if method == Method::Certified
+        && let Some(why) = placement.why_not_certified()
+    {
+        return Err(Failure::usage(format!("--method certified: {why}")));
     }
     let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };
     let usual_step = if method == Method::Certified { 10.0 } else { 2.0 };

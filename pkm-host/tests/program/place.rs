@@ -192,8 +192,11 @@ fn a_certificate_holds_against_the_grid_and_its_optimum_is_not_worse() {
     let folder = Folder::new();
     let file = folder.write("job.toml", &job);
     let certify = ["place", "--job", &file, "--method", "certified", "--out", "/nowhere"];
-    says(&certify, "--method grid|table");
-    says(&[&certify[..], &["--table", &table, "--allow-extrapolation"]].concat(), "--method grid|table");
+    says(&certify, "give --table");
+    says(&[&certify[..], &["--table", &table, "--allow-extrapolation"]].concat(), "leave --allow-extrapolation out");
+    let preloaded = crate::common::reference_machine() + "[[effect]]\nid = \"preload\"\nlimbs_1_2_n = 500\n";
+    let machine = folder.write("preloaded.toml", &preloaded);
+    says(&[&certify[..], &["--machine", &machine, "--table", &table]].concat(), "preload|--method grid");
 }
 
 #[test]

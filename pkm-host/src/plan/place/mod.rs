@@ -150,14 +150,22 @@ impl<'a> PlacementModel<'a> {
         })
     }
 
-    /// Whether branch and bound can prove anything: postures must be within a table's box, since near the end of travel and near
-    /// singularities bounds hardly close; positions of the cross slide must follow from β1 and β2, so it must not run along
-    /// |AB|, and deflections from the load without iteration, which preloaded limbs take.
-    pub fn can_be_certified(&self) -> bool {
+    /// What keeps branch and bound from proving anything, and what to do: postures must be within a table's box, since near the end
+    /// of travel and near singularities bounds hardly close; positions of the cross slide must follow from β1 and β2, so it must not
+    /// run along |AB|, and deflections from the load without iteration, which preloaded limbs take.
+    pub fn why_not_certified(&self) -> Option<&'static str> {
         let parameters = &self.reach.file.parameters.effects.parameters;
         let preloaded = EFFECTS.iter().zip(parameters).any(|(e, p)| e.id == "preload" && p.iter().any(|p| *p != 0.0));
-        let in_box = self.table.is_some() && !self.extrapolate;
-        in_box && self.job.base_in_world.rotation[(2, 2)].abs() > 0.5 && !preloaded
+        let reasons = [
+            (self.table.is_none(), "it is proved inside a table's box: give --table, coefficients.json of fit"),
+            (self.extrapolate, "it is proved inside the table's box: leave --allow-extrapolation out"),
+            (
+                self.job.base_in_world.rotation[(2, 2)].abs() <= 0.5,
+                "the job's cross slide moves along z of the machine: give --method grid",
+            ),
+            (preloaded, "the machine file has the effect preload, which takes iterations: give --method grid"),
+        ];
+        reasons.into_iter().find_map(|(is, why)| is.then_some(why))
     }
 
     fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {
