@@ -195,7 +195,8 @@ fn gallery(browser: &mut Browser, reports: &[(&str, PathBuf)], out: &Path) -> Ou
         browser.open(&shown, GALLERY_WINDOW, false, false)?;
         browser.first_screen(&folder.join(format!("{name}.webp")), GALLERY_WINDOW, GALLERY_SCALE)?;
     }
-    println!("wrote docs/gallery");
+    view::picture(browser, &out.join("view.html"))?;
+    println!("wrote docs/gallery and docs/view.webp");
     Ok(())
 }
 
@@ -234,14 +235,15 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
     run(&["fit"], &folder("fit"))?;
     run(&["fit", "--terms=full"], &folder("fit-full"))?;
     run(&["fit", &option("data", &diagonal)], &folder("fit-diagonal"))?;
-    for set in ["p08", "p10"] {
+    // of one machine, before limb 2 was repaired and after
+    for (name, set) in [("p10", "p10"), ("worn", "own-limb-2-axial-easy"), ("repaired", "own-none-1")] {
         let part = |what: &str, name: &str| option(what, &fixture(&format!("measured/{set}/{name}")));
         let files = [part("machine", "machine.toml"), part("data", "measured.csv"), part("holdout", "heldout.csv")];
         let [machine, data, others] = files.each_ref().map(String::as_str);
-        run(&["diagnose", machine, data, others], &folder(&format!("diagnose-{set}")))?;
+        run(&["diagnose", machine, data, others], &folder(&format!("diagnose-{name}")))?;
     }
-    let document = |what: &str, set: &str| option(what, &folder(&format!("diagnose-{set}")));
-    run(&["verify", &document("before", "p10"), &document("after", "p08")], &folder("verify"))?;
+    let document = |what: &str, name: &str| option(what, &folder(&format!("diagnose-{name}")));
+    run(&["verify", &document("before", "worn"), &document("after", "repaired")], &folder("verify"))?;
     let table = option("table", &fixture("jobs/wide-table.json"));
     run(&["place", &table, "--step-mm=5", "--step-deg=5", "--seed=1"], &folder("place"))?;
     run(&["map", &table], &folder("map"))?;
@@ -260,7 +262,7 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
         "fit",
         "fit-full",
         "fit-diagonal",
-        "diagnose-p08",
+        "diagnose-worn",
         "diagnose-p10",
         "verify",
         "place",

@@ -47,7 +47,9 @@ pub fn look(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
     let fixture = |option: &str, name: &str| format!("--{option}={}", root().join("fixtures").join(name).display());
     let args = [fixture("table", "jobs/wide-table.json"), fixture("path", "jobs/path.csv")];
     let page = written(out, "view.html", &args)?;
-    let other = written(out, "view-x150.html", &[fixture("machine", "machines/x150.toml")])?;
+    let machine = out.join("x150.toml");
+    std::fs::write(&machine, softened(true, true)?).map_err(|e| e.to_string())?;
+    let other = written(out, "view-x150.html", &[format!("--machine={}", machine.display())])?;
     let size = std::fs::metadata(&page).map_err(|e| e.to_string())?.len();
     let mut wrong = Vec::new();
     if size > LARGEST {
@@ -62,13 +64,24 @@ pub fn look(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
     ] {
         let faults = opened(browser, path, window, dark, &out.join(format!("{name}.png")))?;
         wrong.extend(faults.into_iter().map(|fault| format!("{name}: {fault}")));
+        if name == "view-x150" {
+            wrong.extend(toggled(browser, out)?.into_iter().map(|fault| format!("{name}: {fault}")));
+        }
     }
     wrong.extend(driven(browser)?.into_iter().map(|fault| format!("view: {fault}")));
+    wrong.extend(still(browser)?.into_iter().map(|fault| format!("view: {fault}")));
     wrong.extend(unreached(browser)?.into_iter().map(|fault| format!("view: {fault}")));
     wrong.extend(browser.complaints().into_iter().map(|fault| format!("view: {fault}")));
     let pages = browser.print(&out.join("view.pdf"))?;
     println!("view: {size} bytes, {pages} pages of paper");
     Ok(wrong)
+}
+
+/// The picture of the README and the gallery.
+pub fn picture(browser: &mut Browser, page: &Path) -> Outcome {
+    browser.open(page, DESKTOP, false, false)?;
+    wait(browser)?;
+    browser.first_screen(&root().join("docs/view.webp"), DESKTOP, 1.0)
 }
 
 /// Waits until the page has compared its results with the program's.
@@ -177,6 +190,81 @@ fn driven(browser: &mut Browser) -> Result<Vec<String>, String> {
     let on_path = "(() => { const p = pkm.data.path.points[+document.querySelector('#path input').value - 1]; return p[2].every((v, i) => v === pkm.state.configuration[i]) && p[3].every((v, i) => v === pkm.state.wrench[i]); })()";
     expect(browser.evaluate(on_path)? == true, "the machine is not where the path is");
     Ok(wrong)
+}
+
+/// The machine file of x150, with an effect and with an element.
+fn softened(effect: bool, element: bool) -> Result<String, String> {
+    let path = root().join("fixtures/machines/x150.toml");
+    let mut text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    if effect {
+        text += "[[effect]]\nid = \"limb-2-axial\"\naxial_m_per_n = 1e-8\n";
+    }
+    if element {
+        text += "[[element]]\nplace = \"base\"\nmotion = \"z\"\nlaw = \"constant\"\ncompliance_m_per_n = 2e-8\n";
+    }
+    Ok(text)
+}
+
+/// Effects and elements are switched off and on: the page's k33 at home is that of the program for a machine file that has them or not.
+fn toggled(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
+    let (machine, poses) = (out.join("softened.toml"), out.join("home.csv"));
+    std::fs::write(&poses, "pose,theta_deg,sigma_deg,z0_mm\nhome,0,0,255\n").map_err(|e| e.to_string())?;
+    let [machine_option, poses_option] =
+        [("machine", &machine), ("poses", &poses)].map(|(name, path)| format!("--{name}={}", path.display()));
+    let click = |name: &str| {
+        format!(
+            "[...document.querySelectorAll('#model-body label.check, #model-body button')].find(e => e.textContent === '{name}').click()"
+        )
+    };
+    let mut wrong = Vec::new();
+    for (press, effect, element) in [
+        (None, true, true),
+        (Some("limb-2-axial"), false, true),
+        (Some("base, z, constant"), false, false),
+        (Some("limb-2-axial"), true, false),
+        (Some("As in the machine file"), true, true),
+    ] {
+        if let Some(press) = press {
+            browser.evaluate(&click(press))?;
+        }
+        let shown = browser.evaluate("(() => { pkm.draw(); return pkm.answer.basic.k[14]; })()")?.as_f64();
+        std::fs::write(&machine, softened(effect, element)?).map_err(|e| e.to_string())?;
+        let said = cli::run(["stiffness", &machine_option, &poses_option, "--json"]).map_err(|e| e.to_string())?;
+        let said: Value = serde_json::from_str(&said.json).map_err(|e| e.to_string())?;
+        let expected = said["poses"][0]["k"][2][2].as_f64();
+        if !shown.zip(expected).is_some_and(|(a, b)| (a - b).abs() < 1e-9 * b) {
+            wrong.push(format!("effect {effect}, element {element}: k33 is {shown:?}, the program says {expected:?}"));
+        }
+    }
+    Ok(wrong)
+}
+
+/// Who wants little motion gets a picture of the path twice a second, and nothing that fades or slides.
+fn still(browser: &mut Browser) -> Result<Vec<String>, String> {
+    let ask = |browser: &mut Browser, value: &str| {
+        let features = json!([{ "name": "prefers-reduced-motion", "value": value }]);
+        browser.call("Emulation.setEmulatedMedia", json!({ "media": "screen", "features": features })).map(drop)
+    };
+    ask(browser, "reduce")?;
+    let found = browser.evaluate(
+        "(async () => {
+            const at = () => +document.querySelector('#path input').value, play = document.getElementById('play'), seen = new Set([at()]);
+            play.click();
+            for (let n = 0; n < 120; n++) { await new Promise(r => setTimeout(r, 10)); seen.add(at()); }
+            if (play.ariaPressed === 'true') play.click();
+            const moving = [...document.querySelectorAll('*')].filter(e => parseFloat(getComputedStyle(e).transitionDuration) > 0).length;
+            return { steps: seen.size, moving };
+        })()",
+    )?;
+    ask(browser, "no-preference")?;
+    let few = found["steps"].as_u64().is_some_and(|steps| (2..=5).contains(&steps));
+    let fault = || {
+        format!(
+            "with reduced motion the path is played in {} steps of 1.2 s, {} parts fade",
+            found["steps"], found["moving"]
+        )
+    };
+    Ok(if few && found["moving"] == 0 { Vec::new() } else { vec![fault()] })
 }
 
 /// A diagnosis of this machine is opened and shows its reading, one of another machine is refused.
