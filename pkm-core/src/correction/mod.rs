@@ -348,6 +348,17 @@ impl<T: Scalar> CorrectionTable<'_, T> {
         Ok(Corrected { factor: StiffnessFactor { lower }, domain: self.domain(pose) })
     }
 
+    /// The factor L of a K_p turned into L G. It may be seen along other axes A, as that of A K_p Aᵀ, which is A L: G comes after.
+    /// What is elastic between A and the tool is not in it.
+    ///
+    /// # Errors
+    /// As [`factor_form`](Self::factor_form).
+    pub fn corrected(&self, k_p: &StiffnessFactor<T>, pose: &Pose<T>) -> Result<StiffnessFactor<T>, CorrectionError> {
+        let mut corrected = *k_p;
+        self.multiply_by_g(self.factor.ok_or(CorrectionError::NoFactorForm)?, pose, &mut corrected.lower)?;
+        Ok(corrected)
+    }
+
     /// Turns zeros into the factor of K_m. `posture` is the pose's own.
     pub(crate) fn add_factor_form(
         &self,
@@ -366,6 +377,11 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     #[inline(never)] // as `soften_by_tool`: neither takes stack while K_p is put together
     fn correct_factor(&self, rows: &[T], pose: &Pose<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
         stiffness::factor(lower)?;
+        self.multiply_by_g(rows, pose, lower)
+    }
+
+    #[inline(always)] // a frame less
+    fn multiply_by_g(&self, rows: &[T], pose: &Pose<T>, lower: &mut Lower<T>) -> Result<(), CorrectionError> {
         let g: [T; FACTOR_ENTRIES] = self.evaluate(rows, pose);
         for (row, d) in (1..).zip([g[0], g[2], g[5], g[9], g[14], g[20]]) {
             if !(d > T::ZERO) {

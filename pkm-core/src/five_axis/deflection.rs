@@ -27,7 +27,7 @@ pub const COMPENSATED_TO: f64 = 1e-4;
 impl<T: Scalar> Wrist<T> {
     /// A load on the tool at its tip, in the axes of T_h, as one on the platform at A.
     #[inline(never)]
-    fn wrench_at_a(&self, beta_rad: Vector2<T>, wrench: &Wrench<T>) -> Wrench<T> {
+    pub fn wrench_at_a(&self, beta_rad: Vector2<T>, wrench: &Wrench<T>) -> Wrench<T> {
         let held = self.held(beta_rad);
         let axes = held.axes();
         let turned = Wrench { force_n: axes * wrench.force_n, moment_nm: axes * wrench.moment_nm };

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::cover::{Box2, Cell, Cost, Cover, Solved};
 use super::search::{Judged, Polished as Best, Searcher, stiffest};
-use super::taylor::{ROUNDING, Taylor};
+use super::taylor::{ROUNDING, THREE, TWO, Taylor};
 use super::{Objective, Posture};
 use crate::files::job::{Axis, Hole, Position};
 
@@ -106,9 +106,9 @@ impl Searcher<'_> {
     ) -> (Option<Best>, Certificate) {
         let [low, high] = self.model.job.limits[Axis::Rotary];
         if high > low {
-            self.branched::<3>(objective, best, limits)
+            self.branched::<THREE>(objective, best, limits)
         } else {
-            self.branched::<2>(objective, best, limits)
+            self.branched::<TWO>(objective, best, limits)
         }
     }
 
@@ -286,8 +286,8 @@ impl<const N: usize> Search<'_, N> {
 
     /// Along which a cell's bound gains most by halving it.
     fn division(&self, cell: &Cell, whole: &Taylor<N>) -> usize {
-        let gain = |i: usize| whole.linear[i].abs() + whole.square[i].iter().map(|h| h.abs()).sum::<f64>();
-        let moving = (0..N).filter(|i| cell.half[*i] > 0.0);
+        let gain = |i: usize| whole.spread_by(i);
+        let moving = (0..Taylor::<N>::SYMBOLS).filter(|i| cell.half[*i] > 0.0);
         let best = moving.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).filter(|i| gain(*i) > 0.0);
         let widest = widest(cell);
         // not without end along one axis alone

@@ -6,10 +6,12 @@
 //! solution.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
+use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
-use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Wrench};
+use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
-use super::taylor::{Taylor, decided};
+use super::taylor::{THREE, Taylor, decided};
+use super::whitened::{Whitened, length};
 use super::{Objective, PlacementModel};
 use crate::files::job::{Hole, PerAxis, Position};
 
@@ -17,6 +19,10 @@ use crate::files::job::{Hole, PerAxis, Position};
 const SLACK: f64 = 1e-7;
 /// Where a box is not divided any more, rad.
 const SMALLEST: f64 = 1e-6;
+/// Where a box beside a great cell is divided, rad: over a greater one a cost is hardly known.
+const WIDEST: f64 = 0.03;
+/// How often what is bent is put into the solutions over a cell: a degree more is right each time.
+const BENDINGS: usize = 3;
 /// Boxes that are looked at for a hole and a cell, at the most.
 const MOST_BOXES: usize = 3000;
 
@@ -43,22 +49,26 @@ pub(super) struct Box2 {
     side: f64,
 }
 
+impl Box2 {
+    fn halves(self) -> [Self; 2] {
+        let i = usize::from(self.half[1] > self.half[0]);
+        [-1.0, 1.0].map(|sign| {
+            let mut part = self;
+            part.half[i] *= 0.5;
+            part.middle[i] += sign * part.half[i];
+            part
+        })
+    }
+}
+
 /// A box in which a cell's solutions follow from the position: β1 and β2 over the cell.
 #[derive(Clone, Debug)]
 pub(super) struct Solved<const N: usize> {
     pub within: Box2,
     /// `None`: the box is small beside the cell, or tells nothing.
-    over_cell: Option<OverCell<N>>,
+    over_cell: Option<[Taylor<N>; 2]>,
     /// Near the middle.
     pub near: Configuration<f64>,
-}
-
-/// β1 and β2 over a cell and somewhat beyond, to first order: without a rest, which a stiffness would magnify.
-#[derive(Clone, Debug)]
-struct OverCell<const N: usize> {
-    beta: [Taylor<N>; 2],
-    /// By how much the symbols of the cell may differ from those of β along the cross slide's axes.
-    apart: [f64; 2],
 }
 
 /// A hole in B: constant, times the sine and times the cosine of the rotary axis.
@@ -148,7 +158,7 @@ impl<'a, const N: usize> Cover<'a, N> {
 
     fn angle(cell: &Cell) -> Taylor<N> {
         let [.., middle] = cell.middle;
-        if N > 2 { Taylor::range(middle, cell.half[2], 2) } else { Taylor::constant(middle) }
+        if N == THREE { Taylor::range(middle, cell.half[2], 2) } else { Taylor::constant(middle) }
     }
 
     /// Where β1 and β2 put the machine and the cross slide for a hole.
@@ -247,20 +257,13 @@ impl<'a, const N: usize> Cover<'a, N> {
             };
             match narrowed {
                 Narrowed::Empty => {}
+                Narrowed::Solved(None) if within.half[0].max(within.half[1]) > WIDEST => open.extend(within.halves()),
                 Narrowed::Solved(over_cell) => solved.push(Solved { within, over_cell, near }),
                 _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
                     solved.push(Solved { within, over_cell: None, near });
                 }
                 Narrowed::To(smaller) => open.push(smaller),
-                Narrowed::No => {
-                    let i = usize::from(within.half[1] > within.half[0]);
-                    for sign in [-1.0, 1.0] {
-                        let mut part = within;
-                        part.half[i] *= 0.5;
-                        part.middle[i] += sign * part.half[i];
-                        open.push(part);
-                    }
-                }
+                Narrowed::No => open.extend(within.halves()),
             }
         }
         solved
@@ -268,7 +271,7 @@ impl<'a, const N: usize> Cover<'a, N> {
 
     /// What a hole costs where a cell's solutions are in a box; `None`: none of them is possible.
     pub fn cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &Solved<N>) -> Option<Cost<N>> {
-        let beta = solved.over_cell.as_ref().map_or(Self::over(&solved.within), |over| over.beta);
+        let beta = solved.over_cell.unwrap_or(Self::over(&solved.within));
         let stand = match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
             Standing::Nowhere => return None,
             Standing::Unknown => return Some(Cost::at_least(0.0)),
@@ -280,44 +283,47 @@ impl<'a, const N: usize> Cover<'a, N> {
         let Some(cost) = decided(|| self.cost_of(objective, &stand.configuration)) else {
             return Some(Cost::at_least(0.0));
         };
-        let mut over = cost?;
+        let over = cost?;
         // all costs are positive
         let low = over.low().max(0.0);
-        let Some(OverCell { apart, .. }) = solved.over_cell.as_ref().filter(|_| low > 0.0) else {
-            return Some(Cost::at_least(low));
-        };
-        for (i, apart) in apart.iter().enumerate() {
-            over.rest += apart * (over.linear[i].abs() + 2.0 * over.square[i].iter().map(|h| h.abs()).sum::<f64>());
-        }
-        Some(Cost { low, over })
+        Some(if solved.over_cell.is_some() && low > 0.0 { Cost { low, over } } else { Cost::at_least(low) })
     }
 
     fn cost_of(&self, objective: Objective, configuration: &Configuration<Taylor<N>>) -> Option<Taylor<N>> {
         let (five, pose) = (&self.five, &configuration.pose);
+        let factor = self.table.as_ref().filter(|table| table.has_factor_form());
+        let plain = self.model.reach.file.parameters.effects == Effects::NONE && !self.model.diagonal;
+        let whitened = match factor.filter(|_| plain) {
+            Some(table) => Some(Whitened::new(five, table, pose)?),
+            None => None,
+        };
         Some(match objective {
             Objective::Paper => {
-                let stiffness = match &self.table {
-                    None => five.machine.stiffness(pose).ok()?,
-                    Some(table) if self.model.diagonal => {
-                        table.diagonal_form(five.machine, pose).ok()?.factor.stiffness()
+                let sum = match (&whitened, &self.table) {
+                    (Some(whitened), _) => whitened.trace(),
+                    (_, None) => sum_of(&five.machine.stiffness(pose).ok()?),
+                    (_, Some(table)) if self.model.diagonal => {
+                        sum_of(&table.diagonal_form(five.machine, pose).ok()?.factor.stiffness())
                     }
-                    Some(table) => table.factor_form(five.machine, pose).ok()?.factor.stiffness(),
+                    (_, Some(table)) => sum_of(&table.factor_form(five.machine, pose).ok()?.factor.stiffness()),
                 };
-                let sum = stiffness.principal().iter().fold(Taylor::ZERO, |sum, k| sum + *k);
                 Taylor::ONE / sum
             }
-            Objective::TipWorst | Objective::TipMean => {
-                let factor = self.table.as_ref().filter(|table| table.has_factor_form());
-                let moved = five.deflection(factor, configuration, &self.wrench).ok()?.translation_m;
-                moved.dot(&moved).sqrt()
-            }
+            Objective::TipWorst | Objective::TipMean => length(&match &whitened {
+                Some(whitened) => whitened.moved(five, configuration.beta_rad, &self.wrench)?,
+                None => five.deflection(factor, configuration, &self.wrench).ok()?.translation_m,
+            }),
         })
     }
 }
 
+fn sum_of<const N: usize>(stiffness: &Stiffness<Taylor<N>>) -> Taylor<N> {
+    stiffness.principal().iter().fold(Taylor::ZERO, |sum, k| sum + *k)
+}
+
 fn middle<const N: usize>(c: &Configuration<Taylor<N>>) -> Configuration<f64> {
-    let [theta_rad, sigma_rad, z0_m] = [c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m].map(|t| t.middle);
-    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: c.beta_rad.map(|t| t.middle) }
+    let [theta_rad, sigma_rad, z0_m] = [c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m].map(|t| t.middle());
+    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: c.beta_rad.map(|t| t.middle()) }
 }
 
 enum Narrowed<const N: usize> {
@@ -326,40 +332,39 @@ enum Narrowed<const N: usize> {
     No,
     To(Box2),
     /// β1 and β2 over the cell, unless the box is small beside it.
-    Solved(Option<OverCell<N>>),
+    Solved(Option<[Taylor<N>; 2]>),
 }
 
-/// A step of Newton's method on s, the symbols of a box: J s = target − middle − (rotary) − squares(s) − rest.
+/// A step of Newton's method on s, the symbols of a box: J s = target − middle − (rotary) − what is bent.
 fn narrowed<const N: usize>(within: &Box2, stand: &Stand<N>, cell: &Cell) -> Narrowed<N> {
     let [fx, fy] = &stand.slide;
     for (f, i) in [(fx, 0), (fy, 1)] {
         let reach = f.spread() + cell.half[i] + 1e-12;
-        if (f.middle - cell.middle[i]).abs() > reach {
+        if (f.middle() - cell.middle[i]).abs() > reach {
             return Narrowed::Empty;
         }
     }
-    let jacobian = Matrix2::new(fx.linear[0], fx.linear[1], fy.linear[0], fy.linear[1]);
+    let jacobian = Matrix2::new(fx.linear(0), fx.linear(1), fy.linear(0), fy.linear(1));
     let Some(inverse) = jacobian.try_inverse().filter(|m| m.iter().all(|v| v.is_finite())) else {
         return Narrowed::No;
     };
-    let size = inverse.abs();
-    let beyond = size * Vector2::new(fx.square_size() + fx.rest, fy.square_size() + fy.rest);
-    let offset = inverse * Vector2::new(cell.middle[0] - fx.middle, cell.middle[1] - fy.middle);
+    let beyond = inverse.abs() * Vector2::new(fx.bent(), fy.bent());
     // s to first order in the symbols of the cell
-    let mut linear = [[0.0; N]; 2];
-    for i in 0..2 {
-        for (k, half) in cell.half.iter().enumerate().take(2) {
-            linear[i][k] = inverse[(i, k)] * half;
+    let straight: [Taylor<N>; 2] = [0, 1].map(|i: usize| {
+        let mut s = Taylor::ZERO;
+        for (k, f) in [fx, fy].into_iter().enumerate() {
+            s = s.plus(inverse[(i, k)], &(Taylor::range(cell.middle[k] - f.middle(), cell.half[k], k)));
+            if N == THREE {
+                s = s.plus(-inverse[(i, k)] * f.linear(2), &Taylor::range(0.0, 1.0, 2));
+            }
         }
-        if N > 2 {
-            linear[i][2] = -(inverse[(i, 0)] * fx.linear[2] + inverse[(i, 1)] * fy.linear[2]);
-        }
-    }
-    let image = linear.map(|row| row.iter().map(|v| v.abs()).sum::<f64>());
+        s
+    });
+    let image = straight.map(|s| s.spread());
     let (mut smaller, mut shrinks) = (*within, false);
     for i in 0..2 {
-        let reach = image[i] + beyond[i] + 1e-12;
-        let (low, high) = ((offset[i] - reach).max(-1.0), (offset[i] + reach).min(1.0));
+        let (offset, reach) = (straight[i].middle(), image[i] + beyond[i] + 1e-12);
+        let (low, high) = ((offset - reach).max(-1.0), (offset + reach).min(1.0));
         // NaN is not empty
         if low > high {
             return Narrowed::Empty;
@@ -378,26 +383,23 @@ fn narrowed<const N: usize>(within: &Box2, stand: &Stand<N>, cell: &Cell) -> Nar
         return Narrowed::No;
     }
     let fills = image.iter().all(|image| *image < 1.5);
-    Narrowed::Solved(fills.then(|| over_cell(within, cell, [fx, fy], &inverse, &offset, &linear)))
+    Narrowed::Solved(fills.then(|| over_cell(within, [fx, fy], &inverse, straight, &beyond)))
 }
 
-/// The box of symbols that holds all solutions: as far as the cell, and by squares and rest beyond.
+/// β1 and β2 of all solutions in a box over a cell: s is straight up to what is bent, and each time that s is put into that, what
+/// is left open shrinks.
 fn over_cell<const N: usize>(
     within: &Box2,
-    cell: &Cell,
     slide: [&Taylor<N>; 2],
     inverse: &Matrix2<f64>,
-    offset: &Vector2<f64>,
-    linear: &[[f64; N]; 2],
-) -> OverCell<N> {
-    let beyond = slide.map(|f| f.square_size() + f.rest + 1e-15);
-    let beta = std::array::from_fn(|i| {
-        let mut s = Taylor { middle: offset[i], linear: linear[i], ..Taylor::ZERO };
-        for k in 0..2 {
-            s.linear[k] = inverse[(i, k)] * (cell.half[k] + beyond[k]);
-        }
-        Taylor::constant(within.middle[i]).plus(within.half[i], &s)
-    });
-    let apart = [0, 1].map(|k: usize| 2.0 * beyond[k] / (cell.half[k] + beyond[k]));
-    OverCell { beta, apart }
+    straight: [Taylor<N>; 2],
+    beyond: &Vector2<f64>,
+) -> [Taylor<N>; 2] {
+    let mut s = [0, 1].map(|i| Taylor { rest: beyond[i], ..straight[i] });
+    for _ in 0..BENDINGS {
+        let symbols = [s[0], s[1], Taylor::range(0.0, 1.0, Taylor::<N>::SYMBOLS - 1)];
+        let bent = slide.map(|f| f.bent_of(&symbols[..Taylor::<N>::SYMBOLS]));
+        s = [0, 1].map(|i| straight[i].plus(-inverse[(i, 0)], &bent[0]).plus(-inverse[(i, 1)], &bent[1]));
+    }
+    [0, 1].map(|i: usize| Taylor::constant(within.middle[i]).plus(within.half[i], &s[i]))
 }

@@ -7,6 +7,7 @@ mod polish;
 pub(crate) mod search;
 mod taylor;
 mod unreachable;
+mod whitened;
 
 use pkm_core::effects::EFFECTS;
 use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Stiffness, Tool, ToolSolution, Wrench};
