@@ -200,6 +200,32 @@ fn a_certificate_holds_against_the_grid_and_its_optimum_is_not_worse() {
 }
 
 #[test]
+fn slide_and_rotary_axis_are_certified_together() {
+    let plate = std::fs::read_to_string(fixture("jobs/plate.toml")).expect("a job");
+    let job = plate.replace("dx_mm = [-400.0, 400.0]", "dx_mm = [-60.0, -30.0]").replace(
+        "dy_mm = [-400.0, 400.0]",
+        "dy_mm = [-60.0, -20.0]\nrotary = { axis = [0, 0, 1], through_mm = [-220, -300, 0], range_deg = [-8, -2] }",
+    );
+    assert!(job.contains("[-60.0, -30.0]") && job.contains("[-60.0, -20.0]"));
+    // series B alone
+    let start = job.find("[[series]]").expect("a series");
+    let job = job[..start].to_owned() + &job[job.rfind("[[series]]").expect("a series")..];
+    let table = fixture("jobs/wide-table.json");
+    let search = |method: &str| {
+        let more = ["--table", &table, "--method", method, "--objective", "tip-worst", "--seed", "1"];
+        place(&job, &[&more[..], &["--step-mm", "1", "--step-deg", "0.4"]].concat()).0["series"][0].clone()
+    };
+    let (certified, other) = (search("certified"), search("de"));
+    let (found, bound) = (number(&certified["value"]), number(&certified["certificate"]["lower_bound"]));
+    assert!(number(&certified["certificate"]["gap"]) <= 5e-3, "{}", certified["certificate"]);
+    // the least of a grid, each position computed by the core, and the best that is known
+    let known = number(&other["grid_certified"]["value"]).min(number(&other["value"]));
+    assert!(bound <= known && found <= known * 1.005, "{found}, {bound}, {known}");
+    // the bound says something: it is not far below what a search finds
+    assert!(bound >= 0.99 * known, "{bound}, {known}");
+}
+
+#[test]
 fn the_genetic_algorithm_comes_near_with_every_seed() {
     let job = job([-150.0, 150.0], [-100.0, 130.0], "");
     let (grid, _folder) = place(&job, &["--step-mm", "10"]);
