@@ -87,6 +87,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     black_box((stiffness.matrix(), stiffness.principal()));
     if let Ok(factor) = stiffness.factor() {
         black_box((factor.stiffness(), factor.lower()));
+        black_box(table.corrected(&factor, &pose)).ok();
         if let Ok(deflection) = factor.deflection(&wrench) {
             let seen = deflection.plus(&deflection).seen_at(vector);
             black_box(Deflection::from_vector(black_box(seen.to_vector())));
@@ -153,6 +154,7 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     let five = FiveAxis { machine, wrist };
     let [a, b, c] = black_box([T::ONE; 3]);
     let (vector, other, beta_rad) = (Vector3::new(a, b, c), Vector3::new(c, b, a), Vector2::new(a, b));
+    black_box(wrist.wrench_at_a(beta_rad, &black_box(Wrench { force_n: vector, moment_nm: other })));
     let near = black_box(Configuration { pose: Pose { theta_rad: a, sigma_rad: b, z0_m: c }, beta_rad });
     let tool = black_box(Tool { tip_m: vector, axis: other });
     let frame = black_box(ToolFrame { tip_m: vector, axes: Matrix3::new(a, b, c, a, b, c, a, b, c) });
