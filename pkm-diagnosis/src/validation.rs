@@ -118,6 +118,11 @@ fn interval(by_pose: &[(f64, f64)], rules: &Rules) -> Option<[f64; 2]> {
     Some([low, high].map(|t| (middle - t * error).exp()))
 }
 
+/// Folds of a cross-validation.
+pub fn folds(observations: &Observations, rules: &Rules) -> usize {
+    rules.folds.min(observations.poses())
+}
+
 /// Which poses are left out.
 pub type LeftOut<'a> = dyn Fn(usize) -> bool + 'a;
 
@@ -129,7 +134,7 @@ pub fn cross_validate<E>(
     refit: impl Fn(&LeftOut<'_>) -> Option<(Vec<Vec<f64>>, E)>,
 ) -> Option<(Vec<Vec<f64>>, Vec<E>)> {
     let channels = observations.channels.len();
-    let folds = rules.folds.min(observations.poses());
+    let folds = folds(observations, rules);
     let of_fold = |fold: usize| refit(&|pose| pose % folds == fold);
     let found: Vec<(Vec<Vec<f64>>, E)> = (0..folds).map(of_fold).collect::<Option<_>>()?;
     let mut all: Vec<Vec<f64>> = found.first()?.0.clone();

@@ -159,7 +159,7 @@ pub fn cross_validate(
     progress: &Progress<'_>,
 ) -> Option<(Predictions, Vec<Vec<String>>)> {
     let done = Cell::new(0);
-    let folds = start.rules.folds.min(observations.poses()) as u64;
+    let folds = validation::folds(observations, start.rules) as u64;
     let of_fold = |is_left_out: &LeftOut<'_>| {
         progress("searching without some of the poses", done.replace(done.get() + 1), folds);
         let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));

@@ -1,5 +1,6 @@
 //! What people read after a diagnosis: a summary for the terminal, and `report.html`.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use maud::{Markup, html};
@@ -170,10 +171,11 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             before.linear_um_rms, retuned.linear_um_rms, after.linear_um_rms
         )));
     }
-    if !held.given && !d.search.found.is_empty() {
-        let as_often = held.folds.iter().filter(|names| names.len() == d.search.found.len()).count();
+    if let (false, Some(last)) = (held.given, d.steps.last()) {
+        let sorted = |names: &[String]| names.iter().cloned().collect::<BTreeSet<_>>();
+        let again = held.folds.iter().filter(|names| sorted(names) == sorted(&last.found)).count();
         all.push(Finding::good(format!(
-            "Searched again {} times, each time without some of the poses: as many effects found in {as_often}.",
+            "Searched again {} times, each time without some of the poses: the same was found in {again}.",
             held.folds.len(),
         )));
     }

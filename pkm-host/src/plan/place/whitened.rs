@@ -69,7 +69,7 @@ impl<const N: usize> Whitened<N> {
 pub(super) fn length<const N: usize>(v: &Vector3<Taylor<N>>) -> Taylor<N> {
     let root = pkm_core::Scalar::sqrt(v.dot(v));
     // along its direction in the middle, which needs no root: squares may reach below 0 where the vector is hardly known
-    let direction = v.map(|v| v.middle()).normalize();
+    let Some(direction) = v.map(|v| v.middle()).try_normalize(0.0) else { return root };
     let along = v.iter().zip(&direction).fold(Taylor::constant(0.0), |sum, (v, share)| sum.plus(*share, v));
     if root.low() >= along.low() { root } else { along }
 }
