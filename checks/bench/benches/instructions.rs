@@ -1,6 +1,6 @@
 //! Instructions of the core's functions on x86-64, by callgrind: the project's measure of speed.
 //!
-//! `cargo bench -p pkm-tests --bench instructions` (needs valgrind and `cargo install gungraun-runner`).
+//! `cargo bench -p pkm-bench --bench instructions` (needs valgrind and `cargo install gungraun-runner`).
 //! A count above its limit fails the run.
 
 #![allow(missing_docs)] // the macros make items without any
