@@ -9,7 +9,7 @@ use crate::screening::{self, Columns};
 use crate::solve::Problem;
 
 /// Columns of a candidate's amplitudes at a fit, with the shape that promises most.
-pub(crate) fn columns(problem: &Problem<'_>, fit: &Fit, candidate: &Candidate) -> Option<Columns> {
+pub fn columns(problem: &Problem<'_>, fit: &Fit, candidate: &Candidate) -> Option<Columns> {
     let (amplitudes, shapes): (Vec<Unknown>, Vec<Unknown>) =
         candidate.unknowns.iter().partition(|u| problem.parameter(**u).is_amplitude());
     let n = fit.unknowns.len();

@@ -27,7 +27,7 @@ pub mod validation;
 pub mod verdict;
 mod whitening;
 
-pub use extend::extended;
+pub use extend::{columns, extended};
 pub use fit::{Fit, product};
 pub use levels::Levels;
 pub use model::{Candidate, CommonErrors, ForwardModel, Kind, Parameter, Prior, Role, Unknown};

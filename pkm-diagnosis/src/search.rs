@@ -67,8 +67,6 @@ pub struct Search {
     pub steps: Vec<(Vec<usize>, Fit)>,
     /// What was tried.
     pub rounds: Vec<Round>,
-    /// Whitened columns of each candidate at the base fit.
-    pub columns: Vec<Columns>,
 }
 
 /// χ² per degree of freedom, at least 1: what the evidence is tempered by.
@@ -197,8 +195,8 @@ impl State<'_> {
         r.gain.is_some_and(|g| g > least) && (predicts || relieves)
     }
 
-    /// Takes over the best of what was tried, if it passes; returns whether it does.
-    fn accept(&mut self, ranking: &mut [Tried], columns: &[Columns]) -> bool {
+    /// Takes over the best of what was tried, if it passes; returns whether it does. `columns` are of those that were open.
+    fn accept(&mut self, ranking: &mut [Tried], open: &[usize], columns: &[Columns]) -> bool {
         let (problem, rules) = (self.levels.plain, self.levels.plain.rules);
         let Some(best) = ranking.iter().position(|(r, _)| self.passes(r)) else { return false };
         let top = ranking[best].0.gain.unwrap_or(0.0);
@@ -210,9 +208,11 @@ impl State<'_> {
         };
         let declared = as_likely(&|kind| kind == Kind::DeclaredValues);
         let chosen = declared.or_else(|| as_likely(&|kind| kind != Kind::Element)).unwrap_or(best);
-        let own = &columns[ranking[chosen].0.candidate];
-        let same =
-            |r: &Ranked| within(r) || indistinguishable(&self.fit, own, &columns[r.candidate], rules.same_signal_share);
+        let of = |r: &Ranked| open.iter().zip(columns).find(|(c, _)| **c == r.candidate).map(|(_, own)| own);
+        let own = of(&ranking[chosen].0);
+        let is_alike =
+            |other: &Columns| own.is_some_and(|own| indistinguishable(&self.fit, own, other, rules.same_signal_share));
+        let same = |r: &Ranked| within(r) || of(r).is_some_and(is_alike);
         let all: Vec<&Ranked> = ranking.iter().map(|(r, _)| r).collect();
         let (class, confidence) = class_of(&all, chosen, top, same);
         self.gained += ranking[chosen].0.gain.unwrap_or(0.0);
@@ -246,28 +246,25 @@ pub fn search(levels: &Levels<'_>, sites: Option<&[Vec<usize>]>) -> Option<Searc
     let groups = plain.by_pose();
     let candidates = plain.model.candidates();
     let none = || Columns { matrix: DMatrix::zeros(base.residuals.len(), 0), one_sided: Vec::new(), shape: 0.0 };
-    let all_columns = |fit: &Fit, level: usize| -> Vec<Columns> {
-        candidates.par_iter().map(|c| columns(&levels.problems[level], fit, c).unwrap_or_else(none)).collect()
-    };
-    let at_base = all_columns(&base, first_level);
     let mut state = State { levels, level: first_level, fit: base.clone(), found: Vec::new(), gained: 0.0 };
     let (mut steps, mut rounds) = (Vec::new(), Vec::new());
     for round in 0..rules.max_rounds {
         if state.found.len() == rules.max_found {
             break;
         }
-        let columns = if round == 0 { at_base.clone() } else { all_columns(&state.fit, state.level) };
         let open = open(candidates.len(), &state.found, sites);
         if open.is_empty() {
             break;
         }
-        let open_columns: Vec<Columns> = open.iter().map(|i| columns[*i].clone()).collect();
+        let problem = &levels.problems[state.level];
+        let of = |c: &usize| columns(problem, &state.fit, &candidates[*c]).unwrap_or_else(none);
+        let open_columns: Vec<Columns> = open.par_iter().map(of).collect();
         let screened =
             screening::screen(&state.fit, &open_columns, plain.whitener.noise_dof, SEED + round as u64, rules);
         let left_out = state.fit.left_out(&groups);
         let current = Current { levels, level: state.level, fit: &state.fit, groups: &groups, left_out };
         let mut ranking = current.ranking(&open, &open_columns, &screened);
-        let accepted = screened.p_family <= rules.max_family_p && state.accept(&mut ranking, &columns);
+        let accepted = screened.p_family <= rules.max_family_p && state.accept(&mut ranking, &open, &open_columns);
         drop_needless(levels, &mut state.found, &mut state.level, &mut state.fit);
         if accepted {
             steps.push((state.found.iter().map(|f| f.candidate).collect(), state.fit.clone()));
@@ -278,5 +275,5 @@ pub fn search(levels: &Levels<'_>, sites: Option<&[Vec<usize>]>) -> Option<Searc
         }
     }
     let State { level, fit, found, .. } = state;
-    Some(Search { base, fit, levels: [first_level, level], found, steps, rounds, columns: at_base })
+    Some(Search { base, fit, levels: [first_level, level], found, steps, rounds })
 }

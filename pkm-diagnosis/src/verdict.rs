@@ -3,6 +3,7 @@
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
+use crate::extend::columns;
 use crate::fit::Fit;
 use crate::levels::Levels;
 use crate::model::{Kind, Role, Unknown};
@@ -126,15 +127,16 @@ pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judg
 
 /// Least amplitudes of a candidate that would be found, alone, each with its unknown: none where no plausible one can be told
 /// from re-identified declared values.
-pub fn smallest_detectable(problem: &Problem<'_>, search: &Search, candidate: usize) -> Vec<(Unknown, Option<f64>)> {
-    let rules = problem.rules;
-    let v = search.base.remaining(&search.columns[candidate].matrix);
-    let amplitudes =
-        problem.model.candidates()[candidate].unknowns.iter().filter(|u| problem.parameter(**u).is_amplitude());
+pub fn smallest_detectable(levels: &Levels<'_>, search: &Search, candidate: usize) -> Vec<(Unknown, Option<f64>)> {
+    let problem = &levels.problems[search.levels[0]];
+    let (rules, candidate) = (problem.rules, &problem.model.candidates()[candidate]);
+    let v = columns(problem, &search.base, candidate).map(|own| search.base.remaining(&own.matrix));
+    let amplitudes = candidate.unknowns.iter().filter(|u| problem.parameter(**u).is_amplitude());
     amplitudes
         .enumerate()
         .map(|(k, u)| {
-            let x = if v[(k, k)] > 0.0 { (rules.detectable / v[(k, k)]).sqrt() } else { f64::INFINITY };
+            let seen = v.as_ref().map_or(0.0, |v| v[(k, k)]);
+            let x = if seen > 0.0 { (rules.detectable / seen).sqrt() } else { f64::INFINITY };
             (*u, (x <= rules.max_amplitude).then(|| problem.parameter(*u).prior.value(x)))
         })
         .collect()

@@ -6,8 +6,8 @@ use std::path::Path;
 use nalgebra::DMatrix;
 use pkm_diagnosis::places::{self, Inferred};
 use pkm_diagnosis::{
-    Channel, Fit, ForwardModel, Levels, Noise, Observations, Problem, Reading, Rules, Unknown, Whitener, levels,
-    search, verdict,
+    Channel, Fit, ForwardModel, Levels, Noise, Observations, Problem, Reading, Rules, Unknown, Whitener, columns,
+    levels, search, verdict,
 };
 
 use crate::files::{ReadError, Run};
@@ -234,10 +234,10 @@ pub fn diagnose(run: &Run) -> Result<Diagnosis, DiagnosisError> {
     // a search that may name nothing: what each candidate would add to the anchors
     let (identifiable, common_scale_left) = measured.with_levels(&anchors_alone, |levels| {
         let base = search::search(levels, Some(&[]))?;
-        let detectable = |c: usize| verdict::smallest_detectable(levels.plain, &base, c).iter().all(|d| d.1.is_some());
+        let detectable = |c: usize| verdict::smallest_detectable(levels, &base, c).iter().all(|d| d.1.is_some());
         let identifiable = (0..model.candidates().len()).map(detectable).collect();
-        let scale = &base.columns[COMMON_SCALE].matrix;
-        Some((identifiable, base.base.remaining(scale).trace() / scale.norm_squared()))
+        let scale = columns(&levels.problems[base.levels[0]], &base.base, &model.candidates()[COMMON_SCALE])?.matrix;
+        Some((identifiable, base.base.remaining(&scale).trace() / scale.norm_squared()))
     })?;
     let (inferred, after) = measured.named(&mut model)?;
     Ok(Diagnosis { model, repeat_sd_m, before, after, inferred, identifiable, common_scale_left })

@@ -192,7 +192,7 @@ fn what_the_readings_can_show_is_said_and_what_to_read_next() {
     let readings = read(&chain, &[(FOUNDATION, 0.5)], 83);
     let (_, _, (hidden, proposals)) = diagnosed(&chain, &readings, |levels, noise, search| {
         let hidden: Vec<bool> = (0..chain.candidates.len())
-            .map(|c| verdict::smallest_detectable(levels.plain, search, c).iter().all(|(_, size)| size.is_none()))
+            .map(|c| verdict::smallest_detectable(levels, search, c).iter().all(|(_, size)| size.is_none()))
             .collect();
         let rivals = design::rivals(levels, search);
         let proposals = design::propose(&chain, &[1.0 / noise.variance(0).sqrt()], &rivals, 3);

@@ -2,7 +2,8 @@
 
 use pkm_diagnosis::residuals::{Factor, Residuals, Structure};
 use pkm_diagnosis::verdict::smallest_detectable;
-use pkm_diagnosis::{Observations, Problem, Search};
+use pkm_diagnosis::{Levels, Observations, Problem, Search};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::declared::Declared;
@@ -101,8 +102,9 @@ impl Detectable {
 }
 
 /// Smallest detectable amplitudes at the base fit.
-pub fn detectable(problem: &Problem<'_>, model: &Model, search: &Search) -> Vec<Detectable> {
+pub fn detectable(levels: &Levels<'_>, model: &Model, search: &Search) -> Vec<Detectable> {
     (0..model::COUNT)
+        .into_par_iter()
         .map(|effect| {
             let id = info(effect).id.to_owned();
             let Some(candidate) = (0..model.candidates.len()).find(|c| model.effect_of(*c) == Some(effect)) else {
@@ -113,7 +115,7 @@ pub fn detectable(problem: &Problem<'_>, model: &Model, search: &Search) -> Vec<
                 Meaning::Effect { parameter, .. } => info(effect).parameters[parameter].name.to_owned(),
                 Meaning::Stiffness(_) | Meaning::Class(_) | Meaning::Element(_) => String::new(),
             };
-            let smallest = smallest_detectable(problem, search, candidate);
+            let smallest = smallest_detectable(levels, search, candidate);
             let smallest = smallest.into_iter().map(|(unknown, size)| (name(unknown), size)).collect();
             Detectable { id, smallest, why_not: None }
         })

@@ -415,7 +415,7 @@ impl Searched<'_> {
             alternatives: inferred.map(|(world, inferred)| alternatives(world, inferred)).unwrap_or_default(),
             none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these),
             declared,
-            detectable: findings::detectable(problem, model, &search),
+            detectable: findings::detectable(levels, model, &search),
             structure,
             machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
             estimates,

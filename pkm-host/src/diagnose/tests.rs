@@ -383,15 +383,7 @@ fn rivals_are_what_they_are_said_to_be() {
         [problem.fit(&unknowns[..1], &[0.0]).unwrap(), problem.fit(&unknowns, &[0.0; 3]).unwrap()]
     };
     let [base, fit] = fits(&data);
-    let search = Search {
-        base,
-        fit,
-        levels: [0; 2],
-        found: Vec::new(),
-        steps: Vec::new(),
-        rounds: Vec::new(),
-        columns: Vec::new(),
-    };
+    let search = Search { base, fit, levels: [0; 2], found: Vec::new(), steps: Vec::new(), rounds: Vec::new() };
 
     // errors of the measurement are left out where the truth has none
     let of = |fit: &Fit, x: &[f64]| model.predict(&poses, &data.conditions, &fit.unknowns, x).unwrap();
