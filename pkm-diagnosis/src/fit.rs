@@ -31,6 +31,23 @@ pub fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     a.transpose() * b
 }
 
+/// ln of the probability of the readings, from AᵀA + I, half the downward slope of the objective, the objective, and ln|I + UUᵀ| of
+/// the common errors.
+fn laplace(information: &Cholesky<f64, Dyn>, slope: &DVector<f64>, objective: f64, log_determinant: f64) -> f64 {
+    // what is still to gain by a step to the minimum
+    let rest = slope.dot(&information.solve(slope));
+    let half_ln: f64 = information.l_dirty().diagonal().iter().map(|d| d.ln()).sum();
+    -0.5 * (objective - rest + log_determinant) - half_ln
+}
+
+/// [`Fit::ln_evidence`] from inner products of the jacobian's columns and, behind them, the residuals.
+pub(crate) fn ln_evidence(products: &DMatrix<f64>, x: &DVector<f64>, log_determinant: f64) -> Option<f64> {
+    let k = x.len();
+    let information = (products.view((0, 0), (k, k)) + DMatrix::identity(k, k)).cholesky()?;
+    let slope = products.view((0, k), (k, 1)) - x;
+    Some(laplace(&information, &slope.column(0).clone_owned(), products[(k, k)] + x.norm_squared(), log_determinant))
+}
+
 impl Fit {
     /// Puts it together; none where the information matrix is not finite.
     pub fn new(
@@ -46,17 +63,10 @@ impl Fit {
         Some(Self { unknowns, x, residuals, jacobian, information, chi2, objective, log_determinant })
     }
 
-    /// ½ ln|AᵀA + I|.
-    fn half_log_determinant(&self) -> f64 {
-        self.information.l_dirty().diagonal().iter().map(|d| d.ln()).sum()
-    }
-
     /// ln of the probability of the readings under the model (Laplace), up to a constant of the data.
     pub fn ln_evidence(&self) -> f64 {
-        // what is still to gain by a step to the minimum
         let slope = self.jacobian.tr_mul(&self.residuals) - &self.x;
-        let rest = slope.dot(&self.information.solve(&slope));
-        -0.5 * (self.objective - rest + self.log_determinant) - self.half_log_determinant()
+        laplace(&self.information, &slope, self.objective, self.log_determinant)
     }
 
     /// Effective number of parameters: tr[(AᵀA + I)⁻¹ AᵀA].

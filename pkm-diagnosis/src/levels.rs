@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use crate::fit::Fit;
+use crate::fit::{Fit, ln_evidence, product};
 use crate::model::Unknown;
 use crate::solve::Problem;
 use crate::whitening::Whitener;
@@ -48,16 +48,27 @@ impl<'a> Levels<'a> {
     pub fn fit(&self, unknowns: &[Unknown], start: &[f64], level: usize) -> Option<(usize, Fit)> {
         let at = |level: usize, start: &[f64]| {
             let plain = self.plain.linear(unknowns, self.problems[level].minimum(unknowns, start)?)?;
-            let fits = self.problems.par_iter().map(|p| p.relevel(&plain)).collect::<Vec<Option<Fit>>>();
-            Some(fits)
+            let evidence = self.evidence(&plain);
+            let best = (0..evidence.len()).max_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))?;
+            Some((best, plain))
         };
-        let mut fits = at(level, start)?;
-        let evidence = |l: &usize| fits[*l].as_ref().map_or(f64::NEG_INFINITY, Fit::ln_evidence);
-        let best = (0..fits.len()).max_by(|a, b| evidence(a).total_cmp(&evidence(b)))?;
+        let (best, mut plain) = at(level, start)?;
         if best != level {
-            let start = fits[level].take()?.x;
-            fits = at(best, start.as_slice())?;
+            plain = at(best, plain.x.as_slice())?.1;
         }
-        Some((best, fits.swap_remove(best)?))
+        Some((best, self.problems[best].relevel(&plain)?))
+    }
+
+    /// ln evidence at every level of a linear form without common errors.
+    fn evidence(&self, plain: &Fit) -> Vec<f64> {
+        let mut columns = plain.jacobian.clone().insert_column(plain.x.len(), 0.0);
+        columns.set_column(plain.x.len(), &plain.residuals);
+        let products = product(&columns, &columns);
+        let at = |problem: &Problem<'_>| {
+            let lost = problem.whitener.lost(&columns);
+            let left = &products - product(&lost, &lost);
+            ln_evidence(&left, &plain.x, problem.whitener.log_determinant).unwrap_or(f64::NEG_INFINITY)
+        };
+        self.problems.par_iter().map(at).collect()
     }
 }

@@ -137,9 +137,12 @@ impl Current<'_> {
             }
         };
         // predictions are compared by the noise that the model without it has
-        let same = levels.plain.linear(&with.1.unknowns, with.1.x.clone());
-        let same = same.and_then(|plain| levels.problems[level].relevel(&plain));
-        let errors = same.map_or(vec![f64::INFINITY; self.groups.len()], |f| f.left_out(self.groups));
+        let same = || levels.problems[level].relevel(&levels.plain.linear(&with.1.unknowns, with.1.x.clone())?);
+        let errors = if with.0 == level {
+            with.1.left_out(self.groups)
+        } else {
+            same().map_or(vec![f64::INFINITY; self.groups.len()], |f| f.left_out(self.groups))
+        };
         let (sum, rest): (f64, f64) = (self.left_out.iter().sum(), errors.iter().sum());
         ranked.left_out_gain = (sum - rest) / sum;
         let gaining = self.left_out.iter().zip(&errors).filter(|(a, b)| a > b).count();

@@ -38,6 +38,8 @@ pub struct Whitener {
     zeros: Vec<CommonError>,
     /// Orthogonal directions in which common errors move a group of entries, and how much to shrink them.
     common: Vec<CommonError>,
+    /// The same of what disturbs all entries beside these.
+    disturbances: Option<CommonError>,
     /// ln|I + U Uᵀ| of these.
     pub log_determinant: f64,
 }
@@ -109,6 +111,16 @@ impl CommonError {
                 .collect()
         });
         (Self { entries, directions }, log_determinant)
+    }
+
+    /// What shrinking takes, by direction: squared, from the sum of squares.
+    fn lost(&self, values: &[f64]) -> Vec<f64> {
+        let own: Vec<f64> = self.entries.iter().map(|e| values[*e]).collect();
+        let of = |(direction, shrink): &(Vec<f64>, f64)| {
+            let along: f64 = own.iter().zip(direction).map(|(v, d)| v * d).sum();
+            along * (shrink * (2.0 - shrink)).sqrt()
+        };
+        self.directions.iter().map(of).collect()
     }
 
     /// Shrinks these directions of numbers that are white but for them.
@@ -185,6 +197,7 @@ impl Whitener {
             shared: Vec::new(),
             zeros: Vec::new(),
             common: Vec::new(),
+            disturbances: None,
             log_determinant: 0.0,
         };
         for (channel, series) in blocks {
@@ -294,9 +307,27 @@ impl Whitener {
         u.column_iter_mut().for_each(|mut column| self.shrink(column.as_mut_slice()));
         let (own, ln) = CommonError::new((0..self.entries.len()).collect(), u);
         let mut this = self.clone();
-        this.common.push(own);
+        this.disturbances = Some(own);
         this.log_determinant += ln;
         this
+    }
+
+    /// What shrinking takes from inner products: those of shrunk columns are AᵀA − LᵀL for this L of the columns A.
+    pub(crate) fn lost(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        // as seen from before the common errors
+        let disturbances = self.disturbances.as_ref().map(|own| {
+            let mut own = own.clone();
+            own.directions.iter_mut().for_each(|(direction, _)| self.shrink_common(direction));
+            own
+        });
+        let all = || self.common.iter().chain(&disturbances);
+        let rows = all().map(|common| common.directions.len()).sum();
+        let mut lost = DMatrix::zeros(rows, columns.ncols());
+        for (column, mut lost) in columns.column_iter().zip(lost.column_iter_mut()) {
+            let along = all().flat_map(|common| common.lost(column.as_slice()));
+            lost.iter_mut().zip(along).for_each(|(lost, along)| *lost = along);
+        }
+        lost
     }
 
     /// Whitens numbers given by entry, in SI units.
@@ -318,6 +349,13 @@ impl Whitener {
 
     /// The part of the whitening that is due to common errors, on numbers that are white but for these.
     pub fn shrink(&self, values: &mut [f64]) {
+        self.shrink_common(values);
+        if let Some(disturbances) = &self.disturbances {
+            disturbances.shrink(values);
+        }
+    }
+
+    fn shrink_common(&self, values: &mut [f64]) {
         for common in &self.common {
             common.shrink(values);
         }

@@ -371,9 +371,13 @@ impl Model {
         let mut found = self.state(unknowns, x, false).predict(poses, conditions)?;
         if unknowns.iter().zip(x).any(|(u, x)| *x < 0.0 && self.is_one_sided(*u)) {
             let mirror = self.state(unknowns, x, true).predict(poses, conditions)?;
-            let without: Vec<f64> =
-                unknowns.iter().zip(x).map(|(u, x)| if self.is_one_sided(*u) { 0.0 } else { *x }).collect();
-            let none = self.state(unknowns, &without, false).predict(poses, conditions)?;
+            let none = if unknowns.iter().zip(x).any(|(u, x)| *x > 0.0 && self.is_one_sided(*u)) {
+                let without: Vec<f64> =
+                    unknowns.iter().zip(x).map(|(u, x)| if self.is_one_sided(*u) { 0.0 } else { *x }).collect();
+                self.state(unknowns, &without, false).predict(poses, conditions)?
+            } else {
+                found.clone()
+            };
             for ((found, mirror), none) in found.iter_mut().zip(&mirror).zip(&none) {
                 for c in 0..CHANNELS {
                     found[c] -= mirror[c] - none[c];

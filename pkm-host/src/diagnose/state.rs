@@ -1,5 +1,7 @@
 //! What a sensor reads on a machine with given parameters: the core's deflection, and errors of the measurement.
 
+use std::collections::HashMap;
+
 use nalgebra::Vector3;
 use pkm_core::effects::{EFFECTS, Law, MAX_PARAMETERS};
 use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
@@ -17,7 +19,9 @@ pub struct State {
 }
 
 /// What determines the deflections of a machine at a pose.
-fn answer<'a>(machine: &'a Machine<f64>, pose: &Pose<f64>) -> Option<(StiffnessFactor<f64>, LoadResponse<'a, f64>)> {
+type Answer<'a> = (StiffnessFactor<f64>, LoadResponse<'a, f64>);
+
+fn answer<'a>(machine: &'a Machine<f64>, pose: &Pose<f64>) -> Option<Answer<'a>> {
     Some((machine.stiffness(pose).ok()?.factor().ok()?, machine.load_response(pose).ok()?))
 }
 
@@ -42,22 +46,25 @@ impl State {
         let mut elements = self.machine.effects.elements.iter().flatten();
         let warms = on(&["thermal-modulus"]) || elements.any(|e| e.law == Law::Temperature);
         let grows = on(&["thermal-expansion"]);
-        // one stiffness a pose, unless it changes with every temperature
-        let mut at: Vec<Option<(StiffnessFactor<f64>, LoadResponse<'_, f64>)>> = vec![None; poses.len()];
+        let warmth = |c: &Condition| if warms { c.temperature_c.to_bits() } else { 0 };
+        let machines: HashMap<u64, Machine<f64>> = if warms {
+            let warm = |c: &Condition| Some((warmth(c), machine.at_temperature(c.temperature_c).ok()?));
+            conditions.iter().map(warm).collect::<Option<_>>()?
+        } else {
+            HashMap::from([(0, machine)])
+        };
+        // one stiffness a pose and, if it changes with that, temperature
+        let mut at: Vec<Vec<(u64, &Machine<f64>, Answer<'_>)>> = vec![Vec::new(); poses.len()];
         let mut found = Vec::with_capacity(conditions.len());
         for c in conditions {
-            let pose = &poses[c.pose];
-            let warm;
-            let (machine, (factor, response)) = if warms {
-                warm = machine.at_temperature(c.temperature_c).ok()?;
-                (&warm, answer(&warm, pose)?)
-            } else {
-                let there = match at[c.pose] {
-                    Some(there) => there,
-                    None => *at[c.pose].insert(answer(&machine, pose)?),
-                };
-                (&machine, there)
-            };
+            let (pose, there) = (&poses[c.pose], &mut at[c.pose]);
+            let known = there.iter().position(|a| a.0 == warmth(c));
+            let n = known.unwrap_or(there.len());
+            if known.is_none() {
+                let machine = machines.get(&warmth(c))?;
+                there.push((warmth(c), machine, answer(machine, pose)?));
+            }
+            let (_, machine, (factor, response)) = &there[n];
             let wrench = loaded(&c.wrench, c.point_m);
             let turned_at = loaded(&c.turned_at, c.point_m);
             let linear: Deflection<f64> = factor.deflection(&wrench).ok()?;
