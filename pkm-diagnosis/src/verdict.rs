@@ -48,6 +48,25 @@ pub fn lack_of_fit(problem: &Problem<'_>, noise: &Noise, fit: &Fit) -> LackOfFit
     LackOfFit { statistic, p, noise_source: noise.source, excess: (misfit - dof - 2.0 * deviation).max(0.0) }
 }
 
+/// A search's end with the values that predict best. What a formula lacks looks like errors of the loads to the readings that it
+/// spoils, and values that follow these predict worse elsewhere: beside a find, or where more than noise is left, they go by the
+/// declared errors alone. The linear form, and with it the uncertainty, stays that of the errors that the readings suggest.
+pub fn settled(levels: &Levels<'_>, noise: &Noise, mut search: Search) -> Option<Search> {
+    let [first, last] = search.levels;
+    let is_found = !search.found.is_empty();
+    for (fit, level, is_found) in [(&mut search.base, first, false), (&mut search.fit, last, is_found)] {
+        let problem = &levels.problems[level];
+        if level > 0 && (is_found || lack_of_fit(problem, noise, fit).p < problem.rules.max_misfit_p) {
+            let x = levels.problems[0].minimum(&fit.unknowns, fit.x.as_slice())?;
+            *fit = problem.linear(&fit.unknowns, x)?;
+        }
+    }
+    if let Some((_, fit)) = search.steps.last_mut() {
+        fit.clone_from(&search.fit);
+    }
+    Some(search)
+}
+
 /// What a diagnosis ends with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -165,6 +165,36 @@ fn errors_of_the_load_are_no_lack_of_fit() {
     assert!(Rules::DEFAULT.load_error_levels[level] >= 2e-3);
 }
 
+/// Beside a find values go by the declared errors, whatever the readings make of their loads; the uncertainty stays theirs.
+/// Where nothing is missing values go by the errors that the readings suggest.
+#[test]
+fn values_beside_a_find_go_by_the_declared_errors() {
+    let chain = chain();
+    let mut rng = fastrand::Rng::with_seed(71);
+    let gains: Vec<f64> = (0..14).map(|_| 8e-3 * normal(&mut rng)).collect();
+    for foundation in [0.0, 0.5] {
+        let mut readings = read(&chain, &[(FOUNDATION, foundation)], 71);
+        for r in &mut readings.readings {
+            let pose = r.condition / 6;
+            r.observed[0] = r.observed[0].map(|d| d * (1.0 + gains[pose]));
+        }
+        diagnosed(&chain, &readings, |levels, noise, search| {
+            let again = search::search(levels, None).unwrap();
+            let settled = verdict::settled(levels, noise, again).unwrap();
+            let start = vec![0.0; search.fit.x.len()];
+            let declared = levels.problems[0].fit(&search.fit.unknowns, &start).unwrap();
+            let moved = (&search.fit.x - &declared.x).amax();
+            assert!(search.levels[1] > 0 && moved > 0.03, "{moved}");
+            let (x, expected) = (&settled.fit.x, if search.found.is_empty() { &search.fit.x } else { &declared.x });
+            assert!((x - expected).amax() < 0.01 * moved, "{x} {expected}");
+            assert_eq!(search.found.is_empty(), foundation == 0.0);
+            for (own, before) in settled.fit.standard_errors().iter().zip(search.fit.standard_errors().iter()) {
+                assert!((own / before - 1.0).abs() < 0.1, "{own} {before}");
+            }
+        });
+    }
+}
+
 #[test]
 fn what_is_missing_is_named_and_measured() {
     let chain = chain();

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use pkm_diagnosis::validation::{self, KindErrors, LeftOut};
-use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown};
+use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown, verdict};
 use serde::Serialize;
 
 use super::experiment::{self, Experiment};
@@ -165,6 +165,7 @@ pub fn cross_validate(
         let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));
         let read = experiment::observations(&kept, start.model);
         start.search(&kept, &read, |Found { experiment, levels, search, .. }| {
+            let search = verdict::settled(levels, start.noise, search)?;
             let problem = &levels.problems[search.levels[1]];
             let fitted = Fitted::new(problem, experiment, &extent(&kept), &search)?;
             let said = fitted.predict(experiment.model, &experiment.poses, &readings.conditions, true)?;
