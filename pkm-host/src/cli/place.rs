@@ -15,7 +15,7 @@ use crate::plan::place::{self, Limits, Method, Objective, Options, PlacementMode
 use crate::report::place as report;
 
 /// Puts the workpiece where the machine is stiff: the best position of a cross slide, a rotary axis, or both, for each
-/// series of holes.
+/// series of holes, and one for all of them where the job says `together = true`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The job (TOML), its loads on the tool at the tip in the tool's axes (z along the tool); default, for the reference

@@ -15,6 +15,8 @@ use crate::files::toml_error::{Numbers, line_at, parsed};
 
 /// Greatest limit, mm or °: far beyond any machine.
 const MAX_LIMIT: f64 = 1e6;
+/// Of a series, and 1 over the least.
+const MOST_WEIGHT: f64 = 1e3;
 /// How far a matrix may be from a rotation.
 const RIGID: f64 = 1e-6;
 
@@ -126,6 +128,8 @@ pub struct Series {
     pub wrench: Wrench<f64>,
     /// At least one.
     pub holes: Vec<Hole>,
+    /// How much its holes count where series are placed together.
+    pub weight: f64,
 }
 
 /// A checked job file.
@@ -145,6 +149,8 @@ pub struct Job {
     pub rotary: Option<Rotary>,
     /// At least one.
     pub series: Vec<Series>,
+    /// One position for all series as well.
+    pub together: bool,
     /// For `compensate`.
     pub program: ProgramJob,
 }
@@ -160,6 +166,7 @@ struct RawJob {
     dy_mm: Option<Spanned<Numbers<2>>>,
     rotary: Option<RawRotary>,
     series: Spanned<Vec<RawSeries>>,
+    together: Option<Spanned<bool>>,
     offsets: Option<RawOffsets>,
     axes: Option<Spanned<[String; 3]>>,
     head: Option<Spanned<String>>,
@@ -180,6 +187,7 @@ struct RawSeries {
     name: Spanned<String>,
     wrench: Spanned<RawWrench>,
     holes: Spanned<Vec<RawHole>>,
+    weight: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -279,7 +287,15 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
         let axis = direction(key("axis"), &hole.axis)?.into_inner();
         Ok(Hole { tip_m: point(key("tip_mm"), &hole.tip_mm)?, axis })
     });
-    Ok(Series { name: name.clone(), wrench, holes: holes.collect::<Checked<_>>()? })
+    let weight = match &raw.weight {
+        None => 1.0,
+        Some(weight) if (1.0 / MOST_WEIGHT..=MOST_WEIGHT).contains(weight.get_ref()) => *weight.get_ref(),
+        Some(weight) => {
+            let message = format!("expected {:e} to {MOST_WEIGHT:e}, found {}", 1.0 / MOST_WEIGHT, weight.get_ref());
+            return fail(weight.span(), format!("series.{name}.weight"), message);
+        }
+    };
+    Ok(Series { name: name.clone(), wrench, holes: holes.collect::<Checked<_>>()?, weight })
 }
 
 impl RawJob {
@@ -320,6 +336,15 @@ impl RawJob {
             }
             checked.push(series);
         }
+        let together = self.together.as_ref().is_some_and(|together| *together.get_ref());
+        if let Some(raw) = self.together.as_ref().filter(|_| together && all.len() < 2) {
+            return fail(raw.span(), "together", "expected at least two series to be placed together");
+        }
+        if let Some((raw, weight)) = all.iter().find_map(|raw| Some((raw, raw.weight.as_ref()?))).filter(|_| !together)
+        {
+            let key = format!("series.{}.weight", raw.name.get_ref());
+            return fail(weight.span(), key, "weights count among series placed together: give together = true");
+        }
         let program = job_program::checked(
             self.offsets.as_ref(),
             self.axes.as_ref(),
@@ -335,6 +360,7 @@ impl RawJob {
             limits,
             rotary,
             series: checked,
+            together,
             program,
         })
     }

@@ -22,25 +22,37 @@ struct Drawn {
     angle: f64,
     table_mm: [f64; 3],
     from_mm: [f64; 2],
-    wrench: Wrench<f64>,
-    /// Tip in mm, axis.
-    holes: Vec<([f64; 3], [f64; 3])>,
+    holes: Vec<Drilled>,
+    /// Of each series, in the holes' order; several are placed together.
+    counts: Vec<usize>,
 }
 
-fn drawn(rng: &mut Rng) -> Drawn {
+struct Drilled {
+    tip: [f64; 3],
+    axis: [f64; 3],
+    /// The same for each hole of a series, and its weight.
+    wrench: Wrench<f64>,
+    weight: f64,
+}
+
+fn drawn(rng: &mut Rng, counts: &[usize]) -> Drawn {
     let mut within = |low: f64, high: f64| low + (high - low) * rng.f64();
-    let holes = (0..3).map(|_| {
-        let tip = [within(-70.0, 70.0), within(-70.0, 70.0), within(-20.0, 0.0)];
-        (tip, [within(-0.1, 0.1), within(-0.1, 0.1), -1.0])
-    });
-    let holes = holes.collect();
-    let force_n = Vector3::new(within(-50.0, 50.0), within(-50.0, 50.0), within(-500.0, -200.0));
+    let mut holes = Vec::new();
+    for (n, count) in counts.iter().enumerate() {
+        let force_n = Vector3::new(within(-50.0, 50.0), within(-50.0, 50.0), within(-500.0, -200.0));
+        let wrench = Wrench { force_n, moment_nm: Vector3::new(0.0, 0.0, within(1.0, 8.0)) };
+        let weight = if n == 0 { 1.0 } else { within(0.5, 2.0) };
+        holes.extend((0..*count).map(|_| {
+            let tip = [within(-70.0, 70.0), within(-70.0, 70.0), within(-20.0, 0.0)];
+            Drilled { tip, axis: [within(-0.1, 0.1), within(-0.1, 0.1), -1.0], wrench, weight }
+        }));
+    }
     Drawn {
         angle: within(-PI, PI),
         table_mm: [within(-230.0, -170.0), within(-80.0, 80.0), within(-10.0, 20.0)],
         from_mm: [within(-40.0, 30.0), within(-40.0, 30.0)],
-        wrench: Wrench { force_n, moment_nm: Vector3::new(0.0, 0.0, within(1.0, 8.0)) },
         holes,
+        counts: counts.to_vec(),
     }
 }
 
@@ -48,34 +60,47 @@ impl Drawn {
     fn job(&self) -> String {
         let ((sin, cos), [x, y, z]) = (self.angle.sin_cos(), self.table_mm);
         let axes = [0, 1].map(|i| [self.from_mm[i], self.from_mm[i] + STEP * COUNT[i] as f64]);
-        let holes: Vec<_> =
-            self.holes.iter().map(|(tip, axis)| format!("{{ tip_mm = {tip:?}, axis = {axis:?} }}")).collect();
-        let [fx, fy, fz, mx, my, mz]: [f64; 6] = self.wrench.to_vector().into();
-        format!(
+        let mut job = format!(
             "format = 1\nbase_in_world = [[1,0,0,0],[0,-1,0,0],[0,0,-1,1140],[0,0,0,1]]\n\
              table_in_world = [[{cos},{},0,{x}],[{sin},{cos},0,{y}],[0,0,1,{z}],[0,0,0,1]]\n\
              cross_slide_in_world = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]\n\
-             dx_mm = {:?}\ndy_mm = {:?}\n[[series]]\nname = \"A\"\nholes = [{}]\n\
-             wrench = {{ fx_n = {fx}, fy_n = {fy}, fz_n = {fz}, mx_nm = {mx}, my_nm = {my}, mz_nm = {mz} }}\n",
-            -sin,
-            axes[0],
-            axes[1],
-            holes.join(", ")
-        )
+             dx_mm = {:?}\ndy_mm = {:?}\n",
+            -sin, axes[0], axes[1],
+        );
+        let several = self.counts.len() > 1;
+        if several {
+            job += "together = true\n";
+        }
+        let mut rest = self.holes.as_slice();
+        for (n, count) in self.counts.iter().enumerate() {
+            let (series, after) = rest.split_at(*count);
+            rest = after;
+            let holes =
+                series.iter().map(|Drilled { tip, axis, .. }| format!("{{ tip_mm = {tip:?}, axis = {axis:?} }}"));
+            let [fx, fy, fz, mx, my, mz]: [f64; 6] = series[0].wrench.to_vector().into();
+            let weight = if several { format!("weight = {}\n", series[0].weight) } else { String::new() };
+            job += &format!(
+                "[[series]]\nname = \"S{n}\"\n{weight}holes = [{}]\n\
+                 wrench = {{ fx_n = {fx}, fy_n = {fy}, fz_n = {fz}, mx_nm = {mx}, my_nm = {my}, mz_nm = {mz} }}\n",
+                holes.collect::<Vec<_>>().join(", ")
+            );
+        }
+        job
     }
 
     /// Turned by the table's angle, moved, and seen from the machine above.
     fn tool(&self, hole: usize, [dx, dy]: [f64; 2]) -> Tool<f64> {
-        let ((sin, cos), (tip, axis)) = (self.angle.sin_cos(), self.holes[hole]);
-        let turned = |v: [f64; 3]| [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]];
+        let ((sin, cos), Drilled { tip, axis, .. }) = (self.angle.sin_cos(), &self.holes[hole]);
+        let turned = |v: &[f64; 3]| [cos * v[0] - sin * v[1], sin * v[0] + cos * v[1], v[2]];
         let ([x, y, z], [i, j, k]) = (turned(tip), turned(axis));
         let [tx, ty, tz] = self.table_mm;
         let tip_m = Vector3::new(x + tx + dx, -(y + ty + dy), 1140.0 - z - tz) / 1e3;
         Tool { tip_m, axis: Vector3::new(i, -j, -k) / (i * i + j * j + k * k).sqrt() }
     }
 
-    /// 1/Σk and µm of the tip where each is least, of the postures that many starts find.
-    fn least(&self, table: &CorrectionTable<'_, f64>, tool: &Tool<f64>) -> Option<[f64; 2]> {
+    /// 1/Σk and µm of the tip, weighted, where each is least, of the postures that many starts find.
+    fn least(&self, table: &CorrectionTable<'_, f64>, hole: usize, there: [f64; 2]) -> Option<[f64; 2]> {
+        let (tool, Drilled { wrench, weight, .. }) = (&self.tool(hole, there), &self.holes[hole]);
         let mut least: Option<[f64; 2]> = None;
         for beta in [[0.0, -0.3], [1.2, -1.0], [-1.2, 0.1]] {
             let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
@@ -87,8 +112,8 @@ impl Drawn {
             }
             let factor = table.factor_form(&MACHINE_F64, pose).expect("in the box").factor;
             let sum: f64 = factor.stiffness().principal().iter().sum();
-            let moved = FIVE.deflection(Some(table), &hold.configuration, &self.wrench).expect("a deflection");
-            let costs = [1.0 / sum, moved.translation_m.norm() * 1e6];
+            let moved = FIVE.deflection(Some(table), &hold.configuration, wrench).expect("a deflection");
+            let costs = [weight / sum, weight * moved.translation_m.norm() * 1e6];
             least = Some(least.map_or(costs, |least| [0, 1].map(|i| f64::min(least[i], costs[i]))));
         }
         least
@@ -100,7 +125,7 @@ impl Drawn {
         for i in 0..=COUNT[0] {
             for j in 0..=COUNT[1] {
                 let there = [self.from_mm[0] + STEP * i as f64, self.from_mm[1] + STEP * j as f64];
-                let costs = (0..self.holes.len()).map(|hole| self.least(table, &self.tool(hole, there)));
+                let costs = (0..self.holes.len()).map(|hole| self.least(table, hole, there));
                 let Some(costs) = costs.collect::<Option<Vec<_>>>() else { continue };
                 let sum = costs.iter().map(|cost| cost[0]).sum();
                 let worst = costs.iter().map(|cost| cost[1]).fold(0.0, f64::max);
@@ -111,50 +136,73 @@ impl Drawn {
     }
 }
 
-#[test]
-fn nothing_betters_a_certified_place_and_a_bound_that_is_too_high_is_found_out() {
+/// The reference machine's table over a wide box.
+fn with_table<R>(then: impl FnOnce(&CorrectionTable<'_, f64>) -> R) -> R {
     let source = Source::read(fixture("jobs/wide-table.json").as_ref()).expect("a file");
     let numbers = TableFile::parse(&source).expect("a table").numbers();
-    let table = numbers.table().expect("numbers");
-    let number = |v: &Value| v.as_f64().unwrap_or_else(|| panic!("{v}"));
+    then(&numbers.table().expect("numbers"))
+}
+
+fn number(v: &Value) -> f64 {
+    v.as_f64().unwrap_or_else(|| panic!("{v}"))
+}
+
+/// `placement.json` of a job.
+fn placed(job: &str, method: &str) -> Value {
+    let folder = Folder::new();
+    let (file, table, out) = (folder.write("job.toml", job), fixture("jobs/wide-table.json"), folder.path("out"));
+    let args = ["place", "--job", &file, "--table", &table, "--method", method, "--seed", "1", "--step-mm", "2"];
+    json(&[&args[..], &["--out", &out]].concat())
+}
+
+/// Where a certified entry claims no more than a brute force allows, and not much less.
+fn holds(entry: &Value, brute: f64) {
+    let (value, bound) = (number(&entry["value"]), number(&entry["certificate"]["lower_bound"]));
+    assert!(number(&entry["certificate"]["gap"]) <= 1e-3, "{entry}");
+    assert!(value <= brute * (1.0 + 1e-6) && bound <= brute, "{entry}: {brute}");
+    // one that is too high by the gap and as much as the brute force leaves
+    assert!(bound * 1.01 > brute, "{bound} {brute}");
+}
+
+#[test]
+fn nothing_betters_a_certified_place_and_a_bound_that_is_too_high_is_found_out() {
     let (mut rng, mut jobs) = (seeded(), 0);
     while jobs < 5 {
-        let drawn = drawn(&mut rng);
-        let Some(brute) = drawn.brute_force(&table) else { continue };
+        let drawn = drawn(&mut rng, &[3]);
+        let Some(brute) = with_table(|table| drawn.brute_force(table)) else { continue };
         jobs += 1;
-        let folder = Folder::new();
-        let file = folder.write("job.toml", &drawn.job());
-        let search = |method: &str| {
-            let table = fixture("jobs/wide-table.json");
-            let out = folder.path(method);
-            json(&[
-                "place",
-                "--job",
-                &file,
-                "--table",
-                &table,
-                "--method",
-                method,
-                "--seed",
-                "1",
-                "--step-mm",
-                "2",
-                "--out",
-                &out,
-            ])
-        };
-        let certified = search("certified");
-        let others = ["grid", "ga", "de"].map(search);
+        let [certified, others @ ..] = ["certified", "grid", "ga", "de"].map(|method| placed(&drawn.job(), method));
+        assert!(certified["together"].is_null());
         for (n, entry) in certified["series"].as_array().expect("entries").iter().enumerate() {
-            let (value, certificate) = (number(&entry["value"]), &entry["certificate"]);
-            let bound = number(&certificate["lower_bound"]);
-            assert!(number(&certificate["gap"]) <= 1e-3, "{certificate}");
-            let found = others.iter().map(|other| number(&other["series"][n]["value"])).chain([brute[n]]);
+            holds(entry, brute[n]);
+            let found = others.iter().map(|other| number(&other["series"][n]["value"]));
             let best = found.fold(f64::INFINITY, f64::min);
+            let (value, bound) = (number(&entry["value"]), number(&entry["certificate"]["lower_bound"]));
             println!("{}: {value:.6e}, others {best:.6e}, bound {bound:.6e}", entry["objective"]);
             assert!(value <= best * (1.0 + 1e-6) && bound <= best, "{entry}: {best}\n{}", drawn.job());
-            // one that is too high by the gap and as much as the brute force leaves
-            assert!(bound * 1.01 > brute[n], "{bound} {brute:?}");
+        }
+    }
+}
+
+#[test]
+fn two_series_have_one_certified_position_and_each_pays_for_it() {
+    let (mut rng, mut jobs) = (seeded(), 0);
+    while jobs < 2 {
+        let drawn = drawn(&mut rng, &[2, 1]);
+        let Some(brute) = with_table(|table| drawn.brute_force(table)) else { continue };
+        jobs += 1;
+        let document = placed(&drawn.job(), "certified");
+        for (n, entry) in document["together"].as_array().expect("entries").iter().enumerate() {
+            holds(entry, brute[n]);
+            let shares = entry["shares"].as_array().expect("one for each series");
+            let weighted = shares.iter().map(|share| number(&share["weight"]) * number(&share["value"]));
+            let value = if n == 0 { weighted.sum::<f64>() } else { weighted.fold(0.0, f64::max) };
+            assert!((value / number(&entry["value"]) - 1.0).abs() < 1e-9, "{entry}");
+            for (i, share) in shares.iter().enumerate() {
+                let alone = &document["series"][2 * i + n]["value"];
+                assert_eq!(&share["alone"], alone);
+                assert!(number(&share["value"]) >= number(alone) * (1.0 - 1e-6), "{share}");
+            }
         }
     }
 }

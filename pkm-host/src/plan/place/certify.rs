@@ -6,19 +6,22 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use pkm_core::{Configuration, FiveAxis, Machine, Scalar, Wrist};
+use pkm_core::{FiveAxis, Machine, Scalar, Wrist};
 use rayon::prelude::*;
 
 use super::cover::{Box2, Cell, Cost, Cover, Solved};
-use super::search::{Judged, Polished as Best, Searcher, stiffest};
+use super::search::{Polished as Best, Searcher, State};
+use super::targets::{Target, stiffest};
 use super::taylor::{ROUNDING, THREE, TWO, Taylor};
 use super::{Objective, Posture};
-use crate::files::job::{Axis, Hole, Position};
+use crate::files::job::Axis;
 
 /// Cells that are divided at a time. The same on every machine, so that the result is.
-const BATCH: usize = 32;
+const BATCH: usize = 8;
 /// Coefficients of a table, for each of its terms.
 const ROWS: usize = 27;
+/// Holes whose cost is bounded over a cell, at the least, where the greatest counts: a mean of two may be bounded better than either.
+const FEW: usize = 3;
 
 /// What is proved of a placement.
 #[derive(Clone, Copy, Debug)]
@@ -55,8 +58,10 @@ struct Node {
     bound: f64,
     /// Of each hole.
     boxes: Vec<Vec<Box2>>,
-    /// The hole that cost most, to be looked at first.
-    first: usize,
+    /// What no position of the cell betters, of each hole.
+    lows: Vec<f64>,
+    /// How the middle of the cell that it is a part of is reached.
+    state: State,
     /// Along which it is divided next.
     divide: usize,
 }
@@ -112,25 +117,6 @@ impl Searcher<'_> {
         }
     }
 
-    /// A position judged by the solutions of each hole near known ones.
-    fn judged_near(
-        &self,
-        objective: Objective,
-        position: &Position,
-        near: &[Vec<Configuration<f64>>],
-    ) -> Option<Judged> {
-        let five = &self.model.reach.five;
-        let reached = |(hole, near): (&Hole, &Vec<Configuration<f64>>)| {
-            let tool = self.model.tool(hole, position);
-            let holds = near.iter().filter_map(|near| five.inverse(&tool, near).ok());
-            let postures: Vec<Posture> =
-                holds.filter_map(|hold| self.model.judged(hold, &self.series.wrench).ok()).collect();
-            (!postures.is_empty()).then_some(postures)
-        };
-        let found: Option<Vec<_>> = self.series.holes.iter().zip(near).map(reached).collect();
-        found.map(|found| stiffest(objective, &found))
-    }
-
     fn branched<const N: usize>(
         &self,
         objective: Objective,
@@ -143,17 +129,18 @@ impl Searcher<'_> {
         let mut store = vec![Taylor::ZERO; self.model.numbers.map_or(0, |numbers| ROWS * numbers.terms.len())];
         let table = self.model.table.as_ref().and_then(|table| table.converted(&mut store));
         let five = FiveAxis { machine: &machine, wrist: &wrist };
-        let cover = Cover::new(self.model, five, table, (&self.series.holes, &self.series.wrench));
+        let cover = Cover::new(self.model, five, table, &self.targets);
         let search = Search { searcher: self, cover, objective, gap: limits.gap };
         let half = Axis::ALL.map(|axis| {
             let [low, high] = self.model.job.limits[axis];
             [0.5 * (low + high), 0.5 * (high - low)]
         });
         let cell = Cell { middle: half.map(|h| h[0]), half: half.map(|h| h[1]) };
-        let boxes = vec![search.cover.whole(); self.series.holes.len()];
-        let root = Node { bound: 0.0, boxes, first: 0, divide: widest(&cell), cell };
+        let count = self.targets.len();
+        let (boxes, lows) = (vec![search.cover.whole(); count], vec![0.0; count]);
+        let root = Node { bound: 0.0, boxes, lows, state: self.state(), divide: widest(&cell), cell };
         let (mut open, mut done, mut cells) = (BinaryHeap::from([root]), f64::INFINITY, 0);
-        let told = format!("series {}, {}", self.series.name, objective.name());
+        let told = format!("{}, {}", self.name, objective.name());
         while cells < limits.cells {
             let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);
             let batch: Vec<Node> = (0..BATCH)
@@ -195,7 +182,7 @@ impl Node {
             let mut cell = self.cell;
             cell.half[self.divide] *= 0.5;
             cell.middle[self.divide] += sign * cell.half[self.divide];
-            Self { cell, boxes: self.boxes.clone(), ..*self }
+            Self { cell, boxes: self.boxes.clone(), lows: self.lows.clone(), state: self.state.clone(), ..*self }
         })
     }
 }
@@ -210,42 +197,54 @@ struct Search<'a, const N: usize> {
 impl<const N: usize> Search<'_, N> {
     /// Bounds the objective over a cell. `value`: the best that is known.
     fn seen(&self, mut node: Node, value: f64) -> Seen {
-        let nothing = |done| Seen { node: None, best: None, done };
         let enough = value * (1.0 - self.gap);
-        let count = node.boxes.len();
-        let mut order: Vec<usize> = (0..count).collect();
-        order[..=node.first].rotate_right(1);
-        let mut solved: Vec<Vec<Solved<N>>> = vec![Vec::new(); count];
-        for hole in &order {
-            solved[*hole] = self.cover.solved(*hole, &node.cell, node.boxes[*hole].drain(..));
-            if solved[*hole].is_empty() {
-                return nothing(f64::INFINITY);
+        let (in_middle, best) = self.in_middle(&mut node);
+        let mut order: Vec<usize> = (0..in_middle.len()).collect();
+        // what misses the middle first, since it may miss the whole cell, and then what costs most
+        order.sort_by(|a, b| in_middle[*b].total_cmp(&in_middle[*a]));
+        let mut costs = Vec::new();
+        for (n, hole) in order.into_iter().enumerate() {
+            let bound = self.objective.value(node.lows.iter().copied());
+            // nowhere in the cell is the least of this one, and of those after it, above its value in the middle
+            if self.objective == Objective::TipWorst && n >= FEW && in_middle[hole] <= bound {
+                break;
             }
-        }
-        let mut costs = Vec::with_capacity(count);
-        let mut sum = 0.0;
-        for hole in &order {
-            let Some(cost) = self.cost(*hole, &node.cell, &mut solved[*hole]) else { return nothing(f64::INFINITY) };
-            sum += cost.low;
-            let bound = (if self.objective == Objective::TipWorst { cost.low } else { sum })
-                / if self.objective == Objective::TipMean { count as f64 } else { 1.0 };
-            if bound >= enough {
-                return nothing(bound.max(node.bound));
+            let mut solved = self.cover.solved(hole, &node.cell, node.boxes[hole].drain(..));
+            let Some(cost) = self.cost(hole, &node.cell, &mut solved) else {
+                return Seen { node: None, best, done: f64::INFINITY };
+            };
+            node.boxes[hole] = solved.iter().map(|one| one.within).collect();
+            node.lows[hole] = cost.low.max(node.lows[hole]);
+            costs.push(cost);
+            node.bound = self.objective.value(node.lows.iter().copied()).max(node.bound);
+            if node.bound >= enough {
+                return Seen { node: None, best, done: node.bound };
             }
-            costs.push((*hole, cost));
         }
         let whole = self.together(&costs);
-        let lows = costs.iter().map(|cost| cost.1.low);
-        let bound = whole.low().max(node.bound).max(self.objective.value(lows));
-        if bound >= enough {
-            return nothing(bound);
+        node.bound = whole.low().max(node.bound);
+        if node.bound >= enough {
+            return Seen { node: None, best, done: node.bound };
         }
-        let best = self.judged(&node.cell, &solved);
-        node.bound = bound;
-        node.first = costs.iter().max_by(|a, b| a.1.low.total_cmp(&b.1.low)).map_or(0, |cost| cost.0);
         node.divide = self.division(&node.cell, &whole);
-        node.boxes = solved.iter().map(|all| all.iter().map(|one| one.within).collect()).collect();
         Seen { node: Some(node), best, done: f64::INFINITY }
+    }
+
+    /// What each hole costs in the middle of a cell, infinity where it is out of reach, and what the middle is worth if none is.
+    fn in_middle(&self, node: &mut Node) -> (Vec<f64>, Option<Best>) {
+        let (searcher, position) = (self.searcher, node.cell.position());
+        let reached = |hole| searcher.reached(&position, hole, &mut node.state).unwrap_or_default();
+        let found: Vec<Vec<Posture>> = (0..searcher.targets.len()).map(reached).collect();
+        let cost = |(postures, target): (&Vec<Posture>, &Target<'_>)| {
+            let costs = postures.iter().map(|posture| target.weight * self.objective.cost(posture));
+            costs.fold(f64::INFINITY, f64::min)
+        };
+        let costs: Vec<f64> = found.iter().zip(&searcher.targets).map(cost).collect();
+        let best = found.iter().all(|postures| !postures.is_empty()).then(|| {
+            let (value, holes) = stiffest(self.objective, &searcher.targets, &found);
+            (value, position, holes)
+        });
+        (costs, best)
     }
 
     /// Of the best way to reach a hole. What is not possible is taken out.
@@ -265,17 +264,17 @@ impl<const N: usize> Search<'_, N> {
     }
 
     /// A function that is nowhere above the objective.
-    fn together(&self, costs: &[(usize, Cost<N>)]) -> Taylor<N> {
-        let sum = |costs: &[(usize, Cost<N>)]| costs.iter().fold(Taylor::ZERO, |sum, (_, cost)| sum + cost.over);
+    fn together(&self, costs: &[Cost<N>]) -> Taylor<N> {
+        let sum = || costs.iter().fold(Taylor::ZERO, |sum, cost| sum + cost.over);
         match self.objective {
-            Objective::Paper => sum(costs),
-            Objective::TipMean => Taylor::ZERO.plus(1.0 / costs.len() as f64, &sum(costs)),
+            Objective::Paper => sum(),
+            Objective::TipMean => Taylor::ZERO.plus(1.0 / costs.len() as f64, &sum()),
             // the greatest of all is not less than any mean of them: the best mean of two, then of that and a third
             Objective::TipWorst => {
-                let worst = costs.iter().map(|cost| cost.1.over).max_by(|a, b| a.low().total_cmp(&b.low()));
+                let worst = costs.iter().map(|cost| cost.over).max_by(|a, b| a.low().total_cmp(&b.low()));
                 let mut mixed = worst.unwrap_or(Taylor::ZERO);
                 for _ in 0..2 {
-                    let better = costs.iter().map(|(_, cost)| best_mean(&mixed, &cost.over));
+                    let better = costs.iter().map(|cost| best_mean(&mixed, &cost.over));
                     let better = better.max_by(|a, b| a.low().total_cmp(&b.low()));
                     mixed = better.filter(|better| better.low() > mixed.low()).unwrap_or(mixed);
                 }
@@ -292,14 +291,6 @@ impl<const N: usize> Search<'_, N> {
         let widest = widest(cell);
         // not without end along one axis alone
         best.filter(|best| cell.half[*best] * 8.0 > cell.half[widest]).unwrap_or(widest)
-    }
-
-    /// The middle of a cell as the core judges it.
-    fn judged(&self, cell: &Cell, solved: &[Vec<Solved<N>>]) -> Option<Best> {
-        let position = cell.position();
-        let near: Vec<Vec<_>> = solved.iter().map(|all| all.iter().map(|one| one.near).collect()).collect();
-        let judged: Judged = self.searcher.judged_near(self.objective, &position, &near)?;
-        Some((judged.0, position, judged.1))
     }
 }
 

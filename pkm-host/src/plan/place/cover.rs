@@ -10,10 +10,11 @@ use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
+use super::targets::Target;
 use super::taylor::{THREE, Taylor, decided};
 use super::whitened::{Whitened, length};
 use super::{Objective, PlacementModel};
-use crate::files::job::{Hole, PerAxis, Position};
+use crate::files::job::{PerAxis, Position};
 
 /// What a limit may be passed by, relative, before nothing is taken to be there: more than the core's own slack.
 const SLACK: f64 = 1e-7;
@@ -67,14 +68,14 @@ pub(super) struct Solved<const N: usize> {
     pub within: Box2,
     /// `None`: the box is small beside the cell, or tells nothing.
     over_cell: Option<[Taylor<N>; 2]>,
-    /// Near the middle.
-    pub near: Configuration<f64>,
 }
 
-/// A hole in B: constant, times the sine and times the cosine of the rotary axis.
-struct Turning {
+/// A hole in B, constant, times the sine and times the cosine of the rotary axis, and what its tool bears.
+struct Turning<const N: usize> {
     tip: [Vector3<f64>; 3],
     axis: [Vector3<f64>; 3],
+    wrench: Wrench<Taylor<N>>,
+    weight: Taylor<N>,
 }
 
 /// The core's formulas over cells, for one job.
@@ -83,8 +84,7 @@ pub(super) struct Cover<'a, const N: usize> {
     /// Without travel and limits, which are looked at one by one.
     five: FiveAxis<'a, Taylor<N>>,
     table: Option<CorrectionTable<'a, Taylor<N>>>,
-    wrench: Wrench<Taylor<N>>,
-    holes: Vec<Turning>,
+    holes: Vec<Turning<N>>,
     /// x and y of W in B.
     slides: [Vector3<f64>; 2],
 }
@@ -127,7 +127,7 @@ impl<'a, const N: usize> Cover<'a, N> {
         model: &'a PlacementModel<'a>,
         five: FiveAxis<'a, Taylor<N>>,
         table: Option<CorrectionTable<'a, Taylor<N>>>,
-        (holes, wrench): (&[Hole], &Wrench<f64>),
+        targets: &[Target<'_>],
     ) -> Self {
         let at = |dx_m: f64, dy_m: f64, rotary_rad: f64| model.job.table_in_base(&PerAxis { dx_m, dy_m, rotary_rad });
         let zero = at(0.0, 0.0, 0.0);
@@ -138,12 +138,13 @@ impl<'a, const N: usize> Cover<'a, N> {
             let constant = (zero + back) * 0.5;
             [constant, right - constant, (zero - back) * 0.5]
         };
-        let turning = |hole: &Hole| Turning {
+        let turning = |Target { hole, wrench, weight }: &Target<'_>| Turning {
             tip: parts(turns.map(|frame| frame.origin_m + frame.rotation * hole.tip_m)),
             axis: parts(turns.map(|frame| frame.rotation * hole.axis)),
+            wrench: Wrench { force_n: vector(&wrench.force_n), moment_nm: vector(&wrench.moment_nm) },
+            weight: Taylor::constant(*weight),
         };
-        let wrench = Wrench { force_n: vector(&wrench.force_n), moment_nm: vector(&wrench.moment_nm) };
-        Self { model, five, table, wrench, holes: holes.iter().map(turning).collect(), slides }
+        Self { model, five, table, holes: targets.iter().map(turning).collect(), slides }
     }
 
     /// Everything within the wrist's limits.
@@ -243,24 +244,24 @@ impl<'a, const N: usize> Cover<'a, N> {
         let mut count = 0;
         while let Some(within) = open.pop() {
             count += 1;
-            let (near, narrowed) = match self.stand(hole, Self::over(&within), Self::angle(cell), within.side) {
+            let narrowed = match self.stand(hole, Self::over(&within), Self::angle(cell), within.side) {
                 Standing::Nowhere => continue,
-                Standing::Unknown => (self.model.reach.home(), Narrowed::No),
+                Standing::Unknown => Narrowed::No,
                 Standing::At(stand) => {
                     let narrowed = narrowed(&within, &stand, cell);
                     // limits take longer than a step, and are looked at again where the cost is
                     if matches!(narrowed, Narrowed::No) && !self.may_be(&stand.configuration) {
                         continue;
                     }
-                    (middle(&stand.configuration), narrowed)
+                    narrowed
                 }
             };
             match narrowed {
                 Narrowed::Empty => {}
                 Narrowed::Solved(None) if within.half[0].max(within.half[1]) > WIDEST => open.extend(within.halves()),
-                Narrowed::Solved(over_cell) => solved.push(Solved { within, over_cell, near }),
+                Narrowed::Solved(over_cell) => solved.push(Solved { within, over_cell }),
                 _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
-                    solved.push(Solved { within, over_cell: None, near });
+                    solved.push(Solved { within, over_cell: None });
                 }
                 Narrowed::To(smaller) => open.push(smaller),
                 Narrowed::No => open.extend(within.halves()),
@@ -280,7 +281,7 @@ impl<'a, const N: usize> Cover<'a, N> {
         if !self.may_be(&stand.configuration) {
             return None;
         }
-        let Some(cost) = decided(|| self.cost_of(objective, &stand.configuration)) else {
+        let Some(cost) = decided(|| self.cost_of(objective, hole, &stand.configuration)) else {
             return Some(Cost::at_least(0.0));
         };
         let over = cost?;
@@ -289,7 +290,13 @@ impl<'a, const N: usize> Cover<'a, N> {
         Some(if solved.over_cell.is_some() && low > 0.0 { Cost { low, over } } else { Cost::at_least(low) })
     }
 
-    fn cost_of(&self, objective: Objective, configuration: &Configuration<Taylor<N>>) -> Option<Taylor<N>> {
+    fn cost_of(
+        &self,
+        objective: Objective,
+        hole: usize,
+        configuration: &Configuration<Taylor<N>>,
+    ) -> Option<Taylor<N>> {
+        let Turning { wrench, weight, .. } = &self.holes[hole];
         let (five, pose) = (&self.five, &configuration.pose);
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
         let plain = self.model.reach.file.parameters.effects == Effects::NONE && !self.model.diagonal;
@@ -297,7 +304,7 @@ impl<'a, const N: usize> Cover<'a, N> {
             Some(table) => Some(Whitened::new(five, table, pose)?),
             None => None,
         };
-        Some(match objective {
+        let cost = match objective {
             Objective::Paper => {
                 let sum = match (&whitened, &self.table) {
                     (Some(whitened), _) => whitened.trace(),
@@ -310,20 +317,16 @@ impl<'a, const N: usize> Cover<'a, N> {
                 Taylor::ONE / sum
             }
             Objective::TipWorst | Objective::TipMean => length(&match &whitened {
-                Some(whitened) => whitened.moved(five, configuration.beta_rad, &self.wrench)?,
-                None => five.deflection(factor, configuration, &self.wrench).ok()?.translation_m,
+                Some(whitened) => whitened.moved(five, configuration.beta_rad, wrench)?,
+                None => five.deflection(factor, configuration, wrench).ok()?.translation_m,
             }),
-        })
+        };
+        Some(cost * *weight)
     }
 }
 
 fn sum_of<const N: usize>(stiffness: &Stiffness<Taylor<N>>) -> Taylor<N> {
     stiffness.principal().iter().fold(Taylor::ZERO, |sum, k| sum + *k)
-}
-
-fn middle<const N: usize>(c: &Configuration<Taylor<N>>) -> Configuration<f64> {
-    let [theta_rad, sigma_rad, z0_m] = [c.pose.theta_rad, c.pose.sigma_rad, c.pose.z0_m].map(|t| t.middle());
-    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: c.beta_rad.map(|t| t.middle()) }
 }
 
 enum Narrowed<const N: usize> {

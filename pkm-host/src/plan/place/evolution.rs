@@ -42,7 +42,7 @@ impl Searcher<'_> {
         let better = |a: (usize, f64), b: (usize, f64)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).is_lt();
         let mut all: Vec<Shares> = (0..POPULATION).map(|_| [rng.f64(), rng.f64(), rng.f64()]).collect();
         let mut costs = judged(&all);
-        let told = format!("series {}, {}", self.series.name, objective.name());
+        let told = format!("{}, {}", self.name, objective.name());
         for generation in 0..=GENERATIONS {
             (self.progress)(&told, generation as u64, GENERATIONS as u64);
             let best = (0..POPULATION)

@@ -5,6 +5,7 @@ mod cover;
 mod evolution;
 mod polish;
 pub(crate) mod search;
+mod targets;
 mod taylor;
 mod unreachable;
 mod whitened;
@@ -56,7 +57,7 @@ impl Objective {
     }
 
     /// What a posture adds, SI.
-    fn cost(self, posture: &Posture) -> f64 {
+    pub(crate) fn cost(self, posture: &Posture) -> f64 {
         match self {
             Self::Paper => 1.0 / posture.k.iter().sum::<f64>(),
             // a model for these has deflections
@@ -65,7 +66,7 @@ impl Objective {
     }
 
     /// Of all holes.
-    fn value(self, costs: impl ExactSizeIterator<Item = f64>) -> f64 {
+    pub(crate) fn value(self, costs: impl ExactSizeIterator<Item = f64>) -> f64 {
         let count = costs.len() as f64;
         match self {
             Self::Paper => costs.sum(),

@@ -4,10 +4,23 @@ use super::Objective;
 use super::search::{Polished, Searcher};
 use crate::files::job::{Axis, Position};
 
-/// Where the polish ends, as a share of the grid's step.
-const FINEST: f64 = 1e-6;
-/// Of the polish, at the most.
-const ROUNDS: usize = 4;
+/// How far a polish goes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// First and last step along an axis, as a share of the grid's.
+    steps: [f64; 2],
+    /// At the most.
+    rounds: usize,
+    /// Without other postures where Newton's steps find none, which is quick and misses the last µm to an edge of reach.
+    is_near: bool,
+}
+
+/// From an optimum of the grid to the end.
+pub(super) const FULL: Effort = Effort { steps: [1.0, 1e-6], rounds: 4, is_near: false };
+/// From there, as far as branch and bound needs it.
+pub(super) const ROUGH: Effort = Effort { steps: [1.0, 1e-3], rounds: 1, is_near: true };
+/// From what branch and bound has found to the end.
+pub(super) const LAST: Effort = Effort { steps: [0.1, 1e-6], rounds: 4, is_near: false };
 
 /// Search for the least value about a position. The least is often on the edge of what is in reach, where value and edge may run
 /// nearly alike, so that no fixed set of directions leads on. So along one axis always the best of the other is taken, edge or not.
@@ -16,17 +29,21 @@ pub(super) struct Polish<'a> {
     pub objective: Objective,
     /// Of the grid.
     pub spacing: Position,
+    pub effort: Effort,
 }
 
 impl Polish<'_> {
     /// The least about a position that reaches every hole.
     pub fn from(&self, start: Position) -> Option<Polished> {
         let mut state = self.searcher.state();
-        // kept with its postures: on the edge of reach another start may just miss them
         let (value, holes) = self.searcher.judged(self.objective, &start, &mut state)?;
-        let mut best: Polished = (value, start, holes);
+        Some(self.onward((value, start, holes)))
+    }
+
+    /// The least about a position with its postures: on the edge of reach another start may just miss them.
+    pub fn onward(&self, mut best: Polished) -> Polished {
         let moving: Vec<Axis> = Axis::ALL.into_iter().filter(|axis| self.spacing[*axis] > 0.0).collect();
-        for _ in 0..ROUNDS {
+        for _ in 0..self.effort.rounds {
             let before = best.0;
             for inner in &moving {
                 let others = moving.iter().filter(|outer| *outer != inner);
@@ -39,13 +56,13 @@ impl Polish<'_> {
                 break;
             }
         }
-        Some(best)
+        best
     }
 
     /// Along one axis, with the best of the other at each place.
     fn ridge(&self, best: &mut Polished, outer: Axis, inner: Axis) {
-        let mut scale = 1.0;
-        while scale > FINEST {
+        let [mut scale, finest] = self.effort.steps;
+        while scale > finest {
             let mut next: Option<Polished> = None;
             for k in [0.0, -1.0, 1.0, -0.5, 0.5] {
                 let mut position = best.1;
@@ -68,6 +85,7 @@ impl Polish<'_> {
     fn line(&self, near: &Polished, position: Position, axis: Axis, reach: f64) -> Option<Polished> {
         let mut state = self.searcher.state();
         state.near = near.2.iter().map(|p| p.solution.configuration).collect();
+        state.is_near = self.effort.is_near;
         let mut best: Option<Polished> = None;
         let mut value_at = |value: f64| {
             let mut at = position;

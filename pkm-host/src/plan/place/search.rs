@@ -6,10 +6,11 @@ use pkm_core::Configuration;
 use rayon::prelude::*;
 
 use super::certify::{Certificate, Limits};
-use super::polish::Polish;
+use super::polish::{self, Polish};
+use super::targets::{Target, stiffest};
 use super::{Miss, Objective, PlacementModel, Posture};
 use crate::error::{Failure, Result};
-use crate::files::job::{Axis, Job, PerAxis, Position, Series};
+use crate::files::job::{Axis, Job, PerAxis, Position};
 use crate::progress::Progress;
 
 /// How the optimum is searched for. A grid is computed in any case.
@@ -81,8 +82,10 @@ pub struct Grid {
 /// Where the table should stand for a series and an objective.
 #[derive(Clone, Debug)]
 pub struct Placement {
-    /// Which series of the job.
-    pub series: usize,
+    /// Which series of the job; several are placed together.
+    pub series: Vec<usize>,
+    /// Of [`Placed::grids`].
+    pub grid: usize,
     /// What is small there.
     pub objective: Objective,
     /// The optimum.
@@ -105,11 +108,11 @@ pub struct Placement {
     pub certificate: Option<Certificate>,
 }
 
-/// Everything for a job, with the grid of each series.
+/// Everything for a job.
 pub struct Placed {
-    /// By series, then objective.
+    /// By series, those placed together last, then by objective.
     pub placements: Vec<Placement>,
-    /// Of each series.
+    /// Of each series, and of those together.
     pub grids: Vec<Grid>,
 }
 
@@ -118,38 +121,54 @@ pub(super) type Judged = (f64, Vec<Posture>);
 /// The same with the position.
 pub(super) type Polished = (f64, Position, Vec<Posture>);
 
-/// Looks for positions of one series of holes.
+/// Looks for one position of some holes.
 pub(super) struct Searcher<'a> {
     pub(super) model: &'a PlacementModel<'a>,
-    pub(super) series: &'a Series,
+    /// "series `A`".
+    pub(super) name: String,
+    pub(super) targets: Vec<Target<'a>>,
     /// More than one posture reached a hole somewhere: all have to be looked for everywhere.
     several: bool,
     pub(super) progress: &'a Progress<'a>,
 }
 
-impl Searcher<'_> {
-    fn reached(
+impl<'a> Searcher<'a> {
+    fn new(model: &'a PlacementModel<'a>, series: &[usize], progress: &'a Progress<'a>) -> Self {
+        let targets = Target::of(model.job, series);
+        let names: Vec<_> = series.iter().map(|n| format!("`{}`", model.job.series[*n].name)).collect();
+        Self {
+            model,
+            name: format!("series {}", names.join(" + ")),
+            several: in_several_ways(model, &targets),
+            targets,
+            progress,
+        }
+    }
+
+    pub(super) fn reached(
         &self,
         position: &Position,
         hole: usize,
-        near: &mut Configuration<f64>,
+        state: &mut State,
     ) -> std::result::Result<Vec<Posture>, Miss> {
-        let tool = self.model.tool(&self.series.holes[hole], position);
+        let Target { hole: to, wrench, .. } = self.targets[hole];
+        let tool = self.model.tool(to, position);
         if self.several {
-            return self.model.postures(&tool, &self.series.wrench);
+            return self.model.postures(&tool, wrench);
         }
-        match self.model.near(&tool, &self.series.wrench, near) {
+        match self.model.near(&tool, wrench, &mut state.near[hole]) {
             Some(posture) => Ok(vec![posture]),
-            None => self.model.postures(&tool, &self.series.wrench),
+            None if state.is_near => Err(Miss::Reach),
+            None => self.model.postures(&tool, wrench),
         }
     }
 
     /// Postures for every hole; the first hole that is out of reach, tried first the next time.
     fn all(&self, position: &Position, state: &mut State) -> Option<Vec<Vec<Posture>>> {
-        let mut found: Vec<Vec<Posture>> = vec![Vec::new(); self.series.holes.len()];
+        let mut found: Vec<Vec<Posture>> = vec![Vec::new(); self.targets.len()];
         for n in 0..state.order.len() {
             let hole = state.order[n];
-            match self.reached(position, hole, &mut state.near[hole]) {
+            match self.reached(position, hole, state) {
                 Ok(postures) => found[hole] = postures,
                 Err(_) => {
                     state.order[..=n].rotate_right(1);
@@ -161,38 +180,32 @@ impl Searcher<'_> {
     }
 
     pub(super) fn judged(&self, objective: Objective, position: &Position, state: &mut State) -> Option<Judged> {
-        self.all(position, state).map(|found| stiffest(objective, &found))
+        self.all(position, state).map(|found| stiffest(objective, &self.targets, &found))
     }
 
     /// For evolution: holes out of reach, then the value.
     pub(super) fn penalised(&self, objective: Objective, position: &Position, state: &mut State) -> (usize, f64) {
-        let count = self.series.holes.len();
-        let found: Vec<_> =
-            (0..count).filter_map(|hole| self.reached(position, hole, &mut state.near[hole]).ok()).collect();
+        let count = self.targets.len();
+        let found: Vec<_> = (0..count).filter_map(|hole| self.reached(position, hole, state).ok()).collect();
         match count - found.len() {
-            0 => (0, stiffest(objective, &found).0),
+            0 => (0, stiffest(objective, &self.targets, &found).0),
             missing => (missing, f64::INFINITY),
         }
     }
 
     pub(super) fn state(&self) -> State {
-        let count = self.series.holes.len();
-        State { near: vec![self.model.reach.home(); count], order: (0..count).collect() }
+        let count = self.targets.len();
+        State { near: vec![self.model.reach.home(); count], order: (0..count).collect(), is_near: false }
     }
 }
 
 /// What the next position starts from.
+#[derive(Clone)]
 pub(super) struct State {
     pub(super) near: Vec<Configuration<f64>>,
     order: Vec<usize>,
-}
-
-/// Of all postures that reach a hole the one that costs least.
-pub(super) fn stiffest(objective: Objective, found: &[Vec<Posture>]) -> Judged {
-    let cost = |p: &Posture| objective.cost(p);
-    let best: Vec<Posture> =
-        found.iter().filter_map(|p| p.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).copied()).collect();
-    (objective.value(best.iter().map(cost)), best)
+    /// What Newton's steps do not reach from `near` is taken to be out of reach: no search for other postures.
+    pub(super) is_near: bool,
 }
 
 fn mean_k(postures: &[Posture]) -> [f64; 6] {
@@ -205,10 +218,10 @@ fn places([low, high]: [f64; 2], step: f64) -> Vec<f64> {
     (0..=count).map(|i| if count == 0 { low } else { low + (high - low) * i as f64 / count as f64 }).collect()
 }
 
-/// Whether holes of a series are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
-fn in_several_ways(model: &PlacementModel<'_>, series: &Series) -> bool {
+/// Whether holes are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
+fn in_several_ways(model: &PlacementModel<'_>, targets: &[Target<'_>]) -> bool {
     lattice(model.job).par_iter().any(|position| {
-        series.holes.iter().any(|hole| model.reach.in_working_mode(&model.tool(hole, position)).count() > 1)
+        targets.iter().any(|target| model.reach.in_working_mode(&model.tool(target.hole, position)).count() > 1)
     })
 }
 
@@ -237,59 +250,88 @@ pub fn place(
 ) -> Result<Placed> {
     let job = model.job;
     let axes = grid_axes(job, options)?;
-    let (mut placements, mut grids) = (Vec::new(), Vec::new());
-    for (n, series) in job.series.iter().enumerate() {
-        let searcher = Searcher { model, series, several: in_several_ways(model, series), progress };
+    let mut groups: Vec<Vec<usize>> = (0..job.series.len()).map(|n| vec![n]).collect();
+    if job.together {
+        groups.push((0..job.series.len()).collect());
+    }
+    let searchers: Vec<Searcher<'_>> = groups.iter().map(|group| Searcher::new(model, group, progress)).collect();
+    let mut grids = Vec::new();
+    for searcher in &searchers {
         let grid = searcher.grid(objectives, axes.clone());
-        for (o, objective) in objectives.iter().enumerate() {
-            let Some(certified) = grid.best(o) else { return Err(searcher.unreachable(options)) };
-            let mut convergence = Vec::new();
-            let mut certificate = None;
-            let optima = grid.optima(o);
-            let found = match options.method {
-                Method::Certified => {
-                    // with three axes a polish takes as long as thousands of cells, and those lead to better places
-                    let most = if job.slides_and_turns() { 1 } else { POLISHED };
-                    let start = searcher.polished(*objective, &optima[..most.min(optima.len())], &grid);
-                    let known = start.as_ref().map(|start| start.1);
-                    let (found, proved) = searcher.certified(*objective, start, &options.limits);
-                    certificate = Some(proved);
-                    // where branch and bound has found a better one, there
-                    let better = found.as_ref().map(|found| found.1).filter(|better| known != Some(*better));
-                    better.map_or(found, |better| searcher.polished(*objective, &[better], &grid))
-                }
-                Method::Grid => searcher.polished(*objective, &optima, &grid),
-                method => {
-                    let evolved = searcher.evolved(*objective, method, options.seed, &mut convergence);
-                    match evolved {
-                        Some(position) if method == Method::Ga => {
-                            let judged = searcher.judged(*objective, &position, &mut searcher.state());
-                            judged.map(|(value, holes)| (value, position, holes))
-                        }
-                        Some(position) => searcher.polished(*objective, &[position, certified.0], &grid),
-                        None => searcher.polished(*objective, &optima, &grid),
-                    }
-                }
-            };
-            let Some((value, position, holes)) = found else { return Err(searcher.unreachable(options)) };
-            let middle = PerAxis::of(|axis| 0.5 * (job.limits[axis][0] + job.limits[axis][1]));
-            placements.push(Placement {
-                series: n,
-                objective: *objective,
-                position,
-                value,
-                certified,
-                feasible_share: grid.feasible_share(),
-                q_ratio: grid.q_ratio(o, &mean_k(&holes)),
-                before: searcher.judged(*objective, &middle, &mut searcher.state()),
-                holes,
-                convergence,
-                certificate: certificate.map(|certificate: Certificate| certificate.of(value)),
-            });
+        if (0..objectives.len()).any(|o| grid.best(o).is_none()) {
+            return Err(searcher.unreachable(options));
         }
         grids.push(grid);
     }
-    Ok(Placed { placements, grids })
+    let each = (0..groups.len()).flat_map(|group| (0..objectives.len()).map(move |o| (group, o)));
+    let placed = |(n, o): (usize, usize)| -> Result<Placement> {
+        let (searcher, grid) = (&searchers[n], &grids[n]);
+        let Found { best, convergence, certificate } = searcher.found(objectives[o], grid, o, options);
+        let (Some((value, position, holes)), Some(certified)) = (best, grid.best(o)) else {
+            return Err(searcher.unreachable(options));
+        };
+        let middle = PerAxis::of(|axis| 0.5 * (job.limits[axis][0] + job.limits[axis][1]));
+        Ok(Placement {
+            series: groups[n].clone(),
+            grid: n,
+            objective: objectives[o],
+            position,
+            value,
+            certified,
+            feasible_share: grid.feasible_share(),
+            q_ratio: grid.q_ratio(o, &mean_k(&holes)),
+            before: searcher.judged(objectives[o], &middle, &mut searcher.state()),
+            holes,
+            convergence,
+            certificate: certificate.map(|certificate| certificate.of(value)),
+        })
+    };
+    let placements: Vec<Result<Placement>> = each.collect::<Vec<_>>().into_par_iter().map(placed).collect();
+    // the first failure, whichever came first
+    Ok(Placed { placements: placements.into_iter().collect::<Result<_>>()?, grids })
+}
+
+/// What a method has found.
+#[derive(Default)]
+struct Found {
+    best: Option<Polished>,
+    convergence: Vec<(usize, f64)>,
+    certificate: Option<Certificate>,
+}
+
+impl Searcher<'_> {
+    /// The optimum by an objective, the grid's `column`.
+    fn found(&self, objective: Objective, grid: &Grid, column: usize, options: &Options) -> Found {
+        let optima = grid.optima(column);
+        let polished = |starts: &[Position], effort| self.polished(objective, starts, grid, effort);
+        match options.method {
+            Method::Certified => {
+                // as good as the gap that is asked for needs it: cells lead to better places than more starts
+                let start = polished(&optima[..1.min(optima.len())], polish::ROUGH);
+                let (best, certificate) = self.certified(objective, start, &options.limits);
+                let last = Polish { searcher: self, objective, spacing: grid.spacing(), effort: polish::LAST };
+                let best = best.map(|best| last.onward(best));
+                Found { best, certificate: Some(certificate), ..Found::default() }
+            }
+            Method::Grid => Found { best: polished(&optima, polish::FULL), ..Found::default() },
+            method => {
+                let mut convergence = Vec::new();
+                let best = match self.evolved(objective, method, options.seed, &mut convergence) {
+                    Some(position) if method == Method::Ga => {
+                        let judged = self.judged(objective, &position, &mut self.state());
+                        judged.map(|(value, holes)| (value, position, holes))
+                    }
+                    Some(position) => {
+                        let starts: Vec<_> =
+                            [position].into_iter().chain(grid.best(column).map(|best| best.0)).collect();
+                        polished(&starts, polish::FULL)
+                    }
+                    None => polished(&optima, polish::FULL),
+                };
+                Found { best, convergence, certificate: None }
+            }
+        }
+    }
 }
 
 /// Positions of the grid along each axis.
@@ -369,7 +411,7 @@ impl Searcher<'_> {
     fn grid(&self, objectives: &[Objective], axes: PerAxis<Vec<f64>>) -> Grid {
         let PerAxis { dx_m: xs, dy_m: ys, rotary_rad: angles } = &axes;
         let rows: Vec<(f64, f64)> = angles.iter().flat_map(|a| ys.iter().map(move |y| (*a, *y))).collect();
-        let told = format!("series {}", self.series.name);
+        let told = self.name.clone();
         let (done, count) = (AtomicU64::new(0), rows.len() as u64);
         (self.progress)(&told, 0, count);
         let found: Vec<Vec<Vec<Option<Cell>>>> = rows
@@ -381,7 +423,7 @@ impl Searcher<'_> {
                     objectives
                         .iter()
                         .map(|objective| {
-                            let (value, postures) = stiffest(*objective, found.as_ref()?);
+                            let (value, postures) = stiffest(*objective, &self.targets, found.as_ref()?);
                             Some(Cell { value, mean_k: mean_k(&postures) })
                         })
                         .collect()
@@ -396,8 +438,14 @@ impl Searcher<'_> {
     }
 
     /// The best that is found from some starts.
-    fn polished(&self, objective: Objective, starts: &[Position], grid: &Grid) -> Option<Polished> {
-        let polish = Polish { searcher: self, objective, spacing: grid.spacing() };
+    fn polished(
+        &self,
+        objective: Objective,
+        starts: &[Position],
+        grid: &Grid,
+        effort: polish::Effort,
+    ) -> Option<Polished> {
+        let polish = Polish { searcher: self, objective, spacing: grid.spacing(), effort };
         let all: Vec<Polished> = starts.par_iter().filter_map(|start| polish.from(*start)).collect();
         all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
     }

@@ -166,6 +166,16 @@ impl<const N: usize> Taylor<N> {
         Self { rest: half, ..Self::constant(half) }
     }
 
+    #[inline(always)]
+    fn is_constant(&self) -> bool {
+        self.rest == 0.0 && self.terms[1..].iter().all(|term| *term == 0.0)
+    }
+
+    #[inline(always)]
+    fn times(&self, factor: f64) -> Self {
+        Self { terms: self.terms.map(|term| factor * term), rest: factor.abs() * self.rest }
+    }
+
     /// The polynomial and rest of `self` plus a factor times another.
     #[inline]
     pub fn plus(&self, factor: f64, other: &Self) -> Self {
@@ -257,15 +267,15 @@ impl<const N: usize> Mul for Taylor<N> {
     #[inline]
     fn mul(self, other: Self) -> Self {
         let (a, b) = (&self.terms, &other.terms);
-        let ([a1, a2, a3], [b1, b2, b3]) = (self.sizes(), other.sizes());
-        let (a_far, b_far) = (a1 + a2 + a3 + self.rest, b1 + b2 + b3 + other.rest);
         // most factors are constants
-        if a_far == 0.0 {
-            return Self::ZERO.plus(a[0], &other);
+        if self.is_constant() {
+            return other.times(a[0]);
         }
-        if b_far == 0.0 {
-            return Self::ZERO.plus(b[0], &self);
+        if other.is_constant() {
+            return self.times(b[0]);
         }
+        let ([a1, a2, a3], [b1, b2, b3]) = (self.sizes(), other.sizes());
+        let b_far = b1 + b2 + b3 + other.rest;
         let mut terms = [0.0; N];
         terms[0] = a[0] * b[0];
         for k in 1..N {

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::Miss;
 use super::search::{Options, Searcher, lattice};
+use super::targets::Target;
 use crate::error::Failure;
 use crate::files::job::Position;
 
@@ -22,7 +23,7 @@ impl Searcher<'_> {
             }
             Err(Miss::Stiffness) => (0.0, "unreachable", "without a stiffness of the model".to_owned()),
             _ => {
-                let (far, words) = model.reach.shortfall(&model.tool(&self.series.holes[hole], position))?;
+                let (far, words) = model.reach.shortfall(&model.tool(self.targets[hole].hole, position))?;
                 if words.is_empty() {
                     (far, "singular", "too near a singularity of the five axes".to_owned())
                 } else {
@@ -34,7 +35,7 @@ impl Searcher<'_> {
 
     /// Why no position reaches every hole: which hole, and by how much.
     pub(super) fn unreachable(&self, options: &Options) -> Failure {
-        let (model, series) = (self.model, self.series);
+        let (model, targets) = (self.model, &self.targets);
         let lattice = lattice(model.job);
         let at = |position: &Position| {
             let turned = if model.job.rotary.is_some() {
@@ -46,20 +47,21 @@ impl Searcher<'_> {
         };
         let fail = |status, message: String| Failure::refused(status, message).in_file(&model.job.source.name);
         let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
-            let each = |hole| model.postures(&model.tool(hole, position), &series.wrench).map(drop);
-            series.holes.iter().map(each).collect()
+            let each =
+                |target: &Target<'_>| model.postures(&model.tool(target.hole, position), target.wrench).map(drop);
+            targets.iter().map(each).collect()
         };
         let all: Vec<_> = lattice.par_iter().map(|position| (*position, reached(position))).collect();
         let count = |hole: usize| all.iter().filter(|(_, reached)| reached[hole].is_ok()).count();
-        let hole = (0..series.holes.len()).min_by_key(|hole| count(*hole)).unwrap_or(0);
-        let named = format!("hole {} of series `{}`", hole + 1, series.name);
+        let hole = (0..targets.len()).min_by_key(|hole| count(*hole)).unwrap_or(0);
+        let named = format!("hole {} of {}", hole + 1, self.name);
         // where most holes are in reach, and this one is nearest to it
         let most = all.iter().map(|(_, reached)| reached.iter().filter(|r| r.is_ok()).count()).max().unwrap_or(0);
         if let Some((position, _)) = all.iter().find(|(_, reached)| reached.iter().all(|r| r.is_ok())) {
             let step = options.step_m * 1e3;
             return Failure::usage(format!(
-                "series `{}`: the grid of --step-mm {step} is too coarse: no position of it reaches every hole, {} does",
-                series.name,
+                "{}: the grid of --step-mm {step} is too coarse: no position of it reaches every hole, {} does",
+                self.name,
                 at(position)
             ));
         }
@@ -68,7 +70,7 @@ impl Searcher<'_> {
             all.iter().filter(|(_, reached)| alone || reached.iter().filter(|r| r.is_ok()).count() == most);
         let nearest = candidates
             .flat_map(|(position, reached)| {
-                let missing = (0..series.holes.len()).filter(|h| reached[*h].is_err() && (!alone || *h == hole));
+                let missing = (0..targets.len()).filter(|h| reached[*h].is_err() && (!alone || *h == hole));
                 missing.map(move |h| (position, h, &reached[h])).collect::<Vec<_>>()
             })
             .filter_map(|(position, h, reached)| {
@@ -92,9 +94,9 @@ impl Searcher<'_> {
                         (h, status, format!(": {words}"))
                     });
                 let message = format!(
-                    "series `{1}`: the best position reaches {most} of {0} holes; hole {2} is out of reach{words}",
-                    series.holes.len(),
-                    series.name,
+                    "{1}: the best position reaches {most} of {0} holes; hole {2} is out of reach{words}",
+                    targets.len(),
+                    self.name,
                     h + 1
                 );
                 fail(status, message)

@@ -1,18 +1,21 @@
-//! `placement.json`, the text, and `report.html`.
+//! The text and `report.html` of a placement; `placement.json` is in [`document`](document()).
+
+mod document;
 
 use std::ops::Range;
 
 use maud::{Markup, html};
-use serde_json::{Value, json};
 
 use crate::error::Result;
-use crate::files::job::{Axis, Position};
+use crate::files::job::{Axis, Series};
 use crate::files::source::Source;
 use crate::plan::place::search::{Grid, Method, Options, Placed, Placement};
 use crate::plan::place::{Objective, PlacementModel, Posture};
 use crate::pose::file_units;
 use crate::report::page::{Finding, Page, charts, fold, of_file, pictures, table};
 use crate::report::plot::{self, HeatMap, Mark, Panel, Series as Points};
+
+pub use document::document;
 
 fn mm(m: f64) -> f64 {
     m * 1e3
@@ -22,65 +25,23 @@ fn um(p: &Posture) -> Option<f64> {
     p.deflection_m.map(|d| d * 1e6)
 }
 
-fn holes(placement: &Placement) -> Vec<Value> {
-    let hole = |p: &Posture| {
-        let c = &p.solution.configuration;
-        let [theta_deg, sigma_deg, z0_mm] = file_units(&c.pose);
-        let q_mm: [f64; 3] = p.solution.joints.lengths.q_m.map(mm).into();
-        json!({
-            "q_mm": q_mm,
-            "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
-            "beta1_deg": c.beta_rad[0].to_degrees(), "beta2_deg": c.beta_rad[1].to_degrees(),
-            "home_share": p.solution.normalised_determinant,
-            "k": p.k,
-            "deflection_um": um(p),
-            "status": if p.outside_box { "outside_box" } else { "ok" },
-        })
-    };
-    placement.holes.iter().map(hole).collect()
-}
-
 /// Whether the method draws numbers.
 fn is_random(options: &Options) -> bool {
     matches!(options.method, Method::Ga | Method::De)
 }
 
-/// `placement.json`.
-pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Value {
-    let series = placed.placements.iter().map(|p| {
-        let unit = |value: f64| p.objective.value_in_unit(value);
-        let (at, value) = p.certified;
-        let step = placed.grids[p.series].spacing();
-        json!({
-            "name": model.job.series[p.series].name,
-            "objective": p.objective.name(),
-            "dx_mm": mm(p.position.dx_m), "dy_mm": mm(p.position.dy_m), "rotary_deg": p.position.rotary_rad.to_degrees(),
-            "cross_slide_mm": model.job.in_cross_slide_m(&p.position).map(mm),
-            "value": unit(p.value), "unit": p.objective.unit(),
-            "q_ratio": p.q_ratio,
-            "grid_certified": {
-                "step_mm": mm(step.dx_m.max(step.dy_m)), "step_deg": step.rotary_rad.to_degrees(),
-                "dx_mm": mm(at.dx_m), "dy_mm": mm(at.dy_m), "rotary_deg": at.rotary_rad.to_degrees(),
-                "value": unit(value),
-            },
-            "feasible_share": p.feasible_share,
-            "holes": holes(p),
-            "before": p.before.as_ref().map(|(value, postures)| json!({
-                "value": unit(*value),
-                "deflection_um": postures.iter().map(um).collect::<Vec<_>>(),
-                "k": postures.iter().map(|p| p.k).collect::<Vec<_>>(),
-            })),
-            "certificate": p.certificate.map(|c| json!({
-                "lower_bound": unit(c.bound), "gap": c.gap, "asked_gap": options.limits.gap, "cells": c.cells,
-            })),
-            "convergence": p.convergence.iter().map(|(n, v)| (*n, unit(*v))).collect::<Vec<_>>(),
-        })
-    });
-    json!({
-        "machine": model.reach.file.name, "machine_sha256": model.reach.file.source.sha256(),
-        "job_sha256": model.job.source.sha256(), "method": options.method.name(), "allow_extrapolation": model.extrapolate,
-        "seed": is_random(options).then_some(options.seed),
-        "series": series.collect::<Vec<_>>(),
+/// Of each series that is placed with others: its objective there, and where it is placed alone.
+fn compared<'a>(
+    model: &'a PlacementModel<'_>,
+    placed: &'a Placed,
+    p: &'a Placement,
+) -> impl Iterator<Item = (&'a Series, f64, f64)> {
+    let mut postures = p.holes.iter();
+    p.series.iter().filter_map(move |n| {
+        let series = &model.job.series[*n];
+        let costs: Vec<f64> = postures.by_ref().take(series.holes.len()).map(|p2| p.objective.cost(p2)).collect();
+        let alone = placed.placements.iter().find(|other| other.series == [*n] && other.objective == p.objective)?;
+        Some((series, p.objective.value(costs.into_iter()), alone.value))
     })
 }
 
@@ -98,7 +59,12 @@ fn worst(holes: &[Posture]) -> Option<f64> {
 
 /// "A by tip-worst".
 fn name(model: &PlacementModel<'_>, p: &Placement) -> String {
-    format!("{} by {}", model.job.series[p.series].name, p.objective.name())
+    format!("{} by {}", series_name(model, p), p.objective.name())
+}
+
+/// "A", or "A + B".
+fn series_name(model: &PlacementModel<'_>, p: &Placement) -> String {
+    p.series.iter().map(|n| model.job.series[*n].name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
 /// Three digits, for the verdict.
@@ -164,7 +130,7 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
         }
         if counts(&p) {
             let than = p.before.as_ref().map_or("out of reach".to_owned(), |(before, _)| short(judged, *before));
-            let series = &model.job.series[p.series].name;
+            let series = series_name(model, p);
             gains.push(format!("{} instead of {than} (series {series})", short(judged, p.value)));
         }
         all.push((p.objective, finding));
@@ -214,10 +180,7 @@ fn advice(model: &PlacementModel<'_>, placed: &Placed) -> [Finding; 2] {
                 .rotary
                 .as_ref()
                 .map_or(String::new(), |_| format!(" turned to {:.3}°", p.position.rotary_rad.to_degrees()));
-            format!(
-                "for series {} set the cross slide to x = {x:.3} mm, y = {y:.3} mm{turned}",
-                model.job.series[p.series].name
-            )
+            format!("for series {} set the cross slide to x = {x:.3} mm, y = {y:.3} mm{turned}", series_name(model, p))
         })
         .collect();
     [Finding::good(sure).sure(), Finding::good(format!("{}.", places.join("; "))).todo()]
@@ -265,6 +228,25 @@ fn overview(model: &PlacementModel<'_>, placed: &Placed) -> Markup {
     ];
     let rows: Vec<_> = placed.placements.iter().map(row).collect();
     table("Where the table goes, and what that does; objective paper in 1/(N/m + N·m/rad)", &heads, &rows)
+}
+
+/// What one position for all series costs each of them.
+fn one_for_all(model: &PlacementModel<'_>, placed: &Placed) -> Markup {
+    let together = placed.placements.iter().filter(|p| p.series.len() > 1);
+    let rows: Vec<_> = together
+        .flat_map(|p| {
+            compared(model, placed, p).map(|(series, here, alone)| {
+                let shown = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
+                let more = format!("{:+.2}", 100.0 * (here / alone - 1.0));
+                let name = format!("{} by {}", series.name, p.objective.name());
+                (name, vec![series.weight.to_string(), shown(here), shown(alone), more])
+            })
+        })
+        .collect();
+    let heads = ["weight", "in one position for all", "placed alone", "more %"];
+    html! {
+        @if !rows.is_empty() { (table("What one position for all series costs each of them", &heads, &rows)) }
+    }
 }
 
 /// From the first to the last of some places on a grid's axis, with a neighbour at each end.
@@ -321,16 +303,16 @@ fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) ->
 /// Workpiece and machine from above, in W.
 fn plan_view(model: &PlacementModel<'_>, placed: &Placed) -> Result<Markup> {
     let job = model.job;
-    let at = |position: &Position, series: usize| -> Vec<(f64, f64)> {
-        let table = job.table_in_world_at(position);
-        let holes = job.series[series].holes.iter();
+    let at = |p: &Placement| -> Vec<(f64, f64)> {
+        let table = job.table_in_world_at(&p.position);
+        let holes = p.series.iter().flat_map(|n| &job.series[*n].holes);
         holes.map(|hole| table.origin_m + table.rotation * hole.tip_m).map(|p| (mm(p.x), mm(p.y))).collect()
     };
     let base = job.base_in_world.origin_m;
     let mut series =
         vec![Points { name: "B of the machine".into(), points: vec![(mm(base.x), mm(base.y))], mark: Mark::Cross }];
     for p in &placed.placements {
-        series.push(Points { name: name(model, p), points: at(&p.position, p.series), mark: Mark::Dot });
+        series.push(Points { name: name(model, p), points: at(p), mark: Mark::Dot });
     }
     let panel = Panel {
         title: "holes at the optima".into(),
@@ -416,11 +398,12 @@ pub fn html(
 ) -> Result<String> {
     let objectives = placed.placements.len() / placed.grids.len();
     let evolution = convergence(model, placed);
-    let of_place = |(n, p): (usize, &Placement)| map(model, &placed.grids[p.series], n % objectives, p);
+    let of_place = |(n, p): (usize, &Placement)| map(model, &placed.grids[p.grid], n % objectives, p);
     let maps = placed.placements.iter().enumerate().map(of_place);
     let body = html! {
         h2 { "Where the table goes" }
         (overview(model, placed))
+        (one_for_all(model, placed))
         (plan_view(model, placed)?)
         h2 { "What the table's position does" }
         (pictures(

@@ -1,0 +1,84 @@
+//! `placement.json`.
+
+use serde_json::{Value, json};
+
+use super::{compared, is_random, mm, series_name, um};
+use crate::files::job::Series;
+use crate::plan::place::search::{Options, Placed, Placement};
+use crate::plan::place::{PlacementModel, Posture};
+use crate::pose::file_units;
+
+fn holes(placement: &Placement) -> Vec<Value> {
+    let hole = |p: &Posture| {
+        let c = &p.solution.configuration;
+        let [theta_deg, sigma_deg, z0_mm] = file_units(&c.pose);
+        let q_mm: [f64; 3] = p.solution.joints.lengths.q_m.map(mm).into();
+        json!({
+            "q_mm": q_mm,
+            "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
+            "beta1_deg": c.beta_rad[0].to_degrees(), "beta2_deg": c.beta_rad[1].to_degrees(),
+            "home_share": p.solution.normalised_determinant,
+            "k": p.k,
+            "deflection_um": um(p),
+            "status": if p.outside_box { "outside_box" } else { "ok" },
+        })
+    };
+    placement.holes.iter().map(hole).collect()
+}
+
+/// What `placement.json` says of a position.
+fn entry(model: &PlacementModel<'_>, options: &Options, placed: &Placed, p: &Placement) -> Value {
+    let unit = |value: f64| p.objective.value_in_unit(value);
+    let (at, value) = p.certified;
+    let step = placed.grids[p.grid].spacing();
+    json!({
+        "name": series_name(model, p),
+        "objective": p.objective.name(),
+        "dx_mm": mm(p.position.dx_m), "dy_mm": mm(p.position.dy_m), "rotary_deg": p.position.rotary_rad.to_degrees(),
+        "cross_slide_mm": model.job.in_cross_slide_m(&p.position).map(mm),
+        "value": unit(p.value), "unit": p.objective.unit(),
+        "q_ratio": p.q_ratio,
+        "grid_certified": {
+            "step_mm": mm(step.dx_m.max(step.dy_m)), "step_deg": step.rotary_rad.to_degrees(),
+            "dx_mm": mm(at.dx_m), "dy_mm": mm(at.dy_m), "rotary_deg": at.rotary_rad.to_degrees(),
+            "value": unit(value),
+        },
+        "feasible_share": p.feasible_share,
+        "holes": holes(p),
+        "before": p.before.as_ref().map(|(value, postures)| json!({
+            "value": unit(*value),
+            "deflection_um": postures.iter().map(um).collect::<Vec<_>>(),
+            "k": postures.iter().map(|p| p.k).collect::<Vec<_>>(),
+        })),
+        "certificate": p.certificate.map(|c| json!({
+            "lower_bound": unit(c.bound), "gap": c.gap, "asked_gap": options.limits.gap, "cells": c.cells,
+        })),
+        "convergence": p.convergence.iter().map(|(n, v)| (*n, unit(*v))).collect::<Vec<_>>(),
+    })
+}
+
+/// The same of a position for several series, with what each of them gets there and what it would get alone.
+fn entry_together(model: &PlacementModel<'_>, options: &Options, placed: &Placed, p: &Placement) -> Value {
+    let unit = |value: f64| p.objective.value_in_unit(value);
+    let mut entry = entry(model, options, placed, p);
+    let shares = compared(model, placed, p).map(|(series, here, alone)| {
+        let Series { name, weight, holes, .. } = series;
+        json!({ "name": name, "weight": weight, "holes": holes.len(), "value": unit(here), "alone": unit(alone) })
+    });
+    entry["shares"] = shares.collect();
+    entry
+}
+
+/// `placement.json`.
+pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Value {
+    let (together, alone): (Vec<_>, Vec<_>) = placed.placements.iter().partition(|p| p.series.len() > 1);
+    let entries: Vec<Value> = alone.into_iter().map(|p| entry(model, options, placed, p)).collect();
+    let together: Vec<Value> = together.into_iter().map(|p| entry_together(model, options, placed, p)).collect();
+    json!({
+        "machine": model.reach.file.name, "machine_sha256": model.reach.file.source.sha256(),
+        "job_sha256": model.job.source.sha256(), "method": options.method.name(), "allow_extrapolation": model.extrapolate,
+        "seed": is_random(options).then_some(options.seed),
+        "series": entries,
+        "together": model.job.together.then_some(together),
+    })
+}
