@@ -15,7 +15,8 @@ use crate::plan::place::{self, Limits, Method, Objective, Options, PlacementMode
 use crate::report::place as report;
 
 /// Puts the workpiece where the machine is stiff: the best position of a cross slide, a rotary axis, or both, for each
-/// series of holes, and one for all of them where the job says `together = true`.
+/// series of holes, and one for all of them where the job says `together = true`. Where the
+/// job says under `robust` what is not sure, also where the worst case is least.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The job (TOML), its loads on the tool at the tip in the tool's axes (z along the tool); default, for the reference
@@ -79,6 +80,15 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         && let Some(why) = placement.why_not_certified()
     {
         return Err(Failure::usage(format!("--method certified: {why}")));
+    }
+    if job.robust.is_some() {
+        let certified =
+            (method != Method::Certified).then_some("it is a proof: give --method certified, or leave it out");
+        let judged = !objectives.contains(&Objective::TipWorst);
+        let judged = judged.then_some("it is about deflections: add --objective tip-worst, or leave it out");
+        if let Some(why) = certified.or(judged).or(placement.why_not_robust()) {
+            return Err(Failure::input(why).in_file(&job.source.name).at_column("robust"));
+        }
     }
     let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };
     let usual_step = if method == Method::Certified { 10.0 } else { 2.0 };

@@ -132,6 +132,17 @@ pub struct Series {
     pub weight: f64,
 }
 
+/// What a robust placement counts with, each 0 where it is sure.
+#[derive(Clone, Copy, Debug)]
+pub struct Uncertain {
+    /// By what share the machine may be softer or stiffer than its model, all of it alike.
+    pub stiffness: f64,
+    /// How far the force's direction may be off.
+    pub load_cone_rad: f64,
+    /// How far holes may be from where they are meant, along x and y of W.
+    pub hole_radius_m: f64,
+}
+
 /// A checked job file.
 #[derive(Clone, Debug)]
 pub struct Job {
@@ -151,6 +162,8 @@ pub struct Job {
     pub series: Vec<Series>,
     /// One position for all series as well.
     pub together: bool,
+    /// None: placements are not judged by their worst case.
+    pub robust: Option<Uncertain>,
     /// For `compensate`.
     pub program: ProgramJob,
 }
@@ -167,10 +180,19 @@ struct RawJob {
     rotary: Option<RawRotary>,
     series: Spanned<Vec<RawSeries>>,
     together: Option<Spanned<bool>>,
+    robust: Option<Spanned<RawUncertain>>,
     offsets: Option<RawOffsets>,
     axes: Option<Spanned<[String; 3]>>,
     head: Option<Spanned<String>>,
     tool_axis: Option<Spanned<Numbers<3>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawUncertain {
+    stiffness: Option<Spanned<f64>>,
+    load_cone_deg: Option<Spanned<f64>>,
+    hole_radius_mm: Option<Spanned<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -298,6 +320,30 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
     Ok(Series { name: name.clone(), wrench, holes: holes.collect::<Checked<_>>()?, weight })
 }
 
+/// The three keys of `robust` and their greatest values.
+fn uncertain(raw: &Spanned<RawUncertain>, series: &[Series]) -> Checked<Uncertain> {
+    let of = |key: &str, raw: &Option<Spanned<f64>>, most: f64| match raw {
+        None => Ok(0.0),
+        Some(raw) if (0.0..=most).contains(raw.get_ref()) => Ok(*raw.get_ref()),
+        Some(raw) => {
+            fail(raw.span(), format!("robust.{key}"), format!("expected 0 to {most}, found {}", raw.get_ref()))
+        }
+    };
+    let keys = raw.get_ref();
+    let stiffness = of("stiffness", &keys.stiffness, 0.9)?;
+    let load_cone_rad = of("load_cone_deg", &keys.load_cone_deg, 45.0)?.to_radians();
+    let hole_radius_m = of("hole_radius_mm", &keys.hole_radius_mm, 20.0)? / 1e3;
+    if stiffness + load_cone_rad + hole_radius_m == 0.0 {
+        let message = "nothing is uncertain: give stiffness, load_cone_deg or hole_radius_mm above 0, or leave it out";
+        return fail(raw.span(), "robust", message);
+    }
+    if let Some(series) = series.iter().find(|series| load_cone_rad > 0.0 && series.wrench.force_n.norm() == 0.0) {
+        let message = format!("series `{}` has no force, whose direction could be off", series.name);
+        return fail(raw.span(), "robust.load_cone_deg", message);
+    }
+    Ok(Uncertain { stiffness, load_cone_rad, hole_radius_m })
+}
+
 impl RawJob {
     fn checked(&self, source: &Source) -> Checked<Job> {
         if *self.format.get_ref() != 1 {
@@ -359,6 +405,7 @@ impl RawJob {
             cross_slide_in_world: rigid("cross_slide_in_world", &self.cross_slide_in_world)?,
             limits,
             rotary,
+            robust: self.robust.as_ref().map(|raw| uncertain(raw, &checked)).transpose()?,
             series: checked,
             together,
             program,

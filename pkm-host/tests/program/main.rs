@@ -22,6 +22,7 @@ mod map;
 mod path;
 mod place;
 mod place_proof;
+mod place_robust;
 mod properties;
 mod readings;
 mod replay;

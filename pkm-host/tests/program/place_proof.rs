@@ -137,18 +137,18 @@ impl Drawn {
 }
 
 /// The reference machine's table over a wide box.
-fn with_table<R>(then: impl FnOnce(&CorrectionTable<'_, f64>) -> R) -> R {
+pub fn with_table<R>(then: impl FnOnce(&CorrectionTable<'_, f64>) -> R) -> R {
     let source = Source::read(fixture("jobs/wide-table.json").as_ref()).expect("a file");
     let numbers = TableFile::parse(&source).expect("a table").numbers();
     then(&numbers.table().expect("numbers"))
 }
 
-fn number(v: &Value) -> f64 {
+pub fn number(v: &Value) -> f64 {
     v.as_f64().unwrap_or_else(|| panic!("{v}"))
 }
 
 /// `placement.json` of a job.
-fn placed(job: &str, method: &str) -> Value {
+pub fn placed(job: &str, method: &str) -> Value {
     let folder = Folder::new();
     let (file, table, out) = (folder.write("job.toml", job), fixture("jobs/wide-table.json"), folder.path("out"));
     let args = ["place", "--job", &file, "--table", &table, "--method", method, "--seed", "1", "--step-mm", "2"];

@@ -18,8 +18,6 @@ use crate::files::job::Axis;
 
 /// Cells that are divided at a time. The same on every machine, so that the result is.
 const BATCH: usize = 8;
-/// Coefficients of a table, for each of its terms.
-const ROWS: usize = 27;
 /// Holes whose cost is bounded over a cell, at the least, where the greatest counts: a mean of two may be bounded better than either.
 const FEW: usize = 3;
 
@@ -126,7 +124,7 @@ impl Searcher<'_> {
         let unlimited = self.model.reach.unlimited();
         let machine: Machine<Taylor<N>> = unlimited.machine.converted();
         let wrist: Wrist<Taylor<N>> = unlimited.wrist.converted();
-        let mut store = vec![Taylor::ZERO; self.model.numbers.map_or(0, |numbers| ROWS * numbers.terms.len())];
+        let mut store = self.model.store();
         let table = self.model.table.as_ref().and_then(|table| table.converted(&mut store));
         let five = FiveAxis { machine: &machine, wrist: &wrist };
         let cover = Cover::new(self.model, five, table, &self.targets);

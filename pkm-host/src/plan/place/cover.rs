@@ -51,6 +51,11 @@ pub(super) struct Box2 {
 }
 
 impl Box2 {
+    /// Whether β1 and β2 are in it.
+    pub fn holds(&self, beta: &Vector2<f64>) -> bool {
+        (0..2).all(|i| (beta[i] - self.middle[i]).abs() <= self.half[i] + SMALLEST)
+    }
+
     fn halves(self) -> [Self; 2] {
         let i = usize::from(self.half[1] > self.half[0]);
         [-1.0, 1.0].map(|sign| {
@@ -74,8 +79,11 @@ pub(super) struct Solved<const N: usize> {
 struct Turning<const N: usize> {
     tip: [Vector3<f64>; 3],
     axis: [Vector3<f64>; 3],
+    /// With the moment that goes with each of `forces_n`, if there are any.
     wrench: Wrench<Taylor<N>>,
-    weight: Taylor<N>,
+    forces_n: Vec<Vector3<f64>>,
+    /// With how much more than by its stiffness the machine may yield.
+    weight: f64,
 }
 
 /// The core's formulas over cells, for one job.
@@ -138,11 +146,16 @@ impl<'a, const N: usize> Cover<'a, N> {
             let constant = (zero + back) * 0.5;
             [constant, right - constant, (zero - back) * 0.5]
         };
-        let turning = |Target { hole, wrench, weight }: &Target<'_>| Turning {
-            tip: parts(turns.map(|frame| frame.origin_m + frame.rotation * hole.tip_m)),
-            axis: parts(turns.map(|frame| frame.rotation * hole.axis)),
-            wrench: Wrench { force_n: vector(&wrench.force_n), moment_nm: vector(&wrench.moment_nm) },
-            weight: Taylor::constant(*weight),
+        let turning = |target: &Target<'_>| {
+            let Target { hole, wrench, weight, off_m: [x, y], softer, .. } = target;
+            let off_m = slides[0] * *x + slides[1] * *y;
+            Turning {
+                tip: parts(turns.map(|frame| frame.origin_m + frame.rotation * hole.tip_m + off_m)),
+                axis: parts(turns.map(|frame| frame.rotation * hole.axis)),
+                wrench: Wrench { force_n: vector(&wrench.force_n), moment_nm: vector(&wrench.moment_nm) },
+                forces_n: target.forces_n.clone(),
+                weight: weight * softer,
+            }
         };
         Self { model, five, table, holes: targets.iter().map(turning).collect(), slides }
     }
@@ -202,35 +215,41 @@ impl<'a, const N: usize> Cover<'a, N> {
         Standing::At(Stand { configuration: Configuration { pose, beta_rad }, slide: [moved.dot(&x), moved.dot(&y)] })
     }
 
-    /// Whether some of these configurations may be within all limits.
-    fn may_be(&self, configuration: &Configuration<Taylor<N>>) -> bool {
+    /// Whether these configurations are within all limits: `None` where some may be, and some may not.
+    fn within(&self, configuration: &Configuration<Taylor<N>>) -> Option<bool> {
+        let mut all = true;
+        let mut beyond = |value: Taylor<N>, low: f64, high: f64| {
+            all &= value.low() >= low && value.high() <= high;
+            value.low() > high || value.high() < low
+        };
         let Pose { theta_rad, sigma_rad, z0_m } = configuration.pose;
         if let Some(numbers) = self.model.numbers.filter(|_| !self.model.extrapolate) {
             for (i, value) in [theta_rad, sigma_rad, z0_m].into_iter().enumerate() {
                 let (centre, half) = (numbers.centre[i], numbers.half_width[i] * (1.0 + SLACK));
-                if value.low() > centre + half || value.high() < centre - half {
-                    return false;
+                if beyond(value, centre - half, centre + half) {
+                    return Some(false);
                 }
             }
         }
         let file = self.model.reach.file;
         match decided(|| self.five.machine.inverse(&configuration.pose)) {
-            None => return true,
-            Some(Err(_)) => return false,
+            None => return None,
+            Some(Err(_)) => return Some(false),
             Some(Ok(lengths)) => {
                 let travel = &file.parameters.travel;
                 for (i, q) in lengths.q_m.iter().enumerate() {
                     let slack = SLACK * travel.max_m[i];
-                    if q.low() > travel.max_m[i] + slack || q.high() < travel.min_m[i] - slack {
-                        return false;
+                    if beyond(*q, travel.min_m[i] - slack, travel.max_m[i] + slack) {
+                        return Some(false);
                     }
                 }
             }
         }
         match decided(|| self.five.normalised_determinant(configuration)) {
-            Some(Ok(share)) => share.high() >= self.model.reach.margin() - SLACK,
-            Some(Err(_)) => false,
-            None => true,
+            Some(Ok(share)) if beyond(share, self.model.reach.margin() - SLACK, f64::INFINITY) => Some(false),
+            Some(Ok(_)) => all.then_some(true),
+            Some(Err(_)) => Some(false),
+            None => None,
         }
     }
 
@@ -250,7 +269,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 Standing::At(stand) => {
                     let narrowed = narrowed(&within, &stand, cell);
                     // limits take longer than a step, and are looked at again where the cost is
-                    if matches!(narrowed, Narrowed::No) && !self.may_be(&stand.configuration) {
+                    if matches!(narrowed, Narrowed::No) && self.within(&stand.configuration) == Some(false) {
                         continue;
                     }
                     narrowed
@@ -278,7 +297,7 @@ impl<'a, const N: usize> Cover<'a, N> {
             Standing::Unknown => return Some(Cost::at_least(0.0)),
             Standing::At(stand) => stand,
         };
-        if !self.may_be(&stand.configuration) {
+        if self.within(&stand.configuration) == Some(false) {
             return None;
         }
         let Some(cost) = decided(|| self.cost_of(objective, hole, &stand.configuration)) else {
@@ -296,7 +315,7 @@ impl<'a, const N: usize> Cover<'a, N> {
         hole: usize,
         configuration: &Configuration<Taylor<N>>,
     ) -> Option<Taylor<N>> {
-        let Turning { wrench, weight, .. } = &self.holes[hole];
+        let Turning { wrench, forces_n, weight, .. } = &self.holes[hole];
         let (five, pose) = (&self.five, &configuration.pose);
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
         let plain = self.model.reach.file.parameters.effects == Effects::NONE && !self.model.diagonal;
@@ -316,12 +335,44 @@ impl<'a, const N: usize> Cover<'a, N> {
                 };
                 Taylor::ONE / sum
             }
-            Objective::TipWorst | Objective::TipMean => length(&match &whitened {
-                Some(whitened) => whitened.moved(five, configuration.beta_rad, wrench)?,
-                None => five.deflection(factor, configuration, wrench).ok()?.translation_m,
-            }),
+            Objective::TipWorst | Objective::TipMean => match &whitened {
+                // of several loads the worst, each of which costs no more than the worst of them all
+                Some(whitened) => {
+                    let moved = whitened.moved_by(five, configuration.beta_rad, wrench, forces_n)?;
+                    let lengths = moved.iter().map(length);
+                    lengths.max_by(|a, b| a.low().total_cmp(&b.low()))?
+                }
+                None => length(&five.deflection(factor, configuration, wrench).ok()?.translation_m),
+            },
         };
-        Some(cost * *weight)
+        Some(cost * Taylor::constant(*weight))
+    }
+
+    /// By how much a hole's costs are more than how far its tip moves.
+    pub fn weight(&self, hole: usize) -> f64 {
+        self.holes[hole].weight
+    }
+
+    /// How each of some forces with its load's moment moves a hole's tip, or its load if there are none, over a cell whose solutions are in a box, and whether all of the cell reaches it;
+    /// `None` where that is not known.
+    pub fn moved(
+        &self,
+        hole: usize,
+        cell: &Cell,
+        solved: &Solved<N>,
+        forces_n: &[Vector3<f64>],
+    ) -> Option<(Vec<Vector3<Taylor<N>>>, bool)> {
+        let Standing::At(Stand { configuration, .. }) =
+            self.stand(hole, solved.over_cell?, Self::angle(cell), solved.within.side)
+        else {
+            return None;
+        };
+        let Turning { wrench, .. } = &self.holes[hole];
+        let moved = decided(|| {
+            let whitened = Whitened::new(&self.five, self.table.as_ref()?, &configuration.pose)?;
+            whitened.moved_by(&self.five, configuration.beta_rad, wrench, forces_n)
+        });
+        Some((moved??, self.within(&configuration) == Some(true)))
     }
 }
 

@@ -4,23 +4,34 @@ mod certify;
 mod cover;
 mod evolution;
 mod polish;
+mod robust;
 pub(crate) mod search;
 mod targets;
 mod taylor;
 mod unreachable;
 mod whitened;
 
-use pkm_core::effects::EFFECTS;
-use pkm_core::{Configuration, CorrectionError, CorrectionTable, Domain, Stiffness, Tool, ToolSolution, Wrench};
+use nalgebra::{Matrix3, Vector3};
+use pkm_core::effects::{EFFECTS, Effects};
+use pkm_core::{
+    Configuration, CorrectionError, CorrectionTable, Domain, Scalar, Stiffness, Tool, ToolSolution, Wrench,
+};
 
 use crate::error::{Failure, Result};
-use crate::files::job::{Hole, Job, Position, Series};
+use crate::files::job::{Job, Position, Series};
 use crate::files::machine::MachineFile;
 use crate::files::table_numbers::TableNumbers;
 use crate::plan::reach::Reach;
 
+use targets::Target;
+use taylor::Taylor;
+
 pub use certify::{Certificate, Limits};
+pub use robust::{Robust, Worst};
 pub use search::{Grid, Method, Options, Placed, Placement, place};
+
+/// Coefficients of a table, for each of its terms.
+const ROWS: usize = 27;
 
 /// What is to be small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -61,7 +72,7 @@ impl Objective {
         match self {
             Self::Paper => 1.0 / posture.k.iter().sum::<f64>(),
             // a model for these has deflections
-            Self::TipWorst | Self::TipMean => posture.deflection_m.unwrap_or(f64::INFINITY),
+            Self::TipWorst | Self::TipMean => posture.worst_m.unwrap_or(f64::INFINITY),
         }
     }
 
@@ -85,6 +96,8 @@ pub struct Posture {
     pub k: [f64; 6],
     /// Of the tip under the series' wrench, m; none with a diagonal table, which has no deflections.
     pub deflection_m: Option<f64>,
+    /// The greatest of all loads and stiffnesses that are stated; without uncertainty the same.
+    worst_m: Option<f64>,
     /// The table is extrapolated here.
     pub outside_box: bool,
 }
@@ -152,6 +165,11 @@ impl<'a> PlacementModel<'a> {
         })
     }
 
+    /// Room for the table's coefficients over cells.
+    fn store<const N: usize>(&self) -> Vec<Taylor<N>> {
+        vec![Taylor::ZERO; self.numbers.map_or(0, |numbers| ROWS * numbers.terms.len())]
+    }
+
     /// What keeps branch and bound from proving anything, and what to do: postures must be within a table's box, since near the end
     /// of travel and near singularities bounds hardly close; positions of the cross slide must follow from β1 and β2, so it must not
     /// run along |AB|, and deflections from the load without iteration, which preloaded limbs take.
@@ -170,13 +188,27 @@ impl<'a> PlacementModel<'a> {
         reasons.into_iter().find_map(|(is, why)| is.then_some(why))
     }
 
-    fn tool(&self, hole: &Hole, position: &Position) -> Tool<f64> {
-        let table = self.job.table_in_base(position);
-        let tip = table.origin_m + table.rotation * hole.tip_m;
-        Tool { tip_m: tip, axis: table.rotation * hole.axis }
+    /// Why the worst case of what is not sure is not computed, and what to do: deflections must be linear in the load.
+    pub fn why_not_robust(&self) -> Option<&'static str> {
+        let sure = self.reach.file.parameters.effects == Effects::NONE;
+        let factor = self.table.as_ref().is_some_and(|table| table.has_factor_form()) && !self.diagonal;
+        let reasons = [
+            (
+                !sure,
+                "the machine file has effects, under which deflections need not follow the load: leave `robust` out",
+            ),
+            (!factor, "it needs the table's factor form: fit it on all 21 columns"),
+        ];
+        reasons.into_iter().find_map(|(is, why)| is.then_some(why))
     }
 
-    fn judged(&self, solution: ToolSolution<f64>, wrench: &Wrench<f64>) -> std::result::Result<Posture, Miss> {
+    fn tool(&self, target: &Target<'_>, position: &Position) -> Tool<f64> {
+        let table = self.job.table_in_base(&target.seen_from(position));
+        let tip = table.origin_m + table.rotation * target.hole.tip_m;
+        Tool { tip_m: tip, axis: table.rotation * target.hole.axis }
+    }
+
+    fn judged(&self, solution: ToolSolution<f64>, target: &Target<'_>) -> std::result::Result<Posture, Miss> {
         let pose = &solution.configuration.pose;
         let domain = self.table.as_ref().map(|table| table.domain(pose));
         let outside_box = domain == Some(Domain::Outside);
@@ -194,21 +226,35 @@ impl<'a> PlacementModel<'a> {
         let k = stiffness().map_err(|_| Miss::Stiffness)?.principal().into();
         // a diagonal table alone has no deflections, and nobody asked for any
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
-        let deflection_m = if self.table.is_some() && factor.is_none() {
-            None
-        } else {
-            let d = self.reach.five.deflection(factor, &solution.configuration, wrench).map_err(|_| Miss::Stiffness)?;
-            Some(d.translation_m.iter().map(|v| v * v).sum::<f64>().sqrt())
+        let moved = |wrench: &Wrench<f64>| {
+            let moved = self.reach.five.deflection(factor, &solution.configuration, wrench);
+            moved.map(|moved| moved.translation_m).map_err(|_| Miss::Stiffness)
         };
-        Ok(Posture { solution, k, deflection_m, outside_box })
+        let size = |moved: Vector3<f64>| moved.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let (mut deflection_m, mut worst_m) = (None, None);
+        if self.table.is_none() || factor.is_some() {
+            let nominal = size(moved(target.wrench)?);
+            let mut most = nominal;
+            if !target.forces_n.is_empty() {
+                let mut yields = Matrix3::zeros();
+                for i in 0..3 {
+                    yields
+                        .set_column(i, &moved(&Wrench { force_n: Vector3::ith(i, 1.0), moment_nm: Vector3::zeros() })?);
+                }
+                let by_moment = moved(&Wrench { force_n: Vector3::zeros(), ..*target.wrench })?;
+                most = target.forces_n.iter().map(|force| size(yields * force + by_moment)).fold(0.0, f64::max);
+            }
+            (deflection_m, worst_m) = (Some(nominal), Some(target.softer * most));
+        }
+        Ok(Posture { solution, k, deflection_m, worst_m, outside_box })
     }
 
-    /// Every posture that reaches a tool in home's working mode.
-    fn postures(&self, tool: &Tool<f64>, wrench: &Wrench<f64>) -> std::result::Result<Vec<Posture>, Miss> {
+    /// Every posture that reaches a hole in home's working mode.
+    fn postures(&self, target: &Target<'_>, position: &Position) -> std::result::Result<Vec<Posture>, Miss> {
         let mut miss = Miss::Reach;
         let mut found = Vec::new();
-        for solution in self.reach.in_working_mode(tool) {
-            match self.judged(solution, wrench) {
+        for solution in self.reach.in_working_mode(&self.tool(target, position)) {
+            match self.judged(solution, target) {
                 Ok(posture) => found.push(posture),
                 Err(e) => miss = e,
             }
@@ -217,9 +263,9 @@ impl<'a> PlacementModel<'a> {
     }
 
     /// The posture that Newton's steps find from where the machine stood last.
-    fn near(&self, tool: &Tool<f64>, wrench: &Wrench<f64>, near: &mut Configuration<f64>) -> Option<Posture> {
-        let solution = self.reach.five.inverse(tool, near).ok()?;
-        let posture = self.judged(solution, wrench).ok()?;
+    fn near(&self, target: &Target<'_>, position: &Position, near: &mut Configuration<f64>) -> Option<Posture> {
+        let solution = self.reach.five.inverse(&self.tool(target, position), near).ok()?;
+        let posture = self.judged(solution, target).ok()?;
         *near = posture.solution.configuration;
         Some(posture)
     }

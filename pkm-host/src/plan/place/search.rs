@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::certify::{Certificate, Limits};
 use super::polish::{self, Polish};
+use super::robust::Robust;
 use super::targets::{Target, stiffest};
 use super::{Miss, Objective, PlacementModel, Posture};
 use crate::error::{Failure, Result};
@@ -114,6 +115,8 @@ pub struct Placed {
     pub placements: Vec<Placement>,
     /// Of each series, and of those together.
     pub grids: Vec<Grid>,
+    /// Of the same, where the job says what is not sure.
+    pub robust: Vec<Robust>,
 }
 
 /// A position's value, and its postures, one a hole.
@@ -133,8 +136,12 @@ pub(super) struct Searcher<'a> {
 }
 
 impl<'a> Searcher<'a> {
-    fn new(model: &'a PlacementModel<'a>, series: &[usize], progress: &'a Progress<'a>) -> Self {
-        let targets = Target::of(model.job, series);
+    fn new(
+        model: &'a PlacementModel<'a>,
+        series: &[usize],
+        targets: Vec<Target<'a>>,
+        progress: &'a Progress<'a>,
+    ) -> Self {
         let names: Vec<_> = series.iter().map(|n| format!("`{}`", model.job.series[*n].name)).collect();
         Self {
             model,
@@ -151,15 +158,14 @@ impl<'a> Searcher<'a> {
         hole: usize,
         state: &mut State,
     ) -> std::result::Result<Vec<Posture>, Miss> {
-        let Target { hole: to, wrench, .. } = self.targets[hole];
-        let tool = self.model.tool(to, position);
+        let target = &self.targets[hole];
         if self.several {
-            return self.model.postures(&tool, wrench);
+            return self.model.postures(target, position);
         }
-        match self.model.near(&tool, wrench, &mut state.near[hole]) {
+        match self.model.near(target, position, &mut state.near[hole]) {
             Some(posture) => Ok(vec![posture]),
             None if state.is_near => Err(Miss::Reach),
-            None => self.model.postures(&tool, wrench),
+            None => self.model.postures(target, position),
         }
     }
 
@@ -221,7 +227,7 @@ fn places([low, high]: [f64; 2], step: f64) -> Vec<f64> {
 /// Whether holes are reached in more than one way, in the table's box or not, from some position of a coarse lattice.
 fn in_several_ways(model: &PlacementModel<'_>, targets: &[Target<'_>]) -> bool {
     lattice(model.job).par_iter().any(|position| {
-        targets.iter().any(|target| model.reach.in_working_mode(&model.tool(target.hole, position)).count() > 1)
+        targets.iter().any(|target| model.reach.in_working_mode(&model.tool(target, position)).count() > 1)
     })
 }
 
@@ -254,7 +260,8 @@ pub fn place(
     if job.together {
         groups.push((0..job.series.len()).collect());
     }
-    let searchers: Vec<Searcher<'_>> = groups.iter().map(|group| Searcher::new(model, group, progress)).collect();
+    let searchers: Vec<Searcher<'_>> =
+        groups.iter().map(|group| Searcher::new(model, group, Target::of(job, group), progress)).collect();
     let mut grids = Vec::new();
     for searcher in &searchers {
         let grid = searcher.grid(objectives, axes.clone());
@@ -288,7 +295,19 @@ pub fn place(
     };
     let placements: Vec<Result<Placement>> = each.collect::<Vec<_>>().into_par_iter().map(placed).collect();
     // the first failure, whichever came first
-    Ok(Placed { placements: placements.into_iter().collect::<Result<_>>()?, grids })
+    let placements: Vec<Placement> = placements.into_iter().collect::<Result<_>>()?;
+    let tip_worst = objectives.iter().position(|objective| *objective == Objective::TipWorst);
+    let robust: Vec<Result<Robust>> = match (&job.robust, tip_worst) {
+        (Some(uncertain), Some(o)) => (groups.par_iter().enumerate())
+            .map(|(n, group)| {
+                let searcher = Searcher::new(model, group, Target::robust(job, group, uncertain), progress);
+                let starts = grids[n].optima(o);
+                searcher.robust(&placements[n * objectives.len() + o], &grids[n], (&starts, &options.limits), uncertain)
+            })
+            .collect(),
+        _ => Vec::new(),
+    };
+    Ok(Placed { placements, grids, robust: robust.into_iter().collect::<Result<_>>()? })
 }
 
 /// What a method has found.

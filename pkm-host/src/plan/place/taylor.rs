@@ -166,12 +166,10 @@ impl<const N: usize> Taylor<N> {
         Self { rest: half, ..Self::constant(half) }
     }
 
-    #[inline(always)]
     fn is_constant(&self) -> bool {
         self.rest == 0.0 && self.terms[1..].iter().all(|term| *term == 0.0)
     }
 
-    #[inline(always)]
     fn times(&self, factor: f64) -> Self {
         Self { terms: self.terms.map(|term| factor * term), rest: factor.abs() * self.rest }
     }
@@ -275,7 +273,6 @@ impl<const N: usize> Mul for Taylor<N> {
             return self.times(b[0]);
         }
         let ([a1, a2, a3], [b1, b2, b3]) = (self.sizes(), other.sizes());
-        let b_far = b1 + b2 + b3 + other.rest;
         let mut terms = [0.0; N];
         terms[0] = a[0] * b[0];
         for k in 1..N {
@@ -293,7 +290,7 @@ impl<const N: usize> Mul for Taylor<N> {
         let rest = a1 * b3
             + a2 * (b2 + b3)
             + a3 * (b1 + b2 + b3)
-            + self.rest * (b[0].abs() + b_far)
+            + self.rest * (b[0].abs() + b1 + b2 + b3 + other.rest)
             + other.rest * (a[0].abs() + a1 + a2 + a3);
         Self { terms, rest }
     }

@@ -23,7 +23,7 @@ impl Searcher<'_> {
             }
             Err(Miss::Stiffness) => (0.0, "unreachable", "without a stiffness of the model".to_owned()),
             _ => {
-                let (far, words) = model.reach.shortfall(&model.tool(self.targets[hole].hole, position))?;
+                let (far, words) = model.reach.shortfall(&model.tool(&self.targets[hole], position))?;
                 if words.is_empty() {
                     (far, "singular", "too near a singularity of the five axes".to_owned())
                 } else {
@@ -47,8 +47,7 @@ impl Searcher<'_> {
         };
         let fail = |status, message: String| Failure::refused(status, message).in_file(&model.job.source.name);
         let reached = |position: &Position| -> Vec<std::result::Result<(), Miss>> {
-            let each =
-                |target: &Target<'_>| model.postures(&model.tool(target.hole, position), target.wrench).map(drop);
+            let each = |target: &Target<'_>| model.postures(target, position).map(drop);
             targets.iter().map(each).collect()
         };
         let all: Vec<_> = lattice.par_iter().map(|position| (*position, reached(position))).collect();

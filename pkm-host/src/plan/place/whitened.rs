@@ -63,6 +63,29 @@ impl<const N: usize> Whitened<N> {
         let zero = Vector3::zeros();
         Some(Vector3::from_fn(|i, _| seen(&Wrench { force_n: along.column(i).into(), moment_nm: zero }).dot(&yields)))
     }
+
+    /// The same for a wrench, or for each of some forces in place of its own.
+    pub fn moved_by(
+        &self,
+        five: &FiveAxis<'_, Taylor<N>>,
+        beta_rad: Vector2<Taylor<N>>,
+        wrench: &Wrench<Taylor<N>>,
+        forces_n: &[Vector3<f64>],
+    ) -> Option<Vec<Vector3<Taylor<N>>>> {
+        if forces_n.is_empty() {
+            return Some(vec![self.moved(five, beta_rad, wrench)?]);
+        }
+        let (along, zero) = (Matrix3::<Taylor<N>>::identity(), Vector3::zeros());
+        let mut yields = [zero; 3];
+        for (i, yields) in yields.iter_mut().enumerate() {
+            *yields = self.moved(five, beta_rad, &Wrench { force_n: along.column(i).into(), moment_nm: zero })?;
+        }
+        let by_moment = self.moved(five, beta_rad, &Wrench { force_n: zero, ..*wrench })?;
+        let moved = |force: &Vector3<f64>| {
+            Vector3::from_fn(|row, _| (0..3).fold(by_moment[row], |sum, i| sum.plus(force[i], &yields[i][row])))
+        };
+        Some(forces_n.iter().map(moved).collect())
+    }
 }
 
 /// What a vector's length is nowhere less than.

@@ -69,6 +69,35 @@ fn entry_together(model: &PlacementModel<'_>, options: &Options, placed: &Placed
     entry
 }
 
+/// Placements by their worst case, and what counts as uncertain.
+fn robust(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Option<Value> {
+    let uncertain = model.job.robust.as_ref()?;
+    let um = |m: f64| m * 1e6;
+    let entries = placed.robust.iter().map(|robust| {
+        let mut entry = entry(model, options, placed, &robust.placement);
+        let keys = entry.as_object_mut()?;
+        // those of the placement without uncertainty
+        for key in ["q_ratio", "grid_certified", "feasible_share", "before", "convergence"] {
+            keys.remove(key);
+        }
+        let (position, value) = robust.optimum;
+        entry["nominal_value"] = json!(um(robust.nominal_m));
+        entry["proved"] = json!(robust.proved.is_some());
+        entry["reach_proved"] = json!(robust.proved.is_some_and(|worst| worst.reached));
+        entry["optimum"] = json!({
+            "dx_mm": mm(position.dx_m), "dy_mm": mm(position.dy_m), "rotary_deg": position.rotary_rad.to_degrees(),
+            "value": um(value), "robust_value": robust.worst_of_optimum_m.map(um),
+        });
+        entry["nominal_cost_percent"] = json!(100.0 * (robust.nominal_m / value - 1.0));
+        Some(entry)
+    });
+    Some(json!({
+        "stiffness": uncertain.stiffness, "load_cone_deg": uncertain.load_cone_rad.to_degrees(),
+        "hole_radius_mm": mm(uncertain.hole_radius_m),
+        "series": entries.collect::<Option<Vec<_>>>()?,
+    }))
+}
+
 /// `placement.json`.
 pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Value {
     let (together, alone): (Vec<_>, Vec<_>) = placed.placements.iter().partition(|p| p.series.len() > 1);
@@ -80,5 +109,6 @@ pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) 
         "seed": is_random(options).then_some(options.seed),
         "series": entries,
         "together": model.job.together.then_some(together),
+        "robust": robust(model, options, placed),
     })
 }

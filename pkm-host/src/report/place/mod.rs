@@ -1,6 +1,7 @@
 //! The text and `report.html` of a placement; `placement.json` is in [`document`](document()).
 
 mod document;
+mod robust;
 
 use std::ops::Range;
 
@@ -157,6 +158,7 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
             .push(Finding::warning("Uncorrected: no correction table was given, and no data back the basic model."));
     }
     findings.extend(all.into_iter().map(|(_, finding)| finding));
+    findings.extend(robust::findings(model, placed));
     findings
 }
 
@@ -404,6 +406,7 @@ pub fn html(
         h2 { "Where the table goes" }
         (overview(model, placed))
         (one_for_all(model, placed))
+        (robust::section(model, placed))
         (plan_view(model, placed)?)
         h2 { "What the table's position does" }
         (pictures(
