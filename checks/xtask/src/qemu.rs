@@ -37,13 +37,14 @@ enum Origin {
     Diagnosis,
 }
 
-/// Machine of QEMU, processor, the `target-cpu` to build for (f64 in hardware needs the M7's), origin.
-const RUNS: [(&str, &str, Option<&str>, Origin); 5] = [
-    ("mps2-an386", "Cortex-M4F", None, Origin::Fit),
-    ("mps2-an386", "Cortex-M4F", None, Origin::EveryEffect),
-    ("mps2-an386", "Cortex-M4F", None, Origin::Diagnosis),
-    ("mps2-an500", "Cortex-M7", None, Origin::Fit),
-    ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"), Origin::Fit),
+const M4F: (&str, &str) = ("mps2-an386", "Cortex-M4F");
+
+/// Origin, the `target-cpu` to build for (f64 in hardware needs the M7's), and machines of QEMU with their processors.
+const RUNS: [(Origin, Option<&str>, &[(&str, &str)]); 4] = [
+    (Origin::Fit, None, &[M4F, ("mps2-an500", "Cortex-M7")]),
+    (Origin::EveryEffect, None, &[M4F]),
+    (Origin::Diagnosis, None, &[M4F]),
+    (Origin::Fit, Some("cortex-m7"), &[("mps2-an500", "Cortex-M7 with f64 in hardware")]),
 ];
 
 /// Machine of QEMU, processor, the `target-cpu` to build for.
@@ -51,18 +52,21 @@ pub const PROCESSORS: [(&str, &str, Option<&str>); 2] =
     [("mps2-an386", "Cortex-M4F", None), ("mps2-an500", "Cortex-M7 with f64 in hardware", Some("cortex-m7"))];
 
 pub fn run() -> Outcome {
-    for (board, processor, cpu, origin) in RUNS {
+    for (origin, cpu, boards) in RUNS {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let with = match origin {
             Origin::Diagnosis => {
                 let measured = root().join("fixtures/measured/p08");
-                let (machine, data) = (measured.join("machine.toml"), measured.join("measured.csv"));
+                let [machine, data, holdout] =
+                    ["machine.toml", "measured.csv", "heldout.csv"].map(|file| measured.join(file));
                 let args = [
                     "diagnose".as_ref(),
                     "--machine".as_ref(),
                     machine.as_os_str(),
                     "--data".as_ref(),
                     data.as_os_str(),
+                    "--holdout".as_ref(),
+                    holdout.as_os_str(),
                     "--out".as_ref(),
                     folder.path().as_os_str(),
                 ];
@@ -80,8 +84,11 @@ pub fn run() -> Outcome {
         };
         let (mut build, elf) = firmware("parity", cpu);
         output(build.env("PKM_COEFFICIENTS", folder.path().join("coefficients.rs")))?;
-        let lines = compare(&boot(board, &elf, &[])?, &Host::read(folder.path())?)?;
-        println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
+        let host = Host::read(folder.path())?;
+        for (board, processor) in boards {
+            let lines = compare(&boot(board, &elf, &[])?, &host)?;
+            println!("{processor} ({board}){with}: {lines} lines, every bit as on the host");
+        }
     }
     faults()
 }
