@@ -37,10 +37,13 @@ enum Origin {
     Diagnosis,
 }
 
-const M4F: (&str, &str) = ("mps2-an386", "Cortex-M4F");
+/// Machine of QEMU, processor.
+type Board = (&'static str, &'static str);
 
-/// Origin, the `target-cpu` to build for (f64 in hardware needs the M7's), and machines of QEMU with their processors.
-const RUNS: [(Origin, Option<&str>, &[(&str, &str)]); 4] = [
+const M4F: Board = ("mps2-an386", "Cortex-M4F");
+
+/// Origin, the `target-cpu` to build for (f64 in hardware needs the M7's), boards.
+const RUNS: [(Origin, Option<&str>, &[Board]); 4] = [
     (Origin::Fit, None, &[M4F, ("mps2-an500", "Cortex-M7")]),
     (Origin::EveryEffect, None, &[M4F]),
     (Origin::Diagnosis, None, &[M4F]),
