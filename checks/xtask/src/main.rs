@@ -16,6 +16,7 @@ mod proofs;
 mod python;
 mod qemu;
 mod reports;
+mod sets;
 mod showcase;
 mod single;
 mod stack;
@@ -41,6 +42,7 @@ cargo xtask <chore>
   trials       random measured data from other solvers: how often a diagnosis is right. Takes the options of
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones. `trials unloaded --sets 500`: geometry from unloaded poses
+  sets         diagnose the sets of fixtures/measured, but the easy ones, and hold what is found against their truth
   c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
   linuxcnc     build LinuxCNC's modules and configurations for two machines, drive them in simulation, compare with the host;
                build, run: see cargo xtask linuxcnc help
@@ -87,6 +89,7 @@ fn main() -> ExitCode {
         Some("f32") => single::run(),
         Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("python") => python::run(),
+        Some("sets") => sets::run(),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
     };
