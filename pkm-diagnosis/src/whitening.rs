@@ -313,7 +313,7 @@ impl Whitener {
     }
 
     /// What shrinking takes from inner products: those of shrunk columns are AᵀA − LᵀL for this L of the columns A.
-    pub(crate) fn lost(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    pub fn lost(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
         // as seen from before the common errors
         let disturbances = self.disturbances.as_ref().map(|own| {
             let mut own = own.clone();

@@ -253,6 +253,17 @@ fn common_errors_move_all_readings_of_a_group() {
         let fit = problem.linear(&unknowns(2), x.clone()).unwrap();
         near(fit.ln_evidence(), ln_likelihood(&c, &r0), 1e-5);
     }
+
+    // inner products are left by what shrinking takes
+    for (level, whitener) in whiteners.iter().enumerate() {
+        for whitener in [whitener, &levels::disturbed(&whiteners, &v)[level]] {
+            let lost = whitener.lost(&unlevelled.jacobian);
+            let mut left = unlevelled.jacobian.clone();
+            left.column_iter_mut().for_each(|mut column| whitener.shrink(column.as_mut_slice()));
+            let whole = unlevelled.jacobian.tr_mul(&unlevelled.jacobian);
+            close((left.tr_mul(&left) + lost.tr_mul(&lost)).as_slice(), whole.as_slice(), 1e-12);
+        }
+    }
 }
 
 #[test]
