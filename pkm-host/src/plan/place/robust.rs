@@ -21,6 +21,8 @@ use crate::files::job::{Job, Position, Uncertain};
 
 /// Forces on the rim of a cone, and corners of each ring about it.
 const CORNERS: usize = 16;
+/// Parts of a hole's disc along x and along y, each bounded by itself.
+const PARTS: usize = 6;
 /// Places on the rim of a hole's disc that the search looks at, beside its middle.
 const RIM: usize = 8;
 
@@ -163,20 +165,37 @@ impl Searcher<'_> {
             let beta = &posture.solution.configuration.beta_rad;
             let solved = cover.solved(hole, &cell, cover.whole());
             let on_branch = solved.iter().find(|one| one.within.holds(beta))?;
-            let (moved, reached) = cover.moved(hole, &cell, on_branch, &corners)?;
-            let squared = moved.iter().map(|moved| in_disc(&moved.dot(moved))).fold(0.0, f64::max);
-            worst.most = worst.most.max(cover.weight(hole) * squared.sqrt() * (1.0 + ROUNDING));
-            worst.reached &= reached;
+            for part in parts_of_disc(&cell) {
+                let solved = cover.solved(hole, &part, [on_branch.within]);
+                worst.reached &= !solved.is_empty();
+                for one in &solved {
+                    let (moved, reached) = cover.moved(hole, &part, one, &corners)?;
+                    let squared = moved.iter().map(|moved| moved.dot(moved).high()).fold(0.0, f64::max);
+                    worst.most = worst.most.max(cover.weight(hole) * squared.sqrt() * (1.0 + ROUNDING));
+                    worst.reached &= reached;
+                }
+            }
         }
         worst.most.is_finite().then_some(worst)
     }
 }
 
-/// An upper bound over the disc within a cell.
-fn in_disc(over: &Taylor<TWO>) -> f64 {
-    let most = over.middle() + over.linear(0).hypot(over.linear(1)) + over.bent();
-    // no bound
-    if most.is_nan() { f64::INFINITY } else { most }
+/// Squares within a disc's cell that the disc reaches into. Over each a bound is the tighter the smaller it is.
+fn parts_of_disc(cell: &Cell) -> Vec<Cell> {
+    let [radius, ..] = cell.half;
+    if radius == 0.0 {
+        return vec![*cell];
+    }
+    let half = radius / PARTS as f64;
+    let centre = |n: usize| half * (2 * n + 1) as f64 - radius;
+    let nearest = |n: usize| (centre(n).abs() - half).max(0.0);
+    let all = (0..PARTS).flat_map(|i| (0..PARTS).map(move |j| (i, j)));
+    let inside = all.filter(|(i, j)| nearest(*i).hypot(nearest(*j)) <= radius);
+    let part = |(i, j)| {
+        let [x, y, angle] = cell.middle;
+        Cell { middle: [x + centre(i), y + centre(j), angle], half: [half, half, cell.half[2]] }
+    };
+    inside.map(part).collect()
 }
 
 #[cfg(test)]
