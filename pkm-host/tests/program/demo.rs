@@ -6,7 +6,6 @@ use std::path::Path;
 use crate::common::{Folder, json, refused};
 
 #[test]
-#[ignore = "places a workpiece, which takes a minute"]
 fn every_page_of_the_demonstration_is_there() {
     let folder = Folder::new();
     let document = json(&["demo", "--out", &folder.path("out")]);
