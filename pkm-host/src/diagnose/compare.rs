@@ -3,11 +3,11 @@
 use std::cell::Cell;
 
 use pkm_diagnosis::validation::{self, KindErrors, LeftOut};
-use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown, verdict};
+use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown};
 use serde::Serialize;
 
 use super::experiment::{self, Experiment};
-use super::inference::{Found, Start};
+use super::inference::{self, Found, Start};
 use super::model::{Meaning, Model, is_measurement};
 use super::residual_table::ResidualTable;
 use crate::files::readings::{CHANNELS, Condition, Readings};
@@ -164,8 +164,8 @@ pub fn cross_validate(
         progress("searching without some of the poses", done.replace(done.get() + 1), folds);
         let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));
         let read = experiment::observations(&kept, start.model);
-        start.search(&kept, &read, |Found { experiment, levels, search, .. }| {
-            let search = verdict::settled(levels, start.noise, search)?;
+        start.search(&kept, &read, |Found { experiment, levels, search, sites, .. }| {
+            let search = inference::settled(levels, start.noise, sites, search)?;
             let problem = &levels.problems[search.levels[1]];
             let fitted = Fitted::new(problem, experiment, &extent(&kept), &search)?;
             let said = fitted.predict(experiment.model, &experiment.poses, &readings.conditions, true)?;

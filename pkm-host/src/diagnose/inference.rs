@@ -1,7 +1,7 @@
 //! The search for what the model lacks, in all readings or in those that a fold of a cross-validation keeps.
 
-use pkm_diagnosis::places::Inferred;
-use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Search, Whitener, levels, search};
+use pkm_diagnosis::places::{Inferred, NOWHERE};
+use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Search, Whitener, levels, search, verdict};
 
 use super::Method;
 use super::experiment::Experiment;
@@ -74,4 +74,11 @@ impl Start<'_> {
         let inferred = inferred.as_ref();
         Some(then(Found { experiment: &experiment, levels: &levels, search, sites: &sites, inferred }))
     }
+}
+
+/// Where something was found, by a formula or as a place alone, the end with the values that predict best ([`verdict::settled`]).
+/// Where nothing was, what is left of the readings may well be errors of the loads.
+pub fn settled(levels: &Levels<'_>, noise: &Noise, sites: &[Site], search: Search) -> Option<Search> {
+    let is_found = !search.found.is_empty() || sites.iter().any(|site| site.place != NOWHERE);
+    if is_found { verdict::settled(levels, noise, search) } else { Some(search) }
 }

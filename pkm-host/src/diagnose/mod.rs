@@ -376,7 +376,7 @@ impl Searched<'_> {
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, &warnings);
         let mut judgement = verdict::judge(levels, noise, &search).ok_or_else(not_converged)?;
-        let search = verdict::settled(levels, noise, search).ok_or_else(not_converged)?;
+        let search = inference::settled(levels, noise, sites, search).ok_or_else(not_converged)?;
         let effects = effects(model, &search, sites);
         judgement.verdict = restrained(judgement.verdict, &effects, noise, rules);
         let problem = &levels.problems[search.levels[1]];
