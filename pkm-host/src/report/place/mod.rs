@@ -174,7 +174,13 @@ fn advice(model: &PlacementModel<'_>, placed: &Placed) -> [Finding; 2] {
             "by the model; a search from the best point of a grid ended here, which proves nothing about other places: --method certified does."
         }
     };
-    let places: Vec<String> = (counted())
+    // who says what is not sure wants the place that stands it
+    let chosen: Vec<&Placement> = match placed.robust.as_slice() {
+        [] => counted().collect(),
+        robust => robust.iter().map(|robust| &robust.placement).collect(),
+    };
+    let against = if placed.robust.is_empty() { "" } else { ", against the worst case" };
+    let places: Vec<String> = (chosen.into_iter())
         .map(|p| {
             let [x, y] = model.job.in_cross_slide_m(&p.position).map(mm);
             let turned = model
@@ -185,7 +191,7 @@ fn advice(model: &PlacementModel<'_>, placed: &Placed) -> [Finding; 2] {
             format!("for series {} set the cross slide to x = {x:.3} mm, y = {y:.3} mm{turned}", series_name(model, p))
         })
         .collect();
-    [Finding::good(sure).sure(), Finding::good(format!("{}.", places.join("; "))).todo()]
+    [Finding::good(sure).sure(), Finding::good(format!("{}{against}.", places.join("; "))).todo()]
 }
 
 /// For people at a terminal.
