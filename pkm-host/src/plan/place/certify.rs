@@ -9,7 +9,8 @@ use std::collections::BinaryHeap;
 use pkm_core::{FiveAxis, Machine, Scalar, Wrist};
 use rayon::prelude::*;
 
-use super::cover::{Box2, Cell, Cost, Cover, Solved};
+use super::boxes::{Box2, Cell};
+use super::cover::{Cost, Cover, Solved};
 use super::search::{Polished as Best, Searcher, State};
 use super::targets::{Target, stiffest};
 use super::taylor::{ROUNDING, THREE, TWO, Taylor};

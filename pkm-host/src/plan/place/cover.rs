@@ -10,62 +10,21 @@ use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
+use super::boxes::{Box2, Cell, SMALLEST};
 use super::targets::Target;
 use super::taylor::{THREE, Taylor, decided};
 use super::whitened::{Whitened, length};
 use super::{Objective, PlacementModel};
-use crate::files::job::{PerAxis, Position};
+use crate::files::job::PerAxis;
 
 /// What a limit may be passed by, relative, before nothing is taken to be there: more than the core's own slack.
 const SLACK: f64 = 1e-7;
-/// Where a box is not divided any more, rad.
-const SMALLEST: f64 = 1e-6;
 /// Where a box beside a great cell is divided, rad: over a greater one a cost is hardly known.
 const WIDEST: f64 = 0.03;
 /// How often what is bent is put into the solutions over a cell: a degree more is right each time.
 const BENDINGS: usize = 3;
 /// Boxes that are looked at for a hole and a cell, at the most.
 const MOST_BOXES: usize = 3000;
-
-/// A cell of positions of the table: dx, dy, rotary axis.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Cell {
-    pub middle: [f64; 3],
-    pub half: [f64; 3],
-}
-
-impl Cell {
-    pub fn position(&self) -> Position {
-        let [dx_m, dy_m, rotary_rad] = self.middle;
-        PerAxis { dx_m, dy_m, rotary_rad }
-    }
-}
-
-/// A box of β1 and β2 with solutions of a hole in it, perhaps.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Box2 {
-    middle: [f64; 2],
-    half: [f64; 2],
-    /// Sign of the tool axis along n.
-    side: f64,
-}
-
-impl Box2 {
-    /// Whether β1 and β2 are in it.
-    pub fn holds(&self, beta: &Vector2<f64>) -> bool {
-        (0..2).all(|i| (beta[i] - self.middle[i]).abs() <= self.half[i] + SMALLEST)
-    }
-
-    fn halves(self) -> [Self; 2] {
-        let i = usize::from(self.half[1] > self.half[0]);
-        [-1.0, 1.0].map(|sign| {
-            let mut part = self;
-            part.half[i] *= 0.5;
-            part.middle[i] += sign * part.half[i];
-            part
-        })
-    }
-}
 
 /// A box in which a cell's solutions follow from the position: β1 and β2 over the cell.
 #[derive(Clone, Debug)]

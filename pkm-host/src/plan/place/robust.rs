@@ -10,8 +10,9 @@ use nalgebra::{Unit, Vector3};
 use pkm_core::{FiveAxis, Machine, Wrist};
 
 use super::Objective;
+use super::boxes::Cell;
 use super::certify::Limits;
-use super::cover::{Cell, Cover};
+use super::cover::Cover;
 use super::polish::{self, Polish};
 use super::search::{Grid, Placement, Polished, Searcher};
 use super::targets::Target;
