@@ -21,16 +21,50 @@ impl Cell {
     }
 }
 
-/// A box of β1 and β2 with solutions of a hole in it, perhaps.
+/// A box of β1 and β2 with solutions of a hole in it, perhaps, and what is known of it from the cells that its cell is a part of.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Box2 {
     pub middle: [f64; 2],
     pub half: [f64; 2],
     /// Sign of the tool axis along n.
     pub side: f64,
+    /// No solution in it costs less.
+    pub low: f64,
+    /// Half widths of the box and of the cell's angle when that was found.
+    pub bounded: [f64; 3],
+    /// Where its configurations put the cross slide: middle and greatest distance from that, along x and y.
+    pub slide: [[f64; 2]; 2],
+}
+
+/// Where the cross slide is for the configurations of a box.
+pub(super) enum Beside {
+    Outside,
+    Partly,
+    Inside,
 }
 
 impl Box2 {
+    pub fn unknown(middle: [f64; 2], half: [f64; 2], side: f64) -> Self {
+        let slide = [[0.0, f64::INFINITY]; 2];
+        Self { middle, half, side, low: 0.0, bounded: [f64::INFINITY; 3], slide }
+    }
+
+    pub fn beside(&self, cell: &Cell) -> Beside {
+        let off = |i: usize| (self.slide[i][0] - cell.middle[i]).abs();
+        if (0..2).any(|i| off(i) > self.slide[i][1] + cell.half[i] + 1e-12) {
+            Beside::Outside
+        } else if (0..2).all(|i| off(i) + self.slide[i][1] <= cell.half[i]) {
+            Beside::Inside
+        } else {
+            Beside::Partly
+        }
+    }
+
+    /// Half widths that a bound of its cost depends on.
+    pub fn widths(&self, cell: &Cell) -> [f64; 3] {
+        [self.half[0], self.half[1], cell.half[2]]
+    }
+
     /// Whether β1 and β2 are in it.
     pub fn holds(&self, beta: &Vector2<f64>) -> bool {
         (0..2).all(|i| (beta[i] - self.middle[i]).abs() <= self.half[i] + SMALLEST)

@@ -150,8 +150,9 @@ impl Searcher<'_> {
             if batch.is_empty() {
                 break;
             }
-            let seen: Vec<Seen> =
-                batch.into_par_iter().flat_map_iter(|node| node.parts().map(|part| search.seen(part, value))).collect();
+            let parts: Vec<Node> = batch.iter().flat_map(Node::parts).collect();
+            // one task a cell: the first batches have two cells, and these take longest
+            let seen: Vec<Seen> = parts.into_par_iter().map(|part| search.seen(part, value)).collect();
             cells += seen.len();
             (self.progress)(&told, cells as u64, limits.cells as u64);
             for Seen { node, best: found, done: bound } in seen {
@@ -249,7 +250,7 @@ impl<const N: usize> Search<'_, N> {
     /// Of the best way to reach a hole. What is not possible is taken out.
     fn cost(&self, hole: usize, cell: &Cell, solved: &mut Vec<Solved<N>>) -> Option<Cost<N>> {
         let mut costs = Vec::new();
-        solved.retain(|one| {
+        solved.retain_mut(|one| {
             let cost = self.cover.cost(self.objective, hole, cell, one);
             costs.extend(cost);
             cost.is_some()

@@ -10,7 +10,7 @@ use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
-use super::boxes::{Box2, Cell, SMALLEST};
+use super::boxes::{Beside, Box2, Cell, SMALLEST};
 use super::targets::Target;
 use super::taylor::{THREE, Taylor, decided};
 use super::whitened::{Whitened, length};
@@ -25,6 +25,8 @@ const WIDEST: f64 = 0.03;
 const BENDINGS: usize = 3;
 /// Boxes that are looked at for a hole and a cell, at the most.
 const MOST_BOXES: usize = 3000;
+/// How much narrower than it was a box is when its cost is bounded once more.
+const NARROWER: f64 = 0.7;
 
 /// A box in which a cell's solutions follow from the position: β1 and β2 over the cell.
 #[derive(Clone, Debug)]
@@ -32,6 +34,8 @@ pub(super) struct Solved<const N: usize> {
     pub within: Box2,
     /// `None`: the box is small beside the cell, or tells nothing.
     over_cell: Option<[Taylor<N>; 2]>,
+    /// Where the machine stands over the box, if that was looked at.
+    over_box: Option<Stand<N>>,
 }
 
 /// A hole in B, constant, times the sine and times the cosine of the rotary axis, and what its tool bears.
@@ -57,6 +61,7 @@ pub(super) struct Cover<'a, const N: usize> {
 }
 
 /// Where the machine stands over a cell, and its cross slide.
+#[derive(Clone, Debug)]
 struct Stand<const N: usize> {
     configuration: Configuration<Taylor<N>>,
     slide: [Taylor<N>; 2],
@@ -126,7 +131,7 @@ impl<'a, const N: usize> Cover<'a, N> {
         let (middle, half): ([f64; 2], [f64; 2]) = (of(|max, min| max + min), of(|max, min| max - min));
         // the core takes β up to half a turn
         let half = [0, 1].map(|i: usize| f64::min(half[i] + SLACK, std::f64::consts::PI - middle[i].abs()));
-        [1.0, -1.0].map(|side| Box2 { middle, half, side }).into()
+        [1.0, -1.0].map(|side| Box2::unknown(middle, half, side)).into()
     }
 
     fn angle(cell: &Cell) -> Taylor<N> {
@@ -220,26 +225,40 @@ impl<'a, const N: usize> Cover<'a, N> {
     pub fn solved(&self, hole: usize, cell: &Cell, boxes: impl IntoIterator<Item = Box2>) -> Vec<Solved<N>> {
         let (mut open, mut solved): (Vec<Box2>, Vec<_>) = (boxes.into_iter().collect(), Vec::new());
         let mut count = 0;
-        while let Some(within) = open.pop() {
+        while let Some(mut within) = open.pop() {
             count += 1;
-            let narrowed = match self.stand(hole, Self::over(&within), Self::angle(cell), within.side) {
+            match within.beside(cell) {
+                Beside::Outside => continue,
+                // every configuration of it is a solution: there is nothing to narrow
+                Beside::Inside => {
+                    solved.push(Solved { within, over_cell: None, over_box: None });
+                    continue;
+                }
+                Beside::Partly => {}
+            }
+            let (narrowed, over_box) = match self.stand(hole, Self::over(&within), Self::angle(cell), within.side) {
                 Standing::Nowhere => continue,
-                Standing::Unknown => Narrowed::No,
+                Standing::Unknown => (Narrowed::No, None),
                 Standing::At(stand) => {
                     let narrowed = narrowed(&within, &stand, cell);
                     // limits take longer than a step, and are looked at again where the cost is
                     if matches!(narrowed, Narrowed::No) && self.within(&stand.configuration) == Some(false) {
                         continue;
                     }
-                    narrowed
+                    (narrowed, Some(stand))
                 }
             };
             match narrowed {
                 Narrowed::Empty => {}
                 Narrowed::Solved(None) if within.half[0].max(within.half[1]) > WIDEST => open.extend(within.halves()),
-                Narrowed::Solved(over_cell) => solved.push(Solved { within, over_cell }),
+                Narrowed::Solved(over_cell) => {
+                    if let (None, Some(stand)) = (over_cell, &over_box) {
+                        within.slide = [0, 1].map(|i: usize| [stand.slide[i].middle(), stand.slide[i].spread()]);
+                    }
+                    solved.push(Solved { within, over_cell, over_box });
+                }
                 _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
-                    solved.push(Solved { within, over_cell: None });
+                    solved.push(Solved { within, over_cell: None, over_box });
                 }
                 Narrowed::To(smaller) => open.push(smaller),
                 Narrowed::No => open.extend(within.halves()),
@@ -249,12 +268,29 @@ impl<'a, const N: usize> Cover<'a, N> {
     }
 
     /// What a hole costs where a cell's solutions are in a box; `None`: none of them is possible.
-    pub fn cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &Solved<N>) -> Option<Cost<N>> {
-        let beta = solved.over_cell.unwrap_or(Self::over(&solved.within));
-        let stand = match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
-            Standing::Nowhere => return None,
-            Standing::Unknown => return Some(Cost::at_least(0.0)),
-            Standing::At(stand) => stand,
+    pub fn cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
+        let widths = solved.within.widths(cell);
+        // a box that is small beside the cell costs what it cost before the cell was divided
+        if solved.over_cell.is_none() && (0..3).all(|i| widths[i] >= NARROWER * solved.within.bounded[i]) {
+            return Some(Cost::at_least(solved.within.low));
+        }
+        let cost = self.new_cost(objective, hole, cell, solved)?;
+        let low = cost.low.max(solved.within.low);
+        (solved.within.low, solved.within.bounded) = (low, widths);
+        Some(Cost { low, ..cost })
+    }
+
+    fn new_cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
+        let stand = match (solved.over_cell, solved.over_box.take()) {
+            (None, Some(stand)) => stand,
+            (over_cell, _) => {
+                let beta = over_cell.unwrap_or(Self::over(&solved.within));
+                match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
+                    Standing::Nowhere => return None,
+                    Standing::Unknown => return Some(Cost::at_least(0.0)),
+                    Standing::At(stand) => stand,
+                }
+            }
         };
         if self.within(&stand.configuration) == Some(false) {
             return None;
