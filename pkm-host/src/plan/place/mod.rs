@@ -9,6 +9,8 @@ mod robust;
 pub(crate) mod search;
 mod targets;
 mod taylor;
+#[cfg(test)]
+mod tests;
 mod unreachable;
 mod whitened;
 
