@@ -147,6 +147,8 @@ pub struct Rules {
     pub temper_of_places: f64,
     /// Least probability at which a place is named beside the likeliest.
     pub min_place_probability: f64,
+    /// Least probability of a finding's place, with the few that may stand beside it, at which it counts as located.
+    pub min_located_probability: f64,
     /// Degrees of freedom of noise that was declared: as good as known.
     pub dof_of_declared_noise: f64,
 
@@ -219,6 +221,7 @@ impl Rules {
         rivals_tried: 10,
         temper_of_places: 3.0,
         min_place_probability: 0.03,
+        min_located_probability: 0.8,
         dof_of_declared_noise: 1e6,
         proposals: 8,
         rivals: 3,

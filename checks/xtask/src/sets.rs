@@ -107,7 +107,7 @@ fn misses(truth: &Value, found: &Value) -> Vec<&'static str> {
     all.into_iter().filter(|(_, holds)| *holds).map(|(what, _)| what).collect()
 }
 
-/// For each effect its place with those that the readings do not tell from it, and the parts of declared values.
+/// For each effect that is located its place with those that the readings do not tell from it, and the parts of declared values.
 fn places(found: &Value) -> (Vec<Vec<String>>, Vec<String>) {
     let of = |list: &Value| list.as_array().cloned().unwrap_or_default();
     let effects = of(&found["effects"]);
@@ -115,7 +115,8 @@ fn places(found: &Value) -> (Vec<Vec<String>>, Vec<String>) {
     let declared = of(&found["declared_value_findings"]);
     let parameters = declared.iter().filter_map(|finding| finding["parameter"].as_str());
     let parts = parameters.filter_map(|parameter| Some(parameter.rsplit_once('.')?.0.to_owned()));
-    (each.collect(), parts.collect())
+    // a place with more than three beside it is none
+    (each.filter(|places: &Vec<String>| places.len() <= 4).collect(), parts.collect())
 }
 
 /// The texts of a list.

@@ -6,6 +6,7 @@ use pkm_diagnosis::{Kind, Search, Unknown, search};
 use super::model::{Meaning, Model, info};
 use super::places::World;
 use super::places::sites::{self, Site};
+use super::text;
 
 /// A finding.
 pub struct Effect {
@@ -38,7 +39,7 @@ impl Effect {
     /// Merges another finding of the same effect.
     fn absorb(&mut self, other: Self) {
         let new = other.place_class.into_iter().filter(|p| !self.place_class.contains(p));
-        let room = sites::MAX_CLASS - self.place_class.len();
+        let room = sites::MAX_CLASS.saturating_sub(self.place_class.len());
         self.place_class.extend(new.take(room).collect::<Vec<_>>());
         self.parameters.extend(other.parameters);
         self.probability = self.probability.max(other.probability);
@@ -53,6 +54,20 @@ impl Effect {
                 *name = name.replacen('.', &format!("_{number}."), 1);
             }
         }
+    }
+
+    /// Whether the readings say where it is.
+    pub fn is_located(&self) -> bool {
+        self.place_class.len() <= sites::MAX_CLASS
+    }
+
+    /// Where to look on the machine.
+    pub fn inspect(&self) -> String {
+        if self.is_located() {
+            return text::inspect_effect(self.id, &self.place);
+        }
+        let places = [&self.place].into_iter().chain(&self.place_class).map(|place| text::place(place));
+        format!("{} (the readings do not say which)", places.collect::<Vec<_>>().join("; "))
     }
 
     /// Whether it is an error of the measurement and no part of the machine.

@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::badges::Badge;
 use super::compare::{Errors, RIVALS, Rival};
-use super::{Diagnosis, Effect, HeldOut, SEED, text};
+use super::{Diagnosis, Effect, HeldOut, SEED};
 use crate::files::readings::GAUGE;
 use crate::pose::written_units;
 
@@ -15,7 +15,7 @@ fn effect(e: &Effect) -> Value {
     json!({ "id": e.id, "where": e.place, "where_class": e.place_class, "motion": e.motion, "law": e.law,
         "probability": e.probability, "parameters": parameters, "confidence": e.confidence, "class": e.class,
         "of": if e.is_measurement() { "measurement" } else { "machine" },
-        "inspect": text::inspect_effect(e.id, &e.place) })
+        "inspect": e.inspect() })
 }
 
 /// Errors of one rival; null for one that was not judged.

@@ -350,7 +350,12 @@ fn restrained(verdict: Verdict, effects: &[Effect], noise: &Noise, rules: &Rules
     // something yields for which there is no formula, so that the findings are not all
     let is_nameless = effects.iter().any(|e| e.parameters.is_empty());
     let is_guess = verdict == Verdict::Explained && checks_of_noise::is_little_known(noise, rules);
-    if is_nameless || is_guess { Verdict::PartlyExplained } else { verdict }
+    match verdict {
+        _ if is_nameless || is_guess => Verdict::PartlyExplained,
+        // what is not located calls for one repair or another
+        Verdict::Explained if !effects.iter().all(Effect::is_located) => Verdict::Ambiguous,
+        _ => verdict,
+    }
 }
 
 /// A search that has ended, and what it is judged by.

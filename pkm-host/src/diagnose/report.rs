@@ -101,7 +101,7 @@ fn certainty(d: &Diagnosis) -> String {
 
 /// What to do first.
 fn next_step(d: &Diagnosis) -> String {
-    let inspect = d.effects.iter().map(|e| text::inspect_effect(e.id, &e.place));
+    let inspect = d.effects.iter().filter(|e| e.is_located()).map(Effect::inspect);
     let places: Vec<String> = inspect.chain(d.declared.iter().map(|f| f.inspect.to_string())).collect();
     match (d.warnings.is_empty(), d.judgement.verdict, places.first()) {
         (false, ..) => "check the readings as said below; the rest counts after that.".to_owned(),
@@ -121,7 +121,11 @@ fn next_step(d: &Diagnosis) -> String {
 /// The findings in sentences, the most important first.
 fn findings(d: &Diagnosis) -> Vec<Finding> {
     let name = |e: &Effect| {
-        if e.id == ELEMENT { format!("an effect on no list at {}", e.place) } else { e.id.to_owned() }
+        match (e.is_located(), e.id) {
+            (false, _) => "an effect that the readings do not locate".to_owned(),
+            (true, ELEMENT) => format!("an effect on no list at {}", e.place),
+            (true, id) => id.to_owned(),
+        }
     };
     let mut found: Vec<String> = Vec::new();
     for name in d.effects.iter().map(name) {
@@ -145,7 +149,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
         let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
         // a finding without a formula has none
         let parameters = if parameters.is_empty() { String::new() } else { format!("; {}", parameters.join(", ")) };
-        let look = text::inspect_effect(e.id, &e.place);
+        let look = e.inspect();
         all.push(Finding::good(format!("{}: {what} {place}{parameters}{}. Look at {look}.", e.id, class(&e.class))));
     }
     all.extend(d.estimates.notable().into_iter().map(|sentence| Finding::warning(format!("{sentence}."))));

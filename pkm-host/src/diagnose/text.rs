@@ -2,6 +2,7 @@
 
 use pkm_core::Wrench;
 use pkm_core::effects::EFFECTS;
+use pkm_diagnosis::places::NOWHERE;
 
 use super::declared::{Declared, Part};
 use super::model::MEASUREMENT;
@@ -20,10 +21,18 @@ pub const LEGEND: [(&str, &str); 7] = [
     ("order", "of the readings in the file"),
 ];
 
+/// A place as people say it.
+pub fn place(place: &str) -> String {
+    match place {
+        NOWHERE => "no place of the machine".to_owned(),
+        _ => place.replace("limb.", "limb ").replace('.', ", ").replace('_', " "),
+    }
+}
+
 /// Where to look on the machine when an effect is found; an effect without a formula has its place alone.
-pub fn inspect_effect(id: &str, place: &str) -> String {
+pub fn inspect_effect(id: &str, at: &str) -> String {
     if id == super::ELEMENT {
-        return place.replace("limb.", "limb ").replace('.', ", ").replace('_', " ");
+        return place(at);
     }
     let known = EFFECTS.iter().chain(&MEASUREMENT).find(|info| info.id == id);
     known.map_or("", |info| info.expected.inspect).to_owned()

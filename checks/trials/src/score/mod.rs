@@ -173,6 +173,11 @@ fn holds(names: &[String], right: &[String], prefixes: &[String]) -> bool {
     names.iter().any(|n| right.contains(n) || prefixes.iter().any(|p| n.starts_with(p.as_str())))
 }
 
+/// Whether a place is said: one with more than three beside it is not.
+fn is_finding(places: &[String]) -> bool {
+    places.len() <= 4
+}
+
 /// For each thing whether a find of its own accounts for it, as many things as possible. `fits` has for each thing which finds
 /// could.
 fn accounted(fits: &[Vec<bool>]) -> Vec<bool> {
@@ -258,7 +263,7 @@ impl Outcome {
         let Ok(answer) = &self.answer else { return vec![false; self.truth.places.len()] };
         let by = |right: &Vec<String>| -> Vec<bool> {
             let part = |name: &String| right.iter().any(|place| name.starts_with(&format!("{place}.")));
-            let effects = answer.places.iter().map(|places| holds(places, right, &[]));
+            let effects = answer.places.iter().map(|places| is_finding(places) && holds(places, right, &[]));
             effects.chain(answer.findings.iter().map(|names| names.iter().any(part))).collect()
         };
         accounted(&self.truth.places.iter().map(by).collect::<Vec<_>>())
@@ -268,7 +273,7 @@ impl Outcome {
     fn misplaced(&self) -> usize {
         let Ok(answer) = &self.answer else { return 0 };
         let right = |places: &&Vec<String>| self.truth.places.iter().any(|there| holds(places, there, &[]));
-        answer.places.iter().filter(|places| !right(places)).count()
+        answer.places.iter().filter(|places| is_finding(places) && !right(places)).count()
     }
 
     /// Whether a wrong declaration was found.

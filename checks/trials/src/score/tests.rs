@@ -69,6 +69,10 @@ fn a_place_or_one_of_its_class_counts() {
     let found = |effects: Value| outcome(&truth, true, said("explained", &effects, &json!([])));
     let o = found(json!([effect("moving_platform", &["limb.1.base_joint"]), effect("tool", &[])]));
     assert_eq!((o.located(), o.misplaced()), (vec![true, false], 1));
+    // a list that is longer than four places is no finding, right or wrong
+    let long = ["limb.1.base_joint", "limb.2.body", "limb.3.body", "tool"];
+    let o = found(json!([effect("base", &long), effect("moving_platform", &long)]));
+    assert_eq!((o.located(), o.misplaced()), (vec![false, false], 0));
     // a place is no name
     assert!(o.wrong().is_empty() && !o.claimed());
     let value = json!([{"parameter": "limb.1.body.young_gpa", "class": []}]);

@@ -37,12 +37,13 @@ impl Site {
     pub fn named(&self, model: &Model, candidate: usize) -> Self {
         let all = [&self.place].into_iter().chain(&self.place_class);
         let own = named::place_of(model, candidate).places.into_iter().next().unwrap_or_else(|| self.place.clone());
-        let others = all.filter(|p| **p != own).take(MAX_CLASS).cloned().collect();
+        let room = self.place_class.len().max(MAX_CLASS);
+        let others = all.filter(|p| **p != own).take(room).cloned().collect();
         Self { place: own, place_class: others, ..self.clone() }
     }
 }
 
-/// Most places that a finding may name beside the likeliest: a longer list says nothing.
+/// Most places that a finding may name beside the likeliest: what has a longer list is not located.
 pub const MAX_CLASS: usize = 3;
 
 /// Laws that one and the same physics may be taken for.
@@ -68,6 +69,13 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
             }
         }
         all.truncate(1 + MAX_CLASS);
+        // what so few places do not hold is not located: then all of them are said, as many as it takes
+        let held = |all: &[String]| f.places.iter().filter(|p| all.contains(&p.0)).map(|p| p.1).sum::<f64>();
+        for (place, _) in &f.places {
+            if held(&all) < rules.min_located_probability && !all.contains(place) {
+                all.push(place.clone());
+            }
+        }
         // formulas where evidence itself puts it: these become the model, and no place that is merely possible may
         let top = f.places.first().map_or(1.0, |p| p.1);
         let is_near = |place: &String| {
@@ -84,7 +92,7 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
         let candidates = (0..model.candidates.len()).filter(is_there).collect();
         Site {
             place: all.first().cloned().unwrap_or_else(|| NOWHERE.into()),
-            probability: f.places.iter().filter(|p| all.contains(&p.0)).map(|p| p.1).sum(),
+            probability: held(&all),
             motion: block.motion,
             law: block.law,
             candidates,
