@@ -16,6 +16,7 @@ mod proofs;
 mod python;
 mod qemu;
 mod reports;
+mod sensitivity;
 mod sets;
 mod showcase;
 mod single;
@@ -43,6 +44,8 @@ cargo xtask <chore>
                `pkm-trials run`, such as --sets 100 --kinds none,one --verbose; alone: the sets of fixtures/measured and
                a few random ones. `trials unloaded --sets 500`: geometry from unloaded poses
   sets         diagnose the sets of fixtures/measured, but the easy ones, and hold what is found against their truth
+  sensitivity  every number that decides something in a diagnosis halved and doubled, on the sets of fixtures/measured or of a folder:
+               what is wrong more or less often, as a table; half an hour for 20 sets
   c            build the C library, its examples and tests, run them here and in QEMU, compare with the host
   linuxcnc     build LinuxCNC's modules and configurations for two machines, drive them in simulation, compare with the host;
                build, run: see cargo xtask linuxcnc help
@@ -90,6 +93,7 @@ fn main() -> ExitCode {
         Some("linuxcnc") => linuxcnc::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("python") => python::run(),
         Some("sets") => sets::run(),
+        Some("sensitivity") => sensitivity::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("trials") => trials(&std::env::args().skip(2).collect::<Vec<_>>()),
         _ => Err(USAGE.to_owned()),
     };

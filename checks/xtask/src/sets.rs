@@ -57,16 +57,14 @@ pub fn run() -> Outcome {
 
 /// Diagnoses a set: what is wrong with that, a line each.
 fn judge(set: &Path) -> Result<String, String> {
-    let read = |text: &str| serde_json::from_str::<Value>(text).map_err(|e| e.to_string());
-    let truth = std::fs::read_to_string(set.join("truth.json")).map_err(|e| format!("truth.json: {e}"))?;
-    let truth = read(&truth)?;
+    let truth = read_json(&set.join("truth.json"))?;
     let out = tempfile::tempdir().map_err(|e| e.to_string())?;
     let mut diagnose = Command::new(root().join("target/release/pkm-host"));
     diagnose.args(["diagnose", "--json", "--out"]).arg(out.path());
     for (option, file) in [("--machine", "machine.toml"), ("--data", "measured.csv"), ("--holdout", "heldout.csv")] {
         diagnose.arg(option).arg(set.join(file));
     }
-    let found = read(&output(&mut diagnose)?)?;
+    let found: Value = serde_json::from_str(&output(&mut diagnose)?).map_err(|e| e.to_string())?;
     for list in [&truth["where_ok"], &found["effects"], &found["declared_value_findings"]] {
         list.as_array().ok_or("where_ok, effects and declared_value_findings are lists")?;
     }
@@ -77,8 +75,14 @@ fn judge(set: &Path) -> Result<String, String> {
     Ok(said)
 }
 
+/// A JSON file.
+pub fn read_json(path: &Path) -> Result<Value, String> {
+    let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
+}
+
 /// What is wrong with a diagnosis of a set, in words.
-fn misses(truth: &Value, found: &Value) -> Vec<&'static str> {
+pub fn misses(truth: &Value, found: &Value) -> Vec<&'static str> {
     let right: Vec<Vec<String>> = truth["where_ok"].as_array().into_iter().flatten().map(texts).collect();
     let (effects, parts) = places(found);
     let meets = |a: &[String], b: &[String]| a.iter().any(|place| b.contains(place));

@@ -6,7 +6,7 @@ use std::path::Path;
 use pkm_core::{Deflection, Machine, Pose, Stiffness, Wrench};
 use pkm_host::cli;
 use pkm_host::diagnose::compare::{self, Zone};
-use pkm_host::diagnose::{self, Method};
+use pkm_host::diagnose::{self, Method, Rules};
 use pkm_host::files::dataset::{self, StiffnessData};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::readings::Readings;
@@ -98,7 +98,8 @@ pub fn run() -> Outcome {
     // once more for what was found one after another, then a factor table of the solids on the machine that came out
     let load = |path: &Path| Source::read(path).and_then(|s| Readings::read(s, &declared)).map_err(fail);
     let (data, held_out) = (load(&data)?, load(&held_out)?);
-    let diagnosis = diagnose::diagnose(&declared, &data, Some(&held_out), Method::Formulas, &silent).map_err(fail)?;
+    let diagnosis = diagnose::diagnose(&declared, &data, Some(&held_out), Method::Formulas, &Rules::DEFAULT, &silent)
+        .map_err(fail)?;
     let improved = out.join("machine.toml");
     fit_fixtures(Some(&improved), &out.join("fit"))?;
     let table = Source::read(&out.join("fit/coefficients.json")).and_then(|s| TableFile::parse(&s)).map_err(fail)?;

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::arguments::{ColumnsArgs, DateArgs};
 use super::bar::bar;
 use super::session::{Output, Session};
-use crate::diagnose::{self, Method, report, write};
+use crate::diagnose::{self, Method, Rules, report, write};
 use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
@@ -94,7 +94,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
         session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
     }
-    let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), *method, &bar())?;
+    let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), *method, &Rules::DEFAULT, &bar())?;
     let machine_toml = write::machine_toml(&file, &diagnosis)?;
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;
     let mut json = diagnosis.to_json();

@@ -8,7 +8,7 @@ use super::arguments::{ColumnsArgs, list, not_negative, positive};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::diagnose::campaign::{self, Means, Stated};
-use crate::diagnose::{self, Method, design::Proposal};
+use crate::diagnose::{self, Method, Rules, design::Proposal};
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS};
 use crate::files::machine::MachineFile;
@@ -198,7 +198,7 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
     let source = session.read_or_fixture(args.data.as_deref(), pkm_fixtures::MEASURED, "--data", machine)?;
     let readings = Readings::read_renamed(source, machine, &args.columns.renames())?;
     session.warn(readings.warnings.clone());
-    let diagnosis = diagnose::diagnose(machine, &readings, None, Method::Formulas, &bar())?;
+    let diagnosis = diagnose::diagnose(machine, &readings, None, Method::Formulas, &Rules::DEFAULT, &bar())?;
     if diagnosis.proposals.is_empty() {
         let message = "these readings leave no two rivals to tell apart";
         return Err(Failure::other(message).in_file(readings.source.name));

@@ -35,8 +35,8 @@ pub(crate) mod write;
 
 use pkm_diagnosis::residuals::{Outlier, Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
-use pkm_diagnosis::{Noise, Observations, Problem, Rules, Search, UnknownNoise, Whitener, search};
-pub use pkm_diagnosis::{SEED, verdict::Verdict};
+use pkm_diagnosis::{Noise, Observations, Problem, Search, UnknownNoise, Whitener, search};
+pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
 
 use self::checks::{Suspect, Warning};
 use self::compare::{Errors, Fitted, Predictions, RIVALS, Rival, Zone};
@@ -298,10 +298,10 @@ pub fn diagnose(
     readings: &Readings,
     held_out: Option<&Readings>,
     method: Method,
+    rules: &Rules,
     progress: &Progress<'_>,
 ) -> Result<Diagnosis> {
     let step = |done: u64, what: &str| progress(what, done, STEPS);
-    let rules = &Rules::DEFAULT;
     step(0, "noise");
     let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
     let model = Model::new(file, recorded, method)

@@ -3,7 +3,7 @@
 use fastrand::Rng;
 use pkm_core::Machine;
 use pkm_core::machine::{BodyKind, Joint, MachineParameters, Tube};
-use pkm_host::diagnose;
+use pkm_host::diagnose::{self, Method, Rules};
 use pkm_host::files::dataset::{POSE_COLUMNS, read_stiffness, stiffness_columns, to_csv};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::readings::Readings;
@@ -189,7 +189,7 @@ fn the_order_of_series_is_nothing_to_a_diagnosis() {
     let lines: Vec<&str> = text.lines().filter(|l| !l.starts_with('#')).collect();
     let diagnosed = |lines: &[&str]| {
         let readings = Readings::read(Source::from_text("d.csv", lines.join("\n")), &file).expect("good");
-        diagnose::diagnose(&file, &readings, None, diagnose::Method::Formulas, &silent).expect("diagnosed").to_json()
+        diagnose::diagnose(&file, &readings, None, Method::Formulas, &Rules::DEFAULT, &silent).expect("diagnosed").to_json()
     };
     let expected = diagnosed(&lines);
     let column = lines[0].split(',').position(|name| name == "series").expect("there");
