@@ -8,6 +8,7 @@ use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 use crate::Outcome;
+use crate::user::{Key, User};
 
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 
@@ -148,23 +149,6 @@ impl Browser {
         Ok(())
     }
 
-    /// What an expression gives, or the promise that it is.
-    pub fn evaluate(&mut self, expression: &str) -> Result<Value, String> {
-        let asked = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
-        let mut found = self.call("Runtime.evaluate", asked)?;
-        match &found["exceptionDetails"] {
-            Value::Null => Ok(found["result"]["value"].take()),
-            thrown => Err(format!("{expression}: {thrown}")),
-        }
-    }
-
-    /// The sentences that a function in the page gives.
-    pub fn sentences(&mut self, function: &str, arguments: &str) -> Result<Vec<String>, String> {
-        let found = self.evaluate(&format!("({function})({arguments})"))?;
-        let list = found.as_array().ok_or_else(|| format!("{}: {found}", self.url))?;
-        Ok(list.iter().filter_map(Value::as_str).map(str::to_owned).collect())
-    }
-
     /// What the page that is open asks for and complains of.
     pub fn complaints(&self) -> Vec<String> {
         let mut wrong = Vec::new();
@@ -213,5 +197,40 @@ impl Browser {
         std::fs::write(path, &pdf).map_err(|e| format!("{}: {e}", path.display()))?;
         // not `/Pages`, the nodes of their tree
         Ok(pdf.windows(12).filter(|w| w.starts_with(b"/Type /Page") && w[11] != b's').count())
+    }
+}
+
+impl User for Browser {
+    fn evaluate(&mut self, expression: &str) -> Result<Value, String> {
+        let asked = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
+        let mut found = self.call("Runtime.evaluate", asked)?;
+        match &found["exceptionDetails"] {
+            Value::Null => Ok(found["result"]["value"].take()),
+            thrown => Err(format!("{expression}: {thrown}")),
+        }
+    }
+
+    fn drag(&mut self, from: [f64; 2], to: [f64; 2]) -> Outcome {
+        for (kind, [x, y], buttons) in [("mousePressed", from, 1), ("mouseMoved", to, 1), ("mouseReleased", to, 0)] {
+            let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1 });
+            self.call("Input.dispatchMouseEvent", event)?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, text: &str) -> Outcome {
+        self.call("Input.insertText", json!({ "text": text })).map(drop)
+    }
+
+    fn press(&mut self, key: Key) -> Outcome {
+        let (name, code, text) = match key {
+            Key::Tab => ("Tab", 9, ""),
+            Key::Enter => ("Enter", 13, "\r"),
+        };
+        for kind in ["keyDown", "keyUp"] {
+            let event = json!({ "type": kind, "key": name, "code": name, "windowsVirtualKeyCode": code, "text": text });
+            self.call("Input.dispatchKeyEvent", event)?;
+        }
+        Ok(())
     }
 }

@@ -21,6 +21,7 @@ mod sets;
 mod showcase;
 mod single;
 mod stack;
+mod user;
 mod view;
 mod wasm;
 

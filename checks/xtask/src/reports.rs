@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::browser::{Browser, PALE};
+use crate::user::User;
 use crate::{Outcome, root, view};
 use pkm_host::cli;
 

@@ -6,6 +6,7 @@ use pkm_host::cli;
 use serde_json::{Value, json};
 
 use crate::browser::{Browser, PALE};
+use crate::user::{Key, User};
 use crate::{Outcome, root};
 
 const DESKTOP: [u32; 2] = [1280, 800];
@@ -85,7 +86,7 @@ pub fn picture(browser: &mut Browser, page: &Path) -> Outcome {
 }
 
 /// Waits until the page has compared its results with the program's.
-fn wait(browser: &mut Browser) -> Outcome {
+fn wait(browser: &mut dyn User) -> Outcome {
     let compared = "() => /good|bad/.test(document.getElementById('checksum').className)";
     browser.evaluate(&format!("({UNTIL})('the checksum', {compared})")).map(drop)
 }
@@ -99,6 +100,14 @@ fn opened(
     picture: &Path,
 ) -> Result<Vec<String>, String> {
     browser.open(path, window, dark, false)?;
+    let mut wrong = shown(browser, window[0])?;
+    wrong.extend(browser.complaints());
+    browser.picture(picture)?;
+    Ok(wrong)
+}
+
+/// What is wrong with a page that has been opened, once it has compared its results with the program's.
+fn shown(browser: &mut dyn User, width: u32) -> Result<Vec<String>, String> {
     wait(browser)?;
     let found = browser.evaluate(
         "({ equal: document.getElementById('checksum').classList.contains('good'), wide: document.documentElement.scrollWidth,
@@ -106,32 +115,28 @@ fn opened(
               && e.textContent.trim() && parseFloat(getComputedStyle(e).fontSize) < 12).length,
             unnamed: [...document.querySelectorAll('input, select, button')].filter(e => !(e.labels?.length || e.ariaLabel || e.textContent.trim())).length })",
     )?;
-    let mut wrong = browser.complaints();
+    let mut wrong = Vec::new();
     if found["equal"] != true {
         wrong.push("the page's results are not the program's".into());
     }
-    if found["wide"].as_u64() > Some(u64::from(window[0])) {
-        wrong.push(format!("{} wide in a window of {}", found["wide"], window[0]));
+    if found["wide"].as_u64() > Some(u64::from(width)) {
+        wrong.push(format!("{} wide in a window of {width}", found["wide"]));
     }
     if found["drawn"] != true || found["small"] != 0 || found["unnamed"] != 0 {
         wrong.push(format!("no picture, small letters, or controls without names: {found}"));
     }
     wrong.extend(browser.sentences(PALE, &format!("{CONTRAST}, '{TEXT}'"))?);
-    browser.picture(picture)?;
     Ok(wrong)
 }
 
 /// Controls that the key Tab does not reach. Of a group of radio buttons it reaches one.
-fn unreached(browser: &mut Browser) -> Result<Vec<String>, String> {
+fn unreached(browser: &mut dyn User) -> Result<Vec<String>, String> {
     browser.evaluate(
-        "document.addEventListener('focusin', e => { e.target.reached = true; }); document.activeElement.blur()",
+        "(() => { document.addEventListener('focusin', e => { e.target.reached = true; }); document.activeElement.blur(); })()",
     )?;
     let count = browser.evaluate(&format!("{CONTROLS}.length"))?.as_u64().unwrap_or_default();
     for _ in 0..count + 5 {
-        for kind in ["keyDown", "keyUp"] {
-            let tab = json!({ "type": kind, "key": "Tab", "code": "Tab", "windowsVirtualKeyCode": 9 });
-            browser.call("Input.dispatchKeyEvent", tab)?;
-        }
+        browser.press(Key::Tab)?;
     }
     let missed = format!(
         "() => {CONTROLS}.filter(e => !e.reached && !(e.type === 'radio' && {CONTROLS}.some(o => o.name === e.name && o.reached)))\
@@ -141,7 +146,7 @@ fn unreached(browser: &mut Browser) -> Result<Vec<String>, String> {
 }
 
 /// Drags, types, opens files, plays the path.
-fn driven(browser: &mut Browser) -> Result<Vec<String>, String> {
+fn driven(browser: &mut dyn User) -> Result<Vec<String>, String> {
     let mut wrong = Vec::new();
     let mut expect = |is: bool, what: &str| {
         if !is {
@@ -151,24 +156,19 @@ fn driven(browser: &mut Browser) -> Result<Vec<String>, String> {
     let tip = "({ tip: pkm.answer.tip, at: pkm.camera.project(pkm.answer.tip).map((v, i) => v + [0, 1].map(n => document.getElementById('picture').getBoundingClientRect()[n ? 'top' : 'left'])[i]) })";
     let before = browser.evaluate(tip)?;
     let [x, y] = [0, 1].map(|i| before["at"][i].as_f64().unwrap_or_default());
-    drag(browser, [x, y], [x + 30.0, y - 20.0])?;
+    browser.drag([x, y], [x + 30.0, y - 20.0])?;
     let after = browser.evaluate(tip)?;
     let moved = |i: usize| after["at"][i].as_f64().unwrap_or_default() - before["at"][i].as_f64().unwrap_or_default();
     expect((moved(0) - 30.0).abs() < 1.0 && (moved(1) + 20.0).abs() < 1.0, "the tip does not follow the mouse");
     let yaw = browser.evaluate("pkm.camera.yaw")?;
-    drag(browser, [100.0, 700.0], [160.0, 700.0])?;
+    browser.drag([100.0, 700.0], [160.0, 700.0])?;
     expect(browser.evaluate("pkm.camera.yaw")? != yaw, "the picture does not turn");
 
     browser.evaluate(
-        "{ const i = document.querySelector('#position-rows .row input[type=number]'); i.focus(); i.select(); }",
+        "(() => { const i = document.querySelector('#position-rows .row input[type=number]'); i.focus(); i.select(); })()",
     )?;
-    browser.call("Input.insertText", json!({ "text": "5" }))?;
-    for kind in ["keyDown", "keyUp"] {
-        browser.call(
-            "Input.dispatchKeyEvent",
-            json!({ "type": kind, "key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13, "text": "\r" }),
-        )?;
-    }
+    browser.write("5")?;
+    browser.press(Key::Enter)?;
     let theta = browser.evaluate("pkm.state.configuration[0] * 180 / Math.PI")?.as_f64().unwrap_or_default();
     expect((theta - 5.0).abs() < 1e-9, "a typed angle is not taken");
     browser.evaluate("pkm.drive({ configuration: [0, 0, 0.9, 0, 0] })")?;
@@ -206,7 +206,7 @@ fn softened(effect: bool, element: bool) -> Result<String, String> {
 }
 
 /// Effects and elements are switched off and on: the page's k33 at home is that of the program for a machine file that has them or not.
-fn toggled(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
+fn toggled(browser: &mut dyn User, out: &Path) -> Result<Vec<String>, String> {
     let (machine, poses) = (out.join("softened.toml"), out.join("home.csv"));
     std::fs::write(&poses, "pose,theta_deg,sigma_deg,z0_mm\nhome,0,0,255\n").map_err(|e| e.to_string())?;
     let [machine_option, poses_option] =
@@ -268,7 +268,7 @@ fn still(browser: &mut Browser) -> Result<Vec<String>, String> {
 }
 
 /// A diagnosis of this machine is opened and shows its reading, one of another machine is refused.
-fn documents(browser: &mut Browser) -> Result<bool, String> {
+fn documents(browser: &mut dyn User) -> Result<bool, String> {
     let sum = browser.evaluate("pkm.data.machine.sha256")?;
     let diagnosis = |machine_sha256: &Value| {
         let reading = json!({ "line": 2, "theta_deg": 3.0, "sigma_deg": -2.0, "z0_mm": 530.0, "point_mm": [0, 0, 100], "wrench": [100, 0, 0, 0, 0, 0],
@@ -295,12 +295,4 @@ fn documents(browser: &mut Browser) -> Result<bool, String> {
         && seen["holes"] == 1
         && seen["theta"].as_f64().is_some_and(|theta| (theta - 3.0).abs() < 1e-9)
         && seen["table"].as_u64() > Some(10))
-}
-
-fn drag(browser: &mut Browser, from: [f64; 2], to: [f64; 2]) -> Outcome {
-    for (kind, [x, y], buttons) in [("mousePressed", from, 1), ("mouseMoved", to, 1), ("mouseReleased", to, 0)] {
-        let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1 });
-        browser.call("Input.dispatchMouseEvent", event)?;
-    }
-    Ok(())
 }
