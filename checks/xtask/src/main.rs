@@ -4,6 +4,7 @@ mod browser;
 mod c;
 mod cycles;
 mod debugger;
+mod firefox;
 mod fuzz;
 mod guards;
 mod hil;
@@ -60,7 +61,7 @@ cargo xtask <chore>
                --shard 0/8 for a sample
   reports      write every report from the fixtures, look at it in Chromium (screens, dark and light, paper); pictures in out/reports;
                with --gallery those of docs/gallery too
-  view         the page of `view` alone, driven in Chromium: drag, type, open files, play a path
+  view         the page of `view` alone, driven in Chromium, and in Firefox where it is installed: drag, type, open files, play a path
   no-panic     link the core so that a reachable panic is a link error, and check that a planted one is
   no-alloc     look for an allocator, and for memory that the core takes, in every image
   stack        stack of every public function, by call graph and measured in QEMU, against checks/budgets.toml

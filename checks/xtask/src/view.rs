@@ -6,6 +6,7 @@ use pkm_host::cli;
 use serde_json::{Value, json};
 
 use crate::browser::{Browser, PALE};
+use crate::firefox::Firefox;
 use crate::user::{Key, User};
 use crate::{Outcome, root};
 
@@ -15,6 +16,14 @@ const MOBILE: [u32; 2] = [375, 812];
 const LARGEST: u64 = 1_500_000;
 /// Frames that are asked for, each of which has to come.
 const FRAMES: u32 = 30;
+
+const FIREFOX: &str = "apt-get install --no-install-recommends firefox-esr xvfb libgl1 libegl1 libgl1-mesa-dri";
+/// Mistakes that must be seen there: what, as a script, and how the complaint begins.
+const PLANTED: [(&str, &str, &str); 3] = [
+    ("a message in the console", "console.log(1)", "the console says"),
+    ("an error", "throw new Error()", "the browser says"),
+    ("a request", "fetch('http://127.0.0.1:65535/').catch(() => 0)", "asks for http://127.0.0.1:65535/"),
+];
 
 /// Of text to what is behind it: WCAG AA.
 const CONTRAST: f64 = 4.5;
@@ -73,8 +82,40 @@ pub fn look(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
     wrong.extend(still(browser)?.into_iter().map(|fault| format!("view: {fault}")));
     wrong.extend(unreached(browser)?.into_iter().map(|fault| format!("view: {fault}")));
     wrong.extend(browser.complaints().into_iter().map(|fault| format!("view: {fault}")));
+    wrong.extend(in_firefox(&page)?.into_iter().map(|fault| format!("view, in Firefox: {fault}")));
     let pages = browser.print(&out.join("view.pdf"))?;
     println!("view: {size} bytes, {pages} pages of paper");
+    Ok(wrong)
+}
+
+/// What is wrong with the page in Firefox, if that is installed.
+fn in_firefox(page: &Path) -> Result<Vec<String>, String> {
+    let Some(mut firefox) = Firefox::start()? else {
+        println!("view: not looked at in Firefox: {FIREFOX}");
+        return Ok(Vec::new());
+    };
+    firefox.open(page)?;
+    let mut wrong = shown(&mut firefox, DESKTOP[0])?;
+    wrong.extend(driven(&mut firefox)?);
+    // from the beginning, or the focus begins in the middle and goes through the browser's own controls
+    firefox.open(page)?;
+    wait(&mut firefox)?;
+    wrong.extend(unreached(&mut firefox)?);
+    wrong.extend(firefox.complaints()?);
+    let html = std::fs::read_to_string(page).map_err(|e| format!("{}: {e}", page.display()))?;
+    let spoilt = page.with_file_name("planted.html");
+    for (what, script, seen) in PLANTED {
+        // what the page itself forbids would not get so far
+        let free = html.replace("default-src 'none'", "default-src *");
+        std::fs::write(&spoilt, free.replacen("</h1>", &format!("</h1><script>{script}</script>"), 1))
+            .map_err(|e| e.to_string())?;
+        firefox.open(&spoilt)?;
+        wait(&mut firefox)?;
+        if !firefox.complaints()?.iter().any(|complaint| complaint.starts_with(seen)) {
+            wrong.push(format!("planted, and not seen: {what}"));
+        }
+    }
+    println!("view: driven in Firefox, too");
     Ok(wrong)
 }
 
