@@ -9,7 +9,7 @@ use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::source::{self, Source};
 use crate::report::demo::{self as report, Exhibit};
-use crate::report::page::headline;
+use crate::report::page::{first_picture, headline};
 
 /// Runs the main commands on data that come with the program, and writes a page that leads to all their reports: what each is for, how it was
 /// called, what it said. It takes half a minute; the data go to the folder, too, so that every call can be made again and changed.
@@ -41,7 +41,7 @@ struct Call {
     page: &'static str,
 }
 
-const CALLS: [Call; 8] = [
+const CALLS: [Call; 9] = [
     Call {
         title: "A correction table from finite elements",
         about: "What the simple model misses of the machine's stiffness is fitted to finite-element results at 49 poses and judged at 25 others. The table goes into the controller as Rust source.",
@@ -53,6 +53,12 @@ const CALLS: [Call; 8] = [
         about: "Deflections under known loads, on a machine with an effect that its file lacks. The effect is found, located and added; the error on poses that had no part in it is stated before and after.",
         arguments: "diagnose --machine @data/machine.toml --data @data/measured.csv --holdout @data/heldout.csv --out @diagnosis",
         page: "diagnosis/report.html",
+    },
+    Call {
+        title: "The same readings on the machine, live",
+        about: "Each reading as an arrow on the machine in 3D, beside what the declared and the identified model say of it; where something was found the machine is coloured.",
+        arguments: "view --machine @data/machine.toml --diagnosis @diagnosis/diagnosis.json --out @diagnosed.html",
+        page: "diagnosed.html",
     },
     Call {
         title: "The true geometry of an unloaded machine",
@@ -120,8 +126,9 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         let Call { title, about, page, .. } = *call;
         let said = call.run(&args.out)?;
         let made = Source::read(&args.out.join(page))?;
-        let headline = headline(made.text()?).map(str::to_owned);
-        exhibits.push(Exhibit { title, about, page, command: call.typed(), said, headline });
+        let html = made.text()?;
+        let (headline, picture) = (headline(html).map(str::to_owned), first_picture(html));
+        exhibits.push(Exhibit { title, about, page, command: call.typed(), said, headline, picture });
     }
     source::write_all(&args.out, &[("index.html", report::page(&exhibits))], &[])?;
     let index = args.out.join("index.html").display().to_string();

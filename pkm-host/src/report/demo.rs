@@ -17,6 +17,8 @@ pub(crate) struct Exhibit {
     pub(crate) said: String,
     /// What its page says first, as HTML.
     pub(crate) headline: Option<String>,
+    /// The first picture of its page, as HTML.
+    pub(crate) picture: Option<String>,
 }
 
 /// `index.html`.
@@ -31,8 +33,10 @@ pub(crate) fn page(exhibits: &[Exhibit]) -> String {
             h2 { a href=(exhibit.page) { (exhibit.title) } }
             p { (exhibit.about) }
             @if let Some(headline) = &exhibit.headline { p { strong { (PreEscaped(headline)) } } }
-            pre { (exhibit.command) }
-            (fold("what it said", &html! { pre { (exhibit.said.trim_end()) } }))
+            @if let Some(picture) = &exhibit.picture { (PreEscaped(picture)) }
+            // what scrolls has to be reached by keys
+            pre tabindex="0" { (exhibit.command) }
+            (fold("what it said", &html! { pre tabindex="0" { (exhibit.said.trim_end()) } }))
         }
     };
     Page { title: "What pkm-host makes".into(), findings: &findings, warnings: &[], body, facts: Vec::new() }.html()

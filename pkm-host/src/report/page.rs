@@ -190,6 +190,18 @@ pub(crate) fn headline(html: &str) -> Option<&str> {
     Some(rest.split_once(HEADLINE[1])?.0)
 }
 
+/// The first picture of a page, as it stands there, without its caption.
+pub(crate) fn first_picture(html: &str) -> Option<String> {
+    const END: &str = "</svg>";
+    let (_, rest) = html.split_once("<figure class=\"picture")?;
+    let several = rest.starts_with('s');
+    let rest = &rest[rest.find("<svg")?..];
+    let svg = PreEscaped(&rest[..rest.find(END)? + END.len()]);
+    let figure =
+        html! { figure.picture[!several].pictures[several] { div tabindex=[(!several).then_some("0")] { (svg) } } };
+    Some(figure.into_string())
+}
+
 /// A page that says when it was made, too: not one that has to be the same whenever it is made.
 pub(crate) fn dated(html: &str, when: &str) -> String {
     let fact = html! { dt { "Made" } dd { (when) } }.into_string();

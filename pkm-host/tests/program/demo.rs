@@ -10,7 +10,7 @@ fn every_page_of_the_demonstration_is_there() {
     let folder = Folder::new();
     let document = json(&["demo", "--out", &folder.path("out")]);
     let calls = document["calls"].as_array().unwrap();
-    assert_eq!(calls.len(), 8);
+    assert_eq!(calls.len(), 9);
     let index = folder.read("out/index.html");
     for call in calls {
         let (page, command) = (call["page"].as_str().unwrap(), call["command"].as_str().unwrap());
@@ -20,7 +20,9 @@ fn every_page_of_the_demonstration_is_there() {
             assert!(fs::metadata(folder.path(&format!("out/{input}"))).is_ok(), "{input}");
         }
     }
-    assert_eq!(index.matches("<strong>").count(), 8 - 1, "each report but the live page says what it found");
+    let reports = calls.len() - 2;
+    assert_eq!(index.matches("<strong>").count(), reports, "each report, not the live pages, says what it found");
+    assert_eq!(index.matches("<svg").count(), reports, "and shows its first picture");
     // the README's picture is what a reader gets
     let picture = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/finding.svg")).unwrap();
     assert!(folder.read("out/diagnosis/report.html").contains(picture.trim_end()));
