@@ -182,7 +182,10 @@ class Page {
       said.push(`deflection × ${scale.toLocaleString("en")}`);
     }
     if (form.ok[0]) said.push(...this.ellipsoids(scene, answer));
-    if (layers.box && this.data.table) this.box(scene);
+    if (layers.box && this.data.table) {
+      this.box(scene);
+      said.push("grey lines: edges of the table's box, as far as the machine reaches");
+    }
     this.documents?.drawHoles(scene);
     this.documents?.drawPath(scene);
     scene.handle(answer.tip);
