@@ -1,5 +1,6 @@
 //! The project's own chores: `cargo xtask <chore>`.
 
+mod axe;
 mod browser;
 mod c;
 mod cycles;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::browser::{Browser, PALE};
 use crate::user::User;
-use crate::{Outcome, root, view};
+use crate::{Outcome, axe, root, view};
 use pkm_host::cli;
 
 /// Width and height: a desktop and a mobile.
@@ -26,7 +26,8 @@ const GALLERY_WINDOW: [u32; 2] = [1000, 1300];
 const GALLERY_SCALE: f64 = 0.5;
 
 /// Mistakes that must be seen, made in a report: what is replaced by what, and whether it shows on paper alone.
-const PLANTED: [(&str, &str, &str, bool); 9] = [
+const PLANTED: [(&str, &str, &str, bool); 10] = [
+    ("no language for screen readers", "<html lang=\"en\">", "<html>", false),
     ("no rule for narrow windows", "width=device-width, initial-scale=1", "", false),
     ("something from elsewhere", "<h1>", "<h1 style=\"background:url(http://127.0.0.1:9/x.png)\">", false),
     ("a message in the console", "</h1>", "</h1><script>console.log(1)</script>", false),
@@ -122,6 +123,7 @@ pub fn run(options: &[String]) -> Outcome {
     let out = root().join("out/reports");
     let mut browser = Browser::start()?;
     let reports = write(&out)?;
+    axe::install(&mut browser, &out)?;
     let mut wrong = Vec::new();
     for (name, path) in &reports {
         // light last: it is what is printed
@@ -170,6 +172,9 @@ fn look(
     browser.open(path, window, dark, paper)?;
     let mut wrong = browser.sentences(PALE, &format!("{CONTRAST}, '{TEXT}'"))?;
     wrong.extend(browser.sentences(CHECKS, &format!("{paper}, {}", window[0]))?);
+    if !paper {
+        wrong.extend(browser.sentences(axe::JUDGE, "")?);
+    }
     wrong.extend(browser.complaints());
     browser.picture(picture)?;
     Ok(wrong)
@@ -273,6 +278,8 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
         "geometry",
     ];
     let mut all: Vec<_> = of_folder.iter().map(|name| (*name, folder(name).join("report.html"))).collect();
+    run(&["demo"], &folder("demo"))?;
+    all.push(("demo", folder("demo").join("index.html")));
     all.extend([("fem", folder("fem.html")), ("fem-dry", folder("fem-dry.drawing.html"))]);
     Ok(all)
 }
