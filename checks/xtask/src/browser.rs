@@ -22,7 +22,7 @@ pub const PALE: &str = r"(least, selector) => {
   const wrong = [];
   for (const e of document.querySelectorAll(selector)) {
     if (e.disabled || !e.checkVisibility()) continue;
-    const style = getComputedStyle(e), c = contrast(e.closest('svg') ? style.fill : style.color, behind(e.closest('svg')?.parentElement ?? e));
+    const style = getComputedStyle(e), c = contrast(e.closest('svg') ? style.fill : style.color, behind(e.closest('svg') ?? e));
     if (c < least) wrong.push(`${e.tagName} ${e.getAttribute('class') ?? ''} has a contrast of ${c.toFixed(1)}: ${e.textContent.slice(0, 40)}`);
   }
   return wrong;

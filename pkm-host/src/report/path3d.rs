@@ -40,9 +40,10 @@ pub(super) fn svg(places: &[PathPlace], worst: Option<&LineErrors>) -> String {
         COLOURS[((share * COLOURS.len() as f64) as usize).min(COLOURS.len() - 1)]
     };
     let [width, height] = SIZE;
+    // white in dark mode too, and its letters dark: the colours of the largest errors are
     let mut s = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" \
-         font-size=\"15\">\n<title>The path of the tip, coloured by its error</title>\n<rect width=\"{width}\" height=\"{height}\" \
+         font-size=\"15\" style=\"--ink:#14181d;background:#fff\">\n<title>The path of the tip, coloured by its error</title>\n<rect width=\"{width}\" height=\"{height}\" \
          fill=\"#ffffff\"/>\n<g fill=\"none\" stroke-linecap=\"round\">"
     );
     let mut last: Option<&str> = None;
