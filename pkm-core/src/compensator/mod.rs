@@ -7,8 +7,8 @@
 //! 2. K_m at the pose gives the deflection. `gain` times it, and the whole thermal growth, are turned into joint offsets by
 //!    one Newton step.
 //! 3. The vector of offsets is scaled into its size limit, and the step from the last one into its rate limit. Whole vectors are
-//!    scaled: the tip keeps its direction, whichever joint has reached its limit. Joints that kept their proportion would bend the way
-//!    of a tool with five axes by the square of the offset; there the second derivative of the straight way is added.
+//!    scaled: the tip keeps its direction, whichever joint has reached its limit. Joints that kept their proportion would bend its way
+//!    by the square of the offset, so that the second derivative of the straight way is added.
 //!
 //! Start, stop, faults and a change of table are all the same to step 3: the offset moves from where it is to its new target at no
 //! more than the rate limit. What each fault does:
@@ -31,6 +31,7 @@ mod limit;
 mod load;
 mod settings;
 mod stability;
+mod straight;
 mod temperature;
 
 use core::fmt;
@@ -41,6 +42,7 @@ use crate::compensation::{self, CompensationError, Doubt, Load};
 use crate::correction::{CorrectionError, CorrectionTable, TableUncertainty};
 use crate::estimation::Estimator;
 use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
+use crate::kinematics::{KinematicsError, Posture};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::{LoadHistory, StiffnessError};
@@ -303,24 +305,19 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     }
 }
 
-/// Three screws whose offsets keep their proportion hold the tip on its line within 0.6 µm.
-fn joints_go_straight<T: Scalar>(_: &SVector<T, 3>) -> Option<SVector<T, 3>> {
-    None
-}
-
 /// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip, as far as it is known, and
 /// all of the thermal growth.
 fn offsets<T: Scalar, const N: usize>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     knowledge: &Knowledge<'_, T, N>,
-    (pose, tip_m): (&Pose<T>, Vector3<T>),
+    (pose, posture, tip_m): (&Pose<T>, &Result<Posture<T>, KinematicsError>, Vector3<T>),
     load: &Load<T>,
     history: &mut LoadHistory<T>,
 ) -> Result<(Vector3<T>, Option<Known<T>>), Fault> {
-    let posture = &match machine.posture(pose) {
+    let posture = match posture {
         Ok(posture) => posture,
-        Err(e) => return Err(CorrectionError::from(e).into()),
+        Err(e) => return Err(CorrectionError::from(*e).into()),
     };
     let wrench = &load.wrench.moved_to_a(tip_m);
     let mut doubt = Doubt { table: knowledge.table, tip_m, variance_m2: Vector3::zeros() };
@@ -352,8 +349,10 @@ impl<T: Scalar> Compensator<T, 3> {
         tip_m: Vector3<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
-        self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
-            offsets(machine, table, &Knowledge::NONE, (pose, tip_m), load, history)
+        let posture = &machine.posture(pose);
+        let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
+        self.step(table.domain(pose), reading, second, |load, history| {
+            offsets(machine, table, &Knowledge::NONE, (pose, posture, tip_m), load, history)
         })
     }
 
@@ -393,8 +392,10 @@ impl<T: Scalar> Compensator<T, 3> {
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
         let knowledge = &Knowledge { table: Some(uncertainty), learned };
-        self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
-            offsets(machine, table, knowledge, (pose, tip_m), load, history)
+        let posture = &machine.posture(pose);
+        let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
+        self.step(table.domain(pose), reading, second, |load, history| {
+            offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
         })
     }
 
@@ -413,8 +414,10 @@ impl<T: Scalar> Compensator<T, 3> {
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
         let knowledge = &Knowledge { table: None, learned: Some(learned) };
-        self.step(table.domain(pose), reading, joints_go_straight, |load, history| {
-            offsets(machine, table, knowledge, (pose, tip_m), load, history)
+        let posture = &machine.posture(pose);
+        let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
+        self.step(table.domain(pose), reading, second, |load, history| {
+            offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
         })
     }
 }

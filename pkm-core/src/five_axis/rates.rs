@@ -127,7 +127,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
 
 impl<T: Scalar> Sizes<T> {
     /// From first and second time derivatives of (θ, σ, L, β1, β2). Of a limb with components x and y, q² = x² + y².
-    fn joint_motion(&self, p: &Posture<T>, [first, second]: &[SVector<T, 5>; 2]) -> JointMotion<T> {
+    pub(crate) fn joint_motion(&self, p: &Posture<T>, [first, second]: &[SVector<T, 5>; 2]) -> JointMotion<T> {
         let [dtheta, dsigma, dl, dbeta1, dbeta2] = (*first).into();
         let [ddtheta, ddsigma, ddl, ddbeta1, ddbeta2] = (*second).into();
         let of_limb = |q: T, at: [T; 2], d: [T; 2], dd: [T; 2]| {

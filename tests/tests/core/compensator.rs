@@ -155,7 +155,8 @@ fn tip_of(pose: &Pose<f64>) -> Vector3<f64> {
     Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m) + axes * TIP_M
 }
 
-/// While either limit acts, on the way out and back, the tip is on the line between its unloaded and its compensated place.
+/// While either limit acts, on the way out and back, the tip is on the line between its unloaded and its compensated place, up to the
+/// greatest force and moment that are believed.
 #[test]
 fn a_limited_tip_stays_on_its_line() {
     let mut rng = seeded();
@@ -166,8 +167,8 @@ fn a_limited_tip_stays_on_its_line() {
             sigma_rad: between(&mut rng, -0.26, 0.26),
             z0_m: between(&mut rng, 0.5, 0.56),
         };
-        let load =
-            Wrench { force_n: Vector3::from_fn(|_, _| between(&mut rng, -2e3, 2e3)), moment_nm: Vector3::zeros() };
+        let mut any = |size: f64| Vector3::from_fn(|_, _| between(&mut rng, -1.0, 1.0)).normalize() * size;
+        let load = Wrench { force_n: any(0.999 * BARE.max_force_n), moment_nm: any(0.999 * BARE.max_moment_nm) };
         let lengths = MACHINE_F64.inverse(&pose).unwrap().q_m;
         let cycle = TABLE_F64.cycle(&MACHINE_F64, &pose, &load, TIP_M).unwrap();
         let (from, to) = (tip_of(&pose), tip_of(&cycle.compensated.pose));
@@ -184,7 +185,7 @@ fn a_limited_tip_stays_on_its_line() {
             let q_m = lengths + offset.joints;
             let gone = tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m }).unwrap()) - from;
             let along = gone.dot(&way) / way.norm_squared();
-            assert!((-1e-6..=0.61).contains(&along), "{along}");
+            assert!((-1e-3..=0.65).contains(&along), "{along}");
             worst = worst.max((gone - along * way).norm());
         }
         assert_eq!(met, [true; 2]);
