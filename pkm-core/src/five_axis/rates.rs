@@ -51,10 +51,11 @@ impl<T: Scalar> JointMotion<T> {
             let (v, a) = (self.velocity.as_slice()[joint].abs(), self.acceleration.as_slice()[joint].abs());
             let (most_v, most_a) = (velocity.as_slice()[joint], acceleration.as_slice()[joint]);
             if !(v <= most_v) {
-                share = least(share, if most_v > T::ZERO { most_v / v } else { T::ZERO });
+                // NaN is above no limit either
+                share = least(share, if most_v > T::ZERO && v > most_v { most_v / v } else { T::ZERO });
             }
             if !(a <= most_a) {
-                share = least(share, if most_a > T::ZERO { (most_a / a).sqrt() } else { T::ZERO });
+                share = least(share, if most_a > T::ZERO && a > most_a { (most_a / a).sqrt() } else { T::ZERO });
             }
         }
         share

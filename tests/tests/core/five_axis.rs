@@ -549,6 +549,15 @@ fn a_feed_is_as_fast_as_the_slowest_joint_lets_it() {
     let joints = FIVE.joint_motion(&c, &along(0.05)).unwrap();
     assert_eq!(joints.feed_share(&SVector::zeros(), &a), 0.0);
     assert_eq!(joints.feed_share(&SVector::repeat(f64::NAN), &a), 0.0);
+    // a motion that is no number is none that a joint may make
+    for joint in 0..5 {
+        let mut unknown = joints;
+        unknown.velocity[joint] = f64::NAN;
+        assert_eq!(unknown.feed_share(&v, &a), 0.0);
+        unknown = joints;
+        unknown.acceleration[joint] = f64::NAN;
+        assert_eq!(unknown.feed_share(&v, &a), 0.0);
+    }
 
     let nan = ToolMotion { axis_per_s: Vector3::repeat(f64::NAN), ..along(1.0) };
     assert_eq!(FIVE.joint_motion(&c, &nan), Err(ToolError::NotFinite));
