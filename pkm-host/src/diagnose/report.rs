@@ -120,12 +120,10 @@ fn next_step(d: &Diagnosis) -> String {
 
 /// The findings in sentences, the most important first.
 fn findings(d: &Diagnosis) -> Vec<Finding> {
-    let name = |e: &Effect| {
-        match (e.is_located(), e.id) {
-            (false, _) => "an effect that the readings do not locate".to_owned(),
-            (true, ELEMENT) => format!("an effect on no list at {}", e.place),
-            (true, id) => id.to_owned(),
-        }
+    let name = |e: &Effect| match (e.is_located(), e.id) {
+        (false, _) => "an effect that the readings do not locate".to_owned(),
+        (true, ELEMENT) => format!("an effect on no list at {}", e.place),
+        (true, id) => id.to_owned(),
     };
     let mut found: Vec<String> = Vec::new();
     for name in d.effects.iter().map(name) {

@@ -189,7 +189,9 @@ fn the_order_of_series_is_nothing_to_a_diagnosis() {
     let lines: Vec<&str> = text.lines().filter(|l| !l.starts_with('#')).collect();
     let diagnosed = |lines: &[&str]| {
         let readings = Readings::read(Source::from_text("d.csv", lines.join("\n")), &file).expect("good");
-        diagnose::diagnose(&file, &readings, None, Method::Formulas, &Rules::DEFAULT, &silent).expect("diagnosed").to_json()
+        diagnose::diagnose(&file, &readings, None, Method::Formulas, &Rules::DEFAULT, &silent)
+            .expect("diagnosed")
+            .to_json()
     };
     let expected = diagnosed(&lines);
     let column = lines[0].split(',').position(|name| name == "series").expect("there");
