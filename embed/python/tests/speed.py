@@ -16,10 +16,6 @@ import pkm
 from conftest import FIXTURES, WIDE_TABLE
 
 
-# times what NumPy makes of a pose at a time
-LEAST_RATIO = 50
-
-
 def rate(compute, poses):
     """Rows a second, the best of three."""
     times = []
@@ -47,8 +43,6 @@ def main():
             f"{name}: {ours:.2g} a second; NumPy a pose at a time {one_by_one:.2g} (ratio {ours / one_by_one:.0f}), "
             f"all poses in one array {together:.2g} (ratio {ours / together:.0f})"
         )
-        if ours < LEAST_RATIO * one_by_one:
-            raise SystemExit(f"{name}: less than {LEAST_RATIO} times NumPy, a pose at a time")
 
 
 main()
