@@ -36,14 +36,14 @@ fn settings() -> Result<EstimatorSettings<COUNT>, String> {
 }
 
 /// A place, a load there, and what is read, along x, y, z of B.
-struct Probing {
+pub struct Probing {
     at: Configuration<f64>,
     wrench: Wrench<f64>,
     read_m: Vector3<f64>,
 }
 
 /// What a gauge would read on a machine with a worn drive, known to none of both estimators.
-fn probing(host: &Host, five: &FiveAxis<'_, f64>, n: i32) -> Result<Probing, String> {
+pub fn probing(host: &Host, five: &FiveAxis<'_, f64>, n: i32) -> Result<Probing, String> {
     let said = |e: pkm_core::ToolDeflectionError| e.to_string();
     let table = host.table()?;
     let mut parameters = host.machine.parameters;
@@ -64,8 +64,8 @@ fn probing(host: &Host, five: &FiveAxis<'_, f64>, n: i32) -> Result<Probing, Str
     Ok(Probing { at, wrench, read_m })
 }
 
-/// HAL's lines for a probing, as they change from one to the next.
-fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> {
+/// HAL's lines for place and load of a probing.
+pub fn place(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> {
     let mut text = String::new();
     let joints = in_file_units(&five.joints(&probing.at).map_err(|e| e.to_string())?);
     for (n, joint) in joints.into_iter().enumerate() {
@@ -74,6 +74,12 @@ fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> 
     for (name, force) in ["fx", "fy", "fz"].into_iter().zip(&probing.wrench.force_n) {
         writeln!(text, "setp pkmcompensator.{name} {force}").ok();
     }
+    Ok(text)
+}
+
+/// The same, and the reading there.
+fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> {
+    let mut text = place(five, probing)?;
     for (axis, read_m) in ["x", "y", "z"].into_iter().zip(&probing.read_m) {
         writeln!(text, "setp pkmcompensator.probe-{axis}-um {}", read_m * 1e6).ok();
     }
@@ -81,14 +87,14 @@ fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> 
 }
 
 /// What `halcmd getp` prints of pins.
-struct Session<'a> {
-    out: &'a Path,
-    host: &'a Host,
+pub struct Session<'a> {
+    pub out: &'a Path,
+    pub host: &'a Host,
 }
 
 impl Session<'_> {
     /// The component with its state in a file, through some lines; then the pins that are asked for.
-    fn run(&self, lines: &str, pins: &[String]) -> Result<Vec<f64>, String> {
+    pub fn run(&self, lines: &str, pins: &[String]) -> Result<Vec<f64>, String> {
         let sums = [
             self.host.machine.parameters.checksum(),
             self.host.machine.wrist_parameters.checksum(),
@@ -219,8 +225,7 @@ fn compensates(
     };
     let (plain, knowing) = (in_pins(plain.joints().into()), in_pins(knowing.joints().into()));
     let offsets: Vec<String> = (0..5).map(|n| format!("offset-{n}")).collect();
-    // the reading that the lines would take is none
-    let lines = lines(five, at)?.replace("setp pkmcompensator.probe 1\n", "");
+    let lines = place(five, at)?;
     let on = "setp pkmcompensator.enable 1\nloadusr -w sleep 6\n";
     expect("offsets", &session.run(&format!("{lines}{on}"), &offsets)?, &plain, 1e-6)?;
     let with = format!("{lines}setp pkmcompensator.use-learned 1\n{on}");
