@@ -12,7 +12,8 @@ compensated as usual, \\fBfault-code\\fR why; a fault ends with its cause.
 
 .B loadrt pkmcompensator machine=0123456789abcdef wrist=0123456789abcdef table=0123456789abcdef
 
-loads only where the machine, the wrist and the table that are compiled in have these checksums.
+loads only where the machine, the wrist and the table that are compiled in have these checksums, are in memory as they were built, and
+the processor computes known poses to the last bit.
 
 It learns from readings of the tip under a load, docs/estimation.md: at a rising edge of \\fBprobe\\fR the reading of that period is taken in.
 With \\fBstate=FILE\\fR it goes on from what FILE holds, and writes what it knows there when it is unloaded: no file is touched while
@@ -386,8 +387,10 @@ EXTRA_SETUP() {
         return -EINVAL;
     }
     PkmCompensatorSettings set;
-    PkmError found = pkm_compensator_defaults(&set, sizeof set);
+    PkmError found = pkm_self_test_f64();
+    if (found == PKM_ERROR_OK) found = pkm_compensator_defaults(&set, sizeof set);
     compensator = hal_malloc(pkm_tool_compensator_size_f64());
+    /* asks pkm_verify_f64, too */
     if (found == PKM_ERROR_OK) found = make(&set);
     if (found == PKM_ERROR_OK) found = pkm_table_watch_begin_f64(&watch, pkm_table_f64());
     PkmEstimator_f64 *room = hal_malloc(pkm_estimator_size_f64());

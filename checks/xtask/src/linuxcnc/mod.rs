@@ -3,6 +3,7 @@
 mod faults;
 mod feed;
 mod learning;
+mod memory;
 mod replay;
 mod simulation;
 

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::faults::{judge_faults, outside_the_box, parked_inside_the_margin};
 use super::feed::{self, FEED_MM_PER_S, slow_screw_mm_per_s};
 use super::learning::learn;
+use super::memory::flip_bits;
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
 use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template};
 use crate::image::symbols;
@@ -169,6 +170,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let home_axes = [x, y, z, 0.0, 0.0];
 
     refuse_others(out, &host)?;
+    flip_bits(out, &host)?;
     compare(name, out, &host)?;
     learn(out, &host)?;
 

@@ -1,0 +1,55 @@
+//! A bit of the table that is compiled in is another one: where the module is loaded, and while it runs.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::learning::{Session, place, probing};
+use super::replay::Host;
+use super::template;
+use crate::Outcome;
+
+/// `PKM_ERROR_DAMAGED_TABLE`.
+const DAMAGED_TABLE: f64 = 62.0;
+
+pub fn flip_bits(out: &Path, host: &Host) -> Outcome {
+    let (five, table) = (host.five()?, host.table()?);
+    let numbers: Vec<f64> = table.numbers().collect();
+    let terms = usize::from(table.header(0).terms);
+    // rows of the diagonal form, behind box and exponents
+    let row: Vec<u8> = numbers[6 + 3 * terms..][..6 * terms].iter().flat_map(|number| number.to_le_bytes()).collect();
+    let session = Session { out, host };
+    let lines = place(&five, &probing(host, &five, 1)?)? + "setp pkmcompensator.enable 1\nloadusr -w sleep 2\n";
+    let pins: Vec<String> =
+        ["fault-code".to_owned()].into_iter().chain((0..5).map(|n| format!("offset-{n}"))).collect();
+
+    let module = out.join("modules/pkmcompensator.so");
+    let whole = std::fs::read(&module).map_err(|e| e.to_string())?;
+    let at = whole.windows(row.len()).position(|there| there == row).ok_or("the module has no such table")?;
+    let mut damaged = whole.clone();
+    damaged[at + row.len() / 2] ^= 1;
+    let write = |bytes: &[u8]| std::fs::write(&module, bytes).map_err(|e| e.to_string());
+    write(&damaged)?;
+    let loaded = session.run("", &[]);
+    write(&whole)?;
+    match loaded {
+        Err(said) if said.contains("the table in memory is damaged") => {}
+        other => return Err(format!("a module with a flipped bit of its table was not refused: {other:?}")),
+    }
+
+    let before = session.run(&lines, &pins)?;
+    if !(before[0] == 0.0 && before[1..].iter().any(|offset| offset.abs() > 1e-3)) {
+        return Err(format!("expected offsets and no fault: {before:?}"));
+    }
+    std::fs::write(out.join("flip.py"), template("tests/flip.py")?).map_err(|e| e.to_string())?;
+    let hex = row[..32].iter().fold(String::new(), |mut text, byte| {
+        write!(text, "{byte:02x}").ok();
+        text
+    });
+    let flip = format!("{lines}loadusr -w python3 flip.py {hex}\nloadusr -w sleep 0.5\n");
+    let after = session.run(&flip, &pins)?;
+    if !(after[0] == DAMAGED_TABLE && after[1..].iter().all(|offset| *offset == 0.0)) {
+        return Err(format!("expected fault {DAMAGED_TABLE} and no offsets once a bit has flipped: {after:?}"));
+    }
+    println!("  a bit of the table: refused where the module is loaded; while it runs fault 62, and no offset");
+    Ok(())
+}
