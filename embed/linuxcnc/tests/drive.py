@@ -103,6 +103,22 @@ def lying(step, lie, pin="lie.in1"):
     done(step, rows=rows + [periods()])
 
 
+def skipped():
+    """The thread stands still while the force turns round: the next period comes much too late."""
+    rows = [periods()]
+    halcmd("stop")
+    halcmd("setp", "lie.in1", -2 * wish["load"][2])
+    stood = periods()
+    time.sleep(0.2)
+    skips = periods() == stood
+    halcmd("start")
+    time.sleep(0.4)
+    rows.append(periods())
+    halcmd("setp", "lie.in1", 0)
+    time.sleep(0.4)
+    done("skipped", rows=rows + [periods()], skips=skips)
+
+
 def away(step, place):
     """To a place and back."""
     rows = [periods()]
@@ -138,6 +154,7 @@ def faults():
     lying("nan", "nan")
     lying("spike", 1e6)
     lying("reversed", -2 * wish["load"][2])
+    skipped()
     lying("temperature", "nan", "warm.in1")
     lying("jump", 60, "warm-2.in1")
     away("outside", wish["outside"])

@@ -123,6 +123,7 @@ pub fn judge_faults(host: &Host, verdict: &Value, rows: &[Vec<f64>]) -> Outcome 
         ("nan", 80.0, End::Zero),
         ("spike", 81.0, End::Zero),
         ("reversed", 0.0, End::Other),
+        ("skipped", 0.0, End::Other),
         ("temperature", 83.0, End::Same),
         ("jump", 83.0, End::Same),
         ("outside", 84.0, End::Zero),

@@ -249,7 +249,7 @@ fn scripted(ini: &str) -> String {
 }
 
 /// Steps that the script takes once.
-const ONCE: [&str; 24] = [
+const ONCE: [&str; 25] = [
     "home",
     "load",
     "unload",
@@ -261,6 +261,7 @@ const ONCE: [&str; 24] = [
     "nan",
     "spike",
     "reversed",
+    "skipped",
     "temperature",
     "jump",
     "outside",
@@ -335,6 +336,7 @@ fn judge_steps(
                 }
                 println!("  on a way that leaves the reach it stopped after {way:.1} of {whole:.1} mm: {}", said(step));
             }
+            "skipped" if step["skips"] != true => return wrong("expected a thread that stands still"),
             "program" => println!("  holes.ngc took {:.1} s", step["seconds"].as_f64().unwrap_or(f64::NAN)),
             _ => {}
         }
