@@ -22,10 +22,17 @@
  *   target_link_libraries(firmware pkm m) */
 
 #include <stdio.h>
+#include <string.h>
 
 #include "pkm.h"
 
 int main(void) {
+    // structs of another version may have other sizes
+    if (strcmp(pkm_version(), PKM_VERSION) != 0) {
+        fprintf(stderr, "pkm: the header is of version %s, the library of %s\n", PKM_VERSION, pkm_version());
+        return 1;
+    }
+
     const PkmPose_f64 pose = {.theta_rad = 0.1, .sigma_rad = -0.05, .z0_m = 0.53};
     const PkmPoint_f64 tip = {.uvw_m = {0.0, 0.0, 0.3}};
     const PkmWrench_f64 cutting = {.force_n = {120.0, 0.0, -400.0}, .moment_nm = {0.0, 0.0, 5.0}};
