@@ -421,12 +421,12 @@ fn what_is_left_out_has_no_part_in_the_search() {
     let mut data = simulated(&model, loads(7), (&truth, &[WEAK]), s, 11);
     data.readings.iter_mut().for_each(|r| r.sigma = [Some(s); 2]);
     data.series_names = vec![String::new(); data.readings.len()];
-    let whole = diagnose(&file, &data, None, Method::Places, &silent).unwrap();
+    let whole = diagnose(&file, &data, None, Method::Places, RULES, &silent).unwrap();
     let (mut squares, mut readings, mut found) = ([0.0; RIVALS.len()], 0, Vec::new());
     for fold in 0..RULES.folds {
         let of_fold = |r: &Reading| data.conditions[r.condition].pose % RULES.folds == fold;
         let (kept, other) = (data.without(of_fold), data.without(|r| !of_fold(r)));
-        let own = diagnose(&file, &kept, Some(&other), Method::Places, &silent).unwrap();
+        let own = diagnose(&file, &kept, Some(&other), Method::Places, RULES, &silent).unwrap();
         found.push(own.search.found.len());
         readings += own.held_out.all[0].1.readings;
         for (sum, (_, errors)) in squares.iter_mut().zip(&own.held_out.all) {

@@ -213,7 +213,7 @@ fn the_fixtures_are_what_fem_computes_and_every_time_the_same() {
 #[test]
 #[ignore = "needs CalculiX"]
 fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
-    use pkm_host::diagnose::{Method, Verdict, diagnose};
+    use pkm_host::diagnose::{Method, Rules, Verdict, diagnose};
     use pkm_host::files::readings::Readings;
     use pkm_host::progress::silent;
     let scratch = Scratch::new();
@@ -227,7 +227,7 @@ fn what_is_undeclared_in_the_solids_is_found_in_readings_of_them() {
         scratch.fem(&poses, &[&["solid.limb=uniform", "solid.base.kind=rigid"], set].concat(), 2.0, &asked);
         let file = reference();
         let readings = Readings::read(Source::read(&out).unwrap(), &file).unwrap();
-        let diagnosis = diagnose(&file, &readings, None, Method::Formulas, &silent).unwrap();
+        let diagnosis = diagnose(&file, &readings, None, Method::Formulas, &Rules::DEFAULT, &silent).unwrap();
         let found: Vec<&str> = diagnosis.effects.iter().map(|e| e.id).collect();
         println!("{id}: {found:?}, {:?}", diagnosis.judgement.verdict);
         assert_eq!((found, diagnosis.judgement.verdict), (vec![id], Verdict::Explained));
