@@ -4,7 +4,7 @@
 pub const SEED: u64 = 20_201;
 
 /// Thresholds of a diagnosis. They were found by simulated trials; the rates of right and wrong names that they lead to
-/// are in docs/trials.md.
+/// are in docs/trials.md, what happens where each is halved or doubled in docs/rules.md.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rules {
     /// Least degrees of freedom at which a channel's noise is estimated from its own repeats; with fewer, channels of one
