@@ -28,13 +28,25 @@ void main() { gl_FragColor = colour; }`;
 // a corner: three floats of its place, four bytes of its colour
 const CORNER = 4;
 
+/** Whether something else than the processor draws. Not every browser that leaves it to the processor counts that as a caveat. */
+function isHelped() {
+  const gl = document.createElement("canvas").getContext("webgl", { failIfMajorPerformanceCaveat: true });
+  if (!gl) return false;
+  let renderer = gl.getParameter(gl.RENDERER);
+  // says nothing; where it says something the extension is not to be used
+  if (renderer === "WebKit WebGL") {
+    const named = gl.getExtension("WEBGL_debug_renderer_info");
+    if (named) renderer = gl.getParameter(named.UNMASKED_RENDERER_WEBGL);
+  }
+  return !/swiftshader|llvmpipe|software/i.test(renderer);
+}
+
 class Renderer {
   /** Without WebGL there is nothing to draw with: an error. */
   constructor(canvas) {
     this.canvas = canvas;
     // a processor that draws without help has no time for smooth edges
-    const helped = document.createElement("canvas").getContext("webgl", { failIfMajorPerformanceCaveat: true }) !== null;
-    this.gl = canvas.getContext("webgl", { antialias: helped, alpha: false, powerPreference: "low-power" });
+    this.gl = canvas.getContext("webgl", { antialias: isHelped(), alpha: false, powerPreference: "low-power" });
     if (!this.gl?.getExtension("OES_element_index_uint")) {
       throw new Error("WebGL is not available: the picture is left out, the numbers are not");
     }
