@@ -1,6 +1,6 @@
 //! What the rules of a diagnosis decide: every number of `Rules` halved and doubled, on sets with a known truth.
 
-use std::fmt::Write;
+use std::fmt::{Debug, Write};
 use std::path::{Path, PathBuf};
 
 use pkm_diagnosis::Rules;
@@ -15,18 +15,13 @@ use crate::sets::{misses, read_json};
 use crate::{Outcome, root};
 
 /// A number of the rules, or several that go together.
-trait Number {
+trait Number: Debug {
     fn scale(&mut self, factor: f64);
-    fn text(&self) -> String;
 }
 
 impl Number for f64 {
     fn scale(&mut self, factor: f64) {
         *self *= factor;
-    }
-
-    fn text(&self) -> String {
-        self.to_string()
     }
 }
 
@@ -35,19 +30,11 @@ impl Number for usize {
     fn scale(&mut self, factor: f64) {
         *self = ((*self as f64 * factor).round() as usize).max(1);
     }
-
-    fn text(&self) -> String {
-        self.to_string()
-    }
 }
 
 impl<const N: usize> Number for [f64; N] {
     fn scale(&mut self, factor: f64) {
         self.iter_mut().for_each(|x| *x *= factor);
-    }
-
-    fn text(&self) -> String {
-        self.map(|x| x.to_string()).join(", ")
     }
 }
 
@@ -55,10 +42,6 @@ impl Number for &'static [f64] {
     fn scale(&mut self, factor: f64) {
         // a few dozen bytes for each of two factors
         *self = Vec::leak(self.iter().map(|x| x * factor).collect());
-    }
-
-    fn text(&self) -> String {
-        self.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
     }
 }
 
@@ -161,7 +144,7 @@ pub fn run(options: &[String]) -> Outcome {
         if halved == doubled && halved == "–" {
             idle.push(name);
         } else {
-            let _ = writeln!(table, "| `{name}` | {} | {halved} | {doubled} |", of(&mut as_is).text());
+            let _ = writeln!(table, "| `{name}` | {:?} | {halved} | {doubled} |", of(&mut as_is));
         }
     }
     println!("{table}\nNothing changes with {}.", idle.join(", "));

@@ -118,8 +118,8 @@ fn next_step(d: &Diagnosis) -> String {
     }
 }
 
-/// The findings in sentences, the most important first.
-fn findings(d: &Diagnosis) -> Vec<Finding> {
+/// What was found, by name.
+fn found(d: &Diagnosis) -> String {
     let name = |e: &Effect| match (e.is_located(), e.id) {
         (false, _) => "an effect that the readings do not locate".to_owned(),
         (true, ELEMENT) => format!("an effect on no list at {}", e.place),
@@ -131,25 +131,33 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             found.push(name);
         }
     }
-    let found = if found.is_empty() { "the identified model".to_owned() } else { found.join(" and ") };
-    let class = |class: &[String]| {
-        if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
-    };
+    if found.is_empty() { "the identified model".to_owned() } else { found.join(" and ") }
+}
+
+/// What the data cannot tell from something, in parentheses.
+fn alike(class: &[String]) -> String {
+    if class.is_empty() { String::new() } else { format!(" (the data cannot tell it from {})", class.join(", ")) }
+}
+
+/// One of the effects: where it is, its size, where to look.
+fn of_effect(e: &Effect) -> String {
+    let what = if e.is_measurement() { "an error of the measurement, not of the machine" } else { "physics" };
+    let among = if e.place_class.is_empty() { String::new() } else { format!(" or {}", e.place_class.join(", ")) };
+    let place = format!("at {}{among} ({}, law: {}, probability {:.2})", e.place, e.motion, e.law, e.probability);
+    let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
+    // a finding without a formula has none
+    let parameters = if parameters.is_empty() { String::new() } else { format!("; {}", parameters.join(", ")) };
+    format!("{}: {what} {place}{parameters}{}. Look at {}.", e.id, alike(&e.class), e.inspect())
+}
+
+/// The findings in sentences, the most important first.
+fn findings(d: &Diagnosis) -> Vec<Finding> {
     // where the readings themselves are in doubt nothing else counts
     let mut all: Vec<Finding> =
         d.warnings.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
-    all.push(conclusion(d, &found, &far_from_declared(&d.declared)));
+    all.push(conclusion(d, &found(d), &far_from_declared(&d.declared)));
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
-    for e in &d.effects {
-        let what = if e.is_measurement() { "an error of the measurement, not of the machine" } else { "physics" };
-        let among = if e.place_class.is_empty() { String::new() } else { format!(" or {}", e.place_class.join(", ")) };
-        let place = format!("at {}{among} ({}, law: {}, probability {:.2})", e.place, e.motion, e.law, e.probability);
-        let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
-        // a finding without a formula has none
-        let parameters = if parameters.is_empty() { String::new() } else { format!("; {}", parameters.join(", ")) };
-        let look = e.inspect();
-        all.push(Finding::good(format!("{}: {what} {place}{parameters}{}. Look at {look}.", e.id, class(&e.class))));
-    }
+    all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
     all.extend(d.estimates.notable().into_iter().map(|sentence| Finding::warning(format!("{sentence}."))));
     for f in &d.declared {
         let axis = f.axis.map_or(String::new(), |a| text::axis(&f.parameter, a));
@@ -159,7 +167,7 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
             f.declared,
             f.estimated,
             f.pull_sd,
-            class(&f.class),
+            alike(&f.class),
             f.inspect
         )));
     }

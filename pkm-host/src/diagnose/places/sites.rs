@@ -55,27 +55,37 @@ fn family(law: &str) -> &str {
     }
 }
 
+/// Of some of the places with their probabilities.
+fn probability_of(places: &[(String, f64)], some: &[String]) -> f64 {
+    places.iter().filter(|p| some.contains(&p.0)).map(|p| p.1).sum()
+}
+
+/// The places that a finding names: its block's own two first, and of its rivals the likely ones, `1 + MAX_CLASS` at the most. What so few do not
+/// hold is not located: then all are named that it takes.
+fn named_places(own: &[String], places: &[(String, f64)], rules: &Rules) -> Vec<String> {
+    let likely = places.iter().filter(|p| p.1 >= rules.min_place_probability).map(|p| &p.0);
+    // the block's own second place, such as the joint whose axes are turned, before its rivals, and its others behind these
+    let (first, others) = own.split_at(own.len().min(2));
+    let mut all: Vec<String> = Vec::new();
+    for place in first.iter().chain(likely).chain(others) {
+        if !all.contains(place) {
+            all.push(place.clone());
+        }
+    }
+    all.truncate(1 + MAX_CLASS);
+    for (place, _) in places {
+        if probability_of(places, &all) < rules.min_located_probability && !all.contains(place) {
+            all.push(place.clone());
+        }
+    }
+    all
+}
+
 /// The sites of an inference. Where it found nothing a declared value may still be wrong: that is one site without a place.
 pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -> Vec<Site> {
     let of = |f: &pkm_diagnosis::places::Finding| {
         let block = world.block(f.block);
-        let likely = f.places.iter().filter(|p| p.1 >= rules.min_place_probability).map(|p| &p.0);
-        // the block's own second place, such as the joint whose axes are turned, before its rivals, and its others behind these
-        let (first, others) = block.places.split_at(block.places.len().min(2));
-        let mut all: Vec<String> = Vec::new();
-        for place in first.iter().chain(likely).chain(others) {
-            if !all.contains(place) {
-                all.push(place.clone());
-            }
-        }
-        all.truncate(1 + MAX_CLASS);
-        // what so few places do not hold is not located: then all of them are said, as many as it takes
-        let held = |all: &[String]| f.places.iter().filter(|p| all.contains(&p.0)).map(|p| p.1).sum::<f64>();
-        for (place, _) in &f.places {
-            if held(&all) < rules.min_located_probability && !all.contains(place) {
-                all.push(place.clone());
-            }
-        }
+        let all = named_places(&block.places, &f.places, rules);
         // formulas where evidence itself puts it: these become the model, and no place that is merely possible may
         let top = f.places.first().map_or(1.0, |p| p.1);
         let is_near = |place: &String| {
@@ -92,7 +102,7 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
         let candidates = (0..model.candidates.len()).filter(is_there).collect();
         Site {
             place: all.first().cloned().unwrap_or_else(|| NOWHERE.into()),
-            probability: held(&all),
+            probability: probability_of(&f.places, &all),
             motion: block.motion,
             law: block.law,
             candidates,
@@ -148,4 +158,29 @@ pub fn named_at(sites: &[Site], search: &Search) -> Vec<Option<usize>> {
         }
     }
     at
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(own: &[&str], places: &[(&str, f64)]) -> Vec<String> {
+        let own: Vec<String> = own.iter().map(|p| (*p).to_owned()).collect();
+        let places: Vec<(String, f64)> = places.iter().map(|(p, share)| ((*p).to_owned(), *share)).collect();
+        named_places(&own, &places, &Rules::DEFAULT)
+    }
+
+    #[test]
+    fn a_finding_names_four_places_or_as_many_as_hold_it() {
+        let sure = [("tool", 0.97), ("base", 0.02), ("sensor", 0.01)];
+        assert_eq!(named(&["tool", "moving_platform"], &sure), ["tool", "moving_platform"]);
+        let spread = [("base", 0.5), ("tool", 0.2), ("load", 0.11), ("sensor", 0.1), ("geometry", 0.09)];
+        assert_eq!(named(&["base"], &spread), ["base", "tool", "load", "sensor"]);
+        // a place of the block's own stands before a likelier rival
+        let all = named(&["base", "limb.1.body"], &spread);
+        assert_eq!(all, ["base", "limb.1.body", "tool", "load"]);
+        let wide =
+            [("base", 0.4), ("tool", 0.15), ("load", 0.12), ("sensor", 0.11), ("geometry", 0.11), ("time", 0.11)];
+        assert_eq!(named(&["base"], &wide), ["base", "tool", "load", "sensor", "geometry"]);
+    }
 }
