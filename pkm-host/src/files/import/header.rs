@@ -1,6 +1,6 @@
 //! Where the header of an export is, and what stands between its cells.
 
-use super::names::{self, Renames};
+use super::names::Names;
 use super::units;
 use crate::error::{Failure, Result, printable};
 use crate::files::csv::{Header, Row, records};
@@ -18,12 +18,12 @@ pub(super) struct Found {
 }
 
 /// The first row with the most names that are known, whatever stands between the cells.
-pub(super) fn find(source: &Source, text: &str, renames: &Renames) -> Result<Found> {
+pub(super) fn find(source: &Source, text: &str, names: &Names<'_>) -> Result<Found> {
     let mut best = (0, 0, b',');
     for delimiter in [b',', b';', b'\t'] {
         for (n, row) in records(text, delimiter, &source.name).take(SEARCHED).enumerate() {
             let Ok(row) = row else { continue };
-            let count = row.cells.iter().filter(|cell| names::is_known(cell, renames)).count();
+            let count = row.cells.iter().filter(|cell| names.is_known(cell)).count();
             if count > best.0 {
                 best = (count, n, delimiter);
             }
@@ -31,20 +31,20 @@ pub(super) fn find(source: &Source, text: &str, renames: &Renames) -> Result<Fou
     }
     let (count, n, delimiter) = best;
     if count < 2 {
-        return Err(commented(source, text, renames).unwrap_or_else(|| none(source, text)));
+        return Err(commented(source, text, names).unwrap_or_else(|| none(source, text)));
     }
     let mut rows = records(text, delimiter, &source.name).take(n + 1).collect::<Result<Vec<_>>>()?;
     let Some(row) = rows.pop() else { return Err(none(source, text)) };
     let header = Header::new(&row);
-    names::require_renamed(&header.names, renames).map_err(|f| f.in_file(&source.name).at_line(header.line))?;
+    names.require_renamed(&header.names).map_err(|f| f.in_file(&source.name).at_line(header.line))?;
     Ok(Found { header, delimiter, above: rows })
 }
 
 /// A header behind #, as numerical programs write it.
-fn commented(source: &Source, text: &str, renames: &Renames) -> Option<Failure> {
+fn commented(source: &Source, text: &str, names: &Names<'_>) -> Option<Failure> {
     let is_header = |line: &str| {
         let cells = line.trim_start_matches(['#', ' ']).split([',', ';', '\t']);
-        line.starts_with('#') && cells.filter(|cell| names::is_known(cell.trim(), renames)).count() > 1
+        line.starts_with('#') && cells.filter(|cell| names.is_known(cell.trim())).count() > 1
     };
     let (line, _) = (1..).zip(text.lines().take(SEARCHED)).find(|(_, line)| is_header(line))?;
     let message = "the header begins with # and is taken as a comment: remove the #";
@@ -66,11 +66,11 @@ fn none(source: &Source, text: &str) -> Failure {
 }
 
 /// The units of a row below the header that has nothing but units, without brackets; `None` for a row of data.
-pub(super) fn units_of(row: &Row, header: &Header, renames: &Renames) -> Option<Vec<String>> {
+pub(super) fn units_of(row: &Row, header: &Header, names: &Names<'_>) -> Option<Vec<String>> {
     let cells = row.to_cells();
     let bare = |cell: &str| cell.trim_matches(['[', ']', '(', ')', ' ']).to_owned();
     let of_numbers: Vec<String> =
-        names::number_columns(&header.names, renames).iter().filter_map(|n| cells.get(*n)).map(|c| bare(c)).collect();
+        names.number_columns(&header.names).iter().filter_map(|n| cells.get(*n)).map(|c| bare(c)).collect();
     let begins_a_number =
         |cell: &String| cell.trim_start_matches(['+', '-', '.']).starts_with(|c: char| c.is_ascii_digit());
     let are_units = !of_numbers.iter().any(begins_a_number) && of_numbers.iter().any(|cell| units::is_any(cell));

@@ -13,7 +13,7 @@ mod names;
 mod units;
 
 pub use self::names::{COLUMNS, Renames};
-use self::names::{Use, is_blank_unit, uses};
+use self::names::{Names, Use, is_blank_unit, uses};
 use crate::error::{Failure, Result, printable};
 use crate::files::csv::{Header, Row, Sheet, fitted, records};
 use crate::files::dataset::WRENCH_COLUMNS;
@@ -34,24 +34,34 @@ pub struct Imported {
 /// # Errors
 /// No header, columns that are not clear, a unit that is missing or unknown, a file that holds something else.
 pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
+    let mut imported = columns_of(source, &Names::of_readings(renames), merged::carry_down)?;
+    if let Some(failure) = kinds::other_than_readings(&imported.sheet) {
+        return Err(failure);
+    }
+    complete_loads(&mut imported.sheet);
+    Ok(imported)
+}
+
+/// The columns of an export that have some names. `carried`: fills empty cells, and says where.
+fn columns_of(source: Source, names: &Names<'_>, carried: fn(&mut Sheet) -> Vec<String>) -> Result<Imported> {
     let shared = source.clone();
     let (text, encoding) = encoding::text(&shared)?;
-    let found = header::find(&shared, &text, renames)?;
+    let found = header::find(&shared, &text, names)?;
     let mut conversions: Vec<String> = encoding.map(|name| format!("text in {name}")).into_iter().collect();
     if found.delimiter == b'\t' {
         conversions.push("tabs between cells".into());
     }
     let mut rows = records(&text, found.delimiter, &shared.name).skip(found.above.len() + 1).peekable();
     let below = rows.peek().and_then(|row| row.as_ref().ok());
-    let units = below.and_then(|row| Some((row.line, header::units_of(row, &found.header, renames)?)));
+    let units = below.and_then(|row| Some((row.line, header::units_of(row, &found.header, names)?)));
     if let Some((line, _)) = &units {
         conversions.push(format!("units in line {line}"));
         rows.next();
     }
-    let columns = Columns::of(&found.header, &units.map(|(_, units)| units).unwrap_or_default(), renames)
+    let columns = Columns::of(&found.header, &units.map(|(_, units)| units).unwrap_or_default(), names)
         .map_err(|failure| failure.in_file(&shared.name).at_line(found.header.line))?;
     conversions.extend(columns.conversions(&found.header));
-    let known: Vec<&str> = COLUMNS.iter().map(|c| c.name).collect();
+    let known = names.own();
     let header = Header { line: found.header.line, names: columns.names(&found.header) };
     let mut sheet = Sheet::new(source, &text, found.delimiter, header, &known).map_err(with_advice)?;
     sheet.warnings.extend(not_read(&sheet, &found.above));
@@ -60,17 +70,13 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
         sheet.finish(&known)?;
     }
     conversions.extend(cells::tidy(&mut sheet, &columns.uses));
-    let carried = merged::carry_down(&mut sheet);
-    sheet.warnings.extend(carried);
+    let warnings = carried(&mut sheet);
+    sheet.warnings.extend(warnings);
     failures.extend(cells::refuse_ambiguous(&mut sheet, &columns.uses));
     if sheet.has_decimal_commas() {
         conversions.push("decimal commas".into());
     }
     cells::convert(&mut sheet, &columns.uses);
-    if let Some(failure) = kinds::other_than_readings(&sheet) {
-        return Err(failure);
-    }
-    complete_loads(&mut sheet);
     Ok(Imported { sheet, conversions, failures })
 }
 
@@ -93,9 +99,9 @@ struct Columns {
 
 impl Columns {
     /// By a header and the row of units below it, which may be empty.
-    fn of(header: &Header, units: &[String], renames: &Renames) -> Result<Self> {
+    fn of(header: &Header, units: &[String], names: &Names<'_>) -> Result<Self> {
         let mut uses =
-            uses(&header.names, units, renames).map_err(|(cell, message)| Failure::input(message).at_column(cell))?;
+            uses(&header.names, units, names).map_err(|(cell, message)| Failure::input(message).at_column(cell))?;
         let is_unnamed = |n: &usize| {
             let name = &header.names[*n];
             uses[*n].is_none() && (is_blank_unit(name) || header.names[..*n].contains(name))

@@ -136,11 +136,6 @@ pub const COLUMNS: [Column; 59] = [
 ];
 
 impl Column {
-    /// Of a name in `docs/formats.md`.
-    pub fn named(name: &str) -> Option<&'static Self> {
-        COLUMNS.iter().find(|c| c.name == name)
-    }
-
     /// Whether it holds numbers.
     pub fn is_number(&self) -> bool {
         self.quantity != Text
@@ -193,47 +188,86 @@ fn split_unit(cell: &str) -> (&str, Option<&str>) {
         .map_or((cell, None), |(name, unit)| (name, Some(unit)))
 }
 
-/// What a name in a header means, if it is known.
-fn named(cell: &str) -> Option<Named> {
-    let of = |name: &str, unit: Option<&str>| {
-        let name = plain(name);
-        let column = COLUMNS.iter().find(|c| plain(c.name) == name || c.others.contains(&name.as_str()))?;
-        // `Load [N]` is no name of a load
-        let is_known = column.is_number() || !unit.is_some_and(units::is_any);
-        let is_in_own_unit = column.quantity == Ratio || (column.is_number() && plain(column.name) == name);
-        is_known.then(|| Named { column, unit: unit.map(str::to_owned), is_in_own_unit })
-    };
-    of(cell, None).or_else(|| {
-        let (name, unit) = split_unit(cell);
-        of(name, unit)
-    })
+/// The columns that a file may have, and what they are called there.
+pub struct Names<'a> {
+    /// In the order in which they are written.
+    pub columns: &'static [Column],
+    renames: &'a Renames,
 }
 
-/// Which columns of a header hold numbers that are used.
-pub fn number_columns(header: &[String], renames: &Renames) -> Vec<usize> {
-    let is_number = |cell: &str| {
-        let column = renames.of(cell).or_else(|| named(cell).map(|n| n.column));
-        column.is_some_and(Column::is_number)
-    };
-    (0..header.len()).filter(|n| is_number(&header[*n])).collect()
-}
+impl<'a> Names<'a> {
+    /// Of measured data.
+    pub fn of_readings(renames: &'a Renames) -> Self {
+        Self { columns: &COLUMNS, renames }
+    }
 
-/// Whether a name in a header is known.
-pub fn is_known(cell: &str, renames: &Renames) -> bool {
-    named(cell).is_some() || renames.of(cell).is_some()
+    /// The names as `docs/formats.md` has them.
+    pub fn own(&self) -> Vec<&'static str> {
+        self.columns.iter().map(|c| c.name).collect()
+    }
+
+    /// The column that a cell of the header was said to be.
+    fn renamed(&self, cell: &str) -> Option<&'static Column> {
+        let is = |theirs: &str| plain(theirs) == plain(cell) || plain(theirs) == plain(split_unit(cell).0);
+        let (new, _) = self.renames.0.iter().find(|(_, theirs)| is(theirs))?;
+        self.columns.iter().find(|c| c.name == *new)
+    }
+
+    /// What a name in a header means, if it is known.
+    fn named(&self, cell: &str) -> Option<Named> {
+        let of = |name: &str, unit: Option<&str>| {
+            let name = plain(name);
+            let column = self.columns.iter().find(|c| plain(c.name) == name || c.others.contains(&name.as_str()))?;
+            // `Load [N]` is no name of a load
+            let is_known = column.is_number() || !unit.is_some_and(units::is_any);
+            let is_in_own_unit = column.quantity == Ratio || (column.is_number() && plain(column.name) == name);
+            is_known.then(|| Named { column, unit: unit.map(str::to_owned), is_in_own_unit })
+        };
+        of(cell, None).or_else(|| {
+            let (name, unit) = split_unit(cell);
+            of(name, unit)
+        })
+    }
+
+    /// Which columns of a header hold numbers that are used.
+    pub fn number_columns(&self, header: &[String]) -> Vec<usize> {
+        let is_number = |cell: &str| {
+            let column = self.renamed(cell).or_else(|| self.named(cell).map(|n| n.column));
+            column.is_some_and(Column::is_number)
+        };
+        (0..header.len()).filter(|n| is_number(&header[*n])).collect()
+    }
+
+    /// Whether a name in a header is known.
+    pub fn is_known(&self, cell: &str) -> bool {
+        self.named(cell).is_some() || self.renamed(cell).is_some()
+    }
+
+    /// Refuses columns of `--columns` that are not there. A file with none of them that has the program's own names is another one of the
+    /// same call, and needs no others.
+    ///
+    /// # Errors
+    /// The first of them, with the names that are there.
+    pub fn require_renamed(&self, header: &[String]) -> Result<()> {
+        let is_there = |new: &str| header.iter().any(|cell| self.renamed(cell).is_some_and(|c| c.name == new));
+        let is_own = |new: &str| header.iter().any(|cell| self.named(cell).is_some_and(|n| n.column.name == new));
+        let renames = &self.renames.0;
+        if renames.iter().all(|(new, _)| is_own(new) && !is_there(new)) {
+            return Ok(());
+        }
+        match renames.iter().find(|(new, _)| !is_there(new)) {
+            None => Ok(()),
+            Some((new, theirs)) => {
+                let there = header.iter().filter(|c| !c.is_empty()).cloned().collect::<Vec<_>>().join(", ");
+                Err(Failure::input(format!("no column `{theirs}` for {new}: there are {there}")))
+            }
+        }
+    }
 }
 
 /// Columns that are called otherwise: `new=theirs,…`.
 #[derive(Clone, Debug, Default)]
 pub struct Renames(Vec<(&'static str, String)>);
-
-impl Renames {
-    /// The column that a cell of the header was said to be.
-    fn of(&self, cell: &str) -> Option<&'static Column> {
-        let is = |theirs: &str| plain(theirs) == plain(cell) || plain(theirs) == plain(split_unit(cell).0);
-        self.0.iter().find(|(_, theirs)| is(theirs)).and_then(|(new, _)| Column::named(new))
-    }
-}
 
 impl std::str::FromStr for Renames {
     type Err = String;
@@ -244,7 +278,7 @@ impl std::str::FromStr for Renames {
             match part.split_once('=') {
                 Some((new, theirs)) => {
                     let new = new.trim();
-                    let Some(column) = Column::named(new) else {
+                    let Some(column) = COLUMNS.iter().find(|c| c.name == new) else {
                         let nearest = COLUMNS.iter().min_by_key(|c| strsim::osa_distance(&new.to_lowercase(), c.name));
                         let meant = nearest.map_or("", |c| c.name);
                         return Err(format!("`{new}` is no column of docs/formats.md: did you mean `{meant}`?"));
@@ -277,12 +311,12 @@ pub struct Use {
 pub type Flaw = (String, String);
 
 /// What the columns of a header are; `None` for those that are not used. `units` is the row of units, or empty.
-pub fn uses(header: &[String], units: &[String], renames: &Renames) -> std::result::Result<Vec<Option<Use>>, Flaw> {
+pub fn uses(header: &[String], units: &[String], names: &Names<'_>) -> std::result::Result<Vec<Option<Use>>, Flaw> {
     let mut without_unit = Vec::new();
     let mut all = Vec::new();
     for (n, cell) in header.iter().enumerate() {
         let below = units.get(n).map(|u| u.trim_matches(['[', ']', '(', ')', ' '])).filter(|u| !is_blank_unit(u));
-        let renamed = renames.of(cell).map(|column| Named {
+        let renamed = names.renamed(cell).map(|column| Named {
             column,
             unit: split_unit(cell).1.map(str::to_owned),
             is_in_own_unit: column.is_number(),
@@ -290,7 +324,7 @@ pub fn uses(header: &[String], units: &[String], renames: &Renames) -> std::resu
         let is_renamed = renamed.is_some();
         // the program's own name goes before another name of the same
         let is_other = |n: &Named| cell != n.column.name && header.iter().any(|h| h == n.column.name);
-        let Some(named) = renamed.or_else(|| named(cell).filter(|n| !is_other(n))) else {
+        let Some(named) = renamed.or_else(|| names.named(cell).filter(|n| !is_other(n))) else {
             all.push(None);
             continue;
         };
@@ -337,24 +371,4 @@ pub fn uses(header: &[String], units: &[String], renames: &Renames) -> std::resu
 /// What stands in a row of units below a column that has none.
 pub fn is_blank_unit(text: &str) -> bool {
     text.is_empty() || text.chars().all(|c| "-–—".contains(c))
-}
-
-/// Refuses columns of `--columns` that are not there. A file with none of them that has the program's own names is another one of the
-/// same call, and needs no others.
-///
-/// # Errors
-/// The first of them, with the names that are there.
-pub fn require_renamed(header: &[String], renames: &Renames) -> Result<()> {
-    let is_there = |new: &str| header.iter().any(|cell| renames.of(cell).is_some_and(|c| c.name == new));
-    let is_own = |new: &str| header.iter().any(|cell| named(cell).is_some_and(|n| n.column.name == new));
-    if renames.0.iter().all(|(new, _)| is_own(new) && !is_there(new)) {
-        return Ok(());
-    }
-    match renames.0.iter().find(|(new, _)| !is_there(new)) {
-        None => Ok(()),
-        Some((new, theirs)) => {
-            let there = header.iter().filter(|c| !c.is_empty()).cloned().collect::<Vec<_>>().join(", ");
-            Err(Failure::input(format!("no column `{theirs}` for {new}: there are {there}")))
-        }
-    }
 }
