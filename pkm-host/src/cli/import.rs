@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::arguments::ColumnsArgs;
 use super::session::{Output, Session, counted};
 use crate::error::{Failure, Result};
 use crate::files::csv::Sheet;
@@ -29,7 +28,7 @@ pub(crate) struct Args {
     /// The exported file: text of a spreadsheet, a tracker, a load cell.
     #[arg(long, value_name = "FILE", required_unless_present = "points")]
     data: Option<PathBuf>,
-    /// A tracker's list of points, unloaded and loaded, in its own frame: CSV with reading, state, point, x_mm, y_mm, z_mm and u95_um.
+    /// A tracker's list of points, unloaded and loaded, in its own frame: reading, state, point, x, y, z and U95.
     #[arg(long, value_name = "CSV", conflicts_with = "data", requires = "reflectors", requires = "readings")]
     points: Option<PathBuf>,
     /// Its reflectors on platform and base (TOML).
@@ -38,8 +37,10 @@ pub(crate) struct Args {
     /// Pose and load of each reading, without deflections.
     #[arg(long, value_name = "FILE", requires = "points")]
     readings: Option<PathBuf>,
-    #[command(flatten)]
-    columns: ColumnsArgs,
+    /// Names of columns that the program does not know, as new=theirs,… (`dx_um=Weg X,fx_n=Kraft 1`; of points `reading=Group`); a unit in
+    /// their name or in a row of units is converted.
+    #[arg(long, value_name = "NEW=THEIRS,…")]
+    columns: Option<Renames>,
     /// CSV to write.
     #[arg(long, value_name = "CSV")]
     out: PathBuf,
@@ -69,16 +70,18 @@ fn complete(read: Measured, session: &Session) -> Result<(Sheet, Vec<LoadCase>)>
 /// From points to deflections.
 fn of_points(
     [points, reflectors, readings]: [&Path; 3],
+    renames: &Renames,
     machine: &MachineFile,
     out: &Path,
     session: &mut Session,
 ) -> Result<Imported> {
+    let [of_readings, of_points] = renames.of_readings_and_points();
     let reflectors = Reflectors::parse(Source::read(reflectors)?)?;
-    let points = PointList::parse(Source::read(points)?, &reflectors)?;
+    let points = PointList::parse(Source::read(points)?, &reflectors, &of_points)?;
     let source = Source::read(readings)?;
     let file = source.name.clone();
-    let read = Measured::read(source, machine, &Renames::default())?;
-    let conversions = read.conversions.clone();
+    let read = Measured::read(source, machine, &of_readings)?;
+    let conversions = [&points.conversions[..], &read.conversions].concat();
     let (sheet, cases) = complete(read, session)?;
     session.warn(sheet.warnings.clone());
     let tasks = tracker::tasks(&sheet, &cases)?;
@@ -148,9 +151,10 @@ fn document(campaign: &Campaign) -> Value {
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let Args { data, points, reflectors, readings, out, .. } = args;
     let machine = session.machine()?;
+    let renames = args.columns.clone().unwrap_or_default();
     let imported = match (data, points, reflectors, readings) {
         (Some(data), ..) => {
-            let read = Measured::read(Source::read(data)?, &machine, &args.columns.renames())?;
+            let read = Measured::read(Source::read(data)?, &machine, &renames)?;
             let conversions = read.conversions.clone();
             let (sheet, cases) = complete(read, session)?;
             session.warn(sheet.warnings.clone());
@@ -158,7 +162,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             Imported { csv: measured::to_csv(&sheet), conversions, text: String::new(), readings, tracker: None }
         }
         (None, Some(points), Some(reflectors), Some(readings)) => {
-            of_points([points, reflectors, readings], &machine, out, session)?
+            of_points([points, reflectors, readings], &renames, &machine, out, session)?
         }
         _ => return Err(Failure::usage("--points needs --reflectors and --readings")),
     };

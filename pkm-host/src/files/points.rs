@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::error::Result;
-use crate::files::csv::Sheet;
+use crate::files::import::{self, Imported, Renames};
 use crate::files::reflectors::Reflectors;
 use crate::files::source::Source;
 
@@ -35,7 +35,7 @@ impl State {
     }
 
     fn named(text: &str) -> Option<Self> {
-        [Self::Unloaded, Self::Loaded].into_iter().find(|state| text.eq_ignore_ascii_case(state.name()))
+        [Self::Unloaded, Self::Loaded].into_iter().find(|state| text == state.name())
     }
 }
 
@@ -62,17 +62,21 @@ pub struct PointList {
     pub names: Vec<(String, u64)>,
     /// What is wrong with the file and yet not refused.
     pub warnings: Vec<String>,
+    /// What was converted, for the user.
+    pub conversions: Vec<String>,
 }
 
 impl PointList {
-    /// Reads a list of points of some reflectors.
+    /// Reads a list of points of some reflectors, as it was exported.
     ///
     /// # Errors
     /// One message with file, line and column: another unit, a point that is no reflector, an uncertainty that is missing or not
     /// above 0, a reflector twice in one state of one reading.
-    pub fn parse(source: Source, reflectors: &Reflectors) -> Result<Self> {
-        let known = [&COLUMNS[..], &[U95_COLUMN]].concat();
-        let sheet = Sheet::parse(source, &known)?;
+    pub fn parse(source: Source, reflectors: &Reflectors, renames: &Renames) -> Result<Self> {
+        let Imported { sheet, conversions, failures } = import::read_points(source, renames)?;
+        if let Some(failure) = failures.into_iter().next() {
+            return Err(failure);
+        }
         sheet.require(&COLUMNS)?;
         let mut sets: HashMap<(String, State), Vec<Point>> = HashMap::new();
         let mut names: Vec<(String, u64)> = Vec::new();
@@ -122,6 +126,6 @@ impl PointList {
                 names.push((reading, row.line));
             }
         }
-        Ok(Self { warnings: sheet.warnings.clone(), source: sheet.source, sets, names })
+        Ok(Self { warnings: sheet.warnings.clone(), source: sheet.source, sets, names, conversions })
     }
 }

@@ -8,6 +8,10 @@ use crate::files::csv::{Sheet, is_grouped};
 /// How people and spreadsheets write that there is no value.
 const BLANKS: [&str; 11] = ["-", "--", "---", "–", "—", "−", "n/a", "n.a.", "na", "#n/a", "#nv"];
 
+/// How they write states of a point, in small letters.
+const STATES: [(&str, &str); 4] =
+    [("unloaded", "unloaded"), ("loaded", "loaded"), ("unbelastet", "unloaded"), ("belastet", "loaded")];
+
 /// How they write directions of the load, in small letters.
 const DIRECTIONS: [(&str, &str); 8] = [
     ("load", "load"),
@@ -48,15 +52,20 @@ pub(super) fn tidy(sheet: &mut Sheet, uses: &Uses) -> Vec<String> {
         let rest = cell.strip_prefix('\u{2212}').filter(|_| used.column.is_number())?;
         Some(format!("-{rest}"))
     });
-    let directions = change(sheet, uses, |used, cell| {
-        let known = DIRECTIONS.iter().find(|(theirs, _)| *theirs == cell.to_lowercase());
-        let (_, new) = known.filter(|(_, new)| used.column.name == "direction" && *new != cell)?;
-        Some((*new).to_owned())
-    });
+    let mut words = |column: &str, known: &[(&str, &str)]| {
+        change(sheet, uses, |used, cell| {
+            let known = known.iter().find(|(theirs, _)| *theirs == cell.to_lowercase());
+            let (_, new) = known.filter(|(_, new)| used.column.name == column && *new != cell)?;
+            Some((*new).to_owned())
+        })
+    };
+    let directions = words("direction", &DIRECTIONS);
+    let states = words("state", &STATES);
     [
         (blanks, "cells with - or n/a, not measured"),
         (signs, "cells with a typographic minus, read as -"),
         (directions, "directions written otherwise, read as load and unload"),
+        (states, "states written otherwise, read as unloaded and loaded"),
     ]
     .iter()
     .filter(|(count, _)| *count > 0)

@@ -9,6 +9,9 @@ use crate::files::source::Source;
 /// Rows among which a header is looked for: a title and the settings of an instrument may stand above it.
 const SEARCHED: usize = 100;
 
+/// Columns that a message names, of either kind of file.
+const EXAMPLES: [&str; 7] = ["pose", "theta_deg", "fx_n", "dx_um", "state", "point", "x_mm"];
+
 /// A header and its place in the file.
 pub(super) struct Found {
     pub(super) header: Header,
@@ -31,10 +34,10 @@ pub(super) fn find(source: &Source, text: &str, names: &Names<'_>) -> Result<Fou
     }
     let (count, n, delimiter) = best;
     if count < 2 {
-        return Err(commented(source, text, names).unwrap_or_else(|| none(source, text)));
+        return Err(commented(source, text, names).unwrap_or_else(|| none(source, text, names)));
     }
     let mut rows = records(text, delimiter, &source.name).take(n + 1).collect::<Result<Vec<_>>>()?;
-    let Some(row) = rows.pop() else { return Err(none(source, text)) };
+    let Some(row) = rows.pop() else { return Err(none(source, text, names)) };
     let header = Header::new(&row);
     names.require_renamed(&header.names).map_err(|f| f.in_file(&source.name).at_line(header.line))?;
     Ok(Found { header, delimiter, above: rows })
@@ -51,16 +54,19 @@ fn commented(source: &Source, text: &str, names: &Names<'_>) -> Option<Failure> 
     Some(Failure::input(message).in_file(&source.name).at_line(line))
 }
 
-fn none(source: &Source, text: &str) -> Failure {
+fn none(source: &Source, text: &str, names: &Names<'_>) -> Failure {
     let is_content = |line: &&str| !line.starts_with('#') && line.chars().any(char::is_alphanumeric);
     let mut lines = (1..).zip(text.lines());
     let (line, found) = match lines.find(|(_, line)| is_content(line)) {
         Some((n, line)) => (n, format!("`{}`", printable(&line.chars().take(60).collect::<String>()))),
         None => (1, "nothing".into()),
     };
+    let own = names.own();
+    let usual: Vec<&str> = EXAMPLES.into_iter().filter(|name| own.contains(name)).collect();
     let message = format!(
-        "expected a header with column names such as pose, theta_deg, fx_n, dx_um with commas, semicolons or tabs between them, \
-         found {found}: for other names say --columns new=theirs,…"
+        "expected a header with column names such as {} with commas, semicolons or tabs between them, \
+         found {found}: for other names say --columns new=theirs,…",
+        usual.join(", ")
     );
     Failure::input(message).in_file(&source.name).at_line(line)
 }

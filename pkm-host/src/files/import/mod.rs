@@ -1,4 +1,4 @@
-//! Measured data as laboratories and shops export them → a [`Sheet`] with the columns of `docs/formats.md`.
+//! Measured data and a tracker's points as laboratories and shops export them → a [`Sheet`] with the columns of `docs/formats.md`.
 //!
 //! `encoding`: bytes → text. `header`: its row, what stands between cells, a row of units. `names` and `units`: what the columns
 //! are. `merged` and `cells`: each cell as the contract has it. `kinds`: files that are no readings, such as a list of points.
@@ -40,6 +40,14 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
     }
     complete_loads(&mut imported.sheet);
     Ok(imported)
+}
+
+/// Reads a tracker's list of points as it was exported.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_points(source: Source, renames: &Renames) -> Result<Imported> {
+    columns_of(source, &Names::of_points(renames), |_| Vec::new())
 }
 
 /// The columns of an export that have some names. `carried`: fills empty cells, and says where.

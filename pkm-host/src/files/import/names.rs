@@ -135,6 +135,22 @@ pub const COLUMNS: [Column; 59] = [
     column("zero_share", Ratio, "", &[]),
 ];
 
+/// Every column of a tracker's list of points.
+pub const POINT_LIST: [Column; 7] = [
+    column("reading", Text, "", &["readingid", "readingno", "readingnr", "messung"]),
+    column("state", Text, "", &["zustand"]),
+    column(
+        "point",
+        Text,
+        "",
+        &["pointname", "pointid", "name", "target", "reflector", "punkt", "punktname", "reflektor"],
+    ),
+    column("x_mm", Length, "mm", &["x"]),
+    column("y_mm", Length, "mm", &["y"]),
+    column("z_mm", Length, "mm", &["z"]),
+    column("u95_um", Length, "µm", &["u95", "expandeduncertainty"]),
+];
+
 impl Column {
     /// Whether it holds numbers.
     pub fn is_number(&self) -> bool {
@@ -201,6 +217,11 @@ impl<'a> Names<'a> {
         Self { columns: &COLUMNS, renames }
     }
 
+    /// Of a tracker's list of points.
+    pub fn of_points(renames: &'a Renames) -> Self {
+        Self { columns: &POINT_LIST, renames }
+    }
+
     /// The names as `docs/formats.md` has them.
     pub fn own(&self) -> Vec<&'static str> {
         self.columns.iter().map(|c| c.name).collect()
@@ -252,6 +273,10 @@ impl<'a> Names<'a> {
         let is_there = |new: &str| header.iter().any(|cell| self.renamed(cell).is_some_and(|c| c.name == new));
         let is_own = |new: &str| header.iter().any(|cell| self.named(cell).is_some_and(|n| n.column.name == new));
         let renames = &self.renames.0;
+        if let Some((new, _)) = renames.iter().find(|(new, _)| self.columns.iter().all(|c| c.name != *new)) {
+            let message = format!("--columns {new}=…: this file has no such column, only a tracker's points");
+            return Err(Failure::input(message));
+        }
         if renames.iter().all(|(new, _)| is_own(new) && !is_there(new)) {
             return Ok(());
         }
@@ -269,6 +294,17 @@ impl<'a> Names<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct Renames(Vec<(&'static str, String)>);
 
+impl Renames {
+    /// Those of readings, and those of a tracker's points.
+    pub fn of_readings_and_points(&self) -> [Self; 2] {
+        let of = |columns: &[Column]| {
+            let is_one = |(new, _): &&(&str, String)| columns.iter().any(|c| c.name == *new);
+            Self(self.0.iter().filter(is_one).cloned().collect())
+        };
+        [of(&COLUMNS), of(&POINT_LIST)]
+    }
+}
+
 impl std::str::FromStr for Renames {
     type Err = String;
 
@@ -278,8 +314,9 @@ impl std::str::FromStr for Renames {
             match part.split_once('=') {
                 Some((new, theirs)) => {
                     let new = new.trim();
-                    let Some(column) = COLUMNS.iter().find(|c| c.name == new) else {
-                        let nearest = COLUMNS.iter().min_by_key(|c| strsim::osa_distance(&new.to_lowercase(), c.name));
+                    let all = COLUMNS.iter().chain(&POINT_LIST);
+                    let Some(column) = all.clone().find(|c| c.name == new) else {
+                        let nearest = all.min_by_key(|c| strsim::osa_distance(&new.to_lowercase(), c.name));
                         let meant = nearest.map_or("", |c| c.name);
                         return Err(format!("`{new}` is no column of docs/formats.md: did you mean `{meant}`?"));
                     };

@@ -57,7 +57,7 @@ const ANY: [Kind; 8] = [
     ("a picture", Make(|_| b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec()), ":1: ", "UTF-8"),
 ];
 
-/// Other encodings, refused by every reader but that of measured data.
+/// Other encodings, refused by every reader but those of measured data and of points.
 const ENCODINGS: [Kind; 2] = [
     ("UTF-16 with its mark", Make(|text| utf16(&format!("\u{feff}{text}"))), ":1: ", "UTF-16|save the file as UTF-8"),
     ("a byte of Latin-1", Make(|text| [b"# \xb0\n", text.as_bytes()].concat()), ":1: ", "UTF-8"),

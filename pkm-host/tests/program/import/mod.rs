@@ -3,7 +3,7 @@
 
 mod check;
 mod refused;
-mod table;
+pub mod table;
 
 use pkm_tests::seeded;
 use rayon::prelude::*;
@@ -14,8 +14,8 @@ use crate::common::{Folder, fixture, json, run};
 /// What it is, the file, arguments beside it, and words of what is said, with `|` between.
 type Case = (&'static str, fn() -> Vec<u8>, &'static [&'static str], &'static str);
 
-/// A cell of a text file.
-fn cells(text: &str) -> Table {
+/// Cells of a text file.
+pub fn cells(text: &str) -> Table {
     let mut lines = text.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>());
     Table { header: lines.next().unwrap(), rows: lines.collect() }
 }

@@ -9,7 +9,7 @@ fn bad_points() {
     let files = ["reflectors.toml", "readings.csv"].map(|f| fixture(&format!("tracker/{f}")));
     let good = std::fs::read_to_string(fixture("tracker/points.csv")).unwrap();
     let call = ["import", "--points", "BAD", "--reflectors", &files[0], "--readings", &files[1], "--out", "OUT"];
-    Reader { good: &good, name: "p.csv", call: &call, old: "out" }.refuses(POINTS, 24);
+    Reader { good: &good, name: "p.csv", call: &call, old: "out" }.refuses_text(&POINTS.iter().collect::<Vec<_>>(), 24);
 }
 
 #[test]
@@ -28,6 +28,9 @@ fn without(good: &str, begin: &str) -> Vec<u8> {
 #[rustfmt::skip] // a kind a line
 const POINTS: &[Kind] = &[
     ("metres", Put("x_mm", "x_m"), ":2: x_m: ", "did you mean `x_mm`?"),
+    ("no unit of a coordinate", Put("x_mm", "X"), ":2: X: ", "no unit of X|`X [mm]`"),
+    ("an unknown unit", Put("x_mm", "X [in]"), ":2: X [in]: ", "unknown unit `in` of x_mm"),
+    ("thousands", Put("1900.6108", "\"1,900\""), ":10: x_mm: ", "without separators between thousands"),
     ("no uncertainty that is one", Put("u95_um", "u95_mm"), ":2: u95_mm: ", "did you mean `u95_um`?"),
     ("no states", Put(",state,", ",note,"), ":2: state: ", "missing column"),
     ("an uncertainty of 0", Make(|good| good.replacen(",6\n", ",0\n", 1).into()), ":7: u95_um: ", "expanded uncertainty above 0"),

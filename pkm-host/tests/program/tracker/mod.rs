@@ -5,6 +5,7 @@ mod bad;
 use std::fmt::Write;
 
 use nalgebra::{Matrix6, Vector6};
+use pkm_host::files::import::Renames;
 use pkm_host::files::points::PointList;
 use pkm_host::files::reflectors::Reflectors;
 use pkm_host::files::source::Source;
@@ -13,7 +14,9 @@ use pkm_host::tracker::{self, Deflection, Task};
 use pkm_tests::seeded;
 use rayon::prelude::*;
 
-use crate::common::{Folder, fixture, json};
+use crate::common::{Folder, fixture, json, refused, run};
+use crate::import::cells;
+use crate::import::table::{Table, utf16, windows};
 
 type V = [f64; 3];
 type M = [V; 3];
@@ -146,7 +149,7 @@ impl Campaign {
             points += &rows(&mut t, &self.reflectors, POSE, (reading, "loaded"), truth, self.base);
         }
         let reflectors = Reflectors::parse(Source::from_text("r.toml", reflectors_toml(&self.reflectors))).unwrap();
-        let points = PointList::parse(Source::from_text("p.csv", points), &reflectors).unwrap();
+        let points = PointList::parse(Source::from_text("p.csv", points), &reflectors, &Renames::default()).unwrap();
         let pose = NamedPose { id: "P".into(), line: 1, pose: pose_of(POSE[0], POSE[1], POSE[2]) };
         let tasks =
             ["a", "b"].map(|reading| Task { line: 2, reading: reading.into(), series: "s".into(), pose: &pose });
@@ -293,22 +296,31 @@ fn points_give_the_readings_that_they_were_made_of() {
     assert_eq!(folder.read("d.csv"), again);
 }
 
-/// A tracker of 10 µm (U95) on the readings of p08: what yields is found as in the readings themselves.
+/// A tracker of 10 µm (U95) on the readings of p08: what yields is found as in the readings themselves, with reflectors 300 mm apart or with
+/// 150 mm and a fifth of the uncertainty. At 150 mm and 10 µm the noise hides the platform (docs/limits.md).
 #[test]
 fn a_diagnosis_of_points_finds_what_the_readings_hold() {
-    let folder = Folder::new();
-    let wide: Vec<Reflector> =
-        SQUARE.iter().map(|(name, [u, v, _], ..)| (*name, [2.0 * u, 2.0 * v, 120.0], true, 5.0)).collect();
-    let files = as_points("p08", &wide, &folder, 2);
     let machine = fixture("measured/p08/machine.toml");
-    import(&machine, &files, &folder.path("d.csv"));
-    let (data, holdout, out) = (folder.path("d.csv"), fixture("measured/p08/heldout.csv"), folder.path("out"));
-    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out]);
-    let places: Vec<&str> = found["effects"].as_array().unwrap().iter().map(|e| e["where"].as_str().unwrap()).collect();
-    let is_limb_1 = |p: &&str| p.starts_with("limb.1.");
-    assert!(places.len() == 2 && places.contains(&"moving_platform") && places.iter().any(is_limb_1), "{places:?}");
-    let rms = |rival: &str| found["holdout"][rival]["linear_um_rms"].as_f64().unwrap();
-    assert!(rms("after") < 0.5 * rms("retuned_only"), "{} {}", rms("after"), rms("retuned_only"));
+    let wide = SQUARE.map(|(name, [u, v, _], ..)| (name, [2.0 * u, 2.0 * v, 120.0], true, 5.0));
+    let precise = SQUARE.map(|(name, place, ..)| (name, place, true, 1.0));
+    for (reflectors, has_platform, most) in [(wide, true, 0.5), (precise, true, 0.75), (SQUARE, false, 0.55)] {
+        let folder = Folder::new();
+        let files = as_points("p08", &reflectors, &folder, 2);
+        import(&machine, &files, &folder.path("d.csv"));
+        let (data, holdout, out) = (folder.path("d.csv"), fixture("measured/p08/heldout.csv"), folder.path("out"));
+        let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out]);
+        let effects = found["effects"].as_array().unwrap();
+        let places: Vec<&str> = effects.iter().map(|e| e["where"].as_str().unwrap()).collect();
+        let on_limb_1 = places.iter().filter(|p| p.starts_with("limb.1.")).count();
+        let on_platform = places.iter().filter(|p| **p == "moving_platform").count();
+        assert_eq!(
+            (on_limb_1, on_platform, places.len()),
+            (1, usize::from(has_platform), 1 + on_platform),
+            "{places:?}"
+        );
+        let rms = |rival: &str| found["holdout"][rival]["linear_um_rms"].as_f64().unwrap();
+        assert!(rms("after") < most * rms("retuned_only"), "{} {}", rms("after"), rms("retuned_only"));
+    }
 }
 
 /// A reflector or two: translations of their own points, no rotation that nobody saw.
@@ -402,4 +414,51 @@ fn motion_of_the_base_is_taken_out() {
             assert!(off.abs() < 4.0, "{column}: {off} standard deviations");
         }
     }
+}
+
+/// Cells of the fixture's list of points.
+fn fixture_points() -> Table {
+    cells(std::fs::read_to_string(fixture("tracker/points.csv")).unwrap().split_once('\n').unwrap().1)
+}
+
+/// What an instrument's own list is like, the file, and arguments beside it.
+type Export = (&'static str, fn() -> Vec<u8>, &'static [&'static str]);
+
+#[rustfmt::skip] // a case a line
+const EXPORTS: &[Export] = &[
+    ("German Excel, CSV", || windows(&fixture_points().called(&[("x_mm", "X [mm]", 0), ("y_mm", "Y [mm]", 0), ("z_mm", "Z [mm]", 0), ("u95_um", "U95 [µm]", 0), ("point", "Punkt", 0), ("state", "Zustand", 0)]).map(&["Zustand"], |c| if c == "loaded" { "belastet" } else { "unbelastet" }.into()).german()), &[]),
+    ("English Excel, Unicode text", || utf16(&fixture_points().text('\t').replace('\n', "\r\n"), u16::to_le_bytes), &[]),
+    ("metres in a row of units", || fixture_points().called(&[("x_mm", "X", -3), ("y_mm", "Y", -3), ("z_mm", "Z", -3), ("u95_um", "U95", 0)]).units(&[("X", "m"), ("Y", "m"), ("Z", "m"), ("U95", "µm")]).text(',').into(), &[]),
+    ("U95 in mm, a title, another column", || format!("Job 12, station 1\n{}", fixture_points().called(&[("u95_um", "U95 [mm]", -3)]).with(3, "Time", "10:12:01").text(';')).into(), &[]),
+    ("capitals", || fixture_points().map(&["state"], str::to_uppercase).text(',').replace("x_mm,y_mm,z_mm", "X_MM,Y_MM,Z_MM").into(), &[]),
+    ("a dash where the maker's uncertainty holds", || fixture_points().map(&["u95_um"], |c| if c.is_empty() { "-" } else { c }.into()).text(',').into(), &[]),
+    ("names nobody could guess", || fixture_points().called(&[("reading", "Group", 0), ("x_mm", "Coordinate 1 [mm]", 0)]).text(',').into(), &["--columns", "reading=Group,x_mm=Coordinate 1"]),
+];
+
+/// A tracker's list as it was saved gives the bytes that the canonical one gives.
+#[test]
+fn lists_of_points_are_read_as_they_were_exported() {
+    let [reflectors, readings] = ["reflectors.toml", "readings.csv"].map(|f| fixture(&format!("tracker/{f}")));
+    let written = |bytes: &[u8], args: &[&str]| {
+        let folder = Folder::new();
+        let (points, out) = (folder.path("p.txt"), folder.path("d.csv"));
+        std::fs::write(&points, bytes).unwrap();
+        let call = ["import", "--points", &points, "--reflectors", &reflectors, "--readings", &readings, "--out", &out];
+        let output = run(&[&call[..], args].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.success() { Ok(folder.read("d.csv")) } else { Err(said) }
+    };
+    let canonical = written(fixture_points().text(',').as_bytes(), &[]).unwrap();
+    let wrong: Vec<String> = EXPORTS
+        .iter()
+        .filter_map(|(what, make, args)| match written(&make(), args) {
+            Ok(found) if found == canonical => None,
+            other => Some(format!("{what}: {}", other.err().unwrap_or("other numbers".into()))),
+        })
+        .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    // a column of points in a file that has none
+    let data = fixture("measured/p08/measured.csv");
+    let said = refused(&["import", "--data", &data, "--columns", "x_mm=dx_um", "--out", "never.csv"]);
+    assert!(said["message"].as_str().unwrap().contains("only a tracker's points"), "{said}");
 }
