@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
-pub use self::report::report;
+pub use self::report::{Outcome, report};
 use crate::Random;
 use crate::machine::{Machine, Part, Pose};
 use crate::truth::World;
@@ -357,30 +357,6 @@ fn rows(life: &Life, press: &Press, accepted: &[f64; AMPLITUDES]) -> [(DVector<f
         let row = DVector::from_fn(AMPLITUDES, |n, _| settings(life.drive, n)[0] * moved[n][axis] / noise);
         (row, (press.read_m[axis] - expected[axis]) / noise)
     })
-}
-
-/// What came of a life.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// All of it follows from this.
-    pub seed: u64,
-    /// What came loose.
-    pub loose: Loose,
-    /// Error of the tip with what was learned, over that of the frozen table: of the whole life, and of the worst stretch after the first.
-    pub of_frozen: [f64; 2],
-    /// The same over that of a fit of the last 200 readings.
-    pub of_batch: f64,
-    /// Readings from when the drive has changed by what is worth an alarm until there is one; none where there is none.
-    pub worn_after: Option<i64>,
-    /// Readings from the day when the tool's holder comes loose until there is an alarm of it; none where there is none.
-    pub loose_after: Option<i64>,
-    /// Readings with an alarm of an amplitude that has changed by less than half of what is worth one: before the probe was replaced, and
-    /// after.
-    pub false_alarms: [usize; 2],
-    /// Readings of the failing probe that were taken in, and all of them.
-    pub failed_taken: [usize; 2],
-    /// Healthy readings that were refused.
-    pub refused: usize,
 }
 
 /// Lives a life and asks the program.

@@ -1,6 +1,30 @@
-//! What came of lives, in words.
+//! What came of lives, and in words.
 
-use super::{LAST, Loose, Outcome, STRETCH};
+use super::{LAST, Loose, STRETCH};
+
+/// What came of a life.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// All of it follows from this.
+    pub seed: u64,
+    /// What came loose.
+    pub loose: Loose,
+    /// Error of the tip with what was learned, over that of the frozen table: of the whole life, and of the worst stretch after the first.
+    pub of_frozen: [f64; 2],
+    /// The same over that of a fit of the last 200 readings.
+    pub of_batch: f64,
+    /// Readings from when the drive has changed by what is worth an alarm until there is one; none where there is none.
+    pub worn_after: Option<i64>,
+    /// Readings from the day when the tool's holder comes loose until there is an alarm of it; none where there is none.
+    pub loose_after: Option<i64>,
+    /// Readings with an alarm of an amplitude that has changed by less than half of what is worth one: before the probe was replaced, and
+    /// after.
+    pub false_alarms: [usize; 2],
+    /// Readings of the failing probe that were taken in, and all of them.
+    pub failed_taken: [usize; 2],
+    /// Healthy readings that were refused.
+    pub refused: usize,
+}
 
 impl Outcome {
     /// A line for people.
