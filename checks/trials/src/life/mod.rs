@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 
-pub use self::report::{Outcome, report};
+pub use self::report::{Outcome, Worst, report};
 use crate::Random;
 use crate::machine::{Machine, Part, Pose};
 use crate::truth::World;
@@ -404,7 +404,7 @@ pub fn live(program: &Path, seed: u64, plan: &Plan, folder: &Path) -> Result<Out
 fn errors(judge: &Judge<'_>, presses: &[Press], steps: &[Step], accepted: &[f64; AMPLITUDES], outcome: &mut Outcome) {
     let mut taken: Vec<[(DVector<f64>, f64); 3]> = Vec::new();
     let (mut whole, mut stretch, mut batch) = ([0.0; 2], [0.0; 2], [0.0; 2]);
-    let (mut worst, every) = (0.0_f64, judge.plan.readings);
+    let every = judge.plan.readings;
     for (n, (press, step)) in presses.iter().zip(steps).enumerate() {
         if step.is_taken {
             taken.push(rows(judge.life, press, accepted));
@@ -418,8 +418,17 @@ fn errors(judge: &Judge<'_>, presses: &[Press], steps: &[Step], accepted: &[f64;
             stretch[n] += error;
         }
         if (press.day + 1) % STRETCH == 0 {
-            let ratio = (stretch[0] / stretch[1]).sqrt();
-            worst = worst.max(if press.day < STRETCH { 0.0 } else { ratio });
+            let of_frozen = (stretch[0] / stretch[1]).sqrt();
+            if press.day < STRETCH {
+                outcome.first = of_frozen;
+            } else if of_frozen > outcome.worst.of_frozen {
+                outcome.worst = Worst {
+                    of_frozen,
+                    frozen_m: (stretch[1] / (STRETCH * judge.loads.len()) as f64).sqrt(),
+                    until: press.day + 1,
+                    is_before_loose: press.day < judge.life.loose_from,
+                };
+            }
             stretch = [0.0; 2];
         }
         if press.day % 5 == 0 && taken.len() >= LAST {
@@ -437,7 +446,7 @@ fn errors(judge: &Judge<'_>, presses: &[Press], steps: &[Step], accepted: &[f64;
         }
     }
     let ratio = |[own, other]: [f64; 2]| (own / other).sqrt();
-    outcome.of_frozen = [ratio(whole), worst];
+    outcome.of_frozen = ratio(whole);
     outcome.of_batch = ratio(batch);
 }
 
@@ -458,7 +467,9 @@ fn alarms(life: &Life, plan: &Plan, presses: &[Press], steps: &[Step]) -> Outcom
     Outcome {
         seed: 0,
         loose: life.loose,
-        of_frozen: [0.0; 2],
+        of_frozen: 0.0,
+        first: 0.0,
+        worst: Worst::default(),
         of_batch: 0.0,
         worn_after: first(life.worn, worn_from),
         loose_after: match life.loose {

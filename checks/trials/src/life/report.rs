@@ -2,6 +2,19 @@
 
 use super::{LAST, Loose, STRETCH};
 
+/// The stretch of a life in which what was learned was worst beside the frozen table.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Worst {
+    /// Error of the tip over that of the frozen table.
+    pub of_frozen: f64,
+    /// What that of the frozen table was, rms over loads and days, m.
+    pub frozen_m: f64,
+    /// Its last day.
+    pub until: usize,
+    /// Whether nothing but wear and season had changed by then.
+    pub is_before_loose: bool,
+}
+
 /// What came of a life.
 #[derive(Clone, Debug)]
 pub struct Outcome {
@@ -9,8 +22,12 @@ pub struct Outcome {
     pub seed: u64,
     /// What came loose.
     pub loose: Loose,
-    /// Error of the tip with what was learned, over that of the frozen table: of the whole life, and of the worst stretch after the first.
-    pub of_frozen: [f64; 2],
+    /// Error of the tip with what was learned, over that of the frozen table, of the whole life.
+    pub of_frozen: f64,
+    /// The same of the first stretch, in which next to nothing has changed.
+    pub first: f64,
+    /// The worst stretch after the first.
+    pub worst: Worst,
     /// The same over that of a fit of the last 200 readings.
     pub of_batch: f64,
     /// Readings from when the drive has changed by what is worth an alarm until there is one; none where there is none.
@@ -29,13 +46,17 @@ pub struct Outcome {
 impl Outcome {
     /// A line for people.
     pub fn line(&self) -> String {
-        let [whole, worst] = self.of_frozen;
+        let Worst { of_frozen: worst, frozen_m, until, is_before_loose } = self.worst;
+        let (frozen_um, when) = (frozen_m * 1e6, if is_before_loose { "before" } else { "after" });
         let after = |found: Option<i64>| found.map_or("never".to_owned(), |n| format!("after {n} readings"));
         format!(
-            "{}: {:?}: error {whole:.2} of the frozen table's, worst stretch {worst:.2}, {:.2} of a fit of the last {LAST}; worn drive found {}, \
+            "{}: {:?}: error {:.2} of the frozen table's, first stretch {:.2}, worst stretch after it {worst:.2} (of {frozen_um:.2} µm, until day {until}, {when} \
+             the part came loose), {:.2} of a fit of the last {LAST}; worn drive found {}, \
              loose part {}, readings with a false alarm {:?}; of the failing probe {} of {} taken in, {} healthy readings refused",
             self.seed,
             self.loose,
+            self.of_frozen,
+            self.first,
             self.of_batch,
             after(self.worn_after),
             after(self.loose_after),
@@ -58,12 +79,16 @@ pub fn report(outcomes: &[Outcome]) -> String {
     let count = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| is(o)).count();
     let sum = |of: &dyn Fn(&Outcome) -> usize| outcomes.iter().map(of).sum::<usize>();
     format!(
-        "error over the frozen table's, whole life: {}\nerror over the frozen table's, worst {STRETCH} days: {}\n\
+        "error over the frozen table's, whole life: {}\nerror over the frozen table's, first {STRETCH} days: {}\n\
+         error over the frozen table's, worst {STRETCH} days after them: {}; lives in which it is above 1.02: {}, before the part came loose in {}\n\
          error over that of a fit of the last {LAST} readings: {}\nlives with an alarm of the worn drive: {} of {}; readings until then: {}\n\
          lives with an alarm of the loose tool: {} of {}; readings until then: {}\nlives with a false alarm before the probe was replaced: {}, after: {}\n\
          readings of the failing probe that were taken in: {} of {}; healthy readings refused: {}",
-        sorted(&|o| o.of_frozen[0]),
-        sorted(&|o| o.of_frozen[1]),
+        sorted(&|o| o.of_frozen),
+        sorted(&|o| o.first),
+        sorted(&|o| o.worst.of_frozen),
+        count(&|o| o.worst.of_frozen > 1.02),
+        count(&|o| o.worst.of_frozen > 1.02 && o.worst.is_before_loose),
         sorted(&|o| o.of_batch),
         count(&|o| o.worn_after.is_some()),
         outcomes.len(),
