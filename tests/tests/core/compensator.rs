@@ -381,14 +381,14 @@ fn outside_the_box_it_does_what_was_chosen() {
     }
 }
 
-/// 1e6 periods, with every fault at random times: of three screws, and of five axes beside them in one of eight runs of periods.
+/// 1e6 periods of three screws and of five axes beside them, in f64 and in f32 alike, with every fault at random times.
 #[test]
 fn no_fault_makes_it_leap() {
     let settings = CompensatorSettings { stuck_s: 0.05, ..CompensatorSettings::DEFAULT };
     let double = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
     let single = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
-    faulty_periods(&settings, &TABLE_F64, &double, cases(800_000));
-    faulty_periods(&settings, &TABLE_F32, &single, cases(200_000));
+    faulty_periods(&settings, &TABLE_F64, &double, cases(1_000_000));
+    faulty_periods(&settings, &TABLE_F32, &single, cases(1_000_000));
 }
 
 /// No number beyond its largest, and none further from the last than the rate limit, but for rounding.
@@ -448,14 +448,11 @@ fn faulty_periods<T: Scalar>(
         keeps_limits(settings, &last, &now);
         last = now;
         ever[0] = ever[0].max(now.amax());
-        // long enough for the filter, and for several faults
-        if period / 2000 % 8 == 0 {
-            let stands = Configuration { pose, beta_rad: Vector2::new(number(0.9 * (0.13 * t).sin()), number(-0.2)) };
-            let now = of_five.update(table, five, &stands, &reading).joints.map(T::to_f64);
-            keeps_limits(settings, &last_of_five, &now);
-            last_of_five = now;
-            ever[1] = ever[1].max(now.fixed_rows::<2>(3).amax());
-        }
+        let stands = Configuration { pose, beta_rad: Vector2::new(number(0.9 * (0.13 * t).sin()), number(-0.2)) };
+        let now = of_five.update(table, five, &stands, &reading).joints.map(T::to_f64);
+        keeps_limits(settings, &last_of_five, &now);
+        last_of_five = now;
+        ever[1] = ever[1].max(now.fixed_rows::<2>(3).amax());
     }
     assert!(ever[0] > 50e-6 && ever[1] > 20e-6, "{ever:?}");
     // none; three of the wrench; temperature; box
