@@ -383,14 +383,12 @@ EXTRA_SETUP() {
     (void)extra_arg;
     const char *us = "pkmcompensator";
     if (!is_for(us, "machine", machine, pkm_machine_checksum()) || !is_for(us, "wrist", wrist, pkm_wrist_checksum()) ||
-        !is_for(us, "table", table, pkm_table_checksum())) {
+        !is_for(us, "table", table, pkm_table_checksum()) || !is_sound(us)) {
         return -EINVAL;
     }
     PkmCompensatorSettings set;
-    PkmError found = pkm_self_test_f64();
-    if (found == PKM_ERROR_OK) found = pkm_compensator_defaults(&set, sizeof set);
+    PkmError found = pkm_compensator_defaults(&set, sizeof set);
     compensator = hal_malloc(pkm_tool_compensator_size_f64());
-    /* asks pkm_verify_f64, too */
     if (found == PKM_ERROR_OK) found = make(&set);
     if (found == PKM_ERROR_OK) found = pkm_table_watch_begin_f64(&watch, pkm_table_f64());
     PkmEstimator_f64 *room = hal_malloc(pkm_estimator_size_f64());

@@ -13,7 +13,8 @@ Where it falls the controller brakes with the acceleration of its axes.
 
 .B loadrt pkmfeed machine=0123456789abcdef wrist=0123456789abcdef
 
-loads only where the machine and the wrist that are compiled in have these checksums.""";
+loads only where the machine and the wrist that are compiled in have these checksums, are in memory as they were built, and the processor
+computes known poses to the last bit.""";
 
 author "pkm";
 license "Dual MIT/GPL";
@@ -148,6 +149,6 @@ EXTRA_SETUP() {
     (void)__comp_inst;
     const char *us = "pkmfeed";
     const int fits = is_for(us, "machine", machine, pkm_machine_checksum()) &&
-                     is_for(us, "wrist", wrist, pkm_wrist_checksum());
+                     is_for(us, "wrist", wrist, pkm_wrist_checksum()) && is_sound(us);
     return fits ? 0 : -EINVAL;
 }

@@ -12,7 +12,8 @@ Where the machine stands is answered with the last command, whatever the place, 
 
 .B loadrt pkmkins machine=0123456789abcdef wrist=0123456789abcdef
 
-loads only where the machine and the wrist that are compiled in have these checksums.""";
+loads only where the machine and the wrist that are compiled in have these checksums, are in memory as they were built, and the processor
+computes known poses to the last bit.""";
 
 author "pkm";
 license "Dual MIT/GPL";
@@ -166,7 +167,8 @@ EXTRA_SETUP() {
     (void)prefix;
     (void)extra_arg;
     (void)__comp_inst;
-    const int fits = (!machine || is_for("pkmkins", "machine", machine, pkm_machine_checksum())) &&
-                     (!wrist || is_for("pkmkins", "wrist", wrist, pkm_wrist_checksum()));
+    const char *us = "pkmkins";
+    const int fits = is_for(us, "machine", machine, pkm_machine_checksum()) &&
+                     is_for(us, "wrist", wrist, pkm_wrist_checksum()) && is_sound(us);
     return fits ? 0 : -EINVAL;
 }

@@ -1,15 +1,55 @@
-//! A bit of the table that is compiled in is another one: where the module is loaded, and while it runs.
+//! A bit of what is compiled in is another one: where a module is loaded, and while it runs.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use super::learning::{Session, place, probing};
 use super::replay::Host;
-use super::template;
-use crate::Outcome;
+use super::{among_modules, template};
+use crate::{Outcome, output};
 
 /// `PKM_ERROR_DAMAGED_TABLE`.
 const DAMAGED_TABLE: f64 = 62.0;
+
+/// Checksum of the kinematics' part of the self-test, in `pkm-core/src/self_test.rs`: an operand of an instruction.
+const SELF_TEST_KINEMATICS: u64 = 0x21a7_af54_61c6_0ca9;
+
+/// Kinematics and feed do not load with a bit of the machine, or of what the self-test knows, flipped in their files.
+pub fn refuse_damaged(out: &Path, host: &Host) -> Outcome {
+    let (parameters, wrist) = (&host.machine.parameters, &host.machine.wrist_parameters);
+    let travel: Vec<u8> = parameters.travel.min_m.iter().flat_map(|number| number.to_le_bytes()).collect();
+    let known = SELF_TEST_KINEMATICS.to_le_bytes();
+    let sums = format!("machine={:016x} wrist={:016x}", parameters.checksum(), wrist.checksum());
+    for component in ["pkmkins", "pkmfeed"] {
+        let module = out.join(format!("modules/{component}.so"));
+        let whole = std::fs::read(&module).map_err(|e| e.to_string())?;
+        std::fs::write(out.join("damaged.hal"), format!("loadrt {component} {sums}\n")).map_err(|e| e.to_string())?;
+        let load = |bytes: &[u8]| {
+            std::fs::write(&module, bytes).map_err(|e| e.to_string())?;
+            let mut halrun = among_modules(&out.join("modules"), out)?;
+            output(halrun.args(["timeout", "60", "halrun", "-f", "damaged.hal"]))
+        };
+        for (what, says) in [
+            (travel.as_slice(), "the machine in memory is damaged"),
+            (&known, "the self-test of the kinematics has other bits"),
+        ] {
+            let mut damaged = whole.clone();
+            let places: Vec<usize> =
+                whole.windows(what.len()).enumerate().filter(|(_, there)| *there == what).map(|(at, _)| at).collect();
+            if places.is_empty() {
+                return Err(format!("{component} does not have what this check damages"));
+            }
+            places.iter().for_each(|at| damaged[at + what.len() / 2] ^= 1);
+            match load(&damaged) {
+                Err(said) if said.contains(&format!("{component}: {says}")) => {}
+                other => return Err(format!("{component} was not refused, {says}: {other:?}")),
+            }
+        }
+        load(&whole)?;
+    }
+    println!("  a bit of the machine, or of the self-test: pkmkins and pkmfeed are refused where they are loaded");
+    Ok(())
+}
 
 pub fn flip_bits(out: &Path, host: &Host) -> Outcome {
     let (five, table) = (host.five()?, host.table()?);

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::faults::{judge_faults, outside_the_box, parked_inside_the_margin};
 use super::feed::{self, FEED_MM_PER_S, slow_screw_mm_per_s};
 use super::learning::learn;
-use super::memory::flip_bits;
+use super::memory::{flip_bits, refuse_damaged};
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
 use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template};
 use crate::image::symbols;
@@ -170,6 +170,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let home_axes = [x, y, z, 0.0, 0.0];
 
     refuse_others(out, &host)?;
+    refuse_damaged(out, &host)?;
     flip_bits(out, &host)?;
     compare(name, out, &host)?;
     learn(out, &host)?;
@@ -373,8 +374,10 @@ fn refuse_others(out: &Path, host: &Host) -> Outcome {
     let ours = format!("machine={machine:016x} wrist={wrist:016x}");
     let another = "0123456789abcdef";
     for (line, what) in [
+        ("pkmkins".to_owned(), "machine"),
         (format!("pkmkins machine={another}"), "machine"),
-        (format!("pkmkins wrist={another}"), "wrist"),
+        (format!("pkmkins machine={machine:016x}"), "wrist"),
+        (format!("pkmkins machine={machine:016x} wrist={another}"), "wrist"),
         (format!("pkmcompensator machine={another}"), "machine"),
         (format!("pkmcompensator machine={machine:016x} wrist={another}"), "wrist"),
         (format!("pkmcompensator {ours} table={another}"), "table"),
@@ -403,12 +406,15 @@ fn compare(name: &str, out: &Path, host: &Host) -> Outcome {
     let size = 0.3e3 * five.machine.travel_margin_m(&joints.lengths).0;
     let file = out.join("compare.bin");
     let text = format!(
-        "loadrt threads name1=servo period1=100000\nloadrt genhexkins\nloadrt pkmkins\n\
+        "loadrt threads name1=servo period1=100000\nloadrt genhexkins\n\
+         loadrt pkmkins machine={:016x} wrist={:016x}\n\
          loadrt pkmcompare modules={MODULES} file={}\n\
          net iterations genhexkins.max-iterations => pkmcompare.max-iterations\n\
          setp pkmcompare.home-0 {x}\nsetp pkmcompare.home-1 {y}\nsetp pkmcompare.home-2 {z}\nsetp pkmcompare.size {size}\n\
          setp pkmcompare.turn {}\n\
          addf pkmcompare servo\nstart\nloadusr -w sleep {SECONDS}\n",
+        host.machine.parameters.checksum(),
+        host.machine.wrist_parameters.checksum(),
         file.display(),
         size / 4.0
     );
