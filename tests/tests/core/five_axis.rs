@@ -210,32 +210,48 @@ fn a_tip_with_the_wrist_given_is_held_in_closed_form() {
     }
 }
 
+/// A machine of any proportions with a wrist of its size.
+struct Other {
+    machine: Machine<f64>,
+    wrist: Wrist<f64>,
+    size_m: f64,
+    home_z0_m: f64,
+}
+
+impl Other {
+    fn random(rng: &mut Rng) -> Self {
+        let parameters = random_parameters(rng, BodyKind::Beam);
+        let machine = Machine::<f64>::new(&parameters).expect("a machine");
+        let size_m = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let mut p = random_wrist(rng);
+        for length in [&mut p.offset_m, &mut p.first_d_m, &mut p.first_b_m, &mut p.second_b_m, &mut p.flange_m] {
+            *length *= size_m;
+        }
+        p.home_z0_m *= 2.0 * size_m;
+        Self { machine, wrist: Wrist::<f64>::new(&p).expect("a wrist"), size_m, home_z0_m: p.home_z0_m }
+    }
+
+    fn five(&self) -> FiveAxis<'_, f64> {
+        FiveAxis { machine: &self.machine, wrist: &self.wrist }
+    }
+
+    fn configuration(&self, rng: &mut Rng) -> Configuration<f64> {
+        let mut w = |low: f64, high: f64| between(rng, low, high);
+        let pose = Pose { theta_rad: w(-0.8, 0.8), sigma_rad: w(-0.8, 0.8), z0_m: self.home_z0_m * w(0.6, 1.6) };
+        Configuration { pose, beta_rad: Vector2::new(w(-1.5, 1.5), w(-1.5, 1.5)) }
+    }
+}
+
 #[test]
 fn other_machines_hold_tools_on_their_home_side() {
     let mut rng = seeded();
     let (mut found, mut tried) = (0, 0);
     for _ in 0..cases(300) {
-        let parameters = random_parameters(&mut rng, BodyKind::Beam);
-        let machine = Machine::<f64>::new(&parameters).expect("a machine");
-        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
-        let mut p = random_wrist(&mut rng);
-        for length in [&mut p.offset_m, &mut p.first_d_m, &mut p.first_b_m, &mut p.second_b_m, &mut p.flange_m] {
-            *length *= size;
-        }
-        p.home_z0_m *= 2.0 * size;
-        let wrist = Wrist::<f64>::new(&p).expect("a wrist");
-        let five = FiveAxis { machine: &machine, wrist: &wrist };
-        let home = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: p.home_z0_m }, ..HOME };
+        let other = Other::random(&mut rng);
+        let (five, size) = (other.five(), other.size_m);
+        let home = Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: other.home_z0_m }, ..HOME };
         for _ in 0..30 {
-            let pose = Pose {
-                theta_rad: between(&mut rng, -0.8, 0.8),
-                sigma_rad: between(&mut rng, -0.8, 0.8),
-                z0_m: p.home_z0_m * between(&mut rng, 0.6, 1.6),
-            };
-            let c = Configuration {
-                pose,
-                beta_rad: Vector2::new(between(&mut rng, -1.5, 1.5), between(&mut rng, -1.5, 1.5)),
-            };
+            let c = other.configuration(&mut rng);
             let (Ok(tool), Ok(0.1..)) = (five.tool(&c), five.normalised_determinant(&c)) else { continue };
             tried += 1;
             if let Ok(solution) = five.search(&tool, &home) {
