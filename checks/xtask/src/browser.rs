@@ -192,6 +192,8 @@ impl Browser {
 
     /// Prints the page that is open; the number of its pages.
     pub fn print(&mut self, path: &Path) -> Result<usize, String> {
+        // or what was asked for of the screen would be printed
+        self.call("Emulation.setEmulatedMedia", json!({ "media": "print" }))?;
         let printed = self.call("Page.printToPDF", json!({ "preferCSSPageSize": true, "printBackground": true }))?;
         let pdf = bytes(&printed)?;
         std::fs::write(path, &pdf).map_err(|e| format!("{}: {e}", path.display()))?;

@@ -254,6 +254,11 @@ pub(crate) fn pictures(caption: &str, svgs: &[String]) -> Markup {
     html! { figure.pictures.pairs[svgs.len() == 4] { div { @for svg in svgs { (PreEscaped(svg)) } } figcaption { (caption) } } }
 }
 
+/// Maps under one caption: larger on paper than other small pictures, since their numbers are small.
+pub(crate) fn map_pictures(caption: &str, svgs: &[String]) -> Markup {
+    html! { figure.pictures.maps.pairs[svgs.len() == 4] { div { @for svg in svgs { (PreEscaped(svg)) } } figcaption { (caption) } } }
+}
+
 /// Charts under one caption.
 pub(crate) fn charts(caption: &str, panels: &[Panel]) -> Result<Markup> {
     Ok(pictures(caption, &panels.iter().map(plot::panel).collect::<Result<Vec<_>>>()?))

@@ -67,9 +67,12 @@ impl Axis {
         }
         let least = span / most;
         let power = 10_f64.powf(least.log10().floor());
-        let round = [1.0, 2.0, 5.0, 10.0].map(|n| n * power);
-        let step = round.into_iter().find(|step| *step >= 0.999 * least).unwrap_or(10.0 * power);
-        let step = if self.logarithmic { step.ceil() } else { step };
+        let round = [10.0, 5.0, 2.0, 1.0, 0.5, 0.2].map(|n| n * power);
+        let wide = round.into_iter().rfind(|step| *step >= 0.999 * least).unwrap_or(10.0 * power);
+        // one number alone is no scale: rather closer than asked for
+        let two_fit = |step: &f64| (self.high / step).floor() - (self.low / step).ceil() >= 1.0;
+        let closer = round.into_iter().filter(|step| *step <= wide).find(two_fit);
+        let step = if self.logarithmic { wide.ceil() } else { closer.unwrap_or(wide) };
         let (first, last) = ((self.low / step).ceil() as i64, (self.high / step).floor() as i64);
         let tick = |n: i64| {
             let v = n as f64 * step;
@@ -92,6 +95,8 @@ mod tests {
     fn ticks_are_round_and_inside() {
         let axis = Axis::new([-0.3, 0.3].into_iter(), false).unwrap();
         assert_eq!(labels(&axis), ["-0.2", "0", "0.2"]);
+        let low = Axis::new([-13.0, 14.0].into_iter(), false).unwrap();
+        assert_eq!(low.ticks(2.0).into_iter().map(|(_, label)| label).collect::<Vec<_>>(), ["-10", "0", "10"]);
         let decades = Axis::new([1e-7, 1e-2].into_iter(), true).unwrap();
         assert_eq!(labels(&decades), ["1e-7", "1e-6", "1e-5", "0.0001", "0.001", "0.01"]);
         let few = Axis::new([0.6, 90.0].into_iter(), true).unwrap();

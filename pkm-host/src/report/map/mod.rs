@@ -13,7 +13,7 @@ use crate::files::machine::MachineFile;
 use crate::files::source::Source;
 use crate::plan::map::claims::Claim;
 use crate::plan::map::{Map, Point};
-use crate::report::page::{Finding, Page, fold, of_file, pictures, table};
+use crate::report::page::{Finding, Page, fold, map_pictures, of_file, table};
 
 /// Of A-uvw, along which k11, k22 and k33 are.
 const AXES: [&str; 3] = ["u", "v", "w"];
@@ -130,7 +130,7 @@ fn sheet(sheet: &Sheet) -> Markup {
     html! {
         h2 { "σ = " (map.sigma_deg) "°" }
         ul.signs { @for (svg, name) in &sheet.picture.signs { li { (PreEscaped(svg)) (name) } } }
-        (pictures(
+        (map_pictures(
             if map.u95_extremes().is_some() {
                 "Stiffness at A in A-uvw, where A stands in the plane of X0 and Z0: bright is stiff. At the end how far the table may be \
                  off: the expanded uncertainty (coverage 95 %) of what a force of 1 kN along u, v or w moves the tip by, the greatest of the three."

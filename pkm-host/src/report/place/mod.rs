@@ -13,7 +13,7 @@ use crate::files::source::Source;
 use crate::plan::place::search::{Grid, Method, Options, Placed, Placement};
 use crate::plan::place::{Objective, PlacementModel, Posture};
 use crate::pose::file_units;
-use crate::report::page::{Finding, Page, charts, fold, of_file, pictures, table};
+use crate::report::page::{Finding, Page, charts, fold, map_pictures, of_file, pictures, table};
 use crate::report::plot::{self, HeatMap, Mark, Panel, Series as Points};
 
 pub use document::document;
@@ -415,7 +415,7 @@ pub fn html(
         (robust::section(model, placed))
         (plan_view(model, placed)?)
         h2 { "What the table's position does" }
-        (pictures(
+        (map_pictures(
             "Low is good, and the ring is the optimum. Where there is no colour a hole is out of reach.",
             &maps.collect::<Result<Vec<_>>>()?,
         ))
