@@ -1,12 +1,16 @@
-//! Instructions of the core on a Cortex-M, counted in QEMU and compared with limits.
+//! Instructions of the core on a Cortex-M, counted in QEMU, and of the compensator on this computer, counted by callgrind, compared
+//! with limits.
 //!
 //! Instructions, not clock cycles: QEMU knows no pipeline, cache or flash.
 
 use std::collections::BTreeMap;
+use std::process::Command;
 
-use crate::Outcome;
+use serde_json::Value;
+
 use crate::proofs::{budget, image};
 use crate::qemu::boot;
+use crate::{Outcome, output, root};
 
 /// Machine of QEMU, processor, `target-cpu`, width of its hardware's floating point.
 const RUNS: [(&str, &str, Option<&str>, &str); 2] = [
@@ -29,8 +33,17 @@ const LIMITED: [(&str, &str); 11] = [
     ("watch", "a look at eight numbers of the table in service"),
 ];
 
-pub fn run() -> Outcome {
-    let mut within = true;
+/// Updates of the compensator that are counted on x86-64 in a row, each 26 kB of callgrind's output.
+const IN_A_ROW: u64 = 1000;
+
+/// `--updates N`: of the compensator on x86-64, for each width.
+pub fn run(options: &[String]) -> Outcome {
+    let updates = match options {
+        [] => IN_A_ROW,
+        [name, number] if name == "--updates" => number.parse().map_err(|e| format!("{number}: {e}"))?,
+        _ => return Err("cargo xtask cycles [--updates N]".into()),
+    };
+    let mut within = updates_here(updates)?;
     for (board, processor, cpu, width) in RUNS {
         let elf = image("cycle", cpu)?;
         // one instruction takes 2^7 ns of the board's time
@@ -51,4 +64,56 @@ pub fn run() -> Outcome {
         }
     }
     if within { Ok(()) } else { Err("a function takes more instructions than its limit".into()) }
+}
+
+/// The costliest update of the compensator on x86-64 within its limits, of three screws and of five axes, built as the benches are.
+fn updates_here(updates: u64) -> Result<bool, String> {
+    let build =
+        ["bench", "--quiet", "--locked", "--no-run", "-p", "pkm-bench", "--bench", "worst", "--message-format=json"];
+    let built = output(Command::new(env!("CARGO")).args(build).current_dir(root()))?;
+    let program = built.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let program = program.filter_map(|message| message["executable"].as_str().map(str::to_owned)).last();
+    let program = program.ok_or("cargo named no executable of the bench worst")?;
+    let mut within = true;
+    for width in ["f64", "f32"] {
+        let mut worst = [0; 2];
+        for seed in 1..=updates.div_ceil(IN_A_ROW) {
+            let found = counted(&program, width, seed)?;
+            worst = std::array::from_fn(|i| found[i].max(worst[i]));
+        }
+        for (name, what, count) in
+            [("compensate", "three screws", worst[0]), ("compensate_tool", "five axes", worst[1])]
+        {
+            let key = format!("{name}_x86_64_{width}_instructions");
+            within &= budget(&key, count, &format!("x86-64, an update of the compensator, {what} in {width}"))?;
+        }
+    }
+    Ok(within)
+}
+
+/// The greatest count of a row of updates: three screws, five axes.
+fn counted(program: &str, width: &str, seed: u64) -> Result<[u64; 2], String> {
+    let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let file = folder.path().join("counts");
+    let mut valgrind = Command::new("valgrind");
+    valgrind.args(["--quiet", "--tool=callgrind", "--demangle=no", "--combine-dumps=yes"]);
+    valgrind.args(["--zero-before=*count_from_here*", "--dump-after=*counted_*"]);
+    valgrind.arg(format!("--callgrind-out-file={}", file.display()));
+    output(valgrind.args([program, width, &seed.to_string(), &IN_A_ROW.to_string()]))?;
+    let text = std::fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+    let (mut worst, mut parts, mut function) = ([0; 2], 0, None);
+    for line in text.lines() {
+        if let Some(trigger) = line.strip_prefix("desc: Trigger: ") {
+            function = ["counted_screws", "counted_axes"].iter().position(|name| trigger.contains(name));
+        } else if let (Some(total), Some(function)) = (line.strip_prefix("totals: "), function) {
+            let total: u64 = total.trim().parse().map_err(|e| format!("{line}: {e}"))?;
+            worst[function] = total.max(worst[function]);
+            parts += 1;
+        }
+    }
+    if parts == 2 * IN_A_ROW {
+        Ok(worst)
+    } else {
+        Err(format!("callgrind counted {parts} updates of {}", 2 * IN_A_ROW))
+    }
 }

@@ -39,7 +39,8 @@ const USAGE: &str = "\
 cargo xtask <chore>
   regenerate   fit the fixtures; write pkm-core/src/tables/reference.rs and docs/deflection-error.svg
   qemu         run the firmware on a Cortex-M4F and a Cortex-M7 in QEMU, compare every bit with the host
-  cycles       count the instructions of a controller's cycle on both in QEMU, and hold them against limits
+  cycles       count the instructions of a controller's cycle on both in QEMU, and of the compensator on this computer (--updates N), and
+               hold them against limits
   hil          drive the cyclic firmware over its serial line: 2,000 poses on each of QEMU's boards, or --poses N, --swept N, --seed N
   guards       make the cyclic firmware panic, fault, overrun its stack, hang and miss periods in QEMU; flip bits of its flash;
                have it learn from readings as `replay` does, and keep that over a restart
@@ -75,7 +76,7 @@ fn main() -> ExitCode {
     let outcome = match chore.as_deref() {
         Some("regenerate") => regenerate(),
         Some("qemu") => qemu::run(),
-        Some("cycles") => cycles::run(),
+        Some("cycles") => cycles::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("hil") => hil::run(&std::env::args().skip(2).collect::<Vec<_>>()),
         Some("guards") => guards::run(),
         Some("no-panic") => proofs::no_panic(),
