@@ -72,7 +72,7 @@ fn updates_here(updates: u64) -> Result<bool, String> {
         ["bench", "--quiet", "--locked", "--no-run", "-p", "pkm-bench", "--bench", "worst", "--message-format=json"];
     let built = output(Command::new(env!("CARGO")).args(build).current_dir(root()))?;
     let program = built.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let program = program.filter_map(|message| message["executable"].as_str().map(str::to_owned)).last();
+    let program = program.filter_map(|message| message["executable"].as_str().map(str::to_owned)).next_back();
     let program = program.ok_or("cargo named no executable of the bench worst")?;
     let mut within = true;
     for width in ["f64", "f32"] {
