@@ -155,23 +155,25 @@ impl Worst {
                 assert_eq!(fault, None);
                 self.runs += 1;
                 self.shares[0] = self.shares[0].max(moves / (4.0 * unit));
+                let noise = (4.0 + settings.dead_band_n) * unit;
                 if is_limited {
                     self.limited += 1;
+                    assert!(end.norm() < settled.norm() + noise, "{end:?} is held beyond {settled:?}");
                 } else {
-                    let off = (end - settled).norm();
-                    self.shares[1] = self.shares[1].max(off / ((4.0 + settings.dead_band_n) * unit));
+                    self.shares[1] = self.shares[1].max((end - settled).norm() / noise);
                 }
             }
         }
     }
 
-    fn judge(&self, poses: usize) {
+    /// One run may end at the largest offset, and one of so many.
+    fn judge(&self, poses: usize, one_in: usize) {
         let Self { shares: [moves, off], runs, limited } = self;
         println!(
             "{poses} poses, {runs} runs: of the loop's answer to the noise, the offset moves by {moves:.2}; of that and the dead band, it \
              ends within {off:.2}, but for {limited} at the largest offset"
         );
-        assert!(*moves < 1.0 && *off < 1.0 && limited * 50 < *runs);
+        assert!(*moves < 1.0 && *off < 1.0 && *limited <= 1 + runs / one_in);
     }
 }
 
@@ -208,7 +210,7 @@ fn a_force_sensor_on_a_stiff_workpiece_is_stable() {
             });
         }
     }
-    worst.judge(poses.len());
+    worst.judge(poses.len(), 1000);
 }
 
 /// The same of five axes, with the wrist anywhere that its margin from singularities allows.
@@ -230,7 +232,7 @@ fn a_force_sensor_at_the_wrist_is_stable() {
             run_five(rng, (settings, SLOW), &stands, at)
         });
     }
-    worst.judge(poses.len());
+    worst.judge(poses.len(), 80);
 }
 
 /// The test of the test: a table twice as soft as the machine at a gain of 1 is unstable, as the loop gain says, and the largest
