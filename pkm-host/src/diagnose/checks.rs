@@ -122,88 +122,113 @@ fn exchanges() -> Vec<(String, Matrix3<f64>)> {
     all
 }
 
+/// Turns of translations and rotations, by pose.
+type Turns = Box<dyn Fn(&Pose<f64>) -> [Matrix3<f64>; 2] + Send + Sync>;
+
+/// Readings, made when they are asked for. `None` where a blank would have to be known.
+type Taken<'a> = Box<dyn Fn() -> Option<Readings> + Send + Sync + 'a>;
+
 /// Another way to take the readings, as `… fit the declared machine much better …`.
-struct Taken {
+struct Way<'a> {
     how: String,
-    readings: Readings,
+    /// The readings so taken: of tens of thousands there is no room for all ways at once.
+    taken: Taken<'a>,
     /// Whether loads, points and gauges are those of the file, so that its predictions hold.
     is_as_predicted: bool,
 }
 
+/// With readings in turned axes, and loads with them if `axial`, the sign of a moment there, is given.
+fn in_turned_axes(readings: &Readings, turns: &Turns, axial: Option<f64>) -> Option<Readings> {
+    let mut other = readings.without(|_| false);
+    for r in &mut other.readings {
+        let [linear, angular] = turns(&readings.poses[readings.conditions[r.condition].pose].pose);
+        turned(&mut r.observed, 0, &linear)?;
+        turned(&mut r.observed, 1, &angular)?;
+    }
+    for c in &mut other.conditions {
+        let [linear, _] = turns(&readings.poses[c.pose].pose);
+        c.gauge = c.gauge.map(|direction| (linear * Vector3::from(direction)).into());
+        if let Some(axial) = axial {
+            c.wrench = turned_load(&c.wrench, &linear, axial);
+            c.turned_at = turned_load(&c.turned_at, &linear, axial);
+        }
+    }
+    Some(other)
+}
+
+/// With forces and moments so many times as large.
+fn under_loads(readings: &Readings, force: f64, moment: f64) -> Readings {
+    let mut other = readings.without(|_| false);
+    let scaled = |w: &Wrench<f64>| Wrench { force_n: w.force_n * force, moment_nm: w.moment_nm * moment };
+    for c in &mut other.conditions {
+        (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
+    }
+    other
+}
+
+/// With displacements at a point of A-uvw, and loads that act there or at A.
+fn at_point(readings: &Readings, point_m: Vector3<f64>, load_too: bool) -> Readings {
+    let mut other = readings.without(|_| false);
+    for c in &mut other.conditions {
+        c.point_m = point_m.into();
+        if !load_too {
+            // the same load, seen from there
+            (c.wrench, c.turned_at) = (c.wrench.moved_to_a(-point_m), c.turned_at.moved_to_a(-point_m));
+        }
+    }
+    other
+}
+
 /// All ways that are tried.
-fn other_ways(readings: &Readings, tip_m: Vector3<f64>) -> Vec<Taken> {
+fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     let mut all = Vec::new();
     let has_gauges = readings.conditions.iter().any(|c| c.gauge.is_some());
-    // turns of translations, rotations and loads, by pose
-    type Turns<'a> = &'a dyn Fn(&Pose<f64>) -> [Matrix3<f64>; 2];
-    let mut turn = |how: String, turns: Turns<'_>, loads: Option<f64>| {
-        let mut other = readings.without(|_| false);
-        for r in &mut other.readings {
-            let [linear, angular] = turns(&readings.poses[readings.conditions[r.condition].pose].pose);
-            if turned(&mut r.observed, 0, &linear).and_then(|()| turned(&mut r.observed, 1, &angular)).is_none() {
-                return;
-            }
-        }
-        for c in &mut other.conditions {
-            let [linear, _] = turns(&readings.poses[c.pose].pose);
-            c.gauge = c.gauge.map(|direction| (linear * Vector3::from(direction)).into());
-        }
-        if let Some(axial) = loads {
-            for c in &mut other.conditions {
-                let [linear, _] = turns(&readings.poses[c.pose].pose);
-                c.wrench = turned_load(&c.wrench, &linear, axial);
-                c.turned_at = turned_load(&c.turned_at, &linear, axial);
-            }
-        }
-        all.push(Taken { how, readings: other, is_as_predicted: loads.is_none() && !has_gauges });
+    let mut turn = |how: String, turns: Turns, axial: Option<f64>| {
+        let taken = Box::new(move || in_turned_axes(readings, &turns, axial));
+        all.push(Way { how, taken, is_as_predicted: axial.is_none() && !has_gauges });
     };
     let plain = Matrix3::identity();
-    turn("with all signs reversed".into(), &|_| [-plain, -plain], None);
-    turn("as displacements in B".into(), &|p| [into_a(p); 2], None);
-    turn("with displacements and loads in B".into(), &|p| [into_a(p); 2], Some(1.0));
+    turn("with all signs reversed".into(), Box::new(move |_| [-plain, -plain]), None);
+    turn("as displacements in B".into(), Box::new(|p| [into_a(p); 2]), None);
+    turn("with displacements and loads in B".into(), Box::new(|p| [into_a(p); 2]), Some(1.0));
     let has_rotations = readings.channels()[3..].contains(&true);
     for (name, exchange) in exchanges() {
         let axial = exchange.determinant();
         let how = format!("with dx, dy, dz along {name}");
         if has_rotations {
-            turn(format!("{how}, rotations as they are"), &|_| [exchange, plain], None);
+            turn(format!("{how}, rotations as they are"), Box::new(move |_| [exchange, plain]), None);
         }
-        turn(how, &|_| [exchange, exchange * axial], None);
+        turn(how, Box::new(move |_| [exchange, exchange * axial]), None);
         turn(
             format!("in B with dx, dy, dz along x, y, z taken as {name}"),
-            &|p| [into_a(p) * exchange, into_a(p) * exchange * axial],
+            Box::new(move |p| [into_a(p) * exchange, into_a(p) * exchange * axial]),
             None,
         );
-        turn(format!("in axes that are {name}, loads as well"), &|_| [exchange, exchange * axial], Some(axial));
+        turn(
+            format!("in axes that are {name}, loads as well"),
+            Box::new(move |_| [exchange, exchange * axial]),
+            Some(axial),
+        );
     }
-    let mut loaded = |how: &str, force: f64, moment: f64| {
-        let mut other = readings.without(|_| false);
-        let scaled = |w: &Wrench<f64>| Wrench { force_n: w.force_n * force, moment_nm: w.moment_nm * moment };
-        for c in &mut other.conditions {
-            (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
-        }
-        all.push(Taken { how: how.into(), readings: other, is_as_predicted: false });
+    let mut otherwise = |how: String, taken: Taken<'a>| {
+        all.push(Way { how, taken, is_as_predicted: false });
     };
-    loaded("with forces in kgf or daN", GRAVITY, 1.0);
-    loaded("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY);
-    loaded("with moments in N·mm", 1.0, 1e-3);
-    loaded("with forces in kN", 1e3, 1.0);
+    for (how, force, moment) in [
+        ("with forces in kgf or daN", GRAVITY, 1.0),
+        ("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY),
+        ("with moments in N·mm", 1.0, 1e-3),
+        ("with forces in kN", 1e3, 1.0),
+    ] {
+        otherwise(how.into(), Box::new(move || Some(under_loads(readings, force, moment))));
+    }
     if readings.conditions.iter().all(|c| c.point_m == [0.0; 3]) {
-        let mut elsewhere = |how: String, load_too: bool| {
-            let mut other = readings.without(|_| false);
-            for c in &mut other.conditions {
-                c.point_m = tip_m.into();
-                if !load_too {
-                    // the same load, seen from there
-                    (c.wrench, c.turned_at) = (c.wrench.moved_to_a(-tip_m), c.turned_at.moved_to_a(-tip_m));
-                }
-            }
-            all.push(Taken { how, readings: other, is_as_predicted: false });
-        };
         let mm = tip_m * 1e3;
         let tip = format!("at the tool's tip (u, v, w = {:.0}, {:.0}, {:.0} mm)", mm.x, mm.y, mm.z);
-        elsewhere(format!("as displacements {tip}"), false);
-        elsewhere(format!("with displacements and loads {tip}"), true);
+        for (how, load_too) in
+            [(format!("as displacements {tip}"), false), (format!("with displacements and loads {tip}"), true)]
+        {
+            otherwise(how, Box::new(move || Some(at_point(readings, tip_m, load_too))));
+        }
     }
     all
 }
@@ -236,21 +261,18 @@ pub fn taken_otherwise(
     let said = left(&as_said, &as_said.residuals);
     let found: Vec<(String, f64)> = other_ways(readings, tip_m)
         .into_par_iter()
-        .filter_map(|taken| {
-            let (observations, experiment) =
-                (experiment::observations(&taken.readings, model), Experiment::new(model, &taken.readings));
+        .filter_map(|way| {
+            let taken = (way.taken)()?;
+            let (observations, experiment) = (experiment::observations(&taken, model), Experiment::new(model, &taken));
             let other = Problem::new(&observations, whitener, &experiment, problem.rules);
             let residuals = other.residuals(&[], &[])?;
             // no stiffness mends what is worse to begin with
             if residuals.norm_squared() >= as_said.residuals.norm_squared() {
                 return None;
             }
-            let rest = if taken.is_as_predicted {
-                left(&as_said, &residuals)
-            } else {
-                left(&at_declared(&other)?, &residuals)
-            };
-            Some((taken.how, rest))
+            let rest =
+                if way.is_as_predicted { left(&as_said, &residuals) } else { left(&at_declared(&other)?, &residuals) };
+            Some((way.how, rest))
         })
         .collect();
     // of what is alike the first, which is the plainest
