@@ -70,7 +70,7 @@ fn at_one_pose(blocks: &mut Blocks<'_>, usual: &[f64]) {
     for pose in 0..count {
         let term = |k: &usize| {
             let r: V8 = blocks.frames[pose].wrenches.row(*k).transpose();
-            Term::AtPose(pose, r * r.transpose() * usual[*k])
+            Term::AtPose(pose, Box::new(r * r.transpose() * usual[*k]))
         };
         let terms = ALL.iter().map(term).collect();
         let ln_prior = super::measurement::LN_PRIOR_OF_ODDITIES - (count as f64).ln();

@@ -123,7 +123,7 @@ impl World {
                 for (term, a) in self.terms[*b].iter().zip(amplitudes) {
                     match term {
                         Term::Elastic(e) => d += e[pose] * *a,
-                        Term::AtPose(at, e) if *at == pose => d += e * *a,
+                        Term::AtPose(at, e) if *at == pose => d += **e * *a,
                         Term::Beside(k) => beside += k[pose] * *a,
                         _ => {}
                     }
