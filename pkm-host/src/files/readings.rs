@@ -58,6 +58,23 @@ impl Condition {
     pub fn channels(&self) -> Range<usize> {
         if self.gauge.is_some() { GAUGE..CHANNELS } else { 0..GAUGE }
     }
+
+    /// What is the same of readings at one pose and point, along one gauge.
+    fn key_of_place(&self) -> Vec<u64> {
+        let mut key = bits(&self.point_m);
+        key.push(self.pose as u64);
+        key.extend(self.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
+        key
+    }
+
+    /// What is the same of readings under one condition.
+    fn key(&self) -> Vec<u64> {
+        let mut key = self.key_of_place();
+        key.extend(bits(self.wrench.to_vector().as_slice()));
+        key.extend(bits(self.turned_at.to_vector().as_slice()));
+        key.extend(bits(&[self.temperature_c, self.rise_k]));
+        key
+    }
 }
 
 /// One line of the file.
@@ -295,7 +312,6 @@ impl Readings {
             });
             let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
             let temperature_c = optional(sheet, row, "temperature_c")?.unwrap_or(REFERENCE_C);
-
             let unloaded = case.wrench.to_vector().iter().all(|f| *f == 0.0);
             let history = histories.entry(series).or_insert_with(|| History {
                 last: Wrench::ZERO,
@@ -313,25 +329,16 @@ impl Readings {
                 rise_k: if has_temperature { temperature_c - history.zero_temperature_c } else { 0.0 },
                 gauge: case.gauge,
             };
-            let mut key = bits(case.wrench.to_vector().as_slice());
-            key.extend(bits(&case.point_m));
-            key.extend(bits(history.turned_at.to_vector().as_slice()));
-            key.push(pose as u64);
-            let mut place = bits(&case.point_m);
-            place.push(pose as u64);
-            place.extend(case.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
             let name = if sheet.has("load") { sheet.cell(row, "load")? } else { "" };
             let own_random = optional(sheet, row, LOAD_RANDOM_COLUMN)?;
             let scatter = own_random.unwrap_or(load_random);
-            let repeat_of = repeats.number(place, name, [&case.wrench, &history.turned_at], scatter);
-            key.extend(bits(&[temperature_c, condition.rise_k]));
-            key.extend(case.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
-            let condition = *conditions_seen.entry(key).or_insert_with(|| {
+            let loads = [&case.wrench, &history.turned_at];
+            let repeat_of = repeats.number(condition.key_of_place(), name, loads, scatter);
+            let condition = *conditions_seen.entry(condition.key()).or_insert_with(|| {
                 conditions.push(condition);
                 conditions.len() - 1
             });
             let covariance = case.covariance.clone().map(Arc::new);
-            let load_random = own_random;
             readings.push(Reading {
                 line: row.line,
                 condition,
@@ -340,7 +347,7 @@ impl Readings {
                 observed,
                 sigma,
                 covariance,
-                load_random,
+                load_random: own_random,
             });
         }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
