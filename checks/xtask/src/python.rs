@@ -39,7 +39,8 @@ pub fn run() -> Outcome {
     let wheels = out.join("wheels").display().to_string();
     // what the program's release build has made of other people's crates is not built again
     let target = root().join("target");
-    output(python(&["-m", "maturin", "build", "--release", "--out", &wheels]).env("CARGO_TARGET_DIR", target))?;
+    let build = ["-m", "maturin", "build", "--release", "--compression-level", "9", "--out", &wheels];
+    output(python(&build).env("CARGO_TARGET_DIR", target))?;
     let wheel = only_file(Path::new(&wheels))?;
     let bytes = std::fs::metadata(&wheel).map_err(|e| e.to_string())?.len();
     println!("{}: {:.2} MB", wheel.display(), bytes as f64 / 1e6);
