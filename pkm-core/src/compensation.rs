@@ -16,6 +16,7 @@ use core::fmt;
 
 use nalgebra::{Vector3, Vector6};
 
+use crate::compensator::CarriedWeight;
 use crate::correction::{Corrected, CorrectionError, CorrectionTable, TableUncertainty};
 use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
 use crate::linalg::{self, is_finite};
@@ -122,12 +123,26 @@ pub struct KnownCycle<T> {
 }
 
 /// What is to be compensated in a period.
-pub(crate) struct Load<T> {
+pub(crate) struct Load<'a, T, const JOINTS: usize> {
     /// On the tip.
     pub wrench: Wrench<T>,
     /// Share of its deflection.
     pub gain: T,
     pub rise: TemperatureRise<T>,
+    /// What is carried, of which all is compensated.
+    pub carried: Option<&'a CarriedWeight<T, JOINTS>>,
+}
+
+impl<T: Scalar, const JOINTS: usize> Load<'_, T, JOINTS> {
+    /// Load and weight on the tip, and the share of their deflection that is to be compensated. `weight` is that of what is carried.
+    #[inline(always)] // without a weight next to nothing
+    pub fn with_weight(&self, weight: impl FnOnce(&CarriedWeight<T, JOINTS>) -> Wrench<T>) -> (Wrench<T>, T) {
+        let Wrench { force_n, moment_nm } = self.wrench;
+        let Some(carried) = self.carried else { return (self.wrench, self.gain) };
+        let weight = weight(carried);
+        let force_n = force_n * self.gain + weight.force_n;
+        (Wrench { force_n, moment_nm: moment_nm * self.gain + weight.moment_nm }, T::ONE)
+    }
 }
 
 /// What is asked beside a deflection: by how much its table may be off at a point of the platform.
