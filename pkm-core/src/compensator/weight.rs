@@ -8,7 +8,6 @@ use super::{Fault, Knowledge, offsets};
 use crate::compensation::Load;
 use crate::correction::CorrectionTable;
 use crate::five_axis::{Configuration, FiveAxis};
-use crate::kinematics::platform_axes;
 use crate::linalg::{is_finite, length};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
@@ -51,8 +50,8 @@ impl fmt::Display for WeightError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotFinite => f.write_str("a weight or its centre of mass is not finite"),
-            Self::TooHeavy => write!(f, "a weight is beyond {MAX_WEIGHT_N} N"),
-            Self::TooFar => write!(f, "a centre of mass is beyond {MAX_CENTRE_M} m"),
+            Self::TooHeavy => f.write_str("a weight is beyond 1e5 N"),
+            Self::TooFar => f.write_str("a centre of mass is farther than 10 m"),
             Self::NoReference(fault) => write!(f, "the weight has no reference where the machine was zeroed: {fault}"),
         }
     }
@@ -113,9 +112,8 @@ impl<T: Scalar> Weight<T> {
         Ok(())
     }
 
-    /// On a point, in axes in which x, y, z of B are the columns of `base`.
-    fn on(&self, base: &Matrix3<T>, at_m: Vector3<T>) -> Wrench<T> {
-        let force_n = base * self.force_n;
+    /// On a point, by its force in the axes of both.
+    fn on(&self, force_n: Vector3<T>, at_m: Vector3<T>) -> Wrench<T> {
         Wrench { force_n, moment_nm: (self.centre_m - at_m).cross(&force_n) }
     }
 }
@@ -168,9 +166,9 @@ impl<T: Scalar> CarriedWeight<T, 3> {
         })
     }
 
-    /// On the tip, in A-uvw. `base` as for [`Weight::on`].
+    /// On the tip, in A-uvw, where x, y, z of B are the columns of `base`.
     pub(crate) fn on_tip(&self, base: &Matrix3<T>, tip_m: Vector3<T>) -> Wrench<T> {
-        self.platform.on(base, tip_m)
+        self.platform.on(base * self.platform.force_n, tip_m)
     }
 }
 
@@ -201,12 +199,11 @@ impl<T: Scalar> CarriedWeight<T, 5> {
     /// On the tip, in the axes of T_h.
     #[inline(never)] // takes no stack while the deflection is worked out
     pub(crate) fn on_tool(&self, five: &FiveAxis<'_, T>, configuration: &Configuration<T>) -> Wrench<T> {
-        let Configuration { pose, beta_rad } = configuration;
-        let base = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()).transpose();
-        let held = five.wrist.held(*beta_rad);
+        let base = configuration.base_axes();
+        let held = five.wrist.held(configuration.beta_rad);
         let turn = held.axes().transpose();
-        let platform = self.platform.on(&base, held.tip);
-        let tool = self.tool.on(&(turn * base), Vector3::zeros());
+        let platform = self.platform.on(base * self.platform.force_n, held.tip);
+        let tool = self.tool.on(turn * (base * self.tool.force_n), Vector3::zeros());
         Wrench {
             force_n: turn * platform.force_n + tool.force_n,
             moment_nm: turn * platform.moment_nm + tool.moment_nm,
