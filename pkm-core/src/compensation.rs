@@ -134,14 +134,15 @@ pub(crate) struct Load<'a, T, const JOINTS: usize> {
 }
 
 impl<T: Scalar, const JOINTS: usize> Load<'_, T, JOINTS> {
-    /// Load and weight on the tip, and the share of their deflection that is to be compensated. `weight` is that of what is carried.
+    /// Takes the weight in, so that the deflection of all of it is to be compensated by [`gain`](Self::gain). `weight` is that of what is
+    /// carried. In place: a copy would take stack while the stiffness is worked out.
     #[inline(always)] // without a weight next to nothing
-    pub fn with_weight(&self, weight: impl FnOnce(&CarriedWeight<T, JOINTS>) -> Wrench<T>) -> (Wrench<T>, T) {
-        let Wrench { force_n, moment_nm } = self.wrench;
-        let Some(carried) = self.carried else { return (self.wrench, self.gain) };
+    pub fn add_weight(&mut self, weight: impl FnOnce(&CarriedWeight<T, JOINTS>) -> Wrench<T>) {
+        let Some(carried) = self.carried else { return };
         let weight = weight(carried);
-        let force_n = force_n * self.gain + weight.force_n;
-        (Wrench { force_n, moment_nm: moment_nm * self.gain + weight.moment_nm }, T::ONE)
+        self.wrench.force_n = self.wrench.force_n * self.gain + weight.force_n;
+        self.wrench.moment_nm = self.wrench.moment_nm * self.gain + weight.moment_nm;
+        self.gain = T::ONE;
     }
 }
 

@@ -256,7 +256,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         reading: &Reading<T>,
         second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
         offsets: impl FnOnce(
-            &Load<'_, T, JOINTS>,
+            &mut Load<'_, T, JOINTS>,
             &mut LoadHistory<T>,
         ) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
     ) -> Offset<T, JOINTS> {
@@ -272,7 +272,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         domain: Domain,
         reading: &Reading<T>,
         offsets: impl FnOnce(
-            &Load<'_, T, JOINTS>,
+            &mut Load<'_, T, JOINTS>,
             &mut LoadHistory<T>,
         ) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
     ) -> (SVector<T, JOINTS>, Option<Known<T>>, Option<Fault>) {
@@ -287,8 +287,8 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             (Domain::Outside, OutsideBox::Hold) => (self.joints, None, Some(Fault::OutsideBox)),
             (Domain::Outside, OutsideBox::Fade) => (none, None, Some(Fault::OutsideBox)),
             (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
-                let load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
-                match offsets(&load, &mut self.history) {
+                let mut load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
+                match offsets(&mut load, &mut self.history) {
                     Ok((joints, known)) => (joints, known, fault),
                     Err(fault) => (none, None, Some(fault)),
                 }
@@ -330,15 +330,15 @@ fn offsets<T: Scalar, const N: usize>(
     table: &CorrectionTable<'_, T>,
     knowledge: &Knowledge<'_, T, N>,
     (pose, posture, tip_m): (&Pose<T>, &Result<Posture<T>, KinematicsError>, Vector3<T>),
-    load: &Load<'_, T, 3>,
+    load: &mut Load<'_, T, 3>,
     history: &mut LoadHistory<T>,
 ) -> Result<(Vector3<T>, Option<Known<T>>), Fault> {
     let posture = match posture {
         Ok(posture) => posture,
         Err(e) => return Err(CorrectionError::from(*e).into()),
     };
-    let (wrench, gain) = load.with_weight(|carried| carried.on_tip(&posture.base(), tip_m));
-    let wrench = &wrench.moved_to_a(tip_m);
+    load.add_weight(|carried| carried.on_tip(&posture.base(), tip_m));
+    let wrench = &load.wrench.moved_to_a(tip_m);
     let mut doubt = Doubt { table: knowledge.table, tip_m, variance_m2: Vector3::zeros() };
     let at = (pose, posture);
     let mut loaded = compensation::deflection_at(machine, Some(table), at, wrench, Some(history), Some(&mut doubt))?;
@@ -347,7 +347,7 @@ fn offsets<T: Scalar, const N: usize>(
     }
     let known = knowledge.known(&doubt.variance_m2, &loaded.seen_at(tip_m).translation_m);
     let share = known.as_ref().map_or(T::ONE, |known| known.share);
-    let moved = loaded.times(gain * share).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
+    let moved = loaded.times(load.gain * share).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
     let offsets = machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q;
     Ok((load.carried.map_or(offsets, |carried| carried.beyond_zero(offsets, share)), known))
 }

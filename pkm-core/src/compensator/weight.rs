@@ -124,17 +124,17 @@ impl<T: Scalar, const JOINTS: usize> CarriedWeight<T, JOINTS> {
         platform: &Weight<T>,
         tool: &Weight<T>,
         domain: Domain,
-        whole: impl FnOnce(&Load<'_, T, JOINTS>) -> Result<SVector<T, JOINTS>, Fault>,
+        whole: impl FnOnce(&mut Load<'_, T, JOINTS>) -> Result<SVector<T, JOINTS>, Fault>,
     ) -> Result<Self, WeightError> {
         platform.check()?;
         tool.check()?;
         if domain == Domain::Outside {
             return Err(WeightError::NoReference(Fault::OutsideBox));
         }
-        let carried = Self { platform: *platform, tool: *tool, at_zero: SVector::zeros() };
-        let load = Load { wrench: Wrench::ZERO, gain: T::ONE, rise: T::ZERO.into(), carried: Some(&carried) };
-        let at_zero = whole(&load).map_err(WeightError::NoReference)?;
-        Ok(Self { at_zero, ..carried })
+        let mut carried = Self { platform: *platform, tool: *tool, at_zero: SVector::zeros() };
+        let mut load = Load { wrench: Wrench::ZERO, gain: T::ONE, rise: T::ZERO.into(), carried: Some(&carried) };
+        carried.at_zero = whole(&mut load).map_err(WeightError::NoReference)?;
+        Ok(carried)
     }
 
     /// What is left to compensate of offsets that make up for a share of all of the weight: the zeros hold the rest.

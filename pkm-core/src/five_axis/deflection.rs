@@ -164,25 +164,25 @@ impl<T: Scalar> FiveAxis<'_, T> {
         table: &CorrectionTable<'_, T>,
         knowledge: &Knowledge<'_, T, N>,
         configuration: &Configuration<T>,
-        load: &Load<'_, T, 5>,
+        load: &mut Load<'_, T, 5>,
         history: &mut LoadHistory<T>,
     ) -> Result<(SVector<T, 5>, Option<Known<T>>), ToolDeflectionError> {
         self.joints(configuration)?;
         let mut doubt = self.doubt(knowledge.table, configuration.beta_rad);
-        let (wrench, gain) = load.with_weight(|carried| carried.on_tool(self, configuration));
+        load.add_weight(|carried| carried.on_tool(self, configuration));
         // by reference: `?` would copy all of it
-        match &self.deflection_of(Some(table), configuration, &wrench, Some(history), Some(&mut doubt)) {
+        match &self.deflection_of(Some(table), configuration, &load.wrench, Some(history), Some(&mut doubt)) {
             Ok(loaded) => {
                 let ToolDeflection { translation_m, rotation_rad, .. } = *loaded;
                 let mut moved = Deflection { translation_m, rotation_rad };
                 if let Some(learned) = knowledge.learned {
-                    self.add_learned(learned, configuration, &wrench, &mut moved, &mut doubt)?;
+                    self.add_learned(learned, configuration, &load.wrench, &mut moved, &mut doubt)?;
                 }
                 let known = knowledge.known(&doubt.variance_m2, &moved.translation_m);
                 if let Some(known) = &known {
                     moved = moved.times(known.share);
                 }
-                let offsets = self.offsets_against(configuration, &moved.times(gain), load.rise)?;
+                let offsets = self.offsets_against(configuration, &moved.times(load.gain), load.rise)?;
                 let share = known.as_ref().map_or(T::ONE, |known| known.share);
                 Ok((load.carried.map_or(offsets, |carried| carried.beyond_zero(offsets, share)), known))
             }
