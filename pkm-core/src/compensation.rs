@@ -16,6 +16,7 @@ use core::fmt;
 
 use nalgebra::{Vector3, Vector6};
 
+use crate::compensator::CarriedWeight;
 use crate::correction::{Corrected, CorrectionError, CorrectionTable, TableUncertainty};
 use crate::kinematics::{KinematicsError, Posture, SINGULARITY_MARGIN};
 use crate::linalg::{self, is_finite};
@@ -122,12 +123,27 @@ pub struct KnownCycle<T> {
 }
 
 /// What is to be compensated in a period.
-pub(crate) struct Load<T> {
+pub(crate) struct Load<'a, T, const JOINTS: usize> {
     /// On the tip.
     pub wrench: Wrench<T>,
     /// Share of its deflection.
     pub gain: T,
     pub rise: TemperatureRise<T>,
+    /// What is carried, of which all is compensated.
+    pub carried: Option<&'a CarriedWeight<T, JOINTS>>,
+}
+
+impl<T: Scalar, const JOINTS: usize> Load<'_, T, JOINTS> {
+    /// Takes the weight in, so that the deflection of all of it is to be compensated by [`gain`](Self::gain). `weight` is that of what is
+    /// carried. In place: a copy would take stack while the stiffness is worked out.
+    #[inline(always)] // without a weight next to nothing
+    pub fn add_weight(&mut self, weight: impl FnOnce(&CarriedWeight<T, JOINTS>) -> Wrench<T>) {
+        let Some(carried) = self.carried else { return };
+        let weight = weight(carried);
+        self.wrench.force_n = self.wrench.force_n * self.gain + weight.force_n;
+        self.wrench.moment_nm = self.wrench.moment_nm * self.gain + weight.moment_nm;
+        self.gain = T::ONE;
+    }
 }
 
 /// What is asked beside a deflection: by how much its table may be off at a point of the platform.

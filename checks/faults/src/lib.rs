@@ -1,8 +1,8 @@
 //! Faults thrown at a compensator that runs, each with the reaction that `docs/stability.md` defines for it.
 //!
-//! Compensators of three screws and of five axes run through periods without the fault, with it, and without it again. What comes of it
-//! is a checksum of all that was computed, or what was not as it is defined. The same code runs as a test on the host, and in QEMU on a
-//! Cortex-M, where the checksums must be the host's. [`lessons`] does the same with readings and an estimator.
+//! Compensators of three screws and of five axes, with and without a weight, run through periods without the fault, with it, and without it
+//! again. What comes of it is a checksum of all that was computed, or what was not as it is defined. The same code runs as a test on the
+//! host, and in QEMU on a Cortex-M, where the checksums must be the host's. [`lessons`] does the same with readings and an estimator.
 
 #![no_std]
 #![forbid(unsafe_code)]
@@ -12,7 +12,7 @@ mod learning;
 use core::fmt;
 
 use pkm_core::checksum::{Damaged, MemoryChecksums, START, over_numbers};
-use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, Reading};
+use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Offset, Reading, Weight};
 use pkm_core::correction::{TableBuffer, TransferError};
 use pkm_core::nalgebra::{SVector, Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
@@ -68,7 +68,9 @@ const ALL: [Injected; 11] = [
 enum End {
     Same,
     Zero,
-    Opposite,
+    /// What the weight alone asks for.
+    WithoutLoad,
+    OppositeLoad,
 }
 
 /// Periods before, during and after the fault: each long enough for the filter and the rate limit.
@@ -84,6 +86,11 @@ const RISE_K: [f64; 4] = [2.5, 2.0, 1.0, 1.5];
 /// θ, σ, Z0, β1, β2, in the box of the reference table and out of it.
 const PLACE: [f64; 5] = [0.1, -0.05, 0.53, 0.3, -0.2];
 const OUTSIDE: [f64; 5] = [0.3, -0.05, 0.53, 0.3, -0.2];
+/// Where the machine was zeroed.
+const ZERO: [f64; 5] = [0.0, 0.0, 0.53, 0.0, 0.0];
+/// Force and centre of mass of what platform and tool weigh.
+const PLATFORM: [[f64; 3]; 2] = [[600.0, -150.0, -480.0], [0.02, -0.01, 0.1]];
+const TOOL: [[f64; 3]; 2] = [[150.0, -37.5, -120.0], [0.12, 0.01, -0.2]];
 
 /// A period of a controller.
 struct Period<T> {
@@ -108,8 +115,9 @@ impl Injected {
 
     fn end(self) -> End {
         match self {
-            Self::SensorStuck | Self::SensorNotFinite | Self::LoadLeftOn | Self::OutsideBox => End::Zero,
-            Self::SensorReversed => End::Opposite,
+            Self::LoadLeftOn | Self::OutsideBox => End::Zero,
+            Self::SensorStuck | Self::SensorNotFinite => End::WithoutLoad,
+            Self::SensorReversed => End::OppositeLoad,
             Self::SensorSpike
             | Self::PeriodsSkipped
             | Self::TemperatureLost
@@ -142,13 +150,9 @@ impl Injected {
                 _ => {}
             }
         }
-        let [theta_rad, sigma_rad, z0_m, beta1, beta2] = place.map(T::from_f64);
         let [first, second, third, platforms_k] = rise_k.map(T::from_f64);
         Some(Period {
-            configuration: Configuration {
-                pose: Pose { theta_rad, sigma_rad, z0_m },
-                beta_rad: Vector2::new(beta1, beta2),
-            },
+            configuration: configuration(place),
             reading: Reading {
                 enabled,
                 wrench: Wrench::from_vector(Vector6::from(reading.map(T::from_f64))),
@@ -156,6 +160,16 @@ impl Injected {
             },
         })
     }
+}
+
+fn configuration<T: Scalar>(place: [f64; 5]) -> Configuration<T> {
+    let [theta_rad, sigma_rad, z0_m, beta1, beta2] = place.map(T::from_f64);
+    Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad: Vector2::new(beta1, beta2) }
+}
+
+fn weight<T: Scalar>([force_n, centre_m]: [[f64; 3]; 2]) -> Weight<T> {
+    let vector = |v: [f64; 3]| v.map(T::from_f64).into();
+    Weight { force_n: vector(force_n), centre_m: vector(centre_m) }
 }
 
 /// In −1…1, by a multiplicative hash.
@@ -242,27 +256,52 @@ fn inject<T: Scalar>(fault: Injected, controller: &Controller<T>) -> Result<u64,
     let five = &FiveAxis { machine: if of_temperature { steel } else { five.machine }, wrist: five.wrist };
     let stuck_s = STUCK_PERIODS as f64 * CompensatorSettings::DEFAULT.period_s;
     let settings = CompensatorSettings { stuck_s, ..CompensatorSettings::DEFAULT };
-    let (Ok(mut screws), Ok(mut axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
-    else {
+    let (Ok(screws), Ok(axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings)) else {
         return Err("the settings are refused");
     };
     let tip = Vector3::from(TIP_M.map(T::from_f64));
-    let of_screws = run(fault, &settings, |Period { configuration, reading }: &Period<T>| {
-        screws.update(table, five.machine, &configuration.pose, tip, reading)
-    })?;
-    let of_axes = run(fault, &settings, |Period { configuration, reading }: &Period<T>| {
-        axes.update(table, five, configuration, reading)
-    })?;
+    let zero = configuration(ZERO);
+    let of_screws = CarriedWeight::<T, 3>::new(table, five.machine, &weight(PLATFORM), (&zero.pose, tip));
+    let of_axes = CarriedWeight::<T, 5>::new(table, five, &weight(PLATFORM), &weight(TOOL), &zero);
+    let (Ok(of_screws), Ok(of_axes)) = (of_screws, of_axes) else { return Err("the weight is refused") };
+    let mut sum = 0_u64;
+    for (of_screws, of_axes) in [(None, None), (Some(of_screws), Some(of_axes))] {
+        let (mut screws, mut axes) = (screws, axes);
+        screws.set_weight(of_screws);
+        axes.set_weight(of_axes);
+        let of_screws = run(fault, &settings, screws, |screws, Period { configuration, reading }: &Period<T>| {
+            screws.update(table, five.machine, &configuration.pose, tip, reading)
+        })?;
+        let of_axes = run(fault, &settings, axes, |axes, Period { configuration, reading }: &Period<T>| {
+            axes.update(table, five, configuration, reading)
+        })?;
+        sum = sum.rotate_left(2) ^ of_screws ^ of_axes.rotate_left(1);
+    }
     guards(fault, controller)?;
-    Ok(of_screws ^ of_axes.rotate_left(1))
+    Ok(sum)
+}
+
+/// What a compensator asks for at rest without a load.
+fn without_load<T: Scalar, const JOINTS: usize>(
+    mut compensator: Compensator<T, JOINTS>,
+    update: impl Fn(&mut Compensator<T, JOINTS>, &Period<T>) -> Offset<T, JOINTS>,
+) -> SVector<f64, JOINTS> {
+    let reading = Reading { enabled: true, wrench: Wrench::ZERO, rise: T::ZERO.into() };
+    let period = Period { configuration: configuration(PLACE), reading };
+    for _ in 0..PERIODS {
+        update(&mut compensator, &period);
+    }
+    compensator.joints().map(T::to_f64)
 }
 
 /// All periods of one compensator.
 fn run<T: Scalar, const JOINTS: usize>(
     fault: Injected,
     settings: &CompensatorSettings,
-    mut update: impl FnMut(&Period<T>) -> Offset<T, JOINTS>,
+    mut compensator: Compensator<T, JOINTS>,
+    update: impl Fn(&mut Compensator<T, JOINTS>, &Period<T>) -> Offset<T, JOINTS>,
 ) -> Result<u64, &'static str> {
+    let alone = without_load(compensator, &update);
     let rounding = 1.0 + 1e-5;
     let largest: [f64; 2] = [settings.max_screw_m * rounding, settings.max_wrist_rad * rounding];
     let step =
@@ -273,7 +312,7 @@ fn run<T: Scalar, const JOINTS: usize>(
     for period in 0..3 * PERIODS {
         let faulty = period.checked_sub(PERIODS).filter(|faulty| *faulty < PERIODS);
         if let Some(inputs) = fault.period(period, faulty) {
-            let offset = update(&inputs);
+            let offset = update(&mut compensator, &inputs);
             let now = offset.joints.map(T::to_f64);
             for (joint, (now, last)) in now.iter().zip(&last).enumerate() {
                 let kind = usize::from(joint >= 3);
@@ -308,7 +347,8 @@ fn run<T: Scalar, const JOINTS: usize>(
     let expected = match fault.end() {
         End::Same => before,
         End::Zero => before * 0.0,
-        End::Opposite => -before,
+        End::WithoutLoad => alone,
+        End::OppositeLoad => alone * 2.0 - before,
     };
     if !(before.amax() > 1e-6) {
         return Err("nothing is compensated before the fault");

@@ -125,6 +125,15 @@ enum PkmError
   PKM_ERROR_TEMPERATURE_LOST = 83,
   // The pose is outside the table's box.
   PKM_ERROR_OUTSIDE_BOX = 84,
+  // A weight or its centre of mass is NaN or infinite.
+  PKM_ERROR_WEIGHT_NOT_FINITE = 85,
+  // A weight is beyond 1e5 N, ten tonnes.
+  PKM_ERROR_WEIGHT_TOO_HEAVY = 86,
+  // A centre of mass is farther than 10 m.
+  PKM_ERROR_WEIGHT_TOO_FAR = 87,
+  // Where the machine was zeroed the weight cannot be compensated, so that there is no reference: outside the table's box, or no
+  // place, posture or stiffness there.
+  PKM_ERROR_WEIGHT_NO_REFERENCE = 88,
   // A reading of the tip has no component, or more than six.
   PKM_ERROR_READING_COMPONENTS = 90,
   // A reading of the tip is older than the last one.
@@ -1029,6 +1038,24 @@ typedef struct {
   // Of each joint.
   float acceleration[5];
 } PkmJointMotion_f32;
+
+// The weight of something rigid: only what no force sensor shows.
+typedef struct {
+  // Mass times g, as a force along x, y, z of B; at most 1e5 N.
+  double force_n[3];
+  // Its centre of mass, at most 10 m away: of what is rigid with the platform in A-uvw; of what turns with the tool in the axes of the
+  // tool, from its tip.
+  double centre_m[3];
+} PkmWeight_f64;
+
+// The weight of something rigid: only what no force sensor shows.
+typedef struct {
+  // Mass times g, as a force along x, y, z of B; at most 1e5 N.
+  float force_n[3];
+  // Its centre of mass, at most 10 m away: of what is rigid with the platform in A-uvw; of what turns with the tool in the axes of the
+  // tool, from its tip.
+  float centre_m[3];
+} PkmWeight_f32;
 
 
 
@@ -2037,6 +2064,78 @@ PKM_MUST_USE
 PkmError pkm_feed_share_f32(const PkmJointMotion_f32 *joints,
                             const PkmJointMotion_f32 *limits,
                             float *share);
+
+// What platform and tool weigh, for a compensator of the three screws. From now on it compensates what that does beyond what
+// it did where the machine was zeroed, whole; the offset goes there at its rate limit. The reference is worked out with the
+// machine, as warm as it was, and the table: set the weight again when another table comes. `zeroed_at` and `tip` are pose and tip of the
+// zero. It takes the time of an update. With an error the weight stays what it was.
+//
+// Errors: NOT_INITIALISED, WEIGHT_NOT_FINITE, WEIGHT_TOO_HEAVY, WEIGHT_TOO_FAR, WEIGHT_NO_REFERENCE.
+PKM_MUST_USE
+PkmError pkm_compensator_set_weight_f64(PkmCompensator_f64 *compensator,
+                                        const PkmMachine_f64 *machine,
+                                        const PkmTable_f64 *table,
+                                        const PkmWeight_f64 *weight,
+                                        const PkmPose_f64 *zeroed_at,
+                                        const PkmPoint_f64 *tip);
+
+// No weight from now on, as after the init.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_compensator_clear_weight_f64(PkmCompensator_f64 *compensator);
+
+// The same for the five axes: `platform` is what is rigid with the platform, `tool` what turns with the tool.
+//
+// Errors: those for three screws.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_set_weight_f64(PkmToolCompensator_f64 *compensator,
+                                             const PkmMachine_f64 *machine,
+                                             const PkmTable_f64 *table,
+                                             const PkmWrist_f64 *wrist,
+                                             const PkmWeight_f64 *platform,
+                                             const PkmWeight_f64 *tool,
+                                             const PkmConfiguration_f64 *zeroed_at);
+
+// No weight from now on, as after the init.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_tool_compensator_clear_weight_f64(PkmToolCompensator_f64 *compensator);
+
+// What platform and tool weigh, for a compensator of the three screws. From now on it compensates what that does beyond what
+// it did where the machine was zeroed, whole; the offset goes there at its rate limit. The reference is worked out with the
+// machine, as warm as it was, and the table: set the weight again when another table comes. `zeroed_at` and `tip` are pose and tip of the
+// zero. It takes the time of an update. With an error the weight stays what it was.
+//
+// Errors: NOT_INITIALISED, WEIGHT_NOT_FINITE, WEIGHT_TOO_HEAVY, WEIGHT_TOO_FAR, WEIGHT_NO_REFERENCE.
+PKM_MUST_USE
+PkmError pkm_compensator_set_weight_f32(PkmCompensator_f32 *compensator,
+                                        const PkmMachine_f32 *machine,
+                                        const PkmTable_f32 *table,
+                                        const PkmWeight_f32 *weight,
+                                        const PkmPose_f32 *zeroed_at,
+                                        const PkmPoint_f32 *tip);
+
+// No weight from now on, as after the init.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_compensator_clear_weight_f32(PkmCompensator_f32 *compensator);
+
+// The same for the five axes: `platform` is what is rigid with the platform, `tool` what turns with the tool.
+//
+// Errors: those for three screws.
+PKM_MUST_USE
+PkmError pkm_tool_compensator_set_weight_f32(PkmToolCompensator_f32 *compensator,
+                                             const PkmMachine_f32 *machine,
+                                             const PkmTable_f32 *table,
+                                             const PkmWrist_f32 *wrist,
+                                             const PkmWeight_f32 *platform,
+                                             const PkmWeight_f32 *tool,
+                                             const PkmConfiguration_f32 *zeroed_at);
+
+// No weight from now on, as after the init.
+//
+// Errors: NOT_INITIALISED.
+PKM_MUST_USE PkmError pkm_tool_compensator_clear_weight_f32(PkmToolCompensator_f32 *compensator);
 
 #ifdef __cplusplus
 }  // extern "C"

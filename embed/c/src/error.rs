@@ -4,7 +4,7 @@ use core::ffi::{CStr, c_char};
 
 use pkm_core::TemperatureError;
 use pkm_core::checksum::Damaged;
-use pkm_core::compensator::{Fault, SettingsError};
+use pkm_core::compensator::{Fault, SettingsError, WeightError};
 use pkm_core::self_test::SelfTestFault;
 use pkm_core::{
     CompensationError, CorrectionError, CycleError, KinematicsError, StiffnessError, ToolDeflectionError, ToolError,
@@ -90,6 +90,15 @@ pub enum PkmError {
     TemperatureLost = 83,
     /// The pose is outside the table's box.
     OutsideBox = 84,
+    /// A weight or its centre of mass is NaN or infinite.
+    WeightNotFinite = 85,
+    /// A weight is beyond 1e5 N, ten tonnes.
+    WeightTooHeavy = 86,
+    /// A centre of mass is farther than 10 m.
+    WeightTooFar = 87,
+    /// Where the machine was zeroed the weight cannot be compensated, so that there is no reference: outside the table's box, or no
+    /// place, posture or stiffness there.
+    WeightNoReference = 88,
     /// A reading of the tip has no component, or more than six.
     ReadingComponents = 90,
     /// A reading of the tip is older than the last one.
@@ -152,6 +161,10 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         82 => c"the reading of the wrench is stuck",
         83 => c"a temperature is lost",
         84 => c"the pose is outside the table's box",
+        85 => c"a weight or its centre of mass is not finite",
+        86 => c"a weight is beyond 1e5 N",
+        87 => c"a centre of mass is farther than 10 m",
+        88 => c"the weight has no reference where the machine was zeroed",
         90 => c"a reading of the tip has one to six components",
         91 => c"the reading of the tip is older than the last one",
         92 => c"the load is too small for the reading of the tip to tell anything",
@@ -281,6 +294,18 @@ impl From<ToolDeflectionError> for PkmError {
 impl From<SettingsError> for PkmError {
     fn from(_: SettingsError) -> Self {
         Self::SettingOutOfRange
+    }
+}
+
+impl From<WeightError> for PkmError {
+    fn from(error: WeightError) -> Self {
+        match error {
+            WeightError::NotFinite => Self::WeightNotFinite,
+            WeightError::TooHeavy => Self::WeightTooHeavy,
+            WeightError::TooFar => Self::WeightTooFar,
+            WeightError::NoReference(_) => Self::WeightNoReference,
+            _ => Self::Unknown,
+        }
     }
 }
 

@@ -21,6 +21,7 @@ mod pointers;
 mod table;
 mod tool;
 mod types;
+mod weight;
 
 pub use compensator::*;
 pub use error::{PkmError, pkm_error_text};
@@ -31,6 +32,7 @@ pub use known::*;
 pub use table::*;
 pub use tool::*;
 pub use types::*;
+pub use weight::*;
 
 use pkm_core::checksum::MemoryChecksums;
 use pkm_core::{FiveAxis, Machine, Scalar, Wrench, self_test};

@@ -1,5 +1,5 @@
 /* Runs the compensators for thousands of periods with readings that lie, stick, jump and vanish, for `cargo xtask c` to hold
- * against the host: every 50 periods a line with the kind, the period, the last limit, domain and fault, the bits of the last
+ * against the host, in the last quarter with a weight: every 50 periods a line with the kind, the period, the last limit, domain and fault, the bits of the last
  * offsets as doubles, and a sum over all offsets so far. */
 
 #include <math.h>
@@ -76,8 +76,8 @@ static int settings(PkmCompensatorSettings *s) {
     return 0;
 }
 
-/* JOINTS is 3 or 5, UPDATE a call that updates with `in` and `out`. */
-#define RUN(NAME, KIND, T, S, JOINTS, UPDATE)                                                                       \
+/* JOINTS is 3 or 5, CARRY a call that sets a weight, UPDATE one that updates with `in` and `out`. */
+#define RUN(NAME, KIND, T, S, JOINTS, CARRY, UPDATE)                                                                \
     static int run_##NAME##_##S(void) {                                                                             \
         static uint64_t room[128];                                                                                  \
         PkmCompensatorSettings set;                                                                                 \
@@ -103,6 +103,7 @@ static int settings(PkmCompensatorSettings *s) {
             const PkmConfiguration_##S at = {{(T)p.pose[0], (T)p.pose[1], (T)p.pose[2]},                            \
                                              {(T)p.beta[0], (T)p.beta[1]}};                                         \
             if (k == PERIODS / 2 && pkm_##NAME##_reset_##S(compensator)) return 1;                                  \
+            if (k == 3 * PERIODS / 4 && CARRY) return 1;                                                            \
             if (UPDATE) return 1;                                                                                   \
             const T joint[5] = {out.screws_m[0], out.screws_m[1], out.screws_m[2], out.wrist_rad[0], out.wrist_rad[1]};\
             for (int i = 0; i < JOINTS; i++) bits[i] = bits_of(joint[i]);                                           \
@@ -118,9 +119,16 @@ static int settings(PkmCompensatorSettings *s) {
 
 #define BOTH(T, S)                                                                                                  \
     static const PkmPoint_##S tip_##S = {{(T)0.01, (T)-0.02, (T)0.3}};                                              \
+    static const PkmConfiguration_##S home_##S = {{(T)0.0, (T)0.0, (T)0.53}, {(T)0.0, (T)0.0}};                     \
+    static const PkmWeight_##S platform_##S = {{(T)600.0, (T)-150.0, (T)-480.0}, {(T)0.02, (T)-0.01, (T)0.1}};      \
+    static const PkmWeight_##S carried_##S = {{(T)150.0, (T)-37.5, (T)-120.0}, {(T)0.12, (T)0.01, (T)-0.2}};        \
     RUN(compensator, PkmCompensator, T, S, 3,                                                                       \
+        pkm_compensator_set_weight_##S(compensator, pkm_machine_##S(), pkm_table_##S(), &platform_##S,              \
+                                       &home_##S.pose, &tip_##S),                                                   \
         pkm_compensator_update_##S(compensator, pkm_machine_##S(), pkm_table_##S(), &at.pose, &tip_##S, &in, &out)) \
     RUN(tool_compensator, PkmToolCompensator, T, S, 5,                                                              \
+        pkm_tool_compensator_set_weight_##S(compensator, pkm_machine_##S(), pkm_table_##S(), pkm_wrist_##S(),       \
+                                            &platform_##S, &carried_##S, &home_##S),                                \
         pkm_tool_compensator_update_##S(compensator, pkm_machine_##S(), pkm_table_##S(), pkm_wrist_##S(), &at, &in, &out))
 
 BOTH(double, f64)

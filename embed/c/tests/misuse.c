@@ -28,6 +28,40 @@ static void check(int holds, const char *what, int line) {
         }                                                              \
     } while (0)
 
+/* What a compensator carries: a refusal changes nothing. */
+static void weights(PkmCompensator_f64 *c, const PkmPoint_f64 *tip) {
+    const PkmMachine_f64 *machine = pkm_machine_f64();
+    const PkmTable_f64 *table = pkm_table_f64();
+    const PkmPose_f64 zero = {0.0, 0.0, 0.53}, away = {0.2, -0.15, 0.55}, unset = {0.0, 0.0, 0.0};
+    const PkmReading_f64 reading = {1, {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, {{0.0, 0.0, 0.0}, 0.0}};
+    const PkmWeight_f64 weight = {{600.0, -150.0, -480.0}, {0.02, -0.01, 0.1}};
+    const PkmWeight_f64 wrong[] = {{{NAN, 0.0, 0.0}, {0.0, 0.0, 0.0}}, {{0.0, 1.1e5, 0.0}, {0.0, 0.0, 0.0}},
+                                   {{0.0, 1.0, 0.0}, {0.0, 0.0, 11.0}}};
+    const PkmError refusals[] = {PKM_ERROR_WEIGHT_NOT_FINITE, PKM_ERROR_WEIGHT_TOO_HEAVY, PKM_ERROR_WEIGHT_TOO_FAR};
+    static uint64_t before[128];
+    PkmOffset_f64 offset;
+
+    CHECK(pkm_compensator_set_weight_f64(c, machine, table, &weight, &zero, tip) == PKM_ERROR_OK);
+    memcpy(before, c, pkm_compensator_size_f64());
+    for (int i = 0; i < 3; i++) {
+        CHECK(pkm_compensator_set_weight_f64(c, machine, table, &wrong[i], &zero, tip) == refusals[i]);
+        CHECK(strcmp(pkm_error_text(refusals[i]), "unknown error") != 0);
+    }
+    CHECK(pkm_compensator_set_weight_f64(c, machine, table, &weight, &unset, tip) == PKM_ERROR_WEIGHT_NO_REFERENCE);
+    CHECK(pkm_compensator_set_weight_f64(c, machine, table, NULL, &zero, tip) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_compensator_set_weight_f64(c, machine, table, &weight, NULL, tip) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_compensator_set_weight_f64(NULL, machine, table, &weight, &zero, tip) == PKM_ERROR_NULL_POINTER);
+    CHECK(memcmp(before, c, pkm_compensator_size_f64()) == 0);
+    CHECK(pkm_compensator_update_f64(c, machine, table, &zero, tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(offset.screws_m[0] == 0.0 && offset.screws_m[1] == 0.0 && offset.screws_m[2] == 0.0);
+    CHECK(pkm_compensator_update_f64(c, machine, table, &away, tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(offset.screws_m[0] != 0.0);
+    CHECK(pkm_compensator_clear_weight_f64(c) == PKM_ERROR_OK && pkm_compensator_clear_weight_f64(NULL) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_compensator_reset_f64(c) == PKM_ERROR_OK);
+    CHECK(pkm_compensator_update_f64(c, machine, table, &away, tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(offset.screws_m[0] == 0.0);
+}
+
 /* A compensator's memory, machine, settings, inputs. */
 static void compensators(void) {
     const PkmMachine_f64 *machine = pkm_machine_f64();
@@ -89,6 +123,7 @@ static void compensators(void) {
     CHECK(pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset) == PKM_ERROR_OK);
     CHECK(offset.fault == PKM_ERROR_TEMPERATURE_LOST && offset.screws_m[0] != 0.0 && offset.wrist_rad[0] == 0.0);
     CHECK(pkm_compensator_reset_f64(c) == PKM_ERROR_OK);
+    weights(c, &tip);
 
     /* a compensator of the other kind, and what was left of it */
     memcpy(tool_room, room, sizeof room);

@@ -19,7 +19,8 @@ It learns from readings of the tip under a load, docs/estimation.md: at a rising
 With \\fBstate=FILE\\fR it goes on from what FILE holds, and writes what it knows there when it is unloaded: no file is touched while
 it runs. What is learned is compensated while \\fBuse-learned\\fR is true.
 
-Parameters are settings of the compensator, docs/stability.md. A change is taken up while \\fBenable\\fR is false and all offsets are
+Parameters are settings of the compensator, docs/stability.md. With \\fBplatform-weight-*\\fR or \\fBtool-weight-*\\fR, and the joints
+\\fBzeroed-at-*\\fR, it compensates what gravity does beyond what it did there. A change is taken up while \\fBenable\\fR is false and all offsets are
 zero.""";
 
 author "pkm";
@@ -106,6 +107,19 @@ param rw float max-wrist-deg "largest offset of a wrist joint";
 param rw float screw-rate-mm-per-s "fastest offset of a screw";
 param rw float wrist-rate-deg-per-s "fastest offset of a wrist joint";
 param rw s32 outside-box "outside the table's box: 0 hold the offsets, 1 let them go to zero, 2 extrapolate";
+param rw float platform-weight-x-n "weight of what is rigid with the platform, as a force along x of the base; only what no sensor shows";
+param rw float platform-weight-y-n;
+param rw float platform-weight-z-n;
+param rw float platform-centre-u-mm "its centre of mass from A, in the platform's axes";
+param rw float platform-centre-v-mm;
+param rw float platform-centre-w-mm;
+param rw float tool-weight-x-n "weight of what turns with the tool, as a force along x of the base; only what no sensor shows";
+param rw float tool-weight-y-n;
+param rw float tool-weight-z-n;
+param rw float tool-centre-x-mm "its centre of mass from the tip, in the tool's axes";
+param rw float tool-centre-y-mm;
+param rw float tool-centre-z-mm;
+param rw float zeroed-at-#[5] "where the joints stood when the machine was zeroed: mm, degrees; weights ask for it";
 function from_drives fp "takes the offsets off the feedback; before motion-controller in the servo thread";
 function to_drives fp "all the rest; behind motion-controller";
 ;;
@@ -146,8 +160,15 @@ static PkmError restored = PKM_ERROR_OK;
 /* whether the pins say what is known: they are not there yet when the module is set up */
 static int is_told;
 
+/* What it is made with. */
+typedef struct {
+    PkmCompensatorSettings set;
+    PkmWeight_f64 platform, tool;
+    PkmJoints_f64 zeroed_at;
+} Asked;
+
 /* what it was asked to be made with, and whether it could be */
-static PkmCompensatorSettings asked;
+static Asked asked;
 static PkmError asked_found = PKM_ERROR_NOT_INITIALISED;
 
 /* the table that is compiled in, some numbers of it each period */
@@ -159,36 +180,59 @@ static int was_on;
 /* whether probe was true then */
 static int was_probed;
 
-static PkmError make(const PkmCompensatorSettings *settings) {
+static int weighs(const PkmWeight_f64 *weight) {
+    return weight->force_n[0] != 0 || weight->force_n[1] != 0 || weight->force_n[2] != 0;
+}
+
+static PkmError make(const Asked *with) {
     const PkmChecksums sums = {pkm_machine_checksum(), pkm_wrist_checksum(), pkm_table_checksum()};
-    return pkm_tool_compensator_init_f64(compensator, pkm_tool_compensator_size_f64(), settings, sizeof *settings, &sums);
+    PkmError found = pkm_tool_compensator_init_f64(compensator, pkm_tool_compensator_size_f64(), &with->set,
+                                                   sizeof with->set, &sums);
+    if (found != PKM_ERROR_OK || (!weighs(&with->platform) && !weighs(&with->tool))) return found;
+    PkmToolPlace_f64 zero;
+    if (pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &with->zeroed_at, &zero) != PKM_ERROR_OK) {
+        return PKM_ERROR_WEIGHT_NO_REFERENCE;
+    }
+    return pkm_tool_compensator_set_weight_f64(compensator, pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(),
+                                               &with->platform, &with->tool, &zero.configuration);
+}
+
+static void take_weights(const struct __comp_state *__comp_inst, Asked *now) {
+    now->platform = (PkmWeight_f64){{platform_weight_x_n, platform_weight_y_n, platform_weight_z_n},
+                                    {platform_centre_u_mm / MM, platform_centre_v_mm / MM, platform_centre_w_mm / MM}};
+    now->tool = (PkmWeight_f64){{tool_weight_x_n, tool_weight_y_n, tool_weight_z_n},
+                                {tool_centre_x_mm / MM, tool_centre_y_mm / MM, tool_centre_z_mm / MM}};
+    now->zeroed_at = (PkmJoints_f64){{{zeroed_at(0) / MM, zeroed_at(1) / MM, zeroed_at(2) / MM}},
+                                     {zeroed_at(3) / DEG, zeroed_at(4) / DEG}};
 }
 
 /* Makes the compensator anew when the parameters have changed. */
 static void take_settings(const struct __comp_state *__comp_inst, long period_ns) {
-    PkmCompensatorSettings now;
+    Asked now;
     memset(&now, 0, sizeof now); /* what lies between the numbers is compared, too */
-    now.period_s = period_ns * 1e-9;
-    now.gain = __comp_inst->gain;
-    now.filter_s = __comp_inst->filter_s;
-    now.dead_band_n = __comp_inst->dead_band_n;
-    now.dead_band_nm = __comp_inst->dead_band_nm;
-    now.max_force_n = __comp_inst->max_force_n;
-    now.max_moment_nm = __comp_inst->max_moment_nm;
-    now.hold_s = __comp_inst->hold_s;
-    now.stuck_s = __comp_inst->stuck_s;
-    now.max_screw_m = max_screw_mm / MM;
-    now.max_wrist_rad = max_wrist_deg / DEG;
-    now.screw_rate_m_per_s = screw_rate_mm_per_s / MM;
-    now.wrist_rate_rad_per_s = wrist_rate_deg_per_s / DEG;
-    now.outside_box = __comp_inst->outside_box;
+    PkmCompensatorSettings *set = &now.set;
+    set->period_s = period_ns * 1e-9;
+    set->gain = __comp_inst->gain;
+    set->filter_s = __comp_inst->filter_s;
+    set->dead_band_n = __comp_inst->dead_band_n;
+    set->dead_band_nm = __comp_inst->dead_band_nm;
+    set->max_force_n = __comp_inst->max_force_n;
+    set->max_moment_nm = __comp_inst->max_moment_nm;
+    set->hold_s = __comp_inst->hold_s;
+    set->stuck_s = __comp_inst->stuck_s;
+    set->max_screw_m = max_screw_mm / MM;
+    set->max_wrist_rad = max_wrist_deg / DEG;
+    set->screw_rate_m_per_s = screw_rate_mm_per_s / MM;
+    set->wrist_rate_rad_per_s = wrist_rate_deg_per_s / DEG;
+    set->outside_box = __comp_inst->outside_box;
+    take_weights(__comp_inst, &now);
     if (!memcmp(&now, &asked, sizeof now)) return;
     asked = now;
     asked_found = make(&now);
     if (asked_found != PKM_ERROR_OK) {
-        const char *name = pkm_compensator_setting_out_of_range(&now, sizeof now);
-        rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s: %s; nothing is compensated\n", pkm_error_text(asked_found),
-                        name ? name : "not the settings");
+        const char *name = pkm_compensator_setting_out_of_range(set, sizeof *set);
+        rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s%s%s; nothing is compensated\n", pkm_error_text(asked_found),
+                        name ? ": " : "", name ? name : "");
     }
 }
 
@@ -386,10 +430,11 @@ EXTRA_SETUP() {
         !is_for(us, "table", table, pkm_table_checksum()) || !is_sound(us)) {
         return -EINVAL;
     }
-    PkmCompensatorSettings set;
-    PkmError found = pkm_compensator_defaults(&set, sizeof set);
+    Asked with;
+    memset(&with, 0, sizeof with);
+    PkmError found = pkm_compensator_defaults(&with.set, sizeof with.set);
     compensator = hal_malloc(pkm_tool_compensator_size_f64());
-    if (found == PKM_ERROR_OK) found = make(&set);
+    if (found == PKM_ERROR_OK) found = make(&with);
     if (found == PKM_ERROR_OK) found = pkm_table_watch_begin_f64(&watch, pkm_table_f64());
     PkmEstimator_f64 *room = hal_malloc(pkm_estimator_size_f64());
     if (found == PKM_ERROR_OK) found = pkm_estimator_init_f64(room, pkm_estimator_size_f64(), &LEARNED, sizeof LEARNED);
@@ -397,19 +442,19 @@ EXTRA_SETUP() {
         rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s\n", pkm_error_text(found));
         return -EINVAL;
     }
-    __comp_inst->gain = set.gain;
-    __comp_inst->filter_s = set.filter_s;
-    __comp_inst->dead_band_n = set.dead_band_n;
-    __comp_inst->dead_band_nm = set.dead_band_nm;
-    __comp_inst->max_force_n = set.max_force_n;
-    __comp_inst->max_moment_nm = set.max_moment_nm;
-    __comp_inst->hold_s = set.hold_s;
-    __comp_inst->stuck_s = set.stuck_s;
-    max_screw_mm = set.max_screw_m * MM;
-    max_wrist_deg = set.max_wrist_rad * DEG;
-    screw_rate_mm_per_s = set.screw_rate_m_per_s * MM;
-    wrist_rate_deg_per_s = set.wrist_rate_rad_per_s * DEG;
-    __comp_inst->outside_box = set.outside_box;
+    __comp_inst->gain = with.set.gain;
+    __comp_inst->filter_s = with.set.filter_s;
+    __comp_inst->dead_band_n = with.set.dead_band_n;
+    __comp_inst->dead_band_nm = with.set.dead_band_nm;
+    __comp_inst->max_force_n = with.set.max_force_n;
+    __comp_inst->max_moment_nm = with.set.max_moment_nm;
+    __comp_inst->hold_s = with.set.hold_s;
+    __comp_inst->stuck_s = with.set.stuck_s;
+    max_screw_mm = with.set.max_screw_m * MM;
+    max_wrist_deg = with.set.max_wrist_rad * DEG;
+    screw_rate_mm_per_s = with.set.screw_rate_m_per_s * MM;
+    wrist_rate_deg_per_s = with.set.wrist_rate_rad_per_s * DEG;
+    __comp_inst->outside_box = with.set.outside_box;
     estimator = room;
     if (state) restored = restore();
     if (restored != PKM_ERROR_OK) {

@@ -33,6 +33,7 @@ mod settings;
 mod stability;
 mod straight;
 mod temperature;
+mod weight;
 
 use core::fmt;
 
@@ -54,6 +55,7 @@ pub use known::Known;
 use load::LoadFilter;
 pub use settings::{CompensatorSettings, OutsideBox, SettingsError};
 pub use stability::LoopGain;
+pub use weight::{CarriedWeight, MAX_CENTRE_M, MAX_WEIGHT_N, Weight, WeightError};
 
 /// Why the load of a period is not compensated as usual. The [module's documentation](self) says what happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -197,6 +199,7 @@ pub struct Compensator<T, const JOINTS: usize> {
     largest: SVector<T, JOINTS>,
     /// Of each joint in a period.
     longest_step: SVector<T, JOINTS>,
+    carried: Option<CarriedWeight<T, JOINTS>>,
     joints: SVector<T, JOINTS>,
 }
 
@@ -222,8 +225,15 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             history: LoadHistory::new(),
             largest: each(settings.max_screw_m, settings.max_wrist_rad),
             longest_step: each(screw_step, wrist_step),
+            carried: None,
             joints: SVector::zeros(),
         })
+    }
+
+    /// What the machine carries from now on; `None`, as at the beginning, is nothing, or all of it in the readings. The offset goes
+    /// there at its rate limit, and a weight may change, or a table with its own reference come, at any time.
+    pub fn set_weight(&mut self, carried: Option<CarriedWeight<T, JOINTS>>) {
+        self.carried = carried;
     }
 
     /// The offset of the last update.
@@ -231,7 +241,8 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         self.joints
     }
 
-    /// Back to no offset and no load at once, as after [`new`](Self::new). The offset steps: for drives that are off.
+    /// Back to no offset and no load at once, as after [`new`](Self::new); what is carried stays. The offset steps: for drives that
+    /// are off.
     pub fn reset(&mut self) {
         self.load.reset();
         self.history = LoadHistory::new();
@@ -244,7 +255,10 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         domain: Domain,
         reading: &Reading<T>,
         second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
-        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
+        offsets: impl FnOnce(
+            &mut Load<'_, T, JOINTS>,
+            &mut LoadHistory<T>,
+        ) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
     ) -> Offset<T, JOINTS> {
         let (target, known, fault) = self.target(domain, reading, offsets);
         let (joints, limit) = self.approach(target, second);
@@ -257,7 +271,10 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         &mut self,
         domain: Domain,
         reading: &Reading<T>,
-        offsets: impl FnOnce(&Load<T>, &mut LoadHistory<T>) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
+        offsets: impl FnOnce(
+            &mut Load<'_, T, JOINTS>,
+            &mut LoadHistory<T>,
+        ) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
     ) -> (SVector<T, JOINTS>, Option<Known<T>>, Option<Fault>) {
         let none = SVector::zeros();
         if !reading.enabled {
@@ -270,7 +287,8 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             (Domain::Outside, OutsideBox::Hold) => (self.joints, None, Some(Fault::OutsideBox)),
             (Domain::Outside, OutsideBox::Fade) => (none, None, Some(Fault::OutsideBox)),
             (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
-                match offsets(&Load { wrench, gain: self.gain, rise }, &mut self.history) {
+                let mut load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
+                match offsets(&mut load, &mut self.history) {
                     Ok((joints, known)) => (joints, known, fault),
                     Err(fault) => (none, None, Some(fault)),
                 }
@@ -305,20 +323,21 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     }
 }
 
-/// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip, as far as it is known, and
-/// all of the thermal growth.
+/// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip and what the weight does beyond
+/// the zeros, as far as both are known, and all of the thermal growth.
 fn offsets<T: Scalar, const N: usize>(
     machine: &Machine<T>,
     table: &CorrectionTable<'_, T>,
     knowledge: &Knowledge<'_, T, N>,
     (pose, posture, tip_m): (&Pose<T>, &Result<Posture<T>, KinematicsError>, Vector3<T>),
-    load: &Load<T>,
+    load: &mut Load<'_, T, 3>,
     history: &mut LoadHistory<T>,
 ) -> Result<(Vector3<T>, Option<Known<T>>), Fault> {
     let posture = match posture {
         Ok(posture) => posture,
         Err(e) => return Err(CorrectionError::from(*e).into()),
     };
+    load.add_weight(|carried| carried.on_tip(&posture.base(), tip_m));
     let wrench = &load.wrench.moved_to_a(tip_m);
     let mut doubt = Doubt { table: knowledge.table, tip_m, variance_m2: Vector3::zeros() };
     let at = (pose, posture);
@@ -329,7 +348,8 @@ fn offsets<T: Scalar, const N: usize>(
     let known = knowledge.known(&doubt.variance_m2, &loaded.seen_at(tip_m).translation_m);
     let share = known.as_ref().map_or(T::ONE, |known| known.share);
     let moved = loaded.times(load.gain * share).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
-    Ok((machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q, known))
+    let offsets = machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q;
+    Ok((load.carried.map_or(offsets, |carried| carried.beyond_zero(offsets, share)), known))
 }
 
 impl<T: Scalar> Compensator<T, 3> {

@@ -14,6 +14,7 @@ use crate::kinematics::platform_axes;
 use crate::linalg::{self, axes, length, split, unit};
 use crate::scalar::Scalar;
 use crate::stiffness::{self, LoadHistory, Stiffness, StiffnessError};
+use crate::thermal::TemperatureRise;
 use crate::types::{Deflection, Wrench};
 use crate::wrist::Wrist;
 
@@ -156,18 +157,19 @@ impl<T: Scalar> FiveAxis<'_, T> {
         best.ok_or(ToolDeflectionError::Tool(ToolError::Unreachable))
     }
 
-    /// What to add to the joint values of a configuration: the gain times the deflection of the tool under a load, and all of the
-    /// thermal growth, undone by one Newton step.
+    /// What to add to the joint values of a configuration: the gain times the deflection of the tool under a load, what the weight does
+    /// beyond the zeros, and all of the thermal growth, undone by one Newton step.
     pub(crate) fn offsets<const N: usize>(
         &self,
         table: &CorrectionTable<'_, T>,
         knowledge: &Knowledge<'_, T, N>,
         configuration: &Configuration<T>,
-        load: &Load<T>,
+        load: &mut Load<'_, T, 5>,
         history: &mut LoadHistory<T>,
     ) -> Result<(SVector<T, 5>, Option<Known<T>>), ToolDeflectionError> {
         self.joints(configuration)?;
         let mut doubt = self.doubt(knowledge.table, configuration.beta_rad);
+        load.add_weight(|carried| carried.on_tool(self, configuration));
         // by reference: `?` would copy all of it
         match &self.deflection_of(Some(table), configuration, &load.wrench, Some(history), Some(&mut doubt)) {
             Ok(loaded) => {
@@ -180,7 +182,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
                 if let Some(known) = &known {
                     moved = moved.times(known.share);
                 }
-                Ok((self.offsets_against(configuration, &moved, load)?, known))
+                let offsets = self.offsets_against(configuration, &moved.times(load.gain), load.rise)?;
+                let share = known.as_ref().map_or(T::ONE, |known| known.share);
+                Ok((load.carried.map_or(offsets, |carried| carried.beyond_zero(offsets, share)), known))
             }
             Err(e) => Err(*e),
         }
@@ -215,10 +219,10 @@ impl<T: Scalar> FiveAxis<'_, T> {
         &self,
         configuration: &Configuration<T>,
         loaded: &Deflection<T>,
-        load: &Load<T>,
+        rise: TemperatureRise<T>,
     ) -> Result<SVector<T, 5>, ToolDeflectionError> {
-        let grown = self.machine.thermal_deflection(&configuration.pose, load.rise)?;
-        let moved = loaded.times(load.gain).plus(&self.seen_at_tip(configuration, &grown));
+        let grown = self.machine.thermal_deflection(&configuration.pose, rise)?;
+        let moved = loaded.plus(&self.seen_at_tip(configuration, &grown));
         let frame = self.frame_of(configuration);
         let [_, _, axis] = axes(&frame.axes);
         let target = Tool { tip_m: frame.tip_m - moved.translation_m, axis: axis - moved.rotation_rad.cross(&axis) };

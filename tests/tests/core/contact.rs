@@ -4,7 +4,9 @@ use std::collections::VecDeque;
 
 use fastrand::Rng;
 use nalgebra::{Matrix3, SVector, Vector2, Vector3};
-use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Limit, LoopGain, Offset, Reading};
+use pkm_core::compensator::{
+    CarriedWeight, Compensator, CompensatorSettings, Fault, Limit, LoopGain, Offset, Reading, Weight,
+};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, WRIST_F64};
 use pkm_core::{Configuration, FiveAxis, JointValues, Pose, ScrewLengths, StiffnessError, StiffnessFactor, Wrench};
@@ -233,6 +235,47 @@ fn a_force_sensor_at_the_wrist_is_stable() {
         });
     }
     worst.judge(poses.len(), 80);
+}
+
+/// A weight is no part of the loop: it moves to its own offset, and the loop is as fast and as still about it, with the same noise.
+#[test]
+fn a_weight_leaves_the_loop_as_it_is() {
+    let mut rng = seeded();
+    let settings = CompensatorSettings { max_screw_m: 5e-3, ..CompensatorSettings::DEFAULT };
+    let zero = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
+    let force_n = Vector3::new(600.0, -150.0, -480.0);
+    let weight = Weight { force_n, centre_m: Vector3::new(0.02, -0.01, 0.1) };
+    let carried = CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, &weight, (&zero, TIP_M)).unwrap();
+    for pose in poses_of_the_box(&mut rng, 4).iter().step_by(7) {
+        let compliance = &tip_compliance(&TABLE_F64.factor_form(&MACHINE_F64, pose).unwrap().factor, TIP_M);
+        let (from, axes) = (tip_of(pose), platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()));
+        let lengths = MACHINE_F64.inverse(pose).unwrap().q_m;
+        let at = |offset: &Vector3<f64>| {
+            axes.transpose() * (tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m: lengths + offset }).unwrap()) - from)
+        };
+        let mut alone = Compensator::<f64, 3>::new(&settings).unwrap();
+        alone.set_weight(Some(carried));
+        let unloaded = Reading { enabled: true, wrench: Wrench::ZERO, rise: 0.0.into() };
+        (0..PERIODS).for_each(|_| _ = alone.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, &unloaded));
+        // the real weight takes the tip to where it belongs
+        let sags = at(&alone.joints());
+        for stiffness in [1e6, 1e7, 1e8] {
+            let contact = Matrix3::identity() * stiffness;
+            let pressed = Vector3::new(10e-6, -5e-6, 40e-6);
+            let seed = rng.u64(..);
+            let [without, with] = [None, Some(carried)].map(|weight| {
+                let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
+                compensator.set_weight(weight);
+                let sags = if weight.is_some() { sags } else { Vector3::zeros() };
+                let update = |reading: &_| compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, reading);
+                run(&mut Rng::with_seed(seed), SLOW, (compliance, &contact, pressed), update, |o| at(o) - sags)
+            });
+            assert_eq!((without.fault, with.fault, with.is_limited), (None, None, false));
+            let size = without.end.norm();
+            assert!((with.end - without.end).norm() < 5e-3 * size, "{:?} {:?}", with.end, without.end);
+            assert!((with.moves - without.moves).abs() < 5e-2 * without.moves.max(1e-3 * size));
+        }
+    }
 }
 
 /// The test of the test: a table twice as soft as the machine at a gain of 1 is unstable, as the loop gain says, and the largest

@@ -18,3 +18,4 @@ mod slots;
 mod stiffness;
 mod switched_on;
 mod uncertainty;
+mod weight;

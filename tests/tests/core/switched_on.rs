@@ -2,7 +2,9 @@
 
 use fastrand::Rng;
 use nalgebra::{SVector, Vector2, Vector3};
-use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Offset, OutsideBox, Reading};
+use pkm_core::compensator::{
+    CarriedWeight, Compensator, CompensatorSettings, Fault, Offset, OutsideBox, Reading, Weight,
+};
 use pkm_core::tables::reference::{PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
     Configuration, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, TemperatureRise, Wrench,
@@ -95,7 +97,20 @@ fn period(rng: &mut Rng, at: &mut Place) {
 trait Runs<T: Scalar, const N: usize> {
     fn go(&mut self, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>, at: &Place, enabled: bool)
     -> Offset<T, N>;
+
+    /// Has it carry weights, where they have a reference.
+    fn carry(&mut self, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>, at: &Place, weights: &[Weight<T>; 2]);
 }
+
+fn weights<T: Scalar>(rng: &mut Rng) -> [Weight<T>; 2] {
+    let size = pick(rng, 1.0, 3e4);
+    [(); 2].map(|()| Weight {
+        force_n: Vector3::from_fn(|_, _| T::from_f64(between(rng, -size, size))),
+        centre_m: Vector3::from_fn(|_, _| T::from_f64(between(rng, -5.0, 5.0))),
+    })
+}
+
+const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
 
 fn reading<T: Scalar>(at: &Place, enabled: bool) -> Reading<T> {
     let n = |v: f64| T::from_f64(v);
@@ -120,13 +135,12 @@ impl<T: Scalar> Runs<T, 3> for Compensator<T, 3> {
         at: &Place,
         enabled: bool,
     ) -> Offset<T, 3> {
-        self.update(
-            table,
-            five.machine,
-            &pose(at),
-            Vector3::new(0.01, -0.02, 0.3).map(T::from_f64),
-            &reading(at, enabled),
-        )
+        self.update(table, five.machine, &pose(at), TIP_M.map(T::from_f64).into(), &reading(at, enabled))
+    }
+
+    fn carry(&mut self, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>, at: &Place, weights: &[Weight<T>; 2]) {
+        let zeroed_at = (&pose(at), TIP_M.map(T::from_f64).into());
+        self.set_weight(CarriedWeight::<T, 3>::new(table, five.machine, &weights[0], zeroed_at).ok());
     }
 }
 
@@ -140,6 +154,12 @@ impl<T: Scalar> Runs<T, 5> for Compensator<T, 5> {
     ) -> Offset<T, 5> {
         let beta_rad = Vector2::new(T::from_f64(at.beta[0]), T::from_f64(at.beta[1]));
         self.update(table, five, &Configuration { pose: pose(at), beta_rad }, &reading(at, enabled))
+    }
+
+    fn carry(&mut self, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>, at: &Place, weights: &[Weight<T>; 2]) {
+        let beta_rad = Vector2::new(T::from_f64(at.beta[0]), T::from_f64(at.beta[1]));
+        let zeroed_at = Configuration { pose: pose(at), beta_rad };
+        self.set_weight(CarriedWeight::<T, 5>::new(table, five, &weights[0], &weights[1], &zeroed_at).ok());
     }
 }
 
@@ -159,6 +179,9 @@ where
         let mut last = SVector::<f64, N>::zeros();
         for _ in 0..150 {
             period(rng, &mut at);
+            if rng.u8(..) < 5 {
+                c.carry(table, five, &at, &weights(rng));
+            }
             let enabled = rng.u8(..) > 4;
             let mut twin = c;
             let now = c.go(table, five, &at, enabled);

@@ -1,6 +1,8 @@
 //! What `embed/c/tests/compensator.c` prints, by the Rust compensator: the same readings, and every bit of the offsets.
 
-use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Limit, Offset, Reading};
+use pkm_core::compensator::{
+    CarriedWeight, Compensator, CompensatorSettings, Fault, Limit, Offset, Reading, Weight, WeightError,
+};
 use pkm_core::{Configuration, CorrectionTable, Domain, FiveAxis, Pose, Scalar, TemperatureRise, Wrench};
 
 use crate::qemu::Host;
@@ -82,6 +84,7 @@ pub fn number(fault: Option<Fault>) -> Result<u8, String> {
 /// The lines of one compensator, and which faults and limits it met.
 fn lines<T: Scalar, const JOINTS: usize>(
     name: &str,
+    carried: Result<CarriedWeight<T, JOINTS>, WeightError>,
     mut update: impl FnMut(&mut Compensator<T, JOINTS>, &Configuration<T>, &Reading<T>) -> Offset<T, JOINTS>,
 ) -> Result<Vec<String>, String> {
     let mut compensator = Compensator::<T, JOINTS>::new(&SETTINGS).map_err(|e| e.to_string())?;
@@ -92,6 +95,9 @@ fn lines<T: Scalar, const JOINTS: usize>(
         period.happen(&mut random, k);
         if k == PERIODS / 2 {
             compensator.reset();
+        }
+        if k == 3 * PERIODS / 4 {
+            compensator.set_weight(Some(carried.map_err(|e| e.to_string())?));
         }
         let [theta_rad, sigma_rad, z0_m] = period.pose.map(T::from_f64);
         let at =
@@ -123,10 +129,23 @@ fn both_kinds<T: Scalar>(
     table: &CorrectionTable<'_, T>,
 ) -> Result<Vec<String>, String> {
     let tip = [0.01, -0.02, 0.3].map(T::from_f64).into();
-    let screws = lines::<T, 3>(&format!("compensator_{width}"), |compensator, at, reading| {
+    let number = T::from_f64;
+    let home = Configuration {
+        pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: number(0.53) },
+        beta_rad: [T::ZERO; 2].into(),
+    };
+    let weight = |force_n: [f64; 3], centre_m: [f64; 3]| Weight {
+        force_n: force_n.map(number).into(),
+        centre_m: centre_m.map(number).into(),
+    };
+    let platform = weight([600.0, -150.0, -480.0], [0.02, -0.01, 0.1]);
+    let tool = weight([150.0, -37.5, -120.0], [0.12, 0.01, -0.2]);
+    let carried = CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&home.pose, tip));
+    let screws = lines::<T, 3>(&format!("compensator_{width}"), carried, |compensator, at, reading| {
         compensator.update(table, five.machine, &at.pose, tip, reading)
     })?;
-    let tool = lines::<T, 5>(&format!("tool_compensator_{width}"), |compensator, at, reading| {
+    let carried = CarriedWeight::<T, 5>::new(table, five, &platform, &tool, &home);
+    let tool = lines::<T, 5>(&format!("tool_compensator_{width}"), carried, |compensator, at, reading| {
         compensator.update(table, five, at, reading)
     })?;
     Ok([screws, tool].concat())

@@ -131,7 +131,7 @@ fn each(name: &str) -> impl Iterator<Item = String> {
     (0..COUNT).map(move |n| format!("{name}-{n}"))
 }
 
-fn expect(what: &str, found: &[f64], expected: &[f64], within: f64) -> Outcome {
+pub fn expect(what: &str, found: &[f64], expected: &[f64], within: f64) -> Outcome {
     let near = found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() <= within);
     if near { Ok(()) } else { Err(format!("{what}: {found:?} where the host has {expected:?}")) }
 }

@@ -6,6 +6,7 @@ mod learning;
 mod memory;
 mod replay;
 mod simulation;
+mod weight;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

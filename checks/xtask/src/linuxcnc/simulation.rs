@@ -13,6 +13,7 @@ use super::feed::{self, FEED_MM_PER_S, slow_screw_mm_per_s};
 use super::learning::learn;
 use super::memory::{flip_bits, refuse_damaged};
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
+use super::weight::weigh;
 use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template};
 use crate::image::symbols;
 use crate::{Outcome, output};
@@ -174,6 +175,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     flip_bits(out, &host)?;
     compare(name, out, &host)?;
     learn(out, &host)?;
+    weigh(out, &host)?;
 
     // as an operator would, with what the machine has of room
     let size =

@@ -14,7 +14,9 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
-use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::compensator::{
+    CarriedWeight, Compensator, CompensatorSettings, OutsideBox, Reading, Weight, WeightError,
+};
 use pkm_core::correction::TableWatch;
 use pkm_core::estimation::{Estimator, TipReading, Touch};
 use pkm_core::nalgebra::{Vector2, Vector3, Vector6};
@@ -90,22 +92,48 @@ fn worst_compensation<T: Scalar>(
 const POSES: u32 = 100_000;
 const POSES_IN_SOFTWARE: u32 = 100;
 
-/// Ticks of the costliest updates of compensators of three screws and of five axes, at poses all over the box and beyond, under loads that go
-/// and turn.
-fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[u32; 2], ToolError> {
+/// What the machine carries: of three screws, of five axes.
+type Carried<T> = (CarriedWeight<T, 3>, CarriedWeight<T, 5>);
+
+fn carried<T: Scalar>(
+    five: &FiveAxis<'_, T>,
+    table: &CorrectionTable<'_, T>,
+    tip_m: Vector3<T>,
+) -> Result<Carried<T>, WeightError> {
+    let home = Configuration {
+        pose: Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) },
+        beta_rad: Vector2::zeros(),
+    };
+    let weight = |force_n: [f64; 3], centre_m: [f64; 3]| Weight {
+        force_n: force_n.map(T::from_f64).into(),
+        centre_m: centre_m.map(T::from_f64).into(),
+    };
+    let platform = weight([100.0, -20.0, -700.0], [0.02, 0.01, 0.1]);
+    let tool = weight([30.0, -6.0, -210.0], [0.1, 0.0, -0.2]);
+    let of_screws = CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&home.pose, tip_m))?;
+    Ok((of_screws, CarriedWeight::<T, 5>::new(table, five, &platform, &tool, &home)?))
+}
+
+/// Ticks of the costliest updates of compensators of three screws and of five axes, without and with what the machine carries, at poses
+/// all over the box and beyond, under loads that go and turn.
+fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[u32; 4], ToolError> {
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let (Ok(mut screws), Ok(mut axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
     else {
         return Err(ToolError::NotFinite);
     };
     let tip = TIP_M.map(T::from_f64).into();
+    let (mut heavy_screws, mut heavy_axes) = (screws, axes);
+    let Ok((of_screws, of_axes)) = carried(five, table, tip) else { return Err(ToolError::NotFinite) };
+    heavy_screws.set_weight(Some(of_screws));
+    heavy_axes.set_weight(Some(of_axes));
     let mut state = 1_u32;
     // from -1 to 1: the upper bits of a linear congruence
     let mut random = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         T::from_f64(f64::from(state >> 8) / f64::from(1 << 23) - 1.0)
     };
-    let mut greatest = [0; 2];
+    let mut greatest = [0; 4];
     let mut poses = POSES;
     let mut done = 0;
     while done < poses {
@@ -122,6 +150,8 @@ fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, 
         let each = [
             ticks(|| screws.update(table, five.machine, &stands.pose, tip, reading)),
             ticks(|| axes.update(table, five, stands, reading)),
+            ticks(|| heavy_screws.update(table, five.machine, &stands.pose, tip, reading)),
+            ticks(|| heavy_axes.update(table, five, stands, reading)),
         ];
         if each[0] > TICKS_IN_SOFTWARE {
             poses = POSES_IN_SOFTWARE;
@@ -139,7 +169,7 @@ fn count<T: Scalar>(
     five: &FiveAxis<'_, T>,
     table: &CorrectionTable<'_, T>,
     uncertainty: &TableUncertainty<T>,
-) -> Result<[Counts; 18], ToolError> {
+) -> Result<[Counts; 20], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
     let tip = TIP_M.map(number).into();
@@ -153,6 +183,8 @@ fn count<T: Scalar>(
         "tool_cycle",
         "compensate",
         "compensate_tool",
+        "compensate_weight",
+        "compensate_tool_weight",
         "compensated_tool",
         "rates",
         "absorb",
@@ -163,7 +195,7 @@ fn count<T: Scalar>(
         "known",
         "watch",
     ];
-    let [compensate, compensate_tool] = worst_updates(five, table)?;
+    let [compensate, compensate_tool, compensate_weight, compensate_tool_weight] = worst_updates(five, table)?;
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let (Ok(mut compensator), Ok(mut tool_compensator)) =
         (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
@@ -219,6 +251,8 @@ fn count<T: Scalar>(
                 ticks(|| five.compensated(Some(table), tool, &wrench, near)),
                 compensate,
                 compensate_tool,
+                compensate_weight,
+                compensate_tool_weight,
                 worst_compensation(five, table, near)?,
                 ticks(|| five.joint_motion(near, motion)),
                 ticks(|| estimator.absorb(touch, &known, &moved, readings)),

@@ -13,7 +13,7 @@ use core::hint::black_box;
 use cortex_m as _;
 use cortex_m_rt::entry;
 use pkm_core::checksum;
-use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
+use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, LoopGain, Reading, Weight};
 use pkm_core::correction::{
     TableBuffer, TableHeader, TableUncertainty, TableWatch, TransferError, UNCERTAINTY_SPREAD, narrow, spread_terms,
 };
@@ -115,6 +115,11 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         Err(e) => show(e),
         Ok(mut compensator) => {
             let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
+            let weight = black_box(Weight { force_n: vector, centre_m: other });
+            match CarriedWeight::<T, 3>::new(table, machine, &weight, (&pose, vector)) {
+                Ok(carried) => compensator.set_weight(Some(black_box(carried))),
+                Err(e) => show(e),
+            }
             if let Some(fault) = black_box(compensator.update(table, machine, &pose, vector, &reading)).fault {
                 show(fault);
             }
@@ -190,6 +195,9 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     black_box(CompensatorSettings::DEFAULT).check().ok();
     if let Ok(mut compensator) = Compensator::<T, 5>::new(&black_box(CompensatorSettings::DEFAULT)) {
         let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
+        let [platform, tool] = black_box([Weight { force_n: wrench.force_n, centre_m: wrench.moment_nm }; 2]);
+        let carried = CarriedWeight::<T, 5>::new(table, &five, &platform, &tool, &near);
+        compensator.set_weight(black_box(carried.ok()));
         black_box(compensator.update(table, &five, &near, &reading));
     }
 }

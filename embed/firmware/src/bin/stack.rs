@@ -75,7 +75,7 @@ macro_rules! functions {
 
             use super::*;
             use pkm_core::checksum::MemoryChecksums;
-            use pkm_core::compensator::{Compensator, CompensatorSettings, LoopGain, Reading};
+            use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, LoopGain, Reading, Weight};
             use pkm_core::correction::{TableBuffer, TableHeader};
             use pkm_core::estimation::{Estimator, TipReading, Touch, newest, state_bytes};
             use pkm_core::kinematics::platform_axes as axes;
@@ -263,6 +263,8 @@ both_widths! {
     compensated_tool(i) i.five().compensated(Some(&i.table), &i.tool, &i.wrench, &i.near);
     loop_gain(i) LoopGain::new(&i.factor, i.tip_m, 1e7, 0.7);
     new_compensator(_i) Compensator::<T, 5>::new(black_box(&CompensatorSettings::DEFAULT));
+    carried(i) CarriedWeight::<T, 3>::new(&i.table, &i.machine, &black_box(Weight { force_n: i.tip_m, centre_m: i.tip_m }), (&i.pose, i.tip_m));
+    carried_tool(i) CarriedWeight::<T, 5>::new(&i.table, &i.five(), &Weight::ZERO, &black_box(Weight { force_n: i.tip_m, centre_m: i.tip_m }), &i.near);
     compensate(i) i.compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.machine, &i.pose, i.tip_m, &i.reading));
     compensate_tool(i) i.tool_compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.five(), &i.near, &i.reading));
     sensitivities(i) i.machine.sensitivities(&i.pose, &i.wrench, &learned::SETTINGS.amplitudes.map(|own| own.amplitude));
