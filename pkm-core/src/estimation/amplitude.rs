@@ -71,9 +71,10 @@ impl Amplitude {
         }
     }
 
-    /// What a unit of it adds to a reading, as a displacement of A: what it moves A by, and of the gain what machine and table predict.
-    pub fn shown<T: Scalar>(self, moved: &Deflection<T>, predicted: &Deflection<T>) -> Deflection<T> {
-        if self == Self::GAIN { *predicted } else { *moved }
+    /// What a unit of it adds to a reading: what it moves there, and of the gain what machine and table predict. Displacements of A, or what
+    /// a reading says of them.
+    pub fn shown<D>(self, moved: D, predicted: D) -> D {
+        if self == Self::GAIN { predicted } else { moved }
     }
 
     /// What it is in bytes that are saved: place and motion.

@@ -1,6 +1,6 @@
 //! The estimator itself.
 
-use nalgebra::{Vector3, Vector6};
+use nalgebra::Vector3;
 
 use super::filter::Filter;
 use super::reading::{Alarm, Learned, MAX_COMPONENTS, Refusal, TipEstimate, TipReading, Touch};
@@ -222,20 +222,13 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         if self.readings > 0 && touch.time_s < self.time_s {
             return Err(Refusal::Backwards);
         }
-        let tip_m = touch.tip_m;
-        let seen = predicted.seen_at(tip_m).to_vector();
-        let mut moved = [Vector6::zeros(); N];
-        for (n, (moved, sensitivity)) in moved.iter_mut().zip(sensitivities).enumerate() {
-            let shown = self.settings.amplitudes[n].amplitude.shown(sensitivity, predicted);
-            *moved = shown.seen_at(tip_m).to_vector() * self.scaled[n].deviation;
-        }
         let before = (self.filter, self.drifted_at);
         if self.readings > 0 {
             self.widen_by_drift(touch.time_s);
         } else {
             self.drifted_at = [touch.time_s; N];
         }
-        let outcome = self.take_in(&seen, &moved, readings);
+        let outcome = self.take_in((predicted, sensitivities), touch.tip_m, readings);
         match outcome {
             Ok(_) => {
                 self.keep_possible();
@@ -264,8 +257,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// the filter.
     fn take_in(
         &mut self,
-        seen: &Vector6<T>,
-        moved: &[Vector6<T>; N],
+        (predicted, sensitivities): (&Deflection<T>, &[Deflection<T>; N]),
+        tip_m: Vector3<T>,
         readings: &[TipReading<T>],
     ) -> Result<T, Refusal> {
         let [sums, variances] = self.sums;
@@ -275,10 +268,16 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let (mut excited, mut opposite) = (false, false);
         for reading in readings {
             let TipReading { direction, read, deviation } = reading;
-            let expected = direction.dot(seen);
+            // virtual work: at A a reading is weighted as a load along it is moved there
+            let direction = Wrench::from_vector(*direction).moved_to_a(tip_m);
+            let expected = direction.work(predicted);
             let own = self.model_share * expected;
             let noise = *deviation * *deviation + own * own;
-            let weights = moved.each_ref().map(|moved| direction.dot(moved));
+            let mut weights = [T::ZERO; N];
+            for (n, (weight, moved)) in weights.iter_mut().zip(sensitivities).enumerate() {
+                let amplitude = self.settings.amplitudes[n].amplitude;
+                *weight = amplitude.shown(direction.work(moved), expected) * self.scaled[n].deviation;
+            }
             let (beyond, variance) = self.filter.absorb(&weights, *read - expected, noise);
             if !(*deviation > T::ZERO && noise > T::ZERO && variance.is_finite() && beyond.is_finite()) {
                 return Err(Refusal::NotFinite);
