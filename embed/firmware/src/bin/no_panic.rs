@@ -221,7 +221,7 @@ fn call_estimation<T: Scalar>(
         black_box((tip.known_share(&vector), tip.u95_m()));
     }
     estimator.follow(a);
-    black_box((estimator.values(), estimator.applied(), estimator.alarms()));
+    black_box((estimator.values(), estimator.applied(), estimator.targets(), estimator.alarms()));
     black_box((estimator.readings(), estimator.refused(), estimator.time_s(), estimator.changed_at()));
     black_box(Amplitude::compliance(black_box(Place::Base), black_box(Motion::X)));
     black_box(Amplitude::RISE.place());
