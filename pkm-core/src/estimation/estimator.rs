@@ -3,14 +3,12 @@
 use nalgebra::Vector3;
 
 use super::filter::Filter;
-use super::reading::{Alarm, Learned, MAX_COMPONENTS, Refusal, TipEstimate, TipReading, Touch};
+use super::reading::{Alarm, Learned, MAX_COMPONENTS, Refusal, TipReading, Touch};
 use super::{Amplitude, EstimatorSettings, EstimatorSettingsError, MAX_AMPLITUDES};
 use crate::compensation;
 use crate::correction::{CorrectionError, CorrectionTable};
-use crate::kinematics::Posture;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::StiffnessError;
 use crate::types::{Deflection, Pose, Wrench};
 
 /// So many deviations of a sum of innovations are a change: one of 1e7 healthy readings has as much by chance.
@@ -57,8 +55,8 @@ fn predict<T: Scalar>(
 
 /// Numbers of an amplitude as they are computed with: in deviations of its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Scaled<T> {
-    deviation: T,
+pub(super) struct Scaled<T> {
+    pub(super) deviation: T,
     accepted: T,
     alarm: T,
     /// Of the square of a change, what the misfit leaves in doubt.
@@ -73,7 +71,7 @@ struct Scaled<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimator<T, const N: usize> {
     pub(super) settings: EstimatorSettings<N>,
-    scaled: [Scaled<T>; N],
+    pub(super) scaled: [Scaled<T>; N],
     model_share: T,
     /// Of the values in deviations of the settings.
     pub(super) filter: Filter<T, N>,
@@ -142,7 +140,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     }
 
     /// The same without a copy: a period has no time for one.
-    fn each_amplitude(&self) -> impl Iterator<Item = Amplitude> {
+    pub(super) fn each_amplitude(&self) -> impl Iterator<Item = Amplitude> {
         self.settings.amplitudes.iter().map(|own| own.amplitude)
     }
 
@@ -438,56 +436,6 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
                 *applied = *target;
             }
         }
-    }
-
-    /// What was learned of the tip's deflection, from the displacements of A per unit of each amplitude
-    /// ([`Machine::sensitivities`]). The uncertainty is that of the best values, and what they say beyond what is compensated.
-    pub fn tip(&self, sensitivities: &[Deflection<T>; N], tip_m: Vector3<T>) -> TipEstimate<T> {
-        let mut tip = TipEstimate { deflection: Deflection::ZERO, variance_m2: Vector3::zeros() };
-        self.add_tip(sensitivities, tip_m, (&mut tip.deflection, &mut tip.variance_m2));
-        tip
-    }
-
-    #[inline(never)] // takes no stack while the stiffness is worked out
-    fn add_tip(
-        &self,
-        sensitivities: &[Deflection<T>; N],
-        tip_m: Vector3<T>,
-        (moved, variance_m2): (&mut Deflection<T>, &mut Vector3<T>),
-    ) {
-        let mut rows = [[T::ZERO; N]; 3];
-        let [along_u, along_v, along_w] = &mut rows;
-        let mut sum = *moved;
-        for (n, (moved, own)) in sensitivities.iter().zip(&self.scaled).enumerate() {
-            sum = sum.plus(&moved.times(own.deviation * self.applied[n]));
-            let seen_m = moved.seen_at(tip_m).translation_m * own.deviation;
-            [along_u[n], along_v[n], along_w[n]] = seen_m.into();
-        }
-        *moved = sum;
-        // what the best values say beyond what is compensated
-        let mut left = self.filter.mean;
-        left.iter_mut().zip(&self.applied).for_each(|(left, applied)| *left -= *applied);
-        for (variance, row) in variance_m2.iter_mut().zip(&rows) {
-            let left = (0..N).fold(T::ZERO, |sum, n| sum + row[n] * left[n]);
-            *variance += left * left + self.filter.variance_of(row);
-        }
-    }
-
-    /// Adds what was learned to a displacement of A, and its variances to those of the tip.
-    #[inline(never)] // takes no stack while the stiffness is worked out
-    pub(crate) fn add_to(
-        &self,
-        machine: &Machine<T>,
-        posture: &Posture<T>,
-        wrench: &Wrench<T>,
-        tip_m: Vector3<T>,
-        sums: (&mut Deflection<T>, &mut Vector3<T>),
-    ) -> Result<(), StiffnessError> {
-        // written over; zeros would take a period longer than copies
-        let mut sensitivities = [*sums.0; N];
-        machine.put_sensitivities(posture, wrench, self.each_amplitude(), &mut sensitivities)?;
-        self.add_tip(&sensitivities, tip_m, sums);
-        Ok(())
     }
 
     /// Of each amplitude its change since acceptance, where it is worth an alarm: by more than its settings say with a probability of

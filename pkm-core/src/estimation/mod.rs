@@ -34,6 +34,7 @@ mod filter;
 mod reading;
 mod settings;
 mod state;
+mod tip;
 
 pub use amplitude::Amplitude;
 pub use estimator::{CHANGE, Estimator};
