@@ -85,6 +85,11 @@ impl<T: Scalar> Wrench<T> {
     pub fn moved_to_a(&self, at_m: Vector3<T>) -> Self {
         Self { force_n: self.force_n, moment_nm: self.moment_nm + at_m.cross(&self.force_n) }
     }
+
+    /// Work on a displacement of the same point, J.
+    pub(crate) fn work(&self, moved: &Deflection<T>) -> T {
+        self.force_n.dot(&moved.translation_m) + self.moment_nm.dot(&moved.rotation_rad)
+    }
 }
 
 impl<T: Scalar> Deflection<T> {

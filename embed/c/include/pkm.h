@@ -659,7 +659,8 @@ typedef struct {
 typedef struct {
   // A `PkmAmplitude`.
   int32_t amplitude;
-  // Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here.
+  // Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here, and they alone are
+  // compensated.
   double accepted;
   // Standard deviation of the value before anything is read, above 0.
   double deviation;
@@ -740,7 +741,7 @@ typedef struct {
   double value;
   // Its standard deviation.
   double deviation;
-  // What is used for compensation.
+  // What is compensated of its change since acceptance: as much as is known well enough, and the rate has let it follow.
   double applied;
   // Not 0: it has changed since acceptance by what is worth an alarm. The rest is 0 without one.
   int32_t alarm;

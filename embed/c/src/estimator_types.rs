@@ -56,7 +56,8 @@ pub enum PkmAmplitude {
 pub struct PkmAmplitudeSettings {
     /// A `PkmAmplitude`.
     pub amplitude: i32,
-    /// Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here.
+    /// Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here, and they alone are
+    /// compensated.
     pub accepted: f64,
     /// Standard deviation of the value before anything is read, above 0.
     pub deviation: f64,
@@ -141,7 +142,7 @@ pub struct PkmAmplitudeState {
     pub value: f64,
     /// Its standard deviation.
     pub deviation: f64,
-    /// What is used for compensation.
+    /// What is compensated of its change since acceptance: as much as is known well enough, and the rate has let it follow.
     pub applied: f64,
     /// Not 0: it has changed since acceptance by what is worth an alarm. The rest is 0 without one.
     pub alarm: i32,

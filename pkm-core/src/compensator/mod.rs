@@ -419,8 +419,9 @@ impl<T: Scalar> Compensator<T, 3> {
         })
     }
 
-    /// A period with what was learned: its deflection is added to that of machine and table. Where the tip moves by less than the
-    /// expanded uncertainty of that, only so great a share is compensated as it is of the uncertainty.
+    /// A period with what was learned: the deflection by what is worth compensating of its changes since acceptance
+    /// ([`Estimator::targets`]) is added to that of machine and table. Where the tip moves by less than the expanded uncertainty of that,
+    /// only so great a share is compensated as it is of the uncertainty. What is learned and not compensated counts in the uncertainty.
     ///
     /// # Arguments
     /// As of [`update`](Self::update); `learned` has taken its [step](Estimator::follow) of the period.

@@ -71,9 +71,10 @@ impl Amplitude {
         }
     }
 
-    /// What a unit of it adds to a reading, as a displacement of A: what it moves A by, and of the gain what machine and table predict.
-    pub fn shown<T: Scalar>(self, moved: &Deflection<T>, predicted: &Deflection<T>) -> Deflection<T> {
-        if self == Self::GAIN { *predicted } else { *moved }
+    /// What a unit of it adds to a reading: what it moves there, and of the gain what machine and table predict. Displacements of A, or what
+    /// a reading says of them.
+    pub fn shown<D>(self, moved: D, predicted: D) -> D {
+        if self == Self::GAIN { predicted } else { moved }
     }
 
     /// What it is in bytes that are saved: place and motion.
@@ -105,7 +106,7 @@ impl<T: Scalar> Machine<T> {
         amplitudes: &[Amplitude; N],
     ) -> Result<[Deflection<T>; N], StiffnessError> {
         let mut all = [Deflection::ZERO; N];
-        self.put_sensitivities(&self.posture(pose)?, wrench, amplitudes, &mut all)?;
+        self.put_sensitivities(&self.posture(pose)?, wrench, amplitudes.iter().copied(), &mut all)?;
         Ok(all)
     }
 
@@ -114,7 +115,7 @@ impl<T: Scalar> Machine<T> {
         &self,
         posture: &Posture<T>,
         wrench: &Wrench<T>,
-        amplitudes: &[Amplitude],
+        amplitudes: impl Iterator<Item = Amplitude>,
         all: &mut [Deflection<T>],
     ) -> Result<(), StiffnessError> {
         let actual = &self.actual(posture)?;
@@ -124,7 +125,7 @@ impl<T: Scalar> Machine<T> {
         let tool = (Vector3::zeros(), [Vector3::x(), Vector3::y(), Vector3::z()]);
         let [q1, q2, q3] = p.q.into();
         let o = T::ZERO;
-        for (amplitude, moved) in amplitudes.iter().zip(all) {
+        for (amplitude, moved) in amplitudes.zip(all) {
             *moved = match amplitude.0 {
                 Kind::Gain => Deflection::ZERO,
                 Kind::Rise => self.thermal_deflection_at(posture, &T::ONE.into())?,

@@ -1,16 +1,14 @@
 //! The estimator itself.
 
-use nalgebra::{Vector3, Vector6};
+use nalgebra::Vector3;
 
 use super::filter::Filter;
-use super::reading::{Alarm, Learned, MAX_COMPONENTS, Refusal, TipEstimate, TipReading, Touch};
+use super::reading::{Alarm, Learned, MAX_COMPONENTS, Refusal, TipReading, Touch};
 use super::{Amplitude, EstimatorSettings, EstimatorSettingsError, MAX_AMPLITUDES};
 use crate::compensation;
 use crate::correction::{CorrectionError, CorrectionTable};
-use crate::kinematics::Posture;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
-use crate::stiffness::StiffnessError;
 use crate::types::{Deflection, Pose, Wrench};
 
 /// So many deviations of a sum of innovations are a change: one of 1e7 healthy readings has as much by chance.
@@ -35,6 +33,11 @@ const LIKELY: f64 = 13.8;
 const OWN: f64 = 2.58;
 /// Deviations beyond what is worth an alarm, from which on the probability of that is 0.95.
 const SURE: f64 = 1.644_853_6;
+/// Of a change since acceptance: what of it is not known, squared, in variances; see [`Estimator::targets`].
+const DOUBT: f64 = 4.0;
+/// The share of what is worth an alarm that counts as a deviation of every change: what no reading tells of, such as stiffnesses that are
+/// not learned and are off.
+const MISFIT: f64 = 0.2;
 const DAY_S: f64 = 86_400.0;
 
 /// Displacement of A, by machine and table, under a wrench there.
@@ -52,10 +55,12 @@ fn predict<T: Scalar>(
 
 /// Numbers of an amplitude as they are computed with: in deviations of its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Scaled<T> {
-    deviation: T,
+pub(super) struct Scaled<T> {
+    pub(super) deviation: T,
     accepted: T,
     alarm: T,
+    /// Of the square of a change, what the misfit leaves in doubt.
+    doubt: T,
     drift_per_s: T,
     least: T,
     most: T,
@@ -66,12 +71,14 @@ struct Scaled<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimator<T, const N: usize> {
     pub(super) settings: EstimatorSettings<N>,
-    scaled: [Scaled<T>; N],
+    pub(super) scaled: [Scaled<T>; N],
     model_share: T,
     /// Of the values in deviations of the settings.
     pub(super) filter: Filter<T, N>,
-    /// What is used for compensation, in the same unit.
+    /// What is compensated of each change since acceptance, in the same unit.
     pub(super) applied: [T; N],
+    /// Where `applied` goes; it follows from the filter.
+    targets: [T; N],
     /// Sums of innovations, and their variances.
     pub(super) sums: [[T; N]; 2],
     /// Readings when each amplitude was found to have changed; 0 when it never was.
@@ -96,10 +103,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let scaled = settings.amplitudes.map(|own| {
             let in_deviations = |value: f64| T::from_f64(value / own.deviation);
             let drift = own.drift_per_day / own.deviation;
+            let misfit = MISFIT * own.alarm / own.deviation;
             Scaled {
                 deviation: T::from_f64(own.deviation),
                 accepted: in_deviations(own.accepted),
                 alarm: in_deviations(own.alarm),
+                doubt: T::from_f64(DOUBT * misfit * misfit),
                 drift_per_s: T::from_f64(drift * drift / DAY_S),
                 least: in_deviations(own.least),
                 most: in_deviations(own.most),
@@ -112,7 +121,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             scaled,
             model_share: T::from_f64(settings.model_share),
             filter: Filter::new(accepted),
-            applied: accepted,
+            applied: [T::ZERO; N],
+            targets: [T::ZERO; N],
             sums: [[T::ZERO; N]; 2],
             changed_at: [0; N],
             drifted_at: [0; N],
@@ -127,6 +137,11 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// What is learned, in the order of everything here.
     pub fn amplitudes(&self) -> [Amplitude; N] {
         self.settings.amplitudes.map(|own| own.amplitude)
+    }
+
+    /// The same without a copy: a period has no time for one.
+    pub(super) fn each_amplitude(&self) -> impl Iterator<Item = Amplitude> {
+        self.settings.amplitudes.iter().map(|own| own.amplitude)
     }
 
     /// Readings that were taken in.
@@ -159,11 +174,26 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         values
     }
 
-    /// What is used for compensation, in the amplitudes' units.
+    /// What is compensated of each amplitude's change since acceptance, in the amplitudes' units: [`targets`](Self::targets), as far as
+    /// [`follow`](Self::follow) has got.
     pub fn applied(&self) -> [f64; N] {
+        self.in_units(&self.applied)
+    }
+
+    /// What is worth compensating of each amplitude's change since acceptance, in the amplitudes' units.
+    ///
+    /// Of a change x with a standard deviation s it is x (1 − 4 (s² + (a/5)²)/x²), a being what is worth an alarm, and nothing where that
+    /// is below 0: nearly x where it is well known, and nothing of what may be no change at all. The value that was accepted is no part
+    /// of it: it is what fitted the first readings best, with all that is off in the machine and not learned, and under other loads
+    /// hardly nearer to the truth than 0. What the table is known to lack belongs into the machine or a new table.
+    pub fn targets(&self) -> [f64; N] {
+        self.in_units(&self.targets)
+    }
+
+    fn in_units(&self, scaled: &[T; N]) -> [f64; N] {
         let mut values = [0.0; N];
-        for ((value, applied), own) in values.iter_mut().zip(&self.applied).zip(&self.settings.amplitudes) {
-            *value = own.deviation * applied.to_f64();
+        for ((value, scaled), own) in values.iter_mut().zip(scaled).zip(&self.settings.amplitudes) {
+            *value = own.deviation * scaled.to_f64();
         }
         values
     }
@@ -199,7 +229,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let posture = machine.posture(&touch.pose)?;
         let predicted = loaded.plus(&machine.thermal_deflection_at(&posture, &touch.rise_k.into())?);
         let mut sensitivities = [Deflection::ZERO; N];
-        machine.put_sensitivities(&posture, wrench, &self.amplitudes(), &mut sensitivities)?;
+        machine.put_sensitivities(&posture, wrench, self.each_amplitude(), &mut sensitivities)?;
         self.absorb(touch, &predicted, &sensitivities, readings)
     }
 
@@ -222,20 +252,14 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         if self.readings > 0 && touch.time_s < self.time_s {
             return Err(Refusal::Backwards);
         }
-        let tip_m = touch.tip_m;
-        let seen = predicted.seen_at(tip_m).to_vector();
-        let mut moved = [Vector6::zeros(); N];
-        for (n, (moved, sensitivity)) in moved.iter_mut().zip(sensitivities).enumerate() {
-            let shown = self.settings.amplitudes[n].amplitude.shown(sensitivity, predicted);
-            *moved = shown.seen_at(tip_m).to_vector() * self.scaled[n].deviation;
-        }
-        let before = (self.filter, self.drifted_at);
+        self.filter.remember();
+        let drifted_at = self.drifted_at;
         if self.readings > 0 {
             self.widen_by_drift(touch.time_s);
         } else {
             self.drifted_at = [touch.time_s; N];
         }
-        let outcome = self.take_in(&seen, &moved, readings);
+        let outcome = self.take_in((predicted, sensitivities), touch.tip_m, readings);
         match outcome {
             Ok(_) => {
                 self.keep_possible();
@@ -243,9 +267,13 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
                 self.readings = self.readings.saturating_add(1);
                 self.refused = 0;
             }
-            Err(_) => (self.filter, self.drifted_at) = before,
+            Err(_) => {
+                self.filter.recall();
+                self.drifted_at = drifted_at;
+            }
         }
         let changed = self.open_changed();
+        self.set_targets();
         outcome.map(|chi_squared| Learned { chi_squared, changed })
     }
 
@@ -264,8 +292,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// the filter.
     fn take_in(
         &mut self,
-        seen: &Vector6<T>,
-        moved: &[Vector6<T>; N],
+        (predicted, sensitivities): (&Deflection<T>, &[Deflection<T>; N]),
+        tip_m: Vector3<T>,
         readings: &[TipReading<T>],
     ) -> Result<T, Refusal> {
         let [sums, variances] = self.sums;
@@ -275,10 +303,16 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let (mut excited, mut opposite) = (false, false);
         for reading in readings {
             let TipReading { direction, read, deviation } = reading;
-            let expected = direction.dot(seen);
+            // virtual work: at A a reading is weighted as a load along it is moved there
+            let direction = Wrench::from_vector(*direction).moved_to_a(tip_m);
+            let expected = direction.work(predicted);
             let own = self.model_share * expected;
             let noise = *deviation * *deviation + own * own;
-            let weights = moved.each_ref().map(|moved| direction.dot(moved));
+            let mut weights = [T::ZERO; N];
+            for (n, (weight, moved)) in weights.iter_mut().zip(sensitivities).enumerate() {
+                let amplitude = self.settings.amplitudes[n].amplitude;
+                *weight = amplitude.shown(direction.work(moved), expected) * self.scaled[n].deviation;
+            }
             let (beyond, variance) = self.filter.absorb(&weights, *read - expected, noise);
             if !(*deviation > T::ZERO && noise > T::ZERO && variance.is_finite() && beyond.is_finite()) {
                 return Err(Refusal::NotFinite);
@@ -378,63 +412,30 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         changed
     }
 
-    /// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+    /// Works out what is worth compensating.
+    pub(super) fn set_targets(&mut self) {
+        let variances = self.filter.variances();
+        let known = self.filter.mean.iter().zip(&variances).zip(&self.scaled);
+        for (target, ((mean, variance), own)) in self.targets.iter_mut().zip(known) {
+            let change = *mean - own.accepted;
+            let doubt = T::from_f64(DOUBT) * *variance + own.doubt;
+            *target = if change * change > doubt { change - doubt / change } else { T::ZERO };
+        }
+    }
+
+    /// A period of the compensation: what it uses goes to its [`targets`](Self::targets), at most at the rates of the settings.
     pub fn follow(&mut self, period_s: T) {
-        for ((applied, mean), own) in self.applied.iter_mut().zip(&self.filter.mean).zip(&self.scaled) {
+        for ((applied, target), own) in self.applied.iter_mut().zip(&self.targets).zip(&self.scaled) {
             let most = own.rate_per_s * period_s;
-            let step = *mean - *applied;
+            let step = *target - *applied;
             if step > most {
                 *applied += most;
             } else if step < -most {
                 *applied -= most;
             } else {
-                *applied = *mean;
+                *applied = *target;
             }
         }
-    }
-
-    /// What was learned of the tip's deflection, from the displacements of A per unit of each amplitude
-    /// ([`Machine::sensitivities`]). The uncertainty is that of the best values.
-    #[inline(never)] // takes no stack while the stiffness is worked out
-    pub fn tip(&self, sensitivities: &[Deflection<T>; N], tip_m: Vector3<T>) -> TipEstimate<T> {
-        let mut rows = [[T::ZERO; N]; 3];
-        let [along_u, along_v, along_w] = &mut rows;
-        let mut sum = Deflection::ZERO;
-        for (n, (moved, own)) in sensitivities.iter().zip(&self.scaled).enumerate() {
-            sum = sum.plus(&moved.times(own.deviation * self.applied[n]));
-            let seen_m = moved.seen_at(tip_m).translation_m * own.deviation;
-            [along_u[n], along_v[n], along_w[n]] = seen_m.into();
-        }
-        TipEstimate { deflection: sum, variance_m2: rows.each_ref().map(|row| self.filter.variance_of(row)).into() }
-    }
-
-    /// The same for a posture and a load at A.
-    pub(crate) fn tip_at(
-        &self,
-        machine: &Machine<T>,
-        posture: &Posture<T>,
-        wrench: &Wrench<T>,
-        tip_m: Vector3<T>,
-    ) -> Result<TipEstimate<T>, StiffnessError> {
-        let mut sensitivities = [Deflection::ZERO; N];
-        machine.put_sensitivities(posture, wrench, &self.amplitudes(), &mut sensitivities)?;
-        Ok(self.tip(&sensitivities, tip_m))
-    }
-
-    /// Adds what was learned to a displacement of A, and its variances to those of the tip.
-    #[inline(never)] // takes no stack while the stiffness is worked out
-    pub(crate) fn add_to(
-        &self,
-        machine: &Machine<T>,
-        posture: &Posture<T>,
-        wrench: &Wrench<T>,
-        tip_m: Vector3<T>,
-        (moved, variance_m2): (&mut Deflection<T>, &mut Vector3<T>),
-    ) -> Result<(), StiffnessError> {
-        let tip = self.tip_at(machine, posture, wrench, tip_m)?;
-        *moved = moved.plus(&tip.deflection);
-        *variance_m2 += tip.variance_m2;
-        Ok(())
     }
 
     /// Of each amplitude its change since acceptance, where it is worth an alarm: by more than its settings say with a probability of

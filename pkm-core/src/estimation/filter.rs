@@ -8,15 +8,39 @@ use crate::scalar::Scalar;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Filter<T, const N: usize> {
     pub mean: [T; N],
-    /// U, of which what is above the diagonal counts; entry (i, j) is `upper[j][i]`. On its diagonal is 1.
+    /// U, of which what is above the diagonal counts; entry (i, j) is `upper[j][i]`. On its diagonal is 1. On and below the diagonal are
+    /// U and D of the last [`remember`](Self::remember): a copy beside them would take more of a reading's instructions.
     pub upper: [[T; N]; N],
     pub diagonal: [T; N],
+    remembered: [T; N],
 }
 
 impl<T: Scalar, const N: usize> Filter<T, N> {
     /// Each number with a deviation of 1, and nothing that goes together.
     pub fn new(mean: [T; N]) -> Self {
-        Self { mean, upper: [[T::ZERO; N]; N], diagonal: [T::ONE; N] }
+        Self { mean, upper: [[T::ZERO; N]; N], diagonal: [T::ONE; N], remembered: mean }
+    }
+
+    /// Keeps what is known for [`recall`](Self::recall).
+    pub fn remember(&mut self) {
+        self.remembered = self.mean;
+        for j in 0..N {
+            for i in 0..j {
+                self.upper[i][j] = self.upper[j][i];
+            }
+            self.upper[j][j] = self.diagonal[j];
+        }
+    }
+
+    /// Goes back to what was known.
+    pub fn recall(&mut self) {
+        self.mean = self.remembered;
+        for j in 0..N {
+            for i in 0..j {
+                self.upper[j][i] = self.upper[i][j];
+            }
+            self.diagonal[j] = self.upper[j][j];
+        }
     }
 
     /// Uᵀ times a row.
@@ -34,6 +58,18 @@ impl<T: Scalar, const N: usize> Filter<T, N> {
     pub fn variance_of(&self, row: &[T; N]) -> T {
         let seen = self.seen(row);
         (0..N).fold(T::ZERO, |sum, j| sum + seen[j] * seen[j] * self.diagonal[j])
+    }
+
+    /// Variance of each of the numbers.
+    pub fn variances(&self) -> [T; N] {
+        let mut variances = self.diagonal;
+        for j in 1..N {
+            for i in 0..j {
+                let weight = self.upper[j][i];
+                variances[i] += weight * weight * self.diagonal[j];
+            }
+        }
+        variances
     }
 
     /// Variance of one of the numbers.

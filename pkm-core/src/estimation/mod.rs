@@ -5,7 +5,8 @@
 //!
 //! - [`Estimator::learn`], where something was read: predicts the deflection by machine and table and takes in what was read
 //!   beyond it. A reading that is refused leaves every amplitude as it was.
-//! - [`Estimator::follow`], every period: what is used for compensation goes to what was learned, no faster than its rate.
+//! - [`Estimator::follow`], every period: what is used for compensation goes to what is worth compensating of each change since acceptance
+//!   ([`Estimator::targets`]), no faster than its rate.
 //!
 //! [`Compensator::update_learned`](crate::Compensator::update_learned) compensates with it, and no more than is known.
 //!
@@ -33,6 +34,7 @@ mod filter;
 mod reading;
 mod settings;
 mod state;
+mod tip;
 
 pub use amplitude::Amplitude;
 pub use estimator::{CHANGE, Estimator};

@@ -118,7 +118,8 @@ pub struct Alarm {
 pub struct TipEstimate<T> {
     /// Displacement of A that is to be added to that of machine and table, by what is used for compensation.
     pub deflection: Deflection<T>,
-    /// Variances of the tip's translation along u, v, w from the covariance of the amplitudes, m².
+    /// Expected squares of what is left of the tip's translation along u, v, w after that, m²: its variances from the covariance of the
+    /// amplitudes, and the squares of what their best values say beyond what is used, the accepted ones included.
     pub variance_m2: Vector3<T>,
 }
 

@@ -14,7 +14,8 @@ pub const MAX_AMPLITUDES: usize = 8;
 pub struct AmplitudeSettings {
     /// What it is of.
     pub amplitude: Amplitude,
-    /// Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here.
+    /// Its value when the table was accepted: 0 where table and machine hold all of it. Changes count from here, and they alone are
+    /// compensated.
     pub accepted: f64,
     /// Standard deviation of the value before anything is read, above 0. No more than this is ever unknown of it.
     pub deviation: f64,
@@ -26,7 +27,8 @@ pub struct AmplitudeSettings {
     pub most: f64,
     /// Fastest change of what is used for compensation, above 0, each second.
     pub rate_per_s: f64,
-    /// A change by this is worth an alarm, above 0.
+    /// A change by this is worth an alarm, above 0. Of changes that are not far above a fifth of it less is compensated, see
+    /// [`Estimator::targets`](super::Estimator::targets).
     pub alarm: f64,
 }
 

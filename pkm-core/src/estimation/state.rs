@@ -122,7 +122,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         for number in [sequence, self.time_s, self.readings, self.refused] {
             bytes.put(&number.to_le_bytes());
         }
-        let Filter { mean, upper, diagonal } = &self.filter;
+        let Filter { mean, upper, diagonal, .. } = &self.filter;
         for numbers in [mean, diagonal, &self.applied, &self.sums[0], &self.sums[1]] {
             for number in numbers {
                 bytes.put(&number.to_f64().to_le_bytes());
@@ -162,7 +162,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             *number = u32::from_le_bytes(take(&mut bytes));
         }
         let mut next = || f64::from_le_bytes(take(&mut bytes));
-        let Filter { mean, upper, diagonal } = &mut self.filter;
+        let Filter { mean, upper, diagonal, .. } = &mut self.filter;
         let [sums, variances] = &mut self.sums;
         for numbers in [mean, diagonal, &mut self.applied, sums, variances] {
             numbers.iter_mut().for_each(|number| *number = T::from_f64(next()));
@@ -171,6 +171,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         for (j, column) in upper.iter_mut().enumerate() {
             column.iter_mut().take(j).for_each(|number| *number = T::from_f64(next()));
         }
+        self.set_targets();
         Ok(())
     }
 }

@@ -208,9 +208,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let Configuration { pose, beta_rad } = configuration;
         let posture = self.machine.posture(pose).map_err(StiffnessError::from)?;
         let at_a = self.wrist.wrench_at_a(*beta_rad, wrench);
-        let tip = learned.tip_at(self.machine, &posture, &at_a, doubt.tip_m)?;
-        *moved = moved.plus(&self.seen_at_tip(configuration, &tip.deflection));
-        doubt.variance_m2 += tip.variance_m2;
+        let mut own = Deflection::ZERO;
+        learned.add_to(self.machine, &posture, &at_a, doubt.tip_m, (&mut own, &mut doubt.variance_m2))?;
+        *moved = moved.plus(&self.seen_at_tip(configuration, &own));
         Ok(())
     }
 

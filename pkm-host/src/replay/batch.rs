@@ -23,7 +23,7 @@ pub(super) fn fit<const N: usize>(
         let seen = predicted.seen_at(touch.tip_m).to_vector();
         let amplitudes = settings.amplitudes.map(|own| own.amplitude);
         let moved = machine.sensitivities(&touch.pose, &wrench, &amplitudes).ok()?;
-        let shown = |n: usize| amplitudes[n].shown(&moved[n], &predicted).seen_at(touch.tip_m).to_vector();
+        let shown = |n: usize| amplitudes[n].shown(moved[n], predicted).seen_at(touch.tip_m).to_vector();
         let shown: [_; N] = std::array::from_fn(shown);
         for reading in readings {
             let expected = reading.direction.dot(&seen);

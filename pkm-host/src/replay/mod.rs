@@ -29,6 +29,8 @@ pub struct Step {
     pub changed: bool,
     /// Of the amplitudes, after it.
     pub values: Vec<Value>,
+    /// What of their changes since acceptance is compensated from then on, as soon as the rate lets it.
+    pub compensated: Vec<f64>,
     /// Alarms that stand after it, each with the number of its amplitude from 0.
     pub alarms: Vec<(usize, Alarm)>,
 }
@@ -134,6 +136,7 @@ fn with<const N: usize>(
             outcome: learned.map(|learned| learned.chi_squared / readings.len() as f64),
             changed: estimator.changed_at() != changed_at,
             values: estimator.values().to_vec(),
+            compensated: estimator.targets().to_vec(),
             alarms: (0..).zip(estimator.alarms()).filter_map(|(n, alarm)| Some((n, alarm?))).collect(),
         });
     }

@@ -90,7 +90,7 @@ impl<const N: usize> Candidate<N> {
         let mut expected = self.predicted.seen_at(self.touch.tip_m).to_vector();
         let amplitudes = estimator.amplitudes().into_iter().zip(estimator.values());
         for (moved, (amplitude, (value, _))) in self.sensitivities.iter().zip(amplitudes) {
-            expected += amplitude.shown(moved, &self.predicted).seen_at(self.touch.tip_m).to_vector() * value;
+            expected += amplitude.shown(*moved, self.predicted).seen_at(self.touch.tip_m).to_vector() * value;
         }
         let readings: [_; 3] = std::array::from_fn(|axis| TipReading {
             direction: Vector6::ith(axis, 1.0),

@@ -261,11 +261,13 @@ pub fn text(replay: &Replay) -> String {
     text
 }
 
-/// What was known after each reading, as CSV: values and deviations in the amplitudes' units, alarms by the amplitudes' numbers from 1.
+/// What was known after each reading, as CSV: values, deviations and what is compensated in the amplitudes' units, alarms by the amplitudes'
+/// numbers from 1.
 pub fn steps_csv(replay: &Replay) -> String {
     let mut header = ["line", TIME_COLUMN, "status", "chi_squared", "changed", "alarms"].map(str::to_owned).to_vec();
     let numbers = 1..=replay.learn.amplitudes.len();
-    header.extend(numbers.flat_map(|n| [format!("value_{n}"), format!("deviation_{n}")]));
+    header.extend(numbers.clone().flat_map(|n| [format!("value_{n}"), format!("deviation_{n}")]));
+    header.extend(numbers.map(|n| format!("compensated_{n}")));
     let rows = replay.steps.iter().map(|step| {
         let status = step.outcome.as_ref().map_or_else(code, |_| "taken");
         let chi_squared = step.outcome.as_ref().map_or(String::new(), f64::to_string);
@@ -273,6 +275,7 @@ pub fn steps_csv(replay: &Replay) -> String {
         let mut row = vec![step.line.to_string(), step.time_s.to_string(), status.to_owned(), chi_squared];
         row.extend([u8::from(step.changed).to_string(), alarms]);
         row.extend(step.values.iter().flat_map(|(value, deviation)| [value.to_string(), deviation.to_string()]));
+        row.extend(step.compensated.iter().map(f64::to_string));
         row
     });
     to_csv(b',', &header, rows)
@@ -295,6 +298,7 @@ pub fn document(replay: &Replay) -> Value {
             json!({
                 "amplitude": named(own.amplitude), "unit": units(own.amplitude).0, "accepted": own.accepted,
                 "value": value.map(|v| v.0), "deviation": value.map(|v| v.1),
+                "compensated": last.map(|step| step.compensated[n]),
                 "variance_left": value.map(|v| variance_left(own, &v)),
                 "batch_value": replay.batch.as_ref().map(|b| b[n].0),
                 "batch_deviation": replay.batch.as_ref().map(|b| b[n].1),

@@ -299,6 +299,8 @@ struct Step {
     is_taken: bool,
     alarms: Vec<usize>,
     values: [f64; AMPLITUDES],
+    /// What of their changes is compensated.
+    compensated: [f64; AMPLITUDES],
 }
 
 fn steps(text: &str) -> Result<Vec<Step>, String> {
@@ -306,17 +308,21 @@ fn steps(text: &str) -> Result<Vec<Step>, String> {
     let head: Vec<&str> = lines.next().unwrap_or("").split(',').collect();
     let column = |name: &str| head.iter().position(|h| *h == name).ok_or_else(|| format!("no column {name}"));
     let (status, alarms) = (column("status")?, column("alarms")?);
-    let values = (1..=AMPLITUDES).map(|n| column(&format!("value_{n}"))).collect::<Result<Vec<_>, _>>()?;
+    let columns = |name: &str| (1..=AMPLITUDES).map(|n| column(&format!("{name}_{n}"))).collect::<Result<Vec<_>, _>>();
+    let numbers = [columns("value")?, columns("compensated")?];
     let step = |line: &str| {
         let cells: Vec<&str> = line.split(',').collect();
         let cell = |n: usize| cells.get(n).copied().ok_or_else(|| format!("a short line: {line}"));
-        let mut step = Step { is_taken: cell(status)? == "taken", alarms: Vec::new(), values: [0.0; AMPLITUDES] };
+        let none = [0.0; AMPLITUDES];
+        let mut step = Step { is_taken: cell(status)? == "taken", alarms: Vec::new(), values: none, compensated: none };
         for number in cell(alarms)?.split_whitespace() {
             let number = number.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
             step.alarms.push(number.ok_or_else(|| format!("no alarm: {line}"))?);
         }
-        for (value, column) in step.values.iter_mut().zip(&values) {
-            *value = cell(*column)?.parse().map_err(|e| format!("{line}: {e}"))?;
+        for (all, columns) in [&mut step.values, &mut step.compensated].into_iter().zip(&numbers) {
+            for (number, column) in all.iter_mut().zip(columns) {
+                *number = cell(*column)?.parse().map_err(|e| format!("{line}: {e}"))?;
+            }
         }
         Ok(step)
     };
@@ -412,7 +418,7 @@ fn errors(judge: &Judge<'_>, presses: &[Press], steps: &[Step], accepted: &[f64;
         if (n + 1) % every > 0 {
             continue;
         }
-        let errors = [judge.error(press.day, &step.values), judge.error(press.day, &[0.0; AMPLITUDES])];
+        let errors = [judge.error(press.day, &step.compensated), judge.error(press.day, &[0.0; AMPLITUDES])];
         for (n, error) in errors.iter().enumerate() {
             whole[n] += error;
             stretch[n] += error;

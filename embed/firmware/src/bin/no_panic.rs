@@ -229,11 +229,11 @@ fn call_estimation<T: Scalar>(
         black_box((tip.known_share(&vector), tip.u95_m()));
     }
     estimator.follow(a);
-    black_box((estimator.values(), estimator.applied(), estimator.alarms()));
+    black_box((estimator.values(), estimator.applied(), estimator.targets(), estimator.alarms()));
     black_box((estimator.readings(), estimator.refused(), estimator.time_s(), estimator.changed_at()));
     black_box(Amplitude::compliance(black_box(Place::Base), black_box(Motion::X)));
     black_box(Amplitude::RISE.place());
-    black_box(black_box(Amplitude::GAIN).shown(&black_box(Deflection::<T>::ZERO), &black_box(Deflection::ZERO)));
+    black_box(black_box(Amplitude::GAIN).shown(black_box(Deflection::<T>::ZERO), black_box(Deflection::ZERO)));
     let mut slot = [0; state_bytes(6)];
     if let Err(e) = estimator.save(black_box(1), black_box(2), black_box(&mut slot)) {
         show(e);
