@@ -184,6 +184,19 @@ impl Walk<'_> {
         Ok(Some(KnownDeflection { u95_m: found.u95_m().norm(), share: found.known_share(&moved_m.into()) }))
     }
 
+    /// What the loaded model makes of a point without compensation, and how well that is known.
+    fn uncompensated(
+        &self,
+        asked: &Place,
+        wrench: &Wrench<f64>,
+        tool: &Tool<f64>,
+        near: &Configuration<f64>,
+    ) -> std::result::Result<(LoadedTool, Option<KnownDeflection>), ToolDeflectionError> {
+        let before = self.met(asked, wrench, tool, near)?;
+        let known = self.known(&before.solution.configuration, wrench, before.tip_off_m)?;
+        Ok((before, known))
+    }
+
     fn here(&self, failure: Failure) -> Failure {
         let [x, y, z] = self.position.tip_m.map(|m| (m * 1e6).round() / 1e3 + 0.0);
         let way = self.position.from.map_or(String::new(), |line| format!("on the way from line {line} to here, "));
@@ -213,8 +226,12 @@ impl Walk<'_> {
             self.reach.five.tool(configuration).map_err(|e| self.failure(e.into(), None))
         };
         let tool = tool_at(near)?;
-        let command = self.reach.five.compensated(self.table(), &tool, wrench, near).map_err(|e| {
-            let there = self.reach.unlimited().compensated(self.table(), &tool, wrench, near);
+        let uncompensated = self.uncompensated(asked, wrench, &tool, near);
+        // as a controller does: of the deflection, and so of the load, no more than is known
+        let share = uncompensated.as_ref().ok().and_then(|(_, known)| *known).map_or(1.0, |known| known.share);
+        let compensated = &Wrench::from_vector(wrench.to_vector() * share);
+        let command = self.reach.five.compensated(self.table(), &tool, compensated, near).map_err(|e| {
+            let there = self.reach.unlimited().compensated(self.table(), &tool, compensated, near);
             let failure = self.failure(e, there.ok().map(|c| c.solution));
             Failure { message: format!("{} (with the deflection compensated)", failure.message), ..failure }
         })?;
@@ -232,9 +249,8 @@ impl Walk<'_> {
         };
         let place = rounded(&Place { tip_m: tip_m.into(), toward }, self.request.in_program);
         let failed = |e| self.failure(e, self.reach.stand_anywhere(&place, &configuration));
-        let before = self.met(asked, wrench, &tool, near).map_err(failed)?;
+        let (before, known) = uncompensated.map_err(failed)?;
         let after = self.met(&place, wrench, &tool, &configuration).map_err(failed)?;
-        let known = self.known(&before.solution.configuration, wrench, before.tip_off_m).map_err(failed)?;
         let outside = self.correction.filter(|_| after.domain == Some(Domain::Outside));
         if let Some(correction) = outside.filter(|_| !self.request.allow_extrapolation) {
             let amount = outside_by(&after.solution.configuration.pose, &correction.extent);

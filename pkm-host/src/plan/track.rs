@@ -60,7 +60,7 @@ pub struct LoadedPoint {
 pub struct KnownDeflection {
     /// Length of its expanded uncertainty along u, v, w, coverage 95 %.
     pub u95_m: f64,
-    /// Share of it that a controller would compensate: [`pkm_core::TipUncertainty::known_share`].
+    /// Share of it that is compensated, as by a controller: [`pkm_core::TipUncertainty::known_share`].
     pub share: f64,
 }
 

@@ -132,12 +132,12 @@ fn known(track: &Track) -> Option<Finding> {
     })
 }
 
-/// A warning where the expanded uncertainty exceeds what is compensated.
+/// A warning where the expanded uncertainty exceeds the deflection, so that not all of it is compensated.
 pub fn unsure(track: &Track) -> Option<String> {
     (track.unsure > 0).then(|| {
         format!(
-            "at {} of {} loaded points the expanded uncertainty exceeds the deflection; a controller that compensates what is \
-             known would compensate {:.0} % there at least",
+            "at {} of {} loaded points the expanded uncertainty exceeds the deflection; there only the share that is known is \
+             compensated, {:.0} % at least",
             track.unsure,
             track.before[0].count,
             100.0 * track.least_known_share
@@ -308,6 +308,7 @@ pub fn document(track: &Track) -> Value {
         "error_if_load_off_um": (track.load_off.count > 0).then(|| micro(&track.load_off)),
         "u95_um": (track.u95.count > 0).then(|| micro(&track.u95)),
         "unsure_points": track.unsure,
+        "least_known_share": (track.u95.count > 0).then_some(track.least_known_share),
         "estimated_moves": track.estimated,
         "min_home_share": track.least_share(),
         "nearest_limits": {

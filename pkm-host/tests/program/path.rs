@@ -271,8 +271,9 @@ fn a_path_says_how_well_the_table_knows_its_deflection() {
     let folder = Folder::new();
     let (path, table, out) = (fixture("jobs/path.csv"), folder.table(), folder.path("out.csv"));
     let summary = json(&["compensate", "--path", &path, "--table", &table, "--out", &out]);
-    let (mut near, mut worst) = (HOME, 0.0_f64);
+    let (mut near, mut u95_mm) = (HOME, Vec::new());
     let asked = rows(&std::fs::read_to_string(&path).unwrap(), ',');
+    let whole = rows(&std::fs::read_to_string(&out).unwrap(), ',');
     for row in &asked {
         let [x, y, z, i, j, k] = std::array::from_fn(|column| row[column]);
         let tool = Tool { tip_m: Vector3::new(x, y, z) / 1e3, axis: Vector3::new(i, j, k) };
@@ -282,8 +283,9 @@ fn a_path_says_how_well_the_table_knows_its_deflection() {
         let load = Wrench { force_n: force, moment_nm: moment };
         let factor = TABLE_F64.factor_form(&MACHINE_F64, &near.pose).unwrap().factor;
         let known = TABLE_F64.tip_uncertainty(&UNCERTAINTY_F64, &factor, &near.pose, &load, arm.into()).unwrap();
-        worst = worst.max(1.96e6 * known.variance_m2.sum().sqrt());
+        u95_mm.push(1.96e3 * known.variance_m2.sum().sqrt());
     }
+    let worst = 1e3 * u95_mm.iter().fold(0.0, |worst: f64, u95| worst.max(*u95));
     let said = summary["u95_um"]["max"].as_f64().unwrap();
     assert!((said - worst).abs() < 1e-6 * worst, "{said} is not {worst}");
     assert_eq!(summary["unsure_points"], 0);
@@ -300,9 +302,23 @@ fn a_path_says_how_well_the_table_knows_its_deflection() {
     assert!(warnings.contains("expanded uncertainty exceeds the deflection"), "{warnings}");
     let report = folder.read("report.html");
     assert!(report.contains("Not all of the deflection is known"));
+    // and compensates the share that is known
+    let (part, mut least) = (rows(&std::fs::read_to_string(&out).unwrap(), ','), 1.0_f64);
+    for (((asked, whole), part), u95_mm) in asked.iter().zip(&whole).zip(&part).zip(&u95_mm) {
+        let off = |row: &[f64]| Vector3::from_fn(|n, _| row[n] - asked[n]);
+        let (whole, part) = (off(whole), off(part));
+        if whole.norm() > 0.0 {
+            let share = whole.norm() / (1e4 * u95_mm);
+            least = least.min(share);
+            assert!((part - whole * share).norm() < 0.02 * part.norm() + 2e-6, "{part} of {whole}: not {share}");
+        }
+    }
+    let share = summary["least_known_share"].as_f64().unwrap();
+    assert!(share > 0.0 && (share / least - 1.0).abs() < 0.02, "{share} is not {least}");
 
     let without = json(&["compensate", "--path", &path, "--out", &out]);
     assert_eq!((&without["u95_um"], &without["unsure_points"]), (&Value::Null, &0.into()));
+    assert_eq!(without["least_known_share"], Value::Null);
 }
 
 #[test]
