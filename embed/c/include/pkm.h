@@ -763,6 +763,8 @@ typedef struct {
   uint32_t refused;
   // When the last reading was taken in, s.
   uint32_t time_s;
+  // When the first reading was taken in, s: what was accepted is as old as that.
+  uint32_t began_s;
 } PkmEstimatorState;
 
 // How well a deflection of the tip is known, and how much of it is compensated for that reason.
@@ -1585,7 +1587,7 @@ PkmError pkm_tool_touch_f64(const PkmMachine_f64 *machine,
                             double rise_k,
                             PkmToolTouch_f64 *touch);
 
-// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+// A period of the compensation: what it uses goes to what is worth compensating, at most at the rates of the settings.
 //
 // Errors: NOT_INITIALISED, NOT_FINITE.
 PKM_MUST_USE PkmError pkm_estimator_follow_f64(PkmEstimator_f64 *estimator, double period_s);
@@ -1683,7 +1685,7 @@ PkmError pkm_tool_touch_f32(const PkmMachine_f32 *machine,
                             float rise_k,
                             PkmToolTouch_f32 *touch);
 
-// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+// A period of the compensation: what it uses goes to what is worth compensating, at most at the rates of the settings.
 //
 // Errors: NOT_INITIALISED, NOT_FINITE.
 PKM_MUST_USE PkmError pkm_estimator_follow_f32(PkmEstimator_f32 *estimator, float period_s);

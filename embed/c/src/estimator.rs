@@ -237,7 +237,7 @@ macro_rules! estimator {
             }
         }
 
-        /// A period of the compensation: what it uses goes to the best values, at most at the rates of the settings.
+        /// A period of the compensation: what it uses goes to what is worth compensating, at most at the rates of the settings.
         ///
         /// Errors: NOT_INITIALISED, NOT_FINITE.
         #[must_use]

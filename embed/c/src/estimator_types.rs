@@ -166,6 +166,8 @@ pub struct PkmEstimatorState {
     pub refused: u32,
     /// When the last reading was taken in, s.
     pub time_s: u32,
+    /// When the first reading was taken in, s: what was accepted is as old as that.
+    pub began_s: u32,
 }
 
 /// Which of two slots holds the newest whole state.
@@ -287,7 +289,7 @@ impl PkmEstimatorState {
             }
         }
         let (readings, refused, time_s) = (estimator.readings(), estimator.refused(), estimator.time_s());
-        Self { amplitudes, readings, refused, time_s }
+        Self { amplitudes, readings, refused, time_s, began_s: estimator.began_s() }
     }
 }
 

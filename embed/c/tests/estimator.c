@@ -194,6 +194,7 @@ static int misuse(void) {
                 }                                                                                                      \
             }                                                                                                          \
             CHECK(pkm_estimator_state_##S(e, &known, sizeof known) == PKM_ERROR_OK);                                   \
+            add(known.began_s);                                                                                        \
             uint32_t alarms = 0;                                                                                       \
             for (int i = 0; i < PKM_AMPLITUDES; i++) {                                                                 \
                 const PkmAmplitudeState *own = &known.amplitudes[i];                                                   \

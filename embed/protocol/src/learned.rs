@@ -46,6 +46,10 @@ pub struct Learned {
     pub refused: Option<Refusal>,
     /// Readings that were taken in.
     pub readings: u32,
+    /// When the first of them was taken in, s by the clock of `probe`: what was accepted is as old as that.
+    pub began_s: u32,
+    /// When the last of them was taken in, s.
+    pub time_s: u32,
     /// Of the amplitudes, in m/N, rad/(N·m) or K.
     pub values: TableNumbers,
     /// Standard deviations of the values.
@@ -132,6 +136,8 @@ impl Learned {
         Some(Self {
             refused: refused.map(Refusal::from),
             readings: estimator.readings(),
+            began_s: estimator.began_s(),
+            time_s: estimator.time_s(),
             values: TableNumbers::new(&values.map(|(value, _)| value))?,
             deviations: TableNumbers::new(&values.map(|(_, deviation)| deviation))?,
             alarms,

@@ -52,7 +52,7 @@
 //! {"v":2,"id":4,"answer":{"sweep":{"ok":1000,"outside_box":0,"refused":0,"overruns":0,"worst_ticks":7312,"results":"93b1c5a0e4d2f786"}}}
 //! {"v":2,"id":6,"answer":{"received":{"numbers":6,"of":276}}}
 //! {"v":2,"id":7,"answer":{"swapped":"fedcba9876543210"}}
-//! {"v":2,"id":8,"answer":{"learned":{"refused":null,"readings":41,"values":[1e-10,2.1e-9],"deviations":[2e-10,1e-10],"alarms":[null,{"change":2.1e-9,"probability":0.999,"readings":41},null,null,null,null,null,null],"state":"0123456789abcdef","saved":3,"offset_m":[1e-6,0,0],"compensated":12}}}
+//! {"v":2,"id":8,"answer":{"learned":{"refused":null,"readings":41,"began_s":1700000000,"time_s":1700086400,"values":[1e-10,2.1e-9],"deviations":[2e-10,1e-10],"alarms":[null,{"change":2.1e-9,"probability":0.999,"readings":41},null,null,null,null,null,null],"state":"0123456789abcdef","saved":3,"offset_m":[1e-6,0,0],"compensated":12}}}
 //! {"v":2,"id":null,"answer":{"error":"syntax"}}
 //! ```
 //!

@@ -173,6 +173,8 @@ fn replies_come_back() {
                 probability: 0.999_999_999_999_999_9,
                 readings: u32::MAX,
             }); 8],
+            began_s: u32::MAX,
+            time_s: u32::MAX,
             saved: Some(u32::MAX),
             offset_m: [-1.234_567_890_123_456_7e-300; 3],
             compensated: u32::MAX,
@@ -220,6 +222,7 @@ fn learned() -> Learned {
     let learned = Learned::new(&estimator, &state, Some(refused), None).unwrap();
     let [(value, deviation)] = estimator.values();
     assert_eq!((learned.values.as_slice(), learned.deviations.as_slice()), (&[value][..], &[deviation][..]));
+    assert_eq!((learned.began_s, learned.time_s), (9, 9));
     assert_eq!((learned.refused, learned.readings, learned.saved), (Some(Refusal::Backwards), 1, None));
     assert!(deviation < 1e-9 && value != 0.0);
     // FNV-1a over the bytes of `a`

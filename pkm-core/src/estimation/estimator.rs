@@ -86,6 +86,7 @@ pub struct Estimator<T, const N: usize> {
     /// Until when each amplitude's covariance has grown by its drift.
     pub(super) drifted_at: [u32; N],
     pub(super) time_s: u32,
+    pub(super) began_s: u32,
     pub(super) readings: u32,
     /// In a row.
     pub(super) refused: u32,
@@ -127,6 +128,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             changed_at: [0; N],
             drifted_at: [0; N],
             time_s: 0,
+            began_s: 0,
             readings: 0,
             refused: 0,
             last: [T::ZERO; MAX_COMPONENTS],
@@ -162,6 +164,28 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// When the last reading was taken in, s.
     pub fn time_s(&self) -> u32 {
         self.time_s
+    }
+
+    /// When the first reading was taken in, s: what was accepted is as old as that.
+    pub fn began_s(&self) -> u32 {
+        self.began_s
+    }
+
+    /// Standard deviations of the values at a later time without a further reading: with their drift since, up to what was unknown at the
+    /// start.
+    pub fn deviations_at(&self, time_s: u32) -> [f64; N] {
+        let mut deviations = [0.0; N];
+        let known = self.filter.variances().into_iter().zip(&self.scaled).zip(&self.drifted_at);
+        for ((deviation, ((variance, own), drifted_at)), of) in
+            deviations.iter_mut().zip(known).zip(&self.settings.amplitudes)
+        {
+            // nothing drifts before the first reading, at which all is unknown
+            let silent_s = if self.readings > 0 { time_s.saturating_sub(*drifted_at) } else { 0 };
+            let drifted = own.drift_per_s.to_f64() * f64::from(silent_s);
+            let before = variance.to_f64();
+            *deviation = of.deviation * libm::sqrt(if before < 1.0 { (before + drifted).min(1.0) } else { before });
+        }
+        deviations
     }
 
     /// Best values, and their standard deviations, in the amplitudes' units.
@@ -264,6 +288,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             Ok(_) => {
                 self.keep_possible();
                 self.time_s = touch.time_s;
+                if self.readings == 0 {
+                    self.began_s = touch.time_s;
+                }
                 self.readings = self.readings.saturating_add(1);
                 self.refused = 0;
             }

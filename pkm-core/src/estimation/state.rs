@@ -10,8 +10,8 @@ use super::filter::Filter;
 use crate::checksum::{START, over_byte};
 use crate::scalar::Scalar;
 
-/// Fingerprint, sequence number, time, readings, refused readings; and at the end the checksum.
-const HEAD: usize = 8 + 4 * 4;
+/// Fingerprint, sequence number, time, readings, refused readings, time of the first; and at the end the checksum.
+const HEAD: usize = 8 + 5 * 4;
 const END: usize = 8;
 const NUMBER: usize = 8;
 
@@ -119,7 +119,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let (body, end) = place.split_at_mut_checked(state_bytes(N) - END).ok_or(StateError::TooShort)?;
         let mut bytes = Bytes(body.iter_mut());
         bytes.put(&self.settings.fingerprint(machine).to_le_bytes());
-        for number in [sequence, self.time_s, self.readings, self.refused] {
+        for number in [sequence, self.time_s, self.readings, self.refused, self.began_s] {
             bytes.put(&number.to_le_bytes());
         }
         let Filter { mean, upper, diagonal, .. } = &self.filter;
@@ -158,7 +158,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             return Err(StateError::Other);
         }
         let _sequence: [u8; 4] = take(&mut bytes);
-        for number in [&mut self.time_s, &mut self.readings, &mut self.refused] {
+        for number in [&mut self.time_s, &mut self.readings, &mut self.refused, &mut self.began_s] {
             *number = u32::from_le_bytes(take(&mut bytes));
         }
         let mut next = || f64::from_le_bytes(take(&mut bytes));

@@ -43,8 +43,21 @@ pub struct Replay {
     pub steps: Vec<Step>,
     /// A fit of the last [`BATCH`] readings that were taken in; `None` if there was none.
     pub batch: Option<Vec<Value>>,
+    /// How old it all is at the end of the log.
+    pub age: Age,
     /// Where to probe next, if that was asked.
     pub next: Vec<Proposal>,
+}
+
+/// How old what was learned is at a log's last row, taken in or not.
+#[derive(Clone, Debug, Default)]
+pub struct Age {
+    /// Since the first reading that was taken in, and so since acceptance, s.
+    pub since_first_s: u32,
+    /// Since the last one, s.
+    pub since_last_s: u32,
+    /// Standard deviations of the amplitudes by then, with the drift that the settings allow.
+    pub deviations: Vec<f64>,
 }
 
 impl Replay {
@@ -125,7 +138,7 @@ fn with<const N: usize>(
     let amplitudes = learn.amplitudes.as_slice().try_into().map_err(|e| refused(&e))?;
     let settings = EstimatorSettings::<N> { amplitudes, model_share: learn.model_share };
     let mut estimator = Estimator::<f64, N>::new(&settings).map_err(|e| refused(&e))?;
-    let mut replay = Replay { learn, steps: Vec::new(), batch: None, next: Vec::new() };
+    let mut replay = Replay { learn, steps: Vec::new(), batch: None, age: Age::default(), next: Vec::new() };
     for entry in log {
         let Entry { line, touch, readings } = entry;
         let changed_at = estimator.changed_at();
@@ -140,6 +153,12 @@ fn with<const N: usize>(
             alarms: (0..).zip(estimator.alarms()).filter_map(|(n, alarm)| Some((n, alarm?))).collect(),
         });
     }
+    let now_s = log.last().map_or(0, |entry| entry.touch.time_s);
+    replay.age = Age {
+        since_first_s: now_s.saturating_sub(estimator.began_s()),
+        since_last_s: now_s.saturating_sub(estimator.time_s()),
+        deviations: estimator.deviations_at(now_s).to_vec(),
+    };
     let taken = log.iter().zip(&replay.steps).filter(|(_, step)| step.outcome.is_ok()).map(|(entry, _)| entry);
     let taken: Vec<&Entry> = taken.collect();
     let last = &taken[taken.len().saturating_sub(BATCH)..];

@@ -93,6 +93,18 @@ fn said(replay: &Replay, (n, alarm): &(usize, Alarm)) -> String {
     )
 }
 
+/// How old what is known is, and what drift may have come of that.
+fn aged(replay: &Replay) -> String {
+    let [first, last] = [replay.age.since_first_s, replay.age.since_last_s].map(|s| f64::from(s) / DAY_S);
+    let known = replay.steps.iter().rev().find(|step| step.outcome.is_ok()).map_or(&[][..], |step| &step.values);
+    let grown = known.iter().zip(&replay.age.deviations).map(|((_, before), now)| now / before).fold(1.0, f64::max);
+    format!(
+        "Since the first reading that was taken in it has been {first:.1} days, since the last one {last:.1} days; the drift that is allowed \
+         in that time makes the intervals wider by {:.0} % at most.",
+        100.0 * (grown - 1.0)
+    )
+}
+
 /// Readings that were refused, by code.
 fn refusals(replay: &Replay) -> Vec<(&'static str, usize)> {
     let mut counts: Vec<(&'static str, usize)> = Vec::new();
@@ -119,6 +131,9 @@ fn findings(replay: &Replay) -> Vec<Finding> {
     found.extend(replay.standing().iter().map(|alarm| Finding::warning(said(replay, alarm))));
     if replay.standing().is_empty() {
         found.push(Finding::good("Nothing that is learned has changed by what is worth an alarm."));
+    }
+    if taken > 0 {
+        found.push(Finding::good(aged(replay)));
     }
     let text = format!("{taken} of {all} readings were taken in.");
     found.push(if taken == all { Finding::good(text) } else { Finding::warning(text) });
@@ -299,6 +314,7 @@ pub fn document(replay: &Replay) -> Value {
                 "amplitude": named(own.amplitude), "unit": units(own.amplitude).0, "accepted": own.accepted,
                 "value": value.map(|v| v.0), "deviation": value.map(|v| v.1),
                 "compensated": last.map(|step| step.compensated[n]),
+                "deviation_at_end": last.map(|_| replay.age.deviations[n]),
                 "variance_left": value.map(|v| variance_left(own, &v)),
                 "batch_value": replay.batch.as_ref().map(|b| b[n].0),
                 "batch_deviation": replay.batch.as_ref().map(|b| b[n].1),
@@ -316,6 +332,8 @@ pub fn document(replay: &Replay) -> Value {
     json!({
         "readings": replay.steps.len(),
         "taken": replay.steps.iter().filter(|step| step.outcome.is_ok()).count(),
+        "days_since_first": f64::from(replay.age.since_first_s) / DAY_S,
+        "days_since_last": f64::from(replay.age.since_last_s) / DAY_S,
         "changes_at_lines": replay.steps.iter().filter(|step| step.changed).map(|step| step.line).collect::<Vec<_>>(),
         "amplitudes": amplitudes,
         "alarms": raised.collect::<Vec<_>>(),

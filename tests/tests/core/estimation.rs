@@ -602,7 +602,7 @@ fn stays_within_its_settings<T: Scalar>(rounding: f64) {
     let mut rng = seeded();
     let (mut at_a_limit, mut at_the_rate, mut gated) = (0, 0, [0; 2]);
     for run in 0..cases(100) {
-        random_learning::<T>(&mut rng, run as usize % 3, |settings, [before, after], period_s| {
+        random_learning::<T>(&mut rng, run % 3, |settings, [before, after], period_s| {
             let values = after.values();
             let (targets, from, to) = (after.targets(), before.applied(), after.applied());
             for (n, own) in settings.amplitudes.iter().enumerate() {
@@ -788,6 +788,41 @@ fn settings_are_checked() {
     assert_eq!(Estimator::<f64, 0>::new(&none).map(|_| ()), Err(Error::Count));
     let rise = EstimatorSettings { amplitudes: [free(Amplitude::RISE, 1.0)], model_share: 0.0 };
     assert!(Estimator::<f32, 1>::new(&rise).is_ok());
+}
+
+#[test]
+fn what_is_known_ages_by_the_drift_that_is_allowed() {
+    let mut rng = seeded();
+    let truth = Truth::new(&mut rng);
+    let mut estimator = Estimator::<f64, 6>::new(&drives()).unwrap();
+    let prior = drives().amplitudes.map(|own| own.deviation);
+    assert_eq!((estimator.began_s(), estimator.deviations_at(1_000_000_000)), (0, prior));
+    for n in 0..20 {
+        let (touch, readings) = truth.touch(&mut rng, 0, 5_000 + 600 * n);
+        estimator.learn(&MACHINE_F64, None, &touch, &readings).expect("taken in");
+    }
+    // what is refused is no news
+    let (touch, readings) = truth.touch(&mut rng, 0, 90_000);
+    let spikes = readings.map(|r| TipReading { read: r.read + r.read.signum() * 1e-4, ..r });
+    assert!(estimator.learn(&MACHINE_F64, None, &touch, &spikes).is_err());
+    assert_eq!((estimator.began_s(), estimator.time_s()), (5_000, 16_400));
+    let later = |days: u32| estimator.deviations_at(16_400 + 86_400 * days);
+    for n in 0..6 {
+        let (own, (_, known)) = (&drives().amplitudes[n], estimator.values()[n]);
+        // their last turns were within the last six readings
+        let least = known.hypot(own.drift_per_day * 5.0_f64.sqrt());
+        let most = known.hypot(own.drift_per_day * (5.0_f64 + 6.0 * 600.0 / 86_400.0).sqrt());
+        assert!(later(5)[n] >= least * (1.0 - 1e-12) && later(5)[n] <= most * (1.0 + 1e-12));
+        assert!(
+            (later(20_000)[n] - own.deviation).abs() < 1e-12 * own.deviation,
+            "no more than was unknown at the start"
+        );
+    }
+    let mut slot = [0; SLOT];
+    estimator.save(1, 1, &mut slot).unwrap();
+    let mut restored = Estimator::<f64, 6>::new(&drives()).unwrap();
+    restored.restore(1, &slot).unwrap();
+    assert_eq!((restored.began_s(), restored.deviations_at(90_000)), (5_000, estimator.deviations_at(90_000)));
 }
 
 const SLOT: usize = state_bytes(6);

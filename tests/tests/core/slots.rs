@@ -84,7 +84,7 @@ fn a_power_cut_at_any_byte_of_a_save_leaves_the_last_whole_state_in_the_slots() 
         });
         state.learn(&MACHINE_F64, None, &touch, &readings).expect("taken in");
     }
-    assert_eq!(cuts, 3576);
+    assert_eq!(cuts, 3600);
 }
 
 #[test]

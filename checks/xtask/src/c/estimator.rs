@@ -106,6 +106,7 @@ impl Sum {
     }
 
     fn add_state<T: Scalar>(&mut self, estimator: &Estimator<T, COUNT>, changed: [bool; MAX_AMPLITUDES]) {
+        self.add(f64::from(estimator.began_s()));
         let (values, applied, alarms) = (estimator.values(), estimator.applied(), estimator.alarms());
         for n in 0..MAX_AMPLITUDES {
             let (value, deviation) = values.get(n).copied().unwrap_or_default();

@@ -231,6 +231,7 @@ fn call_estimation<T: Scalar>(
     estimator.follow(a);
     black_box((estimator.values(), estimator.applied(), estimator.targets(), estimator.alarms()));
     black_box((estimator.readings(), estimator.refused(), estimator.time_s(), estimator.changed_at()));
+    black_box((estimator.began_s(), estimator.deviations_at(black_box(9))));
     black_box(Amplitude::compliance(black_box(Place::Base), black_box(Motion::X)));
     black_box(Amplitude::RISE.place());
     black_box(black_box(Amplitude::GAIN).shown(black_box(Deflection::<T>::ZERO), black_box(Deflection::ZERO)));
