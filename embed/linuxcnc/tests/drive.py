@@ -82,11 +82,12 @@ def load(on):
         mdi(f"M68 E{number} Q{value if on else 0}")
 
 
-def settings(phase, pin, value):
-    """The compensation takes up settings while it is at rest; the recorder keeps which."""
+def settings(phase, pins):
+    """The compensation takes up settings while it is at rest, all of a phase at once; the recorder keeps which."""
     command.state(linuxcnc.STATE_OFF)
     until("at rest", lambda s: halcmd("getp", "pkmcompensator.active") == "FALSE")
-    halcmd("setp", pin, value)
+    for pin, value in pins.items():
+        halcmd("setp", f"pkmcompensator.{pin}", value)
     halcmd("setp", "pkmrecord.whole-5", phase)
     time.sleep(0.05)
     turn_on()
@@ -159,12 +160,11 @@ def faults():
     lying("jump", 60, "warm-2.in1")
     away("outside", wish["outside"])
     load(False)
-    settings(2, "pkmcompensator.max-screw-mm", wish["small_screw_mm"])
+    settings(2, {"max-screw-mm": wish["small_screw_mm"]})
     loaded("small", 0.5)
-    settings(1, "pkmcompensator.max-screw-mm", 0.5)
-    settings(1, "pkmcompensator.stuck-s", wish["stuck_s"])
+    settings(1, {"max-screw-mm": 0.5, "stuck-s": wish["stuck_s"]})
     loaded("stuck", 1.2)
-    settings(0, "pkmcompensator.stuck-s", 0)
+    settings(0, {"stuck-s": 0})
 
 
 def abort_and_home_again():
