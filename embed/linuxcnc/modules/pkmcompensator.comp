@@ -55,6 +55,8 @@ pin in float probe-deviation-um = 1.0 "standard deviation of each of the three";
 pin out s32 probe-code "why the last reading was not taken in: a PkmError of pkm.h; 0 when it was";
 pin out s32 state-code "why it does not go on from a saved state: a PkmError; 0 when it does, or when none is asked for";
 pin out u32 readings-taken "readings that were taken in";
+pin out u32 first-reading-s "when the first was, s since 1970 by the computer's clock: what was accepted is as old as that; 0 before it";
+pin out u32 last-reading-s "when the last was: what is known is as old as that";
 pin out u32 readings-refused "readings in a row that were too far from what was expected";
 pin out float learned-#[6] "what was learned: compliances of limbs 1, 2, 3 and under the base along x, y, z, nm/N";
 pin out float learned-deviation-#[6] "standard deviations";
@@ -285,6 +287,8 @@ static void tell(struct __comp_state *__comp_inst) {
     is_told = 1;
     state_code = restored;
     readings_taken = known.readings;
+    first_reading_s = known.began_s;
+    last_reading_s = known.time_s;
     readings_refused = known.refused;
     any_alarm = 0;
     for (int i = 0; i < LEARNED_COUNT; i++) {

@@ -3,6 +3,7 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::time::SystemTime;
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 use pkm_core::effects::{Motion, Place};
@@ -126,6 +127,19 @@ impl Session<'_> {
     }
 }
 
+/// How old what is known is.
+const TIMES: [&str; 2] = ["first-reading-s", "last-reading-s"];
+
+/// Seconds of the clock that the component takes.
+fn clock_s() -> Result<f64, String> {
+    let since = SystemTime::UNIX_EPOCH.elapsed().map_err(|e| e.to_string())?;
+    Ok(since.as_secs() as f64)
+}
+
+fn in_order(times_s: &[f64]) -> Outcome {
+    if times_s.is_sorted() { Ok(()) } else { Err(format!("times of readings, and of the clock: {times_s:?}")) }
+}
+
 /// Pins of every amplitude.
 fn each(name: &str) -> impl Iterator<Item = String> {
     (0..COUNT).map(move |n| format!("{name}-{n}"))
@@ -166,8 +180,14 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     wrong.read_m = -wrong.read_m;
     text.push_str(&lines(&five, &wrong)?);
     let names = ["learned", "learned-deviation", "alarm", "alarm-readings"].into_iter().flat_map(each);
-    let pins: Vec<String> =
-        ["readings-taken", "probe-code", "state-code"].map(str::to_owned).into_iter().chain(names).collect();
+    let head = ["readings-taken", "probe-code", "state-code"].map(str::to_owned);
+    let pins: Vec<String> = head.into_iter().chain(names).chain(TIMES.map(str::to_owned)).collect();
+    // what is known, and when the first and the last reading were
+    let run = |lines: &str| -> Result<(Vec<f64>, [f64; 2]), String> {
+        let mut found = session.run(lines, &pins)?;
+        let times = found.split_off(pins.len() - TIMES.len());
+        Ok((found, times.try_into().map_err(|_| "two times")?))
+    };
     let expected = |of: &Estimator<f64, COUNT>, codes: [f64; 2]| -> Vec<f64> {
         let (values, alarms) = (of.values(), of.alarms());
         let head = [f64::from(of.readings()), codes[0], codes[1]];
@@ -177,7 +197,11 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
         head.into_iter().chain(known).chain(told).chain(since).collect()
     };
     // 94 the wrong sign, 96 no state yet
-    expect("learned", &session.run(&text, &pins)?, &expected(&knows, [94.0, 96.0]), 1e-4)?;
+    let begun_s = clock_s()?;
+    let (found, [first_s, last_s]) = run(&text)?;
+    expect("learned", &found, &expected(&knows, [94.0, 96.0]), 1e-4)?;
+    let ended_s = clock_s()?;
+    in_order(&[begun_s, first_s, last_s, ended_s])?;
     let alarms = knows.alarms();
     if !(0..COUNT).all(|n| alarms[n].is_some() == (n == 1)) {
         return Err(format!("expected an alarm of the worn drive alone: {alarms:?}"));
@@ -185,8 +209,10 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     // a restart goes on from there, and one reading more goes to the other slot; then that is damaged
     let more = probing(host, &five, READINGS + 1)?;
     let after = take(&more)?;
-    let found = session.run(&lines(&five, &more)?, &pins)?;
+    let (found, times) = run(&lines(&five, &more)?)?;
     expect("after a restart", &found, &expected(&after, [0.0, 0.0]), 1e-4)?;
+    expect("the first reading's time after a restart", &times, &[first_s], 0.0)?;
+    in_order(&[ended_s, times[1]])?;
     let file = out.join("learned.bin");
     let mut bytes = std::fs::read(&file).map_err(|e| e.to_string())?;
     let length = state_bytes(COUNT);
@@ -195,7 +221,9 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     }
     bytes[length + 100] ^= 1;
     std::fs::write(&file, bytes).map_err(|e| e.to_string())?;
-    expect("a damaged state", &session.run("", &pins)?, &expected(&knows, [0.0, 0.0]), 1e-4)?;
+    let (found, times) = run("")?;
+    expect("a damaged state", &found, &expected(&knows, [0.0, 0.0]), 1e-4)?;
+    expect("times of a damaged state", &times, &[first_s, last_s], 0.0)?;
     compensates(&session, &five, &more, knows)?;
     println!(
         "  {READINGS} readings learned, alarm and deviations as the host's, over restarts and a damaged state; compensated with it"
