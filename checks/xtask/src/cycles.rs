@@ -91,8 +91,8 @@ fn updates_here(updates: u64) -> Result<bool, String> {
         }
         for ((_, names, what), count) in UPDATES.into_iter().zip(worst) {
             let key = format!("{}_x86_64_{width}_instructions", names[usize::from(!carried.is_empty())]);
-            within &=
-                budget(&key, count, &format!("x86-64, an update of the compensator, {what} {carried} in {width}"))?;
+            let with = if carried.is_empty() { "" } else { " with a weight" };
+            within &= budget(&key, count, &format!("x86-64, an update of the compensator, {what}{with} in {width}"))?;
         }
     }
     Ok(within)
