@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, OutsideBox, Reading, Weight};
 use pkm_core::correction::narrow;
 use pkm_core::effects::{EFFECTS, EffectInfo};
 use pkm_core::estimation::Estimator;
@@ -316,6 +316,13 @@ const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
 const BETA: [f64; 2] = [0.3, -0.2];
 const WRENCH: [f64; 6] = [100.0, -50.0, -400.0, 2.0, -8.0, 5.0];
 const TURNED_AT: [f64; 6] = [150.0, -20.0, -600.0, 3.0, -8.0, 9.0];
+/// The weights of platform and tool there, N, and their centres of mass, m.
+const PLATFORM: [[f64; 3]; 2] = [[785.0, 20.0, -30.0], [0.01, 0.02, 0.1]];
+const TOOL: [[f64; 3]; 2] = [[196.0, 5.0, -8.0], [0.0, 0.01, -0.2]];
+
+fn weight<T: Scalar>([force_n, centre_m]: [[f64; 3]; 2]) -> Weight<T> {
+    Weight { force_n: force_n.map(T::from_f64).into(), centre_m: centre_m.map(T::from_f64).into() }
+}
 
 fn wrench<T: Scalar>(components: [f64; 6]) -> Wrench<T> {
     Wrench::from_vector(components.map(T::from_f64).into())
@@ -366,18 +373,32 @@ fn five_axes<T: Scalar>(
     found
 }
 
-/// What the compensator asks for after three periods, for three screws and for five axes.
+/// What the compensator asks for after three periods, for three screws and for five axes; and after three more with a weight, zeroed
+/// upright.
 fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Vec<u64> {
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let mut screws = Compensator::<T, 3>::new(&settings).expect("the default is in range");
     let mut axes = Compensator::<T, 5>::new(&settings).expect("the default is in range");
     let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
     let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise: T::from_f64(4.5).into() };
-    for _ in 0..3 {
-        screws.update(table, five.machine, pose, TIP_M.map(T::from_f64).into(), &reading);
-        axes.update(table, five, &stands, &reading);
+    let tip_m = TIP_M.map(T::from_f64).into();
+    let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
+    let zeroed_at = Configuration { pose: upright, beta_rad: Vector2::zeros() };
+    let (platform, tool) = (weight(PLATFORM), weight(TOOL));
+    let of_screws = CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&upright, tip_m));
+    let of_axes = CarriedWeight::<T, 5>::new(table, five, &platform, &tool, &zeroed_at);
+    let carried = (of_screws.expect("a weight in range"), of_axes.expect("a weight in range"));
+    let mut found = Vec::new();
+    for carried in [None, Some(carried)] {
+        screws.set_weight(carried.map(|of| of.0));
+        axes.set_weight(carried.map(|of| of.1));
+        for _ in 0..3 {
+            screws.update(table, five.machine, pose, tip_m, &reading);
+            axes.update(table, five, &stands, &reading);
+        }
+        found.extend(bits_of(&[screws.joints().as_slice(), axes.joints().as_slice()].concat()));
     }
-    bits_of(&[screws.joints().as_slice(), axes.joints().as_slice()].concat())
+    found
 }
 
 /// The cycle and a period of the compensator that compensate no more than is known, as embed/firmware/src/bin/parity.rs has them.

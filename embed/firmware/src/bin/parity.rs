@@ -13,7 +13,7 @@ use core::fmt::Write;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use heapless::Vec;
-use pkm_core::compensator::{Compensator, CompensatorSettings, OutsideBox, Reading};
+use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, OutsideBox, Reading, Weight};
 use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::Vector2;
 use pkm_core::tables::reference::{UNCERTAINTY_F32, UNCERTAINTY_F64};
@@ -33,8 +33,8 @@ mod coefficients {
     include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 }
 
-/// Longest line: 196 numbers of 20 digits and their commas, and the names.
-const LINE: usize = 4864;
+/// Longest line: 204 numbers of 20 digits and their commas, and the names.
+const LINE: usize = 5056;
 
 /// Of the cycle, in A-uvw.
 const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
@@ -43,6 +43,9 @@ const WRENCH: [f64; 6] = [100.0, -50.0, -400.0, 2.0, -8.0, 5.0];
 const TURNED_AT: [f64; 6] = [150.0, -20.0, -600.0, 3.0, -8.0, 9.0];
 /// Of the five axes, rad.
 const BETA: [f64; 2] = [0.3, -0.2];
+/// Weights of platform and tool, N along x, y, z of B, and their centres of mass in A-uvw and in the tool's axes, m.
+const PLATFORM: [[f64; 3]; 2] = [[785.0, 20.0, -30.0], [0.01, 0.02, 0.1]];
+const TOOL: [[f64; 3]; 2] = [[196.0, 5.0, -8.0], [0.0, 0.01, -0.2]];
 
 #[derive(Serialize)]
 struct Line {
@@ -67,8 +70,9 @@ struct Line {
     frame_solution: Vec<u64, 9>,
     tip_stiffness: Vec<u64, 21>,
     loaded: Vec<u64, 15>,
-    /// Of the compensator after three periods: of the screws alone, and of the five axes with [`BETA`].
-    offsets: Vec<u64, 8>,
+    /// Of the compensator after three periods: of the screws alone, and of the five axes with [`BETA`]. Then with a weight, zeroed
+    /// upright, after three more.
+    offsets: Vec<u64, 16>,
     /// The cycle that compensates no more than is known: variances, share, pose to command; then the compensator that does so after a
     /// period, with variances and share.
     known: Vec<u64, 14>,
@@ -90,7 +94,12 @@ fn solution_bits<T: Scalar, const N: usize>(solution: &ToolSolution<T>) -> Vec<u
     )
 }
 
-fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Vec<u64, 8> {
+fn weight<T: Scalar>([force_n, centre_m]: [[f64; 3]; 2]) -> Weight<T> {
+    Weight { force_n: force_n.map(T::from_f64).into(), centre_m: centre_m.map(T::from_f64).into() }
+}
+
+/// Empty where a weight is refused.
+fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Vec<u64, 16> {
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let (Ok(mut screws), Ok(mut axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
     else {
@@ -98,11 +107,26 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
     };
     let stands = Configuration { pose: *pose, beta_rad: BETA.map(T::from_f64).into() };
     let reading = Reading { enabled: true, wrench: wrench(WRENCH), rise: T::from_f64(4.5).into() };
-    for _ in 0..3 {
-        screws.update(table, five.machine, pose, TIP_M.map(T::from_f64).into(), &reading);
-        axes.update(table, five, &stands, &reading);
+    let tip_m = TIP_M.map(T::from_f64).into();
+    let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
+    let zeroed_at = Configuration { pose: upright, beta_rad: Vector2::zeros() };
+    let platform = weight(PLATFORM);
+    let carried = (
+        CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&upright, tip_m)),
+        CarriedWeight::<T, 5>::new(table, five, &platform, &weight(TOOL), &zeroed_at),
+    );
+    let (Ok(of_screws), Ok(of_axes)) = carried else { return Vec::new() };
+    let mut found = Vec::new();
+    for carried in [None, Some((of_screws, of_axes))] {
+        screws.set_weight(carried.map(|of| of.0));
+        axes.set_weight(carried.map(|of| of.1));
+        for _ in 0..3 {
+            screws.update(table, five.machine, pose, tip_m, &reading);
+            axes.update(table, five, &stands, &reading);
+        }
+        found.extend(bits::<T, 8>(screws.joints().iter().chain(&axes.joints())));
     }
-    bits::<T, 8>(screws.joints().iter().chain(&axes.joints()))
+    found
 }
 
 /// Empty with an error.
