@@ -1,5 +1,6 @@
 //! Where the workpiece should stand (paper, Section 6, Eqs. 15-16; `docs/theory.md`).
 
+mod bound;
 mod boxes;
 mod certify;
 mod cover;
