@@ -21,6 +21,7 @@ mod limits;
 mod map;
 mod path;
 mod place;
+mod place_front;
 mod place_proof;
 mod place_robust;
 mod properties;

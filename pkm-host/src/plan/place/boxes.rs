@@ -28,12 +28,19 @@ pub(super) struct Box2 {
     pub half: [f64; 2],
     /// Sign of the tool axis along n.
     pub side: f64,
+    /// Of the objective that is to be small, and of the one that may not be too great.
+    pub known: [Known; 2],
+    /// Where its configurations put the cross slide: middle and greatest distance from that, along x and y.
+    pub slide: [[f64; 2]; 2],
+}
+
+/// What is known of a box's cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Known {
     /// No solution in it costs less.
     pub low: f64,
     /// Half widths of the box and of the cell's angle when that was found.
     pub bounded: [f64; 3],
-    /// Where its configurations put the cross slide: middle and greatest distance from that, along x and y.
-    pub slide: [[f64; 2]; 2],
 }
 
 /// Where the cross slide is for the configurations of a box.
@@ -46,7 +53,7 @@ pub(super) enum Beside {
 impl Box2 {
     pub fn unknown(middle: [f64; 2], half: [f64; 2], side: f64) -> Self {
         let slide = [[0.0, f64::INFINITY]; 2];
-        Self { middle, half, side, low: 0.0, bounded: [f64::INFINITY; 3], slide }
+        Self { middle, half, side, known: [Known { low: 0.0, bounded: [f64::INFINITY; 3] }; 2], slide }
     }
 
     pub fn beside(&self, cell: &Cell) -> Beside {

@@ -8,10 +8,10 @@ use std::collections::BinaryHeap;
 use pkm_core::{FiveAxis, Machine, Wrist};
 use rayon::prelude::*;
 
-use super::Objective;
 use super::bound::{Node, Search, Seen, widest};
 use super::boxes::Cell;
 use super::cover::Cover;
+use super::goal::Goal;
 use super::search::{Polished as Best, Searcher};
 use super::taylor::{ROUNDING, THREE, TWO, Taylor};
 use crate::files::job::Axis;
@@ -34,7 +34,8 @@ impl Certificate {
     /// The same of a position with this value.
     pub(super) fn of(self, value: f64) -> Self {
         let bound = self.bound.min(value);
-        Self { bound, gap: (value - bound) / value, ..self }
+        // a value of 0 is the least there is
+        Self { bound, gap: if value > 0.0 { (value - bound) / value } else { 0.0 }, ..self }
     }
 }
 
@@ -49,23 +50,14 @@ pub struct Limits {
 
 impl Searcher<'_> {
     /// Improves a position, and bounds by how much any other could be better.
-    pub(super) fn certified(
-        &self,
-        objective: Objective,
-        best: Option<Best>,
-        limits: &Limits,
-    ) -> (Option<Best>, Certificate) {
+    pub(super) fn certified(&self, goal: Goal, best: Option<Best>, limits: &Limits) -> (Option<Best>, Certificate) {
         let [low, high] = self.model.job.limits[Axis::Rotary];
-        if high > low {
-            self.branched::<THREE>(objective, best, limits)
-        } else {
-            self.branched::<TWO>(objective, best, limits)
-        }
+        if high > low { self.branched::<THREE>(goal, best, limits) } else { self.branched::<TWO>(goal, best, limits) }
     }
 
     fn branched<const N: usize>(
         &self,
-        objective: Objective,
+        goal: Goal,
         mut best: Option<Best>,
         limits: &Limits,
     ) -> (Option<Best>, Certificate) {
@@ -76,17 +68,17 @@ impl Searcher<'_> {
         let table = self.model.table.as_ref().and_then(|table| table.converted(&mut store));
         let five = FiveAxis { machine: &machine, wrist: &wrist };
         let cover = Cover::new(self.model, five, table, &self.targets);
-        let search = Search { searcher: self, cover, objective, gap: limits.gap };
+        let search = Search { searcher: self, cover, goal, gap: limits.gap };
         let half = Axis::ALL.map(|axis| {
             let [low, high] = self.model.job.limits[axis];
             [0.5 * (low + high), 0.5 * (high - low)]
         });
         let cell = Cell { middle: half.map(|h| h[0]), half: half.map(|h| h[1]) };
         let count = self.targets.len();
-        let (boxes, lows) = (vec![search.cover.whole(); count], vec![0.0; count]);
+        let (boxes, lows) = (vec![search.cover.whole(); count], [vec![0.0; count], vec![0.0; count]]);
         let root = Node { bound: 0.0, boxes, lows, state: self.state(), divide: widest(&cell), cell };
         let (mut open, mut done, mut cells) = (BinaryHeap::from([root]), f64::INFINITY, 0);
-        let told = format!("{}, {}", self.name, objective.name());
+        let told = format!("{}, {}", self.name, goal.least.name());
         while cells < limits.cells {
             let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);
             let batch: Vec<Node> = (0..BATCH)

@@ -10,7 +10,7 @@ use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
-use super::boxes::{Beside, Box2, Cell, SMALLEST};
+use super::boxes::{Beside, Box2, Cell, Known, SMALLEST};
 use super::targets::Target;
 use super::taylor::{THREE, Taylor, decided};
 use super::whitened::{Whitened, length};
@@ -267,16 +267,23 @@ impl<'a, const N: usize> Cover<'a, N> {
         solved
     }
 
-    /// What a hole costs where a cell's solutions are in a box; `None`: none of them is possible.
-    pub fn cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
-        let widths = solved.within.widths(cell);
+    /// What a hole costs by an objective where a cell's solutions are in a box; `None`: none of them is possible. `kept`: where
+    /// the box keeps that.
+    pub fn cost(
+        &self,
+        (objective, kept): (Objective, usize),
+        hole: usize,
+        cell: &Cell,
+        solved: &mut Solved<N>,
+    ) -> Option<Cost<N>> {
+        let (widths, known) = (solved.within.widths(cell), solved.within.known[kept]);
         // a box that is small beside the cell costs what it cost before the cell was divided
-        if solved.over_cell.is_none() && (0..3).all(|i| widths[i] >= NARROWER * solved.within.bounded[i]) {
-            return Some(Cost::at_least(solved.within.low));
+        if solved.over_cell.is_none() && (0..3).all(|i| widths[i] >= NARROWER * known.bounded[i]) {
+            return Some(Cost::at_least(known.low));
         }
         let cost = self.new_cost(objective, hole, cell, solved)?;
-        let low = cost.low.max(solved.within.low);
-        (solved.within.low, solved.within.bounded) = (low, widths);
+        let low = cost.low.max(known.low);
+        solved.within.known[kept] = Known { low, bounded: widths };
         Some(Cost { low, ..cost })
     }
 
@@ -330,6 +337,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 };
                 Taylor::ONE / sum
             }
+            Objective::CycleTime => Taylor::ZERO,
             Objective::TipWorst | Objective::TipMean => match &whitened {
                 // of several loads the worst, each of which costs no more than the worst of them all
                 Some(whitened) => {
@@ -341,6 +349,28 @@ impl<'a, const N: usize> Cover<'a, N> {
             },
         };
         Some(cost * Taylor::constant(*weight))
+    }
+
+    /// The joints over a cell whose solutions are in a box, screws first; `None`: none of them is possible.
+    pub fn joints(&self, hole: usize, cell: &Cell, solved: &Solved<N>) -> Option<[Taylor<N>; 5]> {
+        let within_rest = |v: Taylor<N>| Taylor { rest: v.spread(), ..Taylor::constant(v.middle()) };
+        let unknown = [Taylor::UNKNOWN; 5];
+        let beta = solved.over_cell.unwrap_or(Self::over(&solved.within));
+        let configuration = match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
+            Standing::Nowhere => return None,
+            Standing::Unknown => return Some(unknown),
+            Standing::At(stand) => stand.configuration,
+        };
+        if self.within(&configuration) == Some(false) {
+            return None;
+        }
+        let Some(Ok(lengths)) = decided(|| self.five.machine.inverse(&configuration.pose)) else {
+            return Some(unknown);
+        };
+        let ([q1, q2, q3], [beta1, beta2]): ([_; 3], _) = (lengths.q_m.into(), beta);
+        let joints = [q1, q2, q3, beta1, beta2];
+        // symbols of a box are no symbols of the cell
+        Some(if solved.over_cell.is_some() { joints } else { joints.map(within_rest) })
     }
 
     /// By how much a hole's costs are more than how far its tip moves.

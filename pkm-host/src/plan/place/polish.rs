@@ -1,6 +1,6 @@
 //! The least value about a position of the grid.
 
-use super::Objective;
+use super::goal::Goal;
 use super::search::{Polished, Searcher};
 use crate::files::job::{Axis, Position};
 
@@ -26,7 +26,7 @@ pub(super) const LAST: Effort = Effort { steps: [0.1, 1e-6], rounds: 4, is_near:
 /// nearly alike, so that no fixed set of directions leads on. So along one axis always the best of the other is taken, edge or not.
 pub(super) struct Polish<'a> {
     pub searcher: &'a Searcher<'a>,
-    pub objective: Objective,
+    pub goal: Goal,
     /// Of the grid.
     pub spacing: Position,
     pub effort: Effort,
@@ -36,7 +36,7 @@ impl Polish<'_> {
     /// The least about a position that reaches every hole.
     pub fn from(&self, start: Position) -> Option<Polished> {
         let mut state = self.searcher.state();
-        let (value, holes) = self.searcher.judged(self.objective, &start, &mut state)?;
+        let (value, holes) = self.searcher.judged(self.goal, &start, &mut state)?;
         Some(self.onward((value, start, holes)))
     }
 
@@ -90,7 +90,7 @@ impl Polish<'_> {
         let mut value_at = |value: f64| {
             let mut at = position;
             at[axis] = self.limited(axis, value);
-            let Some((value, holes)) = self.searcher.judged(self.objective, &at, &mut state) else {
+            let Some((value, holes)) = self.searcher.judged(self.goal, &at, &mut state) else {
                 return f64::INFINITY;
             };
             if best.as_ref().is_none_or(|best| value < best.0) {
