@@ -149,6 +149,9 @@ pub struct Rules {
     pub min_place_probability: f64,
     /// Least probability of a finding's place, with the few that may stand beside it, at which it counts as located.
     pub min_located_probability: f64,
+    /// Most poses at which what each has of its own, such as a clamp that was loose or a zero that was lost, is looked for: such
+    /// columns are as many as poses, so that work and memory grow with readings times poses.
+    pub max_single_poses: usize,
     /// Degrees of freedom of noise that was declared: as good as known.
     pub dof_of_declared_noise: f64,
 
@@ -222,6 +225,7 @@ impl Rules {
         temper_of_places: 3.0,
         min_place_probability: 0.03,
         min_located_probability: 0.8,
+        max_single_poses: 100,
         dof_of_declared_noise: 1e6,
         proposals: 8,
         rivals: 3,

@@ -192,6 +192,14 @@ pub(crate) fn advice(cell: &str) -> &'static str {
 /// Most bytes of a name that is compared with those that are known: a longer one is no typing error, and would take its time.
 pub(crate) const MAX_TYPO_BYTES: usize = 64;
 
+/// Lines for a message: the first of them, and how many more.
+pub fn lines_text(lines: &[u64]) -> String {
+    const SHOWN: usize = 6;
+    let first: Vec<String> = lines.iter().take(SHOWN).map(u64::to_string).collect();
+    let more = if lines.len() > SHOWN { format!(" and {} more", lines.len() - SHOWN) } else { String::new() };
+    format!("line{} {}{more}", if lines.len() == 1 { "" } else { "s" }, first.join(", "))
+}
+
 /// Text from a file, fit for a terminal or a comment: no control or direction marks, not endless.
 pub fn printable(text: &str) -> String {
     const LONGEST: usize = 600;

@@ -56,7 +56,7 @@ macro_rules! rules {
 }
 
 /// All but those of what comes after the finds: folds, resamples, proposals, rivals of proposals and `detectable`. `block_levels`
-/// are places in `load_error_levels`.
+/// are places in `load_error_levels`, and none of these sets has as many poses as `max_single_poses`.
 const RULES: [Rule; 57] = rules![
     min_dof_of_channel min_dof_of_kind min_dof_beside_declared min_dof_of_verdict load_error_levels null_draws min_signal full_fits
     max_family_p min_gain min_gain_share min_poses_gaining max_left_out_loss min_prior_gain_share max_found max_rounds

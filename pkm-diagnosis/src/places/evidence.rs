@@ -107,18 +107,11 @@ impl Linear {
     }
 }
 
-/// What every set may hold, under one level of common errors: declared values, members of the state, data, row by row.
-fn held(
-    whitener: &Whitener,
-    declared: &DMatrix<f64>,
-    members: &[(usize, DMatrix<f64>)],
-    data: &DVector<f64>,
-) -> DMatrix<f64> {
-    let columns = members.iter().flat_map(|m| m.1.column_iter());
-    let mut columns: Vec<DVector<f64>> =
-        declared.column_iter().chain(columns).chain([data.column(0)]).map(|c| c.clone_owned()).collect();
-    columns.iter_mut().for_each(|c| whitener.shrink(c.as_mut_slice()));
-    DMatrix::from_columns(&columns).transpose()
+/// What every set may hold: declared values, members of the state, data.
+fn held(declared: &DMatrix<f64>, members: &[(usize, DMatrix<f64>)], data: &DVector<f64>) -> DMatrix<f64> {
+    let of_members = members.iter().flat_map(|m| m.1.column_iter());
+    let columns: Vec<_> = declared.column_iter().chain(of_members).chain([data.column(0)]).collect();
+    DMatrix::from_columns(&columns)
 }
 
 /// Readings, model and rules together.
@@ -185,24 +178,26 @@ impl Evidence<'_> {
             data.gemv(1.0, &columns, &DVector::from_column_slice(amplitudes), 1.0);
             members.push((*f, columns));
         }
-        let held_by_level: Vec<DMatrix<f64>> =
-            self.whiteners.par_iter().map(|w| held(w, &declared, &members, &data)).collect();
+        let held = held(&declared, &members, &data);
+        let lost_of_held: Vec<DMatrix<f64>> = self.whiteners.par_iter().map(|w| w.lost(&held)).collect();
+        let by_held = held.transpose();
         let is_member = |f: &usize| members.iter().any(|m| m.0 == *f);
         let mut blocks: Vec<usize> = wanted.iter().filter(|f| !is_member(f)).map(|f| self.families[*f].block).collect();
         blocks.sort_unstable();
         blocks.dedup();
         let parts = blocks.into_par_iter().map(|block| {
             let columns = at.block(block)?;
-            let of = |(whitener, held): (&&Whitener, &DMatrix<f64>)| {
-                let mut columns = columns.clone();
-                columns.column_iter_mut().for_each(|mut c| whitener.shrink(c.as_mut_slice()));
-                Part { with_held: held * &columns, own: columns.transpose() * columns }
+            let (with_held, own) = (&by_held * &columns, columns.transpose() * &columns);
+            let of = |(whitener, lost_of_held): (&&Whitener, &DMatrix<f64>)| {
+                let lost = whitener.lost(&columns);
+                Part { with_held: &with_held - lost_of_held.transpose() * &lost, own: &own - lost.transpose() * &lost }
             };
-            Some((block, self.whiteners.iter().zip(&held_by_level).map(of).collect()))
+            Some((block, self.whiteners.iter().zip(&lost_of_held).map(of).collect()))
         });
         let parts = parts.collect::<Option<Vec<(usize, Vec<Part>)>>>()?.into_iter().collect();
-        let products = held_by_level.iter().map(|held| Products {
-            held: held * held.transpose(),
+        let all = &by_held * &held;
+        let products = lost_of_held.iter().map(|lost| Products {
+            held: &all - lost.transpose() * lost,
             with_held: DMatrix::zeros(0, 0),
             own: Vec::new(),
             taken: Vec::new(),
@@ -311,14 +306,18 @@ impl Evidence<'_> {
 
     /// The best scale of one member, and level, for a set.
     pub fn best_scale(&self, l: &Linear, set: &Set, member: usize) -> (f64, Set) {
-        let tries = self.rules.block_scales.iter().flat_map(|s| (0..self.whiteners.len()).map(move |level| (s, level)));
-        let of = |(scale, level): (&f64, usize)| {
+        let levels = 0..self.whiteners.len();
+        let tries: Vec<(f64, usize)> =
+            self.rules.block_scales.iter().flat_map(|s| levels.clone().map(|level| (*s, level))).collect();
+        let of = |(scale, level): (f64, usize)| {
             let mut set = set.clone();
-            set.members[member].1 = *scale;
+            set.members[member].1 = scale;
             set.level = level;
             (self.ln_evidence(l, &set), set)
         };
-        tries.map(of).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NEG_INFINITY, set.clone()))
+        // side by side, as a block with columns for each pose takes as long as all others together
+        let tried: Vec<(f64, Set)> = tries.into_par_iter().map(of).collect();
+        tried.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NEG_INFINITY, set.clone()))
     }
 
     /// The best scales, level and scatter of a set, one after another until nothing changes much.

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::arguments::ColumnsArgs;
 use super::session::{Output, Session, counted};
 use crate::diagnose::quality::{self, DataWarning};
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, lines_text};
 use crate::files::machine::MachineFile;
 use crate::files::measured::Measured;
 use crate::files::readings::Readings;
@@ -83,7 +83,7 @@ fn grouped(failures: Vec<Failure>) -> Vec<(Failure, Vec<u64>)> {
     }
     let with_lines = |(_, mut failure, lines): (_, Failure, Vec<u64>)| {
         if lines.len() > 1 {
-            failure.message.push_str(&format!(" (the same in {})", quality::lines_text(&lines[1..])));
+            failure.message.push_str(&format!(" (the same in {})", lines_text(&lines[1..])));
         }
         (failure, lines)
     };

@@ -6,14 +6,17 @@ use serde_json::{Value, json};
 
 use super::session::{Output, Session, counted};
 use crate::error::{Failure, Result};
+use crate::files::clock::{self, Time};
 use crate::files::csv::Sheet;
-use crate::files::import::Renames;
+use crate::files::import::{self, Renames};
+use crate::files::load_log::LoadLog;
 use crate::files::machine::MachineFile;
 use crate::files::measured::{self, LoadCase, Measured};
 use crate::files::points::PointList;
 use crate::files::readings::Readings;
 use crate::files::reflectors::Reflectors;
 use crate::files::source::{self, Source};
+use crate::loads::{self, Joined};
 use crate::tracker::{self, Campaign};
 
 /// Measured data as a laboratory or a shop exports them, written as the CSV of docs/formats.md.
@@ -22,12 +25,31 @@ use crate::tracker::{self, Campaign};
 /// in any case with units in brackets or in a row below; merged cells; - and n/a for what was not measured. Prints what was converted.
 /// What is ambiguous is refused, with its line and column.
 ///
+/// A load cell's log (--loads) is joined to the readings by their times: the load of a reading is the mean of the log around its time,
+/// less the cell's zero, and its scatter goes along.
+///
 /// A tracker's points (--points, --reflectors, --readings) become the deflection of A, with the covariance of its components.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The exported file: text of a spreadsheet, a tracker, a load cell.
     #[arg(long, value_name = "FILE", required_unless_present = "points")]
     data: Option<PathBuf>,
+    /// A load cell's log over time, to take the loads of the readings from, which have a time each: `force [N]` (or kN, lbf, kgf) or
+    /// `moment [N·m]` of one axis, in the direction that the readings say, or components in A-uvw.
+    #[arg(long, value_name = "FILE", requires = "data")]
+    loads: Option<PathBuf>,
+    /// From when to when around the time of a reading its load is the mean of the log, s.
+    #[arg(long, value_name = "FROM,TO", requires = "loads", default_value = "-1,1", value_parser = range, allow_hyphen_values = true)]
+    load_window_s: [f64; 2],
+    /// What is added to the log's times to have those of the readings, s.
+    #[arg(long, value_name = "S", requires = "loads", default_value_t = 0.0, value_parser = seconds, allow_hyphen_values = true)]
+    load_clock_s: f64,
+    /// When a log that counts seconds from its start began, by the clock of the readings: 2026-03-14T09:26:53 or 09:26:53.
+    #[arg(long, value_name = "TIME", requires = "loads", value_parser = start)]
+    load_start: Option<Time>,
+    /// From when to when nothing pulls at the cell, seconds from the log's first sample; else in the windows of the readings without load.
+    #[arg(long, value_name = "FROM,TO", requires = "loads", value_parser = range, allow_hyphen_values = true)]
+    load_zero_s: Option<[f64; 2]>,
     /// A tracker's list of points, unloaded and loaded, in its own frame: reading, state, point, x, y, z and U95.
     #[arg(long, value_name = "CSV", conflicts_with = "data", requires = "reflectors", requires = "readings")]
     points: Option<PathBuf>,
@@ -46,14 +68,30 @@ pub(crate) struct Args {
     out: PathBuf,
 }
 
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    text.trim().parse().ok().filter(|s: &f64| s.is_finite()).ok_or_else(|| "expected seconds, such as -2.5".to_owned())
+}
+
+fn range(text: &str) -> std::result::Result<[f64; 2], String> {
+    let expected = || "expected seconds from,to in this order, such as -2,0".to_owned();
+    let (from, to) = text.split_once(',').ok_or_else(expected)?;
+    let [from, to] = [seconds(from)?, seconds(to)?];
+    if from <= to { Ok([from, to]) } else { Err(expected()) }
+}
+
+fn start(text: &str) -> std::result::Result<Time, String> {
+    clock::parse(text).ok_or_else(|| "expected a time such as 2026-03-14T09:26:53 or 09:26:53".to_owned())
+}
+
 /// What is written and said.
 struct Imported {
     csv: String,
     conversions: Vec<String>,
-    /// What a tracker's points say, for people.
+    /// What a tracker's points or a load cell's log say, for people.
     text: String,
     readings: Readings,
-    tracker: Option<Value>,
+    /// The same for programs, under its key.
+    more: Option<(&'static str, Value)>,
 }
 
 /// Measured data in which nothing is wrong, or the first of what is.
@@ -91,7 +129,60 @@ fn of_points(
     // what is written is what the other commands read
     let written = Source::from_text(&out.display().to_string(), csv.clone());
     let (_, readings) = Readings::read_conditions(written, machine, &Renames::default())?;
-    Ok(Imported { csv, conversions, text: text(&campaign), readings, tracker: Some(document(&campaign)) })
+    Ok(Imported { csv, conversions, text: text(&campaign), readings, more: Some(("tracker", document(&campaign))) })
+}
+
+/// Readings with the loads of a log.
+fn of_log(data: &Path, log: &Path, args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Imported> {
+    let [of_readings, of_log] = args.columns.clone().unwrap_or_default().of_readings_and_log();
+    let log = LoadLog::parse(Source::read(log)?, &of_log, args.load_start)?;
+    session.warn(log.warnings.clone());
+    let mut read = import::read_timed(Source::read(data)?, &of_readings)?;
+    let options = loads::Options { window_s: args.load_window_s, clock_s: args.load_clock_s, zero_s: args.load_zero_s };
+    let joined = loads::join(&mut read.sheet, &log, &options)?;
+    let conversions = [&log.conversions[..], &read.conversions].concat();
+    let (sheet, cases) = complete(Measured::of(read, machine), session)?;
+    session.warn(sheet.warnings.clone());
+    session.warn(joined.warnings.clone());
+    let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
+    let (text, more) = (text_of_loads(&joined, &log), document_of_loads(&joined, &log, &options));
+    Ok(Imported { csv: measured::to_csv(&sheet), conversions, text, readings, more: Some(("load_log", more)) })
+}
+
+/// Where loads come from, for people.
+fn text_of_loads(joined: &Joined, log: &LoadLog) -> String {
+    let [fewest, most] = joined.samples;
+    let [median, greatest] = joined.random.map(|share| 100.0 * share);
+    let lasts_s = log.samples.last().zip(log.samples.first()).map_or(0.0, |(last, first)| last.time_s - first.time_s);
+    let units = |component: usize| if component < 3 { "N" } else { "N·m" };
+    let zero: Vec<String> =
+        log.cell.columns().iter().map(|(_, c)| format!("{:.3} {}", joined.zero[*c], units(*c))).collect();
+    let zero = match joined.zeros {
+        0 => "no zero taken off".to_owned(),
+        1 => format!("zero {}, of one stretch without load", zero.join(", ")),
+        n => {
+            format!("zero {} in the mean of {n} stretches without load, each reading with the nearest", zero.join(", "))
+        }
+    };
+    format!(
+        "- loads from {} samples over {lasts_s:.1} s, {fewest} to {most} a reading; {zero}\n\
+         - scatter of the loads {median:.2} % (median), {greatest:.2} % at most: column load_random\n",
+        log.samples.len()
+    )
+}
+
+/// The same for programs.
+fn document_of_loads(joined: &Joined, log: &LoadLog, options: &loads::Options) -> Value {
+    json!({
+        "samples": log.samples.len(),
+        "window_s": options.window_s,
+        "clock_s": options.clock_s,
+        "samples_per_reading": joined.samples,
+        "zeros": joined.zeros,
+        "zero": joined.zero,
+        "load_random_median": joined.random[0],
+        "load_random_max": joined.random[1],
+    })
 }
 
 /// What a campaign says, for people.
@@ -149,36 +240,37 @@ fn document(campaign: &Campaign) -> Value {
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { data, points, reflectors, readings, out, .. } = args;
+    let Args { data, loads, points, reflectors, readings, out, .. } = args;
     let machine = session.machine()?;
     let renames = args.columns.clone().unwrap_or_default();
-    let imported = match (data, points, reflectors, readings) {
+    let imported = match (data, loads, points, reflectors, readings) {
+        (Some(data), Some(log), ..) => of_log(data, log, args, &machine, session)?,
         (Some(data), ..) => {
             let read = Measured::read(Source::read(data)?, &machine, &renames)?;
             let conversions = read.conversions.clone();
             let (sheet, cases) = complete(read, session)?;
             session.warn(sheet.warnings.clone());
             let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
-            Imported { csv: measured::to_csv(&sheet), conversions, text: String::new(), readings, tracker: None }
+            Imported { csv: measured::to_csv(&sheet), conversions, text: String::new(), readings, more: None }
         }
-        (None, Some(points), Some(reflectors), Some(readings)) => {
+        (None, _, Some(points), Some(reflectors), Some(readings)) => {
             of_points([points, reflectors, readings], &renames, &machine, out, session)?
         }
         _ => return Err(Failure::usage("--points needs --reflectors and --readings")),
     };
-    let Imported { csv, conversions, text: of_points, readings: read, tracker } = imported;
-    let inputs =
-        [session.machine_path(), data.as_deref(), points.as_deref(), reflectors.as_deref(), readings.as_deref()];
+    let Imported { csv, conversions, text: of_more, readings: read, more } = imported;
+    let files = [data, loads, points, reflectors, readings].map(Option::as_deref);
+    let inputs = [&[session.machine_path()][..], &files].concat();
     source::write(out, csv, &inputs)?;
     let (rows, poses) = (read.readings.len(), read.poses.len());
     let (readings, at) = (counted(rows, "reading"), counted(poses, "pose"));
     let mut text: String = conversions.iter().map(|what| format!("- {what}\n")).collect();
-    text.push_str(&of_points);
+    text.push_str(&of_more);
     text.push_str(&format!("wrote {readings} at {at} to {}\n", out.display()));
     let mut document =
         json!({ "readings": rows, "poses": poses, "conversions": conversions, "out": out.display().to_string() });
-    if let Some(tracker) = tracker {
-        document["tracker"] = tracker;
+    if let Some((key, more)) = more {
+        document[key] = more;
     }
     session.output(text, &document)
 }

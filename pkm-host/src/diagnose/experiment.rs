@@ -7,21 +7,21 @@ use pkm_core::{Pose, Wrench};
 use pkm_diagnosis::{Candidate, Channel, CommonErrors, ForwardModel, Observations, Parameter, Reading, Unknown};
 
 use super::model::Model;
-use crate::files::readings::{CHANNELS, Condition, KINDS, Readings};
+use crate::files::readings::{CHANNELS, Condition, KINDS, Reading as Row, Readings};
 
 /// Readings as scalar observations: lengths are channels of kind 0, rotations of kind 1. With each reading comes the error that
 /// the load cell draws for it, as the declared machine answers it.
 pub fn observations(readings: &Readings, model: &Model) -> Observations {
-    let load_random = model.uncertainty.load_random;
+    let share = |r: &Row| r.load_random.unwrap_or(model.uncertainty.load_random);
     let of_load = || {
         // what grows with the load alone
         let cold: Vec<Condition> = readings.conditions.iter().map(|c| Condition { rise_k: 0.0, ..*c }).collect();
         model.predict(&poses(readings), &cold, &[], &[])
     };
-    let of_load = (load_random > 0.0).then(of_load).flatten();
-    let drawn = |condition: usize| {
-        let said = of_load.as_ref().map(|said| said[condition]);
-        said.map_or(Vec::new(), |said| said.iter().map(|d| load_random * d).collect())
+    let of_load = readings.readings.iter().any(|r| share(r) > 0.0).then(of_load).flatten();
+    let drawn = |r: &Row| {
+        let said = of_load.as_ref().filter(|_| share(r) > 0.0).map(|said| said[r.condition]);
+        said.map_or(Vec::new(), |said| said.iter().map(|d| share(r) * d).collect())
     };
     Observations {
         channels: (0..CHANNELS).map(|c| Channel { kind: KINDS[c], resolution: readings.resolution[c] }).collect(),
@@ -34,7 +34,7 @@ pub fn observations(readings: &Readings, model: &Model) -> Observations {
                 observed: r.observed.to_vec(),
                 sigma: r.sigma.to_vec(),
                 covariance: r.covariance.clone(),
-                drawn: drawn(r.condition),
+                drawn: drawn(r),
             })
             .collect(),
     }

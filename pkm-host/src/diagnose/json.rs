@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::badges::Badge;
 use super::compare::{Errors, RIVALS, Rival};
-use super::{Diagnosis, Effect, HeldOut, SEED};
+use super::{Diagnosis, Effect, HeldOut, SEED, text};
 use crate::files::readings::GAUGE;
 use crate::pose::written_units;
 
@@ -84,6 +84,7 @@ impl Diagnosis {
             "not_detectable": hidden.map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
             "detectable": self.detectable.iter().filter(|d| !d.is_hidden())
                 .map(|d| json!({ "id": d.id, "smallest_detectable": d.text() })).collect::<Vec<_>>(),
+            "not_looked_for": if self.single_poses { vec![] } else { vec![text::SINGLE_POSES] },
             "lack_of_fit": self.judgement.before,
             "lack_of_fit_after": self.judgement.after,
             "load_error": { "direction_mrad": 1e3 * self.load_error,

@@ -108,6 +108,8 @@ pub struct Diagnosis {
     pub declared: Vec<DeclaredFinding>,
     /// By effect.
     pub detectable: Vec<Detectable>,
+    /// Whether what a pose has of its own was looked for.
+    pub single_poses: bool,
     /// On the readings themselves.
     pub errors: Vec<(Rival, Errors)>,
     /// On others.
@@ -422,6 +424,7 @@ impl Searched<'_> {
             none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these),
             declared,
             detectable: findings::detectable(levels, model, &search),
+            single_poses: readings.poses.len() <= rules.max_single_poses,
             structure,
             machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
             estimates,

@@ -207,6 +207,9 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
         let hidden = hidden.join(", ");
         all.push(Finding::good(format!("Not identifiable with these readings at any plausible size: {hidden}.")));
     }
+    if !d.single_poses {
+        all.push(Finding::good(format!("Not looked for: {}.", text::SINGLE_POSES)));
+    }
     all
 }
 

@@ -45,7 +45,16 @@ pub(super) fn condition(pose: usize, wrench: [f64; 6]) -> Condition {
 }
 
 pub(super) fn reading(condition: usize, series: usize, observed: [Option<f64>; CHANNELS]) -> Reading {
-    Reading { line: 1, condition, repeat_of: condition, series, observed, sigma: [None; 2], covariance: None }
+    Reading {
+        line: 1,
+        condition,
+        repeat_of: condition,
+        series,
+        observed,
+        sigma: [None; 2],
+        covariance: None,
+        load_random: None,
+    }
 }
 
 pub(super) fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Readings {

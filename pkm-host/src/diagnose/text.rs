@@ -61,6 +61,9 @@ pub fn inspect_declared(declared: &Declared, ratio: f64) -> String {
     format!("limb {limb}: {what}")
 }
 
+/// What is not looked for among many poses.
+pub const SINGLE_POSES: &str = "what one pose has of its own, such as a clamp that was loose there or a zero that was lost; there are too many poses";
+
 /// What the axis of a joint's stiffness stands for.
 pub fn axis(key: &str, axis: usize) -> String {
     let about = if key.contains("angular") { "about " } else { "along " };

@@ -203,6 +203,20 @@ impl Sheet {
         self.rows.iter_mut().for_each(|row| row.cells.push_field(cell));
     }
 
+    /// Writes a column anew, or appends it: a cell for each row.
+    pub(crate) fn set_column(&mut self, name: &str, cells: Vec<String>) {
+        if !self.has(name) {
+            self.columns.insert(name.to_owned(), self.header.len());
+            self.header.push(name.to_owned());
+            self.rows.iter_mut().for_each(|row| row.cells.push_field(""));
+        }
+        let index = self.columns[name];
+        for (row, new) in self.rows.iter_mut().zip(cells) {
+            row.cells =
+                row.cells.iter().enumerate().map(|(n, old)| if n == index { new.as_str() } else { old }).collect();
+        }
+    }
+
     /// Columns that the file does not have, and that were added with the same cell in every row.
     pub(super) fn added(&self) -> &[String] {
         &self.added

@@ -34,6 +34,8 @@ pub const CORRELATION_COLUMNS: [&str; 15] = [
     "correlation_rx_ry", "correlation_rx_rz",
     "correlation_ry_rz",
 ];
+/// Relative scatter of the recorded load.
+pub const LOAD_RANDOM_COLUMN: &str = "load_random";
 /// Share of the variance that the zero of the series has.
 pub const ZERO_SHARE_COLUMN: &str = "zero_share";
 /// Where the deflection is read, and the load given if it has no point of its own.

@@ -7,8 +7,8 @@ use pkm_diagnosis::Covariance;
 use crate::error::{Failure, Result};
 use crate::files::csv::{self, Row, Sheet};
 use crate::files::dataset::{
-    CORRELATION_COLUMNS, DEFLECTION_COLUMNS, GAUGE_COLUMNS, LOAD_POINT_COLUMNS, POINT_COLUMNS, READ_COLUMNS,
-    SIGMA_COLUMNS, WRENCH_COLUMNS, ZERO_SHARE_COLUMN,
+    CORRELATION_COLUMNS, DEFLECTION_COLUMNS, GAUGE_COLUMNS, LOAD_POINT_COLUMNS, LOAD_RANDOM_COLUMN, POINT_COLUMNS,
+    READ_COLUMNS, SIGMA_COLUMNS, WRENCH_COLUMNS, ZERO_SHARE_COLUMN,
 };
 use crate::files::import::{self, Imported, Renames};
 use crate::files::machine::MachineFile;
@@ -16,7 +16,7 @@ use crate::files::source::Source;
 use crate::pose::NamedPose;
 
 /// Columns of numbers whose cells may be empty.
-const OPTIONAL: [&str; 3] = ["temperature_c", "sigma_linear_um", "sigma_angular_urad"];
+const OPTIONAL: [&str; 4] = ["temperature_c", "sigma_linear_um", "sigma_angular_urad", LOAD_RANDOM_COLUMN];
 
 /// A load case of a measured file.
 pub struct LoadCase {
@@ -50,7 +50,12 @@ impl Measured {
     /// # Errors
     /// A file in which no rows of readings can be found: see [`import::read`].
     pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<Self> {
-        let Imported { mut sheet, conversions, mut failures } = import::read(source, renames)?;
+        Ok(Self::of(import::read(source, renames)?, machine))
+    }
+
+    /// Reads the rows of a file that was exported.
+    pub fn of(imported: Imported, machine: &MachineFile) -> Self {
+        let Imported { mut sheet, conversions, mut failures, .. } = imported;
         let mut cases = Vec::new();
         let (mut right, rows) = (Vec::new(), std::mem::take(&mut sheet.rows));
         match Columns::of(&sheet) {
@@ -68,7 +73,7 @@ impl Measured {
         }
         sheet.rows = right;
         failures.sort_by_key(|f| f.line);
-        Ok(Self { sheet, conversions, cases, failures })
+        Self { sheet, conversions, cases, failures }
     }
 
     /// The whole of a file in which nothing is wrong.
@@ -247,6 +252,8 @@ fn optional_number(sheet: &Sheet, row: &Row, column: &str) -> Result<()> {
     })?;
     let wrong = if column.starts_with("sigma_") && value < 0.0 {
         "a standard deviation of at least 0"
+    } else if column == LOAD_RANDOM_COLUMN && value < 0.0 {
+        "a share of the load of at least 0"
     } else if column == "temperature_c" && value < -273.15 {
         "a temperature above -273.15 °C"
     } else {

@@ -1,5 +1,6 @@
 //! Files that the program reads: from bytes to checked values, with file, line and column of what is wrong.
 
+pub mod clock;
 pub mod csv;
 pub mod cutting;
 pub mod dataset;
@@ -11,6 +12,7 @@ pub mod job;
 pub mod job_program;
 pub mod learn;
 pub mod limits;
+pub mod load_log;
 pub mod log;
 pub mod machine;
 pub mod machine_edit;

@@ -73,7 +73,7 @@ impl PointList {
     /// One message with file, line and column: another unit, a point that is no reflector, an uncertainty that is missing or not
     /// above 0, a reflector twice in one state of one reading.
     pub fn parse(source: Source, reflectors: &Reflectors, renames: &Renames) -> Result<Self> {
-        let Imported { sheet, conversions, failures } = import::read_points(source, renames)?;
+        let Imported { sheet, conversions, failures, .. } = import::read_points(source, renames)?;
         if let Some(failure) = failures.into_iter().next() {
             return Err(failure);
         }

@@ -8,7 +8,7 @@ use pkm_core::Wrench;
 use pkm_diagnosis::Covariance;
 
 use crate::error::{Failure, Result};
-use crate::files::dataset::{READ_COLUMNS, Row, Sheet};
+use crate::files::dataset::{LOAD_RANDOM_COLUMN, READ_COLUMNS, Row, Sheet};
 use crate::files::import::Renames;
 use crate::files::machine::MachineFile;
 use crate::files::measured::{LoadCase, Measured};
@@ -58,6 +58,23 @@ impl Condition {
     pub fn channels(&self) -> Range<usize> {
         if self.gauge.is_some() { GAUGE..CHANNELS } else { 0..GAUGE }
     }
+
+    /// What is the same of readings at one pose and point, along one gauge.
+    fn key_of_place(&self) -> Vec<u64> {
+        let mut key = bits(&self.point_m);
+        key.push(self.pose as u64);
+        key.extend(self.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
+        key
+    }
+
+    /// What is the same of readings under one condition.
+    fn key(&self) -> Vec<u64> {
+        let mut key = self.key_of_place();
+        key.extend(bits(self.wrench.to_vector().as_slice()));
+        key.extend(bits(self.turned_at.to_vector().as_slice()));
+        key.extend(bits(&[self.temperature_c, self.rise_k]));
+        key
+    }
 }
 
 /// One line of the file.
@@ -77,6 +94,8 @@ pub struct Reading {
     pub sigma: [Option<f64>; 2],
     /// Declared instead, where errors of the channels go together.
     pub covariance: Option<Arc<Covariance>>,
+    /// Relative scatter of its load, where the file has it; else that of the machine file counts.
+    pub load_random: Option<f64>,
 }
 
 /// A measured file.
@@ -166,17 +185,22 @@ type Loads = Vec<(String, [Wrench<f64>; 2], usize)>;
 struct Repeats {
     seen: HashMap<Vec<u64>, Loads>,
     count: usize,
-    /// Share of the largest force within which loads are nominally the same.
-    same_load: f64,
 }
 
 impl Repeats {
     /// The number of a reading's repeats: those at one place whose loads are of one name or nominally the same.
-    fn number(&mut self, place: Vec<u64>, name: &str, wrench: &Wrench<f64>, turned_at: &Wrench<f64>) -> usize {
+    fn number(
+        &mut self,
+        place: Vec<u64>,
+        name: &str,
+        [wrench, turned_at]: [&Wrench<f64>; 2],
+        load_random: f64,
+    ) -> usize {
+        let same_load = SAME_LOAD.max(SAME_LOAD_SD * 2.0_f64.sqrt() * load_random);
         let loads = self.seen.entry(place).or_default();
         let is_same = |(other, [own, own_turned], _): &&(String, [Wrench<f64>; 2], usize)| {
             let is_named = !name.is_empty() && name == *other;
-            let are_repeats = |a, b| are_repeats(a, b, self.same_load);
+            let are_repeats = |a, b| are_repeats(a, b, same_load);
             (is_named || are_repeats(own, wrench)) && are_repeats(own_turned, turned_at)
         };
         if let Some((.., number)) = loads.iter().find(is_same) {
@@ -255,14 +279,13 @@ impl Readings {
         Ok(())
     }
 
-    /// Readings of rows, a load case each; `load_random` is the relative noise of the load cell.
+    /// Readings of rows, a load case each; `load_random` is the relative noise of the load cell in rows that have none of their own.
     ///
     /// # Errors
     /// A cell that is no number.
     pub fn new(sheet: &Sheet, cases: &[LoadCase], load_random: f64) -> Result<Self> {
         let mut poses: Vec<NamedPose> = Vec::new();
-        let same_load = SAME_LOAD.max(SAME_LOAD_SD * 2.0_f64.sqrt() * load_random);
-        let mut repeats = Repeats { seen: HashMap::new(), count: 0, same_load };
+        let mut repeats = Repeats { seen: HashMap::new(), count: 0 };
         let (mut pose_index, mut conditions_seen) = (HashMap::new(), HashMap::new());
         let mut series_index: HashMap<String, usize> = HashMap::new();
         let mut series_names = Vec::new();
@@ -289,7 +312,6 @@ impl Readings {
             });
             let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
             let temperature_c = optional(sheet, row, "temperature_c")?.unwrap_or(REFERENCE_C);
-
             let unloaded = case.wrench.to_vector().iter().all(|f| *f == 0.0);
             let history = histories.entry(series).or_insert_with(|| History {
                 last: Wrench::ZERO,
@@ -307,23 +329,26 @@ impl Readings {
                 rise_k: if has_temperature { temperature_c - history.zero_temperature_c } else { 0.0 },
                 gauge: case.gauge,
             };
-            let mut key = bits(case.wrench.to_vector().as_slice());
-            key.extend(bits(&case.point_m));
-            key.extend(bits(history.turned_at.to_vector().as_slice()));
-            key.push(pose as u64);
-            let mut place = bits(&case.point_m);
-            place.push(pose as u64);
-            place.extend(case.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
             let name = if sheet.has("load") { sheet.cell(row, "load")? } else { "" };
-            let repeat_of = repeats.number(place, name, &case.wrench, &history.turned_at);
-            key.extend(bits(&[temperature_c, condition.rise_k]));
-            key.extend(case.gauge.map_or_else(Vec::new, |direction| bits(&direction)));
-            let condition = *conditions_seen.entry(key).or_insert_with(|| {
+            let own_random = optional(sheet, row, LOAD_RANDOM_COLUMN)?;
+            let scatter = own_random.unwrap_or(load_random);
+            let loads = [&case.wrench, &history.turned_at];
+            let repeat_of = repeats.number(condition.key_of_place(), name, loads, scatter);
+            let condition = *conditions_seen.entry(condition.key()).or_insert_with(|| {
                 conditions.push(condition);
                 conditions.len() - 1
             });
             let covariance = case.covariance.clone().map(Arc::new);
-            readings.push(Reading { line: row.line, condition, repeat_of, series, observed, sigma, covariance });
+            readings.push(Reading {
+                line: row.line,
+                condition,
+                repeat_of,
+                series,
+                observed,
+                sigma,
+                covariance,
+                load_random: own_random,
+            });
         }
         let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
         Ok(Self {

@@ -18,6 +18,7 @@ mod hil;
 mod import;
 mod inverse_all;
 mod limits;
+mod loads;
 mod map;
 mod path;
 mod place;

@@ -37,7 +37,9 @@ pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved]) {
     blocks.add_with(&load, "general", "load", pairs().map(|p| wrong_load(p, true)).collect(), 0, LN_PRIOR_OF_ODDITIES);
     not_linear(blocks);
     by_time(blocks, solved);
-    by_pose(blocks);
+    if blocks.looks_at_single_poses() {
+        by_pose(blocks);
+    }
 }
 
 /// A channel reads part of another.

@@ -103,6 +103,11 @@ impl Blocks<'_> {
         }
     }
 
+    /// Whether what a pose has of its own is looked for.
+    fn looks_at_single_poses(&self) -> bool {
+        self.frames.len() <= self.problem.rules.max_single_poses
+    }
+
     fn mean(&self, of: impl Fn(&Frame) -> f64) -> f64 {
         self.frames.iter().map(of).sum::<f64>() / self.frames.len() as f64
     }

@@ -44,7 +44,9 @@ pub fn add(blocks: &mut Blocks<'_>) {
     };
     let units: Vec<f64> = shift_units.into_iter().chain((0..6).map(|i| 3.0 * usual[ACROSS_Y[i % 2]])).collect();
     blocks.add_compliance(&["base".into()], &with_moments, true, base(&units));
-    at_one_pose(blocks, &usual);
+    if blocks.looks_at_single_poses() {
+        at_one_pose(blocks, &usual);
+    }
     smooth(blocks, &usual);
 }
 
@@ -66,13 +68,9 @@ fn mounts(blocks: &mut Blocks<'_>, usual: &[f64]) {
 fn at_one_pose(blocks: &mut Blocks<'_>, usual: &[f64]) {
     let count = blocks.frames.len();
     for pose in 0..count {
-        let only = |n: usize| f64::from(n == pose);
         let term = |k: &usize| {
-            let of = |(n, f): (usize, &Frame)| {
-                let r: V8 = f.wrenches.row(*k).transpose();
-                r * r.transpose() * (usual[*k] * only(n))
-            };
-            Term::Elastic(Arc::new(blocks.frames.iter().enumerate().map(of).collect()))
+            let r: V8 = blocks.frames[pose].wrenches.row(*k).transpose();
+            Term::AtPose(pose, Box::new(r * r.transpose() * usual[*k]))
         };
         let terms = ALL.iter().map(term).collect();
         let ln_prior = super::measurement::LN_PRIOR_OF_ODDITIES - (count as f64).ln();

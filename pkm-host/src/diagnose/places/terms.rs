@@ -28,6 +28,8 @@ pub struct Seen<'a> {
 pub enum Term {
     /// A compliance that the transmitted wrenches meet, by pose.
     Elastic(Arc<Vec<M8>>),
+    /// The same at one pose alone.
+    AtPose(usize, Box<M8>),
     /// A stiffness at A beside the mechanism, by pose.
     Beside(Arc<Vec<M6>>),
     /// The same times a factor of each entry of the whitened readings.

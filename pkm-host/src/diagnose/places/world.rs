@@ -123,6 +123,7 @@ impl World {
                 for (term, a) in self.terms[*b].iter().zip(amplitudes) {
                     match term {
                         Term::Elastic(e) => d += e[pose] * *a,
+                        Term::AtPose(at, e) if *at == pose => d += **e * *a,
                         Term::Beside(k) => beside += k[pose] * *a,
                         _ => {}
                     }
@@ -165,8 +166,8 @@ impl Under<'_> {
         let elongated = |c: usize, e: V8| -> Six {
             seen_at((solved[conditions[c].pose].response * e).into(), conditions[c].point_m)
         };
-        let elastic =
-            |e: &[M8], c: usize| elongated(c, e[conditions[c].pose] * self.world.passing(self.readings, solved, c).0);
+        let gives = |e: &M8, c: usize| elongated(c, e * self.world.passing(self.readings, solved, c).0);
+        let elastic = |e: &[M8], c: usize| gives(&e[conditions[c].pose], c);
         let whitened = |mut values: Vec<f64>| {
             self.problem.whitener.whiten(&mut values);
             values
@@ -175,6 +176,9 @@ impl Under<'_> {
             Term::Fixed(column) => return (**column).clone(),
             Term::Entry(values) => whitened((**values).clone()),
             Term::Elastic(e) => self.by_condition(|c| elastic(e, c)),
+            Term::AtPose(pose, e) => {
+                self.by_condition(|c| if conditions[c].pose == *pose { gives(e, c) } else { [0.0; 6] })
+            }
             Term::Beside(k) => self.by_condition(|c| {
                 let compliance = &solved[conditions[c].pose].compliance;
                 let moved = compliance * Vector6::from(self.world.wrenches[c].0);
@@ -223,7 +227,8 @@ impl PlaceModel for Under<'_> {
         let mut predicted: DVector<f64> = self.problem.whitened(self.read(&said).as_flattened()).into();
         for (b, amplitudes) in &state.blocks {
             for (term, a) in self.world.terms[*b].iter().zip(amplitudes) {
-                if !matches!(term, Term::Elastic(_) | Term::Beside(_)) && *a != 0.0 {
+                let is_in_compliance = matches!(term, Term::Elastic(_) | Term::AtPose(..) | Term::Beside(_));
+                if !is_in_compliance && *a != 0.0 {
                     predicted.axpy(*a, &self.column(term, &solved, &said), 1.0);
                 }
             }
@@ -278,6 +283,10 @@ mod tests {
 
     /// Judges the world of the reference machine under loads along and about each axis, at seven poses.
     fn on_unit_loads(judge: impl FnOnce(&World, &Readings, &Model)) {
+        under(&Rules::DEFAULT, |world, _, readings, model| judge(world, readings, model));
+    }
+
+    fn under(rules: &Rules, judge: impl FnOnce(&World, &Problem<'_>, &Readings, &Model)) {
         let unit = |i: usize| std::array::from_fn(|k| if k == i { 100.0 } else { 0.0 });
         let conditions: Vec<_> = (0..7).flat_map(|pose| (0..6).map(move |i| condition(pose, unit(i)))).collect();
         let seen = std::array::from_fn(|channel| (channel < 6).then_some(1e-6));
@@ -287,8 +296,41 @@ mod tests {
         let read = observations(&readings, &model);
         let whitener = Whitener::new(&read, &even(1e-6));
         let experiment = Experiment::new(&model, &readings);
-        let problem = Problem::new(&read, &whitener, &experiment, &Rules::DEFAULT);
-        judge(&World::new(&problem, &model, &readings).unwrap(), &readings, &model);
+        let problem = Problem::new(&read, &whitener, &experiment, rules);
+        judge(&World::new(&problem, &model, &readings).unwrap(), &problem, &readings, &model);
+    }
+
+    /// What yields at one pose alone is read there and nowhere else, as much as its column says.
+    #[test]
+    fn what_one_pose_has_of_its_own_is_read_there() {
+        under(&Rules::DEFAULT, |world, problem, readings, _| {
+            let (seen, entries) = (world.on(problem, readings), &problem.whitener.entries);
+            let amount = 1e-4;
+            let predicted = |blocks| seen.at(&State { declared: vec![0.0; seen.declared()], blocks });
+            let as_declared = predicted(Vec::new()).unwrap();
+            let places = ["tool", "sensor"];
+            let of_poses = world.blocks.iter().enumerate().filter(|(_, b)| b.law == "pose" && b.places == places);
+            let blocks: Vec<usize> = of_poses.map(|(block, _)| block).collect();
+            assert_eq!(blocks.len(), 7);
+            for (pose, block) in blocks.into_iter().enumerate() {
+                let column = as_declared.block(block).unwrap().column(0).clone_owned();
+                let mut amplitudes = vec![0.0; 6];
+                amplitudes[0] = amount;
+                let more = predicted(vec![(block, amplitudes)]).unwrap();
+                let slope = (more.predicted() - as_declared.predicted()) / amount;
+                assert!(column.amax() > 1.0);
+                assert!((slope - &column).amax() < 1e-3 * column.amax());
+                let elsewhere =
+                    entries.iter().zip(&column).filter(|(e, _)| readings.conditions[e.condition].pose != pose);
+                assert!(elsewhere.map(|(_, v)| v.abs()).fold(0.0, f64::max) == 0.0);
+            }
+        });
+    }
+
+    #[test]
+    fn of_many_poses_none_is_looked_at_alone() {
+        let rules = Rules { max_single_poses: 6, ..Rules::DEFAULT };
+        under(&rules, |world, _, _, _| assert!(world.blocks.iter().all(|b| b.law != "pose")));
     }
 
     /// With a block's amplitudes and without, by pose.

@@ -53,14 +53,6 @@ impl DataWarning {
     }
 }
 
-/// Lines for a message: the first of them, and how many more.
-pub fn lines_text(lines: &[u64]) -> String {
-    const SHOWN: usize = 6;
-    let first: Vec<String> = lines.iter().take(SHOWN).map(u64::to_string).collect();
-    let more = if lines.len() > SHOWN { format!(" and {} more", lines.len() - SHOWN) } else { String::new() };
-    format!("line{} {}{more}", if lines.len() == 1 { "" } else { "s" }, first.join(", "))
-}
-
 /// All that is doubtful, in the order of the checks. What stands out in several ways is said once: a row as a whole before its
 /// numbers, a number among its repeats before its distance from the declared machine.
 pub fn check(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {

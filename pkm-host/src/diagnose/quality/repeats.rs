@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use super::{DataWarning, lines_text};
+use super::DataWarning;
+use crate::error::lines_text;
 use crate::files::dataset::{READ_COLUMNS, Sheet};
 use crate::files::readings::{CHANNELS, KINDS, Reading, Readings};
 

@@ -1,6 +1,7 @@
 //! Single columns: units, constants, placeholders, loads that never turn.
 
-use super::{DataWarning, lines_text};
+use super::DataWarning;
+use crate::error::lines_text;
 use crate::files::dataset::{POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
 
 /// Largest angle that is probably in radians where a column in degrees has no larger one.

@@ -9,8 +9,8 @@ use crate::files::source::Source;
 /// Rows among which a header is looked for: a title and the settings of an instrument may stand above it.
 const SEARCHED: usize = 100;
 
-/// Columns that a message names, of either kind of file.
-const EXAMPLES: [&str; 7] = ["pose", "theta_deg", "fx_n", "dx_um", "state", "point", "x_mm"];
+/// Columns that a message names, of any kind of file.
+const EXAMPLES: [&str; 9] = ["pose", "theta_deg", "fx_n", "dx_um", "state", "point", "x_mm", "time_s", "force_n"];
 
 /// A header and its place in the file.
 pub(super) struct Found {

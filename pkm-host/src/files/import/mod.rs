@@ -27,6 +27,18 @@ pub struct Imported {
     pub conversions: Vec<String>,
     /// Rows and cells that cannot be read.
     pub failures: Vec<Failure>,
+    /// Lines above the header that hold something.
+    above: Option<(u64, u64)>,
+}
+
+impl Imported {
+    /// Says that lines above the header were not read.
+    fn warn_of_lines_above(&mut self) {
+        let Some((first, last)) = self.above else { return };
+        let lines = if first == last { "line".into() } else { format!("lines {first} to") };
+        let file = printable(&self.sheet.source.name);
+        self.sheet.warnings.push(format!("{file}:{first}: {lines} {last} above the header: not read"));
+    }
 }
 
 /// Reads measured data as they were exported.
@@ -34,12 +46,44 @@ pub struct Imported {
 /// # Errors
 /// No header, columns that are not clear, a unit that is missing or unknown, a file that holds something else.
 pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
-    let mut imported = columns_of(source, &Names::of_readings(renames), merged::carry_down)?;
+    readings_of(source, &Names::of_readings(renames))
+}
+
+/// Reads measured data whose loads a log has, with the columns that join them.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_timed(source: Source, renames: &Renames) -> Result<Imported> {
+    readings_of(source, &Names::of_timed(renames))
+}
+
+fn readings_of(source: Source, names: &Names<'_>) -> Result<Imported> {
+    let shared = source.clone();
+    // a header without names of readings may be that of a log
+    let as_log = || {
+        let (text, _) = encoding::text(&shared).ok()?;
+        header::find(&shared, &text, names).err().and_then(|_| kinds::load_log(&shared, &text, names))
+    };
+    let imported = columns_of(source, names, merged::carry_down);
+    let mut imported = imported.map_err(|failure| as_log().unwrap_or(failure))?;
     if let Some(failure) = kinds::other_than_readings(&imported.sheet) {
         return Err(failure);
     }
+    imported.warn_of_lines_above();
     complete_loads(&mut imported.sheet);
     Ok(imported)
+}
+
+/// Reads a load cell's log as it was exported, and the lines above its header.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_load_log(source: Source, renames: &Renames) -> Result<(Imported, Vec<String>)> {
+    let shared = source.clone();
+    let imported = columns_of(source, &Names::of_load_log(renames), |_| Vec::new())?;
+    let above = usize::try_from(imported.sheet.header_line).unwrap_or(usize::MAX) - 1;
+    let (text, _) = encoding::text(&shared)?;
+    Ok((imported, text.lines().take(above).map(str::to_owned).collect()))
 }
 
 /// Reads a tracker's list of points as it was exported.
@@ -47,7 +91,9 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
 /// # Errors
 /// As [`read`].
 pub fn read_points(source: Source, renames: &Renames) -> Result<Imported> {
-    columns_of(source, &Names::of_points(renames), |_| Vec::new())
+    let mut imported = columns_of(source, &Names::of_points(renames), |_| Vec::new())?;
+    imported.warn_of_lines_above();
+    Ok(imported)
 }
 
 /// The columns of an export that have some names. `carried`: fills empty cells, and says where.
@@ -72,7 +118,6 @@ fn columns_of(source: Source, names: &Names<'_>, carried: fn(&mut Sheet) -> Vec<
     let known = names.own();
     let header = Header { line: found.header.line, names: columns.names(&found.header) };
     let mut sheet = Sheet::new(source, &text, found.delimiter, header, &known).map_err(with_advice)?;
-    sheet.warnings.extend(not_read(&sheet, &found.above));
     let mut failures = columns.read(&mut sheet, rows, found.header.names.len())?;
     if !sheet.rows.is_empty() || failures.is_empty() {
         sheet.finish(&known)?;
@@ -85,14 +130,8 @@ fn columns_of(source: Source, names: &Names<'_>, carried: fn(&mut Sheet) -> Vec<
         conversions.push("decimal commas".into());
     }
     cells::convert(&mut sheet, &columns.uses);
-    Ok(Imported { sheet, conversions, failures })
-}
-
-/// What is said of rows above the header.
-fn not_read(sheet: &Sheet, above: &[Row]) -> Option<String> {
-    let (first, last) = (above.first()?.line, above.last()?.line);
-    let lines = if first == last { "line".into() } else { format!("lines {first} to") };
-    Some(format!("{}:{first}: {lines} {last} above the header: not read", printable(&sheet.source.name)))
+    let above = found.above.first().zip(found.above.last()).map(|(first, last)| (first.line, last.line));
+    Ok(Imported { sheet, conversions, failures, above })
 }
 
 /// The columns of a file.

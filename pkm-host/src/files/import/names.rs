@@ -1,10 +1,11 @@
 //! Names of columns, as others write them.
 
-use super::units::Quantity::{self, Angle, Force, Length, Moment, Ratio, Temperature, Text};
+use super::units::Quantity::{self, Angle, Force, Length, Moment, Ratio, Temperature, Text, Time};
 use super::units::{self, Unit};
 use crate::error::{Failure, Result};
 
 /// A column of a measured file.
+#[derive(Clone, Copy)]
 pub struct Column {
     /// As `docs/formats.md` has it.
     pub name: &'static str,
@@ -20,7 +21,7 @@ const fn column(name: &'static str, quantity: Quantity, unit: &'static str, othe
 }
 
 /// Every column of a measured file, in the order in which they are written.
-pub const COLUMNS: [Column; 59] = [
+pub const COLUMNS: [Column; 60] = [
     column(
         "pose",
         Text,
@@ -109,6 +110,7 @@ pub const COLUMNS: [Column; 59] = [
     column("load", Text, "", &["loadcase", "loadname", "lastfall"]),
     column("direction", Text, "", &["loaddirection", "richtung"]),
     column("temperature_c", Temperature, "°C", &["temperature", "temp", "temperatur"]),
+    column("load_random", Ratio, "", &[]),
     column("sigma_linear_um", Length, "µm", &["sigmalinear"]),
     column("sigma_angular_urad", Angle, "µrad", &["sigmaangular"]),
     column("sigma_dx_um", Length, "µm", &[]),
@@ -151,6 +153,52 @@ pub const POINT_LIST: [Column; 7] = [
     column("u95_um", Length, "µm", &["u95", "expandeduncertainty"]),
 ];
 
+/// When a row was written: seconds, a time of a clock, its date where that stands apart.
+const TIMES: [Column; 3] = [
+    column("time_s", Time, "s", &["time", "zeit", "t", "elapsedtime", "messzeit"]),
+    column(
+        "time",
+        Text,
+        "",
+        &["timestamp", "zeitstempel", "uhrzeit", "clocktime", "datetime", "date/time", "datum/zeit", "datum/uhrzeit"],
+    ),
+    column("date", Text, "", &["datum"]),
+];
+
+/// Columns of readings whose load a log has.
+pub const TIMED: [Column; COLUMNS.len() + 6] = {
+    let mut all = [COLUMNS[0]; COLUMNS.len() + 6];
+    let mut n = 0;
+    while n < COLUMNS.len() {
+        all[n] = COLUMNS[n];
+        n += 1;
+    }
+    [all[n], all[n + 1], all[n + 2]] = TIMES;
+    all[n + 3] = column("force_u", Ratio, "", &["forceu"]);
+    all[n + 4] = column("force_v", Ratio, "", &["forcev"]);
+    all[n + 5] = column("force_w", Ratio, "", &["forcew"]);
+    all
+};
+
+/// Every column of a load cell's log.
+pub const LOAD_LOG: [Column; 12] = [
+    TIMES[0],
+    TIMES[1],
+    TIMES[2],
+    column("sample", Ratio, "", &["samples", "sampleno", "samplenumber", "scan", "index", "messwertnr"]),
+    column("force_n", Force, "N", &["force", "f", "kraft", "load", "last", "loadcell", "kraftaufnehmer"]),
+    column("moment_nm", Moment, "N·m", &["moment", "torque", "drehmoment"]),
+    column("fx_n", Force, "N", &["fx", "forcex", "xforce", "kraftx", "loadx"]),
+    column("fy_n", Force, "N", &["fy", "forcey", "yforce", "krafty", "loady"]),
+    column("fz_n", Force, "N", &["fz", "forcez", "zforce", "kraftz", "loadz"]),
+    column("mx_nm", Moment, "N·m", &["mx", "momentx", "xmoment", "tx", "torquex", "drehmomentx"]),
+    column("my_nm", Moment, "N·m", &["my", "momenty", "ymoment", "ty", "torquey", "drehmomenty"]),
+    column("mz_nm", Moment, "N·m", &["mz", "momentz", "zmoment", "tz", "torquez", "drehmomentz"]),
+];
+
+/// What an amplifier gives that is not set to a unit of force, in small letters.
+const UNCALIBRATED: [&str; 4] = ["mv/v", "mv", "v", "µm/m"];
+
 impl Column {
     /// Whether it holds numbers.
     pub fn is_number(&self) -> bool {
@@ -164,8 +212,18 @@ impl Column {
 
     /// The column's unit that is written so.
     fn unit_of(&self, text: &str) -> std::result::Result<&'static Unit, String> {
-        units::find(self.quantity, text)
-            .ok_or_else(|| format!("unknown unit `{text}` of {}: known are {}", self.name, units::known(self.quantity)))
+        units::find(self.quantity, text).ok_or_else(|| {
+            let known = units::known(self.quantity);
+            let is_signal = matches!(self.quantity, Force | Moment) && UNCALIBRATED.contains(&text.to_lowercase().as_str());
+            if is_signal {
+                format!(
+                    "`{text}` is the signal of a bridge and no load: nothing in the file tells what the cell gives under a load. Set \
+                     the amplifier to the cell's calibration, or convert the column to one of {known}"
+                )
+            } else {
+                format!("unknown unit `{text}` of {}: known are {known}", self.name)
+            }
+        })
     }
 }
 
@@ -217,6 +275,16 @@ impl<'a> Names<'a> {
         Self { columns: &COLUMNS, renames }
     }
 
+    /// Of readings whose load a log has.
+    pub fn of_timed(renames: &'a Renames) -> Self {
+        Self { columns: &TIMED, renames }
+    }
+
+    /// Of a load cell's log.
+    pub fn of_load_log(renames: &'a Renames) -> Self {
+        Self { columns: &LOAD_LOG, renames }
+    }
+
     /// Of a tracker's list of points.
     pub fn of_points(renames: &'a Renames) -> Self {
         Self { columns: &POINT_LIST, renames }
@@ -259,9 +327,14 @@ impl<'a> Names<'a> {
         (0..header.len()).filter(|n| is_number(&header[*n])).collect()
     }
 
+    /// What a cell of the header is called in `docs/formats.md`, if it is known.
+    pub fn own_name(&self, cell: &str) -> Option<&'static str> {
+        self.renamed(cell).or_else(|| self.named(cell).map(|n| n.column)).map(|column| column.name)
+    }
+
     /// Whether a name in a header is known.
     pub fn is_known(&self, cell: &str) -> bool {
-        self.named(cell).is_some() || self.renamed(cell).is_some()
+        self.own_name(cell).is_some()
     }
 
     /// Refuses columns of `--columns` that are not there. A file with none of them that has the program's own names is another one of the
@@ -274,7 +347,9 @@ impl<'a> Names<'a> {
         let is_own = |new: &str| header.iter().any(|cell| self.named(cell).is_some_and(|n| n.column.name == new));
         let renames = &self.renames.0;
         if let Some((new, _)) = renames.iter().find(|(new, _)| self.columns.iter().all(|c| c.name != *new)) {
-            let message = format!("--columns {new}=…: this file has no such column, only a tracker's points");
+            let of_points = POINT_LIST.iter().any(|c| c.name == *new);
+            let other = if of_points { "a tracker's points" } else { "a load cell's log and its readings (--loads)" };
+            let message = format!("--columns {new}=…: this file has no such column, only {other}");
             return Err(Failure::input(message));
         }
         if renames.iter().all(|(new, _)| is_own(new) && !is_there(new)) {
@@ -297,11 +372,17 @@ pub struct Renames(Vec<(&'static str, String)>);
 impl Renames {
     /// Those of readings, and those of a tracker's points.
     pub fn of_readings_and_points(&self) -> [Self; 2] {
-        let of = |columns: &[Column]| {
-            let is_one = |(new, _): &&(&str, String)| columns.iter().any(|c| c.name == *new);
-            Self(self.0.iter().filter(is_one).cloned().collect())
-        };
-        [of(&COLUMNS), of(&POINT_LIST)]
+        [self.of(&COLUMNS), self.of(&POINT_LIST)]
+    }
+
+    /// Those of readings with times, and those of a load cell's log.
+    pub fn of_readings_and_log(&self) -> [Self; 2] {
+        [self.of(&TIMED), self.of(&LOAD_LOG)]
+    }
+
+    fn of(&self, columns: &[Column]) -> Self {
+        let is_one = |(new, _): &&(&str, String)| columns.iter().any(|c| c.name == *new);
+        Self(self.0.iter().filter(is_one).cloned().collect())
     }
 }
 
@@ -314,7 +395,7 @@ impl std::str::FromStr for Renames {
             match part.split_once('=') {
                 Some((new, theirs)) => {
                     let new = new.trim();
-                    let all = COLUMNS.iter().chain(&POINT_LIST);
+                    let all = TIMED.iter().chain(&POINT_LIST).chain(&LOAD_LOG);
                     let Some(column) = all.clone().find(|c| c.name == new) else {
                         let nearest = all.min_by_key(|c| strsim::osa_distance(&new.to_lowercase(), c.name));
                         let meant = nearest.map_or("", |c| c.name);
@@ -366,6 +447,13 @@ pub fn uses(header: &[String], units: &[String], names: &Names<'_>) -> std::resu
             continue;
         };
         let column = named.column;
+        if column.quantity == Time && !named.is_in_own_unit {
+            // a clock's time unless there is a unit: `Time (UTC)`, `Zeit [hh:mm:ss]`
+            let unit = named.unit.as_deref().into_iter().chain(below).find_map(|text| units::find(Time, text));
+            let column = if unit.is_some() { Some(column) } else { names.columns.iter().find(|c| c.name == "time") };
+            all.push(column.map(|column| Use { column, unit }));
+            continue;
+        }
         let fail = |message: String| (cell.clone(), message);
         let mut unit = None;
         for text in named.unit.as_deref().into_iter().chain(below).filter(|_| column.is_number()) {

@@ -17,6 +17,8 @@ pub enum Quantity {
     Moment,
     /// A temperature in °C.
     Temperature,
+    /// A time in s.
+    Time,
     /// A number without unit.
     Ratio,
 }
@@ -26,12 +28,21 @@ pub enum Quantity {
 pub enum Size {
     /// A power of ten of the SI unit.
     Decimal(i32),
+    /// Another multiple of the SI unit.
+    Times(f64),
     /// An angle in degrees.
     Degrees(f64),
     /// Kelvins: 273.15 lies between them and °C.
     Kelvin,
 }
-use Size::{Decimal, Degrees, Kelvin};
+use Size::{Decimal, Degrees, Kelvin, Times};
+
+/// Standard gravity, m/s²: makes kilograms forces.
+const GRAVITY: f64 = 9.806_65;
+/// Pound, kg.
+const POUND_KG: f64 = 0.453_592_37;
+/// Foot, m.
+const FOOT_M: f64 = 0.3048;
 
 /// A unit with the ways to write it, the usual one first.
 pub struct Unit {
@@ -58,7 +69,7 @@ const fn unit(quantity: Quantity, size: Size, names: &'static [&'static str]) ->
 
 /// All units that are known, without spaces, `u` for µ, and neither dots nor stars between factors. The case of letters counts:
 /// `mN` and `MN` differ.
-const UNITS: [Unit; 23] = [
+const UNITS: [Unit; 32] = [
     unit(Quantity::Length, Decimal(0), &["m"]),
     unit(Quantity::Length, Decimal(-2), &["cm"]),
     unit(Quantity::Length, Decimal(-3), &["mm"]),
@@ -75,13 +86,22 @@ const UNITS: [Unit; 23] = [
     unit(Quantity::Force, Decimal(1), &["daN"]),
     unit(Quantity::Force, Decimal(3), &["kN"]),
     unit(Quantity::Force, Decimal(6), &["MN"]),
+    unit(Quantity::Force, Times(GRAVITY), &["kgf", "kp", "kg"]),
+    unit(Quantity::Force, Times(POUND_KG * GRAVITY), &["lbf", "lb", "lbs"]),
     unit(Quantity::Moment, Decimal(-3), &["N·mm", "Nmm"]),
     unit(Quantity::Moment, Decimal(-2), &["N·cm", "Ncm"]),
     unit(Quantity::Moment, Decimal(0), &["N·m", "Nm"]),
     unit(Quantity::Moment, Decimal(1), &["daN·m", "daNm"]),
     unit(Quantity::Moment, Decimal(3), &["kN·m", "kNm"]),
+    unit(Quantity::Moment, Times(GRAVITY), &["kgf·m", "kgfm", "kpm"]),
+    unit(Quantity::Moment, Times(POUND_KG * GRAVITY * FOOT_M), &["lbf·ft", "lbfft", "ftlbf", "ftlb", "lbft"]),
+    unit(Quantity::Moment, Times(POUND_KG * GRAVITY * FOOT_M / 12.0), &["lbf·in", "lbfin", "inlbf", "inlb", "lbin"]),
     unit(Quantity::Temperature, Decimal(0), &["°C", "degC", "C", "Celsius"]),
     unit(Quantity::Temperature, Kelvin, &["K"]),
+    unit(Quantity::Time, Decimal(0), &["s", "sec", "seconds", "Sekunden"]),
+    unit(Quantity::Time, Decimal(-3), &["ms", "msec"]),
+    unit(Quantity::Time, Times(60.0), &["min", "minutes", "Minuten"]),
+    unit(Quantity::Time, Times(3600.0), &["h", "hours", "Stunden"]),
 ];
 
 /// Without spaces and signs of multiplication, µ as `u`.
@@ -101,10 +121,11 @@ pub fn find(quantity: Quantity, text: &str) -> Option<&'static Unit> {
     })
 }
 
-/// Whether a text is a unit of anything.
+/// Whether a text is a unit of anything. Not of minutes and hours: `dx min` is a least value.
 pub fn is_any(text: &str) -> bool {
     let text = plain(text);
-    UNITS.iter().any(|u| u.is_alike(&text))
+    let is_long = |u: &Unit| u.quantity == Quantity::Time && matches!(u.size, Times(_));
+    UNITS.iter().any(|u| u.is_alike(&text) && !is_long(u))
 }
 
 /// The known units of a quantity, for a message.
@@ -125,6 +146,9 @@ pub fn converted(text: &str, from: &Unit, to: &Unit) -> Option<String> {
                 (Degrees(a), Degrees(b)) => value * a / b,
                 (Degrees(a), Decimal(b)) => (value * a).to_radians() * 10_f64.powi(-b),
                 (Decimal(a), Degrees(b)) => (value * 10_f64.powi(a)).to_degrees() / b,
+                (Times(a), Times(b)) => value * a / b,
+                (Times(a), Decimal(b)) => value * a * 10_f64.powi(-b),
+                (Decimal(a), Times(b)) => value * 10_f64.powi(a) / b,
                 (Kelvin, _) => tidy(value - 273.15),
                 _ => return None,
             };
@@ -209,7 +233,18 @@ mod tests {
         assert_eq!(of(Quantity::Length, "MM", "UM", "0.5"), "500");
         assert_eq!(of(Quantity::Force, "MN", "N", "0.5"), "500000");
         assert!(find(Quantity::Force, "mn").is_none(), "millinewtons or meganewtons");
-        assert!(find(Quantity::Force, "lbf").is_none() && find(Quantity::Length, "N").is_none());
-        assert!(is_any("N*m") && !is_any("load"));
+        assert!(find(Quantity::Force, "tons").is_none() && find(Quantity::Length, "N").is_none());
+        // one pound-force is 4.448 221 615 260 5 N, by definition
+        let pound: f64 = of(Quantity::Force, "lbf", "N", "1").parse().unwrap();
+        assert!((pound - 4.448_221_615_260_5).abs() < 1e-12);
+        let inch_pound: f64 = of(Quantity::Moment, "in-lb", "N·m", "1").parse().unwrap();
+        assert!((inch_pound - 0.112_984_829_027_6).abs() < 1e-12);
+        let kilograms: f64 = of(Quantity::Force, "kgf", "N", "10").parse().unwrap();
+        assert!((kilograms - 98.066_5).abs() < 1e-12);
+        assert_eq!(
+            (of(Quantity::Time, "ms", "s", "1250"), of(Quantity::Time, "min", "s", "2,5")),
+            ("1.250".into(), "150".into())
+        );
+        assert!(is_any("N*m") && is_any("s") && !is_any("load") && !is_any("min"));
     }
 }

@@ -51,7 +51,7 @@ const REFUSED: &[Case] = &[
     ("no header", || good().text(',').split_once('\n').unwrap().1.into(), &[], ":1: ", "expected a header with column names"),
     ("names that are not known", || text(good().called(&[("dx_um", "Kanal 7", 0), ("theta_deg", "B", 0)])), &[], ":1: theta_deg: ", "missing column"),
     ("no unit of a name", || text(good().called(&[("dx_um", "dx", 0), ("dy_um", "dy", 0)])), &[], ":1: dx: ", "no unit of dx, dy|`dx [µm]`|--columns dx_um=dx"),
-    ("an unknown unit in brackets", || text(good().called(&[("fx_n", "Fx [lbf]", 0)])), &[], ":1: Fx [lbf]: ", "unknown unit `lbf` of fx_n|known are mN, N, daN, kN, MN"),
+    ("an unknown unit in brackets", || text(good().called(&[("fx_n", "Fx [tons]", 0)])), &[], ":1: Fx [tons]: ", "unknown unit `tons` of fx_n|known are mN, N, daN, kN, MN"),
     ("a length as a unit of a force", || text(good().called(&[("fx_n", "Fx [mm]", 0)])), &[], ":1: Fx [mm]: ", "unknown unit `mm` of fx_n"),
     ("an unknown unit in the row of units", || text(bare().units(&[("Fx", "kN"), ("dx", "mil")])), &[], ":1: dx: ", "unknown unit `mil` of dx_um|known are m, cm, mm, µm, nm"),
     ("another unit in brackets than in the name", || text(good().called(&[("dx_um", "dx_um [mm]", 0)])), &[], ":1: dx_um [mm]: ", "µm or mm?"),

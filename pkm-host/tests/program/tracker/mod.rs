@@ -297,7 +297,7 @@ fn points_give_the_readings_that_they_were_made_of() {
 }
 
 /// A tracker of 10 µm (U95) on the readings of p08: what yields is found as in the readings themselves, with reflectors 300 mm apart or with
-/// 150 mm and a fifth of the uncertainty. At 150 mm and 10 µm the noise hides the platform (docs/limits.md).
+/// 150 mm and a fifth of the uncertainty. At 150 mm and 10 µm the noise hides which part yields beside limb 1 (docs/limits.md).
 #[test]
 fn a_diagnosis_of_points_finds_what_the_readings_hold() {
     let machine = fixture("measured/p08/machine.toml");
