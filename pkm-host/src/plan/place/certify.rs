@@ -11,13 +11,16 @@ use rayon::prelude::*;
 use super::bound::{Node, Search, Seen, widest};
 use super::boxes::Cell;
 use super::cover::Cover;
-use super::goal::Goal;
+use super::polish::Polish;
 use super::search::{Polished as Best, Searcher};
 use super::taylor::{ROUNDING, THREE, TWO, Taylor};
 use crate::files::job::Axis;
 
 /// Cells that are divided at a time. The same on every machine, so that the result is.
 const BATCH: usize = 8;
+/// Cells after which the best position is polished for the first time, and twice as many for each time after that. Only where
+/// another objective may not be too great: hardly a middle of a cell is near that edge, where the least is.
+const POLISHED: usize = 256;
 
 /// What is proved of a placement.
 #[derive(Clone, Copy, Debug)]
@@ -49,18 +52,28 @@ pub struct Limits {
 }
 
 impl Searcher<'_> {
-    /// Improves a position, and bounds by how much any other could be better.
-    pub(super) fn certified(&self, goal: Goal, best: Option<Best>, limits: &Limits) -> (Option<Best>, Certificate) {
+    /// Improves a position by the goal of a polish, and bounds by how much any other could be better.
+    pub(super) fn certified(
+        &self,
+        polish: &Polish<'_>,
+        best: Option<Best>,
+        limits: &Limits,
+    ) -> (Option<Best>, Certificate) {
         let [low, high] = self.model.job.limits[Axis::Rotary];
-        if high > low { self.branched::<THREE>(goal, best, limits) } else { self.branched::<TWO>(goal, best, limits) }
+        if high > low {
+            self.branched::<THREE>(polish, best, limits)
+        } else {
+            self.branched::<TWO>(polish, best, limits)
+        }
     }
 
     fn branched<const N: usize>(
         &self,
-        goal: Goal,
+        polish: &Polish<'_>,
         mut best: Option<Best>,
         limits: &Limits,
     ) -> (Option<Best>, Certificate) {
+        let goal = polish.goal;
         let unlimited = self.model.reach.unlimited();
         let machine: Machine<Taylor<N>> = unlimited.machine.converted();
         let wrist: Wrist<Taylor<N>> = unlimited.wrist.converted();
@@ -76,8 +89,11 @@ impl Searcher<'_> {
         let cell = Cell { middle: half.map(|h| h[0]), half: half.map(|h| h[1]) };
         let count = self.targets.len();
         let (boxes, lows) = (vec![search.cover.whole(); count], [vec![0.0; count], vec![0.0; count]]);
-        let root = Node { bound: 0.0, boxes, lows, state: self.state(), divide: widest(&cell), cell };
+        let mut state = self.state();
+        state.is_near = goal.most.is_some();
+        let root = Node { bound: 0.0, boxes, lows, state, divide: widest(&cell), cell };
         let (mut open, mut done, mut cells) = (BinaryHeap::from([root]), f64::INFINITY, 0);
+        let mut next_polish = if goal.most.is_some() { POLISHED } else { usize::MAX };
         let told = format!("{}, {}", self.name, goal.least.name());
         while cells < limits.cells {
             let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);
@@ -100,6 +116,10 @@ impl Searcher<'_> {
                 if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.0 < best.0)) {
                     best = Some(found);
                 }
+            }
+            if cells >= next_polish {
+                best = best.map(|best| polish.onward(best));
+                next_polish = 2 * cells;
             }
         }
         let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);

@@ -10,7 +10,7 @@ use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
-use super::boxes::{Beside, Box2, Cell, Known, SMALLEST};
+use super::boxes::{Beside, Box2, Cell, Joints, Known, SMALLEST};
 use super::targets::Target;
 use super::taylor::{THREE, Taylor, decided};
 use super::whitened::{Whitened, length};
@@ -25,8 +25,6 @@ const WIDEST: f64 = 0.03;
 const BENDINGS: usize = 3;
 /// Boxes that are looked at for a hole and a cell, at the most.
 const MOST_BOXES: usize = 3000;
-/// How much narrower than it was a box is when its cost is bounded once more.
-const NARROWER: f64 = 0.7;
 
 /// A box in which a cell's solutions follow from the position: β1 and β2 over the cell.
 #[derive(Clone, Debug)]
@@ -34,8 +32,16 @@ pub(super) struct Solved<const N: usize> {
     pub within: Box2,
     /// `None`: the box is small beside the cell, or tells nothing.
     over_cell: Option<[Taylor<N>; 2]>,
-    /// Where the machine stands over the box, if that was looked at.
-    over_box: Option<Stand<N>>,
+    /// Where the machine stands over the cell, or over the box if nothing is known over the cell, if that was looked at.
+    stand: Option<Stand<N>>,
+    /// Whether limits were looked at for that.
+    is_possible: bool,
+}
+
+impl<const N: usize> Solved<N> {
+    fn new(within: Box2, over_cell: Option<[Taylor<N>; 2]>, stand: Option<Stand<N>>) -> Self {
+        Self { within, over_cell, stand, is_possible: false }
+    }
 }
 
 /// A hole in B, constant, times the sine and times the cosine of the rotary axis, and what its tool bears.
@@ -231,7 +237,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 Beside::Outside => continue,
                 // every configuration of it is a solution: there is nothing to narrow
                 Beside::Inside => {
-                    solved.push(Solved { within, over_cell: None, over_box: None });
+                    solved.push(Solved::new(within, None, None));
                     continue;
                 }
                 Beside::Partly => {}
@@ -255,10 +261,10 @@ impl<'a, const N: usize> Cover<'a, N> {
                     if let (None, Some(stand)) = (over_cell, &over_box) {
                         within.slide = [0, 1].map(|i: usize| [stand.slide[i].middle(), stand.slide[i].spread()]);
                     }
-                    solved.push(Solved { within, over_cell, over_box });
+                    solved.push(Solved::new(within, over_cell, over_box.filter(|_| over_cell.is_none())));
                 }
                 _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
-                    solved.push(Solved { within, over_cell: None, over_box });
+                    solved.push(Solved::new(within, None, over_box));
                 }
                 Narrowed::To(smaller) => open.push(smaller),
                 Narrowed::No => open.extend(within.halves()),
@@ -278,7 +284,7 @@ impl<'a, const N: usize> Cover<'a, N> {
     ) -> Option<Cost<N>> {
         let (widths, known) = (solved.within.widths(cell), solved.within.known[kept]);
         // a box that is small beside the cell costs what it cost before the cell was divided
-        if solved.over_cell.is_none() && (0..3).all(|i| widths[i] >= NARROWER * known.bounded[i]) {
+        if solved.over_cell.is_none() && solved.within.is_as_wide(cell, &known.bounded) {
             return Some(Cost::at_least(known.low));
         }
         let cost = self.new_cost(objective, hole, cell, solved)?;
@@ -287,22 +293,30 @@ impl<'a, const N: usize> Cover<'a, N> {
         Some(Cost { low, ..cost })
     }
 
-    fn new_cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
-        let stand = match (solved.over_cell, solved.over_box.take()) {
-            (None, Some(stand)) => stand,
-            (over_cell, _) => {
-                let beta = over_cell.unwrap_or(Self::over(&solved.within));
-                match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
-                    Standing::Nowhere => return None,
-                    Standing::Unknown => return Some(Cost::at_least(0.0)),
-                    Standing::At(stand) => stand,
-                }
+    /// Where the machine stands over a cell whose solutions are in a box; nowhere if that is beyond a limit all over it.
+    fn possible(&self, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Standing<N> {
+        if solved.stand.is_none() {
+            let beta = solved.over_cell.unwrap_or(Self::over(&solved.within));
+            match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
+                Standing::At(stand) => solved.stand = Some(stand),
+                standing => return standing,
             }
-        };
-        if self.within(&stand.configuration) == Some(false) {
-            return None;
         }
-        let Some(cost) = decided(|| self.cost_of(objective, hole, &stand.configuration)) else {
+        let Some(stand) = &solved.stand else { return Standing::Unknown };
+        if !solved.is_possible && self.within(&stand.configuration) == Some(false) {
+            return Standing::Nowhere;
+        }
+        solved.is_possible = true;
+        Standing::At(stand.clone())
+    }
+
+    fn new_cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
+        let configuration = match self.possible(hole, cell, solved) {
+            Standing::Nowhere => return None,
+            Standing::Unknown => return Some(Cost::at_least(0.0)),
+            Standing::At(stand) => stand.configuration,
+        };
+        let Some(cost) = decided(|| self.cost_of(objective, hole, &configuration)) else {
             return Some(Cost::at_least(0.0));
         };
         let over = cost?;
@@ -352,25 +366,30 @@ impl<'a, const N: usize> Cover<'a, N> {
     }
 
     /// The joints over a cell whose solutions are in a box, screws first; `None`: none of them is possible.
-    pub fn joints(&self, hole: usize, cell: &Cell, solved: &Solved<N>) -> Option<[Taylor<N>; 5]> {
-        let within_rest = |v: Taylor<N>| Taylor { rest: v.spread(), ..Taylor::constant(v.middle()) };
-        let unknown = [Taylor::UNKNOWN; 5];
-        let beta = solved.over_cell.unwrap_or(Self::over(&solved.within));
-        let configuration = match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
+    pub fn joints(&self, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<[Taylor<N>; 5]> {
+        // symbols of a box are no symbols of the cell
+        let within_rest = |[middle, spread]: [f64; 2]| Taylor { rest: spread, ..Taylor::constant(middle) };
+        let is_box = solved.over_cell.is_none();
+        // a box that is small beside the cell has the joints that it had before the cell was divided
+        if is_box && solved.within.is_as_wide(cell, &solved.within.joints.bounded) {
+            return Some(solved.within.joints.ranges.map(within_rest));
+        }
+        let configuration = match self.possible(hole, cell, solved) {
             Standing::Nowhere => return None,
-            Standing::Unknown => return Some(unknown),
+            Standing::Unknown => return Some([Taylor::UNKNOWN; 5]),
             Standing::At(stand) => stand.configuration,
         };
-        if self.within(&configuration) == Some(false) {
-            return None;
-        }
         let Some(Ok(lengths)) = decided(|| self.five.machine.inverse(&configuration.pose)) else {
-            return Some(unknown);
+            return Some([Taylor::UNKNOWN; 5]);
         };
-        let ([q1, q2, q3], [beta1, beta2]): ([_; 3], _) = (lengths.q_m.into(), beta);
+        let ([q1, q2, q3], [beta1, beta2]): ([_; 3], [_; 2]) = (lengths.q_m.into(), configuration.beta_rad.into());
         let joints = [q1, q2, q3, beta1, beta2];
-        // symbols of a box are no symbols of the cell
-        Some(if solved.over_cell.is_some() { joints } else { joints.map(within_rest) })
+        if !is_box {
+            return Some(joints);
+        }
+        let ranges = joints.map(|joint| [joint.middle(), joint.spread()]);
+        solved.within.joints = Joints { ranges, bounded: solved.within.widths(cell) };
+        Some(ranges.map(within_rest))
     }
 
     /// By how much a hole's costs are more than how far its tip moves.

@@ -15,7 +15,7 @@ use crate::files::job::{Job, Series};
 use crate::files::limits::JointLimits;
 
 /// Boxes of a hole from which on a cell is so great that nothing is known of its times: all pairs of two holes' boxes would be looked at.
-const MOST_BOXES: usize = 16;
+const MOST_BOXES: usize = 32;
 
 /// Whether cycle times are known, and not all the same.
 pub(super) fn possible(job: &Job, limits: Option<&JointLimits>) -> Result<()> {
@@ -100,7 +100,7 @@ impl<const N: usize> Search<'_, N> {
             if solved.len() > MOST_BOXES {
                 here.push([Taylor::UNKNOWN; 5]);
             } else {
-                solved.retain(|one| {
+                solved.retain_mut(|one| {
                     let joints = self.cover.joints(hole, &node.cell, one);
                     here.extend(joints);
                     joints.is_some()
@@ -112,12 +112,13 @@ impl<const N: usize> Search<'_, N> {
             }
             let Target { is_first, weight, .. } = &self.searcher.targets[hole];
             if !is_first {
-                let pairs = before.iter().flat_map(|from| here.iter().map(move |to| rapid(from, to, limits)));
-                let pairs: Vec<Cost<N>> = pairs.collect();
-                let cost = match pairs.as_slice() {
-                    [one] => *one,
+                let cost = match (before.as_slice(), here.as_slice()) {
+                    ([from], [to]) => rapid(from, to, limits),
                     // the least of several is no polynomial
-                    all => Cost::at_least(all.iter().map(|cost| cost.low).fold(f64::INFINITY, f64::min)),
+                    (before, here) => {
+                        let pairs = before.iter().flat_map(|from| here.iter().map(move |to| slowest(from, to, limits)));
+                        Cost::at_least(pairs.map(|(least_s, _)| least_s).fold(f64::INFINITY, f64::min))
+                    }
                 };
                 let cost = Cost { low: weight * cost.low, over: Taylor::ZERO.plus(*weight, &cost.over) };
                 node.lows[kept][hole] = cost.low.max(node.lows[kept][hole]);
@@ -129,19 +130,23 @@ impl<const N: usize> Search<'_, N> {
     }
 }
 
-/// What all joints take at the least over a cell: no less than any one of them does.
-fn rapid<const N: usize>(from: &[Taylor<N>; 5], to: &[Taylor<N>; 5], limits: &JointLimits) -> Cost<N> {
+/// Least time in s over a cell of the joint for which that is greatest: all together take no less. With which one it is.
+fn slowest<const N: usize>(from: &[Taylor<N>; 5], to: &[Taylor<N>; 5], limits: &JointLimits) -> (f64, usize) {
     let of_joint = |i: usize| {
-        let (velocity, acceleration) = (limits.velocity[i], limits.acceleration[i]);
         let way = to[i] - from[i];
         let nearest = way.low().max(-way.high()).max(0.0);
-        let least = rest_to_rest_s(nearest, velocity, acceleration);
-        let over = decided(|| rest_to_rest_s(way, Taylor::constant(velocity), Taylor::constant(acceleration)));
-        match over.filter(|over| over.low() > 0.0) {
-            Some(over) => Cost { low: over.low().max(least), over },
-            None => Cost::at_least(least),
-        }
+        (rest_to_rest_s(nearest, limits.velocity[i], limits.acceleration[i]), i)
     };
-    let slowest = (0..5).map(of_joint).max_by(|a, b| a.low.total_cmp(&b.low));
-    slowest.unwrap_or(Cost::at_least(0.0))
+    (0..5).map(of_joint).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((0.0, 0))
+}
+
+/// What all joints take at the least over a cell: no less than any one of them does.
+fn rapid<const N: usize>(from: &[Taylor<N>; 5], to: &[Taylor<N>; 5], limits: &JointLimits) -> Cost<N> {
+    let (least_s, i) = slowest(from, to, limits);
+    let [velocity, acceleration] = [limits.velocity[i], limits.acceleration[i]].map(Taylor::constant);
+    let over = decided(|| rest_to_rest_s(to[i] - from[i], velocity, acceleration));
+    match over.filter(|over| over.low() > 0.0) {
+        Some(over) => Cost { low: over.low().max(least_s), over },
+        None => Cost::at_least(least_s),
+    }
 }

@@ -3,15 +3,18 @@
 //! Each of its points is the least deflection of all positions whose other objective is at most some value, found and bounded by
 //! branch and bound. The bounds are the steps of a staircase that no position is below.
 
-use super::Objective;
 use super::certify::{Certificate, Limits};
 use super::goal::Goal;
 use super::polish::{self, Polish};
 use super::search::{Grid, Placement, Polished, Searcher};
+use super::{Objective, Posture};
 use crate::files::job::Position;
 
 /// Share by which values differ that pass for the same.
 const ALIKE: f64 = 1e-6;
+/// Share of a front's extent in the other objective between two points that are not worth another one between them: where tips jump, bounds close the
+/// more slowly the nearer a limit is to the jump.
+const FINEST: f64 = 0.01;
 
 /// A position that no other one betters in both, as far as its certificate goes.
 #[derive(Clone, Debug)]
@@ -60,9 +63,22 @@ struct Between {
 }
 
 impl Between {
+    /// With the tips by their ratio: 20 µm and 30 µm are as different as 400 µm and 600 µm.
     fn area(&self) -> f64 {
-        (self.to - self.from).max(0.0) * (self.tips_m[0] - self.tips_m[1]).max(0.0)
+        (self.to - self.from) * (self.tips_m[0] / self.tips_m[1]).ln()
     }
+
+    /// `width`: of the other objective. `gap`: as much as the bounds of tips are off.
+    fn is_worth_more(&self, width: f64, gap: f64) -> bool {
+        self.to - self.from > width && self.tips_m[1] < self.tips_m[0] * (1.0 - gap)
+    }
+}
+
+/// What a search for a point gives.
+struct Found {
+    point: Point,
+    step: Step,
+    holes: Vec<Posture>,
 }
 
 impl Searcher<'_> {
@@ -76,69 +92,92 @@ impl Searcher<'_> {
         limits: &Limits,
     ) -> Front {
         let other = by_other.objective;
-        let last = self.point(by_tip, other, by_tip.value);
-        let other_bound = by_other.certificate.map_or(0.0, |c| c.bound);
+        let last = self.point(by_tip, other);
         let mut front = Front {
             series: by_tip.series.clone(),
             other,
             proved: vec![Step { other_at_most: None, bound_m: last.certificate.bound }],
             points: vec![last.clone()],
-            other_bound,
+            other_bound: by_other.certificate.map_or(0.0, |c| c.bound),
         };
-        let start = (by_other.value, by_other.position, by_other.holes.clone());
-        let alike = |value: f64, least: f64| value <= least * (1.0 + ALIKE);
-        if alike(last.other, by_other.value) {
+        let least = by_other.value;
+        if last.other <= least * (1.0 + ALIKE) {
             return front;
         }
-        let search = |most: f64| self.least_tip(other, most, &start, (grid, columns), limits);
-        let Some(first) = search(by_other.value) else { return front };
-        front.proved.insert(0, first.1);
-        if alike(first.0.tip_m, last.tip_m) {
-            front.points = vec![first.0];
+        let width = FINEST * (last.other - least);
+        front.other_bound = front.other_bound.max(self.least_other(
+            by_other,
+            grid,
+            &Limits { gap: (width / least).max(ALIKE), ..*limits },
+        ));
+        let mut known = vec![(least, by_other.position, by_other.holes.clone())];
+        let Some(first) = self.least_tip(other, least, &known, (grid, columns), limits) else { return front };
+        front.proved.insert(0, first.step);
+        if first.point.tip_m <= last.tip_m * (1.0 + ALIKE) {
+            front.points = vec![first.point];
             return front;
         }
-        let mut open = vec![Between { from: first.0.other, to: last.other, tips_m: [first.0.tip_m, last.tip_m] }];
-        front.points.insert(0, first.0);
-        for _ in 2..points {
+        let mut open = vec![Between { from: least, to: last.other, tips_m: [first.point.tip_m, last.tip_m] }];
+        front.points.insert(0, first.point);
+        while front.points.len() < points {
+            open.retain(|between| between.is_worth_more(width, limits.gap));
             let greatest = (0..open.len()).max_by(|a, b| open[*a].area().total_cmp(&open[*b].area()));
-            let Some(between) = greatest.map(|n| open.swap_remove(n)).filter(|b| b.area() > 0.0) else { break };
-            let Some((point, step)) = search(0.5 * (between.from + between.to)) else { break };
-            let [most, least] = between.tips_m;
-            open.push(Between { to: point.other, tips_m: [most, point.tip_m], ..between });
-            open.push(Between { from: 0.5 * (between.from + between.to), tips_m: [point.tip_m, least], ..between });
-            front.proved.push(step);
-            front.points.push(point);
+            let Some(between) = greatest.map(|n| open.swap_remove(n)) else { break };
+            let most = 0.5 * (between.from + between.to);
+            let Some(found) = self.least_tip(other, most, &known, (grid, columns), limits) else { break };
+            let ([greater_m, less_m], tip_m) = (between.tips_m, found.point.tip_m);
+            open.push(Between { to: found.point.other, tips_m: [greater_m, tip_m], ..between });
+            open.push(Between { from: most, tips_m: [tip_m, less_m], ..between });
+            known.push((found.point.other, found.point.position, found.holes));
+            front.proved.push(found.step);
+            front.points.push(found.point);
         }
         front.sort();
         front
     }
 
-    fn point(&self, placement: &Placement, other: Objective, tip_m: f64) -> Point {
+    fn point(&self, placement: &Placement, other: Objective) -> Point {
         let certificate = placement.certificate.unwrap_or(Certificate { bound: 0.0, gap: 1.0, cells: 0 });
         let value = self.worth(other, &placement.holes);
-        Point { position: placement.position, tip_m, other: value, certificate }
+        Point { position: placement.position, tip_m: placement.value, other: value, certificate }
     }
 
-    /// The least deflection where another objective is at most some value. `start`: where that is least.
+    /// A bound of the other objective that is near beside how much it differs over a front, which may be less than the gap that its
+    /// optimum was certified to.
+    fn least_other(&self, optimum: &Placement, grid: &Grid, limits: &Limits) -> f64 {
+        if optimum.certificate.is_some_and(|certificate| certificate.gap <= limits.gap) {
+            return 0.0;
+        }
+        let goal = optimum.objective.into();
+        let polish = Polish { searcher: self, goal, spacing: grid.spacing(), effort: polish::POINT };
+        let start = (optimum.value, optimum.position, optimum.holes.clone());
+        self.certified(&polish, Some(start), limits).1.bound
+    }
+
+    /// The least deflection where another objective is at most some value. `known`: positions, the first of them within that, each with
+    /// the other objective's value and its postures.
     fn least_tip(
         &self,
         other: Objective,
         most: f64,
-        start: &Polished,
+        known: &[Polished],
         (grid, [tip, column]): (&Grid, [usize; 2]),
         limits: &Limits,
-    ) -> Option<(Point, Step)> {
+    ) -> Option<Found> {
         let goal = Goal { least: Objective::TipWorst, most: Some((other, most)) };
         let polish = |effort| Polish { searcher: self, goal, spacing: grid.spacing(), effort };
-        let from_grid = grid.best_below(tip, column, most);
-        let mut starts = vec![(self.worth(goal.least, &start.2), start.1, start.2.clone())];
-        starts.extend(from_grid.and_then(|position| polish(polish::ROUGH).from(position)));
+        let within = known.iter().filter(|(value, ..)| *value <= most);
+        let mut starts: Vec<Polished> =
+            within.map(|(_, position, holes)| (self.worth(goal.least, holes), *position, holes.clone())).collect();
+        starts.extend(grid.best_below(tip, column, most).and_then(|position| polish(polish::ROUGH).from(position)));
         let best = starts.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
-        let (best, certificate) = self.certified(goal, best, limits);
-        let (tip_m, position, holes) = polish(polish::LAST).onward(best?);
+        let polish = polish(polish::POINT);
+        let (best, certificate) = self.certified(&polish, best, limits);
+        let (tip_m, position, holes) = polish.onward(best?);
         let certificate = certificate.of(tip_m);
         let step = Step { other_at_most: Some(most), bound_m: certificate.bound };
-        Some((Point { position, tip_m, other: self.worth(other, &holes), certificate }, step))
+        let point = Point { position, tip_m, other: self.worth(other, &holes), certificate };
+        Some(Found { point, step, holes })
     }
 }
 

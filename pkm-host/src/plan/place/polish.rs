@@ -19,6 +19,8 @@ pub(super) struct Effort {
 pub(super) const FULL: Effort = Effort { steps: [1.0, 1e-6], rounds: 4, is_near: false };
 /// From there, as far as branch and bound needs it.
 pub(super) const ROUGH: Effort = Effort { steps: [1.0, 1e-3], rounds: 1, is_near: true };
+/// For a point of a front: while branch and bound looks for it, and after that.
+pub(super) const POINT: Effort = Effort { steps: [0.1, 1e-5], rounds: 1, is_near: true };
 /// From what branch and bound has found to the end.
 pub(super) const LAST: Effort = Effort { steps: [0.1, 1e-6], rounds: 4, is_near: false };
 

@@ -105,7 +105,7 @@ impl Searcher<'_> {
         let goal = Objective::TipWorst.into();
         let polish = Polish { searcher: self, goal, spacing: grid.spacing(), effort: polish::ROUGH };
         let start = [nominal.position].iter().chain(starts).find_map(|start| polish.from(*start));
-        let (best, certificate) = self.certified(goal, start, limits);
+        let (best, certificate) = self.certified(&polish, start, limits);
         let Some(best) = best else {
             let message = format!(
                 "{}: no position was found from which every hole is in reach wherever it may be: a smaller robust.hole_radius_mm, or more travel",

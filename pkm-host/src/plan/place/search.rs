@@ -346,9 +346,9 @@ impl Searcher<'_> {
             Method::Certified => {
                 // as good as the gap that is asked for needs it: cells lead to better places than more starts
                 let start = polished(&optima[..1.min(optima.len())], polish::ROUGH);
-                let goal = objective.into();
-                let (best, certificate) = self.certified(goal, start, &options.limits);
-                let last = Polish { searcher: self, goal, spacing: grid.spacing(), effort: polish::LAST };
+                let last =
+                    Polish { searcher: self, goal: objective.into(), spacing: grid.spacing(), effort: polish::LAST };
+                let (best, certificate) = self.certified(&last, start, &options.limits);
                 let best = best.map(|best| last.onward(best));
                 Found { best, certificate: Some(certificate), ..Found::default() }
             }
