@@ -8,6 +8,7 @@ mod cycle;
 mod evolution;
 mod front;
 mod goal;
+mod newton;
 mod polish;
 mod robust;
 pub(crate) mod search;
