@@ -118,7 +118,7 @@ impl<const N: usize> Search<'_, N> {
             if objective == Objective::TipWorst && n >= FEW && in_middle[hole] <= bound {
                 break;
             }
-            let mut solved = self.cover.solved(hole, &node.cell, node.boxes[hole].drain(..));
+            let mut solved = self.solved(hole, &mut node);
             let Some(cost) = self.cost(LEAST, hole, &mut node, &mut solved) else {
                 return Seen { node: None, best, done: nowhere };
             };
@@ -161,14 +161,25 @@ impl<const N: usize> Search<'_, N> {
         }
         let mut costs = Vec::new();
         for (hole, solved) in reached.into_iter().enumerate() {
-            let boxes = &mut node.boxes[hole];
-            let mut solved = solved.unwrap_or_else(|| self.cover.solved(hole, &node.cell, boxes.drain(..)));
+            let mut solved = solved.unwrap_or_else(|| self.solved(hole, node));
             costs.push(self.cost(MOST, hole, node, &mut solved)?);
             if is_above(other.value(node.lows[MOST].iter().copied())) {
                 return None;
             }
         }
         Some(together(other, &costs)).filter(|over| !is_above(over.low()))
+    }
+
+    /// Boxes with all solutions of a hole over a cell.
+    pub fn solved(&self, hole: usize, node: &mut Node) -> Vec<Solved<N>> {
+        let mut solved = self.cover.solved(hole, &node.cell, node.boxes[hole].drain(..));
+        // the least time of several pairs is no polynomial, and of two holes hardly known without; deflections are known better box by box
+        if [Some(self.goal.least), self.goal.most.map(|most| most.0)].contains(&Some(Objective::CycleTime)) {
+            for side in [1.0, -1.0] {
+                self.cover.merge(hole, &node.cell, side, &mut solved);
+            }
+        }
+        solved
     }
 
     /// What each hole costs in the middle of a cell, infinity where it is out of reach, and what the middle is worth if none is.

@@ -22,6 +22,10 @@ use crate::files::job::PerAxis;
 const SLACK: f64 = 1e-7;
 /// Where a box beside a great cell is divided, rad: over a greater one a cost is hardly known.
 const WIDEST: f64 = 0.03;
+/// Boxes of a hole that one may take the place of: solutions that a box's edge goes through are in two, or at its corner in four.
+const MOST_MERGED: usize = 4;
+/// Newton's steps for that.
+const MERGING_STEPS: usize = 3;
 /// Boxes that are looked at for a hole and a cell, at the most.
 const MOST_BOXES: usize = 3000;
 
@@ -35,11 +39,13 @@ pub(super) struct Solved<const N: usize> {
     stand: Option<Stand<N>>,
     /// Whether limits were looked at for that.
     is_possible: bool,
+    /// K_m there, if that was computed.
+    whitened: Option<Box<Whitened<N>>>,
 }
 
 impl<const N: usize> Solved<N> {
     fn new(within: Box2, over_cell: Option<[Taylor<N>; 2]>, stand: Option<Stand<N>>) -> Self {
-        Self { within, over_cell, stand, is_possible: false }
+        Self { within, over_cell, stand, is_possible: false, whitened: None }
     }
 }
 
@@ -272,6 +278,31 @@ impl<'a, const N: usize> Cover<'a, N> {
         solved
     }
 
+    /// Puts a box with tools on one side in place of several, where its solutions follow from the position all over the cell.
+    pub fn merge(&self, hole: usize, cell: &Cell, side: f64, solved: &mut Vec<Solved<N>>) {
+        let parts = || solved.iter().map(|one| &one.within).filter(|within| within.side == side);
+        if !(2..=MOST_MERGED).contains(&parts().count()) {
+            return;
+        }
+        let ends = [0, 1].map(|i: usize| {
+            let low = parts().map(|part| part.middle[i] - part.half[i]).fold(f64::INFINITY, f64::min);
+            [low, parts().map(|part| part.middle[i] + part.half[i]).fold(f64::NEG_INFINITY, f64::max)]
+        });
+        let mut hull = Box2::unknown(ends.map(|[a, b]| 0.5 * (a + b)), ends.map(|[a, b]| 0.5 * (b - a)), side);
+        for _ in 0..MERGING_STEPS {
+            let Standing::At(stand) = self.stand(hole, Self::over(&hull), Self::angle(cell), side) else { return };
+            match narrowed(&hull, &stand.slide, cell) {
+                Narrowed::To(smaller) => hull = smaller,
+                Narrowed::Solved(Some(over_cell)) => {
+                    solved.retain(|one| one.within.side != side);
+                    solved.push(Solved::new(hull, Some(over_cell), None));
+                    return;
+                }
+                _ => return,
+            }
+        }
+    }
+
     /// What a hole costs by an objective where a cell's solutions are in a box; `None`: none of them is possible. `kept`: where
     /// the box keeps that.
     pub fn cost(
@@ -315,7 +346,8 @@ impl<'a, const N: usize> Cover<'a, N> {
             Standing::Unknown => return Some(Cost::at_least(0.0)),
             Standing::At(stand) => stand.configuration,
         };
-        let Some(cost) = decided(|| self.cost_of(objective, hole, &configuration)) else {
+        let Some(cost) = decided(|| self.cost_of(objective, hole, &configuration, &mut solved.whitened)) else {
+            solved.whitened = None;
             return Some(Cost::at_least(0.0));
         };
         let over = cost?;
@@ -329,18 +361,18 @@ impl<'a, const N: usize> Cover<'a, N> {
         objective: Objective,
         hole: usize,
         configuration: &Configuration<Taylor<N>>,
+        known: &mut Option<Box<Whitened<N>>>,
     ) -> Option<Taylor<N>> {
         let Turning { wrench, forces_n, weight, .. } = &self.holes[hole];
         let (five, pose) = (&self.five, &configuration.pose);
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
         let plain = self.model.reach.file.parameters.effects == Effects::NONE && !self.model.diagonal;
-        let whitened = match factor.filter(|_| plain) {
-            Some(table) => Some(Whitened::new(five, table, pose)?),
-            None => None,
-        };
+        if let Some(table) = factor.filter(|_| plain && known.is_none()) {
+            *known = Some(Box::new(Whitened::new(five, table, pose)?));
+        }
         let cost = match objective {
             Objective::Paper => {
-                let sum = match (&whitened, &self.table) {
+                let sum = match (&known, &self.table) {
                     (Some(whitened), _) => whitened.trace(),
                     (_, None) => sum_of(&five.machine.stiffness(pose).ok()?),
                     (_, Some(table)) if self.model.diagonal => {
@@ -351,7 +383,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 Taylor::ONE / sum
             }
             Objective::CycleTime => Taylor::ZERO,
-            Objective::TipWorst | Objective::TipMean => match &whitened {
+            Objective::TipWorst | Objective::TipMean => match &known {
                 // of several loads the worst, each of which costs no more than the worst of them all
                 Some(whitened) => {
                     let moved = whitened.moved_by(five, configuration.beta_rad, wrench, forces_n)?;

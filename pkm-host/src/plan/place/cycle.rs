@@ -94,8 +94,7 @@ impl<const N: usize> Search<'_, N> {
         let limits = self.searcher.model.limits.as_ref()?;
         let (mut costs, mut before): (Vec<Cost<N>>, Vec<[Taylor<N>; 5]>) = (Vec::new(), Vec::new());
         for (hole, solved) in reached.into_iter().enumerate() {
-            let boxes = &mut node.boxes[hole];
-            let mut solved = solved.unwrap_or_else(|| self.cover.solved(hole, &node.cell, boxes.drain(..)));
+            let mut solved = solved.unwrap_or_else(|| self.solved(hole, node));
             let mut here = Vec::new();
             if solved.len() > MOST_BOXES {
                 here.push([Taylor::UNKNOWN; 5]);
