@@ -271,7 +271,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
                     solved.push(Solved::new(within, None, over_box));
                 }
-                Narrowed::To(smaller) => open.push(smaller),
+                Narrowed::To { middle, half } => open.push(Box2 { middle, half, ..within }),
                 Narrowed::No => open.extend(within.halves()),
             }
         }
@@ -292,7 +292,7 @@ impl<'a, const N: usize> Cover<'a, N> {
         for _ in 0..MERGING_STEPS {
             let Standing::At(stand) = self.stand(hole, Self::over(&hull), Self::angle(cell), side) else { return };
             match narrowed(&hull, &stand.slide, cell) {
-                Narrowed::To(smaller) => hull = smaller,
+                Narrowed::To { middle, half } => hull = Box2 { middle, half, ..hull },
                 Narrowed::Solved(Some(over_cell)) => {
                     solved.retain(|one| one.within.side != side);
                     solved.push(Solved::new(hull, Some(over_cell), None));

@@ -14,7 +14,10 @@ pub(super) enum Narrowed<const N: usize> {
     Empty,
     /// Not much.
     No,
-    To(Box2),
+    To {
+        middle: [f64; 2],
+        half: [f64; 2],
+    },
     /// β1 and β2 over the cell, unless the box is small beside it.
     Solved(Option<[Taylor<N>; 2]>),
 }
@@ -45,7 +48,7 @@ pub(super) fn narrowed<const N: usize>(within: &Box2, [fx, fy]: &[Taylor<N>; 2],
         s
     });
     let image = straight.map(|s| s.spread());
-    let (mut smaller, mut shrinks) = (*within, false);
+    let (Box2 { mut middle, mut half, .. }, mut shrinks) = (*within, false);
     for i in 0..2 {
         let (offset, reach) = (straight[i].middle(), image[i] + beyond[i] + 1e-12);
         let (low, high) = ((offset - reach).max(-1.0), (offset + reach).min(1.0));
@@ -57,11 +60,11 @@ pub(super) fn narrowed<const N: usize>(within: &Box2, [fx, fy]: &[Taylor<N>; 2],
             return Narrowed::No;
         }
         shrinks |= high - low < 1.4;
-        smaller.middle[i] += 0.5 * (low + high) * within.half[i];
-        smaller.half[i] = 0.5 * (high - low) * within.half[i] * (1.0 + 1e-9) + 1e-12;
+        middle[i] += 0.5 * (low + high) * within.half[i];
+        half[i] = 0.5 * (high - low) * within.half[i] * (1.0 + 1e-9) + 1e-12;
     }
     if shrinks {
-        return Narrowed::To(smaller);
+        return Narrowed::To { middle, half };
     }
     if !(0..2).all(|i| beyond[i] <= 0.5 * image[i] || beyond[i] * within.half[i] < 1e-5) {
         return Narrowed::No;
