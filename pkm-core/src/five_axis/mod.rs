@@ -33,7 +33,7 @@ mod touch;
 pub use deflection::{COMPENSATED_TO, MAX_COMPENSATION_ITERATIONS, MAX_DEFLECTIONS};
 pub use error::{ToolDeflectionError, ToolError};
 pub use inverse::MAX_INVERSE_ITERATIONS;
-pub use rates::{JointMotion, ToolMotion};
+pub use rates::{JointMotion, ToolMotion, rest_to_rest_s};
 
 /// Where the five axes of a machine stand.
 #[derive(Clone, Copy, Debug, PartialEq)]

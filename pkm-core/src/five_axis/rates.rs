@@ -62,6 +62,21 @@ impl<T: Scalar> JointMotion<T> {
     }
 }
 
+/// Least time in s in which a joint goes a distance from rest to rest, if it speeds up and slows down evenly: with its greatest velocity in
+/// between, where the distance is long enough for that.
+///
+/// # Arguments
+/// * `distance` (of any sign), `velocity`, `acceleration`: m, m/s, m/s²; or rad, rad/s, rad/s²; both limits above 0.
+pub fn rest_to_rest_s<T: Scalar>(distance: T, velocity: T, acceleration: T) -> T {
+    let distance = distance.abs();
+    if distance * acceleration < velocity * velocity {
+        let half = (distance / acceleration).sqrt();
+        half + half
+    } else {
+        distance / velocity + velocity / acceleration
+    }
+}
+
 impl<T: Scalar> FiveAxis<'_, T> {
     /// Velocities and accelerations of the joints that move the tool as asked, in closed form.
     ///

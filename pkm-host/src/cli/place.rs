@@ -9,6 +9,7 @@ use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::job::Job;
+use crate::files::limits::JointLimits;
 use crate::files::source::{self, Source};
 use crate::plan::model::Form;
 use crate::plan::place::{self, Limits, Method, Objective, Options, PlacementModel};
@@ -33,10 +34,10 @@ pub(crate) struct Args {
     #[arg(long, value_enum)]
     method: Option<Method>,
     /// For `certified`: by how much another position may be better, in % of the optimum, when the search ends. Default: 0.1,
-    /// and 0.5 when cross slide and rotary axis both move.
+    /// and 0.5 when cross slide and rotary axis both move; 1 for points of a front.
     #[arg(long, value_name = "PERCENT", value_parser = positive, allow_hyphen_values = true)]
     gap: Option<f64>,
-    /// For `certified`: cells of positions that are looked at, at the most; then the search ends with the gap that it has.
+    /// For `certified`: cells of positions that are looked at, at the most, for an optimum or a front; then the search ends with the gap that it has.
     #[arg(long, default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(1..))]
     max_cells: u32,
     /// Grid spacing in mm; ten times coarser when cross slide and rotary axis both move. Default: 2, and 10 for `certified`, which
@@ -49,6 +50,16 @@ pub(crate) struct Args {
     /// Random seed for `ga` and `de`; default: random, printed.
     #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53))]
     seed: Option<u64>,
+    /// Also a Pareto front for each series: how much tip deflection (tip-worst) a better value of this objective takes, each point
+    /// with a proof. Takes `--method certified`, the default then.
+    #[arg(long, value_enum, value_name = "OBJECTIVE")]
+    pareto: Option<Objective>,
+    /// Points of the front, at the most.
+    #[arg(long, requires = "pareto", default_value_t = 10, value_parser = clap::value_parser!(u8).range(2..=100))]
+    points: u8,
+    /// For `cycle-time`: greatest velocity and acceleration of each joint, TOML, as for `compensate`.
+    #[arg(long, value_name = "TOML")]
+    limits: Option<PathBuf>,
     /// Count positions outside of the table's box as well.
     #[arg(long)]
     allow_extrapolation: bool,
@@ -59,13 +70,16 @@ pub(crate) struct Args {
     out: PathBuf,
 }
 
-pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let model = session.model(&args.table)?;
-    let job = session.read_or_fixture(args.job.as_deref(), pkm_fixtures::JOB, "--job", &model.machine)?;
-    let job = Job::parse(&job)?;
-    session.warn(model.machine.wrist_warning());
+/// What is asked for, each once.
+fn objectives(args: &Args) -> Result<Vec<Objective>> {
     let mut objectives: Vec<Objective> = Vec::new();
-    for objective in &args.objective {
+    let ends = args.pareto.map(|other| [other, Objective::TipWorst]);
+    if ends.is_some_and(|[other, tip]| other == tip) {
+        return Err(Failure::usage(
+            "--pareto tip-worst: the front is of tip-worst against another objective: give that one",
+        ));
+    }
+    for objective in args.objective.iter().chain(ends.iter().flatten()) {
         if !objectives.contains(objective) {
             objectives.push(*objective);
         }
@@ -73,23 +87,65 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     if objectives.is_empty() {
         objectives = vec![Objective::Paper, Objective::TipWorst];
     }
-    let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
-    let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation)?;
-    let method = args.method.unwrap_or(if job.slides_and_turns() { Method::De } else { Method::Grid });
-    if method == Method::Certified
-        && let Some(why) = placement.why_not_certified()
-    {
-        return Err(Failure::usage(format!("--method certified: {why}")));
+    Ok(objectives)
+}
+
+fn limits(args: &Args, objectives: &[Objective]) -> Result<Option<JointLimits>> {
+    if args.limits.is_some() && !objectives.contains(&Objective::CycleTime) {
+        return Err(Failure::usage("--limits is for cycle times: add --pareto cycle-time or --objective cycle-time"));
+    }
+    let limits = args.limits.as_deref().map(Source::read).transpose()?;
+    limits.as_ref().map(JointLimits::parse).transpose()
+}
+
+fn method(args: &Args, job: &Job) -> Method {
+    let usual = if args.pareto.is_some() {
+        Method::Certified
+    } else if job.slides_and_turns() {
+        Method::De
+    } else {
+        Method::Grid
+    };
+    args.method.unwrap_or(usual)
+}
+
+/// What a method can't do for a job.
+fn refused(args: &Args, method: Method, objectives: &[Objective], placement: &PlacementModel<'_>) -> Result<()> {
+    let (job, is_proof) = (placement.job, method == Method::Certified);
+    if args.pareto.is_some() {
+        let unsure = job.robust.is_some();
+        let why = (!is_proof).then_some("it is a proof: give --method certified, or leave it out");
+        let why = why.or(unsure.then_some("it is without uncertainty: leave `robust` out of the job"));
+        if let Some(why) = why {
+            return Err(Failure::usage(format!("--pareto: {why}")));
+        }
+    }
+    if is_proof && let Some(why) = placement.why_not_certified() {
+        let asked = if args.method.is_some() { "--method certified" } else { "--pareto takes --method certified" };
+        return Err(Failure::usage(format!("{asked}: {why}")));
     }
     if job.robust.is_some() {
-        let certified =
-            (method != Method::Certified).then_some("it is a proof: give --method certified, or leave it out");
+        let certified = (!is_proof).then_some("it is a proof: give --method certified, or leave it out");
         let judged = !objectives.contains(&Objective::TipWorst);
         let judged = judged.then_some("it is about deflections: add --objective tip-worst, or leave it out");
         if let Some(why) = certified.or(judged).or(placement.why_not_robust()) {
             return Err(Failure::input(why).in_file(&job.source.name).at_column("robust"));
         }
     }
+    Ok(())
+}
+
+pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
+    let model = session.model(&args.table)?;
+    let job = session.read_or_fixture(args.job.as_deref(), pkm_fixtures::JOB, "--job", &model.machine)?;
+    let job = Job::parse(&job)?;
+    session.warn(model.machine.wrist_warning());
+    let objectives = objectives(args)?;
+    let table = model.table.as_ref().map(|t| (&t.numbers, t.form == Form::Diagonal));
+    let limits = limits(args, &objectives)?;
+    let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation, limits)?;
+    let method = method(args, &job);
+    refused(args, method, &objectives, &placement)?;
     let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };
     let usual_step = if method == Method::Certified { 10.0 } else { 2.0 };
     let options = Options {
@@ -98,13 +154,18 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         step_rad: args.step_deg.to_radians(),
         limits: Limits { gap: args.gap.unwrap_or(usual_gap) / 100.0, cells: args.max_cells as usize },
         seed: args.seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
+        front: args.pareto.map(|other| {
+            let points = usize::from(args.points);
+            // as many cells for the whole front as for one optimum
+            (other, points, Limits { gap: args.gap.unwrap_or(1.0) / 100.0, cells: args.max_cells as usize / points })
+        }),
     };
     let placed = place::place(&placement, &objectives, &options, &bar())?;
     let mut json = report::document(&placement, &options, &placed);
     let table_source = model.table.as_ref().map(|t| &t.source);
     json["table_sha256"] = json!(table_source.map(Source::sha256));
     let html = args.date.of(report::html(&placement, table_source, &options, &placed, &session.warnings)?);
-    let inputs = [session.machine_path(), args.job.as_deref(), args.table.table.as_deref()];
+    let inputs = [session.machine_path(), args.job.as_deref(), args.table.table.as_deref(), args.limits.as_deref()];
     let files = [("placement.json", source::json(&json)), ("report.html", html)];
     let wrote = source::write_all(&args.out, &files, &inputs)?;
     session.output(report::text(&placement, &options, &placed) + &wrote, &json)

@@ -30,6 +30,8 @@ pub enum Mark {
     Cross,
     /// Filled circles on a line.
     Line,
+    /// Filled circles, each with a line along x and then along y to the next.
+    Step,
     /// Lines from each point at an even place to the next, which has a filled circle: vectors.
     Vector,
     /// A filled area: its outline, once around.
@@ -43,6 +45,7 @@ impl Mark {
             Self::Dot => "dot",
             Self::Cross => "cross",
             Self::Line => "line",
+            Self::Step => "step",
             Self::Vector => "vector",
             Self::Band => "band",
         }

@@ -22,6 +22,7 @@ mod loads;
 mod map;
 mod path;
 mod place;
+mod place_front;
 mod place_proof;
 mod place_robust;
 mod properties;

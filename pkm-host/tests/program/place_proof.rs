@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use fastrand::Rng;
 use nalgebra::{Vector2, Vector3};
 use pkm_core::tables::reference::MACHINE_F64;
-use pkm_core::{Configuration, CorrectionTable, Domain, Pose, Tool, Wrench};
+use pkm_core::{Configuration, CorrectionTable, Domain, JointValues, Pose, Tool, Wrench};
 use pkm_host::files::source::Source;
 use pkm_host::files::table::TableFile;
 use pkm_tests::seeded;
@@ -14,21 +14,21 @@ use serde_json::Value;
 use crate::common::{FIVE, Folder, fixture, json};
 
 /// Of the brute force, mm.
-const STEP: f64 = 0.25;
+pub const STEP: f64 = 0.25;
 /// Steps along dx and dy.
-const COUNT: [usize; 2] = [40, 28];
+pub const COUNT: [usize; 2] = [40, 28];
 
-struct Drawn {
+pub struct Drawn {
     angle: f64,
     table_mm: [f64; 3],
-    from_mm: [f64; 2],
-    to_mm: [f64; 2],
+    pub from_mm: [f64; 2],
+    pub to_mm: [f64; 2],
     holes: Vec<Drilled>,
     /// Of each series, in the holes' order; several are placed together.
     counts: Vec<usize>,
 }
 
-struct Drilled {
+pub struct Drilled {
     tip: [f64; 3],
     axis: [f64; 3],
     /// The same for each hole of a series, and its weight.
@@ -36,7 +36,7 @@ struct Drilled {
     weight: f64,
 }
 
-fn drawn(rng: &mut Rng, counts: &[usize]) -> Drawn {
+pub fn drawn(rng: &mut Rng, counts: &[usize]) -> Drawn {
     let mut within = |low: f64, high: f64| low + (high - low) * rng.f64();
     let mut holes = Vec::new();
     for (n, count) in counts.iter().enumerate() {
@@ -56,7 +56,7 @@ fn drawn(rng: &mut Rng, counts: &[usize]) -> Drawn {
 }
 
 impl Drawn {
-    fn job(&self) -> String {
+    pub fn job(&self) -> String {
         let ((sin, cos), [x, y, z]) = (self.angle.sin_cos(), self.table_mm);
         let axes = [0, 1].map(|i| [self.from_mm[i], self.to_mm[i]]);
         let mut job = format!(
@@ -97,10 +97,15 @@ impl Drawn {
         Tool { tip_m, axis: Vector3::new(i, -j, -k) / (i * i + j * j + k * k).sqrt() }
     }
 
-    /// 1/Σk and µm of the tip, weighted, where each is least, of the postures that many starts find.
-    fn least(&self, table: &CorrectionTable<'_, f64>, hole: usize, there: [f64; 2]) -> Option<[f64; 2]> {
+    /// The postures in the table's box that many starts find, with 1/Σk and µm of the tip, weighted.
+    pub fn postures(
+        &self,
+        table: &CorrectionTable<'_, f64>,
+        hole: usize,
+        there: [f64; 2],
+    ) -> Vec<(JointValues<f64>, [f64; 2])> {
         let (tool, Drilled { wrench, weight, .. }) = (&self.tool(hole, there), &self.holes[hole]);
-        let mut least: Option<[f64; 2]> = None;
+        let mut found = Vec::new();
         for beta in [[0.0, -0.3], [1.2, -1.0], [-1.2, 0.1]] {
             let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
             let near = Configuration { pose, beta_rad: Vector2::from(beta) };
@@ -112,14 +117,19 @@ impl Drawn {
             let factor = table.factor_form(&MACHINE_F64, pose).expect("in the box").factor;
             let sum: f64 = factor.stiffness().principal().iter().sum();
             let moved = FIVE.deflection(Some(table), &hold.configuration, wrench).expect("a deflection");
-            let costs = [weight / sum, weight * moved.translation_m.norm() * 1e6];
-            least = Some(least.map_or(costs, |least| [0, 1].map(|i| f64::min(least[i], costs[i]))));
+            found.push((hold.joints, [weight / sum, weight * moved.translation_m.norm() * 1e6]));
         }
-        least
+        found
+    }
+
+    /// Both where each is least.
+    fn least(&self, table: &CorrectionTable<'_, f64>, hole: usize, there: [f64; 2]) -> Option<[f64; 2]> {
+        let postures = self.postures(table, hole, there).into_iter().map(|(_, costs)| costs);
+        postures.reduce(|least, costs| [0, 1].map(|i| f64::min(least[i], costs[i])))
     }
 
     /// The paper's objective and tip-worst.
-    fn costs(&self, table: &CorrectionTable<'_, f64>, there: [f64; 2]) -> Option<[f64; 2]> {
+    pub fn costs(&self, table: &CorrectionTable<'_, f64>, there: [f64; 2]) -> Option<[f64; 2]> {
         let costs = (0..self.holes.len()).map(|hole| self.least(table, hole, there)).collect::<Option<Vec<_>>>()?;
         let worst = costs.iter().map(|cost| cost[1]).fold(0.0, f64::max);
         Some([costs.iter().map(|cost| cost[0]).sum(), worst])

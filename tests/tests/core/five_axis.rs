@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use fastrand::Rng;
 use nalgebra::{Matrix3, Matrix4, Matrix6, Rotation3, SVector, Translation3, Vector2, Vector3, Vector6};
+use pkm_core::five_axis::rest_to_rest_s;
 use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
@@ -614,6 +615,23 @@ fn a_feed_is_as_fast_as_the_slowest_joint_lets_it() {
     assert_eq!(FIVE.joint_motion(&singular, &along(1.0)), Err(ToolError::Singular));
     let turned = Configuration { beta_rad: Vector2::new(2.0, 0.0), ..HOME };
     assert_eq!(FIVE.joint_motion(&turned, &along(1.0)), Err(ToolError::WristLimit { joint: 1 }));
+}
+
+#[test]
+fn a_joint_goes_as_far_from_rest_to_rest_as_its_limits_let_it() {
+    let (mut rng, mut ramps, mut worst) = (seeded(), 0, 0.0_f64);
+    for _ in 0..cases(1000) {
+        let [way, velocity, acceleration] = [0; 3].map(|_| 10_f64.powf(between(&mut rng, -3.0, 1.0)));
+        let time = rest_to_rest_s(-way, velocity, acceleration);
+        // as fast as it gets in half of the time, for the time without one ramp
+        let peak = velocity.min(0.5 * time * acceleration);
+        keep_worst(&mut worst, (peak * (time - peak / acceleration) / way - 1.0).abs());
+        ramps += usize::from(peak < velocity);
+        let single = f64::from(rest_to_rest_s(way as f32, velocity as f32, acceleration as f32));
+        assert!((single / time - 1.0).abs() < 1e-6, "{way} {velocity} {acceleration}");
+    }
+    assert!(worst < 1e-14 && ramps > cases(100), "{worst} {ramps}");
+    assert_eq!(rest_to_rest_s(0.0, 1.0, 1.0), 0.0);
 }
 
 /// Of the tip's distance, and home's Z0 times the axis's.

@@ -19,6 +19,7 @@ use pkm_core::correction::{
 };
 use pkm_core::effects::{EFFECTS, Element, Law, Motion, Place};
 use pkm_core::estimation::{Amplitude, Estimator, TipReading, Touch, newest, state_bytes};
+use pkm_core::five_axis::rest_to_rest_s;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use pkm_core::self_test::{self_test_f32, self_test_f64};
@@ -178,6 +179,7 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
         let limits = black_box([a, b, c, a, b]).into();
         black_box(joints.feed_share(&limits, &limits));
     }
+    black_box(rest_to_rest_s(black_box(a), black_box(b), black_box(c)));
     black_box(five.inverse(&tool, &near)).ok();
     black_box(five.inverse_at(tool.tip_m, near.beta_rad)).ok();
     black_box(five.inverse_at_any_margin(tool.tip_m, near.beta_rad)).ok();

@@ -6,6 +6,8 @@ use crate::files::job::{PerAxis, Position};
 
 /// Where a box is not divided any more, rad.
 pub(super) const SMALLEST: f64 = 1e-6;
+/// How much narrower than it was a box is when its cost is bounded once more.
+const NARROWER: f64 = 0.7;
 
 /// A cell of positions of the table: dx, dy, rotary axis.
 #[derive(Clone, Copy, Debug)]
@@ -28,12 +30,30 @@ pub(super) struct Box2 {
     pub half: [f64; 2],
     /// Sign of the tool axis along n.
     pub side: f64,
+    /// Of the objective that is to be small, and of the one that may not be too great.
+    pub known: [Known; 2],
+    /// Where its configurations put the cross slide: middle and greatest distance from that, along x and y.
+    pub slide: [[f64; 2]; 2],
+    /// Where they put the joints.
+    pub joints: Joints,
+}
+
+/// What is known of the joints in a box.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Joints {
+    /// Middle and greatest distance from that, screws first.
+    pub ranges: [[f64; 2]; 5],
+    /// Half widths of the box and of the cell's angle when that was found.
+    pub bounded: [f64; 3],
+}
+
+/// What is known of a box's cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Known {
     /// No solution in it costs less.
     pub low: f64,
     /// Half widths of the box and of the cell's angle when that was found.
     pub bounded: [f64; 3],
-    /// Where its configurations put the cross slide: middle and greatest distance from that, along x and y.
-    pub slide: [[f64; 2]; 2],
 }
 
 /// Where the cross slide is for the configurations of a box.
@@ -46,7 +66,9 @@ pub(super) enum Beside {
 impl Box2 {
     pub fn unknown(middle: [f64; 2], half: [f64; 2], side: f64) -> Self {
         let slide = [[0.0, f64::INFINITY]; 2];
-        Self { middle, half, side, low: 0.0, bounded: [f64::INFINITY; 3], slide }
+        let bounded = [f64::INFINITY; 3];
+        let joints = Joints { ranges: [[0.0, f64::INFINITY]; 5], bounded };
+        Self { middle, half, side, known: [Known { low: 0.0, bounded }; 2], slide, joints }
     }
 
     pub fn beside(&self, cell: &Cell) -> Beside {
@@ -63,6 +85,11 @@ impl Box2 {
     /// Half widths that a bound of its cost depends on.
     pub fn widths(&self, cell: &Cell) -> [f64; 3] {
         [self.half[0], self.half[1], cell.half[2]]
+    }
+
+    /// Whether what was bounded for some half widths is hardly any narrower now.
+    pub fn is_as_wide(&self, cell: &Cell, bounded: &[f64; 3]) -> bool {
+        self.widths(cell).iter().zip(bounded).all(|(now, then)| *now >= NARROWER * then)
     }
 
     /// Whether β1 and β2 are in it.

@@ -3,24 +3,24 @@
 //! A cell of positions has a lower bound of the objective over all of it, from [`Taylor`] and [`Cover`]. The cell with the least
 //! bound is divided until that bound is near the best value that was found.
 
-use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-use pkm_core::{FiveAxis, Machine, Scalar, Wrist};
+use pkm_core::{FiveAxis, Machine, Wrist};
 use rayon::prelude::*;
 
-use super::boxes::{Box2, Cell};
-use super::cover::{Cost, Cover, Solved};
-use super::search::{Polished as Best, Searcher, State};
-use super::targets::{Target, stiffest};
+use super::bound::{Node, Search, Seen, widest};
+use super::boxes::Cell;
+use super::cover::Cover;
+use super::polish::Polish;
+use super::search::{Polished as Best, Searcher};
 use super::taylor::{ROUNDING, THREE, TWO, Taylor};
-use super::{Objective, Posture};
 use crate::files::job::Axis;
 
 /// Cells that are divided at a time. The same on every machine, so that the result is.
 const BATCH: usize = 8;
-/// Holes whose cost is bounded over a cell, at the least, where the greatest counts: a mean of two may be bounded better than either.
-const FEW: usize = 3;
+/// Cells after which the best position is polished for the first time, and twice as many for each time after that. Only where
+/// another objective may not be too great: hardly a middle of a cell is near that edge, where the least is.
+const POLISHED: usize = 256;
 
 /// What is proved of a placement.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +37,8 @@ impl Certificate {
     /// The same of a position with this value.
     pub(super) fn of(self, value: f64) -> Self {
         let bound = self.bound.min(value);
-        Self { bound, gap: (value - bound) / value, ..self }
+        // a value of 0 is the least there is
+        Self { bound, gap: if value > 0.0 { (value - bound) / value } else { 0.0 }, ..self }
     }
 }
 
@@ -50,78 +51,29 @@ pub struct Limits {
     pub cells: usize,
 }
 
-/// A cell that is not done with.
-struct Node {
-    cell: Cell,
-    /// Of the objective.
-    bound: f64,
-    /// Of each hole.
-    boxes: Vec<Vec<Box2>>,
-    /// What no position of the cell betters, of each hole.
-    lows: Vec<f64>,
-    /// How the middle of the cell that it is a part of is reached.
-    state: State,
-    /// Along which it is divided next.
-    divide: usize,
-}
-
-impl PartialEq for Node {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Node {}
-
-impl PartialOrd for Node {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Node {
-    /// The least bound is the greatest: it comes first out of a heap.
-    fn cmp(&self, other: &Self) -> Ordering {
-        let by_place = || {
-            let pairs = self.cell.middle.iter().zip(&other.cell.middle);
-            pairs.map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
-        };
-        other.bound.total_cmp(&self.bound).then_with(by_place)
-    }
-}
-
-/// What looking at a cell gives.
-struct Seen {
-    /// `None`: no position of it reaches all holes.
-    node: Option<Node>,
-    /// The middle, judged.
-    best: Option<Best>,
-    /// A bound of what needs no more looking at.
-    done: f64,
-}
-
 impl Searcher<'_> {
-    /// Improves a position, and bounds by how much any other could be better.
+    /// Improves a position by the goal of a polish, and bounds by how much any other could be better.
     pub(super) fn certified(
         &self,
-        objective: Objective,
+        polish: &Polish<'_>,
         best: Option<Best>,
         limits: &Limits,
     ) -> (Option<Best>, Certificate) {
         let [low, high] = self.model.job.limits[Axis::Rotary];
         if high > low {
-            self.branched::<THREE>(objective, best, limits)
+            self.branched::<THREE>(polish, best, limits)
         } else {
-            self.branched::<TWO>(objective, best, limits)
+            self.branched::<TWO>(polish, best, limits)
         }
     }
 
     fn branched<const N: usize>(
         &self,
-        objective: Objective,
+        polish: &Polish<'_>,
         mut best: Option<Best>,
         limits: &Limits,
     ) -> (Option<Best>, Certificate) {
+        let goal = polish.goal;
         let unlimited = self.model.reach.unlimited();
         let machine: Machine<Taylor<N>> = unlimited.machine.converted();
         let wrist: Wrist<Taylor<N>> = unlimited.wrist.converted();
@@ -129,17 +81,20 @@ impl Searcher<'_> {
         let table = self.model.table.as_ref().and_then(|table| table.converted(&mut store));
         let five = FiveAxis { machine: &machine, wrist: &wrist };
         let cover = Cover::new(self.model, five, table, &self.targets);
-        let search = Search { searcher: self, cover, objective, gap: limits.gap };
+        let search = Search { searcher: self, cover, goal, gap: limits.gap };
         let half = Axis::ALL.map(|axis| {
             let [low, high] = self.model.job.limits[axis];
             [0.5 * (low + high), 0.5 * (high - low)]
         });
         let cell = Cell { middle: half.map(|h| h[0]), half: half.map(|h| h[1]) };
         let count = self.targets.len();
-        let (boxes, lows) = (vec![search.cover.whole(); count], vec![0.0; count]);
-        let root = Node { bound: 0.0, boxes, lows, state: self.state(), divide: widest(&cell), cell };
+        let (boxes, lows) = (vec![search.cover.whole(); count], [vec![0.0; count], vec![0.0; count]]);
+        let mut state = self.state();
+        state.is_near = goal.most.is_some();
+        let root = Node { bound: 0.0, boxes, lows, state, divide: widest(&cell), cell };
         let (mut open, mut done, mut cells) = (BinaryHeap::from([root]), f64::INFINITY, 0);
-        let told = format!("{}, {}", self.name, objective.name());
+        let mut next_polish = if goal.most.is_some() { POLISHED } else { usize::MAX };
+        let told = format!("{}, {}", self.name, goal.least.name());
         while cells < limits.cells {
             let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);
             let batch: Vec<Node> = (0..BATCH)
@@ -162,145 +117,14 @@ impl Searcher<'_> {
                     best = Some(found);
                 }
             }
+            if cells >= next_polish {
+                best = best.map(|best| polish.onward(best));
+                next_polish = 2 * cells;
+            }
         }
         let value = best.as_ref().map_or(f64::INFINITY, |best| best.0);
         let bound = open.peek().map_or(f64::INFINITY, |node| node.bound).min(done).min(value);
         let bound = bound * (1.0 - ROUNDING);
         (best, Certificate { bound, gap: 1.0, cells }.of(value))
     }
-}
-
-/// Along which a cell is longest, a rad counting as half a metre.
-fn widest(cell: &Cell) -> usize {
-    let size = |i: usize| cell.half[i] * if i == 2 { 0.5 } else { 1.0 };
-    (0..3).max_by(|a, b| size(*a).total_cmp(&size(*b))).unwrap_or(0)
-}
-
-impl Node {
-    fn parts(&self) -> [Self; 2] {
-        [-1.0, 1.0].map(|sign| {
-            let mut cell = self.cell;
-            cell.half[self.divide] *= 0.5;
-            cell.middle[self.divide] += sign * cell.half[self.divide];
-            Self { cell, boxes: self.boxes.clone(), lows: self.lows.clone(), state: self.state.clone(), ..*self }
-        })
-    }
-}
-
-struct Search<'a, const N: usize> {
-    searcher: &'a Searcher<'a>,
-    cover: Cover<'a, N>,
-    objective: Objective,
-    gap: f64,
-}
-
-impl<const N: usize> Search<'_, N> {
-    /// Bounds the objective over a cell. `value`: the best that is known.
-    fn seen(&self, mut node: Node, value: f64) -> Seen {
-        let enough = value * (1.0 - self.gap);
-        let (in_middle, best) = self.in_middle(&mut node);
-        let mut order: Vec<usize> = (0..in_middle.len()).collect();
-        // what misses the middle first, since it may miss the whole cell, and then what costs most
-        order.sort_by(|a, b| in_middle[*b].total_cmp(&in_middle[*a]));
-        let mut costs = Vec::new();
-        for (n, hole) in order.into_iter().enumerate() {
-            let bound = self.objective.value(node.lows.iter().copied());
-            // nowhere in the cell is the least of this one, and of those after it, above its value in the middle
-            if self.objective == Objective::TipWorst && n >= FEW && in_middle[hole] <= bound {
-                break;
-            }
-            let mut solved = self.cover.solved(hole, &node.cell, node.boxes[hole].drain(..));
-            let Some(cost) = self.cost(hole, &node.cell, &mut solved) else {
-                return Seen { node: None, best, done: f64::INFINITY };
-            };
-            node.boxes[hole] = solved.iter().map(|one| one.within).collect();
-            node.lows[hole] = cost.low.max(node.lows[hole]);
-            costs.push(cost);
-            node.bound = self.objective.value(node.lows.iter().copied()).max(node.bound);
-            if node.bound >= enough {
-                return Seen { node: None, best, done: node.bound };
-            }
-        }
-        let whole = self.together(&costs);
-        node.bound = whole.low().max(node.bound);
-        if node.bound >= enough {
-            return Seen { node: None, best, done: node.bound };
-        }
-        node.divide = self.division(&node.cell, &whole);
-        Seen { node: Some(node), best, done: f64::INFINITY }
-    }
-
-    /// What each hole costs in the middle of a cell, infinity where it is out of reach, and what the middle is worth if none is.
-    fn in_middle(&self, node: &mut Node) -> (Vec<f64>, Option<Best>) {
-        let (searcher, position) = (self.searcher, node.cell.position());
-        let reached = |hole| searcher.reached(&position, hole, &mut node.state).unwrap_or_default();
-        let found: Vec<Vec<Posture>> = (0..searcher.targets.len()).map(reached).collect();
-        let cost = |(postures, target): (&Vec<Posture>, &Target<'_>)| {
-            let costs = postures.iter().map(|posture| target.weight * self.objective.cost(posture));
-            costs.fold(f64::INFINITY, f64::min)
-        };
-        let costs: Vec<f64> = found.iter().zip(&searcher.targets).map(cost).collect();
-        let best = found.iter().all(|postures| !postures.is_empty()).then(|| {
-            let (value, holes) = stiffest(self.objective, &searcher.targets, &found);
-            (value, position, holes)
-        });
-        (costs, best)
-    }
-
-    /// Of the best way to reach a hole. What is not possible is taken out.
-    fn cost(&self, hole: usize, cell: &Cell, solved: &mut Vec<Solved<N>>) -> Option<Cost<N>> {
-        let mut costs = Vec::new();
-        solved.retain_mut(|one| {
-            let cost = self.cover.cost(self.objective, hole, cell, one);
-            costs.extend(cost);
-            cost.is_some()
-        });
-        match costs.as_slice() {
-            [] => None,
-            [one] => Some(*one),
-            // the least of several is no polynomial
-            all => Some(Cost::at_least(all.iter().map(|cost| cost.low).fold(f64::INFINITY, f64::min))),
-        }
-    }
-
-    /// A function that is nowhere above the objective.
-    fn together(&self, costs: &[Cost<N>]) -> Taylor<N> {
-        let sum = || costs.iter().fold(Taylor::ZERO, |sum, cost| sum + cost.over);
-        match self.objective {
-            Objective::Paper => sum(),
-            Objective::TipMean => Taylor::ZERO.plus(1.0 / costs.len() as f64, &sum()),
-            // the greatest of all is not less than any mean of them: the best mean of two, then of that and a third
-            Objective::TipWorst => {
-                let worst = costs.iter().map(|cost| cost.over).max_by(|a, b| a.low().total_cmp(&b.low()));
-                let mut mixed = worst.unwrap_or(Taylor::ZERO);
-                for _ in 0..2 {
-                    let better = costs.iter().map(|cost| best_mean(&mixed, &cost.over));
-                    let better = better.max_by(|a, b| a.low().total_cmp(&b.low()));
-                    mixed = better.filter(|better| better.low() > mixed.low()).unwrap_or(mixed);
-                }
-                mixed
-            }
-        }
-    }
-
-    /// Along which a cell's bound gains most by halving it.
-    fn division(&self, cell: &Cell, whole: &Taylor<N>) -> usize {
-        let gain = |i: usize| whole.spread_by(i);
-        let moving = (0..Taylor::<N>::SYMBOLS).filter(|i| cell.half[*i] > 0.0);
-        let best = moving.max_by(|a, b| gain(*a).total_cmp(&gain(*b))).filter(|i| gain(*i) > 0.0);
-        let widest = widest(cell);
-        // not without end along one axis alone
-        best.filter(|best| cell.half[*best] * 8.0 > cell.half[widest]).unwrap_or(widest)
-    }
-}
-
-/// The mean of two with the greatest bound.
-fn best_mean<const N: usize>(a: &Taylor<N>, b: &Taylor<N>) -> Taylor<N> {
-    let mean = |share: f64| Taylor::ZERO.plus(1.0 - share, a).plus(share, b);
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..12 {
-        let (left, right) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
-        if mean(left).low() < mean(right).low() { low = left } else { high = right }
-    }
-    mean(0.5 * (low + high))
 }

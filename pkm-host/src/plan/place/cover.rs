@@ -5,12 +5,13 @@
 //! β1 and β2 are divided, thrown away where nothing in them can reach the hole, and narrowed by Newton's method, which loses no
 //! solution.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
-use super::boxes::{Beside, Box2, Cell, SMALLEST};
+use super::boxes::{Beside, Box2, Cell, Joints, Known, SMALLEST};
+use super::newton::{Narrowed, narrowed};
 use super::targets::Target;
 use super::taylor::{THREE, Taylor, decided};
 use super::whitened::{Whitened, length};
@@ -21,12 +22,12 @@ use crate::files::job::PerAxis;
 const SLACK: f64 = 1e-7;
 /// Where a box beside a great cell is divided, rad: over a greater one a cost is hardly known.
 const WIDEST: f64 = 0.03;
-/// How often what is bent is put into the solutions over a cell: a degree more is right each time.
-const BENDINGS: usize = 3;
+/// Boxes of a hole that one may take the place of: solutions that a box's edge goes through are in two, or at its corner in four.
+const MOST_MERGED: usize = 4;
+/// Newton's steps for that.
+const MERGING_STEPS: usize = 3;
 /// Boxes that are looked at for a hole and a cell, at the most.
 const MOST_BOXES: usize = 3000;
-/// How much narrower than it was a box is when its cost is bounded once more.
-const NARROWER: f64 = 0.7;
 
 /// A box in which a cell's solutions follow from the position: β1 and β2 over the cell.
 #[derive(Clone, Debug)]
@@ -34,8 +35,18 @@ pub(super) struct Solved<const N: usize> {
     pub within: Box2,
     /// `None`: the box is small beside the cell, or tells nothing.
     over_cell: Option<[Taylor<N>; 2]>,
-    /// Where the machine stands over the box, if that was looked at.
-    over_box: Option<Stand<N>>,
+    /// Where the machine stands over the cell, or over the box if nothing is known over the cell, if that was looked at.
+    stand: Option<Stand<N>>,
+    /// Whether limits were looked at for that.
+    is_possible: bool,
+    /// K_m there, if that was computed.
+    whitened: Option<Box<Whitened<N>>>,
+}
+
+impl<const N: usize> Solved<N> {
+    fn new(within: Box2, over_cell: Option<[Taylor<N>; 2]>, stand: Option<Stand<N>>) -> Self {
+        Self { within, over_cell, stand, is_possible: false, whitened: None }
+    }
 }
 
 /// A hole in B, constant, times the sine and times the cosine of the rotary axis, and what its tool bears.
@@ -231,7 +242,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 Beside::Outside => continue,
                 // every configuration of it is a solution: there is nothing to narrow
                 Beside::Inside => {
-                    solved.push(Solved { within, over_cell: None, over_box: None });
+                    solved.push(Solved::new(within, None, None));
                     continue;
                 }
                 Beside::Partly => {}
@@ -240,7 +251,7 @@ impl<'a, const N: usize> Cover<'a, N> {
                 Standing::Nowhere => continue,
                 Standing::Unknown => (Narrowed::No, None),
                 Standing::At(stand) => {
-                    let narrowed = narrowed(&within, &stand, cell);
+                    let narrowed = narrowed(&within, &stand.slide, cell);
                     // limits take longer than a step, and are looked at again where the cost is
                     if matches!(narrowed, Narrowed::No) && self.within(&stand.configuration) == Some(false) {
                         continue;
@@ -255,47 +266,88 @@ impl<'a, const N: usize> Cover<'a, N> {
                     if let (None, Some(stand)) = (over_cell, &over_box) {
                         within.slide = [0, 1].map(|i: usize| [stand.slide[i].middle(), stand.slide[i].spread()]);
                     }
-                    solved.push(Solved { within, over_cell, over_box });
+                    solved.push(Solved::new(within, over_cell, over_box.filter(|_| over_cell.is_none())));
                 }
                 _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
-                    solved.push(Solved { within, over_cell: None, over_box });
+                    solved.push(Solved::new(within, None, over_box));
                 }
-                Narrowed::To(smaller) => open.push(smaller),
+                Narrowed::To { middle, half } => open.push(Box2 { middle, half, ..within }),
                 Narrowed::No => open.extend(within.halves()),
             }
         }
         solved
     }
 
-    /// What a hole costs where a cell's solutions are in a box; `None`: none of them is possible.
-    pub fn cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
-        let widths = solved.within.widths(cell);
+    /// Puts a box with tools on one side in place of several, where its solutions follow from the position all over the cell.
+    pub fn merge(&self, hole: usize, cell: &Cell, side: f64, solved: &mut Vec<Solved<N>>) {
+        let parts = || solved.iter().map(|one| &one.within).filter(|within| within.side == side);
+        if !(2..=MOST_MERGED).contains(&parts().count()) {
+            return;
+        }
+        let ends = [0, 1].map(|i: usize| {
+            let low = parts().map(|part| part.middle[i] - part.half[i]).fold(f64::INFINITY, f64::min);
+            [low, parts().map(|part| part.middle[i] + part.half[i]).fold(f64::NEG_INFINITY, f64::max)]
+        });
+        let mut hull = Box2::unknown(ends.map(|[a, b]| 0.5 * (a + b)), ends.map(|[a, b]| 0.5 * (b - a)), side);
+        for _ in 0..MERGING_STEPS {
+            let Standing::At(stand) = self.stand(hole, Self::over(&hull), Self::angle(cell), side) else { return };
+            match narrowed(&hull, &stand.slide, cell) {
+                Narrowed::To { middle, half } => hull = Box2 { middle, half, ..hull },
+                Narrowed::Solved(Some(over_cell)) => {
+                    solved.retain(|one| one.within.side != side);
+                    solved.push(Solved::new(hull, Some(over_cell), None));
+                    return;
+                }
+                _ => return,
+            }
+        }
+    }
+
+    /// What a hole costs by an objective where a cell's solutions are in a box; `None`: none of them is possible. `kept`: where
+    /// the box keeps that.
+    pub fn cost(
+        &self,
+        (objective, kept): (Objective, usize),
+        hole: usize,
+        cell: &Cell,
+        solved: &mut Solved<N>,
+    ) -> Option<Cost<N>> {
+        let (widths, known) = (solved.within.widths(cell), solved.within.known[kept]);
         // a box that is small beside the cell costs what it cost before the cell was divided
-        if solved.over_cell.is_none() && (0..3).all(|i| widths[i] >= NARROWER * solved.within.bounded[i]) {
-            return Some(Cost::at_least(solved.within.low));
+        if solved.over_cell.is_none() && solved.within.is_as_wide(cell, &known.bounded) {
+            return Some(Cost::at_least(known.low));
         }
         let cost = self.new_cost(objective, hole, cell, solved)?;
-        let low = cost.low.max(solved.within.low);
-        (solved.within.low, solved.within.bounded) = (low, widths);
+        let low = cost.low.max(known.low);
+        solved.within.known[kept] = Known { low, bounded: widths };
         Some(Cost { low, ..cost })
     }
 
-    fn new_cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
-        let stand = match (solved.over_cell, solved.over_box.take()) {
-            (None, Some(stand)) => stand,
-            (over_cell, _) => {
-                let beta = over_cell.unwrap_or(Self::over(&solved.within));
-                match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
-                    Standing::Nowhere => return None,
-                    Standing::Unknown => return Some(Cost::at_least(0.0)),
-                    Standing::At(stand) => stand,
-                }
+    /// Where the machine stands over a cell whose solutions are in a box; nowhere if that is beyond a limit all over it.
+    fn possible(&self, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Standing<N> {
+        if solved.stand.is_none() {
+            let beta = solved.over_cell.unwrap_or(Self::over(&solved.within));
+            match self.stand(hole, beta, Self::angle(cell), solved.within.side) {
+                Standing::At(stand) => solved.stand = Some(stand),
+                standing => return standing,
             }
-        };
-        if self.within(&stand.configuration) == Some(false) {
-            return None;
         }
-        let Some(cost) = decided(|| self.cost_of(objective, hole, &stand.configuration)) else {
+        let Some(stand) = &solved.stand else { return Standing::Unknown };
+        if !solved.is_possible && self.within(&stand.configuration) == Some(false) {
+            return Standing::Nowhere;
+        }
+        solved.is_possible = true;
+        Standing::At(stand.clone())
+    }
+
+    fn new_cost(&self, objective: Objective, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<Cost<N>> {
+        let configuration = match self.possible(hole, cell, solved) {
+            Standing::Nowhere => return None,
+            Standing::Unknown => return Some(Cost::at_least(0.0)),
+            Standing::At(stand) => stand.configuration,
+        };
+        let Some(cost) = decided(|| self.cost_of(objective, hole, &configuration, &mut solved.whitened)) else {
+            solved.whitened = None;
             return Some(Cost::at_least(0.0));
         };
         let over = cost?;
@@ -309,18 +361,18 @@ impl<'a, const N: usize> Cover<'a, N> {
         objective: Objective,
         hole: usize,
         configuration: &Configuration<Taylor<N>>,
+        known: &mut Option<Box<Whitened<N>>>,
     ) -> Option<Taylor<N>> {
         let Turning { wrench, forces_n, weight, .. } = &self.holes[hole];
         let (five, pose) = (&self.five, &configuration.pose);
         let factor = self.table.as_ref().filter(|table| table.has_factor_form());
         let plain = self.model.reach.file.parameters.effects == Effects::NONE && !self.model.diagonal;
-        let whitened = match factor.filter(|_| plain) {
-            Some(table) => Some(Whitened::new(five, table, pose)?),
-            None => None,
-        };
+        if let Some(table) = factor.filter(|_| plain && known.is_none()) {
+            *known = Some(Box::new(Whitened::new(five, table, pose)?));
+        }
         let cost = match objective {
             Objective::Paper => {
-                let sum = match (&whitened, &self.table) {
+                let sum = match (&known, &self.table) {
                     (Some(whitened), _) => whitened.trace(),
                     (_, None) => sum_of(&five.machine.stiffness(pose).ok()?),
                     (_, Some(table)) if self.model.diagonal => {
@@ -330,7 +382,8 @@ impl<'a, const N: usize> Cover<'a, N> {
                 };
                 Taylor::ONE / sum
             }
-            Objective::TipWorst | Objective::TipMean => match &whitened {
+            Objective::CycleTime => Taylor::ZERO,
+            Objective::TipWorst | Objective::TipMean => match &known {
                 // of several loads the worst, each of which costs no more than the worst of them all
                 Some(whitened) => {
                     let moved = whitened.moved_by(five, configuration.beta_rad, wrench, forces_n)?;
@@ -341,6 +394,33 @@ impl<'a, const N: usize> Cover<'a, N> {
             },
         };
         Some(cost * Taylor::constant(*weight))
+    }
+
+    /// The joints over a cell whose solutions are in a box, screws first; `None`: none of them is possible.
+    pub fn joints(&self, hole: usize, cell: &Cell, solved: &mut Solved<N>) -> Option<[Taylor<N>; 5]> {
+        // symbols of a box are no symbols of the cell
+        let within_rest = |[middle, spread]: [f64; 2]| Taylor { rest: spread, ..Taylor::constant(middle) };
+        let is_box = solved.over_cell.is_none();
+        // a box that is small beside the cell has the joints that it had before the cell was divided
+        if is_box && solved.within.is_as_wide(cell, &solved.within.joints.bounded) {
+            return Some(solved.within.joints.ranges.map(within_rest));
+        }
+        let configuration = match self.possible(hole, cell, solved) {
+            Standing::Nowhere => return None,
+            Standing::Unknown => return Some([Taylor::UNKNOWN; 5]),
+            Standing::At(stand) => stand.configuration,
+        };
+        let Some(Ok(lengths)) = decided(|| self.five.machine.inverse(&configuration.pose)) else {
+            return Some([Taylor::UNKNOWN; 5]);
+        };
+        let ([q1, q2, q3], [beta1, beta2]): ([_; 3], [_; 2]) = (lengths.q_m.into(), configuration.beta_rad.into());
+        let joints = [q1, q2, q3, beta1, beta2];
+        if !is_box {
+            return Some(joints);
+        }
+        let ranges = joints.map(|joint| [joint.middle(), joint.spread()]);
+        solved.within.joints = Joints { ranges, bounded: solved.within.widths(cell) };
+        Some(ranges.map(within_rest))
     }
 
     /// By how much a hole's costs are more than how far its tip moves.
@@ -373,82 +453,4 @@ impl<'a, const N: usize> Cover<'a, N> {
 
 fn sum_of<const N: usize>(stiffness: &Stiffness<Taylor<N>>) -> Taylor<N> {
     stiffness.principal().iter().fold(Taylor::ZERO, |sum, k| sum + *k)
-}
-
-enum Narrowed<const N: usize> {
-    Empty,
-    /// Not much.
-    No,
-    To(Box2),
-    /// β1 and β2 over the cell, unless the box is small beside it.
-    Solved(Option<[Taylor<N>; 2]>),
-}
-
-/// A step of Newton's method on s, the symbols of a box: J s = target − middle − (rotary) − what is bent.
-fn narrowed<const N: usize>(within: &Box2, stand: &Stand<N>, cell: &Cell) -> Narrowed<N> {
-    let [fx, fy] = &stand.slide;
-    for (f, i) in [(fx, 0), (fy, 1)] {
-        let reach = f.spread() + cell.half[i] + 1e-12;
-        if (f.middle() - cell.middle[i]).abs() > reach {
-            return Narrowed::Empty;
-        }
-    }
-    let jacobian = Matrix2::new(fx.linear(0), fx.linear(1), fy.linear(0), fy.linear(1));
-    let Some(inverse) = jacobian.try_inverse().filter(|m| m.iter().all(|v| v.is_finite())) else {
-        return Narrowed::No;
-    };
-    let beyond = inverse.abs() * Vector2::new(fx.bent(), fy.bent());
-    // s to first order in the symbols of the cell
-    let straight: [Taylor<N>; 2] = [0, 1].map(|i: usize| {
-        let mut s = Taylor::ZERO;
-        for (k, f) in [fx, fy].into_iter().enumerate() {
-            s = s.plus(inverse[(i, k)], &(Taylor::range(cell.middle[k] - f.middle(), cell.half[k], k)));
-            if N == THREE {
-                s = s.plus(-inverse[(i, k)] * f.linear(2), &Taylor::range(0.0, 1.0, 2));
-            }
-        }
-        s
-    });
-    let image = straight.map(|s| s.spread());
-    let (mut smaller, mut shrinks) = (*within, false);
-    for i in 0..2 {
-        let (offset, reach) = (straight[i].middle(), image[i] + beyond[i] + 1e-12);
-        let (low, high) = ((offset - reach).max(-1.0), (offset + reach).min(1.0));
-        // NaN is not empty
-        if low > high {
-            return Narrowed::Empty;
-        }
-        if !(high - low).is_finite() {
-            return Narrowed::No;
-        }
-        shrinks |= high - low < 1.4;
-        smaller.middle[i] += 0.5 * (low + high) * within.half[i];
-        smaller.half[i] = 0.5 * (high - low) * within.half[i] * (1.0 + 1e-9) + 1e-12;
-    }
-    if shrinks {
-        return Narrowed::To(smaller);
-    }
-    if !(0..2).all(|i| beyond[i] <= 0.5 * image[i] || beyond[i] * within.half[i] < 1e-5) {
-        return Narrowed::No;
-    }
-    let fills = image.iter().all(|image| *image < 1.5);
-    Narrowed::Solved(fills.then(|| over_cell(within, [fx, fy], &inverse, straight, &beyond)))
-}
-
-/// β1 and β2 of all solutions in a box over a cell: s is straight up to what is bent, and each time that s is put into that, what
-/// is left open shrinks.
-fn over_cell<const N: usize>(
-    within: &Box2,
-    slide: [&Taylor<N>; 2],
-    inverse: &Matrix2<f64>,
-    straight: [Taylor<N>; 2],
-    beyond: &Vector2<f64>,
-) -> [Taylor<N>; 2] {
-    let mut s = [0, 1].map(|i| Taylor { rest: beyond[i], ..straight[i] });
-    for _ in 0..BENDINGS {
-        let symbols = [s[0], s[1], Taylor::range(0.0, 1.0, Taylor::<N>::SYMBOLS - 1)];
-        let bent = slide.map(|f| f.bent_of(&symbols[..Taylor::<N>::SYMBOLS]));
-        s = [0, 1].map(|i| straight[i].plus(-inverse[(i, 0)], &bent[0]).plus(-inverse[(i, 1)], &bent[1]));
-    }
-    [0, 1].map(|i: usize| Taylor::constant(within.middle[i]).plus(within.half[i], &s[i]))
 }

@@ -1,9 +1,14 @@
 //! Where the workpiece should stand (paper, Section 6, Eqs. 15-16; `docs/theory.md`).
 
+mod bound;
 mod boxes;
 mod certify;
 mod cover;
+mod cycle;
 mod evolution;
+mod front;
+mod goal;
+mod newton;
 mod polish;
 mod robust;
 pub(crate) mod search;
@@ -22,6 +27,7 @@ use pkm_core::{
 
 use crate::error::{Failure, Result};
 use crate::files::job::{Job, Position, Series};
+use crate::files::limits::JointLimits;
 use crate::files::machine::MachineFile;
 use crate::files::table_numbers::TableNumbers;
 use crate::plan::reach::Reach;
@@ -30,6 +36,7 @@ use targets::Target;
 use taylor::Taylor;
 
 pub use certify::{Certificate, Limits};
+pub use front::{Front, Point, Step};
 pub use robust::{Robust, Worst};
 pub use search::{Grid, Method, Options, Placed, Placement, place};
 
@@ -45,6 +52,8 @@ pub enum Objective {
     TipWorst,
     /// The mean one.
     TipMean,
+    /// The time that the joints take from hole to hole, from rest to rest, in the order of the series. Needs `--limits`.
+    CycleTime,
 }
 
 impl Objective {
@@ -54,6 +63,7 @@ impl Objective {
             Self::Paper => "paper",
             Self::TipWorst => "tip-worst",
             Self::TipMean => "tip-mean",
+            Self::CycleTime => "cycle-time",
         }
     }
 
@@ -62,28 +72,36 @@ impl Objective {
         match self {
             Self::Paper => "1/(N/m + N·m/rad)",
             Self::TipWorst | Self::TipMean => "µm",
+            Self::CycleTime => "s",
         }
     }
 
     /// From SI.
     pub fn value_in_unit(self, value: f64) -> f64 {
-        if self == Self::Paper { value } else { value * 1e6 }
+        if self.is_of_tips() { value * 1e6 } else { value }
     }
 
-    /// What a posture adds, SI.
+    /// Whether it is about deflections.
+    pub fn is_of_tips(self) -> bool {
+        matches!(self, Self::TipWorst | Self::TipMean)
+    }
+
+    /// What a posture adds by itself, SI.
     pub(crate) fn cost(self, posture: &Posture) -> f64 {
         match self {
             Self::Paper => 1.0 / posture.k.iter().sum::<f64>(),
             // a model for these has deflections
             Self::TipWorst | Self::TipMean => posture.worst_m.unwrap_or(f64::INFINITY),
+            // only the ways between them take time
+            Self::CycleTime => 0.0,
         }
     }
 
-    /// Of all holes.
+    /// Of all holes, or of all ways to a hole.
     pub(crate) fn value(self, costs: impl ExactSizeIterator<Item = f64>) -> f64 {
         let count = costs.len() as f64;
         match self {
-            Self::Paper => costs.sum(),
+            Self::Paper | Self::CycleTime => costs.sum(),
             Self::TipWorst => costs.fold(0.0, f64::max),
             Self::TipMean => costs.sum::<f64>() / count,
         }
@@ -126,24 +144,28 @@ pub struct PlacementModel<'a> {
     diagonal: bool,
     pub(crate) job: &'a Job,
     pub(crate) extrapolate: bool,
+    /// Of the joints, for cycle times.
+    limits: Option<JointLimits>,
 }
 
 impl<'a> PlacementModel<'a> {
     /// `table`: with whether its diagonal form gives the principal stiffnesses.
     ///
     /// # Errors
-    /// A wrist that is singular at home; for objectives that need deflections a table without factor form, and a series without load.
+    /// A wrist that is singular at home; for objectives that need deflections a table without factor form, and a series without load;
+    /// for cycle times no limits, and a series of one hole.
     pub fn new(
         machine: &'a MachineFile,
         table: Option<(&'a TableNumbers, bool)>,
         job: &'a Job,
         objectives: &[Objective],
         extrapolate: bool,
+        limits: Option<JointLimits>,
     ) -> Result<Self> {
         let core = table.map(|(numbers, _)| numbers.table()).transpose()?;
         if let Some(table) = &core
             && !table.has_factor_form()
-            && objectives.iter().any(|o| *o != Objective::Paper)
+            && objectives.iter().any(|o| o.is_of_tips())
         {
             return Err(Failure::input(
                 "the table has no factor form, which deflections need: fit it on all 21 columns, or give --objective paper",
@@ -151,12 +173,14 @@ impl<'a> PlacementModel<'a> {
             .at_column("factor"));
         }
         let idle = |s: &&Series| s.wrench == Wrench::ZERO;
-        if let Some(series) = job.series.iter().find(idle).filter(|_| objectives.iter().any(|o| *o != Objective::Paper))
-        {
+        if let Some(series) = job.series.iter().find(idle).filter(|_| objectives.iter().any(|o| o.is_of_tips())) {
             let message = "without a load no tip moves: give the cutting load, or --objective paper";
             return Err(Failure::input(message)
                 .in_file(&job.source.name)
                 .at_column(format!("series.{}.wrench", series.name)));
+        }
+        if objectives.contains(&Objective::CycleTime) {
+            cycle::possible(job, limits.as_ref())?;
         }
         Ok(Self {
             reach: Reach::new(machine)?,
@@ -165,6 +189,7 @@ impl<'a> PlacementModel<'a> {
             diagonal: table.is_some_and(|(_, diagonal)| diagonal),
             job,
             extrapolate,
+            limits,
         })
     }
 

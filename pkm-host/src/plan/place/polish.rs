@@ -1,6 +1,6 @@
 //! The least value about a position of the grid.
 
-use super::Objective;
+use super::goal::Goal;
 use super::search::{Polished, Searcher};
 use crate::files::job::{Axis, Position};
 
@@ -19,6 +19,8 @@ pub(super) struct Effort {
 pub(super) const FULL: Effort = Effort { steps: [1.0, 1e-6], rounds: 4, is_near: false };
 /// From there, as far as branch and bound needs it.
 pub(super) const ROUGH: Effort = Effort { steps: [1.0, 1e-3], rounds: 1, is_near: true };
+/// For a point of a front: while branch and bound looks for it, and after that.
+pub(super) const POINT: Effort = Effort { steps: [0.1, 1e-5], rounds: 1, is_near: true };
 /// From what branch and bound has found to the end.
 pub(super) const LAST: Effort = Effort { steps: [0.1, 1e-6], rounds: 4, is_near: false };
 
@@ -26,7 +28,7 @@ pub(super) const LAST: Effort = Effort { steps: [0.1, 1e-6], rounds: 4, is_near:
 /// nearly alike, so that no fixed set of directions leads on. So along one axis always the best of the other is taken, edge or not.
 pub(super) struct Polish<'a> {
     pub searcher: &'a Searcher<'a>,
-    pub objective: Objective,
+    pub goal: Goal,
     /// Of the grid.
     pub spacing: Position,
     pub effort: Effort,
@@ -36,7 +38,7 @@ impl Polish<'_> {
     /// The least about a position that reaches every hole.
     pub fn from(&self, start: Position) -> Option<Polished> {
         let mut state = self.searcher.state();
-        let (value, holes) = self.searcher.judged(self.objective, &start, &mut state)?;
+        let (value, holes) = self.searcher.judged(self.goal, &start, &mut state)?;
         Some(self.onward((value, start, holes)))
     }
 
@@ -90,7 +92,7 @@ impl Polish<'_> {
         let mut value_at = |value: f64| {
             let mut at = position;
             at[axis] = self.limited(axis, value);
-            let Some((value, holes)) = self.searcher.judged(self.objective, &at, &mut state) else {
+            let Some((value, holes)) = self.searcher.judged(self.goal, &at, &mut state) else {
                 return f64::INFINITY;
             };
             if best.as_ref().is_none_or(|best| value < best.0) {

@@ -102,10 +102,10 @@ impl Searcher<'_> {
         (starts, limits): (&[Position], &Limits),
         uncertain: &Uncertain,
     ) -> Result<Robust> {
-        let objective = Objective::TipWorst;
-        let polish = Polish { searcher: self, objective, spacing: grid.spacing(), effort: polish::ROUGH };
+        let goal = Objective::TipWorst.into();
+        let polish = Polish { searcher: self, goal, spacing: grid.spacing(), effort: polish::ROUGH };
         let start = [nominal.position].iter().chain(starts).find_map(|start| polish.from(*start));
-        let (best, certificate) = self.certified(objective, start, limits);
+        let (best, certificate) = self.certified(&polish, start, limits);
         let Some(best) = best else {
             let message = format!(
                 "{}: no position was found from which every hole is in reach wherever it may be: a smaller robust.hole_radius_mm, or more travel",

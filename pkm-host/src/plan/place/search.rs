@@ -6,9 +6,10 @@ use pkm_core::Configuration;
 use rayon::prelude::*;
 
 use super::certify::{Certificate, Limits};
+use super::front::Front;
 use super::polish::{self, Polish};
 use super::robust::Robust;
-use super::targets::{Target, stiffest};
+use super::targets::Target;
 use super::{Miss, Objective, PlacementModel, Posture};
 use crate::error::{Failure, Result};
 use crate::files::job::{Axis, Job, PerAxis, Position};
@@ -52,6 +53,8 @@ pub struct Options {
     pub seed: u64,
     /// Of branch and bound.
     pub limits: Limits,
+    /// A Pareto front of tip-worst against this objective, with so many points at the most, each within its own limits.
+    pub front: Option<(Objective, usize, Limits)>,
 }
 
 /// Positions of a coarse lattice along each axis, to see in how many ways holes are reached.
@@ -117,6 +120,8 @@ pub struct Placed {
     pub grids: Vec<Grid>,
     /// Of the same, where the job says what is not sure.
     pub robust: Vec<Robust>,
+    /// Of the same, where one is asked for.
+    pub fronts: Vec<Front>,
 }
 
 /// A position's value, and its postures, one a hole.
@@ -170,7 +175,7 @@ impl<'a> Searcher<'a> {
     }
 
     /// Postures for every hole; the first hole that is out of reach, tried first the next time.
-    fn all(&self, position: &Position, state: &mut State) -> Option<Vec<Vec<Posture>>> {
+    pub(super) fn all(&self, position: &Position, state: &mut State) -> Option<Vec<Vec<Posture>>> {
         let mut found: Vec<Vec<Posture>> = vec![Vec::new(); self.targets.len()];
         for n in 0..state.order.len() {
             let hole = state.order[n];
@@ -185,16 +190,12 @@ impl<'a> Searcher<'a> {
         Some(found)
     }
 
-    pub(super) fn judged(&self, objective: Objective, position: &Position, state: &mut State) -> Option<Judged> {
-        self.all(position, state).map(|found| stiffest(objective, &self.targets, &found))
-    }
-
     /// For evolution: holes out of reach, then the value.
     pub(super) fn penalised(&self, objective: Objective, position: &Position, state: &mut State) -> (usize, f64) {
         let count = self.targets.len();
         let found: Vec<_> = (0..count).filter_map(|hole| self.reached(position, hole, state).ok()).collect();
         match count - found.len() {
-            0 => (0, stiffest(objective, &self.targets, &found).0),
+            0 => (0, self.stiffest(objective, &found).0),
             missing => (missing, f64::INFINITY),
         }
     }
@@ -307,7 +308,25 @@ pub fn place(
             .collect(),
         _ => Vec::new(),
     };
-    Ok(Placed { placements, grids, robust: robust.into_iter().collect::<Result<_>>()? })
+    let fronts = fronts(&searchers, &grids, &placements, (objectives, options));
+    Ok(Placed { placements, grids, robust: robust.into_iter().collect::<Result<_>>()?, fronts })
+}
+
+/// Of each group of series, where both objectives are among those that it was placed by.
+fn fronts(
+    searchers: &[Searcher<'_>],
+    grids: &[Grid],
+    placements: &[Placement],
+    (objectives, options): (&[Objective], &Options),
+) -> Vec<Front> {
+    let column = |objective: Objective| objectives.iter().position(|o| *o == objective);
+    let Some((other, points, limits)) = &options.front else { return Vec::new() };
+    let (Some(tip), Some(other)) = (column(Objective::TipWorst), column(*other)) else { return Vec::new() };
+    let of_group = |(n, searcher): (usize, &Searcher<'_>)| {
+        let ends = [tip, other].map(|o| &placements[n * objectives.len() + o]);
+        searcher.front(ends, (&grids[n], [tip, other]), *points, limits)
+    };
+    searchers.par_iter().enumerate().map(of_group).collect()
 }
 
 /// What a method has found.
@@ -327,8 +346,9 @@ impl Searcher<'_> {
             Method::Certified => {
                 // as good as the gap that is asked for needs it: cells lead to better places than more starts
                 let start = polished(&optima[..1.min(optima.len())], polish::ROUGH);
-                let (best, certificate) = self.certified(objective, start, &options.limits);
-                let last = Polish { searcher: self, objective, spacing: grid.spacing(), effort: polish::LAST };
+                let last =
+                    Polish { searcher: self, goal: objective.into(), spacing: grid.spacing(), effort: polish::LAST };
+                let (best, certificate) = self.certified(&last, start, &options.limits);
                 let best = best.map(|best| last.onward(best));
                 Found { best, certificate: Some(certificate), ..Found::default() }
             }
@@ -380,6 +400,14 @@ impl Grid {
     fn best(&self, objective: usize) -> Option<(Position, f64)> {
         let values = self.cells[objective].iter().enumerate().filter_map(|(i, c)| c.as_ref().map(|c| (i, c.value)));
         values.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, value)| (self.position(i), value))
+    }
+
+    /// The best by an objective where another one is at most some value.
+    pub(super) fn best_below(&self, objective: usize, other: usize, most: f64) -> Option<Position> {
+        let value = |i: &usize| self.cells[objective][*i].as_ref().map_or(f64::INFINITY, |cell| cell.value);
+        let below = |i: &usize| self.cells[other][*i].as_ref().is_some_and(|cell| cell.value <= most);
+        let best = (0..self.cells[objective].len()).filter(below).min_by(|a, b| value(a).total_cmp(&value(b)));
+        best.map(|i| self.position(i))
     }
 
     /// The best of the positions that no neighbour betters.
@@ -442,7 +470,7 @@ impl Searcher<'_> {
                     objectives
                         .iter()
                         .map(|objective| {
-                            let (value, postures) = stiffest(*objective, &self.targets, found.as_ref()?);
+                            let (value, postures) = self.stiffest(*objective, found.as_ref()?);
                             Some(Cell { value, mean_k: mean_k(&postures) })
                         })
                         .collect()
@@ -464,7 +492,7 @@ impl Searcher<'_> {
         grid: &Grid,
         effort: polish::Effort,
     ) -> Option<Polished> {
-        let polish = Polish { searcher: self, objective, spacing: grid.spacing(), effort };
+        let polish = Polish { searcher: self, goal: objective.into(), spacing: grid.spacing(), effort };
         let all: Vec<Polished> = starts.par_iter().filter_map(|start| polish.from(*start)).collect();
         all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
     }

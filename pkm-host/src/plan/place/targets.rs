@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 use pkm_core::Wrench;
 
-use super::{Objective, Posture};
 use crate::files::job::{Hole, Job, Position};
 
 /// A hole with the load on its tool, how much it counts, and what is not sure of it.
@@ -11,6 +10,8 @@ use crate::files::job::{Hole, Job, Position};
 pub(super) struct Target<'a> {
     pub hole: &'a Hole,
     pub wrench: &'a Wrench<f64>,
+    /// Nothing goes to it from the hole before it: the first one of a series.
+    pub is_first: bool,
     /// What its cost is multiplied by: 1 but for series that are placed together.
     pub weight: f64,
     /// How far its hole is from where it is meant, along x and y of W, m.
@@ -28,11 +29,11 @@ impl<'a> Target<'a> {
         let of_series = |n: &usize| {
             let series = &job.series[*n];
             let weight = if alone { 1.0 } else { series.weight };
-            let sure = move |hole| {
+            let sure = move |(n, hole)| {
                 let (off_m, forces_n) = ([0.0; 2], Vec::new());
-                Self { hole, wrench: &series.wrench, weight, off_m, forces_n, softer: 1.0 }
+                Self { hole, wrench: &series.wrench, is_first: n == 0, weight, off_m, forces_n, softer: 1.0 }
             };
-            series.holes.iter().map(sure)
+            series.holes.iter().enumerate().map(sure)
         };
         series.iter().flat_map(of_series).collect()
     }
@@ -42,13 +43,4 @@ impl<'a> Target<'a> {
         let [x, y] = self.off_m;
         Position { dx_m: position.dx_m + x, dy_m: position.dy_m + y, ..*position }
     }
-}
-
-/// Of all postures that reach a hole the one that costs least, and what they all cost together.
-pub(super) fn stiffest(objective: Objective, targets: &[Target<'_>], found: &[Vec<Posture>]) -> (f64, Vec<Posture>) {
-    let cost = |p: &Posture| objective.cost(p);
-    let best: Vec<Posture> =
-        found.iter().filter_map(|p| p.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).copied()).collect();
-    let weighted = best.iter().zip(targets).map(|(posture, target)| target.weight * cost(posture));
-    (objective.value(weighted), best)
 }

@@ -56,6 +56,9 @@ impl<const N: usize> Taylor<N> {
     const SQUARES: usize = 1 + Self::SYMBOLS;
     const CUBES: usize = Self::SQUARES + Self::SYMBOLS * (Self::SYMBOLS + 1) / 2;
 
+    /// Anything.
+    pub const UNKNOWN: Self = Self { terms: [0.0; N], rest: f64::INFINITY };
+
     /// The same everywhere.
     pub const fn constant(middle: f64) -> Self {
         let mut terms = [0.0; N];
@@ -435,7 +438,7 @@ impl<const N: usize> Scalar for Taylor<N> {
         let (y0, x0) = (Self::constant(self.middle()), Self::constant(x.middle()));
         let along = x * x0 + self * y0;
         if along.middle() <= along.spread() {
-            return Self { rest: f64::INFINITY, ..Self::ZERO };
+            return Self::UNKNOWN;
         }
         // the rest of the turn is less than a right angle; |d⁴ atan|/24 = |t − t³|/(1 + t²)⁴ < 0.2
         let turn = (self * x0 - x * y0) / along;

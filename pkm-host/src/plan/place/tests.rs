@@ -45,10 +45,10 @@ fn descended<const N: usize>(model: &PlacementModel<'_>, objective: Objective, r
         let axis = n % Taylor::<N>::SYMBOLS;
         cell.half[axis] *= 0.5;
         cell.middle[axis] += if rng.bool() { cell.half[axis] } else { -cell.half[axis] };
-        let known = |within: &Box2| [within.low, within.bounded[0], within.bounded[1], within.bounded[2]];
+        let known = |within: &Box2| within.known[0];
         let before: Vec<_> = boxes.iter().map(known).collect();
         let mut solved = cover.solved(hole, &cell, boxes.drain(..));
-        solved.retain_mut(|one| cover.cost(objective, hole, &cell, one).is_some());
+        solved.retain_mut(|one| cover.cost((objective, 0), hole, &cell, one).is_some());
         boxes = solved.iter().map(|one| one.within).collect();
         tried.inherited += boxes.iter().filter(|within| before.contains(&known(within))).count();
         for _ in 0..8 {
@@ -57,7 +57,7 @@ fn descended<const N: usize>(model: &PlacementModel<'_>, objective: Objective, r
             for posture in model.postures(&targets[hole], &position).unwrap_or_default() {
                 let cost = objective.cost(&posture);
                 let mut holding = boxes.iter().filter(|within| within.holds(&posture.solution.configuration.beta_rad));
-                let low = holding.clone().map(|within| within.low).fold(f64::INFINITY, f64::min);
+                let low = holding.clone().map(|within| within.known[0].low).fold(f64::INFINITY, f64::min);
                 assert!(holding.next().is_some(), "{cell:?} lost {posture:?} of hole {hole}");
                 assert!(low <= cost, "{cell:?}: {low:e} of hole {hole} at {position:?}, which costs {cost:e}");
                 tried.postures += 1;
@@ -74,7 +74,7 @@ fn with_plate(rotary: &str, then: impl FnOnce(&PlacementModel<'_>)) {
     let job = Job::parse(&Source::from_text("job.toml", job)).expect("the case study");
     let table = TableFile::parse(&Source::embedded(pkm_fixtures::DEMO_TABLE)).expect("a table").numbers();
     let objectives = [Objective::Paper, Objective::TipWorst];
-    then(&PlacementModel::new(&machine, Some((&table, false)), &job, &objectives, false).expect("a model"));
+    then(&PlacementModel::new(&machine, Some((&table, false)), &job, &objectives, false, None).expect("a model"));
 }
 
 /// Many times from all of the table.

@@ -10,6 +10,7 @@ use pkm_core::{CorrectionTable, FiveAxis, Pose, Stiffness, StiffnessFactor, Wren
 use super::taylor::{Taylor, undecided};
 
 /// K_m over a cell.
+#[derive(Clone, Debug)]
 pub(super) struct Whitened<const N: usize> {
     /// Factor of K_p in the middle of the cell, and its inverse.
     axes: Matrix6<f64>,

@@ -173,12 +173,12 @@ impl Plot {
         let (mut dots, mut line) = (String::new(), String::new());
         for (n, (x, y)) in points.iter().enumerate() {
             let start = match series.mark {
-                Mark::Line | Mark::Band => n == 0,
+                Mark::Line | Mark::Step | Mark::Band => n == 0,
                 Mark::Vector => n % 2 == 0,
                 Mark::Dot | Mark::Cross => false,
             };
             let marked = match series.mark {
-                Mark::Dot => true,
+                Mark::Dot | Mark::Step => true,
                 Mark::Line => points.len() <= FEW_POINTS,
                 Mark::Vector => n % 2 == 1,
                 Mark::Cross | Mark::Band => false,
@@ -187,6 +187,8 @@ impl Plot {
                 Mark::Dot => Ok(()),
                 Mark::Cross => write!(line, "M{},{}l8,8m-8,0l8-8", px(x - 4.0), px(y - 4.0)),
                 _ if start => write!(line, "M{x},{y}"),
+                // with every point in the path, where the page's script finds it
+                Mark::Step => write!(line, "H{x}V{y}M{x},{y}"),
                 _ => write!(line, "L{x},{y}"),
             };
             if marked {

@@ -2,10 +2,10 @@
 
 use serde_json::{Value, json};
 
-use super::{compared, is_random, mm, series_name, um};
+use super::{compared, is_random, mm, names, series_name, um};
 use crate::files::job::Series;
 use crate::plan::place::search::{Options, Placed, Placement};
-use crate::plan::place::{PlacementModel, Posture};
+use crate::plan::place::{Front, Objective, PlacementModel, Posture};
 use crate::pose::file_units;
 
 fn holes(placement: &Placement) -> Vec<Value> {
@@ -98,17 +98,51 @@ fn robust(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Opt
     }))
 }
 
+/// Pareto fronts of tip-worst, one a series and one of all that are placed together.
+fn pareto(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Option<Value> {
+    let (objective, points, limits) = options.front?;
+    let (unit, um) = (|value: f64| objective.value_in_unit(value), |m: f64| Objective::TipWorst.value_in_unit(m));
+    let entry = |front: &Front| {
+        let points = front.points.iter().map(|point| {
+            let (position, c) = (&point.position, point.certificate);
+            json!({
+                "dx_mm": mm(position.dx_m), "dy_mm": mm(position.dy_m), "rotary_deg": position.rotary_rad.to_degrees(),
+                "cross_slide_mm": model.job.in_cross_slide_m(position).map(mm),
+                "tip_um": um(point.tip_m), "value": unit(point.other),
+                "certificate": {
+                    "lower_bound_um": um(c.bound), "gap": c.gap, "asked_gap": limits.gap, "cells": c.cells,
+                },
+            })
+        });
+        let proved = front
+            .proved
+            .iter()
+            .map(|step| json!({ "value_at_most": step.other_at_most.map(unit), "tip_um_at_least": um(step.bound_m) }));
+        json!({
+            "name": names(model, &front.series), "conflict": front.conflicts(),
+            "points": points.collect::<Vec<_>>(), "value_at_least": unit(front.other_bound),
+            "proved": proved.collect::<Vec<_>>(),
+        })
+    };
+    let series: Vec<Value> = placed.fronts.iter().map(entry).collect();
+    Some(json!({ "objective": objective.name(), "unit": objective.unit(), "asked_points": points, "series": series }))
+}
+
 /// `placement.json`.
 pub fn document(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> Value {
     let (together, alone): (Vec<_>, Vec<_>) = placed.placements.iter().partition(|p| p.series.len() > 1);
     let entries: Vec<Value> = alone.into_iter().map(|p| entry(model, options, placed, p)).collect();
     let together: Vec<Value> = together.into_iter().map(|p| entry_together(model, options, placed, p)).collect();
-    json!({
+    let mut document = json!({
         "machine": model.reach.file.name, "machine_sha256": model.reach.file.source.sha256(),
         "job_sha256": model.job.source.sha256(), "method": options.method.name(), "allow_extrapolation": model.extrapolate,
         "seed": is_random(options).then_some(options.seed),
         "series": entries,
         "together": model.job.together.then_some(together),
         "robust": robust(model, options, placed),
-    })
+    });
+    if let Some(pareto) = pareto(model, options, placed) {
+        document["pareto"] = pareto;
+    }
+    document
 }

@@ -1,6 +1,7 @@
 //! The text and `report.html` of a placement; `placement.json` is in [`document`](document()).
 
 mod document;
+mod front;
 mod robust;
 
 use std::ops::Range;
@@ -37,12 +38,13 @@ fn compared<'a>(
     placed: &'a Placed,
     p: &'a Placement,
 ) -> impl Iterator<Item = (&'a Series, f64, f64)> {
-    let mut postures = p.holes.iter();
+    let mut rest = p.holes.as_slice();
     p.series.iter().filter_map(move |n| {
         let series = &model.job.series[*n];
-        let costs: Vec<f64> = postures.by_ref().take(series.holes.len()).map(|p2| p.objective.cost(p2)).collect();
+        let (own, after) = rest.split_at(series.holes.len());
+        rest = after;
         let alone = placed.placements.iter().find(|other| other.series == [*n] && other.objective == p.objective)?;
-        Some((series, p.objective.value(costs.into_iter()), alone.value))
+        Some((series, model.worth_of(p.objective, *n, own), alone.value))
     })
 }
 
@@ -50,6 +52,7 @@ fn digits(objective: Objective, value: f64) -> String {
     match objective {
         Objective::Paper => format!("{value:.5e}"),
         Objective::TipWorst | Objective::TipMean => format!("{value:.3} µm"),
+        Objective::CycleTime => format!("{value:.4} s"),
     }
 }
 
@@ -65,7 +68,11 @@ fn name(model: &PlacementModel<'_>, p: &Placement) -> String {
 
 /// "A", or "A + B".
 fn series_name(model: &PlacementModel<'_>, p: &Placement) -> String {
-    p.series.iter().map(|n| model.job.series[*n].name.as_str()).collect::<Vec<_>>().join(" + ")
+    names(model, &p.series)
+}
+
+fn names(model: &PlacementModel<'_>, series: &[usize]) -> String {
+    series.iter().map(|n| model.job.series[*n].name.as_str()).collect::<Vec<_>>().join(" + ")
 }
 
 /// Three digits, for the verdict.
@@ -73,6 +80,7 @@ fn short(objective: Objective, value: f64) -> String {
     let value = objective.value_in_unit(value);
     match objective {
         Objective::Paper => format!("{value:.2e}"),
+        Objective::CycleTime => format!("{value:.3} s"),
         Objective::TipWorst | Objective::TipMean => {
             let digits = (2.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
             format!("{value:.digits$} µm")
@@ -82,7 +90,8 @@ fn short(objective: Objective, value: f64) -> String {
 
 /// What the verdict is on: the tip's deflection, if it is an objective.
 fn judged(placed: &Placed) -> Objective {
-    placed.placements.iter().map(|p| p.objective).find(|o| *o != Objective::Paper).unwrap_or(Objective::Paper)
+    let mut all = placed.placements.iter().map(|p| p.objective);
+    all.clone().find(|o| o.is_of_tips()).or(all.next()).unwrap_or(Objective::Paper)
 }
 
 /// What the placements do. The verdict is on those by the tip's deflection, if there are any.
@@ -110,7 +119,7 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
         }
         let before = p.before.as_ref().and_then(|(_, postures)| worst(postures));
         let mut finding = if better(p) { Finding::good(text) } else { Finding::warning(text) };
-        if let Some(um) = worst(&p.holes).filter(|_| p.objective == Objective::Paper) {
+        if let Some(um) = worst(&p.holes).filter(|_| !p.objective.is_of_tips()) {
             finding.text.push_str(&format!("; worst tip deflection {um:.3} µm"));
             if let Some(before) = before.filter(|before| um > *before) {
                 finding.text.push_str(&format!(", WORSE than {before:.3} µm there"));
@@ -141,6 +150,7 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
         Objective::Paper => "the paper's objective is",
         Objective::TipWorst => "the tip moves at most",
         Objective::TipMean => "the tip moves in the mean",
+        Objective::CycleTime => "the ways between holes take",
     };
     let gains = gains.join(", ");
     let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
@@ -159,6 +169,7 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
     }
     findings.extend(all.into_iter().map(|(_, finding)| finding));
     findings.extend(robust::findings(model, placed));
+    findings.extend(front::findings(model, placed));
     findings
 }
 
@@ -198,7 +209,7 @@ fn advice(model: &PlacementModel<'_>, placed: &Placed) -> [Finding; 2] {
 pub fn text(model: &PlacementModel<'_>, options: &Options, placed: &Placed) -> String {
     let findings = findings(model, placed).into_iter().map(|f| format!("- {}\n", f.text)).collect::<String>();
     let seed = if is_random(options) { format!("  seed {}\n", options.seed) } else { String::new() };
-    findings + &seed
+    findings + &front::text(model, placed) + &seed
 }
 
 /// All placements in figures.
@@ -413,6 +424,7 @@ pub fn html(
         (overview(model, placed))
         (one_for_all(model, placed))
         (robust::section(model, placed))
+        (front::section(model, placed)?)
         (plan_view(model, placed)?)
         h2 { "What the table's position does" }
         (map_pictures(
