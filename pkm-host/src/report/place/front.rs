@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 
-use super::{digits, mm, names, short};
+use super::{digits, figures, mm, names, short};
 use crate::error::Result;
 use crate::plan::place::search::Placed;
 use crate::plan::place::{Front, Objective, PlacementModel, Point};
@@ -56,7 +56,7 @@ fn cells(front: &Front, point: &Point) -> [String; 7] {
     let (position, c) = (&point.position, point.certificate);
     [
         format!("{:.3}", um(point.tip_m)),
-        shown(front.other, point.other),
+        figures(front.other, front.other.value_in_unit(point.other)),
         format!("{:.3}", um(c.bound)),
         format!("{:.3}", 100.0 * c.gap),
         format!("{:.3}", mm(position.dx_m)),

@@ -48,12 +48,19 @@ fn compared<'a>(
     })
 }
 
-fn digits(objective: Objective, value: f64) -> String {
+/// Of a value in the objective's unit.
+fn figures(objective: Objective, value: f64) -> String {
     match objective {
         Objective::Paper => format!("{value:.5e}"),
-        Objective::TipWorst | Objective::TipMean => format!("{value:.3} µm"),
-        Objective::CycleTime => format!("{value:.4} s"),
+        Objective::TipWorst | Objective::TipMean => format!("{value:.3}"),
+        Objective::CycleTime => format!("{value:.4}"),
     }
+}
+
+/// The same with the unit, but for the paper's, which is long.
+fn digits(objective: Objective, value: f64) -> String {
+    let figures = figures(objective, value);
+    if objective == Objective::Paper { figures } else { format!("{figures} {}", objective.unit()) }
 }
 
 /// Greatest deflection of the tip over the holes, µm; none with a diagonal table.
