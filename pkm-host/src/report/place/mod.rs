@@ -253,7 +253,9 @@ fn overview(model: &PlacementModel<'_>, placed: &Placed) -> Markup {
         "grid in reach %",
     ];
     let rows: Vec<_> = placed.placements.iter().map(row).collect();
-    table("Where the table goes, and what that does; objective paper in 1/(N/m + N·m/rad)", &heads, &rows)
+    let has_paper = placed.placements.iter().any(|p| p.objective == Objective::Paper);
+    let unit = if has_paper { format!("; objective paper in {}", Objective::Paper.unit()) } else { String::new() };
+    table(&format!("Where the table goes, and what that does{unit}"), &heads, &rows)
 }
 
 /// What one position for all series costs each of them.
