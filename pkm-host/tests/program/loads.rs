@@ -168,7 +168,7 @@ fn american_logger(log: &[(f64, f64)]) -> Vec<u8> {
 }
 
 fn iso_times(log: &[(f64, f64)]) -> Vec<u8> {
-    let mut text = "timestamp,load [N]\n".to_owned();
+    let mut text = "Date and time,load [N]\n".to_owned();
     // Greenwich, an hour behind the wall clock of the readings
     log.iter().for_each(|(t, f)| _ = writeln!(text, "2026-03-14T{}Z,{f:.3}", time_of_day(BEGAN_S - 3600.0 + t)));
     text.into()
