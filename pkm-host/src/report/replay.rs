@@ -99,8 +99,8 @@ fn aged(replay: &Replay) -> String {
     let known = replay.steps.iter().rev().find(|step| step.outcome.is_ok()).map_or(&[][..], |step| &step.values);
     let grown = known.iter().zip(&replay.age.deviations).map(|((_, before), now)| now / before).fold(1.0, f64::max);
     format!(
-        "Since the first reading that was taken in it has been {first:.1} days, since the last one {last:.1} days; the drift that is allowed \
-         in that time makes the intervals wider by {:.0} % at most.",
+        "At the log's end the first reading that was taken in is {first:.1} days old, the last one {last:.1} days; with the drift that is \
+         allowed until then the intervals are up to {:.0} % wider than after that.",
         100.0 * (grown - 1.0)
     )
 }
