@@ -84,8 +84,21 @@ fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> 
     for (axis, read_m) in ["x", "y", "z"].into_iter().zip(&probing.read_m) {
         writeln!(text, "setp pkmcompensator.probe-{axis}-um {}", read_m * 1e6).ok();
     }
-    Ok(text + "setp pkmcompensator.probe 1\nloadusr -w sleep 0.01\nsetp pkmcompensator.probe 0\nloadusr -w sleep 0.01\n")
+    Ok(text + &format!("sets probing 1\nloadusr -w sh {WAIT} TRUE\nsets probing 0\nloadusr -w sh {WAIT} FALSE\n"))
 }
+
+/// Waits until the thread has run all of a period with `probing` as given: on a busy machine it may stand still for longer than any sleep.
+const WAIT: &str = "wait.sh";
+const WAITING: &str = "until [ \"$(halcmd getp saw.out)\" = \"$1\" ]; do sleep 0.002; done\n";
+/// `seen` has what `probing` was at the beginning of a period, `saw` at that of the period before.
+const PROBING: &str = "\
+loadrt or2 names=saw,seen
+newsig probing bit
+net probing => seen.in0 pkmcompensator.probe
+net seen seen.out => saw.in0
+addf saw servo
+addf seen servo
+";
 
 /// What `halcmd getp` prints of pins.
 pub struct Session<'a> {
@@ -104,14 +117,16 @@ impl Session<'_> {
         let [machine, wrist, table] = sums.map(|sum| format!("{sum:016x}"));
         let mut text = format!(
             "loadrt threads name1=servo period1=1000000\n\
-             loadrt pkmcompensator machine={machine} wrist={wrist} table={table} state=learned.bin\n\
+             loadrt pkmcompensator machine={machine} wrist={wrist} table={table} state=learned.bin\n{PROBING}\
              addf pkmcompensator.to-drives servo\nsetp pkmcompensator.probe-deviation-um {DEVIATION_UM}\n\
              setp pkmcompensator.gain 1\nsetp pkmcompensator.stuck-s 0\nstart\nloadusr -w sleep 0.1\n{lines}"
         );
         for pin in pins {
             writeln!(text, "getp pkmcompensator.{pin}").ok();
         }
-        std::fs::write(self.out.join("learn.hal"), text).map_err(|e| e.to_string())?;
+        for (name, text) in [("learn.hal", text.as_str()), (WAIT, WAITING)] {
+            std::fs::write(self.out.join(name), text).map_err(|e| e.to_string())?;
+        }
         let mut halrun = among_modules(&self.out.join("modules"), self.out)?;
         let said = output(halrun.args(["timeout", "120", "halrun", "-f", "learn.hal"]))?;
         let number = |line: &str| match line.trim() {
