@@ -7,7 +7,7 @@
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::Vector3;
 use pkm_core::{
-    Configuration, CorrectionTable, Domain, JointValues, Pose, TableUncertainty, TipUncertainty, Tool,
+    CompensatedTool, Configuration, CorrectionTable, Domain, JointValues, Pose, TableUncertainty, TipUncertainty, Tool,
     ToolDeflectionError, ToolSolution, Wrench,
 };
 
@@ -214,6 +214,26 @@ impl Walk<'_> {
         })
     }
 
+    /// The command that takes a tool to where it would stand without a load.
+    fn command(
+        &self,
+        tool: &Tool<f64>,
+        wrench: &Wrench<f64>,
+        near: &Configuration<f64>,
+    ) -> Result<CompensatedTool<f64>> {
+        let command = self.reach.five.compensated(self.table(), tool, wrench, near).map_err(|e| {
+            let there = self.reach.unlimited().compensated(self.table(), tool, wrench, near);
+            let failure = self.failure(e, there.ok().map(|c| c.solution));
+            Failure { message: format!("{} (with the deflection compensated)", failure.message), ..failure }
+        })?;
+        if command.converged {
+            return Ok(command);
+        }
+        let left_um = command.remaining_m * 1e6;
+        let why = format!("the deflection changes too much on the way: {left_um:.1} µm of it would remain");
+        Err(self.here(Failure::input(why)))
+    }
+
     /// The command for a point under load, and what it leaves.
     fn loaded(
         &mut self,
@@ -229,17 +249,7 @@ impl Walk<'_> {
         let uncompensated = self.uncompensated(asked, wrench, &tool, near);
         // as a controller does: of the deflection, and so of the load, no more than is known
         let share = uncompensated.as_ref().ok().and_then(|(_, known)| *known).map_or(1.0, |known| known.share);
-        let compensated = &Wrench::from_vector(wrench.to_vector() * share);
-        let command = self.reach.five.compensated(self.table(), &tool, compensated, near).map_err(|e| {
-            let there = self.reach.unlimited().compensated(self.table(), &tool, compensated, near);
-            let failure = self.failure(e, there.ok().map(|c| c.solution));
-            Failure { message: format!("{} (with the deflection compensated)", failure.message), ..failure }
-        })?;
-        if !command.converged {
-            let left_um = command.remaining_m * 1e6;
-            let why = format!("the deflection changes too much on the way: {left_um:.1} µm of it would remain");
-            return Err(self.here(Failure::input(why)));
-        }
+        let command = self.command(&tool, &Wrench::from_vector(wrench.to_vector() * share), near)?;
         let configuration = command.solution.configuration;
         let Tool { tip_m, axis } = tool_at(&configuration)?;
         let toward = match asked.toward {
