@@ -20,6 +20,16 @@ const fn column(name: &'static str, quantity: Quantity, unit: &'static str, othe
     Column { name, quantity, unit, others }
 }
 
+/// Loads, of readings and of a load cell's log.
+const WRENCH: [Column; 6] = [
+    column("fx_n", Force, "N", &["fx", "forcex", "xforce", "kraftx", "loadx"]),
+    column("fy_n", Force, "N", &["fy", "forcey", "yforce", "krafty", "loady"]),
+    column("fz_n", Force, "N", &["fz", "forcez", "zforce", "kraftz", "loadz"]),
+    column("mx_nm", Moment, "N·m", &["mx", "momentx", "xmoment", "tx", "torquex", "drehmomentx"]),
+    column("my_nm", Moment, "N·m", &["my", "momenty", "ymoment", "ty", "torquey", "drehmomenty"]),
+    column("mz_nm", Moment, "N·m", &["mz", "momentz", "zmoment", "tz", "torquez", "drehmomentz"]),
+];
+
 /// Every column of a measured file, in the order in which they are written.
 pub const COLUMNS: [Column; 60] = [
     column(
@@ -40,12 +50,12 @@ pub const COLUMNS: [Column; 60] = [
     column("load_u_mm", Length, "mm", &["loadu"]),
     column("load_v_mm", Length, "mm", &["loadv"]),
     column("load_w_mm", Length, "mm", &["loadw"]),
-    column("fx_n", Force, "N", &["fx", "forcex", "xforce", "kraftx", "loadx"]),
-    column("fy_n", Force, "N", &["fy", "forcey", "yforce", "krafty", "loady"]),
-    column("fz_n", Force, "N", &["fz", "forcez", "zforce", "kraftz", "loadz"]),
-    column("mx_nm", Moment, "N·m", &["mx", "momentx", "xmoment", "tx", "torquex", "drehmomentx"]),
-    column("my_nm", Moment, "N·m", &["my", "momenty", "ymoment", "ty", "torquey", "drehmomenty"]),
-    column("mz_nm", Moment, "N·m", &["mz", "momentz", "zmoment", "tz", "torquez", "drehmomentz"]),
+    WRENCH[0],
+    WRENCH[1],
+    WRENCH[2],
+    WRENCH[3],
+    WRENCH[4],
+    WRENCH[5],
     column(
         "dx_um",
         Length,
@@ -199,12 +209,12 @@ pub const LOAD_LOG: [Column; 12] = [
     column("sample", Ratio, "", &["samples", "sampleno", "samplenumber", "scan", "index", "messwertnr"]),
     column("force_n", Force, "N", &["force", "f", "kraft", "load", "last", "loadcell", "kraftaufnehmer"]),
     column("moment_nm", Moment, "N·m", &["moment", "torque", "drehmoment"]),
-    column("fx_n", Force, "N", &["fx", "forcex", "xforce", "kraftx", "loadx"]),
-    column("fy_n", Force, "N", &["fy", "forcey", "yforce", "krafty", "loady"]),
-    column("fz_n", Force, "N", &["fz", "forcez", "zforce", "kraftz", "loadz"]),
-    column("mx_nm", Moment, "N·m", &["mx", "momentx", "xmoment", "tx", "torquex", "drehmomentx"]),
-    column("my_nm", Moment, "N·m", &["my", "momenty", "ymoment", "ty", "torquey", "drehmomenty"]),
-    column("mz_nm", Moment, "N·m", &["mz", "momentz", "zmoment", "tz", "torquez", "drehmomentz"]),
+    WRENCH[0],
+    WRENCH[1],
+    WRENCH[2],
+    WRENCH[3],
+    WRENCH[4],
+    WRENCH[5],
 ];
 
 /// What an amplifier gives that is not set to a unit of force, in small letters.
