@@ -13,10 +13,10 @@ use pkm_tests::{between, cases, random_parameters, random_pose, seeded};
 const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
 const POSE: Pose<f64> = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
 const OUTSIDE: Pose<f64> = Pose { theta_rad: 0.3, ..POSE };
-const LOAD: Wrench<f64> =
+pub const LOAD: Wrench<f64> =
     Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
 /// What is asked for is what the model says, at once.
-const BARE: CompensatorSettings = CompensatorSettings {
+pub const BARE: CompensatorSettings = CompensatorSettings {
     gain: 1.0,
     filter_s: 0.0,
     dead_band_n: 0.0,
@@ -30,7 +30,7 @@ const BARE: CompensatorSettings = CompensatorSettings {
     ..CompensatorSettings::DEFAULT
 };
 
-fn on(wrench: Wrench<f64>) -> Reading<f64> {
+pub fn on(wrench: Wrench<f64>) -> Reading<f64> {
     Reading { enabled: true, wrench, rise: 0.0.into() }
 }
 

@@ -19,6 +19,7 @@ use pkm_tests::{
     between, cases, distance, keep_worst, random_parameters, random_pose, seeded, space, structural_stiffness,
 };
 
+use crate::compensator::{BARE as WHOLE, LOAD, on};
 use crate::estimation::drives;
 
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
@@ -27,31 +28,13 @@ const HOME: Configuration<f64> =
     Configuration { pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, beta_rad: Vector2::new(0.0, 0.0) };
 const PLACE: Configuration<f64> =
     Configuration { pose: Pose { theta_rad: 0.2, sigma_rad: -0.15, z0_m: 0.55 }, beta_rad: Vector2::new(0.4, -0.3) };
-const LOAD: Wrench<f64> =
-    Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
 /// 80 kg of platform and spindle, 20 kg of tool, with g along neither axis of B.
 const PLATFORM: Weight<f64> =
     Weight { force_n: Vector3::new(600.0, -150.0, -480.0), centre_m: Vector3::new(0.02, -0.01, 0.1) };
 const TOOL: Weight<f64> =
     Weight { force_n: Vector3::new(150.0, -37.5, -120.0), centre_m: Vector3::new(0.12, 0.01, -0.2) };
-/// What is asked for is what the model says, at once.
-const BARE: CompensatorSettings = CompensatorSettings {
-    gain: 0.7,
-    filter_s: 0.0,
-    dead_band_n: 0.0,
-    dead_band_nm: 0.0,
-    stuck_s: 0.0,
-    max_screw_m: 0.01,
-    max_wrist_rad: 0.1,
-    screw_rate_m_per_s: 1.0,
-    wrist_rate_rad_per_s: 10.0,
-    period_s: 0.01,
-    ..CompensatorSettings::DEFAULT
-};
-
-fn on(wrench: Wrench<f64>) -> Reading<f64> {
-    Reading { enabled: true, wrench, rise: 0.0.into() }
-}
+/// A share of what the model says, at once.
+const BARE: CompensatorSettings = CompensatorSettings { gain: 0.7, ..WHOLE };
 
 /// Of the reference machine.
 fn of_screws() -> CarriedWeight<f64, 3> {
