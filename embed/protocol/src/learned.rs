@@ -5,8 +5,8 @@ use pkm_core::nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
 
 use crate::TableNumbers;
+use crate::demand::are_finite;
 use crate::reply::Checksum;
-use crate::request::are_finite;
 
 /// A reading of the tip under a known load.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -95,6 +95,7 @@
 #![forbid(unsafe_code)]
 #![warn(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing)]
 
+mod demand;
 mod json;
 mod learned;
 mod line;
@@ -102,13 +103,14 @@ mod piece;
 mod reply;
 mod request;
 
+pub use demand::{Arithmetic, Demand, Sweep};
 pub use learned::{Alarm, Learned, Probe, Refusal};
 pub use line::{crc32, opened, sealed};
 pub use piece::{MAX_NUMBERS, Piece, TableNumbers};
 pub use reply::{
     Answer, Checksum, Compensated, Counters, CycleReply, Fault, Hello, Numbers, Received, Reply, Status, SweepReply,
 };
-pub use request::{Arithmetic, Code, Command, Demand, Lines, Refused, Request, Sweep};
+pub use request::{Code, Command, Lines, Refused, Request};
 
 /// Of this protocol.
 pub const VERSION: u32 = 2;

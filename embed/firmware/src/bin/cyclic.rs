@@ -36,6 +36,8 @@ mod compensation;
 mod learned;
 #[path = "../learning.rs"]
 mod learning;
+#[path = "../service.rs"]
+mod service;
 #[path = "../slots.rs"]
 mod slots;
 
@@ -53,17 +55,18 @@ use defmt_rtt as _;
 #[cfg(feature = "log-semihosting")]
 use defmt_semihosting as _;
 use heapless::Deque;
-use pkm_core::correction::{TableBuffer, TableHeader, TableWatch, TransferError};
+use pkm_core::correction::TableWatch;
 use pkm_core::self_test::{self_test_f32, self_test_f64};
 use pkm_core::{Cycle, CycleError, FiveAxis, Scalar};
 use pkm_protocol::{
     ABORT, Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
-    MAX_REPLY, Piece, Received as Numbers, Refused, Reply, Request, SweepReply, VERSION,
+    MAX_REPLY, Refused, Reply, Request, SweepReply, VERSION,
 };
 use serde::Serialize;
 
 use board::Received;
 use learning::{Learning, Task};
+use service::{BEFORE, NEXT, Service, Tables};
 
 macro_rules! log {
     ($($part:tt)*) => {
@@ -97,46 +100,6 @@ enum Computed {
     F64(Result<Cycle<f64>, CycleError>),
 }
 
-/// Most terms of a table that comes over the line: all up to the fourth degree.
-const TERMS: usize = 35;
-
-/// A table that came over the line, in either arithmetic.
-struct Tables {
-    f32: TableBuffer<f32, TERMS>,
-    f64: TableBuffer<f64, TERMS>,
-}
-
-impl Tables {
-    const fn new() -> Self {
-        Self { f32: TableBuffer::new(), f64: TableBuffer::new() }
-    }
-
-    fn begin(&mut self, header: &TableHeader) -> Result<(), TransferError> {
-        self.f32.begin(header, coefficients::PARAMETERS.checksum())?;
-        self.f64.begin(header, coefficients::PARAMETERS.checksum())
-    }
-
-    fn take(&mut self, piece: &Piece) -> Result<(), TransferError> {
-        if piece.first as usize != self.f64.received() {
-            return Err(TransferError::NumberCount);
-        }
-        for number in piece.numbers.as_slice() {
-            self.f32.push(*number)?;
-            self.f64.push(*number)?;
-        }
-        Ok(())
-    }
-
-    fn finish(&mut self) -> Result<(), TransferError> {
-        self.f32.finish()?;
-        self.f64.finish()
-    }
-}
-
-/// To be put into service at the beginning of a run.
-static NEXT: Mutex<Cell<Option<&'static mut Tables>>> = Mutex::new(Cell::new(None));
-/// It is in service; with what was before it, unless that was the image's.
-static BEFORE: Mutex<Cell<Option<Option<&'static mut Tables>>>> = Mutex::new(Cell::new(None));
 static PERIODS: AtomicU32 = AtomicU32::new(0);
 static CYCLES: AtomicU32 = AtomicU32::new(0);
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
@@ -300,46 +263,6 @@ fn run_of(demand: Demand) -> Option<Run> {
         }
         MAIN_SILENT.store(0, Relaxed);
         wfi();
-    }
-}
-
-/// Tables and what is learned, of `main`'s side.
-struct Service {
-    /// Checksum of the table in service.
-    table: u64,
-    /// To be filled. Both while the image's table is in service.
-    spare: [Option<&'static mut Tables>; 2],
-    learning: Learning,
-}
-
-impl Service {
-    /// Lets a table begin or go on, and tells what there is of it.
-    fn fill(&mut self, with: impl FnOnce(&mut Tables) -> Result<(), TransferError>) -> Answer<'static, f64> {
-        let Some(spare) = &mut self.spare[0] else { return Answer::Error(Code::Table) };
-        if let Err(e) = with(spare) {
-            return Answer::Error(e.into());
-        }
-        let (numbers, of) = (spare.f64.received(), spare.f64.header().numbers());
-        Answer::Received(Numbers { numbers: numbers as u32, of: of as u32 })
-    }
-
-    /// Puts the table that has come into service, from the beginning of the next run on.
-    fn swap(&mut self) -> Answer<'static, f64> {
-        let done = self.spare[0].as_mut().map_or(Err(TransferError::NumberCount), |spare| spare.finish());
-        if let Err(e) = done {
-            return Answer::Error(e.into());
-        }
-        self.table = self.spare[0].as_ref().map_or(0, |spare| spare.f64.header().table);
-        critical_section::with(|cs| NEXT.borrow(cs).set(self.spare[0].take()));
-        let before = loop {
-            if let Some(before) = critical_section::with(|cs| BEFORE.borrow(cs).take()) {
-                break before;
-            }
-            MAIN_SILENT.store(0, Relaxed);
-            wfi();
-        };
-        self.spare[0] = before.or_else(|| self.spare[1].take());
-        Answer::Swapped(Checksum(self.table))
     }
 }
 
