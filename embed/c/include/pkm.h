@@ -26,7 +26,7 @@
 #include <stdint.h>
 
 /* Of this header; pkm_version() is that of the library. */
-#define PKM_VERSION "0.2.0"
+#define PKM_VERSION "0.3.0"
 
 #if defined(__GNUC__)
 #define PKM_MUST_USE __attribute__((warn_unused_result))
@@ -111,6 +111,8 @@ enum PkmError
   PKM_ERROR_SELF_TEST_STIFFNESS = 67,
   // The five axes do not compute the bits that they should.
   PKM_ERROR_SELF_TEST_FIVE_AXES = 68,
+  // The compensator does not compute the bits that it should.
+  PKM_ERROR_SELF_TEST_COMPENSATOR = 69,
   // A setting of a compensator or an estimator is out of its range.
   PKM_ERROR_SETTING_OUT_OF_RANGE = 70,
   // The memory holds no compensator or estimator of this version and kind.
@@ -1084,9 +1086,10 @@ const PkmWrist_f64 *pkm_wrist_f64(void);
 PKM_MUST_USE PkmError pkm_verify_f64(void);
 
 // Computes known poses of the reference machine, whatever machine the library has, and compares their bits. Finds a processor in
-// another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts.
+// another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts; it takes
+// some 2 KB of stack more than the others, for the compensators that it runs.
 //
-// Errors: SELF_TEST_KINEMATICS, SELF_TEST_STIFFNESS, SELF_TEST_FIVE_AXES.
+// Errors: SELF_TEST_KINEMATICS, SELF_TEST_STIFFNESS, SELF_TEST_FIVE_AXES, SELF_TEST_COMPENSATOR.
 PKM_MUST_USE
 PkmError pkm_self_test_f64(void);
 
@@ -1228,9 +1231,10 @@ const PkmWrist_f32 *pkm_wrist_f32(void);
 PKM_MUST_USE PkmError pkm_verify_f32(void);
 
 // Computes known poses of the reference machine, whatever machine the library has, and compares their bits. Finds a processor in
-// another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts.
+// another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts; it takes
+// some 2 KB of stack more than the others, for the compensators that it runs.
 //
-// Errors: SELF_TEST_KINEMATICS, SELF_TEST_STIFFNESS, SELF_TEST_FIVE_AXES.
+// Errors: SELF_TEST_KINEMATICS, SELF_TEST_STIFFNESS, SELF_TEST_FIVE_AXES, SELF_TEST_COMPENSATOR.
 PKM_MUST_USE
 PkmError pkm_self_test_f32(void);
 
@@ -1418,9 +1422,10 @@ PKM_MUST_USE PkmError pkm_tool_compensator_reset_f64(PkmToolCompensator_f64 *com
 
 // A period of a compensator for the three screws, with a tip that is rigid with the moving platform. `machine` is at its
 // temperature; `pose` is where it should stand without the compensation. What is wrong with pose or reading is a fault
-// of the offset, and no error: the offset is always written, and to be commanded.
+// of the offset, and no error: the offset is always written, and to be commanded. `size` is the room for it:
+// `sizeof *offset`.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_compensator_update_f64(PkmCompensator_f64 *compensator,
                                     const PkmMachine_f64 *machine,
@@ -1428,12 +1433,13 @@ PkmError pkm_compensator_update_f64(PkmCompensator_f64 *compensator,
                                     const PkmPose_f64 *pose,
                                     const PkmPoint_f64 *tip,
                                     const PkmReading_f64 *reading,
-                                    PkmOffset_f64 *offset);
+                                    PkmOffset_f64 *offset,
+                                    size_t size);
 
 // A period of a compensator for all five axes: tip and axis of the tool are compensated. `configuration` is where the
 // axes should stand without the compensation; the rest is as for three screws.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_tool_compensator_update_f64(PkmToolCompensator_f64 *compensator,
                                          const PkmMachine_f64 *machine,
@@ -1441,7 +1447,8 @@ PkmError pkm_tool_compensator_update_f64(PkmToolCompensator_f64 *compensator,
                                          const PkmWrist_f64 *wrist,
                                          const PkmConfiguration_f64 *configuration,
                                          const PkmReading_f64 *reading,
-                                         PkmOffset_f64 *offset);
+                                         PkmOffset_f64 *offset,
+                                         size_t size);
 
 // Bytes that a compensator takes.
 size_t pkm_compensator_size_f32(void);
@@ -1497,9 +1504,10 @@ PKM_MUST_USE PkmError pkm_tool_compensator_reset_f32(PkmToolCompensator_f32 *com
 
 // A period of a compensator for the three screws, with a tip that is rigid with the moving platform. `machine` is at its
 // temperature; `pose` is where it should stand without the compensation. What is wrong with pose or reading is a fault
-// of the offset, and no error: the offset is always written, and to be commanded.
+// of the offset, and no error: the offset is always written, and to be commanded. `size` is the room for it:
+// `sizeof *offset`.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_compensator_update_f32(PkmCompensator_f32 *compensator,
                                     const PkmMachine_f32 *machine,
@@ -1507,12 +1515,13 @@ PkmError pkm_compensator_update_f32(PkmCompensator_f32 *compensator,
                                     const PkmPose_f32 *pose,
                                     const PkmPoint_f32 *tip,
                                     const PkmReading_f32 *reading,
-                                    PkmOffset_f32 *offset);
+                                    PkmOffset_f32 *offset,
+                                    size_t size);
 
 // A period of a compensator for all five axes: tip and axis of the tool are compensated. `configuration` is where the
 // axes should stand without the compensation; the rest is as for three screws.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_tool_compensator_update_f32(PkmToolCompensator_f32 *compensator,
                                          const PkmMachine_f32 *machine,
@@ -1520,7 +1529,8 @@ PkmError pkm_tool_compensator_update_f32(PkmToolCompensator_f32 *compensator,
                                          const PkmWrist_f32 *wrist,
                                          const PkmConfiguration_f32 *configuration,
                                          const PkmReading_f32 *reading,
-                                         PkmOffset_f32 *offset);
+                                         PkmOffset_f32 *offset,
+                                         size_t size);
 
 // What a number of `PkmError` means, in English; never null, also for a number that is none.
 const char *pkm_error_text(int32_t error);
@@ -1616,7 +1626,7 @@ PKM_MUST_USE PkmError pkm_estimator_restore_f64(PkmEstimator_f64 *estimator, con
 // `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
 // compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_compensator_update_learned_f64(PkmCompensator_f64 *compensator,
                                             const PkmMachine_f64 *machine,
@@ -1626,11 +1636,12 @@ PkmError pkm_compensator_update_learned_f64(PkmCompensator_f64 *compensator,
                                             const PkmPose_f64 *pose,
                                             const PkmPoint_f64 *tip,
                                             const PkmReading_f64 *reading,
-                                            PkmKnownOffset_f64 *offset);
+                                            PkmKnownOffset_f64 *offset,
+                                            size_t size);
 
 // The same for all five axes: `pkm_tool_compensator_update` with what was learned.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_tool_compensator_update_learned_f64(PkmToolCompensator_f64 *compensator,
                                                  const PkmMachine_f64 *machine,
@@ -1640,7 +1651,8 @@ PkmError pkm_tool_compensator_update_learned_f64(PkmToolCompensator_f64 *compens
                                                  const PkmWrist_f64 *wrist,
                                                  const PkmConfiguration_f64 *configuration,
                                                  const PkmReading_f64 *reading,
-                                                 PkmKnownOffset_f64 *offset);
+                                                 PkmKnownOffset_f64 *offset,
+                                                 size_t size);
 
 // Bytes that an estimator takes.
 size_t pkm_estimator_size_f32(void);
@@ -1714,7 +1726,7 @@ PKM_MUST_USE PkmError pkm_estimator_restore_f32(PkmEstimator_f32 *estimator, con
 // `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
 // compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_compensator_update_learned_f32(PkmCompensator_f32 *compensator,
                                             const PkmMachine_f32 *machine,
@@ -1724,11 +1736,12 @@ PkmError pkm_compensator_update_learned_f32(PkmCompensator_f32 *compensator,
                                             const PkmPose_f32 *pose,
                                             const PkmPoint_f32 *tip,
                                             const PkmReading_f32 *reading,
-                                            PkmKnownOffset_f32 *offset);
+                                            PkmKnownOffset_f32 *offset,
+                                            size_t size);
 
 // The same for all five axes: `pkm_tool_compensator_update` with what was learned.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_tool_compensator_update_learned_f32(PkmToolCompensator_f32 *compensator,
                                                  const PkmMachine_f32 *machine,
@@ -1738,7 +1751,8 @@ PkmError pkm_tool_compensator_update_learned_f32(PkmToolCompensator_f32 *compens
                                                  const PkmWrist_f32 *wrist,
                                                  const PkmConfiguration_f32 *configuration,
                                                  const PkmReading_f32 *reading,
-                                                 PkmKnownOffset_f32 *offset);
+                                                 PkmKnownOffset_f32 *offset,
+                                                 size_t size);
 
 // Version of the library. A library goes with the header of its version, `PKM_VERSION`: compare them when the program starts.
 const char *pkm_version(void);
@@ -1772,7 +1786,7 @@ PkmError pkm_cycle_known_f64(const PkmMachine_f64 *machine,
 
 // `pkm_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_compensator_update_known_f64(PkmCompensator_f64 *compensator,
                                           const PkmMachine_f64 *machine,
@@ -1781,11 +1795,12 @@ PkmError pkm_compensator_update_known_f64(PkmCompensator_f64 *compensator,
                                           const PkmPose_f64 *pose,
                                           const PkmPoint_f64 *tip,
                                           const PkmReading_f64 *reading,
-                                          PkmKnownOffset_f64 *offset);
+                                          PkmKnownOffset_f64 *offset,
+                                          size_t size);
 
 // `pkm_tool_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_tool_compensator_update_known_f64(PkmToolCompensator_f64 *compensator,
                                                const PkmMachine_f64 *machine,
@@ -1794,7 +1809,8 @@ PkmError pkm_tool_compensator_update_known_f64(PkmToolCompensator_f64 *compensat
                                                const PkmWrist_f64 *wrist,
                                                const PkmConfiguration_f64 *configuration,
                                                const PkmReading_f64 *reading,
-                                               PkmKnownOffset_f64 *offset);
+                                               PkmKnownOffset_f64 *offset,
+                                               size_t size);
 
 // How far the compiled-in table may be off; null when its `coefficients.rs` does not say.
 const PkmTableUncertainty_f32 *pkm_table_uncertainty_f32(void);
@@ -1814,7 +1830,7 @@ PkmError pkm_cycle_known_f32(const PkmMachine_f32 *machine,
 
 // `pkm_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_compensator_update_known_f32(PkmCompensator_f32 *compensator,
                                           const PkmMachine_f32 *machine,
@@ -1823,11 +1839,12 @@ PkmError pkm_compensator_update_known_f32(PkmCompensator_f32 *compensator,
                                           const PkmPose_f32 *pose,
                                           const PkmPoint_f32 *tip,
                                           const PkmReading_f32 *reading,
-                                          PkmKnownOffset_f32 *offset);
+                                          PkmKnownOffset_f32 *offset,
+                                          size_t size);
 
 // `pkm_tool_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
 //
-// Errors: NOT_INITIALISED.
+// Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE
 PkmError pkm_tool_compensator_update_known_f32(PkmToolCompensator_f32 *compensator,
                                                const PkmMachine_f32 *machine,
@@ -1836,7 +1853,8 @@ PkmError pkm_tool_compensator_update_known_f32(PkmToolCompensator_f32 *compensat
                                                const PkmWrist_f32 *wrist,
                                                const PkmConfiguration_f32 *configuration,
                                                const PkmReading_f32 *reading,
-                                               PkmKnownOffset_f32 *offset);
+                                               PkmKnownOffset_f32 *offset,
+                                               size_t size);
 
 // Bytes that a buffer for a table takes.
 size_t pkm_table_buffer_size_f64(void);

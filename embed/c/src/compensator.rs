@@ -340,9 +340,10 @@ macro_rules! compensator {
     ($t:ident, update $update:ident, tool_update $tool_update:ident) => {
         /// A period of a compensator for the three screws, with a tip that is rigid with the moving platform. `machine` is at its
         /// temperature; `pose` is where it should stand without the compensation. What is wrong with pose or reading is a fault
-        /// of the offset, and no error: the offset is always written, and to be commanded.
+        /// of the offset, and no error: the offset is always written, and to be commanded. `size` is the room for it:
+        /// `sizeof *offset`.
         ///
-        /// Errors: NOT_INITIALISED.
+        /// Errors: WRONG_SIZE, NOT_INITIALISED.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $update(
@@ -353,7 +354,11 @@ macro_rules! compensator {
             tip: *const PkmPoint<$t>,
             reading: *const PkmReading<$t>,
             offset: *mut PkmOffset<$t>,
+            size: usize,
         ) -> PkmError {
+            if size != size_of::<PkmOffset<$t>>() {
+                return PkmError::WrongSize;
+            }
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
@@ -368,7 +373,7 @@ macro_rules! compensator {
         /// A period of a compensator for all five axes: tip and axis of the tool are compensated. `configuration` is where the
         /// axes should stand without the compensation; the rest is as for three screws.
         ///
-        /// Errors: NOT_INITIALISED.
+        /// Errors: WRONG_SIZE, NOT_INITIALISED.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_update(
@@ -379,7 +384,11 @@ macro_rules! compensator {
             configuration: *const PkmConfiguration<$t>,
             reading: *const PkmReading<$t>,
             offset: *mut PkmOffset<$t>,
+            size: usize,
         ) -> PkmError {
+            if size != size_of::<PkmOffset<$t>>() {
+                return PkmError::WrongSize;
+            }
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {

@@ -76,6 +76,8 @@ pub enum PkmError {
     SelfTestStiffness = 67,
     /// The five axes do not compute the bits that they should.
     SelfTestFiveAxes = 68,
+    /// The compensator does not compute the bits that it should.
+    SelfTestCompensator = 69,
     /// A setting of a compensator or an estimator is out of its range.
     SettingOutOfRange = 70,
     /// The memory holds no compensator or estimator of this version and kind.
@@ -154,6 +156,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         66 => c"the self-test of the kinematics has other bits",
         67 => c"the self-test of stiffness and compensation has other bits",
         68 => c"the self-test of the five axes has other bits",
+        69 => c"the self-test of the compensator has other bits",
         70 => c"a setting is out of its range",
         71 => c"the memory holds no compensator or estimator of this version and kind",
         80 => c"the reading of the wrench is not finite",
@@ -195,6 +198,7 @@ impl From<SelfTestFault> for PkmError {
             SelfTestFault::Kinematics => Self::SelfTestKinematics,
             SelfTestFault::Stiffness => Self::SelfTestStiffness,
             SelfTestFault::FiveAxes => Self::SelfTestFiveAxes,
+            SelfTestFault::Compensator => Self::SelfTestCompensator,
         }
     }
 }

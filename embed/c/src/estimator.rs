@@ -322,7 +322,7 @@ macro_rules! estimator {
         /// `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
         /// compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.
         ///
-        /// Errors: NOT_INITIALISED.
+        /// Errors: WRONG_SIZE, NOT_INITIALISED.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $update_learned(
@@ -335,7 +335,11 @@ macro_rules! estimator {
             tip: *const PkmPoint<$t>,
             reading: *const PkmReading<$t>,
             offset: *mut PkmKnownOffset<$t>,
+            size: usize,
         ) -> PkmError {
+            if size != size_of::<PkmKnownOffset<$t>>() {
+                return PkmError::WrongSize;
+            }
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
@@ -356,7 +360,7 @@ macro_rules! estimator {
 
         /// The same for all five axes: `pkm_tool_compensator_update` with what was learned.
         ///
-        /// Errors: NOT_INITIALISED.
+        /// Errors: WRONG_SIZE, NOT_INITIALISED.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_update_learned(
@@ -369,7 +373,11 @@ macro_rules! estimator {
             configuration: *const PkmConfiguration<$t>,
             reading: *const PkmReading<$t>,
             offset: *mut PkmKnownOffset<$t>,
+            size: usize,
         ) -> PkmError {
+            if size != size_of::<PkmKnownOffset<$t>>() {
+                return PkmError::WrongSize;
+            }
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {

@@ -109,7 +109,7 @@ macro_rules! functions {
 
         /// `pkm_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
         ///
-        /// Errors: NOT_INITIALISED.
+        /// Errors: WRONG_SIZE, NOT_INITIALISED.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $update_known(
@@ -121,7 +121,11 @@ macro_rules! functions {
             tip: *const PkmPoint<$t>,
             reading: *const PkmReading<$t>,
             offset: *mut PkmKnownOffset<$t>,
+            size: usize,
         ) -> PkmError {
+            if size != size_of::<PkmKnownOffset<$t>>() {
+                return PkmError::WrongSize;
+            }
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
@@ -138,7 +142,7 @@ macro_rules! functions {
 
         /// `pkm_tool_compensator_update` that compensates no more than is known. `uncertainty` is that of the table.
         ///
-        /// Errors: NOT_INITIALISED.
+        /// Errors: WRONG_SIZE, NOT_INITIALISED.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_update_known(
@@ -150,7 +154,11 @@ macro_rules! functions {
             configuration: *const PkmConfiguration<$t>,
             reading: *const PkmReading<$t>,
             offset: *mut PkmKnownOffset<$t>,
+            size: usize,
         ) -> PkmError {
+            if size != size_of::<PkmKnownOffset<$t>>() {
+                return PkmError::WrongSize;
+            }
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {

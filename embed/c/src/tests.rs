@@ -210,22 +210,32 @@ macro_rules! misuse_of_compensators {
                 assert_eq!($init(screws, 1024, &set, size, &sums), PkmError::Ok);
                 assert_eq!($tool_init(tool, 1024, &set, size, &sums), PkmError::Ok);
                 let (c, p, r) = (screws.cast_const().cast(), to(&pose), to(&reading));
+                let (room, known_room) = (size_of::<PkmOffset<$t>>(), size_of::<PkmKnownOffset<$t>>());
                 misuse([c, m, t, p, to(&tip), r], |[c, m, t, p, tip, r], to| {
-                    $update(c.cast_mut().cast(), m.cast(), t.cast(), p.cast(), tip.cast(), r.cast(), to.cast())
+                    $update(c.cast_mut().cast(), m.cast(), t.cast(), p.cast(), tip.cast(), r.cast(), to.cast(), room)
                 });
                 let c = tool.cast_const().cast();
                 misuse([c, m, t, w, to(&at), r], |[c, m, t, w, at, r], to| {
-                    $tool_update(c.cast_mut().cast(), m.cast(), t.cast(), w.cast(), at.cast(), r.cast(), to.cast())
+                    $tool_update(
+                        c.cast_mut().cast(),
+                        m.cast(),
+                        t.cast(),
+                        w.cast(),
+                        at.cast(),
+                        r.cast(),
+                        to.cast(),
+                        room,
+                    )
                 });
                 let u = $uncertainty().cast();
                 misuse([c, m, t, u, w, to(&at), r], |[c, m, t, u, w, at, r], to| {
                     let (c, at, r) = (c.cast_mut().cast(), at.cast(), r.cast());
-                    $tool_update_known(c, m.cast(), t.cast(), u.cast(), w.cast(), at, r, to.cast())
+                    $tool_update_known(c, m.cast(), t.cast(), u.cast(), w.cast(), at, r, to.cast(), known_room)
                 });
                 let c = screws.cast_const().cast();
                 misuse([c, m, t, u, p, to(&tip), r], |[c, m, t, u, p, tip, r], to| {
                     let (c, tip, r) = (c.cast_mut().cast(), tip.cast(), r.cast());
-                    $update_known(c, m.cast(), t.cast(), u.cast(), p.cast(), tip, r, to.cast())
+                    $update_known(c, m.cast(), t.cast(), u.cast(), p.cast(), tip, r, to.cast(), known_room)
                 });
                 misuse([m, t, u, p, to(&wrench), to(&tip)], |[m, t, u, p, wrench, tip], to| {
                     $cycle_known(m.cast(), t.cast(), u.cast(), p.cast(), wrench.cast(), tip.cast(), to.cast())

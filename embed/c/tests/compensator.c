@@ -125,11 +125,13 @@ static int settings(PkmCompensatorSettings *s) {
     RUN(compensator, PkmCompensator, T, S, 3,                                                                       \
         pkm_compensator_set_weight_##S(compensator, pkm_machine_##S(), pkm_table_##S(), &platform_##S,              \
                                        &home_##S.pose, &tip_##S),                                                   \
-        pkm_compensator_update_##S(compensator, pkm_machine_##S(), pkm_table_##S(), &at.pose, &tip_##S, &in, &out)) \
+        pkm_compensator_update_##S(compensator, pkm_machine_##S(), pkm_table_##S(), &at.pose, &tip_##S, &in, &out,  \
+                                   sizeof out))                                                                     \
     RUN(tool_compensator, PkmToolCompensator, T, S, 5,                                                              \
         pkm_tool_compensator_set_weight_##S(compensator, pkm_machine_##S(), pkm_table_##S(), pkm_wrist_##S(),       \
                                             &platform_##S, &carried_##S, &home_##S),                                \
-        pkm_tool_compensator_update_##S(compensator, pkm_machine_##S(), pkm_table_##S(), pkm_wrist_##S(), &at, &in, &out))
+        pkm_tool_compensator_update_##S(compensator, pkm_machine_##S(), pkm_table_##S(), pkm_wrist_##S(), &at, &in, &out,\
+                                        sizeof out))
 
 BOTH(double, f64)
 BOTH(float, f32)

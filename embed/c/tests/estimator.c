@@ -212,12 +212,12 @@ static int misuse(void) {
             const PkmPoint_##S tip = {{(T)0.03125, (T)-0.015625, (T)0.3125}};                                          \
             const PkmTableUncertainty_##S *doubt = n % 2 ? NULL : pkm_table_uncertainty_##S();                         \
             CHECK(pkm_compensator_update_learned_##S(screws, machine, table, doubt, e, &stands.pose, &tip, &in,        \
-                                                     &offset) == PKM_ERROR_OK);                                        \
+                                                     &offset, sizeof offset) == PKM_ERROR_OK);                         \
             CHECK(offset.is_known);                                                                                    \
             for (int i = 0; i < 3; i++) add(offset.offset.screws_m[i]), add(offset.known.u95_m[i]);                    \
             add(offset.known.share);                                                                                   \
             CHECK(pkm_tool_compensator_update_learned_##S(axes, machine, table, doubt, e, pkm_wrist_##S(), &stands,    \
-                                                          &in, &offset) == PKM_ERROR_OK);                              \
+                                                          &in, &offset, sizeof offset) == PKM_ERROR_OK);               \
             for (int i = 0; i < 3; i++) add(offset.offset.screws_m[i]), add(offset.known.u95_m[i]);                    \
             for (int i = 0; i < 2; i++) add(offset.offset.wrist_rad[i]);                                               \
             PkmToolTouch_##S at_tool;                                                                                  \

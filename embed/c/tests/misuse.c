@@ -52,13 +52,13 @@ static void weights(PkmCompensator_f64 *c, const PkmPoint_f64 *tip) {
     CHECK(pkm_compensator_set_weight_f64(c, machine, table, &weight, NULL, tip) == PKM_ERROR_NULL_POINTER);
     CHECK(pkm_compensator_set_weight_f64(NULL, machine, table, &weight, &zero, tip) == PKM_ERROR_NULL_POINTER);
     CHECK(memcmp(before, c, pkm_compensator_size_f64()) == 0);
-    CHECK(pkm_compensator_update_f64(c, machine, table, &zero, tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(pkm_compensator_update_f64(c, machine, table, &zero, tip, &reading, &offset, sizeof offset) == PKM_ERROR_OK);
     CHECK(offset.screws_m[0] == 0.0 && offset.screws_m[1] == 0.0 && offset.screws_m[2] == 0.0);
-    CHECK(pkm_compensator_update_f64(c, machine, table, &away, tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(pkm_compensator_update_f64(c, machine, table, &away, tip, &reading, &offset, sizeof offset) == PKM_ERROR_OK);
     CHECK(offset.screws_m[0] != 0.0);
     CHECK(pkm_compensator_clear_weight_f64(c) == PKM_ERROR_OK && pkm_compensator_clear_weight_f64(NULL) == PKM_ERROR_NULL_POINTER);
     CHECK(pkm_compensator_reset_f64(c) == PKM_ERROR_OK);
-    CHECK(pkm_compensator_update_f64(c, machine, table, &away, tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(pkm_compensator_update_f64(c, machine, table, &away, tip, &reading, &offset, sizeof offset) == PKM_ERROR_OK);
     CHECK(offset.screws_m[0] == 0.0);
 }
 
@@ -88,7 +88,7 @@ static void compensators(void) {
 
     /* memory that nothing was made in */
     REFUSED(PKM_ERROR_NOT_INITIALISED, offset,
-            pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset));
+            pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset, sizeof offset));
     CHECK(pkm_compensator_reset_f64(c) == PKM_ERROR_NOT_INITIALISED);
     CHECK(pkm_compensator_reset_f64(NULL) == PKM_ERROR_NULL_POINTER);
 
@@ -115,12 +115,23 @@ static void compensators(void) {
 
     CHECK(pkm_compensator_init_f64(c, sizeof room, &set, sizeof set, &ours) == PKM_ERROR_OK);
     REFUSED(PKM_ERROR_NULL_POINTER, offset,
-            pkm_compensator_update_f64(c, NULL, table, &pose, &tip, &reading, &offset));
+            pkm_compensator_update_f64(c, NULL, table, &pose, &tip, &reading, &offset, sizeof offset));
     REFUSED(PKM_ERROR_NULL_POINTER, offset,
-            pkm_compensator_update_f64(c, machine, table, &pose, &tip, NULL, &offset));
-    CHECK(pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, NULL) == PKM_ERROR_NULL_POINTER);
+            pkm_compensator_update_f64(c, machine, table, &pose, &tip, NULL, &offset, sizeof offset));
+    CHECK(pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, NULL, sizeof offset) == PKM_ERROR_NULL_POINTER);
+    /* the room of a header of another version, which the library must not write to */
+    REFUSED(PKM_ERROR_WRONG_SIZE, offset,
+            pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset, sizeof offset - 8));
+    REFUSED(PKM_ERROR_WRONG_SIZE, offset,
+            pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset, sizeof(PkmOffset_f32)));
+    PkmKnownOffset_f64 known;
+    REFUSED(PKM_ERROR_WRONG_SIZE, known,
+            pkm_compensator_update_known_f64(c, machine, table, pkm_table_uncertainty_f64(), &pose, &tip, &reading, &known,
+                                             sizeof known - 8));
+    REFUSED(PKM_ERROR_WRONG_SIZE, known,
+            pkm_compensator_update_learned_f64(c, machine, table, NULL, NULL, &pose, &tip, &reading, &known, sizeof offset));
     /* a sensor that lies is a fault with a reaction, and no error */
-    CHECK(pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset) == PKM_ERROR_OK);
+    CHECK(pkm_compensator_update_f64(c, machine, table, &pose, &tip, &reading, &offset, sizeof offset) == PKM_ERROR_OK);
     CHECK(offset.fault == PKM_ERROR_TEMPERATURE_LOST && offset.screws_m[0] != 0.0 && offset.wrist_rad[0] == 0.0);
     CHECK(pkm_compensator_reset_f64(c) == PKM_ERROR_OK);
     weights(c, &tip);
@@ -128,9 +139,17 @@ static void compensators(void) {
     /* a compensator of the other kind, and what was left of it */
     memcpy(tool_room, room, sizeof room);
     REFUSED(PKM_ERROR_NOT_INITIALISED, offset,
-            pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset));
+            pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset, sizeof offset));
     CHECK(pkm_tool_compensator_init_f64(tool, sizeof tool_room, &set, sizeof set, &ours) == PKM_ERROR_OK);
-    CHECK(pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset) == PKM_ERROR_OK);
+    REFUSED(PKM_ERROR_WRONG_SIZE, offset,
+            pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset, sizeof offset + 8));
+    REFUSED(PKM_ERROR_WRONG_SIZE, known,
+            pkm_tool_compensator_update_known_f64(tool, machine, table, pkm_table_uncertainty_f64(), pkm_wrist_f64(), &home,
+                                                  &reading, &known, sizeof known + 8));
+    REFUSED(PKM_ERROR_WRONG_SIZE, known,
+            pkm_tool_compensator_update_learned_f64(tool, machine, table, NULL, NULL, pkm_wrist_f64(), &home, &reading, &known,
+                                                    sizeof offset));
+    CHECK(pkm_tool_compensator_update_f64(tool, machine, table, pkm_wrist_f64(), &home, &reading, &offset, sizeof offset) == PKM_ERROR_OK);
 }
 
 /* A processor in another rounding mode is found, where the C library can set one: newlib for the Cortex-M has none. */

@@ -106,12 +106,13 @@
         print_##S("cycle_known", error, &known, 15);                                                              \
         print_##S("known", error, &known.known, 4);                                                               \
         if (pkm_compensator_init_##S(screws, sizeof room, &set, sizeof set, &sums)) return;                       \
-        error = pkm_compensator_update_known_##S(screws, machine, table, doubt, &pose, &tip, &in, &offset);       \
+        error = pkm_compensator_update_known_##S(screws, machine, table, doubt, &pose, &tip, &in, &offset,        \
+                                                  sizeof offset);                                                 \
         print_##S("offset", error, &offset, 3);                                                                   \
         print_##S("of_offset", error, &offset.known, 4);                                                          \
         if (pkm_tool_compensator_init_##S(axes, sizeof room, &set, sizeof set, &sums)) return;                    \
         error = pkm_tool_compensator_update_known_##S(axes, machine, table, doubt, wrist, &place.configuration,   \
-                                                      &in, &offset);                                              \
+                                                      &in, &offset, sizeof offset);                               \
         print_##S("tool_offset", error, &offset, 5);                                                              \
         print_##S("of_tool_offset", error, &offset.known, 4);                                                     \
         printf("self_test 0 %d\n", (int)pkm_self_test_##S());                                                     \

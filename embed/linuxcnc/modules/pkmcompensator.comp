@@ -375,12 +375,12 @@ static void compensate(struct __comp_state *__comp_inst, PkmError stands, const 
         found = pkm_estimator_follow_f64(estimator, period_s);
         if (found == PKM_ERROR_OK) {
             found = pkm_tool_compensator_update_learned_f64(compensator, pkm_machine_f64(), pkm_table_f64(), NULL, estimator,
-                                                            pkm_wrist_f64(), configuration, &reading, &learned_to);
+                                                            pkm_wrist_f64(), configuration, &reading, &learned_to, sizeof learned_to);
         }
         to = learned_to.offset;
     } else {
         found = pkm_tool_compensator_update_f64(compensator, pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(),
-                                                configuration, &reading, &to);
+                                                configuration, &reading, &to, sizeof to);
     }
     if (found == PKM_ERROR_OK) {
         active = 0;

@@ -2,8 +2,8 @@
 
 use pkm_core::compensator::{Fault, Weight, WeightError};
 use pkm_core::nalgebra::Vector3;
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
-use pkm_core::{Basis, CorrectionTable, Pose, Wrench};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
+use pkm_core::{Basis, CorrectionTable, Machine, MachineParameters, Pose, Wrench};
 use pkm_protocol::{Arithmetic, Carried, Demand};
 
 use crate::estimation::drives;
@@ -60,7 +60,7 @@ const CARRIED: Carried = Carried {
     tip_m: Vector3::new(0.0, 0.0, 0.3),
 };
 
-/// At the zero a weight asks for nothing, with a table and with the one that follows it, if its reference comes along.
+/// At the zero of a cold machine a weight asks for nothing, with a table and with the one that follows it, if its reference comes along.
 #[test]
 fn a_weight_has_the_reference_of_the_table_in_service() {
     // a table whose first term, the constant, is another one
@@ -79,8 +79,11 @@ fn a_weight_has_the_reference_of_the_table_in_service() {
         Some(&factor),
     );
     let other = other.unwrap();
-    let model = Model { single: (&TABLE_F32, &MACHINE_F32), double: (&TABLE_F64, &MACHINE_F64) };
-    let next = Model { double: (&other, &MACHINE_F64), ..model };
+    // which grows when it is warm
+    let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 14e-6, 0.0]).unwrap();
+    let machine = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    let model = Model { single: (&TABLE_F32, &MACHINE_F32), double: (&TABLE_F64, &machine) };
+    let next = Model { double: (&other, &machine), ..model };
 
     let mut task = Compensation::new(&drives(), PERIOD_S).unwrap();
     let demand = |pose, rises_k| Demand {
@@ -119,4 +122,12 @@ fn a_weight_has_the_reference_of_the_table_in_service() {
     let outside = Carried { zeroed_at: Pose { theta_rad: 1.0, ..home }, ..CARRIED };
     let refused = Weighed::new(&next, &outside).err();
     assert_eq!(refused, Some(WeightError::NoReference(Fault::OutsideBox)));
+
+    // warmer by less than noise, so that it is believed at once; and with the sensor lost: the last that it said
+    let (warm, _) = settled(&next, Some(of_second), demand(home, [Some(0.0), Some(0.9), Some(0.0), Some(0.0)]));
+    assert!(warm[1].abs() > 3e-6 && warm[0].abs() < 1e-6, "{warm:?}");
+    assert_eq!(
+        settled(&next, None, demand(home, [Some(0.0), None, Some(0.0), Some(0.0)])),
+        (warm, Some(Fault::TemperatureLost))
+    );
 }

@@ -11,14 +11,15 @@ use crate::{Outcome, output};
 /// `PKM_ERROR_DAMAGED_TABLE`.
 const DAMAGED_TABLE: f64 = 62.0;
 
-/// Checksum of the kinematics' part of the self-test, in `pkm-core/src/self_test.rs`: an operand of an instruction.
+/// Checksums of two parts of the self-test in f64, in `pkm-core/src/self_test.rs`: operands of instructions.
 const SELF_TEST_KINEMATICS: u64 = 0x21a7_af54_61c6_0ca9;
+const SELF_TEST_COMPENSATOR: u64 = 0xe6fc_ad8e_dfcf_ed21;
 
 /// Kinematics and feed do not load with a bit of the machine, or of what the self-test knows, flipped in their files.
 pub fn refuse_damaged(out: &Path, host: &Host) -> Outcome {
     let (parameters, wrist) = (&host.machine.parameters, &host.machine.wrist_parameters);
     let travel: Vec<u8> = parameters.travel.min_m.iter().flat_map(|number| number.to_le_bytes()).collect();
-    let known = SELF_TEST_KINEMATICS.to_le_bytes();
+    let [kinematics, compensator] = [SELF_TEST_KINEMATICS, SELF_TEST_COMPENSATOR].map(u64::to_le_bytes);
     let sums = format!("machine={:016x} wrist={:016x}", parameters.checksum(), wrist.checksum());
     for component in ["pkmkins", "pkmfeed"] {
         let module = out.join(format!("modules/{component}.so"));
@@ -31,7 +32,8 @@ pub fn refuse_damaged(out: &Path, host: &Host) -> Outcome {
         };
         for (what, says) in [
             (travel.as_slice(), "the machine in memory is damaged"),
-            (&known, "the self-test of the kinematics has other bits"),
+            (&kinematics, "the self-test of the kinematics has other bits"),
+            (&compensator, "the self-test of the compensator has other bits"),
         ] {
             let mut damaged = whole.clone();
             let places: Vec<usize> =

@@ -56,7 +56,7 @@ use defmt_rtt as _;
 use defmt_semihosting as _;
 use heapless::Deque;
 use pkm_core::correction::TableWatch;
-use pkm_core::self_test::{self_test_f32, self_test_f64};
+use pkm_core::self_test::{SelfTestMemory, self_test_f32, self_test_f64};
 use pkm_core::{Cycle, CycleError, FiveAxis, Scalar};
 use pkm_protocol::{
     ABORT, Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
@@ -342,8 +342,8 @@ fn is_intact() -> bool {
         FiveAxis { machine: &coefficients::MACHINE_F64, wrist: &coefficients::WRIST_F64 };
     let built_f32 = const { F32.checksums(&coefficients::TABLE_F32) };
     let built_f64 = const { F64.checksums(&coefficients::TABLE_F64) };
-    self_test_f32().is_ok()
-        && self_test_f64().is_ok()
+    self_test_f32(&mut SelfTestMemory::new()).is_ok()
+        && self_test_f64(&mut SelfTestMemory::new()).is_ok()
         && F32.verify(&coefficients::TABLE_F32, &built_f32).is_ok()
         && F64.verify(&coefficients::TABLE_F64, &built_f64).is_ok()
 }

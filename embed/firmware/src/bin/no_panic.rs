@@ -22,7 +22,7 @@ use pkm_core::estimation::{Amplitude, Estimator, TipReading, Touch, newest, stat
 use pkm_core::five_axis::rest_to_rest_s;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
-use pkm_core::self_test::{self_test_f32, self_test_f64};
+use pkm_core::self_test::{SelfTestMemory, self_test_f32, self_test_f64};
 use pkm_core::stiffness::LoadHistory;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST, WRIST_F32,
@@ -192,8 +192,8 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
             show(e);
         }
     }
-    black_box(self_test_f32()).ok();
-    black_box(self_test_f64()).ok();
+    black_box(self_test_f32(black_box(&mut SelfTestMemory::new()))).ok();
+    black_box(self_test_f64(black_box(&mut SelfTestMemory::default()))).ok();
     black_box(CompensatorSettings::DEFAULT).check().ok();
     if let Ok(mut compensator) = Compensator::<T, 5>::new(&black_box(CompensatorSettings::DEFAULT)) {
         let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });

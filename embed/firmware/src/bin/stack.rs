@@ -13,6 +13,7 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use pkm_core::effects::{EFFECTS, Effects};
 use pkm_core::machine::MachineParameters;
+use pkm_core::self_test::{SelfTestFault, SelfTestMemory, self_test_f32, self_test_f64};
 use pkm_core::tables::reference::{PARAMETERS, WRIST};
 
 #[path = "../handler.rs"]
@@ -67,6 +68,25 @@ fn measure(call: impl Fn()) -> usize {
     DEPTH - 4 * untouched
 }
 
+/// The self-test has a name for each width.
+trait SelfTest: Sized {
+    fn self_test(memory: &mut SelfTestMemory<Self>) -> Result<(), SelfTestFault>;
+}
+
+impl SelfTest for f32 {
+    #[inline(always)]
+    fn self_test(memory: &mut SelfTestMemory<Self>) -> Result<(), SelfTestFault> {
+        self_test_f32(memory)
+    }
+}
+
+impl SelfTest for f64 {
+    #[inline(always)]
+    fn self_test(memory: &mut SelfTestMemory<Self>) -> Result<(), SelfTestFault> {
+        self_test_f64(memory)
+    }
+}
+
 /// One function a public function of the core, for one width, and a list of them.
 macro_rules! functions {
     ($width:ident, $t:ident, $machine:ident, $table:ident, $uncertainty:ident, $wrist:ident: $($name:ident($i:ident) $call:expr;)+) => {
@@ -80,7 +100,7 @@ macro_rules! functions {
             use pkm_core::estimation::{Estimator, TipReading, Touch, newest, state_bytes};
             use pkm_core::kinematics::platform_axes as axes;
             use pkm_core::nalgebra::{Matrix6, Vector2, Vector3, Vector6};
-            use pkm_core::self_test::{self_test_f32, self_test_f64};
+            use pkm_core::self_test::SelfTestMemory;
             use pkm_core::tables::reference;
             use pkm_core::{
                 Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
@@ -115,6 +135,7 @@ macro_rules! functions {
                 tip_reading: TipReading<$t>,
                 slot: RefCell<[u8; state_bytes(6)]>,
                 buffer: RefCell<TableBuffer<$t, 9>>,
+                self_test: RefCell<SelfTestMemory<$t>>,
                 header: TableHeader,
                 reading: Reading<$t>,
                 checksums: MemoryChecksums,
@@ -183,6 +204,7 @@ macro_rules! functions {
                     tip_reading: TipReading { direction: Vector6::z(), read: -5e-6, deviation: 1e-6 },
                     slot: RefCell::new([0; state_bytes(6)]),
                     buffer: RefCell::new(buffer),
+                    self_test: RefCell::new(SelfTestMemory::new()),
                     header,
                     reading: Reading { enabled: true, wrench, rise: 4.5.into() },
                     checksums: five.checksums(&reference::$table),
@@ -284,7 +306,7 @@ both_widths! {
     compensate_tool_known(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_known((&i.table, &i.uncertainty), &i.five(), Some(&*e), &i.near, &i.reading)));
     checksums(i) i.five().checksums(&i.table);
     verify(i) i.five().verify(&i.table, &i.checksums);
-    self_test(_i) if size_of::<T>() == 4 { self_test_f32() } else { self_test_f64() };
+    self_test(i) i.self_test.try_borrow_mut().map(|mut memory| T::self_test(&mut memory));
     new_wrist(_i) Wrist::<T>::new(black_box(&WRIST));
 }
 
