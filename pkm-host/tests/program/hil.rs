@@ -90,8 +90,10 @@ fn reply(fault: Fault, cycles: u32, bad_lines: u32, request: &Request) -> Vec<u8
         Command::Table(header) => double(Answer::Received(Received { numbers: 0, of: header.numbers() as u32 })),
         Command::Numbers(piece) => double(Answer::Received(Received { numbers: piece.first, of: 276 })),
         Command::Swap => double(Answer::Swapped(Checksum(TABLE_F64.checksum()))),
-        // it does not learn
-        Command::Probe(_) | Command::Learned | Command::Save => double(Answer::Error(Code::Command)),
+        // it does not learn, and carries nothing
+        Command::Weight(_) | Command::Probe(_) | Command::Learned | Command::Save => {
+            double(Answer::Error(Code::Command))
+        }
     };
     line.expect("fits")
 }

@@ -5,10 +5,10 @@
 //! * The serial line's interrupt keeps the bytes that come.
 //! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand; `sweep` is one demand after another.
 //!
-//! A table that comes over the line is put into service between two runs. `main` fills and checks one of two [`Tables`]; references to them change hands in [`NEXT`] and
-//! [`BEFORE`], so that the task never waits for `main` and no table is written while it is used. After a start the table of the image is in service.
+//! A table that comes over the line is put into service between two runs. `main` fills and checks one of two [`Tables`]; references to them change hands, so that the task
+//! never waits for `main` and no table is written while it is used, see `service`. After a start the table of the image is in service.
 //!
-//! The task also compensates each demand, as a controller would in every period: `learned` tells the offset. From `probe` it learns what has changed
+//! The task also compensates each demand, as a controller would in every period, with its temperatures and with the weight that `weight` tells: `learned` tells the offset. From `probe` it learns what has changed
 //! in the machine, and compensates with that; what it knows is kept over a restart, see `learning`.
 //!
 //! What ends it: a demand that nothing follows for [`DEMAND_PERIODS`] is dropped. The task feeds the watchdog while `main` shows
@@ -36,6 +36,8 @@ mod compensation;
 mod learned;
 #[path = "../learning.rs"]
 mod learning;
+#[path = "../service.rs"]
+mod service;
 #[path = "../slots.rs"]
 mod slots;
 
@@ -53,17 +55,18 @@ use defmt_rtt as _;
 #[cfg(feature = "log-semihosting")]
 use defmt_semihosting as _;
 use heapless::Deque;
-use pkm_core::correction::{TableBuffer, TableHeader, TableWatch, TransferError};
+use pkm_core::correction::TableWatch;
 use pkm_core::self_test::{self_test_f32, self_test_f64};
 use pkm_core::{Cycle, CycleError, FiveAxis, Scalar};
 use pkm_protocol::{
     ABORT, Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Lines, MAX_COMMAND,
-    MAX_REPLY, Piece, Received as Numbers, Refused, Reply, Request, SweepReply, VERSION,
+    MAX_REPLY, Refused, Reply, Request, SweepReply, VERSION,
 };
 use serde::Serialize;
 
 use board::Received;
 use learning::{Learning, Task};
+use service::{BEFORE, NEXT, Next, Service, Tables};
 
 macro_rules! log {
     ($($part:tt)*) => {
@@ -97,46 +100,6 @@ enum Computed {
     F64(Result<Cycle<f64>, CycleError>),
 }
 
-/// Most terms of a table that comes over the line: all up to the fourth degree.
-const TERMS: usize = 35;
-
-/// A table that came over the line, in either arithmetic.
-struct Tables {
-    f32: TableBuffer<f32, TERMS>,
-    f64: TableBuffer<f64, TERMS>,
-}
-
-impl Tables {
-    const fn new() -> Self {
-        Self { f32: TableBuffer::new(), f64: TableBuffer::new() }
-    }
-
-    fn begin(&mut self, header: &TableHeader) -> Result<(), TransferError> {
-        self.f32.begin(header, coefficients::PARAMETERS.checksum())?;
-        self.f64.begin(header, coefficients::PARAMETERS.checksum())
-    }
-
-    fn take(&mut self, piece: &Piece) -> Result<(), TransferError> {
-        if piece.first as usize != self.f64.received() {
-            return Err(TransferError::NumberCount);
-        }
-        for number in piece.numbers.as_slice() {
-            self.f32.push(*number)?;
-            self.f64.push(*number)?;
-        }
-        Ok(())
-    }
-
-    fn finish(&mut self) -> Result<(), TransferError> {
-        self.f32.finish()?;
-        self.f64.finish()
-    }
-}
-
-/// To be put into service at the beginning of a run.
-static NEXT: Mutex<Cell<Option<&'static mut Tables>>> = Mutex::new(Cell::new(None));
-/// It is in service; with what was before it, unless that was the image's.
-static BEFORE: Mutex<Cell<Option<Option<&'static mut Tables>>>> = Mutex::new(Cell::new(None));
 static PERIODS: AtomicU32 = AtomicU32::new(0);
 static CYCLES: AtomicU32 = AtomicU32::new(0);
 static OVERRUNS: AtomicU32 = AtomicU32::new(0);
@@ -197,7 +160,8 @@ fn PendSV() {
     LATE.store(false, Relaxed);
     RUNNING.store(true, Relaxed);
     let begun = ticks();
-    if let Some(tables) = critical_section::with(|cs| NEXT.borrow(cs).take()) {
+    let Next { tables, weighed } = critical_section::with(|cs| NEXT.borrow(cs).take());
+    if let Some(tables) = tables {
         if let (Some(single), Some(double)) = (tables.f32.watch(), tables.f64.watch()) {
             *WATCHES = [single, double];
         }
@@ -217,11 +181,7 @@ fn PendSV() {
         ABORTED.store(true, Relaxed);
     }
     WORKING.store(WORKING_ON.is_some(), Relaxed);
-    let tables = IN_SERVICE.as_deref();
-    let tables = learning::Tables {
-        single: tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32),
-        double: tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64),
-    };
+    let tables = Tables::in_service(IN_SERVICE.as_deref());
     let [single, double] = WATCHES;
     if single.look(&tables.single).and(double.look(&tables.double)).is_err() {
         stop(Fault::SelfTest);
@@ -237,7 +197,7 @@ fn PendSV() {
         CYCLES.fetch_add(1, Relaxed);
         WORST_TICKS.fetch_max(ticks, Relaxed);
     }
-    learning::work(LEARNED, &tables, *WORKING_ON);
+    learning::work(LEARNED, &tables, weighed, *WORKING_ON);
     RUNNING.store(false, Relaxed);
 }
 
@@ -303,46 +263,6 @@ fn run_of(demand: Demand) -> Option<Run> {
     }
 }
 
-/// Tables and what is learned, of `main`'s side.
-struct Service {
-    /// Checksum of the table in service.
-    table: u64,
-    /// To be filled. Both while the image's table is in service.
-    spare: [Option<&'static mut Tables>; 2],
-    learning: Learning,
-}
-
-impl Service {
-    /// Lets a table begin or go on, and tells what there is of it.
-    fn fill(&mut self, with: impl FnOnce(&mut Tables) -> Result<(), TransferError>) -> Answer<'static, f64> {
-        let Some(spare) = &mut self.spare[0] else { return Answer::Error(Code::Table) };
-        if let Err(e) = with(spare) {
-            return Answer::Error(e.into());
-        }
-        let (numbers, of) = (spare.f64.received(), spare.f64.header().numbers());
-        Answer::Received(Numbers { numbers: numbers as u32, of: of as u32 })
-    }
-
-    /// Puts the table that has come into service, from the beginning of the next run on.
-    fn swap(&mut self) -> Answer<'static, f64> {
-        let done = self.spare[0].as_mut().map_or(Err(TransferError::NumberCount), |spare| spare.finish());
-        if let Err(e) = done {
-            return Answer::Error(e.into());
-        }
-        self.table = self.spare[0].as_ref().map_or(0, |spare| spare.f64.header().table);
-        critical_section::with(|cs| NEXT.borrow(cs).set(self.spare[0].take()));
-        let before = loop {
-            if let Some(before) = critical_section::with(|cs| BEFORE.borrow(cs).take()) {
-                break before;
-            }
-            MAIN_SILENT.store(0, Relaxed);
-            wfi();
-        };
-        self.spare[0] = before.or_else(|| self.spare[1].take());
-        Answer::Swapped(Checksum(self.table))
-    }
-}
-
 fn answer(request: &Request, service: &mut Service, bad_lines: u32, last_fault: Option<Fault>) {
     let id = Some(request.id);
     ABORTED.store(false, Relaxed);
@@ -350,6 +270,7 @@ fn answer(request: &Request, service: &mut Service, bad_lines: u32, last_fault: 
         Command::Table(header) => send(id, service.fill(|spare| spare.begin(&header))),
         Command::Numbers(piece) => send(id, service.fill(|spare| spare.take(&piece))),
         Command::Swap => send(id, service.swap()),
+        Command::Weight(carried) => send(id, service.carry(&carried)),
         Command::Probe(probe) => send(id, service.learning.probe(probe)),
         Command::Learned => send(id, service.learning.state()),
         // a memory that is erased may stop the processor for long
@@ -451,6 +372,8 @@ fn main() -> ! {
     let mut service = Service {
         table: const { coefficients::TABLE_F64.checksum() },
         spare: [singleton!(: Tables = Tables::new()), singleton!(: Tables = Tables::new())],
+        copy: singleton!(: Tables = Tables::new()),
+        carried: None,
         learning: Learning::begin(),
     };
     let mut lines = Lines::new();
