@@ -335,7 +335,8 @@ impl<'a> Canonical<'a> {
             return Err(unknown(self.frame));
         }
         // G54 without a job lies nowhere yet, and is refused where the new program is read
-        if !is_same && !(before.is_none() && origin_mm == [0.0; 3]) {
+        let is_nowhere = before.is_none() && origin_mm == [0.0; 3];
+        if !is_same && !is_nowhere {
             self.frames_mm[self.frame] = Some(origin_mm);
             self.put(&format!("G10 L2 P{frame} X{x} Y{y} Z{z}"));
         }
