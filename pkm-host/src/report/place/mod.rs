@@ -113,8 +113,9 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
             Some(_) => format!(", turned to {:.3}°", p.position.rotary_rad.to_degrees()),
             None => String::new(),
         };
+        let unit = if p.objective == Objective::Paper { format!(" {}", p.objective.unit()) } else { String::new() };
         let mut text = format!(
-            "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}, ",
+            "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}{unit}, ",
             name(model, p),
             mm(p.position.dx_m),
             mm(p.position.dy_m),
