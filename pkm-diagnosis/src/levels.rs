@@ -47,7 +47,7 @@ impl<'a> Levels<'a> {
     /// Fits at a level, then at the one that makes the readings most likely.
     pub fn fit(&self, unknowns: &[Unknown], start: &[f64], level: usize) -> Option<(usize, Fit)> {
         let at = |level: usize, start: &[f64]| {
-            let plain = self.plain.linear(unknowns, self.problems[level].minimum(unknowns, start)?)?;
+            let plain = self.problems[level].fit_plain(unknowns, start)?;
             let evidence = self.evidence(&plain);
             let best = (0..evidence.len()).max_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))?;
             Some((best, plain))

@@ -107,11 +107,15 @@ impl<'a> Problem<'a> {
         scatter.iter().map(|s| s * s).sum::<f64>() + self.whitener.averaged
     }
 
+    /// Values by entry from those by condition and channel.
+    fn by_entry(&self, by_condition: &[f64]) -> Vec<f64> {
+        let channels = self.observations.channels.len();
+        self.whitener.entries.iter().map(|e| by_condition[e.condition * channels + e.channel]).collect()
+    }
+
     /// Values by entry from those by condition and channel, whitened.
     pub fn whitened(&self, by_condition: &[f64]) -> Vec<f64> {
-        let channels = self.observations.channels.len();
-        let mut values: Vec<f64> =
-            self.whitener.entries.iter().map(|e| by_condition[e.condition * channels + e.channel]).collect();
+        let mut values = self.by_entry(by_condition);
         self.whitener.whiten(&mut values);
         values
     }
@@ -147,6 +151,13 @@ impl<'a> Problem<'a> {
         values.iter().all(|v| v.is_finite()).then(|| values.into())
     }
 
+    /// Predictions, white but for the common errors.
+    fn predict_plain(&self, unknowns: &[Unknown], x: &[f64]) -> Option<DVector<f64>> {
+        let mut values = self.by_entry(&self.model.predict(unknowns, x)?);
+        self.whitener.whiten_plain(&mut values);
+        values.iter().all(|v| v.is_finite()).then(|| values.into())
+    }
+
     /// Derivatives of the whitened predictions by some of the unknowns.
     pub fn jacobian(&self, unknowns: &[Unknown], x: &[f64], columns: Range<usize>) -> Option<DMatrix<f64>> {
         let columns: Option<Vec<DVector<f64>>> = columns
@@ -164,12 +175,12 @@ impl<'a> Problem<'a> {
         if columns.is_empty() { Some(DMatrix::zeros(self.count(), 0)) } else { Some(DMatrix::from_columns(&columns)) }
     }
 
-    /// The same by all unknowns, from the predictions there: good enough for the way to a minimum, at half the work.
+    /// The same of [`predict_plain`](Self::predict_plain) by all unknowns, from the predictions there: at half the work.
     fn slopes(&self, unknowns: &[Unknown], x: &[f64], there: &DVector<f64>) -> Option<DMatrix<f64>> {
         let slope = |i: usize| {
             let mut x = x.to_vec();
             x[i] += SHORT_STEP;
-            Some((self.predict(unknowns, &x)? - there) / SHORT_STEP)
+            Some((self.predict_plain(unknowns, &x)? - there) / SHORT_STEP)
         };
         let columns: Option<Vec<DVector<f64>>> = (0..x.len()).into_par_iter().map(slope).collect();
         Some(DMatrix::from_columns(&columns?))
@@ -187,28 +198,38 @@ impl<'a> Problem<'a> {
         Fit::new(unknowns.to_vec(), x, residuals, jacobian, self.whitener.log_determinant)
     }
 
-    /// A linear form without common errors, taken under those of this problem.
-    pub fn relevel(&self, plain: &Fit) -> Option<Fit> {
-        let (mut residuals, mut jacobian) = (plain.residuals.clone(), plain.jacobian.clone());
+    /// Residuals and derivatives that are white but for the common errors, whitened.
+    fn shrunk(&self, residuals: &DVector<f64>, jacobian: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
+        let (mut residuals, mut jacobian) = (residuals.clone(), jacobian.clone());
         self.whitener.shrink(residuals.as_mut_slice());
         for mut column in jacobian.column_iter_mut() {
             self.whitener.shrink(column.as_mut_slice());
         }
+        (residuals, jacobian)
+    }
+
+    /// A linear form without common errors, taken under those of this problem.
+    pub fn relevel(&self, plain: &Fit) -> Option<Fit> {
+        let (residuals, jacobian) = self.shrunk(&plain.residuals, &plain.jacobian);
         Fit::new(plain.unknowns.clone(), plain.x.clone(), residuals, jacobian, self.whitener.log_determinant)
     }
 
     /// Most likely values of the unknowns, from a start, and the linear form there.
     pub fn fit(&self, unknowns: &[Unknown], start: &[f64]) -> Option<Fit> {
-        self.linear(unknowns, self.minimum(unknowns, start)?)
+        self.relevel(&self.fit_plain(unknowns, start)?)
     }
 
-    /// Most likely values of the unknowns, from a start.
-    pub fn minimum(&self, unknowns: &[Unknown], start: &[f64]) -> Option<DVector<f64>> {
+    /// Most likely values of the unknowns under the errors of this problem, from a start, and the linear form there without the
+    /// common ones. Its slopes are those of the last step, one-sided.
+    pub fn fit_plain(&self, unknowns: &[Unknown], start: &[f64]) -> Option<Fit> {
         if unknowns.is_empty() {
             return None;
         }
-        let mut squares = Squares { problem: self, unknowns, x: DVector::from_column_slice(start), reduced: None };
-        squares.reduced = squares.reduce();
+        let mut observed = self.means.clone();
+        self.whitener.whiten_plain(&mut observed);
+        let (x, observed) = (DVector::from_column_slice(start), observed.into());
+        let mut squares = Squares { problem: self, unknowns, observed, x, at: None };
+        squares.at = squares.there();
         let (found, report) = LevenbergMarquardt::new()
             .with_ftol(1e-6)
             .with_xtol(1e-5)
@@ -217,7 +238,8 @@ impl<'a> Problem<'a> {
             .minimize(squares);
         let usable =
             report.termination.was_successful() || matches!(report.termination, TerminationReason::LostPatience);
-        usable.then_some(found.x)
+        let there = found.at.filter(|_| usable)?;
+        Fit::new(unknowns.to_vec(), found.x, there.residuals, there.jacobian, 0.0)
     }
 }
 
@@ -227,21 +249,33 @@ impl<'a> Problem<'a> {
 struct Squares<'p, 'a> {
     problem: &'p Problem<'a>,
     unknowns: &'p [Unknown],
+    /// White but for the common errors.
+    observed: DVector<f64>,
     x: DVector<f64>,
-    reduced: Option<(DVector<f64>, DMatrix<f64>)>,
+    at: Option<There>,
+}
+
+/// The linear form at a point.
+struct There {
+    /// White but for the common errors, as the derivatives.
+    residuals: DVector<f64>,
+    /// Of the predictions.
+    jacobian: DMatrix<f64>,
+    reduced: (DVector<f64>, DMatrix<f64>),
 }
 
 impl Squares<'_, '_> {
-    fn reduce(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    fn there(&self) -> Option<There> {
         let k = self.x.len();
-        let predicted = self.problem.predict(self.unknowns, self.x.as_slice())?;
-        let j = self.problem.slopes(self.unknowns, self.x.as_slice(), &predicted)?;
-        let r = predicted - &self.problem.observed;
+        let predicted = self.problem.predict_plain(self.unknowns, self.x.as_slice())?;
+        let jacobian = self.problem.slopes(self.unknowns, self.x.as_slice(), &predicted)?;
+        let residuals = &self.observed - predicted;
+        let (r, j) = self.problem.shrunk(&residuals, &jacobian);
         // (J; I) = Q U and (r; x) = Q c + a part orthogonal to all columns
         let u = (product(&j, &j) + DMatrix::identity(k, k)).cholesky()?.l();
-        let c = u.solve_lower_triangular(&(j.tr_mul(&r) + &self.x))?;
+        let c = u.solve_lower_triangular(&(&self.x - j.tr_mul(&r)))?;
         let rest = (r.norm_squared() + self.x.norm_squared() - c.norm_squared()).max(0.0).sqrt();
-        Some((c.push(rest), u.transpose().insert_row(k, 0.0)))
+        Some(There { residuals, jacobian, reduced: (c.push(rest), u.transpose().insert_row(k, 0.0)) })
     }
 }
 
@@ -252,7 +286,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Squares<'_, '_> {
 
     fn set_params(&mut self, x: &DVector<f64>) {
         self.x.copy_from(x);
-        self.reduced = self.reduce();
+        self.at = self.there();
     }
 
     fn params(&self) -> DVector<f64> {
@@ -260,10 +294,10 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Squares<'_, '_> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        self.reduced.as_ref().map(|r| r.0.clone())
+        self.at.as_ref().map(|there| there.reduced.0.clone())
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
-        self.reduced.as_ref().map(|r| r.1.clone())
+        self.at.as_ref().map(|there| there.reduced.1.clone())
     }
 }

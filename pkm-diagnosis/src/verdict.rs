@@ -57,9 +57,10 @@ pub fn settled(levels: &Levels<'_>, noise: &Noise, mut search: Search) -> Option
     for (fit, level, is_found) in [(&mut search.base, first, false), (&mut search.fit, last, is_found)] {
         let problem = &levels.problems[level];
         if level > 0 && (is_found || lack_of_fit(problem, noise, fit).p < problem.rules.max_misfit_p) {
-            let x = levels.problems[0].minimum(&fit.unknowns, fit.x.as_slice())?;
-            *fit = problem.linear(&fit.unknowns, x)?;
+            fit.x = levels.problems[0].fit_plain(&fit.unknowns, fit.x.as_slice())?.x;
         }
+        // at a kink the slopes of a fit are those of one side
+        *fit = problem.linear(&fit.unknowns, fit.x.clone())?;
     }
     if let Some((_, fit)) = search.steps.last_mut() {
         fit.clone_from(&search.fit);

@@ -332,6 +332,12 @@ impl Whitener {
 
     /// Whitens numbers given by entry, in SI units.
     pub fn whiten(&self, values: &mut [f64]) {
+        self.whiten_plain(values);
+        self.shrink(values);
+    }
+
+    /// The same but for the common errors.
+    pub fn whiten_plain(&self, values: &mut [f64]) {
         for (value, weight) in values.iter_mut().zip(&self.weight) {
             *value *= weight;
         }
@@ -344,7 +350,6 @@ impl Whitener {
         for zero in &self.zeros {
             zero.shrink(values);
         }
-        self.shrink(values);
     }
 
     /// The part of the whitening that is due to common errors, on numbers that are white but for these.

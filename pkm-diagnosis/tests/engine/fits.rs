@@ -105,6 +105,25 @@ fn a_curved_fit_ends_at_the_bottom() {
     }
 }
 
+/// Under common errors, too: the same as central differences at the end.
+#[test]
+fn the_linear_form_of_a_fit_is_that_where_it_ends() {
+    let mut model = with_common_errors(&mut fastrand::Rng::with_seed(17));
+    model.curve = 0.1;
+    let s = 0.1e-6;
+    let data = simulated(&model, vec![0; 9], &[-1.5, 0.8], s, 17);
+    let whitener = Whitener::new(&data, &even(s));
+    let plain = Problem::new(&data, &whitener, &model, RULES);
+    for whitener in levels::whiteners(&plain).unwrap() {
+        let problem = plain.with(&whitener);
+        let fit = problem.fit(&unknowns(2), &[0.0; 2]).unwrap();
+        let there = problem.linear(&unknowns(2), fit.x.clone()).unwrap();
+        close(fit.residuals.as_slice(), there.residuals.as_slice(), 1e-9);
+        assert!((&fit.jacobian - &there.jacobian).amax() < 1e-5 * there.jacobian.amax());
+        assert!((fit.ln_evidence() - there.ln_evidence()).abs() < 1e-3);
+    }
+}
+
 /// Strongly curved predictions under little noise take many steps: a fit that is given ends at the bottom all the same.
 #[test]
 fn a_fit_that_takes_long_is_no_worse_than_another() {

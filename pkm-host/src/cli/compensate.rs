@@ -58,6 +58,11 @@ pub(crate) struct Args {
     /// For G-code: how far the straight moves of an arc may be from it.
     #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM", default_value_t = CHORD_MM)]
     chord_mm: f64,
+    /// For G-code: has LinuxCNC's stand-alone interpreter read the program, rs274 or its path. It knows what is refused here: subroutines in other
+    /// files, radius compensation (G41, G42), turned work frames, its own parameters, more cycles. The new program is
+    /// written out: loops, subroutines and cycles as moves behind the lines that made them.
+    #[arg(long, value_name = "RS274")]
+    interpreter: Option<PathBuf>,
     /// For G-code: leaves out the lines that begin with `/`, as a control does whose block delete is on. Without it they are
     /// made, and written without the `/`.
     #[arg(long)]
@@ -100,6 +105,9 @@ impl Args {
         if is_program(&self.path) == Some(false) && (self.job.is_some() || self.tools.is_some()) {
             return Err(Failure::usage("--job and --tools are for G-code: a CSV gives the tool in B"));
         }
+        if is_program(&self.path) == Some(false) && self.interpreter.is_some() {
+            return Err(Failure::usage("--interpreter is for G-code"));
+        }
         if is_program(&self.path) == Some(false) && self.limits.is_some() {
             return Err(Failure::usage("--limits is for G-code: a CSV has no feed"));
         }
@@ -141,7 +149,14 @@ impl Args {
             self.wrench.map_or(String::new(), |w| format!(", load {} N, N m", w.map(|v| v.to_string()).join(" ")));
         let path = self.path.file_name().unwrap_or(OsStr::new("")).to_string_lossy();
         let names = [model.machine.name.as_str(), &table, &printable(&path)].join(", ");
-        format!("{MARK}: machine {names}{load}")
+        let reader = self.interpreter.as_ref().map_or(String::new(), |_| format!(", read by {}", self.reader()));
+        format!("{MARK}: machine {names}{load}{reader}")
+    }
+
+    /// What reads a program.
+    fn reader(&self) -> String {
+        let own = || "pkm-host".to_owned();
+        self.interpreter.as_ref().map_or_else(own, |rs274| format!("LinuxCNC's interpreter, {}", rs274.display()))
     }
 }
 
@@ -161,10 +176,11 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let svg = args.out.with_extension("svg");
     let [name, svg_name] = args.names(&svg)?;
     let (setup, others) = args.setup()?;
-    let (path, source) = ToolPath::read(&args.path, args.wrench, &setup)?;
-    let facts = [facts(args, &model, &source), others].concat();
-    session.warn(path.warnings().to_vec());
+    let (path, source) = ToolPath::read(&args.path, args.wrench, &setup, args.interpreter.as_deref())?;
     let in_program = matches!(path, ToolPath::Program(_));
+    let mut facts = [facts(args, &model, &source), others].concat();
+    facts.extend(in_program.then(|| ("Read by", args.reader())));
+    session.warn(path.warnings().to_vec());
     if is_program(&args.out).is_some_and(|to| to != in_program) {
         let message = "expected a name for the kind of file that --path is, CSV or G-code";
         return Err(Failure::usage(message).in_file(args.out.display().to_string()));
@@ -195,11 +211,13 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     source::write_all(folder, &files, &inputs)?;
     let [out, plot, page] = [&args.out, &svg, &folder.join(REPORT)].map(|path| path.display().to_string());
     let points = track.points;
+    let reader = args.interpreter.as_ref().map_or(String::new(), |_| format!("read by {}\n", args.reader()));
     let text = format!(
-        "wrote {points} points to {out} and their errors to {plot} and {page}\n{}",
+        "{reader}wrote {points} points to {out} and their errors to {plot} and {page}\n{}",
         report::text(&track, margin)
     );
     let mut json = report::document(&track);
+    json["reader"] = json!(in_program.then(|| args.reader()));
     (json["out"], json["plot"], json["report"]) = (json!(out), json!(plot), json!(page));
     session.output(text, &json)
 }

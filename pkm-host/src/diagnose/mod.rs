@@ -29,7 +29,7 @@ mod residual_table;
 mod state;
 #[cfg(test)]
 mod tests;
-mod text;
+pub(crate) mod text;
 pub mod verify;
 pub(crate) mod write;
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 use pkm_core::{Machine, ScrewLengths};
-use pkm_diagnosis::Rules;
+use pkm_diagnosis::{NoiseSource, Rules};
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::findings::DeclaredFinding;
@@ -86,7 +86,7 @@ fn certainty(d: &Diagnosis) -> String {
         format!("the residuals are more than noise (p = {p:.0e})")
     };
     let of_places = d.effects.iter().map(|e| e.probability).reduce(f64::min);
-    let place = of_places.map_or(String::new(), |p| format!("; probability of the place {p:.2}"));
+    let place = of_places.map_or(String::new(), |p| format!("; probability of the place {}", text::probability(p, 2)));
     let (Some(before), Some(after)) = (of(&held.all, Rival::Declared), of(&held.all, Rival::After)) else {
         return format!("{noise}{place}.");
     };
@@ -143,7 +143,8 @@ fn alike(class: &[String]) -> String {
 fn of_effect(e: &Effect) -> String {
     let what = if e.is_measurement() { "an error of the measurement, not of the machine" } else { "physics" };
     let among = if e.place_class.is_empty() { String::new() } else { format!(" or {}", e.place_class.join(", ")) };
-    let place = format!("at {}{among} ({}, law: {}, probability {:.2})", e.place, e.motion, e.law, e.probability);
+    let p = text::probability(e.probability, 2);
+    let place = format!("at {}{among} ({}, law: {}, probability {p})", e.place, e.motion, e.law);
     let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
     // a finding without a formula has none
     let parameters = if parameters.is_empty() { String::new() } else { format!("; {}", parameters.join(", ")) };
@@ -393,16 +394,18 @@ fn facts(
 ) -> Vec<(&'static str, String)> {
     // the gauge's, where there is one, last
     let used = if d.noise.within[GAUGE] > 0.0 { CHANNELS } else { GAUGE };
-    let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(" ");
+    let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(", ");
+    let from = if d.noise.source == NoiseSource::Repeats { "by repeats" } else { "as declared" };
+    let misfit = |statistic: f64, p: f64| format!("{statistic:.3}, p = {}", text::probability(p, 2));
     vec![
         ("Seed", SEED.to_string()),
         ("Machine file", of_file(&file.source)),
         ("Data", format!("{}, {} scalar observations at {} poses", of_file(&readings.source), d.size.0, d.size.1)),
         ("Held-out readings", held_out.map_or("none: poses left out in turn".into(), |h| of_file(&h.source))),
-        ("Noise of a reading, by channel, µm and µrad", format!("{} ({:?})", micro(&d.noise.within), d.noise.source)),
-        ("Zero error of a series", micro(&d.noise.between)),
-        ("Lack of fit before", format!("{:.4}, p = {:.2e}", d.judgement.before.statistic, d.judgement.before.p)),
-        ("Lack of fit after", format!("{:.4}, p = {:.2e}", d.judgement.after.statistic, d.judgement.after.p)),
+        ("Noise by channel, µm and µrad", format!("{}, {from}", micro(&d.noise.within))),
+        ("Zero error of a series, likewise", micro(&d.noise.between)),
+        ("Misfit over noise, before", misfit(d.judgement.before.statistic, d.judgement.before.p)),
+        ("Misfit over noise, after", misfit(d.judgement.after.statistic, d.judgement.after.p)),
     ]
 }
 
@@ -453,7 +456,7 @@ pub fn html(
     let steps: Vec<_> =
         (d.steps.iter()).map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors)))).collect();
     let structure: Vec<_> = (d.structure.iter())
-        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), format!("{:.2e}", s.p)]))
+        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), text::probability(s.p, 2)]))
         .collect();
     let proposals: Vec<_> = (d.proposals.iter().enumerate())
         .map(|(n, p)| {
@@ -467,7 +470,8 @@ pub fn html(
         h2 { "Before and after" }
         (picture(
             "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that \
-             count. Lines: 95 % intervals, where there are poses enough; without an end where there is no upper one.",
+             count: all, and by where their poses lie and whether their loads were read before. Lines: 95 % intervals, \
+             where there are poses enough; without an end where there is no upper one.",
             &plot::bars("Translation error, rms", "µm", &labels, &bars)?,
         ))
         (condition::condition(d))
@@ -485,7 +489,7 @@ pub fn html(
             @let on = if on_others { "held out, all" } else { "the readings" };
             (table(&format!("After each find, errors on {on}"), &ERROR_HEADS, &steps))
         }
-        (table("Share of the misfit left that goes with", &["share", "p"], &structure))
+        (table("What the remaining misfit goes with: its share, and the probability of as much by chance (p)", &["share", "p"], &structure))
         h2 { "What to measure next" }
         @if proposals.is_empty() {
             p { "There are no rivals to tell apart." }

@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3, Vector6};
 use pkm_core::effects::{EFFECTS, Law, MAX_PARAMETERS};
-use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, StiffnessFactor, Wrench};
+use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, Wrench};
 
 use super::model::MEASUREMENT;
 use crate::files::readings::{CHANNELS, Condition};
@@ -18,11 +18,18 @@ pub struct State {
     pub measurement: [[f64; MAX_PARAMETERS]; MEASUREMENT.len()],
 }
 
-/// What determines the deflections of a machine at a pose.
-type Answer<'a> = (StiffnessFactor<f64>, LoadResponse<'a, f64>);
+/// What determines the deflections of a machine at a pose: its compliance, as poses have more loads than a wrench has
+/// components, and what depends on the load.
+type Answer<'a> = (Matrix6<f64>, LoadResponse<'a, f64>);
 
 fn answer<'a>(machine: &'a Machine<f64>, pose: &Pose<f64>) -> Option<Answer<'a>> {
-    Some((machine.stiffness(pose).ok()?.factor().ok()?, machine.load_response(pose).ok()?))
+    let factor = machine.stiffness(pose).ok()?.factor().ok()?;
+    let mut compliance = Matrix6::zeros();
+    for (i, mut column) in compliance.column_iter_mut().enumerate() {
+        let unit = Wrench::from_vector(Vector6::ith(i, 1.0));
+        column.copy_from(&factor.deflection(&unit).ok()?.to_vector());
+    }
+    Some((compliance, machine.load_response(pose).ok()?))
 }
 
 impl State {
@@ -64,10 +71,10 @@ impl State {
                 let machine = machines.get(&warmth(c))?;
                 there.push((warmth(c), machine, answer(machine, pose)?));
             }
-            let (_, machine, (factor, response)) = &there[n];
+            let (_, machine, (compliance, response)) = &there[n];
             let wrench = loaded(&c.wrench, c.point_m);
             let turned_at = loaded(&c.turned_at, c.point_m);
-            let linear: Deflection<f64> = factor.deflection(&wrench).ok()?;
+            let linear = Deflection::from_vector(compliance * wrench.to_vector());
             let mut d = linear.plus(&response.deflection(&wrench, &turned_at).ok()?);
             if grows {
                 d = d.plus(&machine.thermal_deflection(pose, c.rise_k).ok()?);

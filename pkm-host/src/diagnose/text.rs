@@ -103,11 +103,29 @@ fn figures(value: f64) -> String {
     }
 }
 
-/// An amplitude, as `play 6.8 ± 0.2 µm`.
+/// A probability with so many decimals: one that is not 1 does not read as 1.
+pub(crate) fn probability(p: f64, decimals: usize) -> String {
+    let least = 0.1_f64.powi(decimals as i32);
+    match p {
+        _ if p > 1.0 - least => format!("> {:.decimals$}", 1.0 - least),
+        _ if p < least => format!("< {least:.decimals$}"),
+        _ => format!("{p:.decimals$}"),
+    }
+}
+
+/// An amplitude, as `play 6.8 ± 0.2 µm`: two figures of the error, and the value to the same place.
 pub fn amplitude(name: &str, value: f64, error: Option<f64>) -> String {
     let (bare, unit, factor) = units(name);
-    let error = error.map_or(String::new(), |e| format!(" ± {}", figures(factor * e)));
-    format!("{} {}{error} {unit}", bare.replace('_', " "), figures(factor * value))
+    let (bare, value) = (bare.replace('_', " "), factor * value);
+    let Some(error) = error.map(|e| factor * e) else { return format!("{bare} {} {unit}", figures(value)) };
+    match 1.0 - error.log10().floor() {
+        // without the sign of what rounds to 0
+        places @ ..=6.0 if value.abs() < 1e5 => {
+            let (places, tenth) = (places.max(0.0) as usize, 10_f64.powf(places.max(0.0)));
+            format!("{bare} {:.places$} ± {error:.places$} {unit}", (value * tenth).round() / tenth + 0.0)
+        }
+        _ => format!("{bare} {} ± {} {unit}", figures(value), figures(error)),
+    }
 }
 
 /// A load, as `Fx −400 N`.
@@ -127,10 +145,15 @@ mod tests {
 
     #[test]
     fn amplitudes_and_loads_read_as_people_say_them() {
-        assert_eq!(amplitude("play_m", 6.8e-6, Some(2e-7)), "play 6.80 ± 0.200 µm");
+        assert_eq!(amplitude("play_m", 6.8e-6, Some(2e-7)), "play 6.80 ± 0.20 µm");
+        assert_eq!(amplitude("axial_m_per_n", -9e-17, Some(1.2e-12)), "axial 0.0000 ± 0.0012 nm/N");
+        assert_eq!(amplitude("tube_m", 0.356, Some(0.15)), "tube 356 ± 150 mm");
+        assert_eq!(amplitude("axial_m_per_n", 5e-9, Some(0.0)), "axial 5.00 ± 0 nm/N");
         assert_eq!(amplitude("axial_m_per_n", 5.2e-9, None), "axial 5.20 nm/N");
         assert_eq!(amplitude("error_m", -4e-3, None), "error -4.00 mm");
         assert_eq!(amplitude("forces", 0.05, None), "forces 5.00 %");
+        assert_eq!([0.9949, 0.996, 0.5, 0.004].map(|p| probability(p, 2)), ["> 0.99", "> 0.99", "0.50", "< 0.01"]);
+        assert_eq!(probability(1.0, 4), "> 0.9999");
         let w = Wrench::from_vector([-400.0, 0.0, 0.0, 0.0, 0.0, 25.0].into());
         assert_eq!(load(&w), "Fx −400 N, Mz 25 N·m");
     }

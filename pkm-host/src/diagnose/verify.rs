@@ -5,6 +5,7 @@ use pkm_diagnosis::student;
 use serde::Serialize;
 
 use super::estimates::COVERAGE;
+use super::text::probability;
 use crate::files::verified::{Condition, Diagnosed, Finding, Quantity};
 
 /// Largest probability that any of the changes that are named is nothing but noise.
@@ -258,14 +259,14 @@ fn fates(before: &Diagnosed, after: &Diagnosed) -> Vec<Fate> {
         fates.push(match after.effects.iter().find(|o| is_same(f, o)) {
             Some(other) => both(f, other, dof),
             None => {
-                let text =
-                    format!("{} was found before, probability {:.2}, and is found no more", name(f), f.probability);
+                let p = probability(f.probability, 2);
+                let text = format!("{} was found before, probability {p}, and is found no more", name(f));
                 Fate { finding: name(f), verdict: "gone", probability: Some(f.probability), text }
             }
         });
     }
     for f in after.effects.iter().filter(|f| before.effects.iter().all(|o| !is_same(f, o))) {
-        let text = format!("{} is new, probability {:.2}", name(f), f.probability);
+        let text = format!("{} is new, probability {}", name(f), probability(f.probability, 2));
         fates.push(Fate { finding: name(f), verdict: "new", probability: Some(f.probability), text });
     }
     let has = |d: &Diagnosed, key: &str| d.declared_value_findings.iter().any(|f| f.parameter == key);

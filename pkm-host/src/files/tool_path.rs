@@ -10,7 +10,7 @@ use crate::files::csv::Row;
 use crate::files::dataset::{self, Sheet, WRENCH_COLUMNS};
 use crate::files::gcode::{Program, Setup, Writer};
 use crate::files::path::{Load, Move, Place, Toward};
-use crate::files::source::Source;
+use crate::files::source::{Source, folder_of};
 
 /// How a comment begins that says of a path that it went through `compensate`: in every program; in a CSV, which others read
 /// line by line, only with something to tell.
@@ -56,11 +56,11 @@ fn kind_of(path: &Path) -> Result<bool> {
 
 impl ToolPath {
     /// Reads a path, its kind by its name, and says from what. `wrench` is a program's load until a comment sets another, `setup` what it does not
-    /// say of the machine.
+    /// say of the machine. A program is read by LinuxCNC's interpreter where that is given.
     ///
     /// # Errors
-    /// See [`read_csv`] and [`Program::parse`]; another name; a path that is compensated already.
-    pub fn read(path: &Path, wrench: Option<[f64; 6]>, setup: &Setup) -> Result<(Self, Source)> {
+    /// See [`read_csv`], [`Program::parse`] and [`Program::parse_by`]; another name; a path that is compensated already.
+    pub fn read(path: &Path, wrench: Option<[f64; 6]>, setup: &Setup, rs274: Option<&Path>) -> Result<(Self, Source)> {
         let is_program = kind_of(path)?;
         let source = Source::read(path)?;
         let marked = |l: &str| l.strip_prefix(['(', '#']).is_some_and(|l| l.trim_start().starts_with(MARK));
@@ -69,7 +69,11 @@ impl ToolPath {
             return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
         }
         if is_program {
-            let program = Program::parse_with(&source, wrench.map(|w| Wrench::from_vector(w.into())), setup)?;
+            let wrench = wrench.map(|w| Wrench::from_vector(w.into()));
+            let program = match rs274 {
+                Some(rs274) => Program::parse_by(rs274, &source, folder_of(path), wrench, setup)?,
+                None => Program::parse_with(&source, wrench, setup)?,
+            };
             return Ok((Self::Program(program), source));
         }
         if wrench.is_some() {

@@ -27,6 +27,7 @@ struct Tool {
     number: u32,
     /// Over the flange of the machine file.
     length_mm: f64,
+    diameter_mm: Option<f64>,
     cutter: Option<Cutter>,
 }
 
@@ -169,18 +170,39 @@ impl Tools {
         self.tool(number).and_then(|tool| tool.cutter)
     }
 
+    /// The number of a tool that is so long, of the one in hand if it is.
+    pub fn with_length(&self, in_hand: f64, length_mm: f64, tolerance_mm: f64) -> Option<u32> {
+        let mut tools = self.tool(in_hand).into_iter().chain(&self.tools);
+        tools.find(|tool| (tool.length_mm - length_mm).abs() <= tolerance_mm).map(|tool| tool.number)
+    }
+
+    /// Whether all tools have a diameter.
+    pub fn have_diameters(&self) -> bool {
+        self.tools.iter().all(|tool| tool.diameter_mm.is_some())
+    }
+
+    /// As LinuxCNC keeps them, in a unit of so many mm.
+    pub fn to_table(&self, unit_mm: f64) -> String {
+        let line = |(n, tool): (usize, &Tool)| {
+            let [length, diameter] = [tool.length_mm, tool.diameter_mm.unwrap_or(0.0)].map(|mm| mm / unit_mm);
+            format!("T{} P{} Z{length} D{diameter}\n", tool.number, n + 1)
+        };
+        self.tools.iter().enumerate().map(line).collect()
+    }
+
     fn tool(&self, number: f64) -> Option<&Tool> {
         self.tools.iter().find(|tool| f64::from(tool.number) == number)
     }
 
-    fn add(&mut self, number: u32, length_mm: f64, cutter: Option<Cutter>) -> std::result::Result<(), String> {
+    fn add(&mut self, tool: Tool) -> std::result::Result<(), String> {
+        let Tool { number, length_mm, .. } = tool;
         if !(length_mm.abs() <= MAX_LENGTH_MM) {
             return Err(format!("expected a length within ±{MAX_LENGTH_MM} mm, found {length_mm}"));
         }
         if self.length_mm(f64::from(number)).is_some() {
             return Err(format!("duplicate tool {number}"));
         }
-        self.tools.push(Tool { number, length_mm, cutter });
+        self.tools.push(tool);
         Ok(())
     }
 
@@ -204,7 +226,9 @@ impl Tools {
             }
             let failed = |message| fail(tool.length_mm.span().start, "tool.length_mm", message);
             let cutter = tool.cutter().map_err(checked)?;
-            tools.add(*tool.number.get_ref(), *tool.length_mm.get_ref(), cutter).map_err(failed)?;
+            let (number, length_mm) = (*tool.number.get_ref(), *tool.length_mm.get_ref());
+            let diameter_mm = tool.diameter_mm.as_ref().map(|d| *d.get_ref());
+            tools.add(Tool { number, length_mm, diameter_mm, cutter }).map_err(failed)?;
         }
         Ok(tools)
     }
@@ -214,7 +238,7 @@ impl Tools {
         let mut tools = Self::default();
         for (n, line) in source.text()?.lines().enumerate() {
             let fail = |message: String| Failure::input(message).in_file(&source.name).at_line(n as u64 + 1);
-            let (mut number, mut length_mm) = (None, 0.0);
+            let (mut number, mut length_mm, mut diameter_mm) = (None, 0.0, None);
             for word in line.split(';').next().unwrap_or_default().split_whitespace() {
                 let (letter, value) = word.split_at_checked(1).unwrap_or((word, ""));
                 let expected =
@@ -223,7 +247,8 @@ impl Tools {
                 match letter.to_ascii_uppercase().as_str() {
                     "T" if value.fract() == 0.0 && (0.0..1e9).contains(&value) => number = Some(value as u32),
                     "Z" => length_mm = value,
-                    "P" | "D" | "I" | "J" | "Q" => {}
+                    "D" => diameter_mm = Some(value),
+                    "P" | "I" | "J" | "Q" => {}
                     "X" | "Y" | "A" | "B" | "C" | "U" | "V" | "W" if value == 0.0 => {}
                     "X" | "Y" | "A" | "B" | "C" | "U" | "V" | "W" => {
                         return Err(fail(format!("`{word}`: only offsets along Z are supported")));
@@ -232,7 +257,7 @@ impl Tools {
                 }
             }
             if let Some(number) = number {
-                tools.add(number, length_mm, None).map_err(fail)?;
+                tools.add(Tool { number, length_mm, diameter_mm, cutter: None }).map_err(fail)?;
             }
         }
         Ok(tools)

@@ -63,7 +63,7 @@ fn observations(unloaded: &Unloaded) -> Observations {
 
 /// The minimum of a problem. The optimiser ends where its tolerance lets it; Newton steps with exact slopes go on from there.
 fn fit(problem: &Problem<'_>, unknowns: &[Unknown], start: &[f64]) -> Option<Fit> {
-    let mut fit = problem.fit(unknowns, start)?;
+    let mut fit = problem.linear(unknowns, problem.fit(unknowns, start)?.x)?;
     for _ in 0..MAX_POLISHING_STEPS {
         let slope = fit.jacobian.tr_mul(&fit.residuals) - &fit.x;
         let step = fit.information.solve(&slope);

@@ -131,7 +131,9 @@ impl Page<'_> {
         let warnings: Vec<Finding> = self.warnings.iter().map(Finding::warning).collect();
         let of = |role: Role| self.findings[1..].iter().filter(move |f| f.role == role);
         let others: Vec<&Finding> = warnings.iter().chain(of(Role::Found)).collect();
-        let (shown, more) = others.split_at(others.len().min(SHOWN));
+        // a heading for one takes as much room as that one
+        let shown = if others.len() == SHOWN + 1 { others.len() } else { others.len().min(SHOWN) };
+        let (shown, more) = others.split_at(shown);
         let list = |findings: &[&Finding]| {
             html! {
                 ul {

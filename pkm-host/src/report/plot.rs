@@ -26,6 +26,8 @@ pub(crate) const COLOURS: [RGBColor; 8] = [
 pub enum Mark {
     /// Filled circles.
     Dot,
+    /// Filled circles with their numbers, from 1.
+    Numbered,
     /// Crosses.
     Cross,
     /// Filled circles on a line.
@@ -42,7 +44,7 @@ impl Mark {
     /// For a page's script.
     pub(super) fn name(self) -> &'static str {
         match self {
-            Self::Dot => "dot",
+            Self::Dot | Self::Numbered => "dot",
             Self::Cross => "cross",
             Self::Line => "line",
             Self::Step => "step",

@@ -4,6 +4,7 @@ use maud::html;
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 use serde_json::{Value, json};
 
+use crate::diagnose::text::probability;
 use crate::error::Result;
 use crate::files::dataset::{POINT_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, pose_cells, to_csv};
 use crate::files::learn::{named, units};
@@ -18,6 +19,10 @@ const K95: f64 = 1.96;
 /// Points of a curve, at most.
 const POINTS: usize = 400;
 const DAY_S: f64 = 86_400.0;
+/// Of all charts.
+const DAYS: &str = "days since the first reading";
+/// So many times the usual interval may be as wide as what a chart of values shows, or the first one would flatten the curve.
+const WIDEST: f64 = 3.0;
 /// An amplitude with more than this of its variance left is not known.
 const UNKNOWN: f64 = 0.5;
 /// So many readings refused in a row are no spikes.
@@ -52,15 +57,21 @@ fn curves(replay: &Replay) -> Vec<Panel> {
     };
     let panel = |(n, own): (usize, &AmplitudeSettings)| {
         let (_, unit, scale) = units(own.amplitude);
-        let mut band = curve(n, -K95, scale);
-        band.extend(curve(n, K95, scale).into_iter().rev());
+        let best = curve(n, 0.0, scale);
+        let mut widths: Vec<f64> = replay.steps.iter().map(|step| scale * K95 * step.values[n].1).collect();
+        widths.sort_by(f64::total_cmp);
+        let room = WIDEST * widths.get(widths.len() / 2).copied().unwrap_or(0.0);
+        let reach = |sign: f64| best.iter().map(|(_, value)| sign * value).fold(f64::NEG_INFINITY, f64::max) + room;
+        let (low, high) = (-reach(-1.0), reach(1.0));
+        let edge = |k: f64| curve(n, k, scale).into_iter().map(move |(day, value)| (day, value.clamp(low, high)));
+        let band: Vec<_> = edge(-K95).chain(edge(K95).rev()).collect();
         Panel {
             title: named(own.amplitude),
-            x_label: "days".to_owned(),
+            x_label: DAYS.to_owned(),
             y_label: unit.to_owned(),
             series: vec![
                 Series { name: "95 % interval".to_owned(), points: band, mark: Mark::Band },
-                Series { name: "best value".to_owned(), points: curve(n, 0.0, scale), mark: Mark::Line },
+                Series { name: "best value".to_owned(), points: best, mark: Mark::Line },
             ],
         }
     };
@@ -71,7 +82,7 @@ fn innovations(replay: &Replay) -> Panel {
     let taken = replay.steps.iter().enumerate().filter_map(|(i, step)| Some((days(replay, i), step.outcome.ok()?)));
     Panel {
         title: "χ² of each reading over its components: 1 on average".to_owned(),
-        x_label: "days".to_owned(),
+        x_label: DAYS.to_owned(),
         y_label: "χ² over components".to_owned(),
         series: vec![Series { name: "readings".to_owned(), points: taken.collect(), mark: Mark::Dot }],
     }
@@ -82,14 +93,14 @@ fn said(replay: &Replay, (n, alarm): &(usize, Alarm)) -> String {
     let amplitude = replay.learn.amplitudes[*n].amplitude;
     let (name, (_, unit, scale)) = (named(amplitude), units(amplitude));
     let direction = if alarm.change > 0.0 { "more" } else { "less" };
-    let plural = if alarm.readings == 1 { "" } else { "s" };
+    let (plural, say) = if alarm.readings == 1 { ("", "says") } else { ("s", "say") };
     format!(
-        "{name}: {:.2} ± {:.2} {unit} {direction} than at acceptance (95 %), since {} reading{plural}. That this is enough for an alarm has \
-         a probability of {:.3}. Inspect it.",
+        "{name}: {:.2} ± {:.2} {unit} {direction} than at acceptance (95 %), as the last {} reading{plural} {say} (probability that it is \
+         worth an alarm: {}). Inspect it.",
         scale * alarm.change.abs(),
         scale * K95 * alarm.deviation,
         alarm.readings,
-        alarm.probability
+        probability(alarm.probability, 3)
     )
 }
 
@@ -99,10 +110,15 @@ fn aged(replay: &Replay) -> String {
     let known = replay.steps.iter().rev().find(|step| step.outcome.is_ok()).map_or(&[][..], |step| &step.values);
     let grown = known.iter().zip(&replay.age.deviations).map(|((_, before), now)| now / before).fold(1.0, f64::max);
     format!(
-        "At the log's end the first reading that was taken in is {first:.1} days old, the last one {last:.1} days; with the drift that is \
-         allowed until then the intervals are up to {:.0} % wider than after that.",
+        "At the log's end the first reading that was taken in is {first:.1} days old, the last one {last:.1} days; the drift that is \
+         allowed until then makes the intervals up to {:.0} % wider than readings left them.",
         100.0 * (grown - 1.0)
     )
+}
+
+/// Readings in the fit.
+fn fitted(replay: &Replay) -> usize {
+    replay.steps.iter().filter(|step| step.outcome.is_ok()).count().min(BATCH)
 }
 
 /// Readings that were refused, by code.
@@ -157,7 +173,10 @@ fn advice(replay: &Replay) -> [Finding; 2] {
         "what is known of each amplitude stands in the table: a change within its interval would not be seen."
             .to_owned()
     } else {
-        format!("the change is {} times its standard deviation; the curves show when it came.", sizes.join(" and "))
+        format!(
+            "the change is {} times its standard deviation; the curves below show when it came.",
+            sizes.join(" and ")
+        )
     };
     let todo = if !standing.is_empty() {
         let names = names.join(" and ");
@@ -230,14 +249,14 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
         refusals(replay).into_iter().map(|(n, count)| (n.to_owned(), vec![count.to_string()])).collect();
     let alarms: Vec<_> =
         replay.raised().map(|(step, alarm)| (format!("line {}", step.line), vec![said(replay, alarm)])).collect();
-    let fit = format!("fit of the last {BATCH}, 95 %");
+    let fit = format!("fit of the last {}, 95 %", fitted(replay));
     let body = html! {
         h2 { "What was learned" }
-        (page::charts("Best value of each amplitude, reading by reading, and where it is with a probability of 95 %.", &curves(replay))?)
-        (page::table("At the end of the log, beside a least-squares fit of the last readings with the same prior.",
+        (page::charts("Best value of each amplitude, reading by reading, and where it is with a probability of 95 %, as far as the chart goes.", &curves(replay))?)
+        (page::table("At the end of the log, beside one fit of many readings, which averages over a change where the estimator follows it. Variance left: of what was unknown before the first reading.",
             &["unit", "estimator, 95 %", &fit, "variance left"], &rows(replay)))
         h2 { "Readings" }
-        (page::charts("How far each reading was from what was expected of it.", &[innovations(replay)])?)
+        (page::charts("How far each reading that was taken in was from what was expected of it, in noise variances.", &[innovations(replay)])?)
         @if !replay.next.is_empty() {
             h2 { "Where to probe next" }
             (page::table(
@@ -258,9 +277,10 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
 /// For the terminal.
 pub fn text(replay: &Replay) -> String {
     let mut text: String = findings(replay).into_iter().map(|finding| format!("{}\n", finding.text)).collect();
+    let fitted = fitted(replay);
     for (name, cells) in rows(replay) {
         text.push_str(&format!(
-            "  {name}: {} {} (fit of the last {BATCH}: {}), {} of its variance left\n",
+            "  {name}: {} {} (fit of the last {fitted}: {}), {} of its variance left\n",
             cells[1], cells[0], cells[2], cells[3]
         ));
     }

@@ -3,18 +3,22 @@
 use maud::html;
 use serde_json::{Value, json};
 
+use crate::diagnose::text::probability;
 use crate::diagnose::verify::{Change, Verification};
 use crate::report::page::{Finding, Page, table};
+
+/// Of probabilities.
+const DECIMALS: usize = 4;
 
 /// One change in a sentence.
 fn sentence(c: &Change) -> String {
     format!(
-        "{}: {:.1} % {} (± {:.1} %, probability {:.4})",
+        "{}: {:.1} % {} (± {:.1} %, probability {})",
         c.what,
         c.change_percent.abs(),
         c.verdict,
         c.expanded_uncertainty_percent,
-        c.probability
+        probability(c.probability, DECIMALS)
     )
 }
 
@@ -29,7 +33,7 @@ fn findings(v: &Verification) -> Vec<Finding> {
                 "Nothing has changed beyond its uncertainty: what is compared is known to {least:.1} % or better."
             ))
         }
-        (_, Some(first)) => Finding::warning(format!("The machine has changed. {}.", sentence(first))),
+        (_, Some(first)) => Finding::warning(format!("The machine has changed: {}.", sentence(first))),
         (_, None) => {
             Finding::warning("What was found has changed, the machine's stiffnesses have not beyond uncertainty.")
         }
@@ -64,13 +68,13 @@ pub(crate) fn text(v: &Verification) -> String {
     text.push_str("                    before        after   change %    ± 95 %   probability\n");
     for c in &v.changes {
         text.push_str(&format!(
-            "  {:<13} {:>12.4e} {:>12.4e} {:>+10.2} {:>9.2}   {:.4}  {} ({})\n",
+            "  {:<13} {:>12.4e} {:>12.4e} {:>+10.2} {:>9.2} {:>13}  {} ({})\n",
             c.quantity,
             c.before,
             c.after,
             c.change_percent,
             c.expanded_uncertainty_percent,
-            c.probability,
+            probability(c.probability, DECIMALS),
             c.verdict,
             c.unit
         ));
@@ -98,7 +102,7 @@ pub(crate) fn html(v: &Verification, machine: &str, facts: Vec<(&str, String)>, 
             format!("{:.2}", c.expanded_uncertainty_percent),
             format!("{:.2}", c.k),
             dof,
-            format!("{:.4}", c.probability),
+            probability(c.probability, DECIMALS),
             c.verdict.to_owned(),
         ]
     };

@@ -105,7 +105,7 @@ fn programs_are_compensated() {
         let args = ["compensate", "--path", &path, "--job", &job, "--tools", &tools, "--wrench", WRENCH, "--out", &out];
         let summary = json(&[&args[..], &step].concat());
         let [before, after] = ["error_before_um", "error_after_um"].map(|key| summary[key]["max"].as_f64().unwrap());
-        assert!(before > 0.5 && after < 0.01, "{}: {before} µm, {after} µm", case.name);
+        assert!(before > 0.5 && after < 0.01 && after < 0.01 * before, "{}: {before} µm, {after} µm", case.name);
         // where it is read again it asks for points near those of the program
         let again = case.read(&folder.read("out.ngc").replace("pkm-host compensate", "made")).unwrap();
         let Says::Moves(_, last) = case.says else { unreachable!() };

@@ -28,7 +28,9 @@ fn judge(folder: &Folder, text: &str) -> String {
     let tools = format!("T1 P1 Z{} D0\nT2 P2 Z{} D0\n", length(10.0), length(25.5));
     let tools = folder.write("judge.tbl", &tools);
     let rs274 = std::env::var("RS274").unwrap_or("rs274".to_owned());
-    let said = Command::new(rs274).args(["-g", "-t", &tools, &program]).output().expect("rs274 is installed");
+    // its copy of the tool table goes to the user's folder, where another would write over it
+    let call = ["-g", "-t", &tools, &program];
+    let said = Command::new(rs274).args(call).env("HOME", folder.path("")).output().expect("rs274 is installed");
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
     assert!(said.contains("PROGRAM_END"), "{said}\n{text}");
     said

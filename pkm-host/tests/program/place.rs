@@ -303,6 +303,11 @@ fn the_case_study_shows_what_the_papers_objective_misses() {
     }
     let report = folder.read("out/report.html");
     assert!(report.contains("Series A by tip-worst") && !report.contains("NaN"));
+    // the holes of each placement have their numbers in the plan
+    let numbers = report.split("class=\"numbers\"").skip(1).map(|rest| rest.split("</g>").next().unwrap());
+    let counts: Vec<usize> = numbers.map(|group| group.matches("<text").count()).collect();
+    let holes = document["series"].as_array().expect("entries").iter().map(|e| e["holes"].as_array().unwrap().len());
+    assert_eq!(counts, holes.collect::<Vec<_>>());
 }
 
 /// Refused with a message that has all of the words.

@@ -172,12 +172,14 @@ def compensate(
     limits: FilePath | None = None,
     step_mm: float | None = None,
     chord_mm: float | None = None,
+    interpreter: FilePath | None = None,
     block_delete: bool = False,
     allow_extrapolation: bool = False,
 ) -> Compensation:
     """Writes the tool path `path` (CSV or G-code) so that it cancels the predicted deflection to the file `out`.
 
-    `wrench` is the load in N and N·m on the tool at its tip, in the tool's axes.
+    `wrench` is the load in N and N·m on the tool at its tip, in the tool's axes. `interpreter="rs274"` has LinuxCNC's interpreter
+    read a program.
     """
     document = run(
         "compensate",
@@ -190,6 +192,7 @@ def compensate(
         limits=limits,
         step_mm=step_mm,
         chord_mm=chord_mm,
+        interpreter=interpreter,
         block_delete=block_delete,
         allow_extrapolation=allow_extrapolation,
         out=out,

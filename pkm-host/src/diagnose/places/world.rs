@@ -163,11 +163,13 @@ impl Under<'_> {
 
     fn column(&self, term: &Term, solved: &[Solved], said: &[Six]) -> DVector<f64> {
         let conditions = &self.readings.conditions;
-        let elongated = |c: usize, e: V8| -> Six {
-            seen_at((solved[conditions[c].pose].response * e).into(), conditions[c].point_m)
+        // a pose has one change of its compliance, and many loads
+        let softer = |s: &Solved, e: &M8| s.response * e * s.response.transpose();
+        let all = |e: &[M8]| solved.iter().zip(e).map(|(s, e)| softer(s, e)).collect::<Vec<M6>>();
+        let moved = |change: &M6, c: usize| -> Six {
+            seen_at((change * Vector6::from(self.world.wrenches[c].0)).into(), conditions[c].point_m)
         };
-        let gives = |e: &M8, c: usize| elongated(c, e * self.world.passing(self.readings, solved, c).0);
-        let elastic = |e: &[M8], c: usize| gives(&e[conditions[c].pose], c);
+        let by_pose = |change: &[M6]| self.by_condition(|c| moved(&change[conditions[c].pose], c));
         let whitened = |mut values: Vec<f64>| {
             self.problem.whitener.whiten(&mut values);
             values
@@ -175,23 +177,26 @@ impl Under<'_> {
         let values = match term {
             Term::Fixed(column) => return (**column).clone(),
             Term::Entry(values) => whitened((**values).clone()),
-            Term::Elastic(e) => self.by_condition(|c| elastic(e, c)),
+            Term::Elastic(e) => by_pose(&all(e)),
             Term::AtPose(pose, e) => {
-                self.by_condition(|c| if conditions[c].pose == *pose { gives(e, c) } else { [0.0; 6] })
+                let change = softer(&solved[*pose], e);
+                self.by_condition(|c| if conditions[c].pose == *pose { moved(&change, c) } else { [0.0; 6] })
             }
-            Term::Beside(k) => self.by_condition(|c| {
-                let compliance = &solved[conditions[c].pose].compliance;
-                let moved = compliance * Vector6::from(self.world.wrenches[c].0);
-                seen_at((compliance * (k[conditions[c].pose] * -moved)).into(), conditions[c].point_m)
-            }),
+            Term::Beside(k) => {
+                let stiffer = |(s, k): (&Solved, &M6)| -(s.compliance * k * s.compliance);
+                by_pose(&solved.iter().zip(k.iter()).map(stiffer).collect::<Vec<M6>>())
+            }
             Term::Times(e, factors) => {
-                let all = self.read(&(0..conditions.len()).map(|c| elastic(e, c)).collect::<Vec<Six>>());
+                let change = all(e);
+                let moved = (0..conditions.len()).map(|c| moved(&change[conditions[c].pose], c));
+                let read = self.read(&moved.collect::<Vec<Six>>());
                 let entries = self.problem.whitener.entries.iter().zip(factors.iter());
-                whitened(entries.map(|(e, f)| f * all[e.condition][e.channel]).collect())
+                whitened(entries.map(|(e, f)| f * read[e.condition][e.channel]).collect())
             }
             Term::Law(law) => self.by_condition(|c| {
                 let (now, turned) = self.world.passing(self.readings, solved, c);
-                elongated(c, law(&now, &turned))
+                let d = solved[conditions[c].pose].response * law(&now, &turned);
+                seen_at(d.into(), conditions[c].point_m)
             }),
             Term::Direct(direct) => self.by_condition(|c| {
                 let pose = conditions[c].pose;

@@ -108,7 +108,8 @@ fn advice(g: f64) -> &'static str {
             "the feed is coupled to the spindle, and moves that are divided would lose that: leave it to another program"
         }
         41.0..=42.9 => {
-            "compensation of the tool's radius is not supported, since moves are divided: let the CAM system write the path of the tool's centre (G40)"
+            "compensation of the tool's radius is not supported, since moves are divided: let the CAM system write the path of the tool's centre (G40), or have \
+             LinuxCNC's interpreter compute it (--interpreter rs274)"
         }
         43.0..=44.9 => "of tool lengths G43 H, G43.4 H and G49 are supported",
         51.0 | 51.1 => "scaling and mirroring are not supported: write the moves out",
@@ -118,7 +119,8 @@ fn advice(g: f64) -> &'static str {
             "turned work frames are not supported: let the CAM system write the coordinates"
         }
         73.0..=89.9 => {
-            "of cycles G73, G81, G82 and G83 are supported: let the CAM system write the moves of others (G0, G1)"
+            "of cycles G73, G81, G82 and G83 are supported: let the CAM system write the moves of others (G0, G1), or LinuxCNC's \
+             interpreter (--interpreter rs274)"
         }
         92.0..=92.9 => "of these G92 and G92.1 are supported",
         96.0 => "a constant surface speed is for lathes: write the speed a minute (G97)",

@@ -262,7 +262,10 @@ impl<'a> Flow<'a> {
 
     fn call(&mut self, name: &str, kind: Kind, times: u32) -> Result<(), Refusal> {
         let Some(start) = self.outline.starts.get(name).copied() else {
-            return Err(format!("O{name} is not in this file: put the subprogram's lines behind the main program"));
+            return Err(format!(
+                "O{name} is not in this file: put the subprogram's lines behind the main program, or have LinuxCNC's interpreter find \
+                 its file (--interpreter rs274)"
+            ));
         };
         match times.checked_sub(1) {
             None => Ok(()),

@@ -12,10 +12,12 @@
 //! one it is estimated, where the tool table has the tool's edges and a material.
 
 mod arcs;
+mod canonical;
 mod codes;
 mod cycles;
 mod expressions;
 mod flow;
+mod linuxcnc;
 mod loads;
 mod modal;
 mod motions;
@@ -26,6 +28,8 @@ mod words;
 mod writer;
 
 pub use writer::Writer;
+
+use std::path::Path;
 
 use pkm_core::Wrench;
 
@@ -157,6 +161,29 @@ impl Program {
     /// # Errors
     /// The line that is not supported; a cut without a load; no move at all.
     pub fn parse_with(source: &Source, wrench: Option<Wrench<f64>>, setup: &Setup) -> Result<Self> {
+        Self::parse_lines(source, wrench, setup, None)
+    }
+
+    /// Reads a program as LinuxCNC's interpreter `rs274` understands it: it is written without loops, subroutines and radius compensation.
+    /// Subroutines in files are looked for in `folder`.
+    ///
+    /// # Errors
+    /// `rs274` cannot be run; what it refuses; those of [`parse_with`](Self::parse_with).
+    pub fn parse_by(
+        rs274: &Path,
+        source: &Source,
+        folder: &Path,
+        wrench: Option<Wrench<f64>>,
+        setup: &Setup,
+    ) -> Result<Self> {
+        let expanded = linuxcnc::expand(rs274, source, folder, setup)?;
+        let plain = Source::from_text(&source.name, expanded.text);
+        Self::parse_lines(&plain, wrench, setup, Some(&expanded.lines))
+    }
+
+    /// `lines`: the number of each line in the file of the user, if it is another.
+    fn parse_lines(source: &Source, wrench: Option<Wrench<f64>>, setup: &Setup, lines: Option<&[u64]>) -> Result<Self> {
+        let number = |index: usize| lines.and_then(|l| l.get(index).copied()).unwrap_or(index as u64 + 1);
         let program = Self {
             source: source.clone(),
             expanded: Vec::new(),
@@ -168,7 +195,7 @@ impl Program {
             warnings: Vec::new(),
         };
         let failed =
-            |(index, message): (usize, String)| Failure::input(message).in_file(&source.name).at_line(index as u64 + 1);
+            |(index, message): (usize, String)| Failure::input(message).in_file(&source.name).at_line(number(index));
         let mut reader = Reader {
             flow: Flow::new(source.text()?).map_err(failed)?,
             modal: Modal::new(setup),
@@ -178,7 +205,7 @@ impl Program {
         };
         let mut stops = Vec::new();
         while let Some((index, text)) = reader.flow.next() {
-            reader.step(index, text, &mut stops).map_err(|message| failed((index, message)))?;
+            reader.step(index, number(index), text, &mut stops).map_err(|message| failed((index, message)))?;
         }
         reader.finish()
     }
@@ -195,8 +222,14 @@ fn turned(place: &Place, turn: impl Fn([f64; 3]) -> [f64; 3]) -> Place {
 
 impl Reader<'_> {
     /// A line of the file.
-    fn step(&mut self, index: usize, text: &str, stops: &mut Vec<Stop>) -> std::result::Result<(), Refusal> {
-        let (place, number) = (TextAt::Line(index as u32), index as u64 + 1);
+    fn step(
+        &mut self,
+        index: usize,
+        number: u64,
+        text: &str,
+        stops: &mut Vec<Stop>,
+    ) -> std::result::Result<(), Refusal> {
+        let place = TextAt::Line(index as u32);
         if has_expressions(text) {
             let (deletable, body) = words::without_switch(text);
             let (code, comments) = words::apart(body)?;

@@ -16,6 +16,8 @@ const MAX_COORDINATE: f64 = 1e7;
 const MAX_OFFSET: f64 = 1e8;
 /// Greatest number of a word but N, S and T.
 const MAX_NUMBER: f64 = 1e9;
+/// M words with P that move nothing. Not M67 and M68, which give LinuxCNC's component the load: it would be compensated twice.
+const OVERRIDES_AND_OUTPUTS: [f64; 8] = [50.0, 51.0, 52.0, 53.0, 62.0, 63.0, 64.0, 65.0];
 
 /// What moves the tool until another is named.
 #[derive(Clone, Copy, PartialEq)]
@@ -238,6 +240,7 @@ impl<'a> Modal<'a> {
             () if passes(&[64.0]) => "PQ",
             () if passes(&[5.1, 8.0, 187.0]) => "PQRE",
             () if line.words.iter().any(|w| w.is('M', &[98.0])) => "PL",
+            () if line.words.iter().any(|w| w.is('M', &OVERRIDES_AND_OUTPUTS)) => "P",
             () => "",
         };
         let left = line

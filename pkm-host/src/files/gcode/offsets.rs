@@ -12,11 +12,20 @@ pub(super) fn frame_of(tenths: u16) -> Option<usize> {
 }
 
 /// The name of a work frame.
-fn name(frame: usize) -> String {
+pub(super) fn name(frame: usize) -> String {
     match (FRAMES[frame] / 10, FRAMES[frame] % 10) {
         (whole, 0) => format!("G{whole}"),
         (whole, tenth) => format!("G{whole}.{tenth}"),
     }
+}
+
+/// Why a work frame is refused that nothing has set.
+pub(super) fn unknown(frame: usize) -> Refusal {
+    let name = name(frame);
+    format!(
+        "where {name} lies in the machine is not known: give a --job with `{name} = [x, y, z]` under [offsets], in mm in B, or set it \
+         in the program with G10 L2"
+    )
 }
 
 /// Which of the two shifts on top of a work frame is in force: they are one register in LinuxCNC and two in Fanuc.
@@ -44,11 +53,7 @@ impl Offsets {
     /// G54 to G59.3.
     pub fn select(&mut self, frame: usize) -> Result<(), Refusal> {
         if self.frames[frame].is_none() {
-            let name = name(frame);
-            return Err(format!(
-                "where {name} lies in the machine is not known: give a --job with `{name} = [x, y, z]` under [offsets], in \
-                 mm in B, or set it in the program with G10 L2"
-            ));
+            return Err(unknown(frame));
         }
         self.frame = Some(frame);
         Ok(())

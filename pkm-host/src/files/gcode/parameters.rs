@@ -29,7 +29,7 @@ impl Parameter {
         if whole > MOST {
             let message = format!(
                 "#{whole}: parameters above #{MOST} are the control's own (places, offsets, tools), and what it keeps in them is \
-                 not known here: write the number"
+                 not known here: write the number, or have LinuxCNC's interpreter read the program (--interpreter rs274)"
             );
             return Err(message);
         }

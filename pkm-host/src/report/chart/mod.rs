@@ -175,16 +175,16 @@ impl Plot {
             let start = match series.mark {
                 Mark::Line | Mark::Step | Mark::Band => n == 0,
                 Mark::Vector => n % 2 == 0,
-                Mark::Dot | Mark::Cross => false,
+                Mark::Dot | Mark::Numbered | Mark::Cross => false,
             };
             let marked = match series.mark {
-                Mark::Dot | Mark::Step => true,
+                Mark::Dot | Mark::Numbered | Mark::Step => true,
                 Mark::Line => points.len() <= FEW_POINTS,
                 Mark::Vector => n % 2 == 1,
                 Mark::Cross | Mark::Band => false,
             };
             let _ = match series.mark {
-                Mark::Dot => Ok(()),
+                Mark::Dot | Mark::Numbered => Ok(()),
                 Mark::Cross => write!(line, "M{},{}l8,8m-8,0l8-8", px(x - 4.0), px(y - 4.0)),
                 _ if start => write!(line, "M{x},{y}"),
                 // with every point in the path, where the page's script finds it
@@ -205,6 +205,11 @@ impl Plot {
                 } @else {
                     @if !line.is_empty() { path d=(line) stroke=(colour(i)) fill="none" stroke-width=(width) {} }
                     @if !dots.is_empty() { path d=(dots) stroke=(colour(i)) fill="none" stroke-width=(size) stroke-linecap="round" {} }
+                    @if series.mark == Mark::Numbered {
+                        g.numbers font-size="12" {
+                            @for (n, (x, y)) in points.iter().enumerate() { text x=(px(x + 5.0)) y=(px(y - 4.0)) { (n + 1) } }
+                        }
+                    }
                 }
             }
         }

@@ -88,8 +88,9 @@ fn findings(sheets: &[Sheet], has_table: bool) -> Vec<Finding> {
         for (over, claims) in sheet.claims.iter().filter(|(_, claims)| !claims.is_empty()) {
             let held = claims.iter().filter(|c| c.holds).count();
             all.push(Finding::good(format!(
-                "{held} of {} statements of the paper about its own machine (Section 5.2) hold over the {over} at σ = {}°.",
+                "{held} of {} statements of the paper about its own machine (Section 5.2) hold{} over the {over} at σ = {}°.",
                 claims.len(),
+                if held == 1 { "s" } else { "" },
                 sheet.map.sigma_deg
             )));
         }

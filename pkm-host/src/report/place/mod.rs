@@ -113,8 +113,9 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
             Some(_) => format!(", turned to {:.3}°", p.position.rotary_rad.to_degrees()),
             None => String::new(),
         };
+        let unit = if p.objective == Objective::Paper { format!(" {}", p.objective.unit()) } else { String::new() };
         let mut text = format!(
-            "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}, ",
+            "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}{unit}, ",
             name(model, p),
             mm(p.position.dx_m),
             mm(p.position.dy_m),
@@ -340,7 +341,7 @@ fn plan_view(model: &PlacementModel<'_>, placed: &Placed) -> Result<Markup> {
     let mut series =
         vec![Points { name: "B of the machine".into(), points: vec![(mm(base.x), mm(base.y))], mark: Mark::Cross }];
     for p in &placed.placements {
-        series.push(Points { name: name(model, p), points: at(p), mark: Mark::Dot });
+        series.push(Points { name: name(model, p), points: at(p), mark: Mark::Numbered });
     }
     let panel = Panel {
         title: "holes at the optima".into(),
@@ -348,7 +349,10 @@ fn plan_view(model: &PlacementModel<'_>, placed: &Placed) -> Result<Markup> {
         y_label: "y of W in mm".into(),
         series,
     };
-    Ok(pictures("The holes where each objective puts them, seen along z of W.", &[plot::panel(&panel)?]))
+    Ok(pictures(
+        "The holes where each objective puts them, with their numbers of the tables, seen along z of W; to scale.",
+        &[plot::panel(&panel)?],
+    ))
 }
 
 fn convergence(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Panel> {
