@@ -396,7 +396,7 @@ fn facts(
     let used = if d.noise.within[GAUGE] > 0.0 { CHANNELS } else { GAUGE };
     let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(", ");
     let from = if d.noise.source == NoiseSource::Repeats { "by repeats" } else { "as declared" };
-    let misfit = |statistic: f64, p: f64| format!("{statistic:.3}, p = {}", text::probability(p, 2));
+    let misfit = |of: &pkm_diagnosis::verdict::LackOfFit| format!("{:.3}, p = {:.1e}", of.statistic, of.p);
     vec![
         ("Seed", SEED.to_string()),
         ("Machine file", of_file(&file.source)),
@@ -404,8 +404,8 @@ fn facts(
         ("Held-out readings", held_out.map_or("none: poses left out in turn".into(), |h| of_file(&h.source))),
         ("Noise by channel, µm and µrad", format!("{}, {from}", micro(&d.noise.within))),
         ("Zero error of a series, likewise", micro(&d.noise.between)),
-        ("Misfit over noise, before", misfit(d.judgement.before.statistic, d.judgement.before.p)),
-        ("Misfit over noise, after", misfit(d.judgement.after.statistic, d.judgement.after.p)),
+        ("Misfit over noise, before", misfit(&d.judgement.before)),
+        ("Misfit over noise, after", misfit(&d.judgement.after)),
     ]
 }
 
@@ -456,7 +456,7 @@ pub fn html(
     let steps: Vec<_> =
         (d.steps.iter()).map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors)))).collect();
     let structure: Vec<_> = (d.structure.iter())
-        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), text::probability(s.p, 2)]))
+        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), format!("{:.1e}", s.p)]))
         .collect();
     let proposals: Vec<_> = (d.proposals.iter().enumerate())
         .map(|(n, p)| {
