@@ -25,6 +25,7 @@ pub(crate) mod places;
 pub mod quality;
 mod readings_table;
 pub mod report;
+mod residual_plots;
 mod residual_table;
 mod state;
 #[cfg(test)]

@@ -4,21 +4,17 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use maud::{Markup, html};
-use pkm_core::{Machine, ScrewLengths};
 use pkm_diagnosis::{NoiseSource, Rules};
 
 use super::compare::{Errors, RIVALS, Rival};
 use super::findings::DeclaredFinding;
-use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, readings_table, text};
+use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, readings_table, residual_plots, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, Condition, GAUGE, Readings};
-use crate::pose::{file_units, written_units};
-use crate::report::page::{Finding, Page, keyed_charts, of_file, on_screen, picture, table};
-use crate::report::plot::{self, Bar, Mark, Panel, Series};
-
-/// Most points of a series: more would only blacken the picture.
-const POINTS: usize = 1500;
+use crate::files::readings::{CHANNELS, GAUGE, Readings};
+use crate::pose::written_units;
+use crate::report::page::{Finding, Page, of_file, on_screen, picture, table};
+use crate::report::plot::{self, Bar};
 
 fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
     errors.iter().find(|e| e.0 == rival).map(|e| &e.1)
@@ -235,84 +231,6 @@ pub fn text(d: &Diagnosis) -> String {
     text
 }
 
-/// Tension in each limb under a load, by virtual work: how the platform moves when one screw alone grows.
-fn tensions(machine: &Machine<f64>, c: &Condition, pose: &pkm_core::Pose<f64>) -> Option<[f64; 3]> {
-    const STEP: f64 = 1e-6;
-    let q = machine.inverse(pose).ok()?.q_m;
-    let place = |limb: usize, step: f64| {
-        let mut q = q;
-        q[limb] += step;
-        machine.forward(&ScrewLengths { q_m: q }).ok()
-    };
-    let w = c.wrench.moved_to_a(c.point_m.into());
-    let mut tension = [0.0; 3];
-    for (limb, tension) in tension.iter_mut().enumerate() {
-        let (a, b) = (place(limb, STEP)?, place(limb, -STEP)?);
-        let rate = |a: f64, b: f64| (a - b) / (2.0 * STEP);
-        let [x, z] = [rate(a.z0_m * a.theta_rad.tan(), b.z0_m * b.theta_rad.tan()), rate(a.z0_m, b.z0_m)];
-        let (turn, tilt) = (rate(a.theta_rad, b.theta_rad), rate(a.sigma_rad, b.sigma_rad));
-        // from B-xyz to A-uvw: R = R_y(θ) R_x(σ)
-        let ((st, ct), (ss, cs)) = (pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
-        let moved = [ct * x - st * z, ss * (st * x + ct * z), cs * (st * x + ct * z)];
-        let turned = [tilt, turn * cs, -turn * ss];
-        *tension = (0..3).map(|i| w.force_n[i] * moved[i] + w.moment_nm[i] * turned[i]).sum();
-    }
-    Some(tension)
-}
-
-/// Residuals along the load, over pose, load and limb force.
-fn residual_plots(file: &MachineFile, readings: &Readings, d: &Diagnosis) -> Result<Markup> {
-    let step = readings.readings.len().div_ceil(POINTS);
-    // translation error along the force, µm, of the re-identified stiffnesses and of the identified model
-    let along = |predictions: &[[f64; CHANNELS]], n: usize| -> Option<f64> {
-        let r = &readings.readings[n];
-        let c = &readings.conditions[r.condition];
-        let size = c.wrench.force_n.iter().map(|f| f * f).sum::<f64>().sqrt();
-        let mut sum = 0.0;
-        for i in 0..3 {
-            if c.wrench.force_n[i] != 0.0 {
-                sum += (r.observed[i]? - predictions[r.condition][i]) * c.wrench.force_n[i] / size;
-            }
-        }
-        (size > 0.0).then_some(sum * 1e6)
-    };
-    let rivals = [(Rival::Reidentified, "stiffnesses re-identified"), (Rival::After, "identified model")];
-    let shown = if d.search.found.is_empty() { &rivals[..1] } else { &rivals[..] };
-    type Axis<'a> = (&'a str, Box<dyn Fn(&Condition) -> Option<f64> + 'a>);
-    let pose = |i: usize| move |c: &Condition| Some(file_units(&readings.poses[c.pose].pose)[i]);
-    let force = |c: &Condition| Some(c.wrench.force_n.iter().map(|f| f * f).sum::<f64>().sqrt());
-    let limb = |i: usize| move |c: &Condition| tensions(&file.machine, c, &readings.poses[c.pose].pose).map(|n| n[i]);
-    let axes: [Axis<'_>; 6] = [
-        ("θ in °", Box::new(pose(0))),
-        ("σ in °", Box::new(pose(1))),
-        ("Z0 in mm", Box::new(pose(2))),
-        ("force in N", Box::new(force)),
-        ("tension in limb 1 in N", Box::new(limb(0))),
-        ("tension in limb 3 in N", Box::new(limb(2))),
-    ];
-    // with the readings that the points are of
-    let panels = axes.map(|(label, x)| {
-        let (series, keys) = (shown.iter())
-            .map(|(rival, name)| {
-                let predictions = d.own.of(*rival);
-                let found = (0..readings.readings.len()).step_by(step).filter_map(|n| {
-                    let c = &readings.conditions[readings.readings[n].condition];
-                    Some(((x(c)?, along(predictions, n)?), n))
-                });
-                let (points, keys) = found.unzip();
-                (Series { name: (*name).into(), points, mark: Mark::Dot }, keys)
-            })
-            .unzip();
-        let title = format!("Residual over {}", label.rsplit_once(" in ").map_or(label, |(name, _)| name));
-        (Panel { title, x_label: label.into(), y_label: "residual along the force, µm".into(), series }, keys)
-    });
-    let panels: Vec<_> = panels.into_iter().filter(|(p, _)| p.series.iter().any(|s| !s.points.is_empty())).collect();
-    if panels.is_empty() {
-        return Ok(html! { p { "There are no readings of translation along a force to show." } });
-    }
-    keyed_charts("Residuals: reading minus model, along the force. Noise shows no pattern.", &panels)
-}
-
 fn interval(e: &Errors) -> String {
     match e.linear_um_rms_interval {
         None => "too few poses".to_owned(),
@@ -476,7 +394,7 @@ pub fn html(
         ))
         (condition::condition(d))
         h2 { "Residuals over pose, load and limb force" }
-        (residual_plots(file, readings, d)?)
+        (residual_plots::charts(file, readings, d)?)
         (readings_table::list(readings, d))
         h2 { "Errors" }
         (table("Errors of each model, on the readings and on others", &ERROR_HEADS, &error_rows(main)))

@@ -214,8 +214,21 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let record = out.join("record.bin");
     write("abort.ngc", &format!("G90 G94\nM68 E2 Q{}\nG1 F60 Z{:.6}\nM68 E2 Q0\nM2\n", load[2], home_axes[2] + size))?;
     write("record.hal", &(recorder(&record) + FAULTS))?;
+    let verdict = driven(out, periods).map_err(|what| format!("{name}: {what}"))?;
+    judge_steps(&verdict, &five, home_axes, &places, &through).or_else(fails)?;
+    let rows = numbers(&record, ROW)?;
+    let (noted, limit) = feed::during(&verdict)?;
+    let slow = (noted[0]..noted[noted.len() - 1], limit);
+    judge_rows(&host, &rows, &load, periods, &slow).or_else(fails)?;
+    feed::judge(&host, &verdict, &rows).or_else(fails)?;
+    compensated::judge(&cuts, &rows).or_else(fails)?;
+    judge_faults(&host, &verdict, &rows).or_else(fails)
+}
+
+/// Runs the configuration with the script as its operator, and says what the script saw.
+fn driven(out: &Path, periods: usize) -> Result<Value, String> {
     let ini = std::fs::read_to_string(out.join("pkm.ini")).map_err(|e| e.to_string())?;
-    write("test.ini", &scripted(&ini))?;
+    std::fs::write(out.join("test.ini"), scripted(&ini)).map_err(|e| format!("test.ini: {e}"))?;
     let mut linuxcnc = among_modules(&out.join("modules"), out)?;
     // it maps a file with the tool table from there, which another LinuxCNC on this computer would cut off
     linuxcnc.env("HOME", out);
@@ -225,7 +238,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let said = said.map_err(|e| e.to_string())?;
     let read = |name: &str| std::fs::read_to_string(out.join(name));
     let Ok(verdict) = read("verdict.json") else {
-        return fails(format!(
+        return Err(format!(
             "no verdict\n{}{}",
             String::from_utf8_lossy(&said.stdout),
             String::from_utf8_lossy(&said.stderr)
@@ -233,16 +246,9 @@ fn drive(name: &str, periods: usize) -> Outcome {
     };
     let verdict: Value = serde_json::from_str(&verdict).map_err(|e| e.to_string())?;
     if verdict["finished"] != true {
-        return fails(format!("the script did not finish: {verdict:#}"));
+        return Err(format!("the script did not finish: {verdict:#}"));
     }
-    judge_steps(&verdict, &five, home_axes, &places, &through).or_else(fails)?;
-    let rows = numbers(&record, ROW)?;
-    let (noted, limit) = feed::during(&verdict)?;
-    let slow = (noted[0]..noted[noted.len() - 1], limit);
-    judge_rows(&host, &rows, &load, periods, &slow).or_else(fails)?;
-    feed::judge(&host, &verdict, &rows).or_else(fails)?;
-    compensated::judge(&cuts, &rows).or_else(fails)?;
-    judge_faults(&host, &verdict, &rows).or_else(fails)
+    Ok(verdict)
 }
 
 /// A configuration whose operator is the script, and whose pins are recorded.

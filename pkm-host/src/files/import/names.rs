@@ -1,4 +1,4 @@
-//! Names of columns, as others write them.
+//! Names of columns, as others write them: long, as these are many.
 
 use super::units::Quantity::{self, Angle, Force, Length, Moment, Ratio, Temperature, Text, Time};
 use super::units::{self, Unit};
