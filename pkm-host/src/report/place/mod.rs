@@ -350,7 +350,7 @@ fn plan_view(model: &PlacementModel<'_>, placed: &Placed) -> Result<Markup> {
         series,
     };
     Ok(pictures(
-        "The holes where each objective puts them, with their numbers of the tables, seen along z of W; to scale.",
+        "The holes where each objective puts them, with their numbers in the tables, seen along z of W; to scale.",
         &[plot::panel(&panel)?],
     ))
 }
