@@ -276,7 +276,7 @@ mod tests {
         }
         // an error is no result
         assert_eq!(over::<f64, ()>(START, Err(())), 0);
-        let mut machine = MACHINE_F64.clone();
+        let mut machine = MACHINE_F64;
         machine.limbs[0].axial = f64::from_bits(machine.limbs[0].axial.to_bits() + (1 << 20));
         let [kinematics, stiffness, _, compensator] =
             sums(&FiveAxis { machine: &machine, ..five }, &TABLE_F64, &mut memory);
@@ -334,8 +334,11 @@ mod tests {
     fn every_limit_acts() {
         let five = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
         let (reading, tip_m) = (reading(), TIP_M.map(|component| component as f32).into());
-        let mut compensator = Compensator::<f32, 3>::new(&SETTINGS).unwrap();
-        let mut tools = Compensator::<f32, 5>::new(&SETTINGS).unwrap();
+        let (Ok(mut compensator), Ok(mut tools)) =
+            (Compensator::<f32, 3>::new(&SETTINGS), Compensator::<f32, 5>::new(&SETTINGS))
+        else {
+            panic!("the settings are in range");
+        };
         let (mut of_screws, mut of_axes) = ([0; 3], [0; 3]);
         offsets(START, |pose| {
             let offset = compensator.update(&TABLE_F32, five.machine, pose, tip_m, &reading);
