@@ -3,7 +3,6 @@
 mod axe;
 mod browser;
 mod c;
-mod carried;
 mod cycles;
 mod debugger;
 mod firefox;

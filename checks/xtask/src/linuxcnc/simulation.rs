@@ -14,9 +14,7 @@ use super::learning::learn;
 use super::memory::{flip_bits, refuse_damaged};
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
 use super::weight::weigh;
-use super::{
-    MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template,
-};
+use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template};
 use crate::image::symbols;
 use crate::{Outcome, output};
 
