@@ -18,6 +18,8 @@ const SAID: &str = "said.txt";
 const INCH_MM: f64 = 25.4;
 /// Most lines one after another that do nothing.
 const MAX_IDLE_LINES: u32 = 1_000_000;
+/// So often a start is tried while another thread holds the copy open, with 10 ms between.
+const START_TRIES: u32 = 500;
 /// Most files of subroutines.
 const MAX_FILES: usize = 1000;
 
@@ -171,7 +173,7 @@ fn start(rs274: &Path, folder: &Path, block_delete: bool) -> Result<Child> {
         let message = format!("cannot start a copy of rs274: {e}; TMPDIR names a folder for it");
         Failure::other(message).in_file(rs274.display().to_string())
     };
-    loop {
+    for _ in 0..START_TRIES {
         let said = std::fs::File::create(folder.join(SAID)).map_err(failed)?;
         let child = Command::new(rs274)
             .args(["-g", "-t", TOOLS, "-v", PARAMETERS])
@@ -194,6 +196,7 @@ fn start(rs274: &Path, folder: &Path, block_delete: bool) -> Result<Child> {
             child => return child.map_err(failed),
         }
     }
+    Err(failed(std::io::ErrorKind::ExecutableFileBusy.into()))
 }
 
 /// Takes what the interpreter prints, to its end or to what is refused.
