@@ -118,9 +118,11 @@ impl<T: Scalar> Machine<T> {
         amplitudes: impl Iterator<Item = Amplitude>,
         all: &mut [Deflection<T>],
     ) -> Result<(), StiffnessError> {
-        let actual = &self.actual(posture)?;
-        let p = &actual.posture;
-        let load = actual.seen(wrench.to_vector());
+        // a machine as declared stands where it is commanded; a copy of its posture would take time in every period
+        let elsewhere = if self.actual == self.declared { None } else { Some(self.actual(posture)?) };
+        let p = elsewhere.as_ref().map_or(posture, |actual| &actual.posture);
+        let load = wrench.to_vector();
+        let load = elsewhere.as_ref().map_or(load, |actual| actual.seen(load));
         let base = (p.n() * -p.l, axes(&p.base()));
         let tool = (Vector3::zeros(), [Vector3::x(), Vector3::y(), Vector3::z()]);
         let [q1, q2, q3] = p.q.into();
@@ -136,7 +138,8 @@ impl<T: Scalar> Machine<T> {
                         Some(_) => self.actual.moved(p, [o, o, q3]),
                         None => at_end(if place == Place::Base { &base } else { &tool }, motion),
                     };
-                    Deflection::from_vector(actual.given_back(yields * yields.dot(&load)))
+                    let given = yields * yields.dot(&load);
+                    Deflection::from_vector(elsewhere.as_ref().map_or(given, |actual| actual.given_back(given)))
                 }
             };
         }
