@@ -5,8 +5,9 @@
 
 use super::certify::{Certificate, Limits};
 use super::goal::Goal;
+use super::grid::Grid;
 use super::polish::{self, Polish};
-use super::search::{Grid, Placement, Polished, Searcher};
+use super::search::{Placement, Polished, Searcher};
 use super::{Objective, Posture};
 use crate::files::job::Position;
 

@@ -8,6 +8,7 @@ mod cycle;
 mod evolution;
 mod front;
 mod goal;
+mod grid;
 mod newton;
 mod polish;
 mod robust;
@@ -37,8 +38,9 @@ use taylor::Taylor;
 
 pub use certify::{Certificate, Limits};
 pub use front::{Front, Point, Step};
+pub use grid::Grid;
 pub use robust::{Robust, Worst};
-pub use search::{Grid, Method, Options, Placed, Placement, place};
+pub use search::{Method, Options, Placed, Placement, place};
 
 /// Coefficients of a table, for each of its terms.
 const ROWS: usize = 27;
