@@ -199,6 +199,35 @@ fn a_certificate_holds_against_the_grid_and_its_optimum_is_not_worse() {
     says(&[&certify[..], &["--machine", &machine, "--table", &table]].concat(), "preload|--method grid");
 }
 
+/// What the bars of a report's maps say, from low to high.
+fn bars(report: &str) -> Vec<Vec<String>> {
+    let maps = report.split("<g class=\"heat\"").skip(1).map(|map| map.split("</g></svg>").next().expect("a map"));
+    maps.map(|map| {
+        let labels =
+            map.split("<rect").skip(1).filter_map(|shade| shade.split("<text").nth(1)?.split(['>', '<']).nth(1));
+        labels.map(str::to_owned).collect()
+    })
+    .collect()
+}
+
+#[test]
+fn colours_range_over_what_is_inside_the_box_and_what_is_extrapolated_is_pale() {
+    let folder = Folder::new();
+    json(&["fit", "--out", &folder.path("fit")]);
+    let report = |name: &str, more: &[&str]| {
+        let (table, out) = (folder.path("fit/coefficients.json"), folder.path(name));
+        let args = ["place", "--objective", "tip-worst", "--step-mm", "20", "--table", &table, "--out", &out];
+        json(&[&args[..], more].concat());
+        folder.read(&format!("{name}/report.html"))
+    };
+    let (inside, beyond) = (report("inside", &[]), report("beyond", &["--allow-extrapolation"]));
+    let found = bars(&inside);
+    assert!(found.len() == 2 && found.iter().all(|labels| labels.len() == 5), "{found:?}");
+    assert_eq!(bars(&beyond), found);
+    let is_pale = |report: &str| report.contains("pale: extrapolated") && report.contains("fill-opacity=\"0.4\"");
+    assert!(is_pale(&beyond) && !is_pale(&inside));
+}
+
 #[test]
 fn slide_and_rotary_axis_are_certified_together() {
     let plate = std::fs::read_to_string(fixture("jobs/plate.toml")).expect("a job");

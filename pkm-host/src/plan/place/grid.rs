@@ -23,6 +23,8 @@ pub struct Cell {
     pub value: f64,
     /// Mean over the holes of k11…k66, SI.
     pub mean_k: [f64; 6],
+    /// The table is extrapolated at one of the holes.
+    pub outside_box: bool,
 }
 
 /// What the grid found.
@@ -142,7 +144,8 @@ impl Searcher<'_> {
                         .iter()
                         .map(|objective| {
                             let (value, postures) = self.stiffest(*objective, found.as_ref()?);
-                            Some(Cell { value, mean_k: mean_k(&postures) })
+                            let outside_box = postures.iter().any(|p| p.outside_box);
+                            Some(Cell { value, mean_k: mean_k(&postures), outside_box })
                         })
                         .collect()
                 });

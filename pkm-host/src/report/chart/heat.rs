@@ -12,6 +12,8 @@ use crate::report::plot::HeatMap;
 /// Cells along an axis, and colours of the bar, at the most.
 const CELLS: usize = 120;
 const SHADES: usize = 24;
+/// Opacity of what is extrapolated.
+const PALE: f64 = 0.4;
 
 const LEFT: f64 = 76.0;
 const TOP: f64 = 36.0;
@@ -53,11 +55,15 @@ pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
     let rows: Vec<usize> = (0..ny).step_by(skip_y).collect();
     let values: Vec<Vec<Option<f64>>> =
         rows.iter().map(|y| columns.iter().map(|x| (map.value)(*x, *y)).collect()).collect();
-    let known = || values.iter().flatten().flatten();
-    let (low, high) = known().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+    let pale: Vec<Vec<bool>> =
+        rows.iter().map(|y| columns.iter().map(|x| (map.extrapolated)(*x, *y)).collect()).collect();
+    let known = || values.iter().flatten().zip(pale.iter().flatten()).filter_map(|(v, pale)| Some(((*v)?, *pale)));
+    let all_pale = known().all(|(_, pale)| pale);
+    let ranged = known().filter(|(_, pale)| all_pale || !pale);
+    let (low, high) = ranged.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (v, _)| (l.min(v), h.max(v)));
     // the best is what people look for: shades closer together there
     let shade = |v: f64| {
-        let share = if high > low { ((v - low) / (high - low)).sqrt() } else { 0.0 };
+        let share = if high > low { ((v - low) / (high - low)).clamp(0.0, 1.0).sqrt() } else { 0.0 };
         ((share * SHADES as f64) as usize).min(SHADES - 1)
     };
     let step = [skip_x as f64 * (map.x[1] - map.x[0]), skip_y as f64 * (map.y[1] - map.y[0])];
@@ -73,16 +79,18 @@ pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
     let (right, bottom) = (LEFT + width, TOP + height);
     let at = |p: [f64; 2]| (px(LEFT + width * x.share(p[0])), px(bottom - height * y.share(p[1])));
 
-    // neighbours of a shade in one piece
-    let mut pieces = vec![String::new(); SHADES];
+    // neighbours of a shade in one piece; behind the shades the pale ones
+    let mut pieces = vec![String::new(); 2 * SHADES];
     for (row, values) in values.iter().enumerate() {
         let mut column = 0;
-        for piece in values.chunk_by(|a, b| a.map(shade) == b.map(shade)) {
-            if let Some(shade) = piece[0].map(shade) {
+        let kind = |(v, pale): (&Option<f64>, &bool)| v.map(|v| shade(v) + if *pale { SHADES } else { 0 });
+        let kinds: Vec<Option<usize>> = values.iter().zip(&pale[row]).map(kind).collect();
+        for piece in kinds.chunk_by(|a, b| a == b) {
+            if let Some(kind) = piece[0] {
                 let [from, to] = [column, column + piece.len()].map(|n| x.low + n as f64 * step[0]);
                 let [below, above] = [row, row + 1].map(|n| y.low + n as f64 * step[1]);
                 let ((left, down), (right, up)) = (at([from, below]), at([to, above]));
-                let _ = write!(pieces[shade], "M{left},{down}H{right}V{up}H{left}z");
+                let _ = write!(pieces[kind], "M{left},{down}H{right}V{up}H{left}z");
             }
             column += piece.len();
         }
@@ -99,7 +107,9 @@ pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
         g.heat data-axes=(axes) data-x=(map.x_label) data-y=(map.y_label) data-name=(map.title)
             data-place=(format!("{TOP} {bottom}")) data-values=(grid.join("|")) {
             g shape-rendering="crispEdges" {
-                @for (n, d) in pieces.iter().enumerate().filter(|(_, d)| !d.is_empty()) { path d=(d) fill=(shade_colour(n)) {} }
+                @for (n, d) in pieces.iter().enumerate().filter(|(_, d)| !d.is_empty()) {
+                    path d=(d) fill=(shade_colour(n % SHADES)) fill-opacity=[(n >= SHADES).then_some(PALE)] {}
+                }
             }
             path d=(format!("M{LEFT},{TOP}V{bottom}H{right}")) stroke="#000000" fill="none" {}
             @for (v, label) in ticks_x { text x=(at([v, y.low]).0) y=(bottom + 18.0) text-anchor="middle" { (label) } }

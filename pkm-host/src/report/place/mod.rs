@@ -144,7 +144,8 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
         }
         let outside = p.holes.iter().filter(|h| h.outside_box).count();
         if outside > 0 {
-            finding.text.push_str(&format!(" EXTRAPOLATED: {outside} holes outside the table's box."));
+            let holes = if outside == 1 { "hole" } else { "holes" };
+            finding.text.push_str(&format!(" EXTRAPOLATED: {outside} {holes} outside the table's box."));
             finding = Finding::warning(finding.text);
         }
         if counts(&p) {
@@ -293,10 +294,8 @@ fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) ->
     };
     let [x, y, slice] = Axis::ALL.map(|axis| nearest(&grid.axes[axis], p.position[axis]));
     let nearest_cell = (x, y);
-    let value = |x: usize, y: usize, a: usize| {
-        let cell = grid.cells[column][(a * ys.len() + y) * xs.len() + x].as_ref();
-        cell.map(|c| p.objective.value_in_unit(c.value))
-    };
+    let cell = |x: usize, y: usize, a: usize| grid.cells[column][(a * ys.len() + y) * xs.len() + x].as_ref();
+    let value = |x: usize, y: usize, a: usize| cell(x, y, a).map(|c| p.objective.value_in_unit(c.value));
     let title = format!("{}, {}", name(model, p), p.objective.unit());
     let in_mm = |v: &[f64]| v.iter().copied().map(mm).collect::<Vec<_>>();
     if xs.len() > 1 && ys.len() > 1 {
@@ -304,13 +303,16 @@ fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) ->
         let known = |x: &usize, y: &usize| (*x, *y) == nearest_cell || value(*x, *y, slice).is_some();
         let columns = extent((0..xs.len()).filter(|x| (0..ys.len()).any(|y| known(x, &y))), xs.len());
         let rows = extent((0..ys.len()).filter(|y| (0..xs.len()).any(|x| known(&x, y))), ys.len());
+        let extrapolated = |x: usize, y: usize| cell(x, y, slice).is_some_and(|c| c.outside_box);
+        let some_are = columns.clone().any(|x| rows.clone().any(|y| extrapolated(x, y)));
         return plot::heat_map(&HeatMap {
-            title,
+            title: if some_are { format!("{title}; pale: extrapolated") } else { title },
             x_label: "dx in mm".into(),
             y_label: "dy in mm".into(),
             x: in_mm(&xs[columns.clone()]),
             y: in_mm(&ys[rows.clone()]),
             value: &|x, y| value(columns.start + x, rows.start + y, slice),
+            extrapolated: &|x, y| extrapolated(columns.start + x, rows.start + y),
             mark: Some([mm(p.position.dx_m), mm(p.position.dy_m)]),
         });
     }
