@@ -222,6 +222,16 @@ def go(place):
     mdi("G0 " + to(place))
 
 
+def run_program(step, program):
+    mode(linuxcnc.MODE_AUTO)
+    command.program_open(program)
+    began = time.monotonic()
+    command.auto(linuxcnc.AUTO_RUN, 0)
+    until(f"{step} begun", lambda s: s.interp_state != linuxcnc.INTERP_IDLE)
+    until(step, lambda s: idle(s) or s.task_state != linuxcnc.STATE_ON, 300)
+    done(step, seconds=time.monotonic() - began)
+
+
 def feed():
     """A way that is too fast for a screw: as it is programmed, and with the share of the feed that the joints allow."""
     limit = wish["slow_screw_mm_per_s"]
@@ -280,21 +290,12 @@ def run():
     feed()
 
     go(wish["places"][0])
-    mode(linuxcnc.MODE_AUTO)
-    command.program_open(wish["program"])
-    began = time.monotonic()
-    command.auto(linuxcnc.AUTO_RUN, 0)
-    until("program begun", lambda s: s.interp_state != linuxcnc.INTERP_IDLE)
-    until("program", lambda s: idle(s) or s.task_state != linuxcnc.STATE_ON, 300)
-    done("program", seconds=time.monotonic() - began)
+    run_program("compensated", wish["compensated"])
+    run_program("program", wish["program"])
 
     # as often as it fits into the periods that are asked for, and then at rest
     while periods() + 30_000 < wish["periods"]:
-        mode(linuxcnc.MODE_AUTO)
-        command.auto(linuxcnc.AUTO_RUN, 0)
-        until("program begun again", lambda s: s.interp_state != linuxcnc.INTERP_IDLE)
-        until("program again", lambda s: idle(s) or s.task_state != linuxcnc.STATE_ON, 300)
-        done("again")
+        run_program("again", wish["program"])
     until("periods", lambda s: periods() >= wish["periods"], 300)
 
 

@@ -1,5 +1,6 @@
 //! LinuxCNC with our kinematics and stiffness: its modules and a configuration for a machine.
 
+mod compensated;
 mod faults;
 mod feed;
 mod learning;

@@ -14,7 +14,9 @@ use super::learning::learn;
 use super::memory::{flip_bits, refuse_damaged};
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
 use super::weight::weigh;
-use super::{MODULES, OURS, among_modules, build, home, in_file_units, machine_file, ready, table, template};
+use super::{
+    MODULES, OURS, among_modules, build, compensated, home, in_file_units, machine_file, ready, table, template,
+};
 use crate::image::symbols;
 use crate::{Outcome, output};
 
@@ -202,10 +204,11 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let outside = outside_the_box(&host).ok_or("no place outside the table's box was found")?;
     let wish = json!({ "parked": parked.joints, "inward": parked.inward, "stuck_s": STUCK_S, "small_screw_mm": SMALL_SCREW_MM, "outside": outside,
         "places": places, "load": load, "unreachable": unreachable, "singular": singular, "home": home_axes, "through": through,
-        "program": "holes.ngc", "periods": periods, "feed_mm_per_min": 60.0 * FEED_MM_PER_S,
+        "program": "holes.ngc", "compensated": compensated::PROGRAM, "periods": periods, "feed_mm_per_min": 60.0 * FEED_MM_PER_S,
         "slow_screw_mm_per_s": slow_screw_mm_per_s(&five, &home_axes, &places)? });
     let write = |name: &str, text: &str| std::fs::write(out.join(name), text).map_err(|e| format!("{name}: {e}"));
     write("drive.json", &wish.to_string())?;
+    let cuts = compensated::write(&setup.machine, out)?;
     write("drive.py", &template("tests/drive.py")?)?;
     output(Command::new("chmod").arg("+x").arg(out.join("drive.py")))?;
     let record = out.join("record.bin");
@@ -218,6 +221,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let slow = (noted[0]..noted[noted.len() - 1], limit);
     judge_rows(&host, &rows, &load, periods, &slow).or_else(fails)?;
     feed::judge(&host, &verdict, &rows).or_else(fails)?;
+    compensated::judge(&cuts, &rows).or_else(fails)?;
     judge_faults(&host, &verdict, &rows).or_else(fails)
 }
 
@@ -258,7 +262,7 @@ fn scripted(ini: &str) -> String {
 }
 
 /// Steps that the script takes once.
-const ONCE: [&str; 25] = [
+const ONCE: [&str; 26] = [
     "home",
     "load",
     "unload",
@@ -283,6 +287,7 @@ const ONCE: [&str; 25] = [
     "sag",
     "out",
     "feed",
+    "compensated",
     "program",
 ];
 
@@ -346,7 +351,9 @@ fn judge_steps(
                 println!("  on a way that leaves the reach it stopped after {way:.1} of {whole:.1} mm: {}", said(step));
             }
             "skipped" if step["skips"] != true => return wrong("expected a thread that stands still"),
-            "program" => println!("  holes.ngc took {:.1} s", step["seconds"].as_f64().unwrap_or(f64::NAN)),
+            "program" | "compensated" => {
+                println!("  {name} took {:.1} s", step["seconds"].as_f64().unwrap_or(f64::NAN));
+            }
             _ => {}
         }
         last_joints = joints;
