@@ -141,6 +141,9 @@ fn SysTick() {
     if RUNNING.load(Relaxed) || SCB::is_pendsv_pending() {
         OVERRUNS.fetch_add(1, Relaxed);
         LATE.store(true, Relaxed);
+    } else if LATE.swap(false, Relaxed) {
+        // the period is `main`'s: a late run that ends just before a tick, again and again, would leave it no time at all
+        OVERRUNS.fetch_add(1, Relaxed);
     } else {
         SCB::set_pendsv();
     }
