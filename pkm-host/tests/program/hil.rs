@@ -21,7 +21,7 @@ use crate::common::{refused, run};
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
     None,
-    /// The last bit of the first screw length of one cycle.
+    /// The last bit of the first screw length of one cycle, or of a stiffness of each sweep in f64.
     OneBit,
     /// Another table, until it is sent this one.
     Table,
@@ -71,10 +71,12 @@ fn reply(fault: Fault, cycles: u32, bad_lines: u32, request: &Request) -> Vec<u8
         },
         Command::Sweep(sweep) => {
             let mut reply = SweepReply::default();
+            let mut flips = fault == Fault::OneBit;
             for (step, demand) in sweep.demands().enumerate() {
                 let mut cycle = CycleReply::new(&demand.cycle(&MACHINE_F64, &TABLE_F64), 40, step == 3);
-                if let Some(numbers) = cycle.numbers.as_mut().filter(|_| fault == Fault::OneBit && step == 7) {
+                if let Some(numbers) = cycle.numbers.as_mut().filter(|_| flips) {
                     numbers.k[20] = f64::from_bits(numbers.k[20].to_bits() ^ 1);
+                    flips = false;
                 }
                 if demand.arithmetic == Arithmetic::F64 {
                     reply.add(&cycle);
