@@ -5,17 +5,21 @@ use std::fmt::{self, Write};
 
 use fastrand::Rng;
 use nalgebra::Vector3;
+use pkm_core::compensator::Weight;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
 use pkm_core::{Pose, Scalar, Wrench};
 use pkm_protocol::{
-    Answer, Arithmetic, Code, Command, Compensated, CycleReply, Demand, Fault, Lines, MAX_COMMAND, MAX_REPLY, Numbers,
-    Refused, Reply, Request, Status, Sweep, VERSION, opened, sealed,
+    Answer, Arithmetic, Carried, Code, Command, Compensated, CycleReply, Demand, Fault, Lines, MAX_COMMAND, MAX_REPLY,
+    Numbers, OffsetFault, Refused, Reply, Request, Status, Sweep, VERSION, opened, sealed,
 };
 use pkm_tests::seeded;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 
+/// Of limbs 1, 2, 3 and the platforms.
+const RISES: [&str; 4] = ["limb_1_rise_k", "limb_2_rise_k", "limb_3_rise_k", "platforms_rise_k"];
 const CYCLE: &str = r#"{"v":2,"id":7,"cmd":"cycle","arithmetic":"f64","theta_rad":0.1,"sigma_rad":-5e-2,"z0_m":0.53,"force_n":[0,-0.0,-4e2],"moment_nm":[1,2,3.5],"tip_m":[0.0,0,0.3]}"#;
+const WEIGHT: &str = r#"{"v":2,"id":8,"cmd":"weight","force_n":[785,0,0],"centre_m":[0,0,0.1],"theta_rad":0,"sigma_rad":0,"z0_m":0.53,"tip_m":[0,0,0.3]}"#;
 
 /// An object's pairs in their order, so that doubled names show.
 struct Pairs(Vec<(String, Value)>);
@@ -48,9 +52,11 @@ fn judged(line: &[u8]) -> Option<Request> {
     let whole = |name: &str| fields.get(name)?.as_u64();
     let id = u32::try_from(whole("id")?).ok()?;
     let cmd = fields.get("cmd")?.as_str()?;
+    let rises = RISES.iter().filter(|name| fields.contains_key(**name)).count();
     let wanted = match cmd {
-        "cycle" => 10,
-        "sweep" => 12,
+        "cycle" => 10 + rises,
+        "sweep" => 12 + rises,
+        "weight" => 9,
         _ => 3,
     };
     if whole("v")? != 2 || fields.len() != count || count != wanted {
@@ -62,19 +68,30 @@ fn judged(line: &[u8]) -> Option<Request> {
         let values: Vec<f64> = fields.get(name)?.as_array()?.iter().map(number).collect::<Option<_>>()?;
         values.try_into().ok()
     };
+    let pose = || Some(Pose { theta_rad: one("theta_rad")?, sigma_rad: one("sigma_rad")?, z0_m: one("z0_m")? });
     let command = match cmd {
+        "weight" => Command::Weight(Carried {
+            weight: Weight { force_n: three("force_n")?.into(), centre_m: three("centre_m")?.into() },
+            zeroed_at: pose()?,
+            tip_m: three("tip_m")?.into(),
+        }),
         "hello" => Command::Hello,
         "status" => Command::Status,
         "cycle" | "sweep" => {
+            let mut rises_k = [None; 4];
+            for (rise_k, name) in rises_k.iter_mut().zip(RISES) {
+                *rise_k = fields.get(name).map(|rise_k| number(rise_k).ok_or(())).transpose().ok()?;
+            }
             let demand = Demand {
                 arithmetic: match fields.get("arithmetic")?.as_str()? {
                     "f32" => Arithmetic::F32,
                     "f64" => Arithmetic::F64,
                     _ => return None,
                 },
-                pose: Pose { theta_rad: one("theta_rad")?, sigma_rad: one("sigma_rad")?, z0_m: one("z0_m")? },
+                pose: pose()?,
                 wrench_at_tip: Wrench { force_n: three("force_n")?.into(), moment_nm: three("moment_nm")?.into() },
                 tip_m: three("tip_m")?.into(),
+                rises_k,
             };
             if cmd == "cycle" {
                 Command::Cycle(demand)
@@ -93,13 +110,19 @@ fn judged(line: &[u8]) -> Option<Request> {
 fn bits(request: &Request) -> (u32, Vec<u64>, String) {
     let (d, to, steps) = match request.command {
         Command::Cycle(demand) => (demand, demand.pose, 1),
+        Command::Weight(Carried { weight: Weight { force_n, centre_m }, zeroed_at: at, tip_m }) => {
+            let pose = [at.theta_rad, at.sigma_rad, at.z0_m];
+            let numbers = [&pose, force_n.as_slice(), centre_m.as_slice(), tip_m.as_slice()].concat();
+            return (request.id, numbers.into_iter().map(f64::to_bits).collect(), "weight".into());
+        }
         Command::Sweep(Sweep { from, to, steps }) => (from, to, steps),
         _ => return (request.id, Vec::new(), format!("{:?}", request.command)),
     };
     let [from, to] = [d.pose, to].map(|p| [p.theta_rad, p.sigma_rad, p.z0_m]);
     let load = d.wrench_at_tip.to_vector();
     let numbers = [&from, &to, load.as_slice(), d.tip_m.as_slice()].concat();
-    (request.id, numbers.into_iter().map(f64::to_bits).collect(), format!("{:?} {steps}", d.arithmetic))
+    let rises = d.rises_k.map(|rise_k| rise_k.map(f64::to_bits));
+    (request.id, numbers.into_iter().map(f64::to_bits).collect(), format!("{:?} {steps} {rises:?}", d.arithmetic))
 }
 
 /// The JSON of a command's line.
@@ -136,8 +159,13 @@ fn request(rng: &mut Rng) -> Request {
         pose: Pose { theta_rad, sigma_rad, z0_m },
         wrench_at_tip: Wrench { force_n: force_n.into(), moment_nm: moment_nm.into() },
         tip_m: tip_m.into(),
+        rises_k: [0; 4].map(|_| rng.bool().then(|| number(rng))),
     };
-    let command = match rng.u8(0..8) {
+    let command = match rng.u8(0..9) {
+        8 => {
+            let weight = Weight { force_n: force_n.into(), centre_m: moment_nm.into() };
+            Command::Weight(Carried { weight, zeroed_at: demand.pose, tip_m: demand.tip_m })
+        }
         0 => Command::Hello,
         1 => Command::Status,
         2..4 => {
@@ -157,7 +185,11 @@ fn every_bad_line_gets_its_code() {
     };
     let sweep = |steps: &str| with("}", &format!(r#","to":[0,0,0.5],"steps":{steps}}}"#)).replace("cycle", "sweep");
     let nested = format!(r#"{{"v":2,"id":1,"cmd":{}"#, "[".repeat(400));
-    assert_eq!(Request::parse(CYCLE.as_bytes()).ok(), judged(CYCLE.as_bytes()));
+    let warm = with("}", r#","limb_2_rise_k":-1.5,"platforms_rise_k":0}"#);
+    for good in [CYCLE, WEIGHT, &warm] {
+        assert!(judged(good.as_bytes()).is_some(), "{good}");
+        assert_eq!(Request::parse(good.as_bytes()).ok(), judged(good.as_bytes()));
+    }
     let cases: Vec<(String, Code, Option<u32>)> = [
         ("hello", Code::Syntax),
         (r#"{"v":2,"id":1,"cmd":"hello"} x"#, Code::Syntax),
@@ -192,6 +224,16 @@ fn every_bad_line_gets_its_code() {
         (r#"{"v":2,"id":9,"cmd":"hello","z0_m":0.5}"#.into(), Code::Field, Some(9)),
         (r#"{"v":2,"id":9,"cmd":"cycle"}"#.into(), Code::Field, Some(9)),
         (with("}", r#","to":[0,0,0.5]}"#), Code::Field, Some(7)),
+        (with("}", r#","centre_m":[0,0,0.5]}"#), Code::Field, Some(7)),
+        (with("}", r#","limb_4_rise_k":1}"#), Code::Field, None),
+        (with("}", r#","limb_1_rise_k":1,"limb_1_rise_k":1}"#), Code::Field, None),
+        (with("}", r#","platforms_rise_k":null}"#), Code::Syntax, None),
+        (with("}", r#","platforms_rise_k":1e999}"#), Code::Range, Some(7)),
+        (WEIGHT.replacen(r#""centre_m":[0,0,0.1],"#, "", 1), Code::Field, Some(8)),
+        (WEIGHT.replacen('}', r#","moment_nm":[0,0,0.1]}"#, 1), Code::Field, Some(8)),
+        (WEIGHT.replacen('}', r#","limb_1_rise_k":1}"#, 1), Code::Field, Some(8)),
+        (WEIGHT.replacen("785", "1e999", 1), Code::Range, Some(8)),
+        (WEIGHT.replacen("0.53", "-1e999", 1), Code::Range, Some(8)),
         (with("cycle", "sweep"), Code::Field, Some(7)),
         (sweep("0"), Code::Range, Some(7)),
         (sweep("10001"), Code::Range, Some(7)),
@@ -511,14 +553,14 @@ fn the_front_page_is_the_protocol() {
     for line in &replies {
         assert!(Reply::<f64>::parse(&line_of(line.as_bytes())).is_some(), "{line}");
     }
-    assert_eq!((commands.len(), replies.len()), (10, 9));
+    assert_eq!((commands.len(), replies.len()), (11, 10));
 
     // serde's message for a word that is none names all that are
     fn words<T: serde::de::DeserializeOwned>() -> String {
         let message = serde_json::from_str::<T>("\"?\"").err().expect("no such word").to_string();
         message.split('`').skip(3).step_by(2).collect::<Vec<_>>().join(" ")
     }
-    for words in [words::<Status>(), words::<Code>(), words::<Fault>()] {
+    for words in [words::<Status>(), words::<Code>(), words::<Fault>(), words::<OffsetFault>()] {
         assert!(page.contains(&words.as_str()), "{words}");
     }
 }

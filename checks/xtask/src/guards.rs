@@ -14,7 +14,7 @@ use crate::image::place;
 use crate::line::{HELLO, Line};
 use crate::proofs::image;
 use crate::qemu::PROCESSORS;
-use crate::{Outcome, learning};
+use crate::{Outcome, carried, learning};
 
 /// What is done to a board, and what it must say of that after it has started again.
 struct Guard {
@@ -58,6 +58,7 @@ pub fn run() -> Outcome {
         in_service(board, &elf)?;
         zeros(board, &elf)?;
         learning::run(board, &elf)?;
+        carried::run(board, &elf)?;
     }
     Ok(())
 }

@@ -6,11 +6,15 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use pkm_core::compensator::Weight;
+use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{PARAMETERS, TABLE_F64};
+use pkm_core::{Basis, CorrectionTable, Pose};
 use pkm_host::cli;
-use pkm_protocol::{ABORT, crc32};
+use pkm_protocol::{ABORT, Carried, Command as Asked, crc32};
 
-use crate::line::Line;
+use crate::carried::{CARRIED, transfer};
+use crate::line::{HELLO, Line};
 use crate::proofs::firmware;
 use crate::{Outcome, output, root};
 
@@ -21,7 +25,7 @@ const BOARDS: [(&str, &str, Option<&str>, Option<&str>); 3] = [
     ("netduinoplus2", "STM32F405", None, Some("stm32f405")),
 ];
 /// Of the same machine, with 33 terms.
-const OTHER_TABLE: &str = "fixtures/jobs/wide-table.json";
+pub const OTHER_TABLE: &str = "fixtures/jobs/wide-table.json";
 /// Enough to see that the port works.
 const POSES_OVER_PORT: u64 = 100;
 
@@ -86,12 +90,15 @@ fn faults(board: &str, elf: &Path) -> Outcome {
     let cycle = format!(r#"{{"v":2,"id":3,"cmd":"cycle",{CYCLE}"#);
     line.asks("a cycle", cycle.clone(), crc32(cycle.as_bytes()), r#""status":"ok""#)?;
     bad_tables(&mut line)?;
+    bad_weights(&mut line)?;
     // QEMU's second is shorter than ours
     let dropped = r#""dropped_demands":2,"last_fault":null"#;
     for _ in 0..100 {
         line.send(status, crc32(status.as_bytes()))?;
         if line.receive()?.contains(dropped) {
-            println!("a damaged line, an aborted sweep, damaged tables, a host that is gone: as they should");
+            println!(
+                "a damaged line, an aborted sweep, damaged tables, bad weights, a host that is gone: as they should"
+            );
             return Ok(());
         }
         std::thread::sleep(Duration::from_millis(100));
@@ -135,6 +142,42 @@ fn bad_tables(line: &mut Line) -> Outcome {
         asks("a swap", swap(), expected)?;
     }
     Ok(())
+}
+
+/// Weights that are refused, and a table that has no reference of the one that was taken: what was before stays.
+fn bad_weights(line: &mut Line) -> Outcome {
+    let sum = format!(r#"{{"carried":"{:016x}"}}"#, TABLE_F64.checksum());
+    let [heavy, far, away] = [CARRIED; 3];
+    let heavy = Carried { weight: Weight { force_n: Vector3::repeat(1e5), ..heavy.weight }, ..heavy };
+    let far = Carried { weight: Weight { centre_m: Vector3::repeat(10.0), ..far.weight }, ..far };
+    let away = Carried { zeroed_at: Pose { theta_rad: 1.0, ..away.zeroed_at }, ..away };
+    for (carried, expected) in [
+        (heavy, r#"{"error":"too_heavy"}"#),
+        (far, r#"{"error":"too_far"}"#),
+        (away, r#"{"error":"no_reference"}"#),
+        (CARRIED, &sum),
+    ] {
+        let reply = line.request(Asked::Weight(carried))?;
+        if !reply.contains(expected) {
+            return Err(format!("a weight: {reply}expected {expected}"));
+        }
+    }
+    // the same table, with a box that does not have the zero
+    let mut numbers = TABLE_F64.numbers();
+    let mut take = |count: usize| numbers.by_ref().take(count).collect::<Vec<_>>();
+    let (limits, terms) = (take(6), usize::from(TABLE_F64.header(0).terms));
+    let exponents: Vec<[u8; 3]> =
+        take(3 * terms).chunks_exact(3).map(|of| [of[0], of[1], of[2]].map(|exponent| exponent as u8)).collect();
+    let (diagonal, factor) = (take(6 * terms), take(21 * terms));
+    let basis =
+        Basis::<f64>::new([limits[0] + 0.3, limits[1], limits[2]], [limits[3], limits[4], limits[5]], &exponents);
+    let moved = CorrectionTable::<f64>::new(basis.map_err(|e| e.to_string())?, &diagonal, Some(&factor));
+    transfer(line, &moved.map_err(|e| e.to_string())?)?;
+    let reply = line.request(Asked::Swap)?;
+    if !reply.contains(r#"{"error":"no_reference"}"#) {
+        return Err(format!("a table without a reference of the weight: {reply}"));
+    }
+    line.ask("the table in service", HELLO, &format!(r#""table":"{:016x}""#, TABLE_F64.checksum())).map(drop)
 }
 
 /// A board of QEMU behind a pseudo terminal, which is as good as a serial port.

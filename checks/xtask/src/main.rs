@@ -3,6 +3,7 @@
 mod axe;
 mod browser;
 mod c;
+mod carried;
 mod cycles;
 mod debugger;
 mod firefox;

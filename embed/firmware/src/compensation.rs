@@ -1,9 +1,9 @@
-//! What the cyclic task compensates with: in either arithmetic, with what was learned. Knows no hardware.
+//! What the cyclic task compensates with: in either arithmetic, with what was learned, and with what the machine carries. Knows no hardware.
 
-use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
+use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Fault, Reading, WeightError};
 use pkm_core::estimation::{Estimator, EstimatorSettings, state_bytes};
 use pkm_core::{CorrectionTable, Machine, Scalar};
-use pkm_protocol::{Arithmetic, Demand};
+use pkm_protocol::{Arithmetic, Carried, Demand};
 
 pub const AMPLITUDES: usize = 6;
 
@@ -13,6 +13,24 @@ pub type Learner = Estimator<f64, AMPLITUDES>;
 pub struct Model<'a> {
     pub single: (&'a CorrectionTable<'a, f32>, &'a Machine<f32>),
     pub double: (&'a CorrectionTable<'a, f64>, &'a Machine<f64>),
+}
+
+/// What the machine carries, with its reference in either arithmetic.
+#[derive(Clone, Copy)]
+pub struct Weighed {
+    single: CarriedWeight<f32, 3>,
+    double: CarriedWeight<f64, 3>,
+}
+
+impl Weighed {
+    /// Takes about as long as a period of both arithmetics.
+    ///
+    /// # Errors
+    /// Those of either.
+    pub fn new(model: &Model<'_>, carried: &Carried) -> Result<Self, WeightError> {
+        let (single, double) = (model.single, model.double);
+        Ok(Self { single: carried.carried(single.1, single.0)?, double: carried.carried(double.1, double.0)? })
+    }
 }
 
 /// From period to period.
@@ -27,6 +45,7 @@ pub struct Compensation {
     /// The latest demand, at whose place the offset goes back when there is none any more.
     latest: Option<Demand>,
     pub offset_m: [f64; 3],
+    pub fault: Option<Fault>,
     /// Periods in which it has compensated a demand.
     pub compensated: u32,
 }
@@ -44,6 +63,7 @@ impl Compensation {
             period_s,
             latest: None,
             offset_m: [0.0; 3],
+            fault: None,
             compensated: 0,
         })
     }
@@ -53,6 +73,12 @@ impl Compensation {
         let mut state = [0; state_bytes(AMPLITUDES)];
         // both are of the same settings, and of any machine
         let _ = self.learner.save(0, 0, &mut state).and_then(|()| self.single.restore(0, &state));
+    }
+
+    /// Compensates this, too, from the next period on. The offset goes there at its rate limit.
+    pub fn carry(&mut self, weighed: &Weighed) {
+        self.of_single.set_weight(Some(weighed.single));
+        self.of_double.set_weight(Some(weighed.double));
     }
 
     /// A period. Without a demand the offset goes back to none. Each arithmetic has a compensator of its own: the offset of one is gone
@@ -72,7 +98,7 @@ impl Compensation {
             self.learner.follow(self.period_s);
             self.single.follow(self.period_s as f32);
         }
-        self.offset_m = match at.arithmetic {
+        (self.offset_m, self.fault) = match at.arithmetic {
             Arithmetic::F32 => update(&mut self.of_single, &self.single, model.single, &at, enabled),
             Arithmetic::F64 => update(&mut self.of_double, &self.learner, model.double, &at, enabled),
         };
@@ -86,8 +112,9 @@ fn update<T: Scalar>(
     (table, machine): (&CorrectionTable<'_, T>, &Machine<T>),
     demand: &Demand,
     enabled: bool,
-) -> [f64; 3] {
+) -> ([f64; 3], Option<Fault>) {
     let (pose, wrench, tip_m) = demand.inputs();
-    let reading = Reading { enabled, wrench, rise: T::ZERO.into() };
-    compensator.update_learned(table, machine, learned, (&pose, tip_m), &reading).joints.map(T::to_f64).into()
+    let reading = Reading { enabled, wrench, rise: demand.rise() };
+    let offset = compensator.update_learned(table, machine, learned, (&pose, tip_m), &reading);
+    (offset.joints.map(T::to_f64).into(), offset.fault)
 }

@@ -8,11 +8,12 @@ use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::asm::wfi;
 use critical_section::Mutex;
 use pkm_core::CorrectionTable;
+use pkm_core::compensator::Fault;
 use pkm_core::estimation::{Refusal, state_bytes};
-use pkm_protocol::{Answer, Code, Demand, Learned, Probe};
+use pkm_protocol::{Answer, Code, Demand, Learned, OffsetFault, Probe};
 
 use crate::board::Flash;
-use crate::compensation::{AMPLITUDES, Compensation, Learner, Model};
+use crate::compensation::{AMPLITUDES, Compensation, Learner, Model, Weighed};
 use crate::learned::SETTINGS;
 use crate::slots::{NotSaved, restore, save};
 use crate::{ABORTED, MAIN_SILENT, PERIOD_HZ, coefficients};
@@ -35,6 +36,7 @@ struct Known {
     refused: Option<Refusal>,
     learner: Learner,
     offset_m: [f64; 3],
+    fault: Option<Fault>,
     compensated: u32,
 }
 
@@ -49,9 +51,17 @@ pub struct Tables<'a> {
     pub double: CorrectionTable<'a, f64>,
 }
 
-/// The task's part of a period: compensates the demand, learns what `main` asks it to, and tells what it knows. A reading takes as long as
+impl Tables<'_> {
+    /// With the machine of the image.
+    pub fn model(&self) -> Model<'_> {
+        let single = (&self.single, &coefficients::MACHINE_F32);
+        Model { single, double: (&self.double, &coefficients::MACHINE_F64) }
+    }
+}
+
+/// The task's part of a period: takes the weight over that has come, compensates the demand, learns what `main` asks it to, and tells what it knows. A reading takes as long as
 /// a cycle, in `f64`.
-pub fn work(task: &mut Option<Task>, tables: &Tables<'_>, demand: Option<Demand>) {
+pub fn work(task: &mut Option<Task>, tables: &Tables<'_>, weighed: Option<Weighed>, demand: Option<Demand>) {
     let asked = critical_section::with(|cs| {
         if let Some(first) = FIRST.borrow(cs).take() {
             *task = Some(first);
@@ -59,16 +69,17 @@ pub fn work(task: &mut Option<Task>, tables: &Tables<'_>, demand: Option<Demand>
         ASKED.borrow(cs).take()
     });
     let Some(task) = task else { return };
-    let single = (&tables.single, &coefficients::MACHINE_F32);
-    let double = (&tables.double, &coefficients::MACHINE_F64);
-    task.period(&Model { single, double }, demand);
+    if let Some(weighed) = &weighed {
+        task.carry(weighed);
+    }
+    task.period(&tables.model(), demand);
     let refused = match asked {
         None => return,
         Some(Question::Probe(probe)) => learn(task, &tables.double, &probe).err(),
         Some(Question::State) => None,
     };
-    let Task { learner, offset_m, compensated, .. } = *task;
-    let known = Known { refused, learner, offset_m, compensated };
+    let Task { learner, offset_m, fault, compensated, .. } = *task;
+    let known = Known { refused, learner, offset_m, fault, compensated };
     critical_section::with(|cs| KNOWN.borrow(cs).set(Some(known)));
 }
 
@@ -143,13 +154,14 @@ impl Learning {
     }
 
     fn known(&self, known: Option<Known>) -> Answer<'static, f64> {
-        let Some(Known { refused, learner, offset_m, compensated }) = known else {
+        let Some(Known { refused, learner, offset_m, fault, compensated }) = known else {
             return Answer::Error(Code::Aborted);
         };
         let mut state = [0; state_bytes(AMPLITUDES)];
         let written = learner.save(machine(), 0, &mut state).ok();
         let learned = written.and_then(|()| Learned::new(&learner, &state, refused, self.saved));
-        let learned = learned.map(|learned| Learned { offset_m, compensated, ..learned });
+        let learned =
+            learned.map(|learned| Learned { offset_m, fault: fault.map(OffsetFault::from), compensated, ..learned });
         learned.map_or(Answer::Error(Code::Range), Answer::Learned)
     }
 }

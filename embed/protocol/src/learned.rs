@@ -1,5 +1,6 @@
 //! What a controller learns from: a reading of the tip; and what it knows.
 
+use pkm_core::compensator;
 use pkm_core::estimation::{self, Estimator, MAX_AMPLITUDES, TipReading, Touch};
 use pkm_core::nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
@@ -62,6 +63,8 @@ pub struct Learned {
     pub saved: Option<u32>,
     /// What the compensation adds to the screw lengths, in the arithmetic of the latest demand.
     pub offset_m: [f64; 3],
+    /// Why the latest demand is not compensated as usual; none, too, when there is none.
+    pub fault: Option<OffsetFault>,
     /// Periods in which it has compensated a demand since the start.
     pub compensated: u32,
 }
@@ -98,6 +101,40 @@ impl From<estimation::Refusal> for Refusal {
             estimation::Refusal::WrongSign => Self::WrongSign,
             estimation::Refusal::Unexpected => Self::Unexpected,
             estimation::Refusal::Model(_) => Self::Model,
+            _ => Self::Other,
+        }
+    }
+}
+
+/// Why a demand is not compensated as usual: those of [`compensator::Fault`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum OffsetFault {
+    /// The wrench is not finite in the arithmetic of the demand.
+    WrenchNotFinite,
+    /// The wrench is beyond the greatest force or moment.
+    WrenchTooLarge,
+    /// The wrench was the same for too long.
+    WrenchStuck,
+    /// A temperature is missing, out of range, or has jumped.
+    TemperatureLost,
+    /// The pose is outside the table's box.
+    OutsideBox,
+    /// There is no posture, no deflection, or no way to compensate it at the pose.
+    Model,
+    /// Another reason.
+    Other,
+}
+
+impl From<compensator::Fault> for OffsetFault {
+    fn from(e: compensator::Fault) -> Self {
+        match e {
+            compensator::Fault::WrenchNotFinite => Self::WrenchNotFinite,
+            compensator::Fault::WrenchTooLarge => Self::WrenchTooLarge,
+            compensator::Fault::WrenchStuck => Self::WrenchStuck,
+            compensator::Fault::TemperatureLost => Self::TemperatureLost,
+            compensator::Fault::OutsideBox => Self::OutsideBox,
+            compensator::Fault::Correction(_) | compensator::Fault::Compensation(_) => Self::Model,
             _ => Self::Other,
         }
     }
@@ -144,6 +181,7 @@ impl Learned {
             state: Checksum::over(state),
             saved,
             offset_m: [0.0; 3],
+            fault: None,
             compensated: 0,
         })
     }

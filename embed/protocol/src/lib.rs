@@ -8,13 +8,14 @@
 //! ```text
 //! {"v":2,"id":1,"cmd":"hello"}
 //! {"v":2,"id":2,"cmd":"status"}
-//! {"v":2,"id":3,"cmd":"cycle","arithmetic":"f64","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}
+//! {"v":2,"id":3,"cmd":"cycle","arithmetic":"f64","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3],"limb_1_rise_k":1.5,"limb_2_rise_k":2,"limb_3_rise_k":1.75,"platforms_rise_k":0.5}
 //! {"v":2,"id":4,"cmd":"sweep","to":[0.2,0.1,0.55],"steps":1000,"arithmetic":"f64","theta_rad":0.1,"sigma_rad":-0.05,"z0_m":0.53,"force_n":[0,0,-400],"moment_nm":[0,0,5],"tip_m":[0,0,0.3]}
 //! ```
 //!
 //! `v` is [`VERSION`], `id` any `u32`, which the reply repeats. A command has exactly its own fields, in any order; `arithmetic` is `f32`
 //! or `f64`. `cycle` works on a demand and tells the result; the task goes on with it in every period until the next one, for a second at the most:
-//! a host that is gone must not leave its load behind. `sweep` goes in a straight line from the pose towards `to` = [θ, σ, Z0], `steps` poses, one a period, and sums up the
+//! a host that is gone must not leave its load behind. The four temperatures say how much warmer limbs and platforms are than at the zero reading;
+//! one that is left out is a sensor without a reading. Without sensors send zeros, from a single one its rise four times. `sweep` goes in a straight line from the pose towards `to` = [θ, σ, Z0], `steps` poses, one a period, and sums up the
 //! results and a checksum of all their bits. `to` is the pose that would come after the last: `steps` = 1 is the first pose alone.
 //!
 //! A table is changed while the task runs:
@@ -29,6 +30,16 @@
 //! [`MAX_NUMBERS`] of its numbers (their order: [`CorrectionTable::numbers`](pkm_core::CorrectionTable::numbers)), `first` being the place
 //! of the first of them. `swap` checks that the table is whole, has its checksum and lies in memory as it came, and puts it into service at the beginning of
 //! a period. Any error leaves the table in service where it is; begin again with `table`. After a start the table of the image is in service.
+//!
+//! What the machine carries is compensated beyond what it did where the machine was zeroed:
+//!
+//! ```text
+//! {"v":2,"id":11,"cmd":"weight","force_n":[785,0,0],"centre_m":[0,0,0.1],"theta_rad":0,"sigma_rad":0,"z0_m":0.53,"tip_m":[0,0,0.3]}
+//! ```
+//!
+//! `force_n` is the weight along x, y, z of B, platform and tool in one, `centre_m` its centre of mass in A-uvw, the pose is that of the zero, with its tip. A force of zeros is
+//! nothing, as after a start. The reference at the zero is of the table in service, and worked out outside of the period; `swap` works out that of its own table, and puts both into service at once. Where there
+//! is none the weight, or the table, is refused, and what was before stays.
 //!
 //! A controller that learns takes readings of the tip under known loads:
 //!
@@ -52,7 +63,8 @@
 //! {"v":2,"id":4,"answer":{"sweep":{"ok":1000,"outside_box":0,"refused":0,"overruns":0,"worst_ticks":7312,"results":"93b1c5a0e4d2f786"}}}
 //! {"v":2,"id":6,"answer":{"received":{"numbers":6,"of":276}}}
 //! {"v":2,"id":7,"answer":{"swapped":"fedcba9876543210"}}
-//! {"v":2,"id":8,"answer":{"learned":{"refused":null,"readings":41,"began_s":1700000000,"time_s":1700086400,"values":[1e-10,2.1e-9],"deviations":[2e-10,1e-10],"alarms":[null,{"change":2.1e-9,"probability":0.999,"readings":41},null,null,null,null,null,null],"state":"0123456789abcdef","saved":3,"offset_m":[1e-6,0,0],"compensated":12}}}
+//! {"v":2,"id":11,"answer":{"carried":"fedcba9876543210"}}
+//! {"v":2,"id":8,"answer":{"learned":{"refused":null,"readings":41,"began_s":1700000000,"time_s":1700086400,"values":[1e-10,2.1e-9],"deviations":[2e-10,1e-10],"alarms":[null,{"change":2.1e-9,"probability":0.999,"readings":41},null,null,null,null,null,null],"state":"0123456789abcdef","saved":3,"offset_m":[1e-6,0,0],"fault":null,"compensated":12}}}
 //! {"v":2,"id":null,"answer":{"error":"syntax"}}
 //! ```
 //!
@@ -65,10 +77,16 @@
 //! (see [`Status`]; numbers come with the first two) and an `error` one of
 //!
 //! ```text
-//! too_long checksum syntax field version command range aborted other_machine table order busy not_saved
+//! too_long checksum syntax field version command range aborted other_machine table order busy not_saved too_heavy too_far no_reference
 //! ```
 //!
-//! (see [`Code`]), `last_fault` of `status` null or one of
+//! (see [`Code`]), `fault` of `learned` null or one of
+//!
+//! ```text
+//! wrench_not_finite wrench_too_large wrench_stuck temperature_lost outside_box model other
+//! ```
+//!
+//! (see [`OffsetFault`]), `last_fault` of `status` null or one of
 //!
 //! ```text
 //! restart panic exception stack self_test
@@ -103,8 +121,8 @@ mod piece;
 mod reply;
 mod request;
 
-pub use demand::{Arithmetic, Demand, Sweep};
-pub use learned::{Alarm, Learned, Probe, Refusal};
+pub use demand::{Arithmetic, Carried, Demand, Sweep};
+pub use learned::{Alarm, Learned, OffsetFault, Probe, Refusal};
 pub use line::{crc32, opened, sealed};
 pub use piece::{MAX_NUMBERS, Piece, TableNumbers};
 pub use reply::{

@@ -46,6 +46,8 @@ pub enum Answer<'a, T> {
     Received(Received),
     /// To `swap`: the checksum of the table that is in service now.
     Swapped(Checksum),
+    /// To `weight`: the checksum of the table that its reference is of.
+    Carried(Checksum),
     /// To `probe`, `learned` and `save`.
     Learned(Learned),
     /// To a bad line.
@@ -259,7 +261,8 @@ impl<'a, T: Scalar + Deserialize<'a>> Reply<'a, T> {
             }
             Answer::Cycle(cycle) => cycle.numbers.as_ref().is_none_or(Numbers::are_finite),
             Answer::Learned(learned) => learned.is_finite(),
-            Answer::Status(_) | Answer::Sweep(_) | Answer::Received(_) | Answer::Swapped(_) | Answer::Error(_) => true,
+            Answer::Status(_) | Answer::Sweep(_) | Answer::Received(_) => true,
+            Answer::Swapped(_) | Answer::Carried(_) | Answer::Error(_) => true,
         };
         (length == line.len() && reply.v == VERSION && finite).then_some(reply)
     }

@@ -1,5 +1,6 @@
 //! Commands: lines from bytes, commands from lines.
 
+use pkm_core::compensator::{Weight, WeightError};
 use pkm_core::correction::{TableHeader, TransferError};
 use pkm_core::estimation::Touch;
 use pkm_core::nalgebra::Vector3;
@@ -7,7 +8,7 @@ use pkm_core::{Pose, Wrench};
 use serde::{Deserialize, Serialize};
 use serde_json_core::de;
 
-use crate::demand::{Arithmetic, Demand, Sweep};
+use crate::demand::{Arithmetic, Carried, Demand, Sweep};
 use crate::json::{objects, write_line};
 use crate::learned::Probe;
 use crate::line::opened;
@@ -45,6 +46,23 @@ pub enum Code {
     Busy,
     /// The state could not be written where it stays.
     NotSaved,
+    /// A weight beyond [`MAX_WEIGHT_N`](pkm_core::compensator::MAX_WEIGHT_N).
+    TooHeavy,
+    /// A centre of mass farther than [`MAX_CENTRE_M`](pkm_core::compensator::MAX_CENTRE_M).
+    TooFar,
+    /// The table, or the one that was to come, has no deflection under the weight where the machine was zeroed.
+    NoReference,
+}
+
+impl From<WeightError> for Code {
+    fn from(e: WeightError) -> Self {
+        match e {
+            WeightError::TooHeavy => Self::TooHeavy,
+            WeightError::TooFar => Self::TooFar,
+            WeightError::NoReference(_) => Self::NoReference,
+            _ => Self::Range,
+        }
+    }
 }
 
 impl From<TransferError> for Code {
@@ -92,6 +110,8 @@ pub enum Command {
     Numbers(Piece),
     /// Check the table that has come, and work with it from the next period on.
     Swap,
+    /// Compensate this weight, too, from the next period on.
+    Weight(Carried),
     /// Learn from this.
     Probe(Probe),
     /// What do you know?
@@ -130,6 +150,16 @@ struct Wire<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     tip_m: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    limb_1_rise_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limb_2_rise_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limb_3_rise_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    platforms_rise_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    centre_m: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     to: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     steps: Option<u32>,
@@ -156,9 +186,13 @@ struct Wire<'a> {
 }
 
 impl Wire<'_> {
+    fn pose(&self) -> Option<Pose<f64>> {
+        Some(Pose { theta_rad: self.theta_rad?, sigma_rad: self.sigma_rad?, z0_m: self.z0_m? })
+    }
+
     fn place(&self) -> Option<Place> {
         Some(Place {
-            pose: Pose { theta_rad: self.theta_rad?, sigma_rad: self.sigma_rad?, z0_m: self.z0_m? },
+            pose: self.pose()?,
             wrench_at_tip: Wrench { force_n: self.force_n?.into(), moment_nm: self.moment_nm?.into() },
             tip_m: self.tip_m?.into(),
         })
@@ -166,7 +200,16 @@ impl Wire<'_> {
 
     fn demand(&self) -> Option<Demand> {
         let Place { pose, wrench_at_tip, tip_m } = self.place()?;
-        Some(Demand { arithmetic: self.arithmetic?, pose, wrench_at_tip, tip_m })
+        Some(Demand { arithmetic: self.arithmetic?, pose, wrench_at_tip, tip_m, rises_k: self.rises_k() })
+    }
+
+    fn rises_k(&self) -> [Option<f64>; 4] {
+        [self.limb_1_rise_k, self.limb_2_rise_k, self.limb_3_rise_k, self.platforms_rise_k]
+    }
+
+    fn carried(&self) -> Option<Carried> {
+        let weight = Weight { force_n: self.force_n?.into(), centre_m: self.centre_m?.into() };
+        Some(Carried { weight, zeroed_at: self.pose()?, tip_m: self.tip_m?.into() })
     }
 
     fn probe(&self) -> Option<Probe> {
@@ -176,9 +219,8 @@ impl Wire<'_> {
     }
 
     fn has_place(&self) -> bool {
-        let Self { theta_rad, sigma_rad, z0_m, force_n, moment_nm, tip_m, .. } = self;
-        [theta_rad, sigma_rad, z0_m].into_iter().any(Option::is_some)
-            || [force_n, moment_nm, tip_m].into_iter().any(Option::is_some)
+        let Self { theta_rad, sigma_rad, z0_m, force_n, tip_m, .. } = self;
+        [theta_rad, sigma_rad, z0_m].into_iter().any(Option::is_some) || force_n.is_some() || tip_m.is_some()
     }
 
     fn has_reading(&self) -> bool {
@@ -206,8 +248,11 @@ impl Wire<'_> {
     /// Whether a field is there that the command does not have.
     fn has_others(&self) -> bool {
         let is = |commands: &[&str]| commands.contains(&self.cmd);
-        !is(&["cycle", "sweep"]) && self.arithmetic.is_some()
-            || !is(&["cycle", "sweep", "probe"]) && self.has_place()
+        let has_rise = self.rises_k().iter().any(Option::is_some);
+        !is(&["cycle", "sweep"]) && (self.arithmetic.is_some() || has_rise)
+            || !is(&["cycle", "sweep", "probe"]) && self.moment_nm.is_some()
+            || !is(&["cycle", "sweep", "probe", "weight"]) && self.has_place()
+            || !is(&["weight"]) && self.centre_m.is_some()
             || !is(&["sweep"]) && self.has_way()
             || !is(&["table"]) && self.has_header()
             || !is(&["numbers"]) && self.has_piece()
@@ -220,7 +265,8 @@ impl Wire<'_> {
             if demand.is_finite() { Ok(demand) } else { Err(Code::Range) }
         };
         match self.cmd {
-            "hello" | "status" | "cycle" | "sweep" | "table" | "numbers" | "swap" | "probe" | "learned" | "save"
+            "hello" | "status" | "cycle" | "sweep" | "table" | "numbers" | "swap" | "weight" | "probe" | "learned"
+            | "save"
                 if self.has_others() =>
             {
                 Err(Code::Field)
@@ -230,6 +276,10 @@ impl Wire<'_> {
             "swap" => Ok(Command::Swap),
             "learned" => Ok(Command::Learned),
             "save" => Ok(Command::Save),
+            "weight" => {
+                let carried = self.carried().ok_or(Code::Field)?;
+                if carried.is_finite() { Ok(Command::Weight(carried)) } else { Err(Code::Range) }
+            }
             "probe" => {
                 let probe = self.probe().ok_or(Code::Field)?;
                 if probe.is_finite() { Ok(Command::Probe(probe)) } else { Err(Code::Range) }
@@ -281,11 +331,11 @@ impl Request {
 
     /// Writes the line with its CRC and line feed; `None` when `buffer` is too short ([`MAX_COMMAND`] + 1 always do).
     pub fn write<'b>(&self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
-        let (mut place, mut arithmetic, mut sweep) = (None, None, None);
-        let (mut header, mut piece, mut probe) = (None, None, None);
-        let mut work_on = |demand: Demand| {
-            let Demand { arithmetic: asked, pose, wrench_at_tip, tip_m } = demand;
-            (place, arithmetic) = (Some(Place { pose, wrench_at_tip, tip_m }), Some(asked));
+        let (mut place, mut moment_nm, mut demand, mut sweep) = (None, None, None, None);
+        let (mut header, mut piece, mut weight, mut probe) = (None, None, None, None);
+        let mut work_on = |asked: Demand| {
+            let Wrench { force_n, moment_nm: moment } = asked.wrench_at_tip;
+            (place, moment_nm, demand) = (Some((asked.pose, force_n, asked.tip_m)), Some(moment), Some(asked));
         };
         let cmd = match self.command {
             Command::Hello => "hello",
@@ -310,24 +360,34 @@ impl Request {
                 piece = Some(next);
                 "numbers"
             }
+            Command::Weight(carried) => {
+                place = Some((carried.zeroed_at, carried.weight.force_n, carried.tip_m));
+                weight = Some(carried.weight);
+                "weight"
+            }
             Command::Probe(read) => {
                 let Touch { pose, wrench, tip_m, .. } = read.touch;
-                place = Some(Place { pose, wrench_at_tip: wrench, tip_m });
-                probe = Some(read);
+                (place, moment_nm, probe) = (Some((pose, wrench.force_n, tip_m)), Some(wrench.moment_nm), Some(read));
                 "probe"
             }
         };
+        let [limb_1_rise_k, limb_2_rise_k, limb_3_rise_k, platforms_rise_k] = demand.map_or([None; 4], |d| d.rises_k);
         let wire = Wire {
             v: VERSION,
             id: self.id,
             cmd,
-            arithmetic,
-            theta_rad: place.map(|p| p.pose.theta_rad),
-            sigma_rad: place.map(|p| p.pose.sigma_rad),
-            z0_m: place.map(|p| p.pose.z0_m),
-            force_n: place.map(|p| p.wrench_at_tip.force_n.into()),
-            moment_nm: place.map(|p| p.wrench_at_tip.moment_nm.into()),
-            tip_m: place.map(|p| p.tip_m.into()),
+            arithmetic: demand.map(|d| d.arithmetic),
+            theta_rad: place.map(|(pose, ..)| pose.theta_rad),
+            sigma_rad: place.map(|(pose, ..)| pose.sigma_rad),
+            z0_m: place.map(|(pose, ..)| pose.z0_m),
+            force_n: place.map(|(_, force_n, _)| force_n.into()),
+            moment_nm: moment_nm.map(Into::into),
+            tip_m: place.map(|(.., tip_m)| tip_m.into()),
+            limb_1_rise_k,
+            limb_2_rise_k,
+            limb_3_rise_k,
+            platforms_rise_k,
+            centre_m: weight.map(|w| w.centre_m.into()),
             to: sweep.map(|s| [s.to.theta_rad, s.to.sigma_rad, s.to.z0_m]),
             steps: sweep.map(|s| s.steps),
             machine: header.map(|h| Checksum(h.machine)),

@@ -1,15 +1,17 @@
 //! Lines there and back, and what is refused: few and quick, so that Miri can run them (`cargo xtask miri`).
 
+use pkm_core::compensator::{self, CarriedWeight, Weight, WeightError};
 use pkm_core::correction::{TableHeader, TransferError};
 use pkm_core::effects::{Motion, Place};
 use pkm_core::estimation::{self, AmplitudeSettings, Estimator, EstimatorSettings, Touch, state_bytes};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64};
+use pkm_core::thermal::TemperatureRise;
 use pkm_core::{Pose, Wrench};
 use pkm_protocol::{
-    Alarm, Answer, Arithmetic, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Learned, Lines,
-    MAX_COMMAND, MAX_NUMBERS, MAX_REPLY, Piece, Probe, Received, Refusal, Refused, Reply, Request, Status, Sweep,
-    SweepReply, TableNumbers, VERSION, crc32, opened, sealed,
+    Alarm, Answer, Arithmetic, Carried, Checksum, Code, Command, Counters, CycleReply, Demand, Fault, Hello, Learned,
+    Lines, MAX_COMMAND, MAX_NUMBERS, MAX_REPLY, OffsetFault, Piece, Probe, Received, Refusal, Refused, Reply, Request,
+    Status, Sweep, SweepReply, TableNumbers, VERSION, crc32, opened, sealed,
 };
 
 const DEMAND: Demand = Demand {
@@ -17,6 +19,7 @@ const DEMAND: Demand = Demand {
     pose: Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 },
     wrench_at_tip: Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), moment_nm: Vector3::new(0.0, 0.0, 5.0) },
     tip_m: Vector3::new(0.0, 0.0, 0.3),
+    rises_k: [Some(1.5), None, Some(-2.0), Some(0.0)],
 };
 
 fn line_of(json: &[u8]) -> Vec<u8> {
@@ -49,6 +52,13 @@ fn commands_come_back() {
     assert_eq!(TableNumbers::new(&[0.0; MAX_NUMBERS + 1]), None);
     let refusals = [TransferError::OtherMachine, TransferError::NumberCount, TransferError::Checksum].map(Code::from);
     assert_eq!(refusals, [Code::OtherMachine, Code::Order, Code::Table]);
+    let refusals = [
+        (WeightError::NotFinite, Code::Range),
+        (WeightError::TooHeavy, Code::TooHeavy),
+        (WeightError::TooFar, Code::TooFar),
+        (WeightError::NoReference(compensator::Fault::OutsideBox), Code::NoReference),
+    ];
+    assert!(refusals.into_iter().all(|(error, code)| Code::from(error) == code));
     let piece = Piece { first: u32::MAX, numbers };
     let few = Piece { first: 0, numbers: TableNumbers::new(&[]).unwrap() };
     const LONG: f64 = -1.234_567_890_123_456_7e-300;
@@ -60,7 +70,19 @@ fn commands_come_back() {
         wrench: Wrench { force_n: long, moment_nm: long },
         rise_k: LONG,
     };
+    // the longest demand there is
+    let demand = Demand {
+        arithmetic: Arithmetic::F64,
+        pose: touch.pose,
+        wrench_at_tip: touch.wrench,
+        tip_m: long,
+        rises_k: [Some(LONG); 4],
+    };
+    let weight = Weight { force_n: long, centre_m: long };
     for command in [
+        Command::Cycle(demand),
+        Command::Sweep(Sweep { from: demand, to: touch.pose, steps: 10_000 }),
+        Command::Weight(Carried { weight, zeroed_at: touch.pose, tip_m: long }),
         Command::Probe(Probe { touch, read_m: [LONG; 3], deviation_m: [LONG; 3] }),
         Command::Learned,
         Command::Save,
@@ -162,6 +184,7 @@ fn replies_come_back() {
         Answer::Sweep(sweep),
         Answer::Received(Received { numbers: 24, of: 276 }),
         Answer::Swapped(Checksum(u64::MAX)),
+        Answer::Carried(Checksum(1)),
         Answer::Learned(learned()),
         Answer::Learned(Learned {
             refused: Some(Refusal::WrongSign),
@@ -177,6 +200,7 @@ fn replies_come_back() {
             time_s: u32::MAX,
             saved: Some(u32::MAX),
             offset_m: [-1.234_567_890_123_456_7e-300; 3],
+            fault: Some(OffsetFault::WrenchNotFinite),
             compensated: u32::MAX,
             ..learned()
         }),
@@ -191,6 +215,37 @@ fn replies_come_back() {
         let later = String::from_utf8(opened(line).unwrap().to_vec()).unwrap().replacen("\"v\":2", "\"v\":9", 1);
         assert_eq!(Reply::<f64>::parse(&line_of(later.as_bytes())), None);
     }
+}
+
+/// What the core is given of a line.
+#[test]
+fn temperatures_and_weights_are_the_cores() {
+    let TemperatureRise { limbs_k: [first, second, third], platforms_k } = DEMAND.rise::<f32>();
+    assert!(second.is_nan());
+    assert_eq!([first, third, platforms_k], [1.5, -2.0, 0.0]);
+    let weight = Weight { force_n: Vector3::new(785.1, 1.0, 2.0), centre_m: Vector3::new(0.01, 0.02, 0.1) };
+    let zeroed_at = Pose { theta_rad: -0.2, sigma_rad: 0.1, z0_m: 0.52 };
+    let carried = Carried { weight, zeroed_at, tip_m: DEMAND.tip_m };
+    let own = CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, &weight, (&zeroed_at, DEMAND.tip_m));
+    assert!(own.is_ok());
+    assert_eq!(carried.carried(&MACHINE_F64, &TABLE_F64), own);
+    let away = Carried { zeroed_at: Pose { theta_rad: 1.0, ..zeroed_at }, ..carried };
+    let outside = WeightError::NoReference(compensator::Fault::OutsideBox);
+    assert_eq!(away.carried(&MACHINE_F64, &TABLE_F64), Err(outside));
+
+    use OffsetFault::{Model, Other, OutsideBox, TemperatureLost, WrenchNotFinite, WrenchStuck, WrenchTooLarge};
+    let singular = pkm_core::CompensationError::Singular;
+    let faults = [
+        (compensator::Fault::WrenchNotFinite, WrenchNotFinite),
+        (compensator::Fault::WrenchTooLarge, WrenchTooLarge),
+        (compensator::Fault::WrenchStuck, WrenchStuck),
+        (compensator::Fault::TemperatureLost, TemperatureLost),
+        (compensator::Fault::OutsideBox, OutsideBox),
+        (compensator::Fault::Correction(pkm_core::CorrectionError::NoFactorForm), Model),
+        (compensator::Fault::Compensation(singular), Model),
+        (compensator::Fault::Tool(pkm_core::ToolError::Singular), Other),
+    ];
+    assert!(faults.into_iter().all(|(fault, told)| OffsetFault::from(fault) == told));
 }
 
 /// What an estimator knows that has taken in a reading, and refused one.

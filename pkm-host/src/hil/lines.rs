@@ -86,11 +86,14 @@ fn demand(rng: &mut Rng, pose_box: &PoseBox, arithmetic: Arithmetic) -> Demand {
     let mut three = |size: f64, digit: f64| [0; 3].map(|_| (within([-size, size], 1.0) / digit).round() * digit);
     let (force_n, moment_nm, [u, v, w]) = (three(2000.0, 1.0), three(200.0, 1.0), three(0.125, 0.0078125));
     let tip_m = [u, v, 0.375 + w];
+    // now and then there is no reading
+    let rises_k = [0; 4].map(|_| (rng.u8(0..8) > 0).then(|| (40.0 * (rng.f64() - 0.5)).round() / 4.0));
     Demand {
         arithmetic,
         pose: Pose { theta_rad, sigma_rad, z0_m },
         wrench_at_tip: Wrench { force_n: force_n.into(), moment_nm: moment_nm.into() },
         tip_m: tip_m.into(),
+        rises_k,
     }
 }
 

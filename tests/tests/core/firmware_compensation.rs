@@ -1,16 +1,17 @@
 //! The firmware's compensation in two arithmetics.
 
+use pkm_core::compensator::{Fault, Weight, WeightError};
 use pkm_core::nalgebra::Vector3;
-use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64};
-use pkm_core::{Pose, Wrench};
-use pkm_protocol::{Arithmetic, Demand};
+use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
+use pkm_core::{Basis, CorrectionTable, Machine, MachineParameters, Pose, Wrench};
+use pkm_protocol::{Arithmetic, Carried, Demand};
 
 use crate::estimation::drives;
 
 #[path = "../../../embed/firmware/src/compensation.rs"]
 mod firmware;
 
-use firmware::{Compensation, Model};
+use firmware::{Compensation, Model, Weighed};
 
 const PERIOD_S: f64 = 1e-3;
 /// Of a screw, by default.
@@ -32,6 +33,7 @@ fn an_offset_does_not_leap_between_arithmetics() {
         pose: Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 },
         wrench_at_tip: Wrench { force_n: Vector3::new(300.0, 0.0, -900.0), moment_nm: Vector3::zeros() },
         tip_m: Vector3::new(0.0, 0.0, 0.3),
+        rises_k: [Some(0.0); 4],
     };
     let size = |offset: [f64; 3]| Vector3::from(offset).amax();
     let mut at_rest = Vec::new();
@@ -50,4 +52,82 @@ fn an_offset_does_not_leap_between_arithmetics() {
     }
     let apart = |a: [f64; 3], b: [f64; 3]| (Vector3::from(a) - Vector3::from(b)).amax();
     assert!(apart(at_rest[0], at_rest[2]) < 1e-8 && apart(at_rest[0], at_rest[1]) < 0.5e-6, "{at_rest:?}");
+}
+
+const CARRIED: Carried = Carried {
+    weight: Weight { force_n: Vector3::new(785.0, 20.0, -30.0), centre_m: Vector3::new(0.01, 0.02, 0.1) },
+    zeroed_at: Pose { theta_rad: -0.2, sigma_rad: 0.1, z0_m: 0.52 },
+    tip_m: Vector3::new(0.0, 0.0, 0.3),
+};
+
+/// At the zero of a cold machine a weight asks for nothing, with a table and with the one that follows it, if its reference comes along.
+#[test]
+fn a_weight_has_the_reference_of_the_table_in_service() {
+    // a table whose first term, the constant, is another one
+    let terms = usize::from(TABLE_F64.header(0).terms);
+    let numbers: Vec<f64> = TABLE_F64.numbers().collect();
+    let exponents: Vec<[u8; 3]> = numbers[6..6 + 3 * terms]
+        .chunks_exact(3)
+        .map(|of| [of[0], of[1], of[2]].map(|exponent| exponent as u8))
+        .collect();
+    let (diagonal, factor) = numbers[6 + 3 * terms..].split_at(6 * terms);
+    let factor: Vec<f64> = factor.iter().map(|number| number * 1.05).collect();
+    let [a, b, c, d, e, f] = numbers[..6] else { panic!("a box") };
+    let other = CorrectionTable::<f64>::new(
+        Basis::<f64>::new([a, b, c], [d, e, f], &exponents).unwrap(),
+        diagonal,
+        Some(&factor),
+    );
+    let other = other.unwrap();
+    // which grows when it is warm
+    let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 14e-6, 0.0]).unwrap();
+    let machine = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    let model = Model { single: (&TABLE_F32, &MACHINE_F32), double: (&TABLE_F64, &machine) };
+    let next = Model { double: (&other, &machine), ..model };
+
+    let mut task = Compensation::new(&drives(), PERIOD_S).unwrap();
+    let demand = |pose, rises_k| Demand {
+        arithmetic: Arithmetic::F64,
+        pose,
+        wrench_at_tip: Wrench::ZERO,
+        tip_m: CARRIED.tip_m,
+        rises_k,
+    };
+    let mut settled = |model: &Model<'_>, weighed: Option<Weighed>, demand: Demand| {
+        if let Some(weighed) = &weighed {
+            task.carry(weighed);
+        }
+        for _ in 0..200 {
+            let before = Vector3::from(task.offset_m);
+            task.period(model, Some(demand));
+            let step = (Vector3::from(task.offset_m) - before).amax();
+            assert!(step <= 1.001 * RATE_M_PER_S * PERIOD_S, "{step:e} m in a period");
+        }
+        (task.offset_m, task.fault)
+    };
+    let (home, away) = (CARRIED.zeroed_at, Pose { theta_rad: 0.2, ..CARRIED.zeroed_at });
+    let none = ([0.0; 3], None);
+    let cold = [Some(0.0); 4];
+    assert_eq!(settled(&model, None, demand(away, cold)), none);
+    let of_first = Weighed::new(&model, &CARRIED).unwrap();
+    assert_eq!(settled(&model, Some(of_first), demand(home, cold)), none);
+    let (offset, fault) = settled(&model, None, demand(away, cold));
+    assert!(Vector3::from(offset).amax() > 5e-6 && fault.is_none(), "{offset:?}");
+    let of_second = Weighed::new(&next, &CARRIED).unwrap();
+    assert_eq!(settled(&next, Some(of_second), demand(home, cold)), none);
+    // which the first one's is not
+    let (offset, _) = settled(&next, Some(of_first), demand(home, cold));
+    assert!(Vector3::from(offset).amax() > 1e-7, "{offset:?}");
+
+    let outside = Carried { zeroed_at: Pose { theta_rad: 1.0, ..home }, ..CARRIED };
+    let refused = Weighed::new(&next, &outside).err();
+    assert_eq!(refused, Some(WeightError::NoReference(Fault::OutsideBox)));
+
+    // warmer by less than noise, so that it is believed at once; and with the sensor lost: the last that it said
+    let (warm, _) = settled(&next, Some(of_second), demand(home, [Some(0.0), Some(0.9), Some(0.0), Some(0.0)]));
+    assert!(warm[1].abs() > 3e-6 && warm[0].abs() < 1e-6, "{warm:?}");
+    assert_eq!(
+        settled(&next, None, demand(home, [Some(0.0), None, Some(0.0), Some(0.0)])),
+        (warm, Some(Fault::TemperatureLost))
+    );
 }

@@ -5,10 +5,10 @@
 //! * The serial line's interrupt keeps the bytes that come.
 //! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand; `sweep` is one demand after another.
 //!
-//! A table that comes over the line is put into service between two runs. `main` fills and checks one of two [`Tables`]; references to them change hands in [`NEXT`] and
-//! [`BEFORE`], so that the task never waits for `main` and no table is written while it is used. After a start the table of the image is in service.
+//! A table that comes over the line is put into service between two runs. `main` fills and checks one of two [`Tables`]; references to them change hands, so that the task
+//! never waits for `main` and no table is written while it is used, see `service`. After a start the table of the image is in service.
 //!
-//! The task also compensates each demand, as a controller would in every period: `learned` tells the offset. From `probe` it learns what has changed
+//! The task also compensates each demand, as a controller would in every period, with its temperatures and with the weight that `weight` tells: `learned` tells the offset. From `probe` it learns what has changed
 //! in the machine, and compensates with that; what it knows is kept over a restart, see `learning`.
 //!
 //! What ends it: a demand that nothing follows for [`DEMAND_PERIODS`] is dropped. The task feeds the watchdog while `main` shows
@@ -66,7 +66,7 @@ use serde::Serialize;
 
 use board::Received;
 use learning::{Learning, Task};
-use service::{BEFORE, NEXT, Service, Tables};
+use service::{BEFORE, NEXT, Next, Service, Tables};
 
 macro_rules! log {
     ($($part:tt)*) => {
@@ -141,6 +141,9 @@ fn SysTick() {
     if RUNNING.load(Relaxed) || SCB::is_pendsv_pending() {
         OVERRUNS.fetch_add(1, Relaxed);
         LATE.store(true, Relaxed);
+    } else if LATE.swap(false, Relaxed) {
+        // the period is `main`'s: a late run that ends just before a tick, again and again, would leave it no time at all
+        OVERRUNS.fetch_add(1, Relaxed);
     } else {
         SCB::set_pendsv();
     }
@@ -160,7 +163,8 @@ fn PendSV() {
     LATE.store(false, Relaxed);
     RUNNING.store(true, Relaxed);
     let begun = ticks();
-    if let Some(tables) = critical_section::with(|cs| NEXT.borrow(cs).take()) {
+    let Next { tables, weighed } = critical_section::with(|cs| NEXT.borrow(cs).take());
+    if let Some(tables) = tables {
         if let (Some(single), Some(double)) = (tables.f32.watch(), tables.f64.watch()) {
             *WATCHES = [single, double];
         }
@@ -180,11 +184,7 @@ fn PendSV() {
         ABORTED.store(true, Relaxed);
     }
     WORKING.store(WORKING_ON.is_some(), Relaxed);
-    let tables = IN_SERVICE.as_deref();
-    let tables = learning::Tables {
-        single: tables.and_then(|tables| tables.f32.table()).unwrap_or(coefficients::TABLE_F32),
-        double: tables.and_then(|tables| tables.f64.table()).unwrap_or(coefficients::TABLE_F64),
-    };
+    let tables = Tables::in_service(IN_SERVICE.as_deref());
     let [single, double] = WATCHES;
     if single.look(&tables.single).and(double.look(&tables.double)).is_err() {
         stop(Fault::SelfTest);
@@ -200,7 +200,7 @@ fn PendSV() {
         CYCLES.fetch_add(1, Relaxed);
         WORST_TICKS.fetch_max(ticks, Relaxed);
     }
-    learning::work(LEARNED, &tables, *WORKING_ON);
+    learning::work(LEARNED, &tables, weighed, *WORKING_ON);
     RUNNING.store(false, Relaxed);
 }
 
@@ -273,6 +273,7 @@ fn answer(request: &Request, service: &mut Service, bad_lines: u32, last_fault: 
         Command::Table(header) => send(id, service.fill(|spare| spare.begin(&header))),
         Command::Numbers(piece) => send(id, service.fill(|spare| spare.take(&piece))),
         Command::Swap => send(id, service.swap()),
+        Command::Weight(carried) => send(id, service.carry(&carried)),
         Command::Probe(probe) => send(id, service.learning.probe(probe)),
         Command::Learned => send(id, service.learning.state()),
         // a memory that is erased may stop the processor for long
@@ -374,6 +375,8 @@ fn main() -> ! {
     let mut service = Service {
         table: const { coefficients::TABLE_F64.checksum() },
         spare: [singleton!(: Tables = Tables::new()), singleton!(: Tables = Tables::new())],
+        copy: singleton!(: Tables = Tables::new()),
+        carried: None,
         learning: Learning::begin(),
     };
     let mut lines = Lines::new();
