@@ -90,12 +90,13 @@ fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> 
 /// Waits until the thread has run all of a period with `probing` as given: on a busy machine it may stand still for longer than any sleep.
 const WAIT: &str = "wait.sh";
 const WAITING: &str = "until [ \"$(halcmd getp saw.out)\" = \"$1\" ]; do sleep 0.002; done\n";
-/// `seen` has what `probing` was at the beginning of a period, `saw` at that of the period before.
+/// `seen` has what `probing` was at the beginning of a period, `saw` at that of the period before. The component reads `seen`: given
+/// in the middle of a period, `probing` would have a reading taken in with the place of the reading before.
 const PROBING: &str = "\
 loadrt or2 names=saw,seen
 newsig probing bit
-net probing => seen.in0 pkmcompensator.probe
-net seen seen.out => saw.in0
+net probing => seen.in0
+net seen seen.out => saw.in0 pkmcompensator.probe
 addf saw servo
 addf seen servo
 ";
