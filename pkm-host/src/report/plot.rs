@@ -156,7 +156,7 @@ pub struct HeatMap<'a> {
     pub y: Vec<f64>,
     /// By the places in `x` and `y`; blank where there is none.
     pub value: &'a dyn Fn(usize, usize) -> Option<f64>,
-    /// Where a value is extrapolated: it is drawn pale, and the colours' range is of the others if there are any.
+    /// Where a value is extrapolated: it is striped, and the colours' range is of the others if there are any.
     pub extrapolated: &'a dyn Fn(usize, usize) -> bool,
     /// A place to mark.
     pub mark: Option<[f64; 2]>,

@@ -211,7 +211,7 @@ fn bars(report: &str) -> Vec<Vec<String>> {
 }
 
 #[test]
-fn colours_range_over_what_is_inside_the_box_and_what_is_extrapolated_is_pale() {
+fn colours_range_over_what_is_inside_the_box_and_what_is_extrapolated_is_striped() {
     let folder = Folder::new();
     json(&["fit", "--out", &folder.path("fit")]);
     let report = |name: &str, more: &[&str]| {
@@ -224,8 +224,10 @@ fn colours_range_over_what_is_inside_the_box_and_what_is_extrapolated_is_pale() 
     let found = bars(&inside);
     assert!(found.len() == 2 && found.iter().all(|labels| labels.len() == 5), "{found:?}");
     assert_eq!(bars(&beyond), found);
-    let is_pale = |report: &str| report.contains("pale: extrapolated") && report.contains("fill-opacity=\"0.4\"");
-    assert!(is_pale(&beyond) && !is_pale(&inside));
+    let stripes = |report: &str| report.matches(" stroke=\"#FFFFFF\" stroke-width=\"1\"").count();
+    let are_named = |report: &str| report.matches("striped: extrapolated").count();
+    assert_eq!([stripes(&inside), stripes(&beyond)], [0, 2]);
+    assert!(are_named(&inside) == 0 && are_named(&beyond) >= 2);
 }
 
 #[test]

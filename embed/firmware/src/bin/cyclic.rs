@@ -1,6 +1,6 @@
 //! Reference firmware: the core in a cyclic task of 1 kHz, and a serial line (`pkm-protocol`) to drive and watch it.
 //!
-//! * SysTick begins a period. If the task still runs, that is an overrun: it is counted and the period has no run.
+//! * SysTick begins a period. If the task still runs, that is an overrun: it is counted and the period has no run, nor has the next, which is `main`'s.
 //! * PendSV is the task. It takes the latest demand and computes [`CorrectionTable::cycle`](pkm_core::CorrectionTable::cycle).
 //! * The serial line's interrupt keeps the bytes that come.
 //! * `main` reads lines and answers. To `cycle` it answers with the first run that had the demand; `sweep` is one demand after another.

@@ -12,8 +12,9 @@ use crate::report::plot::HeatMap;
 /// Cells along an axis, and colours of the bar, at the most.
 const CELLS: usize = 120;
 const SHADES: usize = 24;
-/// Opacity of what is extrapolated.
-const PALE: f64 = 0.4;
+/// Stripes of what is extrapolated: apart along x, colours and widths, which are seen on every shade.
+const STRIPES_APART: f64 = 12.0;
+const STRIPES: [(&str, u32); 2] = [("#000000", 3), ("#FFFFFF", 1)];
 
 const LEFT: f64 = 76.0;
 const TOP: f64 = 36.0;
@@ -48,6 +49,50 @@ fn size(map: &HeatMap<'_>, [across, up]: [f64; 2]) -> (f64, f64) {
     ((across * scale).max(SHORTEST), (up * scale).max(SHORTEST))
 }
 
+/// Of the values that are not extrapolated, if there are any.
+fn range(values: &[Vec<Option<f64>>], extrapolated: &[Vec<bool>]) -> [f64; 2] {
+    let all = || values.iter().flatten().zip(extrapolated.iter().flatten()).filter_map(|(v, far)| Some(((*v)?, *far)));
+    let none_is_near = all().all(|(_, far)| far);
+    let counted = all().filter(|(_, far)| none_is_near || !far);
+    counted.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], (v, _)| [low.min(v), high.max(v)])
+}
+
+/// A path for each shade, neighbours in a row in one piece.
+fn pieces(
+    values: &[Vec<Option<f64>>],
+    shade: impl Fn(f64) -> usize,
+    corner: impl Fn(usize, usize) -> (f64, f64),
+) -> Vec<String> {
+    let mut pieces = vec![String::new(); SHADES];
+    for (row, values) in values.iter().enumerate() {
+        let mut column = 0;
+        for piece in values.chunk_by(|a, b| a.map(&shade) == b.map(&shade)) {
+            if let Some(shade) = piece[0].map(&shade) {
+                let ((left, down), (right, up)) = (corner(row, column), corner(row + 1, column + piece.len()));
+                let _ = write!(pieces[shade], "M{left},{down}H{right}V{up}H{left}z");
+            }
+            column += piece.len();
+        }
+    }
+    pieces
+}
+
+/// A path from corner to corner of cells, and on through the next ones, so many of them apart.
+fn stripes(marked: &[Vec<bool>], apart: usize, corner: impl Fn(usize, usize) -> (f64, f64)) -> String {
+    let mut path = String::new();
+    for (row, marked) in marked.iter().enumerate() {
+        let mut column = row % apart;
+        while let Some(is_marked) = marked.get(column) {
+            if *is_marked {
+                let ((left, down), (right, up)) = (corner(row, column), corner(row + 1, column + 1));
+                let _ = write!(path, "M{left},{down}L{right},{up}");
+            }
+            column += apart;
+        }
+    }
+    path
+}
+
 pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
     let (nx, ny) = (map.x.len(), map.y.len());
     let (skip_x, skip_y) = (nx.div_ceil(CELLS), ny.div_ceil(CELLS));
@@ -55,12 +100,9 @@ pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
     let rows: Vec<usize> = (0..ny).step_by(skip_y).collect();
     let values: Vec<Vec<Option<f64>>> =
         rows.iter().map(|y| columns.iter().map(|x| (map.value)(*x, *y)).collect()).collect();
-    let pale: Vec<Vec<bool>> =
+    let extrapolated: Vec<Vec<bool>> =
         rows.iter().map(|y| columns.iter().map(|x| (map.extrapolated)(*x, *y)).collect()).collect();
-    let known = || values.iter().flatten().zip(pale.iter().flatten()).filter_map(|(v, pale)| Some(((*v)?, *pale)));
-    let all_pale = known().all(|(_, pale)| pale);
-    let ranged = known().filter(|(_, pale)| all_pale || !pale);
-    let (low, high) = ranged.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (v, _)| (l.min(v), h.max(v)));
+    let [low, high] = range(&values, &extrapolated);
     // the best is what people look for: shades closer together there
     let shade = |v: f64| {
         let share = if high > low { ((v - low) / (high - low)).clamp(0.0, 1.0).sqrt() } else { 0.0 };
@@ -79,22 +121,9 @@ pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
     let (right, bottom) = (LEFT + width, TOP + height);
     let at = |p: [f64; 2]| (px(LEFT + width * x.share(p[0])), px(bottom - height * y.share(p[1])));
 
-    // neighbours of a shade in one piece; behind the shades the pale ones
-    let mut pieces = vec![String::new(); 2 * SHADES];
-    for (row, values) in values.iter().enumerate() {
-        let mut column = 0;
-        let kind = |(v, pale): (&Option<f64>, &bool)| v.map(|v| shade(v) + if *pale { SHADES } else { 0 });
-        let kinds: Vec<Option<usize>> = values.iter().zip(&pale[row]).map(kind).collect();
-        for piece in kinds.chunk_by(|a, b| a == b) {
-            if let Some(kind) = piece[0] {
-                let [from, to] = [column, column + piece.len()].map(|n| x.low + n as f64 * step[0]);
-                let [below, above] = [row, row + 1].map(|n| y.low + n as f64 * step[1]);
-                let ((left, down), (right, up)) = (at([from, below]), at([to, above]));
-                let _ = write!(pieces[kind], "M{left},{down}H{right}V{up}H{left}z");
-            }
-            column += piece.len();
-        }
-    }
+    let corner = |row: usize, column: usize| at([x.low + column as f64 * step[0], y.low + row as f64 * step[1]]);
+    let pieces = pieces(&values, shade, corner);
+    let stripes = stripes(&extrapolated, (STRIPES_APART * columns.len() as f64 / width).ceil() as usize, corner);
     let written = |v: &Option<f64>| v.map_or("-".to_owned(), number);
     let grid: Vec<String> = values.iter().map(|row| row.iter().map(written).collect::<Vec<_>>().join(" ")).collect();
     let axes = format!("{} {} {LEFT} {right} {} {} linear", x.low, x.high, y.low, y.high);
@@ -107,9 +136,10 @@ pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
         g.heat data-axes=(axes) data-x=(map.x_label) data-y=(map.y_label) data-name=(map.title)
             data-place=(format!("{TOP} {bottom}")) data-values=(grid.join("|")) {
             g shape-rendering="crispEdges" {
-                @for (n, d) in pieces.iter().enumerate().filter(|(_, d)| !d.is_empty()) {
-                    path d=(d) fill=(shade_colour(n % SHADES)) fill-opacity=[(n >= SHADES).then_some(PALE)] {}
-                }
+                @for (n, d) in pieces.iter().enumerate().filter(|(_, d)| !d.is_empty()) { path d=(d) fill=(shade_colour(n)) {} }
+            }
+            @if !stripes.is_empty() {
+                @for (colour, wide) in STRIPES { path d=(stripes) stroke=(colour) stroke-width=(wide) fill="none" {} }
             }
             path d=(format!("M{LEFT},{TOP}V{bottom}H{right}")) stroke="#000000" fill="none" {}
             @for (v, label) in ticks_x { text x=(at([v, y.low]).0) y=(bottom + 18.0) text-anchor="middle" { (label) } }

@@ -306,7 +306,7 @@ fn map(model: &PlacementModel<'_>, grid: &Grid, column: usize, p: &Placement) ->
         let extrapolated = |x: usize, y: usize| cell(x, y, slice).is_some_and(|c| c.outside_box);
         let some_are = columns.clone().any(|x| rows.clone().any(|y| extrapolated(x, y)));
         return plot::heat_map(&HeatMap {
-            title: if some_are { format!("{title}; pale: extrapolated") } else { title },
+            title: if some_are { format!("{title}; striped: extrapolated") } else { title },
             x_label: "dx in mm".into(),
             y_label: "dy in mm".into(),
             x: in_mm(&xs[columns.clone()]),
