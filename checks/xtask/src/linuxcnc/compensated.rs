@@ -4,9 +4,10 @@
 use std::ffi::OsStr;
 use std::path::Path;
 
+use pkm_core::nalgebra::Vector3;
 use pkm_host::cli;
 
-use super::replay::Row;
+use super::replay::{Host, Row, held, wrench_of};
 use crate::Outcome;
 
 /// What is run.
@@ -17,11 +18,21 @@ const WITHIN: f64 = 1e-5;
 /// comes the offset is a corner, which `G64 P0.001` rounds, by 2.6 µm at the most that was seen.
 const OFFSET_MM: f64 = 0.5;
 
+/// Of its deflection a load may leave so much where a compensated program takes the tool.
+const LEFT: f64 = 0.01;
+
 /// X Y Z in mm, A B in degrees.
 type Place = [f64; 5];
 
+/// The end of a move that cuts.
+pub struct Cut {
+    place: Place,
+    /// On the tool at its tip, in its axes, N and N m.
+    load: [f64; 6],
+}
+
 /// Writes it, and says where the program cuts as it was, and where compensated.
-pub fn write(machine: &Path, out: &Path) -> Result<[Vec<Place>; 2], String> {
+pub fn write(machine: &Path, out: &Path) -> Result<[Vec<Cut>; 2], String> {
     let path = |name: &str| out.join(name);
     let read = |name: &str| std::fs::read_to_string(path(name)).map_err(|e| format!("{name}: {e}"));
     let plain = with_comments(&read("holes.ngc")?)?;
@@ -30,7 +41,7 @@ pub fn write(machine: &Path, out: &Path) -> Result<[Vec<Place>; 2], String> {
     let options = [("--machine", machine), ("--path", &from), ("--table", &table), ("--out", &to)];
     let options = options.into_iter().flat_map(|(name, value)| [OsStr::new(name), value.as_os_str()]);
     cli::run([OsStr::new("compensate")].into_iter().chain(options)).map_err(|e| e.to_string())?;
-    Ok([cuts(&read("plain.ngc")?), cuts(&read(PROGRAM)?)])
+    Ok([cuts(&read("plain.ngc")?)?, cuts(&read(PROGRAM)?)?])
 }
 
 /// The loads that go to the compensation, as comments.
@@ -51,41 +62,71 @@ fn with_comments(program: &str) -> Result<String, String> {
 }
 
 /// Where a program of straight moves cuts: all ends but those of steps by an offset alone.
-fn cuts(program: &str) -> Vec<Place> {
-    let (mut at, mut all, mut is_cut) = ([f64::NAN; 5], Vec::new(), false);
-    for line in program.lines().filter(|l| !l.starts_with(['(', '%'])) {
-        let before = at;
+fn cuts(program: &str) -> Result<Vec<Cut>, String> {
+    let (mut place, mut load, mut all, mut is_cut) = ([f64::NAN; 5], [0.0; 6], Vec::new(), false);
+    for line in program.lines() {
+        if let Some(given) = line.strip_prefix("(wrench ").and_then(|l| l.strip_suffix(')')) {
+            let components: Result<Vec<f64>, _> = given.split(',').map(str::parse).collect();
+            let components = components.map_err(|e| format!("{line}: {e}"))?;
+            load = components.try_into().map_err(|_| format!("{line}: not six components"))?;
+        }
+        if line.starts_with(['(', '%']) {
+            continue;
+        }
+        let before = place;
         for word in line.split_whitespace() {
             let (letter, value) = word.split_at(1);
             match (word, "XYZAB".find(letter), value.parse()) {
                 ("G0", ..) => is_cut = false,
                 ("G1", ..) => is_cut = true,
-                (_, Some(axis), Ok(value)) => at[axis] = value,
+                (_, Some(axis), Ok(value)) => place[axis] = value,
                 _ => {}
             }
         }
-        let way_mm = (0..3).map(|i| (at[i] - before[i]).powi(2)).sum::<f64>().sqrt();
-        all.extend((is_cut && way_mm > OFFSET_MM).then_some(at));
+        if is_cut && (tip_mm(&place) - tip_mm(&before)).norm() > OFFSET_MM {
+            all.push(Cut { place, load });
+        }
     }
-    all
+    Ok(all)
 }
 
-/// LinuxCNC went by all these places, in a period or between two.
-pub fn judge([plain, compensated]: &[Vec<Place>; 2], rows: &[Vec<f64>]) -> Outcome {
+fn tip_mm(place: &Place) -> Vector3<f64> {
+    Vector3::new(place[0], place[1], place[2])
+}
+
+/// LinuxCNC went by all these places, in a period or between two, and there the load takes the tip to where the program as it was
+/// has it.
+pub fn judge(host: &Host, [plain, compensated]: &[Vec<Cut>; 2], rows: &[Vec<f64>]) -> Outcome {
+    if compensated.len() < 10 || compensated.len() != plain.len() {
+        return Err(format!("{} cuts, compensated {}", plain.len(), compensated.len()));
+    }
     let asked: Vec<&[f64]> = rows.iter().map(|row| Row::of(row).asked).collect();
-    let off = |cut: &Place| asked.windows(2).map(|ends| beside(cut, ends[0], ends[1])).fold(f64::INFINITY, f64::min);
-    let furthest = |cuts: &[Place]| cuts.iter().map(off).fold(0.0, f64::max);
+    let off =
+        |cut: &Cut| asked.windows(2).map(|ends| beside(&cut.place, ends[0], ends[1])).fold(f64::INFINITY, f64::min);
+    let furthest = |cuts: &[Cut]| cuts.iter().map(off).fold(0.0, f64::max);
     let (before, after) = (furthest(plain), furthest(compensated));
+    let mut left = 0.0_f64;
+    for (asked, told) in plain.iter().zip(compensated) {
+        left = left.max(share_left(host, asked, told)?);
+    }
     println!(
-        "  {} places of cuts passed within {:.1e} mm in the compensated program, {:.1e} in the program as it was",
-        compensated.len(),
-        after,
-        before
+        "  {} places of cuts passed within {after:.1e} mm in the compensated program, {before:.1e} in the program as it was; \
+         {left:.1e} of the deflection is left",
+        compensated.len()
     );
-    if compensated.len() < 10 || compensated.len() != plain.len() || after > WITHIN {
+    if after > WITHIN {
         return Err(format!("the compensated program's cuts are {after} mm or degrees off"));
     }
-    Ok(())
+    if left <= LEFT { Ok(()) } else { Err(format!("{left} of the deflection is left")) }
+}
+
+/// How far the load leaves the tip from where it is asked, when it is told to go elsewhere, as a share of what the load moves it by.
+fn share_left(host: &Host, asked: &Cut, told: &Cut) -> Result<f64, String> {
+    let (five, table) = (host.five()?, host.table()?);
+    let stands = held(&five, &told.place)?.configuration;
+    let moved = five.deflection(Some(&table), &stands, &wrench_of(&asked.load)?).map_err(|e| e.to_string())?;
+    let moved_mm = moved.translation_m * 1e3;
+    Ok((tip_mm(&told.place) + moved_mm - tip_mm(&asked.place)).norm() / moved_mm.norm())
 }
 
 /// How far off a place the straight way from one to another passes it, at its nearest along X Y Z: the greatest of the five.

@@ -221,7 +221,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
     let slow = (noted[0]..noted[noted.len() - 1], limit);
     judge_rows(&host, &rows, &load, periods, &slow).or_else(fails)?;
     feed::judge(&host, &verdict, &rows).or_else(fails)?;
-    compensated::judge(&cuts, &rows).or_else(fails)?;
+    compensated::judge(&host, &cuts, &rows).or_else(fails)?;
     judge_faults(&host, &verdict, &rows).or_else(fails)
 }
 
