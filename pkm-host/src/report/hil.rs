@@ -43,7 +43,7 @@ pub fn text(outcome: &Outcome, campaign: &Campaign) -> String {
         ));
     }
     if findings.of.iter().any(|of| of.overruns > 0) {
-        text.push_str("overruns: cycles that took longer than the firmware's period; reported, no failure\n");
+        text.push_str("overruns: periods without a cycle, since one took longer than a period; reported, no failure\n");
     }
     let [q, k, d] = findings.precision;
     text.push_str(&format!("f32 against f64 in the box: screws {q:.1e} m, K_m {k:.1e}, deflection {d:.1e}\n"));

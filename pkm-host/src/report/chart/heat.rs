@@ -12,7 +12,7 @@ use crate::report::plot::HeatMap;
 /// Cells along an axis, and colours of the bar, at the most.
 const CELLS: usize = 120;
 const SHADES: usize = 24;
-/// Stripes of what is extrapolated: apart along x, colours and widths, which are seen on every shade.
+/// Stripes of what is extrapolated: apart along x, colours and widths, which are seen on every shade; px.
 const STRIPES_APART: f64 = 12.0;
 const STRIPES: [(&str, u32); 2] = [("#000000", 3), ("#FFFFFF", 1)];
 
@@ -165,4 +165,16 @@ pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
         }
     };
     Ok(Drawing { width: right + 24.0 + BAR, height: (bottom + BOTTOM).max(TOP + BAR_HEIGHT + 12.0), body })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::range;
+
+    #[test]
+    fn colours_range_over_what_is_not_extrapolated_or_over_all_where_nothing_else_is() {
+        let values = [vec![Some(2.0), None, Some(9.0)], vec![Some(1.0), Some(4.0), None]];
+        assert_eq!(range(&values, &[vec![false, false, true], vec![true, false, true]]), [2.0, 4.0]);
+        assert_eq!(range(&values, &[vec![true; 3], vec![true; 3]]), [1.0, 9.0]);
+    }
 }
