@@ -59,7 +59,9 @@ fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<(St
     let normalised_determinant = reach.five.normalised_determinant(&configuration).map_err(refused)?;
     let (tip_mm, axis): ([f64; 3], [f64; 3]) = ((tool.tip_m * 1e3).into(), tool.axis.into());
     let side = if normalised_determinant >= reach.margin() { "" } else { ": opposite working mode" };
-    let ([x, y, z], [i, j, k]) = (tip_mm, axis);
+    // no sign of what rounds to 0
+    let [x, y, z] = tip_mm.map(|v| (v * 1e4).round() / 1e4 + 0.0);
+    let [i, j, k] = axis;
     Ok((
         format!(
             "tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  normalised determinant {normalised_determinant:.4}{side}\n"

@@ -21,16 +21,16 @@ use crate::pose::PoseBox;
 #[derive(clap::Args)]
 struct CampaignArgs {
     /// For campaign: one standard deviation of a reading of translation, its zero reading included.
-    #[arg(long, value_name = "µM", value_parser = positive)]
+    #[arg(long, value_name = "µM", value_parser = positive, allow_hyphen_values = true)]
     sigma_um: Option<f64>,
     /// For campaign: the same of rotation; without it rotations are not read.
-    #[arg(long, value_name = "µRAD", value_parser = positive)]
+    #[arg(long, value_name = "µRAD", value_parser = positive, allow_hyphen_values = true)]
     sigma_urad: Option<f64>,
     /// For campaign: largest force that is applied; default 200.
-    #[arg(long, value_name = "N", value_parser = positive)]
+    #[arg(long, value_name = "N", value_parser = positive, allow_hyphen_values = true)]
     force_n: Option<f64>,
     /// For campaign: distance from A at which a force makes a moment; 0 for no moments; default 200.
-    #[arg(long, value_name = "MM", value_parser = not_negative)]
+    #[arg(long, value_name = "MM", value_parser = not_negative, allow_hyphen_values = true)]
     lever_mm: Option<f64>,
     /// For campaign: most poses; default 20.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=75))]

@@ -195,11 +195,14 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
         (0..6).flat_map(|i| (0..i).map(move |j| (i, j, format!("k{}{}", i + 1, j + 1)))).collect();
     known.extend(mirrored.iter().map(|(_, _, name)| name.as_str()));
     let sheet = Sheet::parse(source, &known)?;
-    let poses = sheet.poses(machine)?;
-    refuse_doubled_ids(&sheet.source.name, &poses)?;
-
     let diagonal: [String; 6] = std::array::from_fn(|i| stiffness_column(i, i));
     let diagonal: [&str; 6] = std::array::from_fn(|i| diagonal[i].as_str());
+    if !diagonal.iter().any(|k| sheet.has(k)) && DEFLECTION_COLUMNS.iter().any(|d| sheet.has(d)) {
+        let message = "these are deflections, and a table is fitted to stiffnesses k11 to k66: `pkm-host diagnose` takes deflections";
+        return Err(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line));
+    }
+    let poses = sheet.poses(machine)?;
+    refuse_doubled_ids(&sheet.source.name, &poses)?;
     sheet.require(&diagonal)?;
     let full = all.iter().any(|(i, j, name)| i != j && sheet.has(name));
     if let Some((_, _, name)) = all.iter().find(|(_, _, name)| full && !sheet.has(name)) {

@@ -173,6 +173,7 @@ fn a_campaign_stays_within_what_is_allowed_and_refuses_what_it_cannot_plan() {
         (vec!["--sigma-um", "1", "--detect", "no-such.axial=1"], "there is no effect of this name"),
         (vec!["--sigma-um", "1", "--detect", "thermal-modulus.bodies_per_k=1e-4"], "temperatures"),
         (vec!["--sigma-um", "1", "--data", "d.csv"], "--data goes with"),
+        (vec!["--sigma-um", "-1"], "expected a number above 0"),
     ] {
         let error = refused(&campaign(&out, &more));
         assert!(error["message"].as_str().unwrap().contains(words), "{error}");

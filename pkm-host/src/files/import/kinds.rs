@@ -43,9 +43,14 @@ pub(super) fn other_than_readings(sheet: &Sheet) -> Option<Failure> {
     let has_pose = has_any(&POSE_COLUMNS[1..]) || has_any(&LENGTH_COLUMNS);
     let (has_load, has_deflection) = (has_any(&WRENCH_COLUMNS), has_any(&DEFLECTION_COLUMNS));
     let message = if ["x", "y", "z"].iter().all(|axis| has_word(axis)) && !has_load && !has_deflection {
-        "a tracker's list of points: x, y, z are positions in its own frame, and a diagnosis needs deflections of A in A-uvw, \
-         loaded minus unloaded, with pose and load: `pkm-host import --points` makes them of this list, with the reflectors \
-         (--reflectors) and with pose and load of each reading (--readings)"
+        if has_pose && has_word("target") {
+            "places of targets at unloaded poses: `pkm-host diagnose --unloaded` finds the geometry from them; a diagnosis of the \
+             stiffness needs deflections under loads"
+        } else {
+            "a tracker's list of points: x, y, z are positions in its own frame, and a diagnosis needs deflections of A in A-uvw, \
+             loaded minus unloaded, with pose and load: `pkm-host import --points` makes them of this list, with the reflectors \
+             (--reflectors) and with pose and load of each reading (--readings)"
+        }
     } else if has_load && !has_pose && !has_deflection && TIMES.iter().any(|t| has_word(t)) {
         LOAD_LOG
     } else {

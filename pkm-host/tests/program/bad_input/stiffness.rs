@@ -89,6 +89,7 @@ const KINDS: &[Kind] = &[
     ("a spreadsheet's formula", Put("4.1715142e6", "=A1*2"), ":4: k11: ", "number|=A1*2"),
     ("a million digits", Make(|good| good.replacen("4.1715142e6", &"9".repeat(1_000_000), 1).into()), ":4: k11: ", "number"),
     ("10 MB in a cell", Make(|good| good.replacen("4.1715142e6", &"x".repeat(10_000_000), 1).into()), ":4: k11: ", "number"),
+    ("deflections", Make(|_| b"pose,theta_deg,sigma_deg,z0_mm,fx_n,dx_um\np1,0,0,530,100,2\np1,0,0,530,-100,-2\n".to_vec()), ":1: ", "these are deflections|pkm-host diagnose"),
     // poses and matrices
     ("an id twice", Put("O02,", "O01,"), ":5: pose: ", "duplicate pose `O01`|line 4"),
     ("out of travel", Put("O01,-15", "O01,-45"), ":4: pose: ", "O01|travel|mm"),

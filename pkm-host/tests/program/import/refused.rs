@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::table::{Table, good, windows};
 use super::{bare, merged};
-use crate::common::{Folder, run};
+use crate::common::{Folder, fixture, run};
 
 /// What it is, the file, arguments beside it, what follows the file's name in the message, and other words of it.
 type Case = (&'static str, fn() -> Vec<u8>, &'static [&'static str], &'static str, &'static str);
@@ -84,6 +84,7 @@ const REFUSED: &[Case] = &[
     ("no force and no moment", || text(good().without(&["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"])), &[], ":1: fx_n: ", "missing column"),
     ("no pose", || text(good().without(&["pose"])), &[], ":1: pose: ", "missing column"),
     ("a tracker's list of points", || b"Point,X [mm],Y [mm],Z [mm],Pose,Series\nP1,1250.211,-33.5,801.2,p01,1\nP2,1250.3,-33.4,801.1,p01,1\n".to_vec(), &[], ":1: ", "list of points|deflections of A"),
+    ("unloaded poses", || std::fs::read(fixture("unloaded/five/unloaded.csv")).unwrap(), &[], ":1: ", "diagnose --unloaded|deflections under loads"),
     ("a log of a load cell", || b"Time [s],Fx [N],Fy [N],Fz [N]\n0.00,1.2,0.1,-0.3\n0.01,1.3,0.2,-0.2\n".to_vec(), &[], ":1: ", "log of loads over time|no pose and no deflection"),
     ("a column of --columns that is not there", || text(good().called(&[("dx_um", "Kanal 9", 0)])), &["--columns", "dx_um=Kanal 9,fx_n=Soll"], ":1: ", "no column `Soll`|there are pose"),
     ("--columns without a name", || text(good()), &["--columns", "dx_um="], "", "what is the column called"),
