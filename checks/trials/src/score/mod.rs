@@ -108,6 +108,8 @@ pub struct Answer {
     findings: Vec<Vec<String>>,
     /// For each effect its place, then those that the readings do not tell from it.
     places: Vec<Vec<String>>,
+    /// For each effect the probability that it is at one of these.
+    probabilities: Vec<f64>,
     lack_of_fit: f64,
     before: f64,
     after: f64,
@@ -140,6 +142,9 @@ impl Answer {
                 .map(|e| {
                     [e["where"].as_str().map(str::to_owned).into_iter().collect(), texts(&e["where_class"])].concat()
                 })
+                .collect(),
+            probabilities: (json["effects"].as_array().into_iter().flatten())
+                .map(|e| e["probability"].as_f64().unwrap_or(f64::NAN))
                 .collect(),
             lack_of_fit: number("/lack_of_fit/p")?,
             before: number("/holdout/before/linear_um_rms")?,
@@ -269,11 +274,17 @@ impl Outcome {
         accounted(&self.truth.places.iter().map(by).collect::<Vec<_>>())
     }
 
+    /// For each effect that has a place, the probability that is said of it, and whether something is there.
+    fn stated(&self) -> Vec<(f64, bool)> {
+        let Ok(answer) = &self.answer else { return Vec::new() };
+        let right = |places: &Vec<String>| self.truth.places.iter().any(|there| holds(places, there, &[]));
+        let located = answer.places.iter().zip(&answer.probabilities).filter(|(places, _)| is_finding(places));
+        located.map(|(places, probability)| (*probability, right(places))).collect()
+    }
+
     /// Effects whose place is nowhere near anything that is there.
     fn misplaced(&self) -> usize {
-        let Ok(answer) = &self.answer else { return 0 };
-        let right = |places: &&Vec<String>| self.truth.places.iter().any(|there| holds(places, there, &[]));
-        answer.places.iter().filter(|places| is_finding(places) && !right(places)).count()
+        self.stated().iter().filter(|(_, right)| !right).count()
     }
 
     /// Whether a wrong declaration was found.

@@ -217,6 +217,33 @@ fn errors(outcomes: &[Outcome]) -> Table {
     table
 }
 
+/// Lower ends of the groups of stated probabilities: tenths, and the last one more finely, where most are.
+const STATED: [f64; 12] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99];
+
+/// How often what is said with some probability is so.
+fn calibration(outcomes: &[Outcome]) -> Table {
+    let mut table = Table::new(&["place, stated probability", "finds", "stated, mean", "right", "95 %"]);
+    let all: Vec<(f64, bool)> = outcomes.iter().flat_map(Outcome::stated).collect();
+    for (n, low) in STATED.iter().enumerate() {
+        let high = STATED.get(n + 1).copied().unwrap_or(f64::INFINITY);
+        let group: Vec<&(f64, bool)> = all.iter().filter(|s| (*low..high).contains(&s.0)).collect();
+        if group.is_empty() {
+            continue;
+        }
+        let (count, hits) = (group.len(), group.iter().filter(|s| s.1).count());
+        let (worst, best) = wilson(hits, count);
+        let mean = group.iter().map(|s| s.0).sum::<f64>() / count as f64;
+        table.rows.push(vec![
+            format!("{low:.2}-{:.2}", high.min(1.0)),
+            count.to_string(),
+            format!("{mean:.3}"),
+            format!("{:.3}", hits as f64 / count as f64),
+            format!("{:.1}-{:.1} %", 100.0 * worst, 100.0 * best),
+        ]);
+    }
+    table
+}
+
 /// Single effects by name.
 fn by_effect(outcomes: &[Outcome]) -> Table {
     let mut ids: BTreeMap<&str, (usize, usize, Vec<&str>)> = BTreeMap::new();
@@ -241,7 +268,7 @@ pub fn report(outcomes: &[Outcome], markdown: bool) -> String {
     rates.of_the_list(outcomes);
     rates.of_other_forms(outcomes);
     rates.held_out(outcomes);
-    let tables = [rates.0, errors(outcomes), by_effect(outcomes)];
+    let tables = [rates.0, errors(outcomes), calibration(outcomes), by_effect(outcomes)];
     let shown: Vec<String> = tables.iter().filter(|t| !t.rows.is_empty()).map(|t| t.text(markdown)).collect();
     shown.join("\n")
 }

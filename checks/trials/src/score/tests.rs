@@ -108,3 +108,28 @@ fn wilson_is_that_of_the_textbook() {
     let (low, high) = wilson(95, 100);
     assert!((low - 0.8882).abs() < 1e-3 && (high - 0.9785).abs() < 1e-3, "{low} {high}");
 }
+
+#[test]
+fn what_is_said_with_a_probability_is_counted_by_it() {
+    let truth = json!({"contains": ["(outside the list)"], "lambda": 900, "where_ok": [["base"]]});
+    let at = |place: &str, class: &[&str], probability: f64| {
+        let effects =
+            json!([{"id": "element", "class": [], "where": place, "where_class": class, "probability": probability}]);
+        outcome(&truth, true, said("partly_explained", &effects, &json!([])))
+    };
+    let sets = [
+        at("base", &[], 0.97),
+        at("tool", &["base"], 0.98),
+        at("tool", &[], 0.96),
+        at("sensor", &[], 0.62),
+        // not located, so that nothing is said
+        at("limb.1.body", &["limb.2.body", "limb.3.body", "base", "tool"], 0.85),
+    ];
+    let report = report(&sets, true);
+    let row = |begin: &str| {
+        report.lines().find(|l| l.starts_with(begin)).map(|l| l.split('|').map(str::trim).collect::<Vec<_>>())
+    };
+    assert_eq!(row("| 0.95-0.99").unwrap()[2..5], ["3", "0.970", "0.667"]);
+    assert_eq!(row("| 0.60-0.70").unwrap()[2..5], ["1", "0.620", "0.000"]);
+    assert!(row("| 0.80-0.90").is_none());
+}
