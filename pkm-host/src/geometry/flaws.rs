@@ -9,7 +9,6 @@ use pkm_core::{LimbFrame, Machine, Pose, Transmission};
 
 /// Wrenches of each limb among all.
 const WRENCHES_OF: [std::ops::Range<usize>; 3] = [0..3, 3..6, 6..8];
-
 /// A body of a limb's chain in which an error keeps its direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Body {
@@ -83,10 +82,14 @@ impl Flaw {
     }
 }
 
+/// By how much each of the wrenches is met by more compliance than is declared: factors.
+pub type Give = [f64; 8];
+
 /// How a unit of each flaw moves the platform at a pose, m and rad in A-uvw; `None` where the machine has no posture.
-pub fn responses(machine: &Machine<f64>, pose: &Pose<f64>, flaws: &[Flaw]) -> Option<Vec<Vector6<f64>>> {
+pub fn responses(machine: &Machine<f64>, pose: &Pose<f64>, flaws: &[Flaw], give: &Give) -> Option<Vec<Vector6<f64>>> {
     let t = machine.transmission(pose).ok()?;
-    let d = SMatrix::<f64, 8, 8>::from_fn(|i, j| t.compliance[(i.max(j), i.min(j))]);
+    let entry = |i: usize, j: usize| t.compliance[(i.max(j), i.min(j))] * (give[i] * give[j]).sqrt();
+    let d = SMatrix::<f64, 8, 8>::from_fn(entry);
     let h_over_d = t.wrenches * d.cholesky()?.inverse();
     let response = (h_over_d * t.wrenches.transpose()).cholesky()?.inverse() * h_over_d;
     let of = |flaw: &Flaw| {

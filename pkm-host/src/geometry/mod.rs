@@ -14,6 +14,7 @@ pub mod report;
 mod start;
 pub mod write;
 
+use nalgebra::DMatrix;
 use pkm_diagnosis::validation::{self, LeftOut};
 use pkm_diagnosis::verdict::{LackOfFit, lack_of_fit};
 use pkm_diagnosis::{
@@ -22,6 +23,7 @@ use pkm_diagnosis::{
 
 pub use self::directions::Direction;
 use self::directions::{MIN_SINGULAR, directions};
+use self::flaws::Give;
 use self::model::{CHANNELS, Experiment, Meaning, Model};
 pub use self::outcome::{Estimate, Identification, RIVALS, Rival, RivalErrors, Suspect, Tried, TriedState, Verdict};
 use self::outcome::{Frame, Located};
@@ -37,6 +39,10 @@ const SMALL_GAIN: f64 = 1e-9;
 const MAX_ROUNDS_OF_OUTLIERS: usize = 3;
 /// Standard deviations in a median of absolute normal deviations.
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
+/// How well the compliance that each wrench of a limb meets is known where joints strain, as a factor of one standard deviation:
+/// with 2 the stated deviations covered 87 to 94 % of errors, with 4 96 % (120 simulated machines each with 2.5 and 10 µm of noise).
+const GIVE: f64 = 4.0;
+
 fn fail(unloaded: &Unloaded, message: impl Into<String>) -> Failure {
     Failure::input(message).in_file(&unloaded.source.name)
 }
@@ -317,8 +323,10 @@ impl<'a> Study<'a> {
             self.observations.readings.iter().map(of).collect::<Vec<[f64; CHANNELS]>>()
         };
         let sd = |n| std::array::from_fn(|c| self.noise.variance_of(&self.observations, n, c).sqrt());
-        let (estimates, covariance) = self.estimates(&fits, &lack_of_fit[2]);
-        let (frame, targets, balls) = self.measurement(&fits.with_found, &lack_of_fit[2]);
+        let covariance = self.covariance(&fits.with_found, &lack_of_fit[2]);
+        let all = covariance.ok_or_else(|| not_converged(self.unloaded))?;
+        let (estimates, covariance) = self.estimates(&fits, &all);
+        let (frame, targets, balls) = self.measurement(&fits.with_found, &all);
         Ok(Identification {
             verdict,
             size: (problem.numbers(), self.unloaded.poses.len()),
@@ -340,38 +348,58 @@ impl<'a> Study<'a> {
         })
     }
 
-    /// Numbers of the machine with their covariance, by the widest fit.
-    fn estimates(&self, fits: &Fits, lack: &LackOfFit) -> (Vec<Estimate>, Vec<Vec<f64>>) {
+    /// Covariance of a fit: wider where more than noise is left, and where joints are off by what the limbs give, which nobody
+    /// measured: by the first-order change of the fit with it.
+    fn covariance(&self, fit: &Fit, lack: &LackOfFit) -> Option<DMatrix<f64>> {
+        let mut covariance = fit.information.inverse() * lack.statistic.max(1.0);
+        let strains = |u: &Unknown| matches!(self.model.meanings[u.0], Meaning::Flaw(_));
+        if !fit.unknowns.iter().any(strains) {
+            return Some(covariance);
+        }
+        for wrench in 0..8 {
+            let give: Give = std::array::from_fn(|n| if n == wrench { GIVE } else { 1.0 });
+            let experiment = Experiment::with(self.model, self.unloaded, &give)?;
+            let problem = Problem::new(&self.observations, &self.whitener, &experiment, self.rules);
+            let change = &fit.residuals - problem.residuals(&fit.unknowns, fit.x.as_slice())?;
+            let shift = fit.information.solve(&fit.jacobian.tr_mul(&change));
+            covariance.ger(1.0, &shift, &shift, 1.0);
+        }
+        Some(covariance)
+    }
+
+    /// Numbers of the machine with their covariance, by the widest fit, whose covariance is `all`.
+    fn estimates(&self, fits: &Fits, all: &DMatrix<f64>) -> (Vec<Estimate>, Vec<Vec<f64>>) {
         let (fit, held) = (&fits.with_found, &fits.identified);
-        let inverse = fit.information.inverse();
-        let wider = lack.statistic.max(1.0).sqrt();
+        let by_noise = fit.information.inverse();
         let is_own = |n: &usize| self.model.meanings[fit.unknowns[*n].0].is_of_machine();
         let own: Vec<usize> = (0..fit.unknowns.len()).filter(is_own).collect();
         let scale = |n: usize| self.model.scale(fit.unknowns[n]);
         let of = |n: &usize| {
             let unknown = fit.unknowns[*n];
             let (declared, prior_sd) = (self.model.declared_value(unknown), scale(*n));
-            let share = inverse[(*n, *n)].sqrt();
             Estimate {
                 meaning: self.model.meanings[unknown.0],
                 declared,
                 value: declared + prior_sd * fit.x[*n],
-                sd: (share * wider).min(1.0) * prior_sd,
+                sd: all[(*n, *n)].sqrt().min(1.0) * prior_sd,
                 prior_sd,
-                identifiable: share * MIN_SINGULAR <= 1.0,
+                identifiable: by_noise[(*n, *n)].sqrt() * MIN_SINGULAR <= 1.0,
                 // its unknowns are the first of the wider fit
                 held: declared + prior_sd * held.x[*n],
             }
         };
-        let covariance =
-            |i: &usize| own.iter().map(|j| inverse[(*i, *j)] * scale(*i) * scale(*j) * wider * wider).collect();
+        let covariance = |i: &usize| own.iter().map(|j| all[(*i, *j)] * scale(*i) * scale(*j)).collect();
         (own.iter().map(of).collect(), own.iter().map(covariance).collect())
     }
 
-    /// Measuring frame, targets and balls.
-    fn measurement(&self, fit: &Fit, lack: &LackOfFit) -> (Option<Frame>, Vec<Located<Target>>, Vec<Located<String>>) {
+    /// Measuring frame, targets and balls, of a fit with its covariance.
+    fn measurement(
+        &self,
+        fit: &Fit,
+        all: &DMatrix<f64>,
+    ) -> (Option<Frame>, Vec<Located<Target>>, Vec<Located<String>>) {
         let values = self.model.values(&fit.unknowns, fit.x.as_slice());
-        let errors = fit.standard_errors() * lack.statistic.max(1.0).sqrt();
+        let errors = all.diagonal().map(f64::sqrt);
         let sd = |wanted: &dyn Fn(usize) -> Meaning| -> [f64; 3] {
             std::array::from_fn(|i| {
                 let place = fit.unknowns.iter().position(|u| self.model.meanings[u.0] == wanted(i));

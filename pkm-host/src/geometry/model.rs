@@ -6,7 +6,7 @@ use pkm_core::machine::{Geometry, Travel};
 use pkm_core::{Configuration, FiveAxis, Machine, MachineParameters, ScrewLengths, Wrist, WristParameters};
 use pkm_diagnosis::{Candidate, CommonErrors, ForwardModel, Kind, Parameter, Prior, Role, Unknown};
 
-use super::flaws::{self, Flaw};
+use super::flaws::{self, Flaw, Give};
 use crate::files::machine::MachineFile;
 use crate::files::unloaded::{Commanded, Unloaded};
 use crate::pose::a_in_b_m;
@@ -318,7 +318,12 @@ pub struct Experiment<'a> {
 impl<'a> Experiment<'a> {
     /// `None` where the declared machine has no posture.
     pub fn new(model: &'a Model, unloaded: &'a Unloaded) -> Option<Self> {
-        let of = |p: &Commanded| flaws::responses(&model.declared_machine, &p.named.pose, &model.flaws);
+        Self::with(model, unloaded, &[1.0; 8])
+    }
+
+    /// The same, whose limbs give otherwise where they strain.
+    pub fn with(model: &'a Model, unloaded: &'a Unloaded, give: &Give) -> Option<Self> {
+        let of = |p: &Commanded| flaws::responses(&model.declared_machine, &p.named.pose, &model.flaws, give);
         let responses = unloaded.poses.iter().map(of).collect::<Option<_>>()?;
         Some(Self { model, unloaded, responses })
     }

@@ -8,6 +8,7 @@ use super::outcome::{Estimate, Identification, LARGE_PULL_SD, Rival, TriedState,
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::unloaded::{Unloaded, UnloadedReading};
+use crate::report::p_value;
 use crate::report::page::{Finding, Page, charts, fold, of_file, table};
 use crate::report::plot::{Mark, Panel, Series};
 
@@ -268,7 +269,7 @@ fn parameters(found: &Identification) -> Markup {
 }
 
 fn errors(found: &Identification) -> Markup {
-    let lack = |l: &LackOfFit| vec![format!("{:.2}", l.statistic), format!("{:.2e}", l.p)];
+    let lack = |l: &LackOfFit| vec![format!("{:.2}", l.statistic), p_value(l.p)];
     let rows: Vec<(String, Vec<String>)> = [
         ("declared", Rival::Declared),
         ("identified", Rival::Identified),
