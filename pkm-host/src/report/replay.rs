@@ -25,6 +25,8 @@ const DAYS: &str = "days since the first reading";
 const WIDEST: f64 = 3.0;
 /// An amplitude with more than this of its variance left is not known.
 const UNKNOWN: f64 = 0.5;
+/// A change by more of its deviations from before anything was read than this was not to be expected.
+const FAR_SD: f64 = 3.0;
 /// So many readings refused in a row are no spikes.
 const BROKEN: usize = 20;
 
@@ -96,12 +98,55 @@ fn said(replay: &Replay, (n, alarm): &(usize, Alarm)) -> String {
     let (plural, say) = if alarm.readings == 1 { ("", "says") } else { ("s", "say") };
     format!(
         "{name}: {:.2} ± {:.2} {unit} {direction} than at acceptance (95 %), as the last {} reading{plural} {say} (probability that it is \
-         worth an alarm: {}). Inspect it.",
+         worth an alarm: {}).",
         scale * alarm.change.abs(),
         scale * K95 * alarm.deviation,
         alarm.readings,
         probability(alarm.probability, 3)
     )
+}
+
+/// Alarms at the end of amplitudes that the readings tell from one another, the greatest change first, and those of others.
+fn standing(replay: &Replay) -> [Vec<(usize, Alarm)>; 2] {
+    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
+    let own = |n: usize| &replay.learn.amplitudes[n];
+    let is_told = |(n, _): &(usize, Alarm)| variance_left(own(*n), &values[*n]) <= UNKNOWN;
+    let (mut told, blurred): (Vec<_>, Vec<_>) = replay.standing().iter().copied().partition(is_told);
+    let size = |(n, alarm): &(usize, Alarm)| (alarm.change / own(*n).alarm).abs();
+    told.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    [told, blurred]
+}
+
+/// Alarms of amplitudes that the readings tell from one another, the greatest change first; then of those together that they do
+/// not.
+fn alarms_said(replay: &Replay) -> Vec<Finding> {
+    let own = |n: usize| &replay.learn.amplitudes[n];
+    let [told, blurred] = standing(replay);
+    let mut found: Vec<Finding> =
+        told.iter().map(|alarm| Finding::warning(said(replay, alarm) + " Inspect it.")).collect();
+    if !blurred.is_empty() {
+        let each = blurred.iter().map(|(n, alarm)| {
+            let (_, unit, scale) = units(own(*n).amplitude);
+            format!("{} {:+.2} {unit}", named(own(*n).amplitude), scale * alarm.change)
+        });
+        let each: Vec<String> = each.collect();
+        found.push(Finding::warning(format!(
+            "Something has changed since acceptance, and what was touched does not tell where. By what each is taken to vary it is {}, \
+             but any of {} may have all of it. Touch the loads that --next proposes before one of them is inspected.",
+            each.join(", "),
+            unknown(replay).join(", ")
+        )));
+    }
+    let far = |(n, alarm): &&(usize, Alarm)| alarm.change.abs() > FAR_SD * own(*n).deviation;
+    let far: Vec<String> = replay.standing().iter().filter(far).map(|(n, _)| named(own(*n).amplitude)).collect();
+    if !far.is_empty() {
+        found.push(Finding::warning(format!(
+            "{}: more than {FAR_SD} times the deviation that it is taken to have before anything is read, so that its interval is too \
+             narrow: give a greater `deviation` (--learn).",
+            far.join(", ")
+        )));
+    }
+    found
 }
 
 /// How old what is known is, and what drift may have come of that.
@@ -144,7 +189,7 @@ fn findings(replay: &Replay) -> Vec<Finding> {
              than it may learn."
         )));
     }
-    found.extend(replay.standing().iter().map(|alarm| Finding::warning(said(replay, alarm))));
+    found.extend(alarms_said(replay));
     if replay.standing().is_empty() {
         found.push(Finding::good("Nothing that is learned has changed by what is worth an alarm."));
     }
@@ -165,11 +210,13 @@ fn findings(replay: &Replay) -> Vec<Finding> {
 
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
 fn advice(replay: &Replay) -> [Finding; 2] {
-    let standing = replay.standing();
+    let [standing, blurred] = standing(replay);
     let sizes: Vec<_> =
         standing.iter().map(|(_, alarm)| format!("{:.0}", (alarm.change / alarm.deviation).abs())).collect();
     let names: Vec<_> = standing.iter().map(|(n, _)| named(replay.learn.amplitudes[*n].amplitude)).collect();
-    let sure = if standing.is_empty() {
+    let sure = if !blurred.is_empty() {
+        "that something has changed is sure, where it is not: see below.".to_owned()
+    } else if standing.is_empty() {
         "what is known of each amplitude stands in the table: a change within its interval would not be seen."
             .to_owned()
     } else {
@@ -178,7 +225,9 @@ fn advice(replay: &Replay) -> [Finding; 2] {
             sizes.join(" and ")
         )
     };
-    let todo = if !standing.is_empty() {
+    let todo = if !blurred.is_empty() {
+        "touch loads that tell the amplitudes apart: --next proposes them.".to_owned()
+    } else if !standing.is_empty() {
         let names = names.join(" and ");
         format!("inspect {names}; repair it, or make a new table and accept the machine as it is now.")
     } else if unknown(replay).is_empty() {
