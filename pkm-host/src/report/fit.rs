@@ -110,14 +110,14 @@ fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) ->
             let worst_of_these = |v: &[f64; 6]| (0..6).filter(is_worse).map(|i| v[i]).fold(0.0, f64::max);
             findings.push(if worse.is_empty() {
                 Finding::good(format!(
-                    "Under load, {name}: mean deflection error at most {:.2} %, where K_p is wrong by up to {:.1} %.",
+                    "Deflection of A under load, {name}: mean error at most {:.2} %, where the model without a table (K_p) is wrong by up to {:.1} %.",
                     worst(errors),
                     worst(basic)
                 ))
             } else {
                 Finding::bad(format!(
-                    "Under load, {name}: WORSE than K_p under {} (up to {:.0} % against {:.0} %). Don't predict \
-                     deflections with it.",
+                    "Deflection of A under load, {name}: WORSE than the model without a table (K_p) under {} (up to {:.0} % against \
+                     {:.0} %). Don't predict deflections with it.",
                     worse.join(", "),
                     worst_of_these(errors),
                     worst_of_these(basic)
