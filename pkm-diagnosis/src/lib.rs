@@ -26,6 +26,7 @@ pub mod student;
 pub mod validation;
 pub mod verdict;
 mod whitening;
+mod zeros;
 
 pub use extend::{columns, extended};
 pub use fit::{Fit, product};

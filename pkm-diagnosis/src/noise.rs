@@ -31,6 +31,8 @@ pub struct Noise {
     /// How much of the deviations that covariances declare the repeats show, at most 1: of a reading, and of a zero. One share for all
     /// channels, so that what goes together keeps its proportions.
     pub declared_share: [f64; 2],
+    /// By channel, whether repeats could not tell the zeros' deviation, as no series are repeats of one another.
+    pub is_zero_open: Vec<bool>,
 }
 
 /// Sums of squares of one channel's repeats.
@@ -215,7 +217,7 @@ fn scatter(observations: &Observations, channel: usize) -> Scatter {
 fn declared_zero(observations: &Observations, channel: usize) -> f64 {
     let rows = || observations.readings.iter().filter(|r| r.observed[channel].is_some());
     let shares = rows().filter_map(|r| r.covariance.as_ref().map(|c| c.zero_share()));
-    let share = shares.sum::<f64>() / rows().count() as f64;
+    let share = shares.fold(0.0, |sum, share| sum + share) / rows().count() as f64;
     (share / (1.0 - share)).sqrt()
 }
 
@@ -262,17 +264,19 @@ impl Noise {
             return Self::declared(observations, &used);
         }
         let (mut within, mut between) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
+        let mut is_zero_open = vec![false; channels.len()];
         for c in &used {
             let own = scatters[*c];
             let taken = if own.total_dof >= rules.min_dof_of_channel { own } else { pools[channels[*c].kind] };
             let (s, t) = taken.deviations();
             // rounding of the file is noise as well
             within[*c] = s.max(channels[*c].resolution / 12.0_f64.sqrt());
+            is_zero_open[*c] = t.is_none();
             between[*c] = t.unwrap_or_else(|| s * declared_zero(observations, *c));
         }
         let dof = used.iter().map(|c| scatters[*c].total_dof).sum();
         let declared_share = declared_share(observations, [&within, &between]);
-        Ok(Self { source: NoiseSource::Repeats, within, between, dof, declared_share })
+        Ok(Self { source: NoiseSource::Repeats, within, between, dof, declared_share, is_zero_open })
     }
 
     /// As declared, whatever repeats show.
@@ -299,7 +303,9 @@ impl Noise {
             within[*c] = mean_square.sqrt().max(floor);
             between[*c] = (declared.iter().map(|d| d.1 * d.1).sum::<f64>() / n).sqrt();
         }
-        Ok(Self { source: NoiseSource::Declared, within, between, dof: 0.0, declared_share: [1.0; 2] })
+        let is_zero_open = vec![false; channels.len()];
+        let (source, declared_share) = (NoiseSource::Declared, [1.0; 2]);
+        Ok(Self { source, within, between, dof: 0.0, declared_share, is_zero_open })
     }
 
     /// Standard deviation of one reading within its series: the one declared for it where that is the noise's source, no less

@@ -167,6 +167,7 @@ pub(crate) fn predict(machine: &Machine, runs: &[&Run]) -> Result<Prediction, No
         between: vec![0.0; CONDITIONS],
         dof: 0.0,
         declared_share: [1.0; 2],
+        is_zero_open: vec![false; CONDITIONS],
     };
     let zeros = vec![0.0; CONDITIONS * observations.pose_of.len()];
     // of the length of both conditions' error; a condition has half of its square

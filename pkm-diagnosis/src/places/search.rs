@@ -229,7 +229,7 @@ impl Search<'_> {
         let total: f64 = sets.iter().map(|s| s.1).sum();
         sets.iter_mut().for_each(|s| s.1 /= total);
         let nowhere = |s: &&(Vec<usize>, f64)| s.0.iter().any(|b| self.evidence.model.blocks()[*b].places.is_empty());
-        let none_of_these = sets.iter().filter(nowhere).map(|s| s.1).sum();
+        let none_of_these = sets.iter().filter(nowhere).map(|s| s.1).fold(0.0, |sum, p| sum + p);
         sets.truncate(self.evidence.rules.rivals_tried);
         let reduced_chi2 = rest / self.evidence.observed.len() as f64;
         Some(Inferred { findings, alternatives: sets, none_of_these, reduced_chi2 })

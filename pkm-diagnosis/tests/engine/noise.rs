@@ -118,6 +118,50 @@ fn simulated_noise_is_found() {
 }
 
 #[test]
+fn zeros_of_series_that_repeat_nothing_follow_from_opposite_loads() {
+    // ten series at a pose each, six loads read twice, all that is read proportional to the load but noise and a zero of 2 µm
+    let loads = |sizes: &[f64; 6]| -> Vec<[f64; 6]> {
+        (0..6).map(|n| std::array::from_fn(|i| if i == n / 2 { sizes[n] } else { 0.0 })).collect()
+    };
+    let simulated = |rng: &mut fastrand::Rng, sizes: &[f64; 6]| {
+        let (mut rows, mut numbers) = (Vec::new(), Vec::new());
+        for series in 0..10 {
+            let zeros: [f64; CHANNELS] = std::array::from_fn(|_| 2.0 * micro(rng));
+            let gains: [[f64; 6]; CHANNELS] = std::array::from_fn(|_| std::array::from_fn(|_| 1e-7 * normal(rng)));
+            for (n, load) in [loads(sizes), loads(sizes)].concat().into_iter().enumerate() {
+                let linear = |c: usize| gains[c].iter().zip(load).map(|(g, l)| g * l).sum::<f64>();
+                let observed = std::array::from_fn(|c| Some(linear(c) + zeros[c] + micro(rng)));
+                rows.push(reading(6 * series + n % 6, series, observed));
+                numbers.push((series, load.to_vec()));
+            }
+        }
+        (observations((0..60).map(|condition| condition / 6).collect(), rows), numbers)
+    };
+    let mut rng = fastrand::Rng::with_seed(12);
+    let (mut mean_square, turning) = (0.0, [100.0, -100.0, 200.0, -200.0, 100.0, -300.0]);
+    for _ in 0..40 {
+        let (file, numbers) = simulated(&mut rng, &turning);
+        let by_repeats = Noise::estimate(&file, &Rules::DEFAULT).unwrap();
+        assert!(by_repeats.is_zero_open == [true; CHANNELS] && by_repeats.between == [0.0; CHANNELS]);
+        let noise = by_repeats.clone().with_zeros(&file, &numbers, &Rules::DEFAULT);
+        assert!(noise.is_zero_open == [false; CHANNELS] && noise.within == by_repeats.within);
+        mean_square += noise.between.iter().map(|t| t * t * 1e12).sum::<f64>() / 240.0;
+    }
+    // thirty zeros of a kind, of whose squares two more than their number are taken
+    near(mean_square, 4.0 * 30.0 / 28.0, 0.25);
+    // where no load turns and none comes in two sizes the zero and what yields are one
+    let (file, numbers) = simulated(&mut rng, &[100.0, 100.0, 200.0, 200.0, 100.0, 100.0]);
+    let noise = Noise::estimate(&file, &Rules::DEFAULT).unwrap().with_zeros(&file, &numbers, &Rules::DEFAULT);
+    assert!(noise.is_zero_open == [true; CHANNELS] && noise.between == [0.0; CHANNELS]);
+    // what repeats tell stays
+    let mut file = file;
+    file.readings.iter_mut().enumerate().for_each(|(n, r)| r.series = 2 * r.series + n / 6 % 2);
+    let by_repeats = Noise::estimate(&file, &Rules::DEFAULT).unwrap();
+    let noise = by_repeats.clone().with_zeros(&file, &numbers, &Rules::DEFAULT);
+    assert_eq!(noise.between, by_repeats.between);
+}
+
+#[test]
 fn noise_may_be_declared_and_must_be_known() {
     let layout = [(0, 0), (1, 1), (2, 2)];
     let sigma = |file: &mut Observations, linear: [Option<f64>; 3]| {
@@ -197,6 +241,7 @@ pub fn noises() -> [Noise; 2] {
         between: between.to_vec(),
         dof: 0.0,
         declared_share: if source == NoiseSource::Declared { [1.0; 2] } else { [0.8, 0.5] },
+        is_zero_open: vec![false; CHANNELS],
     };
     [noise(NoiseSource::Repeats, [2e-6, 0.5e-6, 0.0, 1e-6, 5e-6, 2e-6]), noise(NoiseSource::Declared, [0.0; CHANNELS])]
 }

@@ -5,7 +5,8 @@ use pkm_diagnosis::Rules;
 use pkm_diagnosis::verdict::Verdict;
 use serde::Serialize;
 
-use super::Diagnosis;
+use super::{Diagnosis, ELEMENT, checks, text};
+use crate::report::p_in_words;
 
 /// How far a judgement goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -40,7 +41,7 @@ impl Badge {
     /// Of the readings.
     pub fn measurement(d: &Diagnosis) -> Self {
         let grade = |kind: &str| {
-            let is_fatal = matches!(kind, "readings_taken_otherwise" | "many_great_changes");
+            let is_fatal = matches!(kind, checks::TAKEN_OTHERWISE | "many_great_changes");
             if is_fatal { Grade::Bad } else { Grade::Doubtful }
         };
         let mut reasons: Vec<(Grade, String)> = d.warnings.iter().map(|w| (grade(w.kind), w.message.clone())).collect();
@@ -49,7 +50,8 @@ impl Badge {
             reasons.push((Grade::Doubtful, format!("a reading stands out: {}{others}", first.text())));
         }
         for e in d.effects.iter().filter(|e| e.is_measurement()) {
-            reasons.push((Grade::Doubtful, format!("an error of the measurement was found: {}", e.id)));
+            let what = if e.id == ELEMENT { text::error_of(&e.place, e.law) } else { e.id.to_owned() };
+            reasons.push((Grade::Doubtful, format!("an error of the measurement was found: {what}")));
         }
         if d.load_error > Rules::DEFAULT.max_explaining_load_error {
             let message = format!(
@@ -65,8 +67,8 @@ impl Badge {
     /// Of the identified model.
     pub fn model(d: &Diagnosis) -> Self {
         let p = d.judgement.after.p;
-        let rest = format!("more than noise is left (p = {p:.1e})");
-        let reasons = match d.judgement.verdict {
+        let rest = format!("more than noise is left ({})", p_in_words(p));
+        let mut reasons = match d.judgement.verdict {
             Verdict::Adequate | Verdict::Explained => Vec::new(),
             Verdict::Ambiguous => {
                 vec![(Grade::Doubtful, "what was found has rivals that call for different repairs".to_owned())]
@@ -78,8 +80,16 @@ impl Badge {
                     "the residuals are noise, but what was found may not be all or its form not right".to_owned(),
                 )]
             }
-            Verdict::Unexplained => vec![(Grade::Bad, rest)],
+            Verdict::Unexplained if p < Rules::DEFAULT.max_misfit_p => vec![(Grade::Bad, rest)],
+            Verdict::Unexplained => Vec::new(),
         };
+        if let Some([declared, identified]) = d.held_out.worse() {
+            let message = format!(
+                "on readings that had no part in it it errs by {identified:.2} µm rms, the declared model by {declared:.2} µm"
+            );
+            reasons
+                .push((if d.judgement.verdict == Verdict::Adequate { Grade::Doubtful } else { Grade::Bad }, message));
+        }
         Self::new(["good_enough", "in_doubt", "not_good_enough"], reasons)
     }
 }

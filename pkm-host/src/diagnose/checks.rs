@@ -2,6 +2,7 @@
 //! one, single readings that stand out.
 
 use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{DVector, Matrix3, Vector3};
 use pkm_core::{Pose, Wrench};
@@ -15,10 +16,16 @@ use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
 use crate::files::dataset::READ_COLUMNS;
-use crate::files::readings::{CHANNELS, Readings};
+use crate::files::readings::{CHANNELS, KINDS, Readings};
 
+/// Kind of the warning that the readings are in another frame, point, unit or sign.
+pub const TAKEN_OTHERWISE: &str = "readings_taken_otherwise";
 /// Standard acceleration of gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
+/// Units that instruments show beside those of the file.
+const ARCSECOND_URAD: f64 = 1e6 * PI / (180.0 * 3600.0);
+const MILLIDEGREE_URAD: f64 = 1e3 * PI / 180.0;
+const THOU_UM: f64 = 25.4;
 
 /// A reason to look at the readings before the machine.
 #[derive(Clone, Debug, Serialize)]
@@ -122,6 +129,13 @@ fn exchanges() -> Vec<(String, Matrix3<f64>)> {
     all
 }
 
+/// Whether two axes were exchanged, or one reversed: what a column under the wrong head does.
+fn is_one_slip(turn: &Matrix3<f64>) -> bool {
+    // such a turn is its own inverse and leaves one or two axes as they are
+    let kept = (0..3).filter(|i| turn[(*i, *i)] == 1.0).count();
+    turn * turn == Matrix3::identity() && turn.determinant() < 0.0 && kept > 0
+}
+
 /// Turns of translations and rotations, by pose.
 type Turns = Box<dyn Fn(&Pose<f64>) -> [Matrix3<f64>; 2] + Send + Sync>;
 
@@ -164,6 +178,38 @@ fn under_loads(readings: &Readings, force: f64, moment: f64) -> Readings {
         (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
     }
     other
+}
+
+/// With the components of forces, moments or both turned, which leaves displacements where they are.
+fn under_turned_loads(readings: &Readings, force: &Matrix3<f64>, moment: &Matrix3<f64>) -> Readings {
+    let mut other = readings.without(|_| false);
+    let turned = |w: &Wrench<f64>| Wrench { force_n: force * w.force_n, moment_nm: moment * w.moment_nm };
+    for c in &mut other.conditions {
+        (c.wrench, c.turned_at) = (turned(&c.wrench), turned(&c.turned_at));
+    }
+    other
+}
+
+/// With translations and rotations so many times as large.
+fn in_units(readings: &Readings, linear: f64, angular: f64) -> Readings {
+    let mut other = readings.without(|_| false);
+    for r in &mut other.readings {
+        for (c, value) in r.observed.iter_mut().enumerate() {
+            let factor = if KINDS[c] == 0 { linear } else { angular };
+            *value = value.map(|v| factor * v);
+        }
+    }
+    other
+}
+
+/// At poses that the file means otherwise. `None` where one is no pose.
+fn at_poses(readings: &Readings, meant: impl Fn([f64; 2]) -> [f64; 2]) -> Option<Readings> {
+    let mut other = readings.without(|_| false);
+    for p in &mut other.poses {
+        [p.pose.theta_rad, p.pose.sigma_rad] = meant([p.pose.theta_rad, p.pose.sigma_rad]);
+        (p.pose.theta_rad.abs().max(p.pose.sigma_rad.abs()) < FRAC_PI_2).then_some(())?;
+    }
+    Some(other)
 }
 
 /// With displacements at a point of A-uvw, and loads that act there or at A.
@@ -221,6 +267,30 @@ fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     ] {
         otherwise(how.into(), Box::new(move || Some(under_loads(readings, force, moment))));
     }
+    for (how, linear, angular) in [
+        ("with rotations in arcseconds", 1.0, ARCSECOND_URAD),
+        ("with rotations in thousandths of a degree", 1.0, MILLIDEGREE_URAD),
+        ("with translations in thousandths of an inch", THOU_UM, 1.0),
+    ] {
+        otherwise(how.into(), Box::new(move || Some(in_units(readings, linear, angular))));
+    }
+    for (name, turn) in exchanges().into_iter().filter(|(_, turn)| is_one_slip(turn)) {
+        for (what, force, moment) in
+            [("forces", turn, plain), ("moments", plain, turn), ("forces and moments", turn, turn)]
+        {
+            let how = format!("with {what} along {name}");
+            otherwise(how, Box::new(move || Some(under_turned_loads(readings, &force, &moment))));
+        }
+    }
+    for (how, meant) in [
+        ("with theta and sigma exchanged", (|[t, s]| [s, t]) as fn([f64; 2]) -> [f64; 2]),
+        ("with theta reversed", |[t, s]| [-t, s]),
+        ("with sigma reversed", |[t, s]| [t, -s]),
+        ("with theta and sigma reversed", |[t, s]| [-t, -s]),
+        ("with theta and sigma in radians", |angles| angles.map(f64::to_degrees)),
+    ] {
+        otherwise(how.into(), Box::new(move || at_poses(readings, meant)));
+    }
     if readings.conditions.iter().all(|c| c.point_m == [0.0; 3]) {
         let mm = tip_m * 1e3;
         let tip = format!("at the tool's tip (u, v, w = {:.0}, {:.0}, {:.0} mm)", mm.x, mm.y, mm.z);
@@ -275,12 +345,14 @@ pub fn taken_otherwise(
             Some((way.how, rest))
         })
         .collect();
-    // of what is alike the first, which is the plainest
+    // of what is alike the first two, which are the plainest
     let least = found.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
-    let (how, rest) = found.iter().find(|f| f.1 <= 1.1 * least)?;
+    let alike: Vec<&(String, f64)> = found.iter().filter(|f| f.1 <= 1.1 * least).take(2).collect();
+    let (_, rest) = alike.first()?;
+    let how = alike.iter().map(|f| f.0.as_str()).collect::<Vec<_>>().join(", or ");
     let times = |left: f64| format!("{:.1}", left.sqrt());
     (*rest < said / problem.rules.min_rss_ratio).then(|| Warning {
-        kind: "readings_taken_otherwise",
+        kind: TAKEN_OTHERWISE,
         message: format!(
             "the readings fit the declared machine much better {how} (residuals of {} times their noise) than as the file says, \
              displacements of A in A-uvw under loads at A ({} times): are they?",

@@ -1,7 +1,7 @@
 //! Findings as effects with their places, and the sets that they were compared with.
 
 use pkm_diagnosis::places::{Inferred, NOWHERE};
-use pkm_diagnosis::{Kind, Search, Unknown, search};
+use pkm_diagnosis::{Kind, Rules, Search, Unknown, search};
 
 use super::model::{Meaning, Model, info};
 use super::places::World;
@@ -70,6 +70,29 @@ impl Effect {
         format!("{} (the readings do not say which)", places.collect::<Vec<_>>().join("; "))
     }
 
+    /// What else it may be at its place: laws of another kind in sets of findings that are nearly as likely.
+    pub fn rivals_of_law(&self, world: &World, inferred: &Inferred, rules: &Rules) -> Vec<String> {
+        let (mut own, mut others) = (0.0, Vec::new());
+        for (blocks, probability) in &inferred.alternatives {
+            let is_here = |place: &String| *place == self.place || self.place_class.contains(place);
+            let here = blocks.iter().map(|b| world.block(*b)).filter(|b| b.places.first().is_some_and(is_here));
+            let laws: Vec<&str> = here.map(|b| b.law).collect();
+            if laws.iter().any(|law| sites::family(law) == sites::family(self.law)) {
+                own += probability;
+            } else {
+                others.extend(laws.first().map(|law| (*law, *probability)));
+            }
+        }
+        let mut likely: Vec<&str> = Vec::new();
+        for (law, _) in &others {
+            let all: f64 = others.iter().filter(|o| o.0 == *law).map(|o| o.1).sum();
+            if all > rules.min_place_probability * own && !likely.contains(law) {
+                likely.push(law);
+            }
+        }
+        likely.into_iter().map(|law| format!("{ELEMENT} at {}, {law}", self.place)).collect()
+    }
+
     /// Whether it is an error of the measurement and no part of the machine.
     pub fn is_measurement(&self) -> bool {
         matches!(self.place.as_str(), "sensor" | "load" | "time")
@@ -118,8 +141,10 @@ pub fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
         let mut class: Vec<String> = Vec::new();
         // an element can always do what a formula does
         let rivals = found.class.iter().filter(|c| effect.is_none() || model.candidates[**c].kind != Kind::Element);
+        let own_name = model.candidates[found.candidate].name();
         for name in rivals.flat_map(|c| &model.candidates[*c].names) {
-            if !class.contains(name) {
+            // another form of the same
+            if !class.contains(name) && *name != own_name {
                 class.push(name.clone());
             }
         }

@@ -4,7 +4,10 @@ use std::collections::{BTreeMap, HashMap};
 
 use nalgebra::Vector3;
 use pkm_core::{Pose, Wrench};
-use pkm_diagnosis::{Candidate, Channel, CommonErrors, ForwardModel, Observations, Parameter, Reading, Unknown};
+use pkm_diagnosis::{
+    Candidate, Channel, CommonErrors, ForwardModel, Noise, Observations, Parameter, Reading, Rules, Unknown,
+    UnknownNoise,
+};
 
 use super::model::Model;
 use crate::files::readings::{CHANNELS, Condition, KINDS, Reading as Row, Readings};
@@ -61,9 +64,34 @@ impl<'a> Experiment<'a> {
         Self { model, poses: poses(readings), conditions: &readings.conditions }
     }
 
+    /// Noise of readings, by repeats, what they leave open of the zeros by opposite or unlike loads, or as declared.
+    ///
+    /// # Errors
+    /// Neither enough repeats nor declared deviations.
+    pub fn noise(&self, read: &Observations, rules: &Rules) -> Result<Noise, UnknownNoise> {
+        let nominal = self.at_nominal_loads(read);
+        Ok(Noise::estimate(&nominal, rules)?.with_zeros(&nominal, &self.proportional(&nominal), rules))
+    }
+
+    /// For each reading what it shares its pose and instrument's place with, and its load, that of the first of its repeats.
+    fn proportional(&self, nominal: &Observations) -> Vec<(usize, Vec<f64>)> {
+        let mut first: HashMap<usize, usize> = HashMap::new();
+        let mut groups: Vec<(usize, [f64; 3], Option<[f64; 3]>)> = Vec::new();
+        let mut of = |r: &Reading| {
+            let c = &self.conditions[*first.entry(r.repeat_of).or_insert(r.condition)];
+            let key = (c.pose, c.point_m, c.gauge);
+            let group = groups.iter().position(|g| *g == key).unwrap_or_else(|| {
+                groups.push(key);
+                groups.len() - 1
+            });
+            (group, c.wrench.to_vector().as_slice().to_vec())
+        };
+        nominal.readings.iter().map(&mut of).collect()
+    }
+
     /// Readings as they would be if all repeats had the load of the first, by the declared machine: what repeats still differ
     /// by is noise. The same where it has no prediction.
-    pub fn at_nominal_loads(&self, read: &Observations) -> Observations {
+    fn at_nominal_loads(&self, read: &Observations) -> Observations {
         let mut nominal = read.clone();
         let Some(said) = self.model.predict(&self.poses, self.conditions, &[], &[]) else { return nominal };
         let mut first: HashMap<usize, usize> = HashMap::new();

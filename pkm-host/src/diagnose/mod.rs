@@ -71,6 +71,21 @@ pub struct HeldOut {
     pub folds: Vec<Vec<String>>,
 }
 
+impl HeldOut {
+    /// Rms errors of the translations as declared and as identified, µm, where the latter is larger: the model that came out is no
+    /// improvement.
+    pub fn worse(&self) -> Option<[f64; 2]> {
+        let of = |errors: &Vec<(Rival, Errors)>| {
+            let rms = |rival| errors.iter().find(|e| e.0 == rival).map(|e| e.1.linear_um_rms);
+            Some([rms(Rival::Declared)?, rms(Rival::After)?])
+        };
+        // what was found of the sensor is in readings that were given, or is not
+        let all = [Some(&self.all), self.as_measured.as_ref()].into_iter().flatten().filter_map(of);
+        let best = all.min_by(|a, b| (a[1] / a[0]).total_cmp(&(b[1] / b[0])))?;
+        (best[1] > best[0]).then_some(best)
+    }
+}
+
 /// The model after one of the finds.
 pub struct Step {
     /// What had been found by then.
@@ -315,14 +330,15 @@ pub fn diagnose(
     let (given, readings) = (readings, &readings.without_numbers(&left_out));
     let read = observations(readings, &model);
     let experiment = Experiment::new(&model, readings);
-    let noise = Noise::estimate(&experiment.at_nominal_loads(&read), rules)
-        .map_err(|unknown| unknown_noise(readings, unknown))?;
+    let noise = experiment.noise(&read, rules).map_err(|unknown| unknown_noise(readings, unknown))?;
     let whitener = Whitener::new(&read, &noise);
     let plain = Problem::new(&read, &whitener, &experiment, rules);
     check(readings, &plain, &experiment)?;
     let tip_m = file.wrist_parameters.tip_at_zero_m();
     let otherwise = checks::taken_otherwise(&plain, &whitener, &model, readings, tip_m);
     let taken_as_said = otherwise.is_none();
+    // places are searched for in readings that are what they are taken for
+    let method = if taken_as_said { method } else { Method::Formulas };
     let of_noise =
         checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &left_out));
     let warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).chain(of_noise).collect();
@@ -349,14 +365,14 @@ fn middle(file: &MachineFile) -> pkm_core::Pose<f64> {
 }
 
 /// A verdict that claims no more than what was found and what is known of the noise bear out.
-fn restrained(verdict: Verdict, effects: &[Effect], noise: &Noise, rules: &Rules) -> Verdict {
+fn restrained(verdict: Verdict, effects: &[Effect], is_law_open: bool, noise: &Noise, rules: &Rules) -> Verdict {
     // something yields for which there is no formula, so that the findings are not all
     let is_nameless = effects.iter().any(|e| e.parameters.is_empty());
     let is_guess = verdict == Verdict::Explained && checks_of_noise::is_little_known(noise, rules);
     match verdict {
         _ if is_nameless || is_guess => Verdict::PartlyExplained,
-        // what is not located calls for one repair or another
-        Verdict::Explained if !effects.iter().all(Effect::is_located) => Verdict::Ambiguous,
+        // what is not located, and play where it may be softness, call for one repair or another
+        Verdict::Explained if is_law_open || !effects.iter().all(Effect::is_located) => Verdict::Ambiguous,
         _ => verdict,
     }
 }
@@ -385,8 +401,14 @@ impl Searched<'_> {
         let not_converged = || not_converged(readings, &warnings);
         let mut judgement = verdict::judge(levels, noise, &search).ok_or_else(not_converged)?;
         let search = inference::settled(levels, noise, sites, search).ok_or_else(not_converged)?;
-        let effects = effects(model, &search, sites);
-        judgement.verdict = restrained(judgement.verdict, &effects, noise, rules);
+        let mut effects = effects(model, &search, sites);
+        let mut is_law_open = false;
+        for effect in effects.iter_mut().filter(|e| e.is_located() && !e.is_measurement()) {
+            let rivals = inferred.map_or(Vec::new(), |(world, inferred)| effect.rivals_of_law(world, inferred, rules));
+            is_law_open |= !rivals.is_empty();
+            effect.class.extend(rivals);
+        }
+        judgement.verdict = restrained(judgement.verdict, &effects, is_law_open, noise, rules);
         let problem = &levels.problems[search.levels[1]];
         step(2, "before and after");
         let extent = compare::extent(readings);
@@ -400,6 +422,9 @@ impl Searched<'_> {
             Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
             None => judges.left_out(readings, read, start, progress).ok_or_else(not_converged)?,
         };
+        if held_out.worse().is_some() && judgement.verdict != Verdict::Adequate {
+            judgement.verdict = Verdict::Unexplained;
+        }
         step(3, "what to measure next");
         let rivals = pkm_diagnosis::design::rivals(levels, &search);
         let proposals = design::propose(model, readings, noise, file, &rivals, rules);

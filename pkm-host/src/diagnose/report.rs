@@ -6,6 +6,7 @@ use std::fmt::Write;
 use maud::{Markup, html};
 use pkm_diagnosis::{NoiseSource, Rules};
 
+use super::badges::{Badge, Grade};
 use super::compare::{Errors, RIVALS, Rival};
 use super::findings::DeclaredFinding;
 use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, readings_table, residual_plots, text};
@@ -15,6 +16,10 @@ use crate::files::readings::{CHANNELS, GAUGE, Readings};
 use crate::pose::written_units;
 use crate::report::page::{Finding, Page, of_file, on_screen, picture, table};
 use crate::report::plot::{self, Bar};
+use crate::report::{p_in_words, p_value};
+
+/// Places that are named to be inspected first; the others are among the findings.
+const MOST_TO_INSPECT: usize = 3;
 
 fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
     errors.iter().find(|e| e.0 == rival).map(|e| &e.1)
@@ -45,6 +50,12 @@ fn far_from_declared(findings: &[DeclaredFinding]) -> String {
 
 /// The verdict in a sentence.
 fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
+    if let (Some([declared, identified]), false) = (d.held_out.worse(), d.judgement.verdict == Verdict::Adequate) {
+        return Finding::bad(format!(
+            "Not explained: with {found} the error on readings that had no part in it is {identified:.2} µm rms, by the declared \
+             machine {declared:.2} µm. Don't take the names below for the truth."
+        ));
+    }
     match d.judgement.verdict {
         Verdict::Adequate if d.declared.is_empty() => Finding::good(
             "The model is adequate: with its stiffnesses re-identified within their uncertainty its residuals are noise.",
@@ -79,7 +90,7 @@ fn certainty(d: &Diagnosis) -> String {
     let noise = if p > 0.05 {
         format!("the residuals cannot be told from noise (p = {p:.2})")
     } else {
-        format!("the residuals are more than noise (p = {p:.0e})")
+        format!("the residuals are more than noise ({})", p_in_words(p))
     };
     let of_places = d.effects.iter().map(|e| e.probability).reduce(f64::min);
     let place = of_places.map_or(String::new(), |p| format!("; probability of the place {}", text::probability(p, 2)));
@@ -97,17 +108,44 @@ fn certainty(d: &Diagnosis) -> String {
 
 /// What to do first.
 fn next_step(d: &Diagnosis) -> String {
-    let inspect = d.effects.iter().filter(|e| e.is_located()).map(Effect::inspect);
-    let places: Vec<String> = inspect.chain(d.declared.iter().map(|f| f.inspect.to_string())).collect();
-    match (d.warnings.is_empty(), d.judgement.verdict, places.first()) {
-        (false, ..) => "check the readings as said below; the rest counts after that.".to_owned(),
-        (_, Verdict::Ambiguous, _) => {
-            "measure what is proposed below, and diagnose again with these readings too.".to_owned()
+    if !d.warnings.is_empty() {
+        return "check the readings as said below; the rest counts after that.".to_owned();
+    }
+    if d.held_out.worse().is_some() && d.judgement.verdict != Verdict::Adequate {
+        return "keep the declared machine: the identified one predicts worse; look at the residuals below for what they go with."
+            .to_owned();
+    }
+    if d.judgement.verdict == Verdict::Ambiguous {
+        return "measure what is proposed below, and diagnose again with these readings too.".to_owned();
+    }
+    let located = |of_measurement: bool| {
+        d.effects.iter().filter(move |e| e.is_located() && e.is_measurement() == of_measurement).map(Effect::inspect)
+    };
+    let (mut machine, mut measurement): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
+    for (list, places) in [
+        (&mut machine, located(false).chain(d.declared.iter().map(|f| f.inspect.clone())).collect::<Vec<_>>()),
+        (&mut measurement, located(true).collect()),
+    ] {
+        places.into_iter().for_each(|place| {
+            if !list.contains(&place) {
+                list.push(place)
+            }
+        });
+        list.truncate(MOST_TO_INSPECT);
+    }
+    let look = [machine.clone(), measurement.clone()].concat().join("; and at ");
+    match (d.judgement.verdict, machine.is_empty(), measurement.is_empty()) {
+        (_, false, true) => {
+            format!("look at {look}; until that is repaired use machine.toml, which has what was found.")
         }
-        (_, _, Some(place)) => {
-            format!("look at {place}; until that is repaired use machine.toml, which has what was found.")
-        }
-        (_, Verdict::Adequate | Verdict::Explained, None) => {
+        (_, false, false) => format!(
+            "look at {look}; until the machine is repaired use machine.toml, which has what was found of it and not the error of \
+             the measurement."
+        ),
+        (_, true, false) => format!(
+            "look at {look}; the error of the measurement is not in machine.toml, whose stiffnesses are identified beside it."
+        ),
+        (Verdict::Adequate | Verdict::Explained, true, true) => {
             "nothing on the machine; machine.toml has the re-identified stiffnesses.".to_owned()
         }
         _ => "do not compensate with this model; look at the residuals below for what they go with.".to_owned(),
@@ -118,6 +156,7 @@ fn next_step(d: &Diagnosis) -> String {
 fn found(d: &Diagnosis) -> String {
     let name = |e: &Effect| match (e.is_located(), e.id) {
         (false, _) => "an effect that the readings do not locate".to_owned(),
+        (true, ELEMENT) if e.is_measurement() => format!("an error of the {}", text::error_of(&e.place, e.law)),
         (true, ELEMENT) => format!("an effect on no list at {}", e.place),
         (true, id) => id.to_owned(),
     };
@@ -152,6 +191,13 @@ fn findings(d: &Diagnosis) -> Vec<Finding> {
     // where the readings themselves are in doubt nothing else counts
     let mut all: Vec<Finding> =
         d.warnings.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
+    if Badge::measurement(d).grade == Grade::Bad {
+        all.push(Finding::bad(
+            "What diagnosis.json says of the machine is left out here: it is what makes up for readings that are not what they are \
+             taken for.",
+        ));
+        return all;
+    }
     all.push(conclusion(d, &found(d), &far_from_declared(&d.declared)));
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
     all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
@@ -284,7 +330,7 @@ fn rounds(d: &Diagnosis) -> Markup {
                 let cells = vec![
                     format!("{:.1}", r.score.statistic),
                     r.score.dof.to_string(),
-                    format!("{:.1e}", r.score.p),
+                    p_value(r.score.p),
                     r.gain.map_or("-".into(), |g| format!("{g:.1}")),
                     r.gain.map_or("-".into(), |_| format!("{:.2}", 100.0 * r.left_out_gain)),
                     r.gain.map_or("-".into(), |_| format!("{:.0}", 100.0 * r.poses_that_gain)),
@@ -294,7 +340,7 @@ fn rounds(d: &Diagnosis) -> Markup {
             })
             .collect();
         let p = round.p_family;
-        table(&format!("Round {}: family-wise p-value of the best candidate {p:.1e}", n + 1), &heads, &rows)
+        table(&format!("Round {}: family-wise p-value of the best candidate {}", n + 1, p_value(p)), &heads, &rows)
     });
     let legend = text::LEGEND.map(|(what, means)| format!("{what}: {means}"));
     html! {
@@ -314,7 +360,7 @@ fn facts(
     let used = if d.noise.within[GAUGE] > 0.0 { CHANNELS } else { GAUGE };
     let micro = |v: &[f64]| v[..used].iter().map(|v| format!("{:.2}", v * 1e6)).collect::<Vec<_>>().join(", ");
     let from = if d.noise.source == NoiseSource::Repeats { "by repeats" } else { "as declared" };
-    let misfit = |of: &pkm_diagnosis::verdict::LackOfFit| format!("{:.3}, p = {:.1e}", of.statistic, of.p);
+    let misfit = |of: &pkm_diagnosis::verdict::LackOfFit| format!("{:.3}, {}", of.statistic, p_in_words(of.p));
     vec![
         ("Seed", SEED.to_string()),
         ("Machine file", of_file(&file.source)),
@@ -373,9 +419,8 @@ pub fn html(
     let on_others = d.steps.iter().all(|s| s.held_out.is_some());
     let steps: Vec<_> =
         (d.steps.iter()).map(|s| (s.found.join(", "), error_cells(s.held_out.as_ref().unwrap_or(&s.errors)))).collect();
-    let structure: Vec<_> = (d.structure.iter())
-        .map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), format!("{:.1e}", s.p)]))
-        .collect();
+    let structure: Vec<_> =
+        (d.structure.iter()).map(|s| (s.factor.to_owned(), vec![format!("{:.2}", s.share), p_value(s.p)])).collect();
     let proposals: Vec<_> = (d.proposals.iter().enumerate())
         .map(|(n, p)| {
             let [theta, sigma, z0] = written_units(&p.pose).map(|v| v.to_string());
@@ -426,7 +471,9 @@ pub fn html(
     };
     let facts = facts(file, readings, held_out, d);
     let mut findings = findings(d);
-    findings.push(Finding::good(certainty(d)).sure());
+    if Badge::measurement(d).grade != Grade::Bad {
+        findings.push(Finding::good(certainty(d)).sure());
+    }
     findings.push(Finding::good(next_step(d)).todo());
     Ok(Page { title: format!("Diagnosis of {}", file.name), findings: &findings, warnings, body, facts }.html())
 }

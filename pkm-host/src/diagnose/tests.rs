@@ -139,6 +139,7 @@ pub(super) fn even(s: f64) -> Noise {
         between: vec![0.0; CHANNELS],
         dof: 0.0,
         declared_share: [1.0; 2],
+        is_zero_open: vec![false; CHANNELS],
     }
 }
 

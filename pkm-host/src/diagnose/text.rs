@@ -29,6 +29,15 @@ pub fn place(place: &str) -> String {
     }
 }
 
+/// What an error of the measurement is that has no formula.
+pub fn error_of(place: &str, law: &str) -> String {
+    match law {
+        "pose" => format!("{place}, anew at each pose (a zero that was lost, a clamp or reflector that moved)"),
+        "time" => format!("{place}, with time (a drift)"),
+        _ => format!("{place}, law: {law}"),
+    }
+}
+
 /// Where to look on the machine when an effect is found; an effect without a formula has its place alone.
 pub fn inspect_effect(id: &str, at: &str) -> String {
     if id == super::ELEMENT {

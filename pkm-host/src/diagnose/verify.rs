@@ -4,9 +4,11 @@ use nalgebra::{DMatrix, DVector};
 use pkm_diagnosis::student;
 use serde::Serialize;
 
+use super::ELEMENT;
 use super::estimates::COVERAGE;
-use super::text::probability;
+use super::text::{self, probability};
 use crate::files::verified::{Condition, Diagnosed, Finding, Quantity};
+use crate::report::p_in_words;
 
 /// Largest probability that any of the changes that are named is nothing but noise.
 const MAX_FAMILY_P: f64 = 0.01;
@@ -225,7 +227,12 @@ fn change(compared: &Compared, of: &Quantity, dof: [Option<f64>; 2], count: usiz
 }
 
 fn name(f: &Finding) -> String {
-    format!("{} at {} ({})", f.id, f.place, f.law)
+    match f.place.as_str() {
+        "sensor" | "load" | "time" if f.id == ELEMENT => {
+            format!("an error of the {}", text::error_of(&f.place, &f.law))
+        }
+        _ => format!("{} at {} ({})", f.id, f.place, f.law),
+    }
 }
 
 /// What became of an effect that both diagnoses found: by the parameter that changed most.
@@ -244,7 +251,7 @@ fn both(before: &Finding, after: &Finding, dof: [Option<f64>; 2]) -> Fate {
     let finding = name(after);
     let (verdict, text) = match most {
         Some((p, what, grew)) => {
-            (if grew { "stronger" } else { "weaker" }, format!("{finding} has changed: {what}, p = {p:.1e}"))
+            (if grew { "stronger" } else { "weaker" }, format!("{finding} has changed: {what}, {}", p_in_words(p)))
         }
         None => ("unchanged", format!("{finding} is in both, and no parameter of it changed beyond its uncertainty")),
     };

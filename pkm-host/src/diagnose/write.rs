@@ -2,7 +2,7 @@
 //! the residual of every reading.
 
 use pkm_core::effects::EFFECTS;
-use pkm_core::{Deflection, Pose, StiffnessError, StiffnessFactor};
+use pkm_core::{Deflection, Pose, Stiffness, StiffnessError, StiffnessFactor};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
@@ -183,7 +183,7 @@ fn departure(
 /// readings with the model that was judged.
 ///
 /// # Errors
-/// A correction that is not positive somewhere in its box.
+/// A machine without stiffness somewhere in that box.
 pub fn table(
     declared: &MachineFile,
     improved: &MachineFile,
@@ -201,18 +201,25 @@ pub fn table(
             poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
         }
     }
+    let fitted = |stiffnesses: Vec<Stiffness<f64>>| {
+        let targets = stiffnesses.iter().map(|k| Target { principal: k.principal().into(), full: Some(*k) }).collect();
+        let (source, poses) = (readings.source.clone(), poses.clone());
+        let data = StiffnessData { source, poses, targets, warnings: Vec::new() };
+        fit::fit(fit::samples(&machine, data)?, None, TermChoice::Full)
+    };
     let corrected: Result<Vec<_>> =
         poses.iter().map(|p| diagnosis.fitted.residual_table().stiffness(&p.pose)).collect();
     let mut warnings = Vec::new();
+    let corrected = corrected.and_then(fitted);
     let is_corrected = corrected.is_ok();
-    let stiffnesses = corrected.or_else(|e| {
-        warnings.push(format!("{}; no correction is applied", e.message));
+    let fit = corrected.or_else(|e| {
+        warnings.push(format!(
+            "no correction of what is left: {}; coefficients.rs holds the improved machine alone",
+            e.message
+        ));
         let own = poses.iter().map(|p| machine.stiffness(&p.pose));
-        own.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Failure::other(e.to_string()))
+        fitted(own.collect::<std::result::Result<_, _>>().map_err(|e| Failure::other(e.to_string()))?)
     })?;
-    let targets = stiffnesses.iter().map(|k| Target { principal: k.principal().into(), full: Some(*k) }).collect();
-    let data = StiffnessData { source: readings.source.clone(), poses, targets, warnings: Vec::new() };
-    let fit = fit::fit(fit::samples(&machine, data)?, None, TermChoice::Full)?;
     let trained = fit::evaluate(&fit.training, &machine, improved.wrist_parameters.tip_at_zero_m(), &fit.numbers)?;
     let file = fit.table_file(improved, &readings.source);
     let command = format!(

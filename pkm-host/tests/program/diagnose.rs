@@ -1,5 +1,6 @@
 //! Diagnoses of measured data whose truth came from other solvers, and readings that cannot be diagnosed.
 
+use pkm_trials::set::{Kind, Set, Wish};
 use serde_json::Value;
 
 use crate::common::{Folder, fixture, json, refused};
@@ -51,6 +52,104 @@ fn a_table_that_hides_the_effect_is_caught() {
     let report = folder.read("out/report.html");
     assert!(report.contains("HIDES what is wrong"));
     assert!(rms(&found, "after") < 0.02 * rms(&found, "before"));
+}
+
+/// Readings of a set, changed row by row: column names, cells, number of the row.
+fn of_rows(set: &str, change: impl FnMut(&[&str], &mut Vec<String>, usize) -> bool) -> String {
+    let text = std::fs::read_to_string(measured(set, "measured.csv")).unwrap();
+    let mut change = change;
+    let mut lines = text.lines().filter(|l| !l.starts_with('#'));
+    let head = lines.next().unwrap();
+    let names: Vec<&str> = head.split(',').collect();
+    let mut all = format!("{head}\n");
+    for (n, line) in lines.enumerate() {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if change(&names, &mut cells, n) {
+            all += &format!("{}\n", cells.join(","));
+        }
+    }
+    all
+}
+
+/// Diagnoses such readings with the machine of their set.
+fn of_text(set: &str, text: &str, folder: &Folder) -> Value {
+    let (machine, data) = (measured(set, "machine.toml"), folder.write("d.csv", text));
+    json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")])
+}
+
+#[test]
+fn a_zero_that_each_pose_has_of_its_own_is_noise() {
+    // nothing is wrong, and the sensor was zeroed once at each pose: by as much as its noise
+    let mut rng = fastrand::Rng::with_seed(3);
+    let mut zeros: Vec<(String, Vec<f64>)> = Vec::new();
+    let text = of_rows("own-none-1", |names, cells, _| {
+        let column = |name: &str| names.iter().position(|n| *n == name).unwrap();
+        let pose = cells[column("pose")].clone();
+        let place = zeros.iter().position(|z| z.0 == pose).unwrap_or_else(|| {
+            zeros.push((pose.clone(), (0..6).map(|_| 4.0 * (rng.f64() + rng.f64() + rng.f64() - 1.5)).collect()));
+            zeros.len() - 1
+        });
+        cells[column("series")] = (place + 1).to_string();
+        for (zero, name) in zeros[place].1.iter().zip(["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"]) {
+            let cell = &mut cells[column(name)];
+            *cell = format!("{:.2}", cell.parse::<f64>().unwrap() + zero);
+        }
+        true
+    });
+    let found = of_text("own-none-1", &text, &Folder::new());
+    assert_eq!((&found["verdict"], found["effects"].as_array().unwrap().len()), (&"adequate".into(), 0));
+    // 2 µm by 20 zeros in each of three channels
+    let zero = found["noise"]["series_um_urad"][0].as_f64().unwrap();
+    assert!((1.4..2.8).contains(&zero), "{zero}");
+}
+
+#[test]
+fn a_model_that_predicts_worse_than_the_declared_one_is_no_finding() {
+    // rotations read 30 % too small on a machine without fault
+    let text = of_rows("own-none-1", |names, cells, _| {
+        for (name, cell) in names.iter().zip(cells.iter_mut()).filter(|(name, _)| name.ends_with("_urad")) {
+            *cell = cell.parse::<f64>().map_or_else(|_| panic!("{name}"), |v| format!("{:.2}", 0.7 * v));
+        }
+        true
+    });
+    let folder = Folder::new();
+    let found = of_text("own-none-1", &text, &folder);
+    assert!(rms(&found, "after") > rms(&found, "before"));
+    assert_eq!(found["verdict"], "unexplained");
+    let report = folder.read("out/report.html");
+    assert!(report.contains("keep the declared machine") && !report.contains("use machine.toml"));
+}
+
+#[test]
+fn under_loads_of_one_direction_play_and_softness_are_one_another_s_rivals() {
+    // a softer drive, and of its readings those under one force along u
+    let text = of_rows("own-limb-2-axial-easy", |names, cells, _| {
+        let at = |name: &str| &cells[names.iter().position(|n| *n == name).unwrap()];
+        at("fx_n") == "500" && ["fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"].iter().all(|name| at(name) == "0")
+    });
+    let found = of_text("own-limb-2-axial-easy", &text, &Folder::new());
+    let rivals: Vec<&Value> =
+        found["effects"].as_array().unwrap().iter().flat_map(|e| e["class"].as_array().unwrap()).collect();
+    assert_ne!(found["verdict"], "explained");
+    assert!(rivals.iter().any(|r| r.as_str().unwrap().contains("element at limb.2")), "{rivals:?}");
+}
+
+#[test]
+fn what_is_left_and_no_table_can_hold_stops_no_diagnosis() {
+    // a platform whose bores give beside a tool: what is left asks for a correction that is negative inside the box
+    let folder = Folder::new();
+    Set::new(Kind::FormPairs, 1_770_024, &Wish::default()).unwrap().write(folder.path("set").as_ref(), false).unwrap();
+    let [machine, data, holdout] =
+        ["machine.toml", "measured.csv", "heldout.csv"].map(|f| folder.path(&format!("set/{f}")));
+    let out = folder.path("out");
+    let call = ["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out];
+    let found = json(&call);
+    assert!(rms(&found, "after") < rms(&found, "retuned_only"), "the diagnosis does not depend on the table");
+    let warnings = found["warnings"].as_array().unwrap();
+    assert!(warnings.iter().any(|w| w.as_str().unwrap().contains("holds the improved machine alone")), "{warnings:?}");
+    // which every reader of tables takes
+    let table = folder.path("out/coefficients.json");
+    json(&["stiffness", "--machine", &folder.path("out/machine.toml"), "--table", &table, "--poses", &holdout]);
 }
 
 /// Rms error of the improved machine file on the held-out readings of a set, by `predict`.

@@ -47,7 +47,7 @@ impl Site {
 pub const MAX_CLASS: usize = 3;
 
 /// Laws that one and the same physics may be taken for.
-fn family(law: &str) -> &str {
+pub fn family(law: &str) -> &str {
     match law {
         "constant" | "extension" | "periodic" => "compliance",
         "load" | "direction" => "load",

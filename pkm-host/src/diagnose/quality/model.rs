@@ -1,6 +1,6 @@
 //! Readings against the declared machine: the checks that a diagnosis begins with, without its fits.
 
-use pkm_diagnosis::{Noise, Problem, Rules, Whitener};
+use pkm_diagnosis::{Problem, Rules, Whitener};
 
 use super::super::experiment::{Experiment, observations};
 use super::super::model::{Model, Recorded};
@@ -12,6 +12,8 @@ use crate::files::readings::{CHANNELS, Reading, Readings};
 
 /// Kind of the warning that there is nothing to take the noise from.
 pub(super) const UNKNOWN_NOISE: &str = "unknown_noise";
+/// Kind of the warning of a row with the wrong sign.
+const REVERSED_SIGN: &str = "reversed_sign";
 /// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
 const MAX_REVERSED_COSINE: f64 = -0.8;
 /// Least median cosine of all rows at which a single one with the wrong sign is to be seen.
@@ -45,7 +47,12 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
         }
     }
     let left_out: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
-    all.extend(of_all(file, &readings.without_numbers(&left_out), &model));
+    let of_all = of_all(file, &readings.without_numbers(&left_out), &model);
+    if of_all.iter().any(|w| w.kind == checks::TAKEN_OTHERWISE) {
+        // one slip that reverses many rows is no slip of each
+        all.retain(|w| w.kind != REVERSED_SIGN);
+    }
+    all.extend(of_all);
     all
 }
 
@@ -54,7 +61,7 @@ fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWar
     let rules = &Rules::DEFAULT;
     let read = observations(readings, model);
     let experiment = Experiment::new(model, readings);
-    let noise = match Noise::estimate(&experiment.at_nominal_loads(&read), rules) {
+    let noise = match experiment.noise(&read, rules) {
         Ok(noise) => noise,
         Err(unknown) => return vec![DataWarning::new(UNKNOWN_NOISE, unknown_noise(readings, unknown).message)],
     };
@@ -97,5 +104,5 @@ fn reversed(readings: &Readings, model: &Model) -> Vec<DataWarning> {
     }
     let message = "the deflection has the opposite sign of what the load gives, unlike the other rows: is the sign of the load or of \
                    the readings reversed?";
-    found.iter().map(|line| DataWarning::new("reversed_sign", message).at_lines(vec![*line])).collect()
+    found.iter().map(|line| DataWarning::new(REVERSED_SIGN, message).at_lines(vec![*line])).collect()
 }

@@ -34,6 +34,7 @@ fn scaled(cell: &str, factor: f64) -> String {
 }
 
 const TRANSLATIONS: [&str; 3] = ["dx_um", "dy_um", "dz_um"];
+const ROTATIONS: [&str; 3] = ["rx_urad", "ry_urad", "rz_urad"];
 const DEFLECTIONS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
 const LOADS: [&str; 6] = ["fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"];
 
@@ -63,7 +64,7 @@ fn without_repeats(mut table: Table) -> Table {
 #[rustfmt::skip] // a case a line
 const DOUBTFUL: &[Case] = &[
     ("nothing", |t| t, "", 0, "", "", 0),
-    ("angles in radians", |t| t.map(&["theta_deg", "sigma_deg"], |c| c.parse::<f64>().unwrap().to_radians().to_string()), "angles_in_radians", 0, "theta_deg", "theta [rad]", 1),
+    ("angles in radians", |t| t.map(&["theta_deg", "sigma_deg"], |c| c.parse::<f64>().unwrap().to_radians().to_string()), "angles_in_radians", 0, "theta_deg", "theta [rad]", 2),
     ("temperatures in kelvins", |t| t.with(19, "temperature_c", "293.4"), "temperature_in_kelvin", 2, "temperature_c", "temperature [K]|and 594 more", 1),
     ("a point in metres", |t| t.with(4, "point_u_mm", "0").with(5, "point_v_mm", "0").with(6, "point_w_mm", "0.01"), "point_in_metres", 0, "point_u_mm", "point_u [m]", 1),
     ("a placeholder for no value", |t| row(t, 20, &["dx_um"], |_| "9999".into()), "placeholder", 22, "dx_um", "empty the cell", 2),
@@ -80,6 +81,13 @@ const DOUBTFUL: &[Case] = &[
     ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
     ("translations in mm", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1e-3)), "cannot_be_diagnosed", 0, "", "are they in µm", 1),
     ("all signs reversed", |t| t.map(&DEFLECTIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with all signs reversed", 1),
+    ("one force reversed", |t| t.map(&["fz_n"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with forces along u, v, −w", 1),
+    ("two forces exchanged", |t| t.exchanged("fx_n", "fy_n"), "readings_taken_otherwise", 0, "", "with forces along v, u, w", 1),
+    ("two angles exchanged", |t| t.exchanged("theta_deg", "sigma_deg"), "readings_taken_otherwise", 0, "", "with theta and sigma exchanged", 1),
+    ("one angle reversed", |t| t.map(&["sigma_deg"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with sigma reversed", 1),
+    ("rotations in arcseconds", |t| t.map(&ROTATIONS, |c| scaled(c, 0.648 / std::f64::consts::PI)), "readings_taken_otherwise", 0, "", "with rotations in arcseconds", 1),
+    ("rotations in millidegrees", |t| t.map(&ROTATIONS, |c| scaled(c, 0.18 / std::f64::consts::PI)), "readings_taken_otherwise", 0, "", "thousandths of a degree", 1),
+    ("translations in thou", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1.0 / 25.4)), "readings_taken_otherwise", 0, "", "thousandths of an inch", 1),
 ];
 
 fn check_case((what, spoil, kind, line, column, words, count): &Case) -> Result<(), String> {

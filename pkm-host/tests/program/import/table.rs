@@ -56,6 +56,13 @@ impl Table {
         self
     }
 
+    /// With two columns under the name of the other.
+    pub fn exchanged(mut self, one: &str, other: &str) -> Self {
+        let (a, b) = (self.column(one), self.column(other));
+        self.header.swap(a, b);
+        self
+    }
+
     /// Gives columns another name, and moves the point of their numbers.
     pub fn called(mut self, names: &[(&str, &str, i32)]) -> Self {
         for (old, new, places) in names {
