@@ -49,12 +49,16 @@ pub fn condition(d: &Diagnosis) -> Markup {
     };
     html! {
         h2 { "Condition of the machine" }
-        // the others are among the findings
-        @if estimates.notable().is_empty() {
-            p { "No limb differs along its axis from what is declared by more than the declared uncertainty allows." }
+        @if Badge::measurement(d).grade == Grade::Bad {
+            p { "Nothing is said of it while the measurement is unsound; what makes up for the readings is in diagnosis.json." }
+        } @else {
+            // the others are among the findings
+            @if estimates.notable().is_empty() {
+                p { "No limb differs along its axis from what is declared by more than the declared uncertainty allows." }
+            }
+            (table("Stiffness as declared and as identified, with its expanded uncertainty", &heads, &rows))
+            p { "Expanded uncertainties cover 95 % (" (known) ")." }
         }
-        (table("Stiffness as declared and as identified, with its expanded uncertainty", &heads, &rows))
-        p { "Expanded uncertainties cover 95 % (" (known) ")." }
     }
 }
 

@@ -131,11 +131,10 @@ fn alarms_said(replay: &Replay) -> Vec<Finding> {
         });
         let each: Vec<String> = each.collect();
         found.push(Finding::warning(format!(
-            "Something has changed since acceptance, and what was touched does not tell where. By what each is taken to vary it is {}, \
-             but any of {} may have all of it. Touch the loads that --next proposes before one of them is inspected.",
-            each.join(", "),
+            "Something has changed since acceptance, and what was touched does not tell where: any of {} may have all of it.",
             unknown(replay).join(", ")
         )));
+        found.push(Finding::warning(format!("Shared by what each is taken to vary, it is {}.", each.join(", "))));
     }
     let far = |(n, alarm): &&(usize, Alarm)| alarm.change.abs() > FAR_SD * own(*n).deviation;
     let far: Vec<String> = replay.standing().iter().filter(far).map(|(n, _)| named(own(*n).amplitude)).collect();
@@ -154,10 +153,11 @@ fn aged(replay: &Replay) -> String {
     let [first, last] = [replay.age.since_first_s, replay.age.since_last_s].map(|s| f64::from(s) / DAY_S);
     let known = replay.steps.iter().rev().find(|step| step.outcome.is_ok()).map_or(&[][..], |step| &step.values);
     let grown = known.iter().zip(&replay.age.deviations).map(|((_, before), now)| now / before).fold(1.0, f64::max);
+    let wider = format!("makes the intervals up to {:.0} % wider than readings left them", 100.0 * (grown - 1.0));
+    let wider = if grown < 1.005 { "hardly widens the intervals" } else { &wider };
     format!(
         "At the log's end the first reading that was taken in is {first:.1} days old, the last one {last:.1} days; the drift that is \
-         allowed until then makes the intervals up to {:.0} % wider than readings left them.",
-        100.0 * (grown - 1.0)
+         allowed until then {wider}."
     )
 }
 
