@@ -44,8 +44,8 @@ impl Noise {
         proportional: &[(usize, Vec<f64>)],
         rules: &Rules,
     ) -> Self {
-        let has_zeros = observations.readings.iter().any(|r| r.covariance.is_some());
-        if self.source == NoiseSource::Declared || has_zeros {
+        let is_declared = observations.readings.iter().any(|r| r.covariance.is_some());
+        if self.source == NoiseSource::Declared || is_declared {
             return self;
         }
         let mut groups: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();

@@ -72,10 +72,24 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CSV", requires = "readings")]
     loads: Option<PathBuf>,
     /// Greatest force of the default loads.
-    #[arg(long, default_value_t = 500.0, value_parser = positive, allow_hyphen_values = true, requires = "readings", conflicts_with = "loads")]
+    #[arg(
+        long,
+        default_value_t = 500.0,
+        value_parser = positive,
+        allow_hyphen_values = true,
+        requires = "readings",
+        conflicts_with = "loads"
+    )]
     force_n: f64,
     /// Greatest moment of the default loads.
-    #[arg(long, default_value_t = 50.0, value_parser = positive, allow_hyphen_values = true, requires = "readings", conflicts_with = "loads")]
+    #[arg(
+        long,
+        default_value_t = 50.0,
+        value_parser = positive,
+        allow_hyphen_values = true,
+        requires = "readings",
+        conflicts_with = "loads"
+    )]
     moment_nm: f64,
     /// How often the default loads are taken.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=100), requires = "readings", conflicts_with = "loads")]

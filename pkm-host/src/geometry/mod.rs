@@ -41,7 +41,7 @@ const MAX_ROUNDS_OF_OUTLIERS: usize = 3;
 const MEDIAN_OF_NORMAL: f64 = 0.6745;
 /// How well the compliance that each wrench of a limb meets is known where joints strain, as a factor of one standard deviation:
 /// with 2 the stated deviations covered 87 to 94 % of errors, with 4 96 % (120 simulated machines each with 2.5 and 10 µm of noise).
-const GIVE: f64 = 4.0;
+const GIVE_SD_FACTOR: f64 = 4.0;
 
 fn fail(unloaded: &Unloaded, message: impl Into<String>) -> Failure {
     Failure::input(message).in_file(&unloaded.source.name)
@@ -357,7 +357,7 @@ impl<'a> Study<'a> {
             return Some(covariance);
         }
         for wrench in 0..8 {
-            let give: Give = std::array::from_fn(|n| if n == wrench { GIVE } else { 1.0 });
+            let give: Give = std::array::from_fn(|n| if n == wrench { GIVE_SD_FACTOR } else { 1.0 });
             let experiment = Experiment::with(self.model, self.unloaded, &give)?;
             let problem = Problem::new(&self.observations, &self.whitener, &experiment, self.rules);
             let change = &fit.residuals - problem.residuals(&fit.unknowns, fit.x.as_slice())?;

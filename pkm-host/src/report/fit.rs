@@ -110,7 +110,8 @@ fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) ->
             let worst_of_these = |v: &[f64; 6]| (0..6).filter(is_worse).map(|i| v[i]).fold(0.0, f64::max);
             findings.push(if worse.is_empty() {
                 Finding::good(format!(
-                    "Deflection of A under load, {name}: mean error at most {:.2} %, where the model without a table (K_p) is wrong by up to {:.1} %.",
+                    "Deflection of A under load, {name}: mean error at most {:.2} %, where the model without a table (K_p) is \
+                     wrong by up to {:.1} %.",
                     worst(errors),
                     worst(basic)
                 ))
