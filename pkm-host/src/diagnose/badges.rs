@@ -83,12 +83,11 @@ impl Badge {
             Verdict::Unexplained if p < Rules::DEFAULT.max_misfit_p => vec![(Grade::Bad, rest)],
             Verdict::Unexplained => Vec::new(),
         };
-        if let Some([declared, identified]) = d.held_out.worse() {
+        if let Some([declared, identified]) = d.worse() {
             let message = format!(
-                "on readings that had no part in it it errs by {identified:.2} µm rms, the declared model by {declared:.2} µm"
+                "on readings that had no part it errs by {identified:.2} µm rms, the declared model by {declared:.2} µm"
             );
-            reasons
-                .push((if d.judgement.verdict == Verdict::Adequate { Grade::Doubtful } else { Grade::Bad }, message));
+            reasons.push((Grade::Bad, message));
         }
         Self::new(["good_enough", "in_doubt", "not_good_enough"], reasons)
     }

@@ -352,6 +352,13 @@ pub fn diagnose(
     judged.ok_or(failure)?
 }
 
+impl Diagnosis {
+    /// See [`HeldOut::worse`]. Where nothing is found, values that were only re-identified may err a little more by their noise.
+    fn worse(&self) -> Option<[f64; 2]> {
+        self.held_out.worse().filter(|_| self.judgement.verdict != Verdict::Adequate)
+    }
+}
+
 /// Of every number that was read.
 fn standard_deviations(noise: &Noise, given: &Observations) -> Vec<[f64; CHANNELS]> {
     let of_reading = |n| std::array::from_fn(|c| noise.variance_of(given, n, c).sqrt());

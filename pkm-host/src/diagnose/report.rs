@@ -50,7 +50,7 @@ fn far_from_declared(findings: &[DeclaredFinding]) -> String {
 
 /// The verdict in a sentence.
 fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
-    if let (Some([declared, identified]), false) = (d.held_out.worse(), d.judgement.verdict == Verdict::Adequate) {
+    if let Some([declared, identified]) = d.worse() {
         return Finding::bad(format!(
             "Not explained: with {found} the error on readings that had no part in it is {identified:.2} µm rms, by the declared \
              machine {declared:.2} µm. Don't take the names below for the truth."
@@ -111,7 +111,7 @@ fn next_step(d: &Diagnosis) -> String {
     if !d.warnings.is_empty() {
         return "check the readings as said below; the rest counts after that.".to_owned();
     }
-    if d.held_out.worse().is_some() && d.judgement.verdict != Verdict::Adequate {
+    if d.worse().is_some() {
         return "keep the declared machine: the identified one predicts worse; look at the residuals below for what they go with."
             .to_owned();
     }

@@ -98,6 +98,10 @@ fn a_zero_that_each_pose_has_of_its_own_is_noise() {
     });
     let found = of_text("own-none-1", &text, &Folder::new());
     assert_eq!((&found["verdict"], found["effects"].as_array().unwrap().len()), (&"adequate".into(), 0));
+    assert_eq!(
+        (&found["measurement"]["verdict"], &found["model"]["verdict"]),
+        (&"sound".into(), &"good_enough".into())
+    );
     // 2 µm by 20 zeros in each of three channels
     let zero = found["noise"]["series_um_urad"][0].as_f64().unwrap();
     assert!((1.4..2.8).contains(&zero), "{zero}");
