@@ -106,6 +106,17 @@ fn certainty(d: &Diagnosis) -> String {
     )
 }
 
+/// Each once, in the order of the first.
+fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
+    let mut all: Vec<String> = Vec::new();
+    for text in texts {
+        if !all.contains(&text) {
+            all.push(text);
+        }
+    }
+    all
+}
+
 /// What to do first.
 fn next_step(d: &Diagnosis) -> String {
     if !d.warnings.is_empty() {
@@ -121,19 +132,11 @@ fn next_step(d: &Diagnosis) -> String {
     let located = |of_measurement: bool| {
         d.effects.iter().filter(move |e| e.is_located() && e.is_measurement() == of_measurement).map(Effect::inspect)
     };
-    let (mut machine, mut measurement): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
-    for (list, places) in [
-        (&mut machine, located(false).chain(d.declared.iter().map(|f| f.inspect.clone())).collect::<Vec<_>>()),
-        (&mut measurement, located(true).collect()),
-    ] {
-        places.into_iter().for_each(|place| {
-            if !list.contains(&place) {
-                list.push(place)
-            }
-        });
-        list.truncate(MOST_TO_INSPECT);
-    }
-    let look = [machine.clone(), measurement.clone()].concat().join("; and at ");
+    let [mut machine, mut measurement] =
+        [distinct(located(false).chain(d.declared.iter().map(|f| f.inspect.clone()))), distinct(located(true))];
+    machine.truncate(MOST_TO_INSPECT);
+    measurement.truncate(MOST_TO_INSPECT);
+    let look = [machine.as_slice(), &measurement].concat().join("; and at ");
     match (d.judgement.verdict, machine.is_empty(), measurement.is_empty()) {
         (_, false, true) => {
             format!("look at {look}; until that is repaired use machine.toml, which has what was found.")
@@ -160,12 +163,7 @@ fn found(d: &Diagnosis) -> String {
         (true, ELEMENT) => format!("an effect on no list at {}", e.place),
         (true, id) => id.to_owned(),
     };
-    let mut found: Vec<String> = Vec::new();
-    for name in d.effects.iter().map(name) {
-        if !found.contains(&name) {
-            found.push(name);
-        }
-    }
+    let found = distinct(d.effects.iter().map(name));
     if found.is_empty() { "the identified model".to_owned() } else { found.join(" and ") }
 }
 
