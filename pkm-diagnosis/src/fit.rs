@@ -31,6 +31,20 @@ pub fn product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     a.transpose() * b
 }
 
+/// Derivatives and, behind them, residuals: as rows, and their inner products.
+pub(crate) fn rows_and_products(jacobian: &DMatrix<f64>, residuals: &DVector<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+    let mut columns = jacobian.clone().insert_column(jacobian.ncols(), 0.0);
+    columns.set_column(jacobian.ncols(), residuals);
+    let rows = columns.transpose();
+    let products = &rows * columns;
+    (rows, products)
+}
+
+/// A Aᵀ.
+pub(crate) fn squared(a: &DMatrix<f64>) -> DMatrix<f64> {
+    a * a.transpose()
+}
+
 /// ln of the probability of the readings, from AᵀA + I, half the downward slope of the objective, the objective, and ln|I + UUᵀ| of
 /// the common errors.
 fn laplace(information: &Cholesky<f64, Dyn>, slope: &DVector<f64>, objective: f64, log_determinant: f64) -> f64 {

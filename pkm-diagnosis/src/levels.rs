@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use crate::fit::{Fit, ln_evidence, product};
+use crate::fit::{Fit, ln_evidence, rows_and_products, squared};
 use crate::model::Unknown;
 use crate::solve::Problem;
 use crate::whitening::Whitener;
@@ -61,12 +61,9 @@ impl<'a> Levels<'a> {
 
     /// ln evidence at every level of a linear form without common errors.
     fn evidence(&self, plain: &Fit) -> Vec<f64> {
-        let mut columns = plain.jacobian.clone().insert_column(plain.x.len(), 0.0);
-        columns.set_column(plain.x.len(), &plain.residuals);
-        let products = product(&columns, &columns);
+        let (rows, products) = rows_and_products(&plain.jacobian, &plain.residuals);
         let at = |problem: &Problem<'_>| {
-            let lost = problem.whitener.lost(&columns);
-            let left = &products - product(&lost, &lost);
+            let left = &products - squared(&problem.whitener.lost(&rows));
             ln_evidence(&left, &plain.x, problem.whitener.log_determinant).unwrap_or(f64::NEG_INFINITY)
         };
         self.problems.par_iter().map(at).collect()

@@ -8,7 +8,7 @@ use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-use crate::fit::{Fit, product};
+use crate::fit::{Fit, rows_and_products, squared};
 use crate::model::{CommonErrors, ForwardModel, Parameter, Unknown};
 use crate::observations::Observations;
 use crate::rules::Rules;
@@ -230,7 +230,9 @@ impl<'a> Problem<'a> {
         let (x, observed) = (DVector::from_column_slice(start), observed.into());
         let mut squares = Squares { problem: self, unknowns, observed, x, at: None };
         squares.at = squares.there();
+        // unknowns are in units of their priors: scaled by what readings say of each, steps along valleys stay short
         let (found, report) = LevenbergMarquardt::new()
+            .with_scale_diag(false)
             .with_ftol(1e-6)
             .with_xtol(1e-5)
             .with_gtol(1e-6)
@@ -270,11 +272,12 @@ impl Squares<'_, '_> {
         let predicted = self.problem.predict_plain(self.unknowns, self.x.as_slice())?;
         let jacobian = self.problem.slopes(self.unknowns, self.x.as_slice(), &predicted)?;
         let residuals = &self.observed - predicted;
-        let (r, j) = self.problem.shrunk(&residuals, &jacobian);
+        let (rows, products) = rows_and_products(&jacobian, &residuals);
+        let products = products - squared(&self.problem.whitener.lost(&rows));
         // (J; I) = Q U and (r; x) = Q c + a part orthogonal to all columns
-        let u = (product(&j, &j) + DMatrix::identity(k, k)).cholesky()?.l();
-        let c = u.solve_lower_triangular(&(&self.x - j.tr_mul(&r)))?;
-        let rest = (r.norm_squared() + self.x.norm_squared() - c.norm_squared()).max(0.0).sqrt();
+        let u = (products.view((0, 0), (k, k)) + DMatrix::identity(k, k)).cholesky()?.l();
+        let c = u.solve_lower_triangular(&(&self.x - products.view((0, k), (k, 1))))?;
+        let rest = (products[(k, k)] + self.x.norm_squared() - c.norm_squared()).max(0.0).sqrt();
         Some(There { residuals, jacobian, reduced: (c.push(rest), u.transpose().insert_row(k, 0.0)) })
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, DVectorViewMut};
 
 use crate::noise::{Noise, NoiseSource};
 use crate::observations::Observations;
@@ -48,7 +48,7 @@ pub struct Whitener {
 #[derive(Clone)]
 struct Shared {
     entries: Range<usize>,
-    direction: Vec<f64>,
+    direction: DVector<f64>,
     /// (1 − 1/√(1 + |v|²)) / |v|²
     share: f64,
 }
@@ -56,16 +56,15 @@ struct Shared {
 impl Shared {
     /// Of a direction that is not 0.
     fn new(entries: Range<usize>, direction: Vec<f64>) -> Option<Self> {
-        let v2 = direction.iter().map(|v| v * v).sum::<f64>();
+        let direction = DVector::from_vec(direction);
+        let v2 = direction.norm_squared();
         (v2 > 0.0).then(|| Self { entries, direction, share: (1.0 - 1.0 / (1.0 + v2).sqrt()) / v2 })
     }
 
     /// (I + v vᵀ)^-½: the part along v shrinks to 1/√(1 + |v|²).
     fn shrink(&self, part: &mut [f64]) {
-        let along: f64 = part.iter().zip(&self.direction).map(|(p, d)| p * d).sum();
-        for (p, d) in part.iter_mut().zip(&self.direction) {
-            *p -= self.share * along * d;
-        }
+        let mut part = DVectorViewMut::from_slice(part, part.len());
+        part.axpy(-self.share * self.direction.dot(&part), &self.direction, 1.0);
     }
 }
 
@@ -90,54 +89,39 @@ impl Correlated {
 #[derive(Clone)]
 struct CommonError {
     entries: Vec<usize>,
-    directions: Vec<(Vec<f64>, f64)>,
+    /// Orthonormal, by column.
+    directions: DMatrix<f64>,
+    /// Share of each that shrinking takes.
+    shrink: DVector<f64>,
 }
 
 impl CommonError {
     /// Of whitened columns of one standard deviation, and ln|I + U Uᵀ|.
     fn new(entries: Vec<usize>, u: DMatrix<f64>) -> (Self, f64) {
-        let mut log_determinant = 0.0;
         // (I + U Uᵀ)^-½ shrinks the principal directions of U
         let svd = u.svd(true, false);
         let values = svd.singular_values;
-        let directions = svd.u.map_or(Vec::new(), |u| {
-            (0..values.len())
-                .filter(|k| values[*k] > 1e-9)
-                .map(|k| {
-                    let grown = 1.0 + values[k] * values[k];
-                    log_determinant += grown.ln();
-                    (u.column(k).iter().copied().collect(), 1.0 - 1.0 / grown.sqrt())
-                })
-                .collect()
-        });
-        (Self { entries, directions }, log_determinant)
+        let kept: Vec<usize> = (0..values.len()).filter(|k| values[*k] > 1e-9).collect();
+        let grown = DVector::from_iterator(kept.len(), kept.iter().map(|k| 1.0 + values[*k] * values[*k]));
+        let directions = svd.u.map_or(DMatrix::zeros(entries.len(), 0), |u| u.select_columns(&kept));
+        (Self { entries, directions, shrink: grown.map(|g| 1.0 - 1.0 / g.sqrt()) }, grown.map(f64::ln).sum())
     }
 
-    /// What shrinking takes, by direction: squared, from the sum of squares.
-    fn lost(&self, values: &[f64]) -> Vec<f64> {
-        let own: Vec<f64> = self.entries.iter().map(|e| values[*e]).collect();
-        let of = |(direction, shrink): &(Vec<f64>, f64)| {
-            let along: f64 = own.iter().zip(direction).map(|(v, d)| v * d).sum();
-            along * (shrink * (2.0 - shrink)).sqrt()
-        };
-        self.directions.iter().map(of).collect()
+    /// What shrinking takes from rows of numbers, by direction: squared, from the sum of squares.
+    fn lost(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut lost = rows.select_columns(&self.entries) * &self.directions;
+        for (mut column, shrink) in lost.column_iter_mut().zip(&self.shrink) {
+            column *= (shrink * (2.0 - shrink)).sqrt();
+        }
+        lost
     }
 
     /// Shrinks these directions of numbers that are white but for them.
     fn shrink(&self, values: &mut [f64]) {
-        if self.directions.is_empty() {
-            return;
-        }
-        let mut own: Vec<f64> = self.entries.iter().map(|e| values[*e]).collect();
-        // the directions are orthogonal, so that none changes the part along another
-        for (direction, shrink) in &self.directions {
-            let along: f64 = own.iter().zip(direction).map(|(v, d)| v * d).sum();
-            for (v, d) in own.iter_mut().zip(direction) {
-                *v -= shrink * along * d;
-            }
-        }
-        for (e, v) in self.entries.iter().zip(&own) {
-            values[*e] = *v;
+        let own = DVector::from_iterator(self.entries.len(), self.entries.iter().map(|e| values[*e]));
+        let taken = &self.directions * self.directions.tr_mul(&own).component_mul(&self.shrink);
+        for (e, taken) in self.entries.iter().zip(&taken) {
+            values[*e] -= taken;
         }
     }
 }
@@ -297,7 +281,7 @@ impl Whitener {
             log_determinant += own;
             common
         };
-        let common = groups.iter().map(of).collect();
+        let common = groups.iter().map(of).filter(|common| !common.shrink.is_empty()).collect();
         Self { common, log_determinant, ..self.clone() }
     }
 
@@ -312,20 +296,21 @@ impl Whitener {
         this
     }
 
-    /// What shrinking takes from inner products: those of shrunk columns are AᵀA − LᵀL for this L of the columns A.
-    pub fn lost(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    /// What shrinking takes from inner products: those of shrunk rows are A Aᵀ − L Lᵀ for this L of the rows A.
+    pub fn lost(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         // as seen from before the common errors
         let disturbances = self.disturbances.as_ref().map(|own| {
             let mut own = own.clone();
-            own.directions.iter_mut().for_each(|(direction, _)| self.shrink_common(direction));
+            own.directions.column_iter_mut().for_each(|mut direction| self.shrink_common(direction.as_mut_slice()));
             own
         });
-        let all = || self.common.iter().chain(&disturbances);
-        let rows = all().map(|common| common.directions.len()).sum();
-        let mut lost = DMatrix::zeros(rows, columns.ncols());
-        for (column, mut lost) in columns.column_iter().zip(lost.column_iter_mut()) {
-            let along = all().flat_map(|common| common.lost(column.as_slice()));
-            lost.iter_mut().zip(along).for_each(|(lost, along)| *lost = along);
+        let all: Vec<&CommonError> = self.common.iter().chain(&disturbances).collect();
+        let mut lost = DMatrix::zeros(rows.nrows(), all.iter().map(|common| common.shrink.len()).sum());
+        let mut first = 0;
+        for common in all {
+            let count = common.shrink.len();
+            lost.columns_mut(first, count).copy_from(&common.lost(rows));
+            first += count;
         }
         lost
     }

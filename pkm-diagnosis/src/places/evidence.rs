@@ -6,6 +6,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
 use super::{Block, PlaceModel, State};
+use crate::fit::squared;
 use crate::rules::Rules;
 use crate::whitening::Whitener;
 
@@ -179,25 +180,26 @@ impl Evidence<'_> {
             members.push((*f, columns));
         }
         let held = held(&declared, &members, &data);
-        let lost_of_held: Vec<DMatrix<f64>> = self.whiteners.par_iter().map(|w| w.lost(&held)).collect();
         let by_held = held.transpose();
+        let lost_of_held: Vec<DMatrix<f64>> = self.whiteners.par_iter().map(|w| w.lost(&by_held)).collect();
         let is_member = |f: &usize| members.iter().any(|m| m.0 == *f);
         let mut blocks: Vec<usize> = wanted.iter().filter(|f| !is_member(f)).map(|f| self.families[*f].block).collect();
         blocks.sort_unstable();
         blocks.dedup();
         let parts = blocks.into_par_iter().map(|block| {
             let columns = at.block(block)?;
-            let (with_held, own) = (&by_held * &columns, columns.transpose() * &columns);
+            let rows = columns.transpose();
+            let (with_held, own) = (&by_held * &columns, &rows * &columns);
             let of = |(whitener, lost_of_held): (&&Whitener, &DMatrix<f64>)| {
-                let lost = whitener.lost(&columns);
-                Part { with_held: &with_held - lost_of_held.transpose() * &lost, own: &own - lost.transpose() * &lost }
+                let lost = whitener.lost(&rows);
+                Part { with_held: &with_held - lost_of_held * lost.transpose(), own: &own - squared(&lost) }
             };
             Some((block, self.whiteners.iter().zip(&lost_of_held).map(of).collect()))
         });
         let parts = parts.collect::<Option<Vec<(usize, Vec<Part>)>>>()?.into_iter().collect();
         let all = &by_held * &held;
         let products = lost_of_held.iter().map(|lost| Products {
-            held: &all - lost.transpose() * lost,
+            held: &all - squared(lost),
             with_held: DMatrix::zeros(0, 0),
             own: Vec::new(),
             taken: Vec::new(),
