@@ -1,6 +1,6 @@
 //! Before and after: how the models err on poses that had no part in choosing them.
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use pkm_diagnosis::validation::{self, KindErrors, LeftOut};
 use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown};
@@ -158,20 +158,24 @@ pub fn cross_validate(
     start: &Start<'_>,
     progress: &Progress<'_>,
 ) -> Option<(Predictions, Vec<Vec<String>>)> {
-    let done = Cell::new(0);
-    let folds = validation::folds(observations, start.rules) as u64;
+    let done = AtomicU64::new(0);
+    let tell = |done| {
+        progress("searching without some of the poses", done, validation::folds(observations, start.rules) as u64)
+    };
+    tell(0);
     let of_fold = |is_left_out: &LeftOut<'_>| {
-        progress("searching without some of the poses", done.replace(done.get() + 1), folds);
         let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));
         let read = experiment::observations(&kept, start.model);
-        start.search(&kept, &read, |Found { experiment, levels, search, sites, .. }| {
+        let found = start.search(&kept, &read, |Found { experiment, levels, search, sites, .. }| {
             let search = inference::settled(levels, start.noise, sites, search)?;
             let problem = &levels.problems[search.levels[1]];
             let fitted = Fitted::new(problem, experiment, &extent(&kept), &search)?;
             let said = fitted.predict(experiment.model, &experiment.poses, &readings.conditions, true)?;
             let names = search.found.iter().map(|f| experiment.model.candidates[f.candidate].name()).collect();
             Some((said.0.map(Vec::into_flattened).into(), names))
-        })?
+        })?;
+        tell(done.fetch_add(1, Ordering::Relaxed) + 1);
+        found
     };
     let (said, names) = validation::cross_validate(observations, start.rules, of_fold)?;
     let tables: Vec<Vec<[f64; CHANNELS]>> = said.iter().map(|f| f.as_chunks().0.to_vec()).collect();
