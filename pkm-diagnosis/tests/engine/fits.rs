@@ -276,11 +276,11 @@ fn common_errors_move_all_readings_of_a_group() {
     // inner products are left by what shrinking takes
     for (level, whitener) in whiteners.iter().enumerate() {
         for whitener in [whitener, &levels::disturbed(&whiteners, &v)[level]] {
-            let lost = whitener.lost(&unlevelled.jacobian);
+            let lost = whitener.lost(&unlevelled.jacobian.transpose());
             let mut left = unlevelled.jacobian.clone();
             left.column_iter_mut().for_each(|mut column| whitener.shrink(column.as_mut_slice()));
             let whole = unlevelled.jacobian.tr_mul(&unlevelled.jacobian);
-            close((left.tr_mul(&left) + lost.tr_mul(&lost)).as_slice(), whole.as_slice(), 1e-12);
+            close((left.tr_mul(&left) + &lost * lost.transpose()).as_slice(), whole.as_slice(), 1e-12);
         }
     }
 }
