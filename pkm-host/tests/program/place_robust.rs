@@ -37,6 +37,15 @@ fn tool(hole: usize, [dx, dy]: [f64; 2]) -> Tool<f64> {
     Tool { tip_m, axis: Vector3::new(i, -j, -k).normalize() }
 }
 
+/// How the machine may stand at a hole.
+fn holds(table: &CorrectionTable<'_, f64>, hole: usize, there: [f64; 2]) -> Vec<Configuration<f64>> {
+    let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
+    let near = [[0.0, -0.3], [1.2, -1.0], [-1.2, 0.1]].map(Vector2::from);
+    let hold = |beta_rad| FIVE.inverse(&tool(hole, there), &Configuration { pose, beta_rad }).ok();
+    let holds = near.into_iter().filter_map(hold).map(|hold| hold.configuration);
+    holds.filter(|hold| table.domain(&hold.pose) != Domain::Outside).collect()
+}
+
 /// How far a tip moves, µm, with errors at the given shares of what is stated; `None` out of reach.
 fn moved(
     table: &CorrectionTable<'_, f64>,
@@ -52,15 +61,9 @@ fn moved(
     let there = [dx + RADIUS_MM * off * cos, dy + RADIUS_MM * off * sin];
     let tilt = Unit::new_normalize(Vector3::new(about.cos(), about.sin(), 0.0));
     let force_n = Rotation3::from_axis_angle(&tilt, (CONE_DEG * cone).to_radians()) * WRENCH.force_n;
-    let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
-    let near = [[0.0, -0.3], [1.2, -1.0], [-1.2, 0.1]].map(Vector2::from);
-    let holds = near.into_iter().filter_map(|beta_rad| {
-        let hold = FIVE.inverse(&tool(hole, there), &Configuration { pose, beta_rad }).ok()?;
-        (table.domain(&hold.configuration.pose) != Domain::Outside).then_some(hold)
-    });
-    let deflections = holds.map(|hold| {
+    let deflections = holds(table, hole, there).into_iter().map(|hold| {
         let wrench = Wrench { force_n, ..WRENCH };
-        let moved = FIVE.deflection(Some(table), &hold.configuration, &wrench).expect("a deflection");
+        let moved = FIVE.deflection(Some(table), &hold, &wrench).expect("a deflection");
         // all stiffnesses by the same share: what yields follows its inverse
         moved.translation_m.norm() * 1e6 / (1.0 - STIFFNESS * (2.0 * softer - 1.0))
     });
@@ -115,6 +118,37 @@ fn nothing_drawn_is_worse_than_the_proved_worst_case_and_a_bound_too_low_is_foun
             Some(value) => assert!(there.is_none_or(|drawn| drawn <= value), "{there:?} {value}"),
         }
     });
+}
+
+/// Where holes are where they are meant to be the worst case is proved as well.
+#[test]
+fn a_worst_case_without_a_hole_radius_is_proved() {
+    let of = |robust: &str| {
+        let document = placed(&job(robust), "certified");
+        let entry = document["robust"]["series"][0].clone();
+        assert_eq!([&entry["proved"], &entry["reach_proved"]], [&true.into(), &true.into()] as [&Value; 2], "{robust}");
+        entry
+    };
+    // all stiffnesses by the same share: what yields follows its inverse
+    let softer = of("robust = { stiffness = 0.2 }");
+    let ratio = number(&softer["value"]) / (number(&softer["nominal_value"]) / 0.8);
+    assert!((1.0..1.001).contains(&ratio), "{ratio}");
+    let turned = of(&format!("robust = {{ load_cone_deg = {CONE_DEG} }}"));
+    let value = number(&turned["value"]);
+    let worst = with_table(|table| {
+        let rim = (0..3 * 90).map(|n| {
+            let about = 2.0 * PI * (n / 3) as f64 / 90.0;
+            let tilt = Unit::new_normalize(Vector3::new(about.cos(), about.sin(), 0.0));
+            let force_n = Rotation3::from_axis_angle(&tilt, CONE_DEG.to_radians()) * WRENCH.force_n;
+            let load = Wrench { force_n, ..WRENCH };
+            let moved =
+                |hold| FIVE.deflection(Some(table), &hold, &load).expect("a deflection").translation_m.norm() * 1e6;
+            let all = holds(table, n % 3, position(&turned)).into_iter().map(moved);
+            all.reduce(f64::min).expect("in reach")
+        });
+        rim.fold(0.0, f64::max)
+    });
+    assert!(worst <= value && worst > 0.97 * value, "{worst} {value}");
 }
 
 #[test]

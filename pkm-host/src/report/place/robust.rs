@@ -13,7 +13,7 @@ fn um(m: f64) -> String {
 
 /// The worst case where there is no uncertainty in the choice.
 fn there(robust: &Robust) -> String {
-    robust.worst_of_optimum_m.map_or("a hole may be out of reach".into(), |m| format!("at most {}", um(m)))
+    robust.worst_of_optimum_m.map_or("a hole may be out of reach".into(), um)
 }
 
 /// What the robust choice gains, and what it costs.
@@ -30,8 +30,9 @@ pub(super) fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Findi
             text.push_str(&format!("turned to {:.3}°, ", p.position.rotary_rad.to_degrees()));
         }
         let (_, optimum) = robust.optimum;
+        let moves = if robust.proved.is_some() { "moves at most" } else { "was seen to move" };
         text.push_str(&format!(
-            "the tip moves at most {}, without uncertainty {} ({:+.2} % beside the optimum without); there, in the worst case: {}.",
+            "the tip {moves} {}, without uncertainty {} ({:+.2} % beside the optimum without); there, in the worst case: {}.",
             um(p.value),
             um(robust.nominal_m),
             100.0 * (robust.nominal_m / optimum - 1.0),
@@ -45,7 +46,7 @@ pub(super) fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Findi
             Some(_) => {
                 Finding::good(text + " That holes are in reach wherever they may be was seen at nine places of each.")
             }
-            None => Finding::warning(text + " The worst case was seen at nine places of each hole, and is not proved."),
+            None => Finding::warning(text + " The worst case is the greatest that was tried, and not proved."),
         }
     };
     placed.robust.iter().map(finding).collect()
@@ -76,7 +77,7 @@ pub(super) fn section(model: &PlacementModel<'_>, placed: &Placed) -> Markup {
         "dx mm",
         "dy mm",
         "rotary °",
-        "worst case, at most",
+        "worst case",
         "without uncertainty",
         "worst case of no position below (gap)",
         "optimum without uncertainty",
