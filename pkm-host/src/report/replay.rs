@@ -188,6 +188,13 @@ fn findings(replay: &Replay) -> Vec<Finding> {
             "The last {in_a_row} readings are too far from what is expected: the sensor is broken, or the machine has changed by more \
              than it may learn."
         )));
+    } else if 2 * taken < all {
+        let reasons: Vec<String> =
+            refusals(replay).iter().map(|(code, count)| format!("{count} as {}", code.replace('_', " "))).collect();
+        found.push(Finding::bad(format!(
+            "Only {taken} of {all} readings were taken in; refused were {}. Find out why before you act on anything below.",
+            reasons.join(", ")
+        )));
     }
     found.extend(alarms_said(replay));
     if replay.standing().is_empty() {

@@ -53,6 +53,21 @@ fn a_worn_drive_raises_an_alarm_and_its_size_is_found() {
     let page = folder.read("out/report.html");
     assert!(page.contains("limb.2.body axial") && page.contains("Inspect it."));
 
+    // the sensor's sign is wrong: one reading passes, and the page begins with those that do not
+    let log = std::fs::read_to_string(fixture(LOG)).unwrap();
+    let head: Vec<&str> = log.lines().next().unwrap().split(',').collect();
+    let at = head.iter().position(|h| *h == "dx_um").unwrap();
+    let turned = log.lines().skip(1).map(|line| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        cells[at] = format!("-{}", cells[at]).replace("--", "");
+        cells.join(",") + "\n"
+    });
+    let turned = folder.write("turned.csv", &format!("{}\n{}", head.join(","), turned.collect::<String>()));
+    json(&["replay", "--log", &turned, "--out", &out]);
+    let page = folder.read("out/report.html");
+    let [warned, alarm] = ["readings were taken in; refused were", "less than at acceptance"].map(|s| page.find(s));
+    assert!(warned.is_some() && (alarm.is_none() || warned < alarm), "{warned:?} {alarm:?}");
+
     // taken to vary little beside a model that errs by much: the change is seen, and not where
     let amplitude = |limb: u8| {
         format!(
