@@ -8,10 +8,11 @@ use serde_json::json;
 use super::arguments::{ColumnsArgs, TableArgs};
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
-use crate::files::dataset::{self, READ_COLUMNS, U95_COLUMNS};
-use crate::files::readings::{CHANNELS, Readings};
+use crate::files::dataset::{self, READ_COLUMNS, Row, U95_COLUMNS};
+use crate::files::readings::{CHANNELS, Condition, Readings};
 use crate::files::source;
 use crate::plan::model::{Form, extrapolation_warning, no_factor_form, outside_box};
+use crate::pose::NamedPose;
 
 /// Measured data with the model's deflections in place of the readings.
 #[derive(clap::Args)]
@@ -39,7 +40,9 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let (sheet, readings) = Readings::read_conditions(source, &model.machine, &columns.renames())?;
     session.warn(sheet.warnings.clone());
     let conditions: Vec<_> = readings.readings.iter().map(|r| readings.conditions[r.condition]).collect();
-    let at = conditions.iter().map(|c| (&readings.poses[c.pose], c.temperature_c));
+    let of_row = |(row, c): (&Row, &Condition)| NamedPose { line: row.line, ..readings.poses[c.pose].clone() };
+    let poses: Vec<NamedPose> = sheet.rows.iter().zip(&conditions).map(of_row).collect();
+    let at = poses.iter().zip(&conditions).map(|(pose, c)| (pose, c.temperature_c));
     let solved = model.solve(at).map_err(|f| f.in_file(&file))?;
     session.warn(extrapolation_warning(&solved));
 

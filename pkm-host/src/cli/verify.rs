@@ -48,8 +48,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         let message = format!("has other declared values than {}", first.name);
         return Err(Failure::input(message).in_file(&second.name).at_column("condition.shared_with"));
     }
-    let no_covariance =
-        || Failure::input("expected covariances of the deviations from what was declared").in_file(&second.name);
+    let no_covariance = || {
+        let wrong = if verify(&before, &before).is_none() { &first } else { &second };
+        Failure::input("expected covariances of the deviations from what was declared").in_file(&wrong.name)
+    };
     let found = verify(&before, &after).ok_or_else(no_covariance)?;
     let facts = vec![("Before", of_file(&first)), ("After", of_file(&second))];
     let document = report::document(&found, &facts);

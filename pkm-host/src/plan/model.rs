@@ -104,7 +104,8 @@ impl Model {
             .into_iter()
             .map(|(p, temperature_c)| {
                 let failed = |e: String| Failure::input(format!("pose `{}`: {e}", p.id)).at_line(p.line);
-                let machine = self.machine.machine.at_temperature(temperature_c).map_err(|e| failed(e.to_string()))?;
+                let machine = self.machine.machine.at_temperature(temperature_c);
+                let machine = machine.map_err(|e| failed(format!("{temperature_c} °C: {e}")))?;
                 let mut solved = solve_at(&table, &machine, &p.pose).map_err(|e| failed(e.to_string()))?;
                 let uncertainty = self.table.as_ref().and_then(|t| t.uncertainty.as_ref());
                 if let (Some((table, _)), Some(uncertainty)) = (&table, uncertainty) {

@@ -136,6 +136,14 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     assert!(
         refused(&["verify", "--before", &broken, "--after", &after])["message"].as_str().unwrap().contains("condition")
     );
+    // the file whose covariance is none is named, whichever it is
+    let mut damaged: Value = serde_json::from_str(&text).unwrap();
+    damaged["condition"]["deviation_covariance"][0][0] = (-1.0).into();
+    let damaged = folder.write("damaged.json", &damaged.to_string());
+    for [one, other] in [[&damaged, &after], [&after, &damaged]] {
+        let error = refused(&["verify", "--before", one, "--after", other]);
+        assert!(error["file"].as_str().unwrap().ends_with("damaged.json"), "{error}");
+    }
     assert!(!folder.has("none"));
 }
 
