@@ -119,14 +119,14 @@ impl Args {
     }
 
     /// What the program does not say of the machine, and for the report from which files.
-    fn setup(&self) -> Result<(Setup, Facts)> {
+    fn setup(&self, flange_mm: f64) -> Result<(Setup, Facts)> {
         let sources = [&self.job, &self.tools].map(|path| path.as_deref().map(Source::read).transpose());
         let [job, tools] = sources;
         let (job, tools) = (job?, tools?);
         let named = [("Job", &job), ("Tools", &tools)];
         let facts = named.into_iter().filter_map(|(name, source)| Some((name, of_file(source.as_ref()?)))).collect();
         let job = job.as_ref().map(ProgramJob::parse).transpose()?;
-        let tools = tools.as_ref().map(Tools::parse).transpose()?;
+        let tools = tools.as_ref().map(|source| Tools::over_flange(source, flange_mm)).transpose()?;
         let ProgramJob { offsets, axes, head } = job.unwrap_or_default();
         let (chord_mm, block_delete) = (self.chord_mm, self.block_delete);
         Ok((Setup { offsets, tools: tools.unwrap_or_default(), axes, head, chord_mm, block_delete }, facts))
@@ -175,7 +175,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     args.check()?;
     let svg = args.out.with_extension("svg");
     let [name, svg_name] = args.names(&svg)?;
-    let (setup, others) = args.setup()?;
+    let (setup, others) = args.setup(model.machine.wrist_parameters.flange_m * 1e3)?;
     let (path, source) = ToolPath::read(&args.path, args.wrench, &setup, args.interpreter.as_deref())?;
     let in_program = matches!(path, ToolPath::Program(_));
     let mut facts = [facts(args, &model, &source), others].concat();
@@ -200,6 +200,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let margin = model.machine.wrist_parameters.singularity_margin;
     let mut writer = path.writer();
     let track = walk(&model.machine, correction.as_ref(), &request, &mut |points| writer.push(points), &bar())?;
+    session.warn(report::implausible(&track));
     session.warn(report::too_fast(&track));
     session.warn(report::unsure(&track));
     let written = writer.finish(&notes(args, &model, &track, in_program, session));

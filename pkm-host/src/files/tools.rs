@@ -160,6 +160,20 @@ impl Tools {
         if source.name.to_lowercase().ends_with(".tbl") { Self::of_table(source) } else { Self::of_toml(source) }
     }
 
+    /// The same for a flange at such a distance from the wrist's second axis.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse); a tool whose tip would not be beyond that axis.
+    pub fn over_flange(source: &Source, flange_mm: f64) -> Result<Self> {
+        let this = Self::parse(source)?;
+        let Some(tool) = this.tools.iter().find(|tool| tool.length_mm + flange_mm <= 0.0) else { return Ok(this) };
+        let message = format!(
+            "tool {}: with a length of {} mm over a flange of {flange_mm} mm (wrist.flange_mm) its tip is not beyond the wrist's second axis",
+            tool.number, tool.length_mm
+        );
+        Err(Failure::input(message).in_file(&source.name))
+    }
+
     /// The length of a tool, mm.
     pub fn length_mm(&self, number: f64) -> Option<f64> {
         self.tool(number).map(|tool| tool.length_mm)

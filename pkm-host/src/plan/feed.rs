@@ -33,7 +33,7 @@ impl JointTrack {
         self.points.push(Vector5::new(q1, q2, q3, joints.beta_rad.x, joints.beta_rad.y));
     }
 
-    /// Whether the move's feed is too much for the joints: velocities from point to point, accelerations from three points each. What the
+    /// Whether the move's feed is too much for the joints: velocities at points by the parabola through three, accelerations from three points each. What the
     /// control does where moves meet is not known here.
     pub fn too_fast(&self, from: &Place, mv: &Move, limits: &JointLimits) -> Option<TooFast> {
         let [of_tip, of_turn] = mv.feed_per_min?;
@@ -49,8 +49,13 @@ impl JointTrack {
         };
         let none = Vector5::zeros();
         let fast = self.points.windows(2).map(|w| share((w[1] - w[0]) / step_s, none));
+        // the mean over a step is less than the velocity at one of its ends
+        let ends = self.points.windows(3).flat_map(|w| {
+            let (first, last) = (w[1] * 4.0 - w[0] * 3.0 - w[2], w[2] * 3.0 - w[1] * 4.0 + w[0]);
+            [first, last].map(|way| share(way / (2.0 * step_s), none))
+        });
         let strong = self.points.windows(3).map(|w| share(none, (w[2] - w[1] * 2.0 + w[0]) / (step_s * step_s)));
-        let allowed = fast.chain(strong).fold(1.0, f64::min);
+        let allowed = fast.chain(ends).chain(strong).fold(1.0, f64::min);
         (allowed < 1.0).then_some(TooFast {
             line: mv.line,
             feed_per_min,

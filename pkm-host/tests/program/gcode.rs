@@ -134,6 +134,13 @@ fn feeds_are_held_against_the_limits_of_the_joints() {
     assert!((600.0..60000.0).contains(&least), "{least}");
     assert_eq!(lines(&found(&text.replace("F600", &format!("F{:.4}", least * 0.9999)))), 0);
     assert!(lines(&found(&text.replace("F600", &format!("F{:.4}", least * 1.01)))) > 0);
+    // a coarse step says nearly the same of a long move as a fine one
+    let path = folder.write("p.ngc", "G0 X-205 Y0 Z1137 I0 J0 K1\n(wrench 0,0,-400,0,0,5)\nG1 X-150 F50000\n");
+    let [coarse, fine] = ["20", "0.5"].map(|step| {
+        let found = json(&["compensate", "--path", &path, "--limits", &limits, "--step-mm", step, "--out", &out]);
+        found["too_fast"][0]["allowed_per_min"].as_f64().unwrap()
+    });
+    assert!((coarse / fine - 1.0).abs() < 3e-3, "{coarse} {fine}");
     // a feed of a turn or of a move's time is none of a minute's
     let of_a_turn = found(&text.replace("G94", "G95").replace("F600", "F60000"));
     assert_eq!((lines(&of_a_turn), of_a_turn["feeds_checked"].as_u64()), (0, Some(0)));
@@ -232,6 +239,7 @@ fn a_tools_length_moves_the_flange_away() {
             "format = 1\n[[tool]]\nnumber = 1\nlength_mm = 1\n[[tool]]\nnumber = 1\nlength_mm = 2\n",
             "duplicate tool 1",
         ),
+        ("c.toml", "format = 1\n[[tool]]\nnumber = 1\nlength_mm = -200\n", "tool 1: with a length of -200 mm"),
         ("c.tbl", "T1 P1 X3 Z4\n", "along Z"),
         ("d.tbl", "T1 P1 Zlong\n", "Zlong"),
     ] {

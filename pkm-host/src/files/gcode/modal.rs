@@ -197,6 +197,9 @@ impl<'a> Modal<'a> {
     pub fn take(&mut self, line: &Line<'_>, loaded: bool, stops: &mut Vec<Stop>) -> Result<Effect, Refusal> {
         let mut numbers = Numbers::of(line)?;
         let feed = numbers.take('F');
+        if let Some(feed) = feed.filter(|feed| *feed < 0.0) {
+            return Err(format!("F{feed}: a feed is not below 0"));
+        }
         if let Some(speed) = numbers.take('S') {
             self.spindle_per_min = (speed > 0.0).then_some(speed);
         }

@@ -33,7 +33,9 @@ impl Modal<'_> {
             Some(Motion::Arc { clockwise }) => self.arc(clockwise, line, numbers, stops),
             Some(Motion::Drill(drill)) if named || to_axis => self.drilled(drill, numbers, stops),
             Some(Motion::Drill(_)) => Ok(Effect::Nothing),
-            None if to_axis || numbers.has_any("IJK") => Err("a move before any G0 or G1".into()),
+            None if to_axis || numbers.has_any("IJK") => {
+                Err("a move before any G0 or G1, or after G80, which ends what was in force".into())
+            }
             None => Ok(Effect::Nothing),
         }
     }
