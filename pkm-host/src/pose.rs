@@ -31,7 +31,8 @@ pub fn a_in_b_m(pose: &Pose<f64>) -> [f64; 3] {
 
 /// A pose in the units of files: °, °, mm.
 pub fn file_units(pose: &Pose<f64>) -> [f64; 3] {
-    [pose.theta_rad.to_degrees(), pose.sigma_rad.to_degrees(), pose.z0_m * 1e3]
+    // without the sign of a zero
+    [pose.theta_rad.to_degrees(), pose.sigma_rad.to_degrees(), pose.z0_m * 1e3].map(|v| v + 0.0)
 }
 
 /// The same as it was written: the way through rad and m costs the last digit.

@@ -102,6 +102,7 @@ fn compute(args: &Args, session: &mut Session) -> Result<Fitted> {
     let verification_source = verification.as_ref().map(|v| v.source.clone());
     let training = fit::samples(&below, training)?;
     let verification = verification.map(|v| fit::samples(&below, v)).transpose()?;
+    session.warn(fit::turned_axes(&below, &training, &data.name));
     let mut fit = fit::fit(training, verification, args.terms).map_err(in_data)?;
     fit.estimate_uncertainty(tip_m);
     let trained = fit::evaluate(&fit.training, &below, tip_m, &fit.numbers).map_err(in_data)?;

@@ -16,7 +16,7 @@ use super::source::Source;
 use super::toml_error::{line_at, parsed};
 use super::wrist::{wrist_left_out, wrist_parameters};
 use crate::error::{Failure, Result, printable};
-use crate::pose::PoseBox;
+use crate::pose::{PoseBox, pose_of};
 
 pub use super::machine_raw::Uncertainty;
 
@@ -111,6 +111,10 @@ impl MachineFile {
             return Err(fail(Some(span..span), "wrist", error.to_string()));
         }
         let section = raw.solid.as_ref();
+        let warnings = unlikely_values(&source.name, &parameters)
+            .into_iter()
+            .chain(box_out_of_reach(&source.name, &machine, &pose_box))
+            .collect();
         let solid = match Solid::new(section.map_or(&RawSolid::default(), Spanned::get_ref), &parameters) {
             Ok(solid) => Ok(solid),
             Err(flaw) => {
@@ -129,7 +133,7 @@ impl MachineFile {
             pose_box,
             uncertainty: raw.uncertainty.unwrap_or_default().values(),
             wrist_parameters,
-            warnings: unlikely_values(&source.name, &parameters),
+            warnings,
             wrist_left_out,
             wrist,
             solid,
@@ -209,6 +213,15 @@ impl MachineFile {
             _ => error.to_string(),
         }
     }
+}
+
+/// A warning where the machine cannot stand in the middle of its box, which is taken for its home.
+fn box_out_of_reach(file: &str, machine: &Machine<f64>, pose_box: &PoseBox) -> Option<String> {
+    let [theta, sigma, z0] = pose_box.middle();
+    let error = machine.inverse(&pose_of(theta, sigma, z0)).err()?;
+    Some(format!(
+        "{file}: box: its middle, {theta}°, {sigma}°, {z0} mm, is out of reach ({error}): is it in degrees and mm, and of this machine?"
+    ))
 }
 
 /// Warnings about values that are possible and yet look like another unit.

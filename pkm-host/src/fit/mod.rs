@@ -6,9 +6,9 @@ mod uncertainty;
 
 use std::collections::BTreeSet;
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, SVector, Vector3};
 use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
-use pkm_core::{Basis, Machine, Stiffness};
+use pkm_core::{Basis, Machine, Pose, Stiffness};
 
 use crate::error::{Failure, Result, printable};
 use crate::files::dataset::{StiffnessData, Target};
@@ -173,6 +173,8 @@ impl Fit {
 
 /// Most poses that are left out one by one: more say no more of a table's lack of fit, and the time goes with the square.
 const MOST_LEFT_OUT: usize = 200;
+/// By how much less, squared, the correction has to vary under another sign of an angle for that to be said.
+const MIN_TURNED_RATIO: f64 = 4.0;
 
 /// So many of the poses at most, drawn from a fixed seed: a stride would meet the steps of a grid.
 fn some_of(training: &[Sample]) -> Vec<&Sample> {
@@ -239,6 +241,34 @@ pub fn samples(machine: &Machine<f64>, data: StiffnessData) -> Result<Vec<Sample
             Err(e) => Err(Failure::input(e.to_string()).in_file(&file).at_line(pose.line)),
         })
         .collect()
+}
+
+/// A warning where the data follow the machine much better with θ or σ the other way round: by how much what has to be corrected
+/// varies from pose to pose. Whole matrices alone tell.
+pub fn turned_axes(machine: &Machine<f64>, samples: &[Sample], file: &str) -> Option<String> {
+    let variation = |[theta, sigma]: [f64; 2]| {
+        let entries = |s: &Sample| {
+            let Pose { theta_rad, sigma_rad, z0_m } = s.pose.pose;
+            let pose = Pose { theta_rad: theta * theta_rad, sigma_rad: sigma * sigma_rad, z0_m };
+            let turned =
+                Sample { pose: s.pose.clone(), basic: machine.stiffness(&pose).ok()?, target: s.target.clone() };
+            turned.factor_entries().map(SVector::from)
+        };
+        let all: Vec<SVector<f64, FACTOR_ENTRIES>> = samples.iter().map(entries).collect::<Option<_>>()?;
+        let mean = all.iter().sum::<SVector<f64, FACTOR_ENTRIES>>() / all.len() as f64;
+        Some(all.iter().map(|e| (e - mean).norm_squared()).sum::<f64>())
+    };
+    let said = variation([1.0, 1.0])?;
+    let ways = [([-1.0, 1.0], "theta_deg"), ([1.0, -1.0], "sigma_deg"), ([-1.0, -1.0], "theta_deg and sigma_deg")];
+    let tried = ways.into_iter().filter_map(|(signs, columns)| Some((variation(signs)?, columns)));
+    let (least, columns) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (least < said / MIN_TURNED_RATIO).then(|| {
+        format!(
+            "{file}: the data follow the machine much better with the other sign of {columns}: what has to be corrected then varies \
+             {:.1} times less from pose to pose: is the sign that of the machine file?",
+            (said / least).sqrt()
+        )
+    })
 }
 
 /// Fits both forms (the factor form when the data are whole matrices).

@@ -101,6 +101,8 @@ impl<'a> Reach<'a> {
         };
         let singular = |share: f64| {
             let margin = self.margin();
+            // rounded down, so that what is just below the margin does not read as if it were on it
+            let share = (share * 1e4).floor() / 1e4;
             let message = format!(
                 "only in the opposite working mode or too near a singularity: normalised determinant {share:.4}, at least \
                  {margin} is required (wrist.singularity_margin): turn the axis or move the tip"

@@ -324,6 +324,57 @@ fn predict_knows_load_dependent_effects() {
     assert!(extra[2] / extra[0] < 20.0, "{extra:?}");
 }
 
+#[test]
+fn stiffness_data_with_an_angle_of_the_other_sign_are_found_out() {
+    let folder = Folder::new();
+    let text = std::fs::read_to_string(fixture("stiffness/fe-l49.csv")).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let head: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let lines: Vec<&str> = lines.collect();
+    let said = |turned: &[&str]| {
+        let row = |line: &str| {
+            let cell = |(h, c): (&&str, &str)| {
+                if turned.contains(h) { format!("{}", -c.parse::<f64>().unwrap()) } else { c.into() }
+            };
+            head.iter().zip(line.split(',')).map(cell).collect::<Vec<String>>().join(",")
+        };
+        let rows: Vec<String> = lines.iter().map(|line| row(line)).collect();
+        let data = folder.write("d.csv", &format!("{}\n{}\n", head.join(","), rows.join("\n")));
+        json(&["fit", "--data", &data, "--out", &folder.path("out")])["warnings"].to_string()
+    };
+    assert!(!said(&[]).contains("the other sign"));
+    for turned in [&["theta_deg"][..], &["sigma_deg"], &["theta_deg", "sigma_deg"]] {
+        let warnings = said(turned);
+        assert!(warnings.contains(&format!("with the other sign of {}:", turned.join(" and "))), "{warnings}");
+    }
+}
+
+#[test]
+fn a_box_out_of_reach_is_a_warning() {
+    let folder = Folder::new();
+    let said = |z0_mm: &str| {
+        let machine = reference_machine().replace("z0_mm = [500.0, 560.0]", z0_mm);
+        let machine = folder.write("m.toml", &machine);
+        let found = json(&["ik", "--machine", &machine, "--theta-deg", "0", "--sigma-deg", "0", "--z0-mm", "530"]);
+        found["warnings"].to_string()
+    };
+    assert!(said("z0_mm = [5000.0, 5600.0]").contains("its middle, 0°, 0°, 5300 mm, is out of reach"));
+    assert!(!said("z0_mm = [500.0, 560.0]").contains("out of reach"));
+}
+
+#[test]
+fn a_temperature_that_leaves_no_stiffness_is_named_with_its_line() {
+    let folder = Folder::new();
+    let soft = "[[effect]]\nid = \"thermal-modulus\"\nbodies_per_k = 0.01\njoints_per_k = 0.01\n";
+    let soft = folder.write("soft.toml", &format!("{}\n{soft}", reference_machine()));
+    let head = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,temperature_c";
+    let rows = ["20", "293.15"].map(|t| format!("a,0,0,530,0,0,10,0,0,0,{t}\n")).concat();
+    let data = folder.write("d.csv", &format!("{head}\n{rows}"));
+    let error = refused(&["predict", "--machine", &soft, "--data", &data, "--out", &folder.path("p.csv")]);
+    assert_eq!(error["line"], 3, "{error}");
+    assert!(error["message"].as_str().unwrap().contains("293.15 °C"), "{error}");
+}
+
 /// A load that acts elsewhere than where the deflection is read.
 #[test]
 fn a_load_has_a_point_of_its_own() {
