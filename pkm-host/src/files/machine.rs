@@ -110,11 +110,11 @@ impl MachineFile {
             let span = text.find("[wrist]").unwrap_or(0);
             return Err(fail(Some(span..span), "wrist", error.to_string()));
         }
-        let section = raw.solid.as_ref();
         let warnings = unlikely_values(&source.name, &parameters)
             .into_iter()
             .chain(box_out_of_reach(&source.name, &machine, &pose_box))
             .collect();
+        let section = raw.solid.as_ref();
         let solid = match Solid::new(section.map_or(&RawSolid::default(), Spanned::get_ref), &parameters) {
             Ok(solid) => Ok(solid),
             Err(flaw) => {

@@ -33,8 +33,8 @@ impl JointTrack {
         self.points.push(Vector5::new(q1, q2, q3, joints.beta_rad.x, joints.beta_rad.y));
     }
 
-    /// Whether the move's feed is too much for the joints: velocities at points by the parabola through three, accelerations from three points each. What the
-    /// control does where moves meet is not known here.
+    /// Whether the move's feed is too much for the joints: velocities at points by the parabola through three, of two
+    /// points their mean; accelerations from three points each. What the control does where moves meet is not known here.
     pub fn too_fast(&self, from: &Place, mv: &Move, limits: &JointLimits) -> Option<TooFast> {
         let [of_tip, of_turn] = mv.feed_per_min?;
         let [way_m, turn_rad] = from.apart(&mv.to);
