@@ -232,7 +232,10 @@ fn advice(replay: &Replay) -> [Finding; 2] {
             sizes.join(" and ")
         )
     };
-    let todo = if !blurred.is_empty() {
+    let taken = replay.steps.iter().filter(|step| step.outcome.is_ok()).count();
+    let todo = if 2 * taken < replay.steps.len() {
+        "find out why most readings were refused: sensor, sign, units, or a machine that is not this one.".to_owned()
+    } else if !blurred.is_empty() {
         "touch loads that tell the amplitudes apart: --next proposes them.".to_owned()
     } else if !standing.is_empty() {
         let names = names.join(" and ");
