@@ -48,6 +48,12 @@ def periods():
     return int(subprocess.check_output(["halcmd", "getp", "pkmrecord.rows"]), 0)
 
 
+def run_for(seconds):
+    """So long by the servo thread's periods: on a busy computer they come late, and what settles in 0.4 s has not yet."""
+    end = periods() + round(1000 * seconds)
+    until(f"{seconds} s of periods", lambda s: periods() >= end)
+
+
 def halcmd(*words):
     return subprocess.check_output(["halcmd", *map(str, words)], text=True).strip()
 
@@ -89,7 +95,7 @@ def settings(phase, pins):
     for pin, value in pins.items():
         halcmd("setp", f"pkmcompensator.{pin}", value)
     halcmd("setp", "pkmrecord.whole-5", phase)
-    time.sleep(0.05)
+    run_for(0.05)
     turn_on()
 
 
@@ -97,10 +103,10 @@ def lying(step, lie, pin="lie.in1"):
     """A sensor that says something else for a while."""
     rows = [periods()]
     halcmd("setp", pin, lie)
-    time.sleep(0.4)
+    run_for(0.4)
     rows.append(periods())
     halcmd("setp", pin, 0)
-    time.sleep(0.4)
+    run_for(0.4)
     done(step, rows=rows + [periods()])
 
 
@@ -113,10 +119,10 @@ def skipped():
     time.sleep(0.2)
     skips = periods() == stood
     halcmd("start")
-    time.sleep(0.4)
+    run_for(0.4)
     rows.append(periods())
     halcmd("setp", "lie.in1", 0)
-    time.sleep(0.4)
+    run_for(0.4)
     done("skipped", rows=rows + [periods()], skips=skips)
 
 
@@ -124,10 +130,10 @@ def away(step, place):
     """To a place and back."""
     rows = [periods()]
     go(place)
-    time.sleep(0.4)
+    run_for(0.4)
     rows.append(periods())
     go(wish["home"])
-    time.sleep(0.4)
+    run_for(0.4)
     done(step, rows=rows + [periods()])
 
 
@@ -135,10 +141,10 @@ def loaded(step, seconds):
     """A load that comes, stays and goes."""
     rows = [periods()]
     load(True)
-    time.sleep(seconds)
+    run_for(seconds)
     rows.append(periods())
     load(False)
-    time.sleep(0.3)
+    run_for(0.3)
     done(step, rows=rows + [periods()])
 
 
@@ -151,7 +157,7 @@ def joint_mode():
 
 def faults():
     load(True)
-    time.sleep(0.3)
+    run_for(0.3)
     lying("nan", "nan")
     lying("spike", 1e6)
     lying("reversed", -2 * wish["load"][2])
@@ -173,21 +179,21 @@ def abort_and_home_again():
     command.auto(linuxcnc.AUTO_RUN, 0)
     until("program begun", lambda s: s.interp_state != linuxcnc.INTERP_IDLE)
     until("compensated", lambda s: halcmd("getp", "pkmcompensator.active") == "TRUE")
-    time.sleep(1)
+    run_for(1)
     rows = [periods()]
     command.abort()
     until("aborted", idle)
     until("no load", lambda s: float(halcmd("getp", "motion.analog-out-02")) == 0)
-    time.sleep(0.5)
+    run_for(0.5)
     done("abort", rows=rows + [periods()])
     load(True)
     go(wish["home"])
     joint_mode()
     rows = [periods()]
     command.home(-1)
-    time.sleep(0.5)
+    run_for(0.5)
     until("homed again", lambda s: all(s.homed[:5]) and s.inpos)
-    time.sleep(0.5)
+    run_for(0.5)
     done("rehome", rows=rows + [periods()])
     load(False)
 
@@ -205,10 +211,10 @@ def park_and_drive_out():
     done("inward")
     rows = [periods()]
     halcmd("setp", "sag.in1", -0.01)
-    time.sleep(0.4)
+    run_for(0.4)
     rows.append(periods())
     halcmd("setp", "sag.in1", 0)
-    time.sleep(0.1)
+    run_for(0.1)
     done("sag", rows=rows)
     go(wish["home"])
     done("out")
@@ -238,7 +244,7 @@ def feed():
     for screw in range(3):
         halcmd("setp", f"pkmfeed.max-velocity-{screw}", limit)
     halcmd("setp", "pkmfeed.feed-override", 1)
-    time.sleep(0.1)
+    run_for(0.1)
     rows = [periods()]
     for acts in (0, 1):
         mdi(f"M52 P{acts}")
@@ -266,10 +272,10 @@ def run():
         done("place")
 
     load(True)
-    time.sleep(0.3)
+    run_for(0.3)
     done("load")
     load(False)
-    time.sleep(0.3)
+    run_for(0.3)
     done("unload")
 
     for refused in ["unreachable", "singular"]:

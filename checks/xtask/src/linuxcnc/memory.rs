@@ -87,7 +87,7 @@ pub fn flip_bits(out: &Path, host: &Host) -> Outcome {
         write!(text, "{byte:02x}").ok();
         text
     });
-    let flip = format!("{lines}loadusr -w python3 flip.py {hex}\nloadusr -w sleep 0.5\n");
+    let flip = format!("{lines}loadusr -w python3 flip.py {hex}\nloadusr -w sleep 2\n");
     let after = session.run(&flip, &pins)?;
     if !(after[0] == DAMAGED_TABLE && after[1..].iter().all(|offset| *offset == 0.0)) {
         return Err(format!("expected fault {DAMAGED_TABLE} and no offsets once a bit has flipped: {after:?}"));

@@ -61,7 +61,7 @@ pub fn weigh(out: &Path, host: &Host) -> Outcome {
             writeln!(lines, "setp pkmcompensator.{whose}-centre-{centre_axis}-mm {centre}").ok();
         }
     }
-    let on = "loadusr -w sleep 0.2\nsetp pkmcompensator.enable 1\nloadusr -w sleep 2\n";
+    let on = "loadusr -w sleep 1\nsetp pkmcompensator.enable 1\nloadusr -w sleep 2\n";
     let pins: Vec<String> =
         ["fault-code".to_owned()].into_iter().chain((0..5).map(|n| format!("offset-{n}"))).collect();
     let session = Session { out, host };
