@@ -125,12 +125,16 @@ pub fn folds(observations: &Observations, rules: &Rules) -> usize {
     rules.folds.min(observations.poses())
 }
 
+/// Most readings of which two folds are made at once.
+const FEW_READINGS: usize = 20_000;
+
 /// Which poses are left out.
 pub type LeftOut<'a> = dyn Fn(usize) -> bool + 'a;
 
 /// Predictions for every condition from models that have not seen its pose. `refit` chooses and fits models without the poses
-/// that it is told and predicts all conditions, one table of predictions a model; what else it says is returned fold by fold. Two
-/// folds are made side by side, as a search alone keeps two cores busy for some of the time only; more would take more memory.
+/// that it is told and predicts all conditions, one table of predictions a model; what else it says is returned fold by fold. Of few
+/// readings two folds are made side by side, as a search alone keeps two cores busy for some of the time only; more would take more
+/// memory.
 pub fn cross_validate<E: Send>(
     observations: &Observations,
     rules: &Rules,
@@ -140,9 +144,11 @@ pub fn cross_validate<E: Send>(
     let folds = folds(observations, rules);
     let of_fold = |fold: usize| refit(&|pose| pose % folds == fold);
     let mut found: Vec<(Vec<Vec<f64>>, E)> = Vec::new();
-    for first in (0..folds).step_by(2) {
-        let two: Option<Vec<_>> = (first..folds.min(first + 2)).into_par_iter().map(of_fold).collect();
-        found.extend(two?);
+    // many readings keep the cores busy, and two searches would only fight for memory
+    let at_once = if observations.readings.len() > FEW_READINGS { 1 } else { 2 };
+    for first in (0..folds).step_by(at_once) {
+        let these: Option<Vec<_>> = (first..folds.min(first + at_once)).into_par_iter().map(of_fold).collect();
+        found.extend(these?);
     }
     let mut all: Vec<Vec<f64>> = found.first()?.0.clone();
     for (fold, (found, _)) in found.iter().enumerate() {
