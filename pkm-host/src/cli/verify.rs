@@ -33,7 +33,21 @@ fn read(path: &Path) -> Result<(Source, Diagnosed)> {
     Ok((source, found))
 }
 
+/// Refuses the folder of a diagnosis: its report has the name of ours.
+fn keep_report(out: &Path, of: &Path) -> Result<()> {
+    let (Ok(folder), Ok(read)) = (out.canonicalize(), of.canonicalize()) else { return Ok(()) };
+    if read == folder || read.parent() == Some(&folder) {
+        let message = format!("--out {}: the report of a diagnosis is there: give another folder", out.display());
+        return Err(Failure::usage(message));
+    }
+    Ok(())
+}
+
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
+    if let Some(out) = &args.out {
+        keep_report(out, &args.before)?;
+        keep_report(out, &args.after)?;
+    }
     let ((first, before), (second, after)) = (read(&args.before)?, read(&args.after)?);
     if before.machine_sha256 != after.machine_sha256 {
         let message = format!(

@@ -119,6 +119,14 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     }
     assert!(folder.read("verified/report.html").contains("The machine has changed"));
 
+    // the report of a diagnosis stays where it is
+    let kept = folder.read("after/report.html");
+    for (one, other) in [(&before, &after), (&after, &before)] {
+        let error = refused(&["verify", "--before", one, "--after", other, "--out", &after]);
+        assert!(error["message"].as_str().unwrap().contains("give another folder"), "{error}");
+    }
+    assert_eq!(folder.read("after/report.html"), kept);
+
     // measured twice, and nothing was done in between
     let found = json(&["verify", "--before", &after, "--after", &again]);
     assert_eq!(found["verdict"], "unchanged", "{found}");
