@@ -121,7 +121,8 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
 
     // the report of a diagnosis stays where it is
     let kept = folder.read("after/report.html");
-    for (one, other) in [(&before, &after), (&after, &before)] {
+    let after_json = format!("{after}/diagnosis.json");
+    for (one, other) in [(&before, &after), (&after, &before), (&before, &after_json)] {
         let error = refused(&["verify", "--before", one, "--after", other, "--out", &after]);
         assert!(error["message"].as_str().unwrap().contains("give another folder"), "{error}");
     }
