@@ -49,7 +49,7 @@ def periods():
 
 
 def run_for(seconds):
-    """So long by the servo thread's periods: on a busy computer they come late, and what settles in 0.4 s has not yet."""
+    """So long by the servo thread's periods of 1 ms: on a busy computer they come late, and what settles in 0.4 s has not yet."""
     end = periods() + round(1000 * seconds)
     until(f"{seconds} s of periods", lambda s: periods() >= end)
 

@@ -161,9 +161,19 @@ fn aged(replay: &Replay) -> String {
     )
 }
 
+/// Readings that the estimator learned from.
+fn taken_in(replay: &Replay) -> usize {
+    replay.steps.iter().filter(|step| step.outcome.is_ok()).count()
+}
+
+/// Then it is the log that is in doubt, and not the machine.
+fn were_mostly_refused(replay: &Replay) -> bool {
+    2 * taken_in(replay) < replay.steps.len()
+}
+
 /// Readings in the fit.
 fn fitted(replay: &Replay) -> usize {
-    replay.steps.iter().filter(|step| step.outcome.is_ok()).count().min(BATCH)
+    taken_in(replay).min(BATCH)
 }
 
 /// Readings that were refused, by code.
@@ -180,7 +190,7 @@ fn refusals(replay: &Replay) -> Vec<(&'static str, usize)> {
 
 /// What to think of it, the verdict first.
 fn findings(replay: &Replay) -> Vec<Finding> {
-    let (all, taken) = (replay.steps.len(), replay.steps.iter().filter(|step| step.outcome.is_ok()).count());
+    let (all, taken) = (replay.steps.len(), taken_in(replay));
     let in_a_row = replay.steps.iter().rev().take_while(|step| step.outcome == Err(Refusal::Unexpected)).count();
     let mut found = Vec::new();
     if in_a_row >= BROKEN {
@@ -188,7 +198,7 @@ fn findings(replay: &Replay) -> Vec<Finding> {
             "The last {in_a_row} readings are too far from what is expected: the sensor is broken, or the machine has changed by more \
              than it may learn."
         )));
-    } else if 2 * taken < all {
+    } else if were_mostly_refused(replay) {
         let reasons: Vec<String> =
             refusals(replay).iter().map(|(code, count)| format!("{count} as {}", code.replace('_', " "))).collect();
         found.push(Finding::bad(format!(
@@ -232,8 +242,7 @@ fn advice(replay: &Replay) -> [Finding; 2] {
             sizes.join(" and ")
         )
     };
-    let taken = replay.steps.iter().filter(|step| step.outcome.is_ok()).count();
-    let todo = if 2 * taken < replay.steps.len() {
+    let todo = if were_mostly_refused(replay) {
         "find out why most readings were refused: sensor, sign, units, or a machine that is not this one.".to_owned()
     } else if !blurred.is_empty() {
         "touch loads that tell the amplitudes apart: --next proposes them.".to_owned()
@@ -410,7 +419,7 @@ pub fn document(replay: &Replay) -> Value {
     });
     json!({
         "readings": replay.steps.len(),
-        "taken": replay.steps.iter().filter(|step| step.outcome.is_ok()).count(),
+        "taken": taken_in(replay),
         "days_since_first": f64::from(replay.age.since_first_s) / DAY_S,
         "days_since_last": f64::from(replay.age.since_last_s) / DAY_S,
         "changes_at_lines": replay.steps.iter().filter(|step| step.changed).map(|step| step.line).collect::<Vec<_>>(),
