@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use pkm_core::Wrench;
 use pkm_core::machine::Machine;
-use pkm_diagnosis::{Fit, ForwardModel, Noise, NoiseSource, Problem, Rules, Search, Unknown, Whitener};
+use pkm_diagnosis::{Fit, ForwardModel, Noise, NoiseSource, Problem, Rules, Search, Unknown, Whitener, validation};
 
 use super::compare::{self, Fitted, RIVALS, Rival, Zone};
 use super::declared::{Declared, Part};
@@ -19,7 +19,7 @@ use crate::progress::silent;
 const RULES: &Rules = &Rules::DEFAULT;
 
 /// Amplitude that few poses hardly show.
-const WEAK: f64 = 0.3;
+const WEAK: f64 = 0.09;
 
 /// Poses in ° and mm, the corners of a box first.
 const POSES: [[f64; 3]; 7] = [
@@ -433,8 +433,9 @@ fn what_is_left_out_has_no_part_in_the_search() {
     data.series_names = vec![String::new(); data.readings.len()];
     let whole = diagnose(&file, &data, None, Method::Places, RULES, &silent).unwrap();
     let (mut squares, mut readings, mut found) = ([0.0; RIVALS.len()], 0, Vec::new());
+    let fold_of = validation::fold_of(&observations(&data, &model), RULES);
     for fold in 0..RULES.folds {
-        let of_fold = |r: &Reading| data.conditions[r.condition].pose % RULES.folds == fold;
+        let of_fold = |r: &Reading| fold_of[data.conditions[r.condition].pose] == fold;
         let (kept, other) = (data.without(of_fold), data.without(|r| !of_fold(r)));
         let own = diagnose(&file, &kept, Some(&other), Method::Places, RULES, &silent).unwrap();
         found.push(own.search.found.len());
