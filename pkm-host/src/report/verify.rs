@@ -22,11 +22,10 @@ fn sentence(c: &Change) -> String {
     )
 }
 
-/// The findings in sentences, the verdict first.
+/// The findings in sentences, the verdict first; what it is to be doubted for stands before it where it is that nothing has changed.
 fn findings(v: &Verification) -> Vec<Finding> {
     let changed: Vec<&Change> = v.changes.iter().filter(|c| c.verdict != "unchanged").collect();
-    let mut all: Vec<Finding> = Vec::new();
-    all.push(match (v.verdict, changed.first()) {
+    let verdict = match (v.verdict, changed.first()) {
         ("unchanged", _) => {
             let least = v.changes.iter().map(|c| c.expanded_uncertainty_percent).fold(0.0, f64::max);
             Finding::good(format!(
@@ -37,8 +36,9 @@ fn findings(v: &Verification) -> Vec<Finding> {
         (_, None) => {
             Finding::warning("What was found has changed, the machine's stiffnesses have not beyond uncertainty.")
         }
-    });
-    all.extend(v.doubts.iter().map(|doubt| Finding::bad(format!("Keep in mind: {doubt}."))));
+    };
+    let mut all: Vec<Finding> = v.doubts.iter().map(|doubt| Finding::bad(format!("Keep in mind: {doubt}."))).collect();
+    all.insert(if v.verdict == "unchanged" { all.len() } else { 0 }, verdict);
     all.extend(changed.iter().skip(1).map(|c| Finding::warning(format!("{}.", sentence(c)))));
     all.extend(v.findings.iter().map(|f| {
         let text = format!("{}.", f.text);
@@ -52,12 +52,14 @@ fn advice(v: &Verification) -> [Finding; 2] {
     let sure = if v.doubts.is_empty() {
         "noise alone would bring a change as great as those that are named in one comparison of a hundred."
     } else {
-        "less than the figures say: the two diagnoses cannot be compared in all, as said below."
+        "less than the figures say: the two diagnoses cannot be compared in all: see what is to be kept in mind."
     };
-    let todo = if v.verdict == "unchanged" {
-        "nothing: tables and compensation stay as they are."
-    } else {
-        "if a repair was to bring this, make a new table; if not, inspect what is named first."
+    let todo = match (v.verdict, v.doubts.is_empty()) {
+        ("unchanged", true) => "nothing: tables and compensation stay as they are.",
+        ("unchanged", false) => {
+            "settle what is to be kept in mind and compare again; tables stay as they are until then."
+        }
+        _ => "if a repair was to bring this, make a new table; if not, inspect what is named first.",
     };
     [Finding::good(sure).sure(), Finding::good(todo).todo()]
 }

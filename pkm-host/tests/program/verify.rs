@@ -131,9 +131,12 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     // measured twice, and nothing was done in between
     let found = json(&["verify", "--before", &after, "--after", &again]);
     assert_eq!(found["verdict"], "unchanged", "{found}");
-    // the same readings twice
-    let same = json(&["verify", "--before", &after, "--after", &after]);
+    // the same readings twice: that is said first, and nobody is told that all is well
+    let same = json(&["verify", "--before", &after, "--after", &after, "--out", &folder.path("same")]);
     assert!(same["doubts"][0].as_str().unwrap().contains("of the same readings"), "{same}");
+    let page = folder.read("same/report.html");
+    let at = |text: &str| page.find(text).unwrap_or_else(|| panic!("no {text}"));
+    assert!(at("of the same readings") < at("settle what") && at("settle what") < at("Nothing has changed"));
 
     // a machine file of another number is another machine
     let text = folder.read("again/diagnosis.json");
