@@ -122,7 +122,9 @@ fn interval(by_pose: &[(f64, f64)], rules: &Rules) -> Option<[f64; 2]> {
 
 /// Folds of a cross-validation.
 pub fn folds(observations: &Observations, rules: &Rules) -> usize {
-    rules.folds.min(observations.poses())
+    let poses = observations.poses();
+    let folds = if poses < rules.many_poses { rules.folds } else { rules.folds_of_many };
+    folds.min(poses)
 }
 
 /// The fold that leaves each pose out, drawn: every fifth pose of a grid may be a whole plane of it, which a model would have to
