@@ -135,6 +135,17 @@ fn refused(args: &Args, method: Method, objectives: &[Objective], placement: &Pl
     Ok(())
 }
 
+/// An option that the method has no use for.
+fn idle(args: &Args, method: Method) -> Option<&'static str> {
+    if args.gap.is_some() && method != Method::Certified {
+        Some("--gap has no part here: it is for --method certified")
+    } else if args.seed.is_some() && !matches!(method, Method::Ga | Method::De) {
+        Some("--seed has no part here: it is for --method ga and de")
+    } else {
+        None
+    }
+}
+
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let model = session.model(&args.table)?;
     let job = session.read_or_fixture(args.job.as_deref(), pkm_fixtures::JOB, "--job", &model.machine)?;
@@ -146,6 +157,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation, limits)?;
     let method = method(args, &job);
     refused(args, method, &objectives, &placement)?;
+    session.warn(idle(args, method).map(str::to_owned));
     let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };
     let usual_step = if method == Method::Certified { 10.0 } else { 2.0 };
     let options = Options {
