@@ -71,7 +71,7 @@ pub enum Fault {
     /// A temperature rise is not finite, beyond ±100 K, has jumped, or runs away: it is further than 1 K, a sensor's noise, and 0.1 K
     /// a second from a good reading of some ten seconds ago.
     TemperatureLost,
-    /// The pose is outside the table's box.
+    /// The pose is outside the table's box, and nothing is wrong with the reading.
     OutsideBox,
     /// The pose has no posture, no stiffness or no deflection.
     Correction(CorrectionError),
@@ -249,10 +249,11 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         self.joints = SVector::zeros();
     }
 
-    /// A period; `second` is as for [`approach`](Self::approach), `offsets` is what would make up for a load.
+    /// A period; `domain` is none of a pose that is not finite, `second` is as for [`approach`](Self::approach), `offsets` is what would
+    /// make up for a load.
     fn step(
         &mut self,
-        domain: Domain,
+        domain: Option<Domain>,
         reading: &Reading<T>,
         second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
         offsets: impl FnOnce(
@@ -262,14 +263,14 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     ) -> Offset<T, JOINTS> {
         let (target, known, fault) = self.target(domain, reading, offsets);
         let (joints, limit) = self.approach(target, second);
-        Offset { joints, limit, domain, fault, known }
+        Offset { joints, limit, domain: domain.unwrap_or(Domain::Outside), fault, known }
     }
 
     /// Where the offset should go.
     #[inline(always)] // `offsets` is the whole model, and has to stay at this depth of the stack
     fn target(
         &mut self,
-        domain: Domain,
+        domain: Option<Domain>,
         reading: &Reading<T>,
         offsets: impl FnOnce(
             &mut Load<'_, T, JOINTS>,
@@ -283,9 +284,14 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             return (none, None, None);
         }
         let (wrench, rise, fault) = self.load.update(reading);
+        let Some(domain) = domain else {
+            return (none, None, Some(CorrectionError::from(KinematicsError::NotFinite).into()));
+        };
+        // what is wrong with the reading is the worse of the two
+        let outside = fault.or(Some(Fault::OutsideBox));
         match (domain, self.outside_box) {
-            (Domain::Outside, OutsideBox::Hold) => (self.joints, None, Some(Fault::OutsideBox)),
-            (Domain::Outside, OutsideBox::Fade) => (none, None, Some(Fault::OutsideBox)),
+            (Domain::Outside, OutsideBox::Hold) => (self.joints, None, outside),
+            (Domain::Outside, OutsideBox::Fade) => (none, None, outside),
             (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
                 let mut load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
                 match offsets(&mut load, &mut self.history) {
@@ -321,6 +327,11 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         };
         (self.joints, limit)
     }
+}
+
+/// Where a pose stands to a table's box; none of one that is not finite.
+fn domain<T: Scalar>(table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Option<Domain> {
+    pose.is_finite().then(|| table.domain(pose))
 }
 
 /// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip and what the weight does beyond
@@ -371,7 +382,7 @@ impl<T: Scalar> Compensator<T, 3> {
     ) -> Offset<T, 3> {
         let posture = &machine.posture(pose);
         let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step(table.domain(pose), reading, second, |load, history| {
+        self.step(domain(table, pose), reading, second, |load, history| {
             offsets(machine, table, &Knowledge::NONE, (pose, posture, tip_m), load, history)
         })
     }
@@ -414,7 +425,7 @@ impl<T: Scalar> Compensator<T, 3> {
         let knowledge = &Knowledge { table: Some(uncertainty), learned };
         let posture = &machine.posture(pose);
         let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step(table.domain(pose), reading, second, |load, history| {
+        self.step(domain(table, pose), reading, second, |load, history| {
             offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
         })
     }
@@ -437,7 +448,7 @@ impl<T: Scalar> Compensator<T, 3> {
         let knowledge = &Knowledge { table: None, learned: Some(learned) };
         let posture = &machine.posture(pose);
         let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step(table.domain(pose), reading, second, |load, history| {
+        self.step(domain(table, pose), reading, second, |load, history| {
             offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
         })
     }
@@ -458,7 +469,7 @@ impl<T: Scalar> Compensator<T, 5> {
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step(table.domain(&configuration.pose), reading, second, |load, history| {
+        self.step(domain(table, &configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, &Knowledge::NONE, configuration, load, history)?)
         })
     }
@@ -475,7 +486,7 @@ impl<T: Scalar> Compensator<T, 5> {
     ) -> Offset<T, 5> {
         let knowledge = &Knowledge { table: Some(uncertainty), learned };
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step(table.domain(&configuration.pose), reading, second, |load, history| {
+        self.step(domain(table, &configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, knowledge, configuration, load, history)?)
         })
     }
@@ -492,7 +503,7 @@ impl<T: Scalar> Compensator<T, 5> {
     ) -> Offset<T, 5> {
         let knowledge = &Knowledge { table: None, learned: Some(learned) };
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step(table.domain(&configuration.pose), reading, second, |load, history| {
+        self.step(domain(table, &configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, knowledge, configuration, load, history)?)
         })
     }

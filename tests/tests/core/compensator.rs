@@ -5,8 +5,8 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Limit, Offs
 use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
-    Configuration, CorrectionTable, Domain, FiveAxis, JointValues, Machine, MachineParameters, Pose, Scalar,
-    ScrewLengths, TemperatureRise, ToolError, Wrench,
+    Configuration, CorrectionError, CorrectionTable, Domain, FiveAxis, JointValues, KinematicsError, Machine,
+    MachineParameters, Pose, Scalar, ScrewLengths, TemperatureRise, ToolError, Wrench,
 };
 use pkm_tests::{between, cases, random_parameters, random_pose, seeded};
 
@@ -370,12 +370,14 @@ fn outside_the_box_it_does_what_was_chosen() {
             OutsideBox::Extrapolate => (cycle.compensated.lengths.q_m - cycle.lengths.q_m, None),
         };
         assert_eq!((outside.joints, outside.fault), (expected, fault));
-        // no pose at all
-        let nowhere = update(&mut compensator, &Pose { z0_m: f64::NAN, ..POSE }, &on(LOAD));
-        assert!(matches!(
-            (outside_box, nowhere.fault),
-            (OutsideBox::Extrapolate, Some(Fault::Correction(_))) | (_, Some(Fault::OutsideBox))
-        ));
+        // a reading that is wrong as well
+        let lost = Wrench { force_n: Vector3::repeat(f64::NAN), ..LOAD };
+        assert_eq!(update(&mut compensator, &OUTSIDE, &on(lost)).fault, Some(Fault::WrenchNotFinite));
+        // no pose at all: nothing is held
+        let mut at_nowhere = compensator;
+        let nowhere = update(&mut at_nowhere, &Pose { z0_m: f64::NAN, ..POSE }, &on(LOAD));
+        assert_eq!((nowhere.joints, nowhere.domain), (Vector3::zeros(), Domain::Outside));
+        assert_eq!(nowhere.fault, Some(Fault::from(CorrectionError::from(KinematicsError::NotFinite))));
         let far = update(&mut compensator, &Pose { z0_m: 0.9, ..POSE }, &on(LOAD));
         assert_eq!(far.joints, if outside_box == OutsideBox::Hold { inside.joints } else { Vector3::zeros() });
     }
