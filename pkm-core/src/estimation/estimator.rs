@@ -53,6 +53,21 @@ fn predict<T: Scalar>(
     Ok(())
 }
 
+/// Greatest χ² of a reading that is taken in.
+fn gate<T: Scalar>(readings: &[TipReading<T>]) -> T {
+    T::from_f64(GATE.get(readings.len().wrapping_sub(1)).copied().unwrap_or(0.0))
+}
+
+/// One component of a reading, as the filter takes it in.
+struct Component<T, const N: usize> {
+    /// Of the amplitudes, in their deviations.
+    weights: [T; N],
+    /// By machine and table.
+    expected: T,
+    /// Variance.
+    noise: T,
+}
+
 /// Numbers of an amplitude as they are computed with: in deviations of its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scaled<T> {
@@ -151,7 +166,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         self.readings
     }
 
-    /// Readings in a row that were refused as unexpected: some twenty are a broken sensor, or a machine beyond what it may learn.
+    /// Readings in a row that were refused as unexpected, or as older than the last: some twenty are a broken sensor or a machine beyond
+    /// what it may learn, or a clock that was wrong once, by what was taken in then. [`restore`](Self::restore) of an older state mends that.
     pub fn refused(&self) -> u32 {
         self.refused
     }
@@ -224,6 +240,10 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
 
     /// A reading: what machine and table predict is worked out first.
     ///
+    /// What is read is by how much the load moves the tip of the machine as it is: of a machine that is being compensated, what its sensor reads
+    /// and what the compensation has taken away. A pose outside the table's box is taken in as any other, with what the table says there
+    /// ([`CorrectionTable::domain`] tells).
+    ///
     /// # Errors
     /// Why it is not taken in.
     #[inline(never)]
@@ -274,6 +294,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             return Err(Refusal::Components);
         }
         if self.readings > 0 && touch.time_s < self.time_s {
+            self.refused = self.refused.saturating_add(1);
             return Err(Refusal::Backwards);
         }
         self.filter.remember();
@@ -283,25 +304,56 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         } else {
             self.drifted_at = [touch.time_s; N];
         }
-        let outcome = self.take_in((predicted, sensitivities), touch.tip_m, readings);
-        match outcome {
-            Ok(_) => {
-                self.keep_possible();
-                self.time_s = touch.time_s;
-                if self.readings == 0 {
-                    self.began_s = touch.time_s;
-                }
-                self.readings = self.readings.saturating_add(1);
-                self.refused = 0;
-            }
-            Err(_) => {
+        let what = (predicted, sensitivities);
+        let (chi_squared, opened) = match self.take_in(what, touch.tip_m, readings) {
+            Ok(chi_squared) => (chi_squared, None),
+            Err(refusal) => {
                 self.filter.recall();
                 self.drifted_at = drifted_at;
+                if refusal != Refusal::Unexpected {
+                    return Err(refusal);
+                }
+                self.take_in_changed(what, touch.tip_m, readings)?
             }
+        };
+        self.keep_possible();
+        self.time_s = touch.time_s;
+        if self.readings == 0 {
+            self.began_s = touch.time_s;
         }
-        let changed = self.open_changed();
+        self.readings = self.readings.saturating_add(1);
+        self.refused = 0;
+        let changed = opened.unwrap_or_else(|| self.open_changed(self.readings));
         self.set_targets();
-        outcome.map(|chi_squared| Learned { chi_squared, changed })
+        Ok(Learned { chi_squared, changed })
+    }
+
+    /// Takes in a reading that nothing known explains, where a change does: with the amplitudes unknown again that explain the innovations of
+    /// one sign up to it; gives χ², and which they are. Where they do not explain it either all stays as it was: that is no change, but a broken
+    /// sensor, or more than may be learned.
+    #[inline(never)] // one reading of thousands needs it
+    fn take_in_changed(
+        &mut self,
+        what: (&Deflection<T>, &[Deflection<T>; N]),
+        tip_m: Vector3<T>,
+        readings: &[TipReading<T>],
+    ) -> Result<(T, Option<[bool; MAX_AMPLITUDES]>), Refusal> {
+        let changed_at = self.changed_at;
+        let changed = self.open_changed(self.readings.saturating_add(1));
+        if changed.contains(&true) {
+            let mut chi_squared = T::ZERO;
+            for reading in readings {
+                let (_, [beyond, variance]) = self.absorb_component(what, tip_m, reading);
+                chi_squared += beyond * beyond / variance;
+            }
+            if chi_squared <= gate(readings) {
+                return Ok((chi_squared, Some(changed)));
+            }
+            self.filter.recall();
+            self.changed_at = changed_at;
+        }
+        self.refused = self.refused.saturating_add(1);
+        Err(Refusal::Unexpected)
     }
 
     /// Whether a probe has said the same too often.
@@ -329,18 +381,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let mut chi_squared = T::ZERO;
         let (mut excited, mut opposite) = (false, false);
         for reading in readings {
-            let TipReading { direction, read, deviation } = reading;
-            // virtual work: at A a reading is weighted as a load along it is moved there
-            let direction = Wrench::from_vector(*direction).moved_to_a(tip_m);
-            let expected = direction.work(predicted);
-            let own = self.model_share * expected;
-            let noise = *deviation * *deviation + own * own;
-            let mut weights = [T::ZERO; N];
-            for (n, (weight, moved)) in weights.iter_mut().zip(sensitivities).enumerate() {
-                let amplitude = self.settings.amplitudes[n].amplitude;
-                *weight = amplitude.shown(direction.work(moved), expected) * self.scaled[n].deviation;
-            }
-            let (beyond, variance) = self.filter.absorb(&weights, *read - expected, noise);
+            let TipReading { read, deviation, .. } = reading;
+            let (Component { weights, expected, noise }, [beyond, variance]) =
+                self.absorb_component((predicted, sensitivities), tip_m, reading);
             if !(*deviation > T::ZERO && noise > T::ZERO && variance.is_finite() && beyond.is_finite()) {
                 return Err(Refusal::NotFinite);
             }
@@ -369,13 +412,29 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             return Err(Refusal::WrongSign);
         }
         self.sums = [sums, variances];
-        let gate = GATE.get(readings.len().wrapping_sub(1)).copied().unwrap_or(0.0);
-        if chi_squared <= T::from_f64(gate) {
-            Ok(chi_squared)
-        } else {
-            self.refused = self.refused.saturating_add(1);
-            Err(Refusal::Unexpected)
+        if chi_squared <= gate(readings) { Ok(chi_squared) } else { Err(Refusal::Unexpected) }
+    }
+
+    /// Takes one component into the filter: what it is made of, what was read beyond what was expected, and the variance of that.
+    #[inline(always)] // its parts stay in registers
+    fn absorb_component(
+        &mut self,
+        (predicted, sensitivities): (&Deflection<T>, &[Deflection<T>; N]),
+        tip_m: Vector3<T>,
+        TipReading { direction, read, deviation }: &TipReading<T>,
+    ) -> (Component<T, N>, [T; 2]) {
+        // virtual work: at A a reading is weighted as a load along it is moved there
+        let direction = Wrench::from_vector(*direction).moved_to_a(tip_m);
+        let expected = direction.work(predicted);
+        let own = self.model_share * expected;
+        let noise = *deviation * *deviation + own * own;
+        let mut weights = [T::ZERO; N];
+        for (n, (weight, moved)) in weights.iter_mut().zip(sensitivities).enumerate() {
+            let amplitude = self.settings.amplitudes[n].amplitude;
+            *weight = amplitude.shown(direction.work(moved), expected) * self.scaled[n].deviation;
         }
+        let (beyond, variance) = self.filter.absorb(&weights, *read - expected, noise);
+        (Component { weights, expected, noise }, [beyond, variance])
     }
 
     /// Adds the drift of one amplitude since its last turn, up to what was unknown at the start. They take turns, reading by reading: a
@@ -393,7 +452,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     }
 
     /// Moves the means to where physics allows them to be.
-    fn keep_possible(&mut self) {
+    pub(super) fn keep_possible(&mut self) {
         for (mean, own) in self.filter.mean.iter_mut().zip(&self.scaled) {
             if *mean < own.least {
                 *mean = own.least;
@@ -403,8 +462,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         }
     }
 
-    /// Lets the amplitudes be unknown again that explain innovations of one sign, if any does so by more than [`CHANGE`].
-    fn open_changed(&mut self) -> [bool; MAX_AMPLITUDES] {
+    /// Lets the amplitudes be unknown again that explain innovations of one sign, if any does so by more than [`CHANGE`]; `reading` is the
+    /// number of the one that shows it.
+    fn open_changed(&mut self, reading: u32) -> [bool; MAX_AMPLITUDES] {
         let mut changed = [false; MAX_AMPLITUDES];
         let [sums, variances] = &self.sums;
         let mut deviations = [T::ZERO; N];
@@ -433,7 +493,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             }
             if let Some(at) = self.changed_at.get_mut(n) {
                 // what has changed already goes on counting from then
-                *at = if has_alarm { *at } else { self.readings }.max(1);
+                *at = if has_alarm { *at } else { reading }.max(1);
             }
         }
         changed
@@ -450,8 +510,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         }
     }
 
-    /// A period of the compensation: what it uses goes to its [`targets`](Self::targets), at most at the rates of the settings.
+    /// A period of the compensation: what it uses goes to its [`targets`](Self::targets), at most at the rates of the settings. A period
+    /// that is not a finite number above 0 s moves nothing.
     pub fn follow(&mut self, period_s: T) {
+        if !(period_s.is_finite() && period_s > T::ZERO) {
+            return;
+        }
         for ((applied, target), own) in self.applied.iter_mut().zip(&self.targets).zip(&self.scaled) {
             let most = own.rate_per_s * period_s;
             let step = *target - *applied;

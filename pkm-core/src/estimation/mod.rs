@@ -24,7 +24,8 @@
 //! not run away. What comes suddenly shows as innovations of one sign: their sum over some sixteen readings, weighted as an
 //! amplitude would weight them, is normal of variance 1 while nothing changes. Beyond [`CHANGE`] the amplitudes
 //! that explain it, and those that do so nearly as well, count as unknown again, and the next readings tell them apart. Readings that are refused as unexpected count in this sum too, each as
-//! three deviations at most: one spike opens nothing, five of the same sign do.
+//! three deviations at most: one spike opens nothing, and of five of the same sign the last is taken in with what it opens, if that
+//! explains it. If not it is no change, but a broken sensor: all stays as it was.
 //!
 //! **Alarm.** [`Estimator::alarms`] says of each amplitude whether it has changed since acceptance by more than its settings allow.
 

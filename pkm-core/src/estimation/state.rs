@@ -141,7 +141,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         Ok(())
     }
 
-    /// Goes on from what was saved. A slot that is refused changes nothing.
+    /// Goes on from what was saved. A slot that is refused changes nothing. What was learned beyond one table is not what is beyond another:
+    /// with a new table begin anew, or take the checksums of both into `machine`.
     ///
     /// # Arguments
     /// * `machine`: the machine's checksum.
@@ -171,6 +172,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         for (j, column) in upper.iter_mut().enumerate() {
             column.iter_mut().take(j).for_each(|number| *number = T::from_f64(next()));
         }
+        // it may have been saved under wider bounds
+        self.keep_possible();
         self.set_targets();
         Ok(())
     }
