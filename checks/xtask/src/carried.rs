@@ -121,10 +121,15 @@ fn carry(line: &mut Line, table: u64) -> Outcome {
     }
 }
 
+/// A table of the same machine that is not the image's.
+pub fn other_table() -> Result<TableFile, String> {
+    let source = Source::read(&root().join(OTHER_TABLE));
+    source.and_then(|source| TableFile::parse(&source)).map_err(|e| e.to_string())
+}
+
 /// The table is exchanged while the weight is compensated: the offset ends where the reference of the new table puts it.
 fn exchanged(board: &mut Board, arithmetic: Arithmetic) -> Outcome {
-    let file = TableFile::parse(&Source::read(&root().join(OTHER_TABLE)).map_err(|e| e.to_string())?);
-    let numbers = file.map_err(|e| e.to_string())?.numbers();
+    let numbers = other_table()?.numbers();
     let narrow = numbers.narrowed();
     let (double, single) = (numbers.table().map_err(|e| e.to_string())?, narrow.table().map_err(|e| e.to_string())?);
     let demand = Demand { arithmetic, ..UNLOADED };

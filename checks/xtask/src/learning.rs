@@ -13,10 +13,10 @@ use pkm_host::files::log::Entry;
 use pkm_host::replay::{Step, replay};
 use pkm_protocol::{Answer, Arithmetic, Checksum, Code, Command, Demand, Learned, Probe, Refusal, Reply};
 
-use crate::Outcome;
 use crate::guards::{Board, STANDSTILL};
 use crate::image::place;
 use crate::line::Line;
+use crate::{Outcome, carried};
 
 #[path = "../../../embed/firmware/src/learned.rs"]
 pub mod learned;
@@ -83,8 +83,10 @@ pub fn run(name: &str, elf: &Path) -> Outcome {
         return Err(format!("the alarms are {:?}, the host's {:?}", last.alarms, twin.standing()));
     }
     compensates(&mut board, &rest)?;
+    forgets(&mut board)?;
     println!(
-        "{READINGS} readings learned, bits and alarm as of replay; restarts, the same state; a damaged one, the state before"
+        "{READINGS} readings learned, bits and alarm as of replay; restarts, the same state; a damaged one, the state before; another \
+         table, nothing"
     );
     Ok(())
 }
@@ -104,16 +106,16 @@ pub const DEMAND: Demand = Demand {
 
 /// What the task compensates with what it knows, against the host after as many periods.
 fn compensates(board: &mut Board, log: &[Entry]) -> Outcome {
-    let machine = PARAMETERS.checksum();
+    let model = PARAMETERS.checksum() ^ TABLE_F64.checksum();
     let mut twin = Estimator::<f64, AMPLITUDES>::new(&learned::SETTINGS).map_err(|e| e.to_string())?;
     for Entry { touch, readings, .. } in log {
         // what is refused is refused on the board, too
         twin.learn(&MACHINE_F64, Some(&TABLE_F64), touch, readings).ok();
     }
     let mut state = [0; state_bytes(AMPLITUDES)];
-    twin.save(machine, 0, &mut state).map_err(|e| e.to_string())?;
+    twin.save(model, 0, &mut state).map_err(|e| e.to_string())?;
     let mut single = Estimator::<f32, AMPLITUDES>::new(&learned::SETTINGS).map_err(|e| e.to_string())?;
-    single.restore(machine, &state).map_err(|e| e.to_string())?;
+    single.restore(model, &state).map_err(|e| e.to_string())?;
     if learned_of(&board.line.request(Command::Save)?)?.state != Checksum::over(&state) {
         return Err("the state is another one than the host's".into());
     }
@@ -149,6 +151,25 @@ fn compensates(board: &mut Board, log: &[Entry]) -> Outcome {
         }
     }
     save_is_refused(&mut board.line)
+}
+
+/// What was learned beyond one table is not taken for what is beyond another, which may have it: neither at once nor after a restart, by
+/// which the image's table is in service again.
+fn forgets(board: &mut Board) -> Outcome {
+    let readings =
+        |board: &mut Board| -> Result<u32, String> { Ok(learned_of(&board.line.request(Command::Learned)?)?.readings) };
+    board.restart("a restart", &STANDSTILL)?;
+    let known = readings(board)?;
+    let other = carried::other_table()?.numbers();
+    carried::transfer(&mut board.line, &other.table().map_err(|e| e.to_string())?)?;
+    board.line.request(Command::Swap)?;
+    let swapped = readings(board)?;
+    learned_of(&board.line.request(Command::Save)?)?;
+    board.restart("a restart", &STANDSTILL)?;
+    match (known, swapped, readings(board)?) {
+        (1.., 0, 0) => Ok(()),
+        found => Err(format!("readings known before another table comes, with it, and after a restart: {found:?}")),
+    }
 }
 
 /// A flash that is erased may hold the task up: not while it has a demand.

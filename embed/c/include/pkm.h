@@ -1618,10 +1618,15 @@ PkmError pkm_estimator_save_f64(const PkmEstimator_f64 *estimator,
                                 uint8_t *slot,
                                 size_t size);
 
-// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed.
+// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed. What a library with
+// another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
+// begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
 //
 // Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
-PKM_MUST_USE PkmError pkm_estimator_restore_f64(PkmEstimator_f64 *estimator, const uint8_t *slot, size_t size);
+PKM_MUST_USE
+PkmError pkm_estimator_restore_f64(PkmEstimator_f64 *estimator,
+                                   const uint8_t *slot,
+                                   size_t size);
 
 // `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
 // compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.
@@ -1718,10 +1723,15 @@ PkmError pkm_estimator_save_f32(const PkmEstimator_f32 *estimator,
                                 uint8_t *slot,
                                 size_t size);
 
-// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed.
+// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed. What a library with
+// another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
+// begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
 //
 // Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
-PKM_MUST_USE PkmError pkm_estimator_restore_f32(PkmEstimator_f32 *estimator, const uint8_t *slot, size_t size);
+PKM_MUST_USE
+PkmError pkm_estimator_restore_f32(PkmEstimator_f32 *estimator,
+                                   const uint8_t *slot,
+                                   size_t size);
 
 // `pkm_compensator_update` with what was learned, which has taken its `pkm_estimator_follow` of the period. No more is
 // compensated than is known: by the estimator, and by `uncertainty`, that of the table, unless it is null.

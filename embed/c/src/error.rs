@@ -175,7 +175,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         94 => c"the tip goes against its load: the sign of the probe or of the load is wrong",
         95 => c"the reading of the tip is too far from what is expected",
         96 => c"no saved state is whole",
-        97 => c"the saved state is that of another machine or of other amplitudes",
+        97 => c"the saved state is that of another machine or table, or of other amplitudes",
         _ => c"unknown error",
     };
     text.as_ptr()

@@ -13,12 +13,17 @@ use crate::pointers::{answer, given, taken};
 use crate::{
     PkmCompensator, PkmConfiguration, PkmError, PkmEstimatorSettings, PkmEstimatorState, PkmKnownOffset, PkmLearned,
     PkmMachine, PkmNewest, PkmOffset, PkmPoint, PkmPose, PkmReading, PkmTable, PkmTableUncertainty, PkmTipReading,
-    PkmToolCompensator, PkmToolTouch, PkmTouch, PkmWrench, PkmWrist, pkm_machine_checksum,
+    PkmToolCompensator, PkmToolTouch, PkmTouch, PkmWrench, PkmWrist, pkm_machine_checksum, pkm_table_checksum,
 };
 
 /// Most amplitudes that an estimator learns.
 pub const PKM_AMPLITUDES: usize = 8;
 const _: () = assert!(PKM_AMPLITUDES == MAX_AMPLITUDES, "another number of amplitudes than the core's");
+
+/// What a saved state goes with: machine and table that are compiled in.
+fn model() -> u64 {
+    pkm_machine_checksum() ^ pkm_table_checksum()
+}
 
 /// An estimator of any number of amplitudes.
 macro_rules! any {
@@ -295,12 +300,14 @@ macro_rules! estimator {
                     taken(slot)?;
                     slice::from_raw_parts_mut(slot, size)
                 };
-                Ok(each!(any, estimator => estimator.save(pkm_machine_checksum(), sequence, slot))?)
+                Ok(each!(any, estimator => estimator.save(model(), sequence, slot))?)
             });
             saved.map_or_else(|error| error, |()| PkmError::Ok)
         }
 
-        /// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed.
+        /// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed. What a library with
+        /// another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
+        /// begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
         ///
         /// Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
         #[must_use]
@@ -314,7 +321,7 @@ macro_rules! estimator {
             let restored = unsafe { taken(estimator) }.and_then(PkmEstimator::running_mut).and_then(|any| {
                 // SAFETY: the caller's promise
                 let slot = unsafe { slice::from_raw_parts(given(slot)?, size) };
-                Ok(each!(any, estimator => estimator.restore(pkm_machine_checksum(), slot))?)
+                Ok(each!(any, estimator => estimator.restore(model(), slot))?)
             });
             restored.map_or_else(|error| error, |()| PkmError::Ok)
         }

@@ -68,6 +68,14 @@ impl Compensation {
         })
     }
 
+    /// Begins to learn anew: what was learned beyond one table another may have already. The offset follows at its rate limit.
+    pub fn forget(&mut self, learned: &EstimatorSettings<AMPLITUDES>) {
+        if let Ok(fresh) = Estimator::new(learned) {
+            self.learner = fresh;
+        }
+        self.narrow();
+    }
+
     /// Has `f32` know what the learner knows.
     pub fn narrow(&mut self) {
         let mut state = [0; state_bytes(AMPLITUDES)];

@@ -86,7 +86,7 @@ pub fn work(task: &mut Option<Task>, tables: &Tables<'_>, weighed: Option<Weighe
 /// With what was saved, if it is whole; and its sequence number then.
 fn begin(flash: &Flash) -> Option<(Task, Option<u32>)> {
     let mut task = Task::new(&SETTINGS, PERIOD_S)?;
-    let saved = restore(flash, machine(), &mut task.learner).ok();
+    let saved = restore(flash, model(const { coefficients::TABLE_F64.checksum() }), &mut task.learner).ok();
     task.narrow();
     Some((task, saved))
 }
@@ -131,34 +131,34 @@ impl Learning {
         Self { flash, saved }
     }
 
-    /// Takes a reading in, and tells what is known then.
-    pub fn probe(&self, probe: Probe) -> Answer<'static, f64> {
-        self.known(ask(Question::Probe(probe)))
+    /// Takes a reading in, and tells what is known then, beyond the table in service.
+    pub fn probe(&self, table: u64, probe: Probe) -> Answer<'static, f64> {
+        self.known(table, ask(Question::Probe(probe)))
     }
 
     /// Tells what is known.
-    pub fn state(&self) -> Answer<'static, f64> {
-        self.known(ask(Question::State))
+    pub fn state(&self, table: u64) -> Answer<'static, f64> {
+        self.known(table, ask(Question::State))
     }
 
     /// Keeps what is known.
-    pub fn save(&mut self) -> Answer<'static, f64> {
+    pub fn save(&mut self, table: u64) -> Answer<'static, f64> {
         let Some(known) = ask(Question::State) else { return Answer::Error(Code::Aborted) };
-        match save(&mut self.flash, machine(), &known.learner) {
+        match save(&mut self.flash, model(table), &known.learner) {
             Ok(sequence) => {
                 self.saved = Some(sequence);
-                self.known(Some(known))
+                self.known(table, Some(known))
             }
             Err(NotSaved) => Answer::Error(Code::NotSaved),
         }
     }
 
-    fn known(&self, known: Option<Known>) -> Answer<'static, f64> {
+    fn known(&self, table: u64, known: Option<Known>) -> Answer<'static, f64> {
         let Some(Known { refused, learner, offset_m, fault, compensated }) = known else {
             return Answer::Error(Code::Aborted);
         };
         let mut state = [0; state_bytes(AMPLITUDES)];
-        let written = learner.save(machine(), 0, &mut state).ok();
+        let written = learner.save(model(table), 0, &mut state).ok();
         let learned = written.and_then(|()| Learned::new(&learner, &state, refused, self.saved));
         let learned =
             learned.map(|learned| Learned { offset_m, fault: fault.map(OffsetFault::from), compensated, ..learned });
@@ -166,7 +166,7 @@ impl Learning {
     }
 }
 
-/// The checksum that a state goes with.
-const fn machine() -> u64 {
-    const { coefficients::PARAMETERS.checksum() }
+/// What a state goes with: the machine, and the table in service by its checksum.
+const fn model(table: u64) -> u64 {
+    table ^ const { coefficients::PARAMETERS.checksum() }
 }

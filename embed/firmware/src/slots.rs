@@ -42,15 +42,15 @@ fn copy(flash: &impl Flash, slot: Slot) -> [u8; SLOT_BYTES] {
 /// Goes on from the newest state that is whole, and gives its sequence number.
 ///
 /// # Errors
-/// None is whole, or it is that of another machine or of other amplitudes: the estimator stays as it is.
+/// None is whole, or it is that of another machine or table, or of other amplitudes: the estimator stays as it is.
 pub fn restore<const N: usize>(
     flash: &impl Flash,
-    machine: u64,
+    model: u64,
     estimator: &mut Estimator<f64, N>,
 ) -> Result<u32, StateError> {
     let (a, b) = (copy(flash, Slot::A), copy(flash, Slot::B));
     let (slot, sequence) = newest(N, &a, &b).ok_or(StateError::NotWhole)?;
-    estimator.restore(machine, if slot == Slot::A { &a } else { &b })?;
+    estimator.restore(model, if slot == Slot::A { &a } else { &b })?;
     Ok(sequence)
 }
 
@@ -60,7 +60,7 @@ pub fn restore<const N: usize>(
 /// What was written does not read back.
 pub fn save<const N: usize>(
     flash: &mut impl Flash,
-    machine: u64,
+    model: u64,
     estimator: &Estimator<f64, N>,
 ) -> Result<u32, NotSaved> {
     let (slot, sequence) = match newest(N, &copy(flash, Slot::A), &copy(flash, Slot::B)) {
@@ -69,7 +69,7 @@ pub fn save<const N: usize>(
         None => (Slot::A, 1),
     };
     let mut bytes = [0; SLOT_BYTES];
-    estimator.save(machine, sequence, &mut bytes).map_err(|_| NotSaved)?;
+    estimator.save(model, sequence, &mut bytes).map_err(|_| NotSaved)?;
     let state = bytes.get(..state_bytes(N)).ok_or(NotSaved)?;
     flash.erase(slot)?;
     for (bytes, at) in state.chunks(WORD).zip((0..).step_by(WORD)) {

@@ -124,9 +124,9 @@ impl<const N: usize> EstimatorSettings<N> {
         }
     }
 
-    /// What a saved state has to be of, to be read back: a machine's checksum, and amplitudes with their units.
-    pub(super) fn fingerprint(&self, machine: u64) -> u64 {
-        self.amplitudes.iter().fold(machine, |hash, own| {
+    /// What a saved state has to be of, to be read back: a model by its checksum, and amplitudes with their units.
+    pub(super) fn fingerprint(&self, model: u64) -> u64 {
+        self.amplitudes.iter().fold(model, |hash, own| {
             let hash = own.amplitude.code().into_iter().fold(hash, over_byte);
             over_numbers(hash, &[own.accepted, own.deviation])
         })

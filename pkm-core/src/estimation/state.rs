@@ -38,7 +38,7 @@ pub enum Slot {
 pub enum StateError {
     /// Neither slot is whole: nothing was saved, or both are damaged.
     NotWhole,
-    /// It is of another machine, or of other amplitudes or units of them.
+    /// It is of another machine or table, or of other amplitudes or units of them.
     Other,
     /// The place for it is shorter than [`state_bytes`].
     TooShort,
@@ -48,7 +48,7 @@ impl fmt::Display for StateError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::NotWhole => "no state is whole",
-            Self::Other => "the state is that of another machine or of other amplitudes",
+            Self::Other => "the state is that of another machine or table, or of other amplitudes",
             Self::TooShort => "the place for the state is too short",
         })
     }
@@ -108,17 +108,19 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// and on a host.
     ///
     /// # Arguments
-    /// * `machine`: the machine's checksum, [`Machine::checksum`](crate::Machine::checksum).
+    /// * `model`: checksums of machine and table beyond which it has learned,
+    ///   [`MachineParameters::checksum`](crate::MachineParameters::checksum)` ^ `[`CorrectionTable::checksum`](crate::CorrectionTable::checksum): what is
+    ///   known beyond one table is none of another's business, which may have it already.
     /// * `sequence`: one more than that of the last save.
     /// * `slot`: at least [`state_bytes`] long.
     ///
     /// # Errors
     /// [`StateError::TooShort`].
-    pub fn save(&self, machine: u64, sequence: u32, slot: &mut [u8]) -> Result<(), StateError> {
+    pub fn save(&self, model: u64, sequence: u32, slot: &mut [u8]) -> Result<(), StateError> {
         let place = slot.get_mut(..state_bytes(N)).ok_or(StateError::TooShort)?;
         let (body, end) = place.split_at_mut_checked(state_bytes(N) - END).ok_or(StateError::TooShort)?;
         let mut bytes = Bytes(body.iter_mut());
-        bytes.put(&self.settings.fingerprint(machine).to_le_bytes());
+        bytes.put(&self.settings.fingerprint(model).to_le_bytes());
         for number in [sequence, self.time_s, self.readings, self.refused, self.began_s] {
             bytes.put(&number.to_le_bytes());
         }
@@ -141,21 +143,20 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         Ok(())
     }
 
-    /// Goes on from what was saved. A slot that is refused changes nothing. What was learned beyond one table is not what is beyond another:
-    /// with a new table begin anew, or take the checksums of both into `machine`.
+    /// Goes on from what was saved. A slot that is refused changes nothing.
     ///
     /// # Arguments
-    /// * `machine`: the machine's checksum.
+    /// * `model`: as of [`save`](Self::save).
     /// * `slot`: the newest, see [`newest`].
     ///
     /// # Errors
-    /// A slot that is not whole, or that of another machine or of other amplitudes.
-    pub fn restore(&mut self, machine: u64, slot: &[u8]) -> Result<(), StateError> {
+    /// A slot that is not whole, or that of another machine, of another table or of other amplitudes.
+    pub fn restore(&mut self, model: u64, slot: &[u8]) -> Result<(), StateError> {
         if sequence(slot, state_bytes(N)).is_none() {
             return Err(StateError::NotWhole);
         }
         let mut bytes = slot.iter().copied();
-        if u64::from_le_bytes(take(&mut bytes)) != self.settings.fingerprint(machine) {
+        if u64::from_le_bytes(take(&mut bytes)) != self.settings.fingerprint(model) {
             return Err(StateError::Other);
         }
         let _sequence: [u8; 4] = take(&mut bytes);

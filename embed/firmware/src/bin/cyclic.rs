@@ -168,6 +168,9 @@ fn PendSV() {
         if let (Some(single), Some(double)) = (tables.f32.watch(), tables.f64.watch()) {
             *WATCHES = [single, double];
         }
+        if let Some(task) = LEARNED {
+            task.forget(&learned::SETTINGS);
+        }
         let before = IN_SERVICE.replace(tables);
         critical_section::with(|cs| BEFORE.borrow(cs).set(Some(before)));
     }
@@ -274,11 +277,11 @@ fn answer(request: &Request, service: &mut Service, bad_lines: u32, last_fault: 
         Command::Numbers(piece) => send(id, service.fill(|spare| spare.take(&piece))),
         Command::Swap => send(id, service.swap()),
         Command::Weight(carried) => send(id, service.carry(&carried)),
-        Command::Probe(probe) => send(id, service.learning.probe(probe)),
-        Command::Learned => send(id, service.learning.state()),
+        Command::Probe(probe) => send(id, service.learning.probe(service.table, probe)),
+        Command::Learned => send(id, service.learning.state(service.table)),
         // a memory that is erased may stop the processor for long
         Command::Save if WORKING.load(Relaxed) => send::<f64>(id, Answer::Error(Code::Busy)),
-        Command::Save => send(id, service.learning.save()),
+        Command::Save => send(id, service.learning.save(service.table)),
         Command::Hello => {
             let travel = coefficients::PARAMETERS.travel;
             let hello = Hello {
