@@ -76,12 +76,9 @@ pub struct Rules {
     /// Detectability λ at which an amplitude counts as detectable, from the specification of the method.
     pub detectable: f64,
 
-    /// Folds of the cross-validation: each repeats the whole search.
-    pub folds: usize,
-    /// The same of many poses: what two thirds of these say is nearly what four fifths do, for less than half the work.
-    pub folds_of_many: usize,
-    /// Least poses that are many: fifty are left in each fold.
-    pub many_poses: usize,
+    /// Folds of the cross-validation, each with the least number of poses from which on there are no more. Each repeats the whole search,
+    /// and of many poses two thirds, or half, say nearly what four fifths do, for less work: at least fifty, or 150, are left in each.
+    pub folds: &'static [(usize, usize)],
     /// Resamples of the poses for intervals.
     pub resamples: usize,
     /// Least poses that are resampled.
@@ -197,9 +194,7 @@ impl Rules {
         large_pull_sd: 3.0,
         alike_cosine: 0.95,
         detectable: 30.0,
-        folds: 5,
-        folds_of_many: 3,
-        many_poses: 75,
+        folds: &[(5, 0), (3, 75), (2, 300)],
         resamples: 1000,
         min_resampled_poses: 5,
         min_poses: 4,

@@ -123,8 +123,8 @@ fn interval(by_pose: &[(f64, f64)], rules: &Rules) -> Option<[f64; 2]> {
 /// Folds of a cross-validation.
 pub fn folds(observations: &Observations, rules: &Rules) -> usize {
     let poses = observations.poses();
-    let folds = if poses < rules.many_poses { rules.folds } else { rules.folds_of_many };
-    folds.min(poses)
+    let of_so_many = rules.folds.iter().rev().find(|(_, least)| poses >= *least);
+    of_so_many.map_or(1, |(folds, _)| *folds).min(poses)
 }
 
 /// The fold that leaves each pose out, drawn: every fifth pose of a grid may be a whole plane of it, which a model would have to

@@ -151,3 +151,18 @@ fn no_fold_is_a_plane_of_a_grid() {
         assert!(held <= 15, "fold {fold} holds {held} of 25 poses of plane {plane} across axis {axis}");
     }
 }
+
+/// Every search costs as much as there are readings: of many poses fewer folds say as much.
+#[test]
+fn many_poses_have_fewer_folds() {
+    let mut rng = fastrand::Rng::with_seed(45);
+    let mut of = |poses: usize| {
+        let model = Table::random(&mut rng, poses, 1, 20e-6);
+        let data = simulated(&model, (0..poses).collect(), &[0.7], 5e-6, 46);
+        let fold_of = validation::fold_of(&data, RULES);
+        let folds = validation::folds(&data, RULES);
+        let left = |fold| fold_of.iter().filter(|of| **of != fold).count();
+        (folds, (0..folds).map(left).min().unwrap())
+    };
+    assert_eq!([3, 5, 74, 75, 299, 300].map(&mut of), [(3, 2), (5, 4), (5, 59), (3, 50), (3, 199), (2, 150)]);
+}

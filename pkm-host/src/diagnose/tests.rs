@@ -433,8 +433,9 @@ fn what_is_left_out_has_no_part_in_the_search() {
     data.series_names = vec![String::new(); data.readings.len()];
     let whole = diagnose(&file, &data, None, Method::Places, RULES, &silent).unwrap();
     let (mut squares, mut readings, mut found) = ([0.0; RIVALS.len()], 0, Vec::new());
-    let fold_of = validation::fold_of(&observations(&data, &model), RULES);
-    for fold in 0..RULES.folds {
+    let read = observations(&data, &model);
+    let fold_of = validation::fold_of(&read, RULES);
+    for fold in 0..validation::folds(&read, RULES) {
         let of_fold = |r: &Reading| fold_of[data.conditions[r.condition].pose] == fold;
         let (kept, other) = (data.without(of_fold), data.without(|r| !of_fold(r)));
         let own = diagnose(&file, &kept, Some(&other), Method::Places, RULES, &silent).unwrap();
