@@ -136,7 +136,7 @@ pub fn fold_of(observations: &Observations, rules: &Rules) -> Vec<usize> {
     fold_of
 }
 
-/// Most readings of which two folds are made at once.
+/// Most readings of which three folds are made at once.
 const FEW_READINGS: usize = 20_000;
 
 /// Which poses are left out.
@@ -144,7 +144,7 @@ pub type LeftOut<'a> = dyn Fn(usize) -> bool + 'a;
 
 /// Predictions for every condition from models that have not seen its pose. `refit` chooses and fits models without the poses
 /// that it is told and predicts all conditions, one table of predictions a model; what else it says is returned fold by fold. Of few
-/// readings two folds are made side by side, as a search alone keeps two cores busy for some of the time only; more would take more
+/// readings three folds are made side by side, as a search alone keeps two cores busy for some of the time only; more would take more
 /// memory.
 pub fn cross_validate<E: Send>(
     observations: &Observations,
@@ -155,8 +155,8 @@ pub fn cross_validate<E: Send>(
     let (folds, fold_of) = (folds(observations, rules), fold_of(observations, rules));
     let without = |fold: usize| refit(&|pose| fold_of[pose] == fold);
     let mut found: Vec<(Vec<Vec<f64>>, E)> = Vec::new();
-    // many readings keep the cores busy: two searches at once take half as much memory again and hardly less time
-    let at_once = if observations.readings.len() > FEW_READINGS { 1 } else { 2 };
+    // many readings keep the cores busy: searches at once take half as much memory again and hardly less time
+    let at_once = if observations.readings.len() > FEW_READINGS { 1 } else { 3 };
     for first in (0..folds).step_by(at_once) {
         let these: Option<Vec<_>> = (first..folds.min(first + at_once)).into_par_iter().map(without).collect();
         found.extend(these?);
