@@ -1,9 +1,10 @@
 //! The firmware's compensation in two arithmetics.
 
 use pkm_core::compensator::{Fault, Weight, WeightError};
-use pkm_core::nalgebra::Vector3;
+use pkm_core::estimation::{TipReading, Touch};
+use pkm_core::nalgebra::{Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
-use pkm_core::{Basis, CorrectionTable, Machine, MachineParameters, Pose, Wrench};
+use pkm_core::{Basis, CorrectionTable, Deflection, Machine, MachineParameters, Pose, Wrench};
 use pkm_protocol::{Arithmetic, Carried, Demand};
 
 use crate::estimation::drives;
@@ -52,6 +53,54 @@ fn an_offset_does_not_leap_between_arithmetics() {
     }
     let apart = |a: [f64; 3], b: [f64; 3]| (Vector3::from(a) - Vector3::from(b)).amax();
     assert!(apart(at_rest[0], at_rest[2]) < 1e-8 && apart(at_rest[0], at_rest[1]) < 0.5e-6, "{at_rest:?}");
+}
+
+/// What was learned beyond a table is not compensated with another, and leaves at the rate limit.
+#[test]
+fn a_table_that_comes_is_not_added_to_what_was_learned() {
+    let model = Model { single: (&TABLE_F32, &MACHINE_F32), double: (&TABLE_F64, &MACHINE_F64) };
+    let mut settings = drives();
+    settings.amplitudes.iter_mut().for_each(|own| own.rate_per_s = own.deviation);
+    let mut task = Compensation::new(&settings, PERIOD_S).unwrap();
+    let demand = Demand {
+        arithmetic: Arithmetic::F64,
+        pose: Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 },
+        wrench_at_tip: Wrench { force_n: Vector3::new(300.0, 0.0, -900.0), moment_nm: Vector3::zeros() },
+        tip_m: Vector3::new(0.0, 0.0, 0.3),
+        rises_k: [Some(0.0); 4],
+    };
+    let settled = |task: &mut Compensation| {
+        for _ in 0..2000 {
+            let before = Vector3::from(task.offset_m);
+            task.period(&model, Some(demand));
+            let step = (Vector3::from(task.offset_m) - before).amax();
+            assert!(step <= 1.001 * RATE_M_PER_S * PERIOD_S, "{step:e} m in a period");
+        }
+        Vector3::from(task.offset_m)
+    };
+    let fresh = settled(&mut task.clone());
+    // limb 1's drive is softer than machine and table say
+    let (pose, tip_m) = (demand.pose, demand.tip_m);
+    for n in 0..60 {
+        let force_n = Vector3::ith(n as usize % 3, 900.0);
+        let wrench = Wrench { force_n, moment_nm: Vector3::zeros() };
+        let at_a = wrench.moved_to_a(tip_m);
+        let predicted = TABLE_F64.cycle(&MACHINE_F64, &pose, &at_a, tip_m).unwrap().deflection;
+        let moved = MACHINE_F64.sensitivities(&pose, &at_a, &task.learner.amplitudes()).unwrap();
+        let more = Deflection::from_vector(moved[0].to_vector() * settings.amplitudes[0].deviation);
+        let seen = predicted.plus(&more).seen_at(tip_m).translation_m;
+        let readings = [0, 1, 2].map(|axis| {
+            let read = seen[axis] + 1e-9 * f64::from(n % 5);
+            TipReading { direction: Vector6::ith(axis, 1.0), read, deviation: 0.3e-6 }
+        });
+        let touch = Touch { time_s: 600 * n, pose, tip_m, wrench, rise_k: 0.0 };
+        task.learner.absorb(&touch, &predicted, &moved, &readings).expect("taken in");
+    }
+    let learned = settled(&mut task);
+    assert!((learned - fresh).amax() > 0.05e-6, "{learned:?} {fresh:?}");
+    task.forget(&settings);
+    assert!((settled(&mut task) - fresh).amax() < 1e-12);
+    assert_eq!(task.learner.readings(), 0);
 }
 
 const CARRIED: Carried = Carried {
