@@ -1547,7 +1547,7 @@ size_t pkm_estimator_state_bytes(uint32_t count);
 
 // Which of two slots, of `size` bytes each, holds the newest whole state of so many amplitudes.
 //
-// Errors: STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
+// Errors: WRONG_SIZE: they are shorter than `pkm_estimator_state_bytes`. STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
 PKM_MUST_USE
 PkmError pkm_estimator_newest(uint32_t count,
                               const uint8_t *first,
@@ -1623,7 +1623,7 @@ PkmError pkm_estimator_save_f64(const PkmEstimator_f64 *estimator,
 // another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
 // begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
 //
-// Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
+// Errors: NOT_INITIALISED, WRONG_SIZE, STATE_NOT_WHOLE, OTHER_STATE.
 PKM_MUST_USE
 PkmError pkm_estimator_restore_f64(PkmEstimator_f64 *estimator,
                                    const uint8_t *slot,
@@ -1728,7 +1728,7 @@ PkmError pkm_estimator_save_f32(const PkmEstimator_f32 *estimator,
 // another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
 // begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
 //
-// Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
+// Errors: NOT_INITIALISED, WRONG_SIZE, STATE_NOT_WHOLE, OTHER_STATE.
 PKM_MUST_USE
 PkmError pkm_estimator_restore_f32(PkmEstimator_f32 *estimator,
                                    const uint8_t *slot,

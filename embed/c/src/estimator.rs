@@ -121,7 +121,7 @@ pub extern "C" fn pkm_estimator_state_bytes(count: u32) -> usize {
 
 /// Which of two slots, of `size` bytes each, holds the newest whole state of so many amplitudes.
 ///
-/// Errors: STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
+/// Errors: WRONG_SIZE: they are shorter than `pkm_estimator_state_bytes`. STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
 #[must_use]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pkm_estimator_newest(
@@ -134,6 +134,9 @@ pub unsafe extern "C" fn pkm_estimator_newest(
     // SAFETY: the caller's promise
     unsafe {
         answer(found, || {
+            if size < pkm_estimator_state_bytes(count) {
+                return Err(PkmError::WrongSize);
+            }
             let (first, second) = (given(first)?, given(second)?);
             let [first, second] = [first, second].map(|slot| slice::from_raw_parts(slot, size));
             let count = (count as usize).min(PKM_AMPLITUDES);
@@ -309,7 +312,7 @@ macro_rules! estimator {
         /// another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
         /// begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
         ///
-        /// Errors: NOT_INITIALISED, STATE_NOT_WHOLE, OTHER_STATE.
+        /// Errors: NOT_INITIALISED, WRONG_SIZE, STATE_NOT_WHOLE, OTHER_STATE.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $restore(

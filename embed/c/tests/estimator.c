@@ -107,6 +107,8 @@ static int misuse(void) {
     CHECK(pkm_estimator_restore_f64(e, slots[0], sizeof slots[0]) == PKM_ERROR_STATE_NOT_WHOLE);
     memset(slots, 0xff, sizeof slots);
     CHECK(pkm_estimator_newest(COUNT, slots[0], slots[1], bytes, &newest) == PKM_ERROR_STATE_NOT_WHOLE);
+    CHECK(pkm_estimator_newest(COUNT, slots[0], slots[1], bytes - 1, &newest) == PKM_ERROR_WRONG_SIZE);
+    CHECK(pkm_estimator_restore_f64(e, slots[0], bytes - 1) == PKM_ERROR_WRONG_SIZE);
     CHECK(pkm_estimator_newest(COUNT, slots[0], NULL, bytes, &newest) == PKM_ERROR_NULL_POINTER);
     CHECK(pkm_estimator_save_f64(e, 1, NULL, bytes) == PKM_ERROR_NULL_POINTER);
     CHECK(pkm_estimator_restore_f64(e, NULL, bytes) == PKM_ERROR_NULL_POINTER);

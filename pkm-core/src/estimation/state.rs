@@ -150,8 +150,11 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// * `slot`: the newest, see [`newest`].
     ///
     /// # Errors
-    /// A slot that is not whole, or that of another machine, of another table or of other amplitudes.
+    /// A slot that is too short or not whole, or that of another machine, of another table or of other amplitudes.
     pub fn restore(&mut self, model: u64, slot: &[u8]) -> Result<(), StateError> {
+        if slot.len() < state_bytes(N) {
+            return Err(StateError::TooShort);
+        }
         if sequence(slot, state_bytes(N)).is_none() {
             return Err(StateError::NotWhole);
         }

@@ -919,7 +919,7 @@ fn a_state_of_another_machine_or_of_other_amplitudes_is_refused() {
     let mut units = drives();
     units.amplitudes[0].deviation *= 2.0;
     assert_eq!(load(&units, 1), Err(StateError::Other));
-    assert_eq!({ estimator }.restore(1, &slot[..SLOT - 1]), Err(StateError::NotWhole));
+    assert_eq!({ estimator }.restore(1, &slot[..SLOT - 1]), Err(StateError::TooShort));
     // under narrower bounds than it was saved under
     let mut narrow = drives();
     narrow.amplitudes[0].most = 1e-3 * narrow.amplitudes[0].deviation;
