@@ -135,15 +135,15 @@ fn refused(args: &Args, method: Method, objectives: &[Objective], placement: &Pl
     Ok(())
 }
 
-/// An option that the method has no use for.
-fn idle(args: &Args, method: Method) -> Option<&'static str> {
-    if args.gap.is_some() && method != Method::Certified {
-        Some("--gap has no part here: it is for --method certified")
-    } else if args.seed.is_some() && !matches!(method, Method::Ga | Method::De) {
-        Some("--seed has no part here: it is for --method ga and de")
-    } else {
-        None
-    }
+/// Options that the method has no use for.
+fn idle(args: &Args, method: Method) -> impl Iterator<Item = String> {
+    let is_proof = method == Method::Certified;
+    let is_random = matches!(method, Method::Ga | Method::De);
+    let idle = [
+        (args.gap.is_some() && !is_proof).then_some("--gap has no part here: it is for --method certified"),
+        (args.seed.is_some() && !is_random).then_some("--seed has no part here: it is for --method ga and de"),
+    ];
+    idle.into_iter().flatten().map(str::to_owned)
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
@@ -157,7 +157,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation, limits)?;
     let method = method(args, &job);
     refused(args, method, &objectives, &placement)?;
-    session.warn(idle(args, method).map(str::to_owned));
+    session.warn(idle(args, method));
     let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };
     let usual_step = if method == Method::Certified { 10.0 } else { 2.0 };
     let options = Options {

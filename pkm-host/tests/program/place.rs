@@ -409,3 +409,18 @@ fn bad_jobs_are_refused_with_their_place() {
         says(&[&["place", "--out", "/nowhere"], &args[..]].concat(), words);
     }
 }
+
+#[test]
+fn options_without_a_use_are_said() {
+    let folder = Folder::new();
+    let (file, out) = (folder.write("job.toml", &job([0.0, 40.0], [0.0, 40.0], "")), folder.path("out"));
+    let said = |more: &[&str]| {
+        let call = ["place", "--job", &file, "--step-mm", "20", "--out", &out];
+        let document = json(&[&call[..], more].concat());
+        let warnings = document["warnings"].as_array().map_or(&[][..], Vec::as_slice);
+        ["--gap", "--seed"].map(|option| warnings.iter().any(|w| w.as_str().is_some_and(|w| w.contains(option))))
+    };
+    assert_eq!(said(&["--method", "grid", "--gap", "1", "--seed", "1"]), [true, true]);
+    assert_eq!(said(&["--method", "grid"]), [false, false]);
+    assert_eq!(said(&["--method", "de", "--seed", "1"]), [false, false]);
+}
