@@ -163,12 +163,13 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
         Objective::CycleTime => "the ways between holes take",
     };
     let gains = gains.join(", ");
+    let uncertain = robust::of_the_verdict(model, placed);
     let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
-        Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}."))
+        Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}.{uncertain}"))
     } else if counted().all(better) {
-        Finding::good(format!("Every hole is in reach and better held: {what} {gains}."))
+        Finding::good(format!("Every hole is in reach and better held: {what} {gains}.{uncertain}"))
     } else {
-        Finding::warning(format!("Every hole is in reach, not all are better held: {what} {gains}."))
+        Finding::warning(format!("Every hole is in reach, not all are better held: {what} {gains}.{uncertain}"))
     };
     // those that the verdict is on come first
     all.sort_by_key(|(objective, _)| *objective != judged);

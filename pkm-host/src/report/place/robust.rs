@@ -32,7 +32,7 @@ pub(super) fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Findi
         let (_, optimum) = robust.optimum;
         let moves = if robust.proved.is_some() { "moves at most" } else { "was seen to move" };
         text.push_str(&format!(
-            "the tip {moves} {}, without uncertainty {} ({:+.2} % beside the optimum without); there, in the worst case: {}.",
+            "the tip {moves} {}, without uncertainty {} ({:+.2} % beside the optimum without). The optimum without uncertainty, in its worst case: {}.",
             um(p.value),
             um(robust.nominal_m),
             100.0 * (robust.nominal_m / optimum - 1.0),
@@ -50,6 +50,19 @@ pub(super) fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Findi
         }
     };
     placed.robust.iter().map(finding).collect()
+}
+
+/// What the verdict, which is on placements without uncertainty, has to add where another place is to be set.
+pub(super) fn of_the_verdict(model: &PlacementModel<'_>, placed: &Placed) -> String {
+    let worst: Vec<String> = (placed.robust.iter())
+        .map(|robust| {
+            format!("{:.1} µm (series {})", robust.placement.value * 1e6, series_name(model, &robust.placement))
+        })
+        .collect();
+    if worst.is_empty() {
+        return String::new();
+    }
+    format!(" That is without uncertainty; placed against the worst case, the tip moves in it by {}.", worst.join(", "))
 }
 
 /// All of them in figures.
