@@ -727,6 +727,8 @@ typedef struct {
   double chi_squared;
   // Not 0 where an amplitude counts as unknown again from here on, because something has changed.
   int32_t changed[PKM_AMPLITUDES];
+  // Where the pose stands to the table's box: outside of it, it is learned from what the table says by extrapolation.
+  PkmDomain domain;
 } PkmLearned_f64;
 
 // Where and under which load the tool of the five axes is read.
@@ -820,6 +822,8 @@ typedef struct {
   float chi_squared;
   // Not 0 where an amplitude counts as unknown again from here on, because something has changed.
   int32_t changed[PKM_AMPLITUDES];
+  // Where the pose stands to the table's box: outside of it, it is learned from what the table says by extrapolation.
+  PkmDomain domain;
 } PkmLearned_f32;
 
 // Where and under which load the tool of the five axes is read.

@@ -1,6 +1,6 @@
 //! What crosses the border of an estimator.
 
-use pkm_core::Scalar;
+use pkm_core::{Domain, Scalar};
 use pkm_core::effects::{Motion, Place};
 use pkm_core::estimation::{
     Alarm, Amplitude, AmplitudeSettings, Estimator, EstimatorSettings, EstimatorSettingsError, Learned, Refusal,
@@ -8,7 +8,7 @@ use pkm_core::estimation::{
 };
 use pkm_core::nalgebra::Vector6;
 
-use crate::{PKM_AMPLITUDES, PkmError, PkmPoint, PkmPose, PkmWrench};
+use crate::{PKM_AMPLITUDES, PkmDomain, PkmError, PkmPoint, PkmPose, PkmWrench};
 
 /// What an amplitude is of. Its unit is m/N along, rad/(N m) about an axis, and K of the temperature.
 #[repr(i32)]
@@ -132,6 +132,8 @@ pub struct PkmLearned<T> {
     pub chi_squared: T,
     /// Not 0 where an amplitude counts as unknown again from here on, because something has changed.
     pub changed: [i32; PKM_AMPLITUDES],
+    /// Where the pose stands to the table's box: outside of it, it is learned from what the table says by extrapolation.
+    pub domain: PkmDomain,
 }
 
 /// What is known of an amplitude, in its unit.
@@ -265,8 +267,10 @@ impl<T: Scalar> PkmTipReading<T> {
 }
 
 impl<T: Scalar> From<Learned<T>> for PkmLearned<T> {
-    fn from(Learned { chi_squared, changed }: Learned<T>) -> Self {
-        Self { chi_squared, changed: changed.map(i32::from) }
+    fn from(Learned { chi_squared, changed, domain }: Learned<T>) -> Self {
+        // every call here has a table, and with one there is a domain
+        let domain = domain.unwrap_or(Domain::Outside).into();
+        Self { chi_squared, changed: changed.map(i32::from), domain }
     }
 }
 

@@ -158,6 +158,7 @@ static int misuse(void) {
             touch.pose.theta_rad = (T)(next(-50, 51) / 256.0);                                                         \
             touch.pose.sigma_rad = (T)(next(-50, 51) / 256.0);                                                         \
             touch.pose.z0_m = (T)(next(520, 560) / 1024.0);                                                            \
+            if (n % 20 == 9) touch.pose.theta_rad = (T)0.375;                                                          \
             for (int i = 0; i < 3; i++) touch.wrench.force_n[i] = (T)next(-1000, 1001);                                \
             CHECK(pkm_deflection_##S(machine, table, &touch.pose, &touch.wrench, NULL, &moved) == PKM_ERROR_OK);       \
             for (int i = 0; i < 3; i++) {                                                                              \
@@ -209,6 +210,7 @@ static int misuse(void) {
                 add(learned.changed[i] != 0);                                                                          \
                 alarms |= (uint32_t)(own->alarm != 0) << i;                                                            \
             }                                                                                                          \
+            add(learned.domain == PKM_DOMAIN_OUTSIDE);                                                                 \
             const PkmReading_##S in = {1, {{100, -50, -400}, {2, -8, 5}}, {{0, 0, 0}, 0}};                             \
             const PkmConfiguration_##S stands = {{(T)0.125, (T)-0.0625, (T)0.53125}, {(T)0.125, (T)-0.125}};           \
             const PkmPoint_##S tip = {{(T)0.03125, (T)-0.015625, (T)0.3125}};                                          \

@@ -241,8 +241,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// A reading: what machine and table predict is worked out first.
     ///
     /// What is read is by how much the load moves the tip of the machine as it is: of a machine that is being compensated, what its sensor reads
-    /// and what the compensation has taken away. A pose outside the table's box is taken in as any other, with what the table says there
-    /// ([`CorrectionTable::domain`] tells).
+    /// and what the compensation has taken away. A pose outside the table's box is taken in as any other, with what the table says there;
+    /// [`Learned::domain`] tells.
     ///
     /// # Errors
     /// Why it is not taken in.
@@ -257,7 +257,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let wrench = touch.wrench.moved_to_a(touch.tip_m);
         let mut predicted = Deflection::ZERO;
         predict(machine, table, &touch.pose, &wrench, &mut predicted)?;
-        self.absorb_at(machine, touch, &wrench, &predicted, readings)
+        let learned = self.absorb_at(machine, touch, &wrench, &predicted, readings)?;
+        Ok(Learned { domain: table.map(|table| table.domain(&touch.pose)), ..learned })
     }
 
     /// A reading, with the displacement of A under its load alone.
@@ -278,7 +279,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     }
 
     /// A reading, with the displacement of A that machine and table predict, and that per unit of each amplitude. A controller
-    /// that has them already saves them here; [`learn`](Self::learn) works them out.
+    /// that has them already saves them here; [`learn`](Self::learn) works them out. No domain is given.
     ///
     /// # Errors
     /// Why it is not taken in.
@@ -325,7 +326,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         self.refused = 0;
         let changed = opened.unwrap_or_else(|| self.open_changed(self.readings));
         self.set_targets();
-        Ok(Learned { chi_squared, changed })
+        Ok(Learned { chi_squared, changed, domain: None })
     }
 
     /// Takes in a reading that nothing known explains, where a change does: with the amplitudes unknown again that explain the innovations of

@@ -7,7 +7,7 @@ use nalgebra::{Vector3, Vector6};
 use super::MAX_AMPLITUDES;
 use crate::correction::CorrectionError;
 use crate::scalar::Scalar;
-use crate::types::{Deflection, Pose, TipUncertainty, Wrench};
+use crate::types::{Deflection, Domain, Pose, TipUncertainty, Wrench};
 
 /// Most components of a reading.
 pub const MAX_COMPONENTS: usize = 6;
@@ -96,6 +96,9 @@ pub struct Learned<T> {
     pub chi_squared: T,
     /// Which amplitudes count as unknown again from here on, because innovations had one sign.
     pub changed: [bool; MAX_AMPLITUDES],
+    /// Where the pose stands to the table's box; `None` where no table was given. Outside of it the machine's amplitudes are learned from
+    /// what the table says by extrapolation.
+    pub domain: Option<Domain>,
 }
 
 /// An amplitude that has changed since acceptance.

@@ -4,7 +4,7 @@ mod batch;
 mod next;
 
 use pkm_core::estimation::{Alarm, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal, Touch};
-use pkm_core::{CorrectionTable, Deflection, Machine};
+use pkm_core::{CorrectionTable, Deflection, Domain, Machine};
 
 use crate::error::{Failure, Result};
 use crate::files::learn::Learn;
@@ -25,6 +25,8 @@ pub struct Step {
     pub time_s: u32,
     /// χ² over the number of components, or why it was refused.
     pub outcome: std::result::Result<f64, Refusal>,
+    /// Whether it was taken in outside the table's box, where what the table says is extrapolated.
+    pub outside_box: bool,
     /// Whether any amplitude counts as unknown again from here on.
     pub changed: bool,
     /// Of the amplitudes, after it.
@@ -147,6 +149,7 @@ fn with<const N: usize>(
             line: *line,
             time_s: touch.time_s,
             outcome: learned.map(|learned| learned.chi_squared / readings.len() as f64),
+            outside_box: learned.is_ok_and(|learned| learned.domain == Some(Domain::Outside)),
             changed: estimator.changed_at() != changed_at,
             values: estimator.values().to_vec(),
             compensated: estimator.targets().to_vec(),

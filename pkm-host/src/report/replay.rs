@@ -176,6 +176,11 @@ fn fitted(replay: &Replay) -> usize {
     taken_in(replay).min(BATCH)
 }
 
+/// Lines of readings that were taken in outside the table's box.
+fn outside_box(replay: &Replay) -> Vec<u64> {
+    replay.steps.iter().filter(|step| step.outside_box).map(|step| step.line).collect()
+}
+
 /// Readings that were refused, by code.
 fn refusals(replay: &Replay) -> Vec<(&'static str, usize)> {
     let mut counts: Vec<(&'static str, usize)> = Vec::new();
@@ -215,6 +220,14 @@ fn findings(replay: &Replay) -> Vec<Finding> {
     }
     let text = format!("{taken} of {all} readings were taken in.");
     found.push(if taken == all { Finding::good(text) } else { Finding::warning(text) });
+    let outside = outside_box(replay);
+    if let Some(line) = outside.first() {
+        found.push(Finding::warning(format!(
+            "{} of them are outside the box that the table was fitted in, the first in line {line}: what they teach rests on what the \
+             table says there by extrapolation.",
+            outside.len()
+        )));
+    }
     let unknown = unknown(replay);
     if !unknown.is_empty() {
         found.push(Finding::warning(format!(
@@ -423,6 +436,7 @@ pub fn document(replay: &Replay) -> Value {
         "days_since_first": f64::from(replay.age.since_first_s) / DAY_S,
         "days_since_last": f64::from(replay.age.since_last_s) / DAY_S,
         "changes_at_lines": replay.steps.iter().filter(|step| step.changed).map(|step| step.line).collect::<Vec<_>>(),
+        "outside_box_at_lines": outside_box(replay),
         "amplitudes": amplitudes,
         "alarms": raised.collect::<Vec<_>>(),
         "standing": replay.standing().iter().map(|alarm| alarm_json(replay, alarm)).collect::<Vec<_>>(),

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use pkm_core::Wrench;
+use pkm_core::nalgebra::Matrix6;
 use pkm_core::tables::reference::PARAMETERS;
 use pkm_trials::life::{Plan, live};
 use serde_json::Value;
@@ -266,4 +268,37 @@ fn over_a_life_with_wear_seasons_and_a_failing_probe_it_knows_more_than_a_frozen
     assert!(lived.of_frozen < 0.5 && lived.of_batch < 2.0);
     assert!(lived.loose_after.is_some_and(|n| n <= 30));
     assert_eq!((lived.false_alarms, lived.failed_taken), ([0, 0], [0, 20]));
+}
+
+#[test]
+fn readings_outside_the_tables_box_are_counted() {
+    let folder = Folder::new();
+    let table = fixture("jobs/wide-table.json");
+    let poses = folder.write("poses.csv", "pose,theta_deg,sigma_deg,z0_mm\nin,30,5,530\nout,38,5,530\n");
+    json(&["stiffness", "--poses", &poses, "--table", &table, "--out", &folder.path("k.csv")]);
+    let wrench = Wrench { force_n: [300.0, -200.0, 400.0].into(), ..Wrench::ZERO };
+    let mut log =
+        "time_s,pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,dx_um,dy_um,dz_um,sigma_linear_um\n"
+            .to_owned();
+    for (row, at) in folder.read("k.csv").lines().skip(1).zip(1..) {
+        let cells: Vec<&str> = row.split(',').collect();
+        let number = |cell: usize| cells[cell].parse::<f64>().unwrap();
+        // the upper triangle, row by row, after the pose's name and coordinates
+        let mut upper = 4..;
+        let mut k = Matrix6::zeros();
+        for i in 0..6 {
+            for j in i..6 {
+                k[(i, j)] = number(upper.next().unwrap());
+                k[(j, i)] = k[(i, j)];
+            }
+        }
+        let moved = k.lu().solve(&wrench.to_vector()).unwrap() * 1e6;
+        let [fx, fy, fz] = <[f64; 3]>::from(wrench.force_n);
+        let pose = cells[..4].join(",");
+        log += &format!("{},{pose},{fx},{fy},{fz},0,0,0,{},{},{},1\n", 1000 * at, moved[0], moved[1], moved[2]);
+    }
+    let log = folder.write("log.csv", &log);
+    let found = json(&["replay", "--log", &log, "--table", &table, "--out", &folder.path("out")]);
+    assert_eq!((&found["taken"], &found["outside_box_at_lines"]), (&2.into(), &serde_json::json!([3])));
+    assert!(folder.read("out/report.html").contains("1 of them are outside the box"));
 }

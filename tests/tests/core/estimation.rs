@@ -12,7 +12,7 @@ use pkm_core::estimation::{
 use pkm_core::kinematics::platform_axes;
 use pkm_core::machine::{BodyKind, MachineParameters};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F64, WRIST_F64};
-use pkm_core::{Configuration, Deflection, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths, Wrench};
+use pkm_core::{Configuration, Deflection, Domain, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths, Wrench};
 use pkm_tests::{between, cases, keep_worst, random_parameters, random_pose, seeded, structural_stiffness};
 
 /// Every amplitude but the temperature, with its names as an element.
@@ -745,6 +745,21 @@ fn what_is_refused_moves_no_amplitude() {
         estimator.learn(&MACHINE_F64, None, &touch, &readings).expect("taken in");
     }
     assert_eq!(estimator.learn(&MACHINE_F64, None, &touch, &readings), Err(Refusal::Stuck));
+}
+
+#[test]
+fn a_reading_outside_the_box_is_taken_in_and_said_to_be_there() {
+    let (_, touch, _) = at_work();
+    let at_a = touch.wrench.moved_to_a(touch.tip_m);
+    let domain = |theta_rad: f64| {
+        let pose = Pose { theta_rad, ..touch.pose };
+        let k_m = TABLE_F64.factor_form(&MACHINE_F64, &pose).unwrap().factor;
+        let moved = k_m.deflection(&at_a).unwrap().seen_at(touch.tip_m).translation_m;
+        let mut estimator = Estimator::<f64, 6>::new(&drives()).unwrap();
+        let readings = [0, 1, 2].map(|axis| reading(axis, moved[axis], 1e-6));
+        estimator.learn(&MACHINE_F64, Some(&TABLE_F64), &Touch { pose, ..touch }, &readings).expect("taken in").domain
+    };
+    assert_eq!([0.2, 0.3].map(domain), [Some(Domain::Inside), Some(Domain::Outside)]);
 }
 
 /// Neither what was learned nor an alarm goes because a sensor says what no change explains, however often.

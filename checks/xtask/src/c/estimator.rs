@@ -8,7 +8,7 @@ use pkm_core::estimation::{
 };
 use pkm_core::nalgebra::Vector6;
 use pkm_core::{
-    Configuration, CorrectionError, CorrectionTable, FiveAxis, KinematicsError, Pose, Scalar, StiffnessError,
+    Configuration, CorrectionError, CorrectionTable, Domain, FiveAxis, KinematicsError, Pose, Scalar, StiffnessError,
     TableUncertainty, Wrench,
 };
 
@@ -68,7 +68,11 @@ fn reading<T: Scalar>(
 ) -> Result<(Touch<T>, Vec<TipReading<T>>), String> {
     let mut scaled = |from, below, by: f64| T::from_f64(f64::from(random.next(from, below)) / by);
     let [theta_rad, sigma_rad, z0_m] = [scaled(-50, 51, 256.0), scaled(-50, 51, 256.0), scaled(520, 560, 1024.0)];
-    let pose = Pose { theta_rad, sigma_rad, z0_m };
+    let mut pose = Pose { theta_rad, sigma_rad, z0_m };
+    if n % 20 == 9 {
+        // outside the table's box
+        pose.theta_rad = T::from_f64(0.375);
+    }
     let force_n = [0; 3].map(|_| scaled(-1000, 1001, 1.0)).into();
     let wrench = Wrench { force_n, ..Wrench::ZERO };
     let factor = table.factor_form(five.machine, &pose).map_err(|e| e.to_string())?.factor;
@@ -165,7 +169,7 @@ fn lines<T: Scalar>(
     let at = (&stands.pose, t([0.03125, -0.015625, 0.3125]).into());
     let (mut random, mut sum) = (Random(1), Sum::default());
     let mut slots = Slots([[0xff; state_bytes(COUNT)]; 2]);
-    let (mut lines, mut errors, mut alarmed) = (Vec::new(), Vec::new(), false);
+    let (mut lines, mut errors, mut alarmed, mut outside) = (Vec::new(), Vec::new(), false, false);
     for n in 0..READINGS {
         let (touch, readings) = reading((five, table), &mut random, n)?;
         let learned = estimator.learn(five.machine, Some(table), &touch, &readings);
@@ -174,9 +178,12 @@ fn lines<T: Scalar>(
             slots.save(&mut estimator, (n % 14 == 13).then_some(n as usize))?;
         }
         let error = learned.map_or_else(number, |_| Ok(0))?;
-        let nothing = Learned { chi_squared: T::ZERO, changed: [false; MAX_AMPLITUDES] };
-        let Learned { chi_squared, changed } = learned.unwrap_or(nothing);
+        let nothing = Learned { chi_squared: T::ZERO, changed: [false; MAX_AMPLITUDES], domain: None };
+        let Learned { chi_squared, changed, domain } = learned.unwrap_or(nothing);
         sum.add_state(&estimator, changed);
+        let is_outside = domain == Some(Domain::Outside);
+        sum.add(f64::from(u8::from(is_outside)));
+        outside |= is_outside;
         let (of_screws, of_axes) = if n % 2 == 0 {
             let known = (table, uncertainty);
             let of_screws = screws.update_known(known, five.machine, Some(&estimator), at, &period);
@@ -202,11 +209,13 @@ fn lines<T: Scalar>(
         errors.push(error);
         alarmed |= alarms > 0;
     }
-    let met = [0, 3, 13, 90, 91, 92, 94, 95].iter().all(|n| errors.contains(n)) && alarmed;
+    let met = [0, 3, 13, 90, 91, 92, 94, 95].iter().all(|n| errors.contains(n)) && alarmed && outside;
     if met {
         Ok(lines)
     } else {
-        Err(format!("{name}: not every refusal occurred, or no alarm ({alarmed}): {errors:?}"))
+        Err(format!(
+            "{name}: not every refusal occurred, or no alarm ({alarmed}) or pose outside the box ({outside}): {errors:?}"
+        ))
     }
 }
 
