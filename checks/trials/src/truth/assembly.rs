@@ -23,7 +23,7 @@ fn softened(stiffness: f64, compliance: f64) -> f64 {
     if stiffness == 0.0 { 0.0 } else { 1.0 / (1.0 / stiffness + compliance) }
 }
 
-/// A tube at the base and a ram at the platform: two guides at the ends of their overlap, a key, the screw inside.
+/// A tube at the base and a ram at the platform: two guides at the ends of their overlap, a key, the screw inside. Gives the tube's end.
 #[allow(clippy::too_many_arguments)]
 pub(super) fn telescope(
     frame: &mut Frame,
@@ -34,7 +34,7 @@ pub(super) fn telescope(
     effect: &Effect,
     scale: f64,
     stroke: (f64, f64),
-) {
+) -> Node {
     let (ea, ei, gj) = limb.section();
     let inner_at = q - (stroke.0 - 0.020);
     let outer_at = stroke.1 + [0.060, 0.030][effect.variant] - (stroke.0 - 0.020);
@@ -55,6 +55,7 @@ pub(super) fn telescope(
     let key = 1e7;
     frame.joint(tube_end, ram_high, from + z * outer_at, axes, [guide, guide, 0.0, 0.0, 0.0, key]);
     frame.joint(ends.0, ends.1, from, axes, [0.0, 0.0, ea / q, 0.0, 0.0, 0.0]);
+    tube_end
 }
 
 /// A limb's place at a pose, in A-uvw: number, ends, length, and axes x, y, z as columns.
@@ -371,14 +372,15 @@ impl Builder<'_> {
         matrix
     }
 
-    /// The body between foot and head; its middle where something is tied to it.
+    /// The body between foot and head; where something is tied to it, its middle or a telescope's tube.
     fn body(&mut self, line: &Line, foot: Node, head: Node) -> Option<Node> {
         let Self { world, frame, machine, .. } = self;
         let limb = &machine.limbs[line.i];
         let (from, z) = (line.base + line.aside, line.axes.column(2).into_owned());
         if let Some(e) = world.of("telescopic-limb") {
-            telescope(frame, (foot, head), (from, z, line.q), &line.axes, limb, e, world.telescope[line.i], STROKE);
-            return None;
+            let (axes, scale) = (&line.axes, world.telescope[line.i]);
+            let tube = telescope(frame, (foot, head), (from, z, line.q), axes, limb, e, scale, STROKE);
+            return world.of("cable-carrier-between-limbs").map(|_| tube);
         }
         let (ea, ei, gj) = limb.section();
         let section = Section { ea_n: ea, ei_nm2: (ei, ei), gj_nm2: gj };

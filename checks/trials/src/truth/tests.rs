@@ -136,6 +136,16 @@ fn a_telescope_is_the_declared_rod_at_mid_stroke_and_softer_when_long() {
 }
 
 #[test]
+fn a_carrier_between_telescopes_takes_compliance_away() {
+    let telescopes = effect("telescopic-limb", 0, 1.0);
+    let c = |effects: Vec<Effect>| world(effects).reduced(&POSE, 20.0).c;
+    let tied = c(vec![telescopes.clone(), effect("cable-carrier-between-limbs", 0, 1.0)]);
+    // no direction becomes softer, and some stiffer
+    let taken = (c(vec![telescopes]) - tied).symmetric_eigenvalues();
+    assert!(taken.max() > 1e-12 && taken.min() > -1e-9 * taken.max(), "{taken}");
+}
+
+#[test]
 fn a_hot_machine_is_softer_and_longer() {
     let mut rows = ramp(0, 1000.0, 1);
     rows[0].temperature = 26.0;
