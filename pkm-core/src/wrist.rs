@@ -62,6 +62,7 @@ impl fmt::Display for WristError {
             Self::Limits { joint } => write!(f, "the limits of wrist joint {joint} are reversed or beyond ±180°"),
             Self::HomeIsSingular => f.write_str("the wrist is singular in its home configuration"),
             Self::SingularityMargin => f.write_str("the wrist's singularity margin is not from 0 to below 1"),
+            Self::HomeZ0 => f.write_str("Z0 of the wrist's home is not above 0 and below 100 m"),
             _ => f.write_str("a size of the wrist is not finite or beyond 100 m"),
         }
     }

@@ -19,7 +19,7 @@ pub enum Prior {
         /// Standard deviation of the logarithm.
         sd: f64,
     },
-    /// Between 0 and a greatest value, most likely at three quarters of it: logistic in x.
+    /// Between 0 and a greatest value, with three quarters of it as the median: logistic in x.
     Below {
         /// Greatest value.
         greatest: f64,

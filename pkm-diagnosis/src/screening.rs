@@ -1,7 +1,7 @@
 //! Which candidates the residual points at, before any of them is fitted.
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Normal};
 
 use crate::fit::Fit;
 use crate::rules::Rules;
@@ -158,11 +158,9 @@ fn draws_as_small(
     as_small
 }
 
-/// χ² of some degrees of freedom over their number, from a standard normal number (Wilson and Hilferty, The distribution of
-/// chi-square, Proc. Natl. Acad. Sci. 17, 1931: within 1 % from three degrees of freedom on).
+/// χ² of some degrees of freedom over their number: its quantile where a standard normal number has its own.
 fn mean_square(dof: f64, normal: f64) -> f64 {
-    let spread = 2.0 / (9.0 * dof);
-    (1.0 - spread + normal * spread.sqrt()).max(0.01).powi(3)
+    ChiSquared::new(dof).map_or(1.0, |d| d.inverse_cdf(Normal::standard().cdf(normal)) / dof)
 }
 
 fn tail(statistic: f64, dof: usize, noise_dof: Option<f64>) -> f64 {
@@ -188,4 +186,21 @@ fn inverse_tail(p: f64, dof: usize, noise_dof: Option<f64>) -> f64 {
 /// Standard normal number by Box and Muller.
 pub fn normal(rng: &mut fastrand::Rng) -> f64 {
     (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (std::f64::consts::TAU * rng.f64()).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mean_squares_have_the_quantiles_of_the_tables() {
+        // χ² of 3 and 10 degrees of freedom at 0.1 %, 1 %, 50 % and 99 %
+        let tables = [(3.0, [0.02430, 0.11483, 2.36597, 11.34487]), (10.0, [1.47874, 2.55821, 9.34182, 23.20925])];
+        for (dof, quantiles) in tables {
+            for (normal, quantile) in [-3.090_232, -2.326_348, 0.0, 2.326_348].into_iter().zip(quantiles) {
+                let found = dof * mean_square(dof, normal);
+                assert!((found / quantile - 1.0).abs() < 1e-3, "{dof}: {found} {quantile}");
+            }
+        }
+    }
 }

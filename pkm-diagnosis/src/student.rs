@@ -2,20 +2,19 @@
 
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
-/// Student's distribution; none where the noise counts as known.
-fn student(dof: Option<f64>) -> Option<StudentsT> {
-    StudentsT::new(0.0, 1.0, dof?).ok()
-}
-
-/// By what a standard uncertainty is multiplied so that the truth lies within with a probability.
+/// By what a standard uncertainty is multiplied so that the truth lies within with a probability, below 1. Infinite where nothing is
+/// known of the noise: with no degree of freedom.
 pub fn coverage_factor(probability: f64, dof: Option<f64>) -> f64 {
     let upper = 0.5 * (1.0 + probability);
-    student(dof).map_or_else(|| Normal::standard().inverse_cdf(upper), |d| d.inverse_cdf(upper))
+    let Some(dof) = dof else { return Normal::standard().inverse_cdf(upper) };
+    StudentsT::new(0.0, 1.0, dof).map_or(f64::INFINITY, |student| student.inverse_cdf(upper))
 }
 
-/// Probability that a value as many standard uncertainties from 0 as this one, on either side, is nothing but noise.
+/// Probability that a value as many standard uncertainties from 0 as this one, on either side, is nothing but noise: 1 with no degree
+/// of freedom.
 pub fn two_sided_p(t: f64, dof: Option<f64>) -> f64 {
-    2.0 * student(dof).map_or_else(|| Normal::standard().sf(t.abs()), |d| d.sf(t.abs()))
+    let Some(dof) = dof else { return 2.0 * Normal::standard().sf(t.abs()) };
+    StudentsT::new(0.0, 1.0, dof).map_or(1.0, |student| 2.0 * student.sf(t.abs()))
 }
 
 /// Degrees of freedom of a sum of variances, each with its own (Welch and Satterthwaite; GUM, G.4.1). None is known.
@@ -38,6 +37,9 @@ mod tests {
         }
         assert!((coverage_factor(0.95, None) - 1.96).abs() < 1e-3);
         assert!((two_sided_p(-1.96, None) - 0.05).abs() < 1e-4);
+        // nothing known of the noise is not all known of it
+        let nothing = effective_dof(&[(1.0, Some(0.0))]);
+        assert_eq!((coverage_factor(0.95, nothing), two_sided_p(9.0, nothing)), (f64::INFINITY, 1.0));
     }
 
     #[test]

@@ -116,7 +116,7 @@ impl Frame {
     }
 
     /// Nodes that a body carries elastically: they move with it, and by shapes of their own, each a direction for
-    /// every node and the stiffness of its spring. They must not follow anything else.
+    /// every node and the stiffness of its spring. Neither they nor the body may follow anything else, by a tie or a weld.
     pub fn modes(&mut self, body: Node, nodes: &[Node], shapes: &[(Vec<Vector3<f64>>, f64)]) {
         self.modes.push(Modes { body, nodes: nodes.to_vec(), shapes: shapes.to_vec() });
     }
@@ -186,6 +186,9 @@ impl Frame {
         let mut expand = DMatrix::<f64>::identity(self.stiffness.nrows(), self.stiffness.nrows());
         let mut dependent: Vec<usize> = (0..6).collect();
         let mut stiffness = self.stiffness.clone();
+        let followers = || self.welds.iter().map(|w| w.0).chain(self.ties.iter().map(|t| t.0));
+        let of_modes = self.modes.iter().flat_map(|m| m.nodes.iter().chain([&m.body]));
+        assert!(of_modes.into_iter().all(|n| followers().all(|f| f != *n)), "a node of modes follows another node");
         for Modes { body, nodes, shapes } in &self.modes {
             // the shapes' amounts are kept in the first node's first degrees of freedom
             let amount = |shape: usize| 6 * nodes[0].0 + shape;
@@ -280,5 +283,16 @@ mod tests {
         let end = frame.node(Vector3::x());
         frame.joint(Frame::GROUND, end, Vector3::zeros(), &Matrix3::identity(), [1e6, 1e6, 1e6, 0.0, 1e4, 1e4]);
         assert!(frame.compliance(end).is_none());
+    }
+
+    #[test]
+    #[should_panic(expected = "a node of modes follows another node")]
+    fn a_body_with_modes_follows_nothing() {
+        let mut frame = Frame::new();
+        let [body, carried] = [0.1, 0.2].map(|z| frame.node(Vector3::new(0.0, 0.0, z)));
+        frame.beam(Frame::GROUND, body, Vector3::x(), &SECTION);
+        frame.tie(body, Frame::GROUND, Vector3::x());
+        frame.modes(body, &[carried], &[(vec![Vector3::z()], 1e6)]);
+        frame.compliance(carried);
     }
 }

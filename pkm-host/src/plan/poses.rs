@@ -121,9 +121,9 @@ fn largest_vif(points: &[[f64; 3]]) -> f64 {
     correlation.try_inverse().map_or(f64::INFINITY, |inverse| inverse.diagonal().max())
 }
 
-/// Points of the additive sequence of the plastic number, evenly spread over the inside of the unit cube.
+/// Points of an additive sequence, evenly spread over the inside of the unit cube.
 fn spread(n: usize) -> Vec<[f64; 3]> {
-    // real root of x⁴ = x + 1
+    // real root of x⁴ = x + 1, what the golden number is in one dimension
     const ROOT: f64 = 1.220_744_084_605_759_5;
     (1..=n).map(|k| std::array::from_fn(|i| (0.5 + k as f64 / ROOT.powi(i as i32 + 1)).fract())).collect()
 }
