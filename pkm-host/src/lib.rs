@@ -3,11 +3,11 @@
 //! Data flows one way, as in a compiler, and a room imports from rooms above it in this list alone:
 //!
 //! 1. [`error`], [`pose`], [`progress`]: failures; poses as plain numbers; how far a computation is
-//! 2. [`files`]: machine, job, table, CSV and G-code, from bytes to checked values; [`tracker`]: from its points to deflections; [`loads`]: from a
-//!    load cell's log to the load of each reading
-//! 3. [`fit`], [`diagnose`], [`geometry`], [`plan`], [`fem`], [`hil`], [`replay`]: each computes, none from another's results
-//! 4. [`report`]: from a finished result to pages, charts and generated source
-//! 5. [`cli`]: the commands
+//! 2. [`files`]: machine, job, table, CSV and G-code, from bytes to checked values; [`page`]: what all reports are made of
+//! 3. [`tracker`]: from its points to deflections; [`loads`]: from a load cell's log to the load of each reading
+//! 4. [`fit`], [`diagnose`], [`geometry`], [`plan`], [`fem`], [`replay`], [`hil`]: each computes, and uses those before it at the most
+//! 5. [`report`]: from a finished result to pages and pictures
+//! 6. [`cli`]: the commands
 
 pub mod cli;
 pub mod diagnose;
@@ -18,6 +18,7 @@ pub mod fit;
 pub mod geometry;
 pub mod hil;
 pub mod loads;
+pub mod page;
 pub mod plan;
 pub mod pose;
 pub mod progress;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use pkm_host::report::plot::{self, Mark, Panel, Series};
+use pkm_host::page::plot::{self, Mark, Panel, Series};
 use pkm_tests::seeded;
 use pkm_tests::single::{Case, Errors, Region};
 

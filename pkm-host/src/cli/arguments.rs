@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::files::import::Renames;
+use crate::page::dated;
 use crate::plan::model::Form;
-use crate::report::page::dated;
 
 /// Columns of measured data that are called otherwise.
 #[derive(clap::Args)]

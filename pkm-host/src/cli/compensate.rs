@@ -16,11 +16,11 @@ use crate::files::limits::JointLimits;
 use crate::files::source::{self, Source};
 use crate::files::tool_path::{MARK, ToolPath, is_program};
 use crate::files::tools::Tools;
+use crate::page::of_file;
 use crate::plan::compensate::{Correction, Request, walk};
 use crate::plan::model::{Form, Model, no_factor_form};
 use crate::plan::track::Track;
 use crate::report::compensate as report;
-use crate::report::page::of_file;
 
 /// A tool path that cancels the deflection that the model predicts along it; beside it a report and a plot of the tip's error.
 ///

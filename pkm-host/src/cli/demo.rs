@@ -8,8 +8,8 @@ use serde_json::json;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::source::{self, Source};
+use crate::page::{first_picture, headline};
 use crate::report::demo::{self as report, Exhibit};
-use crate::report::page::{first_picture, headline};
 
 /// Runs the main commands on data that come with the program, and writes a page that leads to all their reports: what each is for, how it was
 /// called, what it said. It takes half a minute; the data go to the folder, too, so that every call can be made again and changed.

@@ -16,9 +16,9 @@ use crate::fem::{self, Case, Model, Settings, ccx, slurm};
 use crate::files::machine::MachineFile;
 use crate::files::source::{self, Source};
 use crate::files::{dataset, machine_edit};
+use crate::page::of_file;
 use crate::pose::NamedPose;
 use crate::report::fem::{self as report, Facts};
-use crate::report::page::of_file;
 
 /// Stiffness by finite elements: the machine in solids at each pose, computed by CalculiX, which must be installed.
 ///

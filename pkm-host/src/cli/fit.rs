@@ -10,8 +10,8 @@ use crate::error::{Failure, Result};
 use crate::files::dataset;
 use crate::files::machine::MachineFile;
 use crate::files::source::{self, Source};
+use crate::fit::export::{Provenance, rust_source};
 use crate::fit::{self, Evaluation, Fit, TermChoice};
-use crate::report::export::{Provenance, rust_source};
 use crate::report::fit as report;
 
 /// Correction tables from stiffness data (Eqs. 10-14).

@@ -8,10 +8,10 @@ use crate::error::{Failure, Result};
 use crate::files::learn::Learn;
 use crate::files::log;
 use crate::files::source::{self, Source};
+use crate::page::of_file;
 use crate::plan::model::{Form, no_factor_form};
 use crate::pose::pose_of;
 use crate::replay::{self, Ask};
-use crate::report::page::of_file;
 use crate::report::replay as report;
 
 /// What a controller would have learned from a log of readings under known loads: the same estimator, the same bits.

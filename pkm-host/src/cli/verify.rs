@@ -8,7 +8,7 @@ use crate::diagnose::verify::verify;
 use crate::error::{Failure, Result, printable};
 use crate::files::source::{self, Source};
 use crate::files::verified::Diagnosed;
-use crate::report::page::of_file;
+use crate::page::of_file;
 use crate::report::verify as report;
 
 /// What has changed between two diagnoses of one machine, such as before and after a repair, beyond uncertainty.

@@ -6,7 +6,7 @@ use pkm_diagnosis::verdict::Verdict;
 use serde::Serialize;
 
 use super::{Diagnosis, ELEMENT, checks, text};
-use crate::report::p_in_words;
+use crate::page::p_in_words;
 
 /// How far a judgement goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

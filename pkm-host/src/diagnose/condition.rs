@@ -6,7 +6,7 @@ use super::Diagnosis;
 use super::badges::{Badge, Grade};
 use super::estimates::Estimate;
 use crate::files::verified::Quantity;
-use crate::report::page::{Finding, badges, on_screen, table};
+use crate::page::{Finding, badges, on_screen, table};
 
 /// A badge as a finding.
 fn finding(badge: &Badge) -> Finding {

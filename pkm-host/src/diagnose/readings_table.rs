@@ -5,8 +5,8 @@ use maud::Markup;
 use super::compare::Rival;
 use super::{Diagnosis, text};
 use crate::files::readings::{CHANNELS, Readings};
+use crate::page::keyed_table;
 use crate::pose::written_units;
-use crate::report::page::keyed_table;
 
 /// Rows, at most: more would make a page slow.
 const ROWS: usize = 1500;

@@ -13,10 +13,10 @@ use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, readings_table
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, GAUGE, Readings};
+use crate::page::plot::{self, Bar};
+use crate::page::{Finding, Page, of_file, on_screen, picture, table};
+use crate::page::{p_in_words, p_value};
 use crate::pose::written_units;
-use crate::report::page::{Finding, Page, of_file, on_screen, picture, table};
-use crate::report::plot::{self, Bar};
-use crate::report::{p_in_words, p_value};
 
 /// Places that are named to be inspected first; the others are among the findings.
 const MOST_TO_INSPECT: usize = 3;

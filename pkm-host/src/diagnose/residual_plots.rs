@@ -8,9 +8,9 @@ use super::compare::Rival;
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Condition, Readings};
+use crate::page::keyed_charts;
+use crate::page::plot::{Mark, Panel, Series};
 use crate::pose::file_units;
-use crate::report::page::keyed_charts;
-use crate::report::plot::{Mark, Panel, Series};
 
 /// Most points of a series: more would only blacken the picture.
 const POINTS: usize = 1500;

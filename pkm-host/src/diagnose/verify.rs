@@ -8,7 +8,7 @@ use super::ELEMENT;
 use super::estimates::COVERAGE;
 use super::text::{self, probability};
 use crate::files::verified::{Condition, Diagnosed, Finding, Quantity};
-use crate::report::p_in_words;
+use crate::page::p_in_words;
 
 /// Largest probability that any of the changes that are named is nothing but noise.
 const MAX_FAMILY_P: f64 = 0.01;

@@ -14,9 +14,9 @@ use crate::files::machine::MachineFile;
 use crate::files::readings::{GAUGE, Readings};
 use crate::files::results::ShownReading;
 use crate::files::table::TableFile;
+use crate::fit::export::{Provenance, rust_source};
 use crate::fit::{self, TermChoice};
 use crate::pose::{NamedPose, pose_of, tidy, written_units};
-use crate::report::export::{Provenance, rust_source};
 
 /// Levels of each variable at which the residual correction table is fitted.
 const LEVELS: usize = 5;

@@ -1,6 +1,7 @@
 //! Fitting correction tables to stiffness data (paper, Eqs. 10-14; `docs/theory.md`).
 
 mod evaluate;
+pub mod export;
 mod regression;
 mod uncertainty;
 

@@ -8,9 +8,9 @@ use super::outcome::{Estimate, Identification, LARGE_PULL_SD, Rival, TriedState,
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::unloaded::{Unloaded, UnloadedReading};
-use crate::report::p_value;
-use crate::report::page::{Finding, Page, charts, fold, of_file, table};
-use crate::report::plot::{Mark, Panel, Series};
+use crate::page::p_value;
+use crate::page::plot::{Mark, Panel, Series};
+use crate::page::{Finding, Page, charts, fold, of_file, table};
 
 /// Standard deviations from which a difference from the declared value is one.
 const SIGNIFICANT_SD: f64 = 3.0;

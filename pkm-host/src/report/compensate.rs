@@ -4,11 +4,11 @@ use maud::html;
 use serde_json::{Value, json};
 
 use crate::error::Result;
+use crate::page::plot::{self, Mark, Panel, Series};
+use crate::page::{self, Finding, Page};
 use crate::plan::feed::TooFast;
 use crate::plan::track::{Error, LineErrors, Nearest, Tally, Track};
-use crate::report::page::{self, Finding, Page};
 use crate::report::path3d;
-use crate::report::plot::{self, Mark, Panel, Series};
 
 /// A determinant below this many times the limit is a warning.
 const NEAR: f64 = 1.5;

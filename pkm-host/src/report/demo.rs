@@ -2,7 +2,7 @@
 
 use maud::{PreEscaped, html};
 
-use super::page::{Finding, Page, fold};
+use crate::page::{Finding, Page, fold};
 
 /// What one call made.
 pub(crate) struct Exhibit {

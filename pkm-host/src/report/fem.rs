@@ -9,11 +9,11 @@ use crate::fem::{Case, Settings, Solved};
 use crate::files::dataset::{self, stiffness_columns};
 use crate::files::machine::MachineFile;
 use crate::files::solid::Solid;
+use crate::page::plot::{Mark, Panel, Series};
+use crate::page::{Finding, Page, charts, fold, of_file, picture, table};
 use crate::pose::file_units;
 use crate::report::drawing;
 use crate::report::fit::USABLE_PERCENT;
-use crate::report::page::{Finding, Page, charts, fold, of_file, picture, table};
-use crate::report::plot::{Mark, Panel, Series};
 use crate::report::stiffness::header as stiffness_header;
 
 const STIFFNESSES: [&str; 6] = ["k11", "k22", "k33", "k44", "k55", "k66"];

@@ -8,12 +8,12 @@ use pkm_core::correction::EQ_11;
 
 use crate::error::Result;
 use crate::files::machine::MachineFile;
+use crate::fit::export::Provenance;
 use crate::fit::{DeflectionError, DeflectionErrors, Evaluation, Fit, Sample, TermChoice};
+use crate::page::plot::{self, Bar, Mark, Panel, Series};
+use crate::page::{Finding, Page, State, charts, fold, on_screen, picture, table};
 use crate::pose::{ROTATION_ARM_M, file_units};
-use crate::report::export::Provenance;
-use crate::report::page::{Finding, Page, State, charts, fold, on_screen, picture, table};
 use crate::report::paper;
-use crate::report::plot::{self, Bar, Mark, Panel, Series};
 use serde_json::{Value, json};
 
 /// A mean error that a model of the stiffness may have where it is used, %.

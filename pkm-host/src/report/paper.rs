@@ -3,10 +3,10 @@
 use maud::{Markup, html};
 
 use super::fit::STIFFNESSES;
-use super::page::table;
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::fit::{Evaluation, Fit};
+use crate::page::table;
 use crate::pose::pose_of;
 
 /// Mean, stdev, max and min of six.

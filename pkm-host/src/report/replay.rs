@@ -9,10 +9,10 @@ use crate::error::Result;
 use crate::files::dataset::{POINT_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, pose_cells, to_csv};
 use crate::files::learn::{named, units};
 use crate::files::log::TIME_COLUMN;
+use crate::page::plot::{Mark, Panel, Series};
+use crate::page::{self, Finding, Page};
 use crate::pose::{tidy, written_units};
 use crate::replay::{BATCH, Proposal, Replay};
-use crate::report::page::{self, Finding, Page};
-use crate::report::plot::{Mark, Panel, Series};
 
 /// Coverage factor of 95 %.
 const K95: f64 = 1.96;

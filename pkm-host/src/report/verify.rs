@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use crate::diagnose::text::probability;
 use crate::diagnose::verify::{Change, Verification};
-use crate::report::page::{Finding, Page, table};
+use crate::page::{Finding, Page, table};
 
 /// Of probabilities.
 const DECIMALS: usize = 4;

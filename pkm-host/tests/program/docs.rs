@@ -164,3 +164,55 @@ fn the_table_of_effects_is_the_register() {
     known.sort();
     assert_eq!(listed, known);
 }
+
+/// Names in code font that begin the rows of a section's table.
+fn first_cells(document: &str, section: &str) -> Vec<String> {
+    let text = fs::read_to_string(root().join(document)).unwrap();
+    let section = text.split(&format!("\n## {section}\n")).nth(1).unwrap().split("\n## ").next().unwrap();
+    let cells = section.lines().filter_map(|line| line.strip_prefix("| `")?.split(" |").next());
+    cells.flat_map(|cell| cell.split('`').step_by(2).map(str::to_owned).collect::<Vec<_>>()).collect()
+}
+
+#[test]
+fn every_command_is_in_formats_md() {
+    let help = crate::common::run(&["--help"]).stdout;
+    let help = String::from_utf8(help).unwrap();
+    let commands = help.split("\nCommands:\n").nth(1).unwrap().split("\n\n").next().unwrap();
+    let known = first_cells("docs/formats.md", "Calls");
+    for command in commands.lines().filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help") {
+        assert!(known.iter().any(|name| name == command), "`{command}` has no row in docs/formats.md, Calls");
+    }
+}
+
+#[test]
+fn a_room_of_the_program_uses_rooms_above_it_alone() {
+    let rooms = first_cells("docs/architecture.md", "Rooms of the program");
+    let place = |name: &str| rooms.iter().position(|room| room == name);
+    let mut files = vec![root().join("pkm-host/src")];
+    let source = files[0].clone();
+    let mut crossings = 0;
+    while let Some(path) = files.pop() {
+        if path.is_dir() {
+            files.extend(fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+            continue;
+        }
+        let name = path.strip_prefix(&source).unwrap().to_str().unwrap();
+        let own = name.split('/').next().unwrap().trim_end_matches(".rs");
+        if !name.ends_with(".rs") || ["lib", "main"].contains(&own) {
+            continue;
+        }
+        let own = place(own).unwrap_or_else(|| panic!("{name}: its room is not in the table of docs/architecture.md"));
+        for other in fs::read_to_string(&path).unwrap().split("crate::").skip(1) {
+            let other = other.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap();
+            if let Some(other) = place(other) {
+                assert!(
+                    other <= own,
+                    "{name} uses `{}`, which is below its room in docs/architecture.md",
+                    rooms[other]
+                );
+                crossings += usize::from(other < own);
+            }
+        }
+    }
+    assert!(crossings > 100, "{crossings}");
+}

@@ -39,7 +39,7 @@ impl Named {
         for name in [&[NAME, "<script>machine&\".toml"], names].concat() {
             assert!(html.contains(&escaped(name)), "{report} does not name {name}");
         }
-        let script = concat!("<script>", include_str!("../../src/report/page.js"), "</script>");
+        let script = concat!("<script>", include_str!("../../src/page/page.js"), "</script>");
         assert_eq!(html.matches(script).count(), 1, "{report} has the script of all pages, once");
         // links lead within the page
         let rest = html.replace(script, "").replace("href=\"#section-", "");

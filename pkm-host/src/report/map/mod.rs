@@ -11,9 +11,9 @@ use self::picture::Picture;
 use crate::files::dataset::stiffness_column;
 use crate::files::machine::MachineFile;
 use crate::files::source::Source;
+use crate::page::{Finding, Page, fold, map_pictures, of_file, table};
 use crate::plan::map::claims::Claim;
 use crate::plan::map::{Map, Point};
-use crate::report::page::{Finding, Page, fold, map_pictures, of_file, table};
 
 /// Of A-uvw, along which k11, k22 and k33 are.
 const AXES: [&str; 3] = ["u", "v", "w"];
@@ -207,7 +207,7 @@ mod tests {
     /// Black and white become the page's ink and card.
     #[test]
     fn stripes_are_seen_on_every_colour_light_and_dark() {
-        let style = include_str!("../style.css");
+        let style = include_str!("../../page/style.css");
         for scheme in style.lines().take(2) {
             let colour = |name: &str| {
                 let start = scheme.find(name).unwrap() + name.len();

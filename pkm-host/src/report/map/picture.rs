@@ -10,9 +10,9 @@ use super::contour::{self, Pixel};
 use super::region::{LIMITS, Region, U95};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
+use crate::page::plot::{self, COLOURS, failed};
 use crate::plan::map::{Map, Model, Point};
 use crate::pose::PoseBox;
-use crate::report::plot::{self, COLOURS, failed};
 
 /// Bands of colour, at most.
 const BANDS: f64 = 14.0;

@@ -6,10 +6,10 @@ use maud::{Markup, html};
 
 use super::{digits, figures, mm, names, short};
 use crate::error::Result;
+use crate::page::plot::{Mark, Panel, Series};
+use crate::page::{Finding, charts, table};
 use crate::plan::place::search::Placed;
 use crate::plan::place::{Front, Objective, PlacementModel, Point};
-use crate::report::page::{Finding, charts, table};
-use crate::report::plot::{Mark, Panel, Series};
 
 /// Share of a front's extent that is left free about it in its picture.
 const MARGIN: f64 = 0.08;

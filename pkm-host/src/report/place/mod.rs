@@ -11,12 +11,12 @@ use maud::{Markup, html};
 use crate::error::Result;
 use crate::files::job::{Axis, Series};
 use crate::files::source::Source;
+use crate::page::plot::{self, HeatMap, Mark, Panel, Series as Points};
+use crate::page::{Finding, Page, charts, fold, map_pictures, of_file, pictures, table};
 use crate::plan::place::Grid;
 use crate::plan::place::search::{Method, Options, Placed, Placement};
 use crate::plan::place::{Objective, PlacementModel, Posture};
 use crate::pose::file_units;
-use crate::report::page::{Finding, Page, charts, fold, map_pictures, of_file, pictures, table};
-use crate::report::plot::{self, HeatMap, Mark, Panel, Series as Points};
 
 pub use document::document;
 

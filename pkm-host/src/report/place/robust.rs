@@ -3,9 +3,9 @@
 use maud::{Markup, html};
 
 use super::{mm, series_name};
+use crate::page::{Finding, table};
 use crate::plan::place::search::Placed;
 use crate::plan::place::{PlacementModel, Robust};
-use crate::report::page::{Finding, table};
 
 fn um(m: f64) -> String {
     format!("{:.3} µm", m * 1e6)

@@ -3,11 +3,14 @@
 //! Commands make their own pictures and tables; what a page is made of, and in which order, is said here. All of it can be read without the
 //! script, which adds values under the pointer, series that are switched off, tables that are sorted, and ways between rows and points.
 
+mod chart;
+pub mod plot;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use self::plot::Panel;
 use crate::error::Result;
 use crate::files::source::Source;
-use crate::report::plot::{self, Panel};
 
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -327,4 +330,26 @@ pub(crate) fn on_screen(summary: &str, file: &str, body: &Markup) -> Markup {
 /// What is long: open on paper.
 pub(crate) fn fold(summary: &str, body: &Markup) -> Markup {
     html! { details { summary { (summary) } (body) } }
+}
+
+/// Smallest probability that is written as a number: smaller ones are no longer exact, or 0.
+const LEAST_P: f64 = 1e-300;
+
+/// A probability that a test gives, for a cell.
+pub(crate) fn p_value(p: f64) -> String {
+    if p < LEAST_P { format!("< {LEAST_P:e}") } else { format!("{p:.1e}") }
+}
+
+/// The same in a sentence, as `p = 1.2e-5`.
+pub(crate) fn p_in_words(p: f64) -> String {
+    if p < LEAST_P { format!("p {}", p_value(p)) } else { format!("p = {}", p_value(p)) }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_probability_that_underflows_is_no_zero() {
+        assert_eq!((super::p_value(1.24e-5), super::p_value(0.0)), ("1.2e-5".into(), "< 1e-300".into()));
+        assert_eq!((super::p_in_words(0.03), super::p_in_words(1e-310)), ("p = 3.0e-2".into(), "p < 1e-300".into()));
+    }
 }

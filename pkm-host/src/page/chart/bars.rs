@@ -47,7 +47,7 @@ fn rounded(v: f64) -> f64 {
 }
 
 /// A group a label, a bar a series.
-pub(in crate::report) fn drawing(
+pub(in crate::page) fn drawing(
     title: &str,
     y_label: &str,
     labels: &[&str],

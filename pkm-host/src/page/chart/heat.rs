@@ -7,7 +7,7 @@ use maud::html;
 use super::axis::{Axis, plain};
 use super::{Drawing, LETTER, colour, px, unit};
 use crate::error::Result;
-use crate::report::plot::HeatMap;
+use crate::page::plot::HeatMap;
 
 /// Cells along an axis, and colours of the bar, at the most.
 const CELLS: usize = 120;
@@ -93,7 +93,7 @@ fn stripes(marked: &[Vec<bool>], apart: usize, corner: impl Fn(usize, usize) -> 
     path
 }
 
-pub(in crate::report) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
+pub(in crate::page) fn drawing(map: &HeatMap<'_>) -> Result<Drawing> {
     let (nx, ny) = (map.x.len(), map.y.len());
     let (skip_x, skip_y) = (nx.div_ceil(CELLS), ny.div_ceil(CELLS));
     let columns: Vec<usize> = (0..nx).step_by(skip_x).collect();

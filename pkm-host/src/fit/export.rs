@@ -8,11 +8,11 @@ use pkm_core::effects::{EFFECTS, Effects, MAX_PARAMETERS};
 use pkm_core::machine::{Body, LimbParameters};
 use pkm_core::{MachineParameters, WristParameters};
 
+use super::{Evaluation, Fit};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::table::TableFile;
 use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers};
-use crate::fit::{Evaluation, Fit};
 
 /// Where a table came from.
 pub struct Provenance<'a> {
