@@ -17,7 +17,7 @@ pub(crate) struct ActiveEffects<T> {
 
 /// The bit of [`ActiveEffects::active`] for elements.
 const ELEMENTS: u32 = 1 << 31;
-const _: () = assert!(COUNT < 31, "a bit for each effect");
+const _: () = assert!(COUNT <= 31, "a bit for each effect");
 
 impl<T: Scalar> ActiveEffects<T> {
     /// True when any effect is on or any element there.

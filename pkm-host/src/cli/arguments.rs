@@ -72,8 +72,11 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
     finite(text).and_then(|v| if v > 0.0 { Ok(v) } else { Err("expected a number above 0".into()) })
 }
 
-pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|v| if v >= 0.0 { Ok(v) } else { Err("expected a number of at least 0".into()) })
+pub(crate) fn within(least: f64, most: f64) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let number = finite(text).ok().filter(|v| (least..=most).contains(v));
+        number.ok_or_else(|| format!("expected a number from {least} to {most}"))
+    }
 }
 
 pub(crate) fn finite(text: &str) -> Result<f64, String> {

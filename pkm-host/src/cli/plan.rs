@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use super::arguments::{ColumnsArgs, list, not_negative, positive};
+use super::arguments::{ColumnsArgs, list, within};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::diagnose::campaign::{self, Means, Stated};
@@ -21,16 +21,16 @@ use crate::pose::PoseBox;
 #[derive(clap::Args)]
 struct CampaignArgs {
     /// For campaign: one standard deviation of a reading of translation, its zero reading included.
-    #[arg(long, value_name = "µM", value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, value_name = "µM", value_parser = within(0.001, 10_000.0), allow_hyphen_values = true)]
     sigma_um: Option<f64>,
     /// For campaign: the same of rotation; without it rotations are not read.
-    #[arg(long, value_name = "µRAD", value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, value_name = "µRAD", value_parser = within(0.001, 10_000.0), allow_hyphen_values = true)]
     sigma_urad: Option<f64>,
     /// For campaign: largest force that is applied; default 200.
-    #[arg(long, value_name = "N", value_parser = positive, allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", value_parser = within(1.0, 100_000.0), allow_hyphen_values = true)]
     force_n: Option<f64>,
     /// For campaign: distance from A at which a force makes a moment; 0 for no moments; default 200.
-    #[arg(long, value_name = "MM", value_parser = not_negative, allow_hyphen_values = true)]
+    #[arg(long, value_name = "MM", value_parser = within(0.0, 10_000.0), allow_hyphen_values = true)]
     lever_mm: Option<f64>,
     /// For campaign: most poses; default 20.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=75))]

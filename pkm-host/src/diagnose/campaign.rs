@@ -196,10 +196,19 @@ fn target(model: &Model, stated: &Stated) -> Result<Target> {
     };
     let unknowns = &model.candidates[candidate].unknowns;
     let mut named = info(effect).parameters.iter().zip(unknowns).filter(|(_, u)| model.parameters[u.0].is_amplitude());
-    let Some((_, unknown)) = named.clone().find(|(p, _)| p.name == stated.parameter) else {
+    let Some((known, unknown)) = named.clone().find(|(p, _)| p.name == stated.parameter) else {
         let names: Vec<&str> = named.by_ref().map(|(p, _)| p.name).collect();
         return fail(format!("expected one of its amplitudes: {}", names.join(", ")));
     };
+    if stated.value < 0.0 && !info(effect).signed {
+        return fail(format!(
+            "expected a size above 0, found {:e}: a machine has no less of it than none",
+            stated.value
+        ));
+    }
+    if stated.value.abs() >= known.refused_from {
+        return fail(format!("expected less than {:e}, which no machine file may have", known.refused_from));
+    }
     let x = (stated.value / model.parameters[unknown.0].prior.value(1.0)).abs();
     Ok(Target { candidate, unknown: *unknown, x })
 }

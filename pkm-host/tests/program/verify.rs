@@ -193,7 +193,11 @@ fn a_campaign_stays_within_what_is_allowed_and_refuses_what_it_cannot_plan() {
         (vec!["--sigma-um", "1", "--detect", "no-such.axial=1"], "there is no effect of this name"),
         (vec!["--sigma-um", "1", "--detect", "thermal-modulus.bodies_per_k=1e-4"], "temperatures"),
         (vec!["--sigma-um", "1", "--data", "d.csv"], "--data goes with"),
-        (vec!["--sigma-um", "-1"], "expected a number above 0"),
+        (vec!["--sigma-um", "-1"], "expected a number from 0.001 to 10000"),
+        (vec!["--sigma-um", "1e-10"], "expected a number from 0.001 to 10000"),
+        (vec!["--sigma-um", "1", "--force-n", "1e-10"], "expected a number from 1 to 100000"),
+        (vec!["--sigma-um", "1", "--detect", "limb-1-axial.axial_m_per_n=-1e-8"], "expected a size above 0"),
+        (vec!["--sigma-um", "1", "--detect", "limb-1-axial.axial_m_per_n=1e300"], "no machine file may have"),
     ] {
         let error = refused(&campaign(&out, &more));
         assert!(error["message"].as_str().unwrap().contains(words), "{error}");
