@@ -1,6 +1,7 @@
 //! Findings of the inference as sites: what each may be called, and where it is.
 
 use nalgebra::DMatrix;
+use pkm_core::effects::Place;
 use pkm_diagnosis::places::{Inferred, NOWHERE};
 use pkm_diagnosis::{Kind, Rules, Search};
 
@@ -60,6 +61,17 @@ fn probability_of(places: &[(String, f64)], some: &[String]) -> f64 {
     places.iter().filter(|p| some.contains(&p.0)).map(|p| p.1).sum()
 }
 
+/// What holds a limb's joint, and where it does yields with it: no deflection at the tool tells a joint from its seat.
+fn seat(places: &[String]) -> Option<String> {
+    let [only] = places else { return None };
+    let seat = match Place::from_name(only)? {
+        Place::BaseJoint { .. } => Place::Base,
+        Place::PlatformJoint { .. } => Place::MovingPlatform,
+        _ => return None,
+    };
+    seat.name().map(str::to_owned)
+}
+
 /// The places that a finding names: its block's own two first, and of its rivals the likely ones, `1 + MAX_CLASS` at the most. What so few do not
 /// hold is not located: then all are named that it takes.
 fn named_places(own: &[String], places: &[(String, f64)], rules: &Rules) -> Vec<String> {
@@ -67,7 +79,7 @@ fn named_places(own: &[String], places: &[(String, f64)], rules: &Rules) -> Vec<
     // the block's own second place, such as the joint whose axes are turned, before its rivals, and its others behind these
     let (first, others) = own.split_at(own.len().min(2));
     let mut all: Vec<String> = Vec::new();
-    for place in first.iter().chain(likely).chain(others) {
+    for place in first.iter().chain(&seat(own)).chain(likely).chain(others) {
         if !all.contains(place) {
             all.push(place.clone());
         }
@@ -179,6 +191,11 @@ mod tests {
         // a place of the block's own stands before a likelier rival
         let all = named(&["base", "limb.1.body"], &spread);
         assert_eq!(all, ["base", "limb.1.body", "tool", "load"]);
+        // a joint may be its seat
+        let joint = [("limb.3.base_joint", 0.9), ("limb.3.body", 0.1)];
+        assert_eq!(named(&["limb.3.base_joint"], &joint), ["limb.3.base_joint", "base", "limb.3.body"]);
+        let joint = [("limb.1.platform_joint", 1.0)];
+        assert_eq!(named(&["limb.1.platform_joint"], &joint), ["limb.1.platform_joint", "moving_platform"]);
         let wide =
             [("base", 0.4), ("tool", 0.15), ("load", 0.12), ("sensor", 0.11), ("geometry", 0.11), ("time", 0.11)];
         assert_eq!(named(&["base"], &wide), ["base", "tool", "load", "sensor", "geometry"]);
