@@ -1,12 +1,12 @@
 //! What crosses the border of an estimator.
 
-use pkm_core::{Domain, Scalar};
 use pkm_core::effects::{Motion, Place};
 use pkm_core::estimation::{
     Alarm, Amplitude, AmplitudeSettings, Estimator, EstimatorSettings, EstimatorSettingsError, Learned, Refusal,
     StateError, TipReading, Touch,
 };
 use pkm_core::nalgebra::Vector6;
+use pkm_core::{Domain, Scalar};
 
 use crate::{PKM_AMPLITUDES, PkmDomain, PkmError, PkmPoint, PkmPose, PkmWrench};
 
