@@ -64,7 +64,12 @@ impl Effect {
     /// Where to look on the machine.
     pub fn inspect(&self) -> String {
         if self.is_located() {
-            return text::inspect_effect(self.id, &self.place);
+            let own = text::inspect_effect(self.id, &self.place);
+            let seat = sites::seat(&self.place).filter(|seat| self.id == ELEMENT && self.place_class.contains(seat));
+            return match seat {
+                Some(seat) => format!("{own}, and its seat in the {}", text::place(&seat)),
+                None => own,
+            };
         }
         let places = [&self.place].into_iter().chain(&self.place_class).map(|place| text::place(place));
         format!("{} (the readings do not say which)", places.collect::<Vec<_>>().join("; "))

@@ -62,9 +62,8 @@ fn probability_of(places: &[(String, f64)], some: &[String]) -> f64 {
 }
 
 /// What holds a limb's joint, and where it does yields with it: no deflection at the tool tells a joint from its seat.
-fn seat(places: &[String]) -> Option<String> {
-    let [only] = places else { return None };
-    let seat = match Place::from_name(only)? {
+pub fn seat(place: &str) -> Option<String> {
+    let seat = match Place::from_name(place)? {
         Place::BaseJoint { .. } => Place::Base,
         Place::PlatformJoint { .. } => Place::MovingPlatform,
         _ => return None,
@@ -78,8 +77,9 @@ fn named_places(own: &[String], places: &[(String, f64)], rules: &Rules) -> Vec<
     let likely = places.iter().filter(|p| p.1 >= rules.min_place_probability).map(|p| &p.0);
     // the block's own second place, such as the joint whose axes are turned, before its rivals, and its others behind these
     let (first, others) = own.split_at(own.len().min(2));
+    let seat = if let [only] = own { seat(only) } else { None };
     let mut all: Vec<String> = Vec::new();
-    for place in first.iter().chain(&seat(own)).chain(likely).chain(others) {
+    for place in first.iter().chain(&seat).chain(likely).chain(others) {
         if !all.contains(place) {
             all.push(place.clone());
         }
