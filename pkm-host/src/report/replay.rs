@@ -223,8 +223,8 @@ fn findings(replay: &Replay) -> Vec<Finding> {
     let outside = outside_box(replay);
     if let Some(line) = outside.first() {
         found.push(Finding::warning(format!(
-            "{} of them are outside the box that the table was fitted in, the first in line {line}: what they teach rests on what the \
-             table says there by extrapolation.",
+            "Outside the box that the table was fitted in: {} of them, the first in line {line}. What they teach rests on what the table \
+             says there by extrapolation.",
             outside.len()
         )));
     }
