@@ -130,35 +130,28 @@ fn write_effects(line: &mut impl FnMut(&str), effects: &Effects) {
 fn write_machine(line: &mut impl FnMut(&str), parameters: &MachineParameters) {
     line("/// The machine that the table was fitted for.");
     line(&format!("pub const PARAMETERS: MachineParameters = {};", parameters_literal(parameters)));
-    line(&format!(
-        "const _: () = assert!(PARAMETERS.checksum() == 0x{:016x}, \"the machine was changed by hand\");",
-        parameters.checksum()
-    ));
-    line("");
-    for (bits, kind) in [("64", "f64"), ("32", "f32")] {
-        line(&format!("/// The machine, checked when this file is compiled, in `{kind}`."));
-        line(&format!("pub static MACHINE_F{bits}: Machine<{kind}> = match Machine::<{kind}>::new(&PARAMETERS) {{"));
-        line("    Ok(machine) => machine,");
-        line("    Err(_) => panic!(\"a number of the machine is out of its range\"),");
-        line("};");
-        line("");
-    }
+    write_checked(line, ("machine", "Machine"), "PARAMETERS", parameters.checksum());
 }
 
 fn write_wrist(line: &mut impl FnMut(&str), wrist: &WristParameters) {
     line("/// Its wrist.");
     line("#[allow(clippy::approx_constant)]");
     line(&format!("pub const WRIST: WristParameters = {};", wrist_literal(wrist)));
+    write_checked(line, ("wrist", "Wrist"), "WRIST", wrist.checksum());
+}
+
+/// What a constant becomes that is held against its checksum, in both kinds of numbers.
+fn write_checked(line: &mut impl FnMut(&str), (noun, of): (&str, &str), constant: &str, checksum: u64) {
     line(&format!(
-        "const _: () = assert!(WRIST.checksum() == 0x{:016x}, \"the wrist was changed by hand\");",
-        wrist.checksum()
+        "const _: () = assert!({constant}.checksum() == 0x{checksum:016x}, \"the {noun} was changed by hand\");"
     ));
     line("");
     for (bits, kind) in [("64", "f64"), ("32", "f32")] {
-        line(&format!("/// The wrist, checked when this file is compiled, in `{kind}`."));
-        line(&format!("pub static WRIST_F{bits}: Wrist<{kind}> = match Wrist::<{kind}>::new(&WRIST) {{"));
-        line("    Ok(wrist) => wrist,");
-        line("    Err(_) => panic!(\"a number of the wrist is out of its range\"),");
+        let name = noun.to_uppercase();
+        line(&format!("/// The {noun}, checked when this file is compiled, in `{kind}`."));
+        line(&format!("pub static {name}_F{bits}: {of}<{kind}> = match {of}::<{kind}>::new(&{constant}) {{"));
+        line(&format!("    Ok({noun}) => {noun},"));
+        line(&format!("    Err(_) => panic!(\"a number of the {noun} is out of its range\"),"));
         line("};");
         line("");
     }
