@@ -1,4 +1,4 @@
-//! Compensation of the load as a controller switches it on: with state, limits, and a defined output for every fault.
+//! Compensation of the load as a controller switches it on: with state, limits, and a defined output for every fault. Long: settings, update and reactions are read together.
 //!
 //! [`CorrectionTable::cycle`](crate::CorrectionTable::cycle) computes what would make up for a load. A [`Compensator`] decides how
 //! much of it is commanded, and how fast. One [`update`](Compensator::update) a period:

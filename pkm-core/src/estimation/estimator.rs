@@ -1,4 +1,4 @@
-//! The estimator itself.
+//! The estimator itself: long, as every part of it works on the same private state.
 
 use nalgebra::Vector3;
 

@@ -196,7 +196,7 @@ fn target(model: &Model, stated: &Stated) -> Result<Target> {
     };
     let unknowns = &model.candidates[candidate].unknowns;
     let mut named = info(effect).parameters.iter().zip(unknowns).filter(|(_, u)| model.parameters[u.0].is_amplitude());
-    let Some((known, unknown)) = named.clone().find(|(p, _)| p.name == stated.parameter) else {
+    let Some((parameter, unknown)) = named.clone().find(|(p, _)| p.name == stated.parameter) else {
         let names: Vec<&str> = named.by_ref().map(|(p, _)| p.name).collect();
         return fail(format!("expected one of its amplitudes: {}", names.join(", ")));
     };
@@ -206,8 +206,8 @@ fn target(model: &Model, stated: &Stated) -> Result<Target> {
             stated.value
         ));
     }
-    if stated.value.abs() >= known.refused_from {
-        return fail(format!("expected less than {:e}, which no machine file may have", known.refused_from));
+    if stated.value.abs() >= parameter.refused_from {
+        return fail(format!("expected less than {:e}, which no machine file may have", parameter.refused_from));
     }
     let x = (stated.value / model.parameters[unknown.0].prior.value(1.0)).abs();
     Ok(Target { candidate, unknown: *unknown, x })
