@@ -265,7 +265,8 @@ fn advice(replay: &Replay) -> [Finding; 2] {
     } else if unknown(replay).is_empty() {
         "nothing; go on touching known loads.".to_owned()
     } else {
-        "touch the loads that are proposed below: what was touched so far leaves some amplitudes unknown.".to_owned()
+        let which = if replay.next.is_empty() { "that --next proposes" } else { "that are proposed below" };
+        format!("touch the loads {which}: what was touched so far leaves some amplitudes unknown.")
     };
     [Finding::good(sure).sure(), Finding::good(todo).todo()]
 }

@@ -300,5 +300,8 @@ fn readings_outside_the_tables_box_are_counted() {
     let log = folder.write("log.csv", &log);
     let found = json(&["replay", "--log", &log, "--table", &table, "--out", &folder.path("out")]);
     assert_eq!((&found["taken"], &found["outside_box_at_lines"]), (&2.into(), &serde_json::json!([3])));
-    assert!(folder.read("out/report.html").contains("table was fitted in: 1 of them"));
+    let page = folder.read("out/report.html");
+    assert!(page.contains("table was fitted in: 1 of them") && page.contains("touch the loads that --next proposes"));
+    json(&["replay", "--log", &log, "--table", &table, "--next", "1", "--out", &folder.path("out")]);
+    assert!(folder.read("out/report.html").contains("touch the loads that are proposed below"));
 }
