@@ -75,6 +75,8 @@ pub enum Damaged {
     Wrist,
     /// The table.
     Table,
+    /// How far the table may be off.
+    Uncertainty,
 }
 
 impl fmt::Display for Damaged {
@@ -83,6 +85,7 @@ impl fmt::Display for Damaged {
             Self::Machine => "the machine in memory is damaged or another one",
             Self::Wrist => "the wrist in memory is damaged or another one",
             Self::Table => "the table in memory is damaged or another one",
+            Self::Uncertainty => "the table's uncertainty in memory is damaged or another one",
         })
     }
 }

@@ -54,7 +54,7 @@ fn kinematics<T: Scalar>(machine: &Machine<T>) {
     let l2 = 0.53f64 * 0.53;
     assert_near(distance.limbs_1_2, l2 / (l2 + g.a1_m * g.b1_m), 1.0, 10.0);
     assert_near(distance.limb_3, 0.53 / 0.53f64.hypot(g.a2_m), 1.0, 10.0);
-    assert!(machine.travel_margin_m(&upright).0 > T::ZERO);
+    assert!(machine.travel_margin_m(&upright).is_ok_and(|(margin_m, _)| margin_m > T::ZERO));
 
     assert_eq!(machine.inverse(&pose(f64::NAN, 0.0, 0.53)), Err(KinematicsError::NotFinite));
     assert_eq!(machine.inverse(&pose(2.0, 0.0, 0.53)), Err(KinematicsError::Unreachable));

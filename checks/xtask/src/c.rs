@@ -245,7 +245,7 @@ fn expected<T: Scalar>(
     let flat = |p: Pose<T>, q: ScrewLengths<T>| [&[p.theta_rad, p.sigma_rad, p.z0_m], q.q_m.as_slice()].concat();
     let lengths = machine.inverse(pose);
     let set = lengths.unwrap_or(ScrewLengths { q_m: Vector3::zeros() });
-    let (margin_m, limb) = machine.travel_margin_m(&set);
+    let margin = machine.travel_margin_m(&set);
     let deflection = table.factor_form(machine, pose).and_then(|k| {
         let linear = k.factor.deflection(&wrench)?;
         Ok(linear.plus(&machine.load_dependent_deflection(pose, &wrench, &turned_at)?))
@@ -296,8 +296,8 @@ fn expected<T: Scalar>(
         line("forward", machine.forward(&set).map(|p| flat(p, set)[..3].to_vec())),
         line("jacobian", machine.jacobian(pose).map(|j| j.as_slice().to_vec())),
         line("distance", machine.singularity_distance(pose).map(|d| vec![d.limbs_1_2, d.limb_3])),
-        line("margin", Ok::<_, ()>(vec![margin_m])),
-        ok("limb", limb.to_string()),
+        line("margin", margin.map(|(margin_m, _)| vec![margin_m])),
+        ok("limb", margin.map_or(0, |(_, limb)| limb).to_string()),
         line("k_p", machine.stiffness(pose).map(whole)),
         line("domain", Ok::<Vec<T>, ()>(vec![])),
         ok("outside", i32::from(table.domain(pose) == Domain::Outside).to_string()),

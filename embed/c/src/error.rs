@@ -82,6 +82,8 @@ pub enum PkmError {
     SettingOutOfRange = 70,
     /// The memory holds no compensator or estimator of this version and kind.
     NotInitialised = 71,
+    /// The uncertainty of the table in memory is not the one that was built.
+    DamagedUncertainty = 72,
     /// The reading of the wrench is NaN or infinite.
     WrenchNotFinite = 80,
     /// The reading of the wrench is beyond the greatest force or moment.
@@ -159,6 +161,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         69 => c"the self-test of the compensator has other bits",
         70 => c"a setting is out of its range",
         71 => c"the memory holds no compensator or estimator of this version and kind",
+        72 => c"the table's uncertainty in memory is damaged",
         80 => c"the reading of the wrench is not finite",
         81 => c"the reading of the wrench is beyond its greatest",
         82 => c"the reading of the wrench is stuck",
@@ -187,6 +190,7 @@ impl From<Damaged> for PkmError {
             Damaged::Machine => Self::DamagedMachine,
             Damaged::Wrist => Self::DamagedWrist,
             Damaged::Table => Self::DamagedTable,
+            Damaged::Uncertainty => Self::DamagedUncertainty,
             _ => Self::Unknown,
         }
     }

@@ -1,5 +1,6 @@
 //! How far the table may be off, and what is known of a deflection for that reason.
 
+use pkm_core::checksum::Damaged;
 use pkm_core::compensator::Known;
 use pkm_core::estimation::Estimator;
 use pkm_core::{FiveAxis, KnownCycle, Scalar, TableUncertainty, TipUncertainty};
@@ -64,7 +65,7 @@ impl<T: Scalar> PkmKnownOffset<T> {
 
 macro_rules! functions {
     (
-        $t:ident, $the_uncertainty:ident, table_uncertainty $table_uncertainty:ident, cycle_known $cycle_known:ident,
+        $t:ident, $the_uncertainty:ident, $verify:ident, table_uncertainty $table_uncertainty:ident, cycle_known $cycle_known:ident,
         update_known $update_known:ident, tool_update_known $tool_update_known:ident
     ) => {
         #[cfg(table_uncertainty)]
@@ -72,6 +73,13 @@ macro_rules! functions {
             Some(PkmTableUncertainty(coefficients::$the_uncertainty));
         #[cfg(not(table_uncertainty))]
         static $the_uncertainty: Option<PkmTableUncertainty<$t>> = None;
+
+        /// Whether it is in memory as it was built.
+        pub(crate) fn $verify() -> Result<(), Damaged> {
+            #[cfg(table_uncertainty)]
+            coefficients::$the_uncertainty.verify(const { coefficients::$the_uncertainty.checksum() })?;
+            Ok(())
+        }
 
         /// How far the compiled-in table may be off; null when its `coefficients.rs` does not say.
         #[unsafe(no_mangle)]
@@ -176,10 +184,10 @@ macro_rules! functions {
 }
 
 functions! {
-    f64, UNCERTAINTY_F64, table_uncertainty pkm_table_uncertainty_f64, cycle_known pkm_cycle_known_f64,
+    f64, UNCERTAINTY_F64, verify_f64, table_uncertainty pkm_table_uncertainty_f64, cycle_known pkm_cycle_known_f64,
     update_known pkm_compensator_update_known_f64, tool_update_known pkm_tool_compensator_update_known_f64
 }
 functions! {
-    f32, UNCERTAINTY_F32, table_uncertainty pkm_table_uncertainty_f32, cycle_known pkm_cycle_known_f32,
+    f32, UNCERTAINTY_F32, verify_f32, table_uncertainty pkm_table_uncertainty_f32, cycle_known pkm_cycle_known_f32,
     update_known pkm_compensator_update_known_f32, tool_update_known pkm_tool_compensator_update_known_f32
 }

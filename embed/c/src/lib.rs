@@ -55,7 +55,7 @@ const _: () =
 macro_rules! functions {
     (
         $t:ident, $the_machine:ident, $the_table:ident, machine $machine:ident, table $table:ident,
-        verify $verify:ident, self_test $self_test:ident $self_test_core:ident, machine_size $machine_size:ident, at_temperature $at_temperature:ident, inverse $inverse:ident, forward $forward:ident, jacobian $jacobian:ident,
+        verify $verify:ident $verify_uncertainty:ident, self_test $self_test:ident $self_test_core:ident, machine_size $machine_size:ident, at_temperature $at_temperature:ident, inverse $inverse:ident, forward $forward:ident, jacobian $jacobian:ident,
         singularity_distance $singularity_distance:ident, travel_margin $travel_margin:ident,
         stiffness $stiffness:ident, domain $domain:ident, corrected_stiffness $corrected_stiffness:ident,
         deflection $deflection:ident, thermal_deflection $thermal_deflection:ident, compensated $compensated:ident,
@@ -95,17 +95,19 @@ macro_rules! functions {
             &$the_wrist
         }
 
-        /// Whether machine, wrist and table are in memory as they were built: computes their checksums again from memory.
+        /// Whether machine, wrist, table and its uncertainty are in memory as they were built: computes their checksums again from memory.
         /// Ask when the program starts.
         ///
-        /// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
+        /// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE, DAMAGED_UNCERTAINTY.
         #[must_use]
         #[unsafe(no_mangle)]
         pub extern "C" fn $verify() -> PkmError {
             const FIVE: FiveAxis<'static, $t> =
                 FiveAxis { machine: &coefficients::$the_machine, wrist: &coefficients::$the_wrist };
             const BUILT: MemoryChecksums = FIVE.checksums(&coefficients::$the_table);
-            FIVE.verify(&coefficients::$the_table, &BUILT).map_or_else(PkmError::from, |()| PkmError::Ok)
+            FIVE.verify(&coefficients::$the_table, &BUILT)
+                .and_then(|()| known::$verify_uncertainty())
+                .map_or_else(PkmError::from, |()| PkmError::Ok)
         }
 
         /// Computes known poses of the reference machine, whatever machine the library has, and compares their bits. Finds a processor in
@@ -218,9 +220,7 @@ macro_rules! functions {
             // SAFETY: the caller's promise
             unsafe {
                 answer(margin, || {
-                    let (machine, lengths) = (given(machine)?.core(), given(lengths)?.core());
-                    finite::<$t, 3>(lengths.q_m.into())?;
-                    let (margin_m, limb) = machine.travel_margin_m(&lengths);
+                    let (margin_m, limb) = given(machine)?.core().travel_margin_m(&given(lengths)?.core())?;
                     Ok(PkmTravelMargin { margin_m, limb: limb.into() })
                 })
             }
@@ -383,7 +383,7 @@ macro_rules! functions {
 
 functions! {
     f64, MACHINE_F64, TABLE_F64, machine pkm_machine_f64, table pkm_table_f64,
-    verify pkm_verify_f64, self_test pkm_self_test_f64 self_test_f64, machine_size pkm_machine_size_f64, at_temperature pkm_at_temperature_f64, inverse pkm_inverse_f64, forward pkm_forward_f64,
+    verify pkm_verify_f64 verify_f64, self_test pkm_self_test_f64 self_test_f64, machine_size pkm_machine_size_f64, at_temperature pkm_at_temperature_f64, inverse pkm_inverse_f64, forward pkm_forward_f64,
     jacobian pkm_jacobian_f64, singularity_distance pkm_singularity_distance_f64,
     travel_margin pkm_travel_margin_f64, stiffness pkm_stiffness_f64, domain pkm_domain_f64,
     corrected_stiffness pkm_corrected_stiffness_f64, deflection pkm_deflection_f64,
@@ -393,7 +393,7 @@ functions! {
 
 functions! {
     f32, MACHINE_F32, TABLE_F32, machine pkm_machine_f32, table pkm_table_f32,
-    verify pkm_verify_f32, self_test pkm_self_test_f32 self_test_f32, machine_size pkm_machine_size_f32, at_temperature pkm_at_temperature_f32, inverse pkm_inverse_f32, forward pkm_forward_f32,
+    verify pkm_verify_f32 verify_f32, self_test pkm_self_test_f32 self_test_f32, machine_size pkm_machine_size_f32, at_temperature pkm_at_temperature_f32, inverse pkm_inverse_f32, forward pkm_forward_f32,
     jacobian pkm_jacobian_f32, singularity_distance pkm_singularity_distance_f32,
     travel_margin pkm_travel_margin_f32, stiffness pkm_stiffness_f32, domain pkm_domain_f32,
     corrected_stiffness pkm_corrected_stiffness_f32, deflection pkm_deflection_f32,

@@ -191,7 +191,7 @@ impl View {
         let transmission = machine.transmission(pose).map_err(|e| Text::of(&e))?;
         let share = five.normalised_determinant(c).map_err(|e| Text::of(&e))?;
         let table = self.table.as_ref().and_then(|table| table.core().ok());
-        let (margin_m, limb) = machine.travel_margin_m(&joints.lengths);
+        let (margin_m, limb) = machine.travel_margin_m(&joints.lengths).map_err(|e| Text::of(&e))?;
         let sin_cos = pkm_core::Scalar::sin_cos(pose.theta_rad);
         let a_m = Vector3::new(pose.z0_m * sin_cos.0 / sin_cos.1, 0.0, pose.z0_m);
         let placed = Placed::new(request, tool, a_m);

@@ -5,10 +5,12 @@
 //! work). S is v(t)^½ (Σ_r z_r U_r + z₀ s), z independent with variance 1: a few columns U_r that have most of its variance, and a
 //! rest that is the same in every direction. v(t) says how the variance grows towards the edge of the table's box and beyond.
 
+use core::hint::black_box;
+
 use nalgebra::{Vector3, Vector6};
 
 use super::{CorrectionTable, TableError};
-use crate::checksum::{START, over_numbers, over_numbers_f32};
+use crate::checksum::{Damaged, START, over_numbers, over_numbers_f32};
 use crate::linalg;
 use crate::scalar::Scalar;
 use crate::stiffness::{StiffnessError, StiffnessFactor};
@@ -75,6 +77,19 @@ macro_rules! uncertainty {
                     i += 1;
                 }
                 hash
+            }
+
+            /// Computes the checksum again from what is in memory now, and compares it: a bit that flips changes which share of a
+            /// deflection is compensated.
+            ///
+            /// # Arguments
+            /// * `built`: the [`checksum`](Self::checksum) that a `const` has of it.
+            ///
+            /// # Errors
+            /// [`Damaged::Uncertainty`]
+            pub fn verify(&self, built: u64) -> Result<(), Damaged> {
+                // or the compiler would compare two constants
+                if black_box(self).checksum() == built { Ok(()) } else { Err(Damaged::Uncertainty) }
             }
         }
     };

@@ -1,13 +1,20 @@
 //! Ends of travel of the screws.
 
 use super::KinematicsError;
+use crate::linalg::is_finite;
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::types::ScrewLengths;
 
 impl<T: Scalar> Machine<T> {
     /// How far the lengths are from the nearest end of travel, in m; negative outside. With the limb, which counts from 1.
-    pub fn travel_margin_m(&self, lengths: &ScrewLengths<T>) -> (T, u8) {
+    ///
+    /// # Errors
+    /// [`KinematicsError::NotFinite`]
+    pub fn travel_margin_m(&self, lengths: &ScrewLengths<T>) -> Result<(T, u8), KinematicsError> {
+        if !is_finite(&lengths.q_m) {
+            return Err(KinematicsError::NotFinite);
+        }
         let q_m: [T; 3] = lengths.q_m.into();
         let mut least = (q_m[0] - self.q_min[0], 1);
         for (limb, ((q, lo), hi)) in [1, 2, 3].into_iter().zip(q_m.into_iter().zip(self.q_min).zip(self.q_max)) {
@@ -17,7 +24,7 @@ impl<T: Scalar> Machine<T> {
                 }
             }
         }
-        least
+        Ok(least)
     }
 
     pub(super) fn check_travel(&self, lengths: &ScrewLengths<T>) -> Result<(), KinematicsError> {

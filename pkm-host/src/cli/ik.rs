@@ -70,7 +70,7 @@ pub(super) fn margins(
     pose: &Pose<f64>,
     lengths: &ScrewLengths<f64>,
 ) -> Result<(Value, String)> {
-    let (margin_m, limb) = machine.travel_margin_m(lengths);
+    let (margin_m, limb) = machine.travel_margin_m(lengths).map_err(|e| refused(e, "travel"))?;
     let distance = machine.singularity_distance(pose).map_err(|e| refused(e, "singularity"))?;
     let json = json!({
         "travel_margin_mm": margin_m * 1e3,

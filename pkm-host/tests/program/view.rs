@@ -66,7 +66,7 @@ fn answers_are_those_of_the_core_asked_otherwise() {
     close(part(basic, &FORM, "k"), machine.stiffness(&c.pose).expect("K_p").matrix().as_slice(), 1e-14);
     let frame = five.frame(c).expect("a frame");
     assert_eq!(part(&answer, &ANSWER, "tip"), frame.tip_m.as_slice());
-    let (margin_m, limb) = machine.travel_margin_m(&five.joints(c).expect("joints").lengths);
+    let (margin_m, limb) = machine.travel_margin_m(&five.joints(c).expect("joints").lengths).expect("finite");
     assert_eq!(part(&answer, &ANSWER, "margin"), [margin_m, f64::from(limb)]);
     // the last link of the wrist ends at the tip
     let spindle = &part(&answer, &ANSWER, "wrist")[9..];

@@ -4,15 +4,16 @@
 use pkm_core::checksum::{Damaged, MemoryChecksums};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 use pkm_core::correction::{
-    EQ_11, FACTOR_ENTRIES, TableBuffer, TableHeader, TableWatch, TransferError, WATCHED_NUMBERS,
+    EQ_11, FACTOR_ENTRIES, TableBuffer, TableHeader, TableWatch, TransferError, UNCERTAINTY_COLUMNS,
+    UNCERTAINTY_ENTRIES, UNCERTAINTY_SPREAD, WATCHED_NUMBERS,
 };
 use pkm_core::effects::EFFECTS;
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Basis, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, TableError, Wrench, Wrist,
-    WristParameters,
+    Basis, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, TableError, TableUncertainty, Wrench,
+    Wrist, WristParameters,
 };
 use pkm_tests::{between, cases, seeded};
 
@@ -64,6 +65,33 @@ macro_rules! every_bit {
 
 every_bit!(one_bit_of_a_table_is_found_f64, f64, DOUBLE);
 every_bit!(one_bit_of_a_table_is_found_f32, f32, SINGLE);
+
+/// Every bit of every number: refused when it is made, or found.
+#[test]
+fn one_bit_of_a_tables_uncertainty_is_found() {
+    const NUMBERS: usize = UNCERTAINTY_SPREAD + 1 + UNCERTAINTY_COLUMNS * UNCERTAINTY_ENTRIES;
+    let made = |numbers: &[f64; NUMBERS]| {
+        let (spread, others) = numbers.split_first_chunk().unwrap();
+        let [rest, entries @ ..] = others else { unreachable!() };
+        let columns = std::array::from_fn(|c| std::array::from_fn(|e| entries[UNCERTAINTY_ENTRIES * c + e]));
+        TableUncertainty::<f64>::new(*spread, *rest, columns)
+    };
+    let mut rng = seeded();
+    let numbers = std::array::from_fn(|_| between(&mut rng, 0.1, 2.0));
+    let built = made(&numbers).unwrap();
+    assert_eq!(built.verify(built.checksum()), Ok(()));
+    let (mut refused, mut found) = (0, 0);
+    for bit in 0..64 * NUMBERS {
+        let mut other = numbers;
+        other[bit / 64] = f64::from_bits(numbers[bit / 64].to_bits() ^ (1 << (bit % 64)));
+        match made(&other).map(|other| other.verify(built.checksum())) {
+            Err(_) => refused += 1,
+            Ok(verified) => found += usize::from(verified == Err(Damaged::Uncertainty)),
+        }
+    }
+    assert_eq!(refused + found, 64 * NUMBERS);
+    assert!(found > refused, "{refused} refused, {found} found");
+}
 
 #[test]
 fn what_was_built_is_intact_and_another_machine_is_refused() {

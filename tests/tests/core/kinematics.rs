@@ -164,10 +164,15 @@ fn travel_margin_names_the_nearest_limit() {
     let mut parameters = random_parameters(&mut fastrand::Rng::with_seed(2), BodyKind::Beam);
     parameters.travel = pkm_core::machine::Travel { min_m: [0.42; 3], max_m: [0.77; 3] };
     let machine = Machine::<f64>::new(&parameters).unwrap();
-    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: Vector3::new(0.5, 0.6, 0.76) });
+    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: Vector3::new(0.5, 0.6, 0.76) }).unwrap();
     assert!((margin - 0.01).abs() < 1e-12 && limb == 3, "{margin} {limb}");
-    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: Vector3::new(0.4, 0.6, 0.76) });
+    let (margin, limb) = machine.travel_margin_m(&ScrewLengths { q_m: Vector3::new(0.4, 0.6, 0.76) }).unwrap();
     assert!((margin + 0.02).abs() < 1e-12 && limb == 1, "{margin} {limb}");
+    for limb in 0..3 {
+        let mut q_m = Vector3::new(0.5, 0.6, 0.7);
+        q_m[limb] = f64::NAN;
+        assert_eq!(machine.travel_margin_m(&ScrewLengths { q_m }), Err(KinematicsError::NotFinite), "limb {limb}");
+    }
 }
 
 /// Rounding is allowed for by each limb's own length: a long limb 1 must not let the others out of their travel.

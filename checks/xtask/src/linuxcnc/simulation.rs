@@ -180,8 +180,8 @@ fn drive(name: &str, periods: usize) -> Outcome {
     weigh(out, &host)?;
 
     // as an operator would, with what the machine has of room
-    let size =
-        0.3e3 * five.machine.travel_margin_m(&five.joints(&home(&host.machine)).map_err(|e| e.to_string())?.lengths).0;
+    let joints = five.joints(&home(&host.machine)).map_err(|e| e.to_string())?;
+    let size = 0.3e3 * five.machine.travel_margin_m(&joints.lengths).map_err(|e| e.to_string())?.0;
     let turn = size / 8.0;
     let by = |d: [f64; 5]| -> Vec<f64> { (0..5).map(|i| ((home_axes[i] + d[i]) * 1e6).round() / 1e6).collect() };
     let places = [
@@ -418,7 +418,7 @@ fn compare(name: &str, out: &Path, host: &Host) -> Outcome {
     let (tool, joints) = (five.tool(&home), five.joints(&home));
     let (Ok(tool), Ok(joints)) = (tool, joints) else { return Err("no home".into()) };
     let [x, y, z] = (tool.tip_m * 1e3).into();
-    let size = 0.3e3 * five.machine.travel_margin_m(&joints.lengths).0;
+    let size = 0.3e3 * five.machine.travel_margin_m(&joints.lengths).map_err(|e| e.to_string())?.0;
     let file = out.join("compare.bin");
     let text = format!(
         "loadrt threads name1=servo period1=100000\nloadrt genhexkins\n\

@@ -306,6 +306,7 @@ both_widths! {
     compensate_tool_known(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_known((&i.table, &i.uncertainty), &i.five(), Some(&*e), &i.near, &i.reading)));
     checksums(i) i.five().checksums(&i.table);
     verify(i) i.five().verify(&i.table, &i.checksums);
+    verify_uncertainty(i) i.uncertainty.verify(i.uncertainty.checksum());
     self_test(i) i.self_test.try_borrow_mut().map(|mut memory| T::self_test(&mut memory));
     new_wrist(_i) Wrist::<T>::new(black_box(&WRIST));
 }

@@ -333,9 +333,10 @@ fn workspace(file: &MachineFile, sigma_deg: f64) -> Option<[[f64; 2]; 2]> {
         if (0..2).all(|i| found[i][0] <= middle[i] - half && middle[i] + half <= found[i][1]) {
             continue;
         }
-        match free.inverse(&pose_of(theta_deg(middle), sigma_deg, middle[1])) {
-            Ok(lengths) => {
-                let margin_mm = file.machine.travel_margin_m(&lengths).0 * 1e3;
+        let lengths = free.inverse(&pose_of(theta_deg(middle), sigma_deg, middle[1]));
+        match lengths.and_then(|lengths| file.machine.travel_margin_m(&lengths)) {
+            Ok((margin_m, _)) => {
+                let margin_mm = margin_m * 1e3;
                 if margin_mm >= 0.0 {
                     for (range, at) in found.iter_mut().zip(middle) {
                         *range = [range[0].min(at), range[1].max(at)];
