@@ -19,7 +19,11 @@ fn walk<T: Scalar>(machine: &Machine<T>, p: &MachineParameters, pose: Pose<T>, l
         assert_finite(there.q_m.iter().copied());
         assert_finite(machine.jacobian(&pose).expect("the pose has a posture").iter().copied());
         let distance = machine.singularity_distance(&pose).expect("the pose has a posture");
-        assert_finite([distance.limbs_1_2, distance.limb_3, machine.travel_margin_m(&there).expect("finite lengths").0]);
+        assert_finite([
+            distance.limbs_1_2,
+            distance.limb_3,
+            machine.travel_margin_m(&there).expect("finite lengths").0,
+        ]);
         if is_ordinary(machine, p, &pose) {
             let back = machine.forward(&there).expect("lengths of a pose");
             let l = pose.z0_m / pose.theta_rad.cos();

@@ -117,6 +117,8 @@ enum PkmError
   PKM_ERROR_SETTING_OUT_OF_RANGE = 70,
   // The memory holds no compensator or estimator of this version and kind.
   PKM_ERROR_NOT_INITIALISED = 71,
+  // The uncertainty of the table in memory is not the one that was built.
+  PKM_ERROR_DAMAGED_UNCERTAINTY = 72,
   // The reading of the wrench is NaN or infinite.
   PKM_ERROR_WRENCH_NOT_FINITE = 80,
   // The reading of the wrench is beyond the greatest force or moment.
@@ -1084,11 +1086,12 @@ const PkmTable_f64 *pkm_table_f64(void);
 // The compiled-in wrist.
 const PkmWrist_f64 *pkm_wrist_f64(void);
 
-// Whether machine, wrist and table are in memory as they were built: computes their checksums again from memory.
+// Whether machine, wrist, table and its uncertainty are in memory as they were built: computes their checksums again from memory.
 // Ask when the program starts.
 //
-// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
-PKM_MUST_USE PkmError pkm_verify_f64(void);
+// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE, DAMAGED_UNCERTAINTY.
+PKM_MUST_USE
+PkmError pkm_verify_f64(void);
 
 // Computes known poses of the reference machine, whatever machine the library has, and compares their bits. Finds a processor in
 // another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts; it takes
@@ -1229,11 +1232,12 @@ const PkmTable_f32 *pkm_table_f32(void);
 // The compiled-in wrist.
 const PkmWrist_f32 *pkm_wrist_f32(void);
 
-// Whether machine, wrist and table are in memory as they were built: computes their checksums again from memory.
+// Whether machine, wrist, table and its uncertainty are in memory as they were built: computes their checksums again from memory.
 // Ask when the program starts.
 //
-// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE.
-PKM_MUST_USE PkmError pkm_verify_f32(void);
+// Errors: DAMAGED_MACHINE, DAMAGED_WRIST, DAMAGED_TABLE, DAMAGED_UNCERTAINTY.
+PKM_MUST_USE
+PkmError pkm_verify_f32(void);
 
 // Computes known poses of the reference machine, whatever machine the library has, and compares their bits. Finds a processor in
 // another rounding mode, a broken floating-point unit, a compiler that reorders arithmetic. Ask when the program starts; it takes

@@ -39,7 +39,9 @@ struct LeftOut {
     terms: Terms,
     /// S.
     error: Matrix6<f64>,
-    /// Square of what an error of the third order is greater by in the whole box than in that of the others.
+    /// Square of what the error is greater by in the whole box than in that of the others. A table of the second order lacks third
+    /// powers, and a face that is left out narrows one of the variables: what has its square in it counts, between its third power
+    /// and the first.
     larger: f64,
     /// Stiffness at A as the others say it, and as it is.
     stiffness: [StiffnessFactor<f64>; 2],
@@ -98,7 +100,7 @@ impl Training<'_> {
             return Vec::new();
         };
         let Some((_, whole)) = box_of(self.variables.iter()) else { return Vec::new() };
-        let larger = (0..3).map(|k| (whole[k] / half[k]).powi(6)).fold(1.0, f64::max);
+        let larger = (0..3).map(|k| (whole[k] / half[k]).powi(4)).fold(1.0, f64::max);
         if kept.len() <= design.ncols() {
             return Vec::new();
         }
