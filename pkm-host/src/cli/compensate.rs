@@ -55,9 +55,9 @@ pub(crate) struct Args {
     /// tools' edges has cutting forces estimated from S, F and the engagement: docs/cutting.md.
     #[arg(long, value_name = "FILE")]
     tools: Option<PathBuf>,
-    /// For G-code: how far the straight moves of an arc may be from it.
-    #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM", default_value_t = CHORD_MM)]
-    chord_mm: f64,
+    /// For G-code: how far the straight moves of an arc may be from it. Default: 0.001.
+    #[arg(long, value_parser = finite, allow_hyphen_values = true, value_name = "MM")]
+    chord_mm: Option<f64>,
     /// For G-code: has LinuxCNC's stand-alone interpreter read the program, rs274 or its path. It knows what is refused here: subroutines in other
     /// files, radius compensation (G41, G42), turned work frames, its own parameters, more cycles. The new program is
     /// written out: loops, subroutines and cycles as moves behind the lines that made them.
@@ -96,8 +96,8 @@ impl Args {
         if let Some(step) = self.step_mm.filter(|step| *step < 0.001) {
             return Err(Failure::usage(format!("--step-mm: expected at least 0.001, found {step}")));
         }
-        if !(1e-6..=1.0).contains(&self.chord_mm) {
-            return Err(Failure::usage(format!("--chord-mm: expected 1e-6 to 1, found {}", self.chord_mm)));
+        if let Some(chord) = self.chord_mm.filter(|chord| !(1e-6..=1.0).contains(chord)) {
+            return Err(Failure::usage(format!("--chord-mm: expected 1e-6 to 1, found {chord}")));
         }
         if !(0.0..=1.0).contains(&self.load_u_rel) {
             return Err(Failure::usage(format!("--load-u-rel: expected 0 to 1, found {}", self.load_u_rel)));
@@ -105,11 +105,16 @@ impl Args {
         if is_program(&self.path) == Some(false) && (self.job.is_some() || self.tools.is_some()) {
             return Err(Failure::usage("--job and --tools are for G-code: a CSV gives the tool in B"));
         }
-        if is_program(&self.path) == Some(false) && self.interpreter.is_some() {
-            return Err(Failure::usage("--interpreter is for G-code"));
-        }
-        if is_program(&self.path) == Some(false) && self.limits.is_some() {
-            return Err(Failure::usage("--limits is for G-code: a CSV has no feed"));
+        let of_programs = [
+            (self.interpreter.is_some(), "--interpreter is for G-code"),
+            (self.limits.is_some(), "--limits is for G-code: a CSV has no feed"),
+            (self.chord_mm.is_some(), "--chord-mm is for G-code: a CSV has no arcs"),
+            (self.block_delete, "--block-delete is for G-code"),
+        ];
+        if is_program(&self.path) == Some(false)
+            && let Some((_, why)) = of_programs.into_iter().find(|(given, _)| *given)
+        {
+            return Err(Failure::usage(why));
         }
         if let Some(load) = self.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MOST_LOAD)) {
             let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
@@ -128,7 +133,7 @@ impl Args {
         let job = job.as_ref().map(ProgramJob::parse).transpose()?;
         let tools = tools.as_ref().map(|source| Tools::over_flange(source, flange_mm)).transpose()?;
         let ProgramJob { offsets, axes, head } = job.unwrap_or_default();
-        let (chord_mm, block_delete) = (self.chord_mm, self.block_delete);
+        let (chord_mm, block_delete) = (self.chord_mm.unwrap_or(CHORD_MM), self.block_delete);
         Ok((Setup { offsets, tools: tools.unwrap_or_default(), axes, head, chord_mm, block_delete }, facts))
     }
 
@@ -197,11 +202,13 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         limits: limits.as_ref(),
         load_u_rel: args.load_u_rel,
     };
+    let idle = args.allow_extrapolation && args.table.is_none();
+    session.warn(idle.then(|| "--allow-extrapolation has no part here: no table says where it ends".to_owned()));
     let margin = model.machine.wrist_parameters.singularity_margin;
     let mut writer = path.writer();
     let track = walk(&model.machine, correction.as_ref(), &request, &mut |points| writer.push(points), &bar())?;
     session.warn(report::implausible(&track));
-    session.warn(report::too_fast(&track));
+    session.warn(report::too_fast(&track, request.file));
     session.warn(report::unsure(&track));
     let written = writer.finish(&notes(args, &model, &track, in_program, session));
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);

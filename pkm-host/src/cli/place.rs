@@ -38,15 +38,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PERCENT", value_parser = positive, allow_hyphen_values = true)]
     gap: Option<f64>,
     /// For `certified`: cells of positions that are looked at, at the most, for an optimum or a front; then the search ends with the gap that it has.
-    #[arg(long, default_value_t = 400_000, value_parser = clap::value_parser!(u32).range(1..))]
-    max_cells: u32,
+    /// Default: 400000.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    max_cells: Option<u32>,
     /// Grid spacing in mm; ten times coarser when cross slide and rotary axis both move. Default: 2, and 10 for `certified`, which
     /// needs it for the map alone.
     #[arg(long, value_parser = positive, allow_hyphen_values = true)]
     step_mm: Option<f64>,
-    /// Grid spacing of a rotary axis in °; five times coarser when a cross slide moves too.
-    #[arg(long, default_value_t = 1.0, value_parser = positive, allow_hyphen_values = true)]
-    step_deg: f64,
+    /// Grid spacing of a rotary axis in °; five times coarser when a cross slide moves too. Default: 1.
+    #[arg(long, value_parser = positive, allow_hyphen_values = true)]
+    step_deg: Option<f64>,
     /// Random seed for `ga` and `de`; default: random, printed.
     #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 53))]
     seed: Option<u64>,
@@ -136,12 +137,17 @@ fn refused(args: &Args, method: Method, objectives: &[Objective], placement: &Pl
 }
 
 /// Options that the method has no use for.
-fn idle(args: &Args, method: Method) -> impl Iterator<Item = String> {
+fn idle(args: &Args, method: Method, placement: &PlacementModel<'_>) -> impl Iterator<Item = String> {
     let is_proof = method == Method::Certified;
     let is_random = matches!(method, Method::Ga | Method::De);
     let idle = [
         (args.gap.is_some() && !is_proof).then_some("--gap has no part here: it is for --method certified"),
         (args.seed.is_some() && !is_random).then_some("--seed has no part here: it is for --method ga and de"),
+        (args.max_cells.is_some() && !is_proof).then_some("--max-cells has no part here: it is for --method certified"),
+        (args.step_deg.is_some() && placement.job.rotary.is_none())
+            .then_some("--step-deg has no part here: the job has no rotary axis"),
+        (args.allow_extrapolation && placement.table.is_none())
+            .then_some("--allow-extrapolation has no part here: no table says where it ends"),
     ];
     idle.into_iter().flatten().map(str::to_owned)
 }
@@ -157,19 +163,20 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let placement = PlacementModel::new(&model.machine, table, &job, &objectives, args.allow_extrapolation, limits)?;
     let method = method(args, &job);
     refused(args, method, &objectives, &placement)?;
-    session.warn(idle(args, method));
+    session.warn(idle(args, method, &placement));
+    let cells = args.max_cells.unwrap_or(400_000) as usize;
     let usual_gap = if job.slides_and_turns() { 0.5 } else { 0.1 };
     let usual_step = if method == Method::Certified { 10.0 } else { 2.0 };
     let options = Options {
         method,
         step_m: args.step_mm.unwrap_or(usual_step) / 1e3,
-        step_rad: args.step_deg.to_radians(),
-        limits: Limits { gap: args.gap.unwrap_or(usual_gap) / 100.0, cells: args.max_cells as usize },
+        step_rad: args.step_deg.unwrap_or(1.0).to_radians(),
+        limits: Limits { gap: args.gap.unwrap_or(usual_gap) / 100.0, cells },
         seed: args.seed.unwrap_or_else(|| fastrand::u64(..1 << 53)),
         front: args.pareto.map(|other| {
             let points = usize::from(args.points);
             // as many cells for the whole front as for one optimum
-            (other, points, Limits { gap: args.gap.unwrap_or(1.0) / 100.0, cells: args.max_cells as usize / points })
+            (other, points, Limits { gap: args.gap.unwrap_or(1.0) / 100.0, cells: cells / points })
         }),
     };
     let placed = place::place(&placement, &objectives, &options, &bar())?;

@@ -49,6 +49,11 @@ impl ProgramAxes {
     fn is_z_up(self) -> bool {
         self.0[2] < 0
     }
+
+    /// Whether Z is said to grow out of the workpiece, which lies along z of B from the tool.
+    pub fn z_goes_out(self) -> bool {
+        self.0[2] == -3
+    }
 }
 
 /// A head by whose angles a program gives the tool's axis; at 0 the tool points along z of B, whatever the program's axes are.

@@ -18,6 +18,8 @@ pub struct Move {
     pub longer_m: f64,
     /// Where it begins is not known: only its end counts.
     pub is_fresh: bool,
+    /// It goes on along the arc that the move before is a part of.
+    pub continues: bool,
     /// A rapid move of a program.
     pub is_rapid: bool,
     /// Feed of a cut: mm/min where the tip moves, °/min where only the tool turns; `None` where no F of G94 says it.
@@ -115,6 +117,16 @@ impl Place {
             _ => 0.0,
         };
         [way, turn]
+    }
+
+    /// How far the tool turns to another, as a control counts it where the tip stays: the root of the sum of both rotary axes' squares, rad.
+    pub fn turned_rad(&self, to: &Self) -> f64 {
+        match (self.toward, to.toward) {
+            (Toward::Wrist(a), Toward::Wrist(b)) | (Toward::Head(_, a), Toward::Head(_, b)) => {
+                (a[0] - b[0]).hypot(a[1] - b[1])
+            }
+            _ => self.apart(to)[1],
+        }
     }
 }
 

@@ -37,6 +37,8 @@ pub struct Point {
     pub place: Place,
     /// Its load there, in the axes of T_h.
     pub wrench: Wrench<f64>,
+    /// Where a move begins under another load than the one before ended with: a small move to it, before the move's own parts.
+    pub is_begin: bool,
 }
 
 /// Whether a file is a program by its name, or else a CSV, if that says either.
@@ -83,7 +85,7 @@ impl ToolPath {
         Ok((Self::Csv { sheet, moves }, source))
     }
 
-    /// Reads a path to be looked at, compensated or not.
+    /// Reads a path to be looked at, compensated or not; a program that says no load has none.
     ///
     /// # Errors
     /// Those of [`read`](Self::read) beside that.
@@ -91,7 +93,7 @@ impl ToolPath {
         let is_program = kind_of(path)?;
         let source = Source::read(path)?;
         if is_program {
-            return Ok((Self::Program(Program::parse_with(&source, None, &Setup::default())?), source));
+            return Ok((Self::Program(Program::parse_with(&source, Some(Wrench::ZERO), &Setup::default())?), source));
         }
         let (sheet, moves) = read_csv(source.clone())?;
         Ok((Self::Csv { sheet, moves }, source))
@@ -145,6 +147,7 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
             load: Load::Given([before, wrench]),
             longer_m: 0.0,
             is_fresh: false,
+            continues: false,
             feed_per_min: None,
             is_rapid: false,
         });
@@ -171,7 +174,10 @@ impl PathWriter<'_> {
     /// The next move's points, several where it was divided.
     pub fn push(&mut self, points: &[Point]) {
         match self {
-            Self::Program(writer) => writer.push(points.iter().map(|p| p.place).collect()),
+            Self::Program(writer) => {
+                let begins = points.first().is_some_and(|point| point.is_begin);
+                writer.push(points.iter().map(|p| p.place).collect(), begins);
+            }
             Self::Csv { sheet, rows, next } => {
                 if let Some(row) = sheet.rows.get(*next) {
                     push_rows(sheet, row, points, rows);

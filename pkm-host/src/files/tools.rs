@@ -152,6 +152,11 @@ impl RawTool {
 }
 
 impl Tools {
+    /// Whether there is a table.
+    pub fn is_given(&self) -> bool {
+        !self.tools.is_empty()
+    }
+
     /// Reads a tool table, LinuxCNC's if the file's name ends in .tbl.
     ///
     /// # Errors

@@ -118,6 +118,8 @@ struct Walk<'a> {
     /// Where the machine stands, and its joints without the load.
     near: Configuration<f64>,
     stood: Option<JointValues<f64>>,
+    /// Ends of the last chords of an arc.
+    arc: JointTrack,
     /// The load at the end of the move before.
     ended: Wrench<f64>,
     /// The last cut that a force was estimated for.
@@ -303,7 +305,7 @@ impl Walk<'_> {
         let (before_m, after_m) = (before.tip_off_m, off_after[0]);
         let loaded = LoadedPoint { line, way_m: self.way_m, tip_m, before_m, after_m, load_off_m, known };
         track.take(loaded);
-        let point = Point { place, wrench: *wrench };
+        let point = Point { place, wrench: *wrench, is_begin: false };
         self.last = Some((*asked, point));
         self.points.push(point);
         Ok((after.solution, loaded))
@@ -342,6 +344,19 @@ impl Walk<'_> {
             Load::Given(_) => begins != self.ended,
             Load::Cut(_) => begins != Wrench::ZERO && change > STEADY * begins.to_vector().norm(),
         })
+    }
+
+    /// Holds the joints of a move against their limits; those of an arc also where its chords meet, which no chord by itself shows.
+    fn hold_against(&mut self, limits: &JointLimits, joints: &JointTrack, mv: &Move, step: [f64; 2], steps: f64) {
+        self.track.feeds += usize::from(!mv.continues);
+        self.track.slow_down(joints.too_fast(step, mv, limits));
+        if !mv.continues {
+            self.arc = JointTrack::default();
+        }
+        self.arc.follow(joints);
+        if mv.continues {
+            self.track.slow_down(self.arc.too_fast(step.map(|way| steps * way), mv, limits));
+        }
     }
 
     /// Goes along a move, in steps.
@@ -385,7 +400,12 @@ impl Walk<'_> {
                     self.last = None;
                 }
             } else if ends || (fill && mv.is_loaded()) {
-                self.points.push(Point { place: rounded(&asked, in_program), wrench });
+                self.points.push(Point { place: rounded(&asked, in_program), wrench, is_begin: false });
+            }
+            if k == 0
+                && let Some(point) = self.points.last_mut()
+            {
+                point.is_begin = true;
             }
             self.ended = wrench;
             self.track.step(PathPlace { tip_m: asked.tip_m, before_m, is_fresh: before.is_none() }, ends);
@@ -397,8 +417,9 @@ impl Walk<'_> {
             .limits
             .filter(|_| before.is_some_and(|b| b.longer_m == mv.longer_m) && mv.feed_per_min.is_some())
         {
-            self.track.feeds += 1;
-            self.track.slow_down(joints.too_fast(&from, mv, limits));
+            let steps = n as f64;
+            let step = [length_m, from.turned_rad(&mv.to)].map(|way| way / steps);
+            self.hold_against(limits, &joints, mv, step, steps);
         }
         Ok(())
     }
@@ -456,6 +477,7 @@ pub fn walk<'a>(
         points: Vec::new(),
         near: reaches[0].home(),
         stood: None,
+        arc: JointTrack::default(),
         ended: Wrench::ZERO,
         estimated: None,
         way_m: 0.0,

@@ -5,7 +5,7 @@ use pkm_core::five_axis::JointMotion;
 use pkm_core::nalgebra::Vector5;
 
 use crate::files::limits::JointLimits;
-use crate::files::path::{Move, Place};
+use crate::files::path::Move;
 
 /// A line at whose feed a joint would be too fast, or accelerate too much.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,17 +33,23 @@ impl JointTrack {
         self.points.push(Vector5::new(q1, q2, q3, joints.beta_rad.x, joints.beta_rad.y));
     }
 
-    /// Whether the move's feed is too much for the joints: velocities at points by the parabola through three, of two
+    /// Goes on by a chord of an arc, whose ends alone count; the last three stay.
+    pub fn follow(&mut self, chord: &Self) {
+        if self.points.is_empty() {
+            self.points.extend(chord.points.first());
+        }
+        self.points.extend(chord.points.last());
+        self.points.drain(..self.points.len().saturating_sub(3));
+    }
+
+    /// Whether the move's feed is too much for the joints, with a step's way of the tip in m and turn in rad: velocities at points by the parabola through three, of two
     /// points their mean; accelerations from three points each. What the control does where moves meet is not known here.
-    pub fn too_fast(&self, from: &Place, mv: &Move, limits: &JointLimits) -> Option<TooFast> {
+    pub fn too_fast(&self, [way_m, turn_rad]: [f64; 2], mv: &Move, limits: &JointLimits) -> Option<TooFast> {
         let [of_tip, of_turn] = mv.feed_per_min?;
-        let [way_m, turn_rad] = from.apart(&mv.to);
         // as controls do: the feed is the tip's, and a turn's where the tip stays
         let (way, feed_per_min, unit) =
             if way_m > 1e-9 { (way_m * 1e3, of_tip, "mm/min") } else { (turn_rad.to_degrees(), of_turn, "°/min") };
-        let minutes = way / feed_per_min;
-        let steps = self.points.len().checked_sub(1).filter(|n| *n > 0 && minutes > 0.0)?;
-        let step_s = 60.0 * minutes / steps as f64;
+        let step_s = Some(60.0 * way / feed_per_min).filter(|s| *s > 0.0)?;
         let share = |velocity, acceleration| {
             JointMotion { velocity, acceleration }.feed_share(&limits.velocity, &limits.acceleration)
         };

@@ -12,8 +12,6 @@ use crate::report::path3d;
 
 /// A determinant below this many times the limit is a warning.
 const NEAR: f64 = 1.5;
-/// From here on a deflection is no machine tool's, m: the reference machine yields 0.03 mm under 400 N.
-const IMPLAUSIBLE_M: f64 = 1e-3;
 
 /// Of each stretch of the path the greatest value in µm over the way in mm.
 fn along(track: &Track, name: &str, error: Error) -> Series {
@@ -182,9 +180,7 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
 fn advice(track: &Track) -> Vec<Finding> {
     if track.stretches.is_empty() {
-        return vec![
-            Finding::good("give the loads: in the CSV, with --wrench, or for a milling program with --job.").todo(),
-        ];
+        return vec![Finding::good("give the loads: in the CSV, with --wrench, or for a program with --tools.").todo()];
     }
     let sure = if track.u95.count > 0 {
         "all of this is by the model that the new commands are made with; how far its table may be off is said below."
@@ -207,22 +203,16 @@ fn advice(track: &Track) -> Vec<Finding> {
 
 /// Loads that are hardly in the units that they are taken for.
 pub fn implausible(track: &Track) -> Option<String> {
-    let most_m = track.before[0].max;
-    (most_m > IMPLAUSIBLE_M).then(|| {
-        format!(
-            "the load takes the tip {:.2} mm from its path, farther than a machine tool yields: are forces in N and moments in N·m?",
-            most_m * 1e3
-        )
-    })
+    super::implausible("the load takes the tip off its path by", track.before[0].max)
 }
 
 /// Lines that ask too much of a joint.
-pub fn too_fast(track: &Track) -> Vec<String> {
+pub fn too_fast(track: &Track, file: &str) -> Vec<String> {
     let line = |t: &TooFast| {
         let TooFast { line, feed_per_min, allowed_per_min, unit } = t;
         // down, so that what is written holds
         let allowed = (allowed_per_min * 10.0).floor() / 10.0;
-        format!("line {line}: {feed_per_min} {unit} is too fast for a joint, {allowed} {unit} is within its limits")
+        format!("{file}:{line}: {feed_per_min} {unit} is too fast for a joint, {allowed} {unit} is within its limits")
     };
     track.too_fast.iter().map(line).collect()
 }

@@ -52,7 +52,7 @@ pub fn apart(a: &[f64], b: &[f64]) -> f64 {
 /// A program that is written with the places that were asked for.
 pub fn rewritten(program: &Program) -> String {
     let mut writer = program.writer();
-    program.moves.iter().for_each(|m| writer.push(vec![m.to]));
+    program.moves.iter().for_each(|m| writer.push(vec![m.to], false));
     writer.finish(&[])
 }
 

@@ -11,6 +11,7 @@ mod docs;
 mod fem;
 mod fixtures;
 mod gcode;
+mod gcode_controls;
 mod gcode_interpreter;
 mod gcode_judge;
 mod gcode_macros;

@@ -5,6 +5,9 @@ use super::modal::Axes;
 
 /// By how much the radii at both ends of an arc may differ, mm.
 const RADII_AGREE_MM: f64 = 0.05;
+/// The least and the greatest by which an arc with R may miss its ends, as they are rounded, mm; between them a share of R.
+const MISSES_MM: [f64; 2] = [0.003, RADII_AGREE_MM];
+const MISSED_SHARE: f64 = 0.01;
 /// An arc of less than this is a full circle, rad.
 const FULL_CIRCLE_RAD: f64 = 1e-6;
 /// Most straight moves of one arc.
@@ -114,13 +117,17 @@ impl Arc {
 /// The centre of the arc with a radius: of no more than half a circle if it is positive, else of more.
 fn by_radius(words: &ArcWords, start: [f64; 2], end: [f64; 2]) -> Result<[f64; 2], Refusal> {
     let radius = words.radius_mm.unwrap_or_default();
+    if radius.abs() < 1e-6 {
+        return Err("an arc with R0: give its radius".into());
+    }
     let chord = [end[0] - start[0], end[1] - start[1]];
     let half = 0.5 * chord[0].hypot(chord[1]);
     if half < 1e-6 {
         return Err("an arc with R that ends where it begins: give the centre with I J K".into());
     }
     // half a circle may miss by what both ends are rounded
-    if half > radius.abs() + RADII_AGREE_MM {
+    let [least, most] = MISSES_MM;
+    if half > radius.abs() + (MISSED_SHARE * radius.abs()).clamp(least, most) {
         return Err(format!(
             "the arc's ends are {:.4} mm apart, and its radius is only {:.4} mm",
             2.0 * half,

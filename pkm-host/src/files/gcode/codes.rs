@@ -5,7 +5,7 @@ use super::arcs::Plane;
 use super::cycles::Drill;
 use super::modal::{Modal, Motion};
 use super::offsets::frame_of;
-use super::words::Line;
+use super::words::{Line, Word};
 
 /// What a line's G words ask for beyond what stays in force. Numbers are ten times those of the words.
 #[derive(Default)]
@@ -21,9 +21,46 @@ pub(super) struct Codes {
 /// What changes no coordinate: cancelled modes, path control, dwell and speed.
 const PASSED: [u16; 14] = [51, 80, 150, 400, 500, 610, 611, 640, 670, 690, 940, 950, 970, 1870];
 
+/// Words of which a line has one: what the others say would depend on the control.
+const GROUPS: [&[u16]; 9] = [
+    &[170, 180, 190],
+    &[200, 210],
+    &[430, 434, 490, 2340],
+    &[540, 550, 560, 570, 580, 590, 591, 592, 593],
+    &[610, 611, 640],
+    &[900, 910],
+    &[901, 911],
+    &[930, 940, 950],
+    &[980, 990],
+];
+
+/// A second word of a group, and the first.
+fn contradiction<'a>(line: &'a Line<'_>) -> Option<[&'a Word<'a>; 2]> {
+    let group = |word: &Word<'_>| GROUPS.iter().position(|group| word.tenths().is_some_and(|t| group.contains(&t)));
+    let is_spindle = |word: &&Word<'_>| word.is('M', &[3.0, 4.0, 5.0]);
+    let mut spindle = line.words.iter().filter(is_spindle);
+    if let (Some(first), Some(second)) = (spindle.next(), spindle.next()) {
+        return Some([second, first]);
+    }
+    let mut seen: [Option<&Word<'_>>; GROUPS.len()] = [None; GROUPS.len()];
+    for word in line.words.iter().filter(|w| w.letter == 'G') {
+        if let Some(first) = group(word).and_then(|group| seen[group].replace(word)) {
+            return Some([word, first]);
+        }
+    }
+    None
+}
+
 impl Codes {
     /// Takes the G words of a line; what they set is in force at once.
     pub fn take(line: &Line<'_>, modal: &mut Modal<'_>) -> Result<Self, Refusal> {
+        if let Some([second, first]) = contradiction(line) {
+            return Err(format!(
+                "`{}` and `{}` in one line: which is in force is not clear",
+                first.shown(),
+                second.shown()
+            ));
+        }
         let mut codes = Self::default();
         let mut cancels = false;
         let (plane, motion) = (modal.plane, modal.motion);

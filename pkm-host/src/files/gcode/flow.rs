@@ -19,7 +19,7 @@ pub(super) struct Flow<'a> {
     pub parameters: Parameters,
     next: usize,
     taken: usize,
-    /// M2 or M30 was read: nothing moves any more.
+    /// M2, M30 or a second `%` was read: nothing moves any more.
     ended: bool,
     /// Some words were read already.
     begun: bool,
@@ -78,9 +78,14 @@ impl<'a> Flow<'a> {
         Some((self.next - 1, text))
     }
 
+    /// Whether the program has ended: the control reads no further.
+    pub fn has_ended(&self) -> bool {
+        self.ended
+    }
+
     /// Whether a line with words is left out.
     pub fn leaves_out(&self, deletable: bool, leave_out_deletable: bool) -> bool {
-        self.ended || (deletable && leave_out_deletable)
+        deletable && leave_out_deletable
     }
 
     /// What is done with a line; O words take their effect.
@@ -90,8 +95,8 @@ impl<'a> Flow<'a> {
                 "more than {MAX_LINES} lines with subprograms and loops written out: does a loop end? Else divide the program"
             ));
         }
-        if self.ended {
-            return Ok(if line.is_silent() { Order::Pass } else { Order::Drop });
+        if line.text.trim() == "%" && self.begun && self.stack.is_empty() {
+            self.end();
         }
         if self.leaves_out(line.deletable, leave_out_deletable) {
             return Ok(Order::Drop);
@@ -317,7 +322,7 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// `M2`, `M30`: the lines behind it are never reached.
+    /// `M2`, `M30`, the second `%`: the lines behind it are never reached.
     pub fn end(&mut self) {
         let main = self.stack.first().map_or(self.next, |f| f.back);
         self.stack.clear();

@@ -21,6 +21,17 @@ enum Origin {
     Estimated,
 }
 
+/// How the spindle turns.
+#[derive(Clone, Copy, PartialEq)]
+enum Spindle {
+    /// As it should, or nothing says how.
+    Forward,
+    /// M4.
+    Reversed,
+    /// M5.
+    Stopped,
+}
+
 /// The load in force.
 pub(super) struct Loads {
     origin: Option<Origin>,
@@ -31,15 +42,15 @@ pub(super) struct Loads {
     in_hand: Option<f64>,
     /// The tool in hand, with what `(cut …)` says of its engagement.
     cutter: Option<Cutter>,
-    /// M4.
-    is_reversed: bool,
+    /// What M3, M4 or M5 said last.
+    spindle: Spindle,
     /// A tool that came without a load of its own.
     pub unloaded_tool: Option<f64>,
 }
 
 /// A comment's text without what makes it one.
 fn inner(comment: &str) -> &str {
-    comment.trim_start_matches([';', '(']).trim_end_matches(')').trim()
+    comment.trim_start_matches([';', '(', ' ', '\t']).trim_end_matches(')').trim()
 }
 
 /// The load that a comment sets, if it is one that does: `(wrench fx,fy,fz,mx,my,mz)`, `(F x y z)`, `(F x y z mx my mz)`.
@@ -83,25 +94,27 @@ impl Loads {
             called: None,
             in_hand: None,
             cutter: None,
-            is_reversed: false,
+            spindle: Spindle::Forward,
             unloaded_tool: None,
         }
     }
 
-    /// Without M6 a T changes the tool.
-    fn tool(&self) -> Option<f64> {
+    /// The tool in hand: without M6 a T changes it.
+    pub fn tool(&self) -> Option<f64> {
         self.in_hand.or(self.called)
     }
 
     /// Takes what a line says of tools and loads.
     pub fn take(&mut self, line: &Line<'_>, setup: &Setup) -> Result<(), Refusal> {
         let before = self.tool();
-        for word in &line.words {
-            match (word.letter, word.value) {
-                ('T', number) => self.called = Some(number),
-                ('M', 6.0) => self.in_hand = self.called,
-                ('M', 3.0) => self.is_reversed = false,
-                ('M', 4.0) => self.is_reversed = true,
+        // a control obeys T before M6, wherever it stands in the line
+        self.called = line.words.iter().find(|w| w.letter == 'T').map(|w| w.value).or(self.called);
+        for word in line.words.iter().filter(|w| w.letter == 'M') {
+            match word.value {
+                6.0 => self.in_hand = self.called,
+                3.0 => self.spindle = Spindle::Forward,
+                4.0 => self.spindle = Spindle::Reversed,
+                5.0 => self.spindle = Spindle::Stopped,
                 _ => {}
             }
         }
@@ -178,8 +191,12 @@ impl Loads {
         let missing = |what: &str| format!("a cutting force is to be estimated, and {what}");
         let material = modal.setup.tools.material.ok_or_else(|| missing("--tools has no [material]"))?;
         let cutter = self.cutter.ok_or_else(|| missing("the tool in hand has no `kind` and `teeth` in --tools"))?;
-        if self.is_reversed {
-            return Err(missing("the spindle turns backwards (M4): give the load with (wrench …)"));
+        match self.spindle {
+            Spindle::Forward => {}
+            Spindle::Reversed => {
+                return Err(missing("the spindle turns backwards (M4): give the load with (wrench …)"));
+            }
+            Spindle::Stopped => return Err(missing("the spindle stands (M5)")),
         }
         let per_turn = modal.feed_per_turn_mm.or_else(|| {
             let [feed, _] = modal.feed_per_min?;

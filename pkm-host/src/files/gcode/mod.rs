@@ -87,9 +87,11 @@ impl Setup {
     /// The length of a tool over the machine file's flange.
     fn length_mm(&self, number: f64) -> std::result::Result<f64, Refusal> {
         self.tools.length_mm(number).ok_or_else(|| {
-            format!(
-                "the length of tool {number} is not known: give a tool table with --tools (TOML, or LinuxCNC's .tbl)"
-            )
+            let todo = match self.tools.is_given() {
+                true => "the tool table (--tools) has no such tool",
+                false => "give a tool table with --tools (TOML, or LinuxCNC's .tbl)",
+            };
+            format!("the length of tool {number} is not known: {todo}")
         })
     }
 }
@@ -230,6 +232,13 @@ impl Reader<'_> {
         stops: &mut Vec<Stop>,
     ) -> std::result::Result<(), Refusal> {
         let place = TextAt::Line(index as u32);
+        if self.flow.has_ended() {
+            // whatever it is, the control does not read it
+            if Line::parse(text).is_ok_and(|line| line.is_silent()) {
+                self.put(place, Content::Text);
+            }
+            return Ok(());
+        }
         if has_expressions(text) {
             let (deletable, body) = words::without_switch(text);
             let (code, comments) = words::apart(body)?;
@@ -286,6 +295,7 @@ impl Reader<'_> {
             Order::Do => {}
         }
         self.loads.take(line, self.modal.setup)?;
+        self.modal.tool = self.loads.tool();
         if let Some(word) = line.words.iter().find(|w| w.is('M', &[72.0, 73.0, 97.0, 198.0])) {
             return Err(format!(
                 "`{}` is not supported: which words are in force after it is not followed",
@@ -363,6 +373,7 @@ impl Reader<'_> {
             load,
             longer_m: self.modal.length_mm / 1e3,
             is_fresh,
+            continues: stop.continues,
             is_rapid: stop.rapid,
             feed_per_min: self.modal.feed_per_min.filter(|_| !stop.rapid),
         });

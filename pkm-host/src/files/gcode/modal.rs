@@ -3,7 +3,7 @@
 use super::arcs::Plane;
 use super::cycles::{Drill, DrillWords};
 use super::offsets::Offsets;
-use super::words::Line;
+use super::words::{Line, Numbers};
 use super::{Refusal, Setup, codes};
 use crate::files::path::{Place, Toward};
 
@@ -12,10 +12,8 @@ pub(super) type Axes = [Option<f64>; 3];
 
 /// Greatest coordinate of a tip in B in mm and greatest angle in degrees: far beyond any machine.
 const MAX_COORDINATE: f64 = 1e7;
-/// Greatest offset, mm: a coordinate in the program is then within [`MAX_NUMBER`].
+/// Greatest offset, mm: a coordinate in the program is then within what a word may say.
 const MAX_OFFSET: f64 = 1e8;
-/// Greatest number of a word but N, S and T.
-const MAX_NUMBER: f64 = 1e9;
 /// M words with P that move nothing. Not M67 and M68, which give LinuxCNC's component the load: it would be compensated twice.
 const OVERRIDES_AND_OUTPUTS: [f64; 8] = [50.0, 51.0, 52.0, 53.0, 62.0, 63.0, 64.0, 65.0];
 
@@ -60,6 +58,8 @@ pub(super) enum Form {
 pub(super) struct Stop {
     pub place: Place,
     pub rapid: bool,
+    /// See [`Move::continues`](crate::files::path::Move::continues).
+    pub continues: bool,
 }
 
 /// What a line did.
@@ -92,7 +92,8 @@ pub(super) struct Modal<'a> {
     /// `G99` in place of `G98`.
     pub retracts_to_r: bool,
     pub offsets: Offsets,
-    tool: Option<f64>,
+    /// In hand.
+    pub tool: Option<f64>,
     length_is_on: bool,
     /// Over the flange of the machine file, mm.
     pub length_mm: f64,
@@ -104,37 +105,6 @@ pub(super) struct Modal<'a> {
     pub drill: DrillWords,
     /// Height before the first cycle of a row of them, mm.
     pub initial_mm: Option<f64>,
-}
-
-/// The numbers of a line that nothing has used yet.
-pub(super) struct Numbers([Option<f64>; 26]);
-
-impl Numbers {
-    fn of(line: &Line<'_>) -> Result<Self, Refusal> {
-        let mut numbers = Self([None; 26]);
-        for word in line.words.iter().filter(|w| !"GM".contains(w.letter)) {
-            let place = &mut numbers.0[(word.letter as u8 - b'A') as usize];
-            if place.replace(word.value).is_some() {
-                return Err(format!("`{}`: duplicate {} in the line", word.shown(), word.letter));
-            }
-            if word.value.abs() > MAX_NUMBER && !"NST".contains(word.letter) {
-                return Err(format!("`{}`: expected a number within ±{MAX_NUMBER:e}", word.shown()));
-            }
-        }
-        Ok(numbers)
-    }
-
-    pub fn take(&mut self, letter: char) -> Option<f64> {
-        self.0[(letter as u8 - b'A') as usize].take()
-    }
-
-    pub fn take_three(&mut self, letters: [char; 3]) -> Axes {
-        letters.map(|letter| self.take(letter))
-    }
-
-    pub fn has_any(&self, letters: &str) -> bool {
-        letters.bytes().any(|letter| self.0[(letter - b'A') as usize].is_some())
-    }
 }
 
 /// The target of a move as far as it is known.
@@ -201,15 +171,19 @@ impl<'a> Modal<'a> {
             return Err(format!("F{feed}: a feed is not below 0"));
         }
         if let Some(speed) = numbers.take('S') {
+            if speed < 0.0 {
+                return Err(format!("S{speed}: a speed is not below 0: M4 turns the spindle backwards"));
+            }
             self.spindle_per_min = (speed > 0.0).then_some(speed);
         }
         if line.words.first().is_some_and(|w| w.letter == 'N') {
             numbers.take('N');
         }
-        if let Some(tool) = numbers.take('T') {
-            self.tool = Some(tool);
-        }
+        numbers.take('T');
         let codes = codes::Codes::take(line, self)?;
+        if self.inverse_time && feed == Some(0.0) {
+            return Err("F0 in G93: a move would take for ever".into());
+        }
         match feed.filter(|feed| *feed > 0.0 && !self.inverse_time) {
             Some(feed) if self.feed_is_of_a_turn => self.feed_per_turn_mm = Some(feed * self.unit_mm),
             Some(feed) => self.feed_per_min = Some([feed * self.unit_mm, feed]),
@@ -305,7 +279,11 @@ impl<'a> Modal<'a> {
             |numbers: &mut Numbers, unit: f64| numbers.take_three(['X', 'Y', 'Z']).map(|v| v.map(|v| v * unit));
         match other {
             40 => {
-                if numbers.take('P').is_none() && numbers.take('X').is_none() {
+                let seconds = numbers.take('P');
+                if seconds.is_some_and(|p| p < 0.0) {
+                    return Err("G4: a dwell is not below 0".into());
+                }
+                if seconds.is_none() && numbers.take('X').is_none() {
                     numbers.take('U');
                 }
                 if numbers.has_any("XYZIJKABC") {
@@ -364,8 +342,8 @@ impl<'a> Modal<'a> {
         let rotary = self.rotary_letters();
         let all = !numbers.has_any(&format!("XYZ{rotary}"));
         let mut named = [all; 5];
-        for (named, letter) in named.iter_mut().zip(format!("XYZ{rotary}").bytes()) {
-            *named |= numbers.0[(letter - b'A') as usize].is_some();
+        for (named, letter) in named.iter_mut().zip(format!("XYZ{rotary}").chars()) {
+            *named |= numbers.has_any(&letter.to_string());
         }
         let reference = self.setup.offsets.references[usize::from(second)].filter(|_| self.length_mm == 0.0);
         let way = self.target(numbers, self.offsets.total_mm(), self.incremental, false)?;
@@ -391,7 +369,7 @@ impl<'a> Modal<'a> {
             }
             [Err(why), _] | [_, Err(why)] => return Ok(Effect::Unchecked(why)),
         };
-        stops.extend([way, there].map(|place| Stop { place, rapid: true }));
+        stops.extend([way, there].map(|place| Stop { place, rapid: true, continues: false }));
         self.last = Some(there);
         Ok(Effect::Moves { form: Form::Reference { named }, fresh: !known })
     }

@@ -3,8 +3,8 @@
 use super::Refusal;
 use super::arcs::{Arc, ArcWords, Plane};
 use super::cycles::{Drill, Hole};
-use super::modal::{Effect, Form, Modal, Motion, Numbers, Stop, Target};
-use super::words::Line;
+use super::modal::{Effect, Form, Modal, Motion, Stop, Target};
+use super::words::{Line, Numbers};
 use crate::files::path::{Place, Toward};
 
 /// Most moves of a line with a cycle.
@@ -56,7 +56,7 @@ impl Modal<'_> {
         self.reach(target);
         match place {
             Ok(place) => {
-                stops.push(Stop { place, rapid });
+                stops.push(Stop { place, rapid, continues: false });
                 self.last = Some(place);
                 Ok(Effect::Moves { form: Form::Straight, fresh: before.is_none() })
             }
@@ -126,9 +126,10 @@ impl Modal<'_> {
         for n in 1..chords {
             let share = f64::from(n) / f64::from(chords);
             let tip_m = arc.point_mm(share, start_mm, end_mm).map(|mm| mm / 1e3);
-            stops.push(Stop { place: Place { tip_m, ..start.between(&end, share) }, rapid: false });
+            let place = Place { tip_m, ..start.between(&end, share) };
+            stops.push(Stop { place, rapid: false, continues: n > 1 });
         }
-        stops.push(Stop { place: end, rapid: false });
+        stops.push(Stop { place: end, rapid: false, continues: chords > 1 });
         self.reach(target);
         self.last = Some(end);
         Ok(Effect::Moves { form: Form::Arc, fresh: false })
@@ -159,12 +160,19 @@ impl Modal<'_> {
         let initial_mm = *self.initial_mm.get_or_insert(at_mm[along]);
         let r_mm = r + if self.incremental { initial_mm } else { origin_mm[along] };
         let bottom_mm = z + if self.incremental { r_mm } else { origin_mm[along] };
+        if words.p.is_some_and(|p| p < 0.0) {
+            return Err(format!("{drill:?}: P, the dwell, is below 0"));
+        }
         let hole = Hole::new(drill, &words, [r_mm, bottom_mm], (!self.retracts_to_r).then_some(initial_mm))?;
+        if self.plane == Plane::XY && self.setup.axes.z_goes_out() && bottom_mm > r_mm {
+            return Err(format!("{drill:?}: R lies deeper in the workpiece than the hole's bottom Z"));
+        }
         let given = [a, b].map(|i| ['X', 'Y', 'Z'][i]).map(|letter| numbers.take(letter).map(|v| v * unit));
         let target = self.target(numbers, origin_mm, self.incremental, false)?;
         let toward = self.place(&target)?.toward;
         let mut go = |at_mm: [f64; 3], toward: Toward, rapid: bool| {
-            stops.push(Stop { place: Place { tip_m: at_mm.map(|v| v / 1e3), toward }, rapid });
+            let place = Place { tip_m: at_mm.map(|v| v / 1e3), toward };
+            stops.push(Stop { place, rapid, continues: false });
         };
         if repeats > 0.0 && hole.is_below_r(at_mm[along]) {
             at_mm[along] = r_mm;

@@ -2,6 +2,8 @@
 
 use super::Refusal;
 
+/// Greatest number of a word but N, S and T.
+const MAX_NUMBER: f64 = 1e9;
 /// For another control's own language.
 const ISO: &str = "is this G-code (DIN/ISO)?";
 
@@ -127,6 +129,37 @@ impl<'a> Line<'a> {
     /// Neither words nor an O word: blank, a comment, `%`.
     pub fn is_silent(&self) -> bool {
         self.words.is_empty() && self.label.is_none()
+    }
+}
+
+/// The numbers of a line that nothing has used yet.
+pub(super) struct Numbers([Option<f64>; 26]);
+
+impl Numbers {
+    pub fn of(line: &Line<'_>) -> Result<Self, Refusal> {
+        let mut numbers = Self([None; 26]);
+        for word in line.words.iter().filter(|w| !"GM".contains(w.letter)) {
+            let place = &mut numbers.0[(word.letter as u8 - b'A') as usize];
+            if place.replace(word.value).is_some() {
+                return Err(format!("`{}`: duplicate {} in the line", word.shown(), word.letter));
+            }
+            if word.value.abs() > MAX_NUMBER && !"NST".contains(word.letter) {
+                return Err(format!("`{}`: expected a number within ±{MAX_NUMBER:e}", word.shown()));
+            }
+        }
+        Ok(numbers)
+    }
+
+    pub fn take(&mut self, letter: char) -> Option<f64> {
+        self.0[(letter as u8 - b'A') as usize].take()
+    }
+
+    pub fn take_three(&mut self, letters: [char; 3]) -> [Option<f64>; 3] {
+        letters.map(|letter| self.take(letter))
+    }
+
+    pub fn has_any(&self, letters: &str) -> bool {
+        letters.bytes().any(|letter| self.0[(letter - b'A') as usize].is_some())
     }
 }
 

@@ -5,8 +5,26 @@ use super::words::{Line, Word, apart, without_switch};
 use super::{Content, Program, TextAt, turned};
 use crate::files::path::{Place, Toward};
 
-/// Stops of a program on the line of a move: they come behind it.
-const STOPS: [f64; 5] = [0.0, 1.0, 2.0, 30.0, 60.0];
+/// What stops program, spindle or coolant on the line of a move: it comes behind the move.
+const STOPS: [f64; 7] = [0.0, 1.0, 2.0, 5.0, 9.0, 30.0, 60.0];
+/// A way of the tip shorter than this is none, m.
+const NO_WAY_M: f64 = 1e-9;
+
+/// A move's new places.
+struct Written {
+    places: Vec<Place>,
+    /// The first is where it begins, see [`Point::is_begin`](crate::files::tool_path::Point::is_begin).
+    begins: bool,
+}
+
+/// F of a line in G93, as it was given or as a feed of °/min asks for.
+#[derive(Clone, Copy)]
+struct InverseTime {
+    /// Of the whole line, 1/min.
+    per_min: f64,
+    /// F of G94, which comes back into force after the line.
+    then: Option<f64>,
+}
 
 /// A program that is written with other places, move by move, in the order in which they are made.
 pub struct Writer<'a> {
@@ -17,7 +35,7 @@ pub struct Writer<'a> {
     block: usize,
     first: usize,
     /// Places of that block's moves so far.
-    places: Vec<Vec<Place>>,
+    places: Vec<Written>,
     /// The line of a `%` at the beginning, and where in the text the notes go: behind it.
     percent: Option<usize>,
     head: usize,
@@ -62,9 +80,9 @@ fn calls(line: &Line<'_>, word: &Word<'_>) -> bool {
 }
 
 impl Writer<'_> {
-    /// The next move's places, several where it was divided.
-    pub fn push(&mut self, places: Vec<Place>) {
-        self.places.push(places);
+    /// The next move's places, several where it was divided. `begins`: the first is where it begins.
+    pub fn push(&mut self, places: Vec<Place>, begins: bool) {
+        self.places.push(Written { places, begins });
         self.write_complete();
     }
 
@@ -146,11 +164,39 @@ impl Writer<'_> {
         self.put(parts.join(" ").trim_start());
     }
 
-    fn moves(&mut self, line: &Line<'_>, style: &Style, first: usize, places: &[Vec<Place>]) {
+    /// F of a line whose parts need one each. Where the tip only turned, and F is °/min, the compensated tip also moves a little, so
+    /// that a control would take F as mm/min.
+    fn inverse_time(&self, line: &Line<'_>, style: &Style, first: usize) -> Option<InverseTime> {
+        if style.inverse_time {
+            let per_min = line.words.iter().find(|w| w.letter == 'F')?.value;
+            return Some(InverseTime { per_min, then: None });
+        }
+        let moves = self.program.moves.get(first.checked_sub(1)?..=first).filter(|_| style.form == Form::Straight)?;
+        let [before, mv] = moves else { return None };
+        let [_, feed] = mv.feed_per_min.filter(|_| mv.is_loaded() && !mv.is_fresh)?;
+        let [way_m, _] = before.to.apart(&mv.to);
+        let turn_deg = before.to.turned_rad(&mv.to).to_degrees();
+        (way_m < NO_WAY_M && turn_deg > 0.0).then_some(InverseTime { per_min: feed / turn_deg, then: Some(feed) })
+    }
+
+    /// F of the next place in G93, where each of a line's parts has a share of its time. A move to where a cut begins goes as fast as the
+    /// part that follows.
+    fn part_per_min(&self, whole: f64, is_begin: bool, place: &Place, next: Option<&Place>) -> f64 {
+        let ways = self.last.zip(next).map(|(last, next)| {
+            let last = turned(&last, |v| self.program.axes.to_base(v));
+            [last.apart(place)[0], place.apart(next)[0]]
+        });
+        match ways {
+            Some([to, part]) if is_begin && to > NO_WAY_M && part > NO_WAY_M => whole * part / to,
+            _ => whole,
+        }
+    }
+
+    fn moves(&mut self, line: &Line<'_>, style: &Style, first: usize, moves: &[Written]) {
         let form = style.form;
         if let Form::Reference { named } = form {
             self.pass(line);
-            self.reach_reference(places, named);
+            self.reach_reference(moves, named);
             return;
         }
         let motion_words = match form {
@@ -158,6 +204,8 @@ impl Writer<'_> {
             Form::Arc => "RP",
             Form::Drill { .. } => "RPQLK",
         };
+        let inverse_time = self.inverse_time(line, style, first);
+        let returns = inverse_time.is_some_and(|f| f.then.is_some());
         let rotary = self.program.head.map_or("AB", |h| h.letters());
         let goes = |w: &Word<'_>| {
             "XYZIJK".contains(w.letter)
@@ -166,7 +214,8 @@ impl Writer<'_> {
                 || is_replaced(w)
                 || (form != Form::Straight && w.is('G', &[80.0]))
                 || calls(line, w)
-                || (style.inverse_time && w.letter == 'F')
+                || (inverse_time.is_some() && w.letter == 'F')
+                || (returns && w.is('G', &[94.0]))
         };
         let kept: Vec<&Word<'_>> = line.words.iter().filter(|w| !goes(w)).collect();
         let (stops, kept): (Vec<&Word<'_>>, Vec<&Word<'_>>) = kept.into_iter().partition(|w| w.is('M', &STOPS));
@@ -175,12 +224,19 @@ impl Writer<'_> {
             self.rapid = Some(word.value == 0.0);
         }
         let comments = line.comments.join(" ");
-        let feed = line.words.iter().find(|w| style.inverse_time && w.letter == 'F').map(|w| w.value);
-        let (mut is_first, points) = (true, places.iter().map(Vec::len).sum::<usize>());
+        if returns {
+            words.push("G93".to_owned());
+        }
+        let (mut is_first, points) = (true, moves.iter().map(|m| m.places.len()).sum::<usize>());
+        let parts = points - moves.iter().filter(|m| m.begins).count();
         let mut left = points;
-        for (n, places) in places.iter().enumerate() {
+        for (n, Written { places, begins }) in moves.iter().enumerate() {
             let rapid = self.program.moves[first + n].is_rapid;
-            for place in places {
+            for (k, place) in places.iter().enumerate() {
+                let is_begin = *begins && k == 0;
+                let part_per_min = inverse_time
+                    .filter(|_| !rapid)
+                    .map(|feed| self.part_per_min(feed.per_min * parts as f64, is_begin, place, places.get(k + 1)));
                 if style.in_machine && !is_first {
                     words.push("G53".to_owned());
                 }
@@ -188,9 +244,7 @@ impl Writer<'_> {
                     words.push(if rapid { "G0" } else { "G1" }.to_owned());
                 }
                 self.push_place(place, style, &mut words);
-                if let Some(feed) = feed.filter(|_| !rapid) {
-                    words.push(format!("F{}", number(feed * points as f64, 6)));
-                }
+                words.extend(part_per_min.map(|f| format!("F{}", number(f, 6))));
                 left -= 1;
                 if left == 0 {
                     words.extend(stops.iter().map(|w| w.shown()));
@@ -208,6 +262,9 @@ impl Writer<'_> {
                 self.put(&format!("G4 P{}", number(dwell, 6)));
             }
         }
+        if let Some(feed) = inverse_time.and_then(|f| f.then) {
+            self.put(&format!("G94 F{}", number(feed, 6)));
+        }
         // a cycle that is only named, L0
         if points == 0 && !(words.is_empty() && comments.is_empty()) {
             words.push(comments);
@@ -216,8 +273,8 @@ impl Writer<'_> {
     }
 
     /// A line that goes to a reference point has moved the named axes there, and left the others.
-    fn reach_reference(&mut self, places: &[Vec<Place>], named: [bool; 5]) {
-        let Some(there) = places.last().and_then(|p| p.last()).map(|p| self.in_program(p)) else { return };
+    fn reach_reference(&mut self, moves: &[Written], named: [bool; 5]) {
+        let Some(there) = moves.last().and_then(|m| m.places.last()).map(|p| self.in_program(p)) else { return };
         let last = self.last.get_or_insert(there);
         for i in (0..3).filter(|i| named[*i]) {
             last.tip_m[i] = there.tip_m[i];

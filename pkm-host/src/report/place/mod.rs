@@ -69,6 +69,19 @@ fn worst(holes: &[Posture]) -> Option<f64> {
     holes.iter().filter_map(um).reduce(f64::max)
 }
 
+/// Whether series that are placed together count for more or less than others.
+fn is_weighted(model: &PlacementModel<'_>, p: &Placement) -> bool {
+    p.series.len() > 1 && p.series.iter().any(|n| model.job.series[*n].weight != 1.0)
+}
+
+/// Holes that are held worse than with the table in the middle.
+fn held_worse(p: &Placement) -> usize {
+    let Some((_, before)) = &p.before else { return 0 };
+    // beyond what a search leaves of its steps
+    let is_worse = |(now, before): &(f64, f64)| *now > *before * (1.0 + 1e-6);
+    p.holes.iter().zip(before).filter_map(|(now, before)| um(now).zip(um(before))).filter(is_worse).count()
+}
+
 /// "A by tip-worst".
 fn name(model: &PlacementModel<'_>, p: &Placement) -> String {
     format!("{} by {}", series_name(model, p), p.objective.name())
@@ -115,6 +128,8 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
             None => String::new(),
         };
         let unit = if p.objective == Objective::Paper { format!(" {}", p.objective.unit()) } else { String::new() };
+        let weighted = is_weighted(model, p);
+        let unit = if weighted { format!("{unit} (weighted)") } else { unit };
         let mut text = format!(
             "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}{unit}, ",
             name(model, p),
@@ -149,9 +164,16 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
             finding = Finding::warning(finding.text);
         }
         if counts(&p) {
-            let than = p.before.as_ref().map_or("out of reach".to_owned(), |(before, _)| short(judged, *before));
+            // a weight is no way that a tip moves
+            let of_tip = weighted && judged == Objective::TipWorst;
+            let note = if weighted && !of_tip { ", weighted" } else { "" };
+            let said = |value: f64, holes: &[Posture]| {
+                let of_holes = worst(holes).filter(|_| of_tip).map(|um| um / 1e6);
+                short(judged, of_holes.unwrap_or(value))
+            };
+            let than = p.before.as_ref().map_or("out of reach".to_owned(), |(value, holes)| said(*value, holes));
             let series = series_name(model, p);
-            gains.push(format!("{} instead of {than} (series {series})", short(judged, p.value)));
+            gains.push(format!("{} instead of {than} (series {series}{note})", said(p.value, &p.holes)));
         }
         all.push((p.objective, finding));
     }
@@ -166,6 +188,11 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
     let uncertain = robust::of_the_verdict(model, placed);
     let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
         Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}.{uncertain}"))
+    } else if counted().all(better) && counted().any(|p| held_worse(p) > 0) {
+        let [worse, all] = [held_worse, |p: &Placement| p.holes.len()].map(|count| counted().map(count).sum::<usize>());
+        Finding::good(format!(
+            "Every hole is in reach, and {what} {gains}. {worse} of {all} holes are held worse than with the table in the middle.{uncertain}"
+        ))
     } else if counted().all(better) {
         Finding::good(format!("Every hole is in reach and better held: {what} {gains}.{uncertain}"))
     } else {
@@ -178,6 +205,8 @@ fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
         findings
             .push(Finding::warning("Uncorrected: no correction table was given, and no data back the basic model."));
     }
+    let most_um = placed.placements.iter().filter_map(|p| worst(&p.holes)).fold(0.0, f64::max);
+    findings.extend(super::implausible("A tip moves by", most_um / 1e6).map(Finding::warning));
     findings.extend(all.into_iter().map(|(_, finding)| finding));
     findings.extend(robust::findings(model, placed));
     findings.extend(front::findings(model, placed));

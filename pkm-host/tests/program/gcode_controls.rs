@@ -1,0 +1,186 @@
+//! What a control makes of a line where something else would be as near: times of moves, tools in hand, where a program ends.
+
+use serde_json::Value;
+
+use crate::common::{Folder, fixture, json, refused};
+
+const START: &str = "G21 G90 G94\nG0 X-205 Y0 Z1130 A0 B0\n";
+const WRENCH: &str = "100,50,-300,0,0,1";
+const TOOLS: &str = "format = 1\n[material]\nkc1_1_n_per_mm2 = 1500\nmc = 0.25\nu_rel = 0.2\n\
+    [[tool]]\nnumber = 1\nlength_mm = 10\ndiameter_mm = 10\nkind = \"mill\"\nteeth = 2\ndepth_mm = 2\nwidth_mm = 5\nside = \"climb\"\n\
+    [[tool]]\nnumber = 2\nlength_mm = 25.5\ndiameter_mm = 6\nkind = \"drill\"\nteeth = 2\n";
+
+/// A program compensated: the summary, and its lines without comments.
+fn compensated(program: &str, args: &[&str]) -> (Value, Vec<String>) {
+    let folder = Folder::new();
+    let (path, out) = (folder.write("p.ngc", program), folder.path("out.ngc"));
+    let tools = folder.write("tools.toml", TOOLS);
+    let summary = json(&[&["compensate", "--path", &path, "--out", &out, "--tools", &tools], args].concat());
+    let lines = folder.read("out.ngc").lines().filter(|l| !l.starts_with('(')).map(str::to_owned).collect();
+    (summary, lines)
+}
+
+/// Why a program is refused, and in which line.
+fn why(program: &str) -> (String, u64) {
+    let folder = Folder::new();
+    let (path, out) = (folder.write("p.ngc", program), folder.path("out.ngc"));
+    let tools = folder.write("tools.toml", TOOLS);
+    let error = refused(&["compensate", "--path", &path, "--out", &out, "--tools", &tools, "--wrench", WRENCH]);
+    (error["message"].as_str().unwrap().to_owned(), error["line"].as_u64().unwrap())
+}
+
+/// The number behind a letter.
+fn word(line: &str, letter: char) -> Option<f64> {
+    line.split_whitespace().find_map(|w| w.strip_prefix(letter)?.parse().ok())
+}
+
+/// F of a cut that only turns the tool is °/min. The compensated tip moves a little beside, and a control would take F as mm/min: the
+/// turn would be over at once. So its parts say their time.
+#[test]
+fn a_turn_takes_the_time_that_its_feed_says() {
+    let (_, lines) = compensated(&format!("{START}G1 A10 F100\nX-200 F200\n"), &["--wrench", WRENCH]);
+    let begin = lines.iter().position(|l| l.contains("G93")).unwrap();
+    let end = lines.iter().position(|l| l == "G94 F100").unwrap();
+    let times: Vec<f64> = lines[begin..end].iter().map(|l| 1.0 / word(l, 'F').unwrap()).collect();
+    // the first goes to where the load begins
+    assert_eq!(times.len(), 11, "{lines:#?}");
+    assert!((times[1..].iter().sum::<f64>() - 10.0 / 100.0).abs() < 1e-5, "{times:?}");
+    assert!(lines[end + 1..].iter().all(|l| !l.contains("G93")) && lines[end + 1].contains("F200"), "{lines:#?}");
+    // in inches F of a turn is the same
+    let inches = "G20 G90 G94\nG0 X-8 Y0 Z44.5 A0 B0\nG1 A10 F100\n";
+    let (_, lines) = compensated(inches, &["--wrench", WRENCH]);
+    assert!(lines.iter().any(|l| l == "G94 F100"), "{lines:#?}");
+    // without a load the tip stays, and so does the line
+    let (_, lines) = compensated(&format!("{START}G1 A10 F100\n"), &["--wrench", "0,0,0,0,0,0"]);
+    assert!(lines.iter().all(|l| !l.contains("G93")), "{lines:#?}");
+}
+
+/// In G93 the parts of a cut take its time together; the way to where the load begins is no part of it.
+#[test]
+fn parts_in_g93_take_the_time_of_the_whole() {
+    let (_, lines) = compensated(&format!("{START}G93\nG1 X-200 F10\nX-199 F10\n"), &["--wrench", WRENCH]);
+    let cuts: Vec<(f64, f64)> = lines.iter().filter_map(|l| Some((word(l, 'X')?, 1.0 / word(l, 'F')?))).collect();
+    let [first, second]: [f64; 2] = [-200.5, -198.5].map(|end| {
+        let of_cut = |x: f64| x > end - 4.4 && x < end + 0.6 && (end < -200.0 || x > -199.5);
+        cuts.iter().filter(|(x, _)| of_cut(*x)).map(|(_, minutes)| minutes).sum()
+    });
+    assert!((first - 0.1).abs() < 1e-6 && (second - 0.1).abs() < 1e-6, "{first} {second}: {cuts:?}");
+    // the first place is some micrometres away, and reached at the feed of the cut
+    let (x, minutes) = cuts[0];
+    assert!(x < -204.9 && minutes < 0.01 * 0.1, "{cuts:?}");
+}
+
+#[test]
+fn a_tool_is_in_hand_from_m6_on() {
+    let cut = "S3000 M3\nG0 X-205 Y0 Z1130 A0 B0\nG1 Z1132 F100\n";
+    let of = |change: &str| compensated(&format!("G21 G90 G94\nT1 M6\n{change}\n{cut}"), &[]).1;
+    let numbers = |lines: Vec<String>| -> Vec<String> { lines.into_iter().filter(|l| l.contains('Z')).collect() };
+    assert_eq!(numbers(of("T2 M6")), numbers(of("M6 T2")));
+    // G43 without H is that of the tool in hand, not of the one that is called next
+    let first = numbers(of("G43 H1"));
+    assert_eq!(numbers(of("T2\nG43")), first);
+    assert_ne!(numbers(of("T2\nG43 H2")), first);
+}
+
+#[test]
+fn a_comment_sets_the_load_with_a_blank_before_it() {
+    let said =
+        |comment: &str| compensated(&format!("{START}{comment}\nG1 X-200 F100\n"), &["--wrench", "0,0,-1,0,0,0"]).0;
+    let load = "(wrench 0,0,-500,0,0,0)";
+    assert_eq!(said(&format!("; {load}"))["error_before_um"], said(load)["error_before_um"]);
+    assert_ne!(said("; no load")["error_before_um"], said(load)["error_before_um"]);
+}
+
+/// The chords of an arc meet at angles that the joints have to follow: v²/r, which no chord by itself shows.
+#[test]
+fn joints_are_held_against_their_limits_along_an_arc() {
+    let circle = |feed: f64| format!("{START}G17 G2 I1 J0 F{feed}\n");
+    let limits = ["--wrench", WRENCH, "--limits", &fixture("jobs/limits.toml")];
+    let (fast, _) = compensated(&circle(6000.0), &limits);
+    assert_eq!((&fast["feeds_checked"], &fast["too_fast"][0]["line"]), (&Value::from(1), &Value::from(3)));
+    let allowed = fast["too_fast"][0]["allowed_per_min"].as_f64().unwrap();
+    // three screws of 2000 mm/s² at three points of the circle, by the inverse kinematics at a small step
+    let least = least_feed_of_circle();
+    assert!((allowed / least - 1.0).abs() < 0.02, "{allowed} mm/min, by finite differences {least}");
+    let (slow, _) = compensated(&circle(allowed.floor()), &limits);
+    assert_eq!(slow["too_fast"].as_array().map(Vec::len), Some(0));
+}
+
+/// The feed around a circle of 1 mm at which a screw reaches 2000 mm/s², by finite differences of the inverse kinematics.
+fn least_feed_of_circle() -> f64 {
+    let five = &crate::common::FIVE;
+    let lengths = |angle: f64| {
+        let tip_m = [-0.204 + 1e-3 * angle.cos(), 1e-3 * angle.sin(), 1.130];
+        five.inverse_at(tip_m.into(), [0.0, 0.0].into()).unwrap().joints.lengths.q_m
+    };
+    let step = 0.05_f64;
+    let bent = (0..720).map(|n| {
+        let angle = f64::from(n).to_radians() / 2.0;
+        ((lengths(angle + step) - lengths(angle) * 2.0 + lengths(angle - step)) / (step * step)).amax()
+    });
+    // per s², for one radian a second, which is 1 mm/s
+    60.0 * (2.0 / bent.fold(0.0, f64::max)).sqrt()
+}
+
+#[test]
+fn what_stops_comes_with_the_last_part() {
+    let (_, lines) = compensated(&format!("{START}G1 X-200 F100 M9 M5\nM30\n"), &["--wrench", WRENCH]);
+    let at = lines.iter().position(|l| l.contains("M5")).unwrap();
+    assert!(word(&lines[at], 'X').unwrap() > -200.1 && lines[at].contains("M9"), "{lines:#?}");
+}
+
+#[test]
+fn nothing_is_read_behind_the_end() {
+    let program = format!("%\n{START}G1 X-200 F100\n");
+    let (whole, _) = compensated(&format!("{program}M30\n%\n"), &["--wrench", WRENCH]);
+    for tail in ["M30\nthis is no G-code?\n", "%\nG1 X-100 Y500 F1\n", "M30\n%\nG1 X-100\n#1=[\n"] {
+        let (read, lines) = compensated(&format!("{program}{tail}"), &["--wrench", WRENCH]);
+        assert_eq!((&read["error_before_um"], &read["moves"]), (&whole["error_before_um"], &whole["moves"]), "{tail}");
+        assert!(lines.iter().all(|l| !l.contains("X-100")), "{lines:#?}");
+    }
+}
+
+#[test]
+fn words_that_contradict_each_other_are_refused_with_their_line() {
+    for (line, said) in [
+        ("G20 G21", "`G20` and `G21` in one line"),
+        ("G90 G91 X1", "`G90` and `G91` in one line"),
+        ("G17 G1 X-200 G18 F100", "`G17` and `G18` in one line"),
+        ("G54 G55", "`G54` and `G55` in one line"),
+        ("M3 M5 S100", "`M3` and `M5` in one line"),
+        ("S-5", "a speed is not below 0"),
+        ("G4 P-1", "a dwell is not below 0"),
+        ("G93 G1 X-200 F0", "F0 in G93"),
+        ("G82 X-205 Y0 R1131 Z1132 P-1 F100", "P, the dwell, is below 0"),
+        ("G3 X-204.92 Y0.02 R0", "an arc with R0"),
+        ("G3 X-204.9 Y0 R0.02", "its radius is only"),
+        ("T99 M6\nG43", "the tool table (--tools) has no such tool"),
+    ] {
+        let (message, at) = why(&format!("{START}{line}\nG1 X-201 F100\n"));
+        let lines = 2 + line.lines().count() as u64;
+        assert!(message.contains(said) && at == lines, "{line}: {message}, line {at}");
+    }
+    let folder = Folder::new();
+    // a cycle whose tool would go to R through the workpiece
+    let upward = folder.write("u.ngc", "G21 G90 G54\nG0 X0 Y0 Z5\nG81 X1 R-5 Z-2 F100\n");
+    let job = "format = 1\naxes = [\"x\", \"-y\", \"-z\"]\ntool_axis = [0, 0, 1]\n[offsets]\nG54 = [-205, 0, -1130]\n";
+    let (job, out) = (folder.write("job.toml", job), folder.path("o.ngc"));
+    let error = refused(&["compensate", "--path", &upward, "--job", &job, "--wrench", WRENCH, "--out", &out]);
+    assert!(error["message"].as_str().unwrap().contains("R lies deeper") && error["line"] == 3, "{error}");
+    // a force is estimated while the spindle stands
+    let path = folder.write("p.ngc", &format!("T1 M6 S3000 M3\n{START}G1 X-204 F100\nM5\nG1 X-203\n"));
+    let tools = folder.write("t.toml", TOOLS);
+    let error = refused(&["compensate", "--path", &path, "--tools", &tools, "--out", &out]);
+    assert!(error["message"].as_str().unwrap().contains("the spindle stands (M5)") && error["line"] == 6, "{error}");
+}
+
+/// What `compensate --wrench` writes says no load, and is to be seen all the same.
+#[test]
+fn a_compensated_program_is_played() {
+    let folder = Folder::new();
+    let path = folder.write("p.ngc", &format!("{START}G1 X-200 F100\n"));
+    let (out, page) = (folder.path("out.ngc"), folder.path("page.html"));
+    json(&["compensate", "--path", &path, "--wrench", WRENCH, "--out", &out]);
+    json(&["view", "--path", &out, "--out", &page]);
+    assert!(folder.has("page.html"));
+}
