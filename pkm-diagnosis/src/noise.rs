@@ -260,7 +260,12 @@ impl Noise {
         let is_declared = |r: &Reading| r.covariance.is_some() || r.sigma.iter().any(Option::is_some);
         let declared = observations.readings.iter().any(is_declared);
         let needed = if declared { rules.min_dof_beside_declared } else { rules.min_dof_of_kind };
-        if !used.iter().all(|c| pools[channels[*c].kind].total_dof >= needed) {
+        // the rounding of the file is noise as well
+        let rounding = |c: usize| channels[c].resolution / 12.0_f64.sqrt();
+        // copied rows repeat nothing
+        let is_copied = |c: &usize| pools[channels[*c].kind].deviations().0 <= rounding(*c);
+        let is_known = used.iter().all(|c| pools[channels[*c].kind].total_dof >= needed);
+        if !is_known || (declared && used.iter().all(is_copied)) {
             return Self::declared(observations, &used);
         }
         let (mut within, mut between) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
@@ -269,8 +274,7 @@ impl Noise {
             let own = scatters[*c];
             let taken = if own.total_dof >= rules.min_dof_of_channel { own } else { pools[channels[*c].kind] };
             let (s, t) = taken.deviations();
-            // rounding of the file is noise as well
-            within[*c] = s.max(channels[*c].resolution / 12.0_f64.sqrt());
+            within[*c] = s.max(rounding(*c));
             is_zero_open[*c] = t.is_none();
             between[*c] = t.unwrap_or_else(|| s * declared_zero(observations, *c));
         }

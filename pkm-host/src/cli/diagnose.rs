@@ -7,7 +7,7 @@ use serde_json::json;
 use super::arguments::{ColumnsArgs, DateArgs};
 use super::bar::bar;
 use super::session::{Output, Session};
-use crate::diagnose::{self, Method, Rules, report, write};
+use crate::diagnose::{self, Method, Rules, quality, report, write};
 use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
@@ -87,10 +87,12 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let file = session.machine()?;
     session.warn(file.wrist_warning());
     let source = session.read_or_fixture(data.as_deref(), pkm_fixtures::MEASURED, "--data", &file)?;
-    let readings = Readings::read_renamed(source, &file, &columns)?;
+    let (sheet, readings) = Readings::read_conditions(source, &file, &columns)?;
+    readings.require_deflections(&sheet)?;
     let read_held_out = |path| Readings::read_renamed(Source::read(path)?, &file, &columns);
     let held_out = holdout.as_deref().map(read_held_out).transpose()?;
     session.warn(readings.warnings.iter().chain(held_out.iter().flat_map(|h| &h.warnings)).cloned());
+    session.warn(quality::check_rows(&file, &sheet, &readings).iter().map(|w| w.text(&readings.source.name)));
     if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
         session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
     }

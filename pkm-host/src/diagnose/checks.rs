@@ -7,8 +7,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{DVector, Matrix3, Vector3};
 use pkm_core::{Pose, Wrench};
 use pkm_diagnosis::residuals::{Outlier, Structure};
-use pkm_diagnosis::verdict::Judgement;
-use pkm_diagnosis::{Fit, Problem, Rules, Whitener};
+use pkm_diagnosis::verdict::{Judgement, LackOfFit};
+use pkm_diagnosis::{Fit, NoiseSource, Problem, Rules, Whitener};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -20,8 +20,18 @@ use crate::files::readings::{CHANNELS, KINDS, Readings};
 
 /// Kind of the warning that the readings are in another frame, point, unit or sign.
 pub const TAKEN_OTHERWISE: &str = "readings_taken_otherwise";
+/// Kind of the warning that a declared noise is far more than the readings have.
+pub const TOO_GREAT_NOISE: &str = "declared_noise_too_great";
+/// Mean square of what is left over the declared variance below which that is no noise of these readings, and from how many numbers on.
+const MAX_TOO_GREAT: f64 = 0.1;
+const MIN_NUMBERS: usize = 60;
+/// Residuals over their noise from which on another way to take the readings does not fit well either.
+const BADLY_SD: f64 = 10.0;
 /// Standard acceleration of gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
+/// Pound-force in N, foot in m.
+const POUND_N: f64 = 4.448_221_615_260_5;
+const FOOT_M: f64 = 0.304_8;
 /// Units that instruments show beside those of the file.
 const ARCSECOND_URAD: f64 = 1e6 * PI / (180.0 * 3600.0);
 const MILLIDEGREE_URAD: f64 = 1e3 * PI / 180.0;
@@ -31,7 +41,7 @@ const THOU_UM: f64 = 25.4;
 #[derive(Clone, Debug, Serialize)]
 pub struct Warning {
     /// `readings_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
-    /// `repeats_that_differ`, `order_of_readings` or `many_great_changes`.
+    /// `repeats_that_differ`, `equal_repeats`, `declared_noise_too_great`, `order_of_readings` or `many_great_changes`.
     pub kind: &'static str,
     /// For people.
     pub message: String,
@@ -238,11 +248,16 @@ fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     turn("as displacements in B".into(), Box::new(|p| [into_a(p); 2]), None);
     turn("with displacements and loads in B".into(), Box::new(|p| [into_a(p); 2]), Some(1.0));
     let has_rotations = readings.channels()[3..].contains(&true);
+    if has_rotations {
+        turn("with the signs of all rotations reversed".into(), Box::new(move |_| [plain, -plain]), None);
+        turn("with the signs of all translations reversed".into(), Box::new(move |_| [-plain, plain]), None);
+    }
     for (name, exchange) in exchanges() {
         let axial = exchange.determinant();
         let how = format!("with dx, dy, dz along {name}");
         if has_rotations {
             turn(format!("{how}, rotations as they are"), Box::new(move |_| [exchange, plain]), None);
+            turn(format!("with rx, ry, rz about {name}"), Box::new(move |_| [plain, exchange * axial]), None);
         }
         turn(how, Box::new(move |_| [exchange, exchange * axial]), None);
         turn(
@@ -262,6 +277,9 @@ fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     for (how, force, moment) in [
         ("with forces in kgf or daN", GRAVITY, 1.0),
         ("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY),
+        ("with forces in lbf", POUND_N, 1.0),
+        ("with forces in lbf and moments in lbf·ft", POUND_N, POUND_N * FOOT_M),
+        ("with forces in lbf and moments in lbf·in", POUND_N, POUND_N * FOOT_M / 12.0),
         ("with moments in N·mm", 1.0, 1e-3),
         ("with forces in kN", 1e3, 1.0),
     ] {
@@ -351,10 +369,12 @@ pub fn taken_otherwise(
     let (_, rest) = alike.first()?;
     let how = alike.iter().map(|f| f.0.as_str()).collect::<Vec<_>>().join(", or ");
     let times = |left: f64| format!("{:.1}", left.sqrt());
+    let other =
+        if rest.sqrt() > BADLY_SD { ", which is not well either: more than one thing may be otherwise" } else { "" };
     (*rest < said / problem.rules.min_rss_ratio).then(|| Warning {
         kind: TAKEN_OTHERWISE,
         message: format!(
-            "the readings fit the declared machine much better {how} (residuals of {} times their noise) than as the file says, \
+            "the readings fit the declared machine much better {how} (residuals of {} times their noise{other}) than as the file says, \
              displacements of A in A-uvw under loads at A ({} times): are they?",
             times(*rest),
             times(said)
@@ -408,11 +428,23 @@ pub fn of_result(
     judgement: &Judgement,
     declared: &[DeclaredFinding],
     structure: &[Structure],
+    numbers: usize,
     rules: &Rules,
 ) -> Vec<Warning> {
     let limit = rules.implausible_pull_sd;
     let mut warnings = Vec::new();
     let great = declared.iter().filter(|f| f.pull_sd.abs() > limit).count();
+    let LackOfFit { noise_source, statistic, .. } = judgement.after;
+    if noise_source == NoiseSource::Declared && numbers >= MIN_NUMBERS && statistic < MAX_TOO_GREAT {
+        warnings.push(Warning {
+            kind: TOO_GREAT_NOISE,
+            message: format!(
+                "the model leaves {:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
+                 sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen",
+                statistic.sqrt()
+            ),
+        });
+    }
     if great > rules.max_implausible_pulls {
         warnings.push(Warning {
             kind: "many_great_changes",

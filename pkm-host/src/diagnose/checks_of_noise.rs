@@ -15,6 +15,9 @@ const MIN_CONSTANT: usize = 10;
 /// By how much repeats differ from the median of all that they are named.
 const MAX_SPREAD_RATIO: f64 = 50.0;
 
+/// Deviation of a number that is rounded to a resolution, as a share of it, with some room for the last bit.
+const READ_ROUNDING: f64 = 0.288_68;
+
 /// Most repeats that are named.
 const MOST_NAMED: usize = 3;
 
@@ -35,6 +38,20 @@ pub fn of_noise(noise: &Noise, rules: &Rules) -> Option<Warning> {
             noise.dof,
             (least - noise.dof).ceil()
         ),
+    })
+}
+
+/// Of repeats that are equal to the last digit, as far as they were written: copied rows are no repeats.
+pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
+    let is_used = readings.channels();
+    let mut used = (0..CHANNELS).filter(|c| is_used[*c]);
+    let is_rounding = |c: usize| noise.within[c] <= READ_ROUNDING * readings.resolution[c];
+    let all = noise.source == NoiseSource::Repeats && used.all(is_rounding);
+    all.then(|| Warning {
+        kind: "equal_repeats",
+        message: "repeats are equal to the last digit, so that the noise is taken for that of rounding: were rows copied? What is read again \
+                  differs"
+            .into(),
     })
 }
 

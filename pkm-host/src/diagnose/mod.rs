@@ -177,9 +177,10 @@ fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>
     let least = problem.rules.min_poses;
     if readings.poses.len() < least {
         return fail(format!(
-            "{} poses cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
+            "{} {} cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
              20 spread over the box are good (`pkm-host plan --kind levels 5`)",
-            readings.poses.len()
+            readings.poses.len(),
+            if readings.poses.len() == 1 { "pose" } else { "poses" }
         ));
     }
     let unknowns = problem.model.declared().len();
@@ -341,6 +342,7 @@ pub fn diagnose(
     let method = if taken_as_said { method } else { Method::Formulas };
     let of_noise =
         checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &left_out));
+    let of_noise = of_noise.chain(checks_of_noise::of_copies(&noise, readings));
     let warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).chain(of_noise).collect();
     step(1, "what the model lacks");
     let start = Start { model: &model, noise: &noise, method, taken_as_said, rules };
@@ -447,7 +449,7 @@ impl Searched<'_> {
         let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
-        warnings.extend(checks::of_result(&judgement, &declared, &structure, rules));
+        warnings.extend(checks::of_result(&judgement, &declared, &structure, problem.numbers(), rules));
         Ok(Diagnosis {
             warnings,
             suspects,

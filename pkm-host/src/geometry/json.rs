@@ -100,7 +100,7 @@ impl Identification {
                 "chosen": if *given { "given" } else { "by cross-validation" }, "poses": poses, "errors": by_rival(held_out),
             },
             "suspect_readings": self.suspects.iter()
-                .map(|s| json!({ "line": s.line, "residual_sd": tidy(s.residual_sd), "excluded": true }))
+                .map(|s| json!({ "line": s.line, "residual_sd": tidy(s.residual_sd), "excluded": s.is_excluded }))
                 .collect::<Vec<_>>(),
         })
     }

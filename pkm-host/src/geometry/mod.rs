@@ -171,7 +171,7 @@ fn search(problem: &Problem<'_>, noise: &Noise, identified: &Fit) -> (Vec<usize>
     (found, tried)
 }
 
-/// Readings that no noise explains, by what the identified geometry leaves.
+/// Readings that no noise explains, by what the identified geometry leaves. More than a few are no single errors, and stay.
 fn outliers(observations: &Observations, noise: &Noise, said: &[f64], rules: &Rules) -> Vec<(usize, f64)> {
     let largest = |(n, r): (usize, &Reading)| {
         let of = |c: usize| {
@@ -186,8 +186,7 @@ fn outliers(observations: &Observations, noise: &Noise, said: &[f64], rules: &Ru
     // of the largest of three the median is above that of one, so that this is on the safe side
     let scale = (sorted[sorted.len() / 2] / MEDIAN_OF_NORMAL).max(1.0);
     let far = |(_, r): &(usize, f64)| *r > rules.outlier_sd * scale;
-    let found: Vec<(usize, f64)> = all.into_iter().enumerate().filter(far).collect();
-    if found.len() <= rules.max_outliers { found } else { Vec::new() }
+    all.into_iter().enumerate().filter(far).collect()
 }
 
 fn not_converged(unloaded: &Unloaded) -> Failure {
@@ -216,11 +215,12 @@ pub fn identify(file: &MachineFile, unloaded: &Unloaded, held_out: Option<&Unloa
         let study = Study::new(&model, &kept, &rules)?;
         let said = study.said(&study.fits(&[])?.identified)?;
         let found = outliers(&study.observations, &study.noise, &said, &rules);
-        if found.is_empty() {
+        let line = |n: usize| kept.readings[n].line;
+        let is_excluded = found.len() <= rules.max_outliers;
+        suspects.extend(found.iter().map(|(n, sd)| Suspect { line: line(*n), residual_sd: *sd, is_excluded }));
+        if found.is_empty() || !is_excluded {
             break;
         }
-        let line = |n: usize| kept.readings[n].line;
-        suspects.extend(found.iter().map(|(n, sd)| Suspect { line: line(*n), residual_sd: *sd }));
         let lines: Vec<u64> = found.iter().map(|(n, _)| line(*n)).collect();
         kept = kept.without(|r| lines.contains(&r.line));
     }

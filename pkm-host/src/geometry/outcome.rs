@@ -105,12 +105,14 @@ pub enum TriedState {
 /// Errors of the rivals on readings.
 pub type RivalErrors = Vec<(Rival, Errors)>;
 
-/// A reading that was left out.
+/// A reading that no noise explains.
 pub struct Suspect {
     /// Line of the file.
     pub line: u64,
     /// Residual in standard deviations.
     pub residual_sd: f64,
+    /// Whether it was left out, as a single gross error is.
+    pub is_excluded: bool,
 }
 
 /// What unloaded readings say of a machine.
@@ -141,7 +143,7 @@ pub struct Identification {
     pub errors: RivalErrors,
     /// Whether held-out readings were given, poses, errors on them or on poses left out in turn.
     pub held_out: (bool, usize, RivalErrors),
-    /// Left out.
+    /// That stand out, left out or too many for that.
     pub suspects: Vec<Suspect>,
     /// By reading and channel: what the identified geometry says, m; and errors of the places by declared and identified
     /// geometry in B, for pictures.
@@ -160,7 +162,7 @@ impl Identification {
 
     /// Readings that were not left out, in the order of what is said of them.
     pub fn kept<'a>(&'a self, unloaded: &'a Unloaded) -> impl Iterator<Item = &'a UnloadedReading> {
-        unloaded.readings.iter().filter(|r| self.suspects.iter().all(|s| s.line != r.line))
+        unloaded.readings.iter().filter(|r| self.suspects.iter().all(|s| !s.is_excluded || s.line != r.line))
     }
 
     /// Errors of a rival on held-out poses.

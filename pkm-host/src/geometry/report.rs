@@ -5,7 +5,7 @@ use pkm_diagnosis::verdict::LackOfFit;
 
 use super::model::Meaning;
 use super::outcome::{Estimate, Identification, LARGE_PULL_SD, Rival, TriedState, Verdict};
-use crate::error::Result;
+use crate::error::{Result, lines_text};
 use crate::files::machine::MachineFile;
 use crate::files::unloaded::{Unloaded, UnloadedReading};
 use crate::page::p_value;
@@ -130,10 +130,18 @@ fn findings(found: &Identification) -> Vec<Finding> {
             if e.meaning.is_angle() { "geometry_mrad" } else { "geometry_mm" }
         )));
     }
-    for s in &found.suspects {
+    for s in found.suspects.iter().filter(|s| s.is_excluded) {
         all.push(Finding::warning(format!(
             "Line {} is {:.0} standard deviations off and was left out: measure it again.",
             s.line, s.residual_sd
+        )));
+    }
+    let many: Vec<u64> = found.suspects.iter().filter(|s| !s.is_excluded).map(|s| s.line).collect();
+    if !many.is_empty() {
+        all.push(Finding::warning(format!(
+            "{} readings are farther off than noise goes, too many to be left out as single errors ({}): look at these first.",
+            many.len(),
+            lines_text(&many)
         )));
     }
     all

@@ -29,8 +29,9 @@ use crate::pose::{NamedPose, a_in_b_m};
 
 /// Mean squared misfit of reflectors over their variances from which their uncertainty is doubted.
 const MAX_MISFIT: f64 = 4.0;
-/// Root mean square that registration may leave: a machine is never off by so much.
+/// Root mean square that registration may leave: a machine is never off by so much; and from which it is doubted.
 const MAX_REGISTRATION_RMS_M: f64 = 0.01;
+const DOUBTFUL_REGISTRATION_RMS_M: f64 = 1e-3;
 
 /// A reading to be made from points: a row of the readings' file.
 pub struct Task<'a> {
@@ -117,14 +118,14 @@ pub fn deflections(
         reflectors.all.iter().map(|r| r.at_m.filter(|_| r.on == On::Platform).map(Vector3::from)).collect();
     let mut survey = Survey { reflectors, points, readings_file, on_platform_m };
     survey.require_known_names(tasks)?;
-    let (registration, located) = survey.register(tasks)?;
+    let (registration, located, doubt) = survey.register(tasks)?;
     let mut campaign = Campaign {
         registration,
         deflections: Vec::new(),
         base: Vec::new(),
         misfit: None,
         located,
-        warnings: points.warnings.clone(),
+        warnings: points.warnings.iter().cloned().chain(doubt).collect(),
     };
     let (mut misfit, mut freedom, mut without_base) = (0.0, 0_usize, 0_usize);
     for task in tasks {
@@ -168,8 +169,8 @@ struct Base {
 }
 
 impl Survey<'_> {
-    /// Where the tracker stands; and platform reflectors without coordinates, which get them here.
-    fn register(&mut self, tasks: &[Task<'_>]) -> Result<(Registration, Located)> {
+    /// Where the tracker stands; platform reflectors without coordinates, which get them here; and what is to be doubted of it.
+    fn register(&mut self, tasks: &[Task<'_>]) -> Result<(Registration, Located, Option<String>)> {
         let is_unknown = |n: &usize| self.reflectors.all[*n].on == On::Platform && self.on_platform_m[*n].is_none();
         let unknown: Vec<usize> = (0..self.reflectors.all.len()).filter(is_unknown).collect();
         let (mut on_base, mut on_platform): (Vec<Sighting>, Vec<Sighting>) = (Vec::new(), Vec::new());
@@ -224,7 +225,21 @@ impl Survey<'_> {
             self.on_platform_m[*n] = Some(*at_m);
         }
         let located = unknown.iter().zip(found).map(|(n, at_m)| (self.name(*n).to_owned(), at_m.into()));
-        Ok((registration, located.collect()))
+        // of the platform's reflectors the machine's own error is the greater part, of the base's there is none
+        let times = registration.chi2_per_dof.sqrt();
+        let of_base = (has_base && registration.chi2_per_dof > MAX_MISFIT).then(|| {
+            let um = registration.rms_m * 1e6;
+            format!("reflectors of the base are {um:.1} µm (rms) off, {times:.1} times their uncertainty")
+        });
+        let of_platform = (rms_m > DOUBTFUL_REGISTRATION_RMS_M)
+            .then(|| format!("unloaded points are {:.1} mm (rms) off where poses and reflectors say", rms_m * 1e3));
+        let doubt = of_base.or(of_platform).map(|what| {
+            format!(
+                "{}: {what}: is a coordinate mistyped in {}, or was the tracker moved between series?",
+                self.points.source.name, self.reflectors.source.name
+            )
+        });
+        Ok((registration, located.collect(), doubt))
     }
 
     /// How the base has moved in the tracker's frame between the states.

@@ -270,6 +270,43 @@ fn fewer_channels_and_declared_noise_will_do() {
     assert_eq!(different.into_iter().collect::<Vec<_>>(), ["1.660000", "2.500000"]);
 }
 
+/// The first reading of each load of p05, with declared deviations, and some of its rows again.
+fn once_declared(deviations: &str, again: usize) -> String {
+    let text = changed(|_, _, _| None);
+    let mut lines = text.lines();
+    let header = lines.next().unwrap();
+    let first: Vec<&str> = lines.filter(|l| l.contains(",1,load") || l.contains(",1,unload")).collect();
+    let rows = first.iter().chain(&first[..again]).map(|line| format!("{line},{deviations}\n"));
+    format!("{header},sigma_linear_um,sigma_angular_urad\n{}", rows.collect::<String>())
+}
+
+/// Nanometres under `sigma_linear_um`: everything would pass for noise.
+#[test]
+fn a_declared_noise_that_is_far_too_great_is_said() {
+    let (doubts, _) = doubted(&once_declared("1660,5600", 0));
+    assert!(
+        doubts.iter().any(|(kind, text)| kind == "declared_noise_too_great" && text.contains("in µm")),
+        "{doubts:?}"
+    );
+    let (doubts, _) = doubted(&once_declared("1.66,5.6", 0));
+    assert!(doubts.iter().all(|(kind, _)| kind != "declared_noise_too_great"), "{doubts:?}");
+}
+
+/// Rows that were copied are no repeats: their scatter of nothing does not stand for the noise that is declared, and they are named.
+#[test]
+fn copied_rows_are_no_repeats() {
+    let folder = Folder::new();
+    let data = folder.write("d.csv", &once_declared("1.66,5.6", 12));
+    let (machine, out) = (measured("p05", "machine.toml"), folder.path("out"));
+    let args = ["diagnose", "--machine", &machine, "--data", &data, "--out", &out, "--json"];
+    let output = crate::common::run(&args);
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(found["lack_of_fit"]["noise_source"], "declared");
+    assert_eq!(names(&found).0[0], "clearance");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("the same reading as in line 2, and as often in lines"), "{said}");
+}
+
 /// A load cell records each repeat a little differently: they are repeats all the same, each with its own wrench.
 #[test]
 fn readings_of_one_nominal_load_are_repeats_whatever_was_recorded() {

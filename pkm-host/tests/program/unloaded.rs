@@ -189,6 +189,24 @@ fn a_single_gross_error_costs_its_reading() {
     assert_eq!(found.verdict, Verdict::Adequate);
 }
 
+/// More than a few gross errors are not left out, and yet named.
+#[test]
+fn many_gross_errors_are_named() {
+    let (file, set) = (reference(), Set::new(Case::Parallel, 4, 40, 10.0));
+    let mut lines: Vec<String> = set.measured.lines().map(str::to_owned).collect();
+    for n in [20, 30, 40, 50, 60] {
+        let mut cells: Vec<String> = lines[n].split(',').map(str::to_owned).collect();
+        cells[6] = (cells[6].parse::<f64>().unwrap() + 1.0).to_string();
+        lines[n] = cells.join(",");
+    }
+    let data = Unloaded::read(Source::from_text("gross.csv", lines.join("\n")), &file).unwrap();
+    let found = geometry::identify(&file, &data, None).unwrap();
+    let named: Vec<u64> = found.suspects.iter().map(|s| s.line).collect();
+    assert!([21, 31, 41, 51, 61].iter().all(|line| named.contains(line)), "{named:?}");
+    assert!(found.suspects.iter().all(|s| !s.is_excluded));
+    assert!(geometry::report::text(&found).contains("too many to be left out as single errors"));
+}
+
 /// Changes the cells of each row.
 fn rows(good: &str, change: impl Fn(&mut Vec<String>)) -> Vec<u8> {
     let row = |(n, line): (usize, &str)| {

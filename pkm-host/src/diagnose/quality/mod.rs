@@ -53,6 +53,14 @@ impl DataWarning {
     }
 }
 
+/// What is doubtful about single rows, for a diagnosis, which by itself looks at the file as a whole and at single numbers.
+pub fn check_rows(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+    let mut all = values::check(sheet);
+    all.extend(repeats::check_rows(sheet, readings));
+    all.extend(model::reversed_rows(file, readings));
+    all
+}
+
 /// All that is doubtful, in the order of the checks. What stands out in several ways is said once: a row as a whole before its
 /// numbers, a number among its repeats before its distance from the declared machine.
 pub fn check(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {

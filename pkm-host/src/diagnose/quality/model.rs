@@ -6,6 +6,7 @@ use super::super::experiment::{Experiment, observations};
 use super::super::model::{Model, Recorded};
 use super::super::{Method, check as check_usable, checks, unknown_noise};
 use super::DataWarning;
+use crate::error::lines_text;
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Reading, Readings};
@@ -16,23 +17,30 @@ pub(super) const UNKNOWN_NOISE: &str = "unknown_noise";
 const REVERSED_SIGN: &str = "reversed_sign";
 /// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
 const MAX_REVERSED_COSINE: f64 = -0.8;
-/// Least median cosine of all rows at which a single one with the wrong sign is to be seen.
+/// Least median cosine of all rows, whatever its sign, at which a single one with the wrong sign is to be seen.
 const MIN_MEDIAN_COSINE: f64 = 0.8;
 /// Least deflection of such a row, as a share of the median of all.
 const MIN_REVERSED_SIZE: f64 = 0.5;
-/// Largest share of rows with the wrong sign that are single mistakes.
-const MAX_REVERSED_SHARE: f64 = 0.1;
+
+fn model(file: &MachineFile, readings: &Readings) -> Option<Model> {
+    let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
+    Model::new(file, recorded, Method::Formulas)
+}
+
+/// Rows that were read with the opposite sign.
+pub(super) fn reversed_rows(file: &MachineFile, readings: &Readings) -> Option<DataWarning> {
+    reversed(readings, &model(file, readings)?)
+}
 
 pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
     let rules = &Rules::DEFAULT;
-    let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
-    let Some(model) = Model::new(file, recorded, Method::Formulas) else { return Vec::new() };
-    let mut all = reversed(readings, &model);
+    let Some(model) = model(file, readings) else { return Vec::new() };
+    let mut all: Vec<DataWarning> = reversed(readings, &model).into_iter().collect();
     let gross = checks::gross(readings, &model, rules);
-    let reversed_lines: Vec<Option<u64>> = all.iter().map(|w| w.line).collect();
+    let reversed_lines: Vec<u64> = all.iter().flat_map(|w| w.lines.clone()).collect();
     for outlier in &gross {
         let r = &readings.readings[outlier.reading];
-        if !reversed_lines.contains(&Some(r.line)) {
+        if !reversed_lines.contains(&r.line) {
             let value = r.observed[outlier.channel].unwrap_or(f64::NAN) * 1e6;
             let message = format!(
                 "{value:.2} is {:.0} standard deviations away from its repeats or from the declared machine: is it mistyped? A \
@@ -89,20 +97,24 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Single rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
-fn reversed(readings: &Readings, model: &Model) -> Vec<DataWarning> {
+/// Rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
+fn reversed(readings: &Readings, model: &Model) -> Option<DataWarning> {
     let experiment = Experiment::new(model, readings);
-    let Some(expected) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return Vec::new() };
+    let Some(expected) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return None };
     let rows: Vec<(u64, (f64, f64))> =
         (readings.readings.iter()).filter_map(|r| Some((r.line, cosine(r, &expected[r.condition])?))).collect();
-    let is_clear = median(rows.iter().map(|(_, (cosine, _))| *cosine)) > MIN_MEDIAN_COSINE;
+    let is_clear = median(rows.iter().map(|(_, (cosine, _))| cosine.abs())) > MIN_MEDIAN_COSINE;
     let least = MIN_REVERSED_SIZE * median(rows.iter().map(|(_, (_, size))| *size));
     let is_reversed = |(_, (cosine, size)): &&(u64, (f64, f64))| *cosine < MAX_REVERSED_COSINE && *size > least;
     let found: Vec<u64> = rows.iter().filter(is_reversed).map(|(line, _)| *line).collect();
-    if !is_clear || found.len() as f64 > MAX_REVERSED_SHARE * rows.len() as f64 {
-        return Vec::new();
-    }
-    let message = "the deflection has the opposite sign of what the load gives, unlike the other rows: is the sign of the load or of \
-                   the readings reversed?";
-    found.iter().map(|line| DataWarning::new(REVERSED_SIGN, message).at_lines(vec![*line])).collect()
+    let others = match found.as_slice() {
+        [] => return None,
+        [_] => String::new(),
+        [_, rest @ ..] => format!(" (as in {})", lines_text(rest)),
+    };
+    let message = format!(
+        "the deflection has the opposite sign of what the load gives, unlike in other rows{others}: is the sign of the load or of the \
+         readings reversed?"
+    );
+    is_clear.then(|| DataWarning::new(REVERSED_SIGN, message).at_lines(found))
 }

@@ -23,11 +23,17 @@ fn groups(readings: &Readings) -> Vec<Vec<usize>> {
     groups.into_values().collect()
 }
 
+/// What speaks against repeats where nothing has been said of too few: some that differ far more than the rest, rows that stand twice.
+pub(super) fn check_rows(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+    let mut all = spreads(readings, &groups(readings));
+    all.extend(duplicates(sheet));
+    all
+}
+
 pub(super) fn check(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
     let groups = groups(readings);
     let mut all: Vec<DataWarning> = few(readings, &groups).into_iter().collect();
-    all.extend(spreads(readings, &groups));
-    all.extend(duplicates(sheet));
+    all.extend(check_rows(sheet, readings));
     all
 }
 
@@ -90,13 +96,13 @@ fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
 }
 
 /// Rows that agree in every cell but the numbers of reading and repeat: no two readings do.
-fn duplicates(sheet: &Sheet) -> Vec<DataWarning> {
+fn duplicates(sheet: &Sheet) -> Option<DataWarning> {
     let counted: Vec<usize> =
         (0..sheet.header.len()).filter(|n| !["reading", "repeat"].contains(&sheet.header[*n].as_str())).collect();
     let measured: Vec<usize> =
         counted.iter().copied().filter(|n| READ_COLUMNS.contains(&sheet.header[*n].as_str())).collect();
     let mut seen: HashMap<Vec<&str>, u64> = HashMap::new();
-    let mut all = Vec::new();
+    let (mut again, mut first_line) = (Vec::new(), 0);
     for row in &sheet.rows {
         let is_number = |n: &&usize| sheet.number(row, &sheet.header[**n]).is_ok_and(|v| v != 0.0);
         // zeros, and a channel or two, agree by chance
@@ -105,11 +111,20 @@ fn duplicates(sheet: &Sheet) -> Vec<DataWarning> {
         }
         let key = counted.iter().map(|n| &row.cells[*n]).collect();
         if let Some(first) = seen.get(&key) {
-            let message = format!("the same reading as in line {first}: delete one of them if it was not read twice");
-            all.push(DataWarning::new("duplicate_row", message).at_lines(vec![row.line]));
+            if again.is_empty() {
+                first_line = *first;
+            }
+            again.push(row.line);
         } else {
             seen.insert(key, row.line);
         }
     }
-    all
+    let others = match again.as_slice() {
+        [] => return None,
+        [_] => String::new(),
+        [_, rest @ ..] => format!(", and as often in {}", lines_text(rest)),
+    };
+    let message =
+        format!("the same reading as in line {first_line}{others}: delete one of two if it was not read twice");
+    Some(DataWarning::new("duplicate_row", message).at_lines(again))
 }

@@ -123,6 +123,7 @@ fn columns_of(source: Source, names: &Names<'_>, carried: fn(&mut Sheet) -> Vec<
         sheet.finish(&known)?;
     }
     conversions.extend(cells::tidy(&mut sheet, &columns.uses));
+    failures.extend(merged::refuse_statistics(&mut sheet));
     let warnings = carried(&mut sheet);
     sheet.warnings.extend(warnings);
     failures.extend(cells::refuse_ambiguous(&mut sheet, &columns.uses));

@@ -211,8 +211,8 @@ const READ: &[Case] = &[
     ("a typographic minus", || good().map(&["dy_um", "dz_um"], |c| c.replace('-', "\u{2212}")).text(',').into(), &[], "typographic minus"),
     ("exponents", || good().map(&["fx_n"], |c| format!("{:E}", c.parse::<f64>().unwrap())).text(',').into(), &[], ""),
     ("exponents under another unit", || good().map(&["fx_n"], |c| format!("{:E}", c.parse::<f64>().unwrap() / 1e3)).called(&[("fx_n", "Fx [kN]", 0)]).german().into(), &[], "kN converted to N"),
-    ("merged poses", || merged(false).text(',').into(), &[], "empty pose taken from the row above, and in 2 more lines"),
-    ("merged coordinates beside names of poses", || { let mut t = merged(false); for (row, name) in [(1, "p01"), (2, "p01"), (4, "p02")] { t = t.put(row, "pose", name); } t.text(',').into() }, &[], "empty pose taken from the row above, and in 2 more lines"),
+    ("merged poses", || merged(false).text(',').into(), &[], "empty pose taken from the row above, and in lines 4, 6"),
+    ("merged coordinates beside names of poses", || { let mut t = merged(false); for (row, name) in [(1, "p01"), (2, "p01"), (4, "p02")] { t = t.put(row, "pose", name); } t.text(',').into() }, &[], "empty pose taken from the row above, and in lines 4, 6"),
     ("merged poses, German", || marked(&merged(false).german()), &[], "merged cells"),
     ("names nobody could guess", || good().called(&[("dx_um", "Kanal 7", 0), ("fx_n", "Soll", 0)]).text(',').into(), &["--columns", "dx_um=Kanal 7,fx_n=Soll"], "`Kanal 7` is dx_um"),
     ("names nobody could guess, with units", || good().called(&[("dx_um", "Weg 1 [mm]", -3), ("fx_n", "F,soll [kN]", -3)]).text(';').into(), &["--columns", "dx_um=Weg 1,fx_n=F,soll"], "`Weg 1 [mm]` is dx_um, mm converted to µm"),
@@ -243,7 +243,7 @@ fn temperature_and_series_go_with_a_merged_pose() {
     let text = "pose,theta_deg,sigma_deg,z0_mm,fx_n,dx_um,series,temperature_c,direction\n\
                 a,0,0,530,100,12.5,4,23.5,load\n,,,,200,25,,,\n,,,,100,12.5,,24,\nb,1,0,530,100,12.4,,,load\n";
     let (written, said) = imported(text.as_bytes(), &[]).unwrap();
-    assert!(said.contains("theirs.txt:3: empty pose taken from the row above, and in another line"), "{said}");
+    assert!(said.contains("theirs.txt:3: empty pose taken from the row above, and in line 4"), "{said}");
     assert_eq!(cells(&written).numbers("temperature_c"), [Some(23.5), Some(23.5), Some(24.0), None]);
     assert_eq!(cells(&written).numbers("series"), [Some(4.0), Some(4.0), Some(4.0), None]);
     let direction = cells(&written).column("direction");

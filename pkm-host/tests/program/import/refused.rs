@@ -78,6 +78,7 @@ const REFUSED: &[Case] = &[
     ("an empty angle", || text(good().put(1, "sigma_deg", "")), &[], ":3: sigma_deg: ", "an empty cell"),
     ("merged cells without their first row", || text(merged(false).put(0, "pose", "").put(0, "theta_deg", "").put(0, "sigma_deg", "").put(0, "z0_mm", "")), &[], ":2: theta_deg: ", "has no pose"),
     ("a mean below", || format!("{}mean,,,,,,,,,,62.81,,,,,,,,\n", good().text(',')).into(), &[], ":8: theta_deg: ", "if it is a sum or a note, delete it"),
+    ("a mean under merged cells", || text(merged(false).put(1, "series", "Mittelwert")), &[], ":3: series: ", "`Mittelwert` is no reading"),
     ("a direction of another name", || text(good().put(1, "direction", "north")), &[], ":3: direction: ", "expected `load` or `unload`, found `north`"),
     ("a row with a cell too few", || good().text(',').replacen("200,0,0,", "200,0,", 1).into(), &[], ":2: ", "expected 19 cells as in the header, found 18"),
     ("a quote that is not closed", || good().text(',').replacen("p02", "\"p02", 1).into(), &[], ":5: ", "is a quote not closed?"),

@@ -416,6 +416,25 @@ fn motion_of_the_base_is_taken_out() {
     }
 }
 
+/// A coordinate of a reflector that is mistyped goes into every deflection, and is doubted.
+#[test]
+fn a_registration_that_does_not_fit_is_doubted() {
+    let folder = Folder::new();
+    let [points, readings] = ["points.csv", "readings.csv"].map(|f| fixture(&format!("tracker/{f}")));
+    let good = std::fs::read_to_string(fixture("tracker/reflectors.toml")).unwrap();
+    let said = |from: &str, to: &str| {
+        let reflectors = folder.write("r.toml", &good.replace(from, to));
+        let files = ["--points", &points, "--reflectors", &reflectors, "--readings", &readings];
+        let output = run(&[&["import"], &files[..], &["--out", &folder.path("d.csv")]].concat());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(!said("", "").contains("mistyped"), "{}", said("", ""));
+    let of_base = said("[50.0, -400.0", "[52.0, -400.0");
+    assert!(of_base.contains("reflectors of the base are") && of_base.contains("times their uncertainty"), "{of_base}");
+    let of_platform = said("75.0, 75.0, 40.0", "75.0, 75.0, 48.0");
+    assert!(of_platform.contains("mm (rms) off where poses and reflectors say"), "{of_platform}");
+}
+
 /// Cells of the fixture's list of points.
 fn fixture_points() -> Table {
     cells(std::fs::read_to_string(fixture("tracker/points.csv")).unwrap().split_once('\n').unwrap().1)
