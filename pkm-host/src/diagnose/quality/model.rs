@@ -100,7 +100,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 /// Rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
 fn reversed(readings: &Readings, model: &Model) -> Option<DataWarning> {
     let experiment = Experiment::new(model, readings);
-    let Some(expected) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return None };
+    let expected = model.predict(&experiment.poses, experiment.conditions, &[], &[])?;
     let rows: Vec<(u64, (f64, f64))> =
         (readings.readings.iter()).filter_map(|r| Some((r.line, cosine(r, &expected[r.condition])?))).collect();
     let is_clear = median(rows.iter().map(|(_, (cosine, _))| cosine.abs())) > MIN_MEDIAN_COSINE;
