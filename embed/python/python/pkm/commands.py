@@ -136,7 +136,7 @@ def place(
     objectives: Sequence[Objective] = (),
     method: Literal["grid", "ga", "de"] | None = None,
     step_mm: float = 2.0,
-    step_deg: float = 1.0,
+    step_deg: float | None = None,
     seed: int | None = None,
     allow_extrapolation: bool = False,
 ) -> Placement:
