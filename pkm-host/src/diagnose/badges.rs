@@ -5,7 +5,7 @@ use pkm_diagnosis::Rules;
 use pkm_diagnosis::verdict::Verdict;
 use serde::Serialize;
 
-use super::{Diagnosis, ELEMENT, checks, text};
+use super::{Diagnosis, ELEMENT, checks, checks_of_noise, text};
 use crate::page::p_in_words;
 
 /// How far a judgement goes.
@@ -41,7 +41,7 @@ impl Badge {
     /// Of the readings.
     pub fn measurement(d: &Diagnosis) -> Self {
         let grade = |kind: &str| {
-            let is_fatal = matches!(kind, checks::TAKEN_OTHERWISE | checks::TOO_GREAT_NOISE | "many_great_changes");
+            let is_fatal = matches!(kind, checks::TAKEN_OTHERWISE | checks_of_noise::TOO_GREAT | "many_great_changes");
             if is_fatal { Grade::Bad } else { Grade::Doubtful }
         };
         let mut reasons: Vec<(Grade, String)> = d.warnings.iter().map(|w| (grade(w.kind), w.message.clone())).collect();

@@ -7,8 +7,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{DVector, Matrix3, Vector3};
 use pkm_core::{Pose, Wrench};
 use pkm_diagnosis::residuals::{Outlier, Structure};
-use pkm_diagnosis::verdict::{Judgement, LackOfFit};
-use pkm_diagnosis::{Fit, NoiseSource, Problem, Rules, Whitener};
+use pkm_diagnosis::verdict::Judgement;
+use pkm_diagnosis::{Fit, Problem, Rules, Whitener};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -20,11 +20,6 @@ use crate::files::readings::{CHANNELS, KINDS, Readings};
 
 /// Kind of the warning that the readings are in another frame, point, unit or sign.
 pub const TAKEN_OTHERWISE: &str = "readings_taken_otherwise";
-/// Kind of the warning that a declared noise is far more than the readings have.
-pub const TOO_GREAT_NOISE: &str = "declared_noise_too_great";
-/// Mean square of what is left over the declared variance below which that is no noise of these readings, and from how many numbers on.
-const MAX_TOO_GREAT: f64 = 0.1;
-const MIN_NUMBERS: usize = 60;
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
 const BADLY_SD: f64 = 10.0;
 /// Standard acceleration of gravity, m/s².
@@ -235,6 +230,17 @@ fn at_point(readings: &Readings, point_m: Vector3<f64>, load_too: bool) -> Readi
     other
 }
 
+/// Other units of forces and moments, and what they are in N and N·m.
+const UNITS_OF_LOADS: [(&str, f64, f64); 7] = [
+    ("with forces in kgf or daN", GRAVITY, 1.0),
+    ("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY),
+    ("with forces in lbf", POUND_N, 1.0),
+    ("with forces in lbf and moments in lbf·ft", POUND_N, POUND_N * FOOT_M),
+    ("with forces in lbf and moments in lbf·in", POUND_N, POUND_N * FOOT_M / 12.0),
+    ("with moments in N·mm", 1.0, 1e-3),
+    ("with forces in kN", 1e3, 1.0),
+];
+
 /// All ways that are tried.
 fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     let mut all = Vec::new();
@@ -274,15 +280,7 @@ fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     let mut otherwise = |how: String, taken: Taken<'a>| {
         all.push(Way { how, taken, is_as_predicted: false });
     };
-    for (how, force, moment) in [
-        ("with forces in kgf or daN", GRAVITY, 1.0),
-        ("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY),
-        ("with forces in lbf", POUND_N, 1.0),
-        ("with forces in lbf and moments in lbf·ft", POUND_N, POUND_N * FOOT_M),
-        ("with forces in lbf and moments in lbf·in", POUND_N, POUND_N * FOOT_M / 12.0),
-        ("with moments in N·mm", 1.0, 1e-3),
-        ("with forces in kN", 1e3, 1.0),
-    ] {
+    for (how, force, moment) in UNITS_OF_LOADS {
         otherwise(how.into(), Box::new(move || Some(under_loads(readings, force, moment))));
     }
     for (how, linear, angular) in [
@@ -428,23 +426,11 @@ pub fn of_result(
     judgement: &Judgement,
     declared: &[DeclaredFinding],
     structure: &[Structure],
-    numbers: usize,
     rules: &Rules,
 ) -> Vec<Warning> {
     let limit = rules.implausible_pull_sd;
     let mut warnings = Vec::new();
     let great = declared.iter().filter(|f| f.pull_sd.abs() > limit).count();
-    let LackOfFit { noise_source, statistic, .. } = judgement.after;
-    if noise_source == NoiseSource::Declared && numbers >= MIN_NUMBERS && statistic < MAX_TOO_GREAT {
-        warnings.push(Warning {
-            kind: TOO_GREAT_NOISE,
-            message: format!(
-                "the model leaves {:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
-                 sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen",
-                statistic.sqrt()
-            ),
-        });
-    }
     if great > rules.max_implausible_pulls {
         warnings.push(Warning {
             kind: "many_great_changes",

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use pkm_diagnosis::verdict::LackOfFit;
 use pkm_diagnosis::{Noise, NoiseSource, Rules};
 
 use super::checks::Warning;
@@ -14,6 +15,12 @@ const MIN_CONSTANT: usize = 10;
 
 /// By how much repeats differ from the median of all that they are named.
 const MAX_SPREAD_RATIO: f64 = 50.0;
+
+/// Kind of the warning that a declared noise is far more than the readings have.
+pub const TOO_GREAT: &str = "declared_noise_too_great";
+/// Mean square of what is left over the declared variance below which that is no noise of these readings, and from how many numbers on.
+const MAX_TOO_GREAT: f64 = 0.1;
+const MIN_NUMBERS: usize = 60;
 
 /// Deviation of a number that is rounded to a resolution, as a share of it, with some room for the last bit.
 const READ_ROUNDING: f64 = 0.288_68;
@@ -52,6 +59,20 @@ pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
         message: "repeats are equal to the last digit, so that the noise is taken for that of rounding: were rows copied? What is read again \
                   differs"
             .into(),
+    })
+}
+
+/// Of a declared noise of which a fit leaves far less: it is not that of the readings.
+pub fn of_declared(after: &LackOfFit, numbers: usize) -> Option<Warning> {
+    let LackOfFit { noise_source, statistic, .. } = *after;
+    let is_too_great = noise_source == NoiseSource::Declared && numbers >= MIN_NUMBERS && statistic < MAX_TOO_GREAT;
+    is_too_great.then(|| Warning {
+        kind: TOO_GREAT,
+        message: format!(
+            "the model leaves {:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
+             sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen",
+            statistic.sqrt()
+        ),
     })
 }
 

@@ -449,7 +449,8 @@ impl Searched<'_> {
         let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
-        warnings.extend(checks::of_result(&judgement, &declared, &structure, problem.numbers(), rules));
+        warnings.extend(checks_of_noise::of_declared(&judgement.after, problem.numbers()));
+        warnings.extend(checks::of_result(&judgement, &declared, &structure, rules));
         Ok(Diagnosis {
             warnings,
             suspects,

@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use maud::{Markup, html};
 
-use super::{digits, figures, mm, names, short};
+use super::verdict::short;
+use super::{digits, figures, mm, names};
 use crate::error::Result;
 use crate::page::plot::{Mark, Panel, Series};
 use crate::page::{Finding, charts, table};

@@ -3,6 +3,7 @@
 mod document;
 mod front;
 mod robust;
+mod verdict;
 
 use std::ops::Range;
 
@@ -18,6 +19,7 @@ use crate::plan::place::search::{Method, Options, Placed, Placement};
 use crate::plan::place::{Objective, PlacementModel, Posture};
 use crate::pose::file_units;
 
+use self::verdict::{findings, judged};
 pub use document::document;
 
 fn mm(m: f64) -> f64 {
@@ -69,19 +71,6 @@ fn worst(holes: &[Posture]) -> Option<f64> {
     holes.iter().filter_map(um).reduce(f64::max)
 }
 
-/// Whether series that are placed together count for more or less than others.
-fn is_weighted(model: &PlacementModel<'_>, p: &Placement) -> bool {
-    p.series.len() > 1 && p.series.iter().any(|n| model.job.series[*n].weight != 1.0)
-}
-
-/// Holes that are held worse than with the table in the middle.
-fn held_worse(p: &Placement) -> usize {
-    let Some((_, before)) = &p.before else { return 0 };
-    // beyond what a search leaves of its steps
-    let is_worse = |(now, before): &(f64, f64)| *now > *before * (1.0 + 1e-6);
-    p.holes.iter().zip(before).filter_map(|(now, before)| um(now).zip(um(before))).filter(is_worse).count()
-}
-
 /// "A by tip-worst".
 fn name(model: &PlacementModel<'_>, p: &Placement) -> String {
     format!("{} by {}", series_name(model, p), p.objective.name())
@@ -94,123 +83,6 @@ fn series_name(model: &PlacementModel<'_>, p: &Placement) -> String {
 
 fn names(model: &PlacementModel<'_>, series: &[usize]) -> String {
     series.iter().map(|n| model.job.series[*n].name.as_str()).collect::<Vec<_>>().join(" + ")
-}
-
-/// Three digits, for the verdict.
-fn short(objective: Objective, value: f64) -> String {
-    let value = objective.value_in_unit(value);
-    match objective {
-        Objective::Paper => format!("{value:.2e}"),
-        Objective::CycleTime => format!("{value:.3} s"),
-        Objective::TipWorst | Objective::TipMean => {
-            let digits = (2.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
-            format!("{value:.digits$} µm")
-        }
-    }
-}
-
-/// What the verdict is on: the tip's deflection, if it is an objective.
-fn judged(placed: &Placed) -> Objective {
-    let mut all = placed.placements.iter().map(|p| p.objective);
-    all.clone().find(|o| o.is_of_tips()).or(all.next()).unwrap_or(Objective::Paper)
-}
-
-/// What the placements do. The verdict is on those by the tip's deflection, if there are any.
-fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Finding> {
-    let judged = judged(placed);
-    let counts = |p: &&Placement| p.objective == judged;
-    let better = |p: &Placement| p.before.as_ref().is_none_or(|(before, _)| p.value <= *before);
-    let (mut all, mut gains) = (Vec::new(), Vec::new());
-    for p in &placed.placements {
-        let shown = |value: f64| digits(p.objective, p.objective.value_in_unit(value));
-        let turned = match &model.job.rotary {
-            Some(_) => format!(", turned to {:.3}°", p.position.rotary_rad.to_degrees()),
-            None => String::new(),
-        };
-        let unit = if p.objective == Objective::Paper { format!(" {}", p.objective.unit()) } else { String::new() };
-        let weighted = is_weighted(model, p);
-        let unit = if weighted { format!("{unit} (weighted)") } else { unit };
-        let mut text = format!(
-            "Series {}: table at dx = {:.3} mm, dy = {:.3} mm{turned}: {}{unit}, ",
-            name(model, p),
-            mm(p.position.dx_m),
-            mm(p.position.dy_m),
-            shown(p.value)
-        );
-        match &p.before {
-            Some((before, _)) => text.push_str(&format!("{} with the table in the middle", shown(*before))),
-            None => text.push_str("with the table in the middle not every hole is in reach"),
-        }
-        let before = p.before.as_ref().and_then(|(_, postures)| worst(postures));
-        let mut finding = if better(p) { Finding::good(text) } else { Finding::warning(text) };
-        if let Some(um) = worst(&p.holes).filter(|_| !p.objective.is_of_tips()) {
-            finding.text.push_str(&format!("; worst tip deflection {um:.3} µm"));
-            if let Some(before) = before.filter(|before| um > *before) {
-                finding.text.push_str(&format!(", WORSE than {before:.3} µm there"));
-                finding = Finding::warning(finding.text);
-            }
-        }
-        finding.text.push('.');
-        if let Some(c) = p.certificate {
-            let percent = 100.0 * c.gap;
-            let sentence =
-                format!(" Proved: no position gives less than {}, which is {percent:.3} % less.", shown(c.bound));
-            finding.text.push_str(&sentence);
-        }
-        let outside = p.holes.iter().filter(|h| h.outside_box).count();
-        if outside > 0 {
-            let holes = if outside == 1 { "hole" } else { "holes" };
-            finding.text.push_str(&format!(" EXTRAPOLATED: {outside} {holes} outside the table's box."));
-            finding = Finding::warning(finding.text);
-        }
-        if counts(&p) {
-            // a weight is no way that a tip moves
-            let of_tip = weighted && judged == Objective::TipWorst;
-            let note = if weighted && !of_tip { ", weighted" } else { "" };
-            let said = |value: f64, holes: &[Posture]| {
-                let of_holes = worst(holes).filter(|_| of_tip).map(|um| um / 1e6);
-                short(judged, of_holes.unwrap_or(value))
-            };
-            let than = p.before.as_ref().map_or("out of reach".to_owned(), |(value, holes)| said(*value, holes));
-            let series = series_name(model, p);
-            gains.push(format!("{} instead of {than} (series {series}{note})", said(p.value, &p.holes)));
-        }
-        all.push((p.objective, finding));
-    }
-    let counted = || placed.placements.iter().filter(counts);
-    let what = match judged {
-        Objective::Paper => "the paper's objective is",
-        Objective::TipWorst => "the tip moves at most",
-        Objective::TipMean => "the tip moves in the mean",
-        Objective::CycleTime => "the ways between holes take",
-    };
-    let gains = gains.join(", ");
-    let uncertain = robust::of_the_verdict(model, placed);
-    let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
-        Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}.{uncertain}"))
-    } else if counted().all(better) && counted().any(|p| held_worse(p) > 0) {
-        let [worse, all] = [held_worse, |p: &Placement| p.holes.len()].map(|count| counted().map(count).sum::<usize>());
-        Finding::good(format!(
-            "Every hole is in reach, and {what} {gains}. {worse} of {all} holes are held worse than with the table in the middle.{uncertain}"
-        ))
-    } else if counted().all(better) {
-        Finding::good(format!("Every hole is in reach and better held: {what} {gains}.{uncertain}"))
-    } else {
-        Finding::warning(format!("Every hole is in reach, not all are better held: {what} {gains}.{uncertain}"))
-    };
-    // those that the verdict is on come first
-    all.sort_by_key(|(objective, _)| *objective != judged);
-    let mut findings = vec![verdict];
-    if model.table.is_none() {
-        findings
-            .push(Finding::warning("Uncorrected: no correction table was given, and no data back the basic model."));
-    }
-    let most_um = placed.placements.iter().filter_map(|p| worst(&p.holes)).fold(0.0, f64::max);
-    findings.extend(super::implausible("A tip moves by", most_um / 1e6).map(Finding::warning));
-    findings.extend(all.into_iter().map(|(_, finding)| finding));
-    findings.extend(robust::findings(model, placed));
-    findings.extend(front::findings(model, placed));
-    findings
 }
 
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
