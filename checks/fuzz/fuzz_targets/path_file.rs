@@ -30,7 +30,7 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     }
     let mut writer = program.writer();
-    program.moves.iter().for_each(|m| writer.push(vec![m.to]));
+    program.moves.iter().for_each(|m| writer.push(vec![m.to], false));
     let written = writer.finish(&["note".to_owned()]);
     let again = read(Program::parse(&file(written.as_bytes()), Some(Wrench::ZERO))).expect("what was written");
     assert_eq!(program.moves.len(), again.moves.len());
