@@ -96,10 +96,10 @@ enum Command {
         #[arg(long, default_value_t = 2)]
         jobs: usize,
     },
-    /// Make machines whose truth has other formulas, have the program fit tables, and print how often the uncertainty that it
-    /// gives to their deflections covers the error
+    /// Make machines whose truth has other formulas, have the program fit tables or diagnose readings, and print how often the
+    /// uncertainty that it gives to the tables' deflections covers the error
     Uncertainty {
-        /// What has the commands `fit` and `predict`
+        /// What has the commands `fit`, `diagnose` and `predict`
         #[arg(long)]
         program: PathBuf,
         /// Machines
@@ -108,9 +108,12 @@ enum Command {
         /// Of the first machine; the others follow one by one
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// Terms of the tables
+        /// Terms of the tables that are fitted
         #[arg(long, default_value = "full")]
         terms: String,
+        /// Diagnose readings of sets of these kinds, as many of each, instead of fitting tables
+        #[arg(long, value_delimiter = ',')]
+        kinds: Vec<Kind>,
         /// Machines at a time
         #[arg(long, default_value_t = 2)]
         jobs: usize,
@@ -312,15 +315,22 @@ fn main() -> ExitCode {
                 Ok(())
             })
         }
-        Command::Uncertainty { program, sets, seed, terms, jobs, verbose } => {
-            say(&format!("seed {seed}, {sets} machines, terms {terms}"));
-            let seeds: Vec<u64> = (seed..seed + sets).collect();
-            let work = |seed: &u64| {
+        Command::Uncertainty { program, sets, seed, terms, kinds, jobs, verbose } => {
+            let what =
+                if kinds.is_empty() { format!("machines, terms {terms}") } else { "sets of each kind".to_owned() };
+            say(&format!("seed {seed}, {sets} {what}"));
+            let kinds: Vec<Option<Kind>> =
+                if kinds.is_empty() { vec![None] } else { kinds.into_iter().map(Some).collect() };
+            let tasks: Vec<_> = kinds.iter().flat_map(|k| (seed..seed + sets).map(|s| (*k, s))).collect();
+            let work = |(kind, seed): &(Option<Kind>, u64)| {
                 let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
-                let outcome = uncertainty::Outcome::of(&program, *seed, &terms, folder.path());
+                let outcome = match kind {
+                    None => uncertainty::Outcome::of_fit(&program, *seed, &terms, folder.path()),
+                    Some(kind) => uncertainty::Outcome::of_diagnosis(&program, *kind, *seed, folder.path()),
+                };
                 outcome.map_err(|e| format!("seed {seed}: {e}"))
             };
-            all_of(&seeds, jobs, |o: &uncertainty::Outcome| verbose.then(|| o.line()), work)
+            all_of(&tasks, jobs, |o: &uncertainty::Outcome| verbose.then(|| o.line()), work)
                 .map(|outcomes| say(&uncertainty::report(&outcomes)))
         }
         Command::Life { program, sets, seed, days, readings, foreign, jobs, verbose } => {

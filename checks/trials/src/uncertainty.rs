@@ -1,8 +1,10 @@
 //! How often the expanded uncertainty of a table's deflections covers their error: stiffnesses of a true machine at the poses of
-//! an L49, what `fit` makes of them, and what `predict` says of other poses under other loads.
+//! an L49 and what `fit` makes of them, or readings and what `diagnose` makes of them; and what `predict` says of other poses under
+//! other loads.
 
+use std::ffi::OsStr;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use nalgebra::Vector6;
@@ -11,6 +13,7 @@ use crate::Random;
 use crate::effects::{Effect, LISTED, OUTSIDE};
 use crate::forms::FORMS;
 use crate::machine::{Machine, Pose};
+use crate::set::{Kind, Set, Wish};
 use crate::truth::World;
 
 /// Where a held-out pose lies: of a box that is this much as wide as the measured one, at least and at most.
@@ -22,15 +25,22 @@ const LOADS: usize = 3;
 /// The tool's tip over A, m.
 const TIP_M: f64 = 0.25;
 
-/// How many components were covered, and of how many, by zone; and the errors and uncertainties, rms in µm.
-#[derive(Clone, Debug, Default)]
+/// How many components were covered in a zone.
+#[derive(Clone, Debug)]
+struct Zone {
+    name: &'static str,
+    covered: usize,
+    of: usize,
+    /// Squares of errors, uncertainties and deflections, µm².
+    sums: [f64; 3],
+}
+
+/// What came of one set.
+#[derive(Clone, Debug)]
 pub struct Outcome {
-    /// Of the set.
-    pub seed: u64,
-    /// What the truth had.
-    pub effects: Vec<&'static str>,
-    /// By zone: covered, of, sum of squared errors, of squared uncertainties, of squared deflections.
-    pub zones: [(usize, usize, [f64; 3]); 3],
+    /// Its seed, and what the truth had.
+    about: String,
+    zones: Vec<Zone>,
 }
 
 /// A machine whose stiffness does not depend on the load.
@@ -78,7 +88,7 @@ fn pose(angle: f64, [theta, sigma, z0]: [f64; 3]) -> Pose {
 }
 
 /// Runs the program.
-fn run(program: &Path, arguments: &[&std::ffi::OsStr]) -> Result<(), String> {
+fn run(program: &Path, arguments: &[&OsStr]) -> Result<(), String> {
     let done = Command::new(program).args(arguments).stdin(Stdio::null()).output();
     let done = done.map_err(|e| format!("{}: {e}", program.display()))?;
     let said = || format!("{arguments:?}: {}: {}", done.status, String::from_utf8_lossy(&done.stderr).trim());
@@ -119,7 +129,7 @@ fn tip_motion(c: &nalgebra::Matrix6<f64>, w: &Vector6<f64>) -> [f64; 3] {
 /// Readings that are asked for, as CSV, and with each its zone and the tip's true motion in m.
 struct Asked {
     csv: String,
-    truth: Vec<(usize, [f64; 3])>,
+    truth: Vec<(&'static str, [f64; 3])>,
 }
 
 impl Asked {
@@ -128,7 +138,7 @@ impl Asked {
         let head = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,load_u_mm,load_v_mm,load_w_mm,\
                     point_u_mm,point_v_mm,point_w_mm,dx_um,dy_um,dz_um\n";
         let mut asked = Self { csv: head.to_owned(), truth: Vec::new() };
-        for (zone, (_, least, most)) in ZONES.iter().enumerate() {
+        for (zone, least, most) in &ZONES {
             let mut poses = 0;
             while poses < POSES {
                 let scaled: [f64; 3] = std::array::from_fn(|_| rng.between(-most, *most));
@@ -145,7 +155,7 @@ impl Asked {
     }
 
     /// Loads at a pose where A has this compliance.
-    fn add(&mut self, zone: usize, p: &Pose, c: &nalgebra::Matrix6<f64>, rng: &mut Random) {
+    fn add(&mut self, zone: &'static str, p: &Pose, c: &nalgebra::Matrix6<f64>, rng: &mut Random) {
         let [theta, sigma, z0] = p.0;
         for _ in 0..LOADS {
             let (force, moment) = (rng.direction() * 500.0, rng.direction() * rng.between(0.0, 50.0));
@@ -167,88 +177,110 @@ impl Asked {
     }
 }
 
-/// What the program predicts for the readings in `asked`, with a table that it fits to `data`.
-fn predicted(program: &Path, terms: &str, [machine, data, asked]: [&Path; 3], folder: &Path) -> Result<String, String> {
-    let (fitted, said) = (folder.join("fit"), folder.join("said.csv"));
-    let s = |text: &'static str| std::ffi::OsStr::new(text);
-    let common = [s("--machine"), machine.as_os_str()];
-    let fit = [s("--terms"), terms.as_ref(), s("--data"), data.as_os_str(), s("--out"), fitted.as_os_str()];
-    run(program, &[&[s("fit")], &common[..], &fit].concat())?;
-    let table = fitted.join("coefficients.json");
-    let predict = [s("--table"), table.as_os_str(), s("--data"), asked.as_os_str(), s("--out"), said.as_os_str()];
-    run(program, &[&[s("predict")], &common[..], &predict].concat())?;
+fn s(text: &str) -> &OsStr {
+    text.as_ref()
+}
+
+/// What the program predicts for the readings in `asked`, with a table of a machine.
+fn predicted(program: &Path, [machine, table, asked]: [&Path; 3], folder: &Path) -> Result<String, String> {
+    let said = folder.join("said.csv");
+    let files = [s("--machine"), machine.as_os_str(), s("--table"), table.as_os_str()];
+    let asked = [s("--data"), asked.as_os_str(), s("--out"), said.as_os_str()];
+    run(program, &[&[s("predict")], &files[..], &asked].concat())?;
     std::fs::read_to_string(&said).map_err(|e| format!("{}: {e}", said.display()))
 }
 
+fn write(folder: &Path, name: &str, text: &str) -> Result<PathBuf, String> {
+    let path = folder.join(name);
+    std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
+}
+
 impl Outcome {
-    /// Makes a set and asks the program.
+    /// Makes stiffnesses of a machine and asks the program.
     ///
     /// # Errors
     /// What the program refuses.
-    pub fn of(program: &Path, seed: u64, terms: &str, folder: &Path) -> Result<Self, String> {
+    pub fn of_fit(program: &Path, seed: u64, terms: &str, folder: &Path) -> Result<Self, String> {
         let mut rng = Random::new(seed ^ (0x20 << 48));
         let world = world(&mut rng);
         let angle = rng.pick(&[12.0_f64, 15.0]).to_radians();
-        let write = |name: &str, text: &str| {
-            let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display())).map(|()| path)
-        };
-        let machine = write("machine.toml", &world.nominal.toml("trial"))?;
-        let data = write("stiffness.csv", &stiffness_csv(&world, angle)?)?;
+        let machine = write(folder, "machine.toml", &world.nominal.toml("trial"))?;
+        let data = write(folder, "stiffness.csv", &stiffness_csv(&world, angle)?)?;
         let Asked { csv, truth } = Asked::random(&world, angle, &mut rng);
-        let asked = write("asked.csv", &csv)?;
-        let text = predicted(program, terms, [&machine, &data, &asked], folder)?;
-        let mut outcome = Self { seed, effects: world.effects.iter().map(|e| e.id).collect(), ..Self::default() };
-        outcome.count(&text, &truth)?;
-        Ok(outcome)
+        let asked = write(folder, "asked.csv", &csv)?;
+        let out = folder.join("fit");
+        let files = [s("--machine"), machine.as_os_str(), s("--data"), data.as_os_str(), s("--out"), out.as_os_str()];
+        run(program, &[&[s("fit"), s("--terms"), s(terms)], &files[..]].concat())?;
+        let text = predicted(program, [&machine, &out.join("coefficients.json"), &asked], folder)?;
+        let effects: Vec<&str> = world.effects.iter().map(|e| e.id).collect();
+        Self::counted(format!("{seed} {}", effects.join("+")), &text, &truth)
+    }
+
+    /// Makes readings of a machine and asks the program.
+    ///
+    /// # Errors
+    /// What the program refuses.
+    pub fn of_diagnosis(program: &Path, kind: Kind, seed: u64, folder: &Path) -> Result<Self, String> {
+        let set = Set::new(kind, seed, &Wish::default())?;
+        set.write(folder, false)?;
+        let (csv, truth) = set.asked(TIP_M);
+        let asked = write(folder, "asked.csv", &csv)?;
+        let [machine, data, out] = ["machine.toml", "measured.csv", "diagnosis"].map(|name| folder.join(name));
+        let files = [s("--machine"), machine.as_os_str(), s("--data"), data.as_os_str(), s("--out"), out.as_os_str()];
+        run(program, &[&[s("diagnose")], &files[..]].concat())?;
+        let (machine, table) = (out.join("machine.toml"), out.join("coefficients.json"));
+        let text = predicted(program, [&machine, &table, &asked], folder)?;
+        Self::counted(format!("{} {seed}", kind.name()), &text, &truth)
     }
 
     /// Counts which components of the predictions cover the truth.
-    fn count(&mut self, said: &str, truth: &[(usize, [f64; 3])]) -> Result<(), String> {
+    fn counted(about: String, said: &str, truth: &[(&'static str, [f64; 3])]) -> Result<Self, String> {
+        let mut zones: Vec<Zone> = Vec::new();
         let mut lines = said.lines();
         let head: Vec<&str> = lines.next().unwrap_or("").split(',').collect();
         let column = |name: &str| head.iter().position(|h| *h == name).ok_or_else(|| format!("no column {name}"));
         let columns = ["dx_um", "dy_um", "dz_um", "u95_dx_um", "u95_dy_um", "u95_dz_um"].map(column);
-        for (line, (zone, truth)) in lines.zip(truth) {
+        for (line, (name, truth)) in lines.zip(truth) {
             let cells: Vec<&str> = line.split(',').collect();
             let number = |n: usize| -> Result<f64, String> {
                 let cell = cells.get(columns[n].clone()?).ok_or("a short line")?;
                 cell.parse().map_err(|e| format!("{cell}: {e}"))
             };
-            let (covered, of, sums) = &mut self.zones[*zone];
+            let place = zones.iter().position(|zone| zone.name == *name).unwrap_or(zones.len());
+            if place == zones.len() {
+                zones.push(Zone { name, covered: 0, of: 0, sums: [0.0; 3] });
+            }
             for axis in 0..3 {
                 let (error, u95) = (number(axis)? - truth[axis] * 1e6, number(3 + axis)?);
-                *covered += usize::from(error.abs() <= u95);
-                *of += 1;
-                for (sum, value) in sums.iter_mut().zip([error, u95, truth[axis] * 1e6]) {
+                zones[place].covered += usize::from(error.abs() <= u95);
+                zones[place].of += 1;
+                for (sum, value) in zones[place].sums.iter_mut().zip([error, u95, truth[axis] * 1e6]) {
                     *sum += value * value;
                 }
             }
         }
-        Ok(())
+        Ok(Self { about, zones })
     }
 
     /// A line for people.
     pub fn line(&self) -> String {
-        let zones: Vec<String> = (ZONES.iter().zip(&self.zones))
-            .map(|((name, ..), (covered, of, sums))| {
-                let [error, u95, moved] = sums.map(|sum| (sum / *of as f64).sqrt());
-                format!(
-                    "{name} {:.1} % (error {error:.3}, U95 {u95:.3} of {moved:.1} µm)",
-                    100.0 * *covered as f64 / *of as f64
-                )
-            })
-            .collect();
-        format!("{} {}: {}", self.seed, self.effects.join("+"), zones.join("; "))
+        let zone = |Zone { name, covered, of, sums }: &Zone| {
+            let [error, u95, moved] = sums.map(|sum| (sum / *of as f64).sqrt());
+            let share = 100.0 * *covered as f64 / *of as f64;
+            format!("{name} {share:.1} % (error {error:.3}, U95 {u95:.3} of {moved:.1} µm)")
+        };
+        format!("{}: {}", self.about, self.zones.iter().map(zone).collect::<Vec<_>>().join("; "))
     }
 }
 
 /// Coverage over all sets.
 pub fn report(outcomes: &[Outcome]) -> String {
     let mut text = String::new();
-    for (n, (name, ..)) in ZONES.iter().enumerate() {
-        let (covered, of) = outcomes.iter().fold((0, 0), |sum, o| (sum.0 + o.zones[n].0, sum.1 + o.zones[n].1));
-        let mut shares: Vec<f64> = outcomes.iter().map(|o| 100.0 * o.zones[n].0 as f64 / o.zones[n].1 as f64).collect();
+    let names = outcomes.first().map_or(Vec::new(), |o| o.zones.iter().map(|zone| zone.name).collect());
+    for name in names {
+        let all = || outcomes.iter().flat_map(|o| &o.zones).filter(|zone| zone.name == name);
+        let (covered, of) = all().fold((0, 0), |sum, zone| (sum.0 + zone.covered, sum.1 + zone.of));
+        let mut shares: Vec<f64> = all().map(|zone| 100.0 * zone.covered as f64 / zone.of as f64).collect();
         shares.sort_by(f64::total_cmp);
         let at =
             |share: f64| shares.get((share * (shares.len() - 1) as f64).round() as usize).copied().unwrap_or(f64::NAN);

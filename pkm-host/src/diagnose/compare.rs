@@ -116,6 +116,11 @@ impl Fitted {
         &self.tables[1]
     }
 
+    /// The fit of the identified model.
+    pub fn identified(&self) -> &Fit {
+        &self.end
+    }
+
     /// Whether errors of the measurement are among what was found.
     pub fn has_measurement_errors(&self, model: &Model) -> bool {
         let of = |u: &Unknown| matches!(model.meaning(*u), Meaning::Effect { effect, .. } if is_measurement(effect));

@@ -57,7 +57,7 @@ impl Diagnosis {
     }
 
     fn held_out_json(&self) -> Value {
-        let HeldOut { given, poses, all, as_measured, zones, folds } = &self.held_out;
+        let HeldOut { given, poses, all, as_measured, zones, folds, said: _ } = &self.held_out;
         let mut held_out = rivals(all);
         held_out.insert("poses".into(), json!(poses));
         held_out.insert("chosen".into(), json!(if *given { "given" } else { "by cross-validation" }));

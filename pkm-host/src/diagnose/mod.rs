@@ -2,8 +2,8 @@
 //!
 //! The statistics are the crate `pkm-diagnosis`, which knows no machine. Here stands what they need of this one:
 //! [`crate::files::readings`] → `experiment` (readings and `model` as the engine takes them) → `checks` (are the readings what they
-//! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with the `residual_table`), `design`
-//! (what to measure) → `json`, `report`, `write`.
+//! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with the `residual_table`), `uncertainty` (how
+//! far its table may be off), `design` (what to measure) → `json`, `report`, `write`.
 
 pub mod badges;
 pub mod campaign;
@@ -31,6 +31,7 @@ mod state;
 #[cfg(test)]
 mod tests;
 pub(crate) mod text;
+mod uncertainty;
 pub mod verify;
 pub(crate) mod write;
 
@@ -48,10 +49,12 @@ use self::experiment::{Experiment, observations};
 use self::findings::{DeclaredFinding, Detectable};
 use self::inference::{Found, Start};
 use self::model::{Model, Recorded};
+use self::uncertainty::Unseen;
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, KINDS, Readings};
+use crate::files::table_numbers::UncertaintyNumbers;
 use crate::pose::pose_of;
 use crate::progress::Progress;
 
@@ -69,6 +72,8 @@ pub struct HeldOut {
     pub zones: Vec<(Zone, Vec<(Rival, Errors)>)>,
     /// Names of what the search in each fold of a cross-validation found.
     pub folds: Vec<Vec<String>>,
+    /// Predictions with the residual correction table, by condition.
+    pub said: Vec<[f64; CHANNELS]>,
 }
 
 impl HeldOut {
@@ -142,6 +147,8 @@ pub struct Diagnosis {
     pub estimates: Estimates,
     /// The rivals, fitted to all readings.
     pub fitted: Fitted,
+    /// How far the table of the identified model may be off; none where it has no stiffness nearby.
+    pub table_uncertainty: Option<UncertaintyNumbers>,
     /// Their predictions of the readings.
     pub own: Predictions,
     /// Standard deviation of each reading and channel, zero and load cell included, m and rad.
@@ -253,11 +260,21 @@ impl Judges<'_> {
         let zones = compare::zones(readings, other);
         let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
             .map(|zone| (zone, self.errors(&observations, &found, &|n| zones[n] == zone)));
+        let of_all = |found: &Predictions| self.errors(&observations, found, &|_| true);
+        let rms = |found: &&Predictions| {
+            let errors =
+                compare::errors(&observations, self.noise, found.of(Rival::AfterAndTable), |_| true, self.rules);
+            errors.map_or(f64::INFINITY, |e| e.linear_um_rms)
+        };
+        // what was found of the sensor is in them, or is not
+        let nearest =
+            [Some(&found), as_measured.as_ref()].into_iter().flatten().min_by(|a, b| rms(a).total_cmp(&rms(b)));
         Some(HeldOut {
             given: true,
             poses: other.poses.len(),
-            all: self.errors(&observations, &found, &|_| true),
-            as_measured: as_measured.map(|found| self.errors(&observations, &found, &|_| true)),
+            said: nearest.unwrap_or(&found).of(Rival::AfterAndTable).to_vec(),
+            all: of_all(&found),
+            as_measured: as_measured.as_ref().map(of_all),
             zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
             folds: Vec::new(),
         })
@@ -273,8 +290,8 @@ impl Judges<'_> {
     ) -> Option<HeldOut> {
         let (found, folds) = compare::cross_validate(readings, observations, start, progress)?;
         let all = self.errors(observations, &found, &|_| true);
-        let poses = readings.poses.len();
-        Some(HeldOut { given: false, poses, all, as_measured: None, zones: Vec::new(), folds })
+        let (poses, said) = (readings.poses.len(), found.of(Rival::AfterAndTable).to_vec());
+        Some(HeldOut { given: false, poses, all, as_measured: None, zones: Vec::new(), folds, said })
     }
 
     /// The model after each find.
@@ -427,10 +444,14 @@ impl Searched<'_> {
         let judges = Judges { noise, model, rules };
         let errors = judges.errors(read, &own, &|_| true);
         let steps = judges.steps(readings, held_out, &search).ok_or_else(failed)?;
-        let held_out = match held_out {
-            Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
-            None => judges.left_out(readings, read, start, progress).ok_or_else(not_converged)?,
+        let (unseen, held_out) = match held_out {
+            Some(other) => (other, judges.given(readings, other, &fitted).ok_or_else(failed)?),
+            None => (readings, judges.left_out(readings, read, start, progress).ok_or_else(not_converged)?),
         };
+        let unseen =
+            Unseen { readings: unseen, observations: &observations(unseen, model), noise, said: &held_out.said };
+        let table_uncertainty =
+            uncertainty::of_table(model, &fitted, &extent, file.wrist_parameters.tip_at_zero_m(), &unseen);
         if held_out.worse().is_some() && judgement.verdict != Verdict::Adequate {
             judgement.verdict = Verdict::Unexplained;
         }
@@ -473,6 +494,7 @@ impl Searched<'_> {
             steps,
             proposals,
             fitted,
+            table_uncertainty,
             own,
             standard_deviations,
             standardised: residuals.by_reading,

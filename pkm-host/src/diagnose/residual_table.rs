@@ -140,6 +140,27 @@ impl ResidualTable {
         )
     }
 
+    /// What the coefficients may be off by, one standard deviation of each independent part in a column; none without a correction.
+    pub fn parts(&self) -> Option<DMatrix<f64>> {
+        let size = self.coefficients.len();
+        self.information.as_ref()?.l().transpose().solve_upper_triangular(&DMatrix::identity(size, size))
+    }
+
+    /// S of coefficients at a pose.
+    pub fn relative(&self, coefficients: &[f64], pose: &Pose<f64>) -> Option<Matrix6<f64>> {
+        let terms = Basis::<f64>::new(self.centre, self.half_width, &EQ_11).ok()?.monomials(pose);
+        let mut entries =
+            coefficients.chunks(EQ_11.len()).map(|c| c.iter().zip(terms).map(|(c, t)| c * t).sum::<f64>());
+        let mut s = Matrix6::zeros();
+        for i in 0..6 {
+            for j in 0..=i {
+                s[(i, j)] = entries.next()?;
+                s[(j, i)] = s[(i, j)];
+            }
+        }
+        Some(s)
+    }
+
     /// The corrected stiffness below the tool at a pose.
     ///
     /// # Errors
@@ -147,22 +168,8 @@ impl ResidualTable {
     pub fn stiffness(&self, pose: &Pose<f64>) -> Result<Stiffness<f64>> {
         let failed = || Failure::other("the residual correction table leaves no positive definite stiffness");
         let l = lower(&self.machine, pose).ok_or_else(failed)?;
-        let basis =
-            Basis::<f64>::new(self.centre, self.half_width, &EQ_11).map_err(|e| Failure::other(e.to_string()))?;
-        let terms = basis.monomials(pose);
-        let mut s = Matrix6::identity();
-        let mut entry = 0;
-        for i in 0..6 {
-            for j in 0..=i {
-                let value: f64 = (0..EQ_11.len()).map(|t| self.coefficients[entry * EQ_11.len() + t] * terms[t]).sum();
-                s[(i, j)] += value;
-                if i != j {
-                    s[(j, i)] += value;
-                }
-                entry += 1;
-            }
-        }
-        let k = l * s.cholesky().ok_or_else(failed)?.inverse() * l.transpose();
+        let s = self.relative(self.coefficients.as_slice(), pose).ok_or_else(failed)?;
+        let k = l * (Matrix6::identity() + s).cholesky().ok_or_else(failed)?.inverse() * l.transpose();
         Ok(Stiffness::from_lower(&k))
     }
 }

@@ -19,7 +19,7 @@ use crate::fit::{self, TermChoice};
 use crate::pose::{NamedPose, pose_of, tidy, written_units};
 
 /// Levels of each variable at which the residual correction table is fitted.
-const LEVELS: usize = 5;
+pub(super) const LEVELS: usize = 5;
 
 /// Share of the noise of a reading by which the table that is written may differ from the one that was judged without a warning.
 const MAX_DEPARTURE: f64 = 0.2;
@@ -212,7 +212,7 @@ pub fn table(
     let mut warnings = Vec::new();
     let corrected = corrected.and_then(fitted);
     let is_corrected = corrected.is_ok();
-    let fit = corrected.or_else(|e| {
+    let mut fit = corrected.or_else(|e| {
         warnings.push(format!(
             "no correction of what is left: {}; coefficients.rs holds the improved machine alone",
             e.message
@@ -220,6 +220,8 @@ pub fn table(
         let own = poses.iter().map(|p| machine.stiffness(&p.pose));
         fitted(own.collect::<std::result::Result<_, _>>().map_err(|e| Failure::other(e.to_string()))?)
     })?;
+    // of the correction as well, where there is one
+    fit.uncertainty = diagnosis.table_uncertainty.clone().filter(|_| is_corrected);
     let trained = fit::evaluate(&fit.training, &machine, improved.wrist_parameters.tip_at_zero_m(), &fit.numbers)?;
     let file = fit.table_file(improved, &readings.source);
     let command = format!(

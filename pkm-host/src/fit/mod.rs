@@ -3,7 +3,7 @@
 mod evaluate;
 pub mod export;
 mod regression;
-mod uncertainty;
+pub(crate) mod uncertainty;
 
 use std::collections::BTreeSet;
 

@@ -27,7 +27,7 @@ const CALIBRATIONS: usize = 20;
 const LEAST: f64 = 1e-24;
 
 /// Terms of the growth of the variance, and their coefficients.
-type Terms = [f64; UNCERTAINTY_SPREAD];
+pub(crate) type Terms = [f64; UNCERTAINTY_SPREAD];
 
 /// A pose that was left out.
 struct LeftOut {
@@ -203,7 +203,8 @@ fn triangle(rows: &[f64]) -> Matrix6<f64> {
 
 /// Covariance of errors: columns of the greatest variance, and the mean of the other variances.
 fn covariance(errors: &[LeftOut]) -> UncertaintyNumbers {
-    let spread = spread_of(errors);
+    let squares: Vec<(Terms, f64)> = errors.iter().map(|e| (e.terms, e.larger * e.error.norm_squared())).collect();
+    let spread = spread_of(&squares);
     let variance = |e: &LeftOut| e.terms.iter().zip(&spread).map(|(t, s)| t * s).sum::<f64>();
     // orthonormal in the norm of a matrix: what is off the diagonal counts twice
     let root_2 = std::f64::consts::SQRT_2;
@@ -234,17 +235,16 @@ fn covariance(errors: &[LeftOut]) -> UncertaintyNumbers {
 
 /// Coefficients, none below 0, of the mean square of errors over their terms: the most likely ones if squares are exponentially
 /// distributed, by multiplicative steps (Févotte and Idier, Neural Computation 23 (2011), 2421, with β = 0).
-fn spread_of(errors: &[LeftOut]) -> Terms {
-    let squares: Vec<f64> = errors.iter().map(|e| (e.larger * e.error.norm_squared()).max(LEAST)).collect();
-    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+pub(crate) fn spread_of(squares: &[(Terms, f64)]) -> Terms {
+    let mean = squares.iter().map(|(_, square)| square.max(LEAST)).sum::<f64>() / squares.len() as f64;
     let mut spread = [mean; UNCERTAINTY_SPREAD];
     for _ in 0..ITERATIONS {
         let (mut up, mut down) = ([0.0; UNCERTAINTY_SPREAD], [0.0; UNCERTAINTY_SPREAD]);
-        for (e, square) in errors.iter().zip(&squares) {
-            let expected: f64 = e.terms.iter().zip(&spread).map(|(t, s)| t * s).sum();
+        for (terms, square) in squares {
+            let expected: f64 = terms.iter().zip(&spread).map(|(t, s)| t * s).sum();
             for k in 0..UNCERTAINTY_SPREAD {
-                up[k] += e.terms[k] * square / (expected * expected);
-                down[k] += e.terms[k] / expected;
+                up[k] += terms[k] * square.max(LEAST) / (expected * expected);
+                down[k] += terms[k] / expected;
             }
         }
         for k in 0..UNCERTAINTY_SPREAD {

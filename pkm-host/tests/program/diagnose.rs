@@ -156,21 +156,37 @@ fn what_is_left_and_no_table_can_hold_stops_no_diagnosis() {
     json(&["stiffness", "--machine", &folder.path("out/machine.toml"), "--table", &table, "--poses", &holdout]);
 }
 
+/// Some columns of a file of readings.
+fn columns<const N: usize>(path: &str, names: [&str; N]) -> Vec<[f64; N]> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    let header = reader.headers().unwrap().clone();
+    let at = names.map(|c| header.iter().position(|h| h == c).unwrap());
+    reader.records().map(|r| at.map(|c| r.as_ref().unwrap()[c].parse().unwrap())).collect()
+}
+
 /// Rms error of the improved machine file on the held-out readings of a set, by `predict`.
 fn rms_of_improved(set: &str, folder: &Folder) -> f64 {
     let (machine, held_out) = (folder.path("out/machine.toml"), measured(set, "heldout.csv"));
     let predicted = folder.path("p.csv");
     json(&["predict", "--machine", &machine, "--data", &held_out, "--out", &predicted]);
-    let columns = |path: &str| -> Vec<[f64; 3]> {
-        let text = std::fs::read_to_string(path).unwrap();
-        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
-        let header = reader.headers().unwrap().clone();
-        let at = ["dx_um", "dy_um", "dz_um"].map(|c| header.iter().position(|h| h == c).unwrap());
-        reader.records().map(|r| at.map(|c| r.as_ref().unwrap()[c].parse().unwrap())).collect()
-    };
-    let (a, b) = (columns(&predicted), columns(&held_out));
+    let [a, b] = [&predicted, &held_out].map(|path| columns(path, ["dx_um", "dy_um", "dz_um"]));
     let sum: f64 = a.iter().zip(&b).map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>()).sum();
     (sum / a.len() as f64).sqrt()
+}
+
+/// Which share of a set's held-out translations is within U95 of what the table of its diagnosis says, and U95 (rms, µm).
+fn covered(set: &str, folder: &Folder) -> [f64; 2] {
+    let held_out = measured(set, "heldout.csv");
+    let [machine, table, said] = ["out/machine.toml", "out/coefficients.json", "said.csv"].map(|f| folder.path(f));
+    json(&["predict", "--machine", &machine, "--table", &table, "--data", &held_out, "--out", &said]);
+    let names = ["dx_um", "dy_um", "dz_um"];
+    let (said, u95) = (columns(&said, names), columns(&said, ["u95_dx_um", "u95_dy_um", "u95_dz_um"]));
+    let (u95, of) = (u95.as_flattened(), 3.0 * u95.len() as f64);
+    let truth = columns(&held_out, names);
+    let errors = said.as_flattened().iter().zip(truth.as_flattened()).map(|(a, b)| (a - b).abs());
+    let within = errors.zip(u95).filter(|(error, u95)| error <= *u95).count() as f64;
+    [within / of, (u95.iter().map(|u| u * u).sum::<f64>() / of).sqrt()]
 }
 
 #[test]
@@ -201,6 +217,8 @@ fn places_are_found_and_their_elements_go_into_the_machine_file() {
     assert!(places.iter().any(|p| p.iter().all(|p| p.starts_with("limb.1."))), "{places:?}");
     assert!(effects.iter().all(|e| e["probability"].as_f64().unwrap() > 0.9), "{effects:?}");
     assert!(rms(&found, "after") < 0.9 * rms(&found, "retuned_only"));
+    let [share, u95_um] = covered("p08", &folder);
+    assert!(share > 0.9 && u95_um < 4.0 * rms(&found, "after"), "{share} within U95 {u95_um} µm");
     let own = rms_of_improved("p08", &folder);
     assert!((own / rms(&found, "after") - 1.0).abs() < 1e-6, "{own} {}", rms(&found, "after"));
 }

@@ -310,6 +310,20 @@ impl Set {
         put("truth.json", format!("{:#}\n", self.truth()))
     }
 
+    /// The held-out loads on A as readings of a point ahead of A by this much along w, without what is read; and of each its zone and
+    /// how the point moves, m.
+    pub fn asked(&self, ahead_m: f64) -> (String, Vec<(&'static str, [f64; 3])>) {
+        let HeldOut { poses, rows, zones, values } = &self.held;
+        let mut lines = self.csv(poses, rows, values, 101, 4).lines().map(str::to_owned).collect::<Vec<_>>();
+        for (n, line) in lines.iter_mut().enumerate() {
+            let point = format!("0,0,0,0,0,{}", ahead_m * 1e3);
+            let columns = "load_u_mm,load_v_mm,load_w_mm,point_u_mm,point_v_mm,point_w_mm";
+            *line += &format!(",{}", if n == 0 { columns } else { &point });
+        }
+        let moved = |d: &Vector6<f64>| [d[0] + ahead_m * d[4], d[1] - ahead_m * d[3], d[2]];
+        (lines.join("\n") + "\n", zones.iter().copied().zip(values.iter().map(moved)).collect())
+    }
+
     fn csv(&self, poses: &[Pose], rows: &[Row], values: &[Vector6<f64>], first: usize, digits: usize) -> String {
         let mut s =
             "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,dx_um,dy_um,dz_um,rx_urad,ry_urad,\
