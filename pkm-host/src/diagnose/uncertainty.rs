@@ -13,7 +13,7 @@ use super::model::Model;
 use super::write::LEVELS;
 use crate::files::readings::{CHANNELS, GAUGE, Readings};
 use crate::files::table_numbers::UncertaintyNumbers;
-use crate::fit::uncertainty::{Terms, spread_of};
+use crate::fit::uncertainty::{Entries, Terms, entries, lower_triangle, spread_of};
 use crate::pose::{PoseBox, file_units, pose_of};
 
 /// How wide the poses are at which the errors are worked out, over the box of the readings: their growth beyond it is known too.
@@ -28,13 +28,11 @@ const MOST: f64 = 1e6;
 /// tip nowhere.
 const LEAST_MOVED: f64 = 0.1;
 /// Forces and moments among the loads.
-const KINDS: [Range<usize>; 2] = [0..3, 3..6];
+const LOADS: [Range<usize>; 2] = [0..3, 3..6];
 /// Translations of the tip under six loads.
 const SEEN: usize = 18;
 
-/// Entries of S, the norm of which is that of the matrix: what is off the diagonal counts twice.
-type Entries = SVector<f64, UNCERTAINTY_ENTRIES>;
-/// What they make of the tip's translations, over the size of these.
+/// What entries of S make of the tip's translations, over the size of these.
 type Seen = SVector<f64, SEEN>;
 
 /// Readings with what models that had no part of them say.
@@ -107,7 +105,7 @@ impl Example {
             let scaled = move |x: &Vector6<f64>| x / moved(x).max(LEAST_MOVED * greatest).max(f64::MIN_POSITIVE);
             loads[kind.clone()].iter().map(scaled)
         };
-        let scaled = KINDS.iter().flat_map(under);
+        let scaled = LOADS.iter().flat_map(under);
         let seen: Vec<(Vector6<f64>, Vector6<f64>)> = scaled.flat_map(|x| axes.iter().map(move |y| (*y, x))).collect();
         let of_part =
             |s: &Matrix6<f64>| (entries(s), Seen::from_iterator(seen.iter().map(|(y, x)| (y.transpose() * s * x)[0])));
@@ -145,23 +143,6 @@ fn covariance(examples: &[Example]) -> UncertaintyNumbers {
     let even = examples.iter().map(|e| e.even).sum::<f64>() / examples.len() as f64;
     let rest = others.iter().map(|n| eigen.eigenvalues[*n].max(0.0)).sum::<f64>() / even;
     UncertaintyNumbers { spread, rest: rest.sqrt(), columns }
-}
-
-/// The lower triangle of a matrix, row by row.
-fn places() -> impl Iterator<Item = (usize, usize)> {
-    (0..6).flat_map(|i| (0..=i).map(move |j| (i, j)))
-}
-
-fn entries(s: &Matrix6<f64>) -> Entries {
-    Entries::from_iterator(places().map(|(i, j)| s[(i, j)] * if i == j { 1.0 } else { std::f64::consts::SQRT_2 }))
-}
-
-fn lower_triangle(entries: &Entries) -> [f64; UNCERTAINTY_ENTRIES] {
-    let mut lower = [0.0; UNCERTAINTY_ENTRIES];
-    for ((to, from), (i, j)) in lower.iter_mut().zip(entries).zip(places()) {
-        *to = from / if i == j { 1.0 } else { std::f64::consts::SQRT_2 };
-    }
-    lower
 }
 
 /// A machine, and how it changes with what of it is not known.

@@ -4,7 +4,7 @@
 //! these, as a controller does beyond the box. What the errors have in common is a covariance of the relative error S of the
 //! compliance, and its growth away from the middle of the box.
 
-use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SymmetricEigen, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, SymmetricEigen, Vector3, Vector6};
 use pkm_core::correction::{
     FACTOR_ENTRIES, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES, UNCERTAINTY_SPREAD, spread_terms,
 };
@@ -190,6 +190,27 @@ fn box_of<'a>(variables: impl Iterator<Item = &'a [f64; 3]> + Clone) -> Option<(
     found.1.iter().all(|half| *half > 0.0).then_some(found)
 }
 
+/// The lower triangle of a matrix, row by row.
+fn places() -> impl Iterator<Item = (usize, usize)> {
+    (0..6).flat_map(|i| (0..=i).map(move |j| (i, j)))
+}
+
+/// Entries of a symmetric matrix, the norm of which is that of the matrix: what is off the diagonal counts twice.
+pub(crate) type Entries = SVector<f64, UNCERTAINTY_ENTRIES>;
+
+pub(crate) fn entries(s: &Matrix6<f64>) -> Entries {
+    Entries::from_iterator(places().map(|(i, j)| s[(i, j)] * if i == j { 1.0 } else { std::f64::consts::SQRT_2 }))
+}
+
+/// The matrix of [`entries`], its lower triangle row by row.
+pub(crate) fn lower_triangle(entries: &Entries) -> [f64; UNCERTAINTY_ENTRIES] {
+    let mut lower = [0.0; UNCERTAINTY_ENTRIES];
+    for ((to, from), (i, j)) in lower.iter_mut().zip(entries).zip(places()) {
+        *to = from / if i == j { 1.0 } else { std::f64::consts::SQRT_2 };
+    }
+    lower
+}
+
 fn triangle(rows: &[f64]) -> Matrix6<f64> {
     let mut entries = rows.iter();
     let mut lower = Matrix6::zeros();
@@ -206,15 +227,9 @@ fn covariance(errors: &[LeftOut]) -> UncertaintyNumbers {
     let squares: Vec<(Terms, f64)> = errors.iter().map(|e| (e.terms, e.larger * e.error.norm_squared())).collect();
     let spread = spread_of(&squares);
     let variance = |e: &LeftOut| e.terms.iter().zip(&spread).map(|(t, s)| t * s).sum::<f64>();
-    // orthonormal in the norm of a matrix: what is off the diagonal counts twice
-    let root_2 = std::f64::consts::SQRT_2;
     let mut sum = SMatrix::<f64, UNCERTAINTY_ENTRIES, UNCERTAINTY_ENTRIES>::zeros();
     for e in errors {
-        let mut entries = (0..6).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        let vector = SMatrix::<f64, UNCERTAINTY_ENTRIES, 1>::from_fn(|_, _| {
-            let Some((i, j)) = entries.next() else { return 0.0 };
-            e.error[(i, j)] * if i == j { 1.0 } else { root_2 }
-        });
+        let vector = entries(&e.error);
         sum += vector * vector.transpose() * (e.larger / (variance(e) * errors.len() as f64));
     }
     let eigen = SymmetricEigen::new(sum);
@@ -225,10 +240,7 @@ fn covariance(errors: &[LeftOut]) -> UncertaintyNumbers {
     let mut columns = [[0.0; UNCERTAINTY_ENTRIES]; UNCERTAINTY_COLUMNS];
     for (column, n) in columns.iter_mut().zip(first) {
         let size = (eigen.eigenvalues[*n] - rest).max(0.0).sqrt();
-        let entries = (0..6).flat_map(|i| (0..=i).map(move |j| i == j));
-        for ((entry, on_diagonal), value) in column.iter_mut().zip(entries).zip(eigen.eigenvectors.column(*n).iter()) {
-            *entry = size * value / if on_diagonal { 1.0 } else { root_2 };
-        }
+        *column = lower_triangle(&(eigen.eigenvectors.column(*n) * size));
     }
     UncertaintyNumbers { spread, rest: rest.sqrt(), columns }
 }

@@ -1,0 +1,143 @@
+//! Errors of the rivals on the readings themselves and on those that had no part in a model, and how far a table may be off by them.
+
+use pkm_diagnosis::{Noise, Observations, Rules, Search};
+
+use super::Step;
+use super::compare::{self, Errors, Fitted, Predictions, RIVALS, Rival, Zone};
+use super::experiment::{self, observations};
+use super::inference::Start;
+use super::model::Model;
+use super::uncertainty::{self, Unseen};
+use crate::files::machine::MachineFile;
+use crate::files::readings::{CHANNELS, Readings};
+use crate::files::table_numbers::UncertaintyNumbers;
+use crate::pose::PoseBox;
+use crate::progress::Progress;
+
+/// Held-out errors of all rivals, over all readings and by zone.
+pub struct HeldOut {
+    /// `given`, or by cross-validation.
+    pub given: bool,
+    /// Poses.
+    pub poses: usize,
+    /// By rival. Readings that were given are predicted as of a true measurement.
+    pub all: Vec<(Rival, Errors)>,
+    /// The same of readings that were given, predicted with the errors of the measurement that were found, if any were.
+    pub as_measured: Option<Vec<(Rival, Errors)>>,
+    /// By zone and rival.
+    pub zones: Vec<(Zone, Vec<(Rival, Errors)>)>,
+    /// Names of what the search in each fold of a cross-validation found.
+    pub folds: Vec<Vec<String>>,
+    /// Predictions with the residual correction table, by condition.
+    pub said: Vec<[f64; CHANNELS]>,
+}
+
+impl HeldOut {
+    /// Rms errors of the translations as declared and as identified, µm, where the latter is larger: the model that came out is no
+    /// improvement.
+    pub fn worse(&self) -> Option<[f64; 2]> {
+        let of = |errors: &Vec<(Rival, Errors)>| {
+            let rms = |rival| errors.iter().find(|e| e.0 == rival).map(|e| e.1.linear_um_rms);
+            Some([rms(Rival::Declared)?, rms(Rival::After)?])
+        };
+        // what was found of the sensor is in readings that were given, or is not
+        let all = [Some(&self.all), self.as_measured.as_ref()].into_iter().flatten().filter_map(of);
+        let best = all.min_by(|a, b| (a[1] / a[0]).total_cmp(&(b[1] / b[0])))?;
+        (best[1] > best[0]).then_some(best)
+    }
+}
+
+/// What errors are judged by.
+pub(super) struct Judges<'a> {
+    pub(super) noise: &'a Noise,
+    pub(super) model: &'a Model,
+    pub(super) rules: &'a Rules,
+}
+
+impl Judges<'_> {
+    /// Errors of all rivals on some of the readings.
+    pub(super) fn errors(
+        &self,
+        observations: &Observations,
+        predictions: &Predictions,
+        filter: &dyn Fn(usize) -> bool,
+    ) -> Vec<(Rival, Errors)> {
+        let of = |rival| compare::errors(observations, self.noise, predictions.of(rival), filter, self.rules);
+        RIVALS.iter().filter_map(|(rival, ..)| Some((*rival, of(*rival)?))).collect()
+    }
+
+    /// Errors on held-out readings.
+    pub(super) fn given(&self, readings: &Readings, other: &Readings, fitted: &Fitted) -> Option<HeldOut> {
+        let (poses, observations) = (experiment::poses(other), observations(other, self.model));
+        let predicted = |as_measured| fitted.predict(self.model, &poses, &other.conditions, as_measured);
+        let found = predicted(false)?;
+        let as_measured = if fitted.has_measurement_errors(self.model) { Some(predicted(true)?) } else { None };
+        let zones = compare::zones(readings, other);
+        let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
+            .map(|zone| (zone, self.errors(&observations, &found, &|n| zones[n] == zone)));
+        let of_all = |found: &Predictions| self.errors(&observations, found, &|_| true);
+        let rms = |found: &&Predictions| {
+            let errors =
+                compare::errors(&observations, self.noise, found.of(Rival::AfterAndTable), |_| true, self.rules);
+            errors.map_or(f64::INFINITY, |e| e.linear_um_rms)
+        };
+        // what was found of the sensor is in them, or is not
+        let nearest =
+            [Some(&found), as_measured.as_ref()].into_iter().flatten().min_by(|a, b| rms(a).total_cmp(&rms(b)));
+        Some(HeldOut {
+            given: true,
+            poses: other.poses.len(),
+            said: nearest.unwrap_or(&found).of(Rival::AfterAndTable).to_vec(),
+            all: of_all(&found),
+            as_measured: as_measured.as_ref().map(of_all),
+            zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
+            folds: Vec::new(),
+        })
+    }
+
+    /// Errors on each pose of models that have been chosen and fitted without it.
+    pub(super) fn left_out(
+        &self,
+        readings: &Readings,
+        observations: &Observations,
+        start: &Start<'_>,
+        progress: &Progress<'_>,
+    ) -> Option<HeldOut> {
+        let (found, folds) = compare::cross_validate(readings, observations, start, progress)?;
+        let all = self.errors(observations, &found, &|_| true);
+        let (poses, said) = (readings.poses.len(), found.of(Rival::AfterAndTable).to_vec());
+        Some(HeldOut { given: false, poses, all, as_measured: None, zones: Vec::new(), folds, said })
+    }
+
+    /// The model after each find.
+    pub(super) fn steps(&self, readings: &Readings, held_out: Option<&Readings>, search: &Search) -> Option<Vec<Step>> {
+        let step = |(found, fit): &(Vec<usize>, pkm_diagnosis::Fit)| {
+            let on = |readings: &Readings, as_measured: bool| {
+                let poses = experiment::poses(readings);
+                let said = compare::predict(self.model, fit, &poses, &readings.conditions, as_measured)?;
+                compare::errors(&observations(readings, self.model), self.noise, &said, |_| true, self.rules)
+            };
+            Some(Step {
+                found: found.iter().map(|c| self.model.candidates[*c].name()).collect(),
+                machine: self.model.state(&fit.unknowns, fit.x.as_slice(), false).machine,
+                errors: on(readings, true)?,
+                held_out: held_out.and_then(|other| on(other, false)),
+            })
+        };
+        search.steps.iter().map(step).collect()
+    }
+
+    /// How far the table of the identified model may be off; `said` is what models say of readings that had no part in them.
+    pub(super) fn uncertainty(
+        &self,
+        file: &MachineFile,
+        fitted: &Fitted,
+        extent: &PoseBox,
+        readings: &Readings,
+        said: &[[f64; CHANNELS]],
+    ) -> Option<UncertaintyNumbers> {
+        let observations = &observations(readings, self.model);
+        let unseen = Unseen { readings, observations, noise: self.noise, said };
+        uncertainty::of_table(self.model, fitted, extent, file.wrist_parameters.tip_at_zero_m(), &unseen)
+    }
+}
