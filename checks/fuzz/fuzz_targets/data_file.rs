@@ -4,14 +4,14 @@
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
+use pkm_files::dataset::{read_poses, read_stiffness};
+use pkm_files::machine::MachineFile;
+use pkm_files::path::Load;
+use pkm_files::pose::NamedPose;
+use pkm_files::readings::Readings;
+use pkm_files::source::Source;
+use pkm_files::tool_path;
 use pkm_fuzz::{assert_finite, file, read};
-use pkm_host::files::dataset::{read_poses, read_stiffness};
-use pkm_host::files::machine::MachineFile;
-use pkm_host::files::path::Load;
-use pkm_host::files::readings::Readings;
-use pkm_host::files::source::Source;
-use pkm_host::files::tool_path;
-use pkm_host::pose::NamedPose;
 
 static MACHINE: LazyLock<MachineFile> =
     LazyLock::new(|| MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE)).expect("the reference machine"));

@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use pkm_files::job::Job;
 use pkm_fuzz::{file, read};
-use pkm_host::files::job::Job;
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);

@@ -2,10 +2,10 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use pkm_files::import::{self, Renames};
+use pkm_files::load_log::LoadLog;
+use pkm_files::loads::{Options, join};
 use pkm_fuzz::{assert_finite, file, read};
-use pkm_host::files::import::{self, Renames};
-use pkm_host::files::load_log::LoadLog;
-use pkm_host::loads::{Options, join};
 
 /// Times of the seeds, of a day and from the start of a log; a direction each, or a load for a log of components.
 const READINGS: [&str; 3] = [

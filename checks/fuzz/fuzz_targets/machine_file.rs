@@ -2,8 +2,8 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
+use pkm_files::machine::MachineFile;
 use pkm_fuzz::{file, read};
-use pkm_host::files::machine::MachineFile;
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);

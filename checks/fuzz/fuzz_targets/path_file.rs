@@ -3,9 +3,9 @@
 
 use libfuzzer_sys::fuzz_target;
 use pkm_core::Wrench;
+use pkm_files::gcode::Program;
+use pkm_files::path::Toward;
 use pkm_fuzz::{assert_finite, file, read};
-use pkm_host::files::gcode::Program;
-use pkm_host::files::path::Toward;
 
 fuzz_target!(|bytes: &[u8]| {
     let source = file(bytes);

@@ -4,8 +4,8 @@
 use libfuzzer_sys::fuzz_target;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64};
 use pkm_core::{CorrectionError, Domain, Pose};
+use pkm_files::table::TableFile;
 use pkm_fuzz::{assert_finite, file, read};
-use pkm_host::files::table::TableFile;
 
 fuzz_target!(|bytes: &[u8]| {
     let Some(table) = read(TableFile::parse(&file(bytes))) else { return };

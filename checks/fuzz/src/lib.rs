@@ -3,8 +3,8 @@
 use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{PARAMETERS, WRIST};
 use pkm_core::{MachineParameters, Pose, Scalar, Wrench, WristParameters};
-use pkm_host::error::Result;
-use pkm_host::files::source::Source;
+use pkm_files::error::Result;
+use pkm_files::source::Source;
 
 /// The file's name in every text target.
 const FILE: &str = "input";

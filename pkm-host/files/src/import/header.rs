@@ -1,0 +1,84 @@
+//! Where the header of an export is, and what stands between its cells.
+
+use super::names::Names;
+use super::units;
+use crate::csv::{Header, Row, records};
+use crate::error::{Failure, Result, printable};
+use crate::source::Source;
+
+/// Rows among which a header is looked for: a title and the settings of an instrument may stand above it.
+const SEARCHED: usize = 100;
+
+/// Columns that a message names, of any kind of file.
+const EXAMPLES: [&str; 9] = ["pose", "theta_deg", "fx_n", "dx_um", "state", "point", "x_mm", "time_s", "force_n"];
+
+/// A header and its place in the file.
+pub(super) struct Found {
+    pub(super) header: Header,
+    pub(super) delimiter: u8,
+    /// Rows above it, which are not read.
+    pub(super) above: Vec<Row>,
+}
+
+/// The first row with the most names that are known, whatever stands between the cells.
+pub(super) fn find(source: &Source, text: &str, names: &Names<'_>) -> Result<Found> {
+    let mut best = (0, 0, b',');
+    for delimiter in [b',', b';', b'\t'] {
+        for (n, row) in records(text, delimiter, &source.name).take(SEARCHED).enumerate() {
+            let Ok(row) = row else { continue };
+            let count = row.cells.iter().filter(|cell| names.is_known(cell)).count();
+            if count > best.0 {
+                best = (count, n, delimiter);
+            }
+        }
+    }
+    let (count, n, delimiter) = best;
+    if count < 2 {
+        return Err(commented(source, text, names).unwrap_or_else(|| none(source, text, names)));
+    }
+    let mut rows = records(text, delimiter, &source.name).take(n + 1).collect::<Result<Vec<_>>>()?;
+    let Some(row) = rows.pop() else { return Err(none(source, text, names)) };
+    let header = Header::new(&row);
+    names.require_renamed(&header.names).map_err(|f| f.in_file(&source.name).at_line(header.line))?;
+    Ok(Found { header, delimiter, above: rows })
+}
+
+/// A header behind #, as numerical programs write it.
+fn commented(source: &Source, text: &str, names: &Names<'_>) -> Option<Failure> {
+    let is_header = |line: &str| {
+        let cells = line.trim_start_matches(['#', ' ']).split([',', ';', '\t']);
+        line.starts_with('#') && cells.filter(|cell| names.is_known(cell.trim())).count() > 1
+    };
+    let (line, _) = (1..).zip(text.lines().take(SEARCHED)).find(|(_, line)| is_header(line))?;
+    let message = "the header begins with # and is taken as a comment: remove the #";
+    Some(Failure::input(message).in_file(&source.name).at_line(line))
+}
+
+fn none(source: &Source, text: &str, names: &Names<'_>) -> Failure {
+    let is_content = |line: &&str| !line.starts_with('#') && line.chars().any(char::is_alphanumeric);
+    let mut lines = (1..).zip(text.lines());
+    let (line, found) = match lines.find(|(_, line)| is_content(line)) {
+        Some((n, line)) => (n, format!("`{}`", printable(&line.chars().take(60).collect::<String>()))),
+        None => (1, "nothing".into()),
+    };
+    let own = names.own();
+    let usual: Vec<&str> = EXAMPLES.into_iter().filter(|name| own.contains(name)).collect();
+    let message = format!(
+        "expected a header with column names such as {} with commas, semicolons or tabs between them, \
+         found {found}: for other names say --columns new=theirs,…",
+        usual.join(", ")
+    );
+    Failure::input(message).in_file(&source.name).at_line(line)
+}
+
+/// The units of a row below the header that has nothing but units, without brackets; `None` for a row of data.
+pub(super) fn units_of(row: &Row, header: &Header, names: &Names<'_>) -> Option<Vec<String>> {
+    let cells = row.to_cells();
+    let bare = |cell: &str| cell.trim_matches(['[', ']', '(', ')', ' ']).to_owned();
+    let of_numbers: Vec<String> =
+        names.number_columns(&header.names).iter().filter_map(|n| cells.get(*n)).map(|c| bare(c)).collect();
+    let begins_a_number =
+        |cell: &String| cell.trim_start_matches(['+', '-', '.']).starts_with(|c: char| c.is_ascii_digit());
+    let are_units = !of_numbers.iter().any(begins_a_number) && of_numbers.iter().any(|cell| units::is_any(cell));
+    are_units.then(|| cells.iter().map(|cell| bare(cell)).collect())
+}

@@ -1,0 +1,98 @@
+//! Merged cells of a spreadsheet: it saves what stands in them with their first row alone.
+
+use crate::csv::{LENGTH_COLUMNS, POSE_COLUMNS, Sheet};
+use crate::dataset::{LOAD_POINT_COLUMNS, POINT_COLUMNS, WRENCH_COLUMNS};
+use crate::error::{Failure, lines_text, printable};
+
+/// What is carried down with a pose where it is empty too. Not the direction: without it, the load history tells.
+const WITH_POSE: [&str; 5] = ["series", "load", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
+
+/// What rows of statistics below a block of readings are called.
+const STATISTICS: [&str; 22] = [
+    "mean",
+    "avg",
+    "average",
+    "sum",
+    "total",
+    "min",
+    "max",
+    "minimum",
+    "maximum",
+    "range",
+    "sd",
+    "std",
+    "stdev",
+    "stddev",
+    "median",
+    "mittel",
+    "mittelwert",
+    "summe",
+    "spannweite",
+    "stdabw",
+    "standardabweichung",
+    "streuung",
+];
+/// Columns in which they say so. A load or a pose may well be called `max`.
+const NAMED: [&str; 3] = ["series", "reading", "repeat"];
+
+/// Refuses rows of statistics, such as means: they are no readings, and would stand for some.
+pub(super) fn refuse_statistics(sheet: &mut Sheet) -> Vec<Failure> {
+    let named: Vec<usize> = (0..sheet.header.len()).filter(|n| NAMED.contains(&sheet.header[*n].as_str())).collect();
+    let mut failures = Vec::new();
+    sheet.rows.retain(|row| {
+        let is_statistic = |n: &&usize| {
+            let word = row.cells[**n].trim_matches(|c: char| !c.is_alphanumeric()).to_lowercase();
+            STATISTICS.contains(&word.as_str())
+        };
+        let found = named.iter().find(is_statistic);
+        failures.extend(found.map(|n| {
+            let message = format!("`{}` is no reading: leave out rows that are computed from others", &row.cells[*n]);
+            Failure::input(message).in_file(&sheet.source.name).at_line(row.line).at_column(&sheet.header[*n])
+        }));
+        found.is_none()
+    });
+    failures
+}
+
+/// Fills empty poses, and empty loads at the same pose, from the row above; says where. The coordinates of a pose, its point, and a load
+/// are carried down as a whole: a single empty cell is a mistake, and stays one.
+pub(super) fn carry_down(sheet: &mut Sheet) -> Vec<String> {
+    let place = |names: &[&str]| -> Vec<usize> {
+        (0..sheet.header.len()).filter(|n| names.contains(&sheet.header[*n].as_str())).collect()
+    };
+    let name = place(&POSE_COLUMNS[..1]);
+    let coordinates = place(&[&POSE_COLUMNS[1..], &LENGTH_COLUMNS].concat());
+    let (point, load) = (place(&POINT_COLUMNS), place(&[&WRENCH_COLUMNS[..], &LOAD_POINT_COLUMNS].concat()));
+    let with_pose = place(&WITH_POSE);
+    let mut carried = [Vec::new(), Vec::new()];
+    for n in 1..sheet.rows.len() {
+        let (above, below) = sheet.rows.split_at_mut(n);
+        let (above, row) = (&above[n - 1].cells, &mut below[0]);
+        let is_empty = |columns: &[usize]| !columns.is_empty() && columns.iter().all(|c| row.cells[*c].is_empty());
+        let is_as_above = |columns: &[usize]| columns.iter().all(|c| row.cells[*c] == above[*c]);
+        // a name of its own, such as that of a sum, belongs to no merged cell
+        let lacks_pose = is_empty(&coordinates) && (is_empty(&name) || is_as_above(&name));
+        let lacks_load = is_empty(&load) && (lacks_pose || (is_as_above(&coordinates) && is_as_above(&name)));
+        let mut columns = Vec::new();
+        if lacks_pose {
+            columns.extend(name.iter().chain(&coordinates).chain(point.iter().filter(|_| is_empty(&point))));
+            columns.extend(with_pose.iter().filter(|c| row.cells[**c].is_empty()));
+            carried[0].push(row.line);
+        }
+        if lacks_load {
+            columns.extend(&load);
+            carried[1].push(row.line);
+        }
+        if !columns.is_empty() {
+            let cells = row.cells.iter().enumerate();
+            row.cells = cells.map(|(c, cell)| if columns.contains(&c) { &above[c] } else { cell }).collect();
+        }
+    }
+    let file = printable(&sheet.source.name);
+    let warning = |(lines, what): (&Vec<u64>, &str)| {
+        let (first, rest) = lines.split_first()?;
+        let more = if rest.is_empty() { String::new() } else { format!(", and in {}", lines_text(rest)) };
+        Some(format!("{file}:{first}: empty {what} taken from the row above{more}, as in merged cells: is that right?"))
+    };
+    carried.iter().zip(["pose", "load"]).filter_map(warning).collect()
+}

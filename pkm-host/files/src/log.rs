@@ -1,0 +1,80 @@
+//! A controller's log: a measured file whose rows have a time.
+
+use pkm_core::estimation::{TipReading, Touch};
+use pkm_core::nalgebra::{Vector3, Vector6};
+
+use crate::dataset::{DEFLECTION_COLUMNS, GAUGE_COLUMNS, READ_COLUMNS};
+use crate::error::{Failure, Result};
+use crate::import::Renames;
+use crate::machine::MachineFile;
+use crate::measured::Measured;
+use crate::source::Source;
+
+/// When a row was read: whole seconds since any fixed time.
+pub const TIME_COLUMN: &str = "time_s";
+const SIGMA_COLUMNS: [&str; 2] = ["sigma_linear_um", "sigma_angular_urad"];
+
+/// A reading of a log.
+pub struct Entry {
+    /// Of the file.
+    pub line: u64,
+    /// Where and under which load.
+    pub touch: Touch<f64>,
+    /// What was read.
+    pub readings: Vec<TipReading<f64>>,
+}
+
+/// Reads a log.
+///
+/// # Errors
+/// Those of a measured file; a component of the load that has no column; rows without time or without standard deviations of what
+/// they read.
+pub fn read(source: Source, machine: &MachineFile) -> Result<Vec<Entry>> {
+    let (sheet, cases) = Measured::read(source, machine, &Renames::default())?.complete()?;
+    sheet.require(&[TIME_COLUMN])?;
+    // people leave out what is 0; a controller that says nothing of a load has lost it
+    if let Some(column) = sheet.added().first() {
+        let message = format!("expected a column `{column}`: a log says every component of its loads, 0 too");
+        return Err(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line));
+    }
+    let entry = |(row, case): (&_, &crate::measured::LoadCase)| {
+        let time = sheet.number(row, TIME_COLUMN)?;
+        if !(0.0..=f64::from(u32::MAX)).contains(&time) || time.fract() != 0.0 {
+            let message = format!("expected whole seconds from 0 to {}, found {time}", u32::MAX);
+            return Err(sheet.failure(row, message).at_column(TIME_COLUMN));
+        }
+        let mut readings = Vec::new();
+        for (channel, column) in READ_COLUMNS.iter().enumerate() {
+            if !sheet.has(column) || sheet.cell(row, column)?.is_empty() {
+                continue;
+            }
+            let angular = (3..DEFLECTION_COLUMNS.len()).contains(&channel);
+            let sigma = SIGMA_COLUMNS[usize::from(angular)];
+            sheet.require(&[sigma])?;
+            let deviation = sheet.number(row, sigma)? * 1e-6;
+            if !(deviation > 0.0) {
+                let message = format!("expected a standard deviation above 0, found {}", deviation * 1e6);
+                return Err(sheet.failure(row, message).at_column(sigma));
+            }
+            let mut direction = Vector6::zeros();
+            match case.gauge.filter(|_| channel >= DEFLECTION_COLUMNS.len()) {
+                Some(gauge) => direction.fixed_rows_mut::<3>(0).copy_from(&Vector3::from(gauge)),
+                None => direction[channel.min(5)] = 1.0,
+            }
+            readings.push(TipReading { direction, read: sheet.number(row, column)? * 1e-6, deviation });
+        }
+        if readings.is_empty() {
+            let message = format!("expected a deflection in one of {}", DEFLECTION_COLUMNS.join(", "));
+            return Err(sheet.failure(row, message).at_column(GAUGE_COLUMNS[0]));
+        }
+        let touch = Touch {
+            time_s: time as u32,
+            pose: case.pose.pose,
+            tip_m: case.point_m.into(),
+            wrench: case.wrench,
+            rise_k: 0.0,
+        };
+        Ok(Entry { line: row.line, touch, readings })
+    };
+    sheet.rows.iter().zip(&cases).map(entry).collect()
+}
