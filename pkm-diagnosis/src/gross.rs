@@ -4,11 +4,8 @@
 use std::collections::BTreeMap;
 
 use crate::observations::Observations;
-use crate::residuals::Outlier;
+use crate::residuals::{MEDIAN_OF_NORMAL, Outlier};
 use crate::rules::Rules;
-
-/// Standard deviations in a median of absolute normal deviations.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
 fn median(values: &mut [f64]) -> Option<f64> {
     let n = values.len();

@@ -13,6 +13,9 @@ use crate::search::Search;
 use crate::solve::Problem;
 use crate::whitening::Whitener;
 
+/// Median of the absolute value of a normal error of standard deviation 1.
+pub const MEDIAN_OF_NORMAL: f64 = 0.6745;
+
 /// What the end of a search leaves of every reading.
 pub struct Residuals {
     /// By reading and channel, each in its own noise; 0 where nothing was read.
@@ -103,8 +106,9 @@ pub fn outliers(observations: &Observations, residuals: &[Vec<f64>], rules: &Rul
             .collect();
         let mut sizes: Vec<f64> = read.iter().map(|r| r.1).collect();
         sizes.sort_by(f64::total_cmp);
-        // the median of |r| is 0.6745 standard deviations
-        let Some(scale) = sizes.get(sizes.len() / 2).map(|m| m / 0.6745).filter(|s| *s > 0.0) else { continue };
+        let Some(scale) = sizes.get(sizes.len() / 2).map(|m| m / MEDIAN_OF_NORMAL).filter(|s| *s > 0.0) else {
+            continue;
+        };
         // where a repeat of it errs as well, it is the model or the load that errs
         let alone = |n: usize| {
             let repeat_of = readings[n].repeat_of;

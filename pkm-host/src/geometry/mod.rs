@@ -15,6 +15,7 @@ mod start;
 pub mod write;
 
 use nalgebra::DMatrix;
+use pkm_diagnosis::residuals::MEDIAN_OF_NORMAL;
 use pkm_diagnosis::validation::{self, LeftOut};
 use pkm_diagnosis::verdict::{LackOfFit, lack_of_fit};
 use pkm_diagnosis::{
@@ -37,8 +38,6 @@ const MAX_POLISHING_STEPS: usize = 4;
 const SMALL_GAIN: f64 = 1e-9;
 /// Most rounds in which single readings are left out.
 const MAX_ROUNDS_OF_OUTLIERS: usize = 3;
-/// Standard deviations in a median of absolute normal deviations.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
 /// How well the compliance that each wrench of a limb meets is known where joints strain, as a factor of one standard deviation:
 /// with 2 the stated deviations covered 87 to 94 % of errors, with 4 96 % (120 simulated machines each with 2.5 and 10 µm of noise).
 const GIVE_SD_FACTOR: f64 = 4.0;

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
+use pkm_diagnosis::residuals::MEDIAN_OF_NORMAL;
+
 use crate::load_log::Sample;
 
 /// Parts of a window that are compared to see whether the load was at rest.
 const PARTS: usize = 5;
-/// Median of the absolute value of a normal error of standard deviation 1.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
 /// The samples of a window.
 #[derive(Clone, Debug)]
