@@ -284,8 +284,9 @@ pub fn text(track: &Track, limit: f64) -> String {
     if track.feeds > 0 {
         let lines = track.too_fast.len();
         text.push_str(&format!(
-            "feed of {} moves held against the joints' limits: too fast in {lines} lines\n",
-            track.feeds
+            "feed of {} moves held against the joints' limits: too fast in {lines} {}\n",
+            track.feeds,
+            if lines == 1 { "line" } else { "lines" }
         ));
     }
     let [least, limit] = [track.least_share(), limit].map(|share| 100.0 * share);
