@@ -222,6 +222,10 @@ pub fn table(
     })?;
     // of the correction as well, where there is one
     fit.uncertainty = diagnosis.table_uncertainty.clone().filter(|_| is_corrected);
+    if is_corrected && fit.uncertainty.is_none() {
+        let why = "the machine has no stiffness at a pose of a reading, or a deviation away from what was estimated";
+        warnings.push(format!("coefficients.rs does not say how far its table may be off: {why}"));
+    }
     let trained = fit::evaluate(&fit.training, &machine, improved.wrist_parameters.tip_at_zero_m(), &fit.numbers)?;
     let file = fit.table_file(improved, &readings.source);
     let command = format!(
