@@ -1,16 +1,18 @@
 //! What came of a replayed log: the report, text and JSON.
 
+mod findings;
+
 use maud::html;
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 use serde_json::{Value, json};
 
-use crate::diagnose::text::probability;
+use self::findings::{advice, findings, said};
 use crate::error::Result;
 use crate::files::dataset::{POINT_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, pose_cells, to_csv};
 use crate::files::learn::{named, units};
 use crate::files::log::TIME_COLUMN;
 use crate::page::plot::{Mark, Panel, Series};
-use crate::page::{self, Finding, Page};
+use crate::page::{self, Page};
 use crate::pose::{tidy, written_units};
 use crate::replay::{BATCH, Proposal, Replay};
 
@@ -23,12 +25,6 @@ const DAY_S: f64 = 86_400.0;
 const DAYS: &str = "days since the first reading";
 /// So many times the usual interval may be as wide as what a chart of values shows, or the first one would flatten the curve.
 const WIDEST: f64 = 3.0;
-/// An amplitude with more than this of its variance left is not known.
-const UNKNOWN: f64 = 0.5;
-/// A change by more of its deviations from before anything was read than this was not to be expected.
-const FAR_SD: f64 = 3.0;
-/// So many readings refused in a row are no spikes.
-const BROKEN: usize = 20;
 
 /// As in `--json`.
 fn code(refusal: &Refusal) -> &'static str {
@@ -90,85 +86,9 @@ fn innovations(replay: &Replay) -> Panel {
     }
 }
 
-/// An alarm in words.
-fn said(replay: &Replay, (n, alarm): &(usize, Alarm)) -> String {
-    let amplitude = replay.learn.amplitudes[*n].amplitude;
-    let (name, (_, unit, scale)) = (named(amplitude), units(amplitude));
-    let direction = if alarm.change > 0.0 { "more" } else { "less" };
-    let (plural, say) = if alarm.readings == 1 { ("", "says") } else { ("s", "say") };
-    format!(
-        "{name}: {:.2} ± {:.2} {unit} {direction} than at acceptance (95 %), as the last {} reading{plural} {say} (probability that it is \
-         worth an alarm: {}).",
-        scale * alarm.change.abs(),
-        scale * K95 * alarm.deviation,
-        alarm.readings,
-        probability(alarm.probability, 3)
-    )
-}
-
-/// Alarms at the end of amplitudes that the readings tell from one another, the greatest change first, and those of others.
-fn standing(replay: &Replay) -> [Vec<(usize, Alarm)>; 2] {
-    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
-    let own = |n: usize| &replay.learn.amplitudes[n];
-    let is_told = |(n, _): &(usize, Alarm)| variance_left(own(*n), &values[*n]) <= UNKNOWN;
-    let (mut told, blurred): (Vec<_>, Vec<_>) = replay.standing().iter().copied().partition(is_told);
-    let size = |(n, alarm): &(usize, Alarm)| (alarm.change / own(*n).alarm).abs();
-    told.sort_by(|a, b| size(b).total_cmp(&size(a)));
-    [told, blurred]
-}
-
-/// Alarms of amplitudes that the readings tell from one another, the greatest change first; then of those together that they do
-/// not.
-fn alarms_said(replay: &Replay) -> Vec<Finding> {
-    let own = |n: usize| &replay.learn.amplitudes[n];
-    let [told, blurred] = standing(replay);
-    let mut found: Vec<Finding> =
-        told.iter().map(|alarm| Finding::warning(said(replay, alarm) + " Inspect it.")).collect();
-    if !blurred.is_empty() {
-        let each = blurred.iter().map(|(n, alarm)| {
-            let (_, unit, scale) = units(own(*n).amplitude);
-            format!("{} {:+.2} {unit}", named(own(*n).amplitude), scale * alarm.change)
-        });
-        let each: Vec<String> = each.collect();
-        found.push(Finding::warning(format!(
-            "Something has changed since acceptance, and what was touched does not tell where: any of {} may have all of it.",
-            unknown(replay).join(", ")
-        )));
-        found.push(Finding::warning(format!("Shared by what each is taken to vary, it is {}.", each.join(", "))));
-    }
-    let far = |(n, alarm): &&(usize, Alarm)| alarm.change.abs() > FAR_SD * own(*n).deviation;
-    let far: Vec<String> = replay.standing().iter().filter(far).map(|(n, _)| named(own(*n).amplitude)).collect();
-    if !far.is_empty() {
-        found.push(Finding::warning(format!(
-            "{}: more than {FAR_SD} times the deviation that it is taken to have before anything is read, so that its interval is too \
-             narrow: give a greater `deviation` (--learn).",
-            far.join(", ")
-        )));
-    }
-    found
-}
-
-/// How old what is known is, and what drift may have come of that.
-fn aged(replay: &Replay) -> String {
-    let [first, last] = [replay.age.since_first_s, replay.age.since_last_s].map(|s| f64::from(s) / DAY_S);
-    let known = replay.steps.iter().rev().find(|step| step.outcome.is_ok()).map_or(&[][..], |step| &step.values);
-    let grown = known.iter().zip(&replay.age.deviations).map(|((_, before), now)| now / before).fold(1.0, f64::max);
-    let wider = format!("makes the intervals up to {:.0} % wider than readings left them", 100.0 * (grown - 1.0));
-    let wider = if grown < 1.005 { "hardly widens the intervals" } else { &wider };
-    format!(
-        "At the log's end the first reading that was taken in is {first:.1} days old, the last one {last:.1} days; the drift that is \
-         allowed until then {wider}."
-    )
-}
-
 /// Readings that the estimator learned from.
 fn taken_in(replay: &Replay) -> usize {
     replay.steps.iter().filter(|step| step.outcome.is_ok()).count()
-}
-
-/// Then it is the log that is in doubt, and not the machine.
-fn were_mostly_refused(replay: &Replay) -> bool {
-    2 * taken_in(replay) < replay.steps.len()
 }
 
 /// Readings in the fit.
@@ -193,94 +113,9 @@ fn refusals(replay: &Replay) -> Vec<(&'static str, usize)> {
     counts
 }
 
-/// What to think of it, the verdict first.
-fn findings(replay: &Replay) -> Vec<Finding> {
-    let (all, taken) = (replay.steps.len(), taken_in(replay));
-    let in_a_row = replay.steps.iter().rev().take_while(|step| step.outcome == Err(Refusal::Unexpected)).count();
-    let mut found = Vec::new();
-    if in_a_row >= BROKEN {
-        found.push(Finding::bad(format!(
-            "The last {in_a_row} readings are too far from what is expected: the sensor is broken, or the machine has changed by more \
-             than it may learn."
-        )));
-    } else if were_mostly_refused(replay) {
-        let reasons: Vec<String> =
-            refusals(replay).iter().map(|(code, count)| format!("{count} as {}", code.replace('_', " "))).collect();
-        found.push(Finding::bad(format!(
-            "Only {taken} of {all} readings were taken in; refused were {}. Find out why before you act on anything below.",
-            reasons.join(", ")
-        )));
-    }
-    found.extend(alarms_said(replay));
-    if replay.standing().is_empty() {
-        found.push(Finding::good("Nothing that is learned has changed by what is worth an alarm."));
-    }
-    if taken > 0 {
-        found.push(Finding::good(aged(replay)));
-    }
-    let text = format!("{taken} of {all} readings were taken in.");
-    found.push(if taken == all { Finding::good(text) } else { Finding::warning(text) });
-    let outside = outside_box(replay);
-    if let Some(line) = outside.first() {
-        found.push(Finding::warning(format!(
-            "Outside the box that the table was fitted in: {} of them, the first in line {line}. What they teach rests on what the table \
-             says there by extrapolation.",
-            outside.len()
-        )));
-    }
-    let unknown = unknown(replay);
-    if !unknown.is_empty() {
-        found.push(Finding::warning(format!(
-            "What was touched so far tells little of {}: more than half of the variance from before the first reading is left.",
-            unknown.join(", ")
-        )));
-    }
-    found
-}
-
-/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
-fn advice(replay: &Replay) -> [Finding; 2] {
-    let [standing, blurred] = standing(replay);
-    let sizes: Vec<_> =
-        standing.iter().map(|(_, alarm)| format!("{:.0}", (alarm.change / alarm.deviation).abs())).collect();
-    let names: Vec<_> = standing.iter().map(|(n, _)| named(replay.learn.amplitudes[*n].amplitude)).collect();
-    let sure = if !blurred.is_empty() {
-        "that something has changed is sure, where it is not: see below.".to_owned()
-    } else if standing.is_empty() {
-        "what is known of each amplitude stands in the table: a change within its interval would not be seen."
-            .to_owned()
-    } else {
-        format!(
-            "the change is {} times its standard deviation; the curves below show when it came.",
-            sizes.join(" and ")
-        )
-    };
-    let todo = if were_mostly_refused(replay) {
-        "find out why most readings were refused: sensor, sign, units, or a machine that is not this one.".to_owned()
-    } else if !blurred.is_empty() {
-        "touch loads that tell the amplitudes apart: --next proposes them.".to_owned()
-    } else if !standing.is_empty() {
-        let names = names.join(" and ");
-        format!("inspect {names}; repair it, or make a new table and accept the machine as it is now.")
-    } else if unknown(replay).is_empty() {
-        "nothing; go on touching known loads.".to_owned()
-    } else {
-        let which = if replay.next.is_empty() { "that --next proposes" } else { "that are proposed below" };
-        format!("touch the loads {which}: what was touched so far leaves some amplitudes unknown.")
-    };
-    [Finding::good(sure).sure(), Finding::good(todo).todo()]
-}
-
 /// Share of the variance before anything was read that is left: 1 where nothing that was touched tells anything.
 fn variance_left(own: &AmplitudeSettings, (_, deviation): &(f64, f64)) -> f64 {
     (deviation / own.deviation).powi(2)
-}
-
-/// Amplitudes of which the log tells hardly anything.
-fn unknown(replay: &Replay) -> Vec<String> {
-    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
-    let own = replay.learn.amplitudes.iter().zip(values);
-    own.filter(|(own, value)| variance_left(own, value) > UNKNOWN).map(|(own, _)| named(own.amplitude)).collect()
 }
 
 fn rows(replay: &Replay) -> Vec<(String, Vec<String>)> {
