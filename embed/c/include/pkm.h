@@ -676,13 +676,13 @@ typedef struct {
   double most;
   // Fastest change of what is used for compensation, above 0, each second.
   double rate_per_s;
-  // A change by this is worth an alarm, above 0.
+  // A change by this is worth an alarm, above 0, and within reach of `least` or `most`.
   double alarm;
 } PkmAmplitudeSettings;
 
 // Settings of an estimator; docs/estimation.md says how to choose them.
 typedef struct {
-  // What is learned, none twice; those behind `count` are not looked at.
+  // What is learned, none twice (a limb yields along its axis alike wherever it does); those behind `count` are not looked at.
   PkmAmplitudeSettings amplitudes[PKM_AMPLITUDES];
   // How many, 1 to `PKM_AMPLITUDES`.
   uint32_t count;

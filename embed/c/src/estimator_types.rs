@@ -69,7 +69,7 @@ pub struct PkmAmplitudeSettings {
     pub most: f64,
     /// Fastest change of what is used for compensation, above 0, each second.
     pub rate_per_s: f64,
-    /// A change by this is worth an alarm, above 0.
+    /// A change by this is worth an alarm, above 0, and within reach of `least` or `most`.
     pub alarm: f64,
 }
 
@@ -77,7 +77,7 @@ pub struct PkmAmplitudeSettings {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PkmEstimatorSettings {
-    /// What is learned, none twice; those behind `count` are not looked at.
+    /// What is learned, none twice (a limb yields along its axis alike wherever it does); those behind `count` are not looked at.
     pub amplitudes: [PkmAmplitudeSettings; PKM_AMPLITUDES],
     /// How many, 1 to `PKM_AMPLITUDES`.
     pub count: u32,

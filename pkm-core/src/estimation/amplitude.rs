@@ -77,6 +77,13 @@ impl Amplitude {
         if self == Self::GAIN { predicted } else { moved }
     }
 
+    /// Whether no reading can tell it from another.
+    pub(super) fn is_same(self, other: Self) -> bool {
+        // of a limb only what yields along its axis is an amplitude
+        let limb = |own: Self| own.place().and_then(|(place, _)| place.limb());
+        self == other || limb(self).is_some_and(|own| limb(other) == Some(own))
+    }
+
     /// What it is in bytes that are saved: place and motion.
     pub(super) fn code(self) -> [u8; 2] {
         match self.0 {

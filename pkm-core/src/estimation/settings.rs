@@ -27,7 +27,7 @@ pub struct AmplitudeSettings {
     pub most: f64,
     /// Fastest change of what is used for compensation, above 0, each second.
     pub rate_per_s: f64,
-    /// A change by this is worth an alarm, above 0. Of changes that are not far above a fifth of it less is compensated, see
+    /// A change by this is worth an alarm, above 0, and within reach of `least` or `most`. Of changes that are not far above a fifth of it less is compensated, see
     /// [`Estimator::targets`](super::Estimator::targets).
     pub alarm: f64,
 }
@@ -36,7 +36,7 @@ pub struct AmplitudeSettings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct EstimatorSettings<const N: usize> {
-    /// What is learned, no amplitude twice.
+    /// What is learned, no amplitude twice: a limb yields along its axis alike wherever it does.
     pub amplitudes: [AmplitudeSettings; N],
     /// Standard deviation of the model's own error as a share of the deflection, 0 to 1: what `pkm-host diagnose` reports of
     /// held-out poses.
@@ -93,7 +93,7 @@ impl AmplitudeSettings {
             ("least", least <= accepted && least >= accepted - 1e3 * deviation),
             ("most", most >= accepted && most <= accepted + 1e3 * deviation),
             ("rate_per_s", above_zero(rate_per_s)),
-            ("alarm", above_zero(alarm)),
+            ("alarm", above_zero(alarm) && alarm <= (most - accepted).max(accepted - least)),
         ]
         .into_iter()
         .find_map(|(setting, is_right)| (!is_right).then_some(setting))
@@ -110,7 +110,7 @@ impl<const N: usize> EstimatorSettings<N> {
             return Err(EstimatorSettingsError::Count);
         }
         for (amplitude, (n, own)) in (1..).zip(self.amplitudes.iter().enumerate()) {
-            if self.amplitudes.iter().take(n).any(|other| other.amplitude == own.amplitude) {
+            if self.amplitudes.iter().take(n).any(|other| other.amplitude.is_same(own.amplitude)) {
                 return Err(EstimatorSettingsError::Twice { amplitude });
             }
             if let Some(setting) = own.wrong() {

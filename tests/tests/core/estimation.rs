@@ -562,7 +562,8 @@ fn random_learning<T: Scalar>(
         own.least = own.accepted - 1e-9 * wide(rng);
         own.most = own.accepted + 1e-9 * wide(rng);
         own.rate_per_s = 1e-9 * wide(rng);
-        own.alarm = 1e-9 * wide(rng);
+        // within reach
+        own.alarm = 0.09 * (own.most - own.accepted).max(own.accepted - own.least) * wide(rng);
         own.drift_per_day = 1e-10 * wide(rng);
     }
     let mut estimator = Estimator::<T, 6>::new(&settings).expect("in their ranges");
@@ -805,6 +806,9 @@ fn settings_are_checked() {
     };
     type Error = EstimatorSettingsError;
     assert_eq!(check(&|s| s.amplitudes[2].amplitude = s.amplitudes[0].amplitude), Error::Twice { amplitude: 3 });
+    // a limb yields along its axis alike wherever it does
+    let joint = Amplitude::compliance(Place::PlatformJoint { limb: 1 }, Motion::Axial).unwrap();
+    assert_eq!(check(&|s| s.amplitudes[1].amplitude = joint), Error::Twice { amplitude: 2 });
     assert_eq!(check(&|s| s.model_share = 1.1), Error::ModelShare);
     assert_eq!(check(&|s| s.model_share = f64::NAN), Error::ModelShare);
     let wrong = |setting| Error::Amplitude { amplitude: 2, setting };
@@ -816,6 +820,12 @@ fn settings_are_checked() {
     assert_eq!(check(&|s| s.amplitudes[1].drift_per_day = -1e-12), wrong("drift_per_day"));
     assert_eq!(check(&|s| s.amplitudes[1].least = 1e-12), wrong("least"));
     assert_eq!(check(&|s| s.amplitudes[1].most = -1e-12), wrong("most"));
+    // an alarm that could never be
+    let unreachable = |s: &mut EstimatorSettings<6>| {
+        let own = &mut s.amplitudes[1];
+        own.alarm = 1.01 * (own.most - own.accepted).max(own.accepted - own.least);
+    };
+    assert_eq!(check(&unreachable), wrong("alarm"));
     let none = EstimatorSettings::<0> { amplitudes: [], model_share: 0.0 };
     assert_eq!(Estimator::<f64, 0>::new(&none).map(|_| ()), Err(Error::Count));
     let rise = EstimatorSettings { amplitudes: [free(Amplitude::RISE, 1.0)], model_share: 0.0 };
