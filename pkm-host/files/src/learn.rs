@@ -1,7 +1,7 @@
 //! What an estimator learns: a file for `replay --learn`.
 
 use pkm_core::effects::{Motion, Place};
-use pkm_core::estimation::{Amplitude, AmplitudeSettings, MAX_AMPLITUDES};
+use pkm_core::estimation::{Amplitude, AmplitudeSettings, EstimatorSettings, EstimatorSettingsError, MAX_AMPLITUDES};
 use pkm_core::{Machine, Pose, StiffnessError};
 use serde::Deserialize;
 use toml::Spanned;
@@ -23,7 +23,7 @@ pub struct Learn {
 #[serde(deny_unknown_fields)]
 struct Raw {
     format: Spanned<i64>,
-    model_share: f64,
+    model_share: Spanned<f64>,
     learn: Vec<Spanned<RawAmplitude>>,
 }
 
@@ -79,7 +79,7 @@ impl Learn {
         Ok(Self { amplitudes, model_share: 0.0 })
     }
 
-    /// Reads a file. Whether its numbers are in their ranges the core's estimator says.
+    /// Reads a file.
     ///
     /// # Errors
     /// One message with file, line and key.
@@ -106,6 +106,10 @@ impl Learn {
             let amplitude = match (&own.motion, own.place.get_ref().as_str()) {
                 (None, TEMPERATURE) => Amplitude::RISE,
                 (None, PROBE) => Amplitude::GAIN,
+                (Some(motion), place @ (TEMPERATURE | PROBE)) => {
+                    let message = format!("{place} has no motion: leave it out");
+                    return Err(fail(motion.span().start, "learn.motion", message));
+                }
                 (motion, place) => {
                     let places: Vec<_> = Place::ALL.iter().filter(|place| !motions(**place).is_empty()).collect();
                     let names: Vec<_> =
@@ -133,9 +137,53 @@ impl Learn {
                 alarm: own.alarm,
             })
         };
-        let amplitudes = raw.learn.iter().map(amplitude).collect::<Result<_>>()?;
-        Ok(Self { amplitudes, model_share: raw.model_share })
+        let amplitudes: Vec<AmplitudeSettings> = raw.learn.iter().map(amplitude).collect::<Result<_>>()?;
+        let learn = Self { amplitudes, model_share: *raw.model_share.get_ref() };
+        let span = |n: Option<usize>| n.map_or(raw.model_share.span(), |n| raw.learn[n].span());
+        learn.check(|n, key, message| fail(span(n).start, key, message))?;
+        Ok(learn)
     }
+
+    /// Refuses what the core's estimator would; `fail` is told the number of the amplitude, from 0; none of `model_share`.
+    fn check(&self, fail: impl Fn(Option<usize>, &str, String) -> Failure) -> Result<()> {
+        let model_share = self.model_share;
+        for (n, own) in self.amplitudes.iter().enumerate() {
+            match (EstimatorSettings { amplitudes: [*own], model_share }).check() {
+                Ok(()) => {}
+                Err(EstimatorSettingsError::Amplitude { setting, .. }) => {
+                    return Err(fail(Some(n), &format!("learn.{setting}"), out_of_range(own, setting)));
+                }
+                Err(_) => {
+                    let message = format!("expected a share from 0 to 1, found {model_share:?}");
+                    return Err(fail(None, "model_share", message));
+                }
+            }
+            let is_same = |other: &&AmplitudeSettings| {
+                (EstimatorSettings { amplitudes: [**other, *own], model_share }).check().is_err()
+            };
+            if let Some(other) = self.amplitudes[..n].iter().find(is_same) {
+                let [first, own] = [other, own].map(|own| named(own.amplitude));
+                let same = if first == own { "" } else { ": a limb yields along its axis alike wherever it does" };
+                let message = format!("{own} is {first} once more, which is learned already{same}");
+                return Err(fail(Some(n), "learn.place", message));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What a setting may be, which is not.
+fn out_of_range(own: &AmplitudeSettings, setting: &str) -> String {
+    let (value, range) = match setting {
+        "accepted" => (own.accepted, "a number between -1e6 and 1e6"),
+        "deviation" => (own.deviation, "a standard deviation above 1e-18 and below 1e6"),
+        "drift_per_day" => (own.drift_per_day, "a standard deviation from 0 to 1000 times `deviation`"),
+        "least" => (own.least, "at most `accepted`, and within 1000 times `deviation` of it"),
+        "most" => (own.most, "at least `accepted`, and within 1000 times `deviation` of it"),
+        "rate_per_s" => (own.rate_per_s, "a rate above 0 and below 1e6"),
+        _ => (own.alarm, "a change above 0 that `least` or `most` lets happen"),
+    };
+    format!("{setting} of {}: expected {range}, found {value:?}", named(own.amplitude))
 }
 
 /// The motions of a place that can be learned.

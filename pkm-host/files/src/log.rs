@@ -1,11 +1,14 @@
 //! A controller's log: a measured file whose rows have a time.
 
+use std::collections::HashMap;
+
 use pkm_core::estimation::{TipReading, Touch};
 use pkm_core::nalgebra::{Vector3, Vector6};
 
-use crate::dataset::{DEFLECTION_COLUMNS, GAUGE_COLUMNS, READ_COLUMNS};
-use crate::error::{Failure, Result};
-use crate::import::Renames;
+use crate::csv::Sheet;
+use crate::dataset::{DEFLECTION_COLUMNS, READ_COLUMNS};
+use crate::error::{Failure, Result, lines_text, printable};
+use crate::import::{self, Renames};
 use crate::machine::MachineFile;
 use crate::measured::Measured;
 use crate::source::Source;
@@ -24,13 +27,22 @@ pub struct Entry {
     pub readings: Vec<TipReading<f64>>,
 }
 
+/// A log.
+pub struct Log {
+    /// Its rows.
+    pub entries: Vec<Entry>,
+    /// What of the file is not used, or doubtful.
+    pub warnings: Vec<String>,
+}
+
 /// Reads a log.
 ///
 /// # Errors
-/// Those of a measured file; a component of the load that has no column; rows without time or without standard deviations of what
-/// they read.
-pub fn read(source: Source, machine: &MachineFile) -> Result<Vec<Entry>> {
-    let (sheet, cases) = Measured::read(source, machine, &Renames::default())?.complete()?;
+/// Those of a measured file; a component of the load that has no column, or no number in a row; rows without time or without
+/// standard deviations of what they read.
+pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<Log> {
+    let imported = import::read_controller_log(source, renames)?;
+    let (mut sheet, cases) = Measured::of(imported, machine).complete()?;
     sheet.require(&[TIME_COLUMN])?;
     // people leave out what is 0; a controller that says nothing of a load has lost it
     if let Some(column) = sheet.added().first() {
@@ -65,7 +77,7 @@ pub fn read(source: Source, machine: &MachineFile) -> Result<Vec<Entry>> {
         }
         if readings.is_empty() {
             let message = format!("expected a deflection in one of {}", DEFLECTION_COLUMNS.join(", "));
-            return Err(sheet.failure(row, message).at_column(GAUGE_COLUMNS[0]));
+            return Err(sheet.failure(row, message));
         }
         let touch = Touch {
             time_s: time as u32,
@@ -76,5 +88,24 @@ pub fn read(source: Source, machine: &MachineFile) -> Result<Vec<Entry>> {
         };
         Ok(Entry { line: row.line, touch, readings })
     };
-    sheet.rows.iter().zip(&cases).map(entry).collect()
+    let entries = sheet.rows.iter().zip(&cases).map(entry).collect::<Result<_>>()?;
+    let warnings = std::mem::take(&mut sheet.warnings).into_iter().chain(copies(&sheet)).collect();
+    Ok(Log { entries, warnings })
+}
+
+/// Rows that are the same as an earlier one in every cell.
+fn copies(sheet: &Sheet) -> Option<String> {
+    let mut seen: HashMap<Vec<&str>, u64> = HashMap::new();
+    let mut copies = Vec::new();
+    for row in &sheet.rows {
+        let first = *seen.entry(row.cells.iter().collect()).or_insert(row.line);
+        if first != row.line {
+            copies.push((row.line, first));
+        }
+    }
+    let (line, first) = copies.first()?;
+    let others: Vec<u64> = copies[1..].iter().map(|(line, _)| *line).collect();
+    let others = if others.is_empty() { String::new() } else { format!(", and as often in {}", lines_text(&others)) };
+    let file = printable(&sheet.source.name);
+    Some(format!("{file}:{line}: the same reading as in line {first}{others}: each counts as one of its own"))
 }

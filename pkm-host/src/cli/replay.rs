@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use super::arguments::{DateArgs, TableArgs};
+use super::arguments::{ColumnsArgs, DateArgs, TableArgs};
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::learn::Learn;
-use crate::files::log;
+use crate::files::log::{self, Log};
 use crate::files::source::{self, Source};
 use crate::page::of_file;
 use crate::plan::model::{Form, no_factor_form};
@@ -18,8 +18,10 @@ use crate::report::replay as report;
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// CSV with time_s, poses, loads and deflections, as for diagnose.
-    #[arg(long, value_name = "CSV")]
+    #[arg(id = "data", long = "log", value_name = "CSV")]
     log: PathBuf,
+    #[command(flatten)]
+    columns: ColumnsArgs,
     /// What is learned; without it the drives of the three limbs.
     #[arg(long, value_name = "TOML")]
     learn: Option<PathBuf>,
@@ -59,10 +61,14 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             (model.machine.source.name.clone(), drives.map_err(|e| failed(e).in_file(&model.machine.source.name))?)
         }
     };
-    let entries = log::read(source, &model.machine)?;
+    let Log { entries, warnings } = log::read(source, &model.machine, &args.columns.renames())?;
+    session.warn(warnings);
     let ask = args.next.map(|count| Ask { count: count.into(), pose_box: model.machine.pose_box });
     let replay = replay::replay_and_propose(&model.machine.machine, applied.as_ref(), learn, &entries, ask)
         .map_err(|f| f.in_file(&name))?;
+    if args.next.is_some() && replay.next.is_empty() {
+        session.warn(["no probing would tell much more than is known: next.csv has none".to_owned()]);
+    }
     let html = args.date.of(report::html(&replay, &facts, &session.warnings)?);
     let document = report::document(&replay);
     let mut files = vec![

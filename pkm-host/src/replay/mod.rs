@@ -3,7 +3,7 @@
 mod batch;
 mod next;
 
-use pkm_core::estimation::{Alarm, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal, Touch};
+use pkm_core::estimation::{Alarm, AmplitudeSettings, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal, Touch};
 use pkm_core::{CorrectionTable, Deflection, Domain, Machine};
 
 use crate::error::{Failure, Result};
@@ -47,11 +47,15 @@ pub struct Replay {
     pub batch: Option<Vec<Value>>,
     /// How old it all is at the end of the log.
     pub age: Age,
+    /// Of each compliance: what a change that is worth an alarm would move the tip by, over what it yields without one, as root mean
+    /// squares over some of the log. 0 of others.
+    pub alarm_ratios: Vec<f64>,
     /// Where to probe next, if that was asked.
     pub next: Vec<Proposal>,
 }
 
-/// How old what was learned is at a log's last row, taken in or not.
+/// How old what was learned is at a log's last row, taken in or not; or at the last reading that was taken in, where the clock has
+/// run backwards since.
 #[derive(Clone, Debug, Default)]
 pub struct Age {
     /// Since the first reading that was taken in, and so since acceptance, s.
@@ -129,6 +133,28 @@ fn loaded(
     factor.deflection(&touch.wrench.moved_to_a(touch.tip_m)).ok()
 }
 
+/// See [`Replay::alarm_ratios`].
+fn alarm_ratios(
+    machine: &Machine<f64>,
+    table: Option<&CorrectionTable<'_, f64>>,
+    amplitudes: &[AmplitudeSettings],
+    log: &[Entry],
+) -> Vec<f64> {
+    let ratio = |own: &AmplitudeSettings| {
+        let (mut moved, mut yields) = (0.0, 0.0);
+        for touch in log.iter().step_by(log.len().div_ceil(BATCH).max(1)).map(|entry| &entry.touch) {
+            let wrench = touch.wrench.moved_to_a(touch.tip_m);
+            let Ok([shown]) = machine.sensitivities(&touch.pose, &wrench, &[own.amplitude]) else { continue };
+            let Some(predicted) = loaded(machine, table, touch) else { continue };
+            let square = |d: Deflection<f64>| d.seen_at(touch.tip_m).translation_m.norm_squared();
+            moved += square(shown) * own.alarm.powi(2);
+            yields += square(predicted);
+        }
+        if own.amplitude.place().is_some() && yields > 0.0 { (moved / yields).sqrt() } else { 0.0 }
+    };
+    amplitudes.iter().map(ratio).collect()
+}
+
 fn with<const N: usize>(
     machine: &Machine<f64>,
     table: Option<&CorrectionTable<'_, f64>>,
@@ -140,7 +166,9 @@ fn with<const N: usize>(
     let amplitudes = learn.amplitudes.as_slice().try_into().map_err(|e| refused(&e))?;
     let settings = EstimatorSettings::<N> { amplitudes, model_share: learn.model_share };
     let mut estimator = Estimator::<f64, N>::new(&settings).map_err(|e| refused(&e))?;
-    let mut replay = Replay { learn, steps: Vec::new(), batch: None, age: Age::default(), next: Vec::new() };
+    let alarm_ratios = alarm_ratios(machine, table, &learn.amplitudes, log);
+    let mut replay =
+        Replay { learn, steps: Vec::new(), batch: None, age: Age::default(), alarm_ratios, next: Vec::new() };
     for entry in log {
         let Entry { line, touch, readings } = entry;
         let changed_at = estimator.changed_at();
@@ -156,10 +184,10 @@ fn with<const N: usize>(
             alarms: (0..).zip(estimator.alarms()).filter_map(|(n, alarm)| Some((n, alarm?))).collect(),
         });
     }
-    let now_s = log.last().map_or(0, |entry| entry.touch.time_s);
+    let now_s = log.last().map_or(0, |entry| entry.touch.time_s.max(estimator.time_s()));
     replay.age = Age {
-        since_first_s: now_s.saturating_sub(estimator.began_s()),
-        since_last_s: now_s.saturating_sub(estimator.time_s()),
+        since_first_s: now_s - estimator.began_s(),
+        since_last_s: now_s - estimator.time_s(),
         deviations: estimator.deviations_at(now_s).to_vec(),
     };
     let taken = log.iter().zip(&replay.steps).filter(|(_, step)| step.outcome.is_ok()).map(|(entry, _)| entry);

@@ -55,6 +55,12 @@ fn a_worn_drive_raises_an_alarm_and_its_size_is_found() {
     let page = folder.read("out/report.html");
     assert!(page.contains("limb.2.body axial") && page.contains("Inspect it."));
 
+    // with the probe's gain beside the drives it is the drive all the same
+    let example = json(&["replay", "--log", &fixture(LOG), "--learn", &fixture("logs/learn.toml"), "--out", &out]);
+    let [alarm] = &example["standing"].as_array().unwrap()[..] else { panic!("{:#}", example["standing"]) };
+    assert_eq!(alarm["amplitude"], "limb.2.body axial");
+    assert_eq!(example["amplitudes"][3]["settings"]["alarm"], 0.01);
+
     // the sensor's sign is wrong: one reading passes, and the page begins with those that do not
     let log = std::fs::read_to_string(fixture(LOG)).unwrap();
     let head: Vec<&str> = log.lines().next().unwrap().split(',').collect();
@@ -136,6 +142,115 @@ fn what_a_log_says_wrongly_is_refused_with_a_code_and_moves_nothing() {
     let found = json(&["replay", "--log", &folder.write("stuck.csv", &format!("{healthy}{stuck}")), "--out", &out]);
     let stuck = [84, 85, 86].map(|line| serde_json::json!({ "line": line, "code": "stuck" }));
     assert_eq!(found["refused"], serde_json::json!(stuck));
+}
+
+/// A log that ends with rows as `change` makes them of the healthy ones' last, a day after one another.
+fn followed_by(rows: usize, change: impl Fn(usize, &mut Vec<String>)) -> String {
+    let healthy = healthy();
+    let last: Vec<String> = healthy.lines().last().unwrap().split(',').map(str::to_owned).collect();
+    let time: usize = last[0].parse().unwrap();
+    let row = |n: usize| {
+        let mut cells = last.clone();
+        cells[0] = (time + 86_400 * (n + 1)).to_string();
+        change(n, &mut cells);
+        cells.join(",") + "\n"
+    };
+    healthy.clone() + &(0..rows).map(row).collect::<String>()
+}
+
+#[test]
+fn a_log_that_ends_in_refusals_is_no_healthy_machine() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let run = |log: &str| {
+        let found = json(&["replay", "--log", &folder.write("log.csv", log), "--out", &out]);
+        (found, folder.read("out/report.html"))
+    };
+    let stuck = |rows| run(&followed_by(rows, |_, _| {}));
+    let (found, page) = stuck(29);
+    assert_eq!(found["refused"].as_array().unwrap().len(), 26, "three more are taken in, then the probe is stuck");
+    assert!(page.contains("The last 26 readings were refused, 26 as stuck: from line 84 on nothing was learned."));
+    assert!(page.contains("find out why the last 26 readings were refused"));
+    // what is not read is known ever less: the table has what is left of it at the end
+    let own = &found["amplitudes"][0];
+    let [deviation, at_end] = ["deviation", "deviation_at_end"].map(|key| own[key].as_f64().unwrap());
+    assert!(at_end > 1.1 * deviation && page.contains(&format!("± {:.3}", 1.96e9 * at_end)));
+    let (_, page) = stuck(10);
+    assert!(!page.contains("from line"), "7 readings may be spikes");
+    // the clock was ten years ahead once
+    let (found, page) = run(&followed_by(30, |n, cells| {
+        cells[14] = format!("{:.2}", cells[14].parse::<f64>().unwrap() + 0.01 * n as f64);
+        if n == 0 {
+            cells[0] = (cells[0].parse::<u64>().unwrap() + 315_000_000).to_string();
+        }
+    }));
+    assert!(page.contains("29 as backwards"), "{}", found["refused"]);
+    assert_eq!(found["days_since_last"], 0.0);
+    assert!(found["days_since_first"].as_f64().unwrap() > 3600.0);
+}
+
+#[test]
+fn what_a_log_holds_and_is_not_used_is_said() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let healthy = healthy();
+    let run = |log: &str, options: &[&str]| {
+        let file = folder.write("log.csv", log);
+        json(&[&["replay", "--log", &file, "--out", &out], options].concat())
+    };
+    let warned = |found: &Value, what: &str| {
+        found["warnings"].as_array().unwrap().iter().any(|w| w.as_str().unwrap().contains(what))
+    };
+    assert_eq!(run(&healthy, &[])["warnings"], serde_json::json!([]));
+    let renamed = healthy.replacen("dx_um", "Weg 1 [µm]", 1);
+    let found = run(&renamed, &[]);
+    assert!(warned(&found, "not used: Weg 1"), "{}", found["warnings"]);
+    assert_eq!(found["taken"], 79);
+    let read = run(&renamed, &["--columns", "dx_um=Weg 1"]);
+    assert_eq!((&read["amplitudes"], &read["warnings"]), (&run(&healthy, &[])["amplitudes"], &serde_json::json!([])));
+    let milliseconds: String = healthy
+        .replacen("time_s", "Zeit [ms]", 1)
+        .lines()
+        .enumerate()
+        .map(|(n, line)| {
+            let (time, rest) = line.split_once(',').unwrap();
+            if n == 0 { format!("{line}\n") } else { format!("{time}000,{rest}\n") }
+        })
+        .collect();
+    assert_eq!(run(&milliseconds, &[])["amplitudes"], read["amplitudes"]);
+    let mut twice: Vec<&str> = healthy.lines().collect();
+    twice.insert(5, twice[4]);
+    assert!(warned(&run(&twice.join("\n"), &[]), "log.csv:6: the same reading as in line 5"));
+    // a load that was lost is none that stands above
+    let mut cells: Vec<Vec<&str>> = healthy.lines().map(|line| line.split(',').collect()).collect();
+    cells[6][8..14].fill("");
+    let text: String = cells.iter().map(|row| row.join(",") + "\n").collect();
+    let error = refused(&["replay", "--log", &folder.write("log.csv", &text), "--out", &out]);
+    assert!(error["line"] == 7 && error["column"] == "fx_n", "{error}");
+}
+
+#[test]
+fn settings_that_a_log_speaks_against_are_named() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let page = |from: &str, to: &str| {
+        let file = folder.write("learn.toml", &learn(from, to));
+        json(&["replay", "--log", &fixture(LOG), "--learn", &file, "--out", &out]);
+        folder.read("out/report.html")
+    };
+    let usual = page("format", "format");
+    let [limit, unit] = ["it may be: the change", "in m/N (--learn)?"];
+    assert!(!usual.contains(limit) && !usual.contains(unit));
+    // the drive yields by 1.7 nm/N more
+    let page_of_limit = page("most = 1e-7", "most = 1e-9");
+    assert!(page_of_limit.contains(limit) && page_of_limit.contains("stands at the `most`"));
+    // nanometres, where metres were meant
+    let nm = "deviation = 1.0\ndrift_per_day = 0.01\nleast = -1.0\nmost = 100.0\nrate_per_s = 1e-3\nalarm = 0.2";
+    let m = "deviation = 1e-9\ndrift_per_day = 1e-11\nleast = -1e-9\nmost = 1e-7\nrate_per_s = 1e-12\nalarm = 2e-10";
+    assert!(page(m, nm).contains(unit));
+    // a change that has no alarm yet
+    let open = page("alarm = 2e-10", "alarm = 5e-9");
+    assert!(open.contains("which is not surely worth an alarm (5.00 nm/N)"));
 }
 
 #[test]
@@ -242,19 +357,33 @@ fn bad_logs_and_amplitudes_are_refused_with_what_to_do() {
         ("limb.2.body", "moving_platform", "expected one of limb.1.base_joint"),
         ("axial", "lateral", "expected one of axial"),
         ("motion = \"axial\"\n", "", "motion is missing"),
-        ("deviation = 1e-9", "deviation = 0.0", "deviation of amplitude 1 is out of its range"),
-        ("least = -20.0", "least = 1.0", "least of amplitude 2 is out of its range"),
-        ("model_share = 0.01", "model_share = 2.0", "the model's share"),
+        ("motion = \"axial\"\n", "motion = \"axial\"\nmotions = 1\n", "motions"),
+        ("temperature\"\n", "temperature\"\nmotion = \"x\"\n", "temperature has no motion"),
+        ("deviation = 1e-9", "deviation = 0.0", "deviation of limb.2.body axial: expected a standard deviation above"),
+        ("least = -20.0", "least = 1.0", "least of temperature: expected at most `accepted`"),
+        (
+            "alarm = 2e-10",
+            "alarm = 2e-7",
+            "alarm of limb.2.body axial: expected a change above 0 that `least` or `most`",
+        ),
+        ("model_share = 0.01", "model_share = 2.0", "expected a share from 0 to 1, found 2"),
         ("alarm = 2e-10", "alarms = 2e-10", "alarms"),
     ] {
         let error = amplitudes(from, to);
         let said = format!("{error}");
         assert!(said.contains(message), "{from} {to}: {said}");
+        assert!(error["line"].is_u64(), "{error}");
     }
     let twice = learn("place = \"temperature\"", "place = \"limb.2.body\"\nmotion = \"axial\"");
     let file = folder.write("learn.toml", &twice);
     let error = refused(&["replay", "--log", &fixture(LOG), "--learn", &file, "--out", &out]);
-    assert!(error["message"].as_str().unwrap().contains("amplitude 2 is a duplicate"), "{error}");
+    let again = "limb.2.body axial is limb.2.body axial once more, which is learned already";
+    assert!(error["message"].as_str().unwrap().ends_with(again), "{error}");
+    assert_eq!((&error["line"], &error["column"]), (&12.into(), &"learn.place".into()));
+    let same = learn("place = \"temperature\"", "place = \"limb.2.base_joint\"\nmotion = \"axial\"");
+    let error =
+        refused(&["replay", "--log", &fixture(LOG), "--learn", &folder.write("learn.toml", &same), "--out", &out]);
+    assert!(error["message"].as_str().unwrap().contains("yields along its axis alike"), "{error}");
     assert!(!folder.has("out/replay.json"));
 }
 

@@ -46,7 +46,7 @@ impl Imported {
 /// # Errors
 /// No header, columns that are not clear, a unit that is missing or unknown, a file that holds something else.
 pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
-    readings_of(source, &Names::of_readings(renames))
+    readings_of(source, &Names::of_readings(renames), merged::carry_down)
 }
 
 /// Reads measured data whose loads a log has, with the columns that join them.
@@ -54,17 +54,25 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
 /// # Errors
 /// As [`read`].
 pub fn read_timed(source: Source, renames: &Renames) -> Result<Imported> {
-    readings_of(source, &Names::of_timed(renames))
+    readings_of(source, &Names::of_timed(renames), merged::carry_down)
 }
 
-fn readings_of(source: Source, names: &Names<'_>) -> Result<Imported> {
+/// Reads a controller's log: each row says all of itself, and an empty cell is one that was lost.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_controller_log(source: Source, renames: &Renames) -> Result<Imported> {
+    readings_of(source, &Names::of_controller_log(renames), |_| Vec::new())
+}
+
+fn readings_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imported> {
     let shared = source.clone();
     // a header without names of readings may be that of a log
     let as_log = || {
         let (text, _) = encoding::text(&shared).ok()?;
         header::find(&shared, &text, names).err().and_then(|_| kinds::load_log(&shared, &text, names))
     };
-    let imported = columns_of(source, names, merged::carry_down);
+    let imported = columns_of(source, names, carried);
     let mut imported = imported.map_err(|failure| as_log().unwrap_or(failure))?;
     if let Some(failure) = kinds::other_than_readings(&imported.sheet) {
         return Err(failure);
@@ -96,8 +104,11 @@ pub fn read_points(source: Source, renames: &Renames) -> Result<Imported> {
     Ok(imported)
 }
 
-/// The columns of an export that have some names. `carried`: fills empty cells, and says where.
-fn columns_of(source: Source, names: &Names<'_>, carried: fn(&mut Sheet) -> Vec<String>) -> Result<Imported> {
+/// Fills empty cells, and says where.
+type Carried = fn(&mut Sheet) -> Vec<String>;
+
+/// The columns of an export that have some names.
+fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imported> {
     let shared = source.clone();
     let (text, encoding) = encoding::text(&shared)?;
     let found = header::find(&shared, &text, names)?;

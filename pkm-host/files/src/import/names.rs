@@ -186,20 +186,29 @@ const TIMES: [Column; 3] = [
     column("date", Text, "", &["datum"]),
 ];
 
-/// Columns of readings whose load a log has.
-pub const TIMED: [Column; COLUMNS.len() + 6] = {
-    let mut all = [COLUMNS[0]; COLUMNS.len() + 6];
+/// Every column of a measured file, and others behind them.
+const fn measured_and<const N: usize>(others: &[Column]) -> [Column; N] {
+    let mut all = [COLUMNS[0]; N];
     let mut n = 0;
-    while n < COLUMNS.len() {
-        all[n] = COLUMNS[n];
+    while n < N {
+        all[n] = if n < COLUMNS.len() { COLUMNS[n] } else { others[n - COLUMNS.len()] };
         n += 1;
     }
-    [all[n], all[n + 1], all[n + 2]] = TIMES;
-    all[n + 3] = column("force_u", Ratio, "", &["forceu"]);
-    all[n + 4] = column("force_v", Ratio, "", &["forcev"]);
-    all[n + 5] = column("force_w", Ratio, "", &["forcew"]);
     all
-};
+}
+
+/// Columns of readings whose load a log has.
+pub const TIMED: [Column; COLUMNS.len() + 6] = measured_and(&[
+    TIMES[0],
+    TIMES[1],
+    TIMES[2],
+    column("force_u", Ratio, "", &["forceu"]),
+    column("force_v", Ratio, "", &["forcev"]),
+    column("force_w", Ratio, "", &["forcew"]),
+]);
+
+/// Columns of a controller's log.
+pub const LOGGED: [Column; COLUMNS.len() + 1] = measured_and(&[TIMES[0]]);
 
 /// Every column of a load cell's log.
 pub const LOAD_LOG: [Column; 12] = [
@@ -299,6 +308,11 @@ impl<'a> Names<'a> {
     /// Of readings whose load a log has.
     pub fn of_timed(renames: &'a Renames) -> Self {
         Self { columns: &TIMED, renames }
+    }
+
+    /// Of a controller's log.
+    pub fn of_controller_log(renames: &'a Renames) -> Self {
+        Self { columns: &LOGGED, renames }
     }
 
     /// Of a load cell's log.

@@ -1,17 +1,19 @@
 //! What to think of a replayed log, the verdict first.
 
-use pkm_core::estimation::{Alarm, Refusal};
+use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 
-use super::{DAY_S, K95, outside_box, refusals, taken_in, variance_left};
+use super::{DAY_S, K95, fitted, outside_box, refusals, taken_in, variance_left};
 use crate::diagnose::text::probability;
 use crate::files::learn::{named, units};
 use crate::page::Finding;
-use crate::replay::Replay;
+use crate::replay::{BATCH, Replay, Step};
 
 /// An amplitude with more than this of its variance left is not known.
 const UNKNOWN: f64 = 0.5;
 /// A change by more of its deviations from before anything was read than this was not to be expected.
 const FAR_SD: f64 = 3.0;
+/// A value nearer to a limit than so many of its deviations is held there.
+const NEAR_SD: f64 = 0.1;
 /// So many readings refused in a row are no spikes.
 const BROKEN: usize = 20;
 
@@ -91,29 +93,130 @@ fn were_mostly_refused(replay: &Replay) -> bool {
     2 * taken_in(replay) < replay.steps.len()
 }
 
+/// The last readings that were refused one after another, where they are too many for spikes.
+fn refused_at_end(replay: &Replay) -> Option<&[Step]> {
+    let count = replay.steps.iter().rev().take_while(|step| step.outcome.is_err()).count();
+    (count >= BROKEN).then(|| &replay.steps[replay.steps.len() - count..])
+}
+
+/// How many were refused for which reason.
+fn reasons(steps: &[Step]) -> String {
+    let each = refusals(steps).into_iter().map(|(code, count)| format!("{count} as {}", code.replace('_', " ")));
+    each.collect::<Vec<_>>().join(", ")
+}
+
+/// What is wrong with the log itself, if it is much.
+fn of_refused(replay: &Replay) -> Option<Finding> {
+    let (all, taken) = (replay.steps.len(), taken_in(replay));
+    if were_mostly_refused(replay) {
+        return Some(Finding::bad(format!(
+            "Only {taken} of {all} readings were taken in; refused were {}. Find out why before you act on anything below.",
+            reasons(&replay.steps)
+        )));
+    }
+    let last = refused_at_end(replay)?;
+    Some(Finding::bad(if last.iter().all(|step| step.outcome == Err(Refusal::Unexpected)) {
+        format!(
+            "The last {} readings are too far from what is expected: the sensor is broken, or the machine has changed by more than it \
+             may learn.",
+            last.len()
+        )
+    } else {
+        format!(
+            "The last {} readings were refused, {}: from line {} on nothing was learned. Find out why before you act on anything below.",
+            last.len(),
+            reasons(last),
+            last[0].line
+        )
+    }))
+}
+
+/// Changes since acceptance that are none by chance, and have no alarm.
+fn small_changes(replay: &Replay) -> Vec<Finding> {
+    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
+    let all = replay.learn.amplitudes.iter().zip(values).enumerate();
+    let is_small = |(n, (own, (best, deviation))): &(usize, (&AmplitudeSettings, &(f64, f64)))| {
+        let has_alarm = replay.standing().iter().any(|(other, _)| other == n);
+        !has_alarm && (best - own.accepted).abs() > FAR_SD * deviation
+    };
+    let say = |(_, (own, (best, deviation))): (usize, (&AmplitudeSettings, &(f64, f64)))| {
+        let (_, unit, scale) = units(own.amplitude);
+        Finding::good(format!(
+            "{}: {:+.2} ± {:.2} {unit} since acceptance (95 %), which is not surely worth an alarm ({:.2} {unit}).",
+            named(own.amplitude),
+            scale * (best - own.accepted),
+            scale * K95 * deviation,
+            scale * own.alarm
+        ))
+    };
+    all.filter(is_small).map(say).collect()
+}
+
+/// Settings that this log speaks against.
+fn of_settings(replay: &Replay) -> Vec<Finding> {
+    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
+    let all = || replay.learn.amplitudes.iter().zip(values);
+    let mut found = Vec::new();
+    for (own, (best, deviation)) in all() {
+        // what may not change at all that way stands there where nothing is wrong
+        let at = [("least", own.least), ("most", own.most)];
+        let at = at.iter().find(|(_, limit)| *limit != own.accepted && (best - limit).abs() < NEAR_SD * deviation);
+        found.extend(at.map(|(limit, _)| {
+            Finding::warning(format!(
+                "{} stands at the `{limit}` that it may be: the change may be greater. Where that is possible give another limit (--learn).",
+                named(own.amplitude)
+            ))
+        }));
+    }
+    for (own, ratio) in replay.learn.amplitudes.iter().zip(&replay.alarm_ratios).filter(|(_, ratio)| **ratio > 1.0) {
+        found.push(Finding::warning(format!(
+            "{}: what is worth an alarm would move the tip by {ratio:.1e} times what the machine yields to the loads of this log. Is `alarm` \
+             in {} (--learn)?",
+            named(own.amplitude),
+            units(own.amplitude).0
+        )));
+    }
+    let steady = is_steady(replay);
+    for ((own, value), fit) in
+        all().zip(replay.batch.iter().flatten()).filter(|(both, fit)| steady && differ(*both.1, **fit))
+    {
+        let (_, unit, scale) = units(own.amplitude);
+        found.push(Finding::warning(format!(
+            "{}: the estimator says {:.2} {unit}, a fit of the last {} readings {:.2}, which is no chance. It may change faster than \
+             `drift_per_day` (--learn) allows, so that the estimator follows too slowly and its interval is too narrow.",
+            named(own.amplitude),
+            scale * value.0,
+            fitted(replay),
+            scale * fit.0
+        )));
+    }
+    found
+}
+
+/// Whether no amplitude was found to have changed while the readings of the fit were taken: it would be a mean over the change.
+fn is_steady(replay: &Replay) -> bool {
+    replay.steps.iter().rev().filter(|step| step.outcome.is_ok()).take(BATCH).all(|step| !step.changed)
+}
+
+/// Whether the estimator and a fit of some of its readings say two things of an amplitude: of two that are right the
+/// difference has the difference of their variances.
+fn differ((best, deviation): (f64, f64), (fitted, of_fit): (f64, f64)) -> bool {
+    let off = (best - fitted).abs();
+    off > FAR_SD * (of_fit.powi(2) - deviation.powi(2)).abs().sqrt() && off > K95 * deviation
+}
+
 /// What to think of it, the verdict first.
 pub(super) fn findings(replay: &Replay) -> Vec<Finding> {
     let (all, taken) = (replay.steps.len(), taken_in(replay));
-    let in_a_row = replay.steps.iter().rev().take_while(|step| step.outcome == Err(Refusal::Unexpected)).count();
-    let mut found = Vec::new();
-    if in_a_row >= BROKEN {
-        found.push(Finding::bad(format!(
-            "The last {in_a_row} readings are too far from what is expected: the sensor is broken, or the machine has changed by more \
-             than it may learn."
-        )));
-    } else if were_mostly_refused(replay) {
-        let reasons: Vec<String> =
-            refusals(replay).iter().map(|(code, count)| format!("{count} as {}", code.replace('_', " "))).collect();
-        found.push(Finding::bad(format!(
-            "Only {taken} of {all} readings were taken in; refused were {}. Find out why before you act on anything below.",
-            reasons.join(", ")
-        )));
-    }
+    let mut found: Vec<Finding> = of_refused(replay).into_iter().collect();
     found.extend(alarms_said(replay));
-    if replay.standing().is_empty() {
-        found.push(Finding::good("Nothing that is learned has changed by what is worth an alarm."));
-    }
     if taken > 0 {
+        found.extend(of_settings(replay));
+        if replay.standing().is_empty() {
+            let text = "Nothing that is learned has changed by what is worth an alarm with a probability of 0.95.";
+            found.push(Finding::good(text));
+        }
+        found.extend(small_changes(replay));
         found.push(Finding::good(aged(replay)));
     }
     let text = format!("{taken} of {all} readings were taken in.");
@@ -142,7 +245,9 @@ pub(super) fn advice(replay: &Replay) -> [Finding; 2] {
     let sizes: Vec<_> =
         standing.iter().map(|(_, alarm)| format!("{:.0}", (alarm.change / alarm.deviation).abs())).collect();
     let names: Vec<_> = standing.iter().map(|(n, _)| named(replay.learn.amplitudes[*n].amplitude)).collect();
-    let sure = if !blurred.is_empty() {
+    let sure = if taken_in(replay) == 0 {
+        "nothing is known beyond the settings.".to_owned()
+    } else if !blurred.is_empty() {
         "that something has changed is sure, where it is not: see below.".to_owned()
     } else if standing.is_empty() {
         "what is known of each amplitude stands in the table: a change within its interval would not be seen."
@@ -155,11 +260,15 @@ pub(super) fn advice(replay: &Replay) -> [Finding; 2] {
     };
     let todo = if were_mostly_refused(replay) {
         "find out why most readings were refused: sensor, sign, units, or a machine that is not this one.".to_owned()
+    } else if let Some(last) = refused_at_end(replay) {
+        format!("find out why the last {} readings were refused: sensor, clock, or the machine itself.", last.len())
     } else if !blurred.is_empty() {
         "touch loads that tell the amplitudes apart: --next proposes them.".to_owned()
     } else if !standing.is_empty() {
         let names = names.join(" and ");
         format!("inspect {names}; repair it, or make a new table and accept the machine as it is now.")
+    } else if !of_settings(replay).is_empty() {
+        "change the settings that are doubted below (--learn), and replay the log again.".to_owned()
     } else if unknown(replay).is_empty() {
         "nothing; go on touching known loads.".to_owned()
     } else {

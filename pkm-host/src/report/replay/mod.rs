@@ -14,7 +14,7 @@ use crate::files::log::TIME_COLUMN;
 use crate::page::plot::{Mark, Panel, Series};
 use crate::page::{self, Page};
 use crate::pose::{tidy, written_units};
-use crate::replay::{BATCH, Proposal, Replay};
+use crate::replay::{BATCH, Proposal, Replay, Step};
 
 /// Coverage factor of 95 %.
 const K95: f64 = 1.96;
@@ -50,7 +50,10 @@ fn curves(replay: &Replay) -> Vec<Panel> {
     let stride = replay.steps.len().div_ceil(POINTS).max(1);
     let curve = |n: usize, k: f64, scale: f64| -> Vec<(f64, f64)> {
         (replay.steps.iter().enumerate().step_by(stride))
-            .map(|(i, step)| (days(replay, i), scale * (step.values[n].0 + k * step.values[n].1)))
+            .map(|(i, step)| (days(replay, i), step.values[n]))
+            // what drift has made of it since the last reading that was taken in
+            .chain(at_end(replay).map(|values| (days(replay, replay.steps.len() - 1), values[n])))
+            .map(|(day, (best, deviation))| (day, scale * (best + k * deviation)))
             .collect()
     };
     let panel = |(n, own): (usize, &AmplitudeSettings)| {
@@ -101,10 +104,16 @@ fn outside_box(replay: &Replay) -> Vec<u64> {
     replay.steps.iter().filter(|step| step.outside_box).map(|step| step.line).collect()
 }
 
+/// What is known of the amplitudes at the log's last row; `None` of a log without rows.
+fn at_end(replay: &Replay) -> Option<Vec<(f64, f64)>> {
+    let last = replay.steps.last()?;
+    Some(last.values.iter().zip(&replay.age.deviations).map(|((best, _), deviation)| (*best, *deviation)).collect())
+}
+
 /// Readings that were refused, by code.
-fn refusals(replay: &Replay) -> Vec<(&'static str, usize)> {
+fn refusals(steps: &[Step]) -> Vec<(&'static str, usize)> {
     let mut counts: Vec<(&'static str, usize)> = Vec::new();
-    for refusal in replay.steps.iter().filter_map(|step| step.outcome.as_ref().err()) {
+    for refusal in steps.iter().filter_map(|step| step.outcome.as_ref().err()) {
         match counts.iter_mut().find(|(name, _)| *name == code(refusal)) {
             Some((_, count)) => *count += 1,
             None => counts.push((code(refusal), 1)),
@@ -119,14 +128,14 @@ fn variance_left(own: &AmplitudeSettings, (_, deviation): &(f64, f64)) -> f64 {
 }
 
 fn rows(replay: &Replay) -> Vec<(String, Vec<String>)> {
-    let Some(last) = replay.steps.last() else { return Vec::new() };
-    let own = replay.learn.amplitudes.iter().zip(&last.values);
+    let Some(values) = at_end(replay) else { return Vec::new() };
+    let own = replay.learn.amplitudes.iter().zip(&values);
     let row = |(n, (own, value)): (usize, (&AmplitudeSettings, &(f64, f64)))| {
         let (_, unit, scale) = units(own.amplitude);
         let written = |(value, deviation): (f64, f64)| format!("{:.3} ± {:.3}", scale * value, scale * K95 * deviation);
         let batch = replay.batch.as_ref().map_or("–".to_owned(), |batch| written(batch[n]));
         let left = format!("{:.2} %", 100.0 * variance_left(own, value));
-        (named(own.amplitude), vec![unit.to_owned(), written(*value), batch, left])
+        (named(own.amplitude), vec![unit.to_owned(), written(*value), batch, left, format!("{:.3}", scale * own.alarm)])
     };
     own.enumerate().map(row).collect()
 }
@@ -163,15 +172,15 @@ pub fn next_csv(replay: &Replay) -> String {
 /// What the drawing library says.
 pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> Result<String> {
     let refused: Vec<_> =
-        refusals(replay).into_iter().map(|(n, count)| (n.to_owned(), vec![count.to_string()])).collect();
+        refusals(&replay.steps).into_iter().map(|(n, count)| (n.to_owned(), vec![count.to_string()])).collect();
     let alarms: Vec<_> =
         replay.raised().map(|(step, alarm)| (format!("line {}", step.line), vec![said(replay, alarm)])).collect();
     let fit = format!("fit of the last {}, 95 %", fitted(replay));
     let body = html! {
         h2 { "What was learned" }
         (page::charts("Best value of each amplitude, reading by reading, and where it is with a probability of 95 %, as far as the chart goes.", &curves(replay))?)
-        (page::table("At the end of the log, beside one fit of many readings, which averages over a change where the estimator follows it. Variance left: of what was unknown before the first reading.",
-            &["unit", "estimator, 95 %", &fit, "variance left"], &rows(replay)))
+        (page::table("At the end of the log, beside one fit of many readings, which averages over a change where the estimator follows it. Variance left: of what was unknown before the first reading. Worth an alarm: a change since acceptance by more, as soon as its probability is 0.95.",
+            &["unit", "estimator, 95 %", &fit, "variance left", "worth an alarm"], &rows(replay)))
         h2 { "Readings" }
         (page::charts("How far each reading that was taken in was from what was expected of it, in noise variances.", &[innovations(replay)])?)
         @if !replay.next.is_empty() {
@@ -207,7 +216,7 @@ pub fn text(replay: &Replay) -> String {
             "  probe {name} at θ {theta}°, σ {sigma}°, Z0 {z0} mm under {force} N: leaves {left} % of the variances\n"
         ));
     }
-    for (name, count) in refusals(replay) {
+    for (name, count) in refusals(&replay.steps) {
         text.push_str(&format!("  refused as {name}: {count}\n"));
     }
     text
@@ -255,6 +264,10 @@ pub fn document(replay: &Replay) -> Value {
                 "variance_left": value.map(|v| variance_left(own, &v)),
                 "batch_value": replay.batch.as_ref().map(|b| b[n].0),
                 "batch_deviation": replay.batch.as_ref().map(|b| b[n].1),
+                "settings": {
+                    "deviation": own.deviation, "drift_per_day": own.drift_per_day, "least": own.least, "most": own.most,
+                    "rate_per_s": own.rate_per_s, "alarm": own.alarm,
+                },
             })
         })
         .collect();
