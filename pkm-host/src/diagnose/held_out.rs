@@ -127,17 +127,18 @@ impl Judges<'_> {
         search.steps.iter().map(step).collect()
     }
 
-    /// How far the table of the identified model may be off; `said` is what models say of readings that had no part in them.
+    /// How far the table of the identified model may be off: by readings with what models say that these had no part in, and by the
+    /// misfit of the readings that had one.
     pub(super) fn uncertainty(
         &self,
         file: &MachineFile,
         fitted: &Fitted,
         extent: &PoseBox,
-        readings: &Readings,
-        said: &[[f64; CHANNELS]],
+        (readings, said): (&Readings, &[[f64; CHANNELS]]),
+        misfit: f64,
     ) -> Option<UncertaintyNumbers> {
         let observations = &observations(readings, self.model);
-        let unseen = Unseen { readings, observations, noise: self.noise, said };
+        let unseen = Unseen { readings, observations, noise: self.noise, said, misfit };
         uncertainty::of_table(self.model, fitted, extent, file.wrist_parameters.tip_at_zero_m(), &unseen)
     }
 }

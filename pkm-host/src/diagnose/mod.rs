@@ -336,7 +336,8 @@ impl Searched<'_> {
             Some(other) => judges.given(readings, other, &fitted).ok_or_else(failed)?,
             None => judges.left_out(readings, read, start, progress).ok_or_else(not_converged)?,
         };
-        let table_uncertainty = judges.uncertainty(file, &fitted, &extent, held_out.unwrap_or(readings), &held.said);
+        let unseen = (held_out.unwrap_or(readings), &held.said[..]);
+        let table_uncertainty = judges.uncertainty(file, &fitted, &extent, unseen, judgement.after.excess);
         if held.worse().is_some() && judgement.verdict != Verdict::Adequate {
             judgement.verdict = Verdict::Unexplained;
         }
@@ -352,7 +353,6 @@ impl Searched<'_> {
         let end = &search.fit;
         let estimates = Estimates::new(model, end, noise, middle(file)).ok_or_else(failed)?;
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
-        let names = search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect();
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
         warnings.extend(checks_of_noise::of_declared(&judgement.after, problem.numbers()));
@@ -373,7 +373,6 @@ impl Searched<'_> {
             load_error: levels.load_error(search.levels[1]),
             noise: noise.clone(),
             judgement,
-            search,
             errors,
             held_out: held,
             steps,
@@ -384,7 +383,8 @@ impl Searched<'_> {
             standard_deviations,
             standardised: residuals.by_reading,
             left_out: gross.iter().map(|o| (o.reading, o.channel)).collect(),
-            names,
+            names: search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect(),
+            search,
         })
     }
 }

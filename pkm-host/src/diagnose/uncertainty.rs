@@ -20,8 +20,14 @@ use crate::pose::{PoseBox, file_units, pose_of};
 const WIDTH: f64 = 1.4;
 /// Step of the derivatives, in standard deviations of what is estimated.
 const STEP: f64 = 0.1;
-/// What the variance is greater by than the estimates say, since the world has other formulas than the model that was found.
-const OTHER_FORMULAS: f64 = 2.5;
+/// What the variance of the estimates is greater by than they say, since the world has other formulas than the model that was found;
+const OTHER_FORMULAS: f64 = 1.5;
+/// so many times more for each noise variance by which the readings surely miss the model, of each unknown: what misses is no noise,
+/// and draws the estimates along;
+const OF_MISFIT: f64 = 6.0;
+/// and beyond all estimates this standard deviation of a tip's motion along each axis, as a share of what the load moves it by: two
+/// models that fit the same readings differ elsewhere.
+const OF_DEFLECTION: f64 = 0.002;
 /// Greatest multiple of the variance that is looked for.
 const MOST: f64 = 1e6;
 /// Least deflection that an error is compared with, over the greatest under a load of its kind: by symmetry a moment may move the
@@ -42,6 +48,8 @@ pub(super) struct Unseen<'a> {
     pub(super) noise: &'a Noise,
     /// By condition.
     pub(super) said: &'a [[f64; CHANNELS]],
+    /// What the readings that had a part miss the model by beyond what noise may bring, squared, in noise variances.
+    pub(super) misfit: f64,
 }
 
 /// What is not known at a pose.
@@ -62,6 +70,8 @@ pub(super) fn of_table(
     tip_m: Vector3<f64>,
     unseen: &Unseen<'_>,
 ) -> Option<UncertaintyNumbers> {
+    let unknowns = fitted.identified().unknowns.len().max(1) as f64;
+    let wider = (OTHER_FORMULAS + OF_MISFIT * unseen.misfit / unknowns).sqrt();
     let estimated = Estimated::new(model, fitted.identified())?;
     let correction = fitted.residual_table();
     let of_correction = correction.parts();
@@ -75,17 +85,16 @@ pub(super) fn of_table(
         for part in of_correction.iter().flat_map(|parts| parts.column_iter()) {
             parts.push(correction.relative(part.as_slice(), &pose)?);
         }
+        parts.iter_mut().for_each(|part| *part *= wider);
         Example::new(spread_terms(scaled), &parts, &estimated.factor(&pose)?, tip_m)
     });
     let examples: Vec<Example> = examples.collect();
     if examples.is_empty() {
         return None;
     }
-    let mut numbers = covariance(&examples);
-    let scale = |numbers: &mut UncertaintyNumbers, by: f64| numbers.spread.iter_mut().for_each(|s| *s *= by);
-    scale(&mut numbers, OTHER_FORMULAS);
+    let mut numbers = covariance(&examples, OF_DEFLECTION);
     let excess = unseen.excess(&numbers, &estimated, (middle, half))?;
-    scale(&mut numbers, excess);
+    numbers.spread.iter_mut().for_each(|s| *s *= excess);
     Some(numbers)
 }
 
@@ -115,14 +124,18 @@ impl Example {
     }
 }
 
-/// Columns of what moves the tip most, the rest as it moves the tip in the mean, and how all of it grows.
-fn covariance(examples: &[Example]) -> UncertaintyNumbers {
-    let square = |e: &Example| (e.terms, e.parts.iter().map(|(_, seen)| seen.norm_squared()).sum());
+/// Columns of what moves the tip most, the rest as it moves the tip in the mean, and how all of it grows; with a share of what the tip
+/// moves by that is known from no part.
+fn covariance(examples: &[Example], share: f64) -> UncertaintyNumbers {
+    let unknown = SEEN as f64 * share.powi(2);
+    let square = |e: &Example| (e.terms, unknown + e.parts.iter().map(|(_, seen)| seen.norm_squared()).sum::<f64>());
     let spread = spread_of(&examples.iter().map(square).collect::<Vec<(Terms, f64)>>());
     let mut seen = SMatrix::<f64, SEEN, SEEN>::zeros();
     let mut shared = SMatrix::<f64, UNCERTAINTY_ENTRIES, SEEN>::zeros();
+    let mut unknown_over_variance = 0.0;
     for e in examples {
         let variance: f64 = e.terms.iter().zip(&spread).map(|(t, s)| t * s).sum();
+        unknown_over_variance += unknown / variance / examples.len() as f64;
         for (s, z) in &e.parts {
             seen += z * z.transpose() / variance;
             shared += s * z.transpose() / variance;
@@ -141,8 +154,8 @@ fn covariance(examples: &[Example]) -> UncertaintyNumbers {
         }
     }
     let even = examples.iter().map(|e| e.even).sum::<f64>() / examples.len() as f64;
-    let rest = others.iter().map(|n| eigen.eigenvalues[*n].max(0.0)).sum::<f64>() / even;
-    UncertaintyNumbers { spread, rest: rest.sqrt(), columns }
+    let rest = unknown_over_variance + others.iter().map(|n| eigen.eigenvalues[*n].max(0.0)).sum::<f64>();
+    UncertaintyNumbers { spread, rest: (rest / even).sqrt(), columns }
 }
 
 /// A machine, and how it changes with what of it is not known.
@@ -249,38 +262,63 @@ mod tests {
         half + half.transpose()
     }
 
+    /// Unit loads on the tip, each with what it moves that by, or a tenth of the most that one of its kind does.
+    fn loads(factor: &StiffnessFactor<f64>) -> Vec<(Wrench<f64>, f64)> {
+        let of_kind = |kind: std::ops::Range<usize>| {
+            let loads = kind.map(|n| Wrench::from_vector(Vector6::ith(n, 1.0)));
+            let moved_m = |load: &Wrench<f64>| {
+                let moved = factor.deflection(&load.moved_to_a(TIP_M.into())).unwrap();
+                moved.seen_at(TIP_M.into()).translation_m.norm()
+            };
+            let all: Vec<(Wrench<f64>, f64)> = loads.map(|load| (load, moved_m(&load))).collect();
+            let greatest_m = all.iter().map(|(_, m)| *m).fold(0.0, f64::max);
+            all.into_iter().map(move |(load, m)| (load, m.max(0.1 * greatest_m)))
+        };
+        of_kind(0..3).chain(of_kind(3..6)).collect()
+    }
+
+    fn factor() -> Result<StiffnessFactor<f64>> {
+        let file = MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE))?;
+        Ok(file.machine.stiffness(&pose_of(8.0, -5.0, 530.0)).unwrap().factor().unwrap())
+    }
+
+    const SCALED: [f64; 3] = [0.9, -0.8, 0.7];
+
     #[test]
     fn columns_and_rest_keep_what_the_tip_may_be_off_by() -> Result<()> {
-        let file = MachineFile::parse(Source::embedded(pkm_fixtures::MACHINE))?;
-        let factor = file.machine.stiffness(&pose_of(8.0, -5.0, 530.0)).unwrap().factor().unwrap();
+        let factor = factor()?;
         let mut rng = fastrand::Rng::with_seed(5);
         for count in [1, 3, 4, 30] {
             let parts: Vec<Matrix6<f64>> = (0..count).map(|_| some(&mut rng)).collect();
-            let scaled = [0.9, -0.8, 0.7];
-            let examples = [Example::new(spread_terms(scaled), &parts, &factor, TIP_M.into()).unwrap()];
-            let known = covariance(&examples).core()?;
+            let examples = [Example::new(spread_terms(SCALED), &parts, &factor, TIP_M.into()).unwrap()];
+            let known = covariance(&examples, 0.0).core()?;
             let (mut said, mut meant) = (0.0, 0.0);
-            for kind in [0..3, 3..6] {
-                let loads = || kind.clone().map(|n| Wrench::from_vector(Vector6::ith(n, 1.0)));
-                let moved_m = |load: &Wrench<f64>| {
-                    let moved = factor.deflection(&load.moved_to_a(TIP_M.into())).unwrap();
-                    moved.seen_at(TIP_M.into()).translation_m.norm()
-                };
-                let greatest_m = loads().map(|load| moved_m(&load)).fold(0.0, f64::max);
-                for load in loads() {
-                    let variance_m2 = known.of_tip(&factor, scaled, &load, TIP_M.into()).unwrap().variance_m2;
-                    let dense_m2 = dense(&parts, &factor, &load);
-                    // four columns hold four parts as they are
-                    if count <= UNCERTAINTY_COLUMNS {
-                        assert!((variance_m2 - dense_m2).norm() < 1e-9 * dense_m2.norm(), "{variance_m2} {dense_m2}");
-                    }
-                    let size_m = moved_m(&load).max(0.1 * greatest_m);
-                    said += variance_m2.sum() / size_m.powi(2);
-                    meant += dense_m2.sum() / size_m.powi(2);
+            for (load, size_m) in loads(&factor) {
+                let variance_m2 = known.of_tip(&factor, SCALED, &load, TIP_M.into()).unwrap().variance_m2;
+                let dense_m2 = dense(&parts, &factor, &load);
+                // four columns hold four parts as they are
+                if count <= UNCERTAINTY_COLUMNS {
+                    assert!((variance_m2 - dense_m2).norm() < 1e-9 * dense_m2.norm(), "{variance_m2} {dense_m2}");
                 }
+                said += variance_m2.sum() / size_m.powi(2);
+                meant += dense_m2.sum() / size_m.powi(2);
             }
             assert!((said / meant - 1.0).abs() < 1e-9, "{count} parts: {said} for {meant}");
         }
+        Ok(())
+    }
+
+    #[test]
+    fn a_share_of_what_the_tip_moves_by_is_never_known() -> Result<()> {
+        let factor = factor()?;
+        let examples = [Example::new(spread_terms(SCALED), &[], &factor, TIP_M.into()).unwrap()];
+        let known = covariance(&examples, 0.002).core()?;
+        let relative = |(load, size_m): (Wrench<f64>, f64)| {
+            known.of_tip(&factor, SCALED, &load, TIP_M.into()).unwrap().variance_m2.sum() / size_m.powi(2)
+        };
+        let said: f64 = loads(&factor).into_iter().map(relative).sum();
+        // of six loads along three axes
+        assert!((said / (18.0 * 0.002_f64.powi(2)) - 1.0).abs() < 1e-9, "{said}");
         Ok(())
     }
 }
