@@ -93,7 +93,7 @@ impl AmplitudeSettings {
             ("least", least <= accepted && least >= accepted - 1e3 * deviation),
             ("most", most >= accepted && most <= accepted + 1e3 * deviation),
             ("rate_per_s", above_zero(rate_per_s)),
-            ("alarm", above_zero(alarm) && alarm <= (most - accepted).max(accepted - least)),
+            ("alarm", above_zero(alarm) && alarm < (most - accepted).max(accepted - least)),
         ]
         .into_iter()
         .find_map(|(setting, is_right)| (!is_right).then_some(setting))

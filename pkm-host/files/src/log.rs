@@ -6,8 +6,10 @@ use pkm_core::estimation::{TipReading, Touch};
 use pkm_core::nalgebra::{Vector3, Vector6};
 
 use crate::csv::Sheet;
-use crate::dataset::{DEFLECTION_COLUMNS, READ_COLUMNS};
-use crate::error::{Failure, Result, lines_text, printable};
+use crate::dataset::{
+    CORRELATION_COLUMNS, DEFLECTION_COLUMNS, LOAD_RANDOM_COLUMN, READ_COLUMNS, SIGMA_COLUMNS, ZERO_SHARE_COLUMN,
+};
+use crate::error::{Failure, Result, printable};
 use crate::import::{self, Renames};
 use crate::machine::MachineFile;
 use crate::measured::Measured;
@@ -15,7 +17,7 @@ use crate::source::Source;
 
 /// When a row was read: whole seconds since any fixed time.
 pub const TIME_COLUMN: &str = "time_s";
-const SIGMA_COLUMNS: [&str; 2] = ["sigma_linear_um", "sigma_angular_urad"];
+const DEVIATION_COLUMNS: [&str; 2] = ["sigma_linear_um", "sigma_angular_urad"];
 
 /// A reading of a log.
 pub struct Entry {
@@ -61,7 +63,7 @@ pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<
                 continue;
             }
             let angular = (3..DEFLECTION_COLUMNS.len()).contains(&channel);
-            let sigma = SIGMA_COLUMNS[usize::from(angular)];
+            let sigma = DEVIATION_COLUMNS[usize::from(angular)];
             sheet.require(&[sigma])?;
             let deviation = sheet.number(row, sigma)? * 1e-6;
             if !(deviation > 0.0) {
@@ -89,8 +91,17 @@ pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<
         Ok(Entry { line: row.line, touch, readings })
     };
     let entries = sheet.rows.iter().zip(&cases).map(entry).collect::<Result<_>>()?;
-    let warnings = std::mem::take(&mut sheet.warnings).into_iter().chain(copies(&sheet)).collect();
+    let warnings =
+        std::mem::take(&mut sheet.warnings).into_iter().chain(unused(&sheet)).chain(copies(&sheet)).collect();
     Ok(Log { entries, warnings })
+}
+
+/// Columns of measured data that say nothing to an estimator.
+fn unused(sheet: &Sheet) -> Option<String> {
+    let of_components = [&SIGMA_COLUMNS[..], &CORRELATION_COLUMNS, &[ZERO_SHARE_COLUMN, LOAD_RANDOM_COLUMN]].concat();
+    let there: Vec<&str> = of_components.into_iter().chain(["temperature_c"]).filter(|c| sheet.has(c)).collect();
+    let (file, line) = (printable(&sheet.source.name), sheet.header_line);
+    (!there.is_empty()).then(|| format!("{file}:{line}: not used in a log: {}", there.join(", ")))
 }
 
 /// Rows that are the same as an earlier one in every cell.
@@ -104,8 +115,8 @@ fn copies(sheet: &Sheet) -> Option<String> {
         }
     }
     let (line, first) = copies.first()?;
-    let others: Vec<u64> = copies[1..].iter().map(|(line, _)| *line).collect();
-    let others = if others.is_empty() { String::new() } else { format!(", and as often in {}", lines_text(&others)) };
+    let count = copies.len();
+    let more = if count > 1 { format!(" (first of {count} such rows)") } else { String::new() };
     let file = printable(&sheet.source.name);
-    Some(format!("{file}:{line}: the same reading as in line {first}{others}: each counts as one of its own"))
+    Some(format!("{file}:{line}: the same reading as in line {first}{more}: each counts as one of its own"))
 }

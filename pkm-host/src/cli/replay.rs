@@ -67,7 +67,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let replay = replay::replay_and_propose(&model.machine.machine, applied.as_ref(), learn, &entries, ask)
         .map_err(|f| f.in_file(&name))?;
     if args.next.is_some() && replay.next.is_empty() {
-        session.warn(["no probing would tell much more than is known: next.csv has none".to_owned()]);
+        session.warn(["next.csv has no probing: none would tell much more than is known, or the log has no force, or no deflection along an axis".to_owned()]);
     }
     let html = args.date.of(report::html(&replay, &facts, &session.warnings)?);
     let document = report::document(&replay);

@@ -171,14 +171,13 @@ fn with<const N: usize>(
         Replay { learn, steps: Vec::new(), batch: None, age: Age::default(), alarm_ratios, next: Vec::new() };
     for entry in log {
         let Entry { line, touch, readings } = entry;
-        let changed_at = estimator.changed_at();
         let learned = estimator.learn(machine, table, touch, readings);
         replay.steps.push(Step {
             line: *line,
             time_s: touch.time_s,
             outcome: learned.map(|learned| learned.chi_squared / readings.len() as f64),
             outside_box: learned.is_ok_and(|learned| learned.domain == Some(Domain::Outside)),
-            changed: estimator.changed_at() != changed_at,
+            changed: learned.is_ok_and(|learned| learned.changed.contains(&true)),
             values: estimator.values().to_vec(),
             compensated: estimator.targets().to_vec(),
             alarms: (0..).zip(estimator.alarms()).filter_map(|(n, alarm)| Some((n, alarm?))).collect(),

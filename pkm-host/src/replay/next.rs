@@ -98,7 +98,9 @@ impl<const N: usize> Candidate<N> {
             deviation,
         });
         let mut after = *estimator;
-        after.absorb(&self.touch, &self.predicted, &self.sensitivities, &readings).ok()?;
+        // the clock may have run ahead, and back
+        let touch = Touch { time_s: self.touch.time_s.max(estimator.time_s()), ..self.touch };
+        after.absorb(&touch, &self.predicted, &self.sensitivities, &readings).ok()?;
         Some(after)
     }
 }

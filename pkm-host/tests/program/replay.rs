@@ -177,6 +177,12 @@ fn a_log_that_ends_in_refusals_is_no_healthy_machine() {
     assert!(at_end > 1.1 * deviation && page.contains(&format!("± {:.3}", 1.96e9 * at_end)));
     let (_, page) = stuck(10);
     assert!(!page.contains("from line"), "7 readings may be spikes");
+    // nothing at all was taken in
+    let still = healthy().lines().next().unwrap().to_owned()
+        + "\n1700000000,P01,9.2,-11.6,521.5,10,-20,300,0,0,-0.01,0,0,0,0,0,0,0.3\n";
+    let (found, page) = run(&still);
+    assert_eq!((&found["taken"], &found["days_since_first"]), (&0.into(), &Value::Null));
+    assert!(page.contains("nothing is known beyond the settings") && !page.contains("is proven"));
     // the clock was ten years ahead once
     let (found, page) = run(&followed_by(30, |n, cells| {
         cells[14] = format!("{:.2}", cells[14].parse::<f64>().unwrap() + 0.01 * n as f64);
@@ -221,6 +227,8 @@ fn what_a_log_holds_and_is_not_used_is_said() {
     let mut twice: Vec<&str> = healthy.lines().collect();
     twice.insert(5, twice[4]);
     assert!(warned(&run(&twice.join("\n"), &[]), "log.csv:6: the same reading as in line 5"));
+    let warm = healthy.replacen('\n', ",temperature_c\n", 1).replace(",0.3\n", ",0.3,21.5\n");
+    assert!(warned(&run(&warm, &[]), "log.csv:1: not used in a log: temperature_c"));
     // a load that was lost is none that stands above
     let mut cells: Vec<Vec<&str>> = healthy.lines().map(|line| line.split(',').collect()).collect();
     cells[6][8..14].fill("");
@@ -251,6 +259,36 @@ fn settings_that_a_log_speaks_against_are_named() {
     // a change that has no alarm yet
     let open = page("alarm = 2e-10", "alarm = 5e-9");
     assert!(open.contains("which is not surely worth an alarm (5.00 nm/N)"));
+}
+
+#[test]
+fn an_estimator_that_follows_too_slowly_is_found_by_the_fit_beside_it() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    // a probe that comes to read 0.16 % more in 400 days
+    let healthy = healthy();
+    let rows: Vec<Vec<&str>> = healthy.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    let mut log = format!("{}\n", healthy.lines().next().unwrap());
+    for (n, row) in rows.iter().cycle().take(400).enumerate() {
+        let mut cells: Vec<String> = row.iter().map(|cell| (*cell).to_owned()).collect();
+        cells[0] = (1_700_000_000 + 86_400 * n).to_string();
+        for cell in &mut cells[14..17] {
+            *cell = (cell.parse::<f64>().unwrap() * (1.0 + 4e-6 * n as f64)).to_string();
+        }
+        log += &(cells.join(",") + "\n");
+    }
+    let log = folder.write("log.csv", &log);
+    let page = |drift_per_day: f64| {
+        let text = format!(
+            "format = 1\nmodel_share = 0.0\n[[learn]]\nplace = \"probe\"\ndeviation = 0.05\ndrift_per_day = {drift_per_day:?}\n\
+             least = -0.5\nmost = 0.5\nrate_per_s = 0.01\nalarm = 0.02\n"
+        );
+        json(&["replay", "--log", &log, "--learn", &folder.write("learn.toml", &text), "--out", &out]);
+        folder.read("out/report.html")
+    };
+    let slow = page(0.0);
+    assert!(slow.contains("which is no chance") && slow.contains("change the settings that are doubted below"));
+    assert!(!page(2e-5).contains("which is no chance"));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 
-use super::{DAY_S, K95, fitted, outside_box, refusals, taken_in, variance_left};
+use super::{DAY_S, K95, at_end, fitted, outside_box, refusals, taken_in, variance_left};
 use crate::diagnose::text::probability;
 use crate::files::learn::{named, units};
 use crate::page::Finding;
@@ -12,6 +12,8 @@ use crate::replay::{BATCH, Replay, Step};
 const UNKNOWN: f64 = 0.5;
 /// A change by more of its deviations from before anything was read than this was not to be expected.
 const FAR_SD: f64 = 3.0;
+/// Of a normal error: as much on one side has a probability of 5 %.
+const ONE_SIDED_95: f64 = 1.645;
 /// A value nearer to a limit than so many of its deviations is held there.
 const NEAR_SD: f64 = 0.1;
 /// So many readings refused in a row are no spikes.
@@ -88,15 +90,16 @@ fn aged(replay: &Replay) -> String {
     )
 }
 
-/// Then it is the log that is in doubt, and not the machine.
-fn were_mostly_refused(replay: &Replay) -> bool {
-    2 * taken_in(replay) < replay.steps.len()
-}
-
-/// The last readings that were refused one after another, where they are too many for spikes.
+/// The last readings that were refused one after another, where they are too many for spikes and most before them were taken in.
 fn refused_at_end(replay: &Replay) -> Option<&[Step]> {
     let count = replay.steps.iter().rev().take_while(|step| step.outcome.is_err()).count();
-    (count >= BROKEN).then(|| &replay.steps[replay.steps.len() - count..])
+    let (before, last) = replay.steps.split_at(replay.steps.len() - count);
+    (count >= BROKEN && 2 * taken_in(replay) > before.len()).then_some(last)
+}
+
+/// Then it is the log that is in doubt, and not the machine.
+fn were_mostly_refused(replay: &Replay) -> bool {
+    refused_at_end(replay).is_none() && 2 * taken_in(replay) < replay.steps.len()
 }
 
 /// How many were refused for which reason.
@@ -133,76 +136,83 @@ fn of_refused(replay: &Replay) -> Option<Finding> {
 
 /// Changes since acceptance that are none by chance, and have no alarm.
 fn small_changes(replay: &Replay) -> Vec<Finding> {
-    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
-    let all = replay.learn.amplitudes.iter().zip(values).enumerate();
-    let is_small = |(n, (own, (best, deviation))): &(usize, (&AmplitudeSettings, &(f64, f64)))| {
-        let has_alarm = replay.standing().iter().any(|(other, _)| other == n);
-        !has_alarm && (best - own.accepted).abs() > FAR_SD * deviation
-    };
-    let say = |(_, (own, (best, deviation))): (usize, (&AmplitudeSettings, &(f64, f64)))| {
-        let (_, unit, scale) = units(own.amplitude);
-        Finding::good(format!(
-            "{}: {:+.2} ± {:.2} {unit} since acceptance (95 %), which is not surely worth an alarm ({:.2} {unit}).",
+    let values = at_end(replay).unwrap_or_default();
+    let mut found = Vec::new();
+    for (n, (own, (best, deviation))) in replay.learn.amplitudes.iter().zip(values).enumerate() {
+        let (change, (_, unit, scale)) = (best - own.accepted, units(own.amplitude));
+        if change.abs() <= FAR_SD * deviation || replay.standing().iter().any(|(other, _)| *other == n) {
+            continue;
+        }
+        let is_great = change.abs() - own.alarm > ONE_SIDED_95 * deviation;
+        let rest = if is_great { "would be, if readings to come prove it" } else { "is not surely" };
+        found.push(Finding::good(format!(
+            "{}: {:+.2} ± {:.2} {unit} since acceptance (95 %), which {rest} worth an alarm ({:.2} {unit}).",
             named(own.amplitude),
-            scale * (best - own.accepted),
+            scale * change,
             scale * K95 * deviation,
             scale * own.alarm
-        ))
-    };
-    all.filter(is_small).map(say).collect()
-}
-
-/// Settings that this log speaks against.
-fn of_settings(replay: &Replay) -> Vec<Finding> {
-    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
-    let all = || replay.learn.amplitudes.iter().zip(values);
-    let mut found = Vec::new();
-    for (own, (best, deviation)) in all() {
-        // what may not change at all that way stands there where nothing is wrong
-        let at = [("least", own.least), ("most", own.most)];
-        let at = at.iter().find(|(_, limit)| *limit != own.accepted && (best - limit).abs() < NEAR_SD * deviation);
-        found.extend(at.map(|(limit, _)| {
-            Finding::warning(format!(
-                "{} stands at the `{limit}` that it may be: the change may be greater. Where that is possible give another limit (--learn).",
-                named(own.amplitude)
-            ))
-        }));
-    }
-    for (own, ratio) in replay.learn.amplitudes.iter().zip(&replay.alarm_ratios).filter(|(_, ratio)| **ratio > 1.0) {
-        found.push(Finding::warning(format!(
-            "{}: what is worth an alarm would move the tip by {ratio:.1e} times what the machine yields to the loads of this log. Is `alarm` \
-             in {} (--learn)?",
-            named(own.amplitude),
-            units(own.amplitude).0
-        )));
-    }
-    let steady = is_steady(replay);
-    for ((own, value), fit) in
-        all().zip(replay.batch.iter().flatten()).filter(|(both, fit)| steady && differ(*both.1, **fit))
-    {
-        let (_, unit, scale) = units(own.amplitude);
-        found.push(Finding::warning(format!(
-            "{}: the estimator says {:.2} {unit}, a fit of the last {} readings {:.2}, which is no chance. It may change faster than \
-             `drift_per_day` (--learn) allows, so that the estimator follows too slowly and its interval is too narrow.",
-            named(own.amplitude),
-            scale * value.0,
-            fitted(replay),
-            scale * fit.0
         )));
     }
     found
 }
 
-/// Whether no amplitude was found to have changed while the readings of the fit were taken: it would be a mean over the change.
-fn is_steady(replay: &Replay) -> bool {
-    replay.steps.iter().rev().filter(|step| step.outcome.is_ok()).take(BATCH).all(|step| !step.changed)
+/// The limit that a value is held at, if it is: what may not change that way at all stands there where nothing is wrong.
+fn limit(own: &AmplitudeSettings, (best, deviation): (f64, f64)) -> Option<&'static str> {
+    let is_held = |limit: f64| (best - limit).abs() < (NEAR_SD * deviation).min((best - own.accepted).abs());
+    [("least", own.least), ("most", own.most)].into_iter().find_map(|(name, at)| is_held(at).then_some(name))
 }
 
-/// Whether the estimator and a fit of some of its readings say two things of an amplitude: of two that are right the
-/// difference has the difference of their variances.
-fn differ((best, deviation): (f64, f64), (fitted, of_fit): (f64, f64)) -> bool {
+/// Settings that this log speaks against.
+fn of_settings(replay: &Replay) -> Vec<Finding> {
+    let values = replay.steps.last().map_or(&[][..], |step| &step.values);
+    let mut found = Vec::new();
+    for (n, (own, value)) in replay.learn.amplitudes.iter().zip(values).enumerate() {
+        let (name, (in_file, unit, scale)) = (named(own.amplitude), units(own.amplitude));
+        let ratio = replay.alarm_ratios[n];
+        if ratio > 1.0 {
+            found.push(Finding::warning(format!(
+                "{name}: what is worth an alarm would move the tip by {ratio:.1e} times what the machine yields to the loads of this log. \
+                 Is `alarm` in {in_file} (--learn)?"
+            )));
+        }
+        if let Some(limit) = limit(own, *value) {
+            found.push(Finding::warning(format!(
+                "{name} stands at the `{limit}` that it may be: the change may be greater. Where that is possible give another limit (--learn)."
+            )));
+        } else if let Some(fit) =
+            replay.batch.as_ref().map(|batch| batch[n]).filter(|fit| differ(replay, own, *value, *fit))
+        {
+            found.push(Finding::warning(format!(
+                "{name}: the estimator says {:.2} {unit}, a fit of the last {} readings {:.2}, which is no chance. It may change faster than \
+                 `drift_per_day` (--learn) allows, so that the estimator follows too slowly and its interval is too narrow.",
+                scale * value.0,
+                fitted(replay),
+                scale * fit.0
+            )));
+        }
+    }
+    found
+}
+
+/// Whether the estimator and the fit of some of its readings say two things of an amplitude, though none was found to have changed
+/// meanwhile. Of two that are right the difference has the difference of their variances, that of the fit with what drifts while its
+/// readings are taken.
+fn differ(
+    replay: &Replay,
+    own: &AmplitudeSettings,
+    (best, deviation): (f64, f64),
+    (fitted, of_fit): (f64, f64),
+) -> bool {
+    let mut last = replay.steps.iter().rev().filter(|step| step.outcome.is_ok()).take(BATCH).peekable();
+    let until_s = last.peek().map_or(0, |step| step.time_s);
+    let (mut from_s, mut is_steady) = (until_s, true);
+    for step in last {
+        (from_s, is_steady) = (step.time_s, is_steady && !step.changed);
+    }
+    let drifted = own.drift_per_day.powi(2) * f64::from(until_s - from_s) / DAY_S / 3.0;
+    let variance = of_fit.powi(2) + drifted - deviation.powi(2);
     let off = (best - fitted).abs();
-    off > FAR_SD * (of_fit.powi(2) - deviation.powi(2)).abs().sqrt() && off > K95 * deviation
+    is_steady && off > FAR_SD * variance.max(0.0).sqrt() && off > K95 * deviation
 }
 
 /// What to think of it, the verdict first.
@@ -213,8 +223,7 @@ pub(super) fn findings(replay: &Replay) -> Vec<Finding> {
     if taken > 0 {
         found.extend(of_settings(replay));
         if replay.standing().is_empty() {
-            let text = "Nothing that is learned has changed by what is worth an alarm with a probability of 0.95.";
-            found.push(Finding::good(text));
+            found.push(Finding::good("No change that is worth an alarm is proven."));
         }
         found.extend(small_changes(replay));
         found.push(Finding::good(aged(replay)));
@@ -261,7 +270,10 @@ pub(super) fn advice(replay: &Replay) -> [Finding; 2] {
     let todo = if were_mostly_refused(replay) {
         "find out why most readings were refused: sensor, sign, units, or a machine that is not this one.".to_owned()
     } else if let Some(last) = refused_at_end(replay) {
-        format!("find out why the last {} readings were refused: sensor, clock, or the machine itself.", last.len())
+        format!(
+            "find out why the last {} readings were refused: sensor, load, clock, or the machine itself.",
+            last.len()
+        )
     } else if !blurred.is_empty() {
         "touch loads that tell the amplitudes apart: --next proposes them.".to_owned()
     } else if !standing.is_empty() {

@@ -128,13 +128,13 @@ fn variance_left(own: &AmplitudeSettings, (_, deviation): &(f64, f64)) -> f64 {
 }
 
 fn rows(replay: &Replay) -> Vec<(String, Vec<String>)> {
-    let Some(values) = at_end(replay) else { return Vec::new() };
+    let (Some(last), Some(values)) = (replay.steps.last(), at_end(replay)) else { return Vec::new() };
     let own = replay.learn.amplitudes.iter().zip(&values);
     let row = |(n, (own, value)): (usize, (&AmplitudeSettings, &(f64, f64)))| {
         let (_, unit, scale) = units(own.amplitude);
         let written = |(value, deviation): (f64, f64)| format!("{:.3} ± {:.3}", scale * value, scale * K95 * deviation);
         let batch = replay.batch.as_ref().map_or("–".to_owned(), |batch| written(batch[n]));
-        let left = format!("{:.2} %", 100.0 * variance_left(own, value));
+        let left = format!("{:.2} %", 100.0 * variance_left(own, &last.values[n]));
         (named(own.amplitude), vec![unit.to_owned(), written(*value), batch, left, format!("{:.3}", scale * own.alarm)])
     };
     own.enumerate().map(row).collect()
@@ -179,7 +179,7 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
     let body = html! {
         h2 { "What was learned" }
         (page::charts("Best value of each amplitude, reading by reading, and where it is with a probability of 95 %, as far as the chart goes.", &curves(replay))?)
-        (page::table("At the end of the log, beside one fit of many readings, which averages over a change where the estimator follows it. Variance left: of what was unknown before the first reading. Worth an alarm: a change since acceptance by more, as soon as its probability is 0.95.",
+        (page::table("At the end of the log, beside one fit of many readings, which averages over a change where the estimator follows it. Variance left: of what was unknown before the first reading. Worth an alarm: a change since acceptance by more, where it is proven.",
             &["unit", "estimator, 95 %", &fit, "variance left", "worth an alarm"], &rows(replay)))
         h2 { "Readings" }
         (page::charts("How far each reading that was taken in was from what was expected of it, in noise variances.", &[innovations(replay)])?)
@@ -274,6 +274,7 @@ pub fn document(replay: &Replay) -> Value {
     let refused: Vec<Value> = (replay.steps.iter())
         .filter_map(|step| Some(json!({ "line": step.line, "code": code(step.outcome.as_ref().err()?) })))
         .collect();
+    let days = |age_s: u32| (taken_in(replay) > 0).then(|| f64::from(age_s) / DAY_S);
     let raised = replay.raised().map(|(step, alarm)| {
         let mut alarm = alarm_json(replay, alarm);
         alarm["line"] = json!(step.line);
@@ -282,8 +283,9 @@ pub fn document(replay: &Replay) -> Value {
     json!({
         "readings": replay.steps.len(),
         "taken": taken_in(replay),
-        "days_since_first": f64::from(replay.age.since_first_s) / DAY_S,
-        "days_since_last": f64::from(replay.age.since_last_s) / DAY_S,
+        "model_share": replay.learn.model_share,
+        "days_since_first": days(replay.age.since_first_s),
+        "days_since_last": days(replay.age.since_last_s),
         "changes_at_lines": replay.steps.iter().filter(|step| step.changed).map(|step| step.line).collect::<Vec<_>>(),
         "outside_box_at_lines": outside_box(replay),
         "amplitudes": amplitudes,
