@@ -50,6 +50,8 @@ fn curves(replay: &Replay) -> Vec<Panel> {
     let stride = replay.steps.len().div_ceil(POINTS).max(1);
     let curve = |n: usize, k: f64, scale: f64| -> Vec<(f64, f64)> {
         (replay.steps.iter().enumerate().step_by(stride))
+            // between readings that were taken in drift widens the band
+            .filter(|(i, step)| *i == 0 || step.outcome.is_ok())
             .map(|(i, step)| (days(replay, i), step.values[n]))
             // what drift has made of it since the last reading that was taken in
             .chain(at_end(replay).map(|values| (days(replay, replay.steps.len() - 1), values[n])))
