@@ -258,7 +258,7 @@ fn settings_that_a_log_speaks_against_are_named() {
     assert!(page(m, nm).contains(unit));
     // a change that has no alarm yet
     let open = page("alarm = 2e-10", "alarm = 5e-9");
-    assert!(open.contains("which is not surely worth an alarm (5.00 nm/N)"));
+    assert!(open.contains("which is not proven to be worth an alarm (5.00 nm/N)"));
 }
 
 #[test]

@@ -12,8 +12,6 @@ use crate::replay::{BATCH, Replay, Step};
 const UNKNOWN: f64 = 0.5;
 /// A change by more of its deviations from before anything was read than this was not to be expected.
 const FAR_SD: f64 = 3.0;
-/// Of a normal error: as much on one side has a probability of 5 %.
-const ONE_SIDED_95: f64 = 1.645;
 /// A value nearer to a limit than so many of its deviations is held there.
 const NEAR_SD: f64 = 0.1;
 /// So many readings refused in a row are no spikes.
@@ -143,10 +141,8 @@ fn small_changes(replay: &Replay) -> Vec<Finding> {
         if change.abs() <= FAR_SD * deviation || replay.standing().iter().any(|(other, _)| *other == n) {
             continue;
         }
-        let is_great = change.abs() - own.alarm > ONE_SIDED_95 * deviation;
-        let rest = if is_great { "would be, if readings to come prove it" } else { "is not surely" };
         found.push(Finding::good(format!(
-            "{}: {:+.2} ± {:.2} {unit} since acceptance (95 %), which {rest} worth an alarm ({:.2} {unit}).",
+            "{}: {:+.2} ± {:.2} {unit} since acceptance (95 %), which is not proven to be worth an alarm ({:.2} {unit}).",
             named(own.amplitude),
             scale * change,
             scale * K95 * deviation,
