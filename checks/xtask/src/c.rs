@@ -28,18 +28,21 @@ struct Platform {
     target: Option<(&'static str, &'static str)>,
     /// Machine of QEMU.
     board: Option<&'static str>,
+    /// Whether a planted panic is looked for: once for each format of objects.
+    planted: bool,
 }
 
 const ARM: &str = "thumbv7em-none-eabihf";
 
 const PLATFORMS: [Platform; 3] = [
-    Platform { name: "this computer", compiler: "cc", flags: &[], target: None, board: None },
+    Platform { name: "this computer", compiler: "cc", flags: &[], target: None, board: None, planted: true },
     Platform {
         name: "Cortex-M4F",
         compiler: "arm-none-eabi-gcc",
         flags: &["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"],
         target: Some((ARM, "cortex-m4")),
         board: Some("mps2-an386"),
+        planted: true,
     },
     Platform {
         name: "Cortex-M7",
@@ -47,6 +50,7 @@ const PLATFORMS: [Platform; 3] = [
         flags: &["-mcpu=cortex-m7", "-mfpu=fpv5-d16"],
         target: Some((ARM, "cortex-m7")),
         board: Some("mps2-an500"),
+        planted: false,
     },
 ];
 
@@ -106,9 +110,11 @@ pub fn run() -> Outcome {
     let mut greeting = None;
     for platform in &PLATFORMS {
         let at = |message: String| format!("{}: {message}", platform.name);
-        let planted = platform.library(fitted.path(), &["--features", "planted-panic"])?;
-        if check_symbols(&planted, platform).is_ok() {
-            return Err(at("a planted panic was not found".into()));
+        if platform.planted {
+            let library = platform.library(fitted.path(), &["--features", "planted-panic"])?;
+            if check_symbols(&library, platform).is_ok() {
+                return Err(at("a planted panic was not found".into()));
+            }
         }
         let library = platform.library(fitted.path(), &[])?;
         check_symbols(&library, platform).map_err(at)?;

@@ -62,8 +62,8 @@ pub fn no_panic() -> Outcome {
 /// That `no_panic.rs` forgets no public function, by the names that rustdoc knows.
 fn every_function_is_called() -> Outcome {
     let mut document = Command::new("cargo");
-    document.current_dir(root()).args(["rustdoc", "--quiet", "--locked", "-p", "pkm-core", "--", "-Zunstable-options"]);
-    output(document.args(["--output-format", "json"]).env("RUSTC_BOOTSTRAP", "1"))?;
+    document.current_dir(root()).args(["rustdoc", "--release", "--quiet", "--locked", "-p", "pkm-core"]);
+    output(document.args(["--", "-Zunstable-options", "--output-format", "json"]).env("RUSTC_BOOTSTRAP", "1"))?;
     let read = |path: &str| std::fs::read_to_string(root().join(path)).map_err(|e| format!("{path}: {e}"));
     let document: Value = serde_json::from_str(&read("target/doc/pkm_core.json")?).map_err(|e| e.to_string())?;
     let index = document["index"].as_object().ok_or("rustdoc's JSON has no index")?;
@@ -136,7 +136,7 @@ pub fn targets() -> Outcome {
     for target in TARGETS {
         for (folder, features) in [("", ""), ("", "defmt"), ("embed/c", "")] {
             let mut build = Command::new("cargo");
-            build.current_dir(root().join(folder)).args(["build", "--release", "--locked", "--quiet"]);
+            build.current_dir(root().join(folder)).args(["build", "--locked", "--quiet"]);
             let package = if folder.is_empty() { "pkm-core" } else { "pkm-ffi" };
             output(build.args(["-p", package, "--target", target, "--features", features]))?;
         }
