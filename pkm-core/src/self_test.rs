@@ -264,6 +264,7 @@ mod tests {
 
     /// What a test of bits has to notice, and which part it names.
     #[test]
+    #[cfg_attr(miri, ignore = "slow, and runs what the known bits run")]
     fn another_bit_is_found() {
         let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
         let mut memory = SelfTestMemory::new();
@@ -285,6 +286,7 @@ mod tests {
 
     /// Whatever a compensator goes by is in its bits: filter, gain, dead bands, both limits of screws and wrist, load and temperatures.
     #[test]
+    #[cfg_attr(miri, ignore = "slow, and runs what the known bits run")]
     fn another_bit_of_a_compensator_is_found() {
         let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
         let usual = reading();
@@ -331,6 +333,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "slow, and runs what the known bits run")]
     fn every_limit_acts() {
         let five = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
         let (reading, tip_m) = (reading(), TIP_M.map(|component| component as f32).into());
