@@ -136,7 +136,7 @@ pub fn targets() -> Outcome {
     for target in TARGETS {
         for (folder, features) in [("", ""), ("", "defmt"), ("embed/c", "")] {
             let mut build = Command::new("cargo");
-            build.current_dir(root().join(folder)).args(["build", "--locked", "--quiet"]);
+            build.current_dir(root().join(folder)).args(["build", "--release", "--locked", "--quiet"]);
             let package = if folder.is_empty() { "pkm-core" } else { "pkm-ffi" };
             output(build.args(["-p", package, "--target", target, "--features", features]))?;
         }
