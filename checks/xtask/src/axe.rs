@@ -10,12 +10,11 @@ use crate::{Outcome, output};
 
 const PACKAGE: &str = "axe-core@4.12.1";
 
-/// In the page, unfolded: what breaks a rule of axe-core, as sentences. Not that of contrast, which is slow, and looser than what
-/// `browser::PALE` asks for.
+/// In the page, unfolded: what breaks a rule of axe-core, as sentences.
 pub const JUDGE: &str = "async () => {
   const folded = [...document.querySelectorAll('details:not([open])')];
   folded.forEach(e => e.open = true);
-  const { violations } = await axe.run(document, { resultTypes: ['violations'], rules: { 'color-contrast': { enabled: false } } });
+  const { violations } = await axe.run(document, { resultTypes: ['violations'] });
   folded.forEach(e => e.open = false);
   return violations.flatMap(v => v.nodes.map(node => `axe-core, ${v.id}: ${node.target.join(' ')}`));
 }";
