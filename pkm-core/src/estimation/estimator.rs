@@ -24,6 +24,10 @@ const REMEMBERED: f64 = 1.0 - 1.0 / 16.0;
 const EXCITED: f64 = 1e-4;
 /// Readings with the same numbers, from which on a probe is stuck.
 const STUCK: u8 = 5;
+/// Deviations by which a component should have moved for its same number to be one of those.
+const MOVED: f64 = 5.0;
+/// Readings from which on a change that came at once is believed: fewer may be those that a broken sensor has slipped in.
+const BELIEVED: u32 = 5;
 /// Deviations by which the tip has to go against the load to be of the wrong sign.
 const OPPOSITE: f64 = 5.0;
 /// Of χ²: an amplitude explains a change as well as another when it explains no less by this, a thousandth of the likelihood.
@@ -56,6 +60,16 @@ fn predict<T: Scalar>(
 /// Greatest χ² of a reading that is taken in.
 fn gate<T: Scalar>(readings: &[TipReading<T>]) -> T {
     T::from_f64(GATE.get(readings.len().wrapping_sub(1)).copied().unwrap_or(0.0))
+}
+
+/// Readings since the one that has shown a change, with it; all where nothing came at once.
+fn readings_since(readings: u32, changed_at: u32) -> u32 {
+    readings.saturating_sub(changed_at.max(1)).saturating_add(1)
+}
+
+/// Whether too few readings have come since a change that came at once.
+fn is_new(readings: u32, changed_at: u32) -> bool {
+    changed_at > 0 && readings_since(readings, changed_at) < BELIEVED
 }
 
 /// One component of a reading, as the filter takes it in.
@@ -105,7 +119,12 @@ pub struct Estimator<T, const N: usize> {
     pub(super) readings: u32,
     /// In a row.
     pub(super) refused: u32,
+    /// Of each component of a reading what was read last, what was expected then, and how often in a row the same was read although it should
+    /// have moved.
     last: [T; MAX_COMPONENTS],
+    due: [T; MAX_COMPONENTS],
+    still: [u8; MAX_COMPONENTS],
+    /// Readings in a row with the same in all components.
     equal: u8,
 }
 
@@ -147,6 +166,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             readings: 0,
             refused: 0,
             last: [T::ZERO; MAX_COMPONENTS],
+            due: [T::ZERO; MAX_COMPONENTS],
+            still: [0; MAX_COMPONENTS],
             equal: 0,
         })
     }
@@ -166,8 +187,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         self.readings
     }
 
-    /// Readings in a row that were refused as unexpected, or as older than the last: some twenty are a broken sensor or a machine beyond
-    /// what it may learn, or a clock that was wrong once, by what was taken in then. [`restore`](Self::restore) of an older state mends that.
+    /// Readings in a row that were refused as unexpected, stuck, of the wrong sign, or as older than the last: some twenty are a broken sensor or a
+    /// machine beyond what it may learn, or a clock that was wrong once, by what was taken in then. [`restore`](Self::restore) of an older state
+    /// mends that.
     pub fn refused(&self) -> u32 {
         self.refused
     }
@@ -225,7 +247,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// Of a change x with a standard deviation s it is x (1 − 4 (s² + (a/5)²)/x²), a being what is worth an alarm, and nothing where that
     /// is below 0: nearly x where it is well known, and nothing of what may be no change at all. The value that was accepted is no part
     /// of it: it is what fitted the first readings best, with all that is off in the machine and not learned, and under other loads
-    /// hardly nearer to the truth than 0. What the table is known to lack belongs into the machine or a new table.
+    /// hardly nearer to the truth than 0. What the table is known to lack belongs into the machine or a new table. Until the fifth
+    /// reading after a change that came at once it does not grow.
     pub fn targets(&self) -> [f64; N] {
         self.in_units(&self.targets)
     }
@@ -312,6 +335,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
                 self.filter.recall();
                 self.drifted_at = drifted_at;
                 if refusal != Refusal::Unexpected {
+                    let is_broken = matches!(refusal, Refusal::Stuck | Refusal::WrongSign);
+                    self.refused = self.refused.saturating_add(u32::from(is_broken));
                     return Err(refusal);
                 }
                 self.take_in_changed(what, touch.tip_m, readings)?
@@ -347,7 +372,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
                 let (_, [beyond, variance]) = self.absorb_component(what, tip_m, reading);
                 chi_squared += beyond * beyond / variance;
             }
-            if chi_squared <= gate(readings) {
+            if chi_squared <= gate(readings) && self.is_possible() {
                 return Ok((chi_squared, Some(changed)));
             }
             self.filter.recall();
@@ -357,15 +382,18 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         Err(Refusal::Unexpected)
     }
 
-    /// Whether a probe has said the same too often.
-    fn is_stuck(&mut self, readings: &[TipReading<T>]) -> bool {
-        let mut same = true;
-        for (last, reading) in self.last.iter_mut().zip(readings) {
-            same &= *last == reading.read;
-            *last = reading.read;
+    /// Whether a component says what it said last, and whether it is stuck.
+    fn is_still(&mut self, n: usize, read: T, expected: T, noise: T) -> [bool; 2] {
+        let component = (self.last.get_mut(n), self.due.get_mut(n), self.still.get_mut(n));
+        let (Some(last), Some(due), Some(still)) = component else { return [false; 2] };
+        let (is_same, moved) = (*last == read, expected - *due);
+        if !is_same {
+            *still = 0;
+        } else if moved * moved > T::from_f64(MOVED * MOVED) * noise {
+            *still = still.saturating_add(1);
         }
-        self.equal = if same { self.equal.saturating_add(1) } else { 0 };
-        self.equal + 1 >= STUCK
+        (*last, *due) = (read, expected);
+        [is_same, *still + 1 >= STUCK]
     }
 
     /// Takes the components into the filter, and into the sums of innovations; gives χ². What it is refused for, the caller undoes in
@@ -380,8 +408,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let mut sums = sums.map(|sum| sum * T::from_f64(REMEMBERED));
         let mut variances = variances.map(|variance| variance * T::from_f64(REMEMBERED * REMEMBERED));
         let mut chi_squared = T::ZERO;
-        let (mut excited, mut opposite) = (false, false);
-        for reading in readings {
+        let (mut excited, mut opposite, mut same, mut stuck) = (false, false, true, false);
+        for (n, reading) in readings.iter().enumerate() {
             let TipReading { read, deviation, .. } = reading;
             let (Component { weights, expected, noise }, [beyond, variance]) =
                 self.absorb_component((predicted, sensitivities), tip_m, reading);
@@ -390,6 +418,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             }
             let shown = weights.iter().fold(T::ZERO, |sum, weight| sum + *weight * *weight);
             excited |= shown > T::from_f64(EXCITED) * noise;
+            let [is_same, is_stuck] = self.is_still(n, *read, expected, noise);
+            same &= is_same;
+            stuck |= is_stuck;
             let least = T::from_f64(OPPOSITE * OPPOSITE) * noise;
             opposite |= expected * *read < T::ZERO && expected * expected > least && *read * *read > least;
             let squared = beyond * beyond / variance;
@@ -406,7 +437,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         if !excited {
             return Err(Refusal::NotExcited);
         }
-        if self.is_stuck(readings) {
+        self.equal = if same { self.equal.saturating_add(1) } else { 0 };
+        if stuck || self.equal + 1 >= STUCK {
             return Err(Refusal::Stuck);
         }
         if opposite {
@@ -450,6 +482,14 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         if added > T::ZERO {
             self.filter.widen(turn, added);
         }
+    }
+
+    /// Whether every mean is where physics allows it to be, but for its deviation.
+    fn is_possible(&self) -> bool {
+        self.filter.mean.iter().zip(&self.filter.variances()).zip(&self.scaled).all(|((mean, variance), own)| {
+            let beyond = if *mean < own.least { own.least - *mean } else { *mean - own.most };
+            !(beyond > T::ZERO && beyond * beyond > T::from_f64(OWN * OWN) * *variance)
+        })
     }
 
     /// Moves the means to where physics allows them to be.
@@ -500,14 +540,26 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         changed
     }
 
-    /// Works out what is worth compensating.
+    /// Works out what is worth compensating. While a change is new, what is compensated may become less, and no more.
     pub(super) fn set_targets(&mut self) {
         let variances = self.filter.variances();
-        let known = self.filter.mean.iter().zip(&variances).zip(&self.scaled);
-        for (target, ((mean, variance), own)) in self.targets.iter_mut().zip(known) {
+        for n in 0..N {
+            let known = (self.filter.mean.get(n), variances.get(n), self.scaled.get(n), self.changed_at.get(n));
+            let (Some(mean), Some(variance), Some(own), Some(changed_at)) = known else { return };
+            let (Some(applied), Some(target)) = (self.applied.get(n), self.targets.get_mut(n)) else { return };
             let change = *mean - own.accepted;
             let doubt = T::from_f64(DOUBT) * *variance + own.doubt;
             *target = if change * change > doubt { change - doubt / change } else { T::ZERO };
+            if is_new(self.readings, *changed_at) {
+                let (least, most) = if *applied < T::ZERO { (*applied, T::ZERO) } else { (T::ZERO, *applied) };
+                *target = if *target < least {
+                    least
+                } else if *target > most {
+                    most
+                } else {
+                    *target
+                };
+            }
         }
     }
 
@@ -531,7 +583,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     }
 
     /// Of each amplitude its change since acceptance, where it is worth an alarm: by more than its settings say with a probability of
-    /// 0.95, and is of [`CHANGE`] standard deviations, or of 2.58 where innovations had one sign.
+    /// 0.95, and is of [`CHANGE`] standard deviations, or, from the fifth reading on, of 2.58 where innovations had one sign.
     pub fn alarms(&self) -> [Option<Alarm>; N] {
         let mut alarms = [None; N];
         let each = self.values().into_iter().zip(&self.settings.amplitudes).zip(&self.changed_at);
@@ -541,8 +593,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             }
             let change = value - own.accepted;
             let probability = 0.5 * libm::erfc((own.alarm - change.abs()) / (deviation * core::f64::consts::SQRT_2));
-            // the reading that has shown it is the first
-            let readings = self.readings.saturating_sub((*changed_at).max(1)).saturating_add(1);
+            let readings = readings_since(self.readings, *changed_at);
             *alarm = Some(Alarm { change, deviation, probability, readings });
         }
         alarms
@@ -550,12 +601,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
 
     /// Whether an amplitude's change is proven, and worth an alarm.
     fn has_alarm(&self, n: usize) -> bool {
-        let (Some(mean), Some(own)) = (self.filter.mean.get(n), self.scaled.get(n)) else { return false };
+        let known = (self.filter.mean.get(n), self.scaled.get(n), self.changed_at.get(n));
+        let (Some(mean), Some(own), Some(changed_at)) = known else { return false };
         let change = (*mean - own.accepted).abs();
         let deviation = self.filter.variance(n).sqrt();
         // innovations of one sign prove that something has changed; that it is this one, its own change
-        let is_found = self.changed_at.get(n).is_some_and(|at| *at > 0);
-        let is_proven = change >= T::from_f64(if is_found { OWN } else { CHANGE }) * deviation;
-        is_proven && change - own.alarm >= T::from_f64(SURE) * deviation
+        let is_proven = change >= T::from_f64(if *changed_at > 0 { OWN } else { CHANGE }) * deviation;
+        is_proven && !is_new(self.readings, *changed_at) && change - own.alarm >= T::from_f64(SURE) * deviation
     }
 }
