@@ -57,7 +57,7 @@ pin out s32 state-code "why it does not go on from a saved state: a PkmError; 0 
 pin out u32 readings-taken "readings that were taken in";
 pin out u32 first-reading-s "when the first was, s since 1970 by the computer's clock: what was accepted is as old as that; 0 before it";
 pin out u32 last-reading-s "when the last was: what is known is as old as that";
-pin out u32 readings-refused "readings in a row that were too far from what was expected";
+pin out u32 readings-refused "readings in a row that were too far from what was expected, stuck, or of the wrong sign";
 pin out float learned-#[6] "what was learned: compliances of limbs 1, 2, 3 and under the base along x, y, z, nm/N";
 pin out float learned-deviation-#[6] "standard deviations";
 pin out bit alarm-#[6] "it has changed since acceptance by what is worth an alarm";

@@ -24,6 +24,9 @@ mod python {
     import_exception!(pkm.errors, ExtrapolationWarning);
 }
 
+/// Message, row, file, line, column.
+type Arguments = (String, Option<usize>, Option<String>, Option<u64>, Option<String>);
+
 /// A failure of the host's library.
 pub fn of(failure: &Failure) -> PyErr {
     let Failure { file, line, column, .. } = failure;
@@ -31,7 +34,7 @@ pub fn of(failure: &Failure) -> PyErr {
     match failure.kind {
         Kind::Usage => python::UsageError::new_err(place),
         Kind::Input => python::InputError::new_err(place),
-        Kind::Refused(status) => refused(status, failure.to_string(), None),
+        Kind::Refused(status) => refused(status, place),
         Kind::Other => python::OtherError::new_err(place),
     }
 }
@@ -74,12 +77,11 @@ impl Refusal {
 
     /// As the exception of its status, with the row's number, from 0.
     pub fn at_row(self, row: usize) -> PyErr {
-        refused(self.status, format!("row {row}: {}", self.message), Some(row))
+        refused(self.status, (format!("row {row}: {}", self.message), Some(row), None, None, None))
     }
 }
 
-fn refused(status: &str, message: String, row: Option<usize>) -> PyErr {
-    let arguments = (message, row);
+fn refused(status: &str, arguments: Arguments) -> PyErr {
     match status {
         "out_of_travel" => python::OutOfTravelError::new_err(arguments),
         "singular" => python::SingularError::new_err(arguments),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArray2, PyArray3};
-use pkm_core::{Configuration, Domain, JointValues, Pose, ScrewLengths, Tool, ToolSolution, Wrench};
+use pkm_core::{Configuration, Domain, JointValues, Pose, ScrewLengths, StiffnessError, Tool, ToolSolution, Wrench};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::path::unit;
 use pkm_host::files::readings::{Condition, REFERENCE_C};
@@ -12,6 +12,7 @@ use pkm_host::plan::model::{self, Form, Solved, extrapolation_warning, no_factor
 use pkm_host::plan::reach::Reach;
 use pkm_host::pose::core_units;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::errors::{self, Refusal, usage};
 use crate::rows::{Given, array, each, matrices, rows, rows_for};
@@ -38,10 +39,13 @@ pub struct Model {
     model: model::Model,
     /// What was asked for; the table's own form may differ.
     form: Form,
+    /// Absolute paths of machine and table, and the form, to pickle.
+    arguments: (Option<PathBuf>, Option<PathBuf>, String),
 }
 
 type Matrices<'py> = Bound<'py, PyArray3<f64>>;
 type Rows<'py> = Bound<'py, PyArray2<f64>>;
+type Pickled<'py> = ((Option<PathBuf>, Option<PathBuf>), Bound<'py, PyDict>);
 
 fn pose([theta_rad, sigma_rad, z0_m]: [f64; 3]) -> Pose<f64> {
     Pose { theta_rad, sigma_rad, z0_m }
@@ -60,6 +64,8 @@ impl Model {
     #[new]
     #[pyo3(signature = (machine=None, table=None, *, form="auto"))]
     fn new(py: Python<'_>, machine: Option<PathBuf>, table: Option<PathBuf>, form: &str) -> PyResult<Self> {
+        let absolute = |path: &Option<PathBuf>| path.as_ref().map(std::path::absolute).transpose();
+        let arguments = (absolute(&machine)?, absolute(&table)?, form.to_owned());
         let form = match form {
             "auto" => Form::Auto,
             "diagonal" => Form::Diagonal,
@@ -76,7 +82,14 @@ impl Model {
         };
         let (model, warnings) = read().map_err(|failure| errors::of(&failure))?;
         warnings.iter().try_for_each(|warning| errors::warn(py, warning))?;
-        Ok(Self { model, form })
+        Ok(Self { model, form, arguments })
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Pickled<'py>> {
+        let (machine, table, form) = self.arguments.clone();
+        let named = PyDict::new(py);
+        named.set_item("form", form)?;
+        Ok(((machine, table), named))
     }
 
     /// Name of the machine.
@@ -177,7 +190,13 @@ impl Model {
                 rise_k,
                 gauge: None,
             };
-            Ok(self.model.deflection(solved, &pose(**row), &condition)?.to_vector().into())
+            let deflection = self.model.deflection(solved, &pose(**row), &condition)?.to_vector();
+            // under A's finite deflection a point far beyond any machine may have none
+            if deflection.iter().all(|d| d.is_finite()) {
+                Ok(deflection.into())
+            } else {
+                Err(StiffnessError::NotFinite.into())
+            }
         })?;
         array(py, deflections)
     }

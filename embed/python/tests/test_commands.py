@@ -1,6 +1,7 @@
 """Commands: that their documents arrive as data classes and tables, with the numbers of the files that they write."""
 
 import ast
+import copy
 import inspect
 import json
 import pickle
@@ -118,6 +119,48 @@ def test_compensation(tmp_path):
         for force in (100, 200)
     )
     assert heavy.before_um_max == pytest.approx(2 * light.before_um_max, rel=1e-3)
+
+
+def test_options_are_what_a_notebook_has(tmp_path):
+    expected = pkm.run("ik", theta_deg=5, sigma_deg=-3, z0_mm=530)
+    assert pkm.run("ik", theta_deg=np.int64(5), sigma_deg=np.float32(-3), z0_mm=np.array(530.0)) == expected
+    measured = FIXTURES / "measured/p05/measured.csv"
+    assert pkm.run("check", measured)["readings"] == 840
+    renamed = tmp_path / "renamed.csv"
+    renamed.write_text(measured.read_text().replace(",dx_um,", ",X,"))
+    columns = {"dx_um": "X"}
+    assert pkm.run("check", renamed, columns=columns)["readings"] == 840
+    predicted = pkm.predict(tmp_path / "predicted.csv", data=renamed, columns=columns)
+    assert len(predicted.to_pandas()) == predicted.rows
+    with pytest.raises(pkm.UsageError, match="data: expected the path of a file, found a DataFrame"):
+        pkm.diagnose(tmp_path / "d", data=predicted.to_pandas())
+
+
+def test_predicted_rows_are_read_as_they_were_written(tmp_path):
+    names = "pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm"
+    rows = [["P#1", 5.5, -3, 530, 120, -80, -400, 5, 10, -2], ["00", 1.5, 2.5, 520, 0, 0, -400, 0, 0, 0]]
+    (tmp_path / "a.csv").write_text("\n".join([names, *(",".join(map(str, row)) for row in rows)]) + "\n")
+    comma = [";".join(str(cell).replace(".", ",") for cell in row) for row in rows]
+    (tmp_path / "b.csv").write_text("\n".join([names.replace(",", ";"), *comma]) + "\n")
+    a, b = (pkm.predict(tmp_path / f"{name}-out.csv", data=tmp_path / f"{name}.csv").to_pandas() for name in "ab")
+    assert list(a["pose"]) == list(b["pose"]) == ["P#1", "00"]
+    assert a["theta_deg"].tolist() == [5.5, 1.5]
+    numbers = [name for name in a.columns if name.endswith(("_um", "_n", "_deg", "_urad"))]
+    np.testing.assert_array_equal(a[numbers].to_numpy(float), b[numbers].to_numpy(float))
+
+
+def test_a_model_is_pickled_as_its_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(WIDE_TABLE.parent)
+    model = pkm.Model(table=WIDE_TABLE.name, form="factor")
+    monkeypatch.chdir(tmp_path)
+    poses = [[0.1, -0.05, 0.53]]
+    for other in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):
+        np.testing.assert_array_equal(other.stiffness(poses), model.stiffness(poses))
+
+
+def test_no_result_is_infinite():
+    with pytest.raises(pkm.NotFiniteError):
+        pkm.Model().deflection([[0.1, 0, 0.53]], [1, 2, 3, 0, 0, 0], at_m=[1e300, 0, 0])
 
 
 def test_failures_have_types(tmp_path):

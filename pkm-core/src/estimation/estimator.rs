@@ -26,7 +26,7 @@ const EXCITED: f64 = 1e-4;
 const STUCK: u8 = 5;
 /// Deviations by which a component should have moved for its same number to be one of those.
 const MOVED: f64 = 5.0;
-/// Readings from which on a change that came at once is believed: fewer may be those that a broken sensor has slipped in.
+/// Readings from which on a change is believed: fewer may be those that a broken sensor has slipped in.
 const BELIEVED: u32 = 5;
 /// Deviations by which the tip has to go against the load to be of the wrong sign.
 const OPPOSITE: f64 = 5.0;
@@ -67,9 +67,9 @@ fn readings_since(readings: u32, changed_at: u32) -> u32 {
     readings.saturating_sub(changed_at.max(1)).saturating_add(1)
 }
 
-/// Whether too few readings have come since a change that came at once.
+/// Whether too few readings have come since the first, or since a change that came at once.
 fn is_new(readings: u32, changed_at: u32) -> bool {
-    changed_at > 0 && readings_since(readings, changed_at) < BELIEVED
+    readings_since(readings, changed_at) < BELIEVED
 }
 
 /// One component of a reading, as the filter takes it in.
@@ -106,8 +106,8 @@ pub struct Estimator<T, const N: usize> {
     pub(super) filter: Filter<T, N>,
     /// What is compensated of each change since acceptance, in the same unit.
     pub(super) applied: [T; N],
-    /// Where `applied` goes; it follows from the filter.
-    targets: [T; N],
+    /// Where `applied` goes.
+    pub(super) targets: [T; N],
     /// Sums of innovations, and their variances.
     pub(super) sums: [[T; N]; 2],
     /// Readings when each amplitude was found to have changed; 0 when it never was.
@@ -248,7 +248,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// is below 0: nearly x where it is well known, and nothing of what may be no change at all. The value that was accepted is no part
     /// of it: it is what fitted the first readings best, with all that is off in the machine and not learned, and under other loads
     /// hardly nearer to the truth than 0. What the table is known to lack belongs into the machine or a new table. Until the fifth
-    /// reading after a change that came at once it does not grow.
+    /// reading, and the fifth after a change that came at once, it does not grow.
     pub fn targets(&self) -> [f64; N] {
         self.in_units(&self.targets)
     }
@@ -546,20 +546,20 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         for n in 0..N {
             let known = (self.filter.mean.get(n), variances.get(n), self.scaled.get(n), self.changed_at.get(n));
             let (Some(mean), Some(variance), Some(own), Some(changed_at)) = known else { return };
-            let (Some(applied), Some(target)) = (self.applied.get(n), self.targets.get_mut(n)) else { return };
+            let Some(target) = self.targets.get_mut(n) else { return };
             let change = *mean - own.accepted;
             let doubt = T::from_f64(DOUBT) * *variance + own.doubt;
-            *target = if change * change > doubt { change - doubt / change } else { T::ZERO };
-            if is_new(self.readings, *changed_at) {
-                let (least, most) = if *applied < T::ZERO { (*applied, T::ZERO) } else { (T::ZERO, *applied) };
-                *target = if *target < least {
-                    least
-                } else if *target > most {
-                    most
-                } else {
-                    *target
-                };
-            }
+            let worth = if change * change > doubt { change - doubt / change } else { T::ZERO };
+            let (least, most) = if *target < T::ZERO { (*target, T::ZERO) } else { (T::ZERO, *target) };
+            *target = if !is_new(self.readings, *changed_at) {
+                worth
+            } else if worth < least {
+                least
+            } else if worth > most {
+                most
+            } else {
+                worth
+            };
         }
     }
 
@@ -583,7 +583,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     }
 
     /// Of each amplitude its change since acceptance, where it is worth an alarm: by more than its settings say with a probability of
-    /// 0.95, and is of [`CHANGE`] standard deviations, or, from the fifth reading on, of 2.58 where innovations had one sign.
+    /// 0.95, and is of [`CHANGE`] standard deviations, or of 2.58 where innovations had one sign. Five readings at least say so.
     pub fn alarms(&self) -> [Option<Alarm>; N] {
         let mut alarms = [None; N];
         let each = self.values().into_iter().zip(&self.settings.amplitudes).zip(&self.changed_at);

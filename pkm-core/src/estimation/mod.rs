@@ -15,7 +15,7 @@
 //! | a number that is not finite, no component, or more than six | `NotFinite`, `Components` |
 //! | time runs backwards | `Backwards` |
 //! | a load too small to tell anything | `NotExcited` |
-//! | the same numbers five times in a row | `Stuck` |
+//! | the same numbers five times in a row, or the same in one component that should have moved | `Stuck` |
 //! | the tip goes against the deflection that the load makes | `WrongSign` |
 //! | further from what is expected than noise ever is | `Unexpected` |
 //! | no deflection at the pose | `Model` |

@@ -178,6 +178,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         }
         // it may have been saved under wider bounds
         self.keep_possible();
+        self.targets = self.applied;
         self.set_targets();
         Ok(())
     }

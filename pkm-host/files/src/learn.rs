@@ -54,15 +54,27 @@ const DRIFT_SHARE: f64 = 0.002;
 /// What is compensated follows by all of it in an hour.
 const HOUR_S: f64 = 3600.0;
 
+/// By how much each limb yields along itself at a pose.
+///
+/// # Errors
+/// A pose that the machine cannot take.
+pub fn limb_compliances_m_per_n(
+    machine: &Machine<f64>,
+    at: &Pose<f64>,
+) -> std::result::Result<[f64; 3], StiffnessError> {
+    let transmission = machine.transmission(at)?;
+    // the first wrench of each limb is its axial force
+    Ok([0, 3, 6].map(|first| transmission.compliance[(first, first)]))
+}
+
 impl Learn {
     /// Without a file: the drives of the three limbs, by the compliance along each limb at a pose.
     ///
     /// # Errors
     /// A pose that the machine cannot take.
     pub fn drives(machine: &Machine<f64>, at: &Pose<f64>) -> std::result::Result<Self, StiffnessError> {
-        let transmission = machine.transmission(at)?;
-        let drive = |(limb, first): (u8, usize)| {
-            let own = transmission.compliance[(first, first)];
+        let compliances = limb_compliances_m_per_n(machine, at)?;
+        let drive = |(limb, own): (u8, f64)| {
             Some(AmplitudeSettings {
                 amplitude: Amplitude::compliance(Place::Body { limb }, Motion::Axial)?,
                 accepted: 0.0,
@@ -74,8 +86,7 @@ impl Learn {
                 alarm: ALARM_SHARE * own,
             })
         };
-        // the first wrench of each limb is its axial force
-        let amplitudes = [(1, 0), (2, 3), (3, 6)].into_iter().filter_map(drive).collect();
+        let amplitudes = (1..).zip(compliances).filter_map(drive).collect();
         Ok(Self { amplitudes, model_share: 0.0 })
     }
 

@@ -92,6 +92,13 @@ impl PoseBox {
         [self.theta_deg, self.sigma_deg, self.z0_mm]
     }
 
+    /// What it has in common with another; `None` if that is nothing.
+    pub fn common(&self, other: &Self) -> Option<Self> {
+        let (own, other) = (self.ranges(), other.ranges());
+        let common = from_fn(|i| [own[i][0].max(other[i][0]), own[i][1].min(other[i][1])]);
+        common.iter().all(|[low, high]| low <= high).then(|| common.into())
+    }
+
     /// The middle.
     pub fn middle(&self) -> [f64; 3] {
         self.ranges().map(|[low, high]| (low + high) / 2.0)

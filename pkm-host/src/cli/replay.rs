@@ -63,7 +63,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     };
     let Log { entries, warnings } = log::read(source, &model.machine, &args.columns.renames())?;
     session.warn(warnings);
-    let ask = args.next.map(|count| Ask { count: count.into(), pose_box: model.machine.pose_box });
+    // what is read outside of the table's box teaches by extrapolation
+    let own = model.machine.pose_box;
+    let pose_box = model.table.as_ref().and_then(|table| own.common(&table.pose_box)).unwrap_or(own);
+    let ask = args.next.map(|count| Ask { count: count.into(), pose_box });
     let replay = replay::replay_and_propose(&model.machine.machine, applied.as_ref(), learn, &entries, ask)
         .map_err(|f| f.in_file(&name))?;
     if args.next.is_some() && replay.next.is_empty() {

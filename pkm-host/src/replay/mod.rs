@@ -7,8 +7,9 @@ use pkm_core::estimation::{Alarm, AmplitudeSettings, Estimator, EstimatorSetting
 use pkm_core::{CorrectionTable, Deflection, Domain, Machine};
 
 use crate::error::{Failure, Result};
-use crate::files::learn::Learn;
+use crate::files::learn::{Learn, limb_compliances_m_per_n};
 use crate::files::log::Entry;
+use crate::pose::{PoseBox, pose_of};
 pub use next::{Ask, Proposal};
 
 /// Readings of the fit beside the estimator: the last ones that were taken in.
@@ -50,6 +51,8 @@ pub struct Replay {
     /// Of each compliance: what a change that is worth an alarm would move the tip by, over what it yields without one, as root mean
     /// squares over some of the log. 0 of others.
     pub alarm_ratios: Vec<f64>,
+    /// What each limb yields along itself in the middle of the log's poses; `None` where the machine cannot take it.
+    pub limbs_m_per_n: Option<[f64; 3]>,
     /// Where to probe next, if that was asked.
     pub next: Vec<Proposal>,
 }
@@ -167,8 +170,10 @@ fn with<const N: usize>(
     let settings = EstimatorSettings::<N> { amplitudes, model_share: learn.model_share };
     let mut estimator = Estimator::<f64, N>::new(&settings).map_err(|e| refused(&e))?;
     let alarm_ratios = alarm_ratios(machine, table, &learn.amplitudes, log);
-    let mut replay =
-        Replay { learn, steps: Vec::new(), batch: None, age: Age::default(), alarm_ratios, next: Vec::new() };
+    let [theta_deg, sigma_deg, z0_mm] = PoseBox::of(log.iter().map(|entry| &entry.touch.pose)).middle();
+    let limbs_m_per_n = limb_compliances_m_per_n(machine, &pose_of(theta_deg, sigma_deg, z0_mm)).ok();
+    let (steps, batch, age, next) = (Vec::new(), None, Age::default(), Vec::new());
+    let mut replay = Replay { learn, steps, batch, age, alarm_ratios, limbs_m_per_n, next };
     for entry in log {
         let Entry { line, touch, readings } = entry;
         let learned = estimator.learn(machine, table, touch, readings);

@@ -620,10 +620,10 @@ fn stays_within_its_settings<T: Scalar>(rounding: f64) {
                 let change = value - own.accepted;
                 let doubt = 4.0 * (deviation.powi(2) + (own.alarm / 5.0).powi(2));
                 let worth = if change.powi(2) > doubt { change - doubt / change } else { 0.0 };
-                // a change that came at once is not compensated further before its fifth reading
+                // before the fifth reading, and the fifth after a change that came at once, no more is compensated than before
                 let since = u64::from(after.readings()) + 1 - u64::from(after.changed_at()[n].max(1));
-                let is_new = after.changed_at()[n] > 0 && since < 5;
-                let expected = if is_new { worth.clamp(from[n].min(0.0), from[n].max(0.0)) } else { worth };
+                let (is_new, had) = (since < 5, before.targets()[n]);
+                let expected = if is_new { worth.clamp(had.min(0.0), had.max(0.0)) } else { worth };
                 assert!((targets[n] - expected).abs() <= 10.0 * off, "{:e} for {expected:e} of {own:?}", targets[n]);
                 new += usize::from(is_new && expected != worth);
                 gated[usize::from(worth != 0.0)] += 1;

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -225,7 +226,16 @@ class Prediction(Result):
     outside_box: int
 
     def to_pandas(self) -> pandas.DataFrame:
-        """The file's rows."""
-        import pandas
-
-        return pandas.read_csv(self.path, comment="#", sep=None, engine="python")
+        """The file's rows: numbers as float, texts as they stand."""
+        lines = [line for line in self.path.read_text(encoding="utf-8-sig").splitlines() if not line.startswith("#")]
+        delimiter = next((mark for mark in ";\t" if mark in lines[0]), ",")
+        names, *rows = csv.reader(lines, delimiter=delimiter)
+        frame = _frame([dict(zip(names, row)) for row in rows])
+        # names stay as they are, also such as 00
+        for name in frame.columns.difference(["pose", "series"]):
+            numbers = frame[name].str.replace(",", ".") if delimiter != "," else frame[name]
+            try:
+                frame[name] = numbers.replace("", "nan").astype(float)
+            except ValueError:
+                pass  # a column of texts
+        return frame

@@ -17,14 +17,27 @@ const NEAR_SD: f64 = 0.1;
 /// So many readings refused in a row are no spikes.
 const BROKEN: usize = 20;
 
+/// Of the change of a limb's compliance along its axis the share of what the limb yields, in percent.
+fn share_of_limb(replay: &Replay, n: usize, change: f64) -> Option<f64> {
+    let own = &replay.learn.amplitudes[n];
+    // of a limb nothing but its axis is learned
+    let limb = own.amplitude.place()?.0.limb()?;
+    let compliances = replay.limbs_m_per_n?;
+    let declared = compliances.get(usize::from(limb).checked_sub(1)?)?;
+    Some(100.0 * change / (declared + own.accepted))
+}
+
 /// An alarm in words.
 pub(super) fn said(replay: &Replay, (n, alarm): &(usize, Alarm)) -> String {
     let amplitude = replay.learn.amplitudes[*n].amplitude;
     let (name, (_, unit, scale)) = (named(amplitude), units(amplitude));
     let direction = if alarm.change > 0.0 { "more" } else { "less" };
     let (plural, say) = if alarm.readings == 1 { ("", "says") } else { ("s", "say") };
+    let share = share_of_limb(replay, *n, alarm.change).map_or(String::new(), |percent| {
+        format!(": the limb yields {:.0} % {direction} along its axis", percent.abs())
+    });
     format!(
-        "{name}: {:.2} ± {:.2} {unit} {direction} than at acceptance (95 %), as the last {} reading{plural} {say} (probability that it is \
+        "{name}: {:.2} ± {:.2} {unit} {direction} than at acceptance (95 %){share}, as the last {} reading{plural} {say} (probability that it is \
          worth an alarm: {}).",
         scale * alarm.change.abs(),
         scale * K95 * alarm.deviation,
