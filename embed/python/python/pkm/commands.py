@@ -43,7 +43,7 @@ def run(command: str, *files: FilePath, **options: Option) -> Document:
     None and False leave an option out, True gives it without a value; numbers of a list are joined by commas, texts of a list
     are given one after another, and a mapping is its pairs: `columns={"dx_um": "X"}` is `--columns=dx_um=X`.
     """
-    return _document([command, *map(os.fspath, files)], options)
+    return _document([command, *(os.fspath(file) for file in files)], options)
 
 
 def _document(arguments: list[str], options: Mapping[str, Option]) -> Document:
@@ -59,7 +59,7 @@ def _document(arguments: list[str], options: Mapping[str, Option]) -> Document:
 def _texts(name: str, value: Option) -> Sequence[str | None]:
     """What an option is given, once each; None: its name alone."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
-        value = value.item()
+        return _texts(name, value.item())
     if value is None or isinstance(value, bool):
         return [None] if value else []
     if isinstance(value, os.PathLike):
