@@ -765,7 +765,7 @@ typedef struct {
   PkmAmplitudeState amplitudes[PKM_AMPLITUDES];
   // Readings that were taken in.
   uint32_t readings;
-  // Readings in a row that were refused as unexpected, or as older than the last: some twenty are a broken sensor or a machine
+  // Readings in a row that were refused as unexpected, stuck, of the wrong sign, or older than the last: some twenty are a broken sensor or a machine
   // beyond what it may learn, or a clock that was wrong once.
   uint32_t refused;
   // When the last reading was taken in, s.

@@ -164,7 +164,7 @@ pub struct PkmEstimatorState {
     pub amplitudes: [PkmAmplitudeState; PKM_AMPLITUDES],
     /// Readings that were taken in.
     pub readings: u32,
-    /// Readings in a row that were refused as unexpected, or as older than the last: some twenty are a broken sensor or a machine
+    /// Readings in a row that were refused as unexpected, stuck, of the wrong sign, or older than the last: some twenty are a broken sensor or a machine
     /// beyond what it may learn, or a clock that was wrong once.
     pub refused: u32,
     /// When the last reading was taken in, s.
