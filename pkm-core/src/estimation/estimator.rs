@@ -393,7 +393,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             *still = still.saturating_add(1);
         }
         (*last, *due) = (read, expected);
-        [is_same, *still + 1 >= STUCK]
+        [is_same, *still >= STUCK - 1]
     }
 
     /// Takes the components into the filter, and into the sums of innovations; gives χ². What it is refused for, the caller undoes in
@@ -438,7 +438,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             return Err(Refusal::NotExcited);
         }
         self.equal = if same { self.equal.saturating_add(1) } else { 0 };
-        if stuck || self.equal + 1 >= STUCK {
+        if stuck || self.equal >= STUCK - 1 {
             return Err(Refusal::Stuck);
         }
         if opposite {

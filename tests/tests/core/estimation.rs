@@ -750,7 +750,19 @@ fn what_is_refused_moves_no_amplitude() {
     for _ in 0..4 {
         estimator.learn(&MACHINE_F64, None, &touch, &readings).expect("taken in");
     }
-    assert_eq!(estimator.learn(&MACHINE_F64, None, &touch, &readings), Err(Refusal::Stuck));
+    for _ in 0..300 {
+        assert_eq!(estimator.learn(&MACHINE_F64, None, &touch, &readings), Err(Refusal::Stuck));
+    }
+    // or one of its components
+    let mut estimator = before;
+    let mut rng = seeded();
+    let truth = Truth::new(&mut rng);
+    let stuck = (0..400).filter(|n| {
+        let (touch, mut readings) = truth.touch(&mut rng, 0, 12_000 + 600 * n);
+        readings[0].read = 20e-6;
+        estimator.learn(&MACHINE_F64, None, &touch, &readings) == Err(Refusal::Stuck)
+    });
+    assert!(stuck.count() > 350);
 }
 
 #[test]
