@@ -9,7 +9,7 @@
 
 #include "pkm.h"
 
-#define READINGS 60
+#define READINGS 120
 #define COUNT 6
 
 #define CHECK(condition)                                             \

@@ -15,7 +15,7 @@ use pkm_core::{
 use super::compensator::Random;
 use crate::qemu::Host;
 
-const READINGS: u32 = 60;
+const READINGS: u32 = 120;
 const COUNT: usize = 6;
 /// Its checksum is no part of what is compared.
 const MACHINE: u64 = 1;
