@@ -69,7 +69,7 @@ fn readings_since(readings: u32, changed_at: u32) -> u32 {
 
 /// Whether too few readings have come since the first, or since a change that came at once.
 fn is_new(readings: u32, changed_at: u32) -> bool {
-    readings_since(readings, changed_at) < BELIEVED
+    readings < changed_at.max(1).saturating_add(BELIEVED - 1)
 }
 
 /// One component of a reading, as the filter takes it in.
@@ -543,6 +543,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     /// Works out what is worth compensating. While a change is new, what is compensated may become less, and no more.
     pub(super) fn set_targets(&mut self) {
         let variances = self.filter.variances();
+        // counted once: a period has no time for it at each amplitude
+        let believed = self.readings.saturating_sub(BELIEVED - 1);
         for n in 0..N {
             let known = (self.filter.mean.get(n), variances.get(n), self.scaled.get(n), self.changed_at.get(n));
             let (Some(mean), Some(variance), Some(own), Some(changed_at)) = known else { return };
@@ -550,15 +552,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             let change = *mean - own.accepted;
             let doubt = T::from_f64(DOUBT) * *variance + own.doubt;
             let worth = if change * change > doubt { change - doubt / change } else { T::ZERO };
-            let (least, most) = if *target < T::ZERO { (*target, T::ZERO) } else { (T::ZERO, *target) };
-            *target = if !is_new(self.readings, *changed_at) {
+            *target = if believed > 0 && *changed_at <= believed {
                 worth
-            } else if worth < least {
-                least
-            } else if worth > most {
-                most
+            } else if worth * *target > T::ZERO {
+                if worth * worth < *target * *target { worth } else { *target }
             } else {
-                worth
+                T::ZERO
             };
         }
     }
