@@ -814,7 +814,7 @@ fn a_broken_sensor_teaches_nothing() {
     assert!(!learned.changed.contains(&true) && estimator.refused() == 0);
 }
 
-/// One channel of a probe or of a load cell is dead, or has its sign reversed, on a machine that has not changed: no amplitude has an alarm, and
+/// One channel of a probe is dead, or has its sign reversed, on a machine that has not changed: no amplitude has an alarm, and
 /// nothing is compensated that was not before.
 #[test]
 fn a_dead_or_reversed_channel_is_no_change_of_the_machine() {
