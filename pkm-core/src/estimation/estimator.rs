@@ -67,6 +67,12 @@ fn readings_since(readings: u32, changed_at: u32) -> u32 {
     readings.saturating_sub(changed_at.max(1)).saturating_add(1)
 }
 
+/// Whether enough readings have come since a change, or since the first where nothing came at once.
+fn is_believed(readings: u32, changed_at: u32) -> bool {
+    let last = readings.saturating_sub(BELIEVED - 1);
+    last > 0 && changed_at <= last
+}
+
 /// One component of a reading, as the filter takes it in.
 struct Component<T, const N: usize> {
     /// Of the amplitudes, in their deviations.
@@ -535,15 +541,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         changed
     }
 
-    /// The last reading whose change has enough others behind it to be believed; 0 while there is none.
-    fn believed(&self) -> u32 {
-        self.readings.saturating_sub(BELIEVED - 1)
-    }
-
     /// Works out what is worth compensating. While a change is new, what is compensated may become less, and no more.
     pub(super) fn set_targets(&mut self) {
         let variances = self.filter.variances();
-        let believed = self.believed();
         for n in 0..N {
             let known = (self.filter.mean.get(n), variances.get(n), self.scaled.get(n), self.changed_at.get(n));
             let (Some(mean), Some(variance), Some(own), Some(changed_at)) = known else { return };
@@ -551,7 +551,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             let change = *mean - own.accepted;
             let doubt = T::from_f64(DOUBT) * *variance + own.doubt;
             let worth = if change * change > doubt { change - doubt / change } else { T::ZERO };
-            *target = if (*changed_at).max(1) <= believed {
+            *target = if is_believed(self.readings, *changed_at) {
                 worth
             } else if worth * *target > T::ZERO {
                 if worth * worth < *target * *target { worth } else { *target }
@@ -605,6 +605,6 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let deviation = self.filter.variance(n).sqrt();
         // innovations of one sign prove that something has changed; that it is this one, its own change
         let is_proven = change >= T::from_f64(if *changed_at > 0 { OWN } else { CHANGE }) * deviation;
-        is_proven && (*changed_at).max(1) <= self.believed() && change - own.alarm >= T::from_f64(SURE) * deviation
+        is_proven && is_believed(self.readings, *changed_at) && change - own.alarm >= T::from_f64(SURE) * deviation
     }
 }
