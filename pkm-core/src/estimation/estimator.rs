@@ -417,8 +417,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             if !(*deviation > T::ZERO && noise > T::ZERO && variance.is_finite() && beyond.is_finite()) {
                 return Err(Refusal::NotFinite);
             }
-            let shown = weights.iter().fold(T::ZERO, |sum, weight| sum + *weight * *weight);
-            excited |= shown > T::from_f64(EXCITED) * noise;
+            // one component that tells something is enough: a period has no time for the sums of the others
+            excited = excited
+                || weights.iter().fold(T::ZERO, |sum, weight| sum + *weight * *weight) > T::from_f64(EXCITED) * noise;
             let [is_same, is_stuck] = self.is_still(n, *read, expected, noise);
             same &= is_same;
             stuck |= is_stuck;
