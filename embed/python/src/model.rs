@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArray3};
 use pkm_core::{Configuration, Domain, JointValues, Pose, ScrewLengths, StiffnessError, Tool, ToolSolution, Wrench};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::path::unit;
-use pkm_host::files::readings::{Condition, REFERENCE_C};
+use pkm_host::files::readings::Condition;
 use pkm_host::files::source::Source;
 use pkm_host::plan::model::{self, Form, Solved, extrapolation_warning, no_factor_form, solve_at};
 use pkm_host::plan::reach::Reach;
@@ -143,7 +143,7 @@ impl Model {
     }
 
     /// K_m of the table, or without one K_p: (n, 3) to (n, 6, 6).
-    #[pyo3(signature = (poses, *, temperature_c=REFERENCE_C))]
+    #[pyo3(signature = (poses, *, temperature_c=20.0))]
     fn stiffness<'py>(&self, py: Python<'py>, poses: Given<'py>, temperature_c: f64) -> PyResult<Matrices<'py>> {
         let solved = self.solve(py, &rows("poses", &poses)?, temperature_c)?;
         let k = each(py, &solved, |solved| {
@@ -162,7 +162,7 @@ impl Model {
     ///
     /// `wrenches` (n, 6) or one row act at the points `at_m`, (n, 3) or one row in A-uvw, default A; the deflections are
     /// those of these points. `rise_k` is how much warmer the machine is than when the deflections were zeroed.
-    #[pyo3(signature = (poses, wrenches, *, at_m=None, temperature_c=REFERENCE_C, rise_k=0.0))]
+    #[pyo3(signature = (poses, wrenches, *, at_m=None, temperature_c=20.0, rise_k=0.0))]
     fn deflection<'py>(
         &self,
         py: Python<'py>,

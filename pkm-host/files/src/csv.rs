@@ -312,6 +312,14 @@ impl Sheet {
         }
     }
 
+    /// A number whose cell, or column, may not be there.
+    pub(crate) fn optional(&self, row: &Row, column: &str) -> Result<Option<f64>> {
+        if !self.has(column) || self.cell(row, column)?.is_empty() {
+            return Ok(None);
+        }
+        self.number(row, column).map(Some)
+    }
+
     pub(crate) fn numbers<const N: usize>(&self, row: &Row, columns: [&str; N]) -> Result<[f64; N]> {
         let mut values = [0.0; N];
         for (value, column) in values.iter_mut().zip(columns) {

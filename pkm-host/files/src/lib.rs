@@ -36,4 +36,5 @@ pub mod tool_path;
 pub mod tools;
 pub mod unloaded;
 pub mod verified;
+pub mod warmth;
 mod wrist;

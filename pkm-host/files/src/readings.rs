@@ -14,6 +14,7 @@ use crate::machine::MachineFile;
 use crate::measured::{LoadCase, Measured};
 use crate::pose::NamedPose;
 use crate::source::Source;
+use crate::warmth::{Warmth, Zeros};
 
 /// Channels: three translations, three rotations, and the displacement along a gauge.
 pub const CHANNELS: usize = 7;
@@ -23,9 +24,6 @@ pub const GAUGE: usize = 6;
 
 /// Of each channel: 0 for lengths, 1 for angles.
 pub const KINDS: [usize; CHANNELS] = [0, 0, 0, 1, 1, 1, 0];
-
-/// Where the temperature column counts from.
-pub const REFERENCE_C: f64 = 20.0;
 
 /// What determines a prediction; readings that share it are repeats of one another.
 #[derive(Clone, Copy, Debug)]
@@ -129,7 +127,6 @@ fn bits(values: &[f64]) -> Vec<u64> {
 struct History {
     last: Wrench<f64>,
     turned_at: Wrench<f64>,
-    zero_temperature_c: f64,
 }
 
 fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
@@ -212,19 +209,11 @@ impl Repeats {
     }
 }
 
-/// A number whose cell may be empty.
-fn optional(sheet: &Sheet, row: &Row, column: &str) -> Result<Option<f64>> {
-    if !sheet.has(column) || sheet.cell(row, column)?.is_empty() {
-        return Ok(None);
-    }
-    sheet.number(row, column).map(Some)
-}
-
 /// The deflection of a row in m and rad; `decimals` keeps the most digits behind the point of each channel.
 fn deflection(sheet: &Sheet, row: &Row, decimals: &mut [usize; CHANNELS]) -> Result<[Option<f64>; CHANNELS]> {
     let mut observed = [None; CHANNELS];
     for (c, column) in READ_COLUMNS.iter().enumerate() {
-        observed[c] = optional(sheet, row, column)?.map(|v| v * 1e-6);
+        observed[c] = sheet.optional(row, column)?.map(|v| v * 1e-6);
         if observed[c].is_some() {
             let text = sheet.cell(row, column)?;
             let digits = text.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
@@ -290,13 +279,14 @@ impl Readings {
         let mut series_index: HashMap<String, usize> = HashMap::new();
         let mut series_names = Vec::new();
         let mut histories: HashMap<usize, History> = HashMap::new();
+        let mut zeros = Zeros::default();
         let (mut conditions, mut readings) = (Vec::new(), Vec::new());
         let mut decimals = [0_usize; CHANNELS];
         let has_temperature = sheet.has("temperature_c");
         let mut has_unloading = false;
         for (n, (row, case)) in sheet.rows.iter().zip(cases).enumerate() {
             let observed = deflection(sheet, row, &mut decimals)?;
-            let sigma = [optional(sheet, row, "sigma_linear_um")?, optional(sheet, row, "sigma_angular_urad")?]
+            let sigma = [sheet.optional(row, "sigma_linear_um")?, sheet.optional(row, "sigma_angular_urad")?]
                 .map(|s| s.map(|v| v * 1e-6));
             let p = &case.pose.pose;
             let pose = *pose_index.entry(bits(&[p.theta_rad, p.sigma_rad, p.z0_m])).or_insert_with(|| {
@@ -311,13 +301,9 @@ impl Readings {
                 series_names.len() - 1
             });
             let direction = if sheet.has("direction") { sheet.cell(row, "direction")? } else { "" };
-            let temperature_c = optional(sheet, row, "temperature_c")?.unwrap_or(REFERENCE_C);
-            let unloaded = case.wrench.to_vector().iter().all(|f| *f == 0.0);
-            let history = histories.entry(series).or_insert_with(|| History {
-                last: Wrench::ZERO,
-                turned_at: Wrench::ZERO,
-                zero_temperature_c: if unloaded { temperature_c } else { REFERENCE_C },
-            });
+            let Warmth { temperature_c, rise_k } = zeros.step(sheet, row, &case.wrench)?;
+            let history =
+                histories.entry(series).or_insert_with(|| History { last: Wrench::ZERO, turned_at: Wrench::ZERO });
             history.step(&case.wrench, direction);
             has_unloading |= inner(&history.turned_at, &history.turned_at) > 0.0;
             let condition = Condition {
@@ -326,11 +312,11 @@ impl Readings {
                 point_m: case.point_m,
                 turned_at: history.turned_at,
                 temperature_c,
-                rise_k: if has_temperature { temperature_c - history.zero_temperature_c } else { 0.0 },
+                rise_k,
                 gauge: case.gauge,
             };
             let name = if sheet.has("load") { sheet.cell(row, "load")? } else { "" };
-            let own_random = optional(sheet, row, LOAD_RANDOM_COLUMN)?;
+            let own_random = sheet.optional(row, LOAD_RANDOM_COLUMN)?;
             let scatter = own_random.unwrap_or(load_random);
             let loads = [&case.wrench, &history.turned_at];
             let repeat_of = repeats.number(condition.key_of_place(), name, loads, scatter);

@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use pkm_core::thermal::DECLARED_TEMPERATURE_C;
+
 use super::arguments::TableArgs;
 use super::session::{Output, Session};
 use crate::error::Result;
-use crate::files::readings::REFERENCE_C;
 use crate::files::{dataset, source};
 use crate::plan::model::extrapolation_warning;
 use crate::report::stiffness as report;
@@ -34,7 +35,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         // a stiffness file has one line a pose
         dataset::refuse_doubled_ids(&file, &poses)?;
     }
-    let solved = model.solve(poses.iter().map(|p| (p, REFERENCE_C))).map_err(|f| f.in_file(file))?;
+    let solved = model.solve(poses.iter().map(|p| (p, DECLARED_TEMPERATURE_C))).map_err(|f| f.in_file(file))?;
     session.warn(extrapolation_warning(&solved));
 
     let mut text = report::text(&poses, &solved);

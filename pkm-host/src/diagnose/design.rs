@@ -1,6 +1,7 @@
 //! What to measure next to tell rivals apart.
 
 use nalgebra::{Vector3, Vector6};
+use pkm_core::thermal::DECLARED_TEMPERATURE_C;
 use pkm_core::{Pose, Wrench};
 use pkm_diagnosis::design::{self, Rival};
 use pkm_diagnosis::{Noise, Rules};
@@ -8,7 +9,7 @@ use pkm_diagnosis::{Noise, Rules};
 use super::experiment::Experiment;
 use super::model::Model;
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, Condition, GAUGE, REFERENCE_C, Readings};
+use crate::files::readings::{CHANNELS, Condition, GAUGE, Readings};
 use crate::pose::{PoseBox, pose_of};
 
 /// How much wider than the box the poses may lie, half of it on either side.
@@ -87,7 +88,7 @@ pub fn propose(
                 wrench: *wrench,
                 point_m: [0.0; 3],
                 turned_at: Wrench::ZERO,
-                temperature_c: REFERENCE_C,
+                temperature_c: DECLARED_TEMPERATURE_C,
                 rise_k: 0.0,
                 gauge: None,
             })

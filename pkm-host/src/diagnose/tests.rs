@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use pkm_core::Wrench;
 use pkm_core::machine::Machine;
+use pkm_core::thermal::DECLARED_TEMPERATURE_C;
 use pkm_diagnosis::{Fit, ForwardModel, Noise, NoiseSource, Problem, Rules, Search, Unknown, Whitener, validation};
 
 use super::compare::{self, Fitted, RIVALS, Rival, Zone};
@@ -11,7 +12,7 @@ use super::experiment::{Experiment, observations};
 use super::model::{COUNT, Meaning, Model, Recorded, info};
 use super::{Method, diagnose};
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, Condition, GAUGE, REFERENCE_C, Reading, Readings};
+use crate::files::readings::{CHANNELS, Condition, GAUGE, Reading, Readings};
 use crate::files::source::Source;
 use crate::pose::{NamedPose, pose_of};
 use crate::progress::silent;
@@ -38,7 +39,7 @@ pub(super) fn condition(pose: usize, wrench: [f64; 6]) -> Condition {
         wrench: Wrench::from_vector(wrench.into()),
         point_m: [0.0; 3],
         turned_at: Wrench::ZERO,
-        temperature_c: REFERENCE_C,
+        temperature_c: DECLARED_TEMPERATURE_C,
         rise_k: 0.0,
         gauge: None,
     }
@@ -264,7 +265,7 @@ fn an_element_of_temperature_is_felt_when_it_is_warm() {
         .unwrap();
     let unknown = model.unknown(Meaning::Element(softer)).unwrap();
     let mut warm = condition(1, [0.0, 0.0, 800.0, 0.0, 0.0, 0.0]);
-    warm.temperature_c = REFERENCE_C + 6.0;
+    warm.temperature_c = DECLARED_TEMPERATURE_C + 6.0;
     let poses = [0, 1].map(|n: usize| pose_of(POSES[n][0], POSES[n][1], POSES[n][2]));
     let said = model.predict(&poses, &[warm], &[unknown], &[1.0]).unwrap()[0];
     let machine = Machine::<f64>::new(&model.state(&[unknown], &[1.0], false).machine).unwrap();

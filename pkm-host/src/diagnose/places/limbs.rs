@@ -4,13 +4,13 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use pkm_core::effects::Place;
+use pkm_core::thermal::DECLARED_TEMPERATURE_C;
 
 use super::Blocks;
 use super::coupled::Written;
 use super::elastic::{Frame, M6, M8, V8};
 use super::terms::{Term, alike, rows, symmetric};
 use crate::diagnose::declared::Declared;
-use crate::files::readings::REFERENCE_C;
 
 /// Index of the axial force of each limb among the transmitted wrenches.
 const AXIAL: [usize; 3] = [0, 3, 6];
@@ -233,7 +233,7 @@ fn direction(blocks: &mut Blocks<'_>) {
 fn temperature(blocks: &mut Blocks<'_>) {
     let conditions = &blocks.readings.conditions;
     let entries = &blocks.problem.whitener.entries;
-    let warmer = entries.iter().map(|e| (conditions[e.condition].temperature_c - REFERENCE_C) / 10.0);
+    let warmer = entries.iter().map(|e| (conditions[e.condition].temperature_c - DECLARED_TEMPERATURE_C) / 10.0);
     let warmer: Arc<Vec<f64>> = Arc::new(warmer.collect());
     // thermal growth, ppm scale of metals, by entry
     let grown = |limbs: &[usize]| {
