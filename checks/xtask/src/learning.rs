@@ -7,6 +7,7 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 use pkm_core::estimation::{Alarm, Estimator, MAX_AMPLITUDES, state_bytes};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
+use pkm_core::thermal::DECLARED_TEMPERATURE_C;
 use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
 use pkm_host::files::learn::Learn;
 use pkm_host::files::log::Entry;
@@ -39,7 +40,7 @@ pub fn run(name: &str, elf: &Path) -> Outcome {
             // refused: the clock runs backwards
             touch.time_s = 1;
         }
-        log.push(Entry { line: n.into(), touch, readings: readings.to_vec() });
+        log.push(Entry { line: n.into(), touch, temperature_c: DECLARED_TEMPERATURE_C, readings: readings.to_vec() });
     }
     let mut board = Board::start(name, elf)?;
     let mut saved = Vec::new();

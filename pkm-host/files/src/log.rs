@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use pkm_core::estimation::{TipReading, Touch};
 use pkm_core::nalgebra::{Vector3, Vector6};
+use pkm_core::thermal::DECLARED_TEMPERATURE_C;
+use pkm_core::{Deflection, Machine};
 
 use crate::csv::Sheet;
 use crate::dataset::{
@@ -14,6 +16,7 @@ use crate::import::{self, Renames};
 use crate::machine::MachineFile;
 use crate::measured::Measured;
 use crate::source::Source;
+use crate::warmth::{Warmth, Zeros};
 
 /// When a row was read: whole seconds since any fixed time.
 pub const TIME_COLUMN: &str = "time_s";
@@ -25,6 +28,8 @@ pub struct Entry {
     pub line: u64,
     /// Where and under which load.
     pub touch: Touch<f64>,
+    /// Of the machine, °C.
+    pub temperature_c: f64,
     /// What was read.
     pub readings: Vec<TipReading<f64>>,
 }
@@ -51,6 +56,7 @@ pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<
         let message = format!("expected a column `{column}`: a log says every component of its loads, 0 too");
         return Err(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line));
     }
+    let mut zeros = Zeros::default();
     let entry = |(row, case): (&_, &crate::measured::LoadCase)| {
         let time = sheet.number(row, TIME_COLUMN)?;
         if !(0.0..=f64::from(u32::MAX)).contains(&time) || time.fract() != 0.0 {
@@ -81,27 +87,45 @@ pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<
             let message = format!("expected a deflection in one of {}", DEFLECTION_COLUMNS.join(", "));
             return Err(sheet.failure(row, message));
         }
+        if sheet.has("temperature_c") {
+            let temperature = sheet.number(row, "temperature_c")?;
+            let refused = |e| sheet.failure(row, format!("{temperature} °C: {e}")).at_column("temperature_c");
+            machine.machine.at_temperature(temperature).map_err(refused)?;
+        }
+        let Warmth { temperature_c, rise_k } = zeros.step(&sheet, row, &case.wrench)?;
         let touch = Touch {
             time_s: time as u32,
             pose: case.pose.pose,
             tip_m: case.point_m.into(),
             wrench: case.wrench,
-            rise_k: 0.0,
+            rise_k,
         };
-        Ok(Entry { line: row.line, touch, readings })
+        Ok(Entry { line: row.line, touch, temperature_c, readings })
     };
-    let entries = sheet.rows.iter().zip(&cases).map(entry).collect::<Result<_>>()?;
-    let warnings =
-        std::mem::take(&mut sheet.warnings).into_iter().chain(unused(&sheet)).chain(copies(&sheet)).collect();
+    let entries: Vec<Entry> = sheet.rows.iter().zip(&cases).map(entry).collect::<Result<_>>()?;
+    let warnings = std::mem::take(&mut sheet.warnings)
+        .into_iter()
+        .chain(unused(&sheet, &machine.machine, &entries))
+        .chain(copies(&sheet))
+        .collect();
     Ok(Log { entries, warnings })
 }
 
-/// Columns of measured data that say nothing to an estimator.
-fn unused(sheet: &Sheet) -> Option<String> {
+/// Columns of measured data that say nothing to an estimator, or not of this machine.
+fn unused(sheet: &Sheet, machine: &Machine<f64>, entries: &[Entry]) -> Vec<String> {
     let of_components = [&SIGMA_COLUMNS[..], &CORRELATION_COLUMNS, &[ZERO_SHARE_COLUMN, LOAD_RANDOM_COLUMN]].concat();
-    let there: Vec<&str> = of_components.into_iter().chain(["temperature_c"]).filter(|c| sheet.has(c)).collect();
-    let (file, line) = (printable(&sheet.source.name), sheet.header_line);
-    (!there.is_empty()).then(|| format!("{file}:{line}: not used in a log: {}", there.join(", ")))
+    let there: Vec<&str> = of_components.into_iter().filter(|c| sheet.has(c)).collect();
+    let at = format!("{}:{}", printable(&sheet.source.name), sheet.header_line);
+    let mut unused = Vec::new();
+    if !there.is_empty() {
+        unused.push(format!("{at}: not used in a log: {}", there.join(", ")));
+    }
+    let warms = |pose| machine.thermal_deflection(pose, 1.0) != Ok(Deflection::ZERO);
+    let softens = machine.at_temperature(DECLARED_TEMPERATURE_C + 1.0) != Ok(*machine);
+    if sheet.has("temperature_c") && !softens && !entries.iter().any(|entry| warms(&entry.touch.pose)) {
+        unused.push(format!("{at}: temperature_c changes nothing: the machine file has no effect of temperature"));
+    }
+    unused
 }
 
 /// Rows that are the same as an earlier one in every cell.

@@ -17,9 +17,11 @@ pub(super) fn fit<const N: usize>(
     entries.first()?;
     // in deviations of the settings, from what was accepted
     let (mut information, mut right) = (DMatrix::<f64>::identity(N, N), DVector::<f64>::zeros(N));
-    for Entry { touch, readings, .. } in entries {
+    for Entry { touch, temperature_c, readings, .. } in entries {
+        let machine = &machine.at_temperature(*temperature_c).ok()?;
         let wrench = touch.wrench.moved_to_a(touch.tip_m);
-        let predicted = loaded(machine, table, touch)?;
+        let grown = machine.thermal_deflection(&touch.pose, touch.rise_k).ok()?;
+        let predicted = loaded(machine, table, touch)?.plus(&grown);
         let seen = predicted.seen_at(touch.tip_m).to_vector();
         let amplitudes = settings.amplitudes.map(|own| own.amplitude);
         let moved = machine.sensitivities(&touch.pose, &wrench, &amplitudes).ok()?;

@@ -89,7 +89,7 @@ impl Replay {
 /// Runs a log through the core's estimator.
 ///
 /// # Errors
-/// Settings that the core refuses.
+/// Settings that the core refuses, or a temperature.
 pub fn replay(
     machine: &Machine<f64>,
     table: Option<&CorrectionTable<'_, f64>>,
@@ -102,7 +102,7 @@ pub fn replay(
 /// Runs a log through the core's estimator, and says where to probe next.
 ///
 /// # Errors
-/// Settings that the core refuses.
+/// Settings that the core refuses, or a temperature.
 pub fn replay_and_propose(
     machine: &Machine<f64>,
     table: Option<&CorrectionTable<'_, f64>>,
@@ -175,8 +175,9 @@ fn with<const N: usize>(
     let (steps, batch, age, next) = (Vec::new(), None, Age::default(), Vec::new());
     let mut replay = Replay { learn, steps, batch, age, alarm_ratios, limbs_m_per_n, next };
     for entry in log {
-        let Entry { line, touch, readings } = entry;
-        let learned = estimator.learn(machine, table, touch, readings);
+        let Entry { line, touch, temperature_c, readings } = entry;
+        let machine = machine.at_temperature(*temperature_c).map_err(|e| refused(&e).at_line(*line))?;
+        let learned = estimator.learn(&machine, table, touch, readings);
         replay.steps.push(Step {
             line: *line,
             time_s: touch.time_s,

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use pkm_core::Wrench;
 use pkm_core::nalgebra::Matrix6;
-use pkm_core::tables::reference::PARAMETERS;
+use pkm_core::tables::reference::{MACHINE_F64, PARAMETERS};
+use pkm_core::{Pose, Wrench};
 use pkm_trials::life::{Plan, live};
 use serde_json::Value;
 
-use crate::common::{Folder, fixture, json, refused};
+use crate::common::{Folder, fixture, json, reference_machine, refused};
 
 const LOG: &str = "logs/worn-drive.csv";
 
@@ -230,7 +230,9 @@ fn what_a_log_holds_and_is_not_used_is_said() {
     twice.insert(5, twice[4]);
     assert!(warned(&run(&twice.join("\n"), &[]), "log.csv:6: the same reading as in line 5"));
     let warm = healthy.replacen('\n', ",temperature_c\n", 1).replace(",0.3\n", ",0.3,21.5\n");
-    assert!(warned(&run(&warm, &[]), "log.csv:1: not used in a log: temperature_c"));
+    assert!(warned(&run(&warm, &[]), "log.csv:1: temperature_c changes nothing"));
+    let noisy = healthy.replacen('\n', ",load_random\n", 1).replace(",0.3\n", ",0.3,0.01\n");
+    assert!(warned(&run(&noisy, &[]), "log.csv:1: not used in a log: load_random"));
     // a load that was lost is none that stands above
     let mut cells: Vec<Vec<&str>> = healthy.lines().map(|line| line.split(',').collect()).collect();
     cells[6][8..14].fill("");
@@ -482,4 +484,62 @@ fn readings_outside_the_tables_box_are_counted() {
     let found = json(&["replay", "--log", &log, "--table", &narrow, "--next", "3", "--out", &folder.path("out")]);
     let thetas: Vec<f64> = found["next"].as_array().unwrap().iter().map(|p| p["pose"][0].as_f64().unwrap()).collect();
     assert!(thetas.len() == 3 && thetas.iter().all(|theta| (-4.0..=13.0).contains(theta)), "{thetas:?}");
+}
+
+/// A machine that softens by 0.04 % and grows by 11 µm/m for each degree: where all grows alike A moves along BA, which is along w at
+/// θ = σ = 0, by its share of Z0, and all that yields does so by as much more.
+#[test]
+fn a_log_with_temperatures_is_read_as_of_a_machine_that_is_warm() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let (softer_per_k, longer_per_k) = (4e-4, 11e-6);
+    let machine = folder.write(
+        "machine.toml",
+        &format!(
+            "{}\n[[effect]]\nid = \"thermal-modulus\"\nbodies_per_k = {softer_per_k}\njoints_per_k = {softer_per_k}\n\
+             [[effect]]\nid = \"thermal-expansion\"\nlimbs_per_k = {longer_per_k}\nplatforms_per_k = {longer_per_k}\n",
+            reference_machine()
+        ),
+    );
+    let mut log = "time_s,pose,series,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm,dx_um,dy_um,dz_um,\
+                   sigma_linear_um,temperature_c\n"
+        .to_owned();
+    let mut row = |series: &str, at: u32, force_n: [f64; 3], temperature_c: f64, zero_c: f64| {
+        let z0_mm = 500.0 + f64::from(5 * at);
+        let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: z0_mm * 1e-3 };
+        let cold = MACHINE_F64.stiffness(&pose).unwrap().factor().unwrap();
+        let cold = cold.deflection(&Wrench { force_n: force_n.into(), ..Wrench::ZERO }).unwrap().translation_m;
+        let [x, y, z] = (cold / (1.0 - softer_per_k * (temperature_c - 20.0)) * 1e6).into();
+        let z = z + longer_per_k * (temperature_c - zero_c) * z0_mm * 1e3;
+        let [fx, fy, fz] = force_n;
+        log += &format!("{at},P,{series},0,0,{z0_mm},{fx},{fy},{fz},0,0,0,{x},{y},{z},0.3,{temperature_c}\n");
+    };
+    // rows on their own were zeroed at 20 °C, those of a series at its first
+    for (at, temperature_c) in [20.0, 24.0, 33.0, 45.0, 12.0].into_iter().enumerate() {
+        row("", at as u32, [800.0, -300.0, -500.0], temperature_c, 20.0);
+    }
+    for (at, force_n) in
+        [[0.0; 3], [900.0, 0.0, 0.0], [300.0, 600.0, -400.0], [-300.0, 0.0, -900.0]].into_iter().enumerate()
+    {
+        row("warm", 5 + at as u32, force_n, 45.0, 45.0);
+    }
+    let log_file = folder.write("log.csv", &log);
+    let found = json(&["replay", "--machine", &machine, "--log", &log_file, "--out", &out]);
+    assert_eq!(found["warnings"], serde_json::json!([]));
+    assert_eq!(found["refused"], serde_json::json!([{ "line": 7, "code": "not_excited" }]));
+    for own in found["amplitudes"].as_array().unwrap() {
+        let [value, deviation, batch] = ["value", "deviation", "batch_value"].map(|key| own[key].as_f64().unwrap());
+        assert!(value.abs() < 1e-6 * deviation && batch.abs() < 1e-6 * deviation, "{own}");
+    }
+    // to a machine that is never warm the same log is another
+    let cold = json(&["replay", "--log", &log_file, "--out", &out]);
+    assert!(cold["refused"].as_array().unwrap().len() > 3, "{}", cold["refused"]);
+
+    for (cell, what) in [("", "found an empty cell"), ("2600", "no stiffness would be left")] {
+        let wrong = log.replacen(",33\n", &format!(",{cell}\n"), 1);
+        let log = folder.write("wrong.csv", &wrong);
+        let error = refused(&["replay", "--machine", &machine, "--log", &log, "--out", &out]);
+        assert!(error["line"] == 4 && error["column"] == "temperature_c", "{error}");
+        assert!(error["message"].as_str().unwrap().contains(what), "{error}");
+    }
 }
