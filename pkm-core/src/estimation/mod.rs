@@ -12,13 +12,13 @@
 //!
 //! | what | [`Refusal`] |
 //! |---|---|
-//! | a number that is not finite, no component, or more than six | `NotFinite`, `Components` |
+//! | a reading that is not finite, or its deviation not above 0; no component, or more than six | `NotFinite`, `Components` |
 //! | time runs backwards | `Backwards` |
 //! | a load too small to tell anything | `NotExcited` |
 //! | the same numbers five times in a row, or the same in one component that should have moved | `Stuck` |
 //! | the tip goes against the deflection that the load makes | `WrongSign` |
 //! | further from what is expected than noise ever is | `Unexpected` |
-//! | no deflection at the pose | `Model` |
+//! | no deflection: a pose out of reach, or a pose, load or temperature that is not finite | `Model` |
 //!
 //! **Change.** The covariance grows by the drift that is allowed, up to what was unknown at the start: without readings it does
 //! not run away. What comes suddenly shows as innovations of one sign: their sum over some sixteen readings, weighted as an

@@ -45,7 +45,7 @@ pub struct TipReading<T> {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Refusal {
-    /// A number is NaN or infinite, or a deviation not above 0.
+    /// What is read is NaN or infinite, or a deviation not above 0.
     NotFinite,
     /// No component, or more than [`MAX_COMPONENTS`].
     Components,
@@ -53,13 +53,13 @@ pub enum Refusal {
     Backwards,
     /// The load moves the tip by too little to tell anything.
     NotExcited,
-    /// The same numbers as in the four readings before.
+    /// The same numbers as in the four readings before, or the same in one component that should have moved.
     Stuck,
     /// The tip goes against the deflection that the load makes.
     WrongSign,
     /// Further from what is expected than noise and what is unknown explain.
     Unexpected,
-    /// There is no deflection at the pose.
+    /// There is no deflection at the pose, or pose, load or temperature are not finite.
     Model(CorrectionError),
 }
 
