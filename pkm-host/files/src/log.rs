@@ -5,16 +5,17 @@ use std::collections::HashMap;
 use pkm_core::estimation::{TipReading, Touch};
 use pkm_core::nalgebra::{Vector3, Vector6};
 use pkm_core::thermal::DECLARED_TEMPERATURE_C;
-use pkm_core::{Deflection, Machine};
+use pkm_core::{Deflection, Machine, Wrench};
 
-use crate::csv::Sheet;
+use crate::csv::{Row, Sheet};
 use crate::dataset::{
     CORRELATION_COLUMNS, DEFLECTION_COLUMNS, LOAD_RANDOM_COLUMN, READ_COLUMNS, SIGMA_COLUMNS, ZERO_SHARE_COLUMN,
 };
 use crate::error::{Failure, Result, printable};
 use crate::import::{self, Renames};
 use crate::machine::MachineFile;
-use crate::measured::Measured;
+use crate::measured::{LoadCase, Measured};
+use crate::readings::Readings;
 use crate::source::Source;
 use crate::warmth::{Warmth, Zeros};
 
@@ -40,6 +41,25 @@ pub struct Log {
     pub entries: Vec<Entry>,
     /// What of the file is not used, or doubtful.
     pub warnings: Vec<String>,
+    sheet: Sheet,
+    cases: Vec<LoadCase>,
+}
+
+impl Log {
+    /// Some of its rows as measured data: those of which `is_kept` says so by their line, and those without load, at which a series
+    /// has its zero reading. `load_random` is the load cell's relative noise.
+    ///
+    /// # Errors
+    /// A cell that is no number.
+    pub fn measured(self, load_random: f64, is_kept: impl Fn(u64) -> bool) -> Result<(Sheet, Readings)> {
+        let Self { mut sheet, cases, .. } = self;
+        let rows = std::mem::take(&mut sheet.rows).into_iter().zip(cases);
+        let is_part = |(row, case): &(Row, LoadCase)| is_kept(row.line) || case.wrench == Wrench::ZERO;
+        let (rows, cases): (Vec<_>, Vec<_>) = rows.filter(is_part).unzip();
+        sheet.rows = rows;
+        let readings = Readings::new(&sheet, &cases, load_random)?;
+        Ok((sheet, readings))
+    }
 }
 
 /// Reads a log.
@@ -57,7 +77,7 @@ pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<
         return Err(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line));
     }
     let mut zeros = Zeros::default();
-    let entry = |(row, case): (&_, &crate::measured::LoadCase)| {
+    let entry = |(row, case): (&_, &LoadCase)| {
         let time = sheet.number(row, TIME_COLUMN)?;
         if !(0.0..=f64::from(u32::MAX)).contains(&time) || time.fract() != 0.0 {
             let message = format!("expected whole seconds from 0 to {}, found {time}", u32::MAX);
@@ -108,7 +128,7 @@ pub fn read(source: Source, machine: &MachineFile, renames: &Renames) -> Result<
         .chain(unused(&sheet, &machine.machine, &entries))
         .chain(copies(&sheet))
         .collect();
-    Ok(Log { entries, warnings })
+    Ok(Log { entries, warnings, sheet, cases })
 }
 
 /// Columns of measured data that say nothing to an estimator, or not of this machine.

@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use super::arguments::{ColumnsArgs, DateArgs, TableArgs};
+use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::learn::Learn;
-use crate::files::log::{self, Log};
+use crate::files::log;
+use crate::files::measured;
 use crate::files::source::{self, Source};
 use crate::page::of_file;
 use crate::plan::model::{Form, no_factor_form};
@@ -31,9 +33,13 @@ pub(crate) struct Args {
     /// next.csv: a log with cells for times and readings. The loads are as great as the log's greatest.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=50))]
     next: Option<u16>,
+    /// Diagnoses the last readings that were taken in beside it, up to 200 since the last change that came at once: what it is that has
+    /// changed. They are written to readings.csv, for a diagnose of its own.
+    #[arg(long)]
+    diagnose: bool,
     #[command(flatten)]
     date: DateArgs,
-    /// Folder for replay.json, report.html, steps.csv (what was known after each reading) and next.csv.
+    /// Folder for replay.json, report.html, steps.csv (what was known after each reading), next.csv and readings.csv.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -61,14 +67,15 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             (model.machine.source.name.clone(), drives.map_err(|e| failed(e).in_file(&model.machine.source.name))?)
         }
     };
-    let Log { entries, warnings } = log::read(source, &model.machine, &args.columns.renames())?;
-    session.warn(warnings);
+    let log = log::read(source, &model.machine, &args.columns.renames())?;
+    session.warn(log.warnings.iter().cloned());
     // what is read outside of the table's box teaches by extrapolation
     let own = model.machine.pose_box;
     let pose_box = model.table.as_ref().and_then(|table| own.common(&table.pose_box)).unwrap_or(own);
     let ask = args.next.map(|count| Ask { count: count.into(), pose_box });
-    let replay = replay::replay_and_propose(&model.machine.machine, applied.as_ref(), learn, &entries, ask)
+    let mut replay = replay::replay_and_propose(&model.machine.machine, applied.as_ref(), learn, &log.entries, ask)
         .map_err(|f| f.in_file(&name))?;
+    let diagnosed = if args.diagnose { replay.diagnose(&model.machine, log, &bar())? } else { None };
     if args.next.is_some() && replay.next.is_empty() {
         session.warn(["next.csv has no probing: none would tell much more than is known, or the log has no force, or no deflection along an axis".to_owned()]);
     }
@@ -81,6 +88,9 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     ];
     if args.next.is_some() {
         files.push(("next.csv".to_owned(), report::next_csv(&replay).into_bytes()));
+    }
+    if let Some(readings) = &diagnosed {
+        files.push(("readings.csv".to_owned(), measured::to_csv(readings).into_bytes()));
     }
     let inputs = [session.machine_path(), Some(args.log.as_path()), args.learn.as_deref(), args.table.table.as_deref()];
     source::write_all(&args.out, &files, &inputs)?;

@@ -185,7 +185,7 @@ fn of_effect(e: &Effect) -> String {
 }
 
 /// The findings in sentences, the most important first.
-fn findings(d: &Diagnosis) -> Vec<Finding> {
+pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
     // where the readings themselves are in doubt nothing else counts
     let mut all: Vec<Finding> =
         d.warnings.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();

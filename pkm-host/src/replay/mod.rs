@@ -1,6 +1,7 @@
-//! A controller's log through the controller's own estimator, reading by reading, and a fit of the same readings beside it.
+//! A controller's log through the controller's own estimator, reading by reading, and a fit and a diagnosis of the same readings beside it.
 
 mod batch;
+mod diagnosed;
 mod next;
 
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal, Touch};
@@ -10,6 +11,7 @@ use crate::error::{Failure, Result};
 use crate::files::learn::{Learn, limb_compliances_m_per_n};
 use crate::files::log::Entry;
 use crate::pose::{PoseBox, pose_of};
+pub use diagnosed::Diagnosed;
 pub use next::{Ask, Proposal};
 
 /// Readings of the fit beside the estimator: the last ones that were taken in.
@@ -55,6 +57,8 @@ pub struct Replay {
     pub limbs_m_per_n: Option<[f64; 3]>,
     /// Where to probe next, if that was asked.
     pub next: Vec<Proposal>,
+    /// A diagnosis of the last readings, if that was asked.
+    pub diagnosed: Option<Diagnosed>,
 }
 
 /// How old what was learned is at a log's last row, taken in or not; or at the last reading that was taken in, where the clock has
@@ -172,8 +176,8 @@ fn with<const N: usize>(
     let alarm_ratios = alarm_ratios(machine, table, &learn.amplitudes, log);
     let [theta_deg, sigma_deg, z0_mm] = PoseBox::of(log.iter().map(|entry| &entry.touch.pose)).middle();
     let limbs_m_per_n = limb_compliances_m_per_n(machine, &pose_of(theta_deg, sigma_deg, z0_mm)).ok();
-    let (steps, batch, age, next) = (Vec::new(), None, Age::default(), Vec::new());
-    let mut replay = Replay { learn, steps, batch, age, alarm_ratios, limbs_m_per_n, next };
+    let (steps, batch, age, next, diagnosed) = (Vec::new(), None, Age::default(), Vec::new(), None);
+    let mut replay = Replay { learn, steps, batch, age, alarm_ratios, limbs_m_per_n, next, diagnosed };
     for entry in log {
         let Entry { line, touch, temperature_c, readings } = entry;
         let machine = machine.at_temperature(*temperature_c).map_err(|e| refused(&e).at_line(*line))?;

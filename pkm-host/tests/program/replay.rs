@@ -108,6 +108,42 @@ fn a_worn_drive_raises_an_alarm_and_its_size_is_found() {
     assert_eq!(found["amplitudes"][1]["deviation"], 1.0);
 }
 
+#[test]
+fn a_diagnosis_of_the_readings_since_the_change_says_what_it_is() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let found = json(&["replay", "--log", &fixture(LOG), "--diagnose", "--out", &out])["diagnosis"].take();
+    assert_eq!(
+        (&found["refused"], &found["verdict"], &found["effects"]),
+        (&Value::Null, &"adequate".into(), &serde_json::json!([]))
+    );
+    // of limb 2 alone, whose 8.5 nm/N along its axis (fixtures/logs/learn.toml) have become more as its joint's stiffness less
+    let (usual, softer) = (8.5e-9, (1.0 / 0.7 - 1.0) / PARAMETERS.limbs[1].platform_joint.linear_n_per_m[2]);
+    let [inspect] = &found["inspect"].as_array().unwrap()[..] else { panic!("{}", found["inspect"]) };
+    let (place, rest) = inspect.as_str().unwrap().split_once(": ").unwrap();
+    assert_eq!(place, "limb 2 along its axis, drive, joints and body");
+    let percent: f64 = rest.split_once(" % softer than declared").unwrap().0.parse().unwrap();
+    assert!((percent - 100.0 * softer / (usual + softer)).abs() < 1.0, "{inspect}");
+    let (from, readings) = (found["from_line"].as_u64().unwrap(), found["readings"].as_u64().unwrap());
+    // from the change, which it takes some readings to show, to the end of the log
+    assert!((82..82 + 10).contains(&from) && readings == 151 - from + 1, "{from} {readings}");
+    assert!(folder.read("out/report.html").contains("What a diagnosis says"));
+    // what it was made of is a file for `diagnose`
+    let own = json(&["diagnose", "--data", &folder.path("out/readings.csv"), "--out", &folder.path("own")]);
+    assert_eq!((&own["verdict"], &own["condition"]["inspect"]), (&found["verdict"], &found["inspect"]));
+    assert_eq!(folder.read("out/readings.csv").lines().count() as u64, 1 + readings);
+
+    // a row without load, which teaches nothing, is kept for what it says of the sensor's zero; too little is no failure
+    let few: Vec<String> = healthy().lines().take(6).map(str::to_owned).collect();
+    let zero = few[5].split(',').enumerate().map(|(n, cell)| if (8..17).contains(&n) { "0" } else { cell });
+    let zero = zero.collect::<Vec<_>>().join(",");
+    let log = folder.write("few.csv", &format!("{}\n{zero}\n", few.join("\n")));
+    let found = json(&["replay", "--log", &log, "--diagnose", "--out", &out]);
+    assert!(found["diagnosis"]["refused"].as_str().unwrap().contains("too few"), "{}", found["diagnosis"]);
+    assert_eq!((&found["taken"], &found["diagnosis"]["readings"]), (&5.into(), &5.into()));
+    assert_eq!(folder.read("out/readings.csv").lines().count(), 1 + 6);
+}
+
 /// The example's readings before the wear, without the spike among them.
 fn healthy() -> String {
     let text = std::fs::read_to_string(fixture(LOG)).unwrap();

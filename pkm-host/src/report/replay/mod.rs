@@ -7,6 +7,7 @@ use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 use serde_json::{Value, json};
 
 use self::findings::{advice, findings, said};
+use crate::diagnose::{self, Diagnosis};
 use crate::error::Result;
 use crate::files::dataset::{POINT_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS, pose_cells, to_csv};
 use crate::files::learn::{named, units};
@@ -14,7 +15,7 @@ use crate::files::log::TIME_COLUMN;
 use crate::page::plot::{Mark, Panel, Series};
 use crate::page::{self, Page};
 use crate::pose::{tidy, written_units};
-use crate::replay::{BATCH, Proposal, Replay, Step};
+use crate::replay::{BATCH, Diagnosed, Proposal, Replay, Step};
 
 /// Coverage factor of 95 %.
 const K95: f64 = 1.96;
@@ -168,6 +169,23 @@ pub fn next_csv(replay: &Replay) -> String {
     to_csv(b',', &header.collect::<Vec<_>>(), replay.next.iter().enumerate().map(row))
 }
 
+/// Of which readings a diagnosis speaks.
+fn of_which(diagnosed: &Diagnosed) -> String {
+    let Diagnosed { from_line, readings, .. } = diagnosed;
+    format!(
+        "Of the {readings} readings that were taken in from line {from_line} on, held against the machine file alone. They stand in readings.csv: \
+         `pkm-host diagnose` makes the whole report of it, with what to measure next."
+    )
+}
+
+/// What it says.
+fn diagnosis_said(diagnosed: &Diagnosed) -> Vec<String> {
+    match &diagnosed.outcome {
+        Ok(diagnosis) => diagnose::report::findings(diagnosis).into_iter().map(|finding| finding.text).collect(),
+        Err(failure) => vec![format!("No diagnosis: {}.", failure.message)],
+    }
+}
+
 /// The report.
 ///
 /// # Errors
@@ -185,6 +203,11 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
             &["unit", "estimator, 95 %", &fit, "variance left", "worth an alarm"], &rows(replay)))
         h2 { "Readings" }
         (page::charts("How far each reading that was taken in was from what was expected of it, in noise variances.", &[innovations(replay)])?)
+        @if let Some(diagnosed) = &replay.diagnosed {
+            h2 { "What a diagnosis says" }
+            p { (of_which(diagnosed)) }
+            ul { @for said in diagnosis_said(diagnosed) { li { (said) } } }
+        }
         @if !replay.next.is_empty() {
             h2 { "Where to probe next" }
             (page::table(
@@ -218,6 +241,10 @@ pub fn text(replay: &Replay) -> String {
             "  probe {name} at θ {theta}°, σ {sigma}°, Z0 {z0} mm under {force} N: leaves {left} % of the variances\n"
         ));
     }
+    if let Some(diagnosed) = &replay.diagnosed {
+        text.push_str(&format!("A diagnosis. {}\n", of_which(diagnosed)));
+        text.extend(diagnosis_said(diagnosed).iter().map(|said| format!("  - {said}\n")));
+    }
     for (name, count) in refusals(&replay.steps) {
         text.push_str(&format!("  refused as {name}: {count}\n"));
     }
@@ -249,6 +276,17 @@ fn alarm_json(replay: &Replay, (n, alarm): &(usize, Alarm)) -> Value {
     json!({
         "amplitude": named(amplitude), "unit": units(amplitude).0, "change": alarm.change, "deviation": alarm.deviation,
         "probability": alarm.probability, "readings": alarm.readings,
+    })
+}
+
+/// Of the diagnosis' own document what was found.
+fn diagnosis_json(diagnosed: &Diagnosed) -> Value {
+    let mut found = diagnosed.outcome.as_ref().map_or(Value::Null, Diagnosis::to_json);
+    json!({
+        "from_line": diagnosed.from_line, "readings": diagnosed.readings,
+        "refused": diagnosed.outcome.as_ref().err().map(|failure| &failure.message),
+        "verdict": found["verdict"].take(), "effects": found["effects"].take(),
+        "declared_value_findings": found["declared_value_findings"].take(), "inspect": found["condition"]["inspect"].take(),
     })
 }
 
@@ -294,6 +332,7 @@ pub fn document(replay: &Replay) -> Value {
         "alarms": raised.collect::<Vec<_>>(),
         "standing": replay.standing().iter().map(|alarm| alarm_json(replay, alarm)).collect::<Vec<_>>(),
         "refused": refused,
+        "diagnosis": replay.diagnosed.as_ref().map(diagnosis_json),
         "next": replay.next.iter().map(|p| json!({
             "pose": written_units(&p.pose), "force_n": <[f64; 3]>::from(p.force_n), "variance_left": p.variance_left,
         })).collect::<Vec<_>>(),
