@@ -58,6 +58,16 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         );
         return Err(Failure::input(message).in_file(&second.name).at_column("machine_sha256"));
     }
+    if let Some(path) = session.machine_path()
+        && Source::read(path)?.sha256() != before.machine_sha256
+    {
+        let message = format!(
+            "is of machine `{}` from another file than --machine {}",
+            printable(&before.machine),
+            path.display()
+        );
+        return Err(Failure::input(message).in_file(&first.name).at_column("machine_sha256"));
+    }
     if before.condition.shared_with != after.condition.shared_with {
         let message = format!("has other declared values than {}", first.name);
         return Err(Failure::input(message).in_file(&second.name).at_column("condition.shared_with"));

@@ -144,6 +144,9 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     let foreign = folder.write("foreign.json", &text.replace(sum, &"0".repeat(64)));
     let error = refused(&["verify", "--before", &after, "--after", &foreign, "--out", &folder.path("none")]);
     assert_eq!(error["column"], "machine_sha256");
+    let error = refused(&["verify", "--before", &after, "--after", &again, "--machine", &worn]);
+    assert!(error["message"].as_str().unwrap().contains("--machine"), "{error}");
+    json(&["verify", "--before", &after, "--after", &again, "--machine", &intact]);
     let broken = folder.write("broken.json", &text.replacen("\"condition\"", "\"state\"", 1));
     assert!(
         refused(&["verify", "--before", &broken, "--after", &after])["message"].as_str().unwrap().contains("condition")

@@ -173,8 +173,8 @@ pub fn next_csv(replay: &Replay) -> String {
 fn of_which(diagnosed: &Diagnosed) -> String {
     let Diagnosed { from_line, readings, .. } = diagnosed;
     format!(
-        "Of the {readings} readings that were taken in from line {from_line} on, held against the machine file alone. They stand in readings.csv: \
-         `pkm-host diagnose` makes the whole report of it, with what to measure next."
+        "Of the {readings} readings that were taken in from line {from_line} on, held against the machine file alone. They stand in readings.csv, \
+         of which diagnose makes a report of its own, with what to measure next."
     )
 }
 
@@ -203,6 +203,8 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
             &["unit", "estimator, 95 %", &fit, "variance left", "worth an alarm"], &rows(replay)))
         h2 { "Readings" }
         (page::charts("How far each reading that was taken in was from what was expected of it, in noise variances.", &[innovations(replay)])?)
+        @if !refused.is_empty() { (page::table("Readings that were refused. None of them has moved an amplitude.", &["readings"], &refused)) }
+        @if !alarms.is_empty() { (page::table("Alarms, each where it was raised.", &["alarm"], &alarms)) }
         @if let Some(diagnosed) = &replay.diagnosed {
             h2 { "What a diagnosis says" }
             p { (of_which(diagnosed)) }
@@ -216,8 +218,6 @@ pub fn html(replay: &Replay, facts: &[(&str, String)], warnings: &[String]) -> R
                 &next_rows(replay),
             ))
         }
-        @if !refused.is_empty() { (page::table("Readings that were refused. None of them has moved an amplitude.", &["readings"], &refused)) }
-        @if !alarms.is_empty() { (page::table("Alarms, each where it was raised.", &["alarm"], &alarms)) }
     };
     let title = "What a controller would have learned".to_owned();
     let mut findings = findings(replay);
