@@ -18,7 +18,7 @@
 //! | not enabled | none | goes to zero; the load is forgotten |
 //! | wrench not finite, beyond its greatest, or stuck | `Wrench…` | the last good reading for `hold_s`, then the load counts as zero |
 //! | a temperature lost, or jumped | `TemperatureLost` | the last good temperature of that sensor; the others as they read |
-//! | pose outside the table's box | `OutsideBox` | as [`OutsideBox`] says |
+//! | pose outside the table's box, until it is back by a hundredth of its half widths | `OutsideBox` | as [`OutsideBox`] says |
 //! | no stiffness, no posture, or no way to compensate | that of the model | goes to zero |
 //!
 //! A fault ends with its cause. A controller that wants it to last takes `enabled` away.
@@ -57,6 +57,10 @@ pub use settings::{CompensatorSettings, OutsideBox, SettingsError};
 pub use stability::LoopGain;
 pub use weight::{CarriedWeight, MAX_CENTRE_M, MAX_WEIGHT_N, Weight, WeightError};
 
+/// A pose that has left the table's box is back when it is within this share of its half widths: one that stands on a face would be compensated in
+/// one period and not in the next, as the encoders' noise has it.
+const BACK_IN_BOX: f64 = 0.99;
+
 /// Why the load of a period is not compensated as usual. The [module's documentation](self) says what happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -71,7 +75,7 @@ pub enum Fault {
     /// A temperature rise is not finite, beyond ±100 K, has jumped, or runs away: it is further than 1 K, a sensor's noise, and 0.1 K
     /// a second from a good reading of some ten seconds ago.
     TemperatureLost,
-    /// The pose is outside the table's box, and nothing is wrong with the reading.
+    /// The pose is outside the table's box, or not yet back in it by a hundredth of its half widths, and nothing is wrong with the reading.
     OutsideBox,
     /// The pose has no posture, no stiffness or no deflection.
     Correction(CorrectionError),
@@ -200,6 +204,8 @@ pub struct Compensator<T, const JOINTS: usize> {
     /// Of each joint in a period.
     longest_step: SVector<T, JOINTS>,
     carried: Option<CarriedWeight<T, JOINTS>>,
+    /// The pose was outside the table's box, and is not back by [`BACK_IN_BOX`].
+    has_left_box: bool,
     joints: SVector<T, JOINTS>,
 }
 
@@ -226,6 +232,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             largest: each(settings.max_screw_m, settings.max_wrist_rad),
             longest_step: each(screw_step, wrist_step),
             carried: None,
+            has_left_box: false,
             joints: SVector::zeros(),
         })
     }
@@ -246,14 +253,26 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     pub fn reset(&mut self) {
         self.load.reset();
         self.history = LoadHistory::new();
+        self.has_left_box = false;
         self.joints = SVector::zeros();
     }
 
-    /// A period; `domain` is none of a pose that is not finite, `second` is as for [`approach`](Self::approach), `offsets` is what would
+    /// Where a pose stands to a table's box; none of one that is not finite.
+    fn place(&mut self, table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Option<Domain> {
+        if !pose.is_finite() {
+            return None;
+        }
+        let domain = table.domain(pose);
+        let is_back = || table.basis.is_within(pose, T::from_f64(BACK_IN_BOX));
+        self.has_left_box = domain == Domain::Outside || (self.has_left_box && !is_back());
+        Some(domain)
+    }
+
+    /// A period; `second` is as for [`approach`](Self::approach), `offsets` is what would
     /// make up for a load.
     fn step(
         &mut self,
-        domain: Option<Domain>,
+        (table, pose): (&CorrectionTable<'_, T>, &Pose<T>),
         reading: &Reading<T>,
         second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
         offsets: impl FnOnce(
@@ -261,6 +280,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             &mut LoadHistory<T>,
         ) -> Result<(SVector<T, JOINTS>, Option<Known<T>>), Fault>,
     ) -> Offset<T, JOINTS> {
+        let domain = self.place(table, pose);
         let (target, known, fault) = self.target(domain, reading, offsets);
         let (joints, limit) = self.approach(target, second);
         Offset { joints, limit, domain: domain.unwrap_or(Domain::Outside), fault, known }
@@ -281,18 +301,19 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         if !reading.enabled {
             self.load.forget_load();
             self.history = LoadHistory::new();
+            self.has_left_box = false;
             return (none, None, None);
         }
         let (wrench, rise, fault) = self.load.update(reading);
-        let Some(domain) = domain else {
+        if domain.is_none() {
             return (none, None, Some(CorrectionError::from(KinematicsError::NotFinite).into()));
-        };
+        }
         // what is wrong with the reading is the worse of the two
         let outside = fault.or(Some(Fault::OutsideBox));
-        match (domain, self.outside_box) {
-            (Domain::Outside, OutsideBox::Hold) => (self.joints, None, outside),
-            (Domain::Outside, OutsideBox::Fade) => (none, None, outside),
-            (Domain::Inside, _) | (_, OutsideBox::Extrapolate) => {
+        match self.outside_box {
+            OutsideBox::Hold if self.has_left_box => (self.joints, None, outside),
+            OutsideBox::Fade if self.has_left_box => (none, None, outside),
+            _ => {
                 let mut load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
                 match offsets(&mut load, &mut self.history) {
                     Ok((joints, known)) => (joints, known, fault),
@@ -327,11 +348,6 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         };
         (self.joints, limit)
     }
-}
-
-/// Where a pose stands to a table's box; none of one that is not finite.
-fn domain<T: Scalar>(table: &CorrectionTable<'_, T>, pose: &Pose<T>) -> Option<Domain> {
-    pose.is_finite().then(|| table.domain(pose))
 }
 
 /// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip and what the weight does beyond
@@ -382,7 +398,7 @@ impl<T: Scalar> Compensator<T, 3> {
     ) -> Offset<T, 3> {
         let posture = &machine.posture(pose);
         let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step(domain(table, pose), reading, second, |load, history| {
+        self.step((table, pose), reading, second, |load, history| {
             offsets(machine, table, &Knowledge::NONE, (pose, posture, tip_m), load, history)
         })
     }
@@ -425,7 +441,7 @@ impl<T: Scalar> Compensator<T, 3> {
         let knowledge = &Knowledge { table: Some(uncertainty), learned };
         let posture = &machine.posture(pose);
         let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step(domain(table, pose), reading, second, |load, history| {
+        self.step((table, pose), reading, second, |load, history| {
             offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
         })
     }
@@ -448,7 +464,7 @@ impl<T: Scalar> Compensator<T, 3> {
         let knowledge = &Knowledge { table: None, learned: Some(learned) };
         let posture = &machine.posture(pose);
         let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step(domain(table, pose), reading, second, |load, history| {
+        self.step((table, pose), reading, second, |load, history| {
             offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
         })
     }
@@ -469,7 +485,7 @@ impl<T: Scalar> Compensator<T, 5> {
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step(domain(table, &configuration.pose), reading, second, |load, history| {
+        self.step((table, &configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, &Knowledge::NONE, configuration, load, history)?)
         })
     }
@@ -486,7 +502,7 @@ impl<T: Scalar> Compensator<T, 5> {
     ) -> Offset<T, 5> {
         let knowledge = &Knowledge { table: Some(uncertainty), learned };
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step(domain(table, &configuration.pose), reading, second, |load, history| {
+        self.step((table, &configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, knowledge, configuration, load, history)?)
         })
     }
@@ -503,7 +519,7 @@ impl<T: Scalar> Compensator<T, 5> {
     ) -> Offset<T, 5> {
         let knowledge = &Knowledge { table: None, learned: Some(learned) };
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step(domain(table, &configuration.pose), reading, second, |load, history| {
+        self.step((table, &configuration.pose), reading, second, |load, history| {
             Ok(five.offsets(table, knowledge, configuration, load, history)?)
         })
     }

@@ -121,8 +121,12 @@ pub struct Basis<'a, T> {
 impl<T: Scalar> Basis<'_, T> {
     /// Where a pose stands to the box. A pose that is not finite is outside.
     pub fn domain(&self, pose: &Pose<T>) -> Domain {
-        let edge = T::ONE + T::SLACK;
-        if self.scaled(pose).into_iter().all(|t| t.abs() <= edge) { Domain::Inside } else { Domain::Outside }
+        if self.is_within(pose, T::ONE + T::SLACK) { Domain::Inside } else { Domain::Outside }
+    }
+
+    /// Whether a pose is in a box about the same middle whose half widths are this share of the box's.
+    pub(crate) fn is_within(&self, pose: &Pose<T>, share: T) -> bool {
+        self.scaled(pose).into_iter().all(|t| t.abs() <= share)
     }
 
     /// The terms' values at a pose, in their order; zeros behind the last.

@@ -383,6 +383,44 @@ fn outside_the_box_it_does_what_was_chosen() {
     }
 }
 
+/// A machine that stands on a face of the table's box, under the noise of its encoders, is not shaken: it is out when it was out once, and back
+/// when it is back by a hundredth of the box.
+#[test]
+fn a_machine_on_a_face_of_the_box_is_not_shaken() {
+    let face_m = POSE.z0_m
+        + (1..)
+            .map(|n| 1e-6 * f64::from(n))
+            .find(|dz_m| TABLE_F64.domain(&Pose { z0_m: POSE.z0_m + dz_m, ..POSE }) == Domain::Outside)
+            .unwrap();
+    let mut rng = seeded();
+    for outside_box in [OutsideBox::Hold, OutsideBox::Fade] {
+        let mut compensator =
+            compensator(&CompensatorSettings { outside_box, stuck_s: 0.0, ..CompensatorSettings::DEFAULT });
+        let inside = settled(&mut compensator, &POSE, &on(LOAD)).joints;
+        let mut last = inside;
+        for period in 0..2000 {
+            let pose = Pose { z0_m: face_m + between(&mut rng, -1e-6, 1e-6), ..POSE };
+            let now = update(&mut compensator, &pose, &on(LOAD));
+            // the load's share of the face in the first periods, then one way alone
+            let to_end = |joints: &Vector3<f64>| if outside_box == OutsideBox::Hold { 0.0 } else { joints.norm() };
+            assert!(period < 20 || to_end(&now.joints) <= to_end(&last), "{period}: {now:?} after {last:?}");
+            assert!(period < 20 || now.fault == Some(Fault::OutsideBox), "{now:?}");
+            assert!(period < 20 || outside_box == OutsideBox::Fade || now.joints == last, "{now:?} after {last:?}");
+            last = now.joints;
+        }
+        // still out just inside of the face, back beyond a hundredth of 30 mm
+        assert_eq!(
+            update(&mut compensator, &Pose { z0_m: face_m - 0.2e-3, ..POSE }, &on(LOAD)).fault,
+            Some(Fault::OutsideBox)
+        );
+        assert_eq!(update(&mut compensator, &Pose { z0_m: face_m - 0.4e-3, ..POSE }, &on(LOAD)).fault, None);
+        // what is switched off begins anew
+        update(&mut compensator, &Pose { z0_m: face_m + 1e-3, ..POSE }, &on(LOAD));
+        update(&mut compensator, &POSE, &Reading { enabled: false, ..on(LOAD) });
+        assert_eq!(update(&mut compensator, &Pose { z0_m: face_m - 0.2e-3, ..POSE }, &on(LOAD)).fault, None);
+    }
+}
+
 /// 1e6 periods of three screws and of five axes beside them, in f64 and in f32 alike, with every fault at random times.
 #[test]
 fn no_fault_makes_it_leap() {
