@@ -17,7 +17,7 @@ the processor computes known poses to the last bit.
 
 It learns from readings of the tip under a load, docs/estimation.md: at a rising edge of \\fBprobe\\fR the reading of that period is taken in.
 With \\fBstate=FILE\\fR it goes on from what FILE holds, and writes what it knows there when it is unloaded: no file is touched while
-it runs. What is learned is compensated while \\fBuse-learned\\fR is true.
+it runs. What was learned beyond another machine or table goes to FILE.old. What is learned is compensated while \\fBuse-learned\\fR is true.
 
 Parameters are settings of the compensator, docs/stability.md. With \\fBplatform-weight-*\\fR or \\fBtool-weight-*\\fR, and the joints
 \\fBzeroed-at-*\\fR, it compensates what gravity does beyond what it did there. A change is taken up while \\fBenable\\fR is false and all offsets are
@@ -28,6 +28,7 @@ license "Dual MIT/GPL";
 option singleton yes;
 option extra_setup yes;
 option extra_cleanup yes;
+include <math.h>;
 include <stdio.h>;
 include <time.h>;
 include <unistd.h>;
@@ -72,11 +73,12 @@ pin out float offset-#[5] "what is added to the joints: mm, degrees";
 pin out bit active "an offset is not zero";
 pin out bit fault "the load is not compensated as usual";
 pin out s32 fault-code "why not: a PkmError of pkm.h; 0 without a fault";
+pin out bit sensor-fault "the load or a temperature is not read as usual: fault-code 80 to 83; what to stop the machine on";
 pin out s32 limit "what holds the offsets back: 0 nothing, 1 the largest offset, 2 the rate limit";
-pin out bit ok "whether the results below are of this period";
+pin out bit ok "whether the results below are of this period; those of the place are where why is about the load";
 pin out s32 why "why not: a PkmError of pkm.h";
-pin out bit inside-box "whether the correction table was fitted here";
-pin out float share "normalised Jacobian determinant of the five axes: 1 at home, 0 at a singularity";
+pin out bit inside-box "whether the correction table was fitted here; false where the place is not known";
+pin out float share "normalised Jacobian determinant of the five axes: 1 at home, 0 at a singularity and where the place is not known";
 pin out float distance-1-2 "distance from the singularity of limbs 1 and 2, 0 there, 1 at the most";
 pin out float distance-3 "the same of limb 3";
 pin out u32 table-high "checksum of the correction table, as coefficients.json states it: first eight digits";
@@ -179,8 +181,11 @@ static PkmTableWatch watch;
 /* whether it compensated in the last period */
 static int was_on;
 
-/* whether probe was true then */
-static int was_probed;
+/* whether probe was true then: one that is true from the start is no edge */
+static int was_probed = 1;
+
+/* whether a drive reports no number */
+static int is_drive_lost;
 
 static int weighs(const PkmWeight_f64 *weight) {
     return weight->force_n[0] != 0 || weight->force_n[1] != 0 || weight->force_n[2] != 0;
@@ -238,8 +243,10 @@ static void take_settings(const struct __comp_state *__comp_inst, long period_ns
     }
 }
 
+_Static_assert(LEARNED_COUNT <= 6, "there are pins for six");
+
 /* Two states in turn, docs/estimation.md, one behind the other in the file. */
-static unsigned char slots[2][512];
+static unsigned char slots[2][1024];
 
 static void read_slots(size_t bytes) {
     FILE *from = fopen(state, "rb");
@@ -267,12 +274,29 @@ static int save(void) {
     if (pkm_estimator_newest(LEARNED_COUNT, slots[0], slots[1], bytes, &newest) != PKM_ERROR_OK) newest.slot = 1;
     const uint32_t to = 1 - newest.slot;
     if (pkm_estimator_save_f64(estimator, newest.sequence + 1, slots[to], bytes) != PKM_ERROR_OK) return 0;
+    if (restored == PKM_ERROR_OTHER_STATE) {
+        char old[4096];
+        const int length = snprintf(old, sizeof old, "%s.old", state);
+        if (length < 0 || (size_t)length >= sizeof old || rename(state, old)) return 0;
+    }
     FILE *file = fopen(state, "r+b");
     if (!file) file = fopen(state, "w+b");
     if (!file) return 0;
     int done = !fseek(file, (long)(to * bytes), SEEK_SET) && fwrite(slots[to], 1, bytes, file) == bytes;
     done = !fflush(file) && !fsync(fileno(file)) && done;
     return !fclose(file) && done;
+}
+
+/* Whether the file of the state may be written, or made where there is none. */
+static int may_be_written(void) {
+    char folder[4096];
+    if (!access(state, F_OK)) return !access(state, W_OK);
+    if (!*state || strlen(state) >= sizeof folder) return 0;
+    strcpy(folder, state);
+    char *end = strrchr(folder, '/');
+    if (end == folder) return !access("/", W_OK);
+    if (end) *end = 0;
+    return !access(end ? folder : ".", W_OK);
 }
 
 static uint32_t readings_known(void) {
@@ -324,31 +348,30 @@ static PkmError take_in(struct __comp_state *__comp_inst, const PkmConfiguration
     return pkm_estimator_learn_f64(estimator, pkm_machine_f64(), pkm_table_f64(), &at.touch, readings, count, &done);
 }
 
-/* Stiffness where the machine stands, and what the load does to it. */
+/* Stiffness where the machine stands, and what the load does to it. The place is told also where the load is not read. */
 static PkmError show(struct __comp_state *__comp_inst, const PkmToolPlace_f64 *place, const PkmWrench_f64 *wrench) {
     const PkmMachine_f64 *of = pkm_machine_f64();
     const PkmTable_f64 *by = pkm_table_f64();
-    const PkmPose_f64 *pose = &place->configuration.pose;
+    const PkmWrist_f64 *with = pkm_wrist_f64();
+    const PkmConfiguration_f64 *at = &place->configuration;
+    const PkmWrench_f64 none = {{0, 0, 0}, {0, 0, 0}};
     PkmSingularityDistance_f64 distance;
     PkmCorrected_f64 corrected;
     PkmCompensatedTool_f64 loaded;
-    PkmError found = pkm_singularity_distance_f64(of, pose, &distance);
-    if (found == PKM_ERROR_OK) found = pkm_corrected_stiffness_f64(of, by, pose, &corrected);
+    PkmError found = pkm_singularity_distance_f64(of, &at->pose, &distance);
+    if (found == PKM_ERROR_OK) found = pkm_corrected_stiffness_f64(of, by, &at->pose, &corrected);
+    PkmError of_load = found;
     if (found == PKM_ERROR_OK) {
-        found = pkm_tool_compensated_f64(of, by, pkm_wrist_f64(), &place->tool, wrench, &place->configuration, &loaded);
+        of_load = pkm_tool_compensated_f64(of, by, with, &place->tool, wrench, at, &loaded);
+        if (of_load != PKM_ERROR_OK) found = pkm_tool_compensated_f64(of, by, with, &place->tool, &none, at, &loaded);
     }
-    if (found != PKM_ERROR_OK) return found;
+    const int is_known = found == PKM_ERROR_OK;
+    inside_box = is_known && corrected.domain == PKM_DOMAIN_INSIDE && loaded.domain == PKM_DOMAIN_INSIDE;
+    share = is_known ? loaded.solution.normalised_determinant : 0;
+    if (!is_known) return found;
 
-    inside_box = corrected.domain == PKM_DOMAIN_INSIDE && loaded.domain == PKM_DOMAIN_INSIDE;
-    share = loaded.solution.normalised_determinant;
     distance_1_2 = distance.limbs_1_2;
     distance_3 = distance.limb_3;
-    tip_x_um = loaded.translation_m[0] * 1e6;
-    tip_y_um = loaded.translation_m[1] * 1e6;
-    tip_z_um = loaded.translation_m[2] * 1e6;
-    turn_x_urad = loaded.rotation_rad[0] * 1e6;
-    turn_y_urad = loaded.rotation_rad[1] * 1e6;
-    turn_z_urad = loaded.rotation_rad[2] * 1e6;
 #define K(I, J) k_##I##J = corrected.stiffness.k_si[I - 1][J - 1]
     K(1, 1), K(1, 2), K(1, 3), K(1, 4), K(1, 5), K(1, 6);
     K(2, 2), K(2, 3), K(2, 4), K(2, 5), K(2, 6);
@@ -357,14 +380,31 @@ static PkmError show(struct __comp_state *__comp_inst, const PkmToolPlace_f64 *p
     K(5, 5), K(5, 6);
     K(6, 6);
 #undef K
-    return found;
+    if (of_load != PKM_ERROR_OK) return of_load;
+    tip_x_um = loaded.translation_m[0] * 1e6;
+    tip_y_um = loaded.translation_m[1] * 1e6;
+    tip_z_um = loaded.translation_m[2] * 1e6;
+    turn_x_urad = loaded.rotation_rad[0] * 1e6;
+    turn_y_urad = loaded.rotation_rad[1] * 1e6;
+    turn_z_urad = loaded.rotation_rad[2] * 1e6;
+    return PKM_ERROR_OK;
+}
+
+/* Lets the offsets go, at their rate limit, where the compensator itself has failed. */
+static void let_go(struct __comp_state *__comp_inst, double period_s) {
+    for (int i = 0; i < 5; i++) {
+        const double most = period_s * (i < 3 ? asked.set.screw_rate_m_per_s * MM : asked.set.wrist_rate_rad_per_s * DEG);
+        const double left = offset(i);
+        offset(i) = left > most ? left - most : left < -most ? left + most : 0;
+    }
 }
 
 /* A period of the compensator. `stands` is an error when there is no place to compensate at. */
 static void compensate(struct __comp_state *__comp_inst, PkmError stands, const PkmConfiguration_f64 *configuration,
                        const PkmWrench_f64 *wrench, double period_s) {
     const PkmError kept = pkm_table_watch_f64(&watch, pkm_table_f64());
-    const PkmError unready = kept != PKM_ERROR_OK ? kept : asked_found != PKM_ERROR_OK ? asked_found : stands;
+    const PkmError placed = is_drive_lost ? PKM_ERROR_NOT_FINITE : stands;
+    const PkmError unready = kept != PKM_ERROR_OK ? kept : asked_found != PKM_ERROR_OK ? asked_found : placed;
     was_on = enable && unready == PKM_ERROR_OK;
     const PkmReading_f64 reading = {was_on, *wrench, {{rise_limb_1_k, rise_limb_2_k, rise_limb_3_k}, rise_platforms_k}};
     PkmKnownOffset_f64 learned_to;
@@ -383,25 +423,37 @@ static void compensate(struct __comp_state *__comp_inst, PkmError stands, const 
                                                 configuration, &reading, &to, sizeof to);
     }
     if (found == PKM_ERROR_OK) {
-        active = 0;
-        for (int i = 0; i < 5; i++) {
-            offset(i) = i < 3 ? to.screws_m[i] * MM : to.wrist_rad[i - 3] * DEG;
-            if (offset(i) != 0) active = 1;
-        }
+        for (int i = 0; i < 5; i++) offset(i) = i < 3 ? to.screws_m[i] * MM : to.wrist_rad[i - 3] * DEG;
         *__comp_inst->limit = to.limit;
         found = enable && unready != PKM_ERROR_OK ? unready : to.fault;
+    } else {
+        let_go(__comp_inst, period_s);
     }
+    int is_active = 0;
+    for (int i = 0; i < 5; i++) is_active |= offset(i) != 0;
+    active = is_active;
     fault_code = found;
     *__comp_inst->fault = found != PKM_ERROR_OK;
+    sensor_fault = found >= PKM_ERROR_WRENCH_NOT_FINITE && found <= PKM_ERROR_TEMPERATURE_LOST;
 }
 
 FUNCTION(from_drives) {
     (void)period;
-    for (int i = 0; i < 5; i++) feedback(i) = drive_fb(i) - offset(i);
+    int is_lost = 0;
+    for (int i = 0; i < 5; i++) {
+        const double stands = drive_fb(i) - offset(i);
+        /* LinuxCNC finds no following error in NaN: where it was last is one as soon as the joint moves */
+        if (isfinite(stands)) feedback(i) = stands;
+        else is_lost = 1;
+    }
+    is_drive_lost = is_lost;
 }
 
 FUNCTION(to_drives) {
     const long long begun = rtapi_get_time();
+    /* before place and load, which are to be of its period */
+    const int is_edge = probe && !was_probed;
+    was_probed = probe;
     table_high = pkm_table_checksum() >> 32;
     table_low = (hal_u32_t)pkm_table_checksum();
     if (!was_on && !active) take_settings(__comp_inst, period);
@@ -411,13 +463,18 @@ FUNCTION(to_drives) {
     PkmToolPlace_f64 place;
     memset(&place, 0, sizeof place);
     const PkmError stands = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
-    why = stands == PKM_ERROR_OK ? show(__comp_inst, &place, &wrench) : stands;
+    if (stands == PKM_ERROR_OK) {
+        why = show(__comp_inst, &place, &wrench);
+    } else {
+        why = stands;
+        inside_box = 0;
+        share = 0;
+    }
     ok = why == PKM_ERROR_OK;
-    if (probe && !was_probed) {
+    if (is_edge) {
         probe_code = stands == PKM_ERROR_OK ? take_in(__comp_inst, &place.configuration, &wrench) : stands;
         is_told = 0;
     }
-    was_probed = probe;
     if (!is_told) tell(__comp_inst);
     compensate(__comp_inst, stands, &place.configuration, &wrench, period * 1e-9);
     for (int i = 0; i < 5; i++) drive(i) = command(i) + offset(i);
@@ -462,7 +519,12 @@ EXTRA_SETUP() {
     estimator = room;
     if (state) restored = restore();
     if (restored != PKM_ERROR_OK) {
-        rtapi_print_msg(RTAPI_MSG_WARN, "pkmcompensator: %s: %s; it begins with nothing learned\n", state, pkm_error_text(restored));
+        /* without a file it is the first start */
+        rtapi_print_msg(access(state, F_OK) ? RTAPI_MSG_WARN : RTAPI_MSG_ERR, "pkmcompensator: %s: %s; it begins with nothing learned\n", state,
+                        pkm_error_text(restored));
+    }
+    if (state && !may_be_written()) {
+        rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s: may not be written: what is learned will be lost\n", state);
     }
     readings_saved = readings_known();
     return 0;

@@ -8,12 +8,12 @@ Both directions are closed forms. A target that is unreachable, beyond travel or
 refused with a message, and motmod then does not begin the move, or stops on the way before it gets there.
 
 Where the machine stands is answered with the last command, whatever the place, so that the drives hold it there: connect
-\fBcommand-N\fR to joint.N.pos-cmd. Nearer to the singularity locus than the margin, only moves away from the locus are taken.
+\\fBcommand-N\\fR to joint.N.pos-cmd. Nearer to the singularity locus than the margin, only moves away from the locus are taken.
 
-.B loadrt pkmkins machine=0123456789abcdef wrist=0123456789abcdef
+.B loadrt pkmkins machine=0123456789abcdef wrist=0123456789abcdef linear=mm angular=degree
 
-loads only where the machine and the wrist that are compiled in have these checksums, are in memory as they were built, and the processor
-computes known poses to the last bit.""";
+loads only where the machine and the wrist that are compiled in have these checksums, are in memory as they were built, the processor
+computes known poses to the last bit, and LinuxCNC counts in mm and degrees: linear=[TRAJ]LINEAR_UNITS angular=[TRAJ]ANGULAR_UNITS.""";
 
 author "pkm";
 license "Dual MIT/GPL";
@@ -40,9 +40,19 @@ pin io s32 forward-max-ns "longest time of a forward; may be set to 0";
 #include <kinematics.h>
 #include "checksums.h"
 
-static char *machine, *wrist;
+static char *machine, *wrist, *linear, *angular;
 RTAPI_MP_STRING(machine, "checksum of the machine that this configuration is for");
 RTAPI_MP_STRING(wrist, "and of its wrist, with the tool's length");
+RTAPI_MP_STRING(linear, "LinuxCNC's units of length: mm");
+RTAPI_MP_STRING(angular, "and of angles: degree");
+
+/* Whether LinuxCNC counts as this component does: in other units the machine would go to another place. */
+static int counts_in(const char *setting, const char *units, const char *ours, const char *also) {
+    if (units && (!strcmp(units, ours) || !strcmp(units, also))) return 1;
+    rtapi_print_msg(RTAPI_MSG_ERR, "pkmkins: [TRAJ]%s is %s, and has to be %s: loadrt [KINS]KINEMATICS linear=[TRAJ]LINEAR_UNITS "
+                    "angular=[TRAJ]ANGULAR_UNITS\n", setting, units ? units : "not told", ours);
+    return 0;
+}
 
 static const double MM = 1e3, DEG = 180.0 / 3.14159265358979323846;
 
@@ -169,6 +179,7 @@ EXTRA_SETUP() {
     (void)__comp_inst;
     const char *us = "pkmkins";
     const int fits = is_for(us, "machine", machine, pkm_machine_checksum()) &&
-                     is_for(us, "wrist", wrist, pkm_wrist_checksum()) && is_sound(us);
+                     is_for(us, "wrist", wrist, pkm_wrist_checksum()) && is_sound(us) &&
+                     counts_in("LINEAR_UNITS", linear, "mm", "metric") && counts_in("ANGULAR_UNITS", angular, "degree", "deg");
     return fits ? 0 : -EINVAL;
 }

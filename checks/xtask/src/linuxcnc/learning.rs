@@ -241,6 +241,18 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     expect("a damaged state", &found, &expected(&knows, [0.0, 0.0]), 1e-4)?;
     expect("times of a damaged state", &times, &[first_s, last_s], 0.0)?;
     compensates(&session, &five, &more, knows)?;
+    // what was learned beyond another table is kept aside
+    let mut foreign = vec![0; 2 * length];
+    knows.save(0, 1, &mut foreign).map_err(|e| e.to_string())?;
+    std::fs::write(&file, &foreign).map_err(|e| e.to_string())?;
+    let (found, _) = run(&lines(&five, &more)?)?;
+    expect("a state of another table", &found[..3], &[1.0, 0.0, 97.0], 0.0)?;
+    let kept = std::fs::read(out.join("learned.bin.old")).map_err(|e| e.to_string())?;
+    let (found, _) = run("")?;
+    expect("the state after one of another table", &found[..3], &[1.0, 0.0, 0.0], 0.0)?;
+    if kept != foreign {
+        return Err("the state of another table was not kept".into());
+    }
     println!(
         "  {READINGS} readings learned, alarm and deviations as the host's, over restarts and a damaged state; compensated with it"
     );

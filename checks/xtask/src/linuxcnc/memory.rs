@@ -21,10 +21,11 @@ pub fn refuse_damaged(out: &Path, host: &Host) -> Outcome {
     let travel: Vec<u8> = parameters.travel.min_m.iter().flat_map(|number| number.to_le_bytes()).collect();
     let [kinematics, compensator] = [SELF_TEST_KINEMATICS, SELF_TEST_COMPENSATOR].map(u64::to_le_bytes);
     let sums = format!("machine={:016x} wrist={:016x}", parameters.checksum(), wrist.checksum());
-    for component in ["pkmkins", "pkmfeed"] {
+    for (component, units) in [("pkmkins", " linear=mm angular=degree"), ("pkmfeed", "")] {
         let module = out.join(format!("modules/{component}.so"));
         let whole = std::fs::read(&module).map_err(|e| e.to_string())?;
-        std::fs::write(out.join("damaged.hal"), format!("loadrt {component} {sums}\n")).map_err(|e| e.to_string())?;
+        let line = format!("loadrt {component} {sums}{units}\n");
+        std::fs::write(out.join("damaged.hal"), line).map_err(|e| e.to_string())?;
         let load = |bytes: &[u8]| {
             std::fs::write(&module, bytes).map_err(|e| e.to_string())?;
             let mut halrun = among_modules(&out.join("modules"), out)?;

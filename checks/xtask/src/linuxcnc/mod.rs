@@ -4,11 +4,13 @@ mod compensated;
 mod faults;
 mod feed;
 mod learning;
+mod lost;
 mod memory;
 mod replay;
 mod simulation;
 mod weight;
 
+use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -28,8 +30,9 @@ const USAGE: &str = "\
 cargo xtask linuxcnc
   (alone)            build both machines below and test them under LinuxCNC, headless
   build              modules and configurations of both to out/linuxcnc
-  build --machine my.toml --data k.csv [--job job.toml] --out DIR
-                     the same of a machine of one's own, with holes to drill where a job file has some
+  build --machine my.toml --data k.csv | --table DIR [--job job.toml] --out DIR
+                     the same of a machine of one's own, with holes to drill where a job file has some; its table is fitted to stiffnesses,
+                     or is that which `pkm-host fit` or `diagnose` wrote to a folder (of diagnose's machine.toml)
   run reference|x150 build, and start LinuxCNC on a screen with the modules shown to it alone: nothing is installed";
 
 /// Where Debian's LinuxCNC looks for modules; `loadrt` takes them from nowhere else.
@@ -39,14 +42,25 @@ const OURS: [&str; 3] = ["modules/pkmkins.comp", "modules/pkmcompensator.comp", 
 /// Copied into a configuration as they are.
 const FILES: [&str; 5] = ["pkm.hal", "panel.hal", "panel.xml", "tool.tbl", "on_abort.ngc"];
 
+/// Where a table comes from: stiffnesses that it is fitted to, or the folder that it was written to.
+enum Table {
+    Data(PathBuf),
+    Folder(PathBuf),
+}
+
 /// A machine to build for.
 struct Setup {
     machine: PathBuf,
-    data: PathBuf,
+    table: Table,
     job: Option<PathBuf>,
     /// dx and dy of the job's cross slide for each of its series, mm; 0 where there are none.
     slide_mm: &'static [[f64; 2]],
+    /// With ideal drives, and a load that the program computes.
+    is_simulated: bool,
 }
+
+/// Soft limits of real screws are so far inside their travel, mm: where a drive's feedback is beyond it there is no forward kinematics.
+const INSIDE_MM: f64 = 0.5;
 
 fn ready(name: &str) -> Option<Setup> {
     let fixture = |path: &str| root().join("fixtures").join(path);
@@ -54,15 +68,17 @@ fn ready(name: &str) -> Option<Setup> {
     match name {
         "reference" => Some(Setup {
             machine,
-            data: fixture("jobs/wide-k.csv"),
+            table: Table::Data(fixture("jobs/wide-k.csv")),
             job: Some(fixture("jobs/plate.toml")),
             slide_mm: &[[40.0, 240.0], [-65.0, -15.0]],
+            is_simulated: true,
         }),
         "x150" => Some(Setup {
             machine,
-            data: fixture("stiffness/x150.csv"),
+            table: Table::Data(fixture("stiffness/x150.csv")),
             job: Some(fixture("jobs/x150-plate.toml")),
             slide_mm: &[],
+            is_simulated: true,
         }),
         _ => None,
     }
@@ -91,15 +107,18 @@ pub fn run(options: &[String]) -> Outcome {
 
 fn build_own(options: &[&str]) -> Outcome {
     let value = |name: &str| options.chunks(2).find(|pair| pair[0] == name).and_then(|pair| pair.get(1));
-    let known = ["--machine", "--data", "--job", "--out"];
-    let (Some(machine), Some(data), Some(out)) = (value("--machine"), value("--data"), value("--out")) else {
-        return Err(USAGE.to_owned());
+    let known = ["--machine", "--data", "--table", "--job", "--out"];
+    let table = match (value("--data"), value("--table")) {
+        (Some(data), None) => Table::Data(data.into()),
+        (None, Some(folder)) => Table::Folder(folder.into()),
+        _ => return Err(USAGE.to_owned()),
     };
+    let (Some(machine), Some(out)) = (value("--machine"), value("--out")) else { return Err(USAGE.to_owned()) };
     if options.chunks(2).any(|pair| pair.len() < 2 || !known.contains(&pair[0])) {
         return Err(USAGE.to_owned());
     }
-    let setup =
-        Setup { machine: machine.into(), data: data.into(), job: value("--job").map(PathBuf::from), slide_mm: &[] };
+    let job = value("--job").map(PathBuf::from);
+    let setup = Setup { machine: machine.into(), table, job, slide_mm: &[], is_simulated: false };
     let out = Path::new(out);
     if out.join("pkm.ini").exists() {
         return Err(format!(
@@ -118,7 +137,34 @@ fn build_ready(name: &str) -> Result<PathBuf, String> {
     Ok(out)
 }
 
-/// Fits the table, compiles library and modules, writes the configuration.
+/// Fits the table, or copies it.
+fn put_table(setup: &Setup, machine: &MachineFile, out: &Path) -> Outcome {
+    match &setup.table {
+        Table::Data(data) => {
+            let [fit, machine, data_option, terms] = ["fit", "--machine", "--data", "--terms=select"].map(OsStr::new);
+            let [own, data, out_option] = [setup.machine.as_os_str(), data.as_os_str(), OsStr::new("--out")];
+            let fitted = cli::run([fit, machine, own, data_option, data, terms, out_option, out.as_os_str()]);
+            print!("{}", fitted.map_err(|e| e.to_string())?.text);
+        }
+        Table::Folder(folder) => {
+            let file = Source::read(&folder.join("coefficients.json")).and_then(|source| TableFile::parse(&source));
+            if file.map_err(|e| e.to_string())?.machine_sha256 != machine.source.sha256() {
+                return Err(format!(
+                    "{}: the table is of another machine file than {}: that of `diagnose` is the machine.toml beside it",
+                    folder.display(),
+                    setup.machine.display()
+                ));
+            }
+            for name in ["coefficients.json", "coefficients.rs"] {
+                let from = folder.join(name);
+                std::fs::copy(&from, out.join(name)).map_err(|e| format!("{}: {e}", from.display()))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Compiles library and modules, writes the configuration.
 fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
     let machine = machine_file(&setup.machine)?;
     let program = match &setup.job {
@@ -127,17 +173,7 @@ fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
     };
     let modules = out.join("modules");
     std::fs::create_dir_all(&modules).map_err(|e| format!("{}: {e}", out.display()))?;
-    let fitted = cli::run([
-        "fit".as_ref(),
-        "--machine".as_ref(),
-        setup.machine.as_os_str(),
-        "--data".as_ref(),
-        setup.data.as_os_str(),
-        "--terms=select".as_ref(),
-        "--out".as_ref(),
-        out.as_os_str(),
-    ]);
-    fitted.map_err(|e| e.to_string())?;
+    put_table(setup, &machine, out)?;
     compile(components, &c::library_here(out)?, &modules)?;
     let write = |name: &str, text: String| {
         std::fs::write(out.join(name), text).map_err(|e| format!("{}: {e}", out.join(name).display()))
@@ -145,10 +181,21 @@ fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
     for name in FILES {
         write(name, template(name)?)?;
     }
-    write("pkm.ini", ini(&machine, table(out)?.table().map_err(|e| e.to_string())?.checksum())?)?;
+    if !setup.is_simulated {
+        write("pkm.hal", for_a_sensor(&template("pkm.hal")?))?;
+    }
+    let inside_mm = if setup.is_simulated { 0.0 } else { INSIDE_MM };
+    write("pkm.ini", ini(&machine, inside_mm, table(out)?.table().map_err(|e| e.to_string())?.checksum())?)?;
     write("holes.ngc", program)?;
     println!("{}: LinuxCNC's modules and configuration for the machine {}", out.display(), machine.name);
     Ok(())
+}
+
+/// The configuration with the compensator's own gain and its look at a stuck sensor: what a load that is computed has no need of stands there
+/// as comments.
+fn for_a_sensor(hal: &str) -> String {
+    let of_estimates = ["setp pkmcompensator.gain 1\n", "setp pkmcompensator.stuck-s 0\n"];
+    of_estimates.into_iter().fold(hal.to_owned(), |hal, line| hal.replace(line, &format!("#{line}")))
 }
 
 fn template(name: &str) -> Result<String, String> {
@@ -207,14 +254,14 @@ fn in_file_units(joints: &JointValues<f64>) -> [f64; 5] {
     [a, b, c, d, e]
 }
 
-fn ini(machine: &MachineFile, table_checksum: u64) -> Result<String, String> {
+fn ini(machine: &MachineFile, inside_mm: f64, table_checksum: u64) -> Result<String, String> {
     let five = machine.five_axis().map_err(|e| e.to_string())?;
     let said = |e: pkm_core::ToolError| e.to_string();
     let home = home(machine);
     let (at, tool) = (five.joints(&home).map_err(said)?, five.tool(&home).map_err(said)?);
     let (travel, wrist) = (&machine.parameters.travel, &machine.wrist_parameters);
     let range = |i: usize| match i {
-        0..3 => [travel.min_m[i] * 1e3, travel.max_m[i] * 1e3],
+        0..3 => [travel.min_m[i] * 1e3 + inside_mm, travel.max_m[i] * 1e3 - inside_mm],
         _ => [wrist.min_rad[i - 3].to_degrees(), wrist.max_rad[i - 3].to_degrees()],
     };
     let [mut axes, mut screws, mut turns] = [const { String::new() }; 3];

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::faults::{judge_faults, outside_the_box, parked_inside_the_margin};
 use super::feed::{self, FEED_MM_PER_S, slow_screw_mm_per_s};
 use super::learning::learn;
+use super::lost::what_is_lost;
 use super::memory::{flip_bits, refuse_damaged};
 use super::replay::{Host, ROW, SMALL_SCREW_MM, STUCK_S, held, judge_rows, spread, worst};
 use super::weight::weigh;
@@ -174,6 +175,7 @@ fn drive(name: &str, periods: usize) -> Outcome {
 
     refuse_others(out, &host)?;
     refuse_damaged(out, &host)?;
+    what_is_lost(out, &host)?;
     flip_bits(out, &host)?;
     compare(name, out, &host)?;
     learn(out, &host)?;
@@ -382,28 +384,31 @@ fn no_allocation(modules: &Path) -> Outcome {
     Ok(())
 }
 
-/// A configuration for another machine, wrist or table gets neither kinematics nor compensation, and one that names none gets no
-/// compensation.
+/// A configuration for another machine, wrist or table gets neither kinematics nor compensation, one that names none gets no
+/// compensation, and one in other units no kinematics.
 fn refuse_others(out: &Path, host: &Host) -> Outcome {
     let (machine, wrist) = (host.machine.parameters.checksum(), host.machine.wrist_parameters.checksum());
     let ours = format!("machine={machine:016x} wrist={wrist:016x}");
     let another = "0123456789abcdef";
-    for (line, what) in [
-        ("pkmkins".to_owned(), "machine"),
-        (format!("pkmkins machine={another}"), "machine"),
-        (format!("pkmkins machine={machine:016x}"), "wrist"),
-        (format!("pkmkins machine={machine:016x} wrist={another}"), "wrist"),
-        (format!("pkmcompensator machine={another}"), "machine"),
-        (format!("pkmcompensator machine={machine:016x} wrist={another}"), "wrist"),
-        (format!("pkmcompensator {ours} table={another}"), "table"),
-        (format!("pkmcompensator {ours}"), "table"),
-        (format!("pkmfeed machine={another}"), "machine"),
-        (format!("pkmfeed machine={machine:016x}"), "wrist"),
+    for (line, says) in [
+        ("pkmkins".to_owned(), "the machine compiled in is"),
+        (format!("pkmkins machine={another}"), "the machine compiled in is"),
+        (format!("pkmkins machine={machine:016x}"), "the wrist compiled in is"),
+        (format!("pkmkins machine={machine:016x} wrist={another}"), "the wrist compiled in is"),
+        (format!("pkmkins {ours}"), "[TRAJ]LINEAR_UNITS is not told"),
+        (format!("pkmkins {ours} linear=inch angular=degree"), "[TRAJ]LINEAR_UNITS is inch"),
+        (format!("pkmkins {ours} linear=mm angular=radian"), "[TRAJ]ANGULAR_UNITS is radian"),
+        (format!("pkmcompensator machine={another}"), "the machine compiled in is"),
+        (format!("pkmcompensator machine={machine:016x} wrist={another}"), "the wrist compiled in is"),
+        (format!("pkmcompensator {ours} table={another}"), "the table compiled in is"),
+        (format!("pkmcompensator {ours}"), "the table compiled in is"),
+        (format!("pkmfeed machine={another}"), "the machine compiled in is"),
+        (format!("pkmfeed machine={machine:016x}"), "the wrist compiled in is"),
     ] {
         std::fs::write(out.join("other.hal"), format!("loadrt {line}\n")).map_err(|e| e.to_string())?;
         let mut halrun = among_modules(&out.join("modules"), out)?;
         match output(halrun.args(["timeout", "60", "halrun", "-f", "other.hal"])) {
-            Err(said) if said.contains(&format!("the {what} compiled in is")) => {}
+            Err(said) if said.contains(says) => {}
             other => return Err(format!("{line} was not refused: {other:?}")),
         }
     }
@@ -422,7 +427,7 @@ fn compare(name: &str, out: &Path, host: &Host) -> Outcome {
     let file = out.join("compare.bin");
     let text = format!(
         "loadrt threads name1=servo period1=100000\nloadrt genhexkins\n\
-         loadrt pkmkins machine={:016x} wrist={:016x}\n\
+         loadrt pkmkins machine={:016x} wrist={:016x} linear=mm angular=degree\n\
          loadrt pkmcompare modules={MODULES} file={}\n\
          net iterations genhexkins.max-iterations => pkmcompare.max-iterations\n\
          setp pkmcompare.home-0 {x}\nsetp pkmcompare.home-1 {y}\nsetp pkmcompare.home-2 {z}\nsetp pkmcompare.size {size}\n\
