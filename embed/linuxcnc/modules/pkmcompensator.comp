@@ -187,6 +187,9 @@ static int was_probed = 1;
 /* whether a drive reports no number */
 static int is_drive_lost;
 
+/* why the compensator itself has failed: it is not asked again, or its offset would come back from where it was */
+static PkmError failed = PKM_ERROR_OK;
+
 static int weighs(const PkmWeight_f64 *weight) {
     return weight->force_n[0] != 0 || weight->force_n[1] != 0 || weight->force_n[2] != 0;
 }
@@ -403,15 +406,17 @@ static void let_go(struct __comp_state *__comp_inst, double period_s) {
 static void compensate(struct __comp_state *__comp_inst, PkmError stands, const PkmConfiguration_f64 *configuration,
                        const PkmWrench_f64 *wrench, double period_s) {
     const PkmError kept = pkm_table_watch_f64(&watch, pkm_table_f64());
-    const PkmError placed = is_drive_lost ? PKM_ERROR_NOT_FINITE : stands;
-    const PkmError unready = kept != PKM_ERROR_OK ? kept : asked_found != PKM_ERROR_OK ? asked_found : placed;
+    const PkmError unready = kept != PKM_ERROR_OK ? kept : asked_found != PKM_ERROR_OK ? asked_found : stands;
     was_on = enable && unready == PKM_ERROR_OK;
     const PkmReading_f64 reading = {was_on, *wrench, {{rise_limb_1_k, rise_limb_2_k, rise_limb_3_k}, rise_platforms_k}};
     PkmKnownOffset_f64 learned_to;
     memset(&learned_to, 0, sizeof learned_to);
     PkmOffset_f64 to;
-    PkmError found;
-    if (use_learned) {
+    memset(&to, 0, sizeof to);
+    PkmError found = failed;
+    if (failed != PKM_ERROR_OK) {
+        let_go(__comp_inst, period_s);
+    } else if (use_learned) {
         found = pkm_estimator_follow_f64(estimator, period_s);
         if (found == PKM_ERROR_OK) {
             found = pkm_tool_compensator_update_learned_f64(compensator, pkm_machine_f64(), pkm_table_f64(), NULL, estimator,
@@ -422,12 +427,11 @@ static void compensate(struct __comp_state *__comp_inst, PkmError stands, const 
         found = pkm_tool_compensator_update_f64(compensator, pkm_machine_f64(), pkm_table_f64(), pkm_wrist_f64(),
                                                 configuration, &reading, &to, sizeof to);
     }
-    if (found == PKM_ERROR_OK) {
+    failed = found;
+    if (failed == PKM_ERROR_OK) {
         for (int i = 0; i < 5; i++) offset(i) = i < 3 ? to.screws_m[i] * MM : to.wrist_rad[i - 3] * DEG;
         *__comp_inst->limit = to.limit;
         found = enable && unready != PKM_ERROR_OK ? unready : to.fault;
-    } else {
-        let_go(__comp_inst, period_s);
     }
     int is_active = 0;
     for (int i = 0; i < 5; i++) is_active |= offset(i) != 0;
@@ -462,7 +466,8 @@ FUNCTION(to_drives) {
     const PkmWrench_f64 wrench = {{fx, fy, fz}, {mx, my, mz}};
     PkmToolPlace_f64 place;
     memset(&place, 0, sizeof place);
-    const PkmError stands = pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
+    const PkmError stands = is_drive_lost ? PKM_ERROR_NOT_FINITE
+                                          : pkm_tool_forward_f64(pkm_machine_f64(), pkm_wrist_f64(), &joints, &place);
     if (stands == PKM_ERROR_OK) {
         why = show(__comp_inst, &place, &wrench);
     } else {
