@@ -74,7 +74,9 @@ enum End {
 }
 
 /// Periods before, during and after the fault: each long enough for the filter and the rate limit.
-const PERIODS: usize = 250;
+const PERIODS: usize = 400;
+/// A load that was given up comes back with its so many-th good reading.
+const RETURN_PERIODS: usize = 100;
 /// A computer's sensor is stuck after so many periods.
 const STUCK_PERIODS: usize = 50;
 /// A healthy load differs by this from period to period, N and N·m: the offset by less than a twentieth.
@@ -125,6 +127,11 @@ impl Injected {
             | Self::BitOfTable
             | Self::OtherMachine => End::Same,
         }
+    }
+
+    /// Periods after the fault in which it is still reported.
+    fn lasting(self) -> usize {
+        if self.end() == End::WithoutLoad { RETURN_PERIODS - 1 } else { 0 }
     }
 
     /// A period's inputs; `None` where none comes. `faulty` counts from the beginning of the fault.
@@ -311,6 +318,7 @@ fn run<T: Scalar, const JOINTS: usize>(
     let (mut reported, mut sum) = (false, START);
     for period in 0..3 * PERIODS {
         let faulty = period.checked_sub(PERIODS).filter(|faulty| *faulty < PERIODS);
+        let lasts = (2 * PERIODS..2 * PERIODS + fault.lasting()).contains(&period);
         if let Some(inputs) = fault.period(period, faulty) {
             let offset = update(&mut compensator, &inputs);
             let now = offset.joints.map(T::to_f64);
@@ -326,10 +334,11 @@ fn run<T: Scalar, const JOINTS: usize>(
             }
             last = now;
             match (offset.fault, faulty) {
+                (found, None) if lasts && found == fault.code() => {}
+                (_, None) if lasts => return Err("a load that was given up comes back at once"),
                 (None, _) => {}
                 (found, Some(_)) if found == fault.code() => reported = true,
                 (Some(_), Some(_)) => return Err("another fault is reported"),
-                // a sensor that was stuck, or a reading that was held, is seen until the next one
                 (Some(_), None) => return Err("a fault is reported where there is none"),
             }
         }

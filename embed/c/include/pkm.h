@@ -612,7 +612,7 @@ typedef struct {
   PkmLimit limit;
   // Where the pose stands to the table's box.
   PkmDomain domain;
-  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause.
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause, those of wrench and box a little later.
   PkmError fault;
 } PkmOffset_f64;
 
@@ -647,7 +647,7 @@ typedef struct {
   PkmLimit limit;
   // Where the pose stands to the table's box.
   PkmDomain domain;
-  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause.
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause, those of wrench and box a little later.
   PkmError fault;
 } PkmOffset_f32;
 

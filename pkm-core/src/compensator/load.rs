@@ -9,6 +9,10 @@ use crate::scalar::Scalar;
 use crate::thermal::TemperatureRise;
 use crate::types::Wrench;
 
+/// How long readings have to be good before a load that was given up comes back: with a plug that makes contact now and then the offset would come
+/// and go as often.
+const RETURN_S: f64 = 0.1;
+
 /// Filters of a compensator and what they remember.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LoadFilter<T> {
@@ -18,14 +22,18 @@ pub(super) struct LoadFilter<T> {
     dead_band: [T; 2],
     most: [T; 2],
     hold_periods: u32,
+    return_periods: u32,
     /// 0 is never.
     stuck_periods: u32,
     filtered: Vector6<T>,
     last_good: Vector6<T>,
     last_read: Vector6<T>,
-    /// Refused readings and equal readings in a row.
+    /// Refused readings, equal readings, and good readings of a load that was given up, in a row.
     refused: u32,
     equal: u32,
+    good: u32,
+    /// Why the load counts as zero.
+    given_up: Option<Fault>,
     /// Of limbs 1, 2, 3 and the platforms.
     sensors: [RiseSensor<T>; 4],
     pace: Pace<T>,
@@ -39,12 +47,15 @@ impl<T: Scalar> LoadFilter<T> {
             dead_band: [settings.dead_band_n, settings.dead_band_nm].map(T::from_f64),
             most: [settings.max_force_n, settings.max_moment_nm].map(T::from_f64),
             hold_periods: settings.periods(settings.hold_s),
+            return_periods: settings.periods(RETURN_S),
             stuck_periods: settings.periods(settings.stuck_s),
             filtered: zero,
             last_good: zero,
             last_read: zero,
             refused: 0,
             equal: 0,
+            good: 0,
+            given_up: None,
             sensors: [RiseSensor::NEW; 4],
             pace: Pace::new(settings.period_s),
         }
@@ -54,7 +65,7 @@ impl<T: Scalar> LoadFilter<T> {
     pub fn forget_load(&mut self) {
         let zero = Vector6::zeros();
         (self.filtered, self.last_good, self.last_read) = (zero, zero, zero);
-        (self.refused, self.equal) = (0, 0);
+        (self.refused, self.equal, self.good, self.given_up) = (0, 0, 0, None);
         self.sensors.iter_mut().for_each(RiseSensor::begin_again);
     }
 
@@ -77,16 +88,19 @@ impl<T: Scalar> LoadFilter<T> {
         let [first, second, third, platforms] = self.sensors.map(|sensor| sensor.good_k());
         let rise = TemperatureRise { limbs_k: [first, second, third], platforms_k: platforms };
         match self.refusal(&reading.wrench) {
-            None => {
+            None if self.is_back() => {
                 self.refused = 0;
                 self.last_good = reading.wrench.to_vector();
             }
+            None => fault = self.given_up,
             refusal => {
                 fault = refusal;
+                self.good = 0;
                 if self.refused < self.hold_periods {
                     self.refused += 1;
                 } else {
                     self.last_good = Vector6::zeros();
+                    self.given_up = refusal;
                 }
             }
         }
@@ -95,6 +109,18 @@ impl<T: Scalar> LoadFilter<T> {
         let [force, moment] = self.dead_band;
         let wrench = Wrench { force_n: beyond(force_n, force), moment_nm: beyond(moment_nm, moment) };
         (wrench, rise, fault)
+    }
+
+    /// Whether a good reading is used: the load was not given up, or its readings have been good for long enough.
+    fn is_back(&mut self) -> bool {
+        if self.given_up.is_some() {
+            self.good += 1;
+            if self.good < self.return_periods {
+                return false;
+            }
+            (self.good, self.given_up) = (0, None);
+        }
+        true
     }
 
     /// Why a reading is not to be used.

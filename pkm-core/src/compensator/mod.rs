@@ -16,12 +16,12 @@
 //! | what | [`Fault`] | offset |
 //! |---|---|---|
 //! | not enabled | none | goes to zero; the load is forgotten |
-//! | wrench not finite, beyond its greatest, or stuck | `Wrench…` | the last good reading for `hold_s`, then the load counts as zero |
+//! | wrench not finite, beyond its greatest, or stuck | `Wrench…` | the last good reading for `hold_s`, then the load counts as zero until its readings were good for 0.1 s |
 //! | a temperature lost, or jumped | `TemperatureLost` | the last good temperature of that sensor; the others as they read |
 //! | pose outside the table's box, until it is back by a hundredth of its half widths | `OutsideBox` | as [`OutsideBox`] says |
 //! | no stiffness, no posture, or no way to compensate | that of the model | goes to zero |
 //!
-//! A fault ends with its cause. A controller that wants it to last takes `enabled` away.
+//! A fault ends with its cause, but for what the table says. A controller that wants it to last takes `enabled` away.
 //!
 //! A force sensor closes a loop through the machine: compensation pushes the tip against the workpiece, and the force grows. Its gain
 //! is below the compensator's, see [`LoopGain`] and `docs/stability.md`.

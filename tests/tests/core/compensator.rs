@@ -281,7 +281,26 @@ fn a_sensor_without_noise_is_stuck() {
     }
     assert_eq!(update(&mut compensator, &POSE, &noisy(1)).fault, Some(Fault::WrenchStuck));
     assert!(settled(&mut compensator, &POSE, &noisy(1)).joints.iter().all(|o| o.abs() < 1e-15));
-    assert_eq!(update(&mut compensator, &POSE, &noisy(2)).fault, None);
+    // 0.1 s
+    for period in 2..101 {
+        assert_eq!(update(&mut compensator, &POSE, &noisy(period)).fault, Some(Fault::WrenchStuck));
+    }
+    assert_eq!(update(&mut compensator, &POSE, &noisy(101)).fault, None);
+}
+
+/// A plug that makes contact for 60 ms and none for 30 ms: the offset goes, and does not come and go with it.
+#[test]
+fn a_sensor_that_comes_and_goes_does_not_shake_the_machine() {
+    let nan = Wrench { force_n: Vector3::repeat(f64::NAN), ..LOAD };
+    let mut compensator = compensator(&CompensatorSettings { stuck_s: 0.0, ..CompensatorSettings::DEFAULT });
+    let mut last = settled(&mut compensator, &POSE, &on(LOAD)).joints.norm();
+    for period in 0..3000 {
+        let reading = if period % 90 < 30 { nan } else { LOAD };
+        let now = update(&mut compensator, &POSE, &on(reading));
+        assert!(now.joints.norm() <= last && now.fault.is_some(), "{period}: {now:?}");
+        last = now.joints.norm();
+    }
+    assert!(last < 1e-15);
 }
 
 #[test]
