@@ -74,7 +74,7 @@ enum End {
 }
 
 /// Periods before, during and after the fault: each long enough for the filter and the rate limit.
-const PERIODS: usize = 400;
+const PERIODS: usize = 250;
 /// A load that was given up comes back with its so many-th good reading.
 const RETURN_PERIODS: usize = 100;
 /// A computer's sensor is stuck after so many periods.
