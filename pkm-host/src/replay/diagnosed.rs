@@ -11,7 +11,7 @@ use crate::files::machine::MachineFile;
 use crate::progress::Progress;
 
 /// A diagnosis of the last readings of a log.
-pub struct Diagnosed {
+pub struct LogDiagnosis {
     /// Line of the first.
     pub from_line: u64,
     /// How many had been taken in.
@@ -40,7 +40,7 @@ impl Replay {
         let kept: HashSet<u64> = lines.iter().copied().collect();
         let (sheet, readings) = log.measured(file.uncertainty.load_random, |line| kept.contains(&line))?;
         let outcome = diagnose::diagnose(file, &readings, None, Method::Places, &Rules::DEFAULT, progress);
-        self.diagnosed = Some(Diagnosed { from_line, readings: lines.len(), outcome });
+        self.diagnosed = Some(LogDiagnosis { from_line, readings: lines.len(), outcome });
         Ok(Some(sheet))
     }
 }

@@ -11,7 +11,7 @@ use crate::error::{Failure, Result};
 use crate::files::learn::{Learn, limb_compliances_m_per_n};
 use crate::files::log::Entry;
 use crate::pose::{PoseBox, pose_of};
-pub use diagnosed::Diagnosed;
+pub use diagnosed::LogDiagnosis;
 pub use next::{Ask, Proposal};
 
 /// Readings of the fit beside the estimator: the last ones that were taken in.
@@ -58,7 +58,7 @@ pub struct Replay {
     /// Where to probe next, if that was asked.
     pub next: Vec<Proposal>,
     /// A diagnosis of the last readings, if that was asked.
-    pub diagnosed: Option<Diagnosed>,
+    pub diagnosed: Option<LogDiagnosis>,
 }
 
 /// How old what was learned is at a log's last row, taken in or not; or at the last reading that was taken in, where the clock has

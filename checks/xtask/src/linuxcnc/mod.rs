@@ -10,11 +10,11 @@ mod replay;
 mod simulation;
 mod weight;
 
-use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use pkm_core::compensator::CompensatorSettings;
 use pkm_core::nalgebra::Vector2;
 use pkm_core::{Configuration, JointValues, Pose, Tool};
 use pkm_host::cli;
@@ -59,8 +59,9 @@ struct Setup {
     is_simulated: bool,
 }
 
-/// Soft limits of real screws are so far inside their travel, mm: where a drive's feedback is beyond it there is no forward kinematics.
-const INSIDE_MM: f64 = 0.5;
+/// Soft limits of real screws are the largest offset inside their travel, mm: where a drive's feedback is beyond it there is no forward
+/// kinematics.
+const INSIDE_MM: f64 = CompensatorSettings::DEFAULT.max_screw_m * 1e3;
 
 fn ready(name: &str) -> Option<Setup> {
     let fixture = |path: &str| root().join("fixtures").join(path);
@@ -141,14 +142,20 @@ fn build_ready(name: &str) -> Result<PathBuf, String> {
 fn put_table(setup: &Setup, machine: &MachineFile, out: &Path) -> Outcome {
     match &setup.table {
         Table::Data(data) => {
-            let [fit, machine, data_option, terms] = ["fit", "--machine", "--data", "--terms=select"].map(OsStr::new);
-            let [own, data, out_option] = [setup.machine.as_os_str(), data.as_os_str(), OsStr::new("--out")];
-            let fitted = cli::run([fit, machine, own, data_option, data, terms, out_option, out.as_os_str()]);
+            let fitted = cli::run([
+                "fit".as_ref(),
+                "--machine".as_ref(),
+                setup.machine.as_os_str(),
+                "--data".as_ref(),
+                data.as_os_str(),
+                "--terms=select".as_ref(),
+                "--out".as_ref(),
+                out.as_os_str(),
+            ]);
             print!("{}", fitted.map_err(|e| e.to_string())?.text);
         }
         Table::Folder(folder) => {
-            let file = Source::read(&folder.join("coefficients.json")).and_then(|source| TableFile::parse(&source));
-            if file.map_err(|e| e.to_string())?.machine_sha256 != machine.source.sha256() {
+            if table_file(folder)?.machine_sha256 != machine.source.sha256() {
                 return Err(format!(
                     "{}: the table is of another machine file than {}: that of `diagnose` is the machine.toml beside it",
                     folder.display(),
@@ -207,10 +214,14 @@ fn machine_file(path: &Path) -> Result<MachineFile, String> {
     Source::read(path).and_then(MachineFile::parse).map_err(|e| e.to_string())
 }
 
-/// The table that was fitted to a folder.
+/// The table that was written to a folder.
+fn table_file(folder: &Path) -> Result<TableFile, String> {
+    Source::read(&folder.join("coefficients.json")).and_then(|s| TableFile::parse(&s)).map_err(|e| e.to_string())
+}
+
+/// Its numbers.
 fn table(folder: &Path) -> Result<TableNumbers, String> {
-    let file = Source::read(&folder.join("coefficients.json")).and_then(|s| TableFile::parse(&s));
-    file.map(|table| table.numbers()).map_err(|e| e.to_string())
+    Ok(table_file(folder)?.numbers())
 }
 
 fn compile(components: &[&str], library: &Path, to: &Path) -> Outcome {

@@ -1,5 +1,5 @@
-//! Long, as it is one type with its arithmetic. Numbers that stand for a function over a cell: a polynomial of the third degree in two or three symbols of −1…1, and by how
-//! much the function differs from it at the most. The core's formulas run on them as they are (its [`Scalar`]), and give what holds for
+//! Long, as it is one type with its arithmetic. Numbers that stand for a function over a cell: a polynomial of the third degree
+//! in two or three symbols of −1…1, and by how much the function differs from it at the most. The core's formulas run on them as they are (its [`Scalar`]), and give what holds for
 //! every point of the cell.
 //!
 //! The bounds hold in real arithmetic. Rounding is not followed: [`ROUNDING`] is kept from every bound in its place, a

@@ -15,7 +15,7 @@ use crate::files::log::TIME_COLUMN;
 use crate::page::plot::{Mark, Panel, Series};
 use crate::page::{self, Page};
 use crate::pose::{tidy, written_units};
-use crate::replay::{BATCH, Diagnosed, Proposal, Replay, Step};
+use crate::replay::{BATCH, LogDiagnosis, Proposal, Replay, Step};
 
 /// Coverage factor of 95 %.
 const K95: f64 = 1.96;
@@ -170,8 +170,8 @@ pub fn next_csv(replay: &Replay) -> String {
 }
 
 /// Of which readings a diagnosis speaks.
-fn of_which(diagnosed: &Diagnosed) -> String {
-    let Diagnosed { from_line, readings, .. } = diagnosed;
+fn of_which(diagnosed: &LogDiagnosis) -> String {
+    let LogDiagnosis { from_line, readings, .. } = diagnosed;
     format!(
         "Of the {readings} readings that were taken in from line {from_line} on, held against the machine file alone. They stand in readings.csv, \
          of which diagnose makes a report of its own, with what to measure next."
@@ -179,7 +179,7 @@ fn of_which(diagnosed: &Diagnosed) -> String {
 }
 
 /// What it says.
-fn diagnosis_said(diagnosed: &Diagnosed) -> Vec<String> {
+fn diagnosis_said(diagnosed: &LogDiagnosis) -> Vec<String> {
     match &diagnosed.outcome {
         Ok(diagnosis) => diagnose::report::findings(diagnosis).into_iter().map(|finding| finding.text).collect(),
         Err(failure) => vec![format!("No diagnosis: {}.", failure.message)],
@@ -280,7 +280,7 @@ fn alarm_json(replay: &Replay, (n, alarm): &(usize, Alarm)) -> Value {
 }
 
 /// Of the diagnosis' own document what was found.
-fn diagnosis_json(diagnosed: &Diagnosed) -> Value {
+fn diagnosis_json(diagnosed: &LogDiagnosis) -> Value {
     let mut found = diagnosed.outcome.as_ref().map_or(Value::Null, Diagnosis::to_json);
     json!({
         "from_line": diagnosed.from_line, "readings": diagnosed.readings,
