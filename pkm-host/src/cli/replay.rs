@@ -79,6 +79,9 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     if args.next.is_some() && replay.next.is_empty() {
         session.warn(["next.csv has no probing: none would tell much more than is known, or the log has no force, or no deflection along an axis".to_owned()]);
     }
+    if args.diagnose && diagnosed.is_none() {
+        session.warn(["no diagnosis: no reading was taken in".to_owned()]);
+    }
     let html = args.date.of(report::html(&replay, &facts, &session.warnings)?);
     let document = report::document(&replay);
     let mut files = vec![

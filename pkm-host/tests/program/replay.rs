@@ -221,6 +221,9 @@ fn a_log_that_ends_in_refusals_is_no_healthy_machine() {
     let (found, page) = run(&still);
     assert_eq!((&found["taken"], &found["days_since_first"]), (&0.into(), &Value::Null));
     assert!(page.contains("nothing is known beyond the settings") && !page.contains("No change that is worth"));
+    let log = folder.write("log.csv", &still);
+    let nothing = json(&["replay", "--log", &log, "--diagnose", "--out", &out]);
+    assert!(nothing["diagnosis"].is_null() && nothing["warnings"].to_string().contains("no diagnosis"), "{nothing}");
     // the clock was ten years ahead once
     let (found, page) = run(&followed_by(30, |n, cells| {
         cells[14] = format!("{:.2}", cells[14].parse::<f64>().unwrap() + 0.01 * n as f64);

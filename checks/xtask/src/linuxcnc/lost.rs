@@ -20,9 +20,10 @@ pub fn what_is_lost(out: &Path, host: &Host) -> Outcome {
         + "addf pkmcompensator.from-drives servo\nsetp pkmcompensator.drive-fb-0 500\n\
                                        setp pkmcompensator.enable 1\n"
         + wait;
-    let pins = ["fault-code", "sensor-fault", "inside-box", "share", "k-11", "ok"].map(str::to_owned);
+    let pins = ["fault-code", "sensor-fault", "inside-box", "share", "k-11", "ok", "offset-0"].map(str::to_owned);
     let known = session.run(&stands, &pins)?;
-    if !(known[..3] == [0.0, 0.0, 1.0] && known[3] > 0.0 && known[4] > 1e6 && known[5] == 1.0) {
+    if !(known[6].abs() > 1e-3 && known[..3] == [0.0, 0.0, 1.0] && known[3] > 0.0 && known[4] > 1e6 && known[5] == 1.0)
+    {
         return Err(format!("expected a machine in its box without a fault: {known:?}"));
     }
     // the load is lost, then the machine moves: out of the box's middle, and where no posture is
@@ -32,7 +33,8 @@ pub fn what_is_lost(out: &Path, host: &Host) -> Outcome {
     let [there, found] = [place(&five, &elsewhere)? + wait, moved].map(|lines| session.run(&lines, &pins));
     let (there, found) = (there?, found?);
     expect("a lost load", &found[..3], &[WRENCH_NOT_FINITE, 1.0, 1.0], 0.0)?;
-    expect("stiffness under a lost load", &found[4..], &[there[4], 0.0], 1e-6 * there[4])?;
+    expect("stiffness under a lost load", &found[4..5], &there[4..5], 1e-6 * there[4])?;
+    expect("whether all of it is known", &found[5..6], &[0.0], 0.0)?;
     // with a load it is the share of the place that the compensation goes to
     expect("the share under a lost load", &found[3..4], &there[3..4], 1e-2)?;
     let nowhere = session.run(&(lost + "setp pkmcompensator.joint-0 0\n" + wait), &pins)?;
@@ -41,7 +43,10 @@ pub fn what_is_lost(out: &Path, host: &Host) -> Outcome {
     let drives = ["fault-code", "sensor-fault", "feedback-0", "offset-0"].map(str::to_owned);
     let text = stands + "setp pkmcompensator.drive-fb-0 nan\n" + wait;
     let found = session.run(&text, &drives)?;
-    expect("a lost drive", &found, &[NOT_FINITE, 0.0, 500.0, 0.0], 0.5)?;
+    expect("a lost drive", &found[..2], &[NOT_FINITE, 0.0], 0.0)?;
+    // where it was when it was lost, with the offset of then
+    expect("the last position", &found[2..3], &[500.0], 0.5)?;
+    expect("the offset without a drive", &found[3..], &[0.0], 0.0)?;
     println!(
         "  a lost load, place or drive: the place is told as long as it is known, and no NaN reaches the controller"
     );

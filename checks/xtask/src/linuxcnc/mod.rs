@@ -189,7 +189,7 @@ fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
         write(name, template(name)?)?;
     }
     if !setup.is_simulated {
-        write("pkm.hal", for_a_sensor(&template("pkm.hal")?))?;
+        write("pkm.hal", for_a_sensor(&template("pkm.hal")?)?)?;
     }
     let inside_mm = if setup.is_simulated { 0.0 } else { INSIDE_MM };
     write("pkm.ini", ini(&machine, inside_mm, table(out)?.table().map_err(|e| e.to_string())?.checksum())?)?;
@@ -200,9 +200,15 @@ fn build(setup: &Setup, out: &Path, components: &[&str]) -> Outcome {
 
 /// The configuration with the compensator's own gain and its look at a stuck sensor: what a load that is computed has no need of stands there
 /// as comments.
-fn for_a_sensor(hal: &str) -> String {
-    let of_estimates = ["setp pkmcompensator.gain 1\n", "setp pkmcompensator.stuck-s 0\n"];
-    of_estimates.into_iter().fold(hal.to_owned(), |hal, line| hal.replace(line, &format!("#{line}")))
+fn for_a_sensor(hal: &str) -> Result<String, String> {
+    let mut hal = hal.to_owned();
+    for line in ["\nsetp pkmcompensator.gain 1\n", "\nsetp pkmcompensator.stuck-s 0\n"] {
+        if !hal.contains(line) {
+            return Err(format!("pkm.hal has no line that a sensor does without: {}", line.trim()));
+        }
+        hal = hal.replace(line, &line.replace("setp", "#setp"));
+    }
+    Ok(hal)
 }
 
 fn template(name: &str) -> Result<String, String> {
