@@ -3,15 +3,11 @@
 use nalgebra::{Vector3, Vector6};
 
 use super::temperature::{Pace, RiseSensor};
-use super::{CompensatorSettings, Fault, Reading};
+use super::{CompensatorSettings, Fault, RETURN_S, Reading};
 use crate::linalg::{is_finite, length};
 use crate::scalar::Scalar;
 use crate::thermal::TemperatureRise;
 use crate::types::Wrench;
-
-/// How long readings have to be good before a load that was given up comes back: with a plug that makes contact now and then the offset would come
-/// and go as often.
-const RETURN_S: f64 = 0.1;
 
 /// Filters of a compensator and what they remember.
 #[derive(Clone, Copy, Debug, PartialEq)]

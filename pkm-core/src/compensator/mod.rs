@@ -19,7 +19,7 @@
 //! | wrench not finite, beyond its greatest, or stuck | `Wrench…` | the last good reading for `hold_s`, then the load counts as zero until its readings were good for 0.1 s |
 //! | a temperature lost, or jumped | `TemperatureLost` | the last good temperature of that sensor; the others as they read |
 //! | pose outside the table's box, until it is back by a hundredth of its half widths | `OutsideBox` | as [`OutsideBox`] says |
-//! | no stiffness, no posture, or no way to compensate | that of the model | goes to zero |
+//! | no stiffness, no posture, or no way to compensate, until there was one for 0.1 s | that of the model | goes to zero |
 //!
 //! A fault ends with its cause, but for what the table says. A controller that wants it to last takes `enabled` away.
 //!
@@ -60,6 +60,10 @@ pub use weight::{CarriedWeight, MAX_CENTRE_M, MAX_WEIGHT_N, Weight, WeightError}
 /// A pose that has left the table's box is back when it is within this share of its half widths: one that stands on a face would be compensated in
 /// one period and not in the next, as the encoders' noise has it.
 const BACK_IN_BOX: f64 = 0.99;
+
+/// How long what was given up has to be good before it comes back: readings of a load, with a plug that makes contact now and then, or the model's
+/// answers, on a limit of the machine under the encoders' noise. The offset would come and go as often.
+const RETURN_S: f64 = 0.1;
 
 /// Why the load of a period is not compensated as usual. The [module's documentation](self) says what happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -206,6 +210,9 @@ pub struct Compensator<T, const JOINTS: usize> {
     carried: Option<CarriedWeight<T, JOINTS>>,
     /// The pose was outside the table's box, and is not back by [`BACK_IN_BOX`].
     has_left_box: bool,
+    /// Why the model had no answer, and for how many periods more it has to have one.
+    lost: Option<(Fault, u32)>,
+    return_periods: u32,
     joints: SVector<T, JOINTS>,
 }
 
@@ -233,6 +240,8 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             longest_step: each(screw_step, wrist_step),
             carried: None,
             has_left_box: false,
+            lost: None,
+            return_periods: settings.periods(RETURN_S),
             joints: SVector::zeros(),
         })
     }
@@ -253,7 +262,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     pub fn reset(&mut self) {
         self.load.reset();
         self.history = LoadHistory::new();
-        self.has_left_box = false;
+        (self.has_left_box, self.lost) = (false, None);
         self.joints = SVector::zeros();
     }
 
@@ -301,12 +310,12 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         if !reading.enabled {
             self.load.forget_load();
             self.history = LoadHistory::new();
-            self.has_left_box = false;
+            (self.has_left_box, self.lost) = (false, None);
             return (none, None, None);
         }
         let (wrench, rise, fault) = self.load.update(reading);
         if domain.is_none() {
-            return (none, None, Some(CorrectionError::from(KinematicsError::NotFinite).into()));
+            return (none, None, Some(self.lose(CorrectionError::from(KinematicsError::NotFinite).into())));
         }
         // what is wrong with the reading is the worse of the two
         let outside = fault.or(Some(Fault::OutsideBox));
@@ -316,11 +325,28 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             _ => {
                 let mut load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
                 match offsets(&mut load, &mut self.history) {
-                    Ok((joints, known)) => (joints, known, fault),
-                    Err(fault) => (none, None, Some(fault)),
+                    Ok((joints, known)) => match self.still_lost() {
+                        None => (joints, known, fault),
+                        lost => (none, None, lost),
+                    },
+                    Err(fault) => (none, None, Some(self.lose(fault))),
                 }
             }
         }
+    }
+
+    /// Remembers that the model has no answer.
+    fn lose(&mut self, why: Fault) -> Fault {
+        self.lost = Some((why, self.return_periods));
+        why
+    }
+
+    /// Why an answer of the model is not used yet.
+    fn still_lost(&mut self) -> Option<Fault> {
+        let (fault, left) = self.lost?;
+        let left = left.saturating_sub(1);
+        self.lost = (left > 0).then_some((fault, left));
+        self.lost.map(|(fault, _)| fault)
     }
 
     /// Moves the offset towards a target, within both limits; `second` is the second derivative of the joints along a way that begins
