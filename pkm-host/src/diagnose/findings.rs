@@ -40,6 +40,11 @@ pub fn declared_findings(problem: &Problem<'_>, model: &Model, search: &Search) 
         let inspect = text::inspect_declared(d, estimated / declared);
         DeclaredFinding { parameter: d.key(), axis: d.axis(), class, declared, estimated, pull_sd, inspect }
     };
+    let signal = |d: &Declared, pull_sd: f64| {
+        let own = search.fit.unknowns.iter().position(|u| model.meaning(*u) == Meaning::Stiffness(*d));
+        own.map_or(0.0, |column| search.fit.jacobian.column(column).norm() * pull_sd.abs())
+    };
+    let mut seen: Vec<(f64, DeclaredFinding)> = Vec::new();
     for f in &search.found {
         let Some(class) = model.class_of(f.candidate) else { continue };
         let alike = f.class.iter().chain([&f.candidate]);
@@ -48,14 +53,16 @@ pub fn declared_findings(problem: &Problem<'_>, model: &Model, search: &Search) 
         names.dedup();
         for d in &class.members {
             let own = finding(d, names.iter().filter(|n| **n != d.key()).cloned().collect());
-            // one line a key: the axis that moved most
-            match findings.iter_mut().find(|f| f.parameter == own.parameter) {
-                Some(there) if there.pull_sd.abs() < own.pull_sd.abs() => *there = own,
+            let own = (signal(d, own.pull_sd), own);
+            // one line a key: the axis whose deviation moves the readings most, as the others have it from their class
+            match seen.iter_mut().find(|(_, there)| there.parameter == own.1.parameter) {
+                Some(there) if there.0 < own.0 => *there = own,
                 Some(_) => {}
-                None => findings.push(own),
+                None => seen.push(own),
             }
         }
     }
+    findings.extend(seen.into_iter().map(|(_, finding)| finding));
     for (u, x) in search.fit.unknowns.iter().zip(search.fit.x.iter()) {
         let Meaning::Stiffness(d) = model.meaning(*u) else { continue };
         if x.abs() > problem.rules.large_pull_sd && findings.iter().all(|f| f.parameter != d.key()) {

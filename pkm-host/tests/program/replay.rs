@@ -124,6 +124,9 @@ fn a_diagnosis_of_the_readings_since_the_change_says_what_it_is() {
     assert_eq!(place, "limb 2 along its axis, drive, joints and body");
     let percent: f64 = rest.split_once(" % softer than declared").unwrap().0.parse().unwrap();
     assert!((percent - 100.0 * softer / (usual + softer)).abs() < 1.0, "{inspect}");
+    // a joint's three stiffnesses have gone together: what the readings show of them is along the limb
+    let [value] = &found["declared_value_findings"].as_array().unwrap()[..] else { panic!("{found}") };
+    assert_eq!(value["inspect"], "limb 2: joint, bearing or drive along its axis");
     let (from, readings) = (found["from_line"].as_u64().unwrap(), found["readings"].as_u64().unwrap());
     // from the change, which it takes some readings to show, to the end of the log
     assert!((82..82 + 10).contains(&from) && readings == 151 - from + 1, "{from} {readings}");
