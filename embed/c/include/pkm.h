@@ -154,6 +154,8 @@ enum PkmError
   PKM_ERROR_STATE_NOT_WHOLE = 96,
   // The saved state is that of another machine, or of other amplitudes.
   PKM_ERROR_OTHER_STATE = 97,
+  // The tip was read while an offset acted, which takes some of its deflection away. Of controllers, as LinuxCNC's module: no function has it.
+  PKM_ERROR_READING_COMPENSATED = 98,
   // An error of the core that has no number here.
   PKM_ERROR_UNKNOWN = 255,
 };

@@ -119,6 +119,8 @@ pub enum PkmError {
     StateNotWhole = 96,
     /// The saved state is that of another machine, or of other amplitudes.
     OtherState = 97,
+    /// The tip was read while an offset acted, which takes some of its deflection away. Of controllers, as LinuxCNC's module: no function has it.
+    ReadingCompensated = 98,
     /// An error of the core that has no number here.
     Unknown = 255,
 }
@@ -179,6 +181,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         95 => c"the reading of the tip is too far from what is expected",
         96 => c"no saved state is whole",
         97 => c"the saved state is that of another machine or table, or of other amplitudes",
+        98 => c"the tip was read while an offset acted: probe with the compensation off",
         _ => c"unknown error",
     };
     text.as_ptr()

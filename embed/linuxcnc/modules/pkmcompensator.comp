@@ -19,9 +19,11 @@ It learns from readings of the tip under a load, docs/estimation.md: at a rising
 With \\fBstate=FILE\\fR it goes on from what FILE holds, and writes what it knows there when it is unloaded: no file is touched while
 it runs. What was learned beyond another machine or table goes to FILE.old. What is learned is compensated while \\fBuse-learned\\fR is true.
 
+After a repair a rising edge of \\fBforget\\fR has it begin anew.
+
 Parameters are settings of the compensator, docs/stability.md. With \\fBplatform-weight-*\\fR or \\fBtool-weight-*\\fR, and the joints
 \\fBzeroed-at-*\\fR, it compensates what gravity does beyond what it did there. A change is taken up while \\fBenable\\fR is false and all offsets are
-zero.""";
+zero; until then \\fBsettings-pending\\fR is true.""";
 
 author "pkm";
 license "Dual MIT/GPL";
@@ -48,7 +50,8 @@ pin in float rise-limb-2-k "the same of limb 2";
 pin in float rise-limb-3-k "the same of limb 3";
 pin in float rise-platforms-k "the same of both platforms";
 pin in bit use-learned "compensate with what was learned, and no more than is known by it";
-pin in bit probe "at its rising edge the tip is read";
+pin in bit probe "at its rising edge the tip is read; refused while an offset acts";
+pin in bit forget "at its rising edge all that was learned is forgotten: after a repair";
 pin in float probe-x-um "by what the load moves the tip along x of the base; NaN where it is not read";
 pin in float probe-y-um;
 pin in float probe-z-um;
@@ -71,6 +74,7 @@ pin in float drive-fb-#[5] "what the drives report";
 pin out float feedback-#[5] "the same without the offsets, for the controller";
 pin out float offset-#[5] "what is added to the joints: mm, degrees";
 pin out bit active "an offset is not zero";
+pin out bit settings-pending "a parameter has changed, and is not taken up before enable is false and all offsets are zero";
 pin out bit fault "the load is not compensated as usual";
 pin out s32 fault-code "why not: a PkmError of pkm.h; 0 without a fault";
 pin out bit sensor-fault "the load or a temperature is not read as usual: fault-code 80 to 83; what to stop the machine on";
@@ -181,8 +185,10 @@ static PkmTableWatch watch;
 /* whether it compensated in the last period */
 static int was_on;
 
-/* whether probe was true then: one that is true from the start is no edge */
-static int was_probed = 1;
+/* whether probe and forget were true then: one that is true from the start is no edge */
+static int was_probed = 1, was_to_forget = 1;
+
+static int has_forgotten;
 
 /* whether a drive reports no number */
 static int is_drive_lost;
@@ -216,11 +222,10 @@ static void take_weights(const struct __comp_state *__comp_inst, Asked *now) {
                                      {zeroed_at(3) / DEG, zeroed_at(4) / DEG}};
 }
 
-/* Makes the compensator anew when the parameters have changed. */
-static void take_settings(const struct __comp_state *__comp_inst, long period_ns) {
-    Asked now;
-    memset(&now, 0, sizeof now); /* what lies between the numbers is compared, too */
-    PkmCompensatorSettings *set = &now.set;
+/* What the parameters ask for. */
+static void ask(const struct __comp_state *__comp_inst, long period_ns, Asked *now) {
+    memset(now, 0, sizeof *now); /* what lies between the numbers is compared, too */
+    PkmCompensatorSettings *set = &now->set;
     set->period_s = period_ns * 1e-9;
     set->gain = __comp_inst->gain;
     set->filter_s = __comp_inst->filter_s;
@@ -235,12 +240,15 @@ static void take_settings(const struct __comp_state *__comp_inst, long period_ns
     set->screw_rate_m_per_s = screw_rate_mm_per_s / MM;
     set->wrist_rate_rad_per_s = wrist_rate_deg_per_s / DEG;
     set->outside_box = __comp_inst->outside_box;
-    take_weights(__comp_inst, &now);
-    if (!memcmp(&now, &asked, sizeof now)) return;
-    asked = now;
-    asked_found = make(&now);
+    take_weights(__comp_inst, now);
+}
+
+/* Makes the compensator anew. */
+static void take(const Asked *now) {
+    asked = *now;
+    asked_found = make(now);
     if (asked_found != PKM_ERROR_OK) {
-        const char *name = pkm_compensator_setting_out_of_range(set, sizeof *set);
+        const char *name = pkm_compensator_setting_out_of_range(&now->set, sizeof now->set);
         rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s%s%s; nothing is compensated\n", pkm_error_text(asked_found),
                         name ? ": " : "", name ? name : "");
     }
@@ -402,11 +410,11 @@ static void let_go(struct __comp_state *__comp_inst, double period_s) {
     }
 }
 
-/* A period of the compensator. `stands` is an error when there is no place to compensate at. */
+/* A period of the compensator. `stands` is an error when there is no place to compensate at: it is told of one that is no number, and forgets nothing. */
 static void compensate(struct __comp_state *__comp_inst, PkmError stands, const PkmConfiguration_f64 *configuration,
                        const PkmWrench_f64 *wrench, double period_s) {
     const PkmError kept = pkm_table_watch_f64(&watch, pkm_table_f64());
-    const PkmError unready = kept != PKM_ERROR_OK ? kept : asked_found != PKM_ERROR_OK ? asked_found : stands;
+    const PkmError unready = kept != PKM_ERROR_OK ? kept : asked_found;
     was_on = enable && unready == PKM_ERROR_OK;
     const PkmReading_f64 reading = {was_on, *wrench, {{rise_limb_1_k, rise_limb_2_k, rise_limb_3_k}, rise_platforms_k}};
     PkmKnownOffset_f64 learned_to;
@@ -431,7 +439,8 @@ static void compensate(struct __comp_state *__comp_inst, PkmError stands, const 
     if (failed == PKM_ERROR_OK) {
         for (int i = 0; i < 5; i++) offset(i) = i < 3 ? to.screws_m[i] * MM : to.wrist_rad[i - 3] * DEG;
         *__comp_inst->limit = to.limit;
-        found = enable && unready != PKM_ERROR_OK ? unready : to.fault;
+        const PkmError missing = unready != PKM_ERROR_OK ? unready : stands;
+        found = enable && missing != PKM_ERROR_OK ? missing : to.fault;
     }
     int is_active = 0;
     for (int i = 0; i < 5; i++) is_active |= offset(i) != 0;
@@ -456,11 +465,18 @@ FUNCTION(from_drives) {
 FUNCTION(to_drives) {
     const long long begun = rtapi_get_time();
     /* before place and load, which are to be of its period */
-    const int is_edge = probe && !was_probed;
+    const int is_edge = probe && !was_probed, is_to_forget = forget && !was_to_forget;
     was_probed = probe;
+    was_to_forget = forget;
     table_high = pkm_table_checksum() >> 32;
     table_low = (hal_u32_t)pkm_table_checksum();
-    if (!was_on && !active) take_settings(__comp_inst, period);
+    Asked now;
+    ask(__comp_inst, period, &now);
+    settings_pending = memcmp(&now, &asked, sizeof now) != 0;
+    if (settings_pending && !was_on && !active) {
+        take(&now);
+        settings_pending = 0;
+    }
 
     const PkmJoints_f64 joints = {{{joint(0) / MM, joint(1) / MM, joint(2) / MM}}, {joint(3) / DEG, joint(4) / DEG}};
     const PkmWrench_f64 wrench = {{fx, fy, fz}, {mx, my, mz}};
@@ -474,10 +490,18 @@ FUNCTION(to_drives) {
         why = stands;
         inside_box = 0;
         share = 0;
+        place.configuration = (PkmConfiguration_f64){{NAN, NAN, NAN}, {NAN, NAN}};
     }
     ok = why == PKM_ERROR_OK;
     if (is_edge) {
-        probe_code = stands == PKM_ERROR_OK ? take_in(__comp_inst, &place.configuration, &wrench) : stands;
+        probe_code = stands != PKM_ERROR_OK ? stands
+                     : active               ? PKM_ERROR_READING_COMPENSATED
+                                            : take_in(__comp_inst, &place.configuration, &wrench);
+        is_told = 0;
+    }
+    if (is_to_forget) {
+        /* settings and memory are those of the start, which it began with */
+        if (pkm_estimator_init_f64(estimator, pkm_estimator_size_f64(), &LEARNED, sizeof LEARNED) == PKM_ERROR_OK) has_forgotten = 1;
         is_told = 0;
     }
     if (!is_told) tell(__comp_inst);
@@ -538,6 +562,6 @@ EXTRA_SETUP() {
 /* The threads are at rest, and this is none of theirs. */
 EXTRA_CLEANUP() {
     /* also called when the set-up failed */
-    if (!estimator || !state || readings_known() == readings_saved) return;
+    if (!estimator || !state || (readings_known() == readings_saved && !has_forgotten)) return;
     if (!save()) rtapi_print_msg(RTAPI_MSG_ERR, "pkmcompensator: %s: what was learned could not be written\n", state);
 }

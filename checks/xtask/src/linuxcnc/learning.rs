@@ -253,6 +253,18 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     if kept != foreign {
         return Err("the state of another table was not kept".into());
     }
+    // 98 an offset acts
+    let on = place(&five, &more)? + "setp pkmcompensator.enable 1\nloadusr -w sleep 0.5\n";
+    let (found, _) = run(&(on + &lines(&five, &more)?))?;
+    expect("a reading while it compensates", &found[..3], &[1.0, 98.0, 0.0], 0.0)?;
+    let nothing = Estimator::<f64, COUNT>::new(&settings()?).map_err(|e| e.to_string())?;
+    for (what, lines) in
+        [("forgotten", "setp pkmcompensator.forget 1\nloadusr -w sleep 0.3\n"), ("forgotten before", "")]
+    {
+        let (found, times) = run(lines)?;
+        expect(what, &found, &expected(&nothing, [0.0, 0.0]), 1e-4)?;
+        expect("the time of what was forgotten", &times, &[0.0, 0.0], 0.0)?;
+    }
     println!(
         "  {READINGS} readings learned, alarm and deviations as the host's, over restarts and a damaged state; compensated with it"
     );

@@ -219,8 +219,8 @@ impl Compensation {
             self.phase = row.phase();
             self.compensator = Compensator::new(&settings(self.phase)).map_err(|e| e.to_string())?;
         }
-        self.was_on = row.enabled() && stands.is_ok();
-        let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.0 };
+        self.was_on = row.enabled();
+        let pose = Pose { theta_rad: f64::NAN, sigma_rad: 0.0, z0_m: 0.0 };
         let nowhere = Configuration { pose, beta_rad: Vector2::zeros() };
         let reading = Reading { enabled: self.was_on, wrench, rise: row.rise };
         let known = stands.is_ok();

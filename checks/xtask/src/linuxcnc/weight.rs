@@ -70,8 +70,16 @@ pub fn weigh(out: &Path, host: &Host) -> Outcome {
     let zeroed = lines + &joints(&five, "zeroed-at", &zero)?;
     // as many digits as HAL prints
     expect("a weight", &session.run(&format!("{zeroed}{on}"), &pins)?, &expected, 1e-6)?;
+    // of a compensation that is on it waits
+    let pins: Vec<String> = ["settings-pending".to_owned()].into_iter().chain(pins.into_iter().skip(1)).collect();
+    let late = format!("setp pkmcompensator.enable 1\nloadusr -w sleep 0.3\n{zeroed}loadusr -w sleep 0.3\n");
+    expect("a weight while it is on", &session.run(&late, &pins)?, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-9)?;
+    let taken = late + "setp pkmcompensator.enable 0\n" + on;
+    expect("a weight after it was on", &session.run(&taken, &pins)?, &expected, 1e-6)?;
     let there = zeroed + &joints(&five, "joint", &zero)?;
     expect("a weight at the zero", &session.run(&format!("{there}{on}"), &pins)?, &[0.0; 6], 1e-9)?;
-    println!("  a weight: the host's offsets, none where the machine was zeroed, fault 88 without such a place");
+    println!(
+        "  a weight: the host's offsets, none where the machine was zeroed, fault 88 without such a place; one that is set while it compensates waits"
+    );
     Ok(())
 }
