@@ -2,9 +2,9 @@
 
 use maud::{Markup, html};
 
-use super::Diagnosis;
 use super::badges::{Badge, Grade};
 use super::estimates::Estimate;
+use super::{Diagnosis, report};
 use crate::files::verified::Quantity;
 use crate::page::{Finding, badges, on_screen, table};
 
@@ -52,6 +52,9 @@ pub fn condition(d: &Diagnosis) -> Markup {
         @if Badge::measurement(d).grade == Grade::Bad {
             p { "Nothing is said of it while the measurement is unsound; what makes up for the readings is in diagnosis.json." }
         } @else {
+            @if report::leaves_more_than_noise(d) {
+                p { "More than noise is left: values may make up for what the model lacks, and sound parts pass for worn." }
+            }
             // the others are among the findings
             @if estimates.notable().is_empty() {
                 p { "No limb differs along its axis from what is declared by more than the declared uncertainty allows." }

@@ -184,5 +184,6 @@ pub fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64
             None => all.push((names, *probability)),
         }
     }
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
     all
 }

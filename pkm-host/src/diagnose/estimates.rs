@@ -2,6 +2,7 @@
 //! the machine that follows: the stiffness of each limb along its axis, and of the platform in the middle of the box.
 
 use nalgebra::{DMatrix, DVector};
+use pkm_core::effects::{EFFECTS, Place};
 use pkm_core::{Machine, MachineParameters, Pose};
 use pkm_diagnosis::{Fit, Noise, NoiseSource, Role, student};
 use serde::Serialize;
@@ -74,10 +75,26 @@ pub struct Estimates {
 /// Axial compliance of each limb, by its place among the transmitted wrenches.
 const AXIAL: [usize; 3] = [0, 3, 6];
 
+/// Limbs without what holds them: base and platform yield for all three, and sound nuts and screws would pass for worn.
+fn limbs_alone(parameters: &MachineParameters) -> MachineParameters {
+    let mut effects = parameters.effects;
+    for (info, values) in EFFECTS.iter().zip(&mut effects.parameters) {
+        // sizes are at no place that yields
+        let first = info.expected.places.first().and_then(|place| Place::from_name(place));
+        if first.is_some_and(|place| place.limb().is_none()) {
+            values.fill(0.0);
+        }
+    }
+    for slot in &mut effects.elements {
+        *slot = slot.filter(|element| element.place.limb().is_some());
+    }
+    MachineParameters { effects, ..*parameters }
+}
+
 /// ln of each quantity, in the order of [`quantity_names`].
 fn quantities(parameters: &MachineParameters, pose: &Pose<f64>) -> Option<DVector<f64>> {
     let machine = Machine::<f64>::new(parameters).ok()?;
-    let compliance = machine.transmission(pose).ok()?.compliance;
+    let compliance = Machine::<f64>::new(&limbs_alone(parameters)).ok()?.transmission(pose).ok()?.compliance;
     let principal = machine.stiffness(pose).ok()?.principal();
     let limbs = AXIAL.iter().map(|i| 1.0 / compliance[(*i, *i)]);
     let all: Vec<f64> = limbs.chain(principal.iter().copied()).map(f64::ln).collect();
@@ -227,5 +244,43 @@ impl Estimates {
             "deviations": self.deviations,
             "deviation_covariance": self.deviation_covariance,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pkm_core::effects::Effects;
+    use pkm_core::tables::reference::PARAMETERS;
+
+    use super::*;
+
+    /// What holds a limb is no softness of its own: base and platform may yield as they like, and a joint of the limb may not.
+    #[test]
+    fn a_limb_is_as_stiff_whatever_holds_it() {
+        let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
+        let of = |effects: Option<Effects>| {
+            let effects = effects.unwrap();
+            quantities(&MachineParameters { effects, ..PARAMETERS }, &pose).unwrap()
+        };
+        let declared = of(Some(Effects::NONE));
+        let (limbs, platform) = (0..AXIAL.len(), AXIAL.len() + 2);
+        let none = Effects::NONE;
+        for held in [
+            none.with("base-compliance", [2e-9, 1e-8]),
+            none.with("moving-platform-compliance", [1e-7, 1e-7, 1e-7, 1e-8, 1e-9]),
+            none.with_element("base", "z", "constant", [5e-9]),
+            none.with_element("moving_platform", "w", "constant", [5e-9]),
+        ] {
+            let found = of(held);
+            assert!(limbs.clone().all(|n| found[n] == declared[n]), "{found} {declared}");
+            assert!(found[platform] < declared[platform] - 1e-3);
+        }
+        for own in
+            [none.with("limb-2-axial", [5e-9]), none.with_element("limb.2.platform_joint", "axial", "constant", [5e-9])]
+        {
+            let found = of(own);
+            let softer = limbs.clone().map(|n| found[n] < declared[n] - 1e-2).collect::<Vec<_>>();
+            assert_eq!(softer, [false, true, false]);
+        }
     }
 }

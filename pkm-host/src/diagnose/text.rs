@@ -25,6 +25,7 @@ pub const LEGEND: [(&str, &str); 7] = [
 pub fn place(place: &str) -> String {
     match place {
         NOWHERE => "no place of the machine".to_owned(),
+        "time" => "the instrument and its zero, which drift".to_owned(),
         _ => place.replace("limb.", "limb ").replace('.', ", ").replace('_', " "),
     }
 }
@@ -32,6 +33,7 @@ pub fn place(place: &str) -> String {
 /// What an error of the measurement is that has no formula.
 pub fn error_of(place: &str, law: &str) -> String {
     match law {
+        _ if place == "time" => "readings as time goes (a drift)".to_owned(),
         "pose" => format!("{place}, anew at each pose (a zero that was lost, a clamp or reflector that moved)"),
         "time" => format!("{place}, with time (a drift)"),
         _ => format!("{place}, law: {law}"),
@@ -85,10 +87,18 @@ pub fn axis(key: &str, axis: usize) -> String {
 /// A parameter's name without its unit, the unit that people use, and how many of these are one in SI.
 fn units(name: &str) -> (&str, &'static str, f64) {
     let known = [
+        ("_rad_per_nm_per_k", "µrad/(N·m) per K", 1e6),
+        ("_rad_per_nm3", "µrad/(N·m) per m²", 1e6),
+        ("_rad_per_nm2", "µrad/(N·m) per m", 1e6),
         ("_rad_per_nm", "µrad/(N·m)", 1e6),
+        ("_m_per_n_per_k", "nm/N per K", 1e9),
+        ("_m_per_n3", "nm/N per kN²", 1e15),
+        ("_m_per_n2", "nm/N per kN", 1e12),
         ("_m_per_n", "nm/N", 1e9),
         ("_per_nm2", "nm/N at 1 m", 1e9),
+        ("_per_nm", "nm/N per m²", 1e9),
         ("_per_n", "nm/N per m", 1e9),
+        ("_n_per_m", "N/µm", 1e-6),
         ("_per_k", "ppm/K", 1e6),
         ("_rad", "mrad", 1e3),
         ("_n", "N", 1.0),
@@ -97,7 +107,7 @@ fn units(name: &str) -> (&str, &'static str, f64) {
         return (bare, unit, factor);
     }
     match name.strip_suffix("_m") {
-        Some(bare @ ("play" | "lag")) => (bare, "µm", 1e6),
+        Some(bare) if bare.ends_with("play") || bare.ends_with("lag") => (bare, "µm", 1e6),
         Some(bare) => (bare, "mm", 1e3),
         None => (name, "%", 100.0),
     }
@@ -151,6 +161,28 @@ pub fn load(w: &Wrench<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_parameter_of_an_element_has_its_unit() {
+        let (places, motions) = (["limb.1.body", "tool"], ["axial", "tilting", "tied_to_limb_2"]);
+        let laws = ["constant", "extension", "periodic", "load", "direction", "temperature"];
+        let mut names: Vec<&str> = Vec::new();
+        for (place, motion, law) in
+            places.into_iter().flat_map(|p| motions.map(|m| (p, m))).flat_map(|(p, m)| laws.map(|l| (p, m, l)))
+        {
+            let element = pkm_core::effects::Element::from_names(place, motion, law, []);
+            names.extend(element.iter().flat_map(|e| e.parameter_names()));
+        }
+        assert!(names.len() > 30);
+        for name in names.iter().filter(|name| name.contains("_per_")) {
+            let shown = amplitude(name, 1e-9, None);
+            assert!(!shown.contains(" per n") && !shown.contains('%') && !shown.contains(" m per"), "{name}: {shown}");
+        }
+        assert_eq!(amplitude("lateral.curvature_per_nm", -1.88e-5, None), "lateral.curvature -18800 nm/N per m²");
+        assert_eq!(amplitude("axial.lag_m", 8.75e-7, Some(6.1e-8)), "axial.lag 0.875 ± 0.061 µm");
+        assert_eq!(amplitude("axial.even_m_per_n2", 2.5e-12, None), "axial.even 2.50 nm/N per kN");
+        assert_eq!(amplitude("stiffness_n_per_m", 1.1e8, Some(6.9e6)), "stiffness 110.0 ± 6.9 N/µm");
+    }
 
     #[test]
     fn amplitudes_and_loads_read_as_people_say_them() {

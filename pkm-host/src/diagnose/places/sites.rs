@@ -34,13 +34,18 @@ impl Site {
         matches!(self.place.as_str(), "sensor" | "load" | "time" | NOWHERE) || matches!(self.law, "pose" | "time")
     }
 
-    /// The same, first of all where a candidate that explains it acts: the formula says more than the block that found it.
+    /// The same, first of all where a candidate that explains it acts, and as it acts: the formula says more than the block that found it.
     pub fn named(&self, model: &Model, candidate: usize) -> Self {
-        let all = [&self.place].into_iter().chain(&self.place_class);
-        let own = named::place_of(model, candidate).places.into_iter().next().unwrap_or_else(|| self.place.clone());
-        let room = self.place_class.len().max(MAX_CLASS);
-        let others = all.filter(|p| **p != own).take(room).cloned().collect();
-        Self { place: own, place_class: others, ..self.clone() }
+        let formula = named::place_of(model, candidate);
+        let mut all: Vec<String> = Vec::new();
+        for place in formula.places.iter().chain([&self.place]).chain(&self.place_class) {
+            if !all.contains(place) {
+                all.push(place.clone());
+            }
+        }
+        all.truncate(1 + self.place_class.len().max(MAX_CLASS));
+        let place = all.remove(0);
+        Self { place, place_class: all, motion: formula.motion, law: formula.law, ..self.clone() }
     }
 }
 
