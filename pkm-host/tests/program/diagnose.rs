@@ -442,3 +442,44 @@ fn readings_that_cannot_be_noise_are_named() {
     assert!(found["verdict"] != "explained" && found["measurement"]["verdict"] != "sound", "{}", found["measurement"]);
     assert!(found["uncertainty"]["k"].as_f64().unwrap() > 2.2, "{}", found["uncertainty"]);
 }
+
+/// Places and laws of the effects in the sound readings of p01 after their deflections, of which these are the translations and rotations, have been
+/// read otherwise under a force, N, and while the load goes down.
+fn places_in_p01(read: impl Fn(f64, f64, bool) -> f64) -> Vec<[String; 2]> {
+    let (folder, machine) = (Folder::new(), measured("p01", "machine.toml"));
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_path(measured("p01", "measured.csv")).unwrap();
+    let header = reader.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|h| h == name).unwrap();
+    let forces = ["fx_n", "fy_n", "fz_n"].map(column);
+    let deflections = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"].map(column);
+    let mut text = header.iter().collect::<Vec<_>>().join(",") + "\n";
+    for row in reader.records().map(Result::unwrap) {
+        let number = |n: usize| row[n].parse::<f64>().unwrap();
+        let force = forces.iter().map(|n| number(*n).powi(2)).sum::<f64>().sqrt();
+        let goes_down = &row[column("direction")] == "unload";
+        let cell = |n: usize| match deflections.contains(&n) {
+            true => read(number(n), force, goes_down).to_string(),
+            false => row[n].to_owned(),
+        };
+        text += &((0..row.len()).map(cell).collect::<Vec<_>>().join(",") + "\n");
+    }
+    let data = folder.write("d.csv", &text);
+    // quicker than by cross-validation
+    let (holdout, out) = (measured("p01", "heldout.csv"), folder.path("out"));
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out]);
+    let effects = found["effects"].as_array().unwrap().iter();
+    effects.map(|e| ["where", "law"].map(|key| e[key].as_str().unwrap().to_owned())).collect()
+}
+
+/// What lags or has a gain of its own in the measurement is no friction and no softness of the machine.
+#[test]
+fn a_sensor_that_lags_and_a_load_cell_that_is_not_linear_are_no_limbs() {
+    assert_eq!(places_in_p01(|d, _, _| d), [[""; 2]; 0]);
+    let lags = |d: f64, _, goes_down| if goes_down { d + 4.0 * d / d.hypot(20.0) } else { d };
+    assert_eq!(places_in_p01(lags), [["sensor", "direction"]]);
+    // what is read under a force of 1 kN is 5 % too much, and under a small one too little
+    let gain = |d: f64, force: f64, _| if force > 0.0 { d * (1.0 + 1e-4 * (force - 500.0)) } else { d };
+    let found = places_in_p01(gain);
+    assert!(!found.is_empty() && found.iter().all(|[place, _]| place == "load"), "{found:?}");
+    assert_eq!(found[0][1], "load");
+}

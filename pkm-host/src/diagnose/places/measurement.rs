@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::Blocks;
 use super::elastic::{M8, Solved};
 use super::terms::{Seen, Term};
-use crate::files::readings::{CHANNELS, GAUGE};
+use crate::files::readings::{CHANNELS, Condition, GAUGE};
 
 /// ln prior of what needs an oddity of one campaign: drift, one pose, a matrix of cross-talk.
 pub const LN_PRIOR_OF_ODDITIES: f64 = -4.0;
@@ -19,8 +19,8 @@ fn size(component: usize) -> f64 {
     if component < 3 { 1.0 } else { 1.0 / LEVER_M }
 }
 
-/// Adds all of them. `solved` is the declared machine.
-pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved]) {
+/// Adds all of them. `solved` is the declared machine, `said` what it lets be read, by condition.
+pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved], said: &[[f64; CHANNELS]]) {
     let pairs = || (0..6).flat_map(|i| (0..6).map(move |j| (i, j)));
     let sensor = vec!["sensor".to_owned()];
     let load = vec!["load".to_owned()];
@@ -35,7 +35,11 @@ pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved]) {
         LN_PRIOR_OF_ODDITIES,
     );
     blocks.add_with(&load, "general", "load", pairs().map(|p| wrong_load(p, true)).collect(), 0, LN_PRIOR_OF_ODDITIES);
+    gain_by_load(blocks);
     not_linear(blocks);
+    if blocks.readings.has_unloading {
+        lagging(blocks, said);
+    }
     by_time(blocks, solved);
     if blocks.looks_at_single_poses() {
         by_pose(blocks);
@@ -61,6 +65,25 @@ fn wrong_load((i, j): (usize, usize), even: bool) -> Term {
     }))
 }
 
+/// A load cell whose gain goes with the force. It is right at the usual force: else the machine's own stiffness as a whole would go with it.
+fn gain_by_load(blocks: &mut Blocks<'_>) {
+    let force = |c: &Condition| c.wrench.force_n.norm();
+    let conditions = &blocks.readings.conditions;
+    let squares: f64 = conditions.iter().map(|c| force(c).powi(2)).sum();
+    let usual = (squares / conditions.len() as f64).sqrt();
+    if usual > 0.0 {
+        let laws: [fn(f64) -> f64; 2] = [|u| u - 1.0, |u| u * u - 1.0];
+        let of = |law: fn(f64) -> f64| {
+            Term::Direct(Arc::new(move |s: &Seen<'_>| {
+                let [x, y, z, ..] = s.wrench;
+                let gain = RELATIVE * law((x * x + y * y + z * z).sqrt() / usual);
+                s.displacement.map(|d| gain * d)
+            }))
+        };
+        blocks.add_with(&["load".into()], "general", "load", laws.map(of).into(), 0, LN_PRIOR_OF_ODDITIES);
+    }
+}
+
 /// Channels with readings, and the rms of each, m and rad.
 fn used(blocks: &Blocks<'_>) -> Vec<(usize, f64)> {
     let rms = |c: usize| {
@@ -84,6 +107,24 @@ fn not_linear(blocks: &mut Blocks<'_>) {
     };
     let terms = used(blocks).into_iter().filter(|(c, _)| *c != GAUGE).flat_map(of).collect();
     blocks.add(&["sensor".into()], "general", "load", terms);
+}
+
+/// Sensors that lag behind while the load goes down, a gauge with friction in its stem: by as much wherever they stand, or by a share of what
+/// they read.
+fn lagging(blocks: &mut Blocks<'_>, said: &[[f64; CHANNELS]]) {
+    let (entries, conditions) = (&blocks.problem.whitener.entries, &blocks.readings.conditions);
+    let laws: [fn(f64) -> f64; 2] = [|u| (5.0 * u).tanh(), |u| u];
+    let of = |(c, rms): (usize, f64)| {
+        laws.map(|law| {
+            let value = |e: &pkm_diagnosis::Entry| {
+                let goes_down = conditions[e.condition].turned_at.to_vector().amax() > 0.0;
+                if e.channel == c && goes_down { RELATIVE * rms * law(said[e.condition][c] / rms) } else { 0.0 }
+            };
+            Term::Entry(Arc::new(entries.iter().map(value).collect()))
+        })
+    };
+    let terms = used(blocks).into_iter().flat_map(of).collect();
+    blocks.add(&["sensor".into()], "general", "direction", terms);
 }
 
 /// Drift of the sensor, and limbs that yield more and more, over the order of the readings.

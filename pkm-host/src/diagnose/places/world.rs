@@ -80,7 +80,7 @@ impl World {
         platforms::add(&mut blocks);
         turned::add(&mut blocks);
         ties::add(&mut blocks);
-        measurement::add(&mut blocks, &solved);
+        measurement::add(&mut blocks, &solved, &said);
         named::add(&mut blocks);
         this.written = blocks.written;
         (this.blocks, this.terms) = blocks.list.into_iter().unzip();
