@@ -18,7 +18,7 @@ pub(super) struct LoadFilter<T> {
     dead_band: [T; 2],
     most: [T; 2],
     hold_periods: u32,
-    return_periods: u32,
+    pub return_periods: u32,
     /// 0 is never.
     stuck_periods: u32,
     filtered: Vector6<T>,

@@ -212,7 +212,6 @@ pub struct Compensator<T, const JOINTS: usize> {
     has_left_box: bool,
     /// Why the model had no answer, and for how many periods more it has to have one.
     lost: Option<(Fault, u32)>,
-    return_periods: u32,
     joints: SVector<T, JOINTS>,
 }
 
@@ -241,7 +240,6 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
             carried: None,
             has_left_box: false,
             lost: None,
-            return_periods: settings.periods(RETURN_S),
             joints: SVector::zeros(),
         })
     }
@@ -337,7 +335,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
 
     /// Remembers that the model has no answer.
     fn lose(&mut self, why: Fault) -> Fault {
-        self.lost = Some((why, self.return_periods));
+        self.lost = Some((why, self.load.return_periods));
         why
     }
 

@@ -66,21 +66,20 @@ impl Badge {
 
     /// Of the identified model.
     pub fn model(d: &Diagnosis) -> Self {
-        let p = d.judgement.after.p;
-        let rest = format!("more than noise is left ({})", p_in_words(p));
+        let rest = format!("more than noise is left ({})", p_in_words(d.judgement.after.p));
         let mut reasons = match d.judgement.verdict {
             Verdict::Adequate | Verdict::Explained => Vec::new(),
             Verdict::Ambiguous => {
                 vec![(Grade::Doubtful, "what was found has rivals that call for different repairs".to_owned())]
             }
-            Verdict::PartlyExplained if p < Rules::DEFAULT.max_misfit_p => vec![(Grade::Doubtful, rest)],
+            Verdict::PartlyExplained if d.leaves_more_than_noise() => vec![(Grade::Doubtful, rest)],
             Verdict::PartlyExplained => {
                 vec![(
                     Grade::Doubtful,
                     "the residuals are noise, but what was found may not be all or its form not right".to_owned(),
                 )]
             }
-            Verdict::Unexplained if p < Rules::DEFAULT.max_misfit_p => vec![(Grade::Bad, rest)],
+            Verdict::Unexplained if d.leaves_more_than_noise() => vec![(Grade::Bad, rest)],
             Verdict::Unexplained => Vec::new(),
         };
         if let Some([declared, identified]) = d.worse() {

@@ -2,9 +2,9 @@
 
 use maud::{Markup, html};
 
+use super::Diagnosis;
 use super::badges::{Badge, Grade};
 use super::estimates::Estimate;
-use super::{Diagnosis, report};
 use crate::files::verified::Quantity;
 use crate::page::{Finding, badges, on_screen, table};
 
@@ -52,7 +52,7 @@ pub fn condition(d: &Diagnosis) -> Markup {
         @if Badge::measurement(d).grade == Grade::Bad {
             p { "Nothing is said of it while the measurement is unsound; what makes up for the readings is in diagnosis.json." }
         } @else {
-            @if report::leaves_more_than_noise(d) {
+            @if d.leaves_more_than_noise() {
                 p { "More than noise is left: values may make up for what the model lacks, and sound parts pass for worn." }
             }
             // the others are among the findings

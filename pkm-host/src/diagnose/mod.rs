@@ -264,6 +264,11 @@ impl Diagnosis {
     fn worse(&self) -> Option<[f64; 2]> {
         self.held_out.worse().filter(|_| self.judgement.verdict != Verdict::Adequate)
     }
+
+    /// Whether the final model leaves more than noise: what its values have moved by may be of what it lacks.
+    fn leaves_more_than_noise(&self) -> bool {
+        self.judgement.after.p < Rules::DEFAULT.max_misfit_p
+    }
 }
 
 /// Of every number that was read.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use maud::{Markup, html};
-use pkm_diagnosis::{NoiseSource, Rules};
+use pkm_diagnosis::NoiseSource;
 
 use super::badges::{Badge, Grade};
 use super::compare::{Errors, RIVALS, Rival};
@@ -65,7 +65,7 @@ fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
              their uncertainty{far}."
         )),
         Verdict::Explained => Finding::good(format!("Explained by {found}: the residuals are noise{far}.")),
-        Verdict::PartlyExplained if d.judgement.after.p >= Rules::DEFAULT.max_misfit_p => Finding::warning(format!(
+        Verdict::PartlyExplained if !d.leaves_more_than_noise() => Finding::warning(format!(
             "Partly explained by {found}: the residuals are noise, but what was found may not be all, or its form not right{far}."
         )),
         Verdict::PartlyExplained => Finding::warning(format!(
@@ -132,7 +132,7 @@ fn next_step(d: &Diagnosis) -> String {
     let located = |of_measurement: bool| {
         d.effects.iter().filter(move |e| e.is_located() && e.is_measurement() == of_measurement).map(Effect::inspect)
     };
-    let values = d.declared.iter().filter(|_| !leaves_more_than_noise(d)).map(|f| f.inspect.clone());
+    let values = d.declared.iter().filter(|_| !d.leaves_more_than_noise()).map(|f| f.inspect.clone());
     let [mut machine, mut measurement] = [distinct(located(false).chain(values)), distinct(located(true))];
     machine.truncate(MOST_TO_INSPECT);
     measurement.truncate(MOST_TO_INSPECT);
@@ -184,15 +184,10 @@ fn of_effect(e: &Effect) -> String {
     format!("{}: {what} {place}{parameters}{}. Look at {}.", e.id, alike(&e.class), e.inspect())
 }
 
-/// Whether the final model leaves more than noise: what its values have moved by may be of what it lacks.
-pub fn leaves_more_than_noise(d: &Diagnosis) -> bool {
-    d.judgement.after.p < Rules::DEFAULT.max_misfit_p
-}
-
 /// Stiffnesses that are not what was declared: of limbs, and of the machine file.
 fn of_values(d: &Diagnosis) -> Vec<Finding> {
     let limbs = d.estimates.notable();
-    if leaves_more_than_noise(d) && limbs.len() + d.declared.len() > 0 {
+    if d.leaves_more_than_noise() && limbs.len() + d.declared.len() > 0 {
         return vec![Finding::warning(format!(
             "{} of 3 limbs and {} declared values come out farther off than was declared: while more than noise is left they may only make up \
              for what the model lacks, and sound parts pass for worn. They are in diagnosis.json.",

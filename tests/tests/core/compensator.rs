@@ -288,7 +288,7 @@ fn a_sensor_without_noise_is_stuck() {
     assert_eq!(update(&mut compensator, &POSE, &noisy(101)).fault, None);
 }
 
-/// A plug that makes contact for 60 ms and none for 30 ms: the offset goes, and does not come and go with it.
+/// A plug of the load cell, or of an encoder, that makes contact for 60 ms and none for 30 ms: the offset goes, and does not come and go with it.
 #[test]
 fn a_sensor_that_comes_and_goes_does_not_shake_the_machine() {
     let no_load = Wrench { force_n: Vector3::repeat(f64::NAN), ..LOAD };

@@ -261,9 +261,9 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     let (found, _) = run(&(on + &lines(&five, &more)?))?;
     expect("a reading while it compensates", &found[..3], &[1.0, 98.0, 0.0], 0.0)?;
     let nothing = Estimator::<f64, COUNT>::new(&settings()?).map_err(|e| e.to_string())?;
-    for (what, lines) in
-        [("forgotten", "setp pkmcompensator.forget 1\nloadusr -w sleep 0.3\n"), ("forgotten before", RESTED)]
-    {
+    // a period before and one after make an edge
+    let forget = format!("{RESTED}setp pkmcompensator.forget 1\n{RESTED}");
+    for (what, lines) in [("forgotten", forget.as_str()), ("forgotten before", RESTED)] {
         let (found, times) = run(lines)?;
         expect(what, &found, &expected(&nothing, [0.0, 0.0]), 1e-4)?;
         expect("the time of what was forgotten", &times, &[0.0, 0.0], 0.0)?;

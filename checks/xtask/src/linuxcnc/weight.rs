@@ -71,7 +71,7 @@ pub fn weigh(out: &Path, host: &Host) -> Outcome {
     // as many digits as HAL prints
     expect("a weight", &session.run(&format!("{zeroed}{on}"), &pins)?, &expected, 1e-6)?;
     // of a compensation that is on it waits
-    let pins: Vec<String> = ["settings-pending".to_owned()].into_iter().chain(pins.into_iter().skip(1)).collect();
+    let pins = [&["settings-pending".to_owned()], &pins[1..]].concat();
     let late = format!("setp pkmcompensator.enable 1\nloadusr -w sleep 0.3\n{zeroed}loadusr -w sleep 0.3\n");
     expect("a weight while it is on", &session.run(&late, &pins)?, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1e-9)?;
     let taken = late + "setp pkmcompensator.enable 0\n" + on;
