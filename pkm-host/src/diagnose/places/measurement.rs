@@ -70,13 +70,16 @@ fn gain_by_load(blocks: &mut Blocks<'_>) {
     let force = |c: &Condition| c.wrench.force_n.norm();
     let conditions = &blocks.readings.conditions;
     let squares: f64 = conditions.iter().map(|c| force(c).powi(2)).sum();
-    let usual = (squares / conditions.len() as f64).sqrt();
-    if usual > 0.0 {
+    let loaded = conditions.iter().filter(|c| force(c) > 0.0).count();
+    if loaded > 0 {
+        let usual = (squares / loaded as f64).sqrt();
         let laws: [fn(f64) -> f64; 2] = [|u| u - 1.0, |u| u * u - 1.0];
         let of = |law: fn(f64) -> f64| {
             Term::Direct(Arc::new(move |s: &Seen<'_>| {
                 let [x, y, z, ..] = s.wrench;
-                let gain = RELATIVE * law((x * x + y * y + z * z).sqrt() / usual);
+                let force = (x * x + y * y + z * z).sqrt();
+                // a moment alone is read by another part of the cell
+                let gain = if force > 0.0 { RELATIVE * law(force / usual) } else { 0.0 };
                 s.displacement.map(|d| gain * d)
             }))
         };
