@@ -152,12 +152,20 @@ fn sine_of_turns<T: Scalar>(turns: T) -> T {
 impl<T: Scalar> Active<T> {
     /// At a length of the limb, m, and a temperature, K above 20 °C; 0 under a law of the load.
     fn compliance(&self, q: T, warmer_k: T) -> T {
-        let [c, first, second, third, ..] = self.parameters();
+        let [c, first, second, third, local, at, half] = self.parameters();
         match self.law {
             Law::Constant => c,
             Law::Extension => {
                 let x = q - third;
-                c + x * (first + x * second)
+                let bent = c + x * (first + x * second);
+                let off = (q - at).abs();
+                if off < half {
+                    let share = off / half;
+                    let left = T::ONE - share * share;
+                    bent + local * left * left
+                } else {
+                    bent
+                }
             }
             Law::Periodic => c + first * sine_of_turns(q / second + third * T::from_f64(0.5 / core::f64::consts::PI)),
             Law::Temperature => c * warmer_k,
@@ -250,7 +258,7 @@ impl<T: Scalar> ActiveElements<T> {
     /// Adds the compliances inside a limb.
     pub fn in_limb<const N: usize>(&self, limb: &mut Limb<'_, T, N>) {
         let o = T::ZERO;
-        let is_of_limb = |e: &&Active<T>| e.is_in_limb(limb.index) && !e.is_coupled() && e.motion.tied_to().is_none();
+        let is_of_limb = |e: &&Active<T>| e.is_in_limb(limb.index) && !e.is_coupled() && !e.motion.is_tie();
         for element in self.iter().filter(is_of_limb) {
             let c = element.compliance(limb.q, self.warmer_k);
             let at = if let Place::PlatformJoint { .. } = element.place { &limb.platform } else { &limb.base };
@@ -305,18 +313,22 @@ impl<T: Scalar> ActiveElements<T> {
         self.iter().any(|element| element.is_coupled() && element.place != Place::Tool)
     }
 
-    /// Whether any ties limbs.
-    pub fn tie_limbs(&self) -> bool {
-        self.iter().any(|element| element.motion.tied_to().is_some())
+    /// Whether any is a tie.
+    pub fn are_ties(&self) -> bool {
+        self.iter().any(|element| element.motion.is_tie())
     }
 
     /// Calls `add` with what each tie does at A per unit of its force, and its stiffness. `frame` is that of a limb.
     pub fn ties(&self, frame: impl Fn(usize) -> LimbFrame<T>, mut add: impl FnMut(Vector6<T>, T)) {
         for element in self.iter() {
-            let (Some(to), Some(from)) = (element.motion.tied_to(), element.place.limb()) else { continue };
-            let [stiffness, u, v, w, ..] = element.parameters();
-            let limbs = [frame(usize::from(from) - 1), frame(to)];
-            add(LimbFrame::tied(limbs.each_ref(), &Vector3::new(u, v, w)), stiffness);
+            let [stiffness, u, v, w, ru, rv, rw] = element.parameters();
+            let pull = Vector3::new(u, v, w);
+            if let (Some(to), Some(from)) = (element.motion.tied_to(), element.place.limb()) {
+                let limbs = [frame(usize::from(from) - 1), frame(to)];
+                add(LimbFrame::tied(limbs.each_ref(), &pull), stiffness);
+            } else if element.motion == Motion::TiedToBase {
+                add(join(pull, Vector3::new(ru, rv, rw)), stiffness);
+            }
         }
     }
 

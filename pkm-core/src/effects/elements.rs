@@ -93,6 +93,9 @@ pub enum Motion {
     TiedToLimb2,
     /// Of the bodies of limbs 1 and 2: the same to the body of limb 3.
     TiedToLimb3,
+    /// Of the moving platform: a spring to the base, such as a pack of hoses, a cover or a counterbalance. It too adds a stiffness: it
+    /// pulls by a sum of what A moves by along and about u, v, w (weights of turns in m), with a force that does work with that.
+    TiedToBase,
 }
 
 /// What an element's compliance depends on.
@@ -101,7 +104,8 @@ pub enum Motion {
 pub enum Law {
     /// c.
     Constant,
-    /// c + c₁ x + c₂ x², x = q − `length_m` the limb's extension. Places of a limb.
+    /// c + c₁ x + c₂ x², x = q − `length_m` the limb's extension; and d (1 − y²)², y = (q − `local_at_m`)/`local_half_m`, where
+    /// |y| < 1: a stretch of the screw that is worn. Without it `local_half_m` is 0. Places of a limb.
     Extension,
     /// c + a sin(2π q/p + φ), q the limb's length. Places of a limb.
     Periodic,
@@ -194,11 +198,11 @@ impl Place {
     }
 
     /// The motions that it may have; of a limb its four, of anything else three translations and then three rotations; then
-    /// [`Motion::Coupled`]; last what the body of a limb may be tied to.
+    /// [`Motion::Coupled`]; last what the body of a limb, or the moving platform, may be tied to.
     pub const fn motions(self) -> &'static [Motion] {
         use Motion::{
-            Axial, Coupled, Lateral, Ru, Rv, Rw, Rx, Ry, Rz, TiedToLimb2, TiedToLimb3, Tilting, Torsion, U, V, W, X, Y,
-            Z,
+            Axial, Coupled, Lateral, Ru, Rv, Rw, Rx, Ry, Rz, TiedToBase, TiedToLimb2, TiedToLimb3, Tilting, Torsion, U,
+            V, W, X, Y, Z,
         };
         match self {
             Self::Body { limb: 1 } => &[Axial, Lateral, Tilting, Torsion, Coupled, TiedToLimb2, TiedToLimb3],
@@ -206,7 +210,8 @@ impl Place {
             Self::BaseJoint { .. } | Self::Body { .. } | Self::PlatformJoint { .. } => {
                 &[Axial, Lateral, Tilting, Torsion, Coupled]
             }
-            Self::MovingPlatform | Self::Tool => &[U, V, W, Ru, Rv, Rw, Coupled],
+            Self::MovingPlatform => &[U, V, W, Ru, Rv, Rw, Coupled, TiedToBase],
+            Self::Tool => &[U, V, W, Ru, Rv, Rw, Coupled],
             Self::Base => &[X, Y, Z, Rx, Ry, Rz, Coupled],
         }
     }
@@ -283,6 +288,7 @@ impl Motion {
             Self::Coupled => "coupled",
             Self::TiedToLimb2 => "tied_to_limb_2",
             Self::TiedToLimb3 => "tied_to_limb_3",
+            Self::TiedToBase => "tied_to_base",
         }
     }
 
@@ -293,6 +299,11 @@ impl Motion {
             Self::TiedToLimb3 => Some(2),
             _ => None,
         }
+    }
+
+    /// Whether it is a spring beside the mechanism, which adds a stiffness and no compliance.
+    pub const fn is_tie(self) -> bool {
+        matches!(self, Self::TiedToLimb2 | Self::TiedToLimb3 | Self::TiedToBase)
     }
 
     /// Whether it is a rotation: its compliance is in rad/(N·m) instead of m/N.
@@ -342,16 +353,33 @@ impl Element {
         if matches!(self.motion, Motion::Coupled) {
             return self.place.coupled_names();
         }
-        if self.motion.tied_to().is_some() {
+        if matches!(self.motion, Motion::TiedToBase) {
+            return &["stiffness_n_per_m", "u", "v", "w", "ru_m", "rv_m", "rw_m"];
+        }
+        if self.motion.is_tie() {
             return &["stiffness_n_per_m", "u", "v", "w"];
         }
         match (self.law, self.motion.is_rotation()) {
             (Law::Constant, false) => &["compliance_m_per_n"],
             (Law::Constant, true) => &["compliance_rad_per_nm"],
-            (Law::Extension, false) => &["compliance_m_per_n", "slope_per_n", "curvature_per_nm", "length_m"],
-            (Law::Extension, true) => {
-                &["compliance_rad_per_nm", "slope_rad_per_nm2", "curvature_rad_per_nm3", "length_m"]
-            }
+            (Law::Extension, false) => &[
+                "compliance_m_per_n",
+                "slope_per_n",
+                "curvature_per_nm",
+                "length_m",
+                "local_m_per_n",
+                "local_at_m",
+                "local_half_m",
+            ],
+            (Law::Extension, true) => &[
+                "compliance_rad_per_nm",
+                "slope_rad_per_nm2",
+                "curvature_rad_per_nm3",
+                "length_m",
+                "local_rad_per_nm",
+                "local_at_m",
+                "local_half_m",
+            ],
             (Law::Periodic, false) => &["compliance_m_per_n", "amplitude_m_per_n", "pitch_m", "phase_rad"],
             (Law::Periodic, true) => &["compliance_rad_per_nm", "amplitude_rad_per_nm", "pitch_m", "phase_rad"],
             (Law::Load, _) => &[
@@ -405,7 +433,7 @@ impl Element {
 
     /// Whether it is one compliance by its motion: neither a sum of what passes nor a tie.
     const fn is_one_compliance(&self) -> bool {
-        !matches!(self.motion, Motion::Coupled) && self.motion.tied_to().is_none()
+        !matches!(self.motion, Motion::Coupled) && !self.motion.is_tie()
     }
 
     /// What does not fit together.

@@ -56,12 +56,12 @@ macro_rules! effects {
                 self.elements.coupled(frame, length, base, limbs);
             }
 
-            /// Whether any element ties limbs.
-            pub(crate) fn tie_limbs(&self) -> bool {
-                self.has_elements() && self.elements.tie_limbs()
+            /// Whether any element is a tie.
+            pub(crate) fn are_ties(&self) -> bool {
+                self.has_elements() && self.elements.are_ties()
             }
 
-            /// Calls `add` with what each tie between limbs does at A per unit of its force, and its stiffness.
+            /// Calls `add` with what each tie does at A per unit of its force, and its stiffness.
             pub(crate) fn ties(&self, frame: impl Fn(usize) -> LimbFrame<T>, add: impl FnMut(Vector6<T>, T)) {
                 self.elements.ties(frame, add);
             }

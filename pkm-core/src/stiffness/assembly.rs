@@ -109,7 +109,7 @@ impl<T: Scalar> Machine<T> {
         if self.effects.are_coupled() {
             self.couple(p, offset, limbs);
         }
-        if self.effects.tie_limbs() {
+        if self.effects.are_ties() {
             self.tie(p, offset, beside);
         }
     }

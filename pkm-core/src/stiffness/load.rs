@@ -235,7 +235,7 @@ impl<T: Scalar> Machine<T> {
         for (moved, wrench) in limbs.moved.iter_mut().zip(&wrenches) {
             *moved = linalg::solve(k, wrench);
         }
-        if self.effects.tie_limbs() || (0..3).any(|limb| self.effects.tension(limb) != T::ZERO) {
+        if self.effects.are_ties() || (0..3).any(|limb| self.effects.tension(limb) != T::ZERO) {
             for (column, moved) in limbs.m.data.0.iter_mut().zip(&limbs.moved) {
                 for (entry, wrench) in column.iter_mut().zip(&wrenches) {
                     *entry -= wrench.dot(moved);

@@ -206,10 +206,13 @@ fn bending(at_base: &[SVector<f64, 8>; 6], at_platform: &[SVector<f64, 8>; 6]) -
 }
 
 fn law(e: &Element, q: f64, warmer_k: f64) -> f64 {
-    let [a, b, c, d, ..] = e.parameters;
+    let [a, b, c, d, local, at, half, ..] = e.parameters;
     match e.law {
         Law::Constant => a,
-        Law::Extension => a + b * (q - d) + c * (q - d).powi(2),
+        Law::Extension => {
+            let worn = if (q - at).abs() < half { (1.0 - ((q - at) / half).powi(2)).powi(2) } else { 0.0 };
+            a + b * (q - d) + c * (q - d).powi(2) + local * worn
+        }
         Law::Periodic => a + b * (2.0 * std::f64::consts::PI * q / c + d).sin(),
         Law::Temperature => a * warmer_k,
         Law::Load | Law::Direction => 0.0,
@@ -220,7 +223,7 @@ fn law(e: &Element, q: f64, warmer_k: f64) -> f64 {
 fn random_element(rng: &mut Rng, size: f64) -> Element {
     let place = Place::ALL[rng.usize(..Place::ALL.len())];
     // ties are no compliances
-    let motions: Vec<Motion> = place.motions().iter().copied().filter(|m| m.tied_to().is_none()).collect();
+    let motions: Vec<Motion> = place.motions().iter().copied().filter(|m| !m.is_tie()).collect();
     let motion = motions[rng.usize(..motions.len())];
     let laws = [Law::Constant, Law::Extension, Law::Periodic, Law::Temperature];
     let law = laws[rng.usize(..if place.limb().is_some() { 4 } else { 1 })];
@@ -231,7 +234,10 @@ fn random_element(rng: &mut Rng, size: f64) -> Element {
     let unit = share * if motion.is_rotation() { 1e-6 } else { 1e-9 };
     let parameters: &[f64] = match law {
         Law::Constant => &[unit],
-        Law::Extension => &[unit, 0.1 * unit / size, 0.1 * unit / size.powi(2), size * rng.f64()],
+        Law::Extension => {
+            let [length, at, half] = [1.0, 1.5, 0.5].map(|s| s * size * rng.f64());
+            &[unit, 0.1 * unit / size, 0.1 * unit / size.powi(2), length, 0.5 * unit, at, half]
+        }
         Law::Periodic => &[unit, 0.1 * unit, 0.02 * size, rng.f64()],
         _ => &[unit / 50.0],
     };
@@ -333,6 +339,47 @@ fn a_tie_adds_the_stiffness_of_a_spring_between_two_rods() {
     assert!(worst <= 1e-6, "{worst:e}");
 }
 
+/// A spring from a point of the base to one of the platform pulls along its line by as much as it becomes longer. Its wrench at A is
+/// that of a force at the point of the platform.
+#[test]
+fn a_tie_to_the_base_adds_the_stiffness_of_a_spring_between_two_points() {
+    let mut rng = seeded();
+    let mut worst = 0.0_f64;
+    for _ in 0..cases(300) {
+        let mut parameters = random_parameters(&mut rng, BodyKind::Beam);
+        let size = parameters.geometry.a1_m + parameters.geometry.b1_m;
+        let plain = Machine::<f64>::new(&parameters).unwrap();
+        let pose = random_pose(&mut rng, &plain, size, 0.2);
+        // in A-uvw
+        let [on_base, on_platform] = [size, 0.3 * size].map(|s| Vector3::from_fn(|_, _| s * (2.0 * rng.f64() - 1.0)));
+        let line = (on_platform - on_base).normalize();
+        let turn = on_platform.cross(&line);
+        let stiffness = 1e7 * rng.f64();
+        let weights = [stiffness, line.x, line.y, line.z, turn.x, turn.y, turn.z];
+        let element = Element::from_names("moving_platform", "tied_to_base", "constant", weights).unwrap();
+        parameters.effects.elements[1] = Some(element);
+        let tied = Machine::<f64>::new(&parameters).unwrap().stiffness(&pose).unwrap().matrix();
+        let k = plain.stiffness(&pose).unwrap().matrix();
+
+        let length = |d: Vector6<f64>| {
+            let turned = Rotation3::new(Vector3::new(d[3], d[4], d[5])) * on_platform;
+            (turned + Vector3::new(d[0], d[1], d[2]) - on_base).norm()
+        };
+        let step = 1e-5 * size;
+        let lever = |j: usize| if j < 3 { 1.0 } else { 1.0 / size };
+        let longer = Vector6::from_fn(|j, _| {
+            let moved = Vector6::ith(j, step * lever(j));
+            (length(moved) - length(-moved)) / (2.0 * step * lever(j))
+        });
+        let added = longer * longer.transpose() * stiffness;
+        let scale = |i: usize, j: usize| (added[(i, i)] * added[(j, j)]).sqrt() + 1e-6 * (k[(i, i)] * k[(j, j)]).sqrt();
+        let error = Matrix6::from_fn(|i, j| (tied[(i, j)] - k[(i, j)] - added[(i, j)]).abs() / scale(i, j)).max();
+        keep_worst(&mut worst, error);
+    }
+    println!("ties to the base: {worst:.1e}");
+    assert!(worst <= 1e-6, "{worst:e}");
+}
+
 fn stiffness_with(effects: Effects, pose: &Pose<f64>) -> Result<Matrix6<f64>, StiffnessError> {
     let machine = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     Ok(machine.stiffness(pose)?.matrix())
@@ -390,7 +437,7 @@ fn a_table_is_fitted_without_what_sits_at_the_tool() {
 #[test]
 fn a_compliance_below_zero_is_refused_where_nothing_is_left() {
     for place in Place::ALL {
-        for motion in place.motions().iter().filter(|m| m.tied_to().is_none()) {
+        for motion in place.motions().iter().filter(|m| !m.is_tie()) {
             let at = |c: f64| {
                 let element = Element::from_names(place.name().unwrap(), motion.name(), "constant", [c]).unwrap();
                 // a coupled one sees the first force that passes there
@@ -551,6 +598,7 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
             "coupled",
             "tied_to_limb_2",
             "tied_to_limb_3",
+            "tied_to_base",
         ] {
             let is_one = motion != "coupled" && !motion.starts_with("tied");
             let known = place.motions().iter().any(|m| m.name() == motion);
@@ -668,6 +716,7 @@ fn every_part_of_an_element_is_in_the_checksum() {
         sum("limb.1.base_joint", "axial", "constant", 1e-9),
         sum("limb.1.body", "tied_to_limb_2", "constant", 1e-9),
         sum("limb.1.body", "tied_to_limb_3", "constant", 1e-9),
+        sum("moving_platform", "tied_to_base", "constant", 1e-9),
         coupled([1.0, 0.0]),
         coupled([0.5, 0.0]),
         coupled([0.0, 1.0]),

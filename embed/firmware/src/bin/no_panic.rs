@@ -329,7 +329,7 @@ fn call_elements() {
     };
     black_box((place.name(), place.limb(), law.name()));
     for motion in place.motions() {
-        black_box((motion.name(), motion.is_rotation(), motion.tied_to()));
+        black_box((motion.name(), motion.is_rotation(), motion.tied_to(), motion.is_tie()));
     }
     if let Some(element) =
         Element::from_names(black_box("tool"), black_box("u"), black_box("load"), black_box([1.0; 8]))
