@@ -68,11 +68,12 @@ pub const LISTED: [Spec; 25] = [
 pub const COUPLING: Spec = spec("limb-coupling", 2, (0.05, 12.0), Needs::Nothing);
 
 /// Physics that no effect of the contract describes.
-pub const OUTSIDE: [Spec; 7] = [
+pub const OUTSIDE: [Spec; 8] = [
     spec("screw-torsion-with-extension", 1, (0.03, 0.95), Needs::Nothing), // correlation of the two compliances
     spec("lateral-axial-coupling", 2, (0.03, 0.95), Needs::Nothing),
     spec("misaligned-joint-axes", 1, (0.05, 4.0), Needs::Nothing), // degrees
     spec("cable-carrier-between-limbs", 1, (0.001, 10.0), Needs::Nothing), // N/µm
+    spec("hose-from-base", 2, (0.001, 10.0), Needs::Nothing),      // N/µm along its line
     spec("cubic-hardening", 1, (0.05, 6.0), Needs::Levels),        // nm/N lost at 1 kN
     spec("resonant-bracket", 2, (0.1, 60.0), Needs::Nothing),      // nm/N at its angle
     spec("periodic-screw", 1, (0.2, 5.0), Needs::Nothing),         // nm/N, along the screw
@@ -176,6 +177,7 @@ pub fn places_of(effect: &Effect) -> Vec<String> {
         "geometry-a1" => with(&["geometry"], limb_parts(&[1, 2], &["platform_joint"])),
         "geometry-b1" => with(&["geometry"], limb_parts(&[1, 2], &["base_joint"])),
         "cable-carrier-between-limbs" => limb_parts(&[1, 3], &["body"]),
+        "hose-from-base" => with(&["moving_platform", "base"], vec![]),
         "misaligned-joint-axes" => with(&["geometry"], limb_parts(&all, &["base_joint", "platform_joint"])),
         // it stands between the platform and the tool, and turns with them
         "resonant-bracket" => with(&["tool", "moving_platform"], vec![]),

@@ -34,12 +34,12 @@ impl ElementParameter {
             let slots = &mut machine.effects.elements;
             let kind = |e: &Element| (e.place, e.motion, e.law);
             // coupled ones and ties at one place differ by their weights, laws of the load by what is not linear in them
-            let is_alike = |e: &Element| match (e.motion, e.law) {
-                (Motion::Coupled | Motion::TiedToLimb2 | Motion::TiedToLimb3, _) => {
+            let is_alike = |e: &Element| {
+                if e.motion == Motion::Coupled || e.motion.is_tie() {
                     e.parameters[1..] == template.parameters[1..]
+                } else {
+                    e.law != Law::Load || e.parameters[LOAD_SHAPES] == template.parameters[LOAD_SHAPES]
                 }
-                (_, Law::Load) => e.parameters[LOAD_SHAPES] == template.parameters[LOAD_SHAPES],
-                _ => true,
             };
             let is_own = |e: &Element| kind(e) == kind(template) && is_alike(e);
             let at = slots.iter().position(|s| s.is_some_and(|e| is_own(&e)));

@@ -165,7 +165,8 @@ mod tests {
 
     #[test]
     fn every_parameter_of_an_element_has_its_unit() {
-        let (places, motions) = (["limb.1.body", "tool"], ["axial", "tilting", "tied_to_limb_2"]);
+        let places = ["limb.1.body", "tool", "moving_platform"];
+        let motions = ["axial", "tilting", "tied_to_limb_2", "tied_to_base"];
         let laws = ["constant", "extension", "periodic", "load", "direction", "temperature"];
         let mut names: Vec<&str> = Vec::new();
         for (place, motion, law) in

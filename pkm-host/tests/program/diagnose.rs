@@ -483,3 +483,16 @@ fn a_sensor_that_lags_and_a_load_cell_that_is_not_linear_are_no_limbs() {
     assert!(!found.is_empty() && found.iter().all(|[place, _]| place == "load"), "{found:?}");
     assert_eq!(found[0][1], "load");
 }
+
+/// Hoses from the base are a spring beside the limbs: none of these is blamed, poses that had no part are predicted, and the controller gets it.
+#[test]
+fn hoses_from_the_base_are_no_limb() {
+    let folder = Folder::new();
+    let found = diagnose("own-outside-hose-from-base", &folder, &[]);
+    let effects = found["effects"].as_array().unwrap();
+    assert_eq!(effects.len(), 1, "{effects:?}");
+    assert_eq!((&effects[0]["where"], &effects[0]["motion"]), (&"moving_platform".into(), &"tied".into()));
+    assert!(rms(&found, "after") < 0.25 * rms(&found, "retuned_only"), "{}", found["holdout"]);
+    let controller = std::fs::read_to_string(folder.path("out/coefficients.rs")).unwrap();
+    assert!(controller.contains(r#"("moving_platform", "tied_to_base", "constant""#));
+}

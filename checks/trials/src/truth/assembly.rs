@@ -107,6 +107,7 @@ impl Assembled {
         let centre = builder.frame.node(Vector3::zeros());
         let corners = builder.platform(centre);
         let limbs = builder.limbs(&stands, &corners);
+        builder.hose(centre);
         let tool = builder.tool(centre, &pose);
         Self { frame: builder.frame, tool, limbs }
     }
@@ -263,6 +264,21 @@ impl Builder<'_> {
             self.frame.spring(middles[0], middles[2], at, &k);
         }
         limbs
+    }
+
+    /// A pack of hoses from a bracket at the frame, beside the limbs, to the platform's other side: it springs along its line, and a fifth as much
+    /// across.
+    fn hose(&mut self, centre: Node) {
+        let Some(e) = self.of("hose-from-base") else { return };
+        let (beside, to) = [([0, 2], 1), ([1, 1], 2)][e.variant];
+        let out = 0.5 * (self.base[beside[0]] + self.base[beside[1]]) - self.origin_b;
+        let from = self.origin_b + out * (1.5 * e.share(0)) + self.axes_b.column(2) * (0.4 * out.norm() * e.share(1));
+        let to = 0.5 * e.share(2) * self.platform[to] + Vector3::z() * (0.1 * e.shape[3] * out.norm());
+        let d = (to - from).normalize();
+        let mut k = Matrix6::zeros();
+        let spring = d * d.transpose() * 0.8 + Matrix3::identity() * 0.2;
+        k.fixed_view_mut::<3, 3>(0, 0).copy_from(&(spring * (e.amplitude * 1e6)));
+        self.frame.spring(Frame::GROUND, centre, to, &k);
     }
 
     fn line(&self, i: usize) -> Line {

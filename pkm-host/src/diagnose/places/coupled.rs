@@ -22,8 +22,6 @@ pub struct Written {
     motion: Motion,
     /// Scale of each of the block's forces, m/N or rad/(N·m); of a tie N/m.
     pub units: Vec<f64>,
-    /// The greatest weight is the greatest that is kept; of a tie 1.
-    greatest_weight: f64,
     /// Components of an element's direction by the block's forces.
     to_direction: DMatrix<f64>,
 }
@@ -37,18 +35,17 @@ impl Written {
 
     fn coupled(places: &[Place], units: &[f64], to_direction: DMatrix<f64>) -> Self {
         let (places, units) = (places.to_vec(), units.to_vec());
-        Self { places, motion: Motion::Coupled, units, greatest_weight: MAX_WEIGHT, to_direction }
+        Self { places, motion: Motion::Coupled, units, to_direction }
     }
 
-    /// A tie of the body of a limb along three axes.
-    pub fn tie(limb: usize, motion: Motion, unit: f64) -> Self {
-        let places = [Place::Body { limb: limb as u8 + 1 }];
-        Self { motion, greatest_weight: 1.0, ..Self::of(&places, &[unit; 3], &|n| n) }
+    /// A tie of a place along axes, with the scale of each.
+    pub fn tie(place: Place, motion: Motion, units: &[f64]) -> Self {
+        Self { motion, ..Self::of(&[place], units, &|n| n) }
     }
 
     /// Whether less than nothing of it is nonsense: a compliance may be less than declared, a tie is there or is not.
     pub fn is_one_sided(&self) -> bool {
-        self.motion.tied_to().is_some()
+        self.motion.is_tie()
     }
 
     /// The same of other places.
@@ -74,6 +71,17 @@ impl Written {
         };
         let columns: Vec<DVector<f64>> = which.iter().map(|k| of(*k)).collect();
         Self::coupled(&[Place::Base], units, DMatrix::from_columns(&columns))
+    }
+
+    /// By what an element's direction is divided, so that its weights are what they should be.
+    fn size(&self, direction: &DVector<f64>) -> f64 {
+        if self.motion.is_tie() {
+            // its stiffness is that along its line
+            let [along, about] = [0, 3].map(|first| direction.rows(first, 3).norm());
+            along.max(about)
+        } else {
+            direction.amax() / MAX_WEIGHT
+        }
     }
 
     /// The elements that say the compliance with these amplitudes of the block's columns, each at every place alike, and
@@ -102,7 +110,7 @@ impl Written {
         kept.filter_map(|k| {
             let roots = DVector::from_fn(n, |i, _| eigen.eigenvectors[(i, k)] * self.units[i].sqrt());
             let direction = &self.to_direction * roots;
-            let size = direction.amax() / self.greatest_weight;
+            let size = self.size(&direction);
             let parameters: [f64; MAX_ELEMENT_PARAMETERS] =
                 std::array::from_fn(|i| if i == 0 { 0.0 } else { direction[i - 1] / size });
             let of = |place: &Place| Element::from_names(place.name()?, self.motion.name(), "constant", parameters);
