@@ -65,6 +65,9 @@ impl Effect {
     pub fn inspect(&self) -> String {
         if self.is_located() {
             let own = text::inspect_effect(self.id, &self.place);
+            if let Some(stretch) = self.stretch_m() {
+                return format!("{own}, {}", text::stretch(stretch));
+            }
             let seat = sites::seat(&self.place).filter(|seat| self.id == ELEMENT && self.place_class.contains(seat));
             return match seat {
                 Some(seat) => format!("{own}, and its seat in the {}", text::place(&seat)),
@@ -73,6 +76,13 @@ impl Effect {
         }
         let places = [&self.place].into_iter().chain(&self.place_class).map(|place| text::place(place));
         format!("{} (the readings do not say which)", places.collect::<Vec<_>>().join("; "))
+    }
+
+    /// Lengths of the limb between which its screw is worn, if that is what it is.
+    fn stretch_m(&self) -> Option<[f64; 2]> {
+        let of = |name: &str| self.parameters.iter().find(|p| p.0.ends_with(name)).map(|p| p.1);
+        let (at, half) = (of(".local_at_m")?, of(".local_half_m")?);
+        Some([at - half, at + half])
     }
 
     /// What else it may be at its place: laws of another kind in sets of findings that are nearly as likely.
@@ -140,7 +150,11 @@ pub fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
             .filter(|(_, u)| own.contains(u))
             .filter_map(|(n, u)| {
                 let prior = model.parameters[u.0].prior;
-                Some((name(*u)?, prior.value(end.x[n]), prior.error(end.x[n], standard_errors[n])))
+                let origin = match model.meaning(*u) {
+                    Meaning::Element(element) => model.elements[element].origin(),
+                    _ => 0.0,
+                };
+                Some((name(*u)?, origin + prior.value(end.x[n]), prior.error(end.x[n], standard_errors[n])))
             })
             .collect();
         let mut class: Vec<String> = Vec::new();

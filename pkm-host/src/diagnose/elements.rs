@@ -2,7 +2,7 @@
 
 use pkm_core::MachineParameters;
 use pkm_core::effects::{Element, Law, MAX_ELEMENT_PARAMETERS, Motion};
-use pkm_diagnosis::Prior;
+use pkm_diagnosis::{Prior, Role};
 
 use super::model::Recorded;
 
@@ -15,8 +15,8 @@ pub struct ElementParameter {
     pub index: usize,
     /// Its prior.
     pub prior: Prior,
-    /// Whether it must not be negative.
-    pub one_sided: bool,
+    /// What it is to the model.
+    pub role: Role,
 }
 
 impl ElementParameter {
@@ -27,18 +27,26 @@ impl ElementParameter {
         })
     }
 
+    /// What its fit moves it from: 0 of an amplitude.
+    pub fn origin(&self) -> f64 {
+        self.elements.first().and_then(|e| e.parameters.get(self.index)).copied().unwrap_or(0.0)
+    }
+
     /// Adds to the parameter in a machine, which gets the elements that it lacks. Where there is no room for them the machine
     /// becomes invalid.
     pub fn add_to(&self, machine: &mut MachineParameters, value: f64) {
         for template in &self.elements {
             let slots = &mut machine.effects.elements;
             let kind = |e: &Element| (e.place, e.motion, e.law);
-            // coupled ones and ties at one place differ by their weights, laws of the load by what is not linear in them
+            // coupled ones and ties at one place differ by their weights, others by what is not linear in them
             let is_alike = |e: &Element| {
                 if e.motion == Motion::Coupled || e.motion.is_tie() {
-                    e.parameters[1..] == template.parameters[1..]
-                } else {
-                    e.law != Law::Load || e.parameters[LOAD_SHAPES] == template.parameters[LOAD_SHAPES]
+                    return e.parameters[1..] == template.parameters[1..];
+                }
+                match e.law {
+                    Law::Load => e.parameters[LOAD_SHAPES] == template.parameters[LOAD_SHAPES],
+                    Law::Extension => is_same_stretch(e, template),
+                    _ => true,
                 }
             };
             let is_own = |e: &Element| kind(e) == kind(template) && is_alike(e);
@@ -50,6 +58,12 @@ impl ElementParameter {
             }
         }
     }
+}
+
+/// Whether neither is worn over a stretch, or both over one, which a fit may have moved a little.
+fn is_same_stretch(a: &Element, b: &Element) -> bool {
+    let [[at_a, half_a], [at_b, half_b]] = [a, b].map(|e| [e.parameters[LOCAL + 1], e.parameters[LOCAL + 2]]);
+    (half_a > 0.0) == (half_b > 0.0) && (half_b <= 0.0 || (at_a - at_b).abs() < half_b)
 }
 
 /// Elements that are found together.
@@ -83,6 +97,8 @@ pub struct Usual {
 const STRAIGHT_ABOVE_N: [f64; 2] = [300.0, 100.0];
 /// Parameters of a law of the load that are not linear in it: what takes up the play, and where the law is straight.
 const LOAD_SHAPES: std::ops::Range<usize> = 5..7;
+/// Index of the compliance over a worn stretch of a limb, that of its middle and half length come after it.
+pub const LOCAL: usize = 4;
 /// Lag that is plausible, and the change of tension that turns it.
 const LAG_M: f64 = 5e-6;
 /// See `LAG_M`.
@@ -138,7 +154,7 @@ fn parameter(
 ) -> Option<ElementParameter> {
     let of = |place: &&str| Element::from_names(place, motion, law, []);
     let elements = places.iter().map(of).collect::<Option<Vec<Element>>>()?;
-    Some(ElementParameter { elements, index, prior: Prior::Normal { scale }, one_sided })
+    Some(ElementParameter { elements, index, prior: Prior::Normal { scale }, role: Role::Amplitude { one_sided } })
 }
 
 fn names(limbs: &[usize], part: &str) -> Vec<String> {

@@ -281,8 +281,7 @@ impl Model {
         let mut unknowns = Vec::new();
         for p in family.parameters {
             self.meanings.push(Meaning::Element(self.elements.len()));
-            let role = Role::Amplitude { one_sided: p.one_sided };
-            self.parameters.push(Parameter { prior: p.prior, role, ambiguous: false });
+            self.parameters.push(Parameter { prior: p.prior, role: p.role, ambiguous: false });
             unknowns.push(Unknown(self.parameters.len() - 1));
             self.elements.push(p);
         }

@@ -50,6 +50,11 @@ pub fn inspect_effect(id: &str, at: &str) -> String {
     known.map_or("", |info| info.expected.inspect).to_owned()
 }
 
+/// Where to look at a screw that is worn between two lengths of its limb.
+pub fn stretch([from_m, to_m]: [f64; 2]) -> String {
+    format!("screw and nut where the limb is {:.0} to {:.0} mm long", 1e3 * from_m, 1e3 * to_m)
+}
+
 /// Factor by which no material of a kind differs from another: a body that comes out farther off has another section, length or form.
 pub const MATERIAL_RATIO: f64 = 1.15;
 

@@ -496,3 +496,25 @@ fn hoses_from_the_base_are_no_limb() {
     let controller = std::fs::read_to_string(folder.path("out/coefficients.rs")).unwrap();
     assert!(controller.contains(r#"("moving_platform", "tied_to_base", "constant""#));
 }
+
+/// A screw that is worn where it is used most, by a formula that is not the program's: found in its limb, with the lengths to look at, and no other name.
+#[test]
+fn a_worn_stretch_of_a_screw_is_named_by_its_lengths() {
+    let folder = Folder::new();
+    let wish = Wish { effect: Some("form-screw".into()), lambda: Some(300.0), ..Wish::default() };
+    Set::new(Kind::Forms, 2, &wish).unwrap().write(folder.path("set").as_ref(), false).unwrap();
+    let [machine, data, holdout] =
+        ["machine.toml", "measured.csv", "heldout.csv"].map(|f| folder.path(&format!("set/{f}")));
+    let out = folder.path("out");
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out]);
+    let effects = found["effects"].as_array().unwrap();
+    assert_eq!(effects.len(), 1, "{effects:?}");
+    let [place, law, inspect] = ["where", "law", "inspect"].map(|key| effects[0][key].as_str().unwrap());
+    assert_eq!([place, law], ["limb.3.body", "extension"]);
+    assert!(inspect.starts_with("limb 3, body, screw and nut where the limb is 4"), "{inspect}");
+    let of = |name: &str| effects[0]["parameters"][format!("axial.local_{name}_m")]["value"].as_f64().unwrap();
+    let travel = 0.42..0.77;
+    assert!(travel.contains(&(of("at") - of("half"))) && travel.contains(&(of("at") + of("half"))), "{}", effects[0]);
+    // a polynomial in the length predicted worse than stiffnesses that were fitted again
+    assert!(rms(&found, "after") < 0.5 * rms(&found, "retuned_only"), "{}", found["holdout"]);
+}

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use pkm_core::effects::Place;
 use pkm_core::thermal::DECLARED_TEMPERATURE_C;
 
-use super::Blocks;
 use super::coupled::Written;
 use super::elastic::{Frame, M6, M8, V8};
 use super::terms::{Term, alike, rows, symmetric};
+use super::{Blocks, local};
 use crate::diagnose::declared::Declared;
 
 /// Index of the axial force of each limb among the transmitted wrenches.
-const AXIAL: [usize; 3] = [0, 3, 6];
+pub const AXIAL: [usize; 3] = [0, 3, 6];
 /// Transmitted wrenches of each limb.
 const OWN: [std::ops::Range<usize>; 3] = [0..3, 3..6, 6..8];
 /// Limbs that may be alike, by themselves and together.
@@ -40,6 +40,7 @@ pub fn add(blocks: &mut Blocks<'_>) {
     }
     twist(blocks);
     periodic(blocks);
+    local::add(blocks);
     load(blocks);
     if blocks.readings.has_unloading {
         direction(blocks);

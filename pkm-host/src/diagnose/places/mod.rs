@@ -7,6 +7,7 @@
 mod coupled;
 mod elastic;
 mod limbs;
+mod local;
 mod measurement;
 mod named;
 mod platforms;
@@ -21,6 +22,7 @@ use pkm_diagnosis::{Levels, Noise, Problem};
 
 use self::coupled::Written;
 use self::elastic::Frame;
+use self::local::Stretch;
 use self::terms::{Term, symmetric};
 use super::model::Model;
 use crate::files::readings::Readings;
@@ -42,6 +44,15 @@ pub struct Whereabouts {
     pub ln_prior: f64,
 }
 
+/// How elements say what a block found.
+#[derive(Clone)]
+enum Says {
+    /// A compliance of a place, or a tie, by its main directions.
+    Directions(Written),
+    /// A worn stretch of a limb.
+    Stretch(Stretch),
+}
+
 /// Blocks under construction.
 struct Blocks<'a> {
     problem: &'a Problem<'a>,
@@ -53,8 +64,8 @@ struct Blocks<'a> {
     /// Wrenches that pass under each condition and where the load turned, of the declared machine.
     passing: Vec<(elastic::V8, elastic::V8)>,
     list: Vec<(Block, Vec<Term>)>,
-    /// By block: how its compliance is written as elements, if it is one.
-    written: Vec<Option<Written>>,
+    /// By block: how elements say it, if they do.
+    written: Vec<Option<Says>>,
 }
 
 impl Blocks<'_> {
@@ -93,13 +104,13 @@ impl Blocks<'_> {
     fn add_written(&mut self, places: &[String], terms: Vec<Term>, coupled: bool, written: Written) {
         let whole = if coupled { written.units.len() } else { 0 };
         self.add_with(places, "general", "constant", terms, whole, 0.0);
-        self.write_last(written);
+        self.write_last(Says::Directions(written));
     }
 
-    /// Says how the block that was added last is written as elements.
-    fn write_last(&mut self, written: Written) {
+    /// How elements say the block that was added last.
+    fn write_last(&mut self, says: Says) {
         if let Some(last) = self.written.last_mut() {
-            *last = Some(written);
+            *last = Some(says);
         }
     }
 

@@ -7,12 +7,12 @@ use nalgebra::{Vector3, Vector6};
 use pkm_core::LimbFrame;
 use pkm_core::effects::{Motion, Place};
 
-use super::Blocks;
 use super::coupled::Written;
 use super::elastic::{Frame, M6};
 use super::limbs::part;
 use super::measurement::LN_PRIOR_OF_ODDITIES;
 use super::terms::Term;
+use super::{Blocks, Says};
 
 /// Motion of a tie: both ends against each other.
 pub const TIED: &str = "tied";
@@ -54,5 +54,5 @@ fn add_tie(blocks: &mut Blocks<'_>, places: &[String], pull: &dyn Fn(&Frame, usi
         }
     }
     blocks.add_with(places, TIED, "constant", terms, count, LN_PRIOR_OF_ODDITIES);
-    blocks.write_last(written);
+    blocks.write_last(Says::Directions(written));
 }

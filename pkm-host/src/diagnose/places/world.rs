@@ -3,13 +3,13 @@
 use nalgebra::{DMatrix, DVector, Vector6};
 use pkm_core::effects::Element;
 use pkm_diagnosis::places::{AtState, Block, Finding, PlaceModel, State};
-use pkm_diagnosis::{Prior, Problem};
+use pkm_diagnosis::{Prior, Problem, Role};
 use rayon::prelude::*;
 
 use super::coupled::Written;
 use super::elastic::{self, Frame, M6, M8, Solved, V8};
 use super::terms::{Seen, Term};
-use super::{Blocks, limbs, measurement, named, platforms, ties, turned};
+use super::{Blocks, Says, limbs, measurement, named, platforms, ties, turned};
 use crate::diagnose::declared::Declared;
 use crate::diagnose::elements::{ElementParameter, Family};
 use crate::diagnose::model::Model;
@@ -28,7 +28,7 @@ pub struct World {
     offset: Vec<Six>,
     blocks: Vec<Block>,
     terms: Vec<Vec<Term>>,
-    written: Vec<Option<Written>>,
+    written: Vec<Option<Says>>,
 }
 
 /// A world under the conditions of readings.
@@ -41,6 +41,16 @@ pub struct Under<'a> {
 fn at_a(wrench: Six, at: [f64; 3]) -> Six {
     let [fx, fy, fz, mx, my, mz] = wrench;
     [fx, fy, fz, mx + at[1] * fz - at[2] * fy, my + at[2] * fx - at[0] * fz, mz + at[0] * fy - at[1] * fx]
+}
+
+/// A parameter for each main direction of a compliance or a tie, and where a fit of it begins.
+fn directions(written: &Written, amplitudes: &[f64]) -> (Vec<ElementParameter>, Vec<f64>) {
+    let of = |(elements, compliance): (Vec<Element>, f64)| {
+        let prior = Prior::Normal { scale: compliance.abs() };
+        let role = Role::Amplitude { one_sided: written.is_one_sided() };
+        (ElementParameter { elements, index: 0, prior, role }, compliance.signum())
+    };
+    written.elements(amplitudes).into_iter().map(of).unzip()
 }
 
 fn seen_at(displacement: Six, at: [f64; 3]) -> Six {
@@ -99,17 +109,11 @@ impl World {
 
     /// What a finding found as elements, a compliance of a place whatever its form; none if it is something else.
     pub fn elements(&self, found: &Finding) -> Option<Family> {
-        let written = self.written[found.block].as_ref()?;
         let block = &self.blocks[found.block];
-        let of = |(elements, compliance): (Vec<Element>, f64)| ElementParameter {
-            elements,
-            index: 0,
-            prior: Prior::Normal { scale: compliance.abs() },
-            one_sided: written.is_one_sided(),
+        let (parameters, start) = match self.written[found.block].as_ref()? {
+            Says::Directions(written) => directions(written, &found.amplitudes),
+            Says::Stretch(stretch) => stretch.parameters(&found.amplitudes)?,
         };
-        let all = written.elements(&found.amplitudes);
-        let start = all.iter().map(|(_, compliance)| compliance.signum()).collect();
-        let parameters = all.into_iter().map(of).collect();
         Some(Family { places: block.places.clone(), motion: block.motion, law: block.law, parameters, start })
     }
 
@@ -371,6 +375,36 @@ mod tests {
         });
     }
 
+    /// The declared machine with the elements that are written for a block's amplitudes.
+    fn with_elements(world: &World, model: &Model, block: usize, amplitudes: &[f64]) -> Machine<f64> {
+        let (columns, amplitudes) = (DMatrix::zeros(0, 0), amplitudes.to_vec());
+        let family = world.elements(&Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes }).unwrap();
+        let mut softer = model.declared;
+        for (parameter, start) in family.parameters.iter().zip(&family.start) {
+            parameter.add_to(&mut softer, parameter.prior.value(*start));
+        }
+        Machine::<f64>::new(&softer).unwrap()
+    }
+
+    /// What a block says of a worn stretch is what the core says with the element that is written for it.
+    #[test]
+    fn an_element_is_worn_where_its_block_is() {
+        on_unit_loads(|world, readings, model| {
+            let blocks: Vec<usize> =
+                (0..world.blocks.len()).filter(|b| matches!(world.written[*b], Some(Says::Stretch(_)))).collect();
+            assert!(blocks.len() > 30 && blocks.len() % 3 == 0);
+            for block in blocks {
+                let amplitudes = vec![0.4, 0.0, 0.0];
+                let softer = with_elements(world, model, block, &amplitudes);
+                let [after, before] = solved(world, block, &amplitudes);
+                for (pose, (before, after)) in readings.poses.iter().zip(before.iter().zip(&after)) {
+                    let by_core = softer.stiffness(&pose.pose).unwrap().matrix().try_inverse().unwrap();
+                    assert!(difference(&by_core, &after.compliance, &before.compliance) < 1e-9);
+                }
+            }
+        });
+    }
+
     /// What a block says with amplitudes of rank 1 is what the core says with the elements that are written for it.
     #[test]
     fn elements_of_a_block_are_its_compliance() {
@@ -378,7 +412,7 @@ mod tests {
         on_unit_loads(|world, readings, model| {
             let mut places = Vec::new();
             for (block, written) in world.written.iter().enumerate() {
-                let Some(written) = written else { continue };
+                let Some(Says::Directions(written)) = written else { continue };
                 let n = written.units.len();
                 let root: Vec<f64> = (0..n).map(|_| 0.2 * (rng.f64() - 0.5)).collect();
                 let amplitudes: Vec<f64> = if world.blocks[block].forces == 0 {
@@ -389,14 +423,7 @@ mod tests {
                         .map(|(i, j)| root[i] * root[j] * if i == j { 1.0 } else { 2.0 })
                         .collect()
                 };
-                let columns = DMatrix::zeros(0, 0);
-                let found = Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes: amplitudes.clone() };
-                let family = world.elements(&found).unwrap();
-                let mut softer = model.declared;
-                for (parameter, start) in family.parameters.iter().zip(&family.start) {
-                    parameter.add_to(&mut softer, parameter.prior.value(*start));
-                }
-                let softer = Machine::<f64>::new(&softer).unwrap();
+                let softer = with_elements(world, model, block, &amplitudes);
                 let [after, before] = solved(world, block, &amplitudes);
                 for (pose, (before, after)) in readings.poses.iter().zip(before.iter().zip(&after)) {
                     let by_core = softer.stiffness(&pose.pose).unwrap().matrix().try_inverse().unwrap();
