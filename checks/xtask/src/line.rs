@@ -2,7 +2,8 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Stdio};
+use std::process::{Child, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use pkm_protocol::{Command, MAX_COMMAND, Request, crc32, opened};
@@ -12,10 +13,13 @@ use crate::Outcome;
 /// A command.
 pub const HELLO: &str = r#"{"v":2,"id":0,"cmd":"hello"}"#;
 
+/// How long a reply may take: a sweep takes seconds, and a board that is lost would be waited for without end.
+const REPLY_WAIT: Duration = Duration::from_secs(120);
+
 /// A board of QEMU at the other end of its own input and output.
 pub struct Line {
     child: Child,
-    replies: BufReader<ChildStdout>,
+    replies: Receiver<String>,
 }
 
 impl Drop for Line {
@@ -37,7 +41,10 @@ impl Line {
             .stdout(Stdio::piped())
             .spawn()
             .map_err(|e| format!("qemu-system-arm: {e}"))?;
-        let replies = BufReader::new(child.stdout.take().ok_or("QEMU has no output")?);
+        let output = BufReader::new(child.stdout.take().ok_or("QEMU has no output")?);
+        let (heard, replies) = channel();
+        // ends with QEMU, or when nobody listens any more
+        std::thread::spawn(move || output.lines().map_while(Result::ok).try_for_each(|line| heard.send(line)));
         Ok(Self { child, replies })
     }
 
@@ -51,8 +58,8 @@ impl Line {
     }
 
     pub fn receive(&mut self) -> Result<String, String> {
-        let mut line = String::new();
-        self.replies.read_line(&mut line).map_err(|e| e.to_string())?;
+        let waited = || format!("no reply within {} s, or QEMU has ended", REPLY_WAIT.as_secs());
+        let line = self.replies.recv_timeout(REPLY_WAIT).map_err(|_| waited())? + "\n";
         if opened(line.as_bytes()).is_some() { Ok(line) } else { Err(format!("a damaged reply: {line}")) }
     }
 
