@@ -392,7 +392,7 @@ mod tests {
         on_unit_loads(|world, readings, model| {
             let blocks: Vec<usize> =
                 (0..world.blocks.len()).filter(|b| matches!(world.written[*b], Some(Says::Stretch(_)))).collect();
-            assert!(blocks.len() > 30 && blocks.len() % 3 == 0);
+            assert!(blocks.len() > 30);
             for block in blocks {
                 let amplitudes = vec![0.4, 0.0, 0.0];
                 let softer = with_elements(world, model, block, &amplitudes);
