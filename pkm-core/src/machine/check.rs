@@ -80,8 +80,13 @@ const fn check_element(found: &effects::Element, element: u8) -> Result<(), Mach
                 if value != 0.0 && value.abs() >= limit {
                     return Err(MachineError { parameter, problem: Problem::TooLarge });
                 }
-                // the pitch
-                if matches!(found.law, effects::Law::Periodic) && i == 2 {
+                // the pitch, and the half length of a worn stretch if there is one
+                let is_length = match found.law {
+                    effects::Law::Periodic => i == 2,
+                    effects::Law::Extension => i == 6 && (value != 0.0 || found.parameters[4] != 0.0),
+                    _ => false,
+                };
+                if is_length {
                     check!(check_positive(value, parameter));
                 }
                 i += 1;

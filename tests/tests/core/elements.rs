@@ -641,6 +641,12 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
     let good = good.elements[0].unwrap();
     assert_eq!(checked(good), Ok(()));
     let refused = |parameter, problem| Err(MachineError { parameter, problem });
+    for (local, half, is_good) in [(0.0, 0.0, true), (1e-9, 0.1, true), (1e-9, 0.0, false), (0.0, -0.1, false)] {
+        let law = [1e-9, 0.0, 0.0, 0.5, local, 0.6, half];
+        let worn = Effects::NONE.with_element("limb.1.body", "axial", "extension", law).unwrap().elements[0].unwrap();
+        let parameter = Parameter::Element { element: 3, parameter: 6 };
+        assert_eq!(checked(worn), if is_good { Ok(()) } else { refused(parameter, Problem::NotPositive) });
+    }
     let of_place = |parameter| refused(parameter, Problem::NotOfPlace);
     let element = 3;
     assert_eq!(
