@@ -114,7 +114,9 @@ fn write_effects(line: &mut impl FnMut(&str), effects: &Effects) {
             line("    };");
         }
         for element in effects.elements.iter().flatten() {
-            let values = &element.parameters[..element.parameter_names().len()];
+            // those behind the last that is not 0 need not be given
+            let given = element.parameters.iter().rposition(|v| *v != 0.0).map_or(1, |last| last + 1);
+            let values = &element.parameters[..given];
             let (place, motion, law) = (element.place.name().unwrap_or(""), element.motion.name(), element.law.name());
             line(&format!(
                 "    let Some(effects) = effects.with_element({place:?}, {motion:?}, {law:?}, {values:?}) else {{"
