@@ -2,7 +2,7 @@
 //! the residual of every reading.
 
 use pkm_core::effects::EFFECTS;
-use pkm_core::{Deflection, Pose, Stiffness, StiffnessError, StiffnessFactor};
+use pkm_core::{Deflection, Machine, Pose, Stiffness, StiffnessError, StiffnessFactor};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
 use super::Diagnosis;
@@ -13,9 +13,10 @@ use crate::files::elements;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{GAUGE, Readings};
 use crate::files::results::ShownReading;
+use crate::files::source::Source;
 use crate::files::table::TableFile;
 use crate::fit::export::{Provenance, rust_source};
-use crate::fit::{self, TermChoice};
+use crate::fit::{self, Fit, TermChoice};
 use crate::pose::{NamedPose, pose_of, tidy, written_units};
 
 /// Levels of each variable at which the residual correction table is fitted.
@@ -179,6 +180,30 @@ fn departure(
     Ok(1e6 * (sum / readings.conditions.len() as f64).sqrt())
 }
 
+/// The table of the stiffnesses with the correction or, where there can be none of these, of the machine's own, and why.
+fn with_correction(
+    machine: &Machine<f64>,
+    source: &Source,
+    poses: &[NamedPose],
+    corrected: Result<Vec<Stiffness<f64>>>,
+) -> Result<(Fit, Option<String>)> {
+    let fitted = |stiffnesses: Vec<Stiffness<f64>>| {
+        let targets = stiffnesses.iter().map(|k| Target { principal: k.principal().into(), full: Some(*k) }).collect();
+        let data = StiffnessData { source: source.clone(), poses: poses.to_vec(), targets, warnings: Vec::new() };
+        fit::fit(fit::samples(machine, data)?, None, TermChoice::Full)
+    };
+    match corrected.and_then(fitted) {
+        Ok(fit) => Ok((fit, None)),
+        Err(e) => {
+            let why = e.message;
+            let warning =
+                format!("no correction of what is left: {why}; coefficients.rs holds the improved machine alone");
+            let own: std::result::Result<Vec<_>, _> = poses.iter().map(|p| machine.stiffness(&p.pose)).collect();
+            Ok((fitted(own.map_err(|e| Failure::other(e.to_string()))?)?, Some(warning)))
+        }
+    }
+}
+
 /// `coefficients.rs` and its table: the improved machine, and the correction that the readings ask for beyond it, compared on the
 /// readings with the model that was judged.
 ///
@@ -201,25 +226,11 @@ pub fn table(
             poses.push(NamedPose { id: format!("G{:03}", n + 1), line: 1, pose });
         }
     }
-    let fitted = |stiffnesses: Vec<Stiffness<f64>>| {
-        let targets = stiffnesses.iter().map(|k| Target { principal: k.principal().into(), full: Some(*k) }).collect();
-        let (source, poses) = (readings.source.clone(), poses.clone());
-        let data = StiffnessData { source, poses, targets, warnings: Vec::new() };
-        fit::fit(fit::samples(&machine, data)?, None, TermChoice::Full)
-    };
     let corrected: Result<Vec<_>> =
         poses.iter().map(|p| diagnosis.fitted.residual_table().stiffness(&p.pose)).collect();
-    let mut warnings = Vec::new();
-    let corrected = corrected.and_then(fitted);
-    let is_corrected = corrected.is_ok();
-    let mut fit = corrected.or_else(|e| {
-        warnings.push(format!(
-            "no correction of what is left: {}; coefficients.rs holds the improved machine alone",
-            e.message
-        ));
-        let own = poses.iter().map(|p| machine.stiffness(&p.pose));
-        fitted(own.collect::<std::result::Result<_, _>>().map_err(|e| Failure::other(e.to_string()))?)
-    })?;
+    let (mut fit, left_out) = with_correction(&machine, &readings.source, &poses, corrected)?;
+    let is_corrected = left_out.is_none();
+    let mut warnings: Vec<String> = left_out.into_iter().collect();
     // of the correction as well, where there is one
     fit.uncertainty = diagnosis.table_uncertainty.clone().filter(|_| is_corrected);
     if is_corrected && fit.uncertainty.is_none() {
@@ -256,4 +267,28 @@ pub fn table(
     }
     let rust = rust_source(&provenance, &fit, improved)?;
     Ok(Shipped { rust, table: file, departure_um_rms, warnings })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_correction_that_would_be_negative_is_left_out_and_said() {
+        let source = Source::embedded(pkm_fixtures::MACHINE);
+        let machine = MachineFile::parse(source.clone()).unwrap().below_tool().unwrap();
+        let axis = [-1.0, -0.5, 0.0, 0.5, 1.0];
+        let mut poses = Vec::new();
+        for (i, j, k) in (0..125).map(|n| (n % 5, n / 5 % 5, n / 25)) {
+            let pose = pose_of(10.0 * axis[i], 10.0 * axis[j], 530.0 + 30.0 * axis[k]);
+            poses.push(NamedPose { id: format!("{i}{j}{k}"), line: 1, pose });
+        }
+        let own: Vec<Stiffness<f64>> = poses.iter().map(|p| machine.stiffness(&p.pose).unwrap()).collect();
+        let (whole, said) = with_correction(&machine, &source, &poses, Ok(own.clone())).unwrap();
+        assert_eq!(said, None);
+        let negative = own.iter().map(|k| Stiffness::from_lower(&-k.matrix())).collect();
+        let (alone, said) = with_correction(&machine, &source, &poses, Ok(negative)).unwrap();
+        assert!(said.unwrap().contains("holds the improved machine alone"));
+        assert_eq!(format!("{:?}", alone.numbers), format!("{:?}", whole.numbers));
+    }
 }

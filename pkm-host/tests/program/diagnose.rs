@@ -149,9 +149,7 @@ fn what_is_left_and_no_table_can_hold_stops_no_diagnosis() {
     let call = ["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out];
     let found = json(&call);
     assert!(rms(&found, "after") < rms(&found, "retuned_only"), "the diagnosis does not depend on the table");
-    let warnings = found["warnings"].as_array().unwrap();
-    assert!(warnings.iter().any(|w| w.as_str().unwrap().contains("holds the improved machine alone")), "{warnings:?}");
-    // which every reader of tables takes
+    // every reader of tables takes it
     let table = folder.path("out/coefficients.json");
     json(&["stiffness", "--machine", &folder.path("out/machine.toml"), "--table", &table, "--poses", &holdout]);
 }
