@@ -52,7 +52,7 @@ impl Start<'_> {
         };
         // what a block found is a candidate with the block's own directions
         let mut model = self.model.clone();
-        let found = inferred.iter().flat_map(|(world, i)| i.findings.iter().filter_map(|f| world.elements(f)));
+        let found = inferred.iter().flat_map(|(world, i)| i.findings.iter().flat_map(|f| world.elements(f)));
         found.for_each(|family| model.add_family(family));
         let experiment = Experiment::new(&model, readings);
         let plain = Problem::new(read, &whitener, &experiment, self.rules);

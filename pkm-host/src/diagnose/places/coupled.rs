@@ -11,6 +11,8 @@ const MAX_WEIGHT: f64 = 7.99;
 const MAX_WEIGHTS: usize = MAX_ELEMENT_PARAMETERS - 1;
 /// Most elements that say one compliance: the greatest of its main directions.
 const MAX_ELEMENTS: usize = 4;
+/// The same where it is said by those alone in which it yields: all six of what is at A.
+const MAX_YIELDING: usize = 6;
 /// Least share of the greatest that is worth an element.
 const MIN_SHARE: f64 = 1e-3;
 
@@ -85,8 +87,8 @@ impl Written {
     }
 
     /// The elements that say the compliance with these amplitudes of the block's columns, each at every place alike, and
-    /// its compliance in m/N, or stiffness in N/m; the greatest first.
-    pub fn elements(&self, amplitudes: &[f64]) -> Vec<(Vec<Element>, f64)> {
+    /// its compliance in m/N, or stiffness in N/m; the greatest first, and those alone that yield if asked for.
+    pub fn elements(&self, amplitudes: &[f64], yielding: bool) -> Vec<(Vec<Element>, f64)> {
         let n = self.units.len();
         let at = |i: usize, j: usize| match amplitudes.len() {
             count if count == n => {
@@ -104,9 +106,9 @@ impl Written {
         let greatest = order.first().map_or(0.0, |k| eigen.eigenvalues[*k].abs());
         let is_worth = |k: &usize| {
             let value = eigen.eigenvalues[*k];
-            value.abs() > MIN_SHARE * greatest && (value > 0.0 || !self.is_one_sided())
+            value.abs() > MIN_SHARE * greatest && (value > 0.0 || !(yielding || self.is_one_sided()))
         };
-        let kept = order.into_iter().filter(is_worth).take(MAX_ELEMENTS);
+        let kept = order.into_iter().filter(is_worth).take(if yielding { MAX_YIELDING } else { MAX_ELEMENTS });
         kept.filter_map(|k| {
             let roots = DVector::from_fn(n, |i, _| eigen.eigenvectors[(i, k)] * self.units[i].sqrt());
             let direction = &self.to_direction * roots;

@@ -44,13 +44,13 @@ fn at_a(wrench: Six, at: [f64; 3]) -> Six {
 }
 
 /// A parameter for each main direction of a compliance or a tie, and where a fit of it begins.
-fn directions(written: &Written, amplitudes: &[f64]) -> (Vec<ElementParameter>, Vec<f64>) {
+fn directions(written: &Written, amplitudes: &[f64], yielding: bool) -> (Vec<ElementParameter>, Vec<f64>) {
     let of = |(elements, compliance): (Vec<Element>, f64)| {
         let prior = Prior::Normal { scale: compliance.abs() };
-        let role = Role::Amplitude { one_sided: written.is_one_sided() };
+        let role = Role::Amplitude { one_sided: yielding || written.is_one_sided() };
         (ElementParameter { elements, index: 0, prior, role }, compliance.signum())
     };
-    written.elements(amplitudes).into_iter().map(of).unzip()
+    written.elements(amplitudes, yielding).into_iter().map(of).unzip()
 }
 
 fn seen_at(displacement: Six, at: [f64; 3]) -> Six {
@@ -107,14 +107,27 @@ impl World {
         &self.blocks[index]
     }
 
-    /// What a finding found as elements, a compliance of a place whatever its form; none if it is something else.
-    pub fn elements(&self, found: &Finding) -> Option<Family> {
+    /// What a finding found as elements, a compliance of a place whatever its form, by its main directions and by those alone in which
+    /// something yields: far less than declared is nonsense where readings do not say it. None if it is something else.
+    pub fn elements(&self, found: &Finding) -> Vec<Family> {
         let block = &self.blocks[found.block];
-        let (parameters, start) = match self.written[found.block].as_ref()? {
-            Says::Directions(written) => directions(written, &found.amplitudes),
-            Says::Stretch(stretch) => stretch.parameters(&found.amplitudes)?,
+        let mut all: Vec<(Vec<ElementParameter>, Vec<f64>)> = match &self.written[found.block] {
+            Some(Says::Directions(written)) => {
+                [false, true].map(|yielding| directions(written, &found.amplitudes, yielding)).into()
+            }
+            Some(Says::Stretch(stretch)) => stretch.parameters(&found.amplitudes).into_iter().collect(),
+            None => Vec::new(),
         };
-        Some(Family { places: block.places.clone(), motion: block.motion, law: block.law, parameters, start })
+        // where nothing is left out both are the same
+        all.dedup_by(|b, a| a.1 == b.1);
+        let family = |(parameters, start)| Family {
+            places: block.places.clone(),
+            motion: block.motion,
+            law: block.law,
+            parameters,
+            start,
+        };
+        all.into_iter().map(family).collect()
     }
 
     fn solve(&self, state: &State) -> Option<Vec<Solved>> {
@@ -378,7 +391,7 @@ mod tests {
     /// The declared machine with the elements that are written for a block's amplitudes.
     fn with_elements(world: &World, model: &Model, block: usize, amplitudes: &[f64]) -> Machine<f64> {
         let (columns, amplitudes) = (DMatrix::zeros(0, 0), amplitudes.to_vec());
-        let family = world.elements(&Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes }).unwrap();
+        let family = world.elements(&Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes }).remove(0);
         let mut softer = model.declared;
         for (parameter, start) in family.parameters.iter().zip(&family.start) {
             parameter.add_to(&mut softer, parameter.prior.value(*start));
