@@ -1,5 +1,9 @@
 //! Single columns: units, constants, placeholders, loads that never turn.
 
+use std::collections::HashSet;
+
+use pkm_core::thermal::DECLARED_TEMPERATURE_C;
+
 use super::DataWarning;
 use crate::error::lines_text;
 use crate::files::dataset::{POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
@@ -28,6 +32,7 @@ fn largest(numbers: &[(u64, f64)]) -> f64 {
 
 pub(super) fn check(sheet: &Sheet) -> Vec<DataWarning> {
     let mut all = units(sheet);
+    all.extend(temperatures_left_out(sheet));
     for column in WRENCH_COLUMNS.into_iter().chain(READ_COLUMNS).chain(["temperature_c"]) {
         all.extend(placeholders(&numbers(sheet, column), column));
     }
@@ -64,6 +69,19 @@ fn units(sheet: &Sheet) -> Vec<DataWarning> {
         all.push(DataWarning::new("point_in_metres", message).at_column("point_u_mm"));
     }
     all
+}
+
+/// Rows that say no temperature where others do.
+fn temperatures_left_out(sheet: &Sheet) -> Option<DataWarning> {
+    let said: HashSet<u64> = numbers(sheet, "temperature_c").into_iter().map(|(line, _)| line).collect();
+    let left_out: Vec<u64> = sheet.rows.iter().map(|row| row.line).filter(|line| !said.contains(line)).collect();
+    (!said.is_empty() && !left_out.is_empty()).then(|| {
+        let message = format!(
+            "no temperature in {}, while other rows have one: {DECLARED_TEMPERATURE_C} °C is taken; fill in how warm it was",
+            lines_text(&left_out)
+        );
+        DataWarning::new("temperature_left_out", message).at_lines(left_out).at_column("temperature_c")
+    })
 }
 
 /// Numbers such as 9999 that stand for no value.
