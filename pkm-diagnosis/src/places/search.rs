@@ -168,6 +168,12 @@ impl Search<'_> {
         self.evidence.block(family).places.first().map_or(NOWHERE, String::as_str)
     }
 
+    /// Of what the likeliest set leaves of the whitened readings.
+    fn reduced_chi2(&self) -> Option<f64> {
+        let (_, rest) = self.evidence.solve(&self.linear, &self.best.set)?;
+        Some(rest / self.evidence.observed.len() as f64)
+    }
+
     /// One member's place: all that could stand there, the other members kept.
     fn finding(&mut self, at: usize) -> Option<Finding> {
         let own = self.best.set.members[at].0;
@@ -192,9 +198,15 @@ impl Search<'_> {
         for set in close {
             rivals.extend(self.tried(&set).map(|t| (set.members[at].0, t)));
         }
+        let without = self.best.set.without(at);
+        let without = self.tried(&without).map(|t| t.ln);
+        let gain = without.map_or(0.0, |ln| self.best.ln - ln);
         let top = rivals.iter().fold(f64::NEG_INFINITY, |m, r| m.max(r.1.ln));
-        let tempered = |ln: f64| ((ln - top) / self.evidence.rules.temper_of_places).exp();
-        let total: f64 = rivals.iter().map(|r| tempered(r.1.ln)).sum();
+        // what is left beyond the noise makes every difference of evidence as much greater than it is
+        let temper = self.evidence.rules.temper_of_places * self.reduced_chi2()?.max(1.0);
+        let tempered = |ln: f64| ((ln - top) / temper).exp();
+        // that nothing is there is a rival without a place
+        let total: f64 = rivals.iter().map(|r| r.1.ln).chain(without).map(tempered).sum();
         let mut places: Vec<(String, f64)> =
             rivals.iter().map(|(f, tried)| (self.place(*f).to_owned(), tempered(tried.ln) / total)).collect();
         places.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -205,17 +217,14 @@ impl Search<'_> {
         let block = self.evidence.families[likeliest].block;
         let of_block = |(b, amplitudes): (usize, Vec<f64>)| (b == block).then_some(amplitudes);
         let amplitudes = self.evidence.of_blocks(state).blocks.into_iter().find_map(of_block).unwrap_or_default();
-        let without = self.best.set.without(at);
-        let gain = self.tried(&without).map_or(0.0, |t| self.best.ln - t.ln);
         let columns = self.linear.columns_of(own)? * self.best.set.members[at].1;
-        Some(Finding { block, gain, places, columns, amplitudes })
+        Some(Finding { block, gain, places, temper, columns, amplitudes })
     }
 
     fn result(mut self) -> Option<Inferred> {
         let mut findings: Vec<Finding> =
             (0..self.best.set.members.len()).map(|at| self.finding(at)).collect::<Option<_>>()?;
         findings.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let (_, rest) = self.evidence.solve(&self.linear, &self.best.set)?;
         let top = self.compared.iter().fold(f64::NEG_INFINITY, |m, c| m.max(c.1));
         self.compared.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut sets: Vec<(Vec<usize>, f64)> = Vec::new();
@@ -231,7 +240,7 @@ impl Search<'_> {
         let nowhere = |s: &&(Vec<usize>, f64)| s.0.iter().any(|b| self.evidence.model.blocks()[*b].places.is_empty());
         let none_of_these = sets.iter().filter(nowhere).map(|s| s.1).fold(0.0, |sum, p| sum + p);
         sets.truncate(self.evidence.rules.rivals_tried);
-        let reduced_chi2 = rest / self.evidence.observed.len() as f64;
+        let reduced_chi2 = self.reduced_chi2()?;
         Some(Inferred { findings, alternatives: sets, none_of_these, reduced_chi2 })
     }
 }

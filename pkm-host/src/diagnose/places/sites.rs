@@ -106,7 +106,7 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
         // formulas where evidence itself puts it: these become the model, and no place that is merely possible may
         let top = f.places.first().map_or(1.0, |p| p.1);
         let is_near = |place: &String| {
-            let share = |p: &(String, f64)| (p.1 / top).powf(rules.temper_of_places);
+            let share = |p: &(String, f64)| (p.1 / top).powf(f.temper);
             let is_likely = |p: &(String, f64)| p.0 == *place && share(p) >= rules.min_place_probability;
             block.places.contains(place) || f.places.iter().any(is_likely)
         };

@@ -391,7 +391,9 @@ mod tests {
     /// The declared machine with the elements that are written for a block's amplitudes.
     fn with_elements(world: &World, model: &Model, block: usize, amplitudes: &[f64]) -> Machine<f64> {
         let (columns, amplitudes) = (DMatrix::zeros(0, 0), amplitudes.to_vec());
-        let family = world.elements(&Finding { block, gain: 0.0, places: Vec::new(), columns, amplitudes }).remove(0);
+        let family = world
+            .elements(&Finding { block, gain: 0.0, places: Vec::new(), temper: 1.0, columns, amplitudes })
+            .remove(0);
         let mut softer = model.declared;
         for (parameter, start) in family.parameters.iter().zip(&family.start) {
             parameter.add_to(&mut softer, parameter.prior.value(*start));
