@@ -122,3 +122,20 @@ impl Written {
         .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_that_yield_are_all_said_and_no_other() {
+        let written = Written::of(&[Place::Tool], &[1e-9; 6], &|n| n);
+        let signs = |amplitudes: &[f64; 6], yielding: bool| -> Vec<f64> {
+            written.elements(amplitudes, yielding).iter().map(|(_, compliance)| compliance.signum()).collect()
+        };
+        let amplitudes = [5.0, 4.0, -3.0, 2.0, 1.0, -0.5];
+        assert_eq!(signs(&amplitudes, false), [1.0, 1.0, -1.0, 1.0]);
+        assert_eq!(signs(&amplitudes, true), [1.0; 4]);
+        assert_eq!(signs(&amplitudes.map(f64::abs), true), [1.0; 6]);
+    }
+}

@@ -108,7 +108,7 @@ impl World {
     }
 
     /// What a finding found as elements, a compliance of a place whatever its form, by its main directions and by those alone in which
-    /// something yields: far less than declared is nonsense where readings do not say it. None if it is something else.
+    /// something yields: far less than declared is nonsense where readings do not say it. Nothing if it is something else.
     pub fn elements(&self, found: &Finding) -> Vec<Family> {
         let block = &self.blocks[found.block];
         let mut all: Vec<(Vec<ElementParameter>, Vec<f64>)> = match &self.written[found.block] {
