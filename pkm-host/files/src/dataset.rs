@@ -7,7 +7,7 @@ use pkm_core::{KinematicsError, Pose, ScrewLengths, Stiffness};
 
 use crate::csv::LENGTH_COLUMNS;
 pub use crate::csv::{POSE_COLUMNS, Row, Sheet, to_csv};
-use crate::error::{Failure, Result, status};
+use crate::error::{Failure, Result, printable, status};
 use crate::machine::MachineFile;
 use crate::pose::{NamedPose, pose_of, written_units};
 use crate::source::Source;
@@ -42,6 +42,8 @@ pub const ZERO_SHARE_COLUMN: &str = "zero_share";
 pub const POINT_COLUMNS: [&str; 3] = ["point_u_mm", "point_v_mm", "point_w_mm"];
 /// Where the load is given.
 pub const LOAD_POINT_COLUMNS: [&str; 3] = ["load_u_mm", "load_v_mm", "load_w_mm"];
+/// How far the two halves of a stiffness matrix may differ, in √(k_ii k_jj).
+const MAX_ASYMMETRY: f64 = 1e-6;
 /// Far beyond what a machine bears, and its square still a number.
 pub const MOST_LOAD: f64 = 1e12;
 
@@ -201,11 +203,23 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
         let message = "these are deflections, and a table is fitted to stiffnesses k11 to k66: `pkm-host diagnose` takes deflections";
         return Err(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line));
     }
+    if let Some(found) = sheet.header.iter().find(|name| !sheet.has("k11") && name.to_lowercase().starts_with("k11")) {
+        let message = format!("found `{}`: name the columns k11, k12 … k66, in N/m, N and N·m/rad", printable(found));
+        return Err(Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line).at_column("k11"));
+    }
     let poses = sheet.poses(machine)?;
     refuse_doubled_ids(&sheet.source.name, &poses)?;
     sheet.require(&diagonal)?;
-    let full = all.iter().any(|(i, j, name)| i != j && sheet.has(name));
-    if let Some((_, _, name)) = all.iter().find(|(_, _, name)| full && !sheet.has(name)) {
+    // above the diagonal, below it, or both
+    let couplings: Vec<[(usize, usize, &str); 2]> = (all.iter().filter(|(i, j, _)| i != j))
+        .filter_map(|(i, j, above)| {
+            let (_, _, below) = mirrored.iter().find(|(k, l, _)| (k, l) == (j, i))?;
+            Some([(*i, *j, above.as_str()), (*i, *j, below.as_str())])
+        })
+        .collect();
+    let is_there = |pair: &[(usize, usize, &str); 2]| pair.iter().any(|(_, _, name)| sheet.has(name));
+    let full = couplings.iter().any(is_there);
+    if let Some([(_, _, name), _]) = couplings.iter().find(|pair| full && !is_there(pair)) {
         return Err(sheet.missing(name, ": give all 15 couplings or none"));
     }
     let read = |row: &Row| {
@@ -217,19 +231,23 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
         if !full {
             return Ok(Target { principal, full: None });
         }
-        let mut lower = [[0.0; 6]; 6];
-        for (i, j, name) in &all {
-            lower[*j][*i] = sheet.number(row, name)?;
-        }
-        for (i, j, name) in mirrored.iter().filter(|(_, _, name)| sheet.has(name)) {
-            let (above, below) = (lower[*i][*j], sheet.number(row, name)?);
-            if (above - below).abs() > 1e-6 * (principal[*i] * principal[*j]).sqrt() {
-                let message =
-                    format!("expected a symmetric matrix, found {below} here and {above} in k{}{}", j + 1, i + 1);
-                return Err(sheet.failure(row, message).at_column(name));
+        let mut lower = Matrix6::from_diagonal(&principal.into());
+        for pair in &couplings {
+            let there: Vec<_> = pair.iter().filter(|(_, _, name)| sheet.has(name)).collect();
+            let values = there.iter().map(|(_, _, name)| sheet.number(row, name)).collect::<Result<Vec<f64>>>()?;
+            let (i, j, first) = *there[0];
+            lower[(j, i)] = values[0];
+            let most = MAX_ASYMMETRY * (principal[i] * principal[j]).sqrt();
+            if let Some(other) = values.get(1).filter(|other| (values[0] - **other).abs() > most) {
+                let message = format!(
+                    "expected a symmetric matrix, found {other} here and {} in {first}, which differ by more than {MAX_ASYMMETRY:e} of \
+                     √(k_ii k_jj): leave out the columns of one triangle, or write the mean into both",
+                    values[0]
+                );
+                return Err(sheet.failure(row, message).at_column(there[1].2));
             }
         }
-        let k = Stiffness::from_lower(&Matrix6::from_fn(|i, j| lower[i][j]));
+        let k = Stiffness::from_lower(&lower);
         match k.factor() {
             Ok(_) => Ok(Target { principal, full: Some(k) }),
             Err(_) => Err(sheet
@@ -238,5 +256,42 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
         }
     };
     let targets = sheet.rows.iter().map(read).collect::<Result<Vec<_>>>()?;
-    Ok(StiffnessData { poses, targets, source: sheet.source, warnings: sheet.warnings })
+    let mut warnings = sheet.warnings;
+    warnings.extend(same_poses(&sheet.source.name, &poses, &targets));
+    Ok(StiffnessData { poses, targets, source: sheet.source, warnings })
+}
+
+/// Poses that are named at the most because they stand in a file twice.
+const MOST_SAME: usize = 3;
+
+/// Warnings of poses that stand in a file twice under two names.
+fn same_poses(file: &str, poses: &[NamedPose], targets: &[Target]) -> Vec<String> {
+    let mut seen: HashMap<[i64; 3], usize> = HashMap::new();
+    let mut warnings = Vec::new();
+    for (n, pose) in poses.iter().enumerate() {
+        let key = written_units(&pose.pose).map(|v| (v * 1e6).round() as i64);
+        let Some(first) = seen.insert(key, n) else { continue };
+        let most = (targets[first].principal.iter().zip(&targets[n].principal))
+            .map(|(a, b)| (b / a - 1.0).abs())
+            .fold(0.0, f64::max);
+        warnings.push(format!(
+            "{}:{}: pose `{}` is pose `{}` of line {} once more{}",
+            printable(file),
+            pose.line,
+            printable(&pose.id),
+            printable(&poses[first].id),
+            poses[first].line,
+            if most > 1e-3 {
+                format!(", and its stiffness differs by up to {:.1} %: one of the two is wrong", 100.0 * most)
+            } else {
+                ", and counts twice in a fit".to_owned()
+            }
+        ));
+    }
+    let more = warnings.len().saturating_sub(MOST_SAME);
+    warnings.truncate(MOST_SAME);
+    if more > 0 {
+        warnings.push(format!("{}: {more} more poses stand there twice", printable(file)));
+    }
+    warnings
 }

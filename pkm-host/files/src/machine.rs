@@ -113,6 +113,9 @@ impl MachineFile {
         let warnings = unlikely_values(&source.name, &parameters)
             .into_iter()
             .chain(box_out_of_reach(&source.name, &machine, &pose_box))
+            .chain(pose_box.may_be_in_radians().then(|| {
+                format!("{}: box: its angles are below 0.6: are theta_deg and sigma_deg in degrees?", source.name)
+            }))
             .collect();
         let section = raw.solid.as_ref();
         let solid = match Solid::new(section.map_or(&RawSolid::default(), Spanned::get_ref), &parameters) {
@@ -247,6 +250,10 @@ fn unlikely_values(file: &str, parameters: &MachineParameters) -> Vec<String> {
             let [young, shear] = [tube.young_pa, tube.shear_pa].map(|pa| pa / 1e9);
             check(key("young_gpa"), young, !(1.0..=1200.0).contains(&young), "is it in GPa (steel has 206)?");
             check(key("shear_gpa"), shear, shear > young, "above young_gpa: is it in GPa (steel has 79)?");
+            // 2 to 3, with leeway for values that a diagnosis has found
+            let is_solid = (1.6..=4.0).contains(&(young / shear));
+            let question = "of no solid with this young_gpa: a third to half of that is usual (steel has 79 and 206)";
+            check(key("shear_gpa"), shear, shear <= young && !is_solid, question);
             check(key("outer_mm"), tube.outer_m * 1e3, tube.outer_m < 0.001, "is it in mm?");
         }
     }

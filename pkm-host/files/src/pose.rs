@@ -76,6 +76,13 @@ impl From<[[f64; 2]; 3]> for PoseBox {
 }
 
 impl PoseBox {
+    /// Whether its angles are so small that they are likely to be in radians.
+    pub fn may_be_in_radians(&self) -> bool {
+        let angles = [self.theta_deg, self.sigma_deg];
+        let greatest = angles.as_flattened().iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
+        greatest > 0.0 && greatest < 0.6
+    }
+
     /// Extent of poses.
     pub fn of<'a>(poses: impl IntoIterator<Item = &'a Pose<f64>>) -> Self {
         let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];

@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         training: trained,
         verified: verified.as_ref(),
     };
-    let document = report::document(fit, args.terms, trained, verified.as_ref());
+    let document = report::document(fit, trained, verified.as_ref());
     let mut with_warnings = document.clone();
     with_warnings["warnings"] = json!(session.warnings);
     let wrote = source::write_all(
@@ -102,7 +102,8 @@ fn compute(args: &Args, session: &mut Session) -> Result<Fitted> {
     let verification_source = verification.as_ref().map(|v| v.source.clone());
     let training = fit::samples(&below, training)?;
     let verification = verification.map(|v| fit::samples(&below, v)).transpose()?;
-    session.warn(fit::turned_axes(&below, &training, &data.name));
+    session.warn(fit::read_otherwise(&below, &training, &data.name));
+    session.warn(fit::stray_poses(&training, &data.name));
     let mut fit = fit::fit(training, verification, args.terms).map_err(in_data)?;
     fit.estimate_uncertainty(tip_m);
     let trained = fit::evaluate(&fit.training, &below, tip_m, &fit.numbers).map_err(in_data)?;
@@ -117,5 +118,6 @@ fn compute(args: &Args, session: &mut Session) -> Result<Fitted> {
         _ => None,
     };
     session.warn(fit.warnings(&data, verification_source.as_ref(), verified.as_ref()));
+    session.warn(fit::too_sure(&fit, &below, tip_m));
     Ok(Fitted { machine, data, verification: verification_source, fit, trained, verified })
 }

@@ -1,5 +1,6 @@
 //! Fitting correction tables to stiffness data (paper, Eqs. 10-14; `docs/theory.md`).
 
+mod doubts;
 mod evaluate;
 pub mod export;
 mod regression;
@@ -7,9 +8,9 @@ pub(crate) mod uncertainty;
 
 use std::collections::BTreeSet;
 
-use nalgebra::{DMatrix, DVector, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
-use pkm_core::{Basis, Machine, Pose, Stiffness};
+use pkm_core::{Basis, Machine, Stiffness};
 
 use crate::error::{Failure, Result, printable};
 use crate::files::dataset::{StiffnessData, Target};
@@ -19,8 +20,10 @@ use crate::files::table::{DiagonalForm, FactorForm, TableFile};
 use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers, refuse_not_positive};
 use crate::pose::{NamedPose, PoseBox, core_units, file_units};
 
+use self::doubts::suspicious_ratios;
+pub use self::doubts::{read_otherwise, stray_poses, too_sure};
 pub use self::evaluate::{DeflectionError, DeflectionErrors, Evaluation, evaluate};
-use self::regression::{Regression, columns, condition, refuse_rank_deficiency, select, spread};
+use self::regression::{Regression, columns, condition, levels, refuse_rank_deficiency, select, spread};
 use self::uncertainty::Training;
 
 /// Which of them Eq. 12 gives to c11…c66.
@@ -68,6 +71,8 @@ impl TermChoice {
 
 /// A fitted table with all that is reported about it.
 pub struct Fit {
+    /// Which terms it got.
+    pub choice: TermChoice,
     /// What was fitted on, with K_p beside it.
     pub training: Vec<Sample>,
     /// What the fit is judged by; as a rule poses that had no part in it.
@@ -102,7 +107,7 @@ impl Fit {
     /// where the poses are too few for this.
     pub fn estimate_uncertainty(&mut self, tip_m: Vector3<f64>) {
         let TableNumbers { centre, half_width, terms, .. } = &self.numbers;
-        let some = some_of(&self.training);
+        let some = some_of(&self.training, MOST_LEFT_OUT);
         let entries: Option<Vec<_>> = some.iter().map(|s| s.factor_entries()).collect();
         let basic: Option<Vec<_>> = some.iter().map(|s| s.basic.factor().ok()).collect();
         let basis = Basis::<f64>::new(*centre, *half_width, terms).ok();
@@ -111,8 +116,15 @@ impl Fit {
         let design = DMatrix::from_fn(monomials.len(), terms.len(), |i, j| monomials[i][j]);
         let variables: Vec<[f64; 3]> = some.iter().map(|s| file_units(&s.pose.pose)).collect();
         let used: Vec<Vec<bool>> = self.polynomials.iter().skip(6).map(|p| p.used.clone()).collect();
-        let training =
-            Training { variables: &variables, design: &design, used: &used, entries: &entries, basic: &basic, tip_m };
+        let training = Training {
+            variables: &variables,
+            terms,
+            design: &design,
+            used: &used,
+            entries: &entries,
+            basic: &basic,
+            tip_m,
+        };
         self.uncertainty = training.uncertainty();
     }
 
@@ -146,7 +158,7 @@ impl Fit {
                 ));
             }
         }
-        if self.extent.ranges()[..2].iter().flatten().all(|angle| angle.abs() < 0.6) {
+        if self.extent.may_be_in_radians() {
             warnings.push(format!("{}: no angle is above 0.6°: are theta_deg and sigma_deg in degrees?", data.name));
         }
         warnings
@@ -174,12 +186,9 @@ impl Fit {
 
 /// Most poses that are left out one by one: more say no more of a table's lack of fit, and the time goes with the square.
 const MOST_LEFT_OUT: usize = 200;
-/// By how much less, squared, the correction has to vary under another sign of an angle for that to be said.
-const MIN_TURNED_RATIO: f64 = 4.0;
-
 /// So many of the poses at most, drawn from a fixed seed: a stride would meet the steps of a grid.
-fn some_of(training: &[Sample]) -> Vec<&Sample> {
-    let mut chosen = fastrand::Rng::with_seed(1).choose_multiple(0..training.len(), MOST_LEFT_OUT);
+fn some_of(training: &[Sample], most: usize) -> Vec<&Sample> {
+    let mut chosen = fastrand::Rng::with_seed(1).choose_multiple(0..training.len(), most);
     chosen.sort_unstable();
     chosen.into_iter().map(|i| &training[i]).collect()
 }
@@ -201,6 +210,7 @@ pub struct Polynomial {
 }
 
 /// A pose with its basic and its target stiffness.
+#[derive(Clone)]
 pub struct Sample {
     /// The pose.
     pub pose: NamedPose,
@@ -244,34 +254,6 @@ pub fn samples(machine: &Machine<f64>, data: StiffnessData) -> Result<Vec<Sample
         .collect()
 }
 
-/// A warning where the data follow the machine much better with θ or σ the other way round: by how much what has to be corrected
-/// varies from pose to pose. Whole matrices alone tell.
-pub fn turned_axes(machine: &Machine<f64>, samples: &[Sample], file: &str) -> Option<String> {
-    let variation = |[theta, sigma]: [f64; 2]| {
-        let entries = |s: &Sample| {
-            let Pose { theta_rad, sigma_rad, z0_m } = s.pose.pose;
-            let pose = Pose { theta_rad: theta * theta_rad, sigma_rad: sigma * sigma_rad, z0_m };
-            let turned =
-                Sample { pose: s.pose.clone(), basic: machine.stiffness(&pose).ok()?, target: s.target.clone() };
-            turned.factor_entries().map(SVector::from)
-        };
-        let all: Vec<SVector<f64, FACTOR_ENTRIES>> = samples.iter().map(entries).collect::<Option<_>>()?;
-        let mean = all.iter().sum::<SVector<f64, FACTOR_ENTRIES>>() / all.len() as f64;
-        Some(all.iter().map(|e| (e - mean).norm_squared()).sum::<f64>())
-    };
-    let said = variation([1.0, 1.0])?;
-    let ways = [([-1.0, 1.0], "theta_deg"), ([1.0, -1.0], "sigma_deg"), ([-1.0, -1.0], "theta_deg and sigma_deg")];
-    let tried = ways.into_iter().filter_map(|(signs, columns)| Some((variation(signs)?, columns)));
-    let (least, columns) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (least < said / MIN_TURNED_RATIO).then(|| {
-        format!(
-            "{file}: the data follow the machine much better with the other sign of {columns}: what has to be corrected then varies \
-             {:.1} times less from pose to pose: is the sign that of the machine file?",
-            (said / least).sqrt()
-        )
-    })
-}
-
 /// Fits both forms (the factor form when the data are whole matrices).
 ///
 /// # Errors
@@ -295,7 +277,9 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     let needed: Vec<bool> = EQ_11.iter().map(|t| all_nine || *t != [1, 1, 0]).collect();
     refuse_rank_deficiency(&paper_design, &needed)?;
 
-    let (terms, masks) = terms_of(choice, &responses, design_of)?;
+    let steps: [usize; 3] =
+        std::array::from_fn(|axis| levels(training.iter().map(|s| file_units(&s.pose.pose)[axis])).len());
+    let (terms, masks) = terms_of(choice, &responses, steps, design_of)?;
     let design = design_of(&terms)?;
 
     let mut polynomials = Vec::new();
@@ -334,6 +318,7 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     }
     let condition = polynomials.iter().map(|p| condition(&columns(&design, &p.used))).fold(1.0, f64::max);
     Ok(Fit {
+        choice,
         training,
         verification,
         center,
@@ -373,13 +358,14 @@ type Terms = (Vec<[u8; 3]>, Vec<Vec<bool>>);
 fn terms_of(
     choice: TermChoice,
     responses: &[Response],
+    steps: [usize; 3],
     design_of: impl Fn(&[[u8; 3]]) -> Result<DMatrix<f64>>,
 ) -> Result<Terms> {
     Ok(match choice {
         TermChoice::Paper => (EQ_11.to_vec(), (0..responses.len()).map(|r| paper_mask(r).to_vec()).collect()),
         TermChoice::Full => (EQ_11.to_vec(), vec![vec![true; 9]; responses.len()]),
         TermChoice::Select => {
-            let candidates = candidate_terms();
+            let candidates = candidate_terms(steps);
             let design = design_of(&candidates)?;
             let chosen: Vec<BTreeSet<usize>> = responses.iter().map(|(_, y)| select(&design, y)).collect();
             let union: Vec<usize> = chosen.iter().flatten().copied().collect::<BTreeSet<_>>().into_iter().collect();
@@ -390,13 +376,15 @@ fn terms_of(
 }
 
 /// What `select` may pick, the constant first: products up to the fourth order (second in Z0), and single
-/// powers of θ and σ to the sixth, since c66 bends faster with σ than four orders follow.
-fn candidate_terms() -> Vec<[u8; 3]> {
+/// powers of θ and σ to the sixth, since c66 bends faster with σ than four orders follow. Over so many steps of a variable as the poses
+/// have, no higher power than passes through them: it would swing between them, where nothing tells.
+fn candidate_terms(steps: [usize; 3]) -> Vec<[u8; 3]> {
     let mut terms: Vec<[u8; 3]> = (0..=2)
         .flat_map(|s| (0..=4).flat_map(move |p| (0..=4).map(move |r| [p, r, s])))
         .filter(|t| t.iter().sum::<u8>() <= 4)
         .collect();
     terms.extend([[5, 0, 0], [6, 0, 0], [0, 5, 0], [0, 6, 0]]);
+    terms.retain(|t| t.iter().zip(steps).all(|(power, steps)| usize::from(*power) < steps));
     terms.sort_by_key(|t| (t.iter().sum::<u8>(), std::cmp::Reverse(*t)));
     terms
 }
@@ -422,11 +410,4 @@ fn paper_coefficients(c: &[f64], center: [f64; 3], scale: [f64; 3]) -> [f64; 9] 
         }
     }
     e
-}
-
-/// Columns in which the data are so far from the model that the units are in doubt, and how far: geometric means.
-fn suspicious_ratios(samples: &[Sample]) -> Vec<(String, f64)> {
-    let mean = |i: usize| (samples.iter().map(|s| s.ratios()[i].ln()).sum::<f64>() / samples.len() as f64).exp();
-    let means = (0..6).map(|i| (format!("k{0}{0}", i + 1), mean(i)));
-    means.filter(|(_, ratio)| !(1.0 / 30.0..=30.0).contains(ratio)).collect()
 }

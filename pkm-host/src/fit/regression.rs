@@ -16,6 +16,18 @@ pub(super) fn spread(values: &DVector<f64>, used: &[bool]) -> Vec<f64> {
     used.iter().map(|u| if *u { next.next().copied().unwrap_or(0.0) } else { 0.0 }).collect()
 }
 
+/// What is nearer than this share of a variable's whole range is at one step of it.
+pub(super) const STEP: f64 = 1e-3;
+
+/// The steps of a variable that poses share, in order, as those of a grid.
+pub(super) fn levels(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut all: Vec<f64> = values.collect();
+    all.sort_by(f64::total_cmp);
+    let least = STEP * all.first().zip(all.last()).map_or(0.0, |(low, high)| high - low);
+    all.dedup_by(|next, kept| *next - *kept <= least);
+    all
+}
+
 pub(super) fn columns(design: &DMatrix<f64>, used: &[bool]) -> DMatrix<f64> {
     let picked: Vec<usize> = (0..design.ncols()).filter(|j| used[*j]).collect();
     design.select_columns(&picked)
@@ -63,12 +75,17 @@ pub(super) struct Regression {
     pub coefficients: DVector<f64>,
     pub standard_errors: DVector<f64>,
     pub loo_rms: f64,
+    /// What each pose is off from a fit to the others.
+    pub left_out: Vec<f64>,
 }
 
 impl Regression {
     pub fn new(design: &DMatrix<f64>, used: &[bool], y: &DVector<f64>) -> Result<Self> {
         let x = columns(design, used);
         let (n, k) = x.shape();
+        if n < k {
+            return Err(Failure::input("fewer poses than terms"));
+        }
         let svd = x.clone().svd(true, true);
         let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else {
             return Err(Failure::other("no singular value decomposition"));
@@ -84,8 +101,10 @@ impl Regression {
             (variance * sum).sqrt()
         });
         // leave-one-out residual: r / (1 − leverage)
-        let loo: f64 = (0..n).map(|i| (residuals[i] / (1.0 - u.row(i).norm_squared()).max(f64::EPSILON)).powi(2)).sum();
-        Ok(Self { coefficients, standard_errors, loo_rms: (loo / n as f64).sqrt() })
+        let left_out: Vec<f64> =
+            (0..n).map(|i| residuals[i] / (1.0 - u.row(i).norm_squared()).max(f64::EPSILON)).collect();
+        let loo_rms = (left_out.iter().map(|r| r.powi(2)).sum::<f64>() / n as f64).sqrt();
+        Ok(Self { coefficients, standard_errors, loo_rms, left_out })
     }
 }
 

@@ -1,7 +1,8 @@
 //! How far a table of this kind is off at poses that it was not fitted on (`docs/estimation.md`).
 //!
 //! Each training pose is left out in turn, and so are all poses at each face of the box: the fit of the others extrapolates to
-//! these, as a controller does beyond the box. What the errors have in common is a covariance of the relative error S of the
+//! these, as a controller does beyond the box. Where a power passes through about all steps of a grid, no single pose shows what the table
+//! does between them: there each step is left out as a whole. What the errors have in common is a covariance of the relative error S of the
 //! compliance, and its growth away from the middle of the box.
 
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, SymmetricEigen, Vector3, Vector6};
@@ -10,7 +11,7 @@ use pkm_core::correction::{
 };
 use pkm_core::{Stiffness, StiffnessFactor, Wrench};
 
-use super::regression::Regression;
+use super::regression::{Regression, STEP, levels};
 use crate::files::table_numbers::UncertaintyNumbers;
 
 /// From here on a scaled variable is at a face of the box.
@@ -51,6 +52,8 @@ struct LeftOut {
 pub(super) struct Training<'a> {
     /// θ, σ, Z0 of each pose.
     pub(super) variables: &'a [[f64; 3]],
+    /// Exponents of the table's terms.
+    pub(super) terms: &'a [[u8; 3]],
     /// Terms of the table at each pose.
     pub(super) design: &'a DMatrix<f64>,
     /// Terms that each entry of G uses.
@@ -74,6 +77,10 @@ impl Training<'_> {
                 let at_face = |i: &usize| side * (self.variables[*i][axis] - middle[axis]) / half[axis] > FACE;
                 left_out.extend(self.errors_without(&all.clone().filter(at_face).collect::<Vec<_>>(), true));
             }
+            for step in self.blind_steps(axis) {
+                let at_step = |i: &usize| (self.variables[*i][axis] - step).abs() <= 2.0 * half[axis] * STEP;
+                left_out.extend(self.errors_without(&all.clone().filter(at_step).collect::<Vec<_>>(), false));
+            }
         }
         if left_out.len() <= UNCERTAINTY_ENTRIES {
             return None;
@@ -83,15 +90,31 @@ impl Training<'_> {
         Some(numbers)
     }
 
-    /// Errors at some poses of a fit to the others; none where the others do not determine it.
+    /// Steps of a variable between its outermost, where its powers pass through all steps or all but two.
+    fn blind_steps(&self, axis: usize) -> Vec<f64> {
+        let is_used = |j: &usize| self.used.iter().any(|used| used[*j]);
+        let power = (0..self.terms.len()).filter(is_used).map(|j| usize::from(self.terms[j][axis])).max().unwrap_or(0);
+        match levels(self.variables.iter().map(|v| v[axis])).as_slice() {
+            [_, inner @ .., _] if power >= inner.len() => inner.to_vec(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Errors at some poses of a fit to the others, without the powers that pass through all steps which these have; none where the
+    /// others do not determine it.
     fn errors_without(&self, some: &[usize], at_face: bool) -> Vec<LeftOut> {
         let kept: Vec<usize> = (0..self.entries.len()).filter(|i| !some.contains(i)).collect();
         let design = self.design.select_rows(&kept);
+        let steps: [usize; 3] = std::array::from_fn(|k| levels(kept.iter().map(|i| self.variables[*i][k])).len());
+        let is_determined = |j: usize| (0..3).all(|k| usize::from(self.terms[j][k]) < steps[k]);
         let coefficients: Option<Vec<DVector<f64>>> = (self.used.iter().enumerate())
             .map(|(entry, used)| {
                 let values = DVector::from_iterator(kept.len(), kept.iter().map(|i| self.entries[*i][entry]));
-                let fit = Regression::new(&design, used, &values).ok()?;
-                Some(DVector::from_vec(super::spread(&fit.coefficients, used)))
+                let used: Vec<bool> = used.iter().enumerate().map(|(j, used)| *used && is_determined(j)).collect();
+                // as many poses as terms leave nothing to be seen
+                (kept.len() > used.iter().filter(|used| **used).count()).then_some(())?;
+                let fit = Regression::new(&design, &used, &values).ok()?;
+                Some(DVector::from_vec(super::spread(&fit.coefficients, &used)))
             })
             .collect();
         let (Some(coefficients), Some((middle, half))) =
@@ -101,9 +124,6 @@ impl Training<'_> {
         };
         let Some((_, whole)) = box_of(self.variables.iter()) else { return Vec::new() };
         let larger = (0..3).map(|k| (whole[k] / half[k]).powi(4)).fold(1.0, f64::max);
-        if kept.len() <= design.ncols() {
-            return Vec::new();
-        }
         let error = |i: &usize| {
             let row = self.design.row(*i);
             let said: Vec<f64> = coefficients.iter().map(|c| (row * c)[0]).collect();

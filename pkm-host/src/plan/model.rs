@@ -74,7 +74,8 @@ impl Model {
         });
         let form = match (form, &file.factor) {
             (Form::Factor, None) => {
-                let message = "has no factor form (its data had no couplings): use --form diagonal";
+                let message = "has no factor form (its data had no couplings): fit it on all 21 columns, or give --form diagonal, which is \
+                               wrong for loads";
                 return Err(Failure::input(message).in_file(source.name).at_column("factor"));
             }
             (Form::Auto, None) => Form::Diagonal,

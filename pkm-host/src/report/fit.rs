@@ -8,6 +8,7 @@ use pkm_core::correction::EQ_11;
 
 use crate::error::Result;
 use crate::files::machine::MachineFile;
+use crate::files::source::Source;
 use crate::fit::export::Provenance;
 use crate::fit::{DeflectionError, DeflectionErrors, Evaluation, Fit, Sample, TermChoice};
 use crate::page::plot::{self, Bar, Mark, Panel, Series};
@@ -89,8 +90,16 @@ fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) ->
         None => (trained, "the training poses themselves: give --verify to judge the table by others"),
     };
     let worst = |v: &[f64; 6]| v.iter().copied().fold(0.0, f64::max);
-    let forms = forms(&e.deflection_percent);
-    let mut findings = vec![verdict(e, verified.is_some() && fit.verification_in_training() == 0)];
+    // deflections are judged where there are whole matrices
+    let loaded = if e.deflection_percent.factor.is_some() { e } else { trained };
+    let forms = forms(&loaded.deflection_percent);
+    let tested = verified.is_some_and(|v| v.deflection_percent.factor.is_some());
+    let mut findings = vec![verdict(loaded, tested && fit.verification_in_training() == 0)];
+    if verified.is_some() && !tested && loaded.deflection_percent.factor.is_some() {
+        findings.push(Finding::warning(
+            "The verification poses have the six principal stiffnesses alone: deflections are judged by the training poses.",
+        ));
+    }
     findings.push(Finding::good(format!(
         "Principal stiffnesses: mean error at most {:.2} % with the table (diagonal form), up to {:.1} % without, on {on}.",
         worst(&e.improved.re_percent.mean),
@@ -138,21 +147,24 @@ fn verdict(e: &Evaluation, by_others: bool) -> Finding {
              nothing can be said about deflections under load.",
         );
     };
-    let error = factor.mean.iter().copied().fold(0.0, f64::max);
+    let greatest = |values: &[f64; 6]| values.iter().copied().fold(0.0, f64::max);
+    let error = greatest(&factor.mean);
+    let at_tip = e.tip_deflection_percent.factor.as_ref().map_or(error, |f| greatest(&f.mean));
     if (0..6).any(|i| factor.mean[i] > basic.mean[i]) {
         Finding::bad(format!("Don't use the table: it predicts deflections worse than no table ({error:.1} % off)."))
     } else if error > USABLE_PERCENT {
         Finding::warning(format!(
-            "The table is rough: it predicts deflections with a mean error of {error:.1} %, more than {USABLE_PERCENT} %."
+            "The table is rough: it predicts deflections with a mean error of {error:.1} % at A, more than {USABLE_PERCENT} %, and {at_tip:.1} % \
+             at the tool's tip."
         ))
     } else if !by_others {
         Finding::warning(format!(
-            "The table follows its own data to {error:.1} % in deflection; no other poses have tested it."
+            "The table follows its own data to {error:.1} % in deflection at A, {at_tip:.1} % at the tool's tip; no other poses have tested it."
         ))
     } else {
         Finding::good(format!(
-            "The table can be used: it predicts deflections with a mean error of {error:.1} % at most, on poses that it \
-             was not fitted to."
+            "The table can be used: it predicts deflections with a mean error of {error:.1} % at most at A, {at_tip:.1} % at the tool's tip, on \
+             poses that it was not fitted to."
         ))
     }
 }
@@ -160,22 +172,40 @@ fn verdict(e: &Evaluation, by_others: bool) -> Finding {
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
 fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>, state: State) -> Vec<Finding> {
     let mut all = Vec::new();
-    if let Some(factor) = &verified.unwrap_or(trained).deflection_percent.factor {
-        let worst = factor.max.iter().copied().fold(0.0, f64::max);
-        all.push(Finding::good(match verified {
-            Some(e) => format!("at the worst of {} verification poses, under the worst of six loads, it is {worst:.1} % off.", e.poses),
-            None => format!(
-                "at the worst of its own {} poses it is {worst:.1} % off; between them it may be more, which nothing here tells.",
-                trained.poses
-            ),
-        }).sure());
+    let by_others = verified.filter(|v| v.deflection_percent.factor.is_some());
+    let loaded = by_others.unwrap_or(trained);
+    if let Some((at_a, at_tip)) =
+        loaded.deflection_percent.factor.as_ref().zip(loaded.tip_deflection_percent.factor.as_ref())
+    {
+        let [at_a, at_tip] = [at_a, at_tip].map(|f| f.max.iter().copied().fold(0.0, f64::max));
+        let off =
+            format!("under the worst of six loads, it is {at_a:.1} % off at A and {at_tip:.1} % at the tool's tip");
+        all.push(
+            Finding::good(match by_others {
+                Some(e) => format!("at the worst of {} verification poses, {off}.", e.poses),
+                None => format!(
+                    "at the worst of its own {} poses, {off}; between them it may be more, which nothing here tells.",
+                    trained.poses
+                ),
+            })
+            .sure(),
+        );
     }
     let [theta, sigma, z0] = fit.extent.ranges().map(|[low, high]| format!("{low} to {high}"));
     let inside = format!("θ {theta}°, σ {sigma}°, Z0 {z0} mm");
+    let select = (fit.choice != TermChoice::Select).then_some("let the fit choose its terms with --terms select");
     all.push(Finding::good(match state {
         State::Good => format!("compile coefficients.rs into the controller and use the factor form, inside {inside}: outside the status says so."),
-        State::Warning => "compute or measure more poses (pkm-host plan), all 21 entries of K, give other poses with --verify, or let the fit choose its terms with --terms select.".to_owned(),
-        State::Bad => "check that the data are of this machine file, at A in A-uvw and in SI units, before anything else.".to_owned(),
+        State::Warning => {
+            let others = by_others.is_none().then_some("give other poses with all 21 entries of K with --verify");
+            let whole = loaded.deflection_percent.factor.is_none().then_some("give all 21 entries of K");
+            let ways = [select, whole, others, Some("compute or measure more poses (pkm-host plan)")];
+            format!("{}.", ways.into_iter().flatten().collect::<Vec<_>>().join(", or "))
+        }
+        State::Bad => {
+            let first = select.map(|select| format!("{select}; if that is no better, ")).unwrap_or_default();
+            format!("{first}check that the data are of this machine file, at A in A-uvw and in SI units.")
+        }
     }).todo());
     all
 }
@@ -405,7 +435,7 @@ fn coefficient_tables(fit: &Fit) -> Markup {
 }
 
 /// `fit.json`, but for its warnings.
-pub fn document(fit: &Fit, choice: TermChoice, trained: &Evaluation, verified: Option<&Evaluation>) -> Value {
+pub fn document(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> Value {
     let polynomials: Vec<Value> = fit
         .polynomials
         .iter()
@@ -427,7 +457,7 @@ pub fn document(fit: &Fit, choice: TermChoice, trained: &Evaluation, verified: O
         "verify": verified,
         "condition": fit.condition,
         "terms": fit.numbers.terms,
-        "term_choice": choice.name(),
+        "term_choice": fit.choice.name(),
         "selected": polynomials,
     })
 }
@@ -447,7 +477,9 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
         .map(|(name, e)| (name, (0..6).map(|i| bar(e, i)).collect()))
         .collect();
     let file = MachineFile::read(None)?;
-    let of_the_paper = p.file.machine_sha256 == file.source.sha256();
+    // the paper's machine, and the data that stand beside the paper's
+    let of_the_paper = p.file.machine_sha256 == file.source.sha256()
+        && p.file.data_sha256 == Source::embedded(pkm_fixtures::TRAINING).sha256();
     let body = html! {
         @if !bars.is_empty() {
             @let title = format!("Deflection error under unit loads, {on} poses, mean");

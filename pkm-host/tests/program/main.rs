@@ -9,6 +9,7 @@ mod demo;
 mod diagnose;
 mod docs;
 mod fem;
+mod fit_data;
 mod fixtures;
 mod gcode;
 mod gcode_controls;
