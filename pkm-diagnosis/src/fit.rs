@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::model::Unknown;
 
-/// A converged fit and its linear form.
+/// A fit and its linear form. One that still moves after five times the steps that fits take ends there.
 #[derive(Clone)]
 pub struct Fit {
     /// What was unknown.

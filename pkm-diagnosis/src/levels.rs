@@ -16,16 +16,18 @@ pub struct Levels<'a> {
     pub problems: Vec<Problem<'a>>,
 }
 
-/// Whitenings for [`Levels`], from the declared common errors on.
-pub fn whiteners(plain: &Problem<'_>) -> Option<Vec<Whitener>> {
-    let errors = plain.model.common_errors()?;
+/// Whitenings for [`Levels`], from the declared common errors on; all alike where the model has none.
+pub fn whiteners(plain: &Problem<'_>) -> Vec<Whitener> {
+    let Some(errors) = plain.model.common_errors() else {
+        return vec![plain.whitener.clone(); plain.rules.load_error_levels.len()];
+    };
     let groups = plain.common_groups(&errors);
     let at = |level: &f64| {
         let scale: Vec<f64> =
             errors.sd.iter().zip(&errors.undeclared).map(|(sd, more)| sd.hypot(level * more)).collect();
         plain.whitener.with_common_errors(&groups, &scale)
     };
-    Some(plain.rules.load_error_levels.iter().map(at).collect())
+    plain.rules.load_error_levels.iter().map(at).collect()
 }
 
 /// The same with disturbances of the readings that the model knows nothing of ([`Whitener::with_disturbances`]).
@@ -49,7 +51,8 @@ impl<'a> Levels<'a> {
         let at = |level: usize, start: &[f64]| {
             let plain = self.problems[level].fit_plain(unknowns, start)?;
             let evidence = self.evidence(&plain);
-            let best = (0..evidence.len()).max_by(|a, b| evidence[*a].total_cmp(&evidence[*b]))?;
+            // of levels that say the same the least
+            let best = (0..evidence.len()).reduce(|a, b| if evidence[b] > evidence[a] { b } else { a })?;
             Some((best, plain))
         };
         let (best, mut plain) = at(level, start)?;

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::observations::{Observations, Reading};
 use crate::rules::Rules;
@@ -48,6 +49,11 @@ struct Scatter {
     series_weight: f64,
 }
 
+/// What a sum of squares is divided by so that 1/variance is right on average.
+fn reduced(freedom: f64) -> f64 {
+    if freedom > 4.0 { freedom - 2.0 } else { freedom }
+}
+
 impl Scatter {
     fn plus(self, o: Self) -> Self {
         Self {
@@ -59,21 +65,36 @@ impl Scatter {
         }
     }
 
-    /// s and t. Sums of squares are divided by two degrees of freedom less, so that it is 1/variance, which readings are weighed by,
-    /// that is right on average. No t where no series are repeats of one another.
-    fn deviations(&self) -> (f64, Option<f64>) {
-        let mean = |sum: f64, freedom: f64| sum / if freedom > 4.0 { freedom - 2.0 } else { freedom };
+    /// Degrees of freedom of the zeros.
+    fn zero_dof(&self) -> f64 {
+        self.total_dof - self.within_dof
+    }
+
+    /// s. Sums of squares are divided by two degrees of freedom less, so that it is 1/variance, which readings are weighed by,
+    /// that is right on average.
+    fn of_reading(&self) -> f64 {
+        // one reading a series: its zero error can't be told from its noise, and need not be
+        let alone = self.within_dof < 1.0;
+        let (sum, freedom) = if alone { (self.total, self.total_dof) } else { (self.within, self.within_dof) };
+        (sum / reduced(freedom)).sqrt()
+    }
+
+    /// t. None where no series are repeats of one another. Of less than `few` degrees of freedom the 95 % bound: a zero that is taken for
+    /// smaller than it is leaves what something has to explain, and one that is taken for greater costs little.
+    fn of_zero(&self, few: f64) -> Option<f64> {
         if self.within_dof < 1.0 {
-            // one reading a series: its zero error can't be told from its noise, and need not be
-            return (mean(self.total, self.total_dof).sqrt(), Some(0.0));
+            return Some(0.0);
         }
-        let s2 = mean(self.within, self.within_dof);
-        let freedom = self.total_dof - self.within_dof;
+        let freedom = self.zero_dof();
         if freedom < 1.0 || self.series_weight <= 0.0 {
-            return (s2.sqrt(), None);
+            return None;
         }
-        let between = mean(self.total - self.within, freedom);
-        (s2.sqrt(), Some(((between - s2) * freedom / self.series_weight).max(0.0).sqrt()))
+        let divisor = match ChiSquared::new(freedom) {
+            Ok(law) if freedom < few => law.inverse_cdf(0.05),
+            _ => reduced(freedom),
+        };
+        let between = (self.total - self.within) / divisor;
+        Some(((between - self.of_reading().powi(2)) * freedom / self.series_weight).max(0.0).sqrt())
     }
 }
 
@@ -263,7 +284,7 @@ impl Noise {
         // the rounding of the file is noise as well
         let rounding = |c: usize| channels[c].resolution / 12.0_f64.sqrt();
         // copied rows repeat nothing
-        let is_copied = |c: &usize| pools[channels[*c].kind].deviations().0 <= rounding(*c);
+        let is_copied = |c: &usize| pools[channels[*c].kind].of_reading() <= rounding(*c);
         let is_known = used.iter().all(|c| pools[channels[*c].kind].total_dof >= needed);
         if !is_known || (declared && used.iter().all(is_copied)) {
             return Self::declared(observations, &used);
@@ -272,8 +293,10 @@ impl Noise {
         let mut is_zero_open = vec![false; channels.len()];
         for c in &used {
             let own = scatters[*c];
-            let taken = if own.total_dof >= rules.min_dof_of_channel { own } else { pools[channels[*c].kind] };
-            let (s, t) = taken.deviations();
+            let pool = pools[channels[*c].kind];
+            let taken = |freedom: f64| if freedom >= rules.min_dof_of_channel { own } else { pool };
+            let s = taken(own.total_dof).of_reading();
+            let t = taken(own.zero_dof()).of_zero(rules.min_dof_of_verdict);
             within[*c] = s.max(rounding(*c));
             is_zero_open[*c] = t.is_none();
             between[*c] = t.unwrap_or_else(|| s * declared_zero(observations, *c));

@@ -18,9 +18,9 @@ pub struct Channel {
 pub struct Reading {
     /// Index of the condition that determines the prediction.
     pub condition: usize,
-    /// Readings with the same number are repeats of one another.
+    /// Readings with the same number, counted from 0, are repeats of one another.
     pub repeat_of: usize,
-    /// Readings with the same number share a zero error in each channel.
+    /// Readings with the same number, counted from 0, share a zero error in each channel.
     pub series: usize,
     /// By channel, in SI units; `None` where nothing was read.
     pub observed: Vec<Option<f64>>,
@@ -100,7 +100,67 @@ pub struct Observations {
     pub readings: Vec<Reading>,
 }
 
+/// What is wrong with a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flaw {
+    /// Not as many numbers in it as there are channels, or kinds of channels.
+    Count,
+    /// A condition, a series or a repeat that is not counted from 0 on: a number beyond those of conditions or of readings.
+    Number,
+    /// A value, or an error that it draws, that is not finite.
+    NotFinite,
+    /// A declared deviation that is not finite, or not above 0.
+    Deviation,
+}
+
+/// A reading that the engine cannot take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BadReading {
+    /// Index of the reading.
+    pub reading: usize,
+    /// What is wrong with it.
+    pub flaw: Flaw,
+}
+
+impl std::fmt::Display for BadReading {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let what = match self.flaw {
+            Flaw::Count => "does not have a number for each channel, and a deviation for each kind",
+            Flaw::Number => "has a condition, series or repeat that is not counted from 0 on",
+            Flaw::NotFinite => "has a number that is not finite",
+            Flaw::Deviation => "has a declared deviation that is not finite and above 0",
+        };
+        write!(f, "reading {} {what}", self.reading)
+    }
+}
+
+impl std::error::Error for BadReading {}
+
 impl Observations {
+    /// Whether the engine can take these. What a client makes itself of a file that it has checked needs no second look.
+    ///
+    /// # Errors
+    /// The first reading that it cannot.
+    pub fn check(&self) -> Result<(), BadReading> {
+        let (channels, kinds, readings) = (self.channels.len(), self.kinds(), self.readings.len());
+        let flaw = |r: &Reading| {
+            let is_short = |n: usize| n != 0 && n != channels;
+            if r.observed.len() != channels || r.sigma.len() != kinds || is_short(r.drawn.len()) {
+                Some(Flaw::Count)
+            } else if r.condition >= self.pose_of.len() || r.series.max(r.repeat_of) > readings {
+                Some(Flaw::Number)
+            } else if !r.observed.iter().flatten().chain(&r.drawn).all(|value| value.is_finite()) {
+                Some(Flaw::NotFinite)
+            } else if !r.sigma.iter().flatten().all(|sigma| sigma.is_finite() && *sigma > 0.0) {
+                Some(Flaw::Deviation)
+            } else {
+                None
+            }
+        };
+        let mut all = self.readings.iter().enumerate();
+        all.find_map(|(reading, r)| Some(BadReading { reading, flaw: flaw(r)? })).map_or(Ok(()), Err)
+    }
+
     /// Number of kinds of channels.
     pub fn kinds(&self) -> usize {
         self.channels.iter().map(|c| c.kind + 1).max().unwrap_or(0)

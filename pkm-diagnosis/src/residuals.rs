@@ -62,7 +62,7 @@ impl Residuals {
         let observations = problem.observations;
         let by_reading = Whitener::by_reading(observations, noise);
         let plain = problem.with(&by_reading);
-        let whitener = levels::whiteners(&plain)?.swap_remove(search.levels[1]);
+        let whitener = levels::whiteners(&plain).swap_remove(search.levels[1]);
         let left = problem.with(&whitener).residuals(&search.fit.unknowns, search.fit.x.as_slice())?;
         let mut by_reading = vec![vec![0.0; observations.channels.len()]; observations.readings.len()];
         for (e, r) in whitener.entries.iter().zip(left.iter()) {

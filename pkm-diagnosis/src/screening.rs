@@ -39,24 +39,41 @@ fn seen(v: &DMatrix<f64>, limit: f64) -> (Vec<f64>, DMatrix<f64>) {
     (kept.iter().map(|i| eigen.eigenvalues[*i]).collect(), eigen.eigenvectors.select_columns(&kept))
 }
 
+/// Columns of a candidate of which all choices are tried: the time doubles with each.
+const MOST_CHOSEN: usize = 12;
+
 /// The columns of a candidate that explain most for what they cost, with the steps of their amplitudes, those of
-/// one-sided ones positive: by trying all choices of at most a few columns.
+/// one-sided ones positive: by trying all choices of a few columns, and of more of them by leaving out what comes out negative.
 fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, DVector<f64>) {
     let n = s.len();
+    // gain and steps of some columns, and those that come out negative and must not
+    let with = |used: &[usize]| {
+        let part = s.select_rows(used);
+        let own = v.select_rows(used).select_columns(used);
+        let factor = (own + DMatrix::identity(used.len(), used.len())).cholesky()?;
+        let step = factor.solve(&part);
+        let mut all = DVector::zeros(n);
+        used.iter().zip(step.iter()).for_each(|(i, x)| all[*i] = *x);
+        let negative: Vec<usize> = used.iter().copied().filter(|i| one_sided[*i] && all[*i] < 0.0).collect();
+        Some((step.dot(&part) - factor.ln_determinant(), all, negative))
+    };
+    if n > MOST_CHOSEN {
+        let mut used: Vec<usize> = (0..n).collect();
+        while let Some((gain, all, negative)) = with(&used) {
+            if negative.is_empty() {
+                return (gain, all);
+            }
+            used.retain(|i| !negative.contains(i));
+        }
+        return (0.0, DVector::zeros(n));
+    }
     let mut best: Option<(f64, DVector<f64>)> = None;
     for choice in 1_u32..1 << n {
         let used: Vec<usize> = (0..n).filter(|i| choice & (1 << i) != 0).collect();
-        let part = s.select_rows(&used);
-        let own = v.select_rows(&used).select_columns(&used);
-        let Some(factor) = (own + DMatrix::identity(used.len(), used.len())).cholesky() else { continue };
-        let step = factor.solve(&part);
-        if used.iter().zip(step.iter()).any(|(i, x)| one_sided[*i] && *x < 0.0) {
-            continue;
-        }
-        let gain = step.dot(&part) - factor.ln_determinant();
-        if best.as_ref().is_none_or(|b| gain > b.0) {
-            let mut all = DVector::zeros(n);
-            used.iter().zip(step.iter()).for_each(|(i, x)| all[*i] = *x);
+        if let Some((gain, all, negative)) = with(&used)
+            && negative.is_empty()
+            && best.as_ref().is_none_or(|b| gain > b.0)
+        {
             best = Some((gain, all));
         }
     }

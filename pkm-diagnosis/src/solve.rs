@@ -38,6 +38,8 @@ pub type CommonGroup = (Vec<usize>, DMatrix<f64>);
 const STEP: f64 = 1e-4;
 /// Step of the one-sided ones.
 const SHORT_STEP: f64 = 1e-6;
+/// How often a fit that has taken all its steps goes on from where it is: along a bent valley it takes many.
+const MOST_RESTARTS: usize = 4;
 
 impl<'a> Problem<'a> {
     /// Puts them together.
@@ -231,15 +233,20 @@ impl<'a> Problem<'a> {
         let mut squares = Squares { problem: self, unknowns, observed, x, at: None };
         squares.at = squares.there();
         // unknowns are in units of their priors: scaled by what readings say of each, steps along valleys stay short
-        let (found, report) = LevenbergMarquardt::new()
+        let solver = LevenbergMarquardt::new()
             .with_scale_diag(false)
             .with_ftol(1e-6)
             .with_xtol(1e-5)
             .with_gtol(1e-6)
-            .with_patience(2)
-            .minimize(squares);
-        let usable =
-            report.termination.was_successful() || matches!(report.termination, TerminationReason::LostPatience);
+            .with_patience(2);
+        let has_lost_patience = |ended: &TerminationReason| matches!(ended, TerminationReason::LostPatience);
+        let (mut found, mut report) = solver.minimize(squares);
+        for _ in 0..MOST_RESTARTS {
+            if has_lost_patience(&report.termination) {
+                (found, report) = solver.minimize(found);
+            }
+        }
+        let usable = report.termination.was_successful() || has_lost_patience(&report.termination);
         let there = found.at.filter(|_| usable)?;
         Fit::new(unknowns.to_vec(), found.x, there.residuals, there.jacobian, 0.0)
     }

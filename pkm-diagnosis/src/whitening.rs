@@ -98,6 +98,9 @@ struct CommonError {
 impl CommonError {
     /// Of whitened columns of one standard deviation, and ln|I + U Uᵀ|.
     fn new(entries: Vec<usize>, u: DMatrix<f64>) -> (Self, f64) {
+        if u.is_empty() {
+            return (Self { directions: DMatrix::zeros(entries.len(), 0), entries, shrink: DVector::zeros(0) }, 0.0);
+        }
         // (I + U Uᵀ)^-½ shrinks the principal directions of U
         let svd = u.svd(true, false);
         let values = svd.singular_values;

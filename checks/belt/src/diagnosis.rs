@@ -163,7 +163,7 @@ impl Measured {
     /// What the readings say at every size of the errors of visits.
     fn with_levels<T>(&self, model: &Model, ask: impl FnOnce(&Levels<'_>) -> Option<T>) -> Result<T, DiagnosisError> {
         let plain = Problem::new(&self.observations, &self.whitener, model, &RULES);
-        let whiteners = levels::whiteners(&plain).ok_or(DiagnosisError::NoFit)?;
+        let whiteners = levels::whiteners(&plain);
         ask(&Levels::new(&plain, &whiteners)).ok_or(DiagnosisError::NoFit)
     }
 

@@ -114,7 +114,7 @@ fn the_linear_form_of_a_fit_is_that_where_it_ends() {
     let data = simulated(&model, vec![0; 9], &[-1.5, 0.8], s, 17);
     let whitener = Whitener::new(&data, &even(s));
     let plain = Problem::new(&data, &whitener, &model, RULES);
-    for whitener in levels::whiteners(&plain).unwrap() {
+    for whitener in levels::whiteners(&plain) {
         let problem = plain.with(&whitener);
         let fit = problem.fit(&unknowns(2), &[0.0; 2]).unwrap();
         let there = problem.linear(&unknowns(2), fit.x.clone()).unwrap();
@@ -240,7 +240,7 @@ fn common_errors_move_all_readings_of_a_group() {
     }
 
     // declared errors, and more of them level by level
-    let whiteners = levels::whiteners(&plain).unwrap();
+    let whiteners = levels::whiteners(&plain);
     let levels = Levels::new(&plain, &whiteners);
     assert_eq!((levels.problems.len(), levels.load_error(0)), (6, 0.0));
     let x = DVector::from_vec(vec![0.3, -0.4]);
@@ -299,7 +299,7 @@ fn the_level_of_common_errors_is_the_most_likely() {
         *data.readings[e.readings[0]].observed[e.channel].as_mut().unwrap() += by;
     }
     let plain = Problem::new(&data, &whitener, &model, RULES);
-    let whiteners = levels::whiteners(&plain).unwrap();
+    let whiteners = levels::whiteners(&plain);
     let levels = Levels::new(&plain, &whiteners);
     let fits: Vec<Fit> = levels.problems.iter().map(|p| p.fit(&unknowns(2), &[0.0; 2]).unwrap()).collect();
     let evidence = |l: &usize| fits[*l].ln_evidence();

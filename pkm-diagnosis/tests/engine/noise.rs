@@ -33,16 +33,26 @@ fn variance_analysis(readings: &Observations, channel: usize) -> [f64; 5] {
     [(&by_both * &y).norm_squared(), by_both.trace(), (&by_group * &y).norm_squared(), by_group.trace(), weight]
 }
 
-/// Variances of a reading and of a zero, so that 1/variance is right on average.
-fn deviations([within, within_dof, total, total_dof, weight]: [f64; 5]) -> (f64, f64) {
+/// 5 % quantiles of χ² with 1 to 9 degrees of freedom, as printed in tables.
+const CHI2_5_PERCENT: [f64; 9] =
+    [0.003_932_14, 0.102_587, 0.351_846, 0.710_723, 1.145_476, 1.635_383, 2.167_35, 2.732_637, 3.325_113];
+
+/// Deviations of a reading, so that 1/variance is right on average, and of a zero, which is no less than the 95 % bound of few.
+fn deviations(reading: [f64; 5], zero: [f64; 5]) -> (f64, f64) {
     let variance = |sum: f64, n: f64| if n > 4.5 { sum / (n - 2.0) } else { sum / n };
-    if within_dof < 0.5 {
-        return (variance(total, total_dof).sqrt(), 0.0);
-    }
-    let s2 = variance(within, within_dof);
+    let of_reading = |[within, within_dof, total, total_dof, _]: [f64; 5]| {
+        if within_dof < 0.5 { variance(total, total_dof) } else { variance(within, within_dof) }
+    };
+    let [within, within_dof, total, total_dof, weight] = zero;
     let more = total_dof - within_dof;
-    let t2 = if more < 0.5 { 0.0 } else { (variance(total - within, more) - s2) * more / weight };
-    (s2.sqrt(), t2.max(0.0).sqrt())
+    let t2 = if within_dof < 0.5 || more < 0.5 {
+        0.0
+    } else {
+        let sum = total - within;
+        let bound = CHI2_5_PERCENT.get(more.round() as usize - 1);
+        (bound.map_or_else(|| variance(sum, more), |quantile| sum / quantile) - of_reading(zero)) * more / weight
+    };
+    (of_reading(reading).sqrt(), t2.max(0.0).sqrt())
 }
 
 /// Series and condition of each reading, each in all channels but where `blank` says so.
@@ -92,8 +102,9 @@ fn noise_is_that_of_an_analysis_of_variance() {
         assert_eq!(noise.source, NoiseSource::Repeats);
         near(noise.dof, parts.iter().map(|p| p[3]).sum(), 1e-9);
         for c in (0..CHANNELS).filter(|c| channels[*c]) {
-            let own = parts[c][3] > 19.5;
-            let (s, t) = deviations(if own { parts[c] } else { pools[c / 3] });
+            let [own, zeros] = [parts[c][3], parts[c][3] - parts[c][1]].map(|dof| dof > 19.5);
+            let of = |own: bool| if own { parts[c] } else { pools[c / 3] };
+            let (s, t) = deviations(of(own), of(zeros));
             near(noise.within[c], s, 1e-5);
             near(noise.between[c], t, 1e-4);
             seen = [seen[0] | own, seen[1] | !own, seen[2] | (t > 0.0)];
@@ -112,9 +123,10 @@ fn simulated_noise_is_found() {
         information += noise.within.iter().filter(|s| **s > 0.0).map(|s| 1e-12 / (s * s)).sum::<f64>() / 300.0;
         between += noise.between.iter().map(|t| t * t * 1e12).sum::<f64>() / 300.0;
     }
-    // 27 and 9 degrees of freedom: what a zero's variance gains by two less is known
+    // 27 degrees of freedom of a channel, and 27 and 18 of the zeros of a kind: what a variance gains by two less is known
     near(information, 1.0, 0.04);
-    near(between, ((1.0 + 4.0 * 4.0) * 9.0 / 7.0 - 1.0) / 4.0, 0.12);
+    let gained = (3.0 * 27.0 / 25.0 + 2.0 * 18.0 / 16.0) / 5.0;
+    near(between, ((1.0 + 4.0 * 4.0) * gained - 1.0) / 4.0, 0.12);
 }
 
 #[test]

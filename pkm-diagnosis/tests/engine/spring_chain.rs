@@ -130,7 +130,7 @@ fn diagnosed<T>(
     let noise = Noise::estimate(read, &rules).unwrap();
     let whitener = Whitener::new(read, &noise);
     let plain = Problem::new(read, &whitener, chain, &rules);
-    let whiteners = levels::whiteners(&plain).unwrap();
+    let whiteners = levels::whiteners(&plain);
     let levels = Levels::new(&plain, &whiteners);
     let search = search::search(&levels, None).unwrap();
     let judgement = verdict::judge(&levels, &noise, &search).unwrap();

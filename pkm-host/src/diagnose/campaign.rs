@@ -233,7 +233,7 @@ pub fn plan(machine: &MachineFile, means: &Means, stated: &[Stated]) -> Result<C
     let (whitener, experiment) = (Whitener::new(&read, &noise), Experiment::new(&model, &readings));
     let plain = Problem::new(&read, &whitener, &experiment, rules);
     // with the errors of the loads that are declared
-    let whiteners = pkm_diagnosis::levels::whiteners(&plain).ok_or_else(failed)?;
+    let whiteners = pkm_diagnosis::levels::whiteners(&plain);
     let problem = plain.with(whiteners.first().ok_or_else(failed)?);
     let found = campaign(&problem, &targets, MIN_POSES.min(means.poses), means.poses).ok_or_else(failed)?;
     let name = |(n, pose): (usize, &usize)| (format!("C{:02}", n + 1), readings.poses[*pose].pose);

@@ -44,7 +44,7 @@ impl Start<'_> {
         let whitener = Whitener::new(read, self.noise);
         let experiment = Experiment::new(self.model, readings);
         let plain = Problem::new(read, &whitener, &experiment, self.rules);
-        let whiteners = levels::whiteners(&plain)?;
+        let whiteners = levels::whiteners(&plain);
         let levels = Levels::new(&plain, &whiteners);
         let inferred = match self.method {
             Method::Formulas => None,
