@@ -38,8 +38,12 @@ fn run_text(diagnosis: &Diagnosis) -> String {
         return "nothing is missing".into();
     }
     let text = |f: &Finding| {
-        let places: Vec<String> =
-            f.places.iter().take(1 + MAX_RIVALS).map(|(place, p)| format!("{place} {:.1} %", 100.0 * p)).collect();
+        let places: Vec<String> = f
+            .places
+            .iter()
+            .take(1 + MAX_RIVALS)
+            .map(|(places, p)| format!("{} {:.1} %", places.join(" and "), 100.0 * p))
+            .collect();
         let head = if named(f).is_some() { "named" } else { "not decided" };
         format!("{head}: {}\n    likeliest: {}", places.join(", "), finding_text(diagnosis, f))
     };
@@ -169,7 +173,7 @@ fn diagnosis_json(diagnosis: &Diagnosis) -> Value {
             "named": named(f),
             "candidate": diagnosis.model.candidates()[f.block].name(),
             "ln_gain": f.gain,
-            "places": f.places.iter().map(|(place, p)| json!({ "place": place, "probability": p })).collect::<Vec<_>>(),
+            "places": f.places.iter().map(|(places, p)| json!({ "place": places.join(" and "), "probability": p })).collect::<Vec<_>>(),
             "amplitude": value.map(|v| scale * v.0),
             "standard_error": value.map(|v| scale * v.1),
             "unit": unit,

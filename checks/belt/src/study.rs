@@ -120,7 +120,7 @@ impl Study {
 
 /// The place that a finding names, if it is likely enough.
 pub fn named(finding: &Finding) -> Option<&str> {
-    finding.places.first().filter(|p| p.1 >= NAMED_PROBABILITY).map(|p| p.0.as_str())
+    finding.places.first().filter(|p| p.1 >= NAMED_PROBABILITY).and_then(|p| p.0.first()).map(String::as_str)
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

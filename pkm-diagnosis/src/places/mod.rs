@@ -72,8 +72,9 @@ pub struct Finding {
     pub block: usize,
     /// Gain in ln evidence over the set without it.
     pub gain: f64,
-    /// Places with their probabilities, given the other findings; the likeliest first. What they lack of 1 is that nothing is there.
-    pub places: Vec<(String, f64)>,
+    /// Places, or several that act alike, with their probabilities, given the other findings; the likeliest first. What they lack of 1 is
+    /// that nothing is there.
+    pub places: Vec<(Vec<String>, f64)>,
     /// What differences of ln evidence were divided by for these probabilities.
     pub temper: f64,
     /// What it may do to the readings: whitened columns of one prior standard deviation.

@@ -27,9 +27,13 @@ struct Search<'a> {
     compared: Vec<(Vec<usize>, f64)>,
 }
 
-/// Infers where the readings ask for more than the declared model.
+/// Infers where the readings ask for more than the declared model. `None` where there are none, or some are not finite, and where the
+/// model has no prediction.
 pub fn infer(levels: &Levels<'_>, noise: &Noise, model: &dyn PlaceModel) -> Option<Inferred> {
-    let rules = levels.plain.rules;
+    let (rules, observed) = (levels.plain.rules, levels.plain.observed());
+    if observed.is_empty() || !observed.iter().all(|value| value.is_finite()) {
+        return None;
+    }
     let families = (0..model.blocks().len())
         .map(|block| Family { block, combinations: None, ln_prior: model.blocks()[block].ln_prior })
         .collect();
@@ -37,7 +41,7 @@ pub fn infer(levels: &Levels<'_>, noise: &Noise, model: &dyn PlaceModel) -> Opti
         model,
         whiteners: rules.block_levels.iter().map(|l| levels.problems[*l].whitener).collect(),
         dof: if noise.dof > 0.0 { noise.dof.max(rules.min_dof_of_kind) } else { rules.dof_of_declared_noise },
-        observed: levels.plain.observed(),
+        observed,
         rules,
         families,
     };
@@ -164,8 +168,9 @@ impl Search<'_> {
     }
 
     /// Where the block of a family is.
-    fn place(&self, family: usize) -> &str {
-        self.evidence.block(family).places.first().map_or(NOWHERE, String::as_str)
+    fn places(&self, family: usize) -> Vec<String> {
+        let places = &self.evidence.block(family).places;
+        if places.is_empty() { vec![NOWHERE.to_owned()] } else { places.clone() }
     }
 
     /// Of what the likeliest set leaves of the whitened readings.
@@ -184,13 +189,13 @@ impl Search<'_> {
         };
         let ranked = self.ranked(exchanged);
         let floor = self.best.ln - self.evidence.rules.rival_margin;
-        // one rival a place, the likeliest: how many blocks a place has says nothing of it
-        let mut seen: Vec<String> = vec![self.place(own).to_owned()];
+        // one rival a place, or places that act alike, the likeliest: how many blocks these have says nothing of them
+        let mut seen: Vec<Vec<String>> = vec![self.places(own)];
         let mut close: Vec<Set> = Vec::new();
         for (_, set) in ranked.into_iter().filter(|r| r.0 > floor) {
-            let place = self.place(set.members[at].0).to_owned();
-            if close.len() < self.evidence.rules.rivals_tried && !seen.contains(&place) {
-                seen.push(place);
+            let places = self.places(set.members[at].0);
+            if close.len() < self.evidence.rules.rivals_tried && !seen.contains(&places) {
+                seen.push(places);
                 close.push(set);
             }
         }
@@ -207,8 +212,8 @@ impl Search<'_> {
         let tempered = |ln: f64| ((ln - top) / temper).exp();
         // that nothing is there is a rival without a place
         let total: f64 = rivals.iter().map(|r| r.1.ln).chain(without).map(tempered).sum();
-        let mut places: Vec<(String, f64)> =
-            rivals.iter().map(|(f, tried)| (self.place(*f).to_owned(), tempered(tried.ln) / total)).collect();
+        let mut places: Vec<(Vec<String>, f64)> =
+            rivals.iter().map(|(f, tried)| (self.places(*f), tempered(tried.ln) / total)).collect();
         places.sort_by(|a, b| b.1.total_cmp(&a.1));
         let (likeliest, state) = rivals
             .iter()

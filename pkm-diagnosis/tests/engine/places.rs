@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use pkm_diagnosis::places::{AtState, Block, Inferred, NOWHERE, PlaceModel, State, infer};
-use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Unknown, Whitener, levels};
+use pkm_diagnosis::{Flaw, Levels, Noise, Observations, Problem, Reading, Rules, Unknown, Whitener, levels};
 
 use crate::spring_chain::{COMPLIANCE, Chain, chain, read};
 
@@ -92,7 +92,7 @@ fn inferred_and_fitted(chain: &Chain, read: &Observations) -> (Inferred, [DVecto
     let noise = Noise::estimate(read, &rules).unwrap();
     let whitener = Whitener::new(read, &noise);
     let plain = Problem::new(read, &whitener, chain, &rules);
-    let whiteners = levels::whiteners(&plain).unwrap();
+    let whiteners = levels::whiteners(&plain);
     let levels = Levels::new(&plain, &whiteners);
     let found = infer(&levels, &noise, &Blocks::new(chain, &plain)).unwrap();
     let columns: Vec<_> = found.findings.iter().flat_map(|f| f.columns.column_iter()).collect();
@@ -132,6 +132,44 @@ fn nothing_is_found_in_clean_readings() {
     assert!((0.9..1.1).contains(&chi2), "{chi2}");
 }
 
+/// Of two series the zeros have one degree of freedom: taken for as small as they happen to seem, they left something to be found in 14
+/// of these 300 readings.
+#[test]
+fn nothing_is_found_in_clean_readings_of_two_series() {
+    let chain = chain();
+    let is_named =
+        |seed: &u64| !inferred(&chain, &read(&chain, &[], *seed).without(|r| r.series == 2)).findings.is_empty();
+    let named = (1000..1300).filter(is_named).count();
+    assert!(named <= 3, "{named}");
+}
+
+#[test]
+fn readings_that_cannot_be_are_refused() {
+    let chain = chain();
+    let good = read(&chain, &[], 1);
+    assert_eq!(good.check(), Ok(()));
+    let flaw = |change: fn(&mut Reading)| {
+        let mut bad = good.clone();
+        change(&mut bad.readings[7]);
+        bad.check().map_err(|bad| (bad.reading, bad.flaw))
+    };
+    assert_eq!(flaw(|r| r.observed[0] = Some(f64::NAN)), Err((7, Flaw::NotFinite)));
+    assert_eq!(flaw(|r| r.drawn = vec![f64::INFINITY]), Err((7, Flaw::NotFinite)));
+    assert_eq!(flaw(|r| r.sigma[0] = Some(0.0)), Err((7, Flaw::Deviation)));
+    assert_eq!(flaw(|r| r.observed.clear()), Err((7, Flaw::Count)));
+    assert_eq!(flaw(|r| r.condition = 1000), Err((7, Flaw::Number)));
+    assert_eq!(flaw(|r| r.series = 20_260_611), Err((7, Flaw::Number)));
+    // and what was not checked is no clean bill
+    let mut bad = good.clone();
+    bad.readings[7].observed[0] = Some(f64::NAN);
+    let rules = Rules::DEFAULT;
+    let noise = Noise::estimate(&good, &rules).unwrap();
+    let whitener = Whitener::new(&bad, &noise);
+    let plain = Problem::new(&bad, &whitener, &chain, &rules);
+    let whiteners = levels::whiteners(&plain);
+    assert!(infer(&Levels::new(&plain, &whiteners), &noise, &Blocks::new(&chain, &plain)).is_none());
+}
+
 #[test]
 fn a_place_is_found_whatever_its_formula() {
     let chain = chain();
@@ -139,7 +177,7 @@ fn a_place_is_found_whatever_its_formula() {
         let found = inferred(&chain, &with(&chain, seed, |q, f| 0.6 * COMPLIANCE * f * q[0].powf(2.5)));
         assert_eq!(found.findings.len(), 1, "seed {seed}: {:?}", found.findings);
         let (place, probability) = &found.findings[0].places[0];
-        assert_eq!(place, "spring 1", "seed {seed}");
+        assert_eq!(place, &["spring 1"], "seed {seed}");
         assert!(*probability > 0.95, "seed {seed}: {probability}");
         let total: f64 = found.alternatives.iter().map(|a| a.1).sum();
         assert!(total <= 1.0 + 1e-12 && total > 0.9, "seed {seed}: {total}");
@@ -150,7 +188,7 @@ fn a_place_is_found_whatever_its_formula() {
 fn what_goes_with_no_place_is_said_to_be_nowhere() {
     let chain = chain();
     let found = inferred(&chain, &with(&chain, 5, |_, f| 0.3 * COMPLIANCE * f.abs()));
-    assert_eq!(found.findings[0].places[0].0, NOWHERE);
+    assert_eq!(found.findings[0].places[0].0, [NOWHERE]);
     assert!(found.none_of_these > 0.95, "{}", found.none_of_these);
 }
 
@@ -163,7 +201,7 @@ fn springs_are_identified_beside_disturbances() {
         let (_, [clean, _]) = inferred_and_fitted(&chain, &read(&chain, &[], seed));
         let disturbed = with(&chain, seed, |_, f| 0.1 * COMPLIANCE * f * f.abs() / 100.0);
         let (found, fitted) = inferred_and_fitted(&chain, &disturbed);
-        assert_eq!(found.findings[0].places[0].0, NOWHERE, "seed {seed}");
+        assert_eq!(found.findings[0].places[0].0, [NOWHERE], "seed {seed}");
         without += (&fitted[0] - &clean).norm() / 5.0;
         beside += (&fitted[1] - &clean).norm() / 5.0;
     }

@@ -210,7 +210,9 @@ fn places_are_found_and_their_elements_go_into_the_machine_file() {
         .collect();
     assert_eq!(places.len(), 2, "{places:?}");
     assert!(places.iter().any(|p| p.contains(&"moving_platform")), "{places:?}");
-    assert!(places.iter().any(|p| p.iter().all(|p| p.starts_with("limb.1."))), "{places:?}");
+    // what holds limb 1's joints is named beside them
+    let of_limb_1 = |p: &&str| p.starts_with("limb.1.") || *p == "base";
+    assert!(places.iter().any(|p| p.iter().all(of_limb_1) && p.contains(&"limb.1.base_joint")), "{places:?}");
     assert!(effects.iter().all(|e| e["probability"].as_f64().unwrap() > 0.9), "{effects:?}");
     assert!(rms(&found, "after") < 0.9 * rms(&found, "retuned_only"));
     let [share, u95_um] = covered("p08", &folder);

@@ -52,6 +52,11 @@ impl Site {
 /// Most places that a finding may name beside the likeliest: what has a longer list is not located.
 pub const MAX_CLASS: usize = 3;
 
+/// Whether a place is in one of the limbs, of which several may act alike.
+fn is_of_limb(place: &str) -> bool {
+    matches!(Place::from_name(place), Some(Place::BaseJoint { .. } | Place::Body { .. } | Place::PlatformJoint { .. }))
+}
+
 /// Laws that one and the same physics may be taken for.
 pub fn family(law: &str) -> &str {
     match law {
@@ -61,9 +66,13 @@ pub fn family(law: &str) -> &str {
     }
 }
 
-/// Of some of the places with their probabilities.
-fn probability_of(places: &[(String, f64)], some: &[String]) -> f64 {
-    places.iter().filter(|p| some.contains(&p.0)).map(|p| p.1).sum()
+/// Places, or several that act alike, with their probabilities.
+type Rivals = [(Vec<String>, f64)];
+
+/// Probability of what is at one of some places at least, and at none of others.
+fn probability_of(rivals: &Rivals, some: &[String], others: &[String]) -> f64 {
+    let is_there = |names: &[String], among: &[String]| names.iter().any(|place| among.contains(place));
+    rivals.iter().filter(|(names, _)| is_there(names, some) && !is_there(names, others)).map(|r| r.1).sum()
 }
 
 /// What holds a limb's joint, and where it does yields with it: no deflection at the tool tells a joint from its seat.
@@ -76,26 +85,62 @@ pub fn seat(place: &str) -> Option<String> {
     seat.name().map(str::to_owned)
 }
 
-/// The places that a finding names: its block's own two first, and of its rivals the likely ones, `1 + MAX_CLASS` at the most. What so few do not
-/// hold is not located: then all are named that it takes.
-fn named_places(own: &[String], places: &[(String, f64)], rules: &Rules) -> Vec<String> {
-    let likely = places.iter().filter(|p| p.1 >= rules.min_place_probability).map(|p| &p.0);
-    // the block's own second place, such as the joint whose axes are turned, before its rivals, and its others behind these
-    let (first, others) = own.split_at(own.len().min(2));
-    let seat = if let [only] = own { seat(only) } else { None };
-    let mut all: Vec<String> = Vec::new();
-    for place in first.iter().chain(&seat).chain(likely).chain(others) {
-        if !all.contains(place) {
-            all.push(place.clone());
+/// The places that a finding names.
+struct Named<'a> {
+    rivals: &'a Rivals,
+    names: Vec<String>,
+}
+
+impl Named<'_> {
+    /// Adds some that are not there yet, as long as there is room.
+    fn add(&mut self, places: impl IntoIterator<Item = String>) {
+        for place in places {
+            if self.names.len() <= MAX_CLASS && !self.names.contains(&place) {
+                self.names.push(place);
+            }
         }
     }
-    all.truncate(1 + MAX_CLASS);
-    for (place, _) in places {
-        if probability_of(places, &all) < rules.min_located_probability && !all.contains(place) {
-            all.push(place.clone());
-        }
+
+    /// Of some places the one that holds most of what is at none of `named`, and how much; the first of several.
+    fn likeliest(&self, places: &[String], named: &[String]) -> Option<(String, f64)> {
+        let with = places.iter().map(|p| (p.clone(), probability_of(self.rivals, std::slice::from_ref(p), named)));
+        with.reduce(|best, next| if next.1 > best.1 { next } else { best })
     }
-    all
+}
+
+/// The places that a finding names, `1 + MAX_CLASS` at the most: its block's own two, of several limbs the likeliest, and its seat; those that
+/// hold most of what is at none of these; the seats of these; what else is likely. What so few do not hold is not located: then all are named
+/// that it takes.
+fn named_places(own: &[String], rivals: &Rivals, rules: &Rules) -> Vec<String> {
+    let mut named = Named { rivals, names: Vec::new() };
+    if own.first().is_some_and(|place| is_of_limb(place)) {
+        named.add(named.likeliest(own, &[]).map(|l| l.0));
+    } else {
+        // the second of two, such as the joint whose axes are turned
+        named.add(own.iter().take(2).cloned());
+    }
+    if let [only] = own {
+        named.add(seat(only));
+    }
+    let mut places: Vec<String> = rivals.iter().flat_map(|r| r.0.clone()).collect();
+    let share = |place: &String| probability_of(rivals, std::slice::from_ref(place), &[]);
+    places.sort_by(|a, b| share(b).total_cmp(&share(a)));
+    places.dedup();
+    while let Some((place, p)) = named.likeliest(&places, &named.names)
+        && p >= rules.min_place_probability
+        && named.names.len() <= MAX_CLASS
+    {
+        named.add([place]);
+    }
+    named.add(named.names.clone().iter().filter_map(|place| seat(place)));
+    named.add(places.iter().filter(|place| share(place) >= rules.min_place_probability).cloned());
+    while probability_of(rivals, &named.names, &[]) < rules.min_located_probability
+        && let Some((place, p)) = named.likeliest(&places, &named.names)
+        && p > 0.0
+    {
+        named.names.push(place);
+    }
+    named.names
 }
 
 /// The sites of an inference. Where it found nothing a declared value may still be wrong: that is one site without a place.
@@ -106,8 +151,9 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
         // formulas where evidence itself puts it: these become the model, and no place that is merely possible may
         let top = f.places.first().map_or(1.0, |p| p.1);
         let is_near = |place: &String| {
-            let share = |p: &(String, f64)| (p.1 / top).powf(f.temper);
-            let is_likely = |p: &(String, f64)| p.0 == *place && share(p) >= rules.min_place_probability;
+            let share = |p: &(Vec<String>, f64)| (p.1 / top).powf(f.temper);
+            let is_likely =
+                |p: &(Vec<String>, f64)| p.0.first() == Some(place) && share(p) >= rules.min_place_probability;
             block.places.contains(place) || f.places.iter().any(is_likely)
         };
         let is_there = |c: &usize| {
@@ -119,7 +165,7 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
         let candidates = (0..model.candidates.len()).filter(is_there).collect();
         Site {
             place: all.first().cloned().unwrap_or_else(|| NOWHERE.into()),
-            probability: probability_of(&f.places, &all),
+            probability: probability_of(&f.places, &all, &[]),
             motion: block.motion,
             law: block.law,
             candidates,
@@ -182,25 +228,39 @@ mod tests {
     use super::*;
 
     fn named(own: &[&str], places: &[(&str, f64)]) -> Vec<String> {
+        let list = |names: &str| names.split('+').map(str::to_owned).collect::<Vec<String>>();
         let own: Vec<String> = own.iter().map(|p| (*p).to_owned()).collect();
-        let places: Vec<(String, f64)> = places.iter().map(|(p, share)| ((*p).to_owned(), *share)).collect();
+        let places: Vec<(Vec<String>, f64)> = places.iter().map(|(names, share)| (list(names), *share)).collect();
         named_places(&own, &places, &Rules::DEFAULT)
     }
 
     #[test]
     fn a_finding_names_four_places_or_as_many_as_hold_it() {
-        let sure = [("tool", 0.97), ("base", 0.02), ("sensor", 0.01)];
+        let sure = [("tool+moving_platform", 0.97), ("base", 0.02), ("sensor", 0.01)];
         assert_eq!(named(&["tool", "moving_platform"], &sure), ["tool", "moving_platform"]);
         let spread = [("base", 0.5), ("tool", 0.2), ("load", 0.11), ("sensor", 0.1), ("geometry", 0.09)];
         assert_eq!(named(&["base"], &spread), ["base", "tool", "load", "sensor"]);
         // a place of the block's own stands before a likelier rival
-        let all = named(&["base", "limb.1.body"], &spread);
-        assert_eq!(all, ["base", "limb.1.body", "tool", "load"]);
+        let own = [("base+limb.1.body", 0.5), ("tool", 0.2), ("load", 0.11), ("sensor", 0.1), ("geometry", 0.09)];
+        assert_eq!(named(&["base", "limb.1.body"], &own), ["base", "limb.1.body", "tool", "load"]);
         // a joint may be its seat
         let joint = [("limb.3.base_joint", 0.9), ("limb.3.body", 0.1)];
         assert_eq!(named(&["limb.3.base_joint"], &joint), ["limb.3.base_joint", "base", "limb.3.body"]);
         let joint = [("limb.1.platform_joint", 1.0)];
         assert_eq!(named(&["limb.1.platform_joint"], &joint), ["limb.1.platform_joint", "moving_platform"]);
+        // all limbs alike are held by the one that may be alone
+        let bodies = ["limb.1.body", "limb.2.body", "limb.3.body"];
+        let limbs = [
+            ("limb.1.body+limb.2.body+limb.3.body", 0.4),
+            ("limb.3.platform_joint", 0.25),
+            ("limb.3.body", 0.2),
+            ("limb.3.base_joint", 0.15),
+        ];
+        let all = ["limb.3.body", "limb.3.platform_joint", "limb.3.base_joint", "moving_platform"];
+        assert_eq!(named(&bodies, &limbs), all);
+        // and the others are named where there is room
+        let two = [("limb.1.body+limb.2.body", 0.6), ("limb.2.body", 0.4)];
+        assert_eq!(named(&["limb.1.body", "limb.2.body"], &two), ["limb.2.body", "limb.1.body"]);
         let wide =
             [("base", 0.4), ("tool", 0.15), ("load", 0.12), ("sensor", 0.11), ("geometry", 0.11), ("time", 0.11)];
         assert_eq!(named(&["base"], &wide), ["base", "tool", "load", "sensor", "geometry"]);

@@ -118,8 +118,9 @@ impl World {
             Some(Says::Stretch(stretch)) => stretch.parameters(&found.amplitudes).into_iter().collect(),
             None => Vec::new(),
         };
-        // where nothing is left out both are the same
+        // where nothing is left out both are the same, and where nothing yields there is none
         all.dedup_by(|b, a| a.1 == b.1);
+        all.retain(|(parameters, _)| !parameters.is_empty());
         let family = |(parameters, start)| Family {
             places: block.places.clone(),
             motion: block.motion,
