@@ -84,16 +84,19 @@ fn lines(five: &FiveAxis<'_, f64>, probing: &Probing) -> Result<String, String> 
     for (axis, read_m) in ["x", "y", "z"].into_iter().zip(&probing.read_m) {
         writeln!(text, "setp pkmcompensator.probe-{axis}-um {}", read_m * 1e6).ok();
     }
-    Ok(text + &format!("sets probing 1\nloadusr -w sh {WAIT} TRUE\nsets probing 0\nloadusr -w sh {WAIT} FALSE\n"))
+    let wait = format!("loadusr -w sh {WAIT} saw.out");
+    Ok(text + &format!("sets probing 1\n{wait} TRUE\nsets probing 0\n{wait} FALSE\n"))
 }
 
-/// Waits until the thread has run all of a period with `probing` as given: on a busy machine it may stand still for longer than any sleep.
+/// Waits until a pin has a value: on a busy machine the thread may stand still for longer than any sleep.
 const WAIT: &str = "wait.sh";
-const WAITING: &str = "until [ \"$(halcmd getp saw.out)\" = \"$1\" ]; do sleep 0.002; done\n";
+const WAITING: &str = "until [ \"$(halcmd getp \"$1\")\" = \"$2\" ]; do sleep 0.002; done\n";
 /// `seen` has what `probing` was at the beginning of a period, `saw` at that of the period before. The component reads `seen`: given
-/// in the middle of a period, `probing` would have a reading taken in with the place of the reading before.
+/// in the middle of a period, `probing` would have a reading taken in with the place of the reading before. `begun` says that the component
+/// has run: a probe that is there in its first period is no reading.
 const PROBING: &str = "\
-loadrt or2 names=saw,seen
+loadrt or2 names=saw,seen,begun
+setp begun.in0 1
 newsig probing bit
 net probing => seen.in0
 net seen seen.out => saw.in0 pkmcompensator.probe
@@ -119,8 +122,8 @@ impl Session<'_> {
         let mut text = format!(
             "loadrt threads name1=servo period1=1000000\n\
              loadrt pkmcompensator machine={machine} wrist={wrist} table={table} state=learned.bin\n{PROBING}\
-             addf pkmcompensator.to-drives servo\nsetp pkmcompensator.probe-deviation-um {DEVIATION_UM}\n\
-             setp pkmcompensator.gain 1\nsetp pkmcompensator.stuck-s 0\nstart\nloadusr -w sleep 0.1\n{lines}"
+             addf pkmcompensator.to-drives servo\naddf begun servo\nsetp pkmcompensator.probe-deviation-um {DEVIATION_UM}\n\
+             setp pkmcompensator.gain 1\nsetp pkmcompensator.stuck-s 0\nstart\nloadusr -w sh {WAIT} begun.out TRUE\n{lines}"
         );
         for pin in pins {
             writeln!(text, "getp pkmcompensator.{pin}").ok();
