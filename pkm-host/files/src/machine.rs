@@ -113,9 +113,7 @@ impl MachineFile {
         let warnings = unlikely_values(&source.name, &parameters)
             .into_iter()
             .chain(box_out_of_reach(&source.name, &machine, &pose_box))
-            .chain(pose_box.may_be_in_radians().then(|| {
-                format!("{}: box: its angles are below 0.6: are theta_deg and sigma_deg in degrees?", source.name)
-            }))
+            .chain(box_in_radians(&source.name, &pose_box))
             .collect();
         let section = raw.solid.as_ref();
         let solid = match Solid::new(section.map_or(&RawSolid::default(), Spanned::get_ref), &parameters) {
@@ -225,6 +223,12 @@ fn box_out_of_reach(file: &str, machine: &Machine<f64>, pose_box: &PoseBox) -> O
     Some(format!(
         "{file}: box: its middle, {theta}°, {sigma}°, {z0} mm, is out of reach ({error}): is it in degrees and mm, and of this machine?"
     ))
+}
+
+/// A warning where the angles of the box are too small to be in degrees.
+fn box_in_radians(file: &str, pose_box: &PoseBox) -> Option<String> {
+    let message = || format!("{file}: box: its angles are below 0.6: are theta_deg and sigma_deg in degrees?");
+    pose_box.may_be_in_radians().then(message)
 }
 
 /// Warnings about values that are possible and yet look like another unit.

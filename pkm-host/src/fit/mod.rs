@@ -186,6 +186,7 @@ impl Fit {
 
 /// Most poses that are left out one by one: more say no more of a table's lack of fit, and the time goes with the square.
 const MOST_LEFT_OUT: usize = 200;
+
 /// So many of the poses at most, drawn from a fixed seed: a stride would meet the steps of a grid.
 fn some_of(training: &[Sample], most: usize) -> Vec<&Sample> {
     let mut chosen = fastrand::Rng::with_seed(1).choose_multiple(0..training.len(), most);
