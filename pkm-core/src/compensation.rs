@@ -214,6 +214,32 @@ fn linear_deflection<T: Scalar>(
 }
 
 impl<T: Scalar> Machine<T> {
+    /// Displacement of A, in A-uvw, under a wrench at A: by K_m in the factor form or, without a table, by K_p, with what load-dependent
+    /// effects add. What temperature adds is [`thermal_deflection`](Self::thermal_deflection).
+    ///
+    /// `turned_at` is the load at which the loading turned back: zero when it has only grown. Outside its table's box it is computed
+    /// all the same: ask [`CorrectionTable::domain`].
+    ///
+    /// # Errors
+    /// Those of [`CorrectionTable::factor_form`] and [`load_dependent_deflection`](Self::load_dependent_deflection).
+    pub fn deflection(
+        &self,
+        table: Option<&CorrectionTable<'_, T>>,
+        pose: &Pose<T>,
+        wrench: &Wrench<T>,
+        turned_at: &Wrench<T>,
+    ) -> Result<Deflection<T>, CorrectionError> {
+        // by reference: `?` would copy all of it
+        match &self.posture(pose) {
+            Ok(posture) => {
+                let beyond = self.load_dependent_deflection_at(posture, wrench, turned_at)?;
+                let deflection = linear_deflection(self, table, (pose, posture), wrench, None)?.plus(&beyond);
+                Ok(stiffness::finite(deflection)?)
+            }
+            Err(e) => Err((*e).into()),
+        }
+    }
+
     /// Pose and screw lengths to command so that the loaded tip stands where the unloaded one would at `pose`. The
     /// tip's position is made up for, the platform's orientation is not.
     ///

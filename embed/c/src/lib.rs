@@ -301,8 +301,7 @@ macro_rules! functions {
                     let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
                     let wrench = given(wrench)?.core();
                     let turned_at = if turned_at.is_null() { Wrench::ZERO } else { given(turned_at)?.core() };
-                    let linear = table.factor_form(machine, &pose)?.factor.deflection(&wrench)?;
-                    Ok(linear.plus(&machine.load_dependent_deflection(&pose, &wrench, &turned_at)?).into())
+                    Ok(machine.deflection(Some(table), &pose, &wrench, &turned_at)?.into())
                 })
             }
         }

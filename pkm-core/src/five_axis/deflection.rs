@@ -130,6 +130,22 @@ impl<T: Scalar> FiveAxis<'_, T> {
         wrench: &Wrench<T>,
         near: &Configuration<T>,
     ) -> Result<CompensatedTool<T>, ToolDeflectionError> {
+        self.compensated_in_part(table, tool, wrench, T::ONE, near)
+    }
+
+    /// The same for a share of the deflection, as much of it as is known ([`TipUncertainty::known_share`](crate::TipUncertainty::known_share)).
+    /// Where effects depend on the load that is not the deflection under a share of the load.
+    ///
+    /// # Errors
+    /// Those of [`compensated`](Self::compensated).
+    pub fn compensated_in_part(
+        &self,
+        table: Option<&CorrectionTable<'_, T>>,
+        tool: &Tool<T>,
+        wrench: &Wrench<T>,
+        share: T,
+        near: &Configuration<T>,
+    ) -> Result<CompensatedTool<T>, ToolDeflectionError> {
         let mut iterations_left = MAX_COMPENSATION_ITERATIONS;
         let axis = unit(&tool.axis).ok_or(ToolError::NotFinite)?;
         let mut solution = match &self.inverse_within(tool, near, &mut iterations_left) {
@@ -141,7 +157,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let mut best = None;
         for left in (0..MAX_DEFLECTIONS).rev() {
             match &self.deflection_of(table, &solution.configuration, wrench, None, None) {
-                Ok(deflection) => self.keep_better(axis, &solution, deflection, &mut undone, &mut best)?,
+                Ok(deflection) => self.keep_better(axis, &solution, (deflection, share), &mut undone, &mut best)?,
                 Err(e) => return Err(*e),
             }
             if left == 0 || best.is_some_and(|best: CompensatedTool<T>| best.converged) {
@@ -238,18 +254,19 @@ impl<T: Scalar> FiveAxis<'_, T> {
         Ok([q1, q2, q3, beta1, beta2].into())
     }
 
-    /// Takes a try in place of the best if less of its deflection remains, and its deflection, of tip and axis, as what the next
-    /// one undoes.
+    /// Takes a try in place of the best if less of its deflection's share remains, and that share, of tip and axis, as what the next one
+    /// undoes.
     #[inline(never)] // what it works with takes no stack while the next deflection is worked out
     fn keep_better(
         &self,
         axis: Vector3<T>,
         solution: &ToolSolution<T>,
-        deflection: &ToolDeflection<T>,
+        (deflection, share): (&ToolDeflection<T>, T),
         undone: &mut [Vector3<T>; 2],
         best: &mut Option<CompensatedTool<T>>,
     ) -> Result<(), StiffnessError> {
-        let now = [deflection.translation_m, deflection.rotation_rad.cross(&(axis - undone[1]))];
+        let turned = deflection.rotation_rad * share;
+        let now = [deflection.translation_m * share, turned.cross(&(axis - undone[1]))];
         let size = |[tip, axis]: [Vector3<T>; 2]| length(&tip) + self.wrist.home_z0 * length(&axis);
         let remaining_m = size([now[0] - undone[0], now[1] - undone[1]]);
         // a deflection may be finite where its square is not

@@ -216,15 +216,16 @@ impl Walk<'_> {
         })
     }
 
-    /// The command that takes a tool to where it would stand without a load.
+    /// The command that takes a tool to where it would stand without a share of a load's deflection.
     fn command(
         &self,
         tool: &Tool<f64>,
-        wrench: &Wrench<f64>,
+        (wrench, share): (&Wrench<f64>, f64),
         near: &Configuration<f64>,
     ) -> Result<CompensatedTool<f64>> {
-        let command = self.reach.five.compensated(self.table(), tool, wrench, near).map_err(|e| {
-            let there = self.reach.unlimited().compensated(self.table(), tool, wrench, near);
+        let table = self.table();
+        let command = self.reach.five.compensated_in_part(table, tool, wrench, share, near).map_err(|e| {
+            let there = self.reach.unlimited().compensated_in_part(table, tool, wrench, share, near);
             let failure = self.failure(e, there.ok().map(|c| c.solution));
             Failure { message: format!("{} (with the deflection compensated)", failure.message), ..failure }
         })?;
@@ -249,9 +250,9 @@ impl Walk<'_> {
         };
         let tool = tool_at(near)?;
         let uncompensated = self.uncompensated(asked, wrench, &tool, near);
-        // as a controller does: of the deflection, and so of the load, no more than is known
+        // as a controller does: of the deflection no more than is known
         let share = uncompensated.as_ref().ok().and_then(|(_, known)| *known).map_or(1.0, |known| known.share);
-        let command = self.command(&tool, &Wrench::from_vector(wrench.to_vector() * share), near)?;
+        let command = self.command(&tool, (wrench, share), near)?;
         let configuration = command.solution.configuration;
         let Tool { tip_m, axis } = tool_at(&configuration)?;
         let toward = match asked.toward {

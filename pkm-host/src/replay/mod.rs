@@ -5,7 +5,7 @@ mod diagnosed;
 mod next;
 
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal, Touch};
-use pkm_core::{CorrectionTable, Deflection, Domain, Machine};
+use pkm_core::{CorrectionTable, Deflection, Domain, Machine, Wrench};
 
 use crate::error::{Failure, Result};
 use crate::files::learn::{Learn, limb_compliances_m_per_n};
@@ -133,11 +133,7 @@ fn loaded(
     table: Option<&CorrectionTable<'_, f64>>,
     touch: &Touch<f64>,
 ) -> Option<Deflection<f64>> {
-    let factor = match table {
-        Some(table) => table.factor_form(machine, &touch.pose).ok()?.factor,
-        None => machine.stiffness(&touch.pose).ok()?.factor().ok()?,
-    };
-    factor.deflection(&touch.wrench.moved_to_a(touch.tip_m)).ok()
+    machine.deflection(table, &touch.pose, &touch.wrench.moved_to_a(touch.tip_m), &Wrench::ZERO).ok()
 }
 
 /// See [`Replay::alarm_ratios`].

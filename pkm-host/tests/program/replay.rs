@@ -338,6 +338,27 @@ fn an_estimator_that_follows_too_slowly_is_found_by_the_fit_beside_it() {
 }
 
 #[test]
+fn a_healthy_machine_whose_joints_stiffen_under_load_has_no_wear() {
+    let folder = Folder::new();
+    let effect = "\n[[effect]]\nid = \"contact-stiffening\"\nunloaded_m_per_n = 5e-9\nreference_n = 200.0\n";
+    let machine = folder.write("machine.toml", &(reference_machine() + effect));
+    json(&["predict", "--machine", &machine, "--data", &fixture(LOG), "--out", &folder.path("read.csv")]);
+    let read = folder.read("read.csv");
+    let ends = std::iter::once(",sigma_angular_urad\n").chain(std::iter::repeat(",1\n"));
+    let log =
+        folder.write("log.csv", &read.lines().zip(ends).map(|(row, end)| row.to_owned() + end).collect::<String>());
+    let settings = fixture("logs/learn.toml");
+    let out = folder.path("out");
+    let found = json(&["replay", "--log", &log, "--machine", &machine, "--learn", &settings, "--out", &out]);
+    for own in found["amplitudes"].as_array().unwrap() {
+        for [value, deviation] in [["value", "deviation"], ["batch_value", "batch_deviation"]] {
+            let [value, deviation] = [value, deviation].map(|key| own[key].as_f64().unwrap());
+            assert!(value.abs() < deviation, "{own:#}");
+        }
+    }
+}
+
+#[test]
 fn the_next_probings_leave_what_they_say() {
     let folder = Folder::new();
     let (out, learn) = (folder.path("out"), learn("model_share = 0.01", "model_share = 0.0"));

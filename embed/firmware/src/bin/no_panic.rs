@@ -72,6 +72,8 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         black_box(LimbFrame::tied([&first, &second], &vector));
     }
     black_box(machine.load_dependent_deflection(&pose, &wrench, &black_box(wrench))).ok();
+    black_box(machine.deflection(Some(table), &pose, &wrench, &black_box(wrench))).ok();
+    black_box(machine.deflection(None, &pose, &wrench, &black_box(wrench))).ok();
     if let Ok(response) = machine.load_response(&black_box(pose)) {
         black_box(response.deflection(&black_box(wrench), &black_box(wrench))).ok();
         let mut history = black_box(LoadHistory::new());
@@ -191,6 +193,7 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
         if let Err(e) = black_box(five.compensated(table, &tool, &wrench, &near)) {
             show(e);
         }
+        black_box(five.compensated_in_part(table, &tool, &wrench, black_box(a), &near)).ok();
     }
     black_box(self_test_f32(black_box(&mut SelfTestMemory::new()))).ok();
     black_box(self_test_f64(black_box(&mut SelfTestMemory::default()))).ok();

@@ -236,6 +236,7 @@ both_widths! {
     travel_margin_m(i) i.machine.travel_margin_m(&i.lengths);
     stiffness(i) i.machine.stiffness(&i.pose);
     load_dependent_deflection(i) i.machine.load_dependent_deflection(&i.pose, &i.wrench, &i.wrench);
+    deflection_of_machine(i) i.machine.deflection(Some(&i.table), &i.pose, &i.wrench, &i.wrench);
     load_response(i) i.machine.load_response(&i.pose);
     thermal_deflection(i) i.machine.thermal_deflection(&i.pose, 4.5);
     at_temperature(i) i.machine.at_temperature(31.5);
