@@ -247,7 +247,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
     /// What the machine carries from now on; `None`, as at the beginning, is nothing, or all of it in the readings. The offset goes
     /// there at its rate limit, and a weight may change, or a table with its own reference come, at any time.
     pub fn set_weight(&mut self, carried: Option<CarriedWeight<T, JOINTS>>) {
-        self.carried = carried;
+        self.carried = carried.filter(|carried| !carried.is_nothing());
     }
 
     /// The offset of the last update.

@@ -63,7 +63,7 @@ impl core::error::Error for WeightError {}
 /// [`Compensator::set_weight`](super::Compensator::set_weight).
 ///
 /// The reference is what `table` and `machine` say, so that another table needs another `CarriedWeight`. What it takes to make one
-/// is the time of an update.
+/// is the time of an update. One without a force is as none: it has no reference, and none is looked for.
 ///
 /// ```
 /// use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Reading, Weight};
@@ -128,13 +128,21 @@ impl<T: Scalar, const JOINTS: usize> CarriedWeight<T, JOINTS> {
     ) -> Result<Self, WeightError> {
         platform.check()?;
         tool.check()?;
+        let mut carried = Self { platform: *platform, tool: *tool, at_zero: SVector::zeros() };
+        if carried.is_nothing() {
+            return Ok(carried);
+        }
         if domain == Domain::Outside {
             return Err(WeightError::NoReference(Fault::OutsideBox));
         }
-        let mut carried = Self { platform: *platform, tool: *tool, at_zero: SVector::zeros() };
         let mut load = Load { wrench: Wrench::ZERO, gain: T::ONE, rise: T::ZERO.into(), carried: Some(&carried) };
         carried.at_zero = whole(&mut load).map_err(WeightError::NoReference)?;
         Ok(carried)
+    }
+
+    /// Whether it weighs nothing; what it did where the machine was zeroed is nothing then, too.
+    pub(crate) fn is_nothing(&self) -> bool {
+        self.platform.force_n == Vector3::zeros() && self.tool.force_n == Vector3::zeros()
     }
 
     /// What is left to compensate of offsets that make up for a share of all of the weight: the zeros hold the rest.

@@ -13,7 +13,8 @@ use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, UNCERTAINTY_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Basis, Configuration, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, ToolError, Wrench,
+    Basis, Configuration, CorrectionTable, Domain, FiveAxis, Machine, MachineParameters, Pose, Scalar, ToolError,
+    Wrench,
 };
 use pkm_tests::{
     between, cases, distance, keep_worst, random_parameters, random_pose, seeded, space, structural_stiffness,
@@ -64,6 +65,34 @@ fn update(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Rea
 fn settled(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
     (0..999).for_each(|_| _ = update(compensator, pose, reading));
     update(compensator, pose, reading)
+}
+
+/// Nothing is carried wherever the machine was zeroed, and the load is compensated as without it: a share of what it does, not
+/// what a share of it would do, which differ where a clearance is to be taken up.
+#[test]
+fn a_weight_of_no_force_is_none() {
+    let nothing = Weight { force_n: Vector3::zeros(), ..PLATFORM };
+    let outside = Pose { theta_rad: 1.0, ..HOME.pose };
+    assert_eq!(TABLE_F64.domain(&outside), Domain::Outside);
+    let loose = PARAMETERS.effects.with_element("limb.1.body", "axial", "load", [0.0, 0.0, 0.0, 0.0, 1e-5, 20.0]);
+    let loose = MachineParameters { effects: loose.unwrap(), ..PARAMETERS };
+    let machine = Machine::<f64>::new(&loose).unwrap();
+    let of_screws = CarriedWeight::<f64, 3>::new(&TABLE_F64, &machine, &nothing, (&outside, TIP_M)).unwrap();
+    let five = FiveAxis { machine: &machine, ..FIVE };
+    let away = Configuration { pose: outside, ..HOME };
+    let of_axes = CarriedWeight::<f64, 5>::new(&TABLE_F64, &five, &nothing, &Weight::ZERO, &away).unwrap();
+    let reading = Reading { enabled: true, wrench: LOAD, rise: 0.0.into() };
+    let offsets = |screws, axes| {
+        let mut of_screws = Compensator::<f64, 3>::new(&BARE).unwrap();
+        of_screws.set_weight(screws);
+        let mut of_axes = Compensator::<f64, 5>::new(&BARE).unwrap();
+        of_axes.set_weight(axes);
+        let screws = of_screws.update(&TABLE_F64, &machine, &PLACE.pose, TIP_M, &reading).joints;
+        (screws, of_axes.update(&TABLE_F64, &five, &PLACE, &reading).joints)
+    };
+    let without = offsets(None, None);
+    assert!(without.0.amax() > 1e-6 && without.1.amax() > 1e-6);
+    assert_eq!(offsets(Some(of_screws), Some(of_axes)), without);
 }
 
 /// The platform in B-xyz, by its definition.
