@@ -473,14 +473,10 @@ impl Element {
             return 8.0 - 0.5 / WEIGHT_STEPS;
         }
         let name = names[parameter].as_bytes();
-        let compliance = ends_with(name, b"per_n")
-            || ends_with(name, b"per_nm")
-            || ends_with(name, b"per_n2")
-            || ends_with(name, b"per_n3")
-            || ends_with(name, b"per_k");
-        if compliance {
+        // a compliance, or what it changes by
+        if contains(name, b"per_n") {
             1e-3
-        } else if ends_with(name, b"n_per_m") {
+        } else if same(name, b"stiffness_n_per_m") {
             1e9
         } else if is_play_or_lag(name) {
             1e-2
@@ -490,12 +486,14 @@ impl Element {
     }
 }
 
-const fn ends_with(text: &[u8], end: &[u8]) -> bool {
-    if text.len() < end.len() {
-        return false;
+const fn contains(mut text: &[u8], part: &[u8]) -> bool {
+    while text.len() >= part.len() {
+        if same(text.split_at(part.len()).0, part) {
+            return true;
+        }
+        text = text.split_at(1).1;
     }
-    let (_, tail) = text.split_at(text.len() - end.len());
-    same(tail, end)
+    false
 }
 
 /// Names of lengths that are small beside a machine: 10 mm are far beyond any.

@@ -679,6 +679,17 @@ fn what_does_not_fit_together_is_refused_by_name_and_by_check() {
         bad.parameters[index] = value;
         assert_eq!(checked(bad), refused(Parameter::Element { element, parameter: index as u8 }, problem));
     }
+    // all that is per newton or newton metre has one limit, whatever its powers
+    let lengths = [0.0, 0.0, 0.0, 0.5, 0.0, 0.6, 0.1];
+    let tilts =
+        Effects::NONE.with_element("limb.3.body", "tilting", "extension", lengths).unwrap().elements[0].unwrap();
+    for (index, limit) in [(0, 1e-3), (1, 1e-3), (2, 1e-3), (3, 1e6), (4, 1e-3), (5, 1e6)] {
+        let mut large = tilts;
+        large.parameters[index] = 0.999 * limit;
+        assert_eq!(checked(large), Ok(()));
+        large.parameters[index] = limit;
+        assert_eq!(checked(large), refused(Parameter::Element { element, parameter: index as u8 }, Problem::TooLarge));
+    }
     // of limb 3 two wrenches pass along the body
     let coupled = Effects::NONE.with_element("limb.3.body", "coupled", "constant", [1e-9, 0.5, -7.9]).unwrap();
     let coupled = coupled.elements[0].unwrap();
