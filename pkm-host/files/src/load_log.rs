@@ -1,7 +1,7 @@
 //! A load cell's log: loads over time, as amplifiers and loggers write them.
 
 use crate::clock::{self, Clock, DAY_S, Time, Times};
-use crate::csv::Sheet;
+use crate::csv::{Sheet, UNGROUPED, is_grouped};
 use crate::dataset::WRENCH_COLUMNS;
 use crate::error::{Failure, Result, printable};
 use crate::import::{self, Imported, Renames};
@@ -167,18 +167,20 @@ fn drop_empty(sheet: &mut Sheet, cell: Cell) -> Result<Option<String>> {
     }))
 }
 
-/// The number at the beginning of a text, and what follows it.
-fn leading_number(text: &str) -> Option<(f64, &str)> {
+/// The number at the beginning of a text, and what follows it; its text where the mark in it may be one of thousands.
+fn leading_number(text: &str) -> Option<(std::result::Result<f64, &str>, &str)> {
     let text = text.trim_start_matches([':', ';', ',', '=', '\t', ' ', '"']);
     let end = text.find(|c: char| !c.is_ascii_digit() && c != '.' && c != ',').unwrap_or(text.len());
     // a separator of cells, not a decimal comma
     let (number, rest) = (text[..end].trim_end_matches([',', '.']), &text[end..]);
     let value: f64 = number.replace(',', ".").parse().ok()?;
+    let value = if is_grouped(number, &[',', '.']) { Err(number) } else { Ok(value) };
     Some((value, rest.trim_start_matches([';', ',', '\t', ' ', '"'])))
 }
 
-/// The time between two samples by the lines above a header, and the number of the line that says so: `Sample rate: 50 Hz`.
-fn interval_s(above: &[String]) -> Option<(usize, f64)> {
+/// The time between two samples by the lines above a header, and the number of the line that says so: `Sample rate: 50 Hz`. A number that
+/// may be read in two ways as it stands.
+fn interval_s(above: &[String]) -> Option<(u64, std::result::Result<f64, String>)> {
     const RATES: [&str; 3] = ["rate", "frequen", "samples per second"];
     const INTERVALS: [&str; 4] = ["interval", "period", "sample time", "delta t"];
     (1..).zip(above).find_map(|(line, text)| {
@@ -197,17 +199,16 @@ fn interval_s(above: &[String]) -> Option<(usize, f64)> {
             let in_brackets = |u: &&str| lower.contains(&format!("[{u}]")) || lower.contains(&format!("({u})"));
             units.contains(&word) || (word.is_empty() && units.iter().any(in_brackets))
         };
-        let of_interval = behind(&INTERVALS).and_then(|(value, rest)| match value {
-            _ if is_unit(rest, &["s", "sec"]) => Some(value),
-            _ if is_unit(rest, &["ms", "msec"]) => Some(value / 1e3),
-            _ => None,
-        });
-        let of_rate = behind(&RATES).and_then(|(value, rest)| match value {
-            _ if is_unit(rest, &["hz", "1/s", "s/s", "sps", "samples/s", "werte/s"]) => Some(1.0 / value),
-            _ if is_unit(rest, &["khz", "ks/s"]) => Some(1e-3 / value),
-            _ => None,
-        });
-        Some((line, of_interval.or(of_rate).filter(|s| *s > 0.0 && s.is_finite())?))
+        let in_seconds = |names: &[&str], units: [(&[&str], f64); 2], of: fn(f64) -> f64| {
+            let (value, rest) = behind(names)?;
+            let (_, scale) = units.into_iter().find(|(units, _)| is_unit(rest, units))?;
+            Some(value.map(|value| of(value) * scale).map_err(str::to_owned))
+        };
+        let of_interval = in_seconds(&INTERVALS, [(&["s", "sec"], 1.0), (&["ms", "msec"], 1e-3)], |value| value);
+        let hertz: &[&str] = &["hz", "1/s", "s/s", "sps", "samples/s", "werte/s"];
+        let of_rate = in_seconds(&RATES, [(hertz, 1.0), (&["khz", "ks/s"], 1e-3)], f64::recip);
+        let found = of_interval.or(of_rate)?;
+        found.as_ref().map_or(true, |s| *s > 0.0 && s.is_finite()).then_some((line, found))
     })
 }
 
@@ -223,6 +224,10 @@ fn counted(sheet: &Sheet, above: &[String], conversions: &mut Vec<String>) -> Re
         let failure = Failure::input(message).in_file(&sheet.source.name).at_line(sheet.header_line());
         return Err(failure.at_column(SAMPLE_COLUMN));
     };
+    let interval_s = interval_s.map_err(|number| {
+        let message = format!("`{}`: point or thousands? Write it {UNGROUPED}", printable(&number));
+        Failure::input(message).in_file(&sheet.source.name).at_line(line)
+    })?;
     conversions.push(format!("samples are {} ms apart, by line {line}", crate::pose::tidy(interval_s * 1e3)));
     let counts = sheet.rows.iter().map(|row| sheet.number(row, SAMPLE_COLUMN)).collect::<Result<Vec<f64>>>()?;
     let first = counts.first().copied().unwrap_or(0.0);

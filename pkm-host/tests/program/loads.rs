@@ -344,6 +344,7 @@ const REFUSED: &[Doubt] = &[
     ("a window with a sample", same, &["--load-start", "09:20", "--load-window-s", "0,0"], "r.csv:2|no window holds 3 samples|one every 0.050 s"),
     ("times that go back", |r, l| (r, at_line(&l, 50, |row| row.replacen("2.400", "1.400", 1))), &["--load-start", "09:20"], "log.txt:50|time_s|goes back by 0.950 s"),
     ("samples without a rate", |r, l| (r, l.replace("time_s", "sample")), &["--load-start", "09:20"], "log.txt:1|Sample rate: 50 Hz"),
+    ("a rate of 20, or of 20 000", |r, l| (r, format!("Sample rate: 20,000 Hz\n{}", l.replace("time_s", "sample"))), &["--load-start", "09:20"], "log.txt:1|`20,000`: point or thousands?"),
     ("no loads", |r, l| (r, l.replace("force_n", "sample")), &["--load-start", "09:20"], "log.txt:1|force [N]"),
     ("no times in the readings", |r, l| (r.replace("time,", "remark,"), l), &["--load-start", "09:20"], "r.csv:1|time|each reading needs its time"),
     ("no direction", |r, l| (r.replace("fx_n,fy_n,fz_n", "a,b,c"), l), &["--load-start", "09:20"], "r.csv:1|nothing says which way the cell pulls"),

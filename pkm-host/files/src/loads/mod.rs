@@ -86,11 +86,10 @@ pub fn join(sheet: &mut Sheet, log: &LoadLog, options: &Options) -> Result<Joine
         return Err(sheet.missing("time", why));
     };
     let meant = meant::of_rows(sheet, log.cell)?;
-    let (at_s, doubt) = clocks::by_log(&times, log).map_err(|failure| match failure.file {
+    let (at_s, doubt) = clocks::by_log(&times, log, options.clock_s).map_err(|failure| match failure.file {
         None => failure.in_file(&sheet.source.name).at_line(sheet.header_line()).at_column(times.column),
         Some(_) => failure,
     })?;
-    let at_s: Vec<f64> = at_s.iter().map(|t| t - options.clock_s).collect();
     let windows = windows(sheet, log, &times, &at_s, options)?;
     let zeros = zeros(log, &meant, &windows, options)?;
     let nearest = |w: &Range<usize>| {
