@@ -356,8 +356,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     }
 
     /// Takes in a reading that nothing known explains, where a change does: with the amplitudes unknown again that explain the innovations of
-    /// one sign up to it; gives χ², and which they are. Where they do not explain it either all stays as it was: that is no change, but a broken
-    /// sensor, or more than may be learned.
+    /// one sign up to it; gives χ², and which they are. Where they do not explain it either all stays as it was, but that the sums begin anew: that
+    /// is no change, but a broken sensor, or more than may be learned.
     #[inline(never)] // one reading of thousands needs it
     fn take_in_changed(
         &mut self,

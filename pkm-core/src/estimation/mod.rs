@@ -25,7 +25,7 @@
 //! amplitude would weight them, is normal of variance 1 while nothing changes. Beyond [`CHANGE`] the amplitudes
 //! that explain it, and those that do so nearly as well, count as unknown again, and the next readings tell them apart. Readings that are refused as unexpected count in this sum too, each as
 //! three deviations at most: one spike opens nothing, and of five of the same sign the last is taken in with what it opens, if that
-//! explains it. If not it is no change, but a broken sensor: all stays as it was.
+//! explains it. If not it is no change, but a broken sensor: all stays as it was, and the sum begins anew.
 //!
 //! **Alarm.** [`Estimator::alarms`] says of each amplitude whether it has changed since acceptance by more than its settings allow.
 

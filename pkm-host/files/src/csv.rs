@@ -417,7 +417,14 @@ fn unused_columns<'a>(
     Ok(unused)
 }
 
-const UNGROUPED: &str = "without separators between thousands";
+/// Digits of a number behind its point, with the exponent worked out: 4 of `1.2e-3`, none of `1.2e+2`.
+pub(super) fn decimals(cell: &str) -> usize {
+    let (mantissa, exponent) = cell.split_once(['e', 'E']).unwrap_or((cell, "0"));
+    let digits = mantissa.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
+    usize::try_from(digits as i64 - exponent.parse::<i64>().unwrap_or(0)).unwrap_or(0)
+}
+
+pub(super) const UNGROUPED: &str = "without separators between thousands";
 
 /// Whether a cell is a number with digits in groups of three.
 pub(super) fn is_grouped(cell: &str, separators: &[char]) -> bool {
@@ -458,4 +465,18 @@ pub fn to_csv<R: AsRef<[String]>>(delimiter: u8, header: &[String], rows: impl I
         write(row.as_ref());
     }
     String::from_utf8(writer.into_inner().expect("writing to memory")).expect("cells are UTF-8")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_behind_the_point_know_the_exponent() {
+        for (cell, expected) in
+            [("12", 0), ("-12.50", 2), ("12,5", 1), ("1.2345E+01", 3), ("1.2E+02", 0), ("1.2e-3", 4), ("5E-1", 1)]
+        {
+            assert_eq!(decimals(cell), expected, "{cell}");
+        }
+    }
 }

@@ -101,14 +101,14 @@ impl MachineFile {
             return Err(fail(Some(span), key, message));
         }
         let name = raw.name.get_ref().clone();
-        let wrist_parameters = wrist_parameters(raw.wrist.as_ref(), &pose_box);
-        let wrist_left_out = wrist_left_out(raw.wrist.as_ref());
+        let own_wrist = raw.wrist.as_ref().map(Spanned::get_ref);
+        let wrist_parameters = wrist_parameters(own_wrist, &pose_box);
+        let wrist_left_out = wrist_left_out(own_wrist);
         let wrist = Wrist::<f64>::new(&wrist_parameters);
         if let Err(error) = wrist
             && error != WristError::HomeIsSingular
         {
-            let span = text.find("[wrist]").unwrap_or(0);
-            return Err(fail(Some(span..span), "wrist", error.to_string()));
+            return Err(fail(raw.wrist.as_ref().map(Spanned::span), "wrist", error.to_string()));
         }
         let warnings = unlikely_values(&source.name, &parameters)
             .into_iter()

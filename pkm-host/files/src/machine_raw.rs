@@ -47,7 +47,7 @@ pub(super) struct RawMachine {
     pub(super) travel: RawTravel,
     #[serde(rename = "box")]
     pub(super) pose_box: Option<RawBox>,
-    pub(super) wrist: Option<RawWrist>,
+    pub(super) wrist: Option<Spanned<RawWrist>>,
     pub(super) uncertainty: Option<RawUncertainty>,
     pub(super) solid: Option<Spanned<RawSolid>>,
     pub(super) limb: Spanned<Vec<RawLimb>>,
@@ -386,7 +386,7 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
     }
     let mut numbers: Vec<(&'static str, &Number, bool)> = Vec::new();
     if let Some(wrist) = &raw.wrist {
-        numbers.extend(wrist_numbers(wrist)?);
+        numbers.extend(wrist_numbers(wrist.get_ref())?);
     }
     if let Some(u) = &raw.uncertainty {
         let of_loads = [

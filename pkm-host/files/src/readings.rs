@@ -7,6 +7,7 @@ use std::sync::Arc;
 use pkm_core::Wrench;
 use pkm_diagnosis::Covariance;
 
+use crate::csv::decimals;
 use crate::dataset::{LOAD_RANDOM_COLUMN, READ_COLUMNS, Row, Sheet};
 use crate::error::{Failure, Result};
 use crate::import::Renames;
@@ -209,15 +210,13 @@ impl Repeats {
     }
 }
 
-/// The deflection of a row in m and rad; `decimals` keeps the most digits behind the point of each channel.
-fn deflection(sheet: &Sheet, row: &Row, decimals: &mut [usize; CHANNELS]) -> Result<[Option<f64>; CHANNELS]> {
+/// The deflection of a row in m and rad; `most` keeps the most digits behind the point of each channel.
+fn deflection(sheet: &Sheet, row: &Row, most: &mut [usize; CHANNELS]) -> Result<[Option<f64>; CHANNELS]> {
     let mut observed = [None; CHANNELS];
     for (c, column) in READ_COLUMNS.iter().enumerate() {
         observed[c] = sheet.optional(row, column)?.map(|v| v * 1e-6);
         if observed[c].is_some() {
-            let text = sheet.cell(row, column)?;
-            let digits = text.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
-            decimals[c] = decimals[c].max(digits);
+            most[c] = most[c].max(decimals(sheet.cell(row, column)?));
         }
     }
     Ok(observed)
@@ -281,11 +280,11 @@ impl Readings {
         let mut histories: HashMap<usize, History> = HashMap::new();
         let mut zeros = Zeros::default();
         let (mut conditions, mut readings) = (Vec::new(), Vec::new());
-        let mut decimals = [0_usize; CHANNELS];
+        let mut digits = [0; CHANNELS];
         let has_temperature = sheet.has("temperature_c");
         let mut has_unloading = false;
         for (n, (row, case)) in sheet.rows.iter().zip(cases).enumerate() {
-            let observed = deflection(sheet, row, &mut decimals)?;
+            let observed = deflection(sheet, row, &mut digits)?;
             let sigma = [sheet.optional(row, "sigma_linear_um")?, sheet.optional(row, "sigma_angular_urad")?]
                 .map(|s| s.map(|v| v * 1e-6));
             let p = &case.pose.pose;
@@ -336,7 +335,7 @@ impl Readings {
                 load_random: own_random,
             });
         }
-        let resolution = decimals.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
+        let resolution = digits.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
         Ok(Self {
             source: sheet.source.clone(),
             poses,

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use pkm_core::{Configuration, ScrewLengths};
 
-use crate::csv::{LENGTH_COLUMNS, POSE_COLUMNS};
+use crate::csv::{LENGTH_COLUMNS, POSE_COLUMNS, decimals};
 use crate::dataset::{POINT_COLUMNS, Row, Sheet};
 use crate::error::{Failure, Result, tool_status};
 use crate::machine::MachineFile;
@@ -273,12 +273,11 @@ fn numbers_within<const N: usize>(sheet: &Sheet, row: &Row, columns: [&'static s
 
 /// Least step of measured numbers, by the digits behind their points.
 fn resolution_m(sheet: &Sheet) -> Result<f64> {
-    let mut decimals = 0;
+    let mut digits = 0;
     for row in &sheet.rows {
         for column in AT_COLUMNS.iter().chain(&[DISTANCE_COLUMN]).filter(|c| sheet.has(c)) {
-            let fraction = sheet.cell(row, column)?.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
-            decimals = decimals.max(fraction);
+            digits = digits.max(decimals(sheet.cell(row, column)?));
         }
     }
-    Ok(1e-3 * 10_f64.powi(-(decimals.min(12) as i32)))
+    Ok(1e-3 * 10_f64.powi(-(digits.min(12) as i32)))
 }
