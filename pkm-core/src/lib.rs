@@ -103,5 +103,5 @@ pub use machine::{Machine, MachineError, MachineParameters};
 pub use scalar::Scalar;
 pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor, Transmission};
 pub use thermal::{TemperatureError, TemperatureRise};
-pub use types::{Deflection, Domain, Pose, ScrewLengths, TipUncertainty, Wrench};
+pub use types::{Deflection, Domain, K95, Pose, ScrewLengths, TipUncertainty, Wrench};
 pub use wrist::{Wrist, WristError, WristParameters};

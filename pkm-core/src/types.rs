@@ -28,6 +28,12 @@ pub struct Pose<T> {
 }
 
 impl<T: Scalar> Pose<T> {
+    /// Where A is in B-xyz, m: over B's x axis, at x = Z0 tan θ. Not checked: NaN where the pose is not finite.
+    pub fn a_in_b_m(&self) -> Vector3<T> {
+        let (sin, cos) = self.theta_rad.sin_cos();
+        Vector3::new(self.z0_m * sin / cos, T::ZERO, self.z0_m)
+    }
+
     pub(crate) fn is_finite(&self) -> bool {
         self.theta_rad.is_finite() && self.sigma_rad.is_finite() && self.z0_m.is_finite()
     }
@@ -125,8 +131,8 @@ impl<T: Scalar> Deflection<T> {
     }
 }
 
-/// Coverage factor of 95 %.
-pub(crate) const K95: f64 = 1.96;
+/// Coverage factor of expanded uncertainties at 95 %, of a normal distribution.
+pub const K95: f64 = 1.96;
 
 /// How well a translation of the tip is known.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,6 +7,7 @@ use pkm_core::{
     ToolFrame, Transmission, Wrench,
 };
 
+use crate::machine::Row;
 use crate::text::Text;
 use crate::{Form, Request, View};
 
@@ -64,21 +65,6 @@ const fn sum(parts: &[(&str, usize)]) -> usize {
 pub const FORM_NUMBERS: usize = sum(&FORM);
 /// Numbers of an answer.
 pub const ANSWER_NUMBERS: usize = sum(&ANSWER);
-
-/// Writes numbers one after another.
-struct Row<'a>(core::slice::IterMut<'a, f64>);
-
-impl Row<'_> {
-    fn put(&mut self, values: &[f64]) {
-        for (value, to) in values.iter().zip(self.0.by_ref()) {
-            *to = *value;
-        }
-    }
-
-    fn zeros(&mut self, count: usize) {
-        self.0.by_ref().take(count).for_each(|to| *to = 0.0);
-    }
-}
 
 /// The tool as the platform sees it.
 struct Placed {
@@ -192,8 +178,7 @@ impl View {
         let share = five.normalised_determinant(c).map_err(|e| Text::of(&e))?;
         let table = self.table.as_ref().and_then(|table| table.core().ok());
         let (margin_m, limb) = machine.travel_margin_m(&joints.lengths).map_err(|e| Text::of(&e))?;
-        let sin_cos = pkm_core::Scalar::sin_cos(pose.theta_rad);
-        let a_m = Vector3::new(pose.z0_m * sin_cos.0 / sin_cos.1, 0.0, pose.z0_m);
+        let a_m = pose.a_in_b_m();
         let placed = Placed::new(request, tool, a_m);
         let wrench = placed.at_a(&request.wrench);
 

@@ -20,13 +20,17 @@ const WRIST_AT: usize = ELEMENTS_AT + MAX_ELEMENTS * ELEMENT_NUMBERS;
 pub const MACHINE_NUMBERS: usize = WRIST_AT + WRIST_NUMBERS + 6;
 
 /// Writes numbers one after another.
-struct Row<'a>(core::slice::IterMut<'a, f64>);
+pub(crate) struct Row<'a>(pub core::slice::IterMut<'a, f64>);
 
 impl Row<'_> {
-    fn put(&mut self, values: &[f64]) {
+    pub fn put(&mut self, values: &[f64]) {
         for (value, to) in values.iter().zip(self.0.by_ref()) {
             *to = *value;
         }
+    }
+
+    pub fn zeros(&mut self, count: usize) {
+        self.0.by_ref().take(count).for_each(|to| *to = 0.0);
     }
 }
 

@@ -2,14 +2,14 @@
 
 use nalgebra::Vector3;
 
-use crate::elastic::{Chain, Limb, stiffen};
+use crate::elastic::{Chain, Limb, LimbFrame, stiffen};
 use crate::kinematics::Posture;
 use crate::linalg::{Lower, axes, frame, join};
-use crate::machine::Machine;
+use crate::machine::{LimbCompliance, Machine};
 use crate::scalar::Scalar;
 
 /// On which side of the plane of limb 3 limb 1 (`LIMB` = 0) and limb 2 are.
-pub(super) fn side<const LIMB: usize, T: Scalar>() -> T {
+fn side<const LIMB: usize, T: Scalar>() -> T {
     if LIMB == 0 { -T::ONE } else { T::ONE }
 }
 
@@ -51,42 +51,47 @@ impl<T: Scalar> Machine<T> {
 
     #[inline(never)]
     fn limb_1_2<'c, const LIMB: usize>(&self, p: &Posture<T>, h: T, chain: &'c mut Chain<T, 3>) -> Limb<'c, T, 3> {
-        let (y, n, u) = (p.y(), p.n(), Vector3::x());
-        let (side, q) = (side::<LIMB, T>(), p.length::<LIMB>());
-        let z = y * (p.along_y[LIMB] / q) + n * (p.along_n[LIMB] / q);
-        let [body, _] = self.softness;
-        Limb {
-            index: LIMB,
-            q,
-            base: y * (side * self.actual.b1) + n * -p.l,
-            platform: Vector3::new(T::ZERO, side * self.actual.a1, h),
-            axes: frame(u, z.cross(&u), z),
-            base_axes: frame(u, y, u.cross(&y)),
-            axial: self.limbs[LIMB].axial * body,
-            bending: self.limbs[LIMB].bending * body,
-            torsion: self.limbs[LIMB].torsion * body,
-            chain,
-        }
+        self.limb((LIMB, &self.limbs[LIMB]), self.frame_1_2::<LIMB>(p, h), chain)
     }
 
     #[inline(never)]
     fn limb_3<'c>(&self, p: &Posture<T>, h: T, chain: &'c mut Chain<T, 2>) -> Limb<'c, T, 2> {
+        self.limb((2, &self.limbs[2]), self.frame_3(p, h), chain)
+    }
+
+    #[inline(always)]
+    fn limb<'c, const N: usize>(
+        &self,
+        (index, declared): (usize, &LimbCompliance<T>),
+        frame: LimbFrame<T>,
+        chain: &'c mut Chain<T, N>,
+    ) -> Limb<'c, T, N> {
+        let [body, _] = self.softness;
+        let [axial, bending, torsion] = [declared.axial, declared.bending, declared.torsion].map(|c| c * body);
+        let LimbFrame { length_m: q, joints_m: [base, platform], axes: [base_axes, axes] } = frame;
+        Limb { index, q, base, platform, axes, base_axes, axial, bending, torsion, chain }
+    }
+
+    /// Of limb 1 (`LIMB` = 0) or 2, with A_i `h` out of its plane.
+    #[inline(always)]
+    pub(super) fn frame_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T) -> LimbFrame<T> {
+        let (y, n, u) = (p.y(), p.n(), Vector3::x());
+        let (side, q) = (side::<LIMB, T>(), p.length::<LIMB>());
+        let z = y * (p.along_y[LIMB] / q) + n * (p.along_n[LIMB] / q);
+        LimbFrame {
+            length_m: q,
+            joints_m: [y * (side * self.actual.b1) + n * -p.l, Vector3::new(T::ZERO, side * self.actual.a1, h)],
+            axes: [frame(u, y, u.cross(&y)), frame(u, z.cross(&u), z)],
+        }
+    }
+
+    /// Of limb 3, with A3 `h` out of its plane.
+    #[inline(always)]
+    pub(super) fn frame_3(&self, p: &Posture<T>, h: T) -> LimbFrame<T> {
         let (x, z) = Self::leaning_3(p, h);
         let axes = frame(x, z.cross(&x), z);
         let platform = Vector3::new(self.actual.a2, T::ZERO, h);
-        let (q, [body, _]) = (p.q.z, self.softness);
-        Limb {
-            index: 2,
-            q,
-            base: platform - z * q,
-            platform,
-            axes,
-            base_axes: axes,
-            axial: self.limbs[2].axial * body,
-            bending: self.limbs[2].bending * body,
-            torsion: self.limbs[2].torsion * body,
-            chain,
-        }
+        LimbFrame { length_m: p.q.z, joints_m: [platform - z * p.q.z, platform], axes: [axes, axes] }
     }
 
     /// Adds what effects have inside a limb to it, and what its tension adds to K beside it.
@@ -145,7 +150,7 @@ impl<T: Scalar> Machine<T> {
     }
 
     /// x and z of limb 3 in A-uvw when A3 is `h` along w out of its plane: then it leans out of the plane across y of B.
-    pub(super) fn leaning_3(p: &Posture<T>, h: T) -> (Vector3<T>, Vector3<T>) {
+    fn leaning_3(p: &Posture<T>, h: T) -> (Vector3<T>, Vector3<T>) {
         let (y, n, q) = (p.y(), p.n(), p.q.z);
         let [zu, zn, zy] = [p.limb_3[0] / q, p.limb_3[1] / q, -p.sin_sigma * h / q];
         let z = Vector3::new(zu, zn * n.y + zy * y.y, zn * n.z + zy * y.z);

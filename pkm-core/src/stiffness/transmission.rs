@@ -4,11 +4,10 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::elastic::{Chain, LimbFrame};
 use crate::kinematics::Posture;
-use crate::linalg::{self, frame, from_columns};
+use crate::linalg::{self, from_columns};
 use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::stiffness::StiffnessError;
-use crate::stiffness::limbs::side;
 use crate::types::Pose;
 
 /// What the limbs transmit at a pose, and the compliance that it meets: K = H D⁻¹ Hᵀ, before what is in series at B and
@@ -60,23 +59,5 @@ impl<T: Scalar> Machine<T> {
             1 => self.frame_1_2::<1>(p, h),
             _ => self.frame_3(p, h_3),
         }
-    }
-
-    fn frame_1_2<const LIMB: usize>(&self, p: &Posture<T>, h: T) -> LimbFrame<T> {
-        let (y, n, u) = (p.y(), p.n(), Vector3::x());
-        let (side, q) = (side::<LIMB, T>(), p.length::<LIMB>());
-        let z = y * (p.along_y[LIMB] / q) + n * (p.along_n[LIMB] / q);
-        LimbFrame {
-            length_m: q,
-            joints_m: [y * (side * self.actual.b1) + n * -p.l, Vector3::new(T::ZERO, side * self.actual.a1, h)],
-            axes: [frame(u, y, u.cross(&y)), frame(u, z.cross(&u), z)],
-        }
-    }
-
-    fn frame_3(&self, p: &Posture<T>, h: T) -> LimbFrame<T> {
-        let (x, z) = Self::leaning_3(p, h);
-        let axes = frame(x, z.cross(&x), z);
-        let platform = Vector3::new(self.actual.a2, T::ZERO, h);
-        LimbFrame { length_m: p.q.z, joints_m: [platform - z * p.q.z, platform], axes: [axes, axes] }
     }
 }

@@ -5,7 +5,7 @@ use std::array::from_fn;
 use pkm_core::Pose;
 use serde::{Deserialize, Serialize};
 
-/// Length that makes a rotation comparable with a translation in deflection errors.
+/// Length that makes a rotation comparable with a translation, and at which a moment counts like a force.
 pub const ROTATION_ARM_M: f64 = 0.2;
 
 /// A pose from a file.
@@ -22,11 +22,6 @@ pub struct NamedPose {
 /// A pose from the units of files: °, °, mm.
 pub fn pose_of(theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Pose<f64> {
     Pose { theta_rad: theta_deg.to_radians(), sigma_rad: sigma_deg.to_radians(), z0_m: z0_mm / 1e3 }
-}
-
-/// The point A in B, m: it lies over B's x axis, at X0 = Z0 tan θ.
-pub fn a_in_b_m(pose: &Pose<f64>) -> [f64; 3] {
-    [pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m]
 }
 
 /// A pose in the units of files: °, °, mm.

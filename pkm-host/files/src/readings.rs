@@ -13,7 +13,7 @@ use crate::error::{Failure, Result};
 use crate::import::Renames;
 use crate::machine::MachineFile;
 use crate::measured::{LoadCase, Measured};
-use crate::pose::NamedPose;
+use crate::pose::{NamedPose, ROTATION_ARM_M};
 use crate::source::Source;
 use crate::warmth::{Warmth, Zeros};
 
@@ -134,8 +134,6 @@ fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
     a.to_vector().iter().zip(&b.to_vector()).map(|(a, b)| a * b).sum()
 }
 
-/// Lever at which a moment counts like a force, m.
-const LEVER_M: f64 = 0.2;
 /// Share of the largest force within which recorded wrenches are of one nominal load.
 const SAME_LOAD: f64 = 0.02;
 /// The same in standard deviations of the difference of two, where the load cell's noise is declared and greater.
@@ -146,7 +144,7 @@ const SAME_LOAD_SD: f64 = 3.0;
 fn are_repeats(a: &Wrench<f64>, b: &Wrench<f64>, share: f64) -> bool {
     let forces = |w: &Wrench<f64>| {
         let [x, y, z, mx, my, mz] = w.to_vector().into();
-        [x, y, z, mx / LEVER_M, my / LEVER_M, mz / LEVER_M]
+        [x, y, z, mx / ROTATION_ARM_M, my / ROTATION_ARM_M, mz / ROTATION_ARM_M]
     };
     let (a, b) = (forces(a), forces(b));
     let largest = a.iter().chain(&b).fold(0.0, |m: f64, v| m.max(v.abs()));

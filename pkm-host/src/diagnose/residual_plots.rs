@@ -29,7 +29,7 @@ fn tensions(machine: &Machine<f64>, c: &Condition, pose: &Pose<f64>) -> Option<[
     for (limb, tension) in tension.iter_mut().enumerate() {
         let (a, b) = (place(limb, STEP)?, place(limb, -STEP)?);
         let rate = |a: f64, b: f64| (a - b) / (2.0 * STEP);
-        let [x, z] = [rate(a.z0_m * a.theta_rad.tan(), b.z0_m * b.theta_rad.tan()), rate(a.z0_m, b.z0_m)];
+        let [x, _, z] = ((a.a_in_b_m() - b.a_in_b_m()) / (2.0 * STEP)).into();
         let (turn, tilt) = (rate(a.theta_rad, b.theta_rad), rate(a.sigma_rad, b.sigma_rad));
         // from B-xyz to A-uvw: R = R_y(θ) R_x(σ)
         let ((st, ct), (ss, cs)) = (pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());

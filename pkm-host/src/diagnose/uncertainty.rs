@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, Matrix6, SMatrix, SVector, SymmetricEigen, Vector3, Vector6};
 use pkm_core::correction::{UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES, spread_terms};
-use pkm_core::{Machine, Pose, StiffnessFactor, Wrench};
+use pkm_core::{K95, Machine, Pose, StiffnessFactor, Wrench};
 use pkm_diagnosis::{Fit, Noise, Observations};
 
 use super::compare::Fitted;
@@ -220,7 +220,7 @@ impl Unseen<'_> {
             }
         }
         let covers = |excess: f64| {
-            let within = squares.iter().filter(|[off, model, noise]| *off <= 1.96 * 1.96 * (excess * model + noise));
+            let within = squares.iter().filter(|[off, model, noise]| *off <= K95 * K95 * (excess * model + noise));
             100 * within.count() >= 95 * squares.len()
         };
         if covers(1.0) {

@@ -122,8 +122,7 @@ pub type Collision = String;
 fn base_frame(pose: &Pose<f64>) -> Isometry3<f64> {
     let turn = Rotation3::from_axis_angle(&Vector3::y_axis(), pose.theta_rad)
         * Rotation3::from_axis_angle(&Vector3::x_axis(), pose.sigma_rad);
-    let a = Vector3::new(pose.z0_m * pose.theta_rad.tan(), 0.0, pose.z0_m);
-    Isometry3::from_parts(a.into(), turn.into()).inverse()
+    Isometry3::from_parts(pose.a_in_b_m().into(), turn.into()).inverse()
 }
 
 impl Deck {

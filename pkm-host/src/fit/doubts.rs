@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Rotation3, SVector, Vector3, 
 use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Basis, Domain, Machine, Pose, Stiffness, Wrench};
+use pkm_diagnosis::residuals::MEDIAN_OF_NORMAL;
 
 use super::regression::Regression;
 use super::{Fit, Sample, some_of};
@@ -193,7 +194,7 @@ fn left_out(samples: &[&Sample]) -> Option<Vec<Off>> {
 fn robust_deviation(off: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = off.iter().map(|r| r.abs()).collect();
     sizes.sort_by(f64::total_cmp);
-    sizes[sizes.len() / 2] / 0.6745
+    sizes[sizes.len() / 2] / MEDIAN_OF_NORMAL
 }
 
 /// How far a pose is off in each stiffness, by what most poses are off in `all`.

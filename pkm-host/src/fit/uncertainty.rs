@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SVector, SymmetricEigen, Vect
 use pkm_core::correction::{
     FACTOR_ENTRIES, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES, UNCERTAINTY_SPREAD, spread_terms,
 };
-use pkm_core::{Stiffness, StiffnessFactor, Wrench};
+use pkm_core::{K95, Stiffness, StiffnessFactor, Wrench};
 
 use super::regression::{Regression, STEP, levels};
 use crate::files::table_numbers::UncertaintyNumbers;
@@ -195,7 +195,7 @@ fn beyond(squares: &[(Terms, f64)], spread: &Terms) -> f64 {
     let mut all: Vec<f64> =
         squares.iter().map(|(terms, q)| q / terms.iter().zip(spread).map(|(t, s)| t * s).sum::<f64>()).collect();
     all.sort_by(f64::total_cmp);
-    all.get(all.len() * 95 / 100).map_or(1.0, |q| q.max(LEAST) / (1.96 * 1.96))
+    all.get(all.len() * 95 / 100).map_or(1.0, |q| q.max(LEAST) / (K95 * K95))
 }
 
 /// Middle and half widths of some poses; none where one of the variables does not vary.

@@ -9,7 +9,6 @@ use pkm_diagnosis::{Candidate, CommonErrors, ForwardModel, Kind, Parameter, Prio
 use super::flaws::{self, Flaw, Give};
 use crate::files::machine::MachineFile;
 use crate::files::unloaded::{Commanded, Unloaded};
-use crate::pose::a_in_b_m;
 use crate::tracker::rigid::Motion;
 
 /// x, y, z and distance.
@@ -350,7 +349,7 @@ impl<'a> Experiment<'a> {
                 Vector6::zeros()
             };
             let axes = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
-            Some(Placed { a_m: a_in_b_m(&pose).into(), axes, tool, aside })
+            Some(Placed { a_m: pose.a_in_b_m(), axes, tool, aside })
         };
         self.unloaded.poses.iter().enumerate().map(of).collect()
     }

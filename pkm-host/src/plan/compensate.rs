@@ -21,7 +21,7 @@ use crate::plan::cutting::{self, MeanForce};
 use crate::plan::feed::JointTrack;
 use crate::plan::reach::Reach;
 use crate::plan::track::{Error, KnownDeflection, LoadedPoint, PathPlace, Track};
-use crate::pose::{PoseBox, a_in_b_m, file_units};
+use crate::pose::{PoseBox, file_units};
 use crate::progress::Progress;
 
 /// Longest path of the tip in one step when none is given, mm.
@@ -178,7 +178,7 @@ impl Walk<'_> {
         let frame = self.reach.five.frame(configuration)?;
         // from B-xyz, and the load from the tool's axes, to A-uvw
         let to_a = platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()).transpose();
-        let tip_m = to_a * (frame.tip_m - Vector3::from(a_in_b_m(pose)));
+        let tip_m = to_a * (frame.tip_m - pose.a_in_b_m());
         let turned = to_a * frame.axes;
         let at_tip = Wrench { force_n: turned * wrench.force_n, moment_nm: turned * wrench.moment_nm };
         let factor = table.factor_form(self.reach.five.machine, pose)?.factor;

@@ -25,7 +25,7 @@ pub use self::table::{tasks, with_deflections};
 use crate::error::{Failure, Result};
 use crate::files::points::{Point, PointList};
 use crate::files::reflectors::{On, Reflectors};
-use crate::pose::{NamedPose, a_in_b_m};
+use crate::pose::NamedPose;
 
 /// Mean squared misfit of reflectors over their variances from which their uncertainty is doubted.
 const MAX_MISFIT: f64 = 4.0;
@@ -100,7 +100,7 @@ pub struct Campaign {
 /// A pose: A in B, and u, v, w as columns in B.
 fn frame(pose: &NamedPose) -> (Vector3<f64>, Matrix3<f64>) {
     let p = &pose.pose;
-    (a_in_b_m(p).into(), platform_axes(p.theta_rad.sin_cos(), p.sigma_rad.sin_cos()))
+    (p.a_in_b_m(), platform_axes(p.theta_rad.sin_cos(), p.sigma_rad.sin_cos()))
 }
 
 /// Deflections from points.

@@ -59,6 +59,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
     let lengths = black_box(ScrewLengths { q_m: vector });
     let wrench = Wrench::from_vector(black_box(Wrench { force_n: vector, moment_nm: other }).to_vector());
     let wrench = wrench.moved_to_a(vector);
+    black_box(pose.a_in_b_m());
     if let Err(e) = black_box(machine.inverse(&pose)) {
         show(e);
     }

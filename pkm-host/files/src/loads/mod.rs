@@ -21,11 +21,10 @@ use crate::clock::{self, Times};
 use crate::csv::Sheet;
 use crate::error::{Failure, Result};
 use crate::load_log::{LoadLog, Sample};
+use crate::pose::ROTATION_ARM_M;
 
 /// Samples from which a window tells its own scatter.
 const MIN_SAMPLES: usize = 3;
-/// Lever at which a moment counts like a force, m: as between repeats of a load.
-const LEVER_M: f64 = 0.2;
 
 /// How a log is read beside its readings.
 #[derive(Clone, Copy, Debug)]
@@ -67,7 +66,7 @@ fn size(load: &[f64; 6]) -> f64 {
 }
 
 fn by_lever(load: &[f64; 6]) -> [f64; 6] {
-    std::array::from_fn(|c| if c < 3 { load[c] } else { load[c] / LEVER_M })
+    std::array::from_fn(|c| if c < 3 { load[c] } else { load[c] / ROTATION_ARM_M })
 }
 
 /// The middle one of some values, 0 of none.

@@ -7,16 +7,15 @@ use super::Blocks;
 use super::elastic::{M8, Solved};
 use super::terms::{Seen, Term};
 use crate::files::readings::{CHANNELS, Condition, GAUGE};
+use crate::pose::ROTATION_ARM_M;
 
 /// ln prior of what needs an oddity of one campaign: drift, one pose, a matrix of cross-talk.
 pub const LN_PRIOR_OF_ODDITIES: f64 = -4.0;
 /// Unit of relative errors of sensors and loads.
 const RELATIVE: f64 = 0.03;
-/// Lever that makes rotations and translations comparable, m.
-const LEVER_M: f64 = 0.2;
 
 fn size(component: usize) -> f64 {
-    if component < 3 { 1.0 } else { 1.0 / LEVER_M }
+    if component < 3 { 1.0 } else { 1.0 / ROTATION_ARM_M }
 }
 
 /// Adds all of them. `solved` is the declared machine, `said` what it lets be read, by condition.

@@ -1,8 +1,9 @@
 //! What to think of a replayed log, the verdict first.
 
+use pkm_core::K95;
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 
-use super::{DAY_S, K95, at_end, fitted, outside_box, refusals, taken_in, variance_left};
+use super::{DAY_S, at_end, fitted, outside_box, refusals, taken_in, variance_left};
 use crate::diagnose::text::probability;
 use crate::files::learn::{named, units};
 use crate::page::Finding;

@@ -3,6 +3,7 @@
 mod findings;
 
 use maud::html;
+use pkm_core::K95;
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
 use serde_json::{Value, json};
 
@@ -17,8 +18,6 @@ use crate::page::{self, Page};
 use crate::pose::{tidy, written_units};
 use crate::replay::{BATCH, LogDiagnosis, Proposal, Replay, Step};
 
-/// Coverage factor of 95 %.
-const K95: f64 = 1.96;
 /// Points of a curve, at most.
 const POINTS: usize = 400;
 const DAY_S: f64 = 86_400.0;
