@@ -43,7 +43,8 @@ fn seen(v: &DMatrix<f64>, limit: f64) -> (Vec<f64>, DMatrix<f64>) {
 const MOST_CHOSEN: usize = 12;
 
 /// The columns of a candidate that explain most for what they cost, with the steps of their amplitudes, those of
-/// one-sided ones positive: by trying all choices of a few columns, and of more of them by leaving out what comes out negative.
+/// one-sided ones positive: by trying all choices of a few columns; of more of them by leaving out what comes out negative, then one
+/// after another what costs more than it explains.
 fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, DVector<f64>) {
     let n = s.len();
     // gain and steps of some columns, and those that come out negative and must not
@@ -58,14 +59,23 @@ fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, 
         Some((step.dot(&part) - factor.ln_determinant(), all, negative))
     };
     if n > MOST_CHOSEN {
-        let mut used: Vec<usize> = (0..n).collect();
-        while let Some((gain, all, negative)) = with(&used) {
+        let possible = |mut used: Vec<usize>| loop {
+            let (gain, all, negative) = with(&used)?;
             if negative.is_empty() {
-                return (gain, all);
+                return Some((gain, all, used));
             }
             used.retain(|i| !negative.contains(i));
+        };
+        let mut best = possible((0..n).collect());
+        while let Some((gain, _, used)) = &best {
+            let without = |i: &usize| possible(used.iter().copied().filter(|other| other != i).collect());
+            let next = used.iter().filter_map(without).max_by(|a, b| a.0.total_cmp(&b.0));
+            match next.filter(|next| next.0 > *gain) {
+                Some(next) => best = Some(next),
+                None => break,
+            }
         }
-        return (0.0, DVector::zeros(n));
+        return best.map_or_else(|| (0.0, DVector::zeros(n)), |(gain, all, _)| (gain, all));
     }
     let mut best: Option<(f64, DVector<f64>)> = None;
     for choice in 1_u32..1 << n {

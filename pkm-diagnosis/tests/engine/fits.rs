@@ -311,3 +311,20 @@ fn the_level_of_common_errors_is_the_most_likely() {
         close(fit.x.as_slice(), fits[best].x.as_slice(), 1e-4);
     }
 }
+
+/// Of a model without common errors all levels are one: the declared.
+#[test]
+fn without_common_errors_the_level_is_the_declared() {
+    let model = Table::random(&mut fastrand::Rng::with_seed(8), 12, 3, 1e-6);
+    let data = simulated(&model, vec![0; 12], &[-1.0, 0.5, 0.7], 0.3e-6, 12);
+    let whitener = Whitener::new(&data, &even(0.3e-6));
+    let plain = Problem::new(&data, &whitener, &model, RULES);
+    let own = plain.fit(&unknowns(3), &[0.0; 3]).unwrap();
+    let whiteners = levels::whiteners(&plain);
+    let levels = Levels::new(&plain, &whiteners);
+    for start in [0, 3] {
+        let (level, fit) = levels.fit(&unknowns(3), &[0.0; 3], start).unwrap();
+        assert_eq!(level, 0);
+        assert_eq!(fit.ln_evidence(), own.ln_evidence());
+    }
+}

@@ -172,3 +172,27 @@ fn normal_numbers_are_normal() {
     near(mean(&|x| x.powi(4)), 3.0, 0.08);
     near(mean(&|x| f64::from(u8::from(x > 1.0))), 0.158_655, 0.05);
 }
+
+/// Of more columns than of which all choices are tried: columns that share no reading, so that each counts alone.
+#[test]
+fn of_many_columns_those_are_chosen_that_pay_for_themselves() {
+    let mut rng = fastrand::Rng::with_seed(31);
+    let n = 14;
+    let sizes: Vec<f64> = (0..n).map(|_| 0.2 + 3.0 * rng.f64()).collect();
+    let read = DVector::from_fn(n + 1, |_, _| 1.5 * normal(&mut rng));
+    let matrix = DMatrix::from_fn(n + 1, n, |row, column| if row == column { sizes[column] } else { 0.0 });
+    let one_sided: Vec<bool> = (0..n).map(|k| k % 3 > 0).collect();
+    // an unknown of the model alone on the last reading
+    let fit = linear_form(&DMatrix::from_fn(n + 1, 1, |row, _| f64::from(u8::from(row == n))), &read);
+    // 2 ln of N(0, 1 + size²) over N(0, 1)
+    let gains = sizes.iter().zip(&one_sided).zip(read.iter()).map(|((size, one_sided), r)| {
+        let variance = 1.0 + size * size;
+        let gain = r * r * (1.0 - 1.0 / variance) - variance.ln();
+        if *one_sided && *r < 0.0 { 0.0 } else { gain.max(0.0) }
+    });
+    let gains: Vec<f64> = gains.collect();
+    let (used, expected) = (gains.iter().filter(|g| **g > 0.0).count(), gains.iter().sum::<f64>());
+    assert!((3..n - 3).contains(&used), "{used}");
+    let found = screening::gain(&fit, &Columns { matrix, one_sided, shape: 0.0 });
+    assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+}
