@@ -19,6 +19,8 @@ struct Number {
     reading: usize,
     series: usize,
     beyond: f64,
+    /// Declared deviation of what each reading draws, beside the noise.
+    drawn: f64,
 }
 
 /// Numbers that stand out of their repeats, or far out of everything, before anything is fitted; `expected` is by condition and
@@ -31,7 +33,8 @@ pub fn gross(observations: &Observations, expected: &[f64], rules: &Rules) -> Ve
         for (reading, r) in observations.readings.iter().enumerate() {
             if let Some(read) = r.observed[channel] {
                 let beyond = read - expected[r.condition * channels + channel];
-                of_repeat.entry(r.repeat_of).or_default().push(Number { reading, series: r.series, beyond });
+                let drawn = r.drawn.get(channel).copied().unwrap_or(0.0);
+                of_repeat.entry(r.repeat_of).or_default().push(Number { reading, series: r.series, beyond, drawn });
             }
         }
         let count: usize = of_repeat.values().map(Vec::len).sum();
@@ -88,11 +91,11 @@ fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> V
             let rank =
                 |at: &usize| if numbers.len() == 2 { numbers[*at].beyond.abs() } else { deviation(numbers, *at) };
             let Some(at) = (0..numbers.len()).max_by(|a, b| rank(a).total_cmp(&rank(b))) else { break };
-            let size = deviation(numbers, at);
-            if size <= rules.outlier_sd * scale {
+            let size = deviation(numbers, at) / scale.hypot(numbers[at].drawn);
+            if size <= rules.outlier_sd {
                 break;
             }
-            found.push((numbers.remove(at).reading, size / scale));
+            found.push((numbers.remove(at).reading, size));
         }
     }
     found
@@ -102,7 +105,7 @@ fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> V
 fn far_out(single: Vec<Vec<Number>>, least: f64, rules: &Rules) -> Vec<(usize, f64)> {
     let mut sizes: Vec<f64> = single.iter().flatten().map(|n| n.beyond.abs()).collect();
     let scale = median(&mut sizes).map_or(0.0, |m| m / MEDIAN_OF_NORMAL).max(least);
-    let numbers = single.into_iter().flatten().map(|n| (n.reading, n.beyond.abs() / scale));
+    let numbers = single.into_iter().flatten().map(|n| (n.reading, n.beyond.abs() / scale.hypot(n.drawn)));
     numbers.filter(|(_, size)| *size > rules.far_out_sd).collect()
 }
 
@@ -111,8 +114,8 @@ mod tests {
     use super::*;
     use crate::observations::{Channel, Reading};
 
-    /// Repeats of normal noise 1 in several series with zeros of their own, some numbers changed.
-    fn read(repeats: usize, changed: &[(usize, f64)]) -> Observations {
+    /// Repeats of normal noise 1 in several series with zeros of their own, some numbers changed, each said to draw another error.
+    fn read_drawn(repeats: usize, changed: &[(usize, f64)], drawn: f64) -> Observations {
         let mut rng = fastrand::Rng::with_seed(7);
         let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
         let zeros: Vec<f64> = (0..repeats).map(|_| 20.0 * normal()).collect();
@@ -130,11 +133,15 @@ mod tests {
                     observed,
                     sigma: vec![None],
                     covariance: None,
-                    drawn: Vec::new(),
+                    drawn: vec![drawn],
                 });
             }
         }
         Observations { channels: vec![Channel { kind: 0, resolution: 0.01 }], pose_of: vec![0; 60], readings }
+    }
+
+    fn read(repeats: usize, changed: &[(usize, f64)]) -> Observations {
+        read_drawn(repeats, changed, 0.0)
     }
 
     fn found(observations: &Observations) -> Vec<usize> {
@@ -151,6 +158,14 @@ mod tests {
         // far more than single ones: noise of another kind
         let many: Vec<(usize, f64)> = (0..12).map(|i| (5 * i, 40.0)).collect();
         assert_eq!(found(&read(2, &many)), [0; 0]);
+    }
+
+    #[test]
+    fn an_error_that_each_reading_draws_is_no_gross_one() {
+        let changed = [(17, 30.0)];
+        assert_eq!(found(&read_drawn(3, &changed, 15.0)), [0; 0]);
+        assert_eq!(found(&read_drawn(3, &changed, 2.0)), [17]);
+        assert_eq!(found(&read_drawn(1, &[(17, 9999.0)], 15.0)), [17]);
     }
 
     #[test]
