@@ -78,9 +78,10 @@ impl Effect {
         format!("{} (the readings do not say which)", places.collect::<Vec<_>>().join("; "))
     }
 
-    /// Lengths of the limb between which its screw is worn, if that is what it is.
+    /// Lengths of the limb between which its screw is worn, if that is what it is: between which it yields more, not less.
     fn stretch_m(&self) -> Option<[f64; 2]> {
         let of = |name: &str| self.parameters.iter().find(|p| p.0.ends_with(name)).map(|p| p.1);
+        of(".local_m_per_n").or_else(|| of(".local_rad_per_nm")).filter(|local| *local > 0.0)?;
         let (at, half) = (of(".local_at_m")?, of(".local_half_m")?);
         Some([at - half, at + half])
     }
@@ -200,4 +201,30 @@ pub fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64
     }
     all.sort_by(|a, b| b.1.total_cmp(&a.1));
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_worn_stretch_yields_more_than_the_rest() {
+        let inspect = |local: f64| {
+            let of = |name: &str, value| (format!("axial.{name}"), value, 0.0);
+            let effect = Effect {
+                id: ELEMENT,
+                place: "limb.3.body".into(),
+                place_class: Vec::new(),
+                motion: "axial",
+                law: "extension",
+                probability: 1.0,
+                parameters: vec![of("local_m_per_n", local), of("local_at_m", 0.5), of("local_half_m", 0.06)],
+                confidence: 1.0,
+                class: Vec::new(),
+            };
+            effect.inspect()
+        };
+        assert_eq!(inspect(3e-9), "limb 3, body, screw and nut where the limb is 440 to 560 mm long");
+        assert_eq!(inspect(-3e-9), "limb 3, body");
+    }
 }
