@@ -3,7 +3,7 @@
 use pkm_trials::set::{Kind, Set, Wish};
 use serde_json::Value;
 
-use crate::common::{Folder, fixture, json, refused};
+use crate::common::{Folder, fixture, json, reference_machine, refused};
 
 /// A file of a set of the fixtures.
 fn measured(set: &str, file: &str) -> String {
@@ -515,4 +515,40 @@ fn a_worn_stretch_of_a_screw_is_named_by_its_lengths() {
     assert!(travel.contains(&(of("at") - of("half"))) && travel.contains(&(of("at") + of("half"))), "{}", effects[0]);
     // a polynomial in the length predicted worse than stiffnesses that were fitted again
     assert!(rms(&found, "after") < 0.5 * rms(&found, "retuned_only"), "{}", found["holdout"]);
+}
+
+/// A drive that yields more as it warms up, and nothing else of its limb: in that limb, not in the one whose bodies and joints soften.
+#[test]
+fn a_drive_that_softens_with_temperature_is_found_in_its_limb() {
+    let folder = Folder::new();
+    let softening = 2e-10;
+    let element = format!(
+        "\n[[element]]\nplace = \"limb.3.body\"\nmotion = \"axial\"\nlaw = \"temperature\"\ncompliance_m_per_n_per_k = {softening}\n"
+    );
+    let truth = folder.write("truth.toml", &(reference_machine() + &element));
+    let layout = fixture("measured/p06/measured.csv");
+    json(&["predict", "--machine", &truth, "--data", &layout, "--out", &folder.path("exact.csv")]);
+    // 1 µm and 5 µrad of noise
+    let mut rng = fastrand::Rng::with_seed(3);
+    let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
+    let exact = folder.read("exact.csv");
+    let mut lines = exact.lines();
+    let mut read = format!("{}\n", lines.next().unwrap());
+    for line in lines {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        for (n, cell) in cells[10..16].iter_mut().enumerate() {
+            let sigma = if n < 3 { 1.0 } else { 5.0 };
+            *cell = format!("{:.2}", cell.parse::<f64>().unwrap() + sigma * normal());
+        }
+        read += &(cells.join(",") + "\n");
+    }
+    let data = folder.write("read.csv", &read);
+    let machine = folder.write("machine.toml", &reference_machine());
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out")]);
+    let effects = found["effects"].as_array().unwrap();
+    assert_eq!(effects.len(), 1, "{effects:?}");
+    assert_eq!((&effects[0]["where"], &effects[0]["law"]), (&"limb.3.body".into(), &"temperature".into()));
+    let [value, deviation] = ["value", "stderr"]
+        .map(|key| effects[0]["parameters"]["axial.compliance_m_per_n_per_k"][key].as_f64().unwrap());
+    assert!((value - softening).abs() < 3.0 * deviation && deviation < 0.3 * softening, "{}", effects[0]);
 }

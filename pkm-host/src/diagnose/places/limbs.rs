@@ -230,7 +230,7 @@ fn direction(blocks: &mut Blocks<'_>) {
     by_groups(blocks, "direction", &[|_, t| (5.0 * t).tanh(), |_, t| t, |u, t| t - u, |u, _| (5.0 * u).tanh()], true);
 }
 
-/// Softening of bodies and of joints, and growth, with temperature.
+/// Softening of bodies and of joints, along the limb alone too, and growth, with temperature.
 fn temperature(blocks: &mut Blocks<'_>) {
     let conditions = &blocks.readings.conditions;
     let entries = &blocks.problem.whitener.entries;
@@ -265,9 +265,19 @@ fn temperature(blocks: &mut Blocks<'_>) {
         };
         Term::Times(Arc::new(blocks.frames.iter().map(of).collect()), warmer.clone())
     };
+    // a drive, a nut or a bearing
+    let softer_along = |limbs: &[usize]| {
+        let usual = blocks.usual.0;
+        let along = limbs.iter().fold(M8::zeros(), |mut sum, i| {
+            sum[(AXIAL[*i], AXIAL[*i])] = usual[(AXIAL[*i], AXIAL[*i])];
+            sum
+        });
+        Term::Times(Arc::new(vec![along; blocks.frames.len()]), warmer.clone())
+    };
     let mut new = Vec::new();
     for group in GROUPS {
         new.push((bodies(group), "general", vec![softer(group, true), softer(group, false)]));
+        new.push((bodies(group), "axial", vec![softer_along(group)]));
         new.push((bodies(group), "axial", vec![grown(group)]));
     }
     new.push((bodies(&[0, 1, 2]), "axial", (0..3).map(|i| grown(&[i])).collect()));
