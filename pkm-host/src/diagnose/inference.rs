@@ -76,9 +76,46 @@ impl Start<'_> {
     }
 }
 
+/// The sites without those in the machine for which no formula and no element was found, where what is left of the readings is noise:
+/// then nothing but their own blocks asks for them.
+pub fn borne_out(sites: &[Site], search: &Search, is_noise: bool) -> Vec<Site> {
+    let named = sites::named_at(sites, search);
+    let kept = sites.iter().zip(named).filter(|(site, named)| !is_noise || named.is_some() || site.is_disturbance());
+    kept.map(|(site, _)| site.clone()).collect()
+}
+
 /// Where something was found, by a formula or as a place alone, the end with the values that predict best ([`verdict::settled`]).
 /// Where nothing was, what is left of the readings may well be errors of the loads.
 pub fn settled(levels: &Levels<'_>, noise: &Noise, sites: &[Site], search: Search) -> Option<Search> {
     let is_found = !search.found.is_empty() || sites.iter().any(|site| site.place != NOWHERE);
     if is_found { verdict::settled(levels, noise, search) } else { Some(search) }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+    use pkm_diagnosis::Fit;
+    use pkm_diagnosis::search::Found;
+
+    use super::*;
+
+    #[test]
+    fn a_place_in_the_machine_needs_a_formula_or_a_misfit() {
+        let site = |place: &str, candidate: usize| Site {
+            place: place.into(),
+            place_class: Vec::new(),
+            motion: "general",
+            law: "constant",
+            probability: 0.95,
+            candidates: vec![candidate],
+            columns: DMatrix::zeros(0, 0),
+        };
+        let sites = [site("base", 3), site("tool", 4), site("sensor", 5)];
+        let fit = || Fit::new(Vec::new(), DVector::zeros(0), DVector::zeros(1), DMatrix::zeros(1, 0), 0.0).unwrap();
+        let found = vec![Found { candidate: 4, class: Vec::new(), confidence: 1.0 }];
+        let search = Search { base: fit(), fit: fit(), levels: [0; 2], found, steps: Vec::new(), rounds: Vec::new() };
+        let places = |is_noise| borne_out(&sites, &search, is_noise).into_iter().map(|s| s.place).collect::<Vec<_>>();
+        assert_eq!(places(true), ["tool", "sensor"]);
+        assert_eq!(places(false), ["base", "tool", "sensor"]);
+    }
 }

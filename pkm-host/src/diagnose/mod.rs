@@ -319,6 +319,7 @@ impl Searched<'_> {
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, &warnings);
         let mut judgement = verdict::judge(levels, noise, &search).ok_or_else(not_converged)?;
+        let sites = &inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p);
         let search = inference::settled(levels, noise, sites, search).ok_or_else(not_converged)?;
         let mut effects = effects(model, &search, sites);
         let mut is_law_open = false;
@@ -355,8 +356,7 @@ impl Searched<'_> {
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
         let standard_deviations = standard_deviations(noise, &observations(given, model));
-        let end = &search.fit;
-        let estimates = Estimates::new(model, end, noise, middle(file)).ok_or_else(failed)?;
+        let estimates = Estimates::new(model, &search.fit, noise, middle(file)).ok_or_else(failed)?;
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
@@ -373,7 +373,7 @@ impl Searched<'_> {
             detectable: findings::detectable(levels, model, &search),
             single_poses: readings.poses.len() <= rules.max_single_poses,
             structure,
-            machine: model.state(&end.unknowns, end.x.as_slice(), false).machine,
+            machine: model.state(&search.fit.unknowns, search.fit.x.as_slice(), false).machine,
             estimates,
             load_error: levels.load_error(search.levels[1]),
             noise: noise.clone(),

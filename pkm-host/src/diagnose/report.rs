@@ -18,6 +18,8 @@ use crate::page::{Finding, Page, of_file, on_screen, picture, table};
 use crate::page::{p_in_words, p_value};
 use crate::pose::written_units;
 
+/// Least probability of something without a place that is said.
+const MIN_NONE_OF_THESE: f64 = 0.5;
 /// Places that are named to be inspected first; the others are among the findings.
 const MOST_TO_INSPECT: usize = 3;
 
@@ -117,6 +119,12 @@ fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
     all
 }
 
+/// Whether what was found makes predictions better than re-identified stiffnesses alone do.
+fn predicts_better(d: &Diagnosis) -> bool {
+    let error = |rival: Rival| of(&d.held_out.all, rival).map(|e| e.linear_um_rms);
+    error(Rival::After) < error(Rival::Reidentified)
+}
+
 /// What to do first.
 fn next_step(d: &Diagnosis) -> String {
     if !d.warnings.is_empty() {
@@ -138,6 +146,10 @@ fn next_step(d: &Diagnosis) -> String {
     measurement.truncate(MOST_TO_INSPECT);
     let look = [machine.as_slice(), &measurement].concat().join("; and at ");
     match (d.judgement.verdict, machine.is_empty(), measurement.is_empty()) {
+        (_, false, _) if !predicts_better(d) => format!(
+            "look at {look}; with what was found machine.toml predicts readings that had no part in it no better than with \
+             re-identified stiffnesses alone, so that it is no remedy."
+        ),
         (_, false, true) => {
             format!("look at {look}; until that is repaired use machine.toml, which has what was found.")
         }
@@ -224,6 +236,13 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
         return all;
     }
     all.push(conclusion(d, &found(d), &far_from_declared(&d.declared)));
+    if let Some(p) = d.none_of_these.filter(|p| *p > MIN_NONE_OF_THESE && !d.effects.is_empty()) {
+        all.push(Finding::warning(format!(
+            "Something with no place in the model acts on the readings as well (probability {}): what is named below may partly make up \
+             for it.",
+            text::probability(p, 2)
+        )));
+    }
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
     all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
     all.extend(of_values(d));

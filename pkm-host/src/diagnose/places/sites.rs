@@ -30,7 +30,7 @@ pub struct Site {
 
 impl Site {
     /// Whether it disturbs the readings and is no part of the machine.
-    fn is_disturbance(&self) -> bool {
+    pub fn is_disturbance(&self) -> bool {
         matches!(self.place.as_str(), "sensor" | "load" | "time" | NOWHERE) || matches!(self.law, "pose" | "time")
     }
 
