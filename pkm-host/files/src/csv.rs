@@ -421,7 +421,7 @@ fn unused_columns<'a>(
 pub(super) fn decimals(cell: &str) -> usize {
     let (mantissa, exponent) = cell.split_once(['e', 'E']).unwrap_or((cell, "0"));
     let digits = mantissa.rsplit_once(['.', ',']).map_or(0, |(_, fraction)| fraction.len());
-    usize::try_from(digits as i64 - exponent.parse::<i64>().unwrap_or(0)).unwrap_or(0)
+    usize::try_from((digits as i64).saturating_sub(exponent.parse().unwrap_or(0))).unwrap_or(0)
 }
 
 pub(super) const UNGROUPED: &str = "without separators between thousands";
@@ -478,5 +478,7 @@ mod tests {
         {
             assert_eq!(decimals(cell), expected, "{cell}");
         }
+        // as small as it may be written
+        assert!(decimals("1e-9223372036854775808") > 1_000_000);
     }
 }
