@@ -119,10 +119,11 @@ fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
     all
 }
 
-/// Whether what was found makes predictions better than re-identified stiffnesses alone do.
-fn predicts_better(d: &Diagnosis) -> bool {
+/// Whether something was found in the machine that makes no prediction better than re-identified stiffnesses alone.
+fn is_no_remedy(d: &Diagnosis) -> bool {
     let error = |rival: Rival| of(&d.held_out.all, rival).map(|e| e.linear_um_rms);
-    error(Rival::After) < error(Rival::Reidentified)
+    let errors = error(Rival::After).zip(error(Rival::Reidentified));
+    d.effects.iter().any(|e| !e.is_measurement()) && errors.is_some_and(|(after, reidentified)| after >= reidentified)
 }
 
 /// What to do first.
@@ -146,7 +147,7 @@ fn next_step(d: &Diagnosis) -> String {
     measurement.truncate(MOST_TO_INSPECT);
     let look = [machine.as_slice(), &measurement].concat().join("; and at ");
     match (d.judgement.verdict, machine.is_empty(), measurement.is_empty()) {
-        (_, false, _) if !predicts_better(d) => format!(
+        (_, false, _) if is_no_remedy(d) => format!(
             "look at {look}; with what was found machine.toml predicts readings that had no part in it no better than with \
              re-identified stiffnesses alone, so that it is no remedy."
         ),
