@@ -65,6 +65,11 @@ pub struct Errors {
     pub chi2_per_dof: f64,
 }
 
+/// Of one of the rivals.
+pub fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
+    errors.iter().find(|e| e.0 == rival).map(|e| &e.1)
+}
+
 /// Predictions of every rival, by condition.
 pub struct Predictions([Vec<[f64; CHANNELS]>; 5]);
 

@@ -5,6 +5,7 @@
 //! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with the `residual_table`), `uncertainty` (how
 //! far its table may be off), `design` (what to measure) → `json`, `report`, `write`.
 
+mod advice;
 pub mod badges;
 pub mod campaign;
 mod checks;

@@ -6,8 +6,9 @@ use std::fmt::Write;
 use maud::{Markup, html};
 use pkm_diagnosis::NoiseSource;
 
+use super::advice::{distinct, next_step};
 use super::badges::{Badge, Grade};
-use super::compare::{Errors, RIVALS, Rival};
+use super::compare::{Errors, RIVALS, Rival, of};
 use super::findings::DeclaredFinding;
 use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, readings_table, residual_plots, text};
 use crate::error::Result;
@@ -20,12 +21,6 @@ use crate::pose::written_units;
 
 /// Least probability of something without a place that is said.
 const MIN_NONE_OF_THESE: f64 = 0.5;
-/// Places that are named to be inspected first; the others are among the findings.
-const MOST_TO_INSPECT: usize = 3;
-
-fn of(errors: &[(Rival, Errors)], rival: Rival) -> Option<&Errors> {
-    errors.iter().find(|e| e.0 == rival).map(|e| &e.1)
-}
 
 /// What a verdict leans on: declared values that had to move far.
 fn far_from_declared(findings: &[DeclaredFinding]) -> String {
@@ -106,66 +101,6 @@ fn certainty(d: &Diagnosis) -> String {
         after.linear_um_rms,
         interval(after)
     )
-}
-
-/// Each once, in the order of the first.
-fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
-    let mut all: Vec<String> = Vec::new();
-    for text in texts {
-        if !all.contains(&text) {
-            all.push(text);
-        }
-    }
-    all
-}
-
-/// Whether something was found in the machine that makes no prediction better than re-identified stiffnesses alone.
-fn is_no_remedy(d: &Diagnosis) -> bool {
-    let error = |rival: Rival| of(&d.held_out.all, rival).map(|e| e.linear_um_rms);
-    let errors = error(Rival::After).zip(error(Rival::Reidentified));
-    d.effects.iter().any(|e| !e.is_measurement()) && errors.is_some_and(|(after, reidentified)| after >= reidentified)
-}
-
-/// What to do first.
-fn next_step(d: &Diagnosis) -> String {
-    if !d.warnings.is_empty() {
-        return "check the readings as said below; the rest counts after that.".to_owned();
-    }
-    if d.worse().is_some() {
-        return "keep the declared machine: the identified one predicts worse; look at the residuals below for what they go with."
-            .to_owned();
-    }
-    if d.judgement.verdict == Verdict::Ambiguous {
-        return "measure what is proposed below, and diagnose again with these readings too.".to_owned();
-    }
-    let located = |of_measurement: bool| {
-        d.effects.iter().filter(move |e| e.is_located() && e.is_measurement() == of_measurement).map(Effect::inspect)
-    };
-    let values = d.declared.iter().filter(|_| !d.leaves_more_than_noise()).map(|f| f.inspect.clone());
-    let [mut machine, mut measurement] = [distinct(located(false).chain(values)), distinct(located(true))];
-    machine.truncate(MOST_TO_INSPECT);
-    measurement.truncate(MOST_TO_INSPECT);
-    let look = [machine.as_slice(), &measurement].concat().join("; and at ");
-    match (d.judgement.verdict, machine.is_empty(), measurement.is_empty()) {
-        (_, false, _) if is_no_remedy(d) => format!(
-            "look at {look}; with what was found machine.toml predicts readings that had no part in it no better than with \
-             re-identified stiffnesses alone, so that it is no remedy."
-        ),
-        (_, false, true) => {
-            format!("look at {look}; until that is repaired use machine.toml, which has what was found.")
-        }
-        (_, false, false) => format!(
-            "look at {look}; until the machine is repaired use machine.toml, which has what was found of it and not the error of \
-             the measurement."
-        ),
-        (_, true, false) => format!(
-            "look at {look}; the error of the measurement is not in machine.toml, whose stiffnesses are identified beside it."
-        ),
-        (Verdict::Adequate | Verdict::Explained, true, true) => {
-            "nothing on the machine; machine.toml has the re-identified stiffnesses.".to_owned()
-        }
-        _ => "do not compensate with this model; look at the residuals below for what they go with.".to_owned(),
-    }
 }
 
 /// What was found, by name.
