@@ -136,7 +136,7 @@ struct Campaign {
 type Outcome = ([Vector6<f64>; 2], Matrix6<f64>, f64);
 
 impl Campaign {
-    fn run(&self, seed: u64) -> Outcome {
+    fn run(&self, reflectors: &Reflectors, seed: u64) -> Outcome {
         const POSE: V = [7.0, -5.0, 540.0];
         const TRUTH: [[f64; 6]; 2] =
             [[120.0, -800.0, 60.0, 900.0, -300.0, 200.0], [-50.0, 30.0, 400.0, -100.0, 250.0, 700.0]];
@@ -148,12 +148,11 @@ impl Campaign {
         for (reading, truth) in ["a", "b"].iter().zip(TRUTH) {
             points += &rows(&mut t, &self.reflectors, POSE, (reading, "loaded"), truth, self.base);
         }
-        let reflectors = Reflectors::parse(Source::from_text("r.toml", reflectors_toml(&self.reflectors))).unwrap();
-        let points = PointList::parse(Source::from_text("p.csv", points), &reflectors, &Renames::default()).unwrap();
+        let points = PointList::parse(Source::from_text("p.csv", points), reflectors, &Renames::default()).unwrap();
         let pose = NamedPose { id: "P".into(), line: 1, pose: pose_of(POSE[0], POSE[1], POSE[2]) };
         let tasks =
             ["a", "b"].map(|reading| Task { line: 2, reading: reading.into(), series: "s".into(), pose: &pose });
-        let found = tracker::deflections(&tasks, &reflectors, &points, "readings.csv").unwrap();
+        let found = tracker::deflections(&tasks, reflectors, &points, "readings.csv").unwrap();
         let error = |n: usize| match &found.deflections[n] {
             Deflection::Whole(components, covariance, share) => {
                 (components * 1e6 - Vector6::from(TRUTH[n]), **covariance * 1e12, *share)
@@ -176,7 +175,8 @@ fn covariances_are_those_of_simulated_campaigns() {
     let uneven = Campaign { reflectors: UNEVEN.to_vec(), unloaded: 1.0, base };
     for (campaign, truth) in [(square, 0.2), (uneven, 0.5)] {
         let seeds: Vec<u64> = (0..CAMPAIGNS).map(|_| rng.u64(..)).collect();
-        let all: Vec<Outcome> = seeds.into_par_iter().map(|seed| campaign.run(seed)).collect();
+        let reflectors = Reflectors::parse(Source::from_text("r.toml", reflectors_toml(&campaign.reflectors))).unwrap();
+        let all: Vec<Outcome> = seeds.into_par_iter().map(|seed| campaign.run(&reflectors, seed)).collect();
         let n = CAMPAIGNS as f64;
         let mean = all.iter().map(|c| c.0[0]).sum::<Vector6<f64>>() / n;
         let of = |k: usize| all.iter().map(|c| c.0[0] * c.0[k].transpose()).sum::<Matrix6<f64>>() / n;
