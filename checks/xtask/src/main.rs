@@ -69,7 +69,7 @@ cargo xtask <chore>
   no-alloc     look for an allocator, and for memory that the core takes, in every image
   stack        stack of every public function, by call graph and measured in QEMU, against checks/budgets.toml
   size         flash of kinematics and K_m against checks/budgets.toml
-  targets      check the core for every target that is claimed, and build the C library where `c` does not
+  targets      build core and C library for every target that is claimed
   wasm         build embed/wasm and write it to pkm-host/src/report/view/core.wasm; with --check compare it with what is there";
 
 fn main() -> ExitCode {

@@ -140,19 +140,13 @@ pub fn size() -> Outcome {
 
 pub fn targets() -> Outcome {
     for target in TARGETS {
-        let cargo = |folder: &str, command: &str, package: &str, features: &str| {
-            let mut cargo = Command::new("cargo");
-            cargo.current_dir(root().join(folder)).args([command, "--release", "--locked", "--quiet"]);
-            output(cargo.args(["-p", package, "--target", target, "--features", features])).map(drop)
-        };
-        // the core is generic: its code is made where it is used, in the library
-        cargo("", "check", "pkm-core", "")?;
-        cargo("", "check", "pkm-core", "defmt")?;
-        // that of the firmware's target is built, and run, by `cargo xtask c`
-        if target != FIRMWARE_TARGET {
-            cargo("embed/c", "build", "pkm-ffi", "")?;
+        for (folder, features) in [("", ""), ("", "defmt"), ("embed/c", "")] {
+            let mut build = Command::new("cargo");
+            build.current_dir(root().join(folder)).args(["build", "--release", "--locked", "--quiet"]);
+            let package = if folder.is_empty() { "pkm-core" } else { "pkm-ffi" };
+            output(build.args(["-p", package, "--target", target, "--features", features]))?;
         }
-        println!("{target}: core, core with defmt{}", if target == FIRMWARE_TARGET { "" } else { ", C library" });
+        println!("{target}: core, core with defmt, C library");
     }
     Ok(())
 }
