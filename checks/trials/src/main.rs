@@ -280,8 +280,8 @@ fn fixtures(out: &Path) -> Result<(), String> {
     Ok(())
 }
 
-fn main() -> ExitCode {
-    let outcome = match Arguments::parse().command {
+fn run(command: Command) -> Result<(), String> {
+    match command {
         Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out, false)),
         Command::Fixtures { out } => fixtures(&out),
         Command::Stiffness { machine, out } => {
@@ -352,8 +352,11 @@ fn main() -> ExitCode {
                 all_of(&all, jobs, |o: &Outcome| verbose.then(|| o.line()), |folder| Outcome::of(&program, folder))
             })
             .and_then(|outcomes| show(&outcomes, markdown)),
-    };
-    match outcome {
+    }
+}
+
+fn main() -> ExitCode {
+    match run(Arguments::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
             eprintln!("{message}");

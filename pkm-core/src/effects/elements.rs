@@ -1,4 +1,4 @@
-//! Elements: compliances that are on no list, each a place, a motion and a law (`[[element]]` of a machine file).
+//! Elements: compliances that are on no list, each a place, a motion and a law (`[[element]]` of a machine file). Long: lists of names.
 //!
 //! An element sees one component of the forces and moments that pass at its place, or a sum of several, a linear function
 //! s = aᵀλ of the transmitted wrenches λ, and yields by c·s in the direction that does work with it: it adds c a aᵀ to the

@@ -13,7 +13,7 @@ use crate::page::plot::{Mark, Panel, Series};
 use crate::page::{Finding, Page, charts, fold, of_file, picture, table};
 use crate::pose::file_units;
 use crate::report::drawing;
-use crate::report::fit::USABLE_PERCENT;
+use crate::report::fit::findings::USABLE_PERCENT;
 use crate::report::stiffness::header as stiffness_header;
 
 const STIFFNESSES: [&str; 6] = ["k11", "k22", "k33", "k44", "k55", "k66"];

@@ -172,55 +172,58 @@ pub fn expect(what: &str, found: &[f64], expected: &[f64], within: f64) -> Outco
     if near { Ok(()) } else { Err(format!("{what}: {found:?} where the host has {expected:?}")) }
 }
 
+/// What the host's estimator knows, as the component's pins have it.
+fn expected(of: &Estimator<f64, COUNT>, codes: [f64; 2]) -> Vec<f64> {
+    let (values, alarms) = (of.values(), of.alarms());
+    let head = [f64::from(of.readings()), codes[0], codes[1]];
+    let known = values.iter().map(|(value, _)| value * 1e9).chain(values.iter().map(|(_, sd)| sd * 1e9));
+    let told = alarms.iter().map(|alarm| f64::from(u8::from(alarm.is_some())));
+    let since = alarms.iter().map(|alarm| alarm.map_or(0.0, |alarm| f64::from(alarm.readings)));
+    head.into_iter().chain(known).chain(told).chain(since).collect()
+}
+
+/// Lines for the component; then what it knows, and when the first and the last reading were.
+fn known(session: &Session<'_>, lines: &str) -> Result<(Vec<f64>, [f64; 2]), String> {
+    let names = ["learned", "learned-deviation", "alarm", "alarm-readings"].into_iter().flat_map(each);
+    let head = ["readings-taken", "probe-code", "state-code"].map(str::to_owned);
+    let pins: Vec<String> = head.into_iter().chain(names).chain(TIMES.map(str::to_owned)).collect();
+    let mut found = session.run(lines, &pins)?;
+    let times = found.split_off(pins.len() - TIMES.len());
+    Ok((found, times.try_into().map_err(|_| "two times")?))
+}
+
+/// The host's estimator takes a reading.
+fn take(host: &Host, five: &FiveAxis<'_, f64>, estimator: &mut Estimator<f64, COUNT>, probing: &Probing) -> Outcome {
+    let touch = five.touch(&probing.at, &probing.wrench, 0, 0.0).map_err(|e| e.to_string())?;
+    let axes = probing.at.base_axes();
+    let readings = [0, 1, 2].map(|axis| {
+        let [x, y, z] = axes.column(axis).into_owned().into();
+        let direction = Vector6::new(x, y, z, 0.0, 0.0, 0.0);
+        TipReading { direction, read: probing.read_m[axis], deviation: DEVIATION_UM * 1e-6 }
+    });
+    estimator.learn(five.machine, Some(&host.table()?), &touch, &readings).map_err(|e| e.to_string())?;
+    Ok(())
+}
+
 /// Learns, is asked, is restarted, has a slot damaged, compensates.
 pub fn learn(out: &Path, host: &Host) -> Outcome {
     let five = host.five()?;
-    let table = host.table()?;
     let session = Session { out, host };
     let mut estimator = Estimator::<f64, COUNT>::new(&settings()?).map_err(|e| e.to_string())?;
     let mut text = String::new();
-    let mut take = |probing: &Probing| -> Result<Estimator<f64, COUNT>, String> {
-        let touch = five.touch(&probing.at, &probing.wrench, 0, 0.0).map_err(|e| e.to_string())?;
-        let axes = probing.at.base_axes();
-        let readings = [0, 1, 2].map(|axis| {
-            let [x, y, z] = axes.column(axis).into_owned().into();
-            let direction = Vector6::new(x, y, z, 0.0, 0.0, 0.0);
-            TipReading { direction, read: probing.read_m[axis], deviation: DEVIATION_UM * 1e-6 }
-        });
-        estimator.learn(five.machine, Some(&table), &touch, &readings).map_err(|e| e.to_string())?;
-        Ok(estimator)
-    };
-    let mut knows = None;
     for n in 0..READINGS {
         let probing = probing(host, &five, n)?;
         text.push_str(&lines(&five, &probing)?);
-        knows = Some(take(&probing)?);
+        take(host, &five, &mut estimator, &probing)?;
     }
-    let knows = knows.ok_or("nothing is read")?;
+    let knows = estimator;
     // one of the wrong sign teaches nothing
     let mut wrong = probing(host, &five, READINGS)?;
     wrong.read_m = -wrong.read_m;
     text.push_str(&lines(&five, &wrong)?);
-    let names = ["learned", "learned-deviation", "alarm", "alarm-readings"].into_iter().flat_map(each);
-    let head = ["readings-taken", "probe-code", "state-code"].map(str::to_owned);
-    let pins: Vec<String> = head.into_iter().chain(names).chain(TIMES.map(str::to_owned)).collect();
-    // what is known, and when the first and the last reading were
-    let run = |lines: &str| -> Result<(Vec<f64>, [f64; 2]), String> {
-        let mut found = session.run(lines, &pins)?;
-        let times = found.split_off(pins.len() - TIMES.len());
-        Ok((found, times.try_into().map_err(|_| "two times")?))
-    };
-    let expected = |of: &Estimator<f64, COUNT>, codes: [f64; 2]| -> Vec<f64> {
-        let (values, alarms) = (of.values(), of.alarms());
-        let head = [f64::from(of.readings()), codes[0], codes[1]];
-        let known = values.iter().map(|(value, _)| value * 1e9).chain(values.iter().map(|(_, sd)| sd * 1e9));
-        let told = alarms.iter().map(|alarm| f64::from(u8::from(alarm.is_some())));
-        let since = alarms.iter().map(|alarm| alarm.map_or(0.0, |alarm| f64::from(alarm.readings)));
-        head.into_iter().chain(known).chain(told).chain(since).collect()
-    };
     // 94 the wrong sign, 96 no state yet
     let begun_s = clock_s()?;
-    let (found, [first_s, last_s]) = run(&text)?;
+    let (found, [first_s, last_s]) = known(&session, &text)?;
     expect("learned", &found, &expected(&knows, [94.0, 96.0]), 1e-4)?;
     let ended_s = clock_s()?;
     in_order(&[begun_s, first_s, last_s, ended_s])?;
@@ -230,9 +233,9 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     }
     // a restart goes on from there, and one reading more goes to the other slot; then that is damaged
     let more = probing(host, &five, READINGS + 1)?;
-    let after = take(&more)?;
-    let (found, times) = run(&lines(&five, &more)?)?;
-    expect("after a restart", &found, &expected(&after, [0.0, 0.0]), 1e-4)?;
+    take(host, &five, &mut estimator, &more)?;
+    let (found, times) = known(&session, &lines(&five, &more)?)?;
+    expect("after a restart", &found, &expected(&estimator, [0.0, 0.0]), 1e-4)?;
     expect("the first reading's time after a restart", &times, &[first_s], 0.0)?;
     in_order(&[ended_s, times[1]])?;
     let file = out.join("learned.bin");
@@ -243,37 +246,50 @@ pub fn learn(out: &Path, host: &Host) -> Outcome {
     }
     bytes[length + 100] ^= 1;
     std::fs::write(&file, bytes).map_err(|e| e.to_string())?;
-    let (found, times) = run(RESTED)?;
+    let (found, times) = known(&session, RESTED)?;
     expect("a damaged state", &found, &expected(&knows, [0.0, 0.0]), 1e-4)?;
     expect("times of a damaged state", &times, &[first_s, last_s], 0.0)?;
     compensates(&session, &five, &more, knows)?;
-    // what was learned beyond another table is kept aside
-    let mut foreign = vec![0; 2 * length];
+    keeps_a_foreign_state(&session, &five, &more, &knows)?;
+    forgets(&session, &five, &more)?;
+    println!(
+        "  {READINGS} readings learned, alarm and deviations as the host's, over restarts and a damaged state; compensated with it"
+    );
+    Ok(())
+}
+
+/// What was learned beyond another table is kept aside.
+fn keeps_a_foreign_state(
+    session: &Session<'_>,
+    five: &FiveAxis<'_, f64>,
+    more: &Probing,
+    knows: &Estimator<f64, COUNT>,
+) -> Outcome {
+    let mut foreign = vec![0; 2 * state_bytes(COUNT)];
     knows.save(0, 1, &mut foreign).map_err(|e| e.to_string())?;
-    std::fs::write(&file, &foreign).map_err(|e| e.to_string())?;
-    let (found, _) = run(&lines(&five, &more)?)?;
+    std::fs::write(session.out.join("learned.bin"), &foreign).map_err(|e| e.to_string())?;
+    let (found, _) = known(session, &lines(five, more)?)?;
     expect("a state of another table", &found[..3], &[1.0, 0.0, 97.0], 0.0)?;
-    let kept = std::fs::read(out.join("learned.bin.old")).map_err(|e| e.to_string())?;
-    let (found, _) = run(RESTED)?;
+    let kept = std::fs::read(session.out.join("learned.bin.old")).map_err(|e| e.to_string())?;
+    let (found, _) = known(session, RESTED)?;
     expect("the state after one of another table", &found[..3], &[1.0, 0.0, 0.0], 0.0)?;
-    if kept != foreign {
-        return Err("the state of another table was not kept".into());
-    }
+    if kept == foreign { Ok(()) } else { Err("the state of another table was not kept".into()) }
+}
+
+/// No reading while an offset acts; then all is forgotten, and stays so over a restart.
+fn forgets(session: &Session<'_>, five: &FiveAxis<'_, f64>, more: &Probing) -> Outcome {
     // 98 an offset acts
-    let on = place(&five, &more)? + "setp pkmcompensator.enable 1\nloadusr -w sleep 0.5\n";
-    let (found, _) = run(&(on + &lines(&five, &more)?))?;
+    let on = place(five, more)? + "setp pkmcompensator.enable 1\nloadusr -w sleep 0.5\n";
+    let (found, _) = known(session, &(on + &lines(five, more)?))?;
     expect("a reading while it compensates", &found[..3], &[1.0, 98.0, 0.0], 0.0)?;
     let nothing = Estimator::<f64, COUNT>::new(&settings()?).map_err(|e| e.to_string())?;
     // a period before and one after make an edge
     let forget = format!("{RESTED}setp pkmcompensator.forget 1\n{RESTED}");
     for (what, lines) in [("forgotten", forget.as_str()), ("forgotten before", RESTED)] {
-        let (found, times) = run(lines)?;
+        let (found, times) = known(session, lines)?;
         expect(what, &found, &expected(&nothing, [0.0, 0.0]), 1e-4)?;
         expect("the time of what was forgotten", &times, &[0.0, 0.0], 0.0)?;
     }
-    println!(
-        "  {READINGS} readings learned, alarm and deviations as the host's, over restarts and a damaged state; compensated with it"
-    );
     Ok(())
 }
 

@@ -48,7 +48,8 @@ const TIP_M: [f64; 3] = [0.01, -0.02, 0.3];
 /// No update takes so long with floating-point hardware: 30,000 instructions.
 const TICKS_IN_SOFTWARE: u32 = 30_000 * 128 / 40;
 
-struct Counts {
+#[derive(Clone, Copy)]
+struct Count {
     name: &'static str,
     greatest: u32,
 }
@@ -164,37 +165,15 @@ fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, 
     Ok(greatest)
 }
 
-/// The greatest count of each function over poses of the box. One list of functions beside their names: not cut into parts.
+/// The greatest count of each function over poses of the box.
 fn count<T: Scalar>(
     five: &FiveAxis<'_, T>,
     table: &CorrectionTable<'_, T>,
     uncertainty: &TableUncertainty<T>,
-) -> Result<[Counts; 20], ToolError> {
+) -> Result<[Count; 20], ToolError> {
     let (machine, number) = (five.machine, T::from_f64);
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
     let tip = TIP_M.map(number).into();
-    let names = [
-        "inverse",
-        "k_p",
-        "k_m",
-        "cycle",
-        "tool",
-        "tool_frame",
-        "tool_cycle",
-        "compensate",
-        "compensate_tool",
-        "compensate_weight",
-        "compensate_tool_weight",
-        "compensated_tool",
-        "rates",
-        "absorb",
-        "u95",
-        "compensate_learned",
-        "compensate_tool_learned",
-        "table_u95",
-        "known",
-        "watch",
-    ];
     let [compensate, compensate_tool, compensate_weight, compensate_tool_weight] = worst_updates(five, table)?;
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let (Ok(mut compensator), Ok(mut tool_compensator)) =
@@ -207,7 +186,7 @@ fn count<T: Scalar>(
     let amplitudes = &black_box(estimator.amplitudes());
     let mut watch = TableWatch::new(0);
     let mut time_s = 0;
-    let mut counts = names.map(|name| Counts { name, greatest: 0 });
+    let mut counts = [Count { name: "", greatest: 0 }; 20];
     let angles = [-0.2618, -0.13, 0.05, 0.2618];
     for (theta, sigma) in angles.into_iter().flat_map(|theta| angles.map(|sigma| (theta, sigma))) {
         for z0 in [0.5, 0.53, 0.56] {
@@ -242,29 +221,32 @@ fn count<T: Scalar>(
             let in_doubt = ticks(|| compensator.update_known(knowing, machine, nothing_learned, (pose, tip), &reading));
             let learned = ticks(|| compensator.update_learned(table, machine, &estimator, (pose, tip), &reading));
             let each = [
-                ticks(|| machine.inverse(pose)),
-                ticks(|| machine.stiffness(pose)),
-                ticks(|| table.factor_form(machine, pose)),
-                cycle,
-                ticks(|| five.inverse(tool, near)),
-                ticks(|| five.inverse_frame(frame)),
-                ticks(|| five.compensated(Some(table), tool, &wrench, near)),
-                compensate,
-                compensate_tool,
-                compensate_weight,
-                compensate_tool_weight,
-                worst_compensation(five, table, near)?,
-                ticks(|| five.joint_motion(near, motion)),
-                ticks(|| estimator.absorb(touch, &known, &moved, readings)),
-                learned.saturating_sub(plain) + empty,
-                learned,
-                ticks(|| tool_compensator.update_learned(table, five, &estimator, near, &reading)),
-                table_u95,
-                in_doubt.saturating_sub(plain) + empty,
-                ticks(|| watch.look(table)),
+                ("inverse", ticks(|| machine.inverse(pose))),
+                ("k_p", ticks(|| machine.stiffness(pose))),
+                ("k_m", ticks(|| table.factor_form(machine, pose))),
+                ("cycle", cycle),
+                ("tool", ticks(|| five.inverse(tool, near))),
+                ("tool_frame", ticks(|| five.inverse_frame(frame))),
+                ("tool_cycle", ticks(|| five.compensated(Some(table), tool, &wrench, near))),
+                ("compensate", compensate),
+                ("compensate_tool", compensate_tool),
+                ("compensate_weight", compensate_weight),
+                ("compensate_tool_weight", compensate_tool_weight),
+                ("compensated_tool", worst_compensation(five, table, near)?),
+                ("rates", ticks(|| five.joint_motion(near, motion))),
+                ("absorb", ticks(|| estimator.absorb(touch, &known, &moved, readings))),
+                ("u95", learned.saturating_sub(plain) + empty),
+                ("compensate_learned", learned),
+                (
+                    "compensate_tool_learned",
+                    ticks(|| tool_compensator.update_learned(table, five, &estimator, near, &reading)),
+                ),
+                ("table_u95", table_u95),
+                ("known", in_doubt.saturating_sub(plain) + empty),
+                ("watch", ticks(|| watch.look(table))),
             ];
-            for (count, ticks) in counts.iter_mut().zip(each) {
-                count.greatest = count.greatest.max((ticks - empty) * 40 / 128);
+            for (count, (name, ticks)) in counts.iter_mut().zip(each) {
+                *count = Count { name, greatest: count.greatest.max((ticks - empty) * 40 / 128) };
             }
         }
     }
@@ -281,7 +263,7 @@ fn run() -> Result<(), ()> {
     let double = count(&FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 }, &TABLE_F64, &UNCERTAINTY_F64);
     let single = count(&FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 }, &TABLE_F32, &UNCERTAINTY_F32);
     for (bits, counts) in [(64, double.map_err(drop)?), (32, single.map_err(drop)?)] {
-        for Counts { name, greatest } in counts {
+        for Count { name, greatest } in counts {
             writeln!(out, "{name}_f{bits} {greatest}").map_err(drop)?;
         }
     }

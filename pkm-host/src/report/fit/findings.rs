@@ -1,0 +1,138 @@
+//! What a fit is worth, in sentences.
+
+use super::{LOADS, forms};
+use crate::fit::{Evaluation, Fit, TermChoice};
+use crate::page::{Finding, State};
+
+/// A mean error that a model of the stiffness may have where it is used, %.
+pub(crate) const USABLE_PERCENT: f64 = 5.0;
+
+/// What the fit is worth, in sentences.
+pub(super) fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<Finding> {
+    let (e, on) = match verified {
+        Some(v) if fit.verification_in_training() > 0 => {
+            (v, "verification poses that had a part in the fit themselves")
+        }
+        Some(v) => (v, "the verification poses, which had no part in the fit"),
+        None => (trained, "the training poses themselves: give --verify to judge the table by others"),
+    };
+    let worst = |v: &[f64; 6]| v.iter().copied().fold(0.0, f64::max);
+    // deflections are judged where there are whole matrices
+    let loaded = if e.deflection_percent.factor.is_some() { e } else { trained };
+    let forms = forms(&loaded.deflection_percent);
+    let tested = verified.is_some_and(|v| v.deflection_percent.factor.is_some());
+    let mut findings = vec![verdict(loaded, tested && fit.verification_in_training() == 0)];
+    if verified.is_some() && !tested && loaded.deflection_percent.factor.is_some() {
+        findings.push(Finding::warning(
+            "The verification poses have the six principal stiffnesses alone: deflections are judged by the training poses.",
+        ));
+    }
+    findings.push(Finding::good(format!(
+        "Principal stiffnesses: mean error at most {:.2} % with the table (diagonal form), up to {:.1} % without, on {on}.",
+        worst(&e.improved.re_percent.mean),
+        worst(&e.basic.re_percent.mean)
+    )));
+    if e.outside_box > 0 {
+        findings.push(Finding::warning(format!(
+            "{} of these {} poses lie outside the table's box: extrapolated.",
+            e.outside_box, e.poses
+        )));
+    }
+    if let Some((_, basic)) = forms.first() {
+        for (name, errors) in &forms[1..] {
+            // by more than rounding: K_p may be exact
+            let is_worse = |i: &usize| errors[*i] > basic[*i] + 1e-3;
+            let worse: Vec<&str> = (0..6).filter(is_worse).map(|i| LOADS[i]).collect();
+            let worst_of_these = |v: &[f64; 6]| (0..6).filter(is_worse).map(|i| v[i]).fold(0.0, f64::max);
+            findings.push(if worse.is_empty() {
+                Finding::good(format!(
+                    "Deflection of A under load, {name}: mean error at most {:.2} %, where the model without a table (K_p) is \
+                     wrong by up to {:.1} %.",
+                    worst(errors),
+                    worst(basic)
+                ))
+            } else {
+                Finding::bad(format!(
+                    "Deflection of A under load, {name}: WORSE than the model without a table (K_p) under {} (up to {:.0} % against \
+                     {:.0} %). Don't predict deflections with it.",
+                    worse.join(", "),
+                    worst_of_these(errors),
+                    worst_of_these(basic)
+                ))
+            });
+        }
+    }
+    findings
+}
+
+/// Whether to use the table, by its factor form, which is what predicts deflections.
+fn verdict(e: &Evaluation, by_others: bool) -> Finding {
+    let d = &e.deflection_percent;
+    let Some((factor, basic)) = d.factor.as_ref().zip(d.basic.as_ref()) else {
+        return Finding::warning(
+            "The table is for the six principal stiffnesses alone. The data hold no more: there is no factor form, and \
+             nothing can be said about deflections under load.",
+        );
+    };
+    let greatest = |values: &[f64; 6]| values.iter().copied().fold(0.0, f64::max);
+    let error = greatest(&factor.mean);
+    let at_tip = e.tip_deflection_percent.factor.as_ref().map_or(error, |f| greatest(&f.mean));
+    if (0..6).any(|i| factor.mean[i] > basic.mean[i]) {
+        Finding::bad(format!("Don't use the table: it predicts deflections worse than no table ({error:.1} % off)."))
+    } else if error > USABLE_PERCENT {
+        Finding::warning(format!(
+            "The table is rough: it predicts deflections with a mean error of {error:.1} % at A, more than {USABLE_PERCENT} %, and {at_tip:.1} % \
+             at the tool's tip."
+        ))
+    } else if !by_others {
+        Finding::warning(format!(
+            "The table follows its own data to {error:.1} % in deflection at A, {at_tip:.1} % at the tool's tip; no other poses have tested it."
+        ))
+    } else {
+        Finding::good(format!(
+            "The table can be used: it predicts deflections with a mean error of {error:.1} % at most at A, {at_tip:.1} % at the tool's tip, on \
+             poses that it was not fitted to."
+        ))
+    }
+}
+
+/// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
+pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>, state: State) -> Vec<Finding> {
+    let mut all = Vec::new();
+    let by_others = verified.filter(|v| v.deflection_percent.factor.is_some());
+    let loaded = by_others.unwrap_or(trained);
+    if let Some((at_a, at_tip)) =
+        loaded.deflection_percent.factor.as_ref().zip(loaded.tip_deflection_percent.factor.as_ref())
+    {
+        let [at_a, at_tip] = [at_a, at_tip].map(|f| f.max.iter().copied().fold(0.0, f64::max));
+        let off =
+            format!("under the worst of six loads, it is {at_a:.1} % off at A and {at_tip:.1} % at the tool's tip");
+        all.push(
+            Finding::good(match by_others {
+                Some(e) => format!("at the worst of {} verification poses, {off}.", e.poses),
+                None => format!(
+                    "at the worst of its own {} poses, {off}; between them it may be more, which nothing here tells.",
+                    trained.poses
+                ),
+            })
+            .sure(),
+        );
+    }
+    let [theta, sigma, z0] = fit.extent.ranges().map(|[low, high]| format!("{low} to {high}"));
+    let inside = format!("θ {theta}°, σ {sigma}°, Z0 {z0} mm");
+    let select = (fit.choice != TermChoice::Select).then_some("let the fit choose its terms with --terms select");
+    all.push(Finding::good(match state {
+        State::Good => format!("compile coefficients.rs into the controller and use the factor form, inside {inside}: outside the status says so."),
+        State::Warning => {
+            let others = by_others.is_none().then_some("give other poses with all 21 entries of K with --verify");
+            let whole = loaded.deflection_percent.factor.is_none().then_some("give all 21 entries of K");
+            let ways = [select, whole, others, Some("compute or measure more poses (pkm-host plan)")];
+            format!("{}.", ways.into_iter().flatten().collect::<Vec<_>>().join(", or "))
+        }
+        State::Bad => {
+            let first = select.map(|select| format!("{select}; if that is no better, ")).unwrap_or_default();
+            format!("{first}check that the data are of this machine file, at A in A-uvw and in SI units.")
+        }
+    }).todo());
+    all
+}
