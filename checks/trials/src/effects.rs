@@ -68,7 +68,7 @@ pub const LISTED: [Spec; 25] = [
 pub const COUPLING: Spec = spec("limb-coupling", 2, (0.05, 12.0), Needs::Nothing);
 
 /// Physics that no effect of the contract describes.
-pub const OUTSIDE: [Spec; 8] = [
+pub const OUTSIDE: [Spec; 10] = [
     spec("screw-torsion-with-extension", 1, (0.03, 0.95), Needs::Nothing), // correlation of the two compliances
     spec("lateral-axial-coupling", 2, (0.03, 0.95), Needs::Nothing),
     spec("misaligned-joint-axes", 1, (0.05, 4.0), Needs::Nothing), // degrees
@@ -77,6 +77,8 @@ pub const OUTSIDE: [Spec; 8] = [
     spec("cubic-hardening", 1, (0.05, 6.0), Needs::Levels),        // nm/N lost at 1 kN
     spec("resonant-bracket", 2, (0.1, 60.0), Needs::Nothing),      // nm/N at its angle
     spec("periodic-screw", 1, (0.2, 5.0), Needs::Nothing),         // nm/N, along the screw
+    spec("loose-tool-holder", 2, (0.1, 60.0), Needs::Levels),      // nm/N
+    spec("foot-that-lifts", 1, (0.1, 60.0), Needs::Levels),        // nm/N
 ];
 
 /// Of any name in the lists.
@@ -181,6 +183,8 @@ pub fn places_of(effect: &Effect) -> Vec<String> {
         "misaligned-joint-axes" => with(&["geometry"], limb_parts(&all, &["base_joint", "platform_joint"])),
         // it stands between the platform and the tool, and turns with them
         "resonant-bracket" => with(&["tool", "moving_platform"], vec![]),
+        "loose-tool-holder" => with(&["tool"], vec![]),
+        "foot-that-lifts" => with(&["base"], vec![]),
         "sensor-rotation" => with(&["sensor"], vec![]),
         "sensor-scale" | "load-gain" | "load-point" => with(&["sensor", "load"], vec![]),
         _ => limb_parts(&all, &chain),

@@ -5,6 +5,7 @@ pub mod effects;
 pub mod forms;
 pub mod life;
 pub mod machine;
+pub mod mounts;
 pub mod score;
 pub mod set;
 pub mod stiffness;

@@ -12,6 +12,7 @@ use self::assembly::{Assembled, STROKE, telescope};
 use crate::effects::Effect;
 use crate::forms;
 use crate::machine::{Machine, Pose};
+use crate::mounts;
 
 /// Force and moment.
 pub type Wrench = Vector6<f64>;
@@ -258,6 +259,12 @@ impl World {
                 let found: [(f64, f64); 3] = std::array::from_fn(|i| self.growth(i, n[i], state[i], at.path[i]));
                 d += at.b.transpose() * Vector3::from_fn(|i, _| found[i].0);
                 state = std::array::from_fn(|i| (n[i], found[i].1));
+            }
+            if let Some(e) = self.of("loose-tool-holder") {
+                d += mounts::of_holder(e, &w);
+            }
+            if let Some(e) = self.of("foot-that-lifts") {
+                d += mounts::of_foot(e, &self.reached(&poses[row.pose]), &w);
             }
             d = carry * d;
             if let Some(e) = self.of("thermal-expansion") {
