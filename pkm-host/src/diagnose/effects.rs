@@ -61,10 +61,18 @@ impl Effect {
         self.place_class.len() <= sites::MAX_CLASS
     }
 
+    /// Whether the model has it in proportion to the load alone, where it is not: elements outside the limbs have no law of the load.
+    pub fn is_in_proportion_alone(&self) -> bool {
+        self.id == ELEMENT && self.law == "load" && matches!(self.place.as_str(), "base" | "tool" | "moving_platform")
+    }
+
     /// Where to look on the machine.
     pub fn inspect(&self) -> String {
         if self.is_located() {
             let own = text::inspect_effect(self.id, &self.place);
+            if self.is_in_proportion_alone() {
+                return format!("{own}, {}", text::MOUNT);
+            }
             if let Some(stretch) = self.stretch_m() {
                 return format!("{own}, {}", text::stretch(stretch));
             }

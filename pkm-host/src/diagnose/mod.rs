@@ -286,8 +286,8 @@ fn middle(file: &MachineFile) -> pkm_core::Pose<f64> {
 
 /// A verdict that claims no more than what was found and what is known of the noise bear out.
 fn restrained(verdict: Verdict, effects: &[Effect], is_law_open: bool, noise: &Noise, rules: &Rules) -> Verdict {
-    // something yields for which there is no formula, so that the findings are not all
-    let is_nameless = effects.iter().any(|e| e.parameters.is_empty());
+    // something yields for which there is no formula, or not for all that it does, so that the findings are not all
+    let is_nameless = effects.iter().any(|e| e.parameters.is_empty() || e.is_in_proportion_alone());
     let is_guess = verdict == Verdict::Explained && checks_of_noise::is_little_known(noise, rules);
     match verdict {
         _ if is_nameless || is_guess => Verdict::PartlyExplained,

@@ -495,6 +495,21 @@ fn hoses_from_the_base_are_no_limb() {
     assert!(controller.contains(r#"("moving_platform", "tied_to_base", "constant""#));
 }
 
+/// A foot that lifts under load is at the base, not in the sensor that reads it or the limb above it; what it yields in proportion predicts
+/// poses that had no part, and what it yields otherwise keeps the verdict from claiming all.
+#[test]
+fn a_foot_that_lifts_is_at_the_base() {
+    let folder = Folder::new();
+    let found = diagnose("own-outside-foot-that-lifts", &folder, &[]);
+    let effects = found["effects"].as_array().unwrap();
+    assert_eq!(effects.len(), 1, "{effects:?}");
+    let [place, law, inspect] = ["where", "law", "inspect"].map(|key| effects[0][key].as_str().unwrap());
+    assert_eq!([place, law], ["base", "load"]);
+    assert!(inspect.starts_with("base, bolts, seats and clamping"), "{inspect}");
+    assert_eq!(found["verdict"], "partly_explained");
+    assert!(rms(&found, "after") < 0.85 * rms(&found, "retuned_only"), "{}", found["holdout"]);
+}
+
 /// A screw that is worn where it is used most, by a formula that is not the program's: found in its limb, with the lengths to look at, and no other name.
 #[test]
 fn a_worn_stretch_of_a_screw_is_named_by_its_lengths() {

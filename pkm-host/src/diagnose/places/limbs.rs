@@ -167,10 +167,7 @@ fn periodic(blocks: &mut Blocks<'_>) {
 
 /// Rms axial force of each limb over the readings.
 fn usual_forces(blocks: &Blocks<'_>) -> [f64; 3] {
-    AXIAL.map(|k| {
-        let sum: f64 = blocks.passing.iter().map(|(now, _)| now[k] * now[k]).sum();
-        (sum / blocks.passing.len() as f64).sqrt().max(f64::MIN_POSITIVE)
-    })
+    AXIAL.map(|k| blocks.usual_load(|_| V8::from_fn(|r, _| f64::from(r == k))))
 }
 
 /// An elongation of some limbs by a law of their tension, in units of the usual ones; the second argument is the tension where
@@ -178,7 +175,7 @@ fn usual_forces(blocks: &Blocks<'_>) -> [f64; 3] {
 fn elongation(blocks: &Blocks<'_>, limbs: &[usize], law: fn(f64, f64) -> f64, unloading_only: bool) -> Term {
     let (usual, limbs) = (usual_forces(blocks), limbs.to_vec());
     let units = AXIAL.map(|k| blocks.usual.0[(k, k)]);
-    Term::Law(Arc::new(move |now: &V8, turned: &V8| {
+    Term::Law(Arc::new(move |_, now: &V8, turned: &V8| {
         let mut e = V8::zeros();
         if !unloading_only || turned.amax() > 0.0 {
             for i in &limbs {

@@ -119,6 +119,14 @@ impl Blocks<'_> {
         self.frames.len() <= self.problem.rules.max_single_poses
     }
 
+    /// Rms of a sum of the wrenches that pass, over the readings.
+    fn usual_load(&self, of: impl Fn(&Frame) -> elastic::V8) -> f64 {
+        let sums: Vec<elastic::V8> = self.frames.iter().map(of).collect();
+        let squares =
+            self.passing.iter().zip(&self.readings.conditions).map(|((now, _), c)| sums[c.pose].dot(now).powi(2));
+        (squares.sum::<f64>() / self.passing.len() as f64).sqrt().max(f64::MIN_POSITIVE)
+    }
+
     fn mean(&self, of: impl Fn(&Frame) -> f64) -> f64 {
         self.frames.iter().map(of).sum::<f64>() / self.frames.len() as f64
     }

@@ -2,18 +2,22 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector6;
 use pkm_core::effects::Place;
 
-use super::Blocks;
 use super::coupled::Written;
-use super::elastic::{Frame, V8};
-use super::terms::{Seen, Term, rows};
+use super::elastic::{Frame, M68, V8};
+use super::terms::{Seen, Term, rows, symmetric};
+use super::{Blocks, Says};
 
 const ALL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 const SHIFTS: [usize; 3] = [0, 1, 2];
 const TURNS: [usize; 3] = [3, 4, 5];
 /// Moments that the joints at the base carry.
 const ACROSS_Y: [usize; 2] = [3, 5];
+
+/// Names of a place, what passes there, and how elements say a compliance of it.
+type Mount = (Vec<String>, fn(&Frame) -> &M68, Written);
 
 /// Adds all of them.
 pub fn add(blocks: &mut Blocks<'_>) {
@@ -44,6 +48,7 @@ pub fn add(blocks: &mut Blocks<'_>) {
     };
     let units: Vec<f64> = shift_units.into_iter().chain((0..6).map(|i| 3.0 * usual[ACROSS_Y[i % 2]])).collect();
     blocks.add_compliance(&["base".into()], &with_moments, true, base(&units));
+    by_load(blocks, &usual);
     if blocks.looks_at_single_poses() {
         at_one_pose(blocks, &usual);
     }
@@ -62,6 +67,61 @@ fn mounts(blocks: &mut Blocks<'_>, usual: &[f64]) {
         let base = Written::of_ground(&g, &units, which);
         blocks.add_compliance(&["base".into()], &|f| rows(&f.ground, which), coupled, base);
     }
+}
+
+/// Mounts that open or rock under load, a tool's holder or a foot: beside what they yield in proportion, they give along some directions by
+/// laws of what they carry along these. Across a flange and about axes in it, in any mixture; or also along it, two at a time.
+fn by_load(blocks: &mut Blocks<'_>, usual: &[f64]) {
+    /// Opens, slides up to a force, gives beyond one; in units of the usual load.
+    const LAWS: [fn(f64) -> f64; 3] =
+        [|u| (u * u + 0.05).sqrt(), |u| 0.3 * (u / 0.3).tanh(), |u| u - u.clamp(-0.8, 0.8)];
+    /// Force across a flange, and moments about axes in it; then the forces along it too.
+    const FLANGE: [(&[usize], usize); 2] = [(&[2, 3, 4], 3), (&[0, 1, 2, 3, 4], 2)];
+    /// Part of the usual compliance that goes with the load.
+    const SHARE: f64 = 0.3;
+    let g = blocks.model.declared.geometry;
+    let tool: Mount =
+        (vec!["tool".into(), "moving_platform".into()], |f| &f.wrenches, Written::of(&[Place::Tool], usual, &|n| n));
+    let base: Mount = (vec!["base".into()], |f| &f.ground, Written::of_ground(&g, usual, &ALL));
+    for (places, passing, written) in [tool, base] {
+        let frames = blocks.frames;
+        let usual_loads: Vec<f64> =
+            (ALL.iter()).map(|k| blocks.usual_load(|f| passing(f).row(*k).transpose())).collect();
+        for (axes, most) in FLANGE {
+            let mut terms = symmetric(frames, &|f| rows(passing(f), &ALL), usual, &[&|_| 1.0], true);
+            for direction in directions(axes, most) {
+                let carried = |f: &Frame| -> V8 {
+                    ALL.iter().map(|k| passing(f).row(*k).transpose() * (direction[*k] / usual_loads[*k])).sum()
+                };
+                let carried: Arc<Vec<V8>> = Arc::new(frames.iter().map(carried).collect());
+                let work = |k: &usize| usual[*k] * (usual_loads[*k] * direction[*k]).powi(2);
+                let unit = SHARE * ALL.iter().map(work).sum::<f64>();
+                terms.extend(LAWS.map(|law| {
+                    let carried = carried.clone();
+                    Term::Law(Arc::new(move |pose, now: &V8, _: &V8| {
+                        carried[pose] * (unit * (law(carried[pose].dot(now)) - law(0.0)))
+                    }))
+                }));
+            }
+            blocks.add(&places, "general", "load", terms);
+            // what goes with the load is on no controller
+            blocks.write_last(Says::Directions(written.clone()));
+        }
+    }
+}
+
+/// Sums and differences of up to some axes, of length 1, none the opposite of another.
+fn directions(axes: &[usize], most: usize) -> Vec<[f64; 6]> {
+    let mut all = vec![[0.0; 6]];
+    for axis in axes {
+        let with = |sign: f64| move |d: &[f64; 6]| std::array::from_fn(|k| if k == *axis { sign } else { d[k] });
+        let count = |d: &[f64; 6]| d.iter().filter(|v| **v != 0.0).count();
+        let shorter: Vec<[f64; 6]> = all.iter().copied().filter(|d| count(d) < most).collect();
+        all.extend(shorter.iter().map(with(1.0)));
+        all.extend(shorter.iter().filter(|d| count(d) > 0).map(with(-1.0)));
+    }
+    all.remove(0);
+    all.into_iter().map(|d| Vector6::from(d).normalize().into()).collect()
 }
 
 /// What yields at one pose alone, such as a clamp that was not tight there.
@@ -100,4 +160,22 @@ fn smooth(blocks: &mut Blocks<'_>, usual: &[f64]) {
         }
     }
     blocks.add(&[], "general", "constant", terms);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_apart_from_each_other() {
+        for (axes, most, count) in [(&[2, 3, 4][..], 3, 13), (&[0, 1, 2, 3, 4], 2, 25)] {
+            let all = directions(axes, most);
+            assert_eq!(all.len(), count);
+            let dot = |a: &[f64; 6], b: &[f64; 6]| (0..6).map(|k| a[k] * b[k]).sum::<f64>();
+            for (n, a) in all.iter().enumerate() {
+                assert!((dot(a, a) - 1.0).abs() < 1e-12 && a.iter().filter(|v| **v != 0.0).count() <= most);
+                assert!(all[..n].iter().all(|b| dot(a, b).abs() < 0.9), "{a:?}");
+            }
+        }
+    }
 }

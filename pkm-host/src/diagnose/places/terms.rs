@@ -6,8 +6,8 @@ use nalgebra::DVector;
 
 use super::elastic::{Frame, M6, M8, M68, V8};
 
-/// Elongations in the sense of the transmitted wrenches, from these and from those where the load turned.
-pub type Law = Arc<dyn Fn(&V8, &V8) -> V8 + Send + Sync>;
+/// Elongations in the sense of the transmitted wrenches at a pose, from these and from those where the load turned.
+pub type Law = Arc<dyn Fn(usize, &V8, &V8) -> V8 + Send + Sync>;
 /// A displacement of what is read.
 pub type Direct = Arc<dyn Fn(&Seen<'_>) -> [f64; 6] + Send + Sync>;
 

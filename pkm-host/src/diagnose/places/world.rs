@@ -212,8 +212,9 @@ impl Under<'_> {
                 whitened(entries.map(|(e, f)| f * read[e.condition][e.channel]).collect())
             }
             Term::Law(law) => self.by_condition(|c| {
+                let pose = conditions[c].pose;
                 let (now, turned) = self.world.passing(self.readings, solved, c);
-                let d = solved[conditions[c].pose].response * law(&now, &turned);
+                let d = solved[pose].response * law(pose, &now, &turned);
                 seen_at(d.into(), conditions[c].point_m)
             }),
             Term::Direct(direct) => self.by_condition(|c| {
@@ -431,7 +432,7 @@ mod tests {
                 let Some(Says::Directions(written)) = written else { continue };
                 let n = written.units.len();
                 let root: Vec<f64> = (0..n).map(|_| 0.2 * (rng.f64() - 0.5)).collect();
-                let amplitudes: Vec<f64> = if world.blocks[block].forces == 0 {
+                let amplitudes: Vec<f64> = if world.blocks[block].columns == n {
                     (0..n).map(|i| if i == block % n { 0.05 } else { 0.0 }).collect()
                 } else {
                     (0..n)
