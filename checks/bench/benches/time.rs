@@ -1,6 +1,6 @@
 //! Time and cycles of the core's functions, to look at; limits stand in `instructions.rs`.
 //!
-//! `cargo bench -p pkm-bench --bench time`, with `-- cycles` for cycles (x86-64's time stamp counter).
+//! `cargo bench -p pkm-bench --features time --bench time`, with `-- cycles` for cycles (x86-64's time stamp counter).
 
 #![allow(missing_docs)] // the macros make items without any
 
