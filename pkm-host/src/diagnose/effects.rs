@@ -71,7 +71,8 @@ impl Effect {
         if self.is_located() {
             let own = text::inspect_effect(self.id, &self.place);
             if self.is_in_proportion_alone() {
-                return format!("{own}, {}", text::MOUNT);
+                let modelled = if self.parameters.is_empty() { "" } else { text::MODELLED };
+                return format!("{own}, {}{modelled}", text::MOUNT);
             }
             if let Some(stretch) = self.stretch_m() {
                 return format!("{own}, {}", text::stretch(stretch));
