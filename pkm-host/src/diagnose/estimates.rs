@@ -91,20 +91,24 @@ fn limbs_alone(parameters: &MachineParameters) -> MachineParameters {
     MachineParameters { effects, ..*parameters }
 }
 
-/// ln of each quantity, in the order of [`quantity_names`].
-fn quantities(parameters: &MachineParameters, pose: &Pose<f64>) -> Option<DVector<f64>> {
-    let machine = Machine::<f64>::new(parameters).ok()?;
-    let compliance = Machine::<f64>::new(&limbs_alone(parameters)).ok()?.transmission(pose).ok()?.compliance;
-    let principal = machine.stiffness(pose).ok()?.principal();
-    let limbs = AXIAL.iter().map(|i| 1.0 / compliance[(*i, *i)]);
-    let all: Vec<f64> = limbs.chain(principal.iter().copied()).map(f64::ln).collect();
-    all.iter().all(|v| v.is_finite()).then(|| all.into())
+/// ln of each quantity, in the order of [`quantity_names`]; none of what has no stiffness there.
+fn quantities(parameters: &MachineParameters, pose: &Pose<f64>) -> Vec<Option<f64>> {
+    let alone = Machine::<f64>::new(&limbs_alone(parameters)).ok().and_then(|machine| machine.transmission(pose).ok());
+    let stiffness = Machine::<f64>::new(parameters).ok().and_then(|machine| machine.stiffness(pose).ok());
+    let limbs = AXIAL.map(|i| Some(1.0 / alone.as_ref()?.compliance[(i, i)]));
+    let principal: [Option<f64>; 6] = std::array::from_fn(|i| Some(stiffness.as_ref()?.principal()[i]));
+    let ln = |value: Option<f64>| value.map(f64::ln).filter(|ln| ln.is_finite());
+    limbs.into_iter().chain(principal).map(ln).collect()
+}
+
+/// Name of a limb's own stiffness along its axis; limbs count from 1.
+fn axial(limb: usize) -> String {
+    format!("limb.{limb}.axial")
 }
 
 /// Name, words and unit of each quantity.
 fn quantity_names() -> Vec<(String, String, &'static str)> {
-    let limb =
-        |n: usize| (format!("limb.{n}.axial"), format!("limb {n} along its axis, drive, joints and body"), "N/m");
+    let limb = |n: usize| (axial(n), format!("limb {n} along its axis, drive, joints and body"), "N/m");
     let principal = |(i, axis): (usize, &str)| {
         let what = format!("platform at the middle of the box, {axis}");
         (format!("k{0}{0}", i + 1), what, if i < 3 { "N/m" } else { "N·m/rad" })
@@ -156,8 +160,8 @@ fn state(change: f64, expanded: f64, declared: f64) -> &'static str {
 }
 
 impl Estimates {
-    /// Of a fit; none where the machine has no stiffness at the pose.
-    pub fn new(model: &Model, fit: &Fit, noise: &Noise, pose: Pose<f64>) -> Option<Self> {
+    /// Of a fit.
+    pub fn new(model: &Model, fit: &Fit, noise: &Noise, pose: Pose<f64>) -> Self {
         let coverage = Coverage::of(noise);
         let (names, values) = (names(model, fit), values(model, fit));
         let covariance = fit.information.inverse();
@@ -168,52 +172,53 @@ impl Estimates {
             Estimate { name: name.clone(), value: values[n].0, standard_uncertainty, expanded_uncertainty }
         };
         let at = |x: &DVector<f64>| quantities(&model.state(&fit.unknowns, x.as_slice(), false).machine, &pose);
-        let (declared, identified) = (quantities(&model.declared, &pose)?, at(&fit.x)?);
-        let slope = |n: usize| -> Option<DVector<f64>> {
-            let moved = |step: f64| {
+        let (declared, identified) = (quantities(&model.declared, &pose), at(&fit.x));
+        // on both sides of each unknown
+        let beside = |n: usize| {
+            [STEP, -STEP].map(|step| {
                 let mut x = fit.x.clone();
                 x[n] += step;
                 at(&x)
-            };
-            Some((moved(STEP)? - moved(-STEP)?) / (2.0 * STEP))
+            })
         };
-        // a row for each unknown
-        let slopes: Vec<DVector<f64>> = (0..fit.x.len()).map(slope).collect::<Option<_>>()?;
+        let beside: Vec<[Vec<Option<f64>>; 2]> = (0..fit.x.len()).map(beside).collect();
         let is_declared: Vec<usize> =
             (0..names.len()).filter(|n| model.parameters[fit.unknowns[*n].0].role == Role::Declared).collect();
         let condition = |(q, (quantity, what, unit)): (usize, (String, String, &str))| {
-            let gradient = DVector::from_fn(slopes.len(), |n, _| slopes[n][q]);
+            let slopes = beside.iter().map(|[above, below]| Some((above[q]? - below[q]?) / (2.0 * STEP)));
+            let gradient: DVector<f64> = slopes.collect::<Option<Vec<f64>>>()?.into();
+            let (declared, identified) = (declared[q]?, identified[q]?);
             let shared = &covariance * &gradient;
             let standard_uncertainty = gradient.dot(&shared).sqrt();
             let expanded_uncertainty = coverage.k * standard_uncertainty;
             let declared_uncertainty = is_declared.iter().map(|n| gradient[*n].powi(2)).sum::<f64>().sqrt();
-            let change: f64 = identified[q] - declared[q];
-            Quantity {
+            let change: f64 = identified - declared;
+            Some(Quantity {
                 quantity,
                 what,
                 unit: unit.to_owned(),
-                declared: declared[q].exp(),
-                identified: identified[q].exp(),
+                declared: declared.exp(),
+                identified: identified.exp(),
                 standard_uncertainty,
                 expanded_uncertainty,
                 declared_uncertainty,
                 state: state(change, expanded_uncertainty, declared_uncertainty).to_owned(),
                 shared: is_declared.iter().map(|n| shared[*n]).collect(),
-            }
+            })
         };
-        Some(Self {
+        Self {
             coverage,
             all: names.iter().enumerate().map(of).collect(),
             covariance: DMatrix::from_fn(names.len(), names.len(), scaled),
             pose,
-            condition: quantity_names().into_iter().enumerate().map(condition).collect(),
+            condition: quantity_names().into_iter().enumerate().filter_map(condition).collect(),
             declared: is_declared.iter().map(|n| names[*n].clone()).collect(),
             deviations: is_declared.iter().map(|n| fit.x[*n]).collect(),
             deviation_covariance: is_declared
                 .iter()
                 .map(|n| is_declared.iter().map(|m| covariance[(*n, *m)]).collect())
                 .collect(),
-        })
+        }
     }
 
     /// `covariance.csv`: the covariance of the estimates, a row and a column for each.
@@ -229,8 +234,16 @@ impl Estimates {
 
     /// The limbs that are worth an inspection, in a sentence each.
     pub fn notable(&self) -> Vec<String> {
-        let limbs = self.condition.iter().take(AXIAL.len()).enumerate().filter(|(_, q)| q.is_notable());
-        limbs.map(|(n, q)| format!("{}: inspect nut, bearings, screw and joints of limb {}", q.text(), n + 1)).collect()
+        let of = |limb: usize| match self.condition.iter().find(|q| q.quantity == axial(limb)) {
+            Some(q) if q.is_notable() => {
+                Some(format!("{}: inspect nut, bearings, screw and joints of limb {limb}", q.text()))
+            }
+            Some(_) => None,
+            None => Some(format!(
+                "limb {limb} has no stiffness of its own along its axis in what was identified: the form of the model is in doubt"
+            )),
+        };
+        (1..=AXIAL.len()).filter_map(of).collect()
     }
 
     /// The condition as JSON.
@@ -260,7 +273,8 @@ mod tests {
         let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
         let of = |effects: Option<Effects>| {
             let effects = effects.unwrap();
-            quantities(&MachineParameters { effects, ..PARAMETERS }, &pose).unwrap()
+            let all = quantities(&MachineParameters { effects, ..PARAMETERS }, &pose);
+            DVector::from_vec(all.into_iter().collect::<Option<Vec<f64>>>().unwrap())
         };
         let declared = of(Some(Effects::NONE));
         let (limbs, platform) = (0..AXIAL.len(), AXIAL.len() + 2);
@@ -282,5 +296,20 @@ mod tests {
             let softer = limbs.clone().map(|n| found[n] < declared[n] - 1e-2).collect::<Vec<_>>();
             assert_eq!(softer, [false, true, false]);
         }
+    }
+
+    /// Where a limb yields less than nothing and its foot makes up for that, the machine has a stiffness and the limb has none: the rest is said.
+    #[test]
+    fn what_has_no_stiffness_is_none_and_the_rest_is_there() {
+        let pose = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
+        let of = |effects| quantities(&MachineParameters { effects, ..PARAMETERS }, &pose);
+        let own = (-of(Effects::NONE)[1].unwrap()).exp();
+        let mut foot = [0.0; 7];
+        (foot[0], foot[6]) = (own, 1.0);
+        let standing = Effects::NONE.with_element("base", "coupled", "constant", foot).unwrap();
+        let all = of(standing.with_element("limb.2.body", "axial", "constant", [-1.2 * own]).unwrap());
+        assert!(all[1].is_none() && all[AXIAL.len()..].iter().all(Option::is_some), "{all:?}");
+        let far_less = Effects::NONE.with_element("limb.2.body", "axial", "constant", [-1.2 * own]).unwrap();
+        assert!(of(far_less)[AXIAL.len()..].iter().all(Option::is_none));
     }
 }

@@ -357,7 +357,7 @@ impl Searched<'_> {
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
         let standard_deviations = standard_deviations(noise, &observations(given, model));
-        let estimates = Estimates::new(model, &search.fit, noise, middle(file)).ok_or_else(failed)?;
+        let estimates = Estimates::new(model, &search.fit, noise, middle(file));
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
