@@ -70,6 +70,9 @@ impl Effect {
     pub fn inspect(&self) -> String {
         if self.is_located() {
             let own = text::inspect_effect(self.id, &self.place);
+            if self.id == ELEMENT && self.law == "pose" && !self.is_measurement() {
+                return format!("{own}, {}", text::AT_SOME_POSES);
+            }
             if self.is_in_proportion_alone() {
                 let modelled = if self.parameters.is_empty() { "" } else { text::MODELLED };
                 return format!("{own}, {}{modelled}", text::MOUNT);

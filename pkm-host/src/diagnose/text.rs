@@ -58,7 +58,11 @@ pub fn stretch([from_m, to_m]: [f64; 2]) -> String {
 /// What yields at the base, the platform or the tool otherwise than in proportion to the load.
 pub const MOUNT: &str = "bolts, seats and clamping, which open or slip under load";
 
-/// What of that the model has, if there are elements of it.
+/// What yields at the tool or the platform at some poses and not at others.
+pub const AT_SOME_POSES: &str =
+    "its holder, brackets and clamping, which yield otherwise at some poses; the model does not have that";
+
+/// What of a mount the model has, if there are elements of it.
 pub const MODELLED: &str = "; the model has what they yield in proportion to it";
 
 /// Factor by which no material of a kind differs from another: a body that comes out farther off has another section, length or form.

@@ -49,6 +49,7 @@ pub fn add(blocks: &mut Blocks<'_>) {
     let units: Vec<f64> = shift_units.into_iter().chain((0..6).map(|i| 3.0 * usual[ACROSS_Y[i % 2]])).collect();
     blocks.add_compliance(&["base".into()], &with_moments, true, base(&units));
     by_load(blocks, &usual);
+    by_angle(blocks, &usual);
     if blocks.looks_at_single_poses() {
         at_one_pose(blocks, &usual);
     }
@@ -122,6 +123,27 @@ fn directions(axes: &[usize], most: usize) -> Vec<[f64; 6]> {
     }
     all.remove(0);
     all.into_iter().map(|d| Vector6::from(d).normalize().into()).collect()
+}
+
+/// What yields between platform and tool goes with the pose, such as a bracket that swings at some angles: along any line smoothly over θ or σ,
+/// a sum of bumps.
+fn by_angle(blocks: &mut Blocks<'_>, usual: &[f64]) {
+    /// Distance of their middles, and width, in parts of the range.
+    const STEP: f64 = 0.25;
+    const WIDTH: f64 = 0.15;
+    for axis in 0..2 {
+        let of = || blocks.frames.iter().map(|f| f.pose[axis]);
+        let (least, most) = (of().fold(f64::INFINITY, f64::min), of().fold(f64::NEG_INFINITY, f64::max));
+        let range = (most - least).max(f64::MIN_POSITIVE);
+        let bump = |n: usize| {
+            let middle = least + STEP * n as f64 * range;
+            move |f: &Frame| (-0.5 * ((f.pose[axis] - middle) / (WIDTH * range)).powi(2)).exp()
+        };
+        let bumps: Vec<_> = (0..=4).map(bump).collect();
+        let shapes: Vec<&dyn Fn(&Frame) -> f64> = bumps.iter().map(|b| b as &dyn Fn(&Frame) -> f64).collect();
+        let terms = symmetric(blocks.frames, &|f| rows(&f.wrenches, &SHIFTS), &usual[..3], &shapes, true);
+        blocks.add(&["tool".into(), "moving_platform".into()], "general", "pose", terms);
+    }
 }
 
 /// What yields at one pose alone, such as a clamp that was not tight there.

@@ -29,9 +29,13 @@ pub struct Site {
 }
 
 impl Site {
-    /// Whether it disturbs the readings and is no part of the machine.
+    /// Whether it disturbs the readings and is no part of the machine: what comes and goes by pose may be the sensor, or is a part that yields
+    /// at other poses as well.
     pub fn is_disturbance(&self) -> bool {
-        matches!(self.place.as_str(), "sensor" | "load" | "time" | NOWHERE) || matches!(self.law, "pose" | "time")
+        let may_be_the_sensor = || self.place_class.iter().any(|place| place == "sensor");
+        matches!(self.place.as_str(), "sensor" | "load" | "time" | NOWHERE)
+            || self.law == "time"
+            || self.law == "pose" && may_be_the_sensor()
     }
 
     /// The same, first of all where a candidate that explains it acts, and as it acts: the formula says more than the block that found it.
