@@ -66,6 +66,25 @@ fn across<T: Scalar>(frame: &ToolFrame<T>) -> Vector3<T> {
     frame.axes.column(0) + frame.axes.column(1)
 }
 
+/// Moves the tool that way.
+fn motion_along<T: Scalar>(tool: &Tool<T>, frame: &ToolFrame<T>) -> ToolMotion<T> {
+    ToolMotion {
+        tip_m_per_s: tool.tip_m,
+        axis_per_s: across(frame),
+        tip_m_per_s2: tool.tip_m,
+        axis_per_s2: across(frame),
+    }
+}
+
+/// Compensators of three screws and of five axes that go on beyond the box.
+fn compensators<T: Scalar>() -> Result<(Compensator<T, 3>, Compensator<T, 5>), ToolError> {
+    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
+    match (Compensator::new(&settings), Compensator::new(&settings)) {
+        (Ok(screws), Ok(axes)) => Ok((screws, axes)),
+        _ => Err(ToolError::NotFinite),
+    }
+}
+
 /// Instructions of the costliest compensation of a tool: too far for the looks that it has, and under loads that it does not
 /// converge under.
 fn worst_compensation<T: Scalar>(
@@ -118,11 +137,7 @@ fn carried<T: Scalar>(
 /// Ticks of the costliest updates of compensators of three screws and of five axes, without and with what the machine carries, at poses
 /// all over the box and beyond, under loads that go and turn.
 fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[u32; 4], ToolError> {
-    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
-    let (Ok(mut screws), Ok(mut axes)) = (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
-    else {
-        return Err(ToolError::NotFinite);
-    };
+    let (mut screws, mut axes) = compensators()?;
     let tip = TIP_M.map(T::from_f64).into();
     let (mut heavy_screws, mut heavy_axes) = (screws, axes);
     let Ok((of_screws, of_axes)) = carried(five, table, tip) else { return Err(ToolError::NotFinite) };
@@ -175,12 +190,7 @@ fn count<T: Scalar>(
     let wrench = Wrench::from_vector([100.0, -50.0, -400.0, 2.0, -8.0, 5.0].map(number).into());
     let tip = TIP_M.map(number).into();
     let [compensate, compensate_tool, compensate_weight, compensate_tool_weight] = worst_updates(five, table)?;
-    let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
-    let (Ok(mut compensator), Ok(mut tool_compensator)) =
-        (Compensator::<T, 3>::new(&settings), Compensator::<T, 5>::new(&settings))
-    else {
-        return Err(ToolError::NotFinite);
-    };
+    let (mut compensator, mut tool_compensator) = compensators()?;
     let Ok(mut estimator) = Estimator::<T, 6>::new(&learned::SETTINGS) else { return Err(ToolError::NotFinite) };
     let reading = black_box(Reading { enabled: true, wrench, rise: number(1.0).into() });
     let amplitudes = &black_box(estimator.amplitudes());
@@ -194,12 +204,7 @@ fn count<T: Scalar>(
             let beta_rad = Vector2::new(number(-3.0 * sigma), number(2.0 * theta));
             let near = &black_box(Configuration { pose, beta_rad });
             let (tool, frame, pose) = (&step(five, near)?, &five.frame(near)?, &near.pose);
-            let motion = &black_box(ToolMotion {
-                tip_m_per_s: tool.tip_m,
-                axis_per_s: across(frame),
-                tip_m_per_s2: tool.tip_m,
-                axis_per_s2: across(frame),
-            });
+            let motion = &black_box(motion_along(tool, frame));
             let known = machine.stiffness(pose).and_then(|k| k.factor()).and_then(|f| f.deflection(&wrench));
             let (Ok(known), Ok(moved)) = (known, machine.sensitivities(pose, &wrench, amplitudes)) else {
                 return Err(ToolError::NotFinite);

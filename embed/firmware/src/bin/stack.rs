@@ -211,10 +211,12 @@ macro_rules! functions {
                 })
             }
 
-            $(#[inline(never)]
-            fn $name($i: &Inputs) {
-                black_box(&$call);
-            })+
+            $(
+                #[inline(never)]
+                fn $name($i: &Inputs) {
+                    black_box(&$call);
+                }
+            )+
 
             pub const FUNCTIONS: &[(&str, fn(&Inputs))] = &[$((stringify!($name), $name)),+];
         }
