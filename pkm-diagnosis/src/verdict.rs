@@ -48,24 +48,28 @@ pub fn lack_of_fit(problem: &Problem<'_>, noise: &Noise, fit: &Fit) -> LackOfFit
     LackOfFit { statistic, p, noise_source: noise.source, excess: (misfit - dof - 2.0 * deviation).max(0.0) }
 }
 
-/// A search's end with the values that predict best. What a formula lacks looks like errors of the loads to the readings that it
-/// spoils, and values that follow these predict worse elsewhere: beside a find, or where more than noise is left, they go by the
-/// declared errors alone. The linear form, and with it the uncertainty, stays that of the errors that the readings suggest.
+/// A search's end with the values that predict best, both fits as of [`settled_fit`].
 pub fn settled(levels: &Levels<'_>, noise: &Noise, mut search: Search) -> Option<Search> {
-    let [first, last] = search.levels;
-    let is_found = !search.found.is_empty();
-    for (fit, level, is_found) in [(&mut search.base, first, false), (&mut search.fit, last, is_found)] {
-        let problem = &levels.problems[level];
-        if level > 0 && (is_found || lack_of_fit(problem, noise, fit).p < problem.rules.max_misfit_p) {
-            fit.x = levels.problems[0].fit_plain(&fit.unknowns, fit.x.as_slice())?.x;
-        }
-        // at a kink the slopes of a fit are those of one side
-        *fit = problem.linear(&fit.unknowns, fit.x.clone())?;
-    }
+    let ([first, last], is_found) = (search.levels, !search.found.is_empty());
+    search.base = settled_fit(levels, noise, search.base, first, false)?;
+    search.fit = settled_fit(levels, noise, search.fit, last, is_found)?;
     if let Some((_, fit)) = search.steps.last_mut() {
         fit.clone_from(&search.fit);
     }
     Some(search)
+}
+
+/// A fit at a level of load errors with the values that predict best. What a formula lacks looks like errors of the loads to the
+/// readings that it spoils, and values that follow these predict worse elsewhere: beside a find, or where more than noise is left,
+/// they go by the declared errors alone. The linear form, and with it the uncertainty, stays that of the errors that the readings
+/// suggest.
+pub fn settled_fit(levels: &Levels<'_>, noise: &Noise, mut fit: Fit, level: usize, is_found: bool) -> Option<Fit> {
+    let problem = &levels.problems[level];
+    if level > 0 && (is_found || lack_of_fit(problem, noise, &fit).p < problem.rules.max_misfit_p) {
+        fit.x = levels.problems[0].fit_plain(&fit.unknowns, fit.x.as_slice())?.x;
+    }
+    // at a kink the slopes of a fit are those of one side
+    problem.linear(&fit.unknowns, fit.x.clone())
 }
 
 /// What a diagnosis ends with.

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use pkm_diagnosis::validation::{self, KindErrors, LeftOut};
-use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown};
+use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Unknown};
 use serde::Serialize;
 
 use super::experiment::{self, Experiment};
@@ -103,9 +103,14 @@ pub fn predict(
 }
 
 impl Fitted {
-    /// The fits that a search ended with, and tables of what these leave of its readings.
-    pub fn new(problem: &Problem<'_>, experiment: &Experiment<'_>, extent: &PoseBox, search: &Search) -> Option<Self> {
-        let (base, end) = (search.base.clone(), search.fit.clone());
+    /// The fits of re-identified stiffnesses and of the identified model, and tables of what these leave of the readings.
+    pub fn new(
+        problem: &Problem<'_>,
+        experiment: &Experiment<'_>,
+        extent: &PoseBox,
+        [base, end]: [&Fit; 2],
+    ) -> Option<Self> {
+        let (base, end) = (base.clone(), end.clone());
         let declared = problem.residuals(&[], &[])?;
         let model = experiment.model;
         let machine = model.state(&end.unknowns, end.x.as_slice(), false).machine;
@@ -176,10 +181,12 @@ pub fn cross_validate(
     let of_fold = |is_left_out: &LeftOut<'_>| {
         let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));
         let read = experiment::observations(&kept, start.model);
-        let found = start.search(&kept, &read, |Found { experiment, levels, search, sites, .. }| {
+        let found = start.search(&kept, &read, |found| {
+            let Found { experiment, levels, search, reidentified, sites, .. } = found;
             let search = inference::settled(levels, start.noise, sites, search)?;
             let problem = &levels.problems[search.levels[1]];
-            let fitted = Fitted::new(problem, experiment, &extent(&kept), &search)?;
+            let fits = [reidentified.as_ref().unwrap_or(&search.base), &search.fit];
+            let fitted = Fitted::new(problem, experiment, &extent(&kept), fits)?;
             let said = fitted.predict(experiment.model, &experiment.poses, &readings.conditions, true)?;
             let names = search.found.iter().map(|f| experiment.model.candidates[f.candidate].name()).collect();
             Some((said.0.map(Vec::into_flattened).into(), names))

@@ -1,7 +1,7 @@
 //! The search for what the model lacks, in all readings or in those that a fold of a cross-validation keeps.
 
 use pkm_diagnosis::places::{Inferred, NOWHERE};
-use pkm_diagnosis::{Levels, Noise, Observations, Problem, Rules, Search, Whitener, levels, search, verdict};
+use pkm_diagnosis::{Fit, Levels, Noise, Observations, Problem, Rules, Search, Whitener, levels, search, verdict};
 
 use super::Method;
 use super::experiment::Experiment;
@@ -32,6 +32,8 @@ pub struct Found<'a> {
     pub levels: &'a Levels<'a>,
     /// What was tried and found.
     pub search: Search,
+    /// Re-identified stiffnesses and nothing else, from readings as they are, where those of `search` are beside disturbances.
+    pub reidentified: Option<Fit>,
     /// Places of what was found.
     pub sites: &'a [Site],
     /// What was inferred of places, if that is the method.
@@ -70,9 +72,15 @@ impl Start<'_> {
             Some((levels, search))
         });
         // a fit that fails beside disturbances stays what it is without them
-        let (levels, search) = beside.unwrap_or((levels, search));
+        let (levels, search, reidentified) = match beside {
+            Some((beside, found)) => {
+                let reidentified = verdict::settled_fit(&levels, self.noise, search.base, search.levels[0], false)?;
+                (beside, found, Some(reidentified))
+            }
+            None => (levels, search, None),
+        };
         let inferred = inferred.as_ref();
-        Some(then(Found { experiment: &experiment, levels: &levels, search, sites: &sites, inferred }))
+        Some(then(Found { experiment: &experiment, levels: &levels, search, reidentified, sites: &sites, inferred }))
     }
 }
 
@@ -95,7 +103,6 @@ pub fn settled(levels: &Levels<'_>, noise: &Noise, sites: &[Site], search: Searc
 #[cfg(test)]
 mod tests {
     use nalgebra::{DMatrix, DVector};
-    use pkm_diagnosis::Fit;
     use pkm_diagnosis::search::Found;
 
     use super::*;

@@ -316,7 +316,7 @@ impl Searched<'_> {
     fn judged(self, progress: &Progress<'_>) -> Result<Diagnosis> {
         let step = |done: u64, what: &str| progress(what, done, STEPS);
         let Self { file, given, readings, held_out, read, gross, start, found, mut warnings } = self;
-        let Found { experiment, levels, search, sites, inferred } = found;
+        let Found { experiment, levels, search, reidentified, sites, inferred } = found;
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, &warnings);
         let mut judgement = verdict::judge(levels, noise, &search).ok_or_else(not_converged)?;
@@ -333,7 +333,8 @@ impl Searched<'_> {
         let problem = &levels.problems[search.levels[1]];
         step(2, "before and after");
         let extent = compare::extent(readings);
-        let fitted = Fitted::new(problem, experiment, &extent, &search).ok_or_else(not_converged)?;
+        let fits = [reidentified.as_ref().unwrap_or(&search.base), &search.fit];
+        let fitted = Fitted::new(problem, experiment, &extent, fits).ok_or_else(not_converged)?;
         let failed = || Failure::other("a model gives no deflection at some held-out pose");
         let own = fitted.predict(model, &experiment.poses, &readings.conditions, true).ok_or_else(failed)?;
         let judges = Judges { noise, model, rules };
