@@ -7,7 +7,8 @@ use crate::observations::Observations;
 use crate::residuals::{MEDIAN_OF_NORMAL, Outlier};
 use crate::rules::Rules;
 
-fn median(values: &mut [f64]) -> Option<f64> {
+/// The middle one of some values, or the mean of the two in the middle.
+pub fn median(values: &mut [f64]) -> Option<f64> {
     let n = values.len();
     values.sort_by(f64::total_cmp);
     let last = *values.get(n / 2)?;

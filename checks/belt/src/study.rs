@@ -1,6 +1,7 @@
 //! All runs: each is diagnosed alone and predicts the others, and the tension test judges the findings.
 
 use nalgebra::{DVector, Vector4};
+use pkm_diagnosis::gross::median;
 use pkm_diagnosis::places::Finding;
 use pkm_diagnosis::{Channel, Noise, NoiseSource, Observations, Reading, validation};
 
@@ -102,8 +103,11 @@ impl Study {
 
     /// Median over all predictions of a run by another, before and after; m.
     pub fn median_rms_m(&self) -> [f64; 2] {
-        let all = |of: fn(&RunResult) -> &Prediction| self.runs.iter().flat_map(|r| of(r).by_run_m.clone()).collect();
-        [median(all(|r| &r.before)), median(all(|r| &r.after))]
+        let of: [fn(&RunResult) -> &Prediction; 2] = [|r| &r.before, |r| &r.after];
+        of.map(|of| {
+            let mut all: Vec<f64> = self.runs.iter().flat_map(|r| of(r).by_run_m.clone()).collect();
+            median(&mut all).unwrap_or(f64::NAN)
+        })
     }
 
     /// Greatest less least value over the runs of an anchor coordinate: of the maker's tool, of anchors alone, with what was
@@ -121,12 +125,6 @@ impl Study {
 /// The place that a finding names, if it is likely enough.
 pub fn named(finding: &Finding) -> Option<&str> {
     finding.places.first().filter(|p| p.1 >= NAMED_PROBABILITY).and_then(|p| p.0.first()).map(String::as_str)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }
 
 /// Errors of a machine on runs that had no part in it.

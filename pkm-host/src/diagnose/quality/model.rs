@@ -1,5 +1,6 @@
 //! Readings against the declared machine: the checks that a diagnosis begins with, without its fits.
 
+use pkm_diagnosis::gross::median;
 use pkm_diagnosis::{Problem, Rules, Whitener};
 
 use super::super::experiment::{Experiment, observations};
@@ -91,20 +92,16 @@ fn cosine(reading: &Reading, expected: &[f64; CHANNELS]) -> Option<(f64, f64)> {
     (read * said > 0.0).then(|| (sum(|(a, b)| a * b) / (read * said), said))
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}
-
 /// Rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
 fn reversed(readings: &Readings, model: &Model) -> Option<DataWarning> {
     let experiment = Experiment::new(model, readings);
     let expected = model.predict(&experiment.poses, experiment.conditions, &[], &[])?;
     let rows: Vec<(u64, (f64, f64))> =
         (readings.readings.iter()).filter_map(|r| Some((r.line, cosine(r, &expected[r.condition])?))).collect();
-    let is_clear = median(rows.iter().map(|(_, (cosine, _))| cosine.abs())) > MIN_MEDIAN_COSINE;
-    let least = MIN_REVERSED_SIZE * median(rows.iter().map(|(_, (_, size))| *size));
+    let (mut cosines, mut sizes): (Vec<f64>, Vec<f64>) =
+        rows.iter().map(|(_, (cosine, size))| (cosine.abs(), *size)).unzip();
+    let is_clear = median(&mut cosines)? > MIN_MEDIAN_COSINE;
+    let least = MIN_REVERSED_SIZE * median(&mut sizes)?;
     let is_reversed = |(_, (cosine, size)): &&(u64, (f64, f64))| *cosine < MAX_REVERSED_COSINE && *size > least;
     let found: Vec<u64> = rows.iter().filter(is_reversed).map(|(line, _)| *line).collect();
     let others = match found.as_slice() {
