@@ -19,7 +19,7 @@ pub fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
 
 /// Whether something was found in the machine that makes no prediction better than re-identified stiffnesses alone.
 fn is_no_remedy(d: &Diagnosis) -> bool {
-    let error = |rival: Rival| of(&d.held_out.all, rival).map(|e| e.linear_um_rms);
+    let error = |rival: Rival| of(d.held_out.nearest(), rival).map(|e| e.linear_um_rms);
     let errors = error(Rival::After).zip(error(Rival::Reidentified));
     d.effects.iter().any(|e| !e.is_measurement()) && errors.is_some_and(|(after, reidentified)| after >= reidentified)
 }

@@ -3,7 +3,7 @@
 use pkm_diagnosis::{Noise, Observations, Rules, Search};
 
 use super::Step;
-use super::compare::{self, Errors, Fitted, Predictions, RIVALS, Rival, Zone};
+use super::compare::{self, Errors, Fitted, Predictions, RIVALS, Rival, Zone, of};
 use super::experiment::{self, observations};
 use super::inference::Start;
 use super::model::Model;
@@ -33,17 +33,25 @@ pub struct HeldOut {
 }
 
 impl HeldOut {
+    /// Whether the readings are nearer to the identified model with the errors of the measurement that were found than to the
+    /// machine alone: what was found of the sensor or the load is in readings that were given, or is not.
+    pub fn is_as_measured(&self) -> bool {
+        let rms = |errors: &[(Rival, Errors)]| of(errors, Rival::After).map(|e| e.linear_um_rms);
+        let with = self.as_measured.as_deref().and_then(rms);
+        with.zip(rms(&self.all)).is_some_and(|(with, without)| with < without)
+    }
+
+    /// Errors on the readings as they are: with errors of the measurement, or of the machine alone.
+    pub fn nearest(&self) -> &[(Rival, Errors)] {
+        self.as_measured.as_deref().filter(|_| self.is_as_measured()).unwrap_or(&self.all)
+    }
+
     /// Rms errors of the translations as declared and as identified, µm, where the latter is larger: the model that came out is no
     /// improvement.
     pub fn worse(&self) -> Option<[f64; 2]> {
-        let of = |errors: &Vec<(Rival, Errors)>| {
-            let rms = |rival| errors.iter().find(|e| e.0 == rival).map(|e| e.1.linear_um_rms);
-            Some([rms(Rival::Declared)?, rms(Rival::After)?])
-        };
-        // what was found of the sensor is in readings that were given, or is not
-        let all = [Some(&self.all), self.as_measured.as_ref()].into_iter().flatten().filter_map(of);
-        let best = all.min_by(|a, b| (a[1] / a[0]).total_cmp(&(b[1] / b[0])))?;
-        (best[1] > best[0]).then_some(best)
+        let rms = |rival| of(self.nearest(), rival).map(|e| e.linear_um_rms);
+        let [before, after] = [rms(Rival::Declared)?, rms(Rival::After)?];
+        (after > before).then_some([before, after])
     }
 }
 

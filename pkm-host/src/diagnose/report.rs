@@ -91,15 +91,17 @@ fn certainty(d: &Diagnosis) -> String {
     };
     let of_places = d.effects.iter().map(|e| e.probability).reduce(f64::min);
     let place = of_places.map_or(String::new(), |p| format!("; probability of the place {}", text::probability(p, 2)));
-    let (Some(before), Some(after)) = (of(&held.all, Rival::Declared), of(&held.all, Rival::After)) else {
+    let errors = held.nearest();
+    let (Some(before), Some(after)) = (of(errors, Rival::Declared), of(errors, Rival::After)) else {
         return format!("{noise}{place}.");
     };
     let others = if held.given { "On readings that had no part in it" } else { "On poses left out in turn" };
     format!(
-        "{others} the error goes from {:.2} to {:.2} µm rms (95 %: {}); {noise}{place}.",
+        "{others} the error goes from {:.2} to {:.2} µm rms (95 %: {}){}; {noise}{place}.",
         before.linear_um_rms,
         after.linear_um_rms,
-        interval(after)
+        interval(after),
+        if held.is_as_measured() { " with the error of the measurement that was found" } else { "" }
     )
 }
 
@@ -184,12 +186,16 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
     all.extend(of_values(d));
     let held = &d.held_out;
     let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
-    if let (Some(before), Some(retuned), Some(after)) =
-        (of(&held.all, Rival::Declared), of(&held.all, Rival::Reidentified), of(&held.all, Rival::After))
+    let nearest = |rival| of(held.nearest(), rival).map(|e| e.linear_um_rms);
+    if let (Some(before), Some(retuned), Some(after), Some(alone)) =
+        (nearest(Rival::Declared), nearest(Rival::Reidentified), nearest(Rival::After), of(&held.all, Rival::After))
     {
+        let with =
+            format!(" and the error of the measurement that was found ({:.2} µm without it)", alone.linear_um_rms);
         all.push(Finding::good(format!(
-            "On {how}, rms translation error: {:.2} µm as declared, {:.2} µm with re-identified stiffnesses, {:.2} µm with the identified model.",
-            before.linear_um_rms, retuned.linear_um_rms, after.linear_um_rms
+            "On {how}, rms translation error: {before:.2} µm as declared, {retuned:.2} µm with re-identified stiffnesses, \
+             {after:.2} µm with the identified model{}.",
+            if held.is_as_measured() { &with } else { "" }
         )));
     }
     if let (false, Some(last)) = (held.given, d.steps.last()) {
@@ -236,6 +242,10 @@ pub fn text(d: &Diagnosis) -> String {
             let (own, other, interval) = (a.linear_um_rms, b.linear_um_rms, interval(b));
             let _ = writeln!(text, "  {name:<36} {own:>9.3} {other:>10.3}   {interval}");
         }
+    }
+    if let Some(e) = d.held_out.as_measured.as_deref().and_then(|errors| of(errors, Rival::After)) {
+        let (name, error, interval) = ("identified model, as measured", e.linear_um_rms, interval(e));
+        let _ = writeln!(text, "  {name:<36} {:>9} {error:>10.3}   {interval}", "");
     }
     let _ = writeln!(
         text,

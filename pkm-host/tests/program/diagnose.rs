@@ -550,6 +550,28 @@ fn re_identified_stiffnesses_are_of_the_readings_as_they_are() {
     assert_ne!(places[0], places[1], "nothing was taken out");
 }
 
+/// Held-out readings of the same sensor have its error: they were held against the machine alone, and a right find seemed to predict
+/// worse than re-identified stiffnesses, which take up a part of that error.
+#[test]
+fn a_find_of_the_sensor_is_judged_on_readings_of_the_same_sensor_too() {
+    let folder = Folder::new();
+    let wish =
+        Wish { effect: Some("sensor-rotation".into()), lambda: Some(400.0), sensed_heldout: true, ..Wish::default() };
+    let found = diagnose_random(Kind::One, 5, &wish, &folder);
+    assert_eq!(the_only_find(&found)[0], "sensor");
+    let measured = found["holdout"]["as_measured"]["after"]["linear_um_rms"].as_f64().unwrap();
+    assert!(
+        measured < 0.5 * rms(&found, "retuned_only") && measured < 0.5 * rms(&found, "after"),
+        "{}",
+        found["holdout"]
+    );
+    let page = std::fs::read_to_string(folder.path("out/report.html")).unwrap();
+    for said in ["error of the measurement that was found", &format!("{measured:.2} µm with the identified model and")]
+    {
+        assert!(page.contains(said), "no: {said}");
+    }
+}
+
 /// A screw that is worn where it is used most, by a formula that is not the program's: found in its limb, with the lengths to look at, and no other name.
 #[test]
 fn a_worn_stretch_of_a_screw_is_named_by_its_lengths() {
