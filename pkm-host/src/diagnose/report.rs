@@ -207,7 +207,7 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
         )));
     }
     if let (Some(here), Some(there), Some(after)) =
-        (of(&d.errors, Rival::Table), of(&held.all, Rival::Table), of(&held.all, Rival::After))
+        (of(&d.errors, Rival::Table), of(held.nearest(), Rival::Table), of(held.nearest(), Rival::After))
         && there.linear_um_rms > 1.5 * after.linear_um_rms
         && there.chi2_per_dof > 1.5 * here.chi2_per_dof.min(after.chi2_per_dof)
     {
