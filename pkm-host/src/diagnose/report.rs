@@ -10,7 +10,7 @@ use super::advice::{distinct, next_step};
 use super::badges::{Badge, Grade};
 use super::compare::{Errors, RIVALS, Rival, of};
 use super::findings::DeclaredFinding;
-use super::{Diagnosis, ELEMENT, Effect, SEED, Verdict, condition, readings_table, residual_plots, text};
+use super::{Diagnosis, ELEMENT, Effect, HeldOut, SEED, Verdict, condition, readings_table, residual_plots, text};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, GAUGE, Readings};
@@ -364,6 +364,17 @@ fn groups(d: &Diagnosis) -> Vec<(String, &[(Rival, Errors)])> {
     groups
 }
 
+/// Under the picture of the errors by group of readings.
+fn caption_of_errors(held: &HeldOut) -> String {
+    let as_measured = " As measured: with the error of the measurement that was found; the others without it.";
+    format!(
+        "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that count: all, \
+         and by where their poses lie and whether their loads were read before.{} Lines: 95 % intervals, where there are poses enough; \
+         without an end where there is no upper one.",
+        if held.as_measured.is_some() { as_measured } else { "" }
+    )
+}
+
 /// The translation error of a model, none where it has none.
 fn bar(e: Option<&Errors>) -> Bar {
     Bar {
@@ -410,9 +421,7 @@ pub fn html(
         (condition::judgements(d))
         h2 { "Before and after" }
         (picture(
-            "Rms translation error of each model, on the readings that it was fitted to and on others, which are those that \
-             count: all, and by where their poses lie and whether their loads were read before. Lines: 95 % intervals, \
-             where there are poses enough; without an end where there is no upper one.",
+            &caption_of_errors(&d.held_out),
             &plot::bars("Translation error, rms", "µm", &labels, &bars)?,
         ))
         (condition::condition(d))
