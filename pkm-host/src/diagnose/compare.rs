@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use pkm_diagnosis::validation::{self, KindErrors, LeftOut};
-use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Unknown};
+use pkm_diagnosis::{Fit, Noise, Observations, Problem, Rules, Search, Unknown};
 use serde::Serialize;
 
 use super::experiment::{self, Experiment};
@@ -103,14 +103,16 @@ pub fn predict(
 }
 
 impl Fitted {
-    /// The fits of re-identified stiffnesses and of the identified model, and tables of what these leave of the readings.
+    /// The fits that a search ended with, and tables of what these leave of its readings. Stiffnesses that were re-identified
+    /// otherwise than by the search are given.
     pub fn new(
         problem: &Problem<'_>,
         experiment: &Experiment<'_>,
         extent: &PoseBox,
-        [base, end]: [&Fit; 2],
+        search: &Search,
+        reidentified: Option<Fit>,
     ) -> Option<Self> {
-        let (base, end) = (base.clone(), end.clone());
+        let (base, end) = (reidentified.unwrap_or_else(|| search.base.clone()), search.fit.clone());
         let declared = problem.residuals(&[], &[])?;
         let model = experiment.model;
         let machine = model.state(&end.unknowns, end.x.as_slice(), false).machine;
@@ -185,8 +187,7 @@ pub fn cross_validate(
             let Found { experiment, levels, search, reidentified, sites, .. } = found;
             let search = inference::settled(levels, start.noise, sites, search)?;
             let problem = &levels.problems[search.levels[1]];
-            let fits = [reidentified.as_ref().unwrap_or(&search.base), &search.fit];
-            let fitted = Fitted::new(problem, experiment, &extent(&kept), fits)?;
+            let fitted = Fitted::new(problem, experiment, &extent(&kept), &search, reidentified)?;
             let said = fitted.predict(experiment.model, &experiment.poses, &readings.conditions, true)?;
             let names = search.found.iter().map(|f| experiment.model.candidates[f.candidate].name()).collect();
             Some((said.0.map(Vec::into_flattened).into(), names))

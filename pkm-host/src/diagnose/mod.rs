@@ -333,8 +333,7 @@ impl Searched<'_> {
         let problem = &levels.problems[search.levels[1]];
         step(2, "before and after");
         let extent = compare::extent(readings);
-        let fits = [reidentified.as_ref().unwrap_or(&search.base), &search.fit];
-        let fitted = Fitted::new(problem, experiment, &extent, fits).ok_or_else(not_converged)?;
+        let fitted = Fitted::new(problem, experiment, &extent, &search, reidentified).ok_or_else(not_converged)?;
         let failed = || Failure::other("a model gives no deflection at some held-out pose");
         let own = fitted.predict(model, &experiment.poses, &readings.conditions, true).ok_or_else(failed)?;
         let judges = Judges { noise, model, rules };

@@ -407,7 +407,7 @@ fn rivals_are_what_they_are_said_to_be() {
     let (read, experiment) = (observations(&data, &model), Experiment::new(&model, &data));
     let whitener = Whitener::new(&read, &noise);
     let problem = Problem::new(&read, &whitener, &experiment, RULES);
-    let fitted = Fitted::new(&problem, &experiment, &compare::extent(&data), [&search.base, &search.fit]).unwrap();
+    let fitted = Fitted::new(&problem, &experiment, &compare::extent(&data), &search, None).unwrap();
     let own = fitted.predict(&model, &poses, &data.conditions, true).unwrap();
     assert_eq!(own.of(Rival::Declared), of(&search.fit, &[0.0; 3]));
     assert_eq!(own.of(Rival::Reidentified), of(&search.base, search.base.x.as_slice()));
