@@ -33,7 +33,7 @@ struct CampaignArgs {
     #[arg(long, value_name = "MM", value_parser = within(0.0, 10_000.0), allow_hyphen_values = true)]
     lever_mm: Option<f64>,
     /// For campaign: most poses; default 20.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=75))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(4..=75), allow_hyphen_values = true)]
     most_poses: Option<u16>,
     /// For campaign: an amplitude to be found, in SI units, such as limb-1-axial.axial_m_per_n=2e-10; may be repeated. Default:
     /// every effect at its plausible size.
@@ -73,10 +73,10 @@ pub(crate) struct Args {
     #[command(flatten)]
     columns: ColumnsArgs,
     /// For discriminate (default 1) and campaign (default 2): series at each pose, each with a zero reading of its own.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=20))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=20), allow_hyphen_values = true)]
     series: Option<u16>,
     /// For discriminate and campaign: readings of each load in a series; default 1.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=20))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=20), allow_hyphen_values = true)]
     repeats: Option<u16>,
     #[command(flatten)]
     campaign: CampaignArgs,
@@ -107,8 +107,9 @@ fn check_options(args: &Args, kind: PlanKind) -> Result<()> {
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let Args { kind, pose_box, data, out, .. } = args;
     let pose_box = pose_box.map(|b| PoseBox::from([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
-    if let Some(b) = pose_box.filter(|b| b.ranges().iter().any(|[low, high]| low >= high)) {
-        return Err(Failure::usage(format!("--box: expected least,greatest of each, found {:?}", b.ranges())));
+    let ranges = pose_box.iter().flat_map(|b| ["θ", "σ", "Z0"].into_iter().zip(b.ranges()));
+    if let Some((name, [low, high])) = ranges.into_iter().find(|(_, [low, high])| low >= high) {
+        return Err(Failure::usage(format!("--box: {name}: expected least,greatest, found {low},{high}")));
     }
     let kind = PlanKind::parse(kind)?;
     check_options(args, kind)?;

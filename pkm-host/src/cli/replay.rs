@@ -31,7 +31,7 @@ pub(crate) struct Args {
     table: TableArgs,
     /// Proposes up to so many poses and loads to probe next, one after the other those that tell most of what is still unknown, in
     /// next.csv: a log with cells for times and readings. The loads are as great as the log's greatest.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=50))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=50), allow_hyphen_values = true)]
     next: Option<u16>,
     /// Diagnoses the last readings that were taken in beside it, up to 200 since the last change that came at once: what it is that has
     /// changed. They are written to readings.csv, for a diagnose of its own.

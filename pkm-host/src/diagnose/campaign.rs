@@ -218,7 +218,14 @@ fn target(model: &Model, stated: &Stated) -> Result<Target> {
 /// # Errors
 /// An amplitude that there is not, a box out of reach.
 pub fn plan(machine: &MachineFile, means: &Means, stated: &[Stated]) -> Result<Campaign> {
-    let unreachable = || Failure::input("no pose of the box is within travel").in_file(&machine.source.name);
+    let unreachable = || {
+        let [[t0, t1], [s0, s1], [z0, z1]] = machine.pose_box.ranges();
+        Failure::input(format!(
+            "no pose of the box, θ {t0} to {t1}°, σ {s0} to {s1}°, Z0 {z0} to {z1} mm, is within travel: is it in degrees and mm, and of \
+             {}?",
+            machine.source.name
+        ))
+    };
     let model = Model::new(machine, Recorded { temperatures: false, unloading: true }, Method::Formulas);
     let model = model.ok_or_else(unreachable)?;
     let stated = if stated.is_empty() { plausible(&model) } else { stated.to_vec() };

@@ -18,6 +18,8 @@ pub(super) struct Found {
     pub(super) delimiter: u8,
     /// Rows above it, which are not read.
     pub(super) above: Vec<Row>,
+    /// What of `--columns` is not in it.
+    pub(super) not_renamed: Option<String>,
 }
 
 /// The first row with the most names that are known, whatever stands between the cells.
@@ -39,8 +41,9 @@ pub(super) fn find(source: &Source, text: &str, names: &Names<'_>) -> Result<Fou
     let mut rows = records(text, delimiter, &source.name).take(n + 1).collect::<Result<Vec<_>>>()?;
     let Some(row) = rows.pop() else { return Err(none(source, text, names)) };
     let header = Header::new(&row);
-    names.require_renamed(&header.names).map_err(|f| f.in_file(&source.name).at_line(header.line))?;
-    Ok(Found { header, delimiter, above: rows })
+    let not_renamed = names.require_renamed(&header.names);
+    let not_renamed = not_renamed.map_err(|f| f.in_file(&source.name).at_line(header.line))?;
+    Ok(Found { header, delimiter, above: rows, not_renamed })
 }
 
 /// A header behind #, as numerical programs write it.

@@ -137,6 +137,8 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
     failures.extend(merged::refuse_statistics(&mut sheet));
     let warnings = carried(&mut sheet);
     sheet.warnings.extend(warnings);
+    let at = format!("{}:{}", printable(&shared.name), found.header.line);
+    sheet.warnings.extend(found.not_renamed.iter().map(|message| format!("{at}: {message}")));
     failures.extend(cells::refuse_ambiguous(&mut sheet, &columns.uses));
     if sheet.has_decimal_commas() {
         conversions.push("decimal commas".into());

@@ -372,14 +372,18 @@ impl<'a> Names<'a> {
         self.own_name(cell).is_some()
     }
 
-    /// Refuses columns of `--columns` that are not there. A file with none of them that has the program's own names is another one of the
-    /// same call, and needs no others.
+    /// Refuses columns of `--columns` that are not there, or that have the name of another. A file with none of them that has the
+    /// program's own names is another one of the same call, and needs no others: which these are is returned, to be said.
     ///
     /// # Errors
     /// The first of them, with the names that are there.
-    pub fn require_renamed(&self, header: &[String]) -> Result<()> {
+    pub fn require_renamed(&self, header: &[String]) -> Result<Option<String>> {
         let is_there = |new: &str| header.iter().any(|cell| self.renamed(cell).is_some_and(|c| c.name == new));
-        let is_own = |new: &str| header.iter().any(|cell| self.named(cell).is_some_and(|n| n.column.name == new));
+        let own = |new: &str| {
+            let is =
+                |cell: &&String| self.renamed(cell).is_none() && self.named(cell).is_some_and(|n| n.column.name == new);
+            header.iter().find(is)
+        };
         let renames = &self.renames.0;
         if let Some((new, _)) = renames.iter().find(|(new, _)| self.columns.iter().all(|c| c.name != *new)) {
             let of_points = POINT_LIST.iter().any(|c| c.name == *new);
@@ -387,11 +391,23 @@ impl<'a> Names<'a> {
             let message = format!("--columns {new}=…: this file has no such column, only {other}");
             return Err(Failure::input(message));
         }
-        if renames.iter().all(|(new, _)| is_own(new) && !is_there(new)) {
-            return Ok(());
+        if renames.iter().all(|(new, _)| own(new).is_some() && !is_there(new)) {
+            let said: Vec<String> = renames
+                .iter()
+                .map(|(new, theirs)| format!("no column `{theirs}`: {new} is that of its own name"))
+                .collect();
+            return Ok((!said.is_empty()).then(|| format!("--columns: {}", said.join("; "))));
+        }
+        for (new, theirs) in renames.iter().filter(|(new, _)| is_there(new)) {
+            if let Some(own) = own(new) {
+                let message = format!(
+                    "--columns says that `{theirs}` is {new}, and `{own}` is too: leave one of them out of the file"
+                );
+                return Err(Failure::input(message));
+            }
         }
         match renames.iter().find(|(new, _)| !is_there(new)) {
-            None => Ok(()),
+            None => Ok(None),
             Some((new, theirs)) => {
                 let there = header.iter().filter(|c| !c.is_empty()).cloned().collect::<Vec<_>>().join(", ");
                 Err(Failure::input(format!("no column `{theirs}` for {new}: there are {there}")))

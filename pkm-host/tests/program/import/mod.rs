@@ -215,6 +215,7 @@ const READ: &[Case] = &[
     ("merged coordinates beside names of poses", || { let mut t = merged(false); for (row, name) in [(1, "p01"), (2, "p01"), (4, "p02")] { t = t.put(row, "pose", name); } t.text(',').into() }, &[], "empty pose taken from the row above, and in lines 4, 6"),
     ("merged poses, German", || marked(&merged(false).german()), &[], "merged cells"),
     ("names nobody could guess", || good().called(&[("dx_um", "Kanal 7", 0), ("fx_n", "Soll", 0)]).text(',').into(), &["--columns", "dx_um=Kanal 7,fx_n=Soll"], "`Kanal 7` is dx_um"),
+    ("a name of --columns for a column that has its own", || good().text(',').into(), &["--columns", "dx_um=Weg 2"], "no column `Weg 2`: dx_um is that of its own name"),
     ("names nobody could guess, with units", || good().called(&[("dx_um", "Weg 1 [mm]", -3), ("fx_n", "F,soll [kN]", -3)]).text(';').into(), &["--columns", "dx_um=Weg 1,fx_n=F,soll"], "`Weg 1 [mm]` is dx_um, mm converted to µm"),
 ];
 

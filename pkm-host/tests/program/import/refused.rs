@@ -88,6 +88,7 @@ const REFUSED: &[Case] = &[
     ("unloaded poses", || std::fs::read(fixture("unloaded/five/unloaded.csv")).unwrap(), &[], ":1: ", "diagnose --unloaded|deflections under loads"),
     ("a log of a load cell", || b"Time [s],Fx [N],Fy [N],Fz [N]\n0.00,1.2,0.1,-0.3\n0.01,1.3,0.2,-0.2\n".to_vec(), &[], ":1: ", "log of loads over time|no pose and no deflection"),
     ("a column of --columns that is not there", || text(good().called(&[("dx_um", "Kanal 9", 0)])), &["--columns", "dx_um=Kanal 9,fx_n=Soll"], ":1: ", "no column `Soll`|there are pose"),
+    ("a column of --columns with the name of another", || text(good().called(&[("dy_um", "Weg 1 [µm]", 0)])), &["--columns", "dx_um=Weg 1"], ":1: ", "`Weg 1` is dx_um, and `dx_um` is too"),
     ("--columns without a name", || text(good()), &["--columns", "dx_um="], "", "what is the column called"),
     ("--columns with an unknown column", || text(good()), &["--columns", "dx_mm=Weg"], "", "did you mean `dx_um`?"),
     ("--columns without an equals sign", || text(good()), &["--columns", "Weg"], "", "new=theirs"),
