@@ -100,7 +100,12 @@ pub(super) fn parsed<T: DeserializeOwned>(source: &Source, command: &str) -> Res
     let mut reader = serde_json::Deserializer::from_str(source.text()?);
     serde_path_to_error::deserialize(&mut reader).map_err(|e| {
         let (key, e) = (e.path().to_string(), e.into_inner());
-        let message = format!("not what `{command}` of this version writes: {}", printable(&e.to_string()));
+        let what = if e.is_eof() || e.is_syntax() {
+            "not JSON, or not all of it".to_owned()
+        } else {
+            format!("not what `{command}` of this version writes")
+        };
+        let message = format!("{what}: {}", printable(&e.to_string()));
         let failure = Failure::input(message).in_file(&source.name).at_line(e.line() as u64);
         if key == "." { failure } else { failure.at_column(key) }
     })

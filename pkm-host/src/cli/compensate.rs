@@ -150,8 +150,9 @@ impl Args {
     /// What a program's first comment says of it.
     fn origin(&self, model: &Model) -> String {
         let table = model.table.as_ref().map_or("no table".to_owned(), |t| t.source.file_name());
-        let load =
-            self.wrench.map_or(String::new(), |w| format!(", load {} N, N m", w.map(|v| v.to_string()).join(" ")));
+        let load = self.wrench.map_or(String::new(), |w| {
+            format!(", load {} N, N m where the program sets none", w.map(|v| v.to_string()).join(" "))
+        });
         let path = self.path.file_name().unwrap_or(OsStr::new("")).to_string_lossy();
         let names = [model.machine.name.as_str(), &table, &printable(&path)].join(", ");
         let reader = self.interpreter.as_ref().map_or(String::new(), |_| format!(", read by {}", self.reader()));
@@ -237,7 +238,10 @@ fn facts(args: &Args, model: &Model, path: &Source) -> Facts {
     facts.push(("Path", of_file(path)));
     if let Some(wrench) = args.wrench {
         let load = wrench.map(|v| v.to_string()).join(", ");
-        facts.push(("Load", format!("{load} N and N·m on the tool at its tip, in the tool's axes")));
+        facts.push((
+            "Load",
+            format!("{load} N and N·m on the tool at its tip, in the tool's axes, where the path sets none"),
+        ));
     }
     facts
 }

@@ -45,7 +45,7 @@ pub(crate) struct Args {
         value_name = "Q1,Q2,Q3,B1,B2"
     )]
     near: Option<[f64; 5]>,
-    /// Every inverse-kinematics solution within travel and limits, in either working mode.
+    /// Every inverse-kinematics solution within travel and limits, in either working mode, of a tool: with --tip-mm and --axis.
     #[arg(long, requires = "tip_mm")]
     all: bool,
 }

@@ -643,8 +643,7 @@ fn a_controls_program_goes_through_and_says_what_was_made_up_for() {
     let output = run(&["compensate", "--path", &path, "--wrench", "10,0,-20.5,0,0,0", "--out", &out]);
     let warning = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && warning.contains("part.nc:6: T2 cuts with the load"), "{warning}");
-    let head =
-        "(pkm-host compensate: machine reference, no table, part.nc, load 10 0 -20.5 0 0 0 N, N m)\nO1001 (PART)\n";
+    let head = "(pkm-host compensate: machine reference, no table, part.nc, load 10 0 -20.5 0 0 0 N, N m where the program sets none)\nO1001 (PART)\n";
     assert!(folder.read("out.nc").starts_with(head), "{}", folder.read("out.nc"));
     let told = program.replace("T2 M6\n", "T2 M6\n(wrench 1,0,0,0,0,0)\n");
     let path = folder.write("part.nc", &told);

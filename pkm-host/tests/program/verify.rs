@@ -151,6 +151,9 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     assert!(
         refused(&["verify", "--before", &broken, "--after", &after])["message"].as_str().unwrap().contains("condition")
     );
+    let cut = folder.write("cut.json", &text[..3000]);
+    let error = refused(&["verify", "--before", &cut, "--after", &after]);
+    assert!(error["message"].as_str().unwrap().contains("not JSON, or not all of it"), "{error}");
     // the file whose covariance is none is named, whichever it is
     let mut damaged: Value = serde_json::from_str(&text).unwrap();
     damaged["condition"]["deviation_covariance"][0][0] = (-1.0).into();
