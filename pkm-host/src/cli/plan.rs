@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let pose_box = pose_box.map(|b| PoseBox::from([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
     let ranges = pose_box.iter().flat_map(|b| ["θ", "σ", "Z0"].into_iter().zip(b.ranges()));
     if let Some((name, [low, high])) = ranges.into_iter().find(|(_, [low, high])| low >= high) {
-        return Err(Failure::usage(format!("--box: {name}: expected least,greatest, found {low},{high}")));
+        return Err(Failure::usage(format!("--box: expected least,greatest of each, found {low},{high} of {name}")));
     }
     let kind = PlanKind::parse(kind)?;
     check_options(args, kind)?;

@@ -203,7 +203,10 @@ fn a_campaign_stays_within_what_is_allowed_and_refuses_what_it_cannot_plan() {
         (vec!["--sigma-um", "1e-10"], "expected a number from 0.001 to 10000"),
         (vec!["--sigma-um", "1", "--series", "-1"], "'--series <N>'"),
         (vec!["--sigma-um", "1", "--most-poses", "-1"], "'--most-poses <N>'"),
-        (vec!["--sigma-um", "1", "--box", "-15,15,15,-15,500,560"], "--box: σ: expected least,greatest, found 15,-15"),
+        (
+            vec!["--sigma-um", "1", "--box", "-15,15,15,-15,500,560"],
+            "expected least,greatest of each, found 15,-15 of σ",
+        ),
         (vec!["--sigma-um", "1", "--box", "-15,15,-15,15,0.5,0.56"], "Z0 0.5 to 0.56 mm, is within travel"),
         (vec!["--sigma-um", "1", "--force-n", "1e-10"], "expected a number from 1 to 100000"),
         (vec!["--sigma-um", "1", "--detect", "limb-1-axial.axial_m_per_n=-1e-8"], "expected a size above 0"),
