@@ -84,23 +84,18 @@ impl Judges<'_> {
         let by_zone = [Zone::Inside, Zone::Edge, Zone::Beyond, Zone::OtherLoads]
             .map(|zone| (zone, self.errors(&observations, &found, &|n| zones[n] == zone)));
         let of_all = |found: &Predictions| self.errors(&observations, found, &|_| true);
-        let rms = |found: &&Predictions| {
-            let errors =
-                compare::errors(&observations, self.noise, found.of(Rival::AfterAndTable), |_| true, self.rules);
-            errors.map_or(f64::INFINITY, |e| e.linear_um_rms)
-        };
-        // what was found of the sensor is in them, or is not
-        let nearest =
-            [Some(&found), as_measured.as_ref()].into_iter().flatten().min_by(|a, b| rms(a).total_cmp(&rms(b)));
-        Some(HeldOut {
+        let mut held = HeldOut {
             given: true,
             poses: other.poses.len(),
-            said: nearest.unwrap_or(&found).of(Rival::AfterAndTable).to_vec(),
+            said: Vec::new(),
             all: of_all(&found),
             as_measured: as_measured.as_ref().map(of_all),
             zones: by_zone.into_iter().filter(|(_, errors)| !errors.is_empty()).collect(),
             folds: Vec::new(),
-        })
+        };
+        let nearest = as_measured.as_ref().filter(|_| held.is_as_measured()).unwrap_or(&found);
+        held.said = nearest.of(Rival::AfterAndTable).to_vec();
+        Some(held)
     }
 
     /// Errors on each pose of models that have been chosen and fitted without it.
