@@ -7,7 +7,7 @@ use super::super::experiment::{Experiment, observations};
 use super::super::model::{Model, Recorded};
 use super::super::{Method, check as check_usable, checks, unknown_noise};
 use super::DataWarning;
-use crate::error::lines_text;
+use crate::error::{Failure, lines_text};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Reading, Readings};
@@ -65,6 +65,11 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
     all
 }
 
+/// What ends a diagnosis before it begins, and no command that only reads.
+fn refused(kind: &'static str, failure: &Failure) -> DataWarning {
+    DataWarning::new(kind, format!("`diagnose` refuses these readings: {}", failure.message))
+}
+
 /// What speaks against the readings as a whole: too few, other units, another frame or sign.
 fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWarning> {
     let rules = &Rules::DEFAULT;
@@ -72,12 +77,12 @@ fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWar
     let experiment = Experiment::new(model, readings);
     let noise = match experiment.noise(&read, rules) {
         Ok(noise) => noise,
-        Err(unknown) => return vec![DataWarning::new(UNKNOWN_NOISE, unknown_noise(readings, unknown).message)],
+        Err(unknown) => return vec![refused(UNKNOWN_NOISE, &unknown_noise(readings, unknown))],
     };
     let whitener = Whitener::new(&read, &noise);
     let problem = Problem::new(&read, &whitener, &experiment, rules);
     if let Err(failure) = check_usable(readings, &problem, &experiment) {
-        return vec![DataWarning::new("cannot_be_diagnosed", failure.message)];
+        return vec![refused("cannot_be_diagnosed", &failure)];
     }
     let tip_m = file.wrist_parameters.tip_at_zero_m();
     let otherwise = checks::taken_otherwise(&problem, &whitener, model, readings, tip_m);
