@@ -19,41 +19,47 @@ const ACROSS_Y: [usize; 2] = [3, 5];
 /// Names of a place, what passes there, and how elements say a compliance of it.
 type Mount = (Vec<String>, fn(&Frame) -> &M68, Written);
 
+/// A place between three joints, the forces and moments at these, and limb and component of those that they carry.
+type Plate = (Place, fn(&Frame) -> &[M68; 3], Vec<(usize, usize)>);
+
 /// Adds all of them.
 pub fn add(blocks: &mut Blocks<'_>) {
     let usual: Vec<f64> = (0..6).map(|i| blocks.usual.1[(i, i)]).collect();
     mounts(blocks, &usual);
-    // three joints share a load
-    let shift_units: Vec<f64> = (0..9).map(|i| 3.0 * usual[i % 3]).collect();
-    let turn_units: Vec<f64> = (0..6).map(|i| 3.0 * usual[3 + i % 3]).collect();
-    let bores = |f: &Frame| -> Vec<V8> { (0..3).flat_map(|i| rows(&f.bores[i], &SHIFTS)).collect() };
-    let points = |f: &Frame| -> Vec<V8> { (0..3).flat_map(|i| rows(&f.points[i], &SHIFTS)).collect() };
-    let platform = |units: &[f64]| Written::of(&[Place::MovingPlatform], units, &|n| n);
-    let base = |units: &[f64]| Written::of(&[Place::Base], units, &|n| n);
-    for coupled in [false, true] {
-        blocks.add_compliance(&["moving_platform".into()], &bores, coupled, platform(&shift_units));
-        blocks.add_compliance(&["base".into()], &points, coupled, base(&shift_units));
-    }
-    // the joints of limbs 1 and 2 bring moments as well
-    let with_moments = |f: &Frame| -> Vec<V8> {
-        let moments = (0..2).flat_map(|i| rows(&f.bores[i], &TURNS));
-        bores(f).into_iter().chain(moments).collect()
-    };
-    let units = [shift_units.clone(), turn_units].concat();
-    blocks.add_compliance(&["moving_platform".into()], &with_moments, true, platform(&units));
-    // and those of all three at the base, but about y, about which they turn
-    let with_moments = |f: &Frame| -> Vec<V8> {
-        let moments = (0..3).flat_map(|i| rows(&f.points[i], &ACROSS_Y));
-        points(f).into_iter().chain(moments).collect()
-    };
-    let units: Vec<f64> = shift_units.into_iter().chain((0..6).map(|i| 3.0 * usual[ACROSS_Y[i % 2]])).collect();
-    blocks.add_compliance(&["base".into()], &with_moments, true, base(&units));
+    plates(blocks, &usual);
     by_load(blocks, &usual);
     by_angle(blocks, &usual);
     if blocks.looks_at_single_poses() {
         at_one_pose(blocks, &usual);
     }
     smooth(blocks, &usual);
+}
+
+/// Moving platform and base, by the forces and moments at their joints.
+fn plates(blocks: &mut Blocks<'_>, usual: &[f64]) {
+    // forces at all three, and moments: at the moving platform those of limbs 1 and 2, at the base all but about y, about which they turn
+    let moving = carried(2, &TURNS);
+    let base = carried(3, &ACROSS_Y);
+    let plates: [Plate; 2] = [(Place::MovingPlatform, |f| &f.bores, moving), (Place::Base, |f| &f.points, base)];
+    for (components, coupled) in [(&SHIFTS[..], false), (&SHIFTS, true), (&ALL, true)] {
+        for (place, joints, carried) in &plates {
+            let which: Vec<usize> = (0..carried.len()).filter(|n| components.contains(&carried[*n].1)).collect();
+            // three joints share a load
+            let units: Vec<f64> = which.iter().map(|n| 3.0 * usual[carried[*n].1]).collect();
+            let force = |f: &Frame, (limb, component): (usize, usize)| joints(f)[limb].row(component).transpose();
+            let forces = |f: &Frame| -> Vec<V8> { which.iter().map(|n| force(f, carried[*n])).collect() };
+            let written = Written::of(&[*place], &units, &|n| which[n]);
+            blocks.add_compliance(&[place.name().unwrap_or_default().to_owned()], &forces, coupled, written);
+        }
+    }
+}
+
+/// Limb and component of what the joints carry, as an element's weights stand: forces at all three, moments at the first of them.
+fn carried(with_moments: usize, moments: &[usize]) -> Vec<(usize, usize)> {
+    let of = |limbs: usize, components: &[usize]| -> Vec<(usize, usize)> {
+        (0..limbs).flat_map(|limb| components.iter().map(move |c| (limb, *c))).collect()
+    };
+    [of(3, &SHIFTS), of(with_moments, moments)].concat()
 }
 
 /// The whole mechanism on the base, and the tool on the platform.
