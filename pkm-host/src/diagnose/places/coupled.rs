@@ -5,6 +5,8 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use pkm_core::effects::{Element, MAX_ELEMENT_PARAMETERS, Motion, Place};
 use pkm_core::machine::Geometry;
 
+use super::terms::entries;
+
 /// Greatest weight.
 const MAX_WEIGHT: f64 = 7.99;
 /// Most weights of a coupled element.
@@ -24,6 +26,8 @@ pub struct Written {
     motion: Motion,
     /// Scale of each of the block's forces, m/N or rad/(N·m); of a tie N/m.
     pub units: Vec<f64>,
+    /// How many of these after another yield together.
+    pub together: usize,
     /// Components of an element's direction by the block's forces.
     to_direction: DMatrix<f64>,
 }
@@ -36,8 +40,13 @@ impl Written {
     }
 
     fn coupled(places: &[Place], units: &[f64], to_direction: DMatrix<f64>) -> Self {
-        let (places, units) = (places.to_vec(), units.to_vec());
-        Self { places, motion: Motion::Coupled, units, to_direction }
+        let (places, units, together) = (places.to_vec(), units.to_vec(), units.len());
+        Self { places, motion: Motion::Coupled, units, together, to_direction }
+    }
+
+    /// The same where so many forces after another yield together, and not with the others.
+    pub fn by(self, together: usize) -> Self {
+        Self { together, ..self }
     }
 
     /// A tie of a place along axes, with the scale of each.
@@ -90,17 +99,12 @@ impl Written {
     /// its compliance in m/N, or stiffness in N/m; the greatest first, and those alone that yield if asked for.
     pub fn elements(&self, amplitudes: &[f64], yielding: bool) -> Vec<(Vec<Element>, f64)> {
         let n = self.units.len();
-        let at = |i: usize, j: usize| match amplitudes.len() {
-            count if count == n => {
-                if i == j {
-                    amplitudes[i]
-                } else {
-                    0.0
-                }
-            }
-            _ => amplitudes[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)] * if i == j { 1.0 } else { 0.5 },
-        };
-        let eigen = DMatrix::from_fn(n, n, at).symmetric_eigen();
+        let mut compliance = DMatrix::zeros(n, n);
+        for ((i, j), amplitude) in entries(n, self.together).zip(amplitudes) {
+            compliance[(i, j)] = amplitude * if i == j { 1.0 } else { 0.5 };
+            compliance[(j, i)] = compliance[(i, j)];
+        }
+        let eigen = compliance.symmetric_eigen();
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*b].abs().total_cmp(&eigen.eigenvalues[*a].abs()));
         let greatest = order.first().map_or(0.0, |k| eigen.eigenvalues[*k].abs());
@@ -129,7 +133,7 @@ mod tests {
 
     #[test]
     fn directions_that_yield_are_all_said_and_no_other() {
-        let written = Written::of(&[Place::Tool], &[1e-9; 6], &|n| n);
+        let written = Written::of(&[Place::Tool], &[1e-9; 6], &|n| n).by(1);
         let signs = |amplitudes: &[f64; 6], yielding: bool| -> Vec<f64> {
             written.elements(amplitudes, yielding).iter().map(|(_, compliance)| compliance.signum()).collect()
         };

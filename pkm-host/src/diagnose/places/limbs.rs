@@ -62,16 +62,17 @@ fn joints(blocks: &mut Blocks<'_>) {
                 let angular = stiff.map(|a| (3 + a, 1.0 / j.angular_nm_per_rad[a]));
                 let (which, units): (Vec<usize>, Vec<f64>) = linear.chain(angular).unzip();
                 let forces = |f: &Frame| rows(&f.joints[limb][joint], &which);
-                let terms = symmetric(blocks.frames, &forces, &units, &[&|_| 1.0], coupled);
-                (terms, Written::of(&[place(limb, joint)], &units, &|n| which[n]))
+                let written = Written::of(&[place(limb, joint)], &units, &|n| which[n]);
+                let written = if coupled { written } else { written.by(1) };
+                (symmetric(blocks.frames, &forces, &units, &[&|_| 1.0], written.together), written)
             };
             let all: Vec<(Vec<Term>, Written)> = (0..3).map(of_limb).collect();
             let both = alike(&[all[0].0.clone(), all[1].0.clone()]);
             let of_both = all[0].1.clone().at(&[place(0, joint), place(1, joint)]);
             for (limb, (terms, written)) in all.into_iter().enumerate() {
-                blocks.add_written(&[part(limb, name)], terms, coupled, written);
+                blocks.add_written(&[part(limb, name)], terms, written);
             }
-            blocks.add_written(&[part(0, name), part(1, name)], both, coupled, of_both);
+            blocks.add_written(&[part(0, name), part(1, name)], both, of_both);
         }
     }
 }
@@ -93,7 +94,7 @@ fn body(blocks: &mut Blocks<'_>, motion: &'static str, wrenches: std::ops::Range
         let x = move |f: &Frame| (f.q[limb] - mean) / spread;
         let shapes: [&dyn Fn(&Frame) -> f64; 3] = [&|_| 1.0, &x, &|f| x(f).powi(2)];
         let forces = |_: &Frame| used.iter().map(|k| V8::from_fn(|r, _| f64::from(r == *k))).collect();
-        symmetric(blocks.frames, &forces, &units, &shapes[..=degree], true)
+        symmetric(blocks.frames, &forces, &units, &shapes[..=degree], units.len())
     };
     let all: Vec<Vec<Term>> = (0..3).map(of_limb).collect();
     let law = if degree == 0 { "constant" } else { "extension" };
@@ -106,7 +107,7 @@ fn body(blocks: &mut Blocks<'_>, motion: &'static str, wrenches: std::ops::Range
             // what limb 3 has in common with the others is less than theirs
             if group.iter().all(|i| OWN[*i].len() == units.len()) {
                 let written = Written::of(&places, &units, &|n| n);
-                blocks.add_written(&bodies(group), alike(&own), true, written);
+                blocks.add_written(&bodies(group), alike(&own), written);
             }
         } else {
             blocks.add(&bodies(group), motion, law, alike(&own));
@@ -127,7 +128,7 @@ fn twist(blocks: &mut Blocks<'_>) {
             let (mean, spread) = (blocks.mean(|f| f.q[limb]), blocks.spread(|f| f.q[limb]));
             let shapes: [&dyn Fn(&Frame) -> f64; 2] = [&|_| 1.0, &|f| (f.q[limb] - mean) / spread];
             let forces = |f: &Frame| rows(&f.joints[limb][1], &ALONG);
-            let terms = symmetric(blocks.frames, &forces, &units, &shapes[..=degree], true);
+            let terms = symmetric(blocks.frames, &forces, &units, &shapes[..=degree], units.len());
             (terms, Written::of(&[place(limb, 1)], &units, &|n| ALONG[n]))
         };
         let all = [0, 1].map(of_limb);
@@ -135,7 +136,7 @@ fn twist(blocks: &mut Blocks<'_>) {
             let terms = alike(&group.iter().map(|i| all[*i].0.clone()).collect::<Vec<_>>());
             if degree == 0 {
                 let places: Vec<Place> = group.iter().map(|i| place(*i, 1)).collect();
-                blocks.add_written(&bodies(group), terms, true, all[group[0]].1.clone().at(&places));
+                blocks.add_written(&bodies(group), terms, all[group[0]].1.clone().at(&places));
             } else {
                 blocks.add(&bodies(group), "general", "extension", terms);
             }

@@ -89,20 +89,15 @@ impl Blocks<'_> {
         }
     }
 
-    /// A compliance of the forces that pass a place, whole or their diagonal alone, and how elements say it.
-    fn add_compliance(
-        &mut self,
-        places: &[String],
-        forces: &dyn Fn(&Frame) -> Vec<elastic::V8>,
-        coupled: bool,
-        written: Written,
-    ) {
-        let terms = symmetric(self.frames, forces, &written.units, &[&|_| 1.0], coupled);
-        self.add_written(places, terms, coupled, written);
+    /// A compliance of the forces that pass a place, and how elements say it.
+    fn add_compliance(&mut self, places: &[String], forces: &dyn Fn(&Frame) -> Vec<elastic::V8>, written: Written) {
+        let terms = symmetric(self.frames, forces, &written.units, &[&|_| 1.0], written.together);
+        self.add_written(places, terms, written);
     }
 
-    fn add_written(&mut self, places: &[String], terms: Vec<Term>, coupled: bool, written: Written) {
-        let whole = if coupled { written.units.len() } else { 0 };
+    fn add_written(&mut self, places: &[String], terms: Vec<Term>, written: Written) {
+        let forces = written.units.len();
+        let whole = if written.together == forces { forces } else { 0 };
         self.add_with(places, "general", "constant", terms, whole, 0.0);
         self.write_last(Says::Directions(written));
     }

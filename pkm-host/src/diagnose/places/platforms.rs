@@ -41,15 +41,15 @@ fn plates(blocks: &mut Blocks<'_>, usual: &[f64]) {
     let moving = carried(2, &TURNS);
     let base = carried(3, &ACROSS_Y);
     let plates: [Plate; 2] = [(Place::MovingPlatform, |f| &f.bores, moving), (Place::Base, |f| &f.points, base)];
-    for (components, coupled) in [(&SHIFTS[..], false), (&SHIFTS, true), (&ALL, true)] {
+    for (components, together) in [(&SHIFTS[..], 1), (&SHIFTS, 9), (&ALL, 15)] {
         for (place, joints, carried) in &plates {
             let which: Vec<usize> = (0..carried.len()).filter(|n| components.contains(&carried[*n].1)).collect();
             // three joints share a load
             let units: Vec<f64> = which.iter().map(|n| 3.0 * usual[carried[*n].1]).collect();
             let force = |f: &Frame, (limb, component): (usize, usize)| joints(f)[limb].row(component).transpose();
             let forces = |f: &Frame| -> Vec<V8> { which.iter().map(|n| force(f, carried[*n])).collect() };
-            let written = Written::of(&[*place], &units, &|n| which[n]);
-            blocks.add_compliance(&[place.name().unwrap_or_default().to_owned()], &forces, coupled, written);
+            let written = Written::of(&[*place], &units, &|n| which[n]).by(together);
+            blocks.add_compliance(&[place.name().unwrap_or_default().to_owned()], &forces, written);
         }
     }
 }
@@ -65,14 +65,14 @@ fn carried(with_moments: usize, moments: &[usize]) -> Vec<(usize, usize)> {
 /// The whole mechanism on the base, and the tool on the platform.
 fn mounts(blocks: &mut Blocks<'_>, usual: &[f64]) {
     let g = blocks.model.declared.geometry;
-    for (which, coupled) in [(&SHIFTS[..], false), (&TURNS, false), (&ALL, false), (&ALL, true)] {
+    for (which, together) in [(&SHIFTS[..], 1), (&TURNS, 1), (&ALL, 1), (&ALL, 6)] {
         let units: Vec<f64> = which.iter().map(|i| usual[*i]).collect();
-        let tool = Written::of(&[Place::Tool], &units, &|n| which[n]);
+        let tool = Written::of(&[Place::Tool], &units, &|n| which[n]).by(together);
         // at A the moving platform's hub and the tool's holder are in a row
         let at_a = ["tool".into(), "moving_platform".into()];
-        blocks.add_compliance(&at_a, &|f| rows(&f.wrenches, which), coupled, tool);
-        let base = Written::of_ground(&g, &units, which);
-        blocks.add_compliance(&["base".into()], &|f| rows(&f.ground, which), coupled, base);
+        blocks.add_compliance(&at_a, &|f| rows(&f.wrenches, which), tool);
+        let base = Written::of_ground(&g, &units, which).by(together);
+        blocks.add_compliance(&["base".into()], &|f| rows(&f.ground, which), base);
     }
 }
 
@@ -95,7 +95,7 @@ fn by_load(blocks: &mut Blocks<'_>, usual: &[f64]) {
         let usual_loads: Vec<f64> =
             (ALL.iter()).map(|k| blocks.usual_load(|f| passing(f).row(*k).transpose())).collect();
         for (axes, most) in FLANGE {
-            let mut terms = symmetric(frames, &|f| rows(passing(f), &ALL), usual, &[&|_| 1.0], true);
+            let mut terms = symmetric(frames, &|f| rows(passing(f), &ALL), usual, &[&|_| 1.0], 6);
             for direction in directions(axes, most) {
                 let carried = |f: &Frame| -> V8 {
                     ALL.iter().map(|k| passing(f).row(*k).transpose() * (direction[*k] / usual_loads[*k])).sum()
@@ -147,7 +147,7 @@ fn by_angle(blocks: &mut Blocks<'_>, usual: &[f64]) {
         };
         let bumps: Vec<_> = (0..=4).map(bump).collect();
         let shapes: Vec<&dyn Fn(&Frame) -> f64> = bumps.iter().map(|b| b as &dyn Fn(&Frame) -> f64).collect();
-        let terms = symmetric(blocks.frames, &|f| rows(&f.wrenches, &SHIFTS), &usual[..3], &shapes, true);
+        let terms = symmetric(blocks.frames, &|f| rows(&f.wrenches, &SHIFTS), &usual[..3], &shapes, 3);
         blocks.add(&["tool".into(), "moving_platform".into()], "general", "pose", terms);
     }
 }

@@ -49,28 +49,28 @@ pub fn rows(forces: &M68, which: &[usize]) -> Vec<V8> {
     which.iter().map(|i| forces.row(*i).transpose()).collect()
 }
 
-/// Symmetric compliances on some forces times shapes of the pose, row by row of the lower triangle; or their diagonal alone.
+/// Entries of a symmetric compliance of so many forces, of which so many after another yield `together`, row by row of the lower
+/// triangle: all of them where all do, the diagonal where each does by itself.
+pub fn entries(forces: usize, together: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..forces).flat_map(move |i| (i - i % together..=i).map(move |j| (i, j)))
+}
+
+/// Symmetric compliances on some forces times shapes of the pose, see [`entries`].
 pub fn symmetric(
     frames: &[Frame],
     forces: &dyn Fn(&Frame) -> Vec<V8>,
     units: &[f64],
     shapes: &[&dyn Fn(&Frame) -> f64],
-    coupled: bool,
+    together: usize,
 ) -> Vec<Term> {
     let rows: Vec<Vec<V8>> = frames.iter().map(forces).collect();
     let mut terms = Vec::new();
-    for i in 0..units.len() {
-        for j in 0..=i {
-            if i != j && !coupled {
-                continue;
-            }
-            let unit = 0.5 * (units[i] * units[j]).sqrt();
-            for shape in shapes {
-                let of = |(f, r): (&Frame, &Vec<V8>)| {
-                    (r[i] * r[j].transpose() + r[j] * r[i].transpose()) * (unit * shape(f))
-                };
-                terms.push(Term::Elastic(Arc::new(frames.iter().zip(&rows).map(of).collect())));
-            }
+    for (i, j) in entries(units.len(), together) {
+        let unit = 0.5 * (units[i] * units[j]).sqrt();
+        for shape in shapes {
+            let of =
+                |(f, r): (&Frame, &Vec<V8>)| (r[i] * r[j].transpose() + r[j] * r[i].transpose()) * (unit * shape(f));
+            terms.push(Term::Elastic(Arc::new(frames.iter().zip(&rows).map(of).collect())));
         }
     }
     terms

@@ -303,6 +303,7 @@ mod tests {
     use crate::diagnose::Method;
     use crate::diagnose::experiment::{Experiment, observations};
     use crate::diagnose::model::Recorded;
+    use crate::diagnose::places::terms::entries;
     use crate::diagnose::tests::{condition, even, machine, reading, readings};
 
     /// Judges the world of the reference machine under loads along and about each axis, at seven poses.
@@ -434,15 +435,13 @@ mod tests {
             for (block, written) in world.written.iter().enumerate() {
                 let Some(Says::Directions(written)) = written else { continue };
                 let n = written.units.len();
-                let root: Vec<f64> = (0..n).map(|_| 0.2 * (rng.f64() - 0.5)).collect();
-                let amplitudes: Vec<f64> = if world.blocks[block].columns == n {
-                    (0..n).map(|i| if i == block % n { 0.05 } else { 0.0 }).collect()
-                } else {
-                    (0..n)
-                        .flat_map(|i| (0..=i).map(move |j| (i, j)))
-                        .map(|(i, j)| root[i] * root[j] * if i == j { 1.0 } else { 2.0 })
-                        .collect()
-                };
+                // along one line among forces that yield together
+                let group = block % n / written.together;
+                let mut of = |i: usize| if i / written.together == group { 0.2 * (rng.f64() - 0.5) } else { 0.0 };
+                let root: Vec<f64> = (0..n).map(&mut of).collect();
+                let amplitudes: Vec<f64> = entries(n, written.together)
+                    .map(|(i, j)| root[i] * root[j] * if i == j { 1.0 } else { 2.0 })
+                    .collect();
                 let softer = with_elements(world, model, block, &amplitudes);
                 let [after, before] = solved(world, block, &amplitudes);
                 for (pose, (before, after)) in readings.poses.iter().zip(before.iter().zip(&after)) {
