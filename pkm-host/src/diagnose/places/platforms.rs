@@ -15,6 +15,10 @@ const SHIFTS: [usize; 3] = [0, 1, 2];
 const TURNS: [usize; 3] = [3, 4, 5];
 /// Moments that the joints at the base carry.
 const ACROSS_Y: [usize; 2] = [3, 5];
+/// What bends a plate: the force across it, and the moments about axes in it.
+const BENDING_A_PLATE: [usize; 3] = [2, 3, 4];
+/// What bends a column along w or z, such as a tool: the forces across it, and the moments about these.
+const BENDING_A_COLUMN: [usize; 4] = [0, 1, 3, 4];
 
 /// Names of a place, what passes there, and how elements say a compliance of it.
 type Mount = (Vec<String>, fn(&Frame) -> &M68, Written);
@@ -41,14 +45,20 @@ fn plates(blocks: &mut Blocks<'_>, usual: &[f64]) {
     let moving = carried(2, &TURNS);
     let base = carried(3, &ACROSS_Y);
     let plates: [Plate; 2] = [(Place::MovingPlatform, |f| &f.bores, moving), (Place::Base, |f| &f.points, base)];
-    for (components, together) in [(&SHIFTS[..], 1), (&SHIFTS, 9), (&ALL, 15)] {
+    // each force by itself, each joint's seat by itself, or all joints together
+    let parts = [(&SHIFTS[..], Some(1)), (&SHIFTS, Some(3)), (&SHIFTS, None), (&ALL, None), (&BENDING_A_PLATE, None)];
+    for (components, together) in parts {
         for (place, joints, carried) in &plates {
             let which: Vec<usize> = (0..carried.len()).filter(|n| components.contains(&carried[*n].1)).collect();
             // three joints share a load
             let units: Vec<f64> = which.iter().map(|n| 3.0 * usual[carried[*n].1]).collect();
             let force = |f: &Frame, (limb, component): (usize, usize)| joints(f)[limb].row(component).transpose();
             let forces = |f: &Frame| -> Vec<V8> { which.iter().map(|n| force(f, carried[*n])).collect() };
-            let written = Written::of(&[*place], &units, &|n| which[n]).by(together);
+            let written = Written::of(&[*place], &units, &|n| which[n]);
+            let written = match together {
+                Some(forces) => written.by(forces),
+                None => written,
+            };
             blocks.add_compliance(&[place.name().unwrap_or_default().to_owned()], &forces, written);
         }
     }
@@ -65,7 +75,7 @@ fn carried(with_moments: usize, moments: &[usize]) -> Vec<(usize, usize)> {
 /// The whole mechanism on the base, and the tool on the platform.
 fn mounts(blocks: &mut Blocks<'_>, usual: &[f64]) {
     let g = blocks.model.declared.geometry;
-    for (which, together) in [(&SHIFTS[..], 1), (&TURNS, 1), (&ALL, 1), (&ALL, 6)] {
+    for (which, together) in [(&SHIFTS[..], 1), (&TURNS, 1), (&ALL, 1), (&ALL, 6), (&BENDING_A_COLUMN, 4)] {
         let units: Vec<f64> = which.iter().map(|i| usual[*i]).collect();
         let tool = Written::of(&[Place::Tool], &units, &|n| which[n]).by(together);
         // at A the moving platform's hub and the tool's holder are in a row
