@@ -69,6 +69,21 @@ fn without_zeros(repeated: &mut [Vec<Number>]) {
     }
 }
 
+/// Standard deviation of one number, from its repeats, by medians. Two series differ by their zeros as well, and zeros that were taken out
+/// by the middle number of a few leave that one none: what their numbers differ by is held against what the next ones do.
+fn scatter(repeated: &[Vec<Number>]) -> f64 {
+    let mut of_series: BTreeMap<(usize, usize), Vec<f64>> = BTreeMap::new();
+    for [a, b] in repeated.iter().flat_map(|numbers| numbers.array_windows()) {
+        of_series.entry((a.series, b.series)).or_default().push(b.beyond - a.beyond);
+    }
+    let sizes = |differences: Vec<f64>| match differences.as_slice() {
+        [single] => vec![single.abs() / 2.0_f64.sqrt()],
+        all => all.windows(2).map(|d| 0.5 * (d[1] - d[0]).abs()).collect(),
+    };
+    let mut all: Vec<f64> = of_series.into_values().flat_map(sizes).collect();
+    median(&mut all).map_or(0.0, |m| m / MEDIAN_OF_NORMAL)
+}
+
 /// Of repeats, those that differ from the others by more than noise: reading and deviation.
 fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> Vec<(usize, f64)> {
     let freedom: usize = repeated.iter().map(|numbers| numbers.len() - 1).sum();
@@ -82,9 +97,7 @@ fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> V
         let middle = median(&mut others.collect::<Vec<f64>>()).unwrap_or(0.0);
         (numbers[at].beyond - middle).abs() / (1.0 + 1.0 / (numbers.len() as f64 - 1.0)).sqrt()
     };
-    let differences = repeated.iter().flat_map(|numbers| numbers.windows(2).map(|w| w[1].beyond - w[0].beyond));
-    let mut sizes: Vec<f64> = differences.map(|d| d.abs() / 2.0_f64.sqrt()).collect();
-    let scale = median(&mut sizes).map_or(0.0, |m| m / MEDIAN_OF_NORMAL).max(least);
+    let scale = scatter(&repeated).max(least);
     let mut found = Vec::new();
     for numbers in &mut repeated {
         while numbers.len() > 1 {
@@ -115,18 +128,18 @@ mod tests {
     use super::*;
     use crate::observations::{Channel, Reading};
 
-    /// Repeats of normal noise 1 in several series with zeros of their own, some numbers changed, each said to draw another error.
-    fn read_drawn(repeats: usize, changed: &[(usize, f64)], drawn: f64) -> Observations {
-        let mut rng = fastrand::Rng::with_seed(7);
+    /// Repeats of normal noise 1 in series of so many readings with zeros of their own, some numbers changed, each said to draw another
+    /// error.
+    fn read_of(seed: u64, length: usize, repeats: usize, changed: &[(usize, f64)], drawn: f64) -> Observations {
+        let mut rng = fastrand::Rng::with_seed(seed);
         let mut normal = || (0..12).map(|_| rng.f64()).sum::<f64>() - 6.0;
-        let zeros: Vec<f64> = (0..repeats).map(|_| 20.0 * normal()).collect();
+        let zeros: Vec<f64> = (0..repeats * 60 / length).map(|_| 20.0 * normal()).collect();
         let mut readings = Vec::new();
         for condition in 0..60 {
-            for (series, zero) in zeros.iter().enumerate() {
-                let n = readings.len();
+            for repeat in 0..repeats {
+                let (n, series) = (readings.len(), condition / length * repeats + repeat);
                 let more: f64 = changed.iter().filter(|c| c.0 == n).map(|c| c.1).sum();
-                let observed = vec![Some(100.0 + f64::from(condition) + zero + normal() + more)];
-                let condition = condition as usize;
+                let observed = vec![Some(100.0 + condition as f64 + zeros[series] + normal() + more)];
                 readings.push(Reading {
                     condition,
                     repeat_of: condition,
@@ -139,6 +152,10 @@ mod tests {
             }
         }
         Observations { channels: vec![Channel { kind: 0, resolution: 0.01 }], pose_of: vec![0; 60], readings }
+    }
+
+    fn read_drawn(repeats: usize, changed: &[(usize, f64)], drawn: f64) -> Observations {
+        read_of(7, 60, repeats, changed, drawn)
     }
 
     fn read(repeats: usize, changed: &[(usize, f64)]) -> Observations {
@@ -159,6 +176,14 @@ mod tests {
         // far more than single ones: noise of another kind
         let many: Vec<(usize, f64)> = (0..12).map(|i| (5 * i, 40.0)).collect();
         assert_eq!(found(&read(2, &many)), [0; 0]);
+    }
+
+    #[test]
+    fn zeros_of_short_series_do_not_pass_for_small_noise() {
+        for (seed, repeats) in (0..20).flat_map(|seed| [(seed, 2), (seed, 3)]) {
+            assert_eq!(found(&read_of(seed, 3, repeats, &[], 0.0)), [0; 0], "seed {seed}, {repeats} repeats");
+            assert_eq!(found(&read_of(seed, 3, repeats, &[(17, 300.0)], 0.0)), [17], "seed {seed}, {repeats} repeats");
+        }
     }
 
     #[test]
