@@ -133,6 +133,19 @@ pub fn name_of(path: &Path) -> Option<&OsStr> {
     path.file_name().filter(|_| !path.as_os_str().as_encoded_bytes().ends_with(b"/"))
 }
 
+/// Makes a folder, with those that it is in, where there is none.
+///
+/// # Errors
+/// What the operating system says, with the path, or that a file is in the way.
+pub fn make_folder(folder: &Path) -> Result<()> {
+    use std::io::{Error, ErrorKind};
+    std::fs::create_dir_all(folder).map_err(|e| {
+        let in_the_way = matches!(e.kind(), ErrorKind::AlreadyExists | ErrorKind::NotADirectory);
+        let e = if in_the_way { Error::other("a file is in the way") } else { e };
+        Failure::io("create the folder", folder, &e)
+    })
+}
+
 /// Refuses to write over what is read.
 ///
 /// # Errors
@@ -165,7 +178,7 @@ pub fn write_all(
 ) -> Result<String> {
     let paths: Vec<_> = files.iter().map(|(name, _)| folder.join(name)).collect();
     keep_inputs(&paths, inputs)?;
-    std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
+    make_folder(folder)?;
     let mut ready = Vec::new();
     for (path, (_, content)) in paths.into_iter().zip(files) {
         // a link keeps pointing, a device or a pipe is written to and not replaced
@@ -212,7 +225,7 @@ pub fn write(path: &Path, content: String, inputs: &[Option<&Path>]) -> Result<(
 /// What the operating system says, with the path.
 pub fn check_writable(path: &Path) -> Result<()> {
     let folder = folder_of(path);
-    std::fs::create_dir_all(folder).map_err(|e| Failure::io("create the folder", folder, &e))?;
+    make_folder(folder)?;
     if path.is_dir() {
         let error = std::io::Error::other("a folder of this name is in the way");
         return Err(Failure::io("write", path, &error));

@@ -111,7 +111,7 @@ pub fn cases_of(model: &Model<'_>, poses: &[NamedPose], name: &str) -> Result<Ve
 /// Computes a case in a folder of its own, and moves what is worth keeping to the case's.
 fn compute_one(settings: &Settings<'_>, version: &str, work: &Path, model: &Model<'_>, case: &Case) -> Result<()> {
     let folder = work.join(&case.folder);
-    std::fs::create_dir_all(&folder).map_err(|e| Failure::io("create the folder", &folder, &e))?;
+    source::make_folder(&folder)?;
     let scratch = tempfile::Builder::new().prefix(SCRATCH).tempdir_in(work);
     let scratch = scratch.map_err(|e| Failure::io("create a folder in", work, &e))?;
     model.write_deck(case, scratch.path())?;
@@ -156,7 +156,7 @@ pub fn compute(
     if pending.is_empty() {
         return Ok(0);
     }
-    std::fs::create_dir_all(work).map_err(|e| Failure::io("create the folder", work, &e))?;
+    source::make_folder(work)?;
     let lock = work.join("lock");
     let file = std::fs::File::create(&lock).map_err(|e| Failure::io("write", &lock, &e))?;
     file.try_lock().map_err(|e| match e {

@@ -98,10 +98,10 @@ fn what_cannot_be_written_is_said_and_changes_nothing() {
     std::fs::set_permissions(&protected, permissions).unwrap();
     let before = folder.contents();
     for (args, path, words) in [
-        (&["fit", "--out", &below][..], "file", "create the folder"),
-        (&["fit", "--out", &file], "file", "create the folder"),
-        (&["map", "--step-mm", "50", "--out", &file], "file", "create the folder"),
-        (&["plan", "--kind", "l49", "--out", &below], "file", "create the folder"),
+        (&["fit", "--out", &below][..], "file", "a file is in the way"),
+        (&["fit", "--out", &file], "file", "a file is in the way"),
+        (&["map", "--step-mm", "50", "--out", &file], "file", "a file is in the way"),
+        (&["plan", "--kind", "l49", "--out", &below], "file", "a file is in the way"),
         (&["stiffness", "--poses", &poses, "--out", &folder.path("taken")], "taken", "a folder of this name"),
         (&["fit", "--out", &folder.path("taken")], "report.html", "a folder of this name"),
         (&["plan", "--kind", "l49", "--out", &protected], "protected.csv", "write-protected"),
