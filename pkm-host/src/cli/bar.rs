@@ -44,7 +44,13 @@ impl Bar {
         let full = (WIDTH * self.done / of).min(WIDTH) as usize;
         let empty = WIDTH as usize - full;
         let left_s = gone.as_secs_f64() * of.saturating_sub(self.done) as f64 / self.done as f64;
-        eprint!("\r\x1b[K{what} {}{} {}/{of}, {left_s:.0} s left", "█".repeat(full), "░".repeat(empty), self.done);
+        let hint = if cfg!(debug_assertions) { " (much sooner in a build with --release)" } else { "" };
+        eprint!(
+            "\r\x1b[K{what} {}{} {}/{of}, {left_s:.0} s left{hint}",
+            "█".repeat(full),
+            "░".repeat(empty),
+            self.done
+        );
     }
 }
 
