@@ -44,9 +44,9 @@ impl Written {
         Self { places, motion: Motion::Coupled, units, together, to_direction }
     }
 
-    /// The same where so many forces after another yield together, and not with the others.
+    /// The same where at most so many forces after another yield together, and not with the others.
     pub fn by(self, together: usize) -> Self {
-        Self { together, ..self }
+        Self { together: together.min(self.units.len()), ..self }
     }
 
     /// A tie of a place along axes, with the scale of each.

@@ -41,12 +41,13 @@ pub fn add(blocks: &mut Blocks<'_>) {
 
 /// Moving platform and base, by the forces and moments at their joints.
 fn plates(blocks: &mut Blocks<'_>, usual: &[f64]) {
+    const TOGETHER: usize = usize::MAX;
     // forces at all three, and moments: at the moving platform those of limbs 1 and 2, at the base all but about y, about which they turn
     let moving = carried(2, &TURNS);
     let base = carried(3, &ACROSS_Y);
     let plates: [Plate; 2] = [(Place::MovingPlatform, |f| &f.bores, moving), (Place::Base, |f| &f.points, base)];
     // each force by itself, each joint's seat by itself, or all joints together
-    let parts = [(&SHIFTS[..], Some(1)), (&SHIFTS, Some(3)), (&SHIFTS, None), (&ALL, None), (&BENDING_A_PLATE, None)];
+    let parts = [(&SHIFTS[..], 1), (&SHIFTS, 3), (&SHIFTS, TOGETHER), (&ALL, TOGETHER), (&BENDING_A_PLATE, TOGETHER)];
     for (components, together) in parts {
         for (place, joints, carried) in &plates {
             let which: Vec<usize> = (0..carried.len()).filter(|n| components.contains(&carried[*n].1)).collect();
@@ -54,11 +55,7 @@ fn plates(blocks: &mut Blocks<'_>, usual: &[f64]) {
             let units: Vec<f64> = which.iter().map(|n| 3.0 * usual[carried[*n].1]).collect();
             let force = |f: &Frame, (limb, component): (usize, usize)| joints(f)[limb].row(component).transpose();
             let forces = |f: &Frame| -> Vec<V8> { which.iter().map(|n| force(f, carried[*n])).collect() };
-            let written = Written::of(&[*place], &units, &|n| which[n]);
-            let written = match together {
-                Some(forces) => written.by(forces),
-                None => written,
-            };
+            let written = Written::of(&[*place], &units, &|n| which[n]).by(together);
             blocks.add_compliance(&[place.name().unwrap_or_default().to_owned()], &forces, written);
         }
     }
