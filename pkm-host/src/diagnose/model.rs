@@ -31,13 +31,15 @@ pub const MEASUREMENT: [EffectInfo; 4] = [
     of_measurement(
         "sensor-scale",
         &["sensor"],
-        "the sensor: its calibration",
+        "the sensor: its calibration, of rotations and of translations (the readings tell their ratio alone: where the translations are wrong, \
+         every stiffness is by as much)",
         &[normal("translations", |_| 0.03), normal("rotations", |_| 0.03)],
     ),
     of_measurement(
         "load-gain",
         &["load"],
-        "the load cell or weights: their calibration",
+        "the load cell or weights: their calibration, of forces and of moments (the readings tell their ratio alone: where the forces are \
+         wrong, every stiffness is by as much)",
         &[normal("forces", |_| 0.05), normal("moments", |_| 0.05)],
     ),
     of_measurement(
