@@ -144,6 +144,11 @@ impl<T: Scalar, const JOINTS: usize> Load<'_, T, JOINTS> {
         self.wrench.moment_nm = self.wrench.moment_nm * self.gain + weight.moment_nm;
         self.gain = T::ONE;
     }
+
+    /// See [`CarriedWeight::held_m`]; nothing without a weight.
+    pub fn held_m(&self) -> Vector3<T> {
+        self.carried.map_or(Vector3::zeros(), CarriedWeight::held_m)
+    }
 }
 
 /// What is asked beside a deflection: by how much its table may be off at a point of the platform.

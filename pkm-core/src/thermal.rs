@@ -50,6 +50,13 @@ impl<T: Copy> From<T> for TemperatureRise<T> {
     }
 }
 
+impl<T: Scalar> TemperatureRise<T> {
+    /// All of the machine warmer by so much.
+    pub(crate) fn plus(self, rise_k: T) -> Self {
+        Self { limbs_k: self.limbs_k.map(|own| own + rise_k), platforms_k: self.platforms_k + rise_k }
+    }
+}
+
 impl<T: Scalar> LimbCompliance<T> {
     /// Compliances of body and joints times a factor each.
     pub(crate) fn softened(mut self, [body, joints]: [T; 2]) -> Self {

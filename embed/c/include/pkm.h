@@ -719,7 +719,9 @@ typedef struct {
   // What is read: weights of the tip's translation along and of its rotation about u, v, w. A probe has a unit vector and no
   // rotation.
   double direction[6];
-  // What the load moves the tip by, m or rad.
+  // By how much the tip has moved since the zero reading, m or rad: by the load and, of a machine with `thermal-expansion`, by growth. Who
+  // reads it loaded and unloaded and takes the difference leaves growth out, and gives 0 as the touch's `rise_k` and learns no
+  // PKM_AMPLITUDE_RISE.
   double read;
   // Standard deviation of `read`, above 0.
   double deviation;
@@ -814,7 +816,9 @@ typedef struct {
   // What is read: weights of the tip's translation along and of its rotation about u, v, w. A probe has a unit vector and no
   // rotation.
   float direction[6];
-  // What the load moves the tip by, m or rad.
+  // By how much the tip has moved since the zero reading, m or rad: by the load and, of a machine with `thermal-expansion`, by growth. Who
+  // reads it loaded and unloaded and takes the difference leaves growth out, and gives 0 as the touch's `rise_k` and learns no
+  // PKM_AMPLITUDE_RISE.
   float read;
   // Standard deviation of `read`, above 0.
   float deviation;

@@ -118,7 +118,9 @@ pub struct PkmTipReading<T> {
     /// What is read: weights of the tip's translation along and of its rotation about u, v, w. A probe has a unit vector and no
     /// rotation.
     pub direction: [T; 6],
-    /// What the load moves the tip by, m or rad.
+    /// By how much the tip has moved since the zero reading, m or rad: by the load and, of a machine with `thermal-expansion`, by growth. Who
+    /// reads it loaded and unloaded and takes the difference leaves growth out, and gives 0 as the touch's `rise_k` and learns no
+    /// PKM_AMPLITUDE_RISE.
     pub read: T,
     /// Standard deviation of `read`, above 0.
     pub deviation: T,

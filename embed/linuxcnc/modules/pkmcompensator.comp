@@ -52,7 +52,7 @@ pin in float rise-platforms-k "the same of both platforms";
 pin in bit use-learned "compensate with what was learned, and no more than is known by it";
 pin in bit probe "at its rising edge the tip is read; refused while an offset acts";
 pin in bit forget "at its rising edge all that was learned is forgotten: after a repair";
-pin in float probe-x-um "by what the load moves the tip along x of the base; NaN where it is not read";
+pin in float probe-x-um "by what the tip has moved along x of the base since the machine was zeroed, by load and growth; NaN where it is not read";
 pin in float probe-y-um;
 pin in float probe-z-um;
 pin in float probe-deviation-um = 1.0 "standard deviation of each of the three";

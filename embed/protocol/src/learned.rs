@@ -14,7 +14,7 @@ use crate::reply::Checksum;
 pub struct Probe {
     /// When, where and under which load; every number finite.
     pub touch: Touch<f64>,
-    /// By what the load moves the tip along u, v, w; finite.
+    /// By what the tip has moved along u, v, w since the zero reading, by load and growth; finite.
     pub read_m: [f64; 3],
     /// Standard deviations of that; finite.
     pub deviation_m: [f64; 3],

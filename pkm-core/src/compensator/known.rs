@@ -14,7 +14,8 @@ pub struct Known<T> {
     /// Of the tip's translation along u, v, w under the load that is compensated.
     pub uncertainty: TipUncertainty<T>,
     /// Share of the deflection that is compensated beside the gain: 1 where the tip moves by more than its expanded uncertainty,
-    /// see [`TipUncertainty::known_share`]. A controller that compensates the whole or nothing takes `enabled` away below 1.
+    /// see [`TipUncertainty::known_share`]; thermal growth has no part in either. A controller that compensates the whole or nothing takes
+    /// `enabled` away below 1.
     pub share: T,
 }
 
@@ -32,12 +33,14 @@ impl<T: Scalar> Knowledge<'_, T, 0> {
 }
 
 impl<T: Scalar, const N: usize> Knowledge<'_, T, N> {
-    /// From the variances of both and the way of the tip; `None` when neither is there.
-    pub fn known(&self, variance_m2: &Vector3<T>, moved_m: &Vector3<T>) -> Option<Known<T>> {
+    /// From the variances of both, the way of the tip and what the zeros hold of a weight; `None` when neither is there.
+    pub fn known(&self, variance_m2: &Vector3<T>, moved_m: &Vector3<T>, held_m: &Vector3<T>) -> Option<Known<T>> {
         if self.table.is_none() && self.learned.is_none() {
             return None;
         }
         let uncertainty = TipUncertainty { variance_m2: *variance_m2 };
-        Some(Known { uncertainty, share: uncertainty.known_share(moved_m) })
+        // where a load cancels the weight next to nothing moves the tip, and what is compensated is the zeros' part
+        let [share, of_held] = [moved_m, held_m].map(|way_m| uncertainty.known_share(way_m));
+        Some(Known { uncertainty, share: if of_held > share { of_held } else { share } })
     }
 }

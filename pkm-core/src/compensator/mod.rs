@@ -395,8 +395,9 @@ fn offsets<T: Scalar, const N: usize>(
     let mut loaded = compensation::deflection_at(machine, Some(table), at, wrench, Some(history), Some(&mut doubt))?;
     if let Some(learned) = knowledge.learned {
         learned.add_to(machine, posture, wrench, tip_m, (&mut loaded, &mut doubt.variance_m2))?;
+        load.rise = load.rise.plus(learned.warmer_k());
     }
-    let known = knowledge.known(&doubt.variance_m2, &loaded.seen_at(tip_m).translation_m);
+    let known = knowledge.known(&doubt.variance_m2, &loaded.seen_at(tip_m).translation_m, &load.held_m());
     let share = known.as_ref().map_or(T::ONE, |known| known.share);
     let moved = loaded.times(load.gain * share).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
     let offsets = machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q;

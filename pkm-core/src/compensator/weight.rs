@@ -145,6 +145,13 @@ impl<T: Scalar, const JOINTS: usize> CarriedWeight<T, JOINTS> {
         self.platform.force_n == Vector3::zeros() && self.tool.force_n == Vector3::zeros()
     }
 
+    /// How far the zeros hold the weight's deflection, as lengths of the screws, m.
+    pub(crate) fn held_m(&self) -> Vector3<T> {
+        let mut held_m = Vector3::zeros();
+        held_m.iter_mut().zip(&self.at_zero).for_each(|(held, own)| *held = *own);
+        held_m
+    }
+
     /// What is left to compensate of offsets that make up for a share of all of the weight: the zeros hold the rest.
     pub(crate) fn beyond_zero(&self, offsets: SVector<T, JOINTS>, share: T) -> SVector<T, JOINTS> {
         offsets - self.at_zero * share

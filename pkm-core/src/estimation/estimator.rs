@@ -81,6 +81,8 @@ struct Component<T, const N: usize> {
     expected: T,
     /// Variance.
     noise: T,
+    /// What is learned of growth adds this, which no load turns round, and its variance.
+    grown: [T; 2],
 }
 
 /// Numbers of an amplitude as they are computed with: in deviations of its settings.
@@ -103,6 +105,8 @@ pub struct Estimator<T, const N: usize> {
     pub(super) settings: EstimatorSettings<N>,
     pub(super) scaled: [Scaled<T>; N],
     model_share: T,
+    /// Which amplitude is [`Amplitude::RISE`]; their number where none is.
+    pub(super) warmth: usize,
     /// Of the values in deviations of the settings.
     pub(super) filter: Filter<T, N>,
     /// What is compensated of each change since acceptance, in the same unit.
@@ -156,6 +160,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             settings: *settings,
             scaled,
             model_share: T::from_f64(settings.model_share),
+            warmth: settings.amplitudes.iter().position(|own| own.amplitude == Amplitude::RISE).unwrap_or(N),
             filter: Filter::new(accepted),
             applied: [T::ZERO; N],
             targets: [T::ZERO; N],
@@ -264,8 +269,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
 
     /// A reading: what machine and table predict is worked out first.
     ///
-    /// What is read is by how much the load moves the tip of the machine as it is: of a machine that is being compensated, what its sensor reads
-    /// and what the compensation has taken away. A pose outside the table's box is taken in as any other, with what the table says there;
+    /// What is read is by how much the tip of the machine as it is has moved since the zero reading: by its load, and by what it has grown
+    /// where the machine has `thermal-expansion` (see [`TipReading::read`]). Of a machine that is being compensated that is what its sensor
+    /// reads and what the compensation has taken away. A pose outside the table's box is taken in as any other, with what the table says there;
     /// [`Learned::domain`] tells.
     ///
     /// # Errors
@@ -412,7 +418,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let (mut excited, mut opposite, mut same, mut stuck) = (false, false, true, false);
         for (n, reading) in readings.iter().enumerate() {
             let TipReading { read, deviation, .. } = reading;
-            let (Component { weights, expected, noise }, [beyond, variance]) =
+            let (Component { weights, expected, noise, grown }, [beyond, variance]) =
                 self.absorb_component((predicted, sensitivities), tip_m, reading);
             if !(*deviation > T::ZERO && noise > T::ZERO && variance.is_finite() && beyond.is_finite()) {
                 return Err(Refusal::NotFinite);
@@ -423,8 +429,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             let [is_same, is_stuck] = self.is_still(n, *read, expected, noise);
             same &= is_same;
             stuck |= is_stuck;
-            let least = T::from_f64(OPPOSITE * OPPOSITE) * noise;
-            opposite |= expected * *read < T::ZERO && expected * expected > least && *read * *read > least;
+            let (due, least) = (expected + grown[0], T::from_f64(OPPOSITE * OPPOSITE) * (noise + grown[1]));
+            opposite |= due * *read < T::ZERO && due * due > least && *read * *read > least;
             let squared = beyond * beyond / variance;
             chi_squared += squared;
             let most = T::from_f64(MOST_DEVIATIONS * MOST_DEVIATIONS);
@@ -468,8 +474,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             let amplitude = self.settings.amplitudes[n].amplitude;
             *weight = amplitude.shown(direction.work(moved), expected) * self.scaled[n].deviation;
         }
+        let grown = match (weights.get(self.warmth), self.filter.mean.get(self.warmth)) {
+            (Some(weight), Some(mean)) => [*weight * *mean, *weight * *weight * self.filter.variance(self.warmth)],
+            _ => [T::ZERO; 2],
+        };
         let (beyond, variance) = self.filter.absorb(&weights, *read - expected, noise);
-        (Component { weights, expected, noise }, [beyond, variance])
+        (Component { weights, expected, noise, grown }, [beyond, variance])
     }
 
     /// Adds the drift of one amplitude since its last turn, up to what was unknown at the start. They take turns, reading by reading: a

@@ -24,7 +24,7 @@ pub struct Touch<T> {
     pub tip_m: Vector3<T>,
     /// Load on the tip, its moment about the tip, in A-uvw.
     pub wrench: Wrench<T>,
-    /// How much warmer the machine is than at its zero reading by its sensors, K; 0 without sensors.
+    /// How much warmer the machine is than at its zero reading by its sensors, K; 0 without sensors, and where what is read has no growth in it.
     pub rise_k: T,
 }
 
@@ -34,7 +34,9 @@ pub struct Touch<T> {
 pub struct TipReading<T> {
     /// What is read: weights of the tip's translation and of its rotation, in A-uvw. A probe has a unit vector and no rotation.
     pub direction: Vector6<T>,
-    /// What the load moves the tip by, m or rad.
+    /// By how much the tip has moved since the zero reading, m or rad: by the load and, of a machine with `thermal-expansion`, by growth. Who
+    /// reads it loaded and unloaded and takes the difference leaves growth out, and gives 0 as [`Touch::rise_k`] and learns no
+    /// [`Amplitude::RISE`](super::Amplitude::RISE).
     pub read: T,
     /// Standard deviation of `read`, above 0.
     pub deviation: T,

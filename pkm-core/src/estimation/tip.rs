@@ -44,7 +44,14 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         }
     }
 
-    /// Adds what was learned to a displacement of A, and its variances to those of the tip.
+    /// What is used for compensation of the warmth beyond what temperature sensors say, K.
+    pub(crate) fn warmer_k(&self) -> T {
+        let warmth = self.applied.get(self.warmth).zip(self.scaled.get(self.warmth));
+        warmth.map_or(T::ZERO, |(applied, own)| own.deviation * *applied)
+    }
+
+    /// Adds what was learned of compliances to a displacement of A under a load, and its variances to those of the tip. Of warmth nothing: it
+    /// is no part of what the load does, and [`warmer_k`](Self::warmer_k) has it.
     #[inline(never)] // takes no stack while the stiffness is worked out
     pub(crate) fn add_to(
         &self,
@@ -57,6 +64,9 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         // written over; zeros would take a period longer than copies
         let mut sensitivities = [*sums.0; N];
         machine.put_sensitivities(posture, wrench, self.each_amplitude(), &mut sensitivities)?;
+        if let Some(grown) = sensitivities.get_mut(self.warmth) {
+            *grown = Deflection::ZERO;
+        }
         self.add_tip(&sensitivities, tip_m, sums);
         Ok(())
     }

@@ -193,8 +193,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
                 let mut moved = Deflection { translation_m, rotation_rad };
                 if let Some(learned) = knowledge.learned {
                     self.add_learned(learned, configuration, &load.wrench, &mut moved, &mut doubt)?;
+                    load.rise = load.rise.plus(learned.warmer_k());
                 }
-                let known = knowledge.known(&doubt.variance_m2, &moved.translation_m);
+                let known = knowledge.known(&doubt.variance_m2, &moved.translation_m, &load.held_m());
                 if let Some(known) = &known {
                     moved = moved.times(known.share);
                 }

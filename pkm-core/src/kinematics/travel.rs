@@ -31,10 +31,9 @@ impl<T: Scalar> Machine<T> {
         let mut furthest = (T::ZERO, 0);
         let q_m: [T; 3] = lengths.q_m.into();
         for (limb, ((q, lo), hi)) in [1, 2, 3].into_iter().zip(q_m.into_iter().zip(self.q_min).zip(self.q_max)) {
-            let beyond = if q < lo { lo - q } else { q - hi };
-            // a pose that came from lengths on the very end of travel must not be refused for its rounding; where travel is
-            // endless that rounding is more than any length
-            let excess = beyond - T::SLACK * hi;
+            let (beyond, end) = if q < lo { (lo - q, lo) } else { (q - hi, hi) };
+            // a pose that came from lengths on the very end of travel must not be refused for its rounding
+            let excess = beyond - T::SLACK * end;
             if excess > furthest.0 || !(q > T::ZERO) {
                 furthest = (excess, limb);
             }

@@ -135,6 +135,17 @@ fn refusals_are_typed() {
         assert_eq!(machine.forward(&q), Err(KinematicsError::NotFinite));
     }
     assert_eq!(machine.inverse(&pose(0.0, 0.0, 0.9)), Err(KinematicsError::OutOfTravel { limb: 1 }));
+    // an end of travel that is as good as none leaves the other one where it is
+    parameters.travel.max_m = [1e9; 3];
+    let endless = Machine::<f64>::new(&parameters).unwrap();
+    let low = pose(0.0, 0.0, 0.38);
+    let margin_m = endless.travel_margin_m(&wide.inverse(&low).unwrap()).unwrap();
+    assert!(margin_m.0 < -1e-3, "{margin_m:?}");
+    assert_eq!(endless.inverse(&low), Err(KinematicsError::OutOfTravel { limb: margin_m.1 }));
+    parameters.travel.max_m = [1e3; 3];
+    let single = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.38_f32 };
+    let error = Machine::<f32>::new(&parameters).unwrap().inverse(&single).map(|_| ());
+    assert_eq!(error, Err(KinematicsError::OutOfTravel { limb: margin_m.1 }));
     assert_eq!(machine.inverse(&pose(0.0, 0.0, -0.5)), Err(KinematicsError::Unreachable));
     assert_eq!(machine.inverse(&pose(1.6, 0.0, 0.5)), Err(KinematicsError::Unreachable));
     // limb 3 in line with B–A3: tan θ = L / a2

@@ -1,13 +1,15 @@
 //! The uncertainty of a table's deflections against derivatives by differences of the dense inverse, and the gate that it makes.
 
-use pkm_core::compensator::{Compensator, CompensatorSettings, Fault, Known, Offset, Reading};
+use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Fault, Known, Offset, Reading, Weight};
 use pkm_core::correction::{TableError, TableUncertainty, UNCERTAINTY_COLUMNS, UNCERTAINTY_ENTRIES};
-use pkm_core::estimation::{Amplitude, AmplitudeSettings, Estimator, EstimatorSettings};
+use pkm_core::effects::{Motion, Place};
+use pkm_core::estimation::{Amplitude, AmplitudeSettings, Estimator, EstimatorSettings, TipReading, Touch};
+use pkm_core::machine::MachineParameters;
 use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{
-    MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST_F64,
+    MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST_F64,
 };
-use pkm_core::{Configuration, CycleError, FiveAxis, Pose, StiffnessError, Wrench};
+use pkm_core::{Configuration, CycleError, FiveAxis, Machine, Pose, StiffnessError, Wrench};
 
 const TIP_M: Vector3<f64> = Vector3::new(0.03, -0.02, 0.3);
 /// ° and mm.
@@ -210,20 +212,112 @@ fn a_compensator_compensates_no_more_than_is_known() {
     assert!((part.joints - whole.joints * share).amax() < 1e-3 * whole.joints.amax());
 }
 
+/// Learns one amplitude, of which nothing is known but its deviation.
+fn of(amplitude: Amplitude, deviation: f64) -> Estimator<f64, 1> {
+    let own = AmplitudeSettings {
+        amplitude,
+        accepted: 0.0,
+        deviation,
+        drift_per_day: 0.0,
+        least: -20.0 * deviation,
+        most: 20.0 * deviation,
+        rate_per_s: deviation,
+        alarm: 0.03 * deviation,
+    };
+    Estimator::new(&EstimatorSettings { amplitudes: [own], model_share: 0.0 }).unwrap()
+}
+
+/// Learns warmth beyond what sensors say.
+fn of_warmth() -> Estimator<f64, 1> {
+    of(Amplitude::RISE, 3.0)
+}
+
+/// The reference machine, of steel.
+fn of_steel() -> Machine<f64> {
+    let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 11e-6, 0.0]).unwrap();
+    Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap()
+}
+
+/// After twenty readings of a machine that is so much warmer than its sensors say, under a force along w.
+fn warm(machine: &Machine<f64>, rise_k: f64, force_n: f64) -> Estimator<f64, 1> {
+    let (mut learned, pose) = (of_warmth(), pose(POSES[0]));
+    for n in 0..20 {
+        let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, force_n), ..Wrench::ZERO };
+        let loaded = machine.deflection(Some(&TABLE_F64), &pose, &wrench.moved_to_a(TIP_M), &Wrench::ZERO).unwrap();
+        let moved = loaded.plus(&machine.thermal_deflection(&pose, rise_k).unwrap());
+        let read = moved.seen_at(TIP_M).translation_m.z + 1e-9 * f64::from(n % 3);
+        let reading = TipReading { direction: Vector6::ith(2, 1.0), read, deviation: 1e-7 };
+        let touch = Touch { time_s: 600 * n, pose, tip_m: TIP_M, wrench, rise_k: 0.0 };
+        learned.learn(machine, Some(&TABLE_F64), &touch, &[reading]).expect("taken in");
+    }
+    learned.follow(1e3);
+    learned
+}
+
+/// Warmth is found whichever way the load goes: growth against a load is no reversed probe.
+#[test]
+fn growth_against_the_load_is_learned() {
+    let machine = of_steel();
+    for force_n in [400.0, -400.0] {
+        let [(rise_k, _)] = warm(&machine, 5.0, force_n).values();
+        assert!((rise_k - 5.0).abs() < 0.02, "{rise_k}");
+    }
+}
+
+#[test]
+fn growth_that_was_learned_is_compensated_as_growth_that_is_read() {
+    let (machine, at, stands) =
+        (of_steel(), pose(POSES[1]), Configuration { pose: pose(POSES[1]), beta_rad: Vector2::new(0.3, -0.2) });
+    let learned = warm(&machine, 5.0, 400.0);
+    let [applied_k] = learned.applied();
+    assert!(applied_k > 4.99);
+    let five = FiveAxis { machine: &machine, wrist: &WRIST_F64 };
+    let little = Weight { force_n: Vector3::new(1e-9, 0.0, 0.0), centre_m: Vector3::zeros() };
+    for gain in [0.7, 0.0] {
+        for wrench in [Wrench::ZERO, push()] {
+            let cold = Reading { enabled: true, wrench, rise: 0.0.into() };
+            let warm = Reading { rise: applied_k.into(), ..cold };
+            let settings = CompensatorSettings { gain, ..DIRECT };
+            let three = || Compensator::<f64, 3>::new(&settings).unwrap();
+            let read = three().update(&TABLE_F64, &machine, &at, TIP_M, &warm).joints;
+            let found = three().update_learned(&TABLE_F64, &machine, &learned, (&at, TIP_M), &cold);
+            assert!((found.joints - read).amax() < 1e-12 && read.amax() > 20e-6, "{found:?} {read:?}");
+            let mut carrying = three();
+            carrying
+                .set_weight(Some(CarriedWeight::<f64, 3>::new(&TABLE_F64, &machine, &little, (&at, TIP_M)).unwrap()));
+            let carried = carrying.update_learned(&TABLE_F64, &machine, &learned, (&at, TIP_M), &cold);
+            assert!((carried.joints - read).amax() < 1e-12);
+            let of_five = || Compensator::<f64, 5>::new(&settings).unwrap();
+            let read = of_five().update(&TABLE_F64, &five, &stands, &warm).joints;
+            let found = of_five().update_learned(&TABLE_F64, &five, &learned, &stands, &cold).joints;
+            assert!((found - read).amax() < 1e-12 && read.amax() > 20e-6);
+        }
+    }
+}
+
+/// The loop gain is never above its setting: what is not known of the growth takes nothing off the load's share, and so gives it no slope.
+#[test]
+fn unknown_growth_takes_no_share_of_the_load() {
+    let (machine, at) = (of_steel(), pose(POSES[1]));
+    let unread = of_warmth();
+    let mut last = 0.0;
+    for step in 1..=40 {
+        let wrench = Wrench { force_n: Vector3::new(10.0 * f64::from(step), 0.0, 0.0), ..Wrench::ZERO };
+        let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
+        let three = || Compensator::<f64, 3>::new(&DIRECT).unwrap();
+        let plain = three().update(&TABLE_F64, &machine, &at, TIP_M, &reading).joints;
+        let found = three().update_learned(&TABLE_F64, &machine, &unread, (&at, TIP_M), &reading);
+        let known = found.known.unwrap();
+        assert_eq!((found.joints, known.share), (plain, 1.0));
+        last = plain.amax();
+    }
+    assert!(last > 10e-6);
+}
+
 #[test]
 fn a_table_and_what_was_learned_are_doubted_together() {
     let at = pose(POSES[1]);
-    let warmth = AmplitudeSettings {
-        amplitude: Amplitude::RISE,
-        accepted: 0.0,
-        deviation: 3.0,
-        drift_per_day: 0.0,
-        least: -50.0,
-        most: 50.0,
-        rate_per_s: 1.0,
-        alarm: 5.0,
-    };
-    let learned = Estimator::<f64, 1>::new(&EstimatorSettings { amplitudes: [warmth], model_share: 0.0 }).unwrap();
+    let learned = of(Amplitude::compliance(Place::Body { limb: 1 }, Motion::Axial).unwrap(), 1e-9);
     let together = known_offset(&UNCERTAINTY_F64, Some(&learned), &at, &reading()).known.unwrap();
     let of_table = known_offset(&UNCERTAINTY_F64, None::<&Estimator<f64, 0>>, &at, &reading()).known.unwrap();
     let alone = Compensator::<f64, 3>::new(&DIRECT)
@@ -232,6 +326,7 @@ fn a_table_and_what_was_learned_are_doubted_together() {
         .known
         .unwrap();
     let sum = of_table.uncertainty.variance_m2 + alone.uncertainty.variance_m2;
+    assert!(alone.uncertainty.variance_m2.amax() > 0.0);
     assert!((together.uncertainty.variance_m2 - sum).amax() <= 1e-15 * sum.amax());
 }
 

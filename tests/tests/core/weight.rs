@@ -1,7 +1,7 @@
 //! The weight that a machine carries, against rigid bodies in the field of gravity and the dense structural matrix.
 
 use nalgebra::{
-    Isometry3, Matrix6, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3, Vector6,
+    Isometry3, Matrix3, Matrix6, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3, Vector6,
 };
 use pkm_core::compensator::{
     CarriedWeight, Compensator, CompensatorSettings, Fault, Limit, Offset, OutsideBox, Reading, Weight, WeightError,
@@ -514,6 +514,31 @@ fn of_a_weight_no_more_is_compensated_than_is_known() {
     let five = axes(&BARE).update_learned(&TABLE_F64, &FIVE, &learned, &PLACE, &on(Wrench::ZERO));
     let whole = axes(&BARE).update(&TABLE_F64, &FIVE, &PLACE, &on(Wrench::ZERO)).joints;
     assert!((five.joints - whole * five.known.unwrap().share).amax() < 2e-3 * whole.amax());
+}
+
+/// Where the load on the tip cancels the weight, next to nothing moves the tip; what the zeros hold is known as before.
+#[test]
+fn a_load_that_cancels_the_weight_leaves_the_reference() {
+    let at = (&HOME.pose, TIP_M);
+    let sag = |wrench: &Wrench<f64>| {
+        let wrench = wrench.moved_to_a(TIP_M);
+        let moved = MACHINE_F64.deflection(Some(&TABLE_F64), &HOME.pose, &wrench, &Wrench::ZERO).unwrap();
+        moved.seen_at(TIP_M).translation_m
+    };
+    let force = |force_n: Vector3<f64>| Wrench { force_n, ..Wrench::ZERO };
+    let compliance = Matrix3::from_columns(&[0, 1, 2].map(|i| sag(&force(Vector3::ith(i, 1.0)))));
+    let base = platform_of(&HOME.pose).rotation.inverse();
+    let weight_n = base * PLATFORM.force_n;
+    let weight = Wrench { force_n: weight_n, moment_nm: (PLATFORM.centre_m - TIP_M).cross(&weight_n) };
+    let cancels_n = -compliance.try_inverse().unwrap() * sag(&weight) / BARE.gain;
+    for share in [0.99, 1.0, 1.01] {
+        let reading = on(force(cancels_n * share));
+        let whole = screws(&BARE).update(&TABLE_F64, &MACHINE_F64, at.0, at.1, &reading).joints;
+        assert!(whole.amax() > 20e-6, "{whole:?}");
+        let table = (&TABLE_F64, &UNCERTAINTY_F64);
+        let known = screws(&BARE).update_known(table, &MACHINE_F64, None::<&Estimator<f64, 0>>, at, &reading);
+        assert_eq!((known.joints, known.known.unwrap().share), (whole, 1.0));
+    }
 }
 
 #[test]
