@@ -24,6 +24,19 @@ pub struct Move {
     pub is_rapid: bool,
     /// Feed of a cut: mm/min where the tip moves, °/min where only the tool turns; `None` where no F of G94 says it.
     pub feed_per_min: Option<[f64; 2]>,
+    /// What the program's F is in force as.
+    pub feed_mode: FeedMode,
+}
+
+/// What F of a program counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FeedMode {
+    /// `G94`: mm or ° a minute.
+    OfAMinute,
+    /// `G93`: 1 over the minutes of a move.
+    InverseTime,
+    /// `G95`: mm a turn of the spindle.
+    OfATurn,
 }
 
 /// What loads the tool on a move.

@@ -9,7 +9,7 @@ use crate::csv::Row;
 use crate::dataset::{self, Sheet, WRENCH_COLUMNS};
 use crate::error::{Failure, Result};
 use crate::gcode::{Program, Setup, Writer};
-use crate::path::{Load, Move, Place, Toward};
+use crate::path::{FeedMode, Load, Move, Place, Toward};
 use crate::source::{Source, folder_of};
 
 /// How a comment begins that says of a path that it went through `compensate`: in every program; in a CSV, which others read
@@ -149,6 +149,7 @@ pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
             is_fresh: false,
             continues: false,
             feed_per_min: None,
+            feed_mode: FeedMode::OfAMinute,
             is_rapid: false,
         });
     }

@@ -210,6 +210,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let track = walk(&model.machine, correction.as_ref(), &request, &mut |points| writer.push(points), &bar())?;
     session.warn(report::implausible(&track));
     session.warn(report::too_fast(&track, request.file));
+    session.warn(report::not_held(&track, request.file));
     session.warn(report::unsure(&track));
     let written = writer.finish(&notes(args, &model, &track, in_program, session));
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);

@@ -18,7 +18,7 @@ use crate::files::machine::MachineFile;
 use crate::files::path::{Load, Move, Place, Toward, part_of, rounded};
 use crate::files::tool_path::Point;
 use crate::plan::cutting::{self, MeanForce};
-use crate::plan::feed::JointTrack;
+use crate::plan::feed::{JointTrack, NotHeld};
 use crate::plan::reach::Reach;
 use crate::plan::track::{Error, KnownDeflection, LoadedPoint, PathPlace, Track};
 use crate::pose::{PoseBox, file_units};
@@ -349,7 +349,6 @@ impl Walk<'_> {
 
     /// Holds the joints of a move against their limits; those of an arc also where its chords meet, which no chord by itself shows.
     fn hold_against(&mut self, limits: &JointLimits, joints: &JointTrack, mv: &Move, step: [f64; 2], steps: f64) {
-        self.track.feeds += usize::from(!mv.continues);
         self.track.slow_down(joints.too_fast(step, mv, limits));
         if !mv.continues {
             self.arc = JointTrack::default();
@@ -413,14 +412,16 @@ impl Walk<'_> {
             let [done, all] = self.track.steps;
             progress("points", done.min(all), all);
         }
-        if let Some(limits) = self
-            .request
-            .limits
-            .filter(|_| before.is_some_and(|b| b.longer_m == mv.longer_m) && mv.feed_per_min.is_some())
-        {
-            let steps = n as f64;
-            let step = [length_m, from.turned_rad(&mv.to)].map(|way| way / steps);
-            self.hold_against(limits, &joints, mv, step, steps);
+        if let Some(limits) = self.request.limits.filter(|_| !mv.is_rapid) {
+            let why_not = NotHeld::of(mv, before.is_some_and(|b| b.longer_m == mv.longer_m));
+            if let Some(feeds) = self.track.feeds.as_mut().filter(|_| !mv.continues) {
+                feeds.add(why_not, mv.line);
+            }
+            if why_not.is_none() {
+                let steps = n as f64;
+                let step = [length_m, from.turned_rad(&mv.to)].map(|way| way / steps);
+                self.hold_against(limits, &joints, mv, step, steps);
+            }
         }
         Ok(())
     }
@@ -473,7 +474,7 @@ pub fn walk<'a>(
         request,
         reach: &reaches[0],
         correction,
-        track: Track::of_steps(all),
+        track: Track::of_steps(all, request.limits.is_some()),
         last: None,
         points: Vec::new(),
         near: reaches[0].home(),

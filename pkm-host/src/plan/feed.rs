@@ -5,7 +5,7 @@ use pkm_core::five_axis::JointMotion;
 use pkm_core::nalgebra::Vector5;
 
 use crate::files::limits::JointLimits;
-use crate::files::path::Move;
+use crate::files::path::{FeedMode, Move};
 
 /// A line at whose feed a joint would be too fast, or accelerate too much.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +18,67 @@ pub struct TooFast {
     pub allowed_per_min: f64,
     /// Of both: `mm/min`, or `°/min` where only the tool turns.
     pub unit: &'static str,
+}
+
+/// Why the feed of a cut cannot be held against the joints' limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotHeld {
+    /// `G93`.
+    InverseTime,
+    /// `G95`.
+    OfATurn,
+    /// No F is in force.
+    NoFeed,
+    /// Where the cut begins is not known.
+    NoBeginning,
+}
+
+impl NotHeld {
+    /// Why a cut's feed cannot be, if so.
+    pub fn of(mv: &Move, begins: bool) -> Option<Self> {
+        match (mv.feed_mode, mv.feed_per_min) {
+            (FeedMode::InverseTime, _) => Some(Self::InverseTime),
+            (FeedMode::OfATurn, _) => Some(Self::OfATurn),
+            (FeedMode::OfAMinute, None) => Some(Self::NoFeed),
+            (FeedMode::OfAMinute, Some(_)) => (!begins).then_some(Self::NoBeginning),
+        }
+    }
+}
+
+/// Cuts whose feed could not be held against limits.
+#[derive(Clone, Copy, Debug)]
+pub struct NotHeldCuts {
+    /// Why.
+    pub why: NotHeld,
+    /// How many.
+    pub count: usize,
+    /// Of the first, in the file, from 1.
+    pub line: u64,
+}
+
+/// Cuts whose feed was to be held against limits; all of an arc is one.
+#[derive(Default)]
+pub struct HeldFeeds {
+    /// How many were.
+    pub held: usize,
+    /// Others, by the reason.
+    pub not_held: Vec<NotHeldCuts>,
+}
+
+impl HeldFeeds {
+    /// Counts a cut.
+    pub(super) fn add(&mut self, why_not: Option<NotHeld>, line: u64) {
+        match (why_not, self.not_held.iter_mut().find(|cuts| Some(cuts.why) == why_not)) {
+            (None, _) => self.held += 1,
+            (Some(_), Some(cuts)) => cuts.count += 1,
+            (Some(why), None) => self.not_held.push(NotHeldCuts { why, count: 1, line }),
+        }
+    }
+
+    /// How many were not.
+    pub fn not_held(&self) -> usize {
+        self.not_held.iter().map(|cuts| cuts.count).sum()
+    }
 }
 
 /// The joints along one move, at even steps.

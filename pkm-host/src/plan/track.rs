@@ -3,7 +3,7 @@
 use pkm_core::ToolSolution;
 
 use crate::files::machine::MachineFile;
-use crate::plan::feed::TooFast;
+use crate::plan::feed::{HeldFeeds, TooFast};
 use crate::pose::{PoseBox, file_units};
 
 /// Most stretches that greatest errors are kept of: as many as a screen shows.
@@ -232,14 +232,15 @@ pub struct Track {
     pub(super) steps: [u64; 2],
     /// Lines that ask too much of a joint, with limits.
     pub too_fast: Vec<TooFast>,
-    /// Moves whose feed was held against limits.
-    pub feeds: usize,
+    /// Cuts by whether their feed was held against limits; `None` where there are no limits.
+    pub feeds: Option<HeldFeeds>,
 }
 
 impl Track {
-    /// Of a path with so many steps.
-    pub(super) fn of_steps(all: u64) -> Self {
-        Self { steps: [0, all], least_known_share: 1.0, ..Self::default() }
+    /// Of a path with so many steps, with limits of the joints or without.
+    pub(super) fn of_steps(all: u64, with_limits: bool) -> Self {
+        let feeds = with_limits.then(HeldFeeds::default);
+        Self { steps: [0, all], least_known_share: 1.0, feeds, ..Self::default() }
     }
 
     /// Least normalised Jacobian determinant.

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::error::Result;
 use crate::page::plot::{self, Mark, Panel, Series};
 use crate::page::{self, Finding, Page};
-use crate::plan::feed::TooFast;
+use crate::plan::feed::{HeldFeeds, NotHeld, NotHeldCuts, TooFast};
 use crate::plan::track::{Error, LineErrors, Nearest, Tally, Track};
 use crate::report::path3d;
 
@@ -113,7 +113,7 @@ fn assumptions(track: &Track) -> Vec<String> {
             track.estimated
         ));
     }
-    if track.feeds == 0 {
+    if track.feeds.is_none() {
         all.push("Feeds were not held against limits of the joints: --limits does.".to_owned());
     }
     all
@@ -217,6 +217,28 @@ pub fn too_fast(track: &Track, file: &str) -> Vec<String> {
     track.too_fast.iter().map(line).collect()
 }
 
+/// Cuts that limits say nothing about.
+pub fn not_held(track: &Track, file: &str) -> Option<String> {
+    let feeds = track.feeds.as_ref().filter(|feeds| feeds.not_held() > 0)?;
+    let cuts = |NotHeldCuts { why, count, line }: &NotHeldCuts| {
+        let why = match why {
+            NotHeld::InverseTime => "in G93 (1 over the minutes of a move)",
+            NotHeld::OfATurn => "in G95 (mm a turn)",
+            NotHeld::NoFeed => "without an F in force",
+            NotHeld::NoBeginning => "from a place that is not known",
+        };
+        let more = if *count == 1 { String::new() } else { format!(" and {} more", count - 1) };
+        format!("{why} at line {line}{more}")
+    };
+    let (left_out, held) = (feeds.not_held(), feeds.held);
+    let reasons = feeds.not_held.iter().map(cuts).collect::<Vec<_>>().join(", ");
+    Some(format!(
+        "{file}: --limits: the feed of {left_out} of {} cuts could not be held against the joints' limits: {reasons}; only an F \
+         in mm/min (G94) can",
+        left_out + held
+    ))
+}
+
 /// The report; `limit` is the least normalised determinant that the machine file allows.
 ///
 /// # Errors
@@ -281,11 +303,11 @@ pub fn text(track: &Track, limit: f64) -> String {
     if track.estimated > 0 {
         text.push_str(&format!("load of {} moves estimated from the cut\n", track.estimated));
     }
-    if track.feeds > 0 {
+    if let Some(feeds) = track.feeds.as_ref().filter(|feeds| feeds.held > 0) {
         let lines = track.too_fast.len();
         text.push_str(&format!(
             "feed of {} moves held against the joints' limits: too fast in {lines} {}\n",
-            track.feeds,
+            feeds.held,
             if lines == 1 { "line" } else { "lines" }
         ));
     }
@@ -322,7 +344,8 @@ pub fn document(track: &Track) -> Value {
             "box_share": nearest(&track.margins.extent, 1.0),
         },
         "extrapolated_points": track.extrapolated,
-        "feeds_checked": track.feeds,
+        "feeds_checked": track.feeds.as_ref().map_or(0, |feeds| feeds.held),
+        "feeds_not_checked": track.feeds.as_ref().map_or(0, HeldFeeds::not_held),
         "too_fast": track.too_fast.iter().map(|t| json!({
             "line": t.line,
             "feed_per_min": t.feed_per_min,

@@ -144,6 +144,7 @@ fn feeds_are_held_against_the_limits_of_the_joints() {
     // a feed of a turn or of a move's time is none of a minute's
     let of_a_turn = found(&text.replace("G94", "G95").replace("F600", "F60000"));
     assert_eq!((lines(&of_a_turn), of_a_turn["feeds_checked"].as_u64()), (0, Some(0)));
+    assert_eq!(of_a_turn["feeds_not_checked"].as_u64(), Some(10));
 
     let path = folder.write("p.ngc", &text);
     let good = std::fs::read_to_string(&limits).unwrap();

@@ -122,6 +122,38 @@ fn least_feed_of_circle() -> f64 {
     60.0 * (2.0 / bent.fold(0.0, f64::max)).sqrt()
 }
 
+/// Limits say nothing about a feed that is not one of a minute: that is said, and not that there are none.
+#[test]
+fn cuts_that_limits_say_nothing_about_are_counted() {
+    let folder = Folder::new();
+    let found = |cuts: &str, with_limits: bool| {
+        let path = folder.write("p.ngc", &format!("{START}S1000 M3\n{cuts}"));
+        let (out, limits) = (folder.path("out.ngc"), fixture("jobs/limits.toml"));
+        let args = ["compensate", "--path", &path, "--wrench", WRENCH, "--out", &out];
+        let limits: &[&str] = if with_limits { &["--limits", &limits] } else { &[] };
+        let found = json(&[&args[..], limits].concat());
+        let counts = ["feeds_checked", "feeds_not_checked"].map(|key| found[key].as_u64().unwrap());
+        (counts, found["warnings"].to_string(), folder.read("report.html"))
+    };
+    let without = "Feeds were not held against limits";
+    let of_a_turn = "G95\nG1 X-200 F0.1\n";
+    let (counts, warnings, report) = found(of_a_turn, true);
+    let said =
+        "the feed of 1 of 1 cuts could not be held against the joints&#39; limits: in G95 (mm a turn) at line 5;";
+    assert_eq!(counts, [0, 1]);
+    assert!(warnings.contains(&said.replace("&#39;", "'")), "{warnings}");
+    assert!(report.replace('\'', "&#39;").contains(said) && !report.contains(without), "{report}");
+    let (counts, warnings, report) = found(of_a_turn, false);
+    assert!(counts == [0, 0] && warnings == "[]" && report.contains(without), "{warnings}");
+    // an arc is one cut, however many chords it has
+    let mixed = "G1 X-204\nX-203 F100\nG93 G2 X-201 I1 F10\nG1 X-200 F10\nG94 F100\nX-205\n";
+    let (counts, warnings, _) = found(mixed, true);
+    let said = "3 of 5 cuts could not be held against the joints' limits: without an F in force at line 4, \
+                in G93 (1 over the minutes of a move) at line 6 and 1 more;";
+    assert!(counts == [2, 3] && warnings.contains(said), "{warnings}");
+    assert_eq!(found("G1 X-204 F100\n", true).1, "[]");
+}
+
 #[test]
 fn what_stops_comes_with_the_last_part() {
     let (_, lines) = compensated(&format!("{START}G1 X-200 F100 M9 M5\nM30\n"), &["--wrench", WRENCH]);

@@ -6,6 +6,7 @@ use super::cycles::Drill;
 use super::modal::{Modal, Motion};
 use super::offsets::frame_of;
 use super::words::{Line, Word};
+use crate::path::FeedMode;
 
 /// What a line's G words ask for beyond what stays in force. Numbers are ten times those of the words.
 #[derive(Default)]
@@ -19,7 +20,7 @@ pub(super) struct Codes {
 }
 
 /// What changes no coordinate: cancelled modes, path control, dwell and speed.
-const PASSED: [u16; 14] = [51, 80, 150, 400, 500, 610, 611, 640, 670, 690, 940, 950, 970, 1870];
+const PASSED: [u16; 12] = [51, 80, 150, 400, 500, 610, 611, 640, 670, 690, 970, 1870];
 
 /// Words of which a line has one: what the others say would depend on the control.
 const GROUPS: [&[u16]; 9] = [
@@ -87,7 +88,9 @@ impl Codes {
                 990 => modal.retracts_to_r = true,
                 430 | 434 | 2340 => codes.length = Some(true),
                 490 => codes.length = Some(false),
-                930 => modal.inverse_time = true,
+                930 => modal.set_feed_mode(FeedMode::InverseTime),
+                940 => modal.set_feed_mode(FeedMode::OfAMinute),
+                950 => modal.set_feed_mode(FeedMode::OfATurn),
                 40 | 100 | 280 | 300 | 520 | 530 | 920 | 921 => {
                     if codes.other.replace(tenths).is_some() {
                         return refused("a second word in the line that takes its coordinates");
@@ -101,13 +104,6 @@ impl Codes {
                     None if PASSED.contains(&tenths) => {}
                     None => return refused(advice(word.value)),
                 },
-            }
-            if matches!(tenths, 940 | 950) {
-                modal.inverse_time = false;
-            }
-            if matches!(tenths, 930 | 940 | 950) {
-                // an F of another mode is no feed of this one
-                (modal.feed_is_of_a_turn, modal.feed_per_min, modal.feed_per_turn_mm) = (tenths == 950, None, None);
             }
         }
         match codes.motion {

@@ -376,6 +376,7 @@ impl Reader<'_> {
             continues: stop.continues,
             is_rapid: stop.rapid,
             feed_per_min: self.modal.feed_per_min.filter(|_| !stop.rapid),
+            feed_mode: self.modal.feed_mode,
         });
         Ok(())
     }

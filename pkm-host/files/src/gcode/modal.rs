@@ -5,7 +5,7 @@ use super::cycles::{Drill, DrillWords};
 use super::offsets::Offsets;
 use super::words::{Line, Numbers};
 use super::{Refusal, Setup, codes};
-use crate::path::{Place, Toward};
+use crate::path::{FeedMode, Place, Toward};
 
 /// Of X Y Z or I J K, as far as they are known.
 pub(super) type Axes = [Option<f64>; 3];
@@ -80,9 +80,8 @@ pub(super) struct Modal<'a> {
     pub unit_mm: f64,
     pub incremental: bool,
     pub center_is_absolute: bool,
-    pub inverse_time: bool,
-    /// G95.
-    pub feed_is_of_a_turn: bool,
+    /// G93, G94 or G95.
+    pub feed_mode: FeedMode,
     /// F of G94, see [`Move::feed_per_min`](crate::path::Move::feed_per_min).
     pub feed_per_min: Option<[f64; 2]>,
     /// F of G95.
@@ -123,8 +122,7 @@ impl<'a> Modal<'a> {
             unit_mm: 1.0,
             incremental: false,
             center_is_absolute: false,
-            inverse_time: false,
-            feed_is_of_a_turn: false,
+            feed_mode: FeedMode::OfAMinute,
             feed_per_min: None,
             feed_per_turn_mm: None,
             spindle_per_min: None,
@@ -150,6 +148,11 @@ impl<'a> Modal<'a> {
         }
     }
 
+    /// G93, G94 or G95: an F of another mode is no feed of this one.
+    pub fn set_feed_mode(&mut self, mode: FeedMode) {
+        (self.feed_mode, self.feed_per_min, self.feed_per_turn_mm) = (mode, None, None);
+    }
+
     /// How points of this line are written.
     pub fn style(&self, form: Form, in_machine: bool) -> Style {
         Style {
@@ -157,7 +160,7 @@ impl<'a> Modal<'a> {
             origin_mm: if in_machine { [0.0; 3] } else { self.offsets.total_mm() },
             unit_mm: self.unit_mm,
             incremental: self.incremental,
-            inverse_time: self.inverse_time,
+            inverse_time: self.feed_mode == FeedMode::InverseTime,
             in_machine,
         }
     }
@@ -181,13 +184,15 @@ impl<'a> Modal<'a> {
         }
         numbers.take('T');
         let codes = codes::Codes::take(line, self)?;
-        if self.inverse_time && feed == Some(0.0) {
+        if self.feed_mode == FeedMode::InverseTime && feed == Some(0.0) {
             return Err("F0 in G93: a move would take for ever".into());
         }
-        match feed.filter(|feed| *feed > 0.0 && !self.inverse_time) {
-            Some(feed) if self.feed_is_of_a_turn => self.feed_per_turn_mm = Some(feed * self.unit_mm),
-            Some(feed) => self.feed_per_min = Some([feed * self.unit_mm, feed]),
-            None => {}
+        if let Some(feed) = feed.filter(|feed| *feed > 0.0) {
+            match self.feed_mode {
+                FeedMode::OfAMinute => self.feed_per_min = Some([feed * self.unit_mm, feed]),
+                FeedMode::OfATurn => self.feed_per_turn_mm = Some(feed * self.unit_mm),
+                FeedMode::InverseTime => {}
+            }
         }
         if let Some(on) = codes.length {
             self.length_is_on = on;

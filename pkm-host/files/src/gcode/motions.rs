@@ -5,7 +5,7 @@ use super::arcs::{Arc, ArcWords, Plane};
 use super::cycles::{Drill, Hole};
 use super::modal::{Effect, Form, Modal, Motion, Stop, Target};
 use super::words::{Line, Numbers};
-use crate::path::{Place, Toward};
+use crate::path::{FeedMode, Place, Toward};
 
 /// Most moves of a line with a cycle.
 const MAX_CYCLE_MOVES: f64 = 1e6;
@@ -78,7 +78,7 @@ impl Modal<'_> {
     }
 
     fn check_feed(&self, has_feed: bool) -> Result<(), Refusal> {
-        if self.inverse_time && !has_feed {
+        if self.feed_mode == FeedMode::InverseTime && !has_feed {
             return Err("G93: F is missing: every cut needs its own".into());
         }
         Ok(())
@@ -137,7 +137,7 @@ impl Modal<'_> {
 
     fn drilled(&mut self, drill: Drill, numbers: &mut Numbers, stops: &mut Vec<Stop>) -> Result<Effect, Refusal> {
         let start = self.start("a cycle")?;
-        if self.inverse_time {
+        if self.feed_mode == FeedMode::InverseTime {
             return Err(format!("{drill:?} in G93: a cycle's feed is a minute's (G94)"));
         }
         let Plane([a, b, along]) = self.plane;
