@@ -4,7 +4,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use crate::cutting::{Cutter, Engagement, Material, Side};
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, printable};
 use crate::source::Source;
 use crate::toml_error::{line_at, parsed};
 
@@ -17,9 +17,20 @@ const RADIAL_RATIO: f64 = 0.3;
 /// Tools by number, and the material that they cut.
 #[derive(Clone, Debug, Default)]
 pub struct Tools {
+    /// Name of the file, for messages.
+    file: String,
     tools: Vec<Tool>,
     /// Of the workpiece.
     pub material: Option<Material>,
+}
+
+/// A tool as a program calls it.
+#[derive(Clone, Copy, Debug)]
+pub struct Called {
+    /// Behind T.
+    pub number: f64,
+    /// Of the program, from 1.
+    pub line: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -189,6 +200,18 @@ impl Tools {
         self.tool(number).and_then(|tool| tool.cutter)
     }
 
+    /// Why a force cannot be estimated of a tool that a line has called.
+    pub fn no_cutter(&self, called: Option<Called>) -> String {
+        let file = &self.file;
+        match called {
+            None => format!("no T says which tool of {file} is in hand"),
+            Some(Called { number, line }) if self.tool(number).is_none() => {
+                format!("T{number} (line {line}) is not in {file}")
+            }
+            Some(Called { number, line }) => format!("T{number} (line {line}) has no `kind` and `teeth` in {file}"),
+        }
+    }
+
     /// The number of a tool that is so long, of the one in hand if it is.
     pub fn with_length(&self, in_hand: f64, length_mm: f64, tolerance_mm: f64) -> Option<u32> {
         let mut tools = self.tool(in_hand).into_iter().chain(&self.tools);
@@ -237,7 +260,7 @@ impl Tools {
         }
         let checked = |(start, key, message): (usize, &str, String)| fail(start, key, message);
         let material = raw.material.as_ref().map(RawMaterial::checked).transpose().map_err(checked)?;
-        let mut tools = Self { tools: Vec::new(), material };
+        let mut tools = Self { file: printable(&source.name), tools: Vec::new(), material };
         for tool in &raw.tool {
             if let Some(diameter) = tool.diameter_mm.as_ref().filter(|d| !(0.0..=MAX_LENGTH_MM).contains(d.get_ref())) {
                 let message = format!("expected a diameter from 0 to {MAX_LENGTH_MM} mm, found {}", diameter.get_ref());
@@ -254,7 +277,7 @@ impl Tools {
 
     /// `T1 P1 Z+51.2 D10 ;end mill`, a tool a line, in mm; Z is the length.
     fn of_table(source: &Source) -> Result<Self> {
-        let mut tools = Self::default();
+        let mut tools = Self { file: printable(&source.name), ..Self::default() };
         for (n, line) in source.text()?.lines().enumerate() {
             let fail = |message: String| Failure::input(message).in_file(&source.name).at_line(n as u64 + 1);
             let (mut number, mut length_mm, mut diameter_mm) = (None, 0.0, None);

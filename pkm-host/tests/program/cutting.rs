@@ -137,13 +137,18 @@ fn what_an_estimate_lacks_is_said() {
         ("S3000 M3", "M3", "give S, and F"),
         ("S3000 M3", "S3000 M4", "M4"),
         ("G94", "G93", "give S, and F"),
-        ("T1 M6", "T2 M6", "a cut without a load"),
+        ("T1 M6", "T2 M6", "a cut without a load: T2 (line 2) is not in"),
+        ("T1 M6\n", "", "a cut without a load: no T says which tool of"),
+        ("G1 X", "T2 M6\nG1 X", "is to be estimated, and T2 (line 5) is not in"),
+        ("T1 M6\n", "T2\nM6\n(cut ap 2)\n", "(cut …): T2 (line 2) is not in"),
         ("G1 X", "(cut ae 20)\nG1 X", "at most 10"),
         ("G1 X", "(cut ap 2 deep)\nG1 X", "found `deep`"),
         ("G1 X", "(F 1 2)\nG1 X", "three or six numbers"),
     ] {
         says(&PROGRAM.replace(from, to), TOOLS, words);
     }
+    let without_edges = format!("{TOOLS}[[tool]]\nnumber = 2\nlength_mm = 0\n");
+    says(&PROGRAM.replace("T1 M6", "T2 M6"), &without_edges, "T2 (line 2) has no `kind` and `teeth` in");
     // a note that only begins so
     compensated(&folder, &PROGRAM.replace("G1 X", "(cut the wall)\n(F 200)\nG1 X"), TOOLS, &[]);
 }

@@ -8,6 +8,7 @@ use super::{Refusal, Setup};
 use crate::cutting::{Cut, Cutter, Side};
 use crate::dataset::MOST_LOAD;
 use crate::path::Load;
+use crate::tools::{Called, Tools};
 
 /// Deepest cut, mm: far beyond any.
 const MAX_DEPTH_MM: f64 = 1e3;
@@ -38,8 +39,8 @@ pub(super) struct Loads {
     /// `--wrench` or a comment has set the load: a tool change does not.
     is_said: bool,
     /// The last T, and the tool that M6 has put in.
-    called: Option<f64>,
-    in_hand: Option<f64>,
+    called: Option<Called>,
+    in_hand: Option<Called>,
     /// The tool in hand, with what `(cut …)` says of its engagement.
     cutter: Option<Cutter>,
     /// What M3, M4 or M5 said last.
@@ -101,14 +102,19 @@ impl Loads {
 
     /// The tool in hand: without M6 a T changes it.
     pub fn tool(&self) -> Option<f64> {
+        self.called_in_hand().map(|called| called.number)
+    }
+
+    fn called_in_hand(&self) -> Option<Called> {
         self.in_hand.or(self.called)
     }
 
-    /// Takes what a line says of tools and loads.
-    pub fn take(&mut self, line: &Line<'_>, setup: &Setup) -> Result<(), Refusal> {
+    /// Takes what a line says of tools and loads, and its number.
+    pub fn take(&mut self, line: &Line<'_>, number: u64, setup: &Setup) -> Result<(), Refusal> {
         let before = self.tool();
         // a control obeys T before M6, wherever it stands in the line
-        self.called = line.words.iter().find(|w| w.letter == 'T').map(|w| w.value).or(self.called);
+        let word = line.words.iter().find(|w| w.letter == 'T');
+        self.called = word.map(|w| Called { number: w.value, line: number }).or(self.called);
         for word in line.words.iter().filter(|w| w.letter == 'M') {
             match word.value {
                 6.0 => self.in_hand = self.called,
@@ -148,11 +154,17 @@ impl Loads {
             return Ok(false);
         }
         let of_table = self.tool().and_then(|number| setup.tools.cutter(number));
-        let missing = "(cut …): the tool in hand has no `kind` and `teeth` in the tool table, --tools";
-        let mut cutter = self.cutter.or(of_table).ok_or(missing)?;
+        let missing = || {
+            let why = match setup.tools.is_given() {
+                true => setup.tools.no_cutter(self.called_in_hand()),
+                false => "give --tools with the tool's `kind` and `teeth`, and a [material]".to_owned(),
+            };
+            format!("(cut …): {why}")
+        };
+        let mut cutter = self.cutter.or(of_table).ok_or_else(missing)?;
         while let Some(word) = words.next() {
             if word == "model" {
-                cutter = of_table.ok_or(missing)?;
+                cutter = of_table.ok_or_else(missing)?;
                 continue;
             }
             let Some(engagement) = &mut cutter.engagement else {
@@ -175,22 +187,26 @@ impl Loads {
         Ok(true)
     }
 
+    /// Why a cut has no load, and what to do.
+    fn no_load(&self, tools: &Tools) -> Refusal {
+        let todo = "give --wrench, a line (wrench fx,fy,fz,mx,my,mz) before it, or";
+        if tools.material.is_none() {
+            return format!("a cut without a load: {todo} tools with `kind` and a [material] in --tools");
+        }
+        let why = tools.no_cutter(self.called_in_hand());
+        format!("a cut without a load: {why}; {todo} the tool with `kind` there")
+    }
+
     /// The load of a cut.
     pub fn load(&self, modal: &Modal<'_>) -> Result<Load, Refusal> {
         match self.origin {
             Some(Origin::Given(wrench)) => return Ok(Load::Given([wrench; 2])),
             Some(Origin::Estimated) => {}
-            None => {
-                return Err(
-                    "a cut without a load: give --wrench, a line (wrench fx,fy,fz,mx,my,mz) before it, or tools with \
-                            `kind` and a [material] in --tools"
-                        .into(),
-                );
-            }
+            None => return Err(self.no_load(&modal.setup.tools)),
         }
         let missing = |what: &str| format!("a cutting force is to be estimated, and {what}");
         let material = modal.setup.tools.material.ok_or_else(|| missing("--tools has no [material]"))?;
-        let cutter = self.cutter.ok_or_else(|| missing("the tool in hand has no `kind` and `teeth` in --tools"))?;
+        let cutter = self.cutter.ok_or_else(|| missing(&modal.setup.tools.no_cutter(self.called_in_hand())))?;
         match self.spindle {
             Spindle::Forward => {}
             Spindle::Reversed => {

@@ -294,7 +294,7 @@ impl Reader<'_> {
             }
             Order::Do => {}
         }
-        self.loads.take(line, self.modal.setup)?;
+        self.loads.take(line, number, self.modal.setup)?;
         self.modal.tool = self.loads.tool();
         if let Some(word) = line.words.iter().find(|w| w.is('M', &[72.0, 73.0, 97.0, 198.0])) {
             return Err(format!(
