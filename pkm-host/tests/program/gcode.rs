@@ -56,6 +56,27 @@ pub fn rewritten(program: &Program) -> String {
     writer.finish(&[])
 }
 
+/// A direction in the program beside the job's is refused for what the job says, which may be `head` or `tool_axis`.
+#[test]
+fn a_direction_beside_the_jobs_is_refused_with_the_jobs_key() {
+    let of_a_fixed = "the job says the tool's direction for all of the program with `tool_axis`";
+    let of_a_head = "this program's rotary axes are \"AC\", as the job's `head` says";
+    for (direction, line, says) in [
+        (Direction::Fixed, "A0 B0", of_a_fixed),
+        (Direction::Fixed, "G0 X1 C5", of_a_fixed),
+        (Direction::Fixed, "G1 X1 I0 J0 K1", of_a_fixed),
+        (Direction::Fixed, "G17 G2 X1 Z0 I0.5 K1", "K is not in the arc's plane"),
+        (Direction::Fixed, "G98 G81 Z-5 R1 I1", "known are G M"),
+        (Direction::Ac, "X1 B3", of_a_head),
+        (Direction::Ac, "G1 X1 I0 J0 K1", "the tool's direction is given by \"AC\", as the job's `head` says"),
+    ] {
+        let case = Case { name: "", direction, for_linuxcnc: false, text: "", says: Says::Moves(0, [0.0; 3]) };
+        let angles = if matches!(direction, Direction::Ac) { "A0 C0" } else { "" };
+        let refused = case.read(&format!("G54 G0 X0 Y0 Z0 {angles}\n{line}\n")).err().expect(line);
+        assert!(refused.message.contains(says) && refused.line == Some(2), "{line}: {refused:?}");
+    }
+}
+
 #[test]
 fn programs_are_read_or_refused_for_a_reason() {
     assert!(CASES.len() >= 40);
