@@ -85,7 +85,7 @@ impl ToolPath {
         Ok((Self::Csv { sheet, moves }, source))
     }
 
-    /// Reads a path to be looked at, compensated or not; a program that says no load has none.
+    /// Reads a path to be played by `view`, compensated or not; a program that says no load has none.
     ///
     /// # Errors
     /// Those of [`read`](Self::read) beside that.
@@ -93,7 +93,8 @@ impl ToolPath {
         let is_program = kind_of(path)?;
         let source = Source::read(path)?;
         if is_program {
-            return Ok((Self::Program(Program::parse_with(&source, Some(Wrench::ZERO), &Setup::default())?), source));
+            let setup = Setup { is_only_played: true, ..Setup::default() };
+            return Ok((Self::Program(Program::parse_with(&source, Some(Wrench::ZERO), &setup)?), source));
         }
         let (sheet, moves) = read_csv(source.clone())?;
         Ok((Self::Csv { sheet, moves }, source))

@@ -134,7 +134,8 @@ impl Args {
         let tools = tools.as_ref().map(|source| Tools::over_flange(source, flange_mm)).transpose()?;
         let ProgramJob { offsets, axes, head } = job.unwrap_or_default();
         let (chord_mm, block_delete) = (self.chord_mm.unwrap_or(CHORD_MM), self.block_delete);
-        Ok((Setup { offsets, tools: tools.unwrap_or_default(), axes, head, chord_mm, block_delete }, facts))
+        let tools = tools.unwrap_or_default();
+        Ok((Setup { offsets, tools, axes, head, chord_mm, block_delete, is_only_played: false }, facts))
     }
 
     /// Names of the path and of the plot beside it.

@@ -28,7 +28,7 @@ pub(crate) struct Args {
     /// placement.json of `place` of this machine: the holes.
     #[arg(long, value_name = "JSON")]
     placement: Option<PathBuf>,
-    /// A path that `compensate` wrote, CSV or G-code, to be played.
+    /// A path that `compensate` wrote, CSV or G-code that needs neither a job nor a tool table, to be played.
     #[arg(long, value_name = "FILE")]
     path: Option<PathBuf>,
     /// Page to write.

@@ -170,3 +170,21 @@ fn what_is_not_of_this_machine_is_refused() {
     assert_eq!(error["line"], 2);
     assert!(!folder.has("page.html"));
 }
+
+/// No option of `compensate` is advised that `view` does not have.
+#[test]
+fn a_program_that_needs_a_job_is_told_what_view_plays() {
+    let folder = Folder::new();
+    let out = folder.path("page.html");
+    let begin = "G0 X-205 Y0 Z1137 I0 J0 K1\n";
+    for line in ["G54", "G43 H1", "G0 C5", "G54 G0 X1 C5"] {
+        let path = folder.write("p.ngc", &format!("{begin}{line}\n"));
+        let error = refused(&["view", "--path", &path, "--out", &out]);
+        let message = error["message"].as_str().expect("a message");
+        assert!(message.contains("G-code whose X Y Z are those of B") && !message.contains("--"), "{line}: {message}");
+        assert_eq!(error["line"], 2, "{line}");
+    }
+    let path = folder.write("p.ngc", "G1 X-205 Y0 Z1137\n");
+    let error = refused(&["view", "--path", &path, "--out", &out]).to_string();
+    assert!(error.contains("A and B (the wrist") && !error.contains("--job"), "{error}");
+}

@@ -332,7 +332,7 @@ impl<'a> Canonical<'a> {
         let before = self.frames_mm[self.frame];
         let is_same = before.is_some_and(|b| (0..3).all(|i| (b[i] - origin_mm[i]).abs() <= SAME_ORIGIN_MM));
         if !origin_mm.iter().all(|v| is_known(*v)) {
-            return Err(unknown(self.frame));
+            return Err(unknown(self.frame, self.setup));
         }
         // G54 without a job lies nowhere yet, and is refused where the new program is read
         let is_nowhere = before.is_none() && origin_mm == [0.0; 3];

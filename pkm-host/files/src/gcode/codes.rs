@@ -100,7 +100,9 @@ impl Codes {
                     return refused("splines are not supported: write short moves (G1)");
                 }
                 _ => match frame_of(tenths) {
-                    Some(frame) => modal.offsets.select(frame).map_err(|why| format!("`{}`: {why}", word.shown()))?,
+                    Some(frame) => {
+                        modal.offsets.select(frame, modal.setup).map_err(|why| format!("`{}`: {why}", word.shown()))?
+                    }
                     None if PASSED.contains(&tenths) => {}
                     None => return refused(advice(word.value)),
                 },

@@ -68,6 +68,8 @@ pub struct Setup {
     pub chord_mm: f64,
     /// Whether lines that begin with `/` are left out.
     pub block_delete: bool,
+    /// Whether the program is only to be played by `view`, which takes neither a job nor a tool table.
+    pub is_only_played: bool,
 }
 
 impl Default for Setup {
@@ -79,11 +81,19 @@ impl Default for Setup {
             head: None,
             chord_mm: CHORD_MM,
             block_delete: false,
+            is_only_played: false,
         }
     }
 }
 
 impl Setup {
+    /// What to do about something that a job or a tool table would say.
+    fn todo(&self, todo: &str) -> Refusal {
+        let instead = "view takes no job and no tool table: it plays a CSV, or G-code whose X Y Z are those of B, without tool lengths, with \
+                       A B of the wrist or I J K";
+        if self.is_only_played { instead } else { todo }.to_owned()
+    }
+
     /// The length of a tool over the machine file's flange.
     fn length_mm(&self, number: f64) -> std::result::Result<f64, Refusal> {
         self.tools.length_mm(number).ok_or_else(|| {
@@ -91,7 +101,7 @@ impl Setup {
                 true => "the tool table (--tools) has no such tool",
                 false => "give a tool table with --tools (TOML, or LinuxCNC's .tbl)",
             };
-            format!("the length of tool {number} is not known: {todo}")
+            format!("the length of tool {number} is not known: {}", self.todo(todo))
         })
     }
 }

@@ -249,7 +249,10 @@ impl<'a> Modal<'a> {
                 "the tool's direction is given by {:?}, as the job's `head` says: remove it there, or I J K here",
                 head.letters()
             ),
-            ('C', None) => "the wrist has A and B: for a head of A and C or B and C give a --job with `head = \"AC\"` or \"BC\"".into(),
+            ('C', None) => {
+                let todo = "for a head of A and C or B and C give a --job with `head = \"AC\"` or \"BC\"";
+                format!("the wrist has A and B: {}", self.setup.todo(todo))
+            }
             ('H', _) => "H is for G43".to_owned(),
             ('U' | 'V' | 'W', _) => "the machine has no such axis".to_owned(),
             _ => "known are G M, X Y Z, I J K, A B, F S T, N first, H with G43, R P Q L where a cycle, an arc or a dwell \
@@ -492,9 +495,11 @@ impl<'a> Modal<'a> {
             (None, [Some(i), Some(j), Some(k)], _) => Toward::Axis([i, j, k]),
             (None, _, [Some(a), Some(b)]) => Toward::Wrist([a.to_radians(), b.to_radians()]),
             _ => {
-                let message = "the first move has to say where the tool points: all of I J K (its axis in B, such as I0 J0 \
-                               K1), or A and B (the wrist's joints in degrees), or a --job with `tool_axis = [0, 0, 1]`";
-                return Err(message.into());
+                let or_job = if self.setup.is_only_played { "" } else { ", or a --job with `tool_axis = [0, 0, 1]`" };
+                return Err(format!(
+                    "the first move has to say where the tool points: all of I J K (its axis in B, such as I0 J0 K1), or A and B \
+                     (the wrist's joints in degrees){or_job}"
+                ));
             }
         };
         Ok(Place { tip_m: [x, y, z].map(|v| v / 1e3), toward })

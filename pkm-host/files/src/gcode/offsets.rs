@@ -20,12 +20,10 @@ pub(super) fn name(frame: usize) -> String {
 }
 
 /// Why a work frame is refused that nothing has set.
-pub(super) fn unknown(frame: usize) -> Refusal {
+pub(super) fn unknown(frame: usize, setup: &Setup) -> Refusal {
     let name = name(frame);
-    format!(
-        "where {name} lies in the machine is not known: give a --job with `{name} = [x, y, z]` under [offsets], in mm in B, or set it \
-         in the program with G10 L2"
-    )
+    let todo = setup.todo(&format!("give a --job with `{name} = [x, y, z]` under [offsets], in mm in B"));
+    format!("where {name} lies in the machine is not known: {todo}; or set it in the program with G10 L2")
 }
 
 /// Which of the two shifts on top of a work frame is in force: they are one register in LinuxCNC and two in Fanuc.
@@ -51,9 +49,9 @@ impl Offsets {
     }
 
     /// G54 to G59.3.
-    pub fn select(&mut self, frame: usize) -> Result<(), Refusal> {
+    pub fn select(&mut self, frame: usize, setup: &Setup) -> Result<(), Refusal> {
         if self.frames[frame].is_none() {
-            return Err(unknown(frame));
+            return Err(unknown(frame, setup));
         }
         self.frame = Some(frame);
         Ok(())
