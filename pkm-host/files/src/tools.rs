@@ -18,16 +18,16 @@ const RADIAL_RATIO: f64 = 0.3;
 #[derive(Clone, Debug, Default)]
 pub struct Tools {
     /// Name of the file, for messages.
-    file: String,
+    pub file: String,
     tools: Vec<Tool>,
     /// Of the workpiece.
     pub material: Option<Material>,
 }
 
-/// A tool as a program calls it.
+/// A tool as a program calls it, or its length.
 #[derive(Clone, Copy, Debug)]
 pub struct Called {
-    /// Behind T.
+    /// Behind T or H.
     pub number: f64,
     /// Of the program, from 1.
     pub line: u64,

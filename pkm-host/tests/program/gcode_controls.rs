@@ -82,6 +82,38 @@ fn a_tool_is_in_hand_from_m6_on() {
     assert_ne!(numbers(of("T2\nG43 H2")), first);
 }
 
+/// Of the tools 1 and 2, 10 and 25.5 mm long: what is said of lengths that are not those of the tool in hand.
+#[test]
+fn a_cut_with_another_length_than_that_of_the_tool_in_hand_is_a_warning() {
+    let cut = "G0 X-205 Y0 Z1130 A0 B0\nG1 X-204 F100\nX-203\n";
+    let says = |program: &str, words: &[&str]| {
+        let (summary, _) = compensated(program, &["--wrench", WRENCH]);
+        let mut said = summary["warnings"].as_array().unwrap().iter().filter_map(Value::as_str).collect::<Vec<_>>();
+        said.retain(|warning| !warning.contains("the load of the tool before"));
+        assert!(
+            said.len() == words.len() && said.iter().zip(words).all(|(s, w)| s.contains(w)),
+            "{program}: {said:#?}"
+        );
+    };
+    let no_length = "p.ngc:3: T2 (line 1) is 25.5 mm long";
+    says(&format!("T2 M6\n{cut}"), &[no_length]);
+    says(&format!("T2\n{cut}"), &[no_length]);
+    says(&format!("T2 M6\n{cut}T1 M6\n{cut}"), &[no_length, "p.ngc:7: T1 (line 5) is 10 mm long"]);
+    says(&format!("T2 M6\nG43 H0\n{cut}"), &["p.ngc:4: T2 (line 1) is 25.5 mm long"]);
+    says(&format!("T2 M6\nG43 H2\n{cut}G49\n{cut}"), &["p.ngc:7: T2 (line 1) is 25.5 mm long"]);
+    says(
+        &format!("T1 M6\nG43 H2\n{cut}"),
+        &["p.ngc:4: H2 (line 2), 25.5 mm long, is not the tool in hand at this cut, which is T1"],
+    );
+    // nothing is wrong with these: a T calls the next tool; no tool, or one that the table does not have; coordinates of the machine
+    let changed = format!("T2\nG49\nM6\nG43 H2\n{cut}");
+    says(&format!("T1 M6\nG43 H1\n{cut}{changed}"), &[]);
+    says(&format!("T1\nG43 H2\n{cut}{changed}"), &[]);
+    says(cut, &[]);
+    says(&format!("T9 M6\n{cut}"), &[]);
+    says("T2 M6\nG0 X-205 Y0 Z1130 A0 B0\nG1 G53 X-204 Y0 Z1130 F100\n", &[]);
+}
+
 #[test]
 fn a_comment_sets_the_load_with_a_blank_before_it() {
     let said =

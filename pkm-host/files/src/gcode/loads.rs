@@ -105,7 +105,13 @@ impl Loads {
         self.called_in_hand().map(|called| called.number)
     }
 
-    fn called_in_hand(&self) -> Option<Called> {
+    /// Whether M6 has put in the tool in hand.
+    pub fn has_changed_tool(&self) -> bool {
+        self.in_hand.is_some()
+    }
+
+    /// The same, and where it was called.
+    pub fn called_in_hand(&self) -> Option<Called> {
         self.in_hand.or(self.called)
     }
 

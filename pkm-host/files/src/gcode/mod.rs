@@ -17,6 +17,7 @@ mod codes;
 mod cycles;
 mod expressions;
 mod flow;
+mod lengths;
 mod linuxcnc;
 mod loads;
 mod modal;
@@ -35,6 +36,7 @@ use pkm_core::Wrench;
 
 use self::expressions::{expand, has_expressions};
 use self::flow::{Flow, Order};
+use self::lengths::Lengths;
 use self::loads::Loads;
 use self::modal::{Effect, Form, Modal, Stop, Style};
 use self::words::Line;
@@ -155,6 +157,7 @@ struct Reader<'a> {
     modal: Modal<'a>,
     program: Program,
     loads: Loads,
+    lengths: Lengths,
     /// The first line that was passed on unchecked, why, and how many are.
     unchecked: Option<(u64, String, usize)>,
 }
@@ -213,6 +216,7 @@ impl Program {
             modal: Modal::new(setup),
             program,
             loads: Loads::new(wrench),
+            lengths: Lengths::default(),
             unchecked: None,
         };
         let mut stops = Vec::new();
@@ -305,7 +309,7 @@ impl Reader<'_> {
             Order::Do => {}
         }
         self.loads.take(line, number, self.modal.setup)?;
-        self.modal.tool = self.loads.tool();
+        (self.modal.tool, self.modal.line) = (self.loads.tool(), number);
         if let Some(word) = line.words.iter().find(|w| w.is('M', &[72.0, 73.0, 97.0, 198.0])) {
             return Err(format!(
                 "`{}` is not supported: which words are in force after it is not followed",
@@ -321,6 +325,10 @@ impl Reader<'_> {
                 Content::Text
             }
             Effect::Moves { form, fresh } => {
+                // coordinates of the machine are those without a tool's length
+                if stops.iter().any(|stop| !stop.rapid) && !line.words.iter().any(|w| w.is('G', &[53.0])) {
+                    self.check_length(number);
+                }
                 for (n, stop) in stops.iter().enumerate() {
                     self.go(number, stop, fresh && n == 0)?;
                 }
@@ -329,6 +337,11 @@ impl Reader<'_> {
             }
         };
         self.take_m(text, line, content)
+    }
+
+    fn check_length(&mut self, line: u64) {
+        let place = format!("{}:{line}", printable(&self.program.source.name));
+        self.lengths.check(&self.loads, &self.modal, &place);
     }
 
     /// M words that say which line is next.
@@ -420,6 +433,7 @@ impl Reader<'_> {
             }
             None => {}
         }
+        self.program.warnings.extend(self.lengths.warnings(&self.loads));
         Ok(self.program)
     }
 }

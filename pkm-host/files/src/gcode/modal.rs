@@ -7,6 +7,7 @@ use super::words::{Line, Numbers};
 use super::{Refusal, Setup, codes};
 use crate::head::Head;
 use crate::path::{FeedMode, Place, Toward};
+use crate::tools::Called;
 
 /// Of X Y Z or I J K, as far as they are known.
 pub(super) type Axes = [Option<f64>; 3];
@@ -92,11 +93,15 @@ pub(super) struct Modal<'a> {
     /// `G99` in place of `G98`.
     pub retracts_to_r: bool,
     pub offsets: Offsets,
+    /// The line that is carried out, in the file, from 1.
+    pub line: u64,
     /// In hand.
     pub tool: Option<f64>,
     length_is_on: bool,
     /// Over the flange of the machine file, mm.
     pub length_mm: f64,
+    /// Which tool's length that is; `None` where none is in force.
+    pub length_of: Option<Called>,
     pub tip_mm: Axes,
     pub axis: Axes,
     pub turn_deg: [Option<f64>; 2],
@@ -129,9 +134,11 @@ impl<'a> Modal<'a> {
             spindle_per_min: None,
             retracts_to_r: false,
             offsets: Offsets::new(setup),
+            line: 0,
             tool: None,
             length_is_on: false,
             length_mm: 0.0,
+            length_of: None,
             tip_mm: [None; 3],
             axis: [None; 3],
             turn_deg: [None; 2],
@@ -279,6 +286,7 @@ impl<'a> Modal<'a> {
         };
         let Some(number) = number else { return Ok(()) };
         let length_mm = if number == 0.0 { 0.0 } else { self.setup.length_mm(number)? };
+        self.length_of = (number != 0.0).then_some(Called { number, line: self.line });
         if length_mm != self.length_mm {
             self.length_mm = length_mm;
             (self.tip_mm[2], self.last) = (None, None);
