@@ -10,17 +10,20 @@ use crate::files::path::unit;
 use crate::plan::reach::{Reach, shown};
 use crate::pose::{file_units, pose_of};
 
+/// Arguments that ask about a tool: a pose is not needed then.
+const TOOL: [&str; 4] = ["tip_mm", "axis", "near", "all"];
+
 /// Screw lengths of a pose; or of a tool, with the wrist's joints.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// θ in °, about y of B, within ±90.
-    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    #[arg(long, required_unless_present_any = TOOL, value_parser = finite, allow_hyphen_values = true)]
     theta_deg: Option<f64>,
     /// σ in °, about u, within ±90.
-    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    #[arg(long, required_unless_present_any = TOOL, value_parser = finite, allow_hyphen_values = true)]
     sigma_deg: Option<f64>,
     /// Height of A over B in mm, above 0.
-    #[arg(long, required_unless_present_any = ["tip_mm", "axis"], value_parser = finite, allow_hyphen_values = true)]
+    #[arg(long, required_unless_present_any = TOOL, value_parser = finite, allow_hyphen_values = true)]
     z0_mm: Option<f64>,
     /// The tool's tip in B in mm, in place of a pose.
     #[arg(
@@ -39,23 +42,28 @@ pub(crate) struct Args {
     /// and Z0 as a share of home's); default: the zero pose, Z0 in the middle of the box.
     #[arg(
         long,
-        requires = "tip_mm",
         value_parser = list::<5>,
         allow_hyphen_values = true,
         value_name = "Q1,Q2,Q3,B1,B2"
     )]
     near: Option<[f64; 5]>,
     /// Every inverse-kinematics solution within travel and limits, in either working mode, of a tool: with --tip-mm and --axis.
-    #[arg(long, requires = "tip_mm")]
+    #[arg(long)]
     all: bool,
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     match args {
+        Args { tip_mm: Some(tip_mm), axis: Some(axis), .. } => of_tool(session, args, *tip_mm, *axis),
+        // clap would put them into one usage line with the pose, which excludes a tool
+        Args { all: true, .. } | Args { near: Some(_), .. } => {
+            let message = "--all and --near ask about a tool: give it with --tip-mm and --axis, in place of --theta-deg, --sigma-deg and \
+                           --z0-mm";
+            Err(Failure::usage(message))
+        }
         Args { theta_deg: Some(theta_deg), sigma_deg: Some(sigma_deg), z0_mm: Some(z0_mm), .. } => {
             of_pose(session, *theta_deg, *sigma_deg, *z0_mm)
         }
-        Args { tip_mm: Some(tip_mm), axis: Some(axis), .. } => of_tool(session, args, *tip_mm, *axis),
         _ => Err(Failure::usage("give a pose or a tool, see --help")),
     }
 }

@@ -100,7 +100,7 @@ fn a_cut_with_another_length_than_that_of_the_tool_in_hand_is_a_warning() {
     says(&format!("T2\n{cut}"), &[no_length]);
     says(&format!("T2 M6\n{cut}T1 M6\n{cut}"), &[no_length, "p.ngc:7: T1 (line 5) is 10 mm long"]);
     says(&format!("T2 M6\nG43 H0\n{cut}"), &["p.ngc:4: T2 (line 1) is 25.5 mm long"]);
-    says(&format!("T2 M6\nG43 H2\n{cut}G49\n{cut}"), &["p.ngc:7: T2 (line 1) is 25.5 mm long"]);
+    says(&format!("T2 M6\nG43 H2\n{cut}G49\n{cut}"), &["p.ngc:8: T2 (line 1) is 25.5 mm long"]);
     says(
         &format!("T1 M6\nG43 H2\n{cut}"),
         &["p.ngc:4: H2 (line 2), 25.5 mm long, is not the tool in hand at this cut, which is T1"],

@@ -79,6 +79,8 @@ const CALLS: &[Call] = &[
     ("below the base", "ik --theta-deg 0 --sigma-deg 0 --z0-mm -530", "-530"),
     ("beyond 90°", "ik --theta-deg 95 --sigma-deg 0 --z0-mm 530", "95"),
     ("a pose and a tool", "ik --theta-deg 0 --tip-mm 0,0,1137 --axis 0,0,1", "cannot be used with"),
+    ("near a pose", "ik --theta-deg 0 --sigma-deg 0 --z0-mm 530 --near 530,530,530,0,0", "--all and --near ask about a tool|--tip-mm"),
+    ("all ways to nothing", "ik --all", "--all and --near ask about a tool|--tip-mm"),
     ("a tip without an axis", "ik --tip-mm 0,0,1137", "--axis"),
     ("an axis without a tip", "ik --axis 0,0,1", "--tip-mm"),
     ("an axis of no length", "ik --tip-mm -205,0,1137 --axis 0,0,0", "direction"),
