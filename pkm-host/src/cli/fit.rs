@@ -108,12 +108,12 @@ fn compute(args: &Args, session: &mut Session) -> Result<Fitted> {
     fit.estimate_uncertainty(tip_m);
     let trained = fit::evaluate(&fit.training, &below, tip_m, &fit.numbers).map_err(in_data)?;
     let verified = match (&fit.verification, &verification_source) {
-        (Some(samples), Some(source)) => {
+        (Some(judged_by), Some(source)) => {
             let unusable = |f: Failure| {
                 let message = format!("the table fitted to {} is of no use here: {}", data.name, f.message);
                 Failure { message, ..f }.in_file(&source.name)
             };
-            Some(fit::evaluate(samples, &below, tip_m, &fit.numbers).map_err(unusable)?)
+            Some(fit::evaluate(&judged_by.samples, &below, tip_m, &fit.numbers).map_err(unusable)?)
         }
         _ => None,
     };

@@ -238,7 +238,7 @@ pub fn too_sure(fit: &Fit, machine: &Machine<f64>, tip_m: Vector3<f64>) -> Optio
     let table = fit.numbers.table().ok()?;
     let uncertainty = fit.uncertainty.as_ref()?.core().ok()?;
     let mut ratios = Vec::new();
-    for sample in fit.verification.iter().flatten() {
+    for sample in fit.verification.iter().flat_map(|v| &v.samples) {
         let found = sample.target.full?.factor().ok()?;
         let said = table.factor_form(machine, &sample.pose.pose).ok()?;
         if said.domain == Domain::Outside {

@@ -5,6 +5,7 @@ mod evaluate;
 pub mod export;
 mod regression;
 pub(crate) mod uncertainty;
+mod verification;
 
 use std::collections::BTreeSet;
 
@@ -25,6 +26,7 @@ pub use self::doubts::{read_otherwise, stray_poses, too_sure};
 pub use self::evaluate::{DeflectionError, DeflectionErrors, Evaluation, evaluate};
 use self::regression::{Regression, columns, condition, levels, refuse_rank_deficiency, select, spread};
 use self::uncertainty::Training;
+pub use self::verification::Verification;
 
 /// Which of them Eq. 12 gives to c11…c66.
 const EQ_12: [[bool; 9]; 6] = {
@@ -75,8 +77,8 @@ pub struct Fit {
     pub choice: TermChoice,
     /// What was fitted on, with K_p beside it.
     pub training: Vec<Sample>,
-    /// What the fit is judged by; as a rule poses that had no part in it.
-    pub verification: Option<Vec<Sample>>,
+    /// What the fit is judged by.
+    pub verification: Option<Verification>,
     /// Middle and half widths of the box in ° and mm.
     pub center: [f64; 3],
     /// See `center`.
@@ -96,13 +98,6 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Poses of the verification that were fitted as well.
-    pub fn verification_in_training(&self) -> usize {
-        let key = |s: &Sample| file_units(&s.pose.pose).map(|v| (v * 1e6).round() as i64);
-        let fitted: BTreeSet<_> = self.training.iter().map(key).collect();
-        self.verification.iter().flatten().filter(|s| fitted.contains(&key(s))).count()
-    }
-
     /// Finds out how far the table may be off at the tool's tip, here in A-uvw, from poses that are left out of the fit. It stays unknown
     /// where the poses are too few for this.
     pub fn estimate_uncertainty(&mut self, tip_m: Vector3<f64>) {
@@ -137,16 +132,9 @@ impl Fit {
                 v.outside_box, v.poses
             ));
         }
-        let fitted_too = self.verification_in_training();
-        if fitted_too > 0 {
-            warnings.push(format!(
-                "{fitted_too} of {} verification poses are training poses too, and say nothing of others",
-                self.verification.as_ref().map_or(0, Vec::len)
-            ));
-        }
-        for (source, samples) in
-            [(data, &self.training)].into_iter().chain(verification.zip(self.verification.as_ref()))
-        {
+        warnings.extend(self.verification.as_ref().and_then(Verification::warning));
+        let judged_by = self.verification.as_ref().map(|v| &v.samples);
+        for (source, samples) in [(data, &self.training)].into_iter().chain(verification.zip(judged_by)) {
             let columns = suspicious_ratios(samples);
             if !columns.is_empty() {
                 let shown: Vec<String> = columns.iter().map(|(name, ratio)| format!("{name} {ratio:.1e}")).collect();
@@ -320,8 +308,8 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     let condition = polynomials.iter().map(|p| condition(&columns(&design, &p.used))).fold(1.0, f64::max);
     Ok(Fit {
         choice,
+        verification: verification.map(|given| Verification::new(given, &training)),
         training,
-        verification,
         center,
         scale,
         extent,

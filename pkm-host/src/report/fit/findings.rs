@@ -1,28 +1,51 @@
 //! What a fit is worth, in sentences.
 
 use super::{LOADS, forms};
-use crate::fit::{Evaluation, Fit, TermChoice};
+use crate::fit::{Evaluation, Fit, TermChoice, Verification};
 use crate::page::{Finding, State};
 
 /// A mean error that a model of the stiffness may have where it is used, %.
 pub(crate) const USABLE_PERCENT: f64 = 5.0;
 
+/// What is said of deflections, by what.
+struct Judged<'a> {
+    /// Where there are whole matrices, of the verification.
+    loaded: &'a Evaluation,
+    /// Whether that is of the verification poses.
+    verified: bool,
+    /// Whether these had no part in the fit.
+    by_others: bool,
+}
+
+impl<'a> Judged<'a> {
+    fn new(fit: &Fit, trained: &'a Evaluation, verified: Option<&'a Evaluation>) -> Self {
+        let whole = verified.filter(|v| v.deflection_percent.factor.is_some());
+        let of_others = fit.verification.as_ref().is_some_and(Verification::is_of_others);
+        Self { loaded: whole.unwrap_or(trained), verified: whole.is_some(), by_others: whole.is_some() && of_others }
+    }
+}
+
+/// The poses that principal stiffnesses are judged by, in words.
+fn judged_on(fit: &Fit) -> String {
+    match &fit.verification {
+        None => "the training poses themselves: give --verify to judge the table by others".to_owned(),
+        Some(v) if !v.is_of_others() => "verification poses that had a part in the fit themselves".to_owned(),
+        Some(v) if v.fitted_too > 0 => {
+            format!("the {} of {} verification poses that had no part in the fit", v.samples.len(), v.given)
+        }
+        Some(_) => "the verification poses, which had no part in the fit".to_owned(),
+    }
+}
+
 /// What the fit is worth, in sentences.
 pub(super) fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> Vec<Finding> {
-    let (e, on) = match verified {
-        Some(v) if fit.verification_in_training() > 0 => {
-            (v, "verification poses that had a part in the fit themselves")
-        }
-        Some(v) => (v, "the verification poses, which had no part in the fit"),
-        None => (trained, "the training poses themselves: give --verify to judge the table by others"),
-    };
+    let (e, on) = (verified.unwrap_or(trained), judged_on(fit));
     let worst = |v: &[f64; 6]| v.iter().copied().fold(0.0, f64::max);
-    // deflections are judged where there are whole matrices
-    let loaded = if e.deflection_percent.factor.is_some() { e } else { trained };
+    let judged = Judged::new(fit, trained, verified);
+    let loaded = judged.loaded;
     let forms = forms(&loaded.deflection_percent);
-    let tested = verified.is_some_and(|v| v.deflection_percent.factor.is_some());
-    let mut findings = vec![verdict(loaded, tested && fit.verification_in_training() == 0)];
-    if verified.is_some() && !tested && loaded.deflection_percent.factor.is_some() {
+    let mut findings = vec![verdict(loaded, judged.by_others)];
+    if verified.is_some() && !judged.verified && loaded.deflection_percent.factor.is_some() {
         findings.push(Finding::warning(
             "The verification poses have the six principal stiffnesses alone: deflections are judged by the training poses.",
         ));
@@ -99,8 +122,7 @@ fn verdict(e: &Evaluation, by_others: bool) -> Finding {
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
 pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>, state: State) -> Vec<Finding> {
     let mut all = Vec::new();
-    let by_others = verified.filter(|v| v.deflection_percent.factor.is_some());
-    let loaded = by_others.unwrap_or(trained);
+    let Judged { loaded, by_others, .. } = Judged::new(fit, trained, verified);
     if let Some((at_a, at_tip)) =
         loaded.deflection_percent.factor.as_ref().zip(loaded.tip_deflection_percent.factor.as_ref())
     {
@@ -108,12 +130,13 @@ pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluati
         let off =
             format!("under the worst of six loads, it is {at_a:.1} % off at A and {at_tip:.1} % at the tool's tip");
         all.push(
-            Finding::good(match by_others {
-                Some(e) => format!("at the worst of {} verification poses, {off}.", e.poses),
-                None => format!(
+            Finding::good(if by_others {
+                format!("at the worst of {} verification poses, {off}.", loaded.poses)
+            } else {
+                format!(
                     "at the worst of its own {} poses, {off}; between them it may be more, which nothing here tells.",
-                    trained.poses
-                ),
+                    loaded.poses
+                )
             })
             .sure(),
         );
@@ -124,7 +147,7 @@ pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluati
     all.push(Finding::good(match state {
         State::Good => format!("compile coefficients.rs into the controller and use the factor form, inside {inside}: outside the status says so."),
         State::Warning => {
-            let others = by_others.is_none().then_some("give other poses with all 21 entries of K with --verify");
+            let others = (!by_others).then_some("give other poses with all 21 entries of K with --verify");
             let whole = loaded.deflection_percent.factor.is_none().then_some("give all 21 entries of K");
             let ways = [select, whole, others, Some("compute or measure more poses (pkm-host plan)")];
             format!("{}.", ways.into_iter().flatten().collect::<Vec<_>>().join(", or "))

@@ -92,7 +92,7 @@ fn residuals(fit: &Fit, i: usize) -> Result<[Panel; 3]> {
             Series { name: format!("{name}{shown}"), points, mark }
         };
         let mut all = vec![series("training", &fit.training, Mark::Dot)];
-        all.extend(fit.verification.as_ref().map(|s| series("verification", s, Mark::Cross)));
+        all.extend(fit.verification.as_ref().map(|v| series("verification", &v.samples, Mark::Cross)));
         Panel {
             title: format!("k{}, corrected: error over {}", STIFFNESSES[i], SYMBOLS[v]),
             x_label: VARIABLES[v].into(),
