@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::fit::STIFFNESSES;
+use super::fit::{STIFFNESSES, figure};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::fit::{Evaluation, Fit};
@@ -71,7 +71,7 @@ fn effects(trained: &Evaluation, verified: Option<&Evaluation>) -> Markup {
         let Some(me) = e.map(|e| &e.improved.me) else { continue };
         let own = [&me.statistics.mean, &me.statistics.stdev, &me.statistics.max, &me.statistics.min];
         for ((name, printed), own) in STATISTICS.iter().zip(printed).zip(own) {
-            rows.push((format!("{set}: {name}"), cells(|i| format!("{:.2} / {:.2}", printed[i], own[i]))));
+            rows.push((format!("{set}: {name}"), cells(|i| format!("{:.2} / {}", printed[i], figure(own[i], 2)))));
         }
         let list = |counts: &[usize]| counts.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
         let counted = cells(|i| format!("{} / {}", list(&bands[i]), list(&me.bands[i][..3])));
@@ -87,7 +87,7 @@ fn errors(trained: &Evaluation, verified: Option<&Evaluation>) -> Markup {
         [s.mean, s.stdev, s.max, s.min][n][i]
     };
     let cell = |n: usize, i: usize| {
-        let verified = verified.map_or(String::new(), |e| format!(" / {:.2}", of(e, n, i)));
+        let verified = verified.map_or(String::new(), |e| format!(" / {}", figure(of(e, n, i), 2)));
         format!("{:.2} / {:.2}{verified}", ERRORS[n][i], of(trained, n, i))
     };
     let rows: Vec<_> = (0..4).map(|n| (STATISTICS[n].to_owned(), cells(|i| cell(n, i)))).collect();

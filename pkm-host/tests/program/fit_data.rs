@@ -146,6 +146,30 @@ fn verification_poses_that_were_fitted_are_left_out_of_the_judgement() {
 }
 
 #[test]
+fn few_verification_poses_do_not_judge_a_box() {
+    let folder = Folder::new();
+    let rows = Rows::of_solids();
+    let data = folder.write("k.csv", &Rows(rows.0[..40].to_vec()).written(false));
+    let judged = |n: usize| {
+        let others = folder.write("v.csv", &Rows(rows.0[40..40 + n].to_vec()).written(false));
+        let output = run(&["fit", "--data", &data, "--verify", &others, "--out", &folder.path("out")]);
+        (String::from_utf8(output.stdout).unwrap(), folder.read("out/report.html"))
+    };
+    let (text, report) = judged(1);
+    assert!(!text.contains("NaN") && !report.contains("NaN"), "{text}");
+    assert!(text.contains("standard deviation") && text.contains("        –"), "{text}");
+    let fit: serde_json::Value = serde_json::from_str(&folder.read("out/fit.json")).unwrap();
+    assert!(fit["verify"]["improved"]["re_percent"]["stdev"][0].is_null(), "{fit}");
+    assert!(text.contains("verification, 1 pose ") && text.contains("on 1 pose that it was not fitted to"), "{text}");
+    for (n, is_enough) in [(1, false), (3, false), (4, true)] {
+        let (text, report) = judged(n);
+        assert_eq!(text.contains("The table can be used"), is_enough, "{n}: {text}");
+        assert_eq!(text.contains("leave a direction of its box untested"), !is_enough, "{n}: {text}");
+        assert_eq!(report.contains("give at least 4 poses with --verify"), !is_enough, "{n}");
+    }
+}
+
+#[test]
 fn rows_that_contradict_the_others_are_named() {
     let folder = Folder::new();
     let rows = Rows::of_solids();

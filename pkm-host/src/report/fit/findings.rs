@@ -6,6 +6,13 @@ use crate::page::{Finding, State};
 
 /// A mean error that a model of the stiffness may have where it is used, %.
 pub(crate) const USABLE_PERCENT: f64 = 5.0;
+/// Poses that judge a table at the least: fewer lie in one plane of θ, σ and Z0, and leave a direction of the box untested.
+const LEAST_POSES: usize = 4;
+
+/// "1 pose", "25 poses".
+pub(super) fn poses(number: usize) -> String {
+    format!("{number} pose{}", if number == 1 { "" } else { "s" })
+}
 
 /// What is said of deflections, by what.
 struct Judged<'a> {
@@ -22,6 +29,11 @@ impl<'a> Judged<'a> {
         let whole = verified.filter(|v| v.deflection_percent.factor.is_some());
         let of_others = fit.verification.as_ref().is_some_and(Verification::is_of_others);
         Self { loaded: whole.unwrap_or(trained), verified: whole.is_some(), by_others: whole.is_some() && of_others }
+    }
+
+    /// Whether other poses judge, and too few of them.
+    fn by_few(&self) -> bool {
+        self.by_others && self.loaded.poses < LEAST_POSES
     }
 }
 
@@ -44,7 +56,7 @@ pub(super) fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Eval
     let judged = Judged::new(fit, trained, verified);
     let loaded = judged.loaded;
     let forms = forms(&loaded.deflection_percent);
-    let mut findings = vec![verdict(loaded, judged.by_others)];
+    let mut findings = vec![verdict(&judged)];
     if verified.is_some() && !judged.verified && loaded.deflection_percent.factor.is_some() {
         findings.push(Finding::warning(
             "The verification poses have the six principal stiffnesses alone: deflections are judged by the training poses.",
@@ -89,7 +101,8 @@ pub(super) fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Eval
 }
 
 /// Whether to use the table, by its factor form, which is what predicts deflections.
-fn verdict(e: &Evaluation, by_others: bool) -> Finding {
+fn verdict(judged: &Judged<'_>) -> Finding {
+    let e = judged.loaded;
     let d = &e.deflection_percent;
     let Some((factor, basic)) = d.factor.as_ref().zip(d.basic.as_ref()) else {
         return Finding::warning(
@@ -107,9 +120,15 @@ fn verdict(e: &Evaluation, by_others: bool) -> Finding {
             "The table is rough: it predicts deflections with a mean error of {error:.1} % at A, more than {USABLE_PERCENT} %, and {at_tip:.1} % \
              at the tool's tip."
         ))
-    } else if !by_others {
+    } else if !judged.by_others {
         Finding::warning(format!(
             "The table follows its own data to {error:.1} % in deflection at A, {at_tip:.1} % at the tool's tip; no other poses have tested it."
+        ))
+    } else if judged.by_few() {
+        Finding::warning(format!(
+            "The table is hardly tested: it predicts deflections with a mean error of {error:.1} % at most at A, {at_tip:.1} % at the tool's tip, on \
+             {} that it was not fitted to: fewer than {LEAST_POSES} lie in one plane of θ, σ and Z0, and leave a direction of its box untested.",
+            poses(e.poses)
         ))
     } else {
         Finding::good(format!(
@@ -122,7 +141,8 @@ fn verdict(e: &Evaluation, by_others: bool) -> Finding {
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
 pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>, state: State) -> Vec<Finding> {
     let mut all = Vec::new();
-    let Judged { loaded, by_others, .. } = Judged::new(fit, trained, verified);
+    let judged = Judged::new(fit, trained, verified);
+    let loaded = judged.loaded;
     if let Some((at_a, at_tip)) =
         loaded.deflection_percent.factor.as_ref().zip(loaded.tip_deflection_percent.factor.as_ref())
     {
@@ -130,12 +150,12 @@ pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluati
         let off =
             format!("under the worst of six loads, it is {at_a:.1} % off at A and {at_tip:.1} % at the tool's tip");
         all.push(
-            Finding::good(if by_others {
-                format!("at the worst of {} verification poses, {off}.", loaded.poses)
+            Finding::good(if judged.by_others {
+                format!("at the worst of {} of the verification, {off}.", poses(loaded.poses))
             } else {
                 format!(
-                    "at the worst of its own {} poses, {off}; between them it may be more, which nothing here tells.",
-                    loaded.poses
+                    "at the worst of its own {}, {off}; between them it may be more, which nothing here tells.",
+                    poses(loaded.poses)
                 )
             })
             .sure(),
@@ -146,8 +166,11 @@ pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluati
     let select = (fit.choice != TermChoice::Select).then_some("let the fit choose its terms with --terms select");
     all.push(Finding::good(match state {
         State::Good => format!("compile coefficients.rs into the controller and use the factor form, inside {inside}: outside the status says so."),
+        State::Warning if judged.by_few() => {
+            format!("give at least {LEAST_POSES} poses with --verify, over all of {inside}.")
+        }
         State::Warning => {
-            let others = (!by_others).then_some("give other poses with all 21 entries of K with --verify");
+            let others = (!judged.by_others).then_some("give other poses with all 21 entries of K with --verify");
             let whole = loaded.deflection_percent.factor.is_none().then_some("give all 21 entries of K");
             let ways = [select, whole, others, Some("compute or measure more poses (pkm-host plan)")];
             format!("{}.", ways.into_iter().flatten().collect::<Vec<_>>().join(", or "))

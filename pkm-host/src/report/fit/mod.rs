@@ -17,13 +17,18 @@ use crate::page::plot::{self, Bar};
 use crate::page::{Page, on_screen, picture, table};
 use crate::pose::ROTATION_ARM_M;
 use crate::report::paper;
-use findings::{advice, conclusion};
+use findings::{advice, conclusion, poses};
 use over_pose::over_pose;
 use serde_json::{Value, json};
 
 pub(super) const STIFFNESSES: [&str; 6] = ["11", "22", "33", "44", "55", "66"];
 const LOADS: [&str; 6] = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"];
 const SYMBOLS: [&str; 3] = ["θ", "σ", "Z0"];
+
+/// A number with its digits; a dash for the standard deviation of a single pose, which there is not.
+pub(super) fn figure(value: f64, digits: usize) -> String {
+    if value.is_nan() { "–".to_owned() } else { format!("{value:.digits$}") }
+}
 
 /// Tables for the terminal.
 pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -> String {
@@ -32,10 +37,10 @@ pub fn summary(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluation>) -
         let cells = cells.map(|c| format!(" {c:>9}")).concat();
         let _ = writeln!(text, "  {label:<36}{cells}");
     };
-    let numbers = |values: &[f64; 6], digits: usize| values.map(|v| format!("{v:.digits$}"));
+    let numbers = |values: &[f64; 6], digits: usize| values.map(|v| figure(v, digits));
     for (name, e) in [("training", Some(trained)), ("verification", verified)] {
         let Some(e) = e else { continue };
-        line(&format!("{name}, {} poses", e.poses), STIFFNESSES.map(|s| format!("k{s}")));
+        line(&format!("{name}, {}", poses(e.poses)), STIFFNESSES.map(|s| format!("k{s}")));
         line("error of K_p in %, mean", numbers(&e.basic.re_percent.mean, 2));
         let re = &e.improved.re_percent;
         line("error of the diagonal form in %, mean", numbers(&re.mean, 2));
@@ -85,7 +90,7 @@ fn forms(d: &DeflectionErrors) -> Vec<(&'static str, [f64; 6])> {
 fn error_tables(trained: &Evaluation, verified: Option<&Evaluation>, with_effect: bool) -> Markup {
     let sets =
         || [("training", Some(trained)), ("verification", verified)].into_iter().filter_map(|(n, e)| Some((n, e?)));
-    let cells = |values: &[f64; 6], digits: usize| values.map(|v| format!("{v:.digits$}")).to_vec();
+    let cells = |values: &[f64; 6], digits: usize| values.map(|v| figure(v, digits)).to_vec();
     let mut effect = Vec::new();
     let mut error = Vec::new();
     let mut load = Vec::new();
