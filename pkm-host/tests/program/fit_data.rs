@@ -170,6 +170,30 @@ fn few_verification_poses_do_not_judge_a_box() {
 }
 
 #[test]
+fn data_that_the_model_matches_are_no_alarm() {
+    let folder = Folder::new();
+    let poses: String = Rows::of_solids().0.iter().map(|(pose, _)| format!("{}\n", pose.join(","))).collect();
+    let poses = folder.write("p.csv", &format!("pose,theta_deg,sigma_deg,z0_mm\n{poses}"));
+    json(&["stiffness", "--poses", &poses, "--out", &folder.path("own.csv")]);
+    let own = Rows::read(&folder.read("own.csv"));
+    let judged = |rows: &Rows| {
+        let data = folder.write("d.csv", &rows.written(false));
+        let output = run(&["fit", "--data", &data, "--out", &folder.path("out")]);
+        (String::from_utf8(output.stdout).unwrap(), folder.read("out/report.html"))
+    };
+    // as they are, and as a file with seven digits has them
+    let rounded = own.map(|k| k.map(|v| format!("{v:.6e}").parse().unwrap()));
+    for rows in [own, rounded] {
+        let (text, report) = judged(&rows);
+        assert!(text.contains("The data agree with the model") && text.contains("a table changes nothing"), "{text}");
+        assert!(!text.contains("Don't use the table") && !report.contains("SI units"), "{text}");
+        assert!(report.contains("the controller needs no table"));
+    }
+    let (text, _) = judged(&Rows::of_solids());
+    assert!(!text.contains("The data agree"), "{text}");
+}
+
+#[test]
 fn rows_that_contradict_the_others_are_named() {
     let folder = Folder::new();
     let rows = Rows::of_solids();

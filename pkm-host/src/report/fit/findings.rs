@@ -1,13 +1,15 @@
 //! What a fit is worth, in sentences.
 
 use super::{LOADS, forms};
-use crate::fit::{Evaluation, Fit, TermChoice, Verification};
+use crate::fit::{DeflectionError, Evaluation, Fit, TermChoice, Verification};
 use crate::page::{Finding, State};
 
 /// A mean error that a model of the stiffness may have where it is used, %.
 pub(crate) const USABLE_PERCENT: f64 = 5.0;
 /// Poses that judge a table at the least: fewer lie in one plane of θ, σ and Z0, and leave a direction of the box untested.
 const LEAST_POSES: usize = 4;
+/// Errors, and differences between them, that are no more than the rounding of the data, %: shown as 0.0.
+const ROUNDING_PERCENT: f64 = 0.05;
 
 /// "1 pose", "25 poses".
 pub(super) fn poses(number: usize) -> String {
@@ -16,6 +18,8 @@ pub(super) fn poses(number: usize) -> String {
 
 /// What is said of deflections, by what.
 struct Judged<'a> {
+    /// Of the training poses.
+    trained: &'a Evaluation,
     /// Where there are whole matrices, of the verification.
     loaded: &'a Evaluation,
     /// Whether that is of the verification poses.
@@ -28,7 +32,21 @@ impl<'a> Judged<'a> {
     fn new(fit: &Fit, trained: &'a Evaluation, verified: Option<&'a Evaluation>) -> Self {
         let whole = verified.filter(|v| v.deflection_percent.factor.is_some());
         let of_others = fit.verification.as_ref().is_some_and(Verification::is_of_others);
-        Self { loaded: whole.unwrap_or(trained), verified: whole.is_some(), by_others: whole.is_some() && of_others }
+        Self {
+            trained,
+            loaded: whole.unwrap_or(trained),
+            verified: whole.is_some(),
+            by_others: whole.is_some() && of_others,
+        }
+    }
+
+    /// Whether the model without a table has the data's deflections already, and the table leaves them as they are.
+    fn agrees(&self) -> bool {
+        let is_exact = |e: &Option<DeflectionError>| {
+            e.as_ref().is_some_and(|e| e.max.iter().all(|percent| *percent < ROUNDING_PERCENT))
+        };
+        let all = [self.trained, self.loaded].map(|e| &e.deflection_percent);
+        all.iter().all(|d| is_exact(&d.basic) && is_exact(&d.factor))
     }
 
     /// Whether other poses judge, and too few of them.
@@ -76,7 +94,7 @@ pub(super) fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Eval
     if let Some((_, basic)) = forms.first() {
         for (name, errors) in &forms[1..] {
             // by more than rounding: K_p may be exact
-            let is_worse = |i: &usize| errors[*i] > basic[*i] + 1e-3;
+            let is_worse = |i: &usize| errors[*i] > basic[*i] + ROUNDING_PERCENT;
             let worse: Vec<&str> = (0..6).filter(is_worse).map(|i| LOADS[i]).collect();
             let worst_of_these = |v: &[f64; 6]| (0..6).filter(is_worse).map(|i| v[i]).fold(0.0, f64::max);
             findings.push(if worse.is_empty() {
@@ -113,7 +131,12 @@ fn verdict(judged: &Judged<'_>) -> Finding {
     let greatest = |values: &[f64; 6]| values.iter().copied().fold(0.0, f64::max);
     let error = greatest(&factor.mean);
     let at_tip = e.tip_deflection_percent.factor.as_ref().map_or(error, |f| greatest(&f.mean));
-    if (0..6).any(|i| factor.mean[i] > basic.mean[i]) {
+    if judged.agrees() {
+        Finding::good(format!(
+            "The data agree with the model: without a table (K_p) its deflections are less than {ROUNDING_PERCENT} % off at A at every pose, \
+             and a table changes nothing."
+        ))
+    } else if (0..6).any(|i| factor.mean[i] > basic.mean[i] + ROUNDING_PERCENT) {
         Finding::bad(format!("Don't use the table: it predicts deflections worse than no table ({error:.1} % off)."))
     } else if error > USABLE_PERCENT {
         Finding::warning(format!(
@@ -165,6 +188,7 @@ pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluati
     let inside = format!("θ {theta}°, σ {sigma}°, Z0 {z0} mm");
     let select = (fit.choice != TermChoice::Select).then_some("let the fit choose its terms with --terms select");
     all.push(Finding::good(match state {
+        State::Good if judged.agrees() => "nothing: the controller needs no table.".to_owned(),
         State::Good => format!("compile coefficients.rs into the controller and use the factor form, inside {inside}: outside the status says so."),
         State::Warning if judged.by_few() => {
             format!("give at least {LEAST_POSES} poses with --verify, over all of {inside}.")
