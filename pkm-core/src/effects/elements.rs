@@ -342,7 +342,7 @@ impl Law {
     }
 
     /// Whether it says an elongation under load instead of a compliance.
-    pub(crate) const fn depends_on_load(self) -> bool {
+    pub const fn depends_on_load(self) -> bool {
         matches!(self, Self::Load | Self::Direction)
     }
 }

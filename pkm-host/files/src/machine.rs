@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::path::Path;
 
+use pkm_core::effects::{EFFECTS, Law};
 use pkm_core::machine::Travel;
 use pkm_core::{
     FiveAxis, KinematicsError, Machine, MachineParameters, Pose, ScrewLengths, Wrist, WristError, WristParameters,
@@ -148,6 +149,23 @@ impl MachineFile {
         let warning =
             || format!("{name}: no {keys}: the paper's Table 1 stands in, and the tool's tip follows from it");
         (!self.wrist_left_out.is_empty()).then(warning)
+    }
+
+    /// For commands that say a stiffness: a warning where effects or elements depend on the load, which no stiffness has.
+    pub fn load_warning(&self) -> Option<String> {
+        let effects = &self.parameters.effects;
+        let depends = |law: &str| Law::from_name(law).is_some_and(Law::depends_on_load);
+        let is_on = |values: &[f64]| values.iter().any(|v| *v != 0.0);
+        let of_list =
+            EFFECTS.iter().zip(&effects.parameters).filter(|(info, v)| depends(info.expected.law) && is_on(&v[..]));
+        let elements = effects.elements.iter().flatten().filter(|e| e.law.depends_on_load() && is_on(&e.parameters));
+        let names: Vec<String> = (of_list.map(|(info, _)| info.id.to_owned()))
+            .chain(elements.map(|e| format!("element at {} with law {}", e.place.name().unwrap_or("?"), e.law.name())))
+            .collect();
+        let (file, names) = (&self.source.name, names.join(", "));
+        (!names.is_empty()).then(|| {
+            format!("{file}: K is without what depends on the load ({names}): `predict` adds that to a deflection")
+        })
     }
 
     /// The machine with its wrist.

@@ -64,6 +64,7 @@ impl Args {
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     args.check()?;
     let model = session.model(&args.table)?;
+    session.warn(model.machine.load_warning());
     let file = &model.machine;
     let applied = model.applied()?;
     let uncertainty = model.table.as_ref().and_then(|table| table.uncertainty.as_ref());

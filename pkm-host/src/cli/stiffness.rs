@@ -27,6 +27,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let model = session.model(&args.table)?;
+    session.warn(model.machine.load_warning());
     let source = source::Source::read(&args.poses)?;
     let file = source.name.clone();
     let (poses, warnings) = dataset::read_poses(source, &model.machine)?;

@@ -325,6 +325,38 @@ fn predict_knows_load_dependent_effects() {
 }
 
 #[test]
+fn a_stiffness_without_what_depends_on_the_load_says_so() {
+    let folder = Folder::new();
+    let poses = folder.write("p.csv", "pose,theta_deg,sigma_deg,z0_mm\na,0,0,530\n");
+    let warned = |more: &str| {
+        let machine = folder.write("m.toml", &(reference_machine() + more));
+        let out = folder.path("map");
+        let map = ["map", "--machine", &machine, "--x0-mm", "0,20", "--z0-mm", "520,540", "--step-mm", "10"];
+        let map = json(&[&map[..], &["--out", &out]].concat())["warnings"].clone();
+        assert_eq!(map, json(&["stiffness", "--machine", &machine, "--poses", &poses])["warnings"]);
+        (map, folder.read("map/report.html"))
+    };
+    let clearance = "\n[[effect]]\nid = \"clearance\"\nplay_m = 2e-5\ntaken_up_n = 20\n";
+    let contacts = "\n[[effect]]\nid = \"contact-stiffening\"\nunloaded_m_per_n = 1e-9\nreference_n = 100\n";
+    let linear = "\n[[effect]]\nid = \"base-compliance\"\nmount_m_per_n = 1e-9\n";
+    let (said, report) = warned(&format!("{linear}{contacts}{clearance}"));
+    let said = said.to_string();
+    assert!(
+        said.contains("m.toml: K is without what depends on the load (clearance, contact-stiffening)")
+            && said.contains("`predict`"),
+        "{said}"
+    );
+    assert!(report.contains("K is without what depends on the load (clearance, contact-stiffening)"));
+    let element = "\n[[element]]\nplace = \"limb.2.body\"\nmotion = \"axial\"\nlaw = \"load\"\n";
+    let (said, _) = warned(&format!("{element}play_m = 1e-5\ntaken_up_n = 100\n"));
+    assert!(
+        said.to_string().contains("without what depends on the load (element at limb.2.body with law load)"),
+        "{said}"
+    );
+    assert_eq!(warned(linear).0, serde_json::json!([]));
+}
+
+#[test]
 fn stiffness_data_with_an_angle_of_the_other_sign_are_found_out() {
     let folder = Folder::new();
     let text = std::fs::read_to_string(fixture("stiffness/fe-l49.csv")).unwrap();
