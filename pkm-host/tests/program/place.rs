@@ -8,7 +8,7 @@ use pkm_core::tables::reference::MACHINE_F64;
 use pkm_core::{Configuration, Pose, Tool, ToolSolution, Wrench};
 use serde_json::Value;
 
-use crate::common::{FIVE, Folder, fixture, json, refused};
+use crate::common::{FIVE, Folder, fixture, json, refused, run};
 
 const WRENCH: Wrench<f64> = Wrench { force_n: Vector3::new(20.0, 0.0, -400.0), moment_nm: Vector3::new(0.0, 1.0, 5.0) };
 
@@ -339,6 +339,33 @@ fn the_case_study_shows_what_the_papers_objective_misses() {
     let counts: Vec<usize> = numbers.map(|group| group.matches("<text").count()).collect();
     let holes = document["series"].as_array().expect("entries").iter().map(|e| e["holes"].as_array().unwrap().len());
     assert_eq!(counts, holes.collect::<Vec<_>>());
+}
+
+#[test]
+fn holes_that_are_held_worse_are_counted_once_for_each_alternative() {
+    let folder = Folder::new();
+    let plate = std::fs::read_to_string(fixture("jobs/plate.toml")).unwrap();
+    let job = folder.write("job.toml", &plate.replacen("format = 1", "format = 1\ntogether = true", 1));
+    let table = fixture("jobs/wide-table.json");
+    let args = ["place", "--job", &job, "--table", &table, "--objective", "tip-worst", "--step-mm", "20", "--out"];
+    let output = run(&[&args[..], &[&folder.path("out")]].concat());
+    let text = String::from_utf8(output.stdout).unwrap();
+    let document: Value = serde_json::from_str(&folder.read("out/placement.json")).unwrap();
+    let worse = |entries: &Value| {
+        let of_entry = |entry: &Value| {
+            let now = entry["holes"].as_array().unwrap().iter().map(|h| number(&h["deflection_um"]));
+            let before = entry["before"]["deflection_um"].as_array().unwrap().iter().map(number);
+            now.zip(before).filter(|(now, before)| *now > before * (1.0 + 1e-6)).count()
+        };
+        entries.as_array().unwrap().iter().map(of_entry).sum::<usize>()
+    };
+    let (apart, together) = (worse(&document["series"]), worse(&document["together"]));
+    assert!(apart > 0 && together > 0, "{apart}, {together}");
+    let said = format!(
+        "{apart} of 7 holes are held worse than with the table in the middle where each series has its own position, \
+         {together} of 7 holes in the one for series A + B."
+    );
+    assert!(text.contains(&said) && !text.contains("of 14"), "{text}");
 }
 
 /// Refused with a message that has all of the words.

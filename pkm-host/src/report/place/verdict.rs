@@ -18,6 +18,26 @@ fn held_worse(p: &Placement) -> usize {
     p.holes.iter().zip(before).filter_map(|(now, before)| um(now).zip(um(before))).filter(is_worse).count()
 }
 
+/// "2 of 7 holes": a series that has its own position and shares one as well is in two counts, never twice in one.
+fn worse_of_all<'a>(placements: impl Iterator<Item = &'a Placement> + Clone) -> String {
+    let worse: usize = placements.clone().map(held_worse).sum();
+    format!("{worse} of {} holes", placements.map(|p| p.holes.len()).sum::<usize>())
+}
+
+/// How many holes are held worse than with the table in the middle, with each series by itself and with all together.
+fn worse_holes<'a>(model: &PlacementModel<'_>, placements: impl Iterator<Item = &'a Placement> + Clone) -> String {
+    let apart = worse_of_all(placements.clone().filter(|p| p.series.len() == 1));
+    let than = "are held worse than with the table in the middle";
+    match placements.clone().find(|p| p.series.len() > 1) {
+        None => format!("{apart} {than}."),
+        Some(together) => format!(
+            "{apart} {than} where each series has its own position, {} in the one for series {}.",
+            worse_of_all(std::iter::once(together)),
+            series_name(model, together)
+        ),
+    }
+}
+
 /// Three digits, for the verdict.
 pub(super) fn short(objective: Objective, value: f64) -> String {
     let value = objective.value_in_unit(value);
@@ -119,10 +139,8 @@ pub(super) fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Findi
     let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
         Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}.{uncertain}"))
     } else if counted().all(is_better) && counted().any(|p| held_worse(p) > 0) {
-        let [worse, all] = [held_worse, |p: &Placement| p.holes.len()].map(|count| counted().map(count).sum::<usize>());
-        Finding::good(format!(
-            "Every hole is in reach, and {what} {gains}. {worse} of {all} holes are held worse than with the table in the middle.{uncertain}"
-        ))
+        let worse = worse_holes(model, counted());
+        Finding::good(format!("Every hole is in reach, and {what} {gains}. {worse}{uncertain}"))
     } else if counted().all(is_better) {
         Finding::good(format!("Every hole is in reach and better held: {what} {gains}.{uncertain}"))
     } else {
