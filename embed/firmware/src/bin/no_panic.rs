@@ -331,7 +331,7 @@ fn call_elements() {
     let (Some(place), Some(law)) = (Place::from_name(black_box("base")), Law::from_name(black_box("load"))) else {
         return;
     };
-    black_box((place.name(), place.limb(), law.name()));
+    black_box((place.name(), place.limb(), law.name(), law.depends_on_load()));
     for motion in place.motions() {
         black_box((motion.name(), motion.is_rotation(), motion.tied_to(), motion.is_tie()));
     }
