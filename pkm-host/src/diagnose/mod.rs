@@ -173,7 +173,11 @@ fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>
     if found.iter().all(|d| d.iter().all(|v| *v == 0.0)) {
         return fail("no reading is under load".into());
     }
-    // units: the model is never wrong by a factor of 100
+    check_units(readings, &found, problem.rules)
+}
+
+/// Refuses readings of another unit: the model is never wrong by a factor of 100. `found` is what the declared machine gives, by condition.
+fn check_units(readings: &Readings, found: &[[f64; CHANNELS]], rules: &Rules) -> Result<()> {
     let mut logs = [Vec::new(), Vec::new()];
     for r in &readings.readings {
         for (kind, logs) in logs.iter_mut().enumerate() {
@@ -191,12 +195,13 @@ fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>
     }
     for (logs, (what, units)) in logs.iter_mut().zip([("translations", "µm"), ("rotations", "µrad")]) {
         logs.sort_by(f64::total_cmp);
-        if let Some(middle) = logs.get(logs.len() / 2).filter(|m| m.abs() > problem.rules.max_log10_scale) {
-            return fail(format!(
+        if let Some(middle) = logs.get(logs.len() / 2).filter(|m| m.abs() > rules.max_log10_scale) {
+            let message = format!(
                 "the {what} read are {:.0e} times what the declared machine gives: are they in {units}, and loads in N and \
                  N·m?",
                 10_f64.powf(*middle)
-            ));
+            );
+            return Err(Failure::input(message).in_file(&readings.source.name));
         }
     }
     Ok(())
@@ -241,6 +246,11 @@ pub fn diagnose(
     let whitener = Whitener::new(&read, &noise);
     let plain = Problem::new(&read, &whitener, &experiment, rules);
     check(readings, &plain, &experiment)?;
+    if let Some(other) = held_out
+        && let Some(found) = model.predict(&experiment::poses(other), &other.conditions, &[], &[])
+    {
+        check_units(other, &found, rules)?;
+    }
     let tip_m = file.wrist_parameters.tip_at_zero_m();
     let otherwise = checks::taken_otherwise(&plain, &whitener, &model, readings, tip_m);
     let taken_as_said = otherwise.is_none();
@@ -345,7 +355,8 @@ impl Searched<'_> {
         };
         let unseen = (held_out.unwrap_or(readings), &held.said[..]);
         let table_uncertainty = judges.uncertainty(file, &fitted, &extent, unseen, judgement.after.excess);
-        if held.worse().is_some() && judgement.verdict != Verdict::Adequate {
+        let contradiction = checks::of_held_out(&held, &errors);
+        if (held.worse().is_some() || contradiction.is_some()) && judgement.verdict != Verdict::Adequate {
             judgement.verdict = Verdict::Unexplained;
         }
         step(3, "what to measure next");
@@ -363,6 +374,7 @@ impl Searched<'_> {
         let declared = findings::declared_findings(problem, model, &search);
         warnings.extend(checks_of_noise::of_declared(&judgement.after, problem.numbers()));
         warnings.extend(checks::of_result(&judgement, &declared, &structure, rules));
+        warnings.extend(contradiction);
         Ok(Diagnosis {
             warnings,
             suspects,

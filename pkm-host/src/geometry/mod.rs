@@ -326,7 +326,7 @@ impl<'a> Study<'a> {
         let all = covariance.ok_or_else(|| not_converged(self.unloaded))?;
         let (estimates, covariance) = self.estimates(&fits, &all);
         let (frame, targets, balls) = self.measurement(&fits.with_found, &all);
-        Ok(Identification {
+        let mut identification = Identification {
             verdict,
             size: (problem.numbers(), self.unloaded.poses.len()),
             estimates,
@@ -344,7 +344,11 @@ impl<'a> Study<'a> {
             said_declared_m: by_reading(&said[0]),
             sd_m: (0..self.observations.readings.len()).map(sd).collect(),
             noise: self.noise.clone(),
-        })
+        };
+        if !identification.is_of_use() {
+            identification.estimates.iter_mut().for_each(|e| e.held = e.declared);
+        }
+        Ok(identification)
     }
 
     /// Covariance of a fit: wider where more than noise is left, and where joints are off by what the limbs give, which nobody

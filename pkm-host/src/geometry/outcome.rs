@@ -62,7 +62,7 @@ pub struct Estimate {
     /// Whether the readings tell it.
     pub identifiable: bool,
     /// What the controller's kinematics should hold: where a finding is beyond them, the value that makes up for as
-    /// much of it as it can; else the same.
+    /// much of it as it can; the declared one where what was identified is [of no use](Identification::is_of_use); else the same.
     pub held: f64,
 }
 
@@ -158,6 +158,15 @@ impl Identification {
     /// Findings beside the geometry.
     pub fn found(&self) -> impl Iterator<Item = &Tried> {
         self.tried.iter().filter(|t| t.state == TriedState::Found)
+    }
+
+    /// Whether the controller should hold the identified numbers: not where nothing explains the readings and they predict places that had no
+    /// part in the fit no better than the declared ones.
+    pub fn is_of_use(&self) -> bool {
+        let rms = |rival| self.held_out_of(rival).map(|e| e.kinds[0].rms);
+        let is_better =
+            || rms(Rival::Identified).zip(rms(Rival::Declared)).is_none_or(|(after, before)| after < before);
+        self.verdict != Verdict::Unexplained || is_better()
     }
 
     /// Readings that were not left out, in the order of what is said of them.

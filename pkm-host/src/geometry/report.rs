@@ -86,9 +86,15 @@ fn verdict(found: &Identification) -> Finding {
     }
 }
 
-/// The sentences of the conclusion, the most important first.
-fn findings(found: &Identification) -> Vec<Finding> {
-    let mut all = vec![verdict(found)];
+/// What the identified numbers are, and what to do with them.
+fn numbers(found: &Identification) -> Vec<Finding> {
+    if !found.is_of_use() {
+        return vec![Finding::bad(
+            "The identified geometry predicts places that had no part in it no better than the declared one: nothing is said of home positions and \
+             sizes, and machine.toml has the declared ones.",
+        )];
+    }
+    let mut all = Vec::new();
     let list = |of: Vec<String>| of.join(", ");
     let zeros = found.zeros();
     let told = |e: &&Estimate| e.identifiable;
@@ -114,6 +120,13 @@ fn findings(found: &Identification) -> Vec<Finding> {
             number(e, e.value)
         )));
     }
+    all
+}
+
+/// The sentences of the conclusion, the most important first.
+fn findings(found: &Identification) -> Vec<Finding> {
+    let mut all = vec![verdict(found)];
+    all.extend(numbers(found));
     for d in found.directions.iter().filter(|d| !d.is_identified()) {
         all.push(Finding::warning(format!(
             "The readings do not tell {} ({}): it stays within its declared uncertainty; {}.",
@@ -122,7 +135,7 @@ fn findings(found: &Identification) -> Vec<Finding> {
             remedy(&d.parts)
         )));
     }
-    for e in found.estimates.iter().filter(|e| e.pull_sd().abs() > LARGE_PULL_SD) {
+    for e in found.estimates.iter().filter(|e| found.is_of_use() && e.pull_sd().abs() > LARGE_PULL_SD) {
         all.push(Finding::warning(format!(
             "{} is {:.1} declared deviations from its declared value: is uncertainty.{} too small, or the machine another?",
             e.meaning.key(),

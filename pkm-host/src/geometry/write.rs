@@ -46,7 +46,13 @@ pub fn machine_toml(file: &MachineFile, found: &Identification) -> Result<String
             document.remove("effect");
         }
     }
-    let mut comment = format!("# Geometry identified by diagnose --unloaded, {} poses.\n", found.size.1);
+    let poses = found.size.1;
+    if !found.is_of_use() {
+        return Ok(format!(
+            "# Geometry as declared: what diagnose --unloaded identified, {poses} poses, predicts no better.\n{document}"
+        ));
+    }
+    let mut comment = format!("# Geometry identified by diagnose --unloaded, {poses} poses.\n");
     comment
         .push_str("# It holds with these additions to the positions of the drives (true position less commanded):\n");
     for (name, e) in found.zeros() {

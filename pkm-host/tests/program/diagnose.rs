@@ -29,6 +29,39 @@ fn diagnose_random(kind: Kind, seed: u64, wish: &Wish, folder: &Folder) -> Value
     diagnose_set(|file| folder.path(&format!("set/{file}")), folder, &[])
 }
 
+/// Held-out readings in other units are refused as readings are; of another sign they are said to contradict the model.
+#[test]
+fn held_out_readings_are_held_against_what_they_are_taken_for() {
+    const SET: &str = "own-limb-1-axial-easy";
+    let folder = Folder::new();
+    let scaled = |name: &str, factors: [f64; 2]| {
+        let scaled = |line: &str| {
+            let of = |(n, cell): (usize, &str)| match n {
+                10..=15 => (cell.parse::<f64>().unwrap() * factors[(n - 10) / 3]).to_string(),
+                _ => cell.to_owned(),
+            };
+            line.split(',').enumerate().map(of).collect::<Vec<_>>().join(",") + "\n"
+        };
+        let text = std::fs::read_to_string(measured(SET, "heldout.csv")).unwrap();
+        let (head, rows) = text.split_once('\n').unwrap();
+        folder.write(name, &format!("{head}\n{}", rows.lines().map(scaled).collect::<String>()))
+    };
+    let in_mm = scaled("mm.csv", [1e-3, 1.0]);
+    let [machine, data] = ["machine.toml", "measured.csv"].map(|file| measured(SET, file));
+    let files = ["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("out"), "--holdout", &in_mm];
+    let error = refused(&files);
+    assert!(error["message"].as_str().unwrap().contains("are they in µm"), "{error}");
+    assert!(error["file"].as_str().is_some_and(|file| file.ends_with("mm.csv")), "{error}");
+    let reversed = scaled("reversed.csv", [-1.0, -1.0]);
+    let of = |file: &str| if file == "heldout.csv" { reversed.clone() } else { measured(SET, file) };
+    let found = diagnose_set(of, &folder, &[]);
+    assert_eq!(found["verdict"], "unexplained");
+    let doubts = found["doubts"].as_array().unwrap();
+    assert!(doubts.iter().any(|d| d["kind"] == "held_out_contradicts"), "{doubts:?}");
+    let found = diagnose(SET, &folder, &[]);
+    assert_eq!((&found["verdict"], found["doubts"].as_array().unwrap().len()), (&"explained".into(), 0));
+}
+
 /// Place, law and what to inspect of what was found, which is one thing.
 fn the_only_find(found: &Value) -> [&str; 3] {
     let effects = found["effects"].as_array().unwrap();

@@ -150,6 +150,36 @@ fn misaligned_joint_axes_are_found_and_said() {
     assert!(folder.read("out/report.html").contains("joint-axes"));
 }
 
+/// The sign of θ is wrong at three poses of sixty: what comes of that is nothing to move drives by.
+#[test]
+fn an_identification_of_no_use_moves_no_drive() {
+    let folder = Folder::new();
+    let reversed = |line: &str| {
+        let (pose, rest) = line.split_once(',').unwrap();
+        match rest.strip_prefix('-') {
+            _ if !["P05", "P06", "P07"].contains(&pose) => format!("{line}\n"),
+            Some(rest) => format!("{pose},{rest}\n"),
+            None => format!("{pose},-{rest}\n"),
+        }
+    };
+    let text = std::fs::read_to_string(fixture("unloaded/parallel-axes/unloaded.csv")).unwrap();
+    let data = folder.write("unloaded.csv", &text.lines().map(reversed).collect::<String>());
+    let (machine, out) = (folder.write("machine.toml", &reference_machine()), folder.path("out"));
+    let call = ["diagnose", "--unloaded", "--machine", &machine, "--data", &data, "--out", &out];
+    let said = String::from_utf8(run(&call).stdout).unwrap();
+    assert!(said.contains("nothing is said of home positions"), "{said}");
+    assert!(!said.contains("Add to the home") && !said.contains("True sizes"), "{said}");
+    let written = folder.read("out/machine.toml");
+    assert!(written.starts_with("# Geometry as declared"), "{written}");
+    let of = |text: String| MachineFile::parse(Source::from_text("machine.toml", text)).unwrap().parameters;
+    assert_eq!(of(written), of(reference_machine()));
+    let document = json(&call);
+    assert_eq!(document["verdict"], "unexplained");
+    for p in document["parameters"].as_array().unwrap() {
+        assert_eq!(p["held"], p["declared"], "{p}");
+    }
+}
+
 #[test]
 fn one_ball_cannot_tell_the_length_of_a_tool_from_its_lean() {
     let (file, set) = (reference(), Set::new(Case::Five, 3, 60, 10.0));

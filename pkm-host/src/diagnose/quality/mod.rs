@@ -57,7 +57,7 @@ impl DataWarning {
 pub fn check_rows(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
     let mut all = values::check(sheet);
     all.extend(repeats::check_rows(sheet, readings));
-    all.extend(model::reversed_rows(file, readings));
+    all.extend(model::check_rows(file, readings));
     all
 }
 

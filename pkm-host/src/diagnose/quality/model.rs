@@ -1,5 +1,8 @@
 //! Readings against the declared machine: the checks that a diagnosis begins with, without its fits.
 
+use std::collections::BTreeMap;
+
+use pkm_core::Wrench;
 use pkm_diagnosis::gross::median;
 use pkm_diagnosis::{Problem, Rules, Whitener};
 
@@ -22,26 +25,36 @@ const MAX_REVERSED_COSINE: f64 = -0.8;
 const MIN_MEDIAN_COSINE: f64 = 0.8;
 /// Least deflection of such a row, as a share of the median of all.
 const MIN_REVERSED_SIZE: f64 = 0.5;
+/// Least deflection of a row without a load, beyond its series' zero, that is that of a load, as a share of the median of its series.
+const MIN_LOST_SIZE: f64 = 0.5;
+/// The same in standard deviations of the noise.
+const MIN_LOST_SD: f64 = 8.0;
+/// Rows without a load that may be those, as a share of all: where more are, the zero is another than the others of its series say.
+const MAX_LOST_SHARE: f64 = 1.0 / 3.0;
 
 fn model(file: &MachineFile, readings: &Readings) -> Option<Model> {
     let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
     Model::new(file, recorded, Method::Formulas)
 }
 
-/// Rows that were read with the opposite sign.
-pub(super) fn reversed_rows(file: &MachineFile, readings: &Readings) -> Option<DataWarning> {
-    reversed(readings, &model(file, readings)?)
+/// Rows that were read with the opposite sign, and rows whose load was lost.
+pub(super) fn check_rows(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
+    model(file, readings).map_or(Vec::new(), |model| of_rows(readings, &model))
+}
+
+fn of_rows(readings: &Readings, model: &Model) -> Vec<DataWarning> {
+    reversed(readings, model).into_iter().chain(without_load(readings, model)).collect()
 }
 
 pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
     let rules = &Rules::DEFAULT;
     let Some(model) = model(file, readings) else { return Vec::new() };
-    let mut all: Vec<DataWarning> = reversed(readings, &model).into_iter().collect();
+    let mut all = of_rows(readings, &model);
     let gross = checks::gross(readings, &model, rules);
-    let reversed_lines: Vec<u64> = all.iter().flat_map(|w| w.lines.clone()).collect();
+    let whole_rows: Vec<u64> = all.iter().flat_map(|w| w.lines.clone()).collect();
     for outlier in &gross {
         let r = &readings.readings[outlier.reading];
-        if !reversed_lines.contains(&r.line) {
+        if !whole_rows.contains(&r.line) {
             let value = r.observed[outlier.channel].unwrap_or(f64::NAN) * 1e6;
             let message = format!(
                 "{value:.2} is {:.0} standard deviations away from its repeats or from the declared machine: is it mistyped? A \
@@ -119,4 +132,58 @@ fn reversed(readings: &Readings, model: &Model) -> Option<DataWarning> {
          readings reversed?"
     );
     is_clear.then(|| DataWarning::new(REVERSED_SIGN, message).at_lines(found))
+}
+
+/// How far the tip of a row without a load is from the zero of its series, which the loaded rows tell, and the median deflection of these.
+fn beyond_zero(row: &Reading, loaded: &[&Reading], expected: &dyn Fn(&Reading, usize) -> f64) -> Option<(f64, f64)> {
+    let size = |r: &&Reading| (0..3).map(|c| expected(r, c).powi(2)).sum::<f64>().sqrt();
+    let usual = median(&mut loaded.iter().map(size).collect::<Vec<f64>>())?;
+    let mut squares = 0.0;
+    for (c, read) in row.observed.iter().enumerate().take(3).filter_map(|(c, read)| Some((c, (*read)?))) {
+        let zero = |r: &&Reading| Some(r.observed[c]? - expected(r, c));
+        squares += (read - median(&mut loaded.iter().filter_map(zero).collect::<Vec<f64>>())?).powi(2);
+    }
+    Some((squares.sqrt(), usual))
+}
+
+/// Rows without a load whose tip has moved as under one: the load was lost.
+fn without_load(readings: &Readings, model: &Model) -> Option<DataWarning> {
+    let experiment = Experiment::new(model, readings);
+    let declared = model.predict(&experiment.poses, experiment.conditions, &[], &[])?;
+    let is_loaded = |r: &&Reading| readings.conditions[r.condition].wrench != Wrench::ZERO;
+    // declared stiffnesses may all be off
+    let pairs = readings.readings.iter().filter(is_loaded).flat_map(|r| (0..3).map(move |c| (r, c)));
+    let ratio = |(r, c): (&Reading, usize)| Some(r.observed[c]? / declared[r.condition][c]).filter(|k| k.is_finite());
+    let scale = median(&mut pairs.filter_map(ratio).collect::<Vec<f64>>())?;
+    let expected = |r: &Reading, c: usize| scale * declared[r.condition][c];
+    let mut series: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    readings.readings.iter().enumerate().for_each(|(n, r)| series.entry(r.series).or_default().push(n));
+    let read = observations(readings, model);
+    let noise = experiment.noise(&read, &Rules::DEFAULT).ok()?;
+    let noise_m = |n: usize| (0..3).map(|c| noise.variance_of(&read, n, c)).sum::<f64>().sqrt();
+    let (mut rows, mut lost) = (0, Vec::new());
+    for of_series in series.into_values() {
+        let is_loaded = |n: &usize| is_loaded(&&readings.readings[*n]);
+        let (loaded, free): (Vec<usize>, Vec<usize>) = of_series.into_iter().partition(is_loaded);
+        let loaded: Vec<&Reading> = loaded.iter().map(|n| &readings.readings[*n]).collect();
+        rows += free.len();
+        let is_lost = |n: &usize| {
+            beyond_zero(&readings.readings[*n], &loaded, &expected)
+                .is_some_and(|(off, usual)| off > MIN_LOST_SIZE * usual && off > MIN_LOST_SD * noise_m(*n))
+        };
+        lost.extend(free.into_iter().filter(is_lost).map(|n| readings.readings[n].line));
+    }
+    lost.sort_unstable();
+    let message = match lost.as_slice() {
+        [] => return None,
+        [_] => "there is no load, and the tip has moved as under one: was the load lost?".to_owned(),
+        [_, rest @ ..] => {
+            format!(
+                "there is no load, and the tip has moved as under one (as in {}): was the load lost?",
+                lines_text(rest)
+            )
+        }
+    };
+    (lost.len() as f64 <= MAX_LOST_SHARE * rows as f64 || lost.len() == 1)
+        .then(|| DataWarning::new("load_missing", message).at_lines(lost))
 }

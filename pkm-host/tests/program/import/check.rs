@@ -75,6 +75,7 @@ const DOUBTFUL: &[Case] = &[
     ("a digit lost", |t| row(t, 1, &["dx_um"], |c| scaled(c, 0.8)), "gross_error", 3, "dx_um", "mistyped", 1),
     ("a digit too many", |t| row(t, 30, &["dx_um"], |c| scaled(c, 100.0)), "repeats_differ", 32, "dx_um", "repeats in lines 32, 37 differ|times as much as repeats elsewhere", 1),
     ("one row with its sign reversed", |t| row(t, 1, &DEFLECTIONS, |c| scaled(c, -1.0)), "reversed_sign", 3, "", "opposite sign", 1),
+    ("one row without its load", |t| row(t, 1, &LOADS, |_| "0".into()), "load_missing", 3, "", "was the load lost", 1),
     ("a row that stands twice", |mut t| { let row = t.rows[12].clone(); t.rows.insert(13, row); t }, "duplicate_row", 15, "", "the same reading as in line 14", 1),
     ("rows that stand twice", |mut t| { let rows = t.rows[12..15].to_vec(); t.rows.extend(rows); t }, "duplicate_row", 602, "", "the same reading as in line 14, and as often in lines 603, 604", 1),
     ("poses with their sign reversed", |t| (0..120).fold(t, |t, n| row(t, n, &DEFLECTIONS, |c| scaled(c, -1.0))), "reversed_sign", 3, "", "opposite sign of what the load gives, unlike in other rows (as in lines", 1),
