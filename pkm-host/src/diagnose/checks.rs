@@ -12,8 +12,6 @@ use pkm_diagnosis::{Fit, Problem, Rules, Whitener};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::HeldOut;
-use super::compare::{self, Errors, Rival};
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
@@ -24,8 +22,6 @@ use crate::files::readings::{CHANNELS, KINDS, Readings};
 pub const TAKEN_OTHERWISE: &str = "readings_taken_otherwise";
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
 const BADLY_SD: f64 = 10.0;
-/// Error of an identified model on held-out readings, in percent of these, beyond which they are not what they are taken for.
-const MAX_HELD_OUT_PERCENT: f64 = 50.0;
 /// Standard acceleration of gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
 /// Pound-force in N, foot in m.
@@ -457,20 +453,6 @@ pub fn of_result(
         });
     }
     warnings
-}
-
-/// What held-out readings give away that are of another machine, or in other units, axes or signs than the readings. `errors` are those on
-/// the readings.
-pub fn of_held_out(held: &HeldOut, errors: &[(Rival, Errors)]) -> Option<Warning> {
-    let percent = |errors: &[(Rival, Errors)]| compare::of(errors, Rival::After).map(|e| e.linear_percent);
-    let (own, other) = (percent(errors)?, percent(held.nearest()).filter(|_| held.given)?);
-    (own < MAX_HELD_OUT_PERCENT && other > MAX_HELD_OUT_PERCENT).then(|| Warning {
-        kind: "held_out_contradicts",
-        message: format!(
-            "the identified model misses the held-out readings by {other:.0} % of their size, and the readings by {own:.1} %: are axes, \
-             signs, point and loads of the two files the same, and is it the same machine?"
-        ),
-    })
 }
 
 /// Outliers as the file has them, left out or not; `expected` is by condition.

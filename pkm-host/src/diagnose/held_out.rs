@@ -3,6 +3,7 @@
 use pkm_diagnosis::{Noise, Observations, Rules, Search};
 
 use super::Step;
+use super::checks::Warning;
 use super::compare::{self, Errors, Fitted, Predictions, RIVALS, Rival, Zone, of};
 use super::experiment::{self, observations};
 use super::inference::Start;
@@ -13,6 +14,9 @@ use crate::files::readings::{CHANNELS, Readings};
 use crate::files::table_numbers::UncertaintyNumbers;
 use crate::pose::PoseBox;
 use crate::progress::Progress;
+
+/// Error of an identified model on held-out readings, in percent of these, beyond which they are not what they are taken for.
+const MAX_HELD_OUT_PERCENT: f64 = 50.0;
 
 /// Held-out errors of all rivals, over all readings and by zone.
 pub struct HeldOut {
@@ -52,6 +56,20 @@ impl HeldOut {
         let rms = |rival| of(self.nearest(), rival).map(|e| e.linear_um_rms);
         let [before, after] = [rms(Rival::Declared)?, rms(Rival::After)?];
         (after > before).then_some([before, after])
+    }
+
+    /// What speaks against readings that were given: that they are of another machine, or in other axes or signs than the readings, on which the
+    /// errors are `errors`.
+    pub(super) fn contradiction(&self, errors: &[(Rival, Errors)]) -> Option<Warning> {
+        let percent = |errors: &[(Rival, Errors)]| of(errors, Rival::After).map(|e| e.linear_percent);
+        let (own, other) = (percent(errors)?, percent(self.nearest()).filter(|_| self.given)?);
+        (own < MAX_HELD_OUT_PERCENT && other > MAX_HELD_OUT_PERCENT).then(|| Warning {
+            kind: "held_out_contradicts",
+            message: format!(
+                "the identified model misses the held-out readings by {other:.0} % of their size, and the readings by {own:.1} %: are axes, \
+                 signs, point and loads of the two files the same, and is it the same machine?"
+            ),
+        })
     }
 }
 

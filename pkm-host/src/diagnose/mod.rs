@@ -340,9 +340,8 @@ impl Searched<'_> {
             effect.class.extend(rivals);
         }
         judgement.verdict = restrained(judgement.verdict, &effects, is_law_open, noise, rules);
-        let problem = &levels.problems[search.levels[1]];
+        let (problem, extent) = (&levels.problems[search.levels[1]], compare::extent(readings));
         step(2, "before and after");
-        let extent = compare::extent(readings);
         let fitted = Fitted::new(problem, experiment, &extent, &search, reidentified).ok_or_else(not_converged)?;
         let failed = || Failure::other("a model gives no deflection at some held-out pose");
         let own = fitted.predict(model, &experiment.poses, &readings.conditions, true).ok_or_else(failed)?;
@@ -355,7 +354,7 @@ impl Searched<'_> {
         };
         let unseen = (held_out.unwrap_or(readings), &held.said[..]);
         let table_uncertainty = judges.uncertainty(file, &fitted, &extent, unseen, judgement.after.excess);
-        let contradiction = checks::of_held_out(&held, &errors);
+        let contradiction = held.contradiction(&errors);
         if (held.worse().is_some() || contradiction.is_some()) && judgement.verdict != Verdict::Adequate {
             judgement.verdict = Verdict::Unexplained;
         }
@@ -373,8 +372,7 @@ impl Searched<'_> {
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
         warnings.extend(checks_of_noise::of_declared(&judgement.after, problem.numbers()));
-        warnings.extend(checks::of_result(&judgement, &declared, &structure, rules));
-        warnings.extend(contradiction);
+        warnings.extend(checks::of_result(&judgement, &declared, &structure, rules).into_iter().chain(contradiction));
         Ok(Diagnosis {
             warnings,
             suspects,

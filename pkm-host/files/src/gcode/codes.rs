@@ -1,4 +1,4 @@
-//! G words: what they set, and why others are refused.
+//! G words: what they set, and why others are refused; why words of other letters are.
 
 use super::Refusal;
 use super::arcs::Plane;
@@ -6,6 +6,7 @@ use super::cycles::Drill;
 use super::modal::{Modal, Motion};
 use super::offsets::frame_of;
 use super::words::{Line, Word};
+use crate::head::Head;
 use crate::path::FeedMode;
 
 /// What a line's G words ask for beyond what stays in force. Numbers are ten times those of the words.
@@ -163,5 +164,39 @@ fn advice(g: f64) -> &'static str {
             "not supported; known are G0 G1 G2 G3 G4 G10 G17-G21 G28 G30 G40 G43 G43.4 G49 G52 G53 G54-G59.3 G61 G64 G73 G80-G83 \
              G90-G95 G98 G99"
         }
+    }
+}
+
+impl Modal<'_> {
+    /// Why nothing uses a word with such a letter.
+    pub(super) fn why_not(&self, letter: char) -> String {
+        match (letter, self.setup.head) {
+            ('A' | 'B' | 'C' | 'I' | 'J' | 'K', Some(Head::Fixed(_))) if self.gives_direction(letter) => {
+                "the job says the tool's direction for all of the program with `tool_axis`: remove it there, or A B C and I J K \
+                 here"
+                .into()
+            }
+            ('A' | 'B' | 'C', Some(head)) => {
+                format!("this program's rotary axes are {:?}, as the job's `head` says", head.letters())
+            }
+            ('I' | 'J' | 'K', Some(head)) if self.gives_direction(letter) => format!(
+                "the tool's direction is given by {:?}, as the job's `head` says: remove it there, or I J K here",
+                head.letters()
+            ),
+            ('C', None) => {
+                let todo = "for a head of A and C or B and C give a --job with `head = \"AC\"` or \"BC\"";
+                format!("the wrist has A and B: {}", self.setup.todo(todo))
+            }
+            ('H', _) => "H is for G43".to_owned(),
+            ('U' | 'V' | 'W', _) => "the machine has no such axis".to_owned(),
+            _ => "known are G M, X Y Z, I J K, A B, F S T, N first, H with G43, R P Q L where a cycle, an arc or a dwell \
+                  takes them"
+                .to_owned(),
+        }
+    }
+
+    /// Whether a letter that nothing uses was meant for the tool's direction: I J K are that on straight moves alone.
+    fn gives_direction(&self, letter: char) -> bool {
+        "ABC".contains(letter) || matches!(self.motion, Some(Motion::Rapid | Motion::Cut))
     }
 }

@@ -5,7 +5,6 @@ use super::cycles::{Drill, DrillWords};
 use super::offsets::Offsets;
 use super::words::{Line, Numbers};
 use super::{Refusal, Setup, codes};
-use crate::head::Head;
 use crate::path::{FeedMode, Place, Toward};
 use crate::tools::Called;
 
@@ -239,38 +238,6 @@ impl<'a> Modal<'a> {
             .find(|w| !"GM".contains(w.letter) && numbers.take(w.letter).is_some() && !allowed.contains(w.letter));
         let Some(word) = left else { return Ok(()) };
         Err(format!("`{}` is not supported: {}", word.shown(), self.why_not(word.letter)))
-    }
-
-    /// Why nothing uses a word with such a letter.
-    fn why_not(&self, letter: char) -> String {
-        match (letter, self.setup.head) {
-            ('A' | 'B' | 'C' | 'I' | 'J' | 'K', Some(Head::Fixed(_))) if self.gives_direction(letter) => {
-                "the job says the tool's direction for all of the program with `tool_axis`: remove it there, or A B C and I J K \
-                 here"
-                .into()
-            }
-            ('A' | 'B' | 'C', Some(head)) => {
-                format!("this program's rotary axes are {:?}, as the job's `head` says", head.letters())
-            }
-            ('I' | 'J' | 'K', Some(head)) if self.gives_direction(letter) => format!(
-                "the tool's direction is given by {:?}, as the job's `head` says: remove it there, or I J K here",
-                head.letters()
-            ),
-            ('C', None) => {
-                let todo = "for a head of A and C or B and C give a --job with `head = \"AC\"` or \"BC\"";
-                format!("the wrist has A and B: {}", self.setup.todo(todo))
-            }
-            ('H', _) => "H is for G43".to_owned(),
-            ('U' | 'V' | 'W', _) => "the machine has no such axis".to_owned(),
-            _ => "known are G M, X Y Z, I J K, A B, F S T, N first, H with G43, R P Q L where a cycle, an arc or a dwell \
-                  takes them"
-                .to_owned(),
-        }
-    }
-
-    /// Whether a letter that nothing uses was meant for the tool's direction: I J K are that on straight moves alone.
-    fn gives_direction(&self, letter: char) -> bool {
-        "ABC".contains(letter) || matches!(self.motion, Some(Motion::Rapid | Motion::Cut))
     }
 
     /// G43 and G49; a length that changes leaves the tip's height unknown.
