@@ -20,6 +20,13 @@ const DECIMALS: f64 = 1e6;
 /// # Errors
 /// None for a file that was read before.
 pub fn machine_toml(file: &MachineFile, found: &Identification) -> Result<String> {
+    let poses = found.size.1;
+    if !found.is_of_use() {
+        let as_declared = file.source.text()?;
+        return Ok(format!(
+            "# Geometry as declared: what diagnose --unloaded identified, {poses} poses, predicts no better.\n{as_declared}"
+        ));
+    }
     let mut document: DocumentMut =
         file.source.text()?.parse().map_err(|e: toml_edit::TomlError| Failure::other(e.to_string()))?;
     for e in &found.estimates {
@@ -45,12 +52,6 @@ pub fn machine_toml(file: &MachineFile, found: &Identification) -> Result<String
         if effects.is_empty() {
             document.remove("effect");
         }
-    }
-    let poses = found.size.1;
-    if !found.is_of_use() {
-        return Ok(format!(
-            "# Geometry as declared: what diagnose --unloaded identified, {poses} poses, predicts no better.\n{document}"
-        ));
     }
     let mut comment = format!("# Geometry identified by diagnose --unloaded, {poses} poses.\n");
     comment
