@@ -8,8 +8,13 @@ use crate::page::{Finding, State};
 pub(crate) const USABLE_PERCENT: f64 = 5.0;
 /// Poses that judge a table at the least: fewer lie in one plane of θ, σ and Z0, and leave a direction of the box untested.
 const LEAST_POSES: usize = 4;
-/// Errors, and differences between them, that are no more than the rounding of the data, %: shown as 0.0.
+/// Errors that are no more than the rounding of the data, %: shown as 0.0.
 const ROUNDING_PERCENT: f64 = 0.05;
+
+/// Whether a table errs more than none, both in %, beyond the rounding of sums and of the data.
+fn is_worse(with_table: f64, without: f64) -> bool {
+    with_table >= ROUNDING_PERCENT && with_table > without * (1.0 + 1e-9)
+}
 
 /// "1 pose", "25 poses".
 pub(super) fn poses(number: usize) -> String {
@@ -93,8 +98,7 @@ pub(super) fn conclusion(fit: &Fit, trained: &Evaluation, verified: Option<&Eval
     }
     if let Some((_, basic)) = forms.first() {
         for (name, errors) in &forms[1..] {
-            // by more than rounding: K_p may be exact
-            let is_worse = |i: &usize| errors[*i] > basic[*i] + ROUNDING_PERCENT;
+            let is_worse = |i: &usize| is_worse(errors[*i], basic[*i]);
             let worse: Vec<&str> = (0..6).filter(is_worse).map(|i| LOADS[i]).collect();
             let worst_of_these = |v: &[f64; 6]| (0..6).filter(is_worse).map(|i| v[i]).fold(0.0, f64::max);
             findings.push(if worse.is_empty() {
@@ -136,7 +140,7 @@ fn verdict(judged: &Judged<'_>) -> Finding {
             "The data agree with the model: without a table (K_p) its deflections are less than {ROUNDING_PERCENT} % off at A at every pose, \
              and a table changes nothing."
         ))
-    } else if (0..6).any(|i| factor.mean[i] > basic.mean[i] + ROUNDING_PERCENT) {
+    } else if (0..6).any(|i| is_worse(factor.mean[i], basic.mean[i])) {
         Finding::bad(format!("Don't use the table: it predicts deflections worse than no table ({error:.1} % off)."))
     } else if error > USABLE_PERCENT {
         Finding::warning(format!(
