@@ -35,6 +35,7 @@ mod tests;
 pub(crate) mod text;
 mod uncertainty;
 pub mod verify;
+mod ways;
 pub(crate) mod write;
 
 use pkm_diagnosis::residuals::{Outlier, Residuals, Structure};

@@ -1,0 +1,262 @@
+//! Other ways to take the readings of a file than as displacements of A in A-uvw under loads at A: in other frames, units, signs,
+//! at other points and poses.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use nalgebra::{Matrix3, Vector3};
+use pkm_core::{Pose, Wrench};
+
+use crate::files::readings::{CHANNELS, KINDS, Readings};
+
+/// Standard acceleration of gravity, m/s².
+const GRAVITY: f64 = 9.806_65;
+/// Pound-force in N, foot in m.
+const POUND_N: f64 = 4.448_221_615_260_5;
+const FOOT_M: f64 = 0.304_8;
+/// Units that instruments show beside those of the file.
+const ARCSECOND_URAD: f64 = 1e6 * PI / (180.0 * 3600.0);
+const MILLIDEGREE_URAD: f64 = 1e3 * PI / 180.0;
+const THOU_UM: f64 = 25.4;
+
+/// Turns the readings of one kind, three channels; none where a blank one would have to be known.
+fn turned(observed: &mut [Option<f64>; CHANNELS], kind: usize, turn: &Matrix3<f64>) -> Option<()> {
+    let own: [Option<f64>; 3] = std::array::from_fn(|i| observed[3 * kind + i]);
+    if own.iter().all(Option::is_none) {
+        return Some(());
+    }
+    for row in 0..3 {
+        let mut sum = 0.0;
+        for (column, value) in own.iter().enumerate() {
+            let share = turn[(row, column)];
+            match value {
+                Some(value) => sum += share * value,
+                // a blank that stays where it is does no harm
+                None if share == 0.0 || (row == column && share.abs() == 1.0) => {}
+                None => return None,
+            }
+        }
+        if own[row].is_some() {
+            observed[3 * kind + row] = Some(sum);
+        } else if turn[(row, row)].abs() != 1.0 {
+            return None;
+        }
+    }
+    Some(())
+}
+
+fn turned_load(w: &Wrench<f64>, turn: &Matrix3<f64>, axial: f64) -> Wrench<f64> {
+    Wrench { force_n: turn * w.force_n, moment_nm: turn * w.moment_nm * axial }
+}
+
+/// From B-xyz to A-uvw.
+fn into_a(pose: &Pose<f64>) -> Matrix3<f64> {
+    let ((st, ct), (ss, cs)) = (pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
+    // the transpose of R_y(θ) R_x(σ)
+    Matrix3::new(ct, 0.0, -st, ss * st, cs, ss * ct, cs * st, -ss, cs * ct)
+}
+
+/// The 47 ways to exchange and reverse three axes, with their names, the plainest first.
+fn exchanges() -> Vec<(String, Matrix3<f64>)> {
+    let mut all = Vec::new();
+    for order in [[0, 1, 2], [1, 0, 2], [0, 2, 1], [2, 1, 0], [1, 2, 0], [2, 0, 1]] {
+        for signs in 0..8_u8 {
+            let sign = |i: usize| if signs >> i & 1 == 1 { -1.0 } else { 1.0 };
+            // what stands in column i is ±the component along axis order[i]
+            let mut turn = Matrix3::zeros();
+            (0..3).for_each(|i| turn[(order[i], i)] = sign(i));
+            let name: Vec<String> = (0..3)
+                .map(|i| format!("{}{}", if sign(i) < 0.0 { "−" } else { "" }, ["u", "v", "w"][order[i]]))
+                .collect();
+            if turn != Matrix3::identity() {
+                all.push((name.join(", "), turn));
+            }
+        }
+    }
+    all
+}
+
+/// Whether two axes were exchanged, or one reversed: what a column under the wrong head does.
+fn is_one_slip(turn: &Matrix3<f64>) -> bool {
+    // such a turn is its own inverse and leaves one or two axes as they are
+    let kept = (0..3).filter(|i| turn[(*i, *i)] == 1.0).count();
+    turn * turn == Matrix3::identity() && turn.determinant() < 0.0 && kept > 0
+}
+
+/// Turns of translations and rotations, by pose.
+type Turns = Box<dyn Fn(&Pose<f64>) -> [Matrix3<f64>; 2] + Send + Sync>;
+
+/// Readings, made when they are asked for. `None` where a blank would have to be known.
+type Taken<'a> = Box<dyn Fn() -> Option<Readings> + Send + Sync + 'a>;
+
+/// Another way to take the readings, as `… fit the declared machine much better …`.
+pub struct Way<'a> {
+    /// For people.
+    pub how: String,
+    /// The readings so taken: of tens of thousands there is no room for all ways at once.
+    pub taken: Taken<'a>,
+    /// Whether loads, points and gauges are those of the file, so that its predictions hold.
+    pub is_as_predicted: bool,
+}
+
+/// With readings in turned axes, and loads with them if `axial`, the sign of a moment there, is given.
+fn in_turned_axes(readings: &Readings, turns: &Turns, axial: Option<f64>) -> Option<Readings> {
+    let mut other = readings.without(|_| false);
+    for r in &mut other.readings {
+        let [linear, angular] = turns(&readings.poses[readings.conditions[r.condition].pose].pose);
+        turned(&mut r.observed, 0, &linear)?;
+        turned(&mut r.observed, 1, &angular)?;
+    }
+    for c in &mut other.conditions {
+        let [linear, _] = turns(&readings.poses[c.pose].pose);
+        c.gauge = c.gauge.map(|direction| (linear * Vector3::from(direction)).into());
+        if let Some(axial) = axial {
+            c.wrench = turned_load(&c.wrench, &linear, axial);
+            c.turned_at = turned_load(&c.turned_at, &linear, axial);
+        }
+    }
+    Some(other)
+}
+
+/// With forces and moments so many times as large.
+fn under_loads(readings: &Readings, force: f64, moment: f64) -> Readings {
+    let mut other = readings.without(|_| false);
+    let scaled = |w: &Wrench<f64>| Wrench { force_n: w.force_n * force, moment_nm: w.moment_nm * moment };
+    for c in &mut other.conditions {
+        (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
+    }
+    other
+}
+
+/// With the components of forces, moments or both turned, which leaves displacements where they are.
+fn under_turned_loads(readings: &Readings, force: &Matrix3<f64>, moment: &Matrix3<f64>) -> Readings {
+    let mut other = readings.without(|_| false);
+    let turned = |w: &Wrench<f64>| Wrench { force_n: force * w.force_n, moment_nm: moment * w.moment_nm };
+    for c in &mut other.conditions {
+        (c.wrench, c.turned_at) = (turned(&c.wrench), turned(&c.turned_at));
+    }
+    other
+}
+
+/// With translations and rotations so many times as large.
+fn in_units(readings: &Readings, linear: f64, angular: f64) -> Readings {
+    let mut other = readings.without(|_| false);
+    for r in &mut other.readings {
+        for (c, value) in r.observed.iter_mut().enumerate() {
+            let factor = if KINDS[c] == 0 { linear } else { angular };
+            *value = value.map(|v| factor * v);
+        }
+    }
+    other
+}
+
+/// At poses that the file means otherwise. `None` where one is no pose.
+fn at_poses(readings: &Readings, meant: impl Fn([f64; 2]) -> [f64; 2]) -> Option<Readings> {
+    let mut other = readings.without(|_| false);
+    for p in &mut other.poses {
+        [p.pose.theta_rad, p.pose.sigma_rad] = meant([p.pose.theta_rad, p.pose.sigma_rad]);
+        (p.pose.theta_rad.abs().max(p.pose.sigma_rad.abs()) < FRAC_PI_2).then_some(())?;
+    }
+    Some(other)
+}
+
+/// With displacements at a point of A-uvw, and loads that act there or at A.
+fn at_point(readings: &Readings, point_m: Vector3<f64>, load_too: bool) -> Readings {
+    let mut other = readings.without(|_| false);
+    for c in &mut other.conditions {
+        c.point_m = point_m.into();
+        if !load_too {
+            // the same load, seen from there
+            (c.wrench, c.turned_at) = (c.wrench.moved_to_a(-point_m), c.turned_at.moved_to_a(-point_m));
+        }
+    }
+    other
+}
+
+/// Other units of forces and moments, and what they are in N and N·m.
+const UNITS_OF_LOADS: [(&str, f64, f64); 7] = [
+    ("with forces in kgf or daN", GRAVITY, 1.0),
+    ("with forces in kgf or daN and moments in kgf·m or daN·m", GRAVITY, GRAVITY),
+    ("with forces in lbf", POUND_N, 1.0),
+    ("with forces in lbf and moments in lbf·ft", POUND_N, POUND_N * FOOT_M),
+    ("with forces in lbf and moments in lbf·in", POUND_N, POUND_N * FOOT_M / 12.0),
+    ("with moments in N·mm", 1.0, 1e-3),
+    ("with forces in kN", 1e3, 1.0),
+];
+
+/// All ways that are tried.
+pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
+    let mut all = Vec::new();
+    let has_gauges = readings.conditions.iter().any(|c| c.gauge.is_some());
+    let mut turn = |how: String, turns: Turns, axial: Option<f64>| {
+        let taken = Box::new(move || in_turned_axes(readings, &turns, axial));
+        all.push(Way { how, taken, is_as_predicted: axial.is_none() && !has_gauges });
+    };
+    let plain = Matrix3::identity();
+    turn("with all signs reversed".into(), Box::new(move |_| [-plain, -plain]), None);
+    turn("as displacements in B".into(), Box::new(|p| [into_a(p); 2]), None);
+    turn("with displacements and loads in B".into(), Box::new(|p| [into_a(p); 2]), Some(1.0));
+    let has_rotations = readings.channels()[3..].contains(&true);
+    if has_rotations {
+        turn("with the signs of all rotations reversed".into(), Box::new(move |_| [plain, -plain]), None);
+        turn("with the signs of all translations reversed".into(), Box::new(move |_| [-plain, plain]), None);
+    }
+    for (name, exchange) in exchanges() {
+        let axial = exchange.determinant();
+        let how = format!("with dx, dy, dz along {name}");
+        if has_rotations {
+            turn(format!("{how}, rotations as they are"), Box::new(move |_| [exchange, plain]), None);
+            turn(format!("with rx, ry, rz about {name}"), Box::new(move |_| [plain, exchange * axial]), None);
+        }
+        turn(how, Box::new(move |_| [exchange, exchange * axial]), None);
+        turn(
+            format!("in B with dx, dy, dz along x, y, z taken as {name}"),
+            Box::new(move |p| [into_a(p) * exchange, into_a(p) * exchange * axial]),
+            None,
+        );
+        turn(
+            format!("in axes that are {name}, loads as well"),
+            Box::new(move |_| [exchange, exchange * axial]),
+            Some(axial),
+        );
+    }
+    let mut otherwise = |how: String, taken: Taken<'a>| {
+        all.push(Way { how, taken, is_as_predicted: false });
+    };
+    for (how, force, moment) in UNITS_OF_LOADS {
+        otherwise(how.into(), Box::new(move || Some(under_loads(readings, force, moment))));
+    }
+    for (how, linear, angular) in [
+        ("with rotations in arcseconds", 1.0, ARCSECOND_URAD),
+        ("with rotations in thousandths of a degree", 1.0, MILLIDEGREE_URAD),
+        ("with translations in thousandths of an inch", THOU_UM, 1.0),
+    ] {
+        otherwise(how.into(), Box::new(move || Some(in_units(readings, linear, angular))));
+    }
+    for (name, turn) in exchanges().into_iter().filter(|(_, turn)| is_one_slip(turn)) {
+        for (what, force, moment) in
+            [("forces", turn, plain), ("moments", plain, turn), ("forces and moments", turn, turn)]
+        {
+            let how = format!("with {what} along {name}");
+            otherwise(how, Box::new(move || Some(under_turned_loads(readings, &force, &moment))));
+        }
+    }
+    for (how, meant) in [
+        ("with theta and sigma exchanged", (|[t, s]| [s, t]) as fn([f64; 2]) -> [f64; 2]),
+        ("with theta reversed", |[t, s]| [-t, s]),
+        ("with sigma reversed", |[t, s]| [t, -s]),
+        ("with theta and sigma reversed", |[t, s]| [-t, -s]),
+        ("with theta and sigma in radians", |angles| angles.map(f64::to_degrees)),
+    ] {
+        otherwise(how.into(), Box::new(move || at_poses(readings, meant)));
+    }
+    if readings.conditions.iter().all(|c| c.point_m == [0.0; 3]) {
+        let mm = tip_m * 1e3;
+        let tip = format!("at the tool's tip (u, v, w = {:.0}, {:.0}, {:.0} mm)", mm.x, mm.y, mm.z);
+        for (how, load_too) in
+            [(format!("as displacements {tip}"), false), (format!("with displacements and loads {tip}"), true)]
+        {
+            otherwise(how, Box::new(move || Some(at_point(readings, tip_m, load_too))));
+        }
+    }
+    all
+}
