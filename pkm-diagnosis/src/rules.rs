@@ -92,6 +92,10 @@ pub struct Rules {
     /// Ratio of residual sums of squares from which on another frame, sign or unit is suggested. Where the declared one is
     /// right, no other reached it in any set of the fixtures; where it is wrong, the right one leaves less than a tenth.
     pub min_rss_ratio: f64,
+    /// Ratio of a pose's residual sum of squares to the median of all poses from which on its readings may have been taken otherwise.
+    pub min_pose_ratio: f64,
+    /// The same up to which another way to take them is right.
+    pub max_pose_ratio: f64,
     /// Deviation from a declared value that no machine has, in standard deviations of its prior.
     pub implausible_pull_sd: f64,
     /// Most of these before the readings themselves are in doubt.
@@ -203,6 +207,8 @@ impl Rules {
         min_poses: 4,
         max_log10_scale: 1.5,
         min_rss_ratio: 4.0,
+        min_pose_ratio: 25.0,
+        max_pose_ratio: 2.5,
         implausible_pull_sd: 10.0,
         max_implausible_pulls: 5,
         max_order_p: 1e-4,

@@ -19,6 +19,17 @@ pub struct NamedPose {
     pub pose: Pose<f64>,
 }
 
+impl NamedPose {
+    /// For people, as "pose P7 (line 12)".
+    pub fn name(&self) -> String {
+        if self.id.is_empty() {
+            format!("the pose of line {}", self.line)
+        } else {
+            format!("pose {} (line {})", self.id, self.line)
+        }
+    }
+}
+
 /// A pose from the units of files: °, °, mm.
 pub fn pose_of(theta_deg: f64, sigma_deg: f64, z0_mm: f64) -> Pose<f64> {
     Pose { theta_rad: theta_deg.to_radians(), sigma_rad: sigma_deg.to_radians(), z0_m: z0_mm / 1e3 }

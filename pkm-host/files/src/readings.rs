@@ -362,6 +362,25 @@ impl Readings {
         }
     }
 
+    /// Those of one pose, with its conditions alone.
+    pub fn at_pose(&self, pose: usize) -> Self {
+        let own: Vec<usize> = (0..self.conditions.len()).filter(|c| self.conditions[*c].pose == pose).collect();
+        let mut number = vec![None; self.conditions.len()];
+        own.iter().enumerate().for_each(|(n, c)| number[*c] = Some(n));
+        let of_pose = |r: &Reading| Some(Reading { condition: number[r.condition]?, ..r.clone() });
+        Self {
+            source: self.source.clone(),
+            poses: vec![self.poses[pose].clone()],
+            conditions: own.iter().map(|c| Condition { pose: 0, ..self.conditions[*c] }).collect(),
+            readings: self.readings.iter().filter_map(of_pose).collect(),
+            series_names: self.series_names.clone(),
+            resolution: self.resolution,
+            has_temperature: self.has_temperature,
+            has_unloading: self.has_unloading,
+            warnings: self.warnings.clone(),
+        }
+    }
+
     /// The same without single numbers: pairs of reading and channel.
     pub fn without_numbers(&self, left_out: &[(usize, usize)]) -> Self {
         let mut rest = self.without(|_| false);

@@ -25,7 +25,7 @@ const BADLY_SD: f64 = 10.0;
 /// A reason to look at the readings before the machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Warning {
-    /// `readings_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
+    /// `readings_taken_otherwise`, `pose_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
     /// `repeats_that_differ`, `equal_repeats`, `declared_noise_too_great`, `order_of_readings`, `many_great_changes` or `held_out_contradicts`.
     pub kind: &'static str,
     /// For people.

@@ -22,6 +22,7 @@ pub mod findings;
 mod held_out;
 mod inference;
 mod json;
+mod left_out;
 mod model;
 pub(crate) mod places;
 pub mod quality;
@@ -29,6 +30,7 @@ mod readings_table;
 pub mod report;
 mod residual_plots;
 mod residual_table;
+mod single_poses;
 mod state;
 #[cfg(test)]
 mod tests;
@@ -38,7 +40,7 @@ pub mod verify;
 mod ways;
 pub(crate) mod write;
 
-use pkm_diagnosis::residuals::{Outlier, Residuals, Structure};
+use pkm_diagnosis::residuals::{Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
 use pkm_diagnosis::{Noise, Observations, Problem, Search, UnknownNoise, Whitener, search};
 pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
@@ -53,6 +55,7 @@ use self::findings::{DeclaredFinding, Detectable};
 pub use self::held_out::HeldOut;
 use self::held_out::Judges;
 use self::inference::{Found, Start};
+use self::left_out::LeftOut;
 use self::model::{Model, Recorded};
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
@@ -126,7 +129,7 @@ pub struct Diagnosis {
     pub standard_deviations: Vec<[f64; CHANNELS]>,
     /// What the final model leaves of each reading and channel, whitened.
     pub standardised: Vec<Vec<f64>>,
-    /// Numbers that were left out as gross errors: reading and channel.
+    /// Numbers that were left out, single ones and those of poses: reading and channel.
     pub left_out: Vec<(usize, usize)>,
     /// Names of candidates by round, for reports.
     pub names: Vec<Vec<String>>,
@@ -237,10 +240,10 @@ pub fn diagnose(
     let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
     let model = Model::new(file, recorded, method)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
-    let gross = checks::gross(readings, &model, rules);
-    let left_out: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
     checks_of_noise::constant_channels(readings)?;
-    let (given, readings) = (readings, &readings.without_numbers(&left_out));
+    let left_out = LeftOut::new(file, readings, &model, rules);
+    let numbers = left_out.numbers();
+    let (given, readings) = (readings, &readings.without_numbers(&numbers));
     let read = observations(readings, &model);
     let experiment = Experiment::new(&model, readings);
     let noise = experiment.noise(&read, rules).map_err(|unknown| unknown_noise(readings, unknown))?;
@@ -258,14 +261,16 @@ pub fn diagnose(
     // places are searched for in readings that are what they are taken for
     let method = if taken_as_said { method } else { Method::Formulas };
     let of_noise =
-        checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &left_out));
+        checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &numbers));
     let of_noise = of_noise.chain(checks_of_noise::of_copies(&noise, readings));
-    let warnings: Vec<Warning> = otherwise.into_iter().chain(checks::of_file(readings)).chain(of_noise).collect();
+    let of_poses = left_out.poses.iter().map(|pose| pose.warning(given));
+    let of_file = checks::of_file(readings);
+    let warnings: Vec<Warning> = otherwise.into_iter().chain(of_file).chain(of_poses).chain(of_noise).collect();
     step(1, "what the model lacks");
     let start = Start { model: &model, noise: &noise, method, taken_as_said, rules };
     let failure = not_converged(readings, &warnings);
     let judged = start.search(readings, &read, |found| {
-        Searched { file, given, readings, held_out, read: &read, gross: &gross, start: &start, found, warnings }
+        Searched { file, given, readings, held_out, read: &read, left_out: &left_out, start: &start, found, warnings }
             .judged(progress)
     });
     judged.ok_or(failure)?
@@ -311,12 +316,12 @@ fn restrained(verdict: Verdict, effects: &[Effect], is_law_open: bool, noise: &N
 /// A search that has ended, and what it is judged by.
 struct Searched<'a> {
     file: &'a MachineFile,
-    /// As read, and without gross errors.
+    /// As read, and without what is left out.
     given: &'a Readings,
     readings: &'a Readings,
     held_out: Option<&'a Readings>,
     read: &'a Observations,
-    gross: &'a [Outlier],
+    left_out: &'a LeftOut,
     start: &'a Start<'a>,
     found: Found<'a>,
     warnings: Vec<Warning>,
@@ -326,7 +331,7 @@ impl Searched<'_> {
     /// The verdict, the models before and after, and what to measure next.
     fn judged(self, progress: &Progress<'_>) -> Result<Diagnosis> {
         let step = |done: u64, what: &str| progress(what, done, STEPS);
-        let Self { file, given, readings, held_out, read, gross, start, found, mut warnings } = self;
+        let Self { file, given, readings, held_out, read, left_out, start, found, mut warnings } = self;
         let Found { experiment, levels, search, reidentified, sites, inferred } = found;
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, &warnings);
@@ -364,7 +369,7 @@ impl Searched<'_> {
         let proposals = design::propose(model, readings, noise, file, &rivals, rules);
         let residuals = Residuals::new(problem, noise, &search).ok_or_else(not_converged)?;
         let structure = findings::residual_structure(readings, read, &residuals);
-        let mut suspects = checks::suspects(given, gross, own.of(Rival::After), true);
+        let mut suspects = checks::suspects(given, &left_out.gross, own.of(Rival::After), true);
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
         let standard_deviations = standard_deviations(noise, &observations(given, model));
@@ -399,7 +404,7 @@ impl Searched<'_> {
             own,
             standard_deviations,
             standardised: residuals.by_reading,
-            left_out: gross.iter().map(|o| (o.reading, o.channel)).collect(),
+            left_out: left_out.numbers(),
             names: search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect(),
             search,
         })

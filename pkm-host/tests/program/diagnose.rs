@@ -438,6 +438,33 @@ fn a_gross_error_costs_its_number_and_no_more() {
     assert!(residuals.lines().count() > 1000);
 }
 
+/// Readings of one pose with the wrong sign cost that pose: what is found is what is found without it.
+#[test]
+fn a_pose_taken_otherwise_costs_its_readings_and_no_more() {
+    let is_read = |h: &str| h.ends_with("_um") || h.ends_with("_urad");
+    let own = changed(|_, _, _| None).lines().filter(|l| l.starts_with("p02,")).count();
+    let first = changed(|_, _, _| None).lines().position(|l| l.starts_with("p02,")).unwrap();
+    let is_own = |n: usize| (first..first + own).contains(&(n + 1));
+    let folder = Folder::new();
+    let reversed = changed(|n, h, c| (is_own(n) && is_read(h)).then(|| (-c.parse::<f64>().unwrap()).to_string()));
+    let found = of_p05(&folder.write("d.csv", &reversed), &folder);
+    let residuals = folder.read("out/residuals.csv");
+    let blank = changed(|n, h, _| (is_own(n) && is_read(h)).then(String::new));
+    let without = of_p05(&folder.write("d.csv", &blank), &folder);
+
+    let doubts = found["doubts"].as_array().unwrap();
+    assert_eq!((doubts.len(), &doubts[0]["kind"]), (1, &"pose_taken_otherwise".into()));
+    let message = doubts[0]["message"].as_str().unwrap();
+    assert!(message.contains("pose p02") && message.contains("with all signs reversed"), "{message}");
+    assert_eq!(found["measurement"]["verdict"], "doubtful");
+    let excluded: Vec<&str> = residuals.lines().filter(|l| l.ends_with(",1")).collect();
+    assert_eq!(excluded.len(), 6 * own);
+    assert!(found["readings"][first - 1]["excluded"].as_bool().unwrap());
+    for key in ["effects", "verdict", "error_after", "lack_of_fit_after", "estimates"] {
+        assert_eq!(found[key], without[key], "{key}");
+    }
+}
+
 #[test]
 fn single_readings_names_and_series_that_cannot_be_are_named() {
     let slip = changed(|n, h, c| match (n, h) {

@@ -7,8 +7,9 @@ use pkm_diagnosis::gross::median;
 use pkm_diagnosis::{Problem, Rules, Whitener};
 
 use super::super::experiment::{Experiment, observations};
+use super::super::left_out::LeftOut;
 use super::super::model::{Model, Recorded};
-use super::super::{Method, check as check_usable, checks, unknown_noise};
+use super::super::{Method, check as check_usable, checks, single_poses, unknown_noise};
 use super::DataWarning;
 use crate::error::{Failure, lines_text};
 use crate::files::dataset::READ_COLUMNS;
@@ -37,9 +38,11 @@ fn model(file: &MachineFile, readings: &Readings) -> Option<Model> {
     Model::new(file, recorded, Method::Formulas)
 }
 
-/// Rows that were read with the opposite sign, and rows whose load was lost.
+/// Rows that were read with the opposite sign, and rows whose load was lost, but at poses that a diagnosis names as a whole.
 pub(super) fn check_rows(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
-    model(file, readings).map_or(Vec::new(), |model| of_rows(readings, &model))
+    let Some(model) = model(file, readings) else { return Vec::new() };
+    let left_out = LeftOut::new(file, readings, &model, &Rules::DEFAULT);
+    of_rows(&readings.without_numbers(&left_out.of_poses), &model)
 }
 
 fn of_rows(readings: &Readings, model: &Model) -> Vec<DataWarning> {
@@ -49,10 +52,14 @@ fn of_rows(readings: &Readings, model: &Model) -> Vec<DataWarning> {
 pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
     let rules = &Rules::DEFAULT;
     let Some(model) = model(file, readings) else { return Vec::new() };
-    let mut all = of_rows(readings, &model);
-    let gross = checks::gross(readings, &model, rules);
+    let left_out = LeftOut::new(file, readings, &model, rules);
+    let mut all = of_rows(&readings.without_numbers(&left_out.of_poses), &model);
+    for pose in &left_out.poses {
+        let lines = pose.rows(readings).map(|(_, r)| r.line).collect();
+        all.push(DataWarning::new(single_poses::TAKEN_OTHERWISE, pose.text(readings)).at_lines(lines));
+    }
     let whole_rows: Vec<u64> = all.iter().flat_map(|w| w.lines.clone()).collect();
-    for outlier in &gross {
+    for outlier in &left_out.gross {
         let r = &readings.readings[outlier.reading];
         if !whole_rows.contains(&r.line) {
             let value = r.observed[outlier.channel].unwrap_or(f64::NAN) * 1e6;
@@ -68,8 +75,7 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
             );
         }
     }
-    let left_out: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
-    let of_all = of_all(file, &readings.without_numbers(&left_out), &model);
+    let of_all = of_all(file, &readings.without_numbers(&left_out.numbers()), &model);
     if of_all.iter().any(|w| w.kind == checks::TAKEN_OTHERWISE) {
         // one slip that reverses many rows is no slip of each
         all.retain(|w| w.kind != REVERSED_SIGN);

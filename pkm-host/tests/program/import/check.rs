@@ -47,6 +47,11 @@ fn row(mut table: Table, row: usize, names: &[&str], change: impl Fn(&str) -> St
     table
 }
 
+/// Changes some cells of the second pose.
+fn pose(table: Table, names: &[&str], change: impl Fn(&str) -> String) -> Table {
+    (60..120).fold(table, |table, n| row(table, n, names, &change))
+}
+
 /// Rows of the set that begin a pose, and have loads of one sign.
 fn one_sign(mut table: Table) -> Table {
     let loads = LOADS.map(|name| table.column(name));
@@ -78,7 +83,15 @@ const DOUBTFUL: &[Case] = &[
     ("one row without its load", |t| row(t, 1, &LOADS, |_| "0".into()), "load_missing", 3, "", "was the load lost", 1),
     ("a row that stands twice", |mut t| { let row = t.rows[12].clone(); t.rows.insert(13, row); t }, "duplicate_row", 15, "", "the same reading as in line 14", 1),
     ("rows that stand twice", |mut t| { let rows = t.rows[12..15].to_vec(); t.rows.extend(rows); t }, "duplicate_row", 602, "", "the same reading as in line 14, and as often in lines 603, 604", 1),
-    ("poses with their sign reversed", |t| (0..120).fold(t, |t, n| row(t, n, &DEFLECTIONS, |c| scaled(c, -1.0))), "reversed_sign", 3, "", "opposite sign of what the load gives, unlike in other rows (as in lines", 1),
+    ("rows of two poses with their sign reversed", |t| (10..110).fold(t, |t, n| row(t, n, &DEFLECTIONS, |c| scaled(c, -1.0))), "reversed_sign", 13, "", "opposite sign of what the load gives, unlike in other rows (as in lines", 1),
+    ("two poses with their sign reversed", |t| (0..120).fold(t, |t, n| row(t, n, &DEFLECTIONS, |c| scaled(c, -1.0))), "pose_taken_otherwise", 2, "", "pose p01 (line 2), pose p02 (line 62) fit the declared machine much better with all signs reversed|at other poses 1.", 1),
+    ("a pose with one channel reversed", |t| pose(t, &["rx_urad"], |c| scaled(c, -1.0)), "pose_taken_otherwise", 62, "", "pose p02 (line 62)|with −rx, ry, rz in place of rx, ry, rz", 1),
+    ("a pose in arcseconds", |t| pose(t, &ROTATIONS, |c| scaled(c, 0.648 / std::f64::consts::PI)), "pose_taken_otherwise", 62, "", "with rotations in arcseconds", 1),
+    ("a pose in mm", |t| pose(t, &TRANSLATIONS, |c| scaled(c, 1e-3)), "pose_taken_otherwise", 62, "", "with translations in mm", 1),
+    ("a pose under forces in kgf", |t| pose(t, &LOADS[..3], |c| scaled(c, 1.0 / 9.806_65)), "pose_taken_otherwise", 62, "", "with forces in kgf or daN", 1),
+    ("a pose without its loads", |t| pose(t, &DEFLECTIONS, |c| scaled(c, 1e-3)), "pose_taken_otherwise", 62, "", "as if no load had been put on", 1),
+    ("two poses exchanged", |mut t| { let n = t.column("dx_um"); for row in 0..60 { let [a, b] = t.rows.get_disjoint_mut([row, row + 60]).unwrap(); a[n..n + 6].swap_with_slice(&mut b[n..n + 6]) } t }, "pose_taken_otherwise", 2, "", "pose p01 (line 2)|as those of pose p02 (line 62)", 2),
+    ("an angle that slipped", |t| pose(t, &["sigma_deg"], |c| scaled(c, 0.1)), "pose_taken_otherwise", 62, "", "with sigma at|in place of", 1),
     ("rotations of the wrong sign", |t| t.map(&ROTATIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with the signs of all rotations reversed", 1),
     ("loads in pounds", |t| t.map(&LOADS[..3], |c| scaled(c, 1.0 / 4.448_221_615)).map(&LOADS[3..], |c| scaled(c, 1.0 / 1.355_817_948)), "readings_taken_otherwise", 0, "", "with forces in lbf and moments in lbf·ft", 1),
     ("forces in pounds", |t| t.map(&LOADS[..3], |c| scaled(c, 1.0 / 4.448_221_615)), "readings_taken_otherwise", 0, "", "with forces in lbf, or with forces in lbf and moments in lbf·ft (", 1),
@@ -87,6 +100,7 @@ const DOUBTFUL: &[Case] = &[
     ("a series at several poses", |t| t.map(&["series"], |_| "1".into()), "series_at_several_poses", 0, "", "number the series through", 1),
     ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
     ("translations in mm", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1e-3)), "cannot_be_diagnosed", 0, "", "`diagnose` refuses these readings: the translations read are 1e-3 times what the declared machine gives: are they in µm", 1),
+    ("one rotation reversed", |t| t.map(&["rx_urad"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with −rx, ry, rz in place of rx, ry, rz", 1),
     ("all signs reversed", |t| t.map(&DEFLECTIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with all signs reversed", 1),
     ("one force reversed", |t| t.map(&["fz_n"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with forces along u, v, −w", 1),
     ("two forces exchanged", |t| t.exchanged("fx_n", "fy_n"), "readings_taken_otherwise", 0, "", "with forces along v, u, w", 1),

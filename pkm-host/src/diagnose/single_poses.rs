@@ -1,0 +1,176 @@
+//! Poses whose readings were taken otherwise than those of all others: in other units, with another sign, at another pose.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use pkm_diagnosis::gross::median;
+use pkm_diagnosis::{Noise, Problem, Rules, Whitener};
+use rayon::prelude::*;
+
+use super::checks::Warning;
+use super::compare::extent;
+use super::experiment::{self, Experiment};
+use super::model::Model;
+use super::ways;
+use crate::files::readings::{Reading, Readings};
+
+/// Kind of the warning of such a pose.
+pub const TAKEN_OTHERWISE: &str = "pose_taken_otherwise";
+
+/// Poses that fit the others when their readings are taken otherwise.
+pub struct TakenOtherwise {
+    /// Which.
+    pub poses: Vec<usize>,
+    /// As `… fit the others …`.
+    pub how: String,
+    /// What the declared machine leaves of them, in variances of their noise: as the file says, taken otherwise, and at other poses.
+    left: [f64; 3],
+}
+
+impl TakenOtherwise {
+    /// Its readings.
+    pub fn rows<'a>(&'a self, readings: &'a Readings) -> impl Iterator<Item = (usize, &'a Reading)> {
+        let is_own = |(_, r): &(usize, &Reading)| self.poses.contains(&readings.conditions[r.condition].pose);
+        readings.readings.iter().enumerate().filter(is_own)
+    }
+
+    /// Adds a pose; what is left is the most.
+    fn add(&mut self, pose: usize, said: f64, rest: f64) {
+        self.poses.push(pose);
+        (self.left[0], self.left[1]) = (self.left[0].max(said), self.left[1].max(rest));
+    }
+
+    /// As a diagnosis has it.
+    pub fn warning(&self, readings: &Readings) -> Warning {
+        Warning { kind: TAKEN_OTHERWISE, message: self.text(readings) }
+    }
+
+    /// For people.
+    pub fn text(&self, readings: &Readings) -> String {
+        let [said, rest, usual] = self.left.map(f64::sqrt);
+        let poses: Vec<String> = self.poses.iter().map(|pose| readings.poses[*pose].name()).collect();
+        format!(
+            "the readings at {} fit the declared machine much better {} (residuals of {rest:.1} times their noise) than as the file says \
+             ({said:.1} times, at other poses {usual:.1} times): are they? A diagnosis leaves them out",
+            poses.join(", "),
+            self.how
+        )
+    }
+}
+
+/// The linear form of a pose's readings at the declared values.
+struct Linear {
+    jacobian: DMatrix<f64>,
+    residuals: DVector<f64>,
+    /// JᵀJ and Jᵀr.
+    information: DMatrix<f64>,
+    along: DVector<f64>,
+}
+
+impl Linear {
+    fn new(readings: &Readings, model: &Model, noise: &Noise, rules: &Rules) -> Option<Self> {
+        let read = experiment::observations(readings, model);
+        let (experiment, whitener) = (Experiment::new(model, readings), Whitener::new(&read, noise));
+        let problem = Problem::new(&read, &whitener, &experiment, rules);
+        let stiffnesses = problem.model.declared();
+        let declared = vec![0.0; stiffnesses.len()];
+        let fit = problem.linear(&stiffnesses, declared.into())?;
+        let (information, along) = (fit.jacobian.tr_mul(&fit.jacobian), fit.jacobian.tr_mul(&fit.residuals));
+        (!fit.residuals.is_empty()).then_some(Self {
+            jacobian: fit.jacobian,
+            residuals: fit.residuals,
+            information,
+            along,
+        })
+    }
+
+    /// What stiffnesses that have moved leave, in noise variances a number.
+    fn left(&self, step: &DVector<f64>) -> f64 {
+        (&self.residuals - &self.jacobian * step).norm_squared() / self.residuals.len() as f64
+    }
+}
+
+/// Readings by pose, against the declared machine.
+struct ByPose<'a> {
+    readings: &'a Readings,
+    model: &'a Model,
+    noise: Noise,
+    rules: &'a Rules,
+    /// Pose and linear form, of those that have any reading.
+    all: Vec<(usize, Linear)>,
+}
+
+impl<'a> ByPose<'a> {
+    fn new(readings: &'a Readings, model: &'a Model, rules: &'a Rules) -> Option<Self> {
+        let read = experiment::observations(readings, model);
+        let noise = Experiment::new(model, readings).noise(&read, rules).ok()?;
+        let linear = |pose| Some((pose, Linear::new(&readings.at_pose(pose), model, &noise, rules)?));
+        let all = (0..readings.poses.len()).into_par_iter().filter_map(linear).collect();
+        Some(Self { readings, model, noise, rules, all })
+    }
+
+    /// How far some poses move the stiffnesses, as their uncertainty lets them.
+    fn step(&self, is_kept: impl Fn(usize) -> bool) -> Option<DVector<f64>> {
+        let unknowns = self.all.first()?.1.along.len();
+        let (mut information, mut along) = (DMatrix::identity(unknowns, unknowns), DVector::zeros(unknowns));
+        for (_, linear) in self.all.iter().filter(|(pose, _)| is_kept(*pose)) {
+            information += &linear.information;
+            along += &linear.along;
+        }
+        let step = information.cholesky()?.solve(&along);
+        // no compliance becomes negative
+        let uncertainty = self.model.uncertainty.joint.max(self.model.uncertainty.body);
+        let part = 1.0 / (uncertainty * step.amax()).max(1.0);
+        Some(step * part)
+    }
+
+    /// Poses of which much more is left than is usual, with what is left, and what is usual: each by stiffnesses of the others, but
+    /// for those that are out.
+    fn beyond(&self, out: &[usize]) -> Option<(Vec<(usize, f64)>, f64)> {
+        let left = |(pose, linear): &(usize, Linear)| {
+            let of_others = self.step(|other| other != *pose && !out.contains(&other))?;
+            Some((*pose, linear.left(&of_others)))
+        };
+        let mut left: Vec<(usize, f64)> = self.all.par_iter().filter_map(left).collect();
+        let usual = median(&mut left.iter().map(|(_, left)| *left).collect::<Vec<f64>>())?.max(1.0);
+        left.retain(|(_, left)| *left > self.rules.min_pose_ratio * usual);
+        Some((left, usual))
+    }
+
+    /// The way to take the readings of a pose that fits stiffnesses of others, and what it leaves.
+    fn as_others(
+        &self,
+        pose: usize,
+        of_others: &DVector<f64>,
+        most: f64,
+        tip_m: Vector3<f64>,
+    ) -> Option<(String, f64)> {
+        let own = self.readings.at_pose(pose);
+        let left = |taken: &Readings| Some(Linear::new(taken, self.model, &self.noise, self.rules)?.left(of_others));
+        let is_right = |(_, rest): &(String, f64)| *rest < most;
+        let way = (ways::of_pose(&own, self.readings, tip_m).into_par_iter())
+            .filter_map(|way| Some((way.how, left(&(way.taken)()?)?)))
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        let another = || ways::with_another_coordinate(&own, &extent(self.readings), left);
+        way.filter(is_right).or_else(|| another().filter(is_right))
+    }
+}
+
+/// Single poses that the declared machine fits much worse than the others, and as well when they are taken otherwise.
+pub fn taken_otherwise(readings: &Readings, model: &Model, rules: &Rules, tip_m: Vector3<f64>) -> Vec<TakenOtherwise> {
+    let mut all: Vec<TakenOtherwise> = Vec::new();
+    let Some(by_pose) = ByPose::new(readings, model, rules) else { return all };
+    let poses = |(found, _): (Vec<(usize, f64)>, f64)| found.into_iter().map(|(pose, _)| pose).collect();
+    // those that stand out have no part in what is usual
+    let out: Vec<usize> = by_pose.beyond(&[]).map(poses).unwrap_or_default();
+    let Some((found, usual)) = by_pose.beyond(&out) else { return all };
+    let Some(of_others) = by_pose.step(|pose| !found.iter().any(|(other, _)| *other == pose)) else { return all };
+    for (pose, said) in found {
+        let Some((how, rest)) = by_pose.as_others(pose, &of_others, rules.max_pose_ratio * usual, tip_m) else {
+            continue;
+        };
+        match all.iter_mut().find(|other| other.how == how) {
+            Some(other) => other.add(pose, said, rest),
+            None => all.push(TakenOtherwise { poses: vec![pose], how, left: [said, rest, usual] }),
+        }
+    }
+    all
+}
