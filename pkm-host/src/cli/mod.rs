@@ -161,26 +161,34 @@ fn unusable(error: &clap::Error) -> Failure {
     Failure::usage(first.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
+/// Whether what was printed has arrived. A reader that closes the pipe early is no failure.
+fn on_stdout(printed: std::io::Result<()>) -> Result<()> {
+    match printed {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::other(format!("standard output: {e}"))),
+        _ => Ok(()),
+    }
+}
+
 /// The program.
 pub fn main() -> ExitCode {
     let wants_json = std::env::args_os().any(|a| a == "--json");
-    let (result, warnings) = match Cli::<Command>::try_parse() {
-        Ok(cli) => cli.run(true),
-        Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => e.exit(),
+    let print = |output: Output| {
+        let text = if wants_json { format!("{}\n", output.json) } else { output.text };
+        on_stdout(std::io::stdout().lock().write_all(text.as_bytes()))
+    };
+    let (printed, warnings) = match Cli::<Command>::try_parse() {
+        Ok(cli) => {
+            let (result, warnings) = cli.run(true);
+            (result.and_then(print), warnings)
+        }
+        // clap's own `exit` would not tell that nothing could be printed
+        Err(e) if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
+            (on_stdout(e.print()), Vec::new())
+        }
         // what is endless is clipped below
         Err(e) if !wants_json && e.to_string().len() < 4000 => e.exit(),
         Err(e) => (Err(unusable(&e)), Vec::new()),
     };
-    let printed = result.and_then(|output| {
-        let text = if wants_json { format!("{}\n", output.json) } else { output.text };
-        match std::io::stdout().lock().write_all(text.as_bytes()) {
-            // a reader that closes the pipe early is no failure
-            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-                Err(Failure::other(format!("standard output: {e}")))
-            }
-            _ => Ok(()),
-        }
-    });
     let Err(failure) = printed else { return ExitCode::SUCCESS };
     eprintln!("error: {failure}");
     for other in failure.others.iter().flat_map(|others| &others.failures) {

@@ -114,11 +114,12 @@ fn what_cannot_be_written_is_said_and_changes_nothing() {
         fails(&run(args), path, words);
         assert!(folder.contents() == before, "{args:?} has written");
     }
-    let full = Command::new(env!("CARGO_BIN_EXE_pkm-host"))
-        .args(["ik", "--theta-deg", "0", "--sigma-deg", "0", "--z0-mm", "530"])
-        .stdout(File::create("/dev/full").unwrap())
-        .output();
-    fails(&full.unwrap(), "standard output", "No space left");
+    let answered = ["ik", "--theta-deg", "0", "--sigma-deg", "0", "--z0-mm", "530"];
+    for args in [&answered[..], &["--help"], &["import", "--help"], &["import", "-h"], &["--version"]] {
+        let program = env!("CARGO_BIN_EXE_pkm-host");
+        let full = Command::new(program).args(args).stdout(File::create("/dev/full").unwrap()).output();
+        fails(&full.unwrap(), "standard output", "No space left");
+    }
 }
 
 /// Two ways to have too little room: a limit on the size of files, and a small file system.
