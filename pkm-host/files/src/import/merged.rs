@@ -7,18 +7,11 @@ use crate::error::{Failure, lines_text, printable};
 /// What is carried down with a pose where it is empty too. Not the direction: without it, the load history tells.
 const WITH_POSE: [&str; 5] = ["series", "load", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
-/// What rows of statistics below a block of readings are called.
-const STATISTICS: [&str; 22] = [
+/// What rows of means and scatters below a block of readings are called.
+const MEANS_AND_SCATTERS: [&str; 15] = [
     "mean",
     "avg",
     "average",
-    "sum",
-    "total",
-    "min",
-    "max",
-    "minimum",
-    "maximum",
-    "range",
     "sd",
     "std",
     "stdev",
@@ -26,14 +19,17 @@ const STATISTICS: [&str; 22] = [
     "median",
     "mittel",
     "mittelwert",
-    "summe",
-    "spannweite",
+    "mw",
+    "stabw",
     "stdabw",
     "standardabweichung",
     "streuung",
 ];
-/// Columns in which they say so. A load or a pose may well be called `max`.
-const NAMED: [&str; 3] = ["series", "reading", "repeat"];
+/// What rows of other statistics are called. A pose may well be called `max`.
+const EXTREMES_AND_SUMS: [&str; 9] =
+    ["sum", "total", "min", "max", "minimum", "maximum", "range", "summe", "spannweite"];
+/// Columns in which they say so. A load may well be called `max` or `mean`.
+const NAMED: [&str; 4] = ["pose", "series", "reading", "repeat"];
 
 /// Refuses rows of statistics, such as means: they are no readings, and would stand for some.
 pub(super) fn refuse_statistics(sheet: &mut Sheet) -> Vec<Failure> {
@@ -42,12 +38,16 @@ pub(super) fn refuse_statistics(sheet: &mut Sheet) -> Vec<Failure> {
     sheet.rows.retain(|row| {
         let is_statistic = |n: &&usize| {
             let word = row.cells[**n].trim_matches(|c: char| !c.is_alphanumeric()).to_lowercase();
-            STATISTICS.contains(&word.as_str())
+            let is_pose = sheet.header[**n] == POSE_COLUMNS[0];
+            MEANS_AND_SCATTERS.contains(&word.as_str()) || (!is_pose && EXTREMES_AND_SUMS.contains(&word.as_str()))
         };
         let found = named.iter().find(is_statistic);
         failures.extend(found.map(|n| {
-            let message = format!("`{}` is no reading: leave out rows that are computed from others", &row.cells[*n]);
-            Failure::input(message).in_file(&sheet.source.name).at_line(row.line).at_column(&sheet.header[*n])
+            let column = &sheet.header[*n];
+            let or = if column == POSE_COLUMNS[0] { "; if it is a pose, name it otherwise" } else { "" };
+            let message =
+                format!("`{}` is no reading: leave out rows that are computed from others{or}", &row.cells[*n]);
+            Failure::input(message).in_file(&sheet.source.name).at_line(row.line).at_column(column)
         }));
         found.is_none()
     });

@@ -228,6 +228,21 @@ fn missing_moments_are_zero_and_said() {
     assert_eq!(cells(&written).numbers("fz_n"), good().numbers("fz_n"));
 }
 
+/// What statistics are called may stand for a pose or a load where it is an extreme, not where it is a mean.
+#[test]
+fn poses_may_be_extremes_and_no_means() {
+    let named = |name: &str| imported(good().put(4, "pose", name).text(',').as_bytes(), &[]);
+    for extreme in ["max", "Minimum", "Range", "middle", "mean position"] {
+        assert!(named(extreme).is_ok(), "{extreme}");
+    }
+    for mean in
+        ["Mean", "average", "AVG", "Mittel", "Mittelwert:", "MW", "Median", "Std", "Std.", "StdAbw", "STABW", "SD"]
+    {
+        let said = named(mean).unwrap_err();
+        assert!(said.contains(&format!("theirs.txt:6: pose: `{mean}` is no reading")), "{said}");
+    }
+}
+
 #[test]
 fn merged_loads_are_carried_down_with_their_pose_alone() {
     let text = "pose,theta [°],sigma [°],z0 [mm],Fx [N],Fy [N],Fz [N],dx [µm]\n\
