@@ -1,6 +1,8 @@
 //! Where the header of an export is, and what stands between its cells.
 
-use super::names::Names;
+use std::collections::HashSet;
+
+use super::names::{Names, split_unit};
 use super::units;
 use crate::csv::{Header, Row, records};
 use crate::error::{Failure, Result, printable};
@@ -35,6 +37,11 @@ pub(super) fn find(source: &Source, text: &str, names: &Names<'_>) -> Result<Fou
         }
     }
     let (count, n, delimiter) = best;
+    let around = records(text, delimiter, &source.name).skip(n.saturating_sub(1)).take(3);
+    let around: Vec<Row> = around.filter_map(Result::ok).collect();
+    if let Some(failure) = around.windows(2).find_map(|rows| in_two_rows(source, [&rows[0], &rows[1]], names)) {
+        return Err(failure);
+    }
     if count < 2 {
         return Err(commented(source, text, names).unwrap_or_else(|| none(source, text, names)));
     }
@@ -44,6 +51,50 @@ pub(super) fn find(source: &Source, text: &str, names: &Names<'_>) -> Result<Fou
     let not_renamed = names.require_renamed(&header.names);
     let not_renamed = not_renamed.map_err(|f| f.in_file(&source.name).at_line(header.line))?;
     Ok(Found { header, delimiter, above: rows, not_renamed })
+}
+
+/// How many columns that are known some names are of.
+fn known_columns(cells: &[String], names: &Names<'_>) -> usize {
+    cells.iter().filter_map(|cell| names.own_name(cell)).collect::<HashSet<_>>().len()
+}
+
+/// The names that a row of groups and the row below it make together: `Force [N]` over x, y, z. A cell of the upper row is that of all
+/// columns up to the next, as a spreadsheet saves merged cells.
+fn joined(upper: &[String], lower: &[String], names: &Names<'_>) -> Vec<String> {
+    let mut group = "";
+    let name = |n: usize| {
+        let [upper, lower] = [upper, lower].map(|cells| cells.get(n).map_or("", String::as_str));
+        if !upper.is_empty() {
+            group = upper;
+        }
+        match split_unit(group) {
+            _ if lower.is_empty() => upper.to_owned(),
+            _ if group.is_empty() || names.is_known(lower) => lower.to_owned(),
+            (group, Some(unit)) => format!("{group} {lower} [{unit}]"),
+            (group, None) => format!("{group} {lower}"),
+        }
+    };
+    (0..upper.len().max(lower.len())).map(name).collect()
+}
+
+/// Why a header cannot be read whose names stand in two rows: more are known together than in either row. One more alone may be that of
+/// a row of data with such a word in it.
+fn in_two_rows(source: &Source, [upper, lower]: [&Row; 2], names: &Names<'_>) -> Option<Failure> {
+    let lines = [upper.line, lower.line];
+    let [upper, lower] = [upper, lower].map(Row::to_cells);
+    let both = joined(&upper, &lower, names);
+    if known_columns(&both, names) < known_columns(&upper, names).max(known_columns(&lower, names)) + 2 {
+        return None;
+    }
+    let mut numbers = names.number_columns(&both).into_iter().map(|n| &both[n]);
+    let such = numbers.find(|name| !upper.contains(name) && !lower.contains(name));
+    let such = such.map_or(String::new(), |name| format!(", such as `{}`", printable(name)));
+    let message = format!(
+        "names of columns in two rows, lines {} and {}: write them into one row, each column with its whole name{such}, and delete \
+         the other",
+        lines[0], lines[1]
+    );
+    Some(Failure::input(message).in_file(&source.name).at_line(lines[0]))
 }
 
 /// A header behind #, as numerical programs write it.

@@ -278,7 +278,7 @@ fn plain(name: &str) -> String {
 }
 
 /// A name and the unit behind it: `dx [µm]`, `Fx (kN)`, `Fx in kN`, `dx / mm`, `dx, mm`, `dx mm`.
-fn split_unit(cell: &str) -> (&str, Option<&str>) {
+pub fn split_unit(cell: &str) -> (&str, Option<&str>) {
     for (open, close) in [('[', ']'), ('(', ')')] {
         if let Some((name, unit)) = cell.strip_suffix(close).and_then(|c| c.rsplit_once(open)) {
             return (name.trim(), Some(unit.trim()));
