@@ -105,6 +105,17 @@ fn complete(read: Measured, session: &Session) -> Result<(Sheet, Vec<LoadCase>)>
     })
 }
 
+/// Says of readings in which nothing was measured what they are good for.
+fn warn_of_no_deflections(readings: &Readings, sheet: &Sheet, session: &mut Session) {
+    let why = readings.require_deflections(sheet).err();
+    session.warn(why.map(|failure| {
+        format!(
+            "{failure}. Poses and loads alone are no readings: `diagnose` refuses what is written, and `predict` fills in what \
+             the model says"
+        )
+    }));
+}
+
 /// From points to deflections.
 fn of_points(
     [points, reflectors, readings]: [&Path; 3],
@@ -145,6 +156,7 @@ fn of_log(data: &Path, log: &Path, args: &Args, machine: &MachineFile, session: 
     session.warn(sheet.warnings.clone());
     session.warn(joined.warnings.clone());
     let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
+    warn_of_no_deflections(&readings, &sheet, session);
     let (text, more) = (text_of_loads(&joined, &log), document_of_loads(&joined, &log, &options));
     Ok(Imported { csv: measured::to_csv(&sheet), conversions, text, readings, more: Some(("load_log", more)) })
 }
@@ -251,6 +263,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             let (sheet, cases) = complete(read, session)?;
             session.warn(sheet.warnings.clone());
             let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
+            warn_of_no_deflections(&readings, &sheet, session);
             Imported { csv: measured::to_csv(&sheet), conversions, text: String::new(), readings, more: None }
         }
         (None, _, Some(points), Some(reflectors), Some(readings)) => {

@@ -228,6 +228,23 @@ fn missing_moments_are_zero_and_said() {
     assert_eq!(cells(&written).numbers("fz_n"), good().numbers("fz_n"));
 }
 
+/// Poses and loads are what `predict` fills in; nothing else reads them without a deflection.
+#[test]
+fn a_file_without_deflections_is_written_and_said() {
+    let columns = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"];
+    for (table, why) in [
+        (good().without(&columns), "theirs.txt:1: dx_um: missing column"),
+        (good().map(&columns, |_| String::new()), "theirs.txt: expected readings, found blank deflection columns only"),
+    ] {
+        let (written, said) = imported(table.text(',').as_bytes(), &[]).unwrap();
+        assert!(said.contains(why) && said.contains("`diagnose` refuses what is written"), "{said}");
+        assert_eq!(cells(&written).rows.len(), 6);
+        let folder = Folder::new();
+        let plan = folder.write("plan.csv", &written);
+        json(&["predict", "--data", &plan, "--out", &folder.path("p.csv")]);
+    }
+}
+
 /// What statistics are called may stand for a pose or a load where it is an extreme, not where it is a mean.
 #[test]
 fn poses_may_be_extremes_and_no_means() {
