@@ -76,6 +76,7 @@ const DOUBTFUL: &[Case] = &[
     ("a placeholder for no value", |t| row(t, 20, &["dx_um"], |_| "9999".into()), "placeholder", 22, "dx_um", "empty the cell", 2),
     ("a negative one with decimals", |t| row(t, 21, &["rz_urad"], |_| "-9999.99".into()), "placeholder", 23, "rz_urad", "-9999.99", 2),
     ("a channel that is not connected", |t| t.map(&["dz_um"], |_| "0.00".into()), "constant_channel", 0, "dz_um", "all 600 readings are 0", 2),
+    ("a channel that is not connected, beside blank rows and readings without load", |t| [(3, ""), (4, ""), (7, "0")].iter().fold(t.map(&["dz_um"], |_| "0.00".into()), |t, (n, cell)| row(row(t, *n, &DEFLECTIONS, |_| (*cell).into()), *n, if cell.is_empty() { &[] } else { &LOADS }, |_| "0".into())), "constant_channel", 0, "dz_um", "all 598 readings are 0", 2),
     ("a channel that is stuck", |t| t.map(&["rx_urad"], |_| "17.3".into()), "constant_channel", 0, "rx_urad", "all 600 readings are 17.3", 2),
     ("a digit lost", |t| row(t, 1, &["dx_um"], |c| scaled(c, 0.8)), "gross_error", 3, "dx_um", "mistyped", 1),
     ("a digit too many", |t| row(t, 30, &["dx_um"], |c| scaled(c, 100.0)), "repeats_differ", 32, "dx_um", "repeats in lines 32, 37 differ|times as much as repeats elsewhere", 1),
