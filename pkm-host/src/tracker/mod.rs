@@ -2,11 +2,12 @@
 //!
 //! `table`: rows of readings before and after. `survey`: which points belong to a reading, and whether they tell a motion.
 //! `registration`: where the tracker stands, from unloaded points. `rigid`: motions of points with their covariance. Here: the motion
-//! of the platform under each load, with that of the base taken out.
+//! of the platform under each load, with that of the base taken out. `gross`: single points that are wrong.
 //!
 //! Unloaded points serve all readings of their series. Their errors are the zero error that the series has in common: each reading
 //! tells which share of its variance that is.
 
+mod gross;
 pub(crate) mod registration;
 pub(crate) mod rigid;
 mod survey;
@@ -147,6 +148,7 @@ pub fn deflections(
             tasks.len()
         ));
     }
+    campaign.warnings.extend(gross::warnings(&survey));
     campaign.misfit = (freedom > 0).then(|| misfit / freedom as f64);
     if let Some(times) = campaign.misfit.filter(|m| *m > MAX_MISFIT) {
         campaign.warnings.push(format!(

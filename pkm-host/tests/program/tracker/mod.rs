@@ -1,6 +1,7 @@
-//! A tracker's points: against campaigns that are simulated here with rotations of their own. `bad`: what is wrong with them.
+//! A tracker's points: against campaigns that are simulated here with rotations of their own. `bad`: what is wrong with them. `gross`: single points.
 
 mod bad;
+mod gross;
 
 use std::fmt::Write;
 
