@@ -1,11 +1,13 @@
 //! Unloaded readings: where points are that move with the machine, or how far they are from balls on the base, at commanded poses.
 
+use std::collections::{HashMap, HashSet};
+
 use nalgebra::Vector2;
 use pkm_core::{Configuration, ScrewLengths};
 
 use crate::csv::{LENGTH_COLUMNS, POSE_COLUMNS, decimals};
 use crate::dataset::{POINT_COLUMNS, Row, Sheet};
-use crate::error::{Failure, Result, tool_status};
+use crate::error::{Failure, Result, lines_text, printable, tool_status};
 use crate::machine::MachineFile;
 use crate::pose::NamedPose;
 use crate::source::Source;
@@ -162,6 +164,7 @@ impl Unloaded {
         for row in &sheet.rows {
             this.add(&sheet, row, machine, pose_columns, own, has_wrist)?;
         }
+        this.warnings.extend(this.copies());
         Ok(this)
     }
 
@@ -249,6 +252,29 @@ impl Unloaded {
             (true, true) => fail(DISTANCE_COLUMN, "expected x_mm, y_mm, z_mm or a distance, found both"),
             (false, false) => fail(AT_COLUMNS[0], "expected a place or a distance, found empty cells"),
         }
+    }
+
+    /// Readings that stand in the file twice. Two places do not agree in three numbers; distances do by chance, but not all that are repeated.
+    fn copies(&self) -> Option<String> {
+        let (mut seen, mut sights) = (HashMap::new(), HashSet::new());
+        let (mut copies, mut repeats) = (Vec::new(), 0);
+        for r in &self.readings {
+            repeats += usize::from(!sights.insert(r.sight));
+            let first = *seen.entry((r.sight, r.observed.map(|v| v.map(f64::to_bits)))).or_insert(r.line);
+            if first != r.line {
+                copies.push((r, first));
+            }
+        }
+        let are_all_copies = copies.len() == repeats;
+        copies.retain(|(r, _)| are_all_copies || self.sights[r.sight].ball.is_none());
+        let ((again, first), rest) = copies.split_first()?;
+        let rest: Vec<u64> = rest.iter().map(|(r, _)| r.line).collect();
+        let others = if rest.is_empty() { String::new() } else { format!(", and as often in {}", lines_text(&rest)) };
+        Some(format!(
+            "{}:{}: the same reading as in line {first}{others}: each counts as one of its own, delete one of two if it was not read twice",
+            printable(&self.source.name),
+            again.line
+        ))
     }
 
     /// The same poses, targets and sights without some of the readings.

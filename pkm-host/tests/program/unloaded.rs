@@ -180,6 +180,39 @@ fn an_identification_of_no_use_moves_no_drive() {
     }
 }
 
+/// Pasted twice a file would pass for twice as many independent readings.
+#[test]
+fn readings_that_stand_there_twice_are_named() {
+    let (file, folder) = (reference(), Folder::new());
+    let places = std::fs::read_to_string(fixture("unloaded/parallel-axes/unloaded.csv")).unwrap();
+    let distances = Set::new(Case::Bar, 2, 40, 5.0).measured;
+    for text in [&places, &distances] {
+        let warnings = |text: String| Unloaded::read(Source::from_text("u.csv", text), &file).unwrap().warnings;
+        assert_eq!(warnings(text.clone()), [""; 0]);
+        let (header, rows) = text.split_once('\n').unwrap();
+        let last = text.lines().count();
+        let [warning] = &warnings(format!("{text}{rows}"))[..] else { panic!("one warning") };
+        assert!(warning.starts_with(&format!("u.csv:{}: the same reading as in line 2", last + 1)), "{warning}");
+        assert!(warning.contains(&format!("as often in lines {}, ", last + 2)), "{warning}");
+        // read again, with one number that agrees by chance: not where it is the only one of its reading
+        let again: String = rows
+            .lines()
+            .enumerate()
+            .map(|(n, line)| {
+                let (rest, sigma) = line.rsplit_once(',').unwrap();
+                if n == 5 { format!("{line}\n") } else { format!("{rest}7,{sigma}\n") }
+            })
+            .collect();
+        let named = warnings(format!("{header}\n{rows}{again}"));
+        assert_eq!(named.len(), usize::from(text == &places), "{named:?}");
+    }
+    let (_, rows) = places.split_once('\n').unwrap();
+    let data = folder.write("twice.csv", &format!("{places}{rows}"));
+    let document = json(&["diagnose", "--unloaded", "--data", &data, "--out", &folder.path("out")]);
+    assert!(document["warnings"][0].as_str().unwrap().contains("the same reading as in line 2"), "{document}");
+    assert!(folder.read("out/report.html").contains("the same reading as in line 2"));
+}
+
 #[test]
 fn one_ball_cannot_tell_the_length_of_a_tool_from_its_lean() {
     let (file, set) = (reference(), Set::new(Case::Five, 3, 60, 10.0));
