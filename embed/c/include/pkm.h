@@ -1129,7 +1129,8 @@ PKM_MUST_USE PkmError pkm_inverse_f64(const PkmMachine_f64 *machine, const PkmPo
 
 // Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
 //
-// Errors: those of a pose.
+// Errors: those of a pose in another order, since travel is looked at first: NOT_FINITE, OUT_OF_TRAVEL_LIMB1 to 3,
+// UNREACHABLE, SINGULAR.
 PKM_MUST_USE PkmError pkm_forward_f64(const PkmMachine_f64 *machine, const PkmLengths_f64 *lengths, PkmPose_f64 *pose);
 
 // Derivatives of the screw lengths by the pose.
@@ -1275,7 +1276,8 @@ PKM_MUST_USE PkmError pkm_inverse_f32(const PkmMachine_f32 *machine, const PkmPo
 
 // Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
 //
-// Errors: those of a pose.
+// Errors: those of a pose in another order, since travel is looked at first: NOT_FINITE, OUT_OF_TRAVEL_LIMB1 to 3,
+// UNREACHABLE, SINGULAR.
 PKM_MUST_USE PkmError pkm_forward_f32(const PkmMachine_f32 *machine, const PkmLengths_f32 *lengths, PkmPose_f32 *pose);
 
 // Derivatives of the screw lengths by the pose.
@@ -1963,7 +1965,7 @@ PkmError pkm_table_watch_f32(PkmTableWatch *watch,
 
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //
-// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+// Errors: those of `pkm_forward`, then NOT_FINITE of the wrist's angles, WRIST_LIMIT1, WRIST_LIMIT2.
 PKM_MUST_USE
 PkmError pkm_tool_forward_f64(const PkmMachine_f64 *machine,
                               const PkmWrist_f64 *wrist,
@@ -2038,7 +2040,7 @@ PkmError pkm_feed_share_f64(const PkmJointMotion_f64 *joints,
 
 // Forward kinematics of the five axes: configuration, tip and axis of joint values.
 //
-// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+// Errors: those of `pkm_forward`, then NOT_FINITE of the wrist's angles, WRIST_LIMIT1, WRIST_LIMIT2.
 PKM_MUST_USE
 PkmError pkm_tool_forward_f32(const PkmMachine_f32 *machine,
                               const PkmWrist_f32 *wrist,

@@ -165,7 +165,8 @@ macro_rules! functions {
 
         /// Forward kinematics: the pose of screw lengths, in the working mode, in closed form.
         ///
-        /// Errors: those of a pose.
+        /// Errors: those of a pose in another order, since travel is looked at first: NOT_FINITE, OUT_OF_TRAVEL_LIMB1 to 3,
+        /// UNREACHABLE, SINGULAR.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $forward(

@@ -16,7 +16,7 @@ macro_rules! functions {
     ) => {
         /// Forward kinematics of the five axes: configuration, tip and axis of joint values.
         ///
-        /// Errors: NOT_FINITE, those of a pose, WRIST_LIMIT1, WRIST_LIMIT2.
+        /// Errors: those of `pkm_forward`, then NOT_FINITE of the wrist's angles, WRIST_LIMIT1, WRIST_LIMIT2.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_forward(

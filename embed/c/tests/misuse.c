@@ -254,6 +254,13 @@ int main(void) {
     const PkmPoint_f64 at_a = {{0.0, 0.0, 0.0}};
     REFUSED(PKM_ERROR_OUT_OF_TRAVEL_LIMB1, lengths, pkm_inverse_f64(machine, &high, &lengths));
     REFUSED(PKM_ERROR_UNREACHABLE, lengths, pkm_inverse_f64(machine, &turned, &lengths));
+    /* no pose has such lengths; that they are out of travel, or not finite, is said first */
+    const PkmLengths_f64 long_and_short = {{0.6, 9.0, 0.1}}, long_and_nan = {{NAN, 9.0, 0.1}};
+    PkmPose_f64 reached = pose;
+    REFUSED(PKM_ERROR_OUT_OF_TRAVEL_LIMB2, reached, pkm_forward_f64(machine, &long_and_short, &reached));
+    REFUSED(PKM_ERROR_NOT_FINITE, reached, pkm_forward_f64(machine, &long_and_nan, &reached));
+    const PkmJoints_f64 far_and_nan = {{{0.6, 9.0, 0.1}}, {NAN, 0.0}};
+    REFUSED(PKM_ERROR_OUT_OF_TRAVEL_LIMB2, place, pkm_tool_forward_f64(machine, wrist, &far_and_nan, &place));
     REFUSED(PKM_ERROR_NOT_COMPENSABLE, cycle, pkm_cycle_f64(machine, table, &pose, &wrench, &at_a, &cycle));
 
     /* result in the memory of the input */

@@ -299,7 +299,7 @@ pub struct Corrected<T> {
 }
 
 impl<T: Scalar> CorrectionTable<'_, T> {
-    /// Where a pose stands to the box that the table was fitted on.
+    /// Where a pose stands to the box that the table was fitted on. A pose that is not finite is outside.
     pub fn domain(&self, pose: &Pose<T>) -> Domain {
         self.basis.domain(pose)
     }
