@@ -652,3 +652,23 @@ fn a_controls_program_goes_through_and_says_what_was_made_up_for() {
     says(&overwritten, "usage", None, &["part.nc, which is read"]);
     assert_eq!(folder.read("part.nc"), told);
 }
+
+#[test]
+fn a_wrench_that_never_acts_is_said() {
+    let folder = Folder::new();
+    let out = folder.path("out.ngc");
+    let start = "G0 X-205 Y0 Z1137 I0 J0 K1\n";
+    let warned = |rest: &str| {
+        let path = folder.write("p.ngc", &format!("{start}{rest}"));
+        json(&["compensate", "--path", &path, "--wrench", "10,0,-20,0,0,0", "--out", &out])["warnings"].to_string()
+    };
+    let own = "(wrench 1,0,-60,0,0,0)\n";
+    for inert in [format!("{own}G1 X-204 F100\n"), format!("G1 X-204 F100 {own}G0 X-203\nG1 X-202\n")] {
+        let said = warned(&inert);
+        assert!(said.contains("p.ngc: --wrench acts on no cut: the program sets the load of each"), "{said}");
+    }
+    assert_eq!(warned(&format!("G1 X-204 F100\n{own}G1 X-203\n")), "[]");
+    // nothing is cut: that is said, and no program is at fault
+    let idle = warned("G0 X-204\n");
+    assert!(idle.contains("no load anywhere") && !idle.contains("--wrench"), "{idle}");
+}

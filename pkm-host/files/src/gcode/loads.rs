@@ -16,7 +16,9 @@ const MAX_DEPTH_MM: f64 = 1e3;
 /// Where the load comes from.
 #[derive(Clone, Copy)]
 enum Origin {
-    /// `--wrench`, `(wrench …)` or `(F …)`.
+    /// `--wrench`.
+    Option(Wrench<f64>),
+    /// `(wrench …)` or `(F …)`.
     Given(Wrench<f64>),
     /// Material and tool.
     Estimated,
@@ -47,6 +49,8 @@ pub(super) struct Loads {
     spindle: Spindle,
     /// A tool that came without a load of its own.
     pub unloaded_tool: Option<f64>,
+    /// `--wrench` is given, and no cut has had it so far.
+    pub is_option_idle: bool,
 }
 
 /// A comment's text without what makes it one.
@@ -90,13 +94,14 @@ fn given(comment: &str) -> Result<Option<Wrench<f64>>, Refusal> {
 impl Loads {
     pub fn new(given: Option<Wrench<f64>>) -> Self {
         Self {
-            origin: given.map(Origin::Given),
+            origin: given.map(Origin::Option),
             is_said: given.is_some(),
             called: None,
             in_hand: None,
             cutter: None,
             spindle: Spindle::Forward,
             unloaded_tool: None,
+            is_option_idle: given.is_some(),
         }
     }
 
@@ -204,8 +209,12 @@ impl Loads {
     }
 
     /// The load of a cut.
-    pub fn load(&self, modal: &Modal<'_>) -> Result<Load, Refusal> {
+    pub fn load(&mut self, modal: &Modal<'_>) -> Result<Load, Refusal> {
         match self.origin {
+            Some(Origin::Option(wrench)) => {
+                self.is_option_idle = false;
+                return Ok(Load::Given([wrench; 2]));
+            }
             Some(Origin::Given(wrench)) => return Ok(Load::Given([wrench; 2])),
             Some(Origin::Estimated) => {}
             None => return Err(self.no_load(&modal.setup.tools)),

@@ -433,6 +433,12 @@ impl Reader<'_> {
             }
             None => {}
         }
+        // what is only played has a load that nobody gave
+        let has_cuts = self.program.moves.iter().any(|m| !m.is_rapid) && !self.modal.setup.is_only_played;
+        if self.loads.is_option_idle && has_cuts {
+            let warning = format!("{}: --wrench acts on no cut: the program sets the load of each", printable(name));
+            self.program.warnings.push(warning);
+        }
         self.program.warnings.extend(self.lengths.warnings(&self.loads));
         Ok(self.program)
     }
