@@ -144,11 +144,14 @@ fn what_an_estimate_lacks_is_said() {
         ("G1 X", "(cut ae 20)\nG1 X", "at most 10"),
         ("G1 X", "(cut ap 2 deep)\nG1 X", "found `deep`"),
         ("G1 X", "(F 1 2)\nG1 X", "three or six numbers"),
+        ("G1 X", "(cut ap 2) (F 1 2 3)\nG1 X", "`(cut ap 2)` and `(F 1 2 3)`: a line can set one load only"),
     ] {
         says(&PROGRAM.replace(from, to), TOOLS, words);
     }
     let without_edges = format!("{TOOLS}[[tool]]\nnumber = 2\nlength_mm = 0\n");
     says(&PROGRAM.replace("T1 M6", "T2 M6"), &without_edges, "T2 (line 2) has no `kind` and `teeth` in");
+    // what two of them say of the same cut goes together
+    compensated(&folder, &PROGRAM.replace("G1 X", "(cut ap 2) (cut ae 2)\nG1 X"), TOOLS, &[]);
     // a note that only begins so
     compensated(&folder, &PROGRAM.replace("G1 X", "(cut the wall)\n(F 200)\nG1 X"), TOOLS, &[]);
 }

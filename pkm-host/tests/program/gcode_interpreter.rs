@@ -184,6 +184,7 @@ const BAD: &[(&str, u64, &str)] = &[
     ("G5.2 X0 Y1 P1 F9\nX1 Y1 P1\nX2 Y2 P1\nG5.3", 6, "splines"),
     ("G1 X5 A10 F100", 3, "`A10` is not supported"),
     ("o1 while [1]\no1 endwhile", 4, "does a loop end?"),
+    ("G1 X5 F100 (F 1 2 3) (F 3 2 1)", 3, "a line can set one load only"),
     ("G1 X5 F100", 3, "end it with M2 or M30"),
 ];
 

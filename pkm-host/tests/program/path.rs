@@ -582,10 +582,12 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
         ("G1 I0 J0 K0", "no direction"),
         ("(wrench 1,2,3)", "six numbers"),
         ("; wrench 1,2,3,4,5,x", "six numbers"),
+        ("G1 X-200 (wrench 1,2,3,0,0,0) (F 3 2 1)", "`(wrench 1,2,3,0,0,0)` and `(F 3 2 1)`|one load"),
+        ("(F 3 2 1) ; wrench 1,2,3,0,0,0", "`(F 3 2 1)` and `; wrench 1,2,3,0,0,0`|one load"),
         ("G1 Z1400", "beyond its"),
     ] {
         let kind = if words == "beyond its" { "out_of_travel" } else { "input" };
-        says(&refuse(&format!("{start}{line}\n")), kind, Some(3), &[words]);
+        says(&refuse(&format!("{start}{line}\n")), kind, Some(3), &words.split('|').collect::<Vec<_>>());
     }
     says(&refuse("G0 X1 Y2\n"), "input", Some(1), &["all of X Y Z"]);
     says(&refuse("G0 X1 Y2 Z3\n"), "input", Some(1), &["where the tool points"]);

@@ -305,8 +305,9 @@ impl<'a> Canonical<'a> {
             let text = comment.trim_start_matches(['(', ';']).trim_start().to_ascii_lowercase();
             ["msg,", "debug,", "print,", "log", "probe"].iter().any(|word| text.starts_with(word))
         };
-        for comment in comments.iter().filter(|comment| !is_active(comment)) {
-            self.put(comment);
+        let own: Vec<&str> = comments.into_iter().filter(|comment| !is_active(comment)).collect();
+        if !own.is_empty() {
+            self.put(&own.join(" "));
         }
         self.until_move = [self.expanded.text.len(), self.expanded.lines.len()];
     }

@@ -96,11 +96,11 @@ PROGRAM_END()
 ON_RESET()
 ";
     let found = expanded(&[program, "o<sub> sub\nG2 X#1"], calls).unwrap();
-    let text = "(1: G54 G0 X[#1])\n(go)\n; F 1 2 3\nG54\nG0 X1.5 Y2\n(2: T7 M6)\nT7\nM5\nM6\n(3: g43)\nG43 H7\n(4: G1 Z5 S100 M3 F20)\n(MSG, x)\n\
+    let text = "(1: G54 G0 X[#1])\n(go) ; F 1 2 3\nG54\nG0 X1.5 Y2\n(2: T7 M6)\nT7\nM5\nM6\n(3: g43)\nG43 H7\n(4: G1 Z5 S100 M3 F20)\n(MSG, x)\n\
                 S100\nM3\nG1 X1.5 Y2 Z5 F20\n(5: o<sub> call [3])\n(file1.ngc 2: G2 X#1)\nX3 Y2 Z5\nG2 X5 Y2 Z6 I1 J0 P2\n(6: G85 X1)\n\
                 G0 X1 Y2 Z6\nG4 P0.5\n(7: M30)\nM30\n";
     assert_eq!(found.text, format!("{HEAD}{text}"));
-    let lines = [1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 4, 4, 4, 4, 4, 5, 5, 5, 5, 6, 6, 6, 7, 7];
+    let lines = [1, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 4, 4, 4, 4, 4, 5, 5, 5, 5, 6, 6, 6, 7, 7];
     assert_eq!(found.lines, lines);
 }
 

@@ -143,14 +143,23 @@ impl Loads {
                 self.unloaded_tool = self.tool();
             }
         }
+        let mut before: Option<(&str, Origin)> = None;
         for comment in &line.comments {
             let origin = match given(comment)? {
-                Some(wrench) => Some(Origin::Given(wrench)),
-                None => self.engage(comment, setup)?.then_some(Origin::Estimated),
+                Some(wrench) => Origin::Given(wrench),
+                None if self.engage(comment, setup)? => Origin::Estimated,
+                None => continue,
             };
-            if origin.is_some() {
-                (self.origin, self.is_said, self.unloaded_tool) = (origin, true, None);
+            // two that say how the tool is engaged go together
+            let is_second =
+                |(_, other): &(&str, Origin)| [*other, origin].iter().any(|o| matches!(o, Origin::Given(_)));
+            if let Some((first, _)) = before.filter(is_second) {
+                return Err(format!(
+                    "`{first}` and `{comment}`: a line can set one load only, that of its cut: delete one, or give it a line of its own"
+                ));
             }
+            before = Some((comment, origin));
+            (self.origin, self.is_said, self.unloaded_tool) = (Some(origin), true, None);
         }
         Ok(())
     }
