@@ -34,7 +34,12 @@ pub fn next_step(d: &Diagnosis) -> String {
             .to_owned();
     }
     if d.judgement.verdict == Verdict::Ambiguous {
-        return "measure what is proposed below, and diagnose again with these readings too.".to_owned();
+        let todo = if d.proposals.is_empty() {
+            "look at all that is named below: no reading that would tell the rivals apart is proposed."
+        } else {
+            "measure what is proposed below, and diagnose again with these readings too."
+        };
+        return todo.to_owned();
     }
     let located = |of_measurement: bool| {
         d.effects.iter().filter(move |e| e.is_located() && e.is_measurement() == of_measurement).map(Effect::inspect)

@@ -69,7 +69,12 @@ fn conclusion(d: &Diagnosis, found: &str, far: &str) -> Finding {
             "Partly explained by {found}: a significant misfit remains. Don't take the names below for the whole truth."
         )),
         Verdict::Ambiguous => Finding::warning(format!(
-            "Ambiguous: {found} has rivals that call for different repairs. Measure what is proposed below."
+            "Ambiguous: {found} has rivals that call for different repairs. {}",
+            if d.proposals.is_empty() {
+                "No reading that would tell them apart is proposed: look at all that are named."
+            } else {
+                "Measure what is proposed below."
+            }
         )),
         Verdict::Unexplained if d.declared.is_empty() => Finding::bad(
             "Unexplained: the model is wrong by more than noise, and no effect that this program knows accounts for it.",
@@ -441,7 +446,9 @@ pub fn html(
         }
         (table("What the remaining misfit goes with: its share, and the probability of as much by chance (p)", &["share", "p"], &structure))
         h2 { "What to measure next" }
-        @if proposals.is_empty() {
+        @if proposals.is_empty() && d.judgement.verdict == Verdict::Ambiguous {
+            p { "No reading that would tell the rivals apart is proposed." }
+        } @else if proposals.is_empty() {
             p { "There are no rivals to tell apart." }
         } @else {
             (table("In this order", &["θ °", "σ °", "Z0 mm", "load at A", "tells"], &proposals))

@@ -1,5 +1,9 @@
 //! Diagnoses of measured data whose truth came from other solvers, and readings that cannot be diagnosed.
 
+use pkm_host::diagnose::{self, Diagnosis, Method, Rules, Verdict};
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::readings::Readings;
+use pkm_host::files::source::Source;
 use pkm_trials::set::{Kind, Set, Wish};
 use serde_json::Value;
 
@@ -297,6 +301,29 @@ fn changed(change: impl Fn(usize, &str, &str) -> Option<String>) -> String {
         out.push_str(&(cells.join(",") + "\n"));
     }
     out
+}
+
+/// Where no rival of a formula is left there is nothing to propose, and places or laws may be open all the same.
+#[test]
+fn nobody_is_sent_to_proposals_that_are_not_there() {
+    let file = MachineFile::parse(Source::from_text("m.toml", reference_machine())).unwrap();
+    let data = Source::read(measured("p03", "measured.csv").as_ref()).unwrap();
+    let readings = Readings::read(data, &file).unwrap();
+    let quiet = |_: &str, _: u64, _: u64| {};
+    let mut found = diagnose::diagnose(&file, &readings, None, Method::Places, &Rules::DEFAULT, &quiet).unwrap();
+    assert_eq!(found.judgement.verdict, Verdict::Ambiguous);
+    let texts = |found: &Diagnosis| {
+        let html = diagnose::report::html(&file, &readings, None, found, &[]).unwrap();
+        [diagnose::report::text(found), html]
+    };
+    let says = |text: &str, words: &str| text.to_lowercase().contains(words);
+    assert!(texts(&found).iter().all(|text| says(text, "measure what is proposed below")));
+    found.proposals.clear();
+    for text in texts(&found) {
+        assert!(!says(&text, "measure what is proposed"), "{text}");
+        assert!(says(&text, "no reading that would tell them apart is proposed: look at all that are named"), "{text}");
+        assert!(!says(&text, "there are no rivals"), "{text}");
+    }
 }
 
 #[test]
