@@ -46,6 +46,14 @@ pub struct Log {
 }
 
 impl Log {
+    /// Its rows, and what they read as measured data; `load_random` is the load cell's relative noise.
+    ///
+    /// # Errors
+    /// A cell that is no number.
+    pub fn as_measured(&self, load_random: f64) -> Result<(&Sheet, Readings)> {
+        Ok((&self.sheet, Readings::new(&self.sheet, &self.cases, load_random)?))
+    }
+
     /// Some of its rows as measured data: those of which `is_kept` says so by their line, and those without load, at which a series
     /// has its zero reading. `load_random` is the load cell's relative noise.
     ///

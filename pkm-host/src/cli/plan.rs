@@ -8,7 +8,7 @@ use super::arguments::{ColumnsArgs, list, within};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::diagnose::campaign::{self, Means, Stated};
-use crate::diagnose::{self, Method, Rules, design::Proposal};
+use crate::diagnose::{self, Method, Rules, design::Proposal, quality};
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS};
 use crate::files::machine::MachineFile;
@@ -197,9 +197,13 @@ fn run_campaign(args: &Args, machine: &MachineFile, session: &mut Session) -> Re
 /// What a diagnosis of the readings would measure next.
 fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Vec<Proposal>> {
     let source = session.read_or_fixture(args.data.as_deref(), pkm_fixtures::MEASURED, "--data", machine)?;
-    let readings = Readings::read_renamed(source, machine, &args.columns.renames())?;
+    let (sheet, readings) = Readings::read_conditions(source, machine, &args.columns.renames())?;
+    readings.require_deflections(&sheet)?;
+    let name = &readings.source.name;
     session.warn(readings.warnings.clone());
+    session.warn(quality::check_rows(machine, &sheet, &readings).iter().map(|w| w.text(name)));
     let diagnosis = diagnose::diagnose(machine, &readings, None, Method::Formulas, &Rules::DEFAULT, &bar())?;
+    session.warn(diagnosis.warnings.iter().map(|w| format!("{name}: {}", w.message)));
     if diagnosis.proposals.is_empty() {
         let message = "these readings leave no two rivals to tell apart";
         return Err(Failure::other(message).in_file(readings.source.name));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::arguments::{ColumnsArgs, DateArgs, TableArgs};
 use super::bar::bar;
 use super::session::{Output, Session};
+use crate::diagnose::quality;
 use crate::error::{Failure, Result};
 use crate::files::learn::Learn;
 use crate::files::log;
@@ -69,6 +70,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     };
     let log = log::read(source, &model.machine, &args.columns.renames())?;
     session.warn(log.warnings.iter().cloned());
+    let (sheet, readings) = log.as_measured(model.machine.uncertainty.load_random)?;
+    session.warn(quality::check_units(&model.machine, sheet, &readings).iter().map(|w| w.text(&readings.source.name)));
     // what is read outside of the table's box teaches by extrapolation
     let own = model.machine.pose_box;
     let pose_box = model.table.as_ref().and_then(|table| own.common(&table.pose_box)).unwrap_or(own);

@@ -326,6 +326,37 @@ fn nobody_is_sent_to_proposals_that_are_not_there() {
     }
 }
 
+/// What `diagnose` says of rows and of the readings as a whole goes for what is to be measured next as well.
+#[test]
+fn a_plan_says_what_is_doubtful_of_the_readings_that_it_stands_on() {
+    let folder = Folder::new();
+    let (machine, out) = (measured("p05", "machine.toml"), folder.path("out"));
+    let text = changed(|_, h, c| {
+        let is_angle = ["theta_deg", "sigma_deg"].contains(&h);
+        is_angle.then(|| c.parse::<f64>().unwrap().to_radians().to_string())
+    });
+    let data = folder.write("rad.csv", &text);
+    let planned = json(&[
+        "plan",
+        "--kind",
+        "discriminate",
+        "--machine",
+        &machine,
+        "--data",
+        &data,
+        "--out",
+        &folder.path("p.csv"),
+    ]);
+    let said = planned["warnings"].to_string();
+    assert!(said.contains("rad.csv: theta_deg: no angle is above") && said.contains("in radians?"), "{said}");
+    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &out]);
+    let doubts = found["doubts"].as_array().unwrap();
+    assert!(doubts[0]["message"].as_str().unwrap().contains("theta and sigma in radians"), "{doubts:?}");
+    for doubt in doubts {
+        assert!(said.contains(&format!("rad.csv: {}", doubt["message"].as_str().unwrap())), "{doubt} {said}");
+    }
+}
+
 #[test]
 fn fewer_channels_and_declared_noise_will_do() {
     let folder = Folder::new();

@@ -283,6 +283,42 @@ fn what_a_log_holds_and_is_not_used_is_said() {
     assert!(error["line"] == 7 && error["column"] == "fx_n", "{error}");
 }
 
+/// Nothing is learned from a log in other units, and the codes of its rows do not say why.
+#[test]
+fn a_log_in_other_units_is_asked_about() {
+    let folder = Folder::new();
+    let out = folder.path("out");
+    let text = healthy();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let scaled = |columns: &[&str], factor: f64| -> String {
+        let row = |(n, line): (usize, &str)| {
+            let cell = |(h, c): (&&str, &str)| match c.parse::<f64>() {
+                Ok(value) if n > 0 && columns.contains(h) => (factor * value).to_string(),
+                _ => c.to_owned(),
+            };
+            header.iter().zip(line.split(',')).map(cell).collect::<Vec<_>>().join(",") + "\n"
+        };
+        text.lines().enumerate().map(row).collect()
+    };
+    for (columns, factor, words) in [
+        (&["theta_deg", "sigma_deg"][..], 1f64.to_radians(), "log.csv: theta_deg: no angle is above"),
+        (
+            &["fx_n", "fy_n", "fz_n"],
+            1e-3,
+            "log.csv: the translations read are 1e3 times what the declared machine gives",
+        ),
+        (
+            &["point_u_mm", "point_v_mm", "point_w_mm"],
+            1e-3,
+            "log.csv: point_u_mm: the point of the readings is at most",
+        ),
+    ] {
+        let log = folder.write("log.csv", &scaled(columns, factor));
+        let found = json(&["replay", "--log", &log, "--out", &out]);
+        assert!(found["warnings"].to_string().contains(words), "{words}: {}", found["warnings"]);
+    }
+}
+
 #[test]
 fn settings_that_a_log_speaks_against_are_named() {
     let folder = Folder::new();

@@ -61,6 +61,14 @@ pub fn check_rows(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec
     all
 }
 
+/// Columns whose numbers are of the size of another unit, and readings that are of another size than the declared machine gives: for a
+/// log, whose single rows an estimator judges by itself.
+pub fn check_units(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+    let mut all = values::units(sheet);
+    all.extend(model::size(file, readings));
+    all
+}
+
 /// All that is doubtful, in the order of the checks. What stands out in several ways is said once: a row as a whole before its
 /// numbers, a number among its repeats before its distance from the declared machine.
 pub fn check(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {

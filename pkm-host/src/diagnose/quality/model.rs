@@ -9,7 +9,7 @@ use pkm_diagnosis::{Problem, Rules, Whitener};
 use super::super::experiment::{Experiment, observations};
 use super::super::left_out::LeftOut;
 use super::super::model::{Model, Recorded};
-use super::super::{Method, check as check_usable, checks, single_poses, unknown_noise};
+use super::super::{Method, check as check_usable, check_units, checks, single_poses, unknown_noise};
 use super::DataWarning;
 use crate::error::{Failure, lines_text};
 use crate::files::dataset::READ_COLUMNS;
@@ -47,6 +47,15 @@ pub(super) fn check_rows(file: &MachineFile, readings: &Readings) -> Vec<DataWar
 
 fn of_rows(readings: &Readings, model: &Model) -> Vec<DataWarning> {
     reversed(readings, model).into_iter().chain(without_load(readings, model)).collect()
+}
+
+/// Readings that are hundreds of times what the declared machine gives, or a hundredth.
+pub(super) fn size(file: &MachineFile, readings: &Readings) -> Option<DataWarning> {
+    let model = model(file, readings)?;
+    let experiment = Experiment::new(&model, readings);
+    let expected = model.predict(&experiment.poses, experiment.conditions, &[], &[])?;
+    let failure = check_units(readings, &expected, &Rules::DEFAULT).err()?;
+    Some(DataWarning::new("other_units", failure.message))
 }
 
 pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {

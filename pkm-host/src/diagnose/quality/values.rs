@@ -42,7 +42,7 @@ pub(super) fn check(sheet: &Sheet) -> Vec<DataWarning> {
 }
 
 /// Columns whose numbers are of the size of another unit.
-fn units(sheet: &Sheet) -> Vec<DataWarning> {
+pub(super) fn units(sheet: &Sheet) -> Vec<DataWarning> {
     let mut all = Vec::new();
     let angles = ["theta_deg", "sigma_deg"].map(|column| largest(&numbers(sheet, column)));
     let most = angles[0].max(angles[1]);
