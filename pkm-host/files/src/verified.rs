@@ -36,6 +36,8 @@ pub struct Diagnosed {
 pub struct Judged {
     /// What to think of it.
     pub verdict: String,
+    /// Why, the gravest first.
+    pub reasons: Vec<String>,
 }
 
 /// One of `effects`.

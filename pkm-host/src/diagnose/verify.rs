@@ -10,6 +10,12 @@ use super::text::{self, probability};
 use crate::files::verified::{Condition, Diagnosed, Finding, Quantity};
 use crate::page::p_in_words;
 
+/// Verdict where the readings of one side are not what they are taken for: what makes up for them says nothing of the machine.
+pub const INCONCLUSIVE: &str = "inconclusive";
+
+/// Of a measurement that is not to be relied on.
+const UNSOUND: &str = "unsound";
+
 /// Largest probability that any of the changes that are named is nothing but noise.
 const MAX_FAMILY_P: f64 = 0.01;
 
@@ -40,7 +46,7 @@ pub struct Change {
     pub p: f64,
     /// Probability that the change has this sign.
     pub probability: f64,
-    /// `softer`, `stiffer`, or `unchanged` where noise may have done it.
+    /// `softer`, `stiffer`, or `unchanged` where noise may have done it; `inconclusive` where all is.
     pub verdict: &'static str,
 }
 
@@ -60,11 +66,11 @@ pub struct Fate {
 /// The comparison.
 #[derive(Serialize)]
 pub struct Verification {
-    /// `changed` or `unchanged`.
+    /// `changed` or `unchanged`, or `inconclusive` beside a measurement that is unsound.
     pub verdict: &'static str,
     /// Limbs first.
     pub changes: Vec<Change>,
-    /// Effects and declared values that were found in either.
+    /// Effects and declared values that were found in either; none where nothing is concluded.
     pub findings: Vec<Fate>,
     /// What to keep in mind.
     pub doubts: Vec<String>,
@@ -294,11 +300,15 @@ fn doubts(before: &Diagnosed, after: &Diagnosed) -> Vec<String> {
         doubts.push("both diagnoses are of the same readings: they say nothing of a change".to_owned());
     }
     for (when, d) in [("before", before), ("after", after)] {
-        if d.measurement.verdict != "sound" {
-            doubts.push(format!(
-                "the measurement {when} is {}: what it says of the machine may be an error of the readings",
-                d.measurement.verdict
-            ));
+        match d.measurement.verdict.as_str() {
+            "sound" => {}
+            UNSOUND => doubts.push(format!(
+                "the measurement {when} is unsound ({}): its stiffnesses make up for the readings and say nothing of the machine",
+                d.measurement.reasons.first().map_or("no reason is given", String::as_str)
+            )),
+            other => doubts.push(format!(
+                "the measurement {when} is {other}: what it says of the machine may be an error of the readings"
+            )),
         }
         let what = match d.model.verdict.as_str() {
             "good_enough" => continue,
@@ -323,16 +333,16 @@ pub fn verify(before: &Diagnosed, after: &Diagnosed) -> Option<Verification> {
     let hypotheses = likelihood.hypotheses()?;
     let compared =
         |(a, b): &(&Quantity, &Quantity)| change(&likelihood.quantity(&hypotheses, [a, b]), b, dof, pairs.len());
-    let changes: Vec<Change> = pairs.iter().map(compared).collect();
+    let mut changes: Vec<Change> = pairs.iter().map(compared).collect();
+    let doubts = doubts(before, after);
+    if [before, after].iter().any(|d| d.measurement.verdict == UNSOUND) {
+        changes.iter_mut().for_each(|c| c.verdict = INCONCLUSIVE);
+        return Some(Verification { verdict: INCONCLUSIVE, changes, findings: Vec::new(), doubts });
+    }
     let findings = fates(before, after);
     let is_changed =
         changes.iter().map(|c| c.verdict).chain(findings.iter().map(|f| f.verdict)).any(|v| v != "unchanged");
-    Some(Verification {
-        verdict: if is_changed { "changed" } else { "unchanged" },
-        changes,
-        findings,
-        doubts: doubts(before, after),
-    })
+    Some(Verification { verdict: if is_changed { "changed" } else { "unchanged" }, changes, findings, doubts })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use maud::html;
 use serde_json::{Value, json};
 
 use crate::diagnose::text::probability;
-use crate::diagnose::verify::{Change, Verification};
+use crate::diagnose::verify::{Change, INCONCLUSIVE, Verification};
 use crate::page::{Finding, Page, table};
 
 /// Of probabilities.
@@ -24,8 +24,11 @@ fn sentence(c: &Change) -> String {
 
 /// The findings in sentences, the verdict first; what it is to be doubted for stands before it where it is that nothing has changed.
 fn findings(v: &Verification) -> Vec<Finding> {
-    let changed: Vec<&Change> = v.changes.iter().filter(|c| c.verdict != "unchanged").collect();
+    let changed: Vec<&Change> = v.changes.iter().filter(|c| ["softer", "stiffer"].contains(&c.verdict)).collect();
     let verdict = match (v.verdict, changed.first()) {
+        (INCONCLUSIVE, _) => {
+            Finding::bad("Nothing can be concluded: of one of the two diagnoses the measurement is unsound.")
+        }
         ("unchanged", _) => {
             let least = v.changes.iter().map(|c| c.expanded_uncertainty_percent).fold(0.0, f64::max);
             Finding::good(format!(
@@ -49,7 +52,9 @@ fn findings(v: &Verification) -> Vec<Finding> {
 
 /// How sure the verdict is, and what to do: for the page, which has more room than a terminal.
 fn advice(v: &Verification) -> [Finding; 2] {
-    let sure = if v.doubts.is_empty() {
+    let sure = if v.verdict == INCONCLUSIVE {
+        "not at all: what makes up for readings that are not what they are taken for is no stiffness of the machine."
+    } else if v.doubts.is_empty() {
         "noise alone would bring a change as great as those that are named in one comparison of a hundred."
     } else {
         "less than the figures say: the two diagnoses cannot be compared in all: see what is to be kept in mind."
@@ -59,6 +64,9 @@ fn advice(v: &Verification) -> [Finding; 2] {
         ("unchanged", false) => {
             "settle what is to be kept in mind and compare again; tables stay as they are until then."
         }
+        (INCONCLUSIVE, _) => {
+            "check the readings that are unsound or take them again, diagnose them and compare; tables stay as they are until then."
+        }
         _ => "if a repair was to bring this, make a new table; if not, inspect what is named first.",
     };
     [Finding::good(sure).sure(), Finding::good(todo).todo()]
@@ -67,6 +75,9 @@ fn advice(v: &Verification) -> [Finding; 2] {
 /// For the terminal.
 pub(crate) fn text(v: &Verification) -> String {
     let mut text: String = findings(v).iter().map(|f| format!("- {}\n", f.text)).collect();
+    if v.verdict == INCONCLUSIVE {
+        return text;
+    }
     text.push_str("                    before        after   change %    ± 95 %   probability\n");
     for c in &v.changes {
         text.push_str(&format!(
@@ -113,10 +124,14 @@ pub(crate) fn html(v: &Verification, machine: &str, facts: Vec<(&str, String)>, 
     let fates: Vec<_> = v.findings.iter().map(|f| (f.finding.clone(), vec![f.verdict.to_owned()])).collect();
     let body = html! {
         h2 { "Stiffness before and after" }
-        (table("Change with its expanded uncertainty (95 %), and the probability that it has this sign", &heads, &rows))
-        p {
-            "A change is named where noise alone would bring any as great in one comparison of a hundred. Neither machine \
-             is held to the declared values: few of them are taken to have changed, and the readings of both say which."
+        @if v.verdict == INCONCLUSIVE {
+            p { "Nothing is said of it while a measurement is unsound; what makes up for its readings is in verify.json." }
+        } @else {
+            (table("Change with its expanded uncertainty (95 %), and the probability that it has this sign", &heads, &rows))
+            p {
+                "A change is named where noise alone would bring any as great in one comparison of a hundred. Neither machine \
+                 is held to the declared values: few of them are taken to have changed, and the readings of both say which."
+            }
         }
         @if !fates.is_empty() {
             h2 { "What became of the findings" }

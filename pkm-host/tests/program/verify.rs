@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::common::{Folder, json, reference_machine, refused};
+use crate::common::{Folder, json, reference_machine, refused, run};
 
 /// Readings of a campaign, by the program's own prediction of a machine, with noise of 0.3 µm and 1.2 µrad.
 fn measure(folder: &Folder, campaign: &str, machine: &str, name: &str, seed: u64) -> String {
@@ -43,6 +43,32 @@ fn true_ratio(worn_n_per_m: f64) -> f64 {
     let body = q_m / (206e9 * (area(0.06, 0.036) + area(0.032, 0.0)));
     let compliance = |base: f64| ((z0_m / q_m).powi(2) / base + (aside_m / q_m).powi(2) / 2e8) + body + 1.0 / 2.5e8;
     compliance(worn_n_per_m) / compliance(3e8)
+}
+
+/// What readings that are not what they are taken for say of a machine is nothing to compare.
+fn concludes_nothing_beside_readings_that_are_unsound(folder: &Folder, before: &str, after: &str) {
+    let mut document: Value = serde_json::from_str(&folder.read("after/diagnosis.json")).unwrap();
+    document["measurement"] =
+        serde_json::json!({ "verdict": "unsound", "reasons": ["the loads are in kN", "no more"] });
+    let unsound = folder.write("unsound.json", &document.to_string());
+    for (one, other, when) in
+        [(before, &unsound[..], "after"), (&unsound, before, "before"), (&unsound, after, "before")]
+    {
+        let out = folder.path("nothing");
+        let call = ["verify", "--before", one, "--after", other, "--out", &out];
+        let found = json(&call);
+        assert_eq!(found["verdict"], "inconclusive");
+        let why = format!("the measurement {when} is unsound (the loads are in kN)");
+        assert!(found["doubts"].to_string().contains(&why), "{found}");
+        assert!(found["changes"].as_array().unwrap().iter().all(|c| c["verdict"] == "inconclusive"), "{found}");
+        let text = String::from_utf8(run(&call).stdout).unwrap();
+        for said in [text, folder.read("nothing/report.html")] {
+            assert!(said.contains("Nothing can be concluded") && said.contains(&why), "{said}");
+            for conclusion in ["The machine has changed", "Nothing has changed", "softer", "stiffer", "new table"] {
+                assert!(!said.contains(conclusion), "{conclusion}");
+            }
+        }
+    }
 }
 
 /// One diagnosis alone: measurement, model and machine are three things, each estimate with its uncertainty.
@@ -118,6 +144,8 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
         assert_eq!(change(&found, other)["verdict"], "unchanged", "{found}");
     }
     assert!(folder.read("verified/report.html").contains("The machine has changed"));
+
+    concludes_nothing_beside_readings_that_are_unsound(&folder, &before, &after);
 
     // the report of a diagnosis stays where it is
     let kept = folder.read("after/report.html");
