@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
+use super::single_poses;
 use super::ways::other_ways;
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
@@ -33,6 +34,11 @@ pub struct Warning {
 }
 
 impl Warning {
+    /// Whether the readings that it is about were left out, so that what is found stands without them.
+    pub fn is_of_what_is_left_out(&self) -> bool {
+        self.kind == single_poses::TAKEN_OTHERWISE
+    }
+
     /// With its full stop, where it is no question.
     pub fn sentence(&self) -> String {
         format!("{}{}", self.message, if self.message.ends_with('?') { "" } else { "." })

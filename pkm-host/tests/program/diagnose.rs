@@ -506,7 +506,7 @@ fn a_pose_taken_otherwise_costs_its_readings_and_no_more() {
     let folder = Folder::new();
     let reversed = changed(|n, h, c| (is_own(n) && is_read(h)).then(|| (-c.parse::<f64>().unwrap()).to_string()));
     let found = of_p05(&folder.write("d.csv", &reversed), &folder);
-    let residuals = folder.read("out/residuals.csv");
+    let [residuals, page] = ["residuals.csv", "report.html"].map(|name| folder.read(&format!("out/{name}")));
     let blank = changed(|n, h, _| (is_own(n) && is_read(h)).then(String::new));
     let without = of_p05(&folder.write("d.csv", &blank), &folder);
 
@@ -515,6 +515,10 @@ fn a_pose_taken_otherwise_costs_its_readings_and_no_more() {
     let message = doubts[0]["message"].as_str().unwrap();
     assert!(message.contains("pose p02") && message.contains("with all signs reversed"), "{message}");
     assert_eq!(found["measurement"]["verdict"], "doubtful");
+    assert!(
+        page.contains("Check this pose: the readings at pose p02")
+            && page.contains("mend the readings that were left out")
+    );
     let excluded: Vec<&str> = residuals.lines().filter(|l| l.ends_with(",1")).collect();
     assert_eq!(excluded.len(), 6 * own);
     assert!(found["readings"][first - 1]["excluded"].as_bool().unwrap());
