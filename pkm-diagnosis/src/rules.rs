@@ -94,8 +94,8 @@ pub struct Rules {
     pub min_rss_ratio: f64,
     /// Ratio of a pose's residual sum of squares to the median of all poses from which on its readings may have been taken otherwise.
     pub min_pose_ratio: f64,
-    /// The same up to which another way to take them is right.
-    pub max_pose_ratio: f64,
+    /// Share of the geometric mean of that sum and the median up to which what another way to take them leaves is right.
+    pub max_pose_share: f64,
     /// Deviation from a declared value that no machine has, in standard deviations of its prior.
     pub implausible_pull_sd: f64,
     /// Most of these before the readings themselves are in doubt.
@@ -208,7 +208,7 @@ impl Rules {
         max_log10_scale: 1.5,
         min_rss_ratio: 4.0,
         min_pose_ratio: 25.0,
-        max_pose_ratio: 2.5,
+        max_pose_share: 0.5,
         implausible_pull_sd: 10.0,
         max_implausible_pulls: 5,
         max_order_p: 1e-4,

@@ -164,9 +164,8 @@ pub fn taken_otherwise(readings: &Readings, model: &Model, rules: &Rules, tip_m:
     let Some((found, usual)) = by_pose.beyond(&out) else { return all };
     let Some(of_others) = by_pose.step(|pose| !found.iter().any(|(other, _)| *other == pose)) else { return all };
     for (pose, said) in found {
-        let Some((how, rest)) = by_pose.as_others(pose, &of_others, rules.max_pose_ratio * usual, tip_m) else {
-            continue;
-        };
+        let most = rules.max_pose_share * (said * usual).sqrt();
+        let Some((how, rest)) = by_pose.as_others(pose, &of_others, most, tip_m) else { continue };
         match all.iter_mut().find(|other| other.how == how) {
             Some(other) => other.add(pose, said, rest),
             None => all.push(TakenOtherwise { poses: vec![pose], how, left: [said, rest, usual] }),
