@@ -24,6 +24,7 @@ mod inference;
 mod json;
 mod left_out;
 mod model;
+mod odd_rows;
 pub(crate) mod places;
 pub mod quality;
 mod readings_table;

@@ -1,0 +1,140 @@
+//! Single rows that are not what the file says: read with the opposite sign, or without the load that it should have.
+
+use std::collections::BTreeMap;
+
+use pkm_core::Wrench;
+use pkm_diagnosis::Rules;
+use pkm_diagnosis::gross::median;
+
+use super::experiment::{Experiment, observations};
+use super::model::Model;
+use crate::error::lines_text;
+use crate::files::readings::{CHANNELS, Reading, Readings};
+
+/// Kind of the warning of rows with the wrong sign.
+pub const REVERSED_SIGN: &str = "reversed_sign";
+/// Kind of the warning of rows whose load was lost.
+pub const LOAD_MISSING: &str = "load_missing";
+/// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
+const MAX_REVERSED_COSINE: f64 = -0.8;
+/// Least median cosine of all rows, whatever its sign, at which a single one with the wrong sign is to be seen.
+const MIN_MEDIAN_COSINE: f64 = 0.8;
+/// Least deflection of such a row, as a share of the median of all.
+const MIN_REVERSED_SIZE: f64 = 0.5;
+/// Least deflection of a row without a load, beyond its series' zero, that is that of a load, as a share of the median of its series.
+const MIN_LOST_SIZE: f64 = 0.5;
+/// The same in standard deviations of the noise.
+const MIN_LOST_SD: f64 = 8.0;
+/// Rows without a load that may be those, as a share of all: where more are, the zero is another than the others of its series say.
+const MAX_LOST_SHARE: f64 = 1.0 / 3.0;
+
+/// Rows with one thing wrong, in the file's order.
+pub struct OddRows {
+    /// For programs.
+    pub kind: &'static str,
+    /// Which.
+    pub rows: Vec<usize>,
+    what: &'static str,
+    ask: &'static str,
+}
+
+impl OddRows {
+    /// Their lines.
+    pub fn lines(&self, readings: &Readings) -> Vec<u64> {
+        self.rows.iter().map(|n| readings.readings[*n].line).collect()
+    }
+
+    /// For people.
+    pub fn text(&self, readings: &Readings) -> String {
+        let others = match self.lines(readings).as_slice() {
+            [] | [_] => String::new(),
+            [_, rest @ ..] => format!(" (as in {})", lines_text(rest)),
+        };
+        format!("{}{others}: {}", self.what, self.ask)
+    }
+}
+
+/// All of them.
+pub fn odd_rows(readings: &Readings, model: &Model) -> Vec<OddRows> {
+    let experiment = Experiment::new(model, readings);
+    let Some(declared) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return Vec::new() };
+    reversed(readings, &declared).into_iter().chain(without_load(readings, model, &experiment, &declared)).collect()
+}
+
+/// Cosine between the translations that were read and those that the machine gives, and the size of the latter.
+fn cosine(reading: &Reading, expected: &[f64; CHANNELS]) -> Option<(f64, f64)> {
+    let pairs = || (0..3).filter_map(|c| Some((reading.observed[c]?, expected[c])));
+    let sum = |of: fn((f64, f64)) -> f64| pairs().map(of).sum::<f64>();
+    let (read, said) = (sum(|(a, _)| a * a).sqrt(), sum(|(_, b)| b * b).sqrt());
+    (read * said > 0.0).then(|| (sum(|(a, b)| a * b) / (read * said), said))
+}
+
+/// Rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
+fn reversed(readings: &Readings, declared: &[[f64; CHANNELS]]) -> Option<OddRows> {
+    let of = |(n, r): (usize, &Reading)| Some((n, cosine(r, &declared[r.condition])?));
+    let rows: Vec<(usize, (f64, f64))> = readings.readings.iter().enumerate().filter_map(of).collect();
+    let (mut cosines, mut sizes): (Vec<f64>, Vec<f64>) =
+        rows.iter().map(|(_, (cosine, size))| (cosine.abs(), *size)).unzip();
+    let is_clear = median(&mut cosines)? > MIN_MEDIAN_COSINE;
+    let least = MIN_REVERSED_SIZE * median(&mut sizes)?;
+    let is_reversed = |(_, (cosine, size)): &&(usize, (f64, f64))| *cosine < MAX_REVERSED_COSINE && *size > least;
+    let rows: Vec<usize> = rows.iter().filter(is_reversed).map(|(n, _)| *n).collect();
+    (is_clear && !rows.is_empty()).then_some(OddRows {
+        kind: REVERSED_SIGN,
+        rows,
+        what: "the deflection has the opposite sign of what the load gives, unlike in other rows",
+        ask: "is the sign of the load or of the readings reversed?",
+    })
+}
+
+/// How far the tip of a row without a load is from the zero of its series, which the loaded rows tell, and the median deflection of these.
+fn beyond_zero(row: &Reading, loaded: &[&Reading], expected: &dyn Fn(&Reading, usize) -> f64) -> Option<(f64, f64)> {
+    let size = |r: &&Reading| (0..3).map(|c| expected(r, c).powi(2)).sum::<f64>().sqrt();
+    let usual = median(&mut loaded.iter().map(size).collect::<Vec<f64>>())?;
+    let mut squares = 0.0;
+    for (c, read) in row.observed.iter().enumerate().take(3).filter_map(|(c, read)| Some((c, (*read)?))) {
+        let zero = |r: &&Reading| Some(r.observed[c]? - expected(r, c));
+        squares += (read - median(&mut loaded.iter().filter_map(zero).collect::<Vec<f64>>())?).powi(2);
+    }
+    Some((squares.sqrt(), usual))
+}
+
+/// Rows without a load whose tip has moved as under one: the load was lost.
+fn without_load(
+    readings: &Readings,
+    model: &Model,
+    experiment: &Experiment<'_>,
+    declared: &[[f64; CHANNELS]],
+) -> Option<OddRows> {
+    let is_loaded = |r: &&Reading| readings.conditions[r.condition].wrench != Wrench::ZERO;
+    // declared stiffnesses may all be off
+    let pairs = readings.readings.iter().filter(is_loaded).flat_map(|r| (0..3).map(move |c| (r, c)));
+    let ratio = |(r, c): (&Reading, usize)| Some(r.observed[c]? / declared[r.condition][c]).filter(|k| k.is_finite());
+    let scale = median(&mut pairs.filter_map(ratio).collect::<Vec<f64>>())?;
+    let expected = |r: &Reading, c: usize| scale * declared[r.condition][c];
+    let mut series: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    readings.readings.iter().enumerate().for_each(|(n, r)| series.entry(r.series).or_default().push(n));
+    let read = observations(readings, model);
+    let noise = experiment.noise(&read, &Rules::DEFAULT).ok()?;
+    let noise_m = |n: usize| (0..3).map(|c| noise.variance_of(&read, n, c)).sum::<f64>().sqrt();
+    let (mut free_rows, mut rows) = (0, Vec::new());
+    for of_series in series.into_values() {
+        let is_loaded = |n: &usize| is_loaded(&&readings.readings[*n]);
+        let (loaded, free): (Vec<usize>, Vec<usize>) = of_series.into_iter().partition(is_loaded);
+        let loaded: Vec<&Reading> = loaded.iter().map(|n| &readings.readings[*n]).collect();
+        free_rows += free.len();
+        let is_lost = |n: &usize| {
+            beyond_zero(&readings.readings[*n], &loaded, &expected)
+                .is_some_and(|(off, usual)| off > MIN_LOST_SIZE * usual && off > MIN_LOST_SD * noise_m(*n))
+        };
+        rows.extend(free.into_iter().filter(is_lost));
+    }
+    rows.sort_unstable();
+    let are_few = rows.len() == 1 || rows.len() as f64 <= MAX_LOST_SHARE * free_rows as f64;
+    (are_few && !rows.is_empty()).then_some(OddRows {
+        kind: LOAD_MISSING,
+        rows,
+        what: "there is no load, and the tip has moved as under one",
+        ask: "was the load lost?",
+    })
+}
