@@ -208,7 +208,7 @@ impl Rules {
         max_log10_scale: 1.5,
         min_rss_ratio: 4.0,
         min_pose_ratio: 25.0,
-        max_pose_share: 0.5,
+        max_pose_share: 0.25,
         implausible_pull_sd: 10.0,
         max_implausible_pulls: 5,
         max_order_p: 1e-4,

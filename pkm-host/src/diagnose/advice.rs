@@ -1,6 +1,5 @@
 //! What to do first after a diagnosis.
 
-use super::checks::Warning;
 use super::compare::{Rival, of};
 use super::{Diagnosis, Effect, Verdict};
 
@@ -28,7 +27,7 @@ fn is_no_remedy(d: &Diagnosis) -> bool {
 /// What to do first.
 pub fn next_step(d: &Diagnosis) -> String {
     let step = of_what_was_found(d);
-    if d.warnings.iter().any(Warning::is_of_what_is_left_out) {
+    if d.warnings.iter().any(|w| w.left_out) {
         format!("mend the readings that were left out, or take them again, and diagnose anew. Until then: {step}")
     } else {
         step
@@ -36,7 +35,7 @@ pub fn next_step(d: &Diagnosis) -> String {
 }
 
 fn of_what_was_found(d: &Diagnosis) -> String {
-    if !d.warnings.iter().all(Warning::is_of_what_is_left_out) {
+    if !d.warnings.iter().all(|w| w.left_out) {
         return "check the readings as said below; the rest counts after that.".to_owned();
     }
     if d.worse().is_some() {

@@ -13,7 +13,6 @@ use serde::Serialize;
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
-use super::single_poses;
 use super::ways::other_ways;
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
@@ -26,17 +25,19 @@ const BADLY_SD: f64 = 10.0;
 /// A reason to look at the readings before the machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Warning {
-    /// `readings_taken_otherwise`, `pose_taken_otherwise`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
+    /// `readings_taken_otherwise`, `pose_taken_otherwise`, `reversed_sign`, `load_missing`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
     /// `repeats_that_differ`, `equal_repeats`, `declared_noise_too_great`, `order_of_readings`, `many_great_changes` or `held_out_contradicts`.
     pub kind: &'static str,
     /// For people.
     pub message: String,
+    /// Whether the readings that it is about were left out, so that what is found stands without them.
+    pub left_out: bool,
 }
 
 impl Warning {
-    /// Whether the readings that it is about were left out, so that what is found stands without them.
-    pub fn is_of_what_is_left_out(&self) -> bool {
-        self.kind == single_poses::TAKEN_OTHERWISE
+    /// Of readings that are not left out.
+    pub fn new(kind: &'static str, message: String) -> Self {
+        Self { kind, message, left_out: false }
     }
 
     /// With its full stop, where it is no question.
@@ -123,15 +124,12 @@ pub fn taken_otherwise(
     let times = |left: f64| format!("{:.1}", left.sqrt());
     let other =
         if rest.sqrt() > BADLY_SD { ", which is not well either: more than one thing may be otherwise" } else { "" };
-    (*rest < said / problem.rules.min_rss_ratio).then(|| Warning {
-        kind: TAKEN_OTHERWISE,
-        message: format!(
+    (*rest < said / problem.rules.min_rss_ratio).then(|| Warning::new(TAKEN_OTHERWISE, format!(
             "the readings fit the declared machine much better {how} (residuals of {} times their noise{other}) than as the file says, \
              displacements of A in A-uvw under loads at A ({} times): are they?",
             times(*rest),
             times(said)
-        ),
-    })
+        )))
 }
 
 /// What the file itself gives away: series and names of poses that stand at several poses.
@@ -148,29 +146,23 @@ pub fn of_file(readings: &Readings) -> Vec<Warning> {
     let wide: Vec<_> = poses_of.iter().filter(|(_, poses)| poses.len() > 1).collect();
     if let Some((series, poses)) = wide.first() {
         let others = if wide.len() > 1 { format!(", {} more at several", wide.len() - 1) } else { String::new() };
-        warnings.push(Warning {
-            kind: "series_at_several_poses",
-            message: format!(
+        warnings.push(Warning::new("series_at_several_poses", format!(
                 "series {} stands at {} poses{others}: the readings of a series share the error of one zero reading; if the \
                  sensor was zeroed anew at each pose, number the series through",
                 readings.series_names[**series],
                 poses.len()
-            ),
-        });
+            )));
     }
     let twice = (readings.poses.iter().enumerate())
         .filter_map(|(n, p)| Some((readings.poses[..n].iter().find(|o| o.id == p.id && !p.id.is_empty())?, p)));
     let twice: Vec<_> = twice.collect();
     if let Some((first, other)) = twice.first() {
         let more = if twice.len() > 1 { format!(" (and {} more)", twice.len() - 1) } else { String::new() };
-        warnings.push(Warning {
-            kind: "pose_name_at_several_positions",
-            message: format!(
+        warnings.push(Warning::new("pose_name_at_several_positions", format!(
                 "pose {} stands at other coordinates in line {} than in line {}{more}: they are taken as different poses: is \
                  one of them mistyped?",
                 other.id, other.line, first.line
-            ),
-        });
+            )));
     }
     warnings
 }
@@ -186,25 +178,24 @@ pub fn of_result(
     let mut warnings = Vec::new();
     let great = declared.iter().filter(|f| f.pull_sd.abs() > limit).count();
     if great > rules.max_implausible_pulls {
-        warnings.push(Warning {
-            kind: "many_great_changes",
-            message: format!(
+        warnings.push(Warning::new(
+            "many_great_changes",
+            format!(
                 "{great} declared values would have to change by more than {limit} standard deviations: a wrong frame, \
                  point, unit or sign of the readings is likelier than so many wrong stiffnesses"
             ),
-        });
+        ));
     }
     let order = structure.iter().find(|s| s.factor == "order");
     if order.is_some_and(|s| s.p < rules.max_order_p && s.share > rules.min_order_share)
         && judgement.after.p < rules.max_misfit_p
     {
-        warnings.push(Warning {
-            kind: "order_of_readings",
-            message:
-                "the residuals go with the order of the readings: a drift, or a zero that was read anew; give readings \
+        warnings.push(Warning::new(
+            "order_of_readings",
+            "the residuals go with the order of the readings: a drift, or a zero that was read anew; give readings \
                       that share a zero reading one number in the column `series`"
-                    .into(),
-        });
+                .into(),
+        ));
     }
     warnings
 }

@@ -36,16 +36,13 @@ pub fn is_little_known(noise: &Noise, rules: &Rules) -> bool {
 /// Of noise that is known from few repeats.
 pub fn of_noise(noise: &Noise, rules: &Rules) -> Option<Warning> {
     let least = rules.min_dof_of_verdict;
-    is_little_known(noise, rules).then(|| Warning {
-        kind: "few_degrees_of_freedom",
-        message: format!(
+    is_little_known(noise, rules).then(|| Warning::new("few_degrees_of_freedom", format!(
             "the noise is known from {:.0} degrees of freedom only, so that nothing counts as explained: repeat at least {:.0} more \
              numbers (same pose, load and direction; twenty are good), or declare it in the columns sigma_linear_um and \
              sigma_angular_urad",
             noise.dof,
             (least - noise.dof).ceil()
-        ),
-    })
+        )))
 }
 
 /// Of repeats that are equal to the last digit, as far as they were written: copied rows are no repeats.
@@ -54,26 +51,20 @@ pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
     let mut used = (0..CHANNELS).filter(|c| is_used[*c]);
     let is_rounding = |c: usize| noise.within[c] <= READ_ROUNDING * readings.resolution[c];
     let all = noise.source == NoiseSource::Repeats && used.all(is_rounding);
-    all.then(|| Warning {
-        kind: "equal_repeats",
-        message: "repeats are equal to the last digit, so that the noise is taken for that of rounding: were rows copied? What is read again \
+    all.then(|| Warning::new("equal_repeats", "repeats are equal to the last digit, so that the noise is taken for that of rounding: were rows copied? What is read again \
                   differs"
-            .into(),
-    })
+            .into()))
 }
 
 /// Of a declared noise of which a fit leaves far less: it is not that of the readings.
 pub fn of_declared(after: &LackOfFit, numbers: usize) -> Option<Warning> {
     let LackOfFit { noise_source, statistic, .. } = *after;
     let is_too_great = noise_source == NoiseSource::Declared && numbers >= MIN_NUMBERS && statistic < MAX_TOO_GREAT;
-    is_too_great.then(|| Warning {
-        kind: TOO_GREAT,
-        message: format!(
+    is_too_great.then(|| Warning::new(TOO_GREAT, format!(
             "the model leaves {:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
              sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen",
             statistic.sqrt()
-        ),
-    })
+        )))
 }
 
 /// Greatest difference among the repeats of each load in a channel, with the line of the first of them.
@@ -101,14 +92,11 @@ pub fn of_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Option<Wa
     let more = named.len().saturating_sub(MOST_NAMED);
     let others = if more > 0 { format!(" and {more} more") } else { String::new() };
     named.truncate(MOST_NAMED);
-    (!named.is_empty()).then(|| Warning {
-        kind: "repeats_that_differ",
-        message: format!(
+    (!named.is_empty()).then(|| Warning::new("repeats_that_differ", format!(
             "repeats differ by more than {MAX_SPREAD_RATIO} times as much as the others of their column ({}{others}, µm or µrad): are \
              they of one load, and written right?",
             named.join("; ")
-        ),
-    })
+        )))
 }
 
 /// Refuses a channel in which all numbers are one under different loads: it was not measured.

@@ -63,13 +63,10 @@ impl HeldOut {
     pub(super) fn contradiction(&self, errors: &[(Rival, Errors)]) -> Option<Warning> {
         let percent = |errors: &[(Rival, Errors)]| of(errors, Rival::After).map(|e| e.linear_percent);
         let (own, other) = (percent(errors)?, percent(self.nearest()).filter(|_| self.given)?);
-        (own < MAX_HELD_OUT_PERCENT && other > MAX_HELD_OUT_PERCENT).then(|| Warning {
-            kind: "held_out_contradicts",
-            message: format!(
+        (own < MAX_HELD_OUT_PERCENT && other > MAX_HELD_OUT_PERCENT).then(|| Warning::new("held_out_contradicts", format!(
                 "the identified model misses the held-out readings by {other:.0} % of their size, and the readings by {own:.1} %: are axes, \
                  signs, point and loads of the two files the same, and is it the same machine?"
-            ),
-        })
+            )))
     }
 }
 

@@ -3,11 +3,17 @@
 use pkm_diagnosis::Rules;
 use pkm_diagnosis::residuals::Outlier;
 
-use super::checks;
+use super::checks::{self, Warning};
 use super::model::Model;
+use super::odd_rows::{OddRows, odd_rows};
 use super::single_poses::{self, TakenOtherwise};
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Readings};
+
+/// Largest share of all rows that is wrong by itself: where more are, it is one slip or the machine.
+const MAX_SHARE_OF_ROWS: f64 = 0.05;
+/// Of the end of a message.
+pub const LEFT_OUT: &str = " A diagnosis leaves this out";
 
 /// What is left out.
 pub struct LeftOut {
@@ -15,8 +21,12 @@ pub struct LeftOut {
     pub gross: Vec<Outlier>,
     /// Whole poses.
     pub poses: Vec<TakenOtherwise>,
-    /// The numbers of these: reading and channel.
-    pub of_poses: Vec<(usize, usize)>,
+    /// Whole rows, at other poses.
+    pub rows: Vec<OddRows>,
+    /// Rows that are odd as well, so many that something else is wrong: they are not left out.
+    pub doubted: Vec<OddRows>,
+    /// The numbers of poses and rows: reading and channel.
+    whole: Vec<(usize, usize)>,
 }
 
 impl LeftOut {
@@ -24,18 +34,43 @@ impl LeftOut {
     pub fn new(file: &MachineFile, readings: &Readings, model: &Model, rules: &Rules) -> Self {
         let mut gross = checks::gross(readings, model, rules);
         let numbers: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
-        let rest = readings.without_numbers(&numbers);
-        let poses = single_poses::taken_otherwise(&rest, model, rules, file.wrist_parameters.tip_at_zero_m());
-        let rows = |pose: &TakenOtherwise| pose.rows(readings).map(|(n, _)| n).collect::<Vec<usize>>();
-        let rows: Vec<usize> = poses.iter().flat_map(rows).collect();
-        let is_read = |n: &usize, c: &usize| readings.readings[*n].observed[*c].is_some();
-        let of_poses = rows.iter().flat_map(|n| (0..CHANNELS).filter(|c| is_read(n, c)).map(|c| (*n, c))).collect();
-        gross.retain(|o| !rows.contains(&o.reading));
-        Self { gross, poses, of_poses }
+        let tip_m = file.wrist_parameters.tip_at_zero_m();
+        let poses_of = |readings: &Readings| single_poses::taken_otherwise(readings, model, rules, tip_m);
+        // one gross number hides what its pose has in common, and what a pose has in common may pass for gross numbers
+        let mut poses = poses_of(readings);
+        if poses.is_empty() && !gross.is_empty() {
+            poses = poses_of(&readings.without_numbers(&numbers));
+        }
+        let numbers = |rows: &[usize]| -> Vec<(usize, usize)> {
+            let is_read = |n: &usize, c: &usize| readings.readings[*n].observed[*c].is_some();
+            rows.iter().flat_map(|n| (0..CHANNELS).filter(|c| is_read(n, c)).map(|c| (*n, c))).collect()
+        };
+        let mut whole_rows: Vec<usize> = poses.iter().flat_map(|pose| pose.rows(readings).map(|(n, _)| n)).collect();
+        let odd = odd_rows(&readings.without_numbers(&numbers(&whole_rows)), model);
+        let most = (MAX_SHARE_OF_ROWS * readings.readings.len() as f64).max(1.0);
+        let (rows, doubted): (Vec<OddRows>, Vec<OddRows>) = odd.into_iter().partition(|o| o.rows.len() as f64 <= most);
+        whole_rows.extend(rows.iter().flat_map(|odd| odd.rows.iter().copied()));
+        gross.retain(|o| !whole_rows.contains(&o.reading));
+        Self { gross, poses, rows, doubted, whole: numbers(&whole_rows) }
+    }
+
+    /// What a diagnosis says of poses and rows.
+    pub fn warnings(&self, readings: &Readings) -> Vec<Warning> {
+        let of_row = |odd: &OddRows| {
+            let line = odd.lines(readings).first().map_or(String::new(), |line| format!("line {line}: "));
+            Warning::new(odd.kind, format!("{line}{}", odd.text(readings)))
+        };
+        let of_poses = self.poses.iter().map(|pose| pose.warning(readings));
+        let left_out = of_poses.chain(self.rows.iter().map(of_row)).map(|w| Warning {
+            left_out: true,
+            message: w.message + LEFT_OUT,
+            ..w
+        });
+        left_out.chain(self.doubted.iter().map(of_row)).collect()
     }
 
     /// All numbers: reading and channel.
     pub fn numbers(&self) -> Vec<(usize, usize)> {
-        self.gross.iter().map(|o| (o.reading, o.channel)).chain(self.of_poses.iter().copied()).collect()
+        self.gross.iter().map(|o| (o.reading, o.channel)).chain(self.whole.iter().copied()).collect()
     }
 }

@@ -264,9 +264,10 @@ pub fn diagnose(
     let of_noise =
         checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &numbers));
     let of_noise = of_noise.chain(checks_of_noise::of_copies(&noise, readings));
-    let of_poses = left_out.poses.iter().map(|pose| pose.warning(given));
+    // one slip that reverses many rows is no slip of each
+    let of_left_out = left_out.warnings(given).into_iter().filter(|w| taken_as_said || w.left_out);
     let of_file = checks::of_file(readings);
-    let warnings: Vec<Warning> = otherwise.into_iter().chain(of_file).chain(of_poses).chain(of_noise).collect();
+    let warnings: Vec<Warning> = otherwise.into_iter().chain(of_file).chain(of_left_out).chain(of_noise).collect();
     step(1, "what the model lacks");
     let start = Start { model: &model, noise: &noise, method, taken_as_said, rules };
     let failure = not_converged(readings, &warnings);
@@ -383,7 +384,7 @@ impl Searched<'_> {
         Ok(Diagnosis {
             warnings,
             suspects,
-            size: (problem.numbers(), readings.poses.len()),
+            size: (problem.numbers(), problem.by_pose().len()),
             effects,
             alternatives: inferred.map(|(world, inferred)| alternatives(world, inferred)).unwrap_or_default(),
             none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these),

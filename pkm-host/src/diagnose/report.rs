@@ -168,7 +168,7 @@ fn of_values(d: &Diagnosis) -> Vec<Finding> {
 
 /// The findings in sentences, the most important first.
 pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
-    let (left_out, doubts): (Vec<_>, Vec<_>) = d.warnings.iter().partition(|w| w.is_of_what_is_left_out());
+    let (left_out, doubts): (Vec<_>, Vec<_>) = d.warnings.iter().partition(|w| w.left_out);
     // where the readings themselves are in doubt nothing else counts
     let mut all: Vec<Finding> = doubts.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
     if Badge::measurement(d).grade == Grade::Bad {
@@ -186,7 +186,7 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
             text::probability(p, 2)
         )));
     }
-    all.extend(left_out.iter().map(|w| Finding::warning(format!("Check this pose: {}", w.sentence()))));
+    all.extend(left_out.iter().map(|w| Finding::warning(format!("Check what was left out: {}", w.sentence()))));
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
     all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
     all.extend(of_values(d));

@@ -6,7 +6,6 @@ use pkm_diagnosis::{Noise, Problem, Rules, Whitener};
 use rayon::prelude::*;
 
 use super::checks::Warning;
-use super::compare::extent;
 use super::experiment::{self, Experiment};
 use super::model::Model;
 use super::ways;
@@ -40,7 +39,7 @@ impl TakenOtherwise {
 
     /// As a diagnosis has it.
     pub fn warning(&self, readings: &Readings) -> Warning {
-        Warning { kind: TAKEN_OTHERWISE, message: self.text(readings) }
+        Warning::new(TAKEN_OTHERWISE, self.text(readings))
     }
 
     /// For people.
@@ -49,7 +48,7 @@ impl TakenOtherwise {
         let poses: Vec<String> = self.poses.iter().map(|pose| readings.poses[*pose].name()).collect();
         format!(
             "the readings at {} fit the declared machine much better {} (residuals of {rest:.1} times their noise) than as the file says \
-             ({said:.1} times, at other poses {usual:.1} times): are they? A diagnosis leaves them out",
+             ({said:.1} times, at other poses {usual:.1} times): are they?",
             poses.join(", "),
             self.how
         )
@@ -130,46 +129,53 @@ impl<'a> ByPose<'a> {
             Some((*pose, linear.left(&of_others)))
         };
         let mut left: Vec<(usize, f64)> = self.all.par_iter().filter_map(left).collect();
-        let usual = median(&mut left.iter().map(|(_, left)| *left).collect::<Vec<f64>>())?.max(1.0);
+        let usual = median(&mut left.iter().map(|(_, left)| *left).collect::<Vec<f64>>())?;
         left.retain(|(_, left)| *left > self.rules.min_pose_ratio * usual);
         Some((left, usual))
+    }
+
+    /// Those that fit the others when they are taken otherwise.
+    fn taken_otherwise(&self, tip_m: Vector3<f64>) -> Option<Vec<TakenOtherwise>> {
+        // those that stand out have no part in what is usual
+        let out: Vec<usize> = self.beyond(&[])?.0.into_iter().map(|(pose, _)| pose).collect();
+        let (found, usual) = self.beyond(&out)?;
+        let poses: Vec<usize> = found.iter().map(|(pose, _)| *pose).collect();
+        let of_others = self.step(|pose| !poses.contains(&pose))?;
+        let mut all: Vec<TakenOtherwise> = Vec::new();
+        for (pose, said) in found {
+            let Some((how, rest)) = self.as_others(pose, &poses, &of_others, [said, usual], tip_m) else { continue };
+            match all.iter_mut().find(|other| other.how == how) {
+                Some(other) => other.add(pose, said, rest),
+                None => all.push(TakenOtherwise { poses: vec![pose], how, left: [said, rest, usual] }),
+            }
+        }
+        Some(all)
     }
 
     /// The way to take the readings of a pose that fits stiffnesses of others, and what it leaves.
     fn as_others(
         &self,
         pose: usize,
+        beyond: &[usize],
         of_others: &DVector<f64>,
-        most: f64,
+        [said, usual]: [f64; 2],
         tip_m: Vector3<f64>,
     ) -> Option<(String, f64)> {
         let own = self.readings.at_pose(pose);
+        let others: Vec<_> = beyond.iter().filter(|p| **p != pose).map(|p| &self.readings.poses[*p]).collect();
         let left = |taken: &Readings| Some(Linear::new(taken, self.model, &self.noise, self.rules)?.left(of_others));
-        let is_right = |(_, rest): &(String, f64)| *rest < most;
-        let way = (ways::of_pose(&own, self.readings, tip_m).into_par_iter())
+        let most = self.rules.max_pose_share * (said * usual).sqrt();
+        // no way leaves less than noise: readings in mm seem to be of no load
+        let from_usual = |rest: f64| (rest.max(f64::MIN_POSITIVE) / usual).ln().abs();
+        (ways::of_pose(&own, &others, tip_m).into_par_iter())
             .filter_map(|way| Some((way.how, left(&(way.taken)()?)?)))
-            .min_by(|a, b| a.1.total_cmp(&b.1));
-        let another = || ways::with_another_coordinate(&own, &extent(self.readings), left);
-        way.filter(is_right).or_else(|| another().filter(is_right))
+            .filter(|(_, rest)| *rest < most)
+            .min_by(|a, b| from_usual(a.1).total_cmp(&from_usual(b.1)))
     }
 }
 
 /// Single poses that the declared machine fits much worse than the others, and as well when they are taken otherwise.
 pub fn taken_otherwise(readings: &Readings, model: &Model, rules: &Rules, tip_m: Vector3<f64>) -> Vec<TakenOtherwise> {
-    let mut all: Vec<TakenOtherwise> = Vec::new();
-    let Some(by_pose) = ByPose::new(readings, model, rules) else { return all };
-    let poses = |(found, _): (Vec<(usize, f64)>, f64)| found.into_iter().map(|(pose, _)| pose).collect();
-    // those that stand out have no part in what is usual
-    let out: Vec<usize> = by_pose.beyond(&[]).map(poses).unwrap_or_default();
-    let Some((found, usual)) = by_pose.beyond(&out) else { return all };
-    let Some(of_others) = by_pose.step(|pose| !found.iter().any(|(other, _)| *other == pose)) else { return all };
-    for (pose, said) in found {
-        let most = rules.max_pose_share * (said * usual).sqrt();
-        let Some((how, rest)) = by_pose.as_others(pose, &of_others, most, tip_m) else { continue };
-        match all.iter_mut().find(|other| other.how == how) {
-            Some(other) => other.add(pose, said, rest),
-            None => all.push(TakenOtherwise { poses: vec![pose], how, left: [said, rest, usual] }),
-        }
-    }
-    all
+    let by_pose = ByPose::new(readings, model, rules);
+    by_pose.and_then(|by_pose| by_pose.taken_otherwise(tip_m)).unwrap_or_default()
 }

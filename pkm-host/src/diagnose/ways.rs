@@ -5,15 +5,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix3, Vector3};
 use pkm_core::{Pose, Wrench};
-use rayon::prelude::*;
 
-use crate::files::pose::{PoseBox, written_units};
+use crate::files::pose::NamedPose;
 use crate::files::readings::{CHANNELS, KINDS, Readings};
-use crate::pose::pose_of;
-
-/// Steps across a range of a coordinate, and how often the best is looked at closer.
-const STEPS: usize = 20;
-const NARROWED: usize = 4;
 
 /// Standard acceleration of gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
@@ -215,8 +209,9 @@ pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a
             turn(format!("with rx, ry, rz about {name}"), Box::new(move |_| [plain, exchange * axial]), None);
             if is_one_slip(&exchange) {
                 let columns = name.replace('u', "rx").replace('v', "ry").replace('w', "rz");
-                let how = format!("with {columns} in place of rx, ry, rz");
-                turn(how, Box::new(move |_| [plain, exchange]), None);
+                let in_place = format!("{columns} in place of rx, ry, rz");
+                turn(format!("with {in_place}"), Box::new(move |_| [plain, exchange]), None);
+                turn(format!("{how}, and {in_place}"), Box::new(move |_| [exchange, exchange]), None);
             }
         }
         turn(how, Box::new(move |_| [exchange, exchange * axial]), None);
@@ -273,53 +268,48 @@ pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a
     all
 }
 
-/// All ways that are tried for the readings of one pose; `all` are those of every pose. Where all readings are in mm or mrad they are
-/// refused.
-pub fn of_pose<'a>(own: &'a Readings, all: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
+/// Other units of the readings of one pose: where all are in these they are refused.
+const UNITS_OF_ONE_POSE: [(&str, f64, f64); 11] = [
+    ("with translations in mm", 1e3, 1.0),
+    ("with translations in nm", 1e-3, 1.0),
+    ("with rotations in mrad", 1.0, 1e3),
+    ("with rotations in rad", 1.0, 1e6),
+    ("with rotations in degrees", 1.0, 1e6 * PI / 180.0),
+    ("with translations ten times as large", 10.0, 1.0),
+    ("with translations a tenth as large", 0.1, 1.0),
+    ("with rotations ten times as large", 1.0, 10.0),
+    ("with rotations a tenth as large", 1.0, 0.1),
+    ("with translations and rotations ten times as large", 10.0, 10.0),
+    ("with translations and rotations a tenth as large", 0.1, 0.1),
+];
+
+/// Other loads at one pose.
+const LOADS_OF_ONE_POSE: [(&str, f64); 4] = [
+    ("as if no load had been put on", 0.0),
+    ("with loads in kN and kN·m", 1e3),
+    ("with loads ten times as large", 10.0),
+    ("with loads a tenth as large", 0.1),
+];
+
+/// All ways that are tried for the readings of one pose, which may have been exchanged with those of others.
+pub fn of_pose<'a>(own: &'a Readings, others: &[&'a NamedPose], tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     let mut ways = other_ways(own, tip_m);
     let mut otherwise = |how: String, taken: Taken<'a>| {
         ways.push(Way { how, taken, is_as_predicted: false });
     };
-    otherwise("as if no load had been put on".into(), Box::new(|| Some(under_loads(own, 0.0, 0.0))));
-    otherwise("with translations in mm".into(), Box::new(|| Some(in_units(own, 1e3, 1.0))));
-    otherwise("with rotations in mrad".into(), Box::new(|| Some(in_units(own, 1.0, 1e3))));
-    for other in all.poses.iter().filter(|other| other.pose != own.poses[0].pose) {
-        otherwise(format!("as those of {}", other.name()), Box::new(|| Some(at_pose(own, other.pose))));
+    for (how, linear, angular) in UNITS_OF_ONE_POSE {
+        otherwise(how.into(), Box::new(move || Some(in_units(own, linear, angular))));
+    }
+    for (how, factor) in LOADS_OF_ONE_POSE {
+        otherwise(how.into(), Box::new(move || Some(under_loads(own, factor, factor))));
+    }
+    for other in others.iter().copied() {
+        let at_other = move || {
+            let mut taken = own.without(|_| false);
+            taken.poses[0].pose = other.pose;
+            Some(taken)
+        };
+        otherwise(format!("as those of {}", other.name()), Box::new(at_other));
     }
     ways
-}
-
-/// Those of one pose, at another.
-fn at_pose(own: &Readings, pose: Pose<f64>) -> Readings {
-    let mut taken = own.without(|_| false);
-    taken.poses[0].pose = pose;
-    taken
-}
-
-/// The readings of one pose with one coordinate where `left` is least, in a box.
-pub fn with_another_coordinate(
-    own: &Readings,
-    within: &PoseBox,
-    left: impl Fn(&Readings) -> Option<f64> + Sync,
-) -> Option<(String, f64)> {
-    let said = written_units(&own.poses[0].pose);
-    let at = |coordinate: usize, value: f64| {
-        let mut place = said;
-        place[coordinate] = value;
-        left(&at_pose(own, pose_of(place[0], place[1], place[2]))).unwrap_or(f64::INFINITY)
-    };
-    let best = |coordinate: usize| {
-        let [mut low, mut high] = within.ranges()[coordinate];
-        let mut found = (f64::NAN, f64::INFINITY);
-        for _ in 0..NARROWED {
-            let step = (high - low) / STEPS as f64;
-            let values = (0..=STEPS).into_par_iter().map(|n| low + step * n as f64);
-            found = values.map(|v| (v, at(coordinate, v))).min_by(|a, b| a.1.total_cmp(&b.1))?;
-            [low, high] = [found.0 - step, found.0 + step];
-        }
-        Some((coordinate, found))
-    };
-    let (coordinate, (value, rest)) = (0..3).filter_map(best).min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
-    let (name, unit) = [("theta", "°"), ("sigma", "°"), ("Z0", " mm")][coordinate];
-    Some((format!("with {name} at {value:.1}{unit} in place of {:.1}{unit}", said[coordinate]), rest))
 }

@@ -516,13 +516,46 @@ fn a_pose_taken_otherwise_costs_its_readings_and_no_more() {
     assert!(message.contains("pose p02") && message.contains("with all signs reversed"), "{message}");
     assert_eq!(found["measurement"]["verdict"], "doubtful");
     assert!(
-        page.contains("Check this pose: the readings at pose p02")
+        page.contains("Check what was left out: the readings at pose p02")
             && page.contains("mend the readings that were left out")
     );
     let excluded: Vec<&str> = residuals.lines().filter(|l| l.ends_with(",1")).collect();
     assert_eq!(excluded.len(), 6 * own);
     assert!(found["readings"][first - 1]["excluded"].as_bool().unwrap());
     for key in ["effects", "verdict", "error_after", "lack_of_fit_after", "estimates"] {
+        assert_eq!(found[key], without[key], "{key}");
+    }
+}
+
+/// A load that fell off and a reading with the wrong sign cost their rows, and no neighbour of theirs.
+#[test]
+fn rows_that_are_not_what_the_file_says_cost_themselves() {
+    const LOST: usize = 1;
+    const REVERSED: usize = 13;
+    let is_load = |h: &str| h.ends_with("_n") || h.ends_with("_nm");
+    let is_read = |h: &str| h.ends_with("_um") || h.ends_with("_urad");
+    let folder = Folder::new();
+    let slips = changed(|n, h, c| match n {
+        LOST if is_load(h) => Some("0".into()),
+        REVERSED if is_read(h) => Some((-c.parse::<f64>().unwrap()).to_string()),
+        _ => None,
+    });
+    let found = of_p05(&folder.write("d.csv", &slips), &folder);
+    let blank = changed(|n, h, _| match n {
+        LOST if is_load(h) => Some("0".into()),
+        LOST | REVERSED if is_read(h) => Some(String::new()),
+        _ => None,
+    });
+    let without = of_p05(&folder.write("d.csv", &blank), &folder);
+
+    let doubts = found["doubts"].as_array().unwrap();
+    let doubts: Vec<(&str, &str)> =
+        doubts.iter().map(|d| (d["kind"].as_str().unwrap(), d["message"].as_str().unwrap())).collect();
+    let of = |kind: &str| doubts.iter().find(|d| d.0 == kind).unwrap_or_else(|| panic!("{doubts:?}")).1;
+    assert!(of("load_missing").starts_with(&format!("line {}: ", LOST + 2)), "{doubts:?}");
+    assert!(of("reversed_sign").starts_with(&format!("line {}: ", REVERSED + 2)), "{doubts:?}");
+    assert_eq!((doubts.len(), &found["suspect_readings"]), (2, &serde_json::json!([])));
+    for key in ["effects", "verdict", "estimates"] {
         assert_eq!(found[key], without[key], "{key}");
     }
 }

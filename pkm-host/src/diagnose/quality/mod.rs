@@ -53,11 +53,10 @@ impl DataWarning {
     }
 }
 
-/// What is doubtful about single rows, for a diagnosis, which by itself looks at the file as a whole and at single numbers.
-pub fn check_rows(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+/// What is doubtful about columns and repeats, for a diagnosis, which by itself holds the readings against the declared machine.
+pub fn check_rows(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
     let mut all = values::check(sheet);
     all.extend(repeats::check_rows(sheet, readings));
-    all.extend(model::check_rows(file, readings));
     all
 }
 

@@ -3,9 +3,9 @@
 use pkm_diagnosis::{Problem, Rules, Whitener};
 
 use super::super::experiment::{Experiment, observations};
-use super::super::left_out::LeftOut;
+use super::super::left_out::{LEFT_OUT, LeftOut};
 use super::super::model::{Model, Recorded};
-use super::super::odd_rows::{OddRows, REVERSED_SIGN, odd_rows};
+use super::super::odd_rows::{OddRows, REVERSED_SIGN};
 use super::super::{Method, check as check_usable, check_units, checks, single_poses, unknown_noise};
 use super::DataWarning;
 use crate::error::Failure;
@@ -21,16 +21,8 @@ fn model(file: &MachineFile, readings: &Readings) -> Option<Model> {
     Model::new(file, recorded, Method::Formulas)
 }
 
-/// Rows that were read with the opposite sign, and rows whose load was lost, but at poses that a diagnosis names as a whole.
-pub(super) fn check_rows(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
-    let Some(model) = model(file, readings) else { return Vec::new() };
-    let left_out = LeftOut::new(file, readings, &model, &Rules::DEFAULT);
-    of_rows(&readings.without_numbers(&left_out.of_poses), &model)
-}
-
-fn of_rows(readings: &Readings, model: &Model) -> Vec<DataWarning> {
-    let warning = |odd: OddRows| DataWarning::new(odd.kind, odd.text(readings)).at_lines(odd.lines(readings));
-    odd_rows(readings, model).into_iter().map(warning).collect()
+fn of_rows(odd: &OddRows, readings: &Readings, more: &str) -> DataWarning {
+    DataWarning::new(odd.kind, odd.text(readings) + more).at_lines(odd.lines(readings))
 }
 
 /// Readings that are hundreds of times what the declared machine gives, or a hundredth.
@@ -46,10 +38,12 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
     let rules = &Rules::DEFAULT;
     let Some(model) = model(file, readings) else { return Vec::new() };
     let left_out = LeftOut::new(file, readings, &model, rules);
-    let mut all = of_rows(&readings.without_numbers(&left_out.of_poses), &model);
+    let of_left_out = left_out.rows.iter().map(|odd| of_rows(odd, readings, LEFT_OUT));
+    let mut all: Vec<DataWarning> =
+        of_left_out.chain(left_out.doubted.iter().map(|odd| of_rows(odd, readings, ""))).collect();
     for pose in &left_out.poses {
         let lines = pose.rows(readings).map(|(_, r)| r.line).collect();
-        all.push(DataWarning::new(single_poses::TAKEN_OTHERWISE, pose.text(readings)).at_lines(lines));
+        all.push(DataWarning::new(single_poses::TAKEN_OTHERWISE, pose.text(readings) + LEFT_OUT).at_lines(lines));
     }
     let whole_rows: Vec<u64> = all.iter().flat_map(|w| w.lines.clone()).collect();
     for outlier in &left_out.gross {

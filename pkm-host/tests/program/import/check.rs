@@ -52,6 +52,13 @@ fn pose(table: Table, names: &[&str], change: impl Fn(&str) -> String) -> Table 
     (60..120).fold(table, |table, n| row(table, n, names, &change))
 }
 
+/// Exchanges two columns at the second pose.
+fn pose_exchanged(mut table: Table, [a, b]: [&str; 2]) -> Table {
+    let (a, b) = (table.column(a), table.column(b));
+    table.rows[60..120].iter_mut().for_each(|row| row.swap(a, b));
+    table
+}
+
 /// Rows of the set that begin a pose, and have loads of one sign.
 fn one_sign(mut table: Table) -> Table {
     let loads = LOADS.map(|name| table.column(name));
@@ -92,7 +99,15 @@ const DOUBTFUL: &[Case] = &[
     ("a pose under forces in kgf", |t| pose(t, &LOADS[..3], |c| scaled(c, 1.0 / 9.806_65)), "pose_taken_otherwise", 62, "", "with forces in kgf or daN", 1),
     ("a pose without its loads", |t| pose(t, &DEFLECTIONS, |c| scaled(c, 1e-3)), "pose_taken_otherwise", 62, "", "as if no load had been put on", 1),
     ("two poses exchanged", |mut t| { let n = t.column("dx_um"); for row in 0..60 { let [a, b] = t.rows.get_disjoint_mut([row, row + 60]).unwrap(); a[n..n + 6].swap_with_slice(&mut b[n..n + 6]) } t }, "pose_taken_otherwise", 2, "", "pose p01 (line 2)|as those of pose p02 (line 62)", 2),
-    ("an angle that slipped", |t| pose(t, &["sigma_deg"], |c| scaled(c, 0.1)), "pose_taken_otherwise", 62, "", "with sigma at|in place of", 1),
+    ("a pose with two columns exchanged", |t| pose_exchanged(t, ["dx_um", "dy_um"]), "pose_taken_otherwise", 62, "", "with dx, dy, dz along v, u, w, rotations as they are", 1),
+    ("a pose with all columns of x and y exchanged", |t| pose_exchanged(pose_exchanged(t, ["dx_um", "dy_um"]), ["rx_urad", "ry_urad"]), "pose_taken_otherwise", 62, "", "with dx, dy, dz along v, u, w, and ry, rx, rz in place of rx, ry, rz", 1),
+    ("a pose in nm", |t| pose(t, &TRANSLATIONS, |c| scaled(c, 1e3)), "pose_taken_otherwise", 62, "", "with translations in nm", 1),
+    ("a pose in degrees", |t| pose(t, &ROTATIONS, |c| scaled(c, 1e-6_f64.to_degrees())), "pose_taken_otherwise", 62, "", "with rotations in degrees", 1),
+    ("a pose with its loads in kN", |t| pose(t, &LOADS, |c| scaled(c, 1e-3)), "pose_taken_otherwise", 62, "", "with forces in kN (", 1),
+    ("a pose with a digit too many in its loads", |t| pose(t, &LOADS, |c| scaled(c, 10.0)), "pose_taken_otherwise", 62, "", "with loads a tenth as large", 1),
+    ("a pose that yields a little more", |t| pose(t, &DEFLECTIONS, |c| scaled(c, 1.2)), "", 0, "", "", 0),
+    ("a pose at which the instrument's clamp is loose", |t| pose(t, &["dx_um", "rz_urad"], |c| scaled(c, 2.0)), "", 0, "", "", 0),
+    ("a pose in mm, and a gross error elsewhere", |t| row(pose(t, &TRANSLATIONS, |c| scaled(c, 1e-3)), 400, &["dx_um"], |c| scaled(c, 30.0)), "pose_taken_otherwise", 62, "", "with translations in mm", 2),
     ("rotations of the wrong sign", |t| t.map(&ROTATIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with the signs of all rotations reversed", 1),
     ("loads in pounds", |t| t.map(&LOADS[..3], |c| scaled(c, 1.0 / 4.448_221_615)).map(&LOADS[3..], |c| scaled(c, 1.0 / 1.355_817_948)), "readings_taken_otherwise", 0, "", "with forces in lbf and moments in lbf·ft", 1),
     ("forces in pounds", |t| t.map(&LOADS[..3], |c| scaled(c, 1.0 / 4.448_221_615)), "readings_taken_otherwise", 0, "", "with forces in lbf, or with forces in lbf and moments in lbf·ft (", 1),
