@@ -55,7 +55,7 @@ macro_rules! rules {
     ($($name:ident)*) => { [$(Rule { name: stringify!($name), of: |rules| &mut rules.$name }),*] };
 }
 
-/// All but those of what comes after the finds: folds, resamples, proposals, rivals of proposals and `detectable`. `block_levels`
+/// All but those of what comes before and after the finds: single poses; folds, resamples, proposals, rivals of proposals and `detectable`. `block_levels`
 /// are places in `load_error_levels`, and none of these sets has as many poses as `max_single_poses`.
 const RULES: [Rule; 58] = rules![
     min_dof_of_channel min_dof_of_kind min_dof_beside_declared min_dof_of_verdict load_error_levels null_draws min_signal full_fits

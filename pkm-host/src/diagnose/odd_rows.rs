@@ -21,6 +21,8 @@ const MAX_REVERSED_COSINE: f64 = -0.8;
 const MIN_MEDIAN_COSINE: f64 = 0.8;
 /// Least deflection of such a row, as a share of the median of all.
 const MIN_REVERSED_SIZE: f64 = 0.5;
+/// Largest deflection of such a row over what the machine gives.
+const MAX_REVERSED_RATIO: f64 = 2.0;
 /// Least deflection of a row without a load, beyond its series' zero, that is that of a load, as a share of the median of its series.
 const MIN_LOST_SIZE: f64 = 0.5;
 /// The same in standard deviations of the noise.
@@ -61,23 +63,26 @@ pub fn odd_rows(readings: &Readings, model: &Model) -> Vec<OddRows> {
     reversed(readings, &declared).into_iter().chain(without_load(readings, model, &experiment, &declared)).collect()
 }
 
-/// Cosine between the translations that were read and those that the machine gives, and the size of the latter.
-fn cosine(reading: &Reading, expected: &[f64; CHANNELS]) -> Option<(f64, f64)> {
+/// Cosine between the translations that were read and those that the machine gives, and the sizes of both.
+fn cosine(reading: &Reading, expected: &[f64; CHANNELS]) -> Option<(f64, [f64; 2])> {
     let pairs = || (0..3).filter_map(|c| Some((reading.observed[c]?, expected[c])));
     let sum = |of: fn((f64, f64)) -> f64| pairs().map(of).sum::<f64>();
     let (read, said) = (sum(|(a, _)| a * a).sqrt(), sum(|(_, b)| b * b).sqrt());
-    (read * said > 0.0).then(|| (sum(|(a, b)| a * b) / (read * said), said))
+    (read * said > 0.0).then(|| (sum(|(a, b)| a * b) / (read * said), [read, said]))
 }
 
 /// Rows that were read with the opposite sign. A small deflection may be less than the error of the zero reading.
 fn reversed(readings: &Readings, declared: &[[f64; CHANNELS]]) -> Option<OddRows> {
     let of = |(n, r): (usize, &Reading)| Some((n, cosine(r, &declared[r.condition])?));
-    let rows: Vec<(usize, (f64, f64))> = readings.readings.iter().enumerate().filter_map(of).collect();
+    let rows: Vec<(usize, (f64, [f64; 2]))> = readings.readings.iter().enumerate().filter_map(of).collect();
     let (mut cosines, mut sizes): (Vec<f64>, Vec<f64>) =
-        rows.iter().map(|(_, (cosine, size))| (cosine.abs(), *size)).unzip();
+        rows.iter().map(|(_, (cosine, [_, said]))| (cosine.abs(), *said)).unzip();
     let is_clear = median(&mut cosines)? > MIN_MEDIAN_COSINE;
     let least = MIN_REVERSED_SIZE * median(&mut sizes)?;
-    let is_reversed = |(_, (cosine, size)): &&(usize, (f64, f64))| *cosine < MAX_REVERSED_COSINE && *size > least;
+    let is_reversed = |(_, (cosine, [read, said])): &&(usize, (f64, [f64; 2]))| {
+        // a digit that slipped turns it too
+        *cosine < MAX_REVERSED_COSINE && *said > least && *read < MAX_REVERSED_RATIO * said
+    };
     let rows: Vec<usize> = rows.iter().filter(is_reversed).map(|(n, _)| *n).collect();
     (is_clear && !rows.is_empty()).then_some(OddRows {
         kind: REVERSED_SIGN,
