@@ -29,16 +29,21 @@ pub struct LeftOut {
     whole: Vec<(usize, usize)>,
 }
 
+/// Reading and channel of each.
+fn places(outliers: &[Outlier]) -> Vec<(usize, usize)> {
+    outliers.iter().map(|o| (o.reading, o.channel)).collect()
+}
+
 impl LeftOut {
     /// Of readings.
     pub fn new(file: &MachineFile, readings: &Readings, model: &Model, rules: &Rules) -> Self {
-        let mut gross = checks::gross(readings, model, rules);
-        let numbers: Vec<(usize, usize)> = gross.iter().map(|o| (o.reading, o.channel)).collect();
         let tip_m = file.wrist_parameters.tip_at_zero_m();
         let poses_of = |readings: &Readings| single_poses::taken_otherwise(readings, model, rules, tip_m);
+        let gross_of = |readings: &Readings| checks::gross(readings, model, rules);
         // one gross number hides what its pose has in common, and what a pose has in common may pass for gross numbers
         let mut poses = poses_of(readings);
-        if poses.is_empty() && !gross.is_empty() {
+        let numbers = places(&gross_of(readings));
+        if poses.is_empty() && !numbers.is_empty() {
             poses = poses_of(&readings.without_numbers(&numbers));
         }
         let numbers = |rows: &[usize]| -> Vec<(usize, usize)> {
@@ -50,8 +55,8 @@ impl LeftOut {
         let most = (MAX_SHARE_OF_ROWS * readings.readings.len() as f64).max(1.0);
         let (rows, doubted): (Vec<OddRows>, Vec<OddRows>) = odd.into_iter().partition(|o| o.rows.len() as f64 <= most);
         whole_rows.extend(rows.iter().flat_map(|odd| odd.rows.iter().copied()));
-        gross.retain(|o| !whole_rows.contains(&o.reading));
-        Self { gross, poses, rows, doubted, whole: numbers(&whole_rows) }
+        let whole = numbers(&whole_rows);
+        Self { gross: gross_of(&readings.without_numbers(&whole)), poses, rows, doubted, whole }
     }
 
     /// What a diagnosis says of poses and rows.
@@ -71,6 +76,6 @@ impl LeftOut {
 
     /// All numbers: reading and channel.
     pub fn numbers(&self) -> Vec<(usize, usize)> {
-        self.gross.iter().map(|o| (o.reading, o.channel)).chain(self.whole.iter().copied()).collect()
+        places(&self.gross).into_iter().chain(self.whole.iter().copied()).collect()
     }
 }

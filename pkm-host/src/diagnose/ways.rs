@@ -184,6 +184,22 @@ const UNITS_OF_LOADS: [(&str, f64, f64); 7] = [
     ("with forces in kN", 1e3, 1.0),
 ];
 
+/// Columns of rotations that were exchanged or reversed, alone and as those of translations were: no turn of the axes does that.
+fn of_columns(name: &str, exchange: &Matrix3<f64>) -> Vec<(String, Turns)> {
+    if !is_one_slip(exchange) {
+        return Vec::new();
+    }
+    let columns = name.replace('u', "rx").replace('v', "ry").replace('w', "rz");
+    let (exchange, plain) = (*exchange, Matrix3::identity());
+    vec![
+        (format!("with {columns} in place of rx, ry, rz"), Box::new(move |_| [plain, exchange])),
+        (
+            format!("with dx, dy, dz along {name}, and {columns} in place of rx, ry, rz"),
+            Box::new(move |_| [exchange, exchange]),
+        ),
+    ]
+}
+
 /// All ways that are tried.
 pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     let mut all = Vec::new();
@@ -207,11 +223,8 @@ pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a
         if has_rotations {
             turn(format!("{how}, rotations as they are"), Box::new(move |_| [exchange, plain]), None);
             turn(format!("with rx, ry, rz about {name}"), Box::new(move |_| [plain, exchange * axial]), None);
-            if is_one_slip(&exchange) {
-                let columns = name.replace('u', "rx").replace('v', "ry").replace('w', "rz");
-                let in_place = format!("{columns} in place of rx, ry, rz");
-                turn(format!("with {in_place}"), Box::new(move |_| [plain, exchange]), None);
-                turn(format!("{how}, and {in_place}"), Box::new(move |_| [exchange, exchange]), None);
+            for (how, turns) in of_columns(&name, &exchange) {
+                turn(how, turns, None);
             }
         }
         turn(how, Box::new(move |_| [exchange, exchange * axial]), None);
