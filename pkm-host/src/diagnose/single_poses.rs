@@ -128,7 +128,7 @@ impl<'a> ByPose<'a> {
             let of_others = self.step(|other| other != *pose && !out.contains(&other))?;
             Some((*pose, linear.left(&of_others)))
         };
-        let mut left: Vec<(usize, f64)> = self.all.par_iter().filter_map(left).collect();
+        let mut left: Vec<(usize, f64)> = self.all.iter().filter_map(left).collect();
         let usual = median(&mut left.iter().map(|(_, left)| *left).collect::<Vec<f64>>())?;
         left.retain(|(_, left)| *left > self.rules.min_pose_ratio * usual);
         Some((left, usual))
@@ -167,7 +167,7 @@ impl<'a> ByPose<'a> {
         let most = self.rules.max_pose_share * (said * usual).sqrt();
         // no way leaves less than noise: readings in mm seem to be of no load
         let from_usual = |rest: f64| (rest.max(f64::MIN_POSITIVE) / usual).ln().abs();
-        (ways::of_pose(&own, &others, tip_m).into_par_iter())
+        (ways::of_pose(&own, &others, tip_m).into_iter())
             .filter_map(|way| Some((way.how, left(&(way.taken)()?)?)))
             .filter(|(_, rest)| *rest < most)
             .min_by(|a, b| from_usual(a.1).total_cmp(&from_usual(b.1)))
