@@ -130,7 +130,7 @@ pub struct Diagnosis {
     pub standard_deviations: Vec<[f64; CHANNELS]>,
     /// What the final model leaves of each reading and channel, whitened.
     pub standardised: Vec<Vec<f64>>,
-    /// Numbers that were left out, single ones and those of poses: reading and channel.
+    /// Numbers that were left out, single ones and those of rows and poses: reading and channel.
     pub left_out: Vec<(usize, usize)>,
     /// Names of candidates by round, for reports.
     pub names: Vec<Vec<String>>,
