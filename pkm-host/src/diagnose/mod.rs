@@ -156,13 +156,13 @@ fn unknown_noise(readings: &Readings, unknown: UnknownNoise) -> Failure {
 /// Refuses what cannot be diagnosed, and says what is missing.
 fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>) -> Result<()> {
     let fail = |message: String| Err(Failure::input(message).in_file(&readings.source.name));
-    let least = problem.rules.min_poses;
-    if readings.poses.len() < least {
+    let (poses, least) = (problem.by_pose().len(), problem.rules.min_poses);
+    if poses < least {
+        let left = if poses < readings.poses.len() { "that are not left out " } else { "" };
         return fail(format!(
-            "{} {} cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
+            "{poses} {} {left}cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
              20 spread over the box are good (`pkm-host plan --kind levels 5`)",
-            readings.poses.len(),
-            if readings.poses.len() == 1 { "pose" } else { "poses" }
+            if poses == 1 { "pose" } else { "poses" }
         ));
     }
     let unknowns = problem.model.declared().len();
@@ -264,7 +264,7 @@ pub fn diagnose(
     let of_noise =
         checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &numbers));
     let of_noise = of_noise.chain(checks_of_noise::of_copies(&noise, readings));
-    // one slip that reverses many rows is no slip of each
+    // one slip of many rows is no slip of each
     let of_left_out = left_out.warnings(given).into_iter().filter(|w| taken_as_said || w.left_out);
     let of_file = checks::of_file(readings);
     let warnings: Vec<Warning> = otherwise.into_iter().chain(of_file).chain(of_left_out).chain(of_noise).collect();

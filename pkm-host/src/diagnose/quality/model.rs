@@ -5,7 +5,7 @@ use pkm_diagnosis::{Problem, Rules, Whitener};
 use super::super::experiment::{Experiment, observations};
 use super::super::left_out::{LEFT_OUT, LeftOut};
 use super::super::model::{Model, Recorded};
-use super::super::odd_rows::{OddRows, REVERSED_SIGN};
+use super::super::odd_rows::OddRows;
 use super::super::{Method, check as check_usable, check_units, checks, single_poses, unknown_noise};
 use super::DataWarning;
 use crate::error::Failure;
@@ -38,9 +38,12 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
     let rules = &Rules::DEFAULT;
     let Some(model) = model(file, readings) else { return Vec::new() };
     let left_out = LeftOut::new(file, readings, &model, rules);
-    let of_left_out = left_out.rows.iter().map(|odd| of_rows(odd, readings, LEFT_OUT));
-    let mut all: Vec<DataWarning> =
-        of_left_out.chain(left_out.doubted.iter().map(|odd| of_rows(odd, readings, ""))).collect();
+    let of_all = of_all(file, &readings.without_numbers(&left_out.numbers()), &model);
+    let mut all: Vec<DataWarning> = left_out.rows.iter().map(|odd| of_rows(odd, readings, LEFT_OUT)).collect();
+    if of_all.iter().all(|w| w.kind != checks::TAKEN_OTHERWISE) {
+        // one slip of many rows is no slip of each
+        all.extend(left_out.doubted.iter().map(|odd| of_rows(odd, readings, "")));
+    }
     for pose in &left_out.poses {
         let lines = pose.rows(readings).map(|(_, r)| r.line).collect();
         all.push(DataWarning::new(single_poses::TAKEN_OTHERWISE, pose.text(readings) + LEFT_OUT).at_lines(lines));
@@ -61,11 +64,6 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
                     .at_column(READ_COLUMNS[outlier.channel]),
             );
         }
-    }
-    let of_all = of_all(file, &readings.without_numbers(&left_out.numbers()), &model);
-    if of_all.iter().any(|w| w.kind == checks::TAKEN_OTHERWISE) {
-        // one slip that reverses many rows is no slip of each
-        all.retain(|w| w.kind != REVERSED_SIGN);
     }
     all.extend(of_all);
     all

@@ -117,6 +117,7 @@ const DOUBTFUL: &[Case] = &[
     ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
     ("translations in mm", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1e-3)), "cannot_be_diagnosed", 0, "", "`diagnose` refuses these readings: the translations read are 1e-3 times what the declared machine gives: are they in µm", 1),
     ("one rotation reversed", |t| t.map(&["rx_urad"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with −rx, ry, rz in place of rx, ry, rz", 1),
+    ("four poses, one of them in mm", |mut t| { t.rows.truncate(240); pose(t, &TRANSLATIONS, |c| scaled(c, 1e-3)) }, "cannot_be_diagnosed", 0, "", "3 poses that are not left out cannot tell", 2),
     ("all signs reversed", |t| t.map(&DEFLECTIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with all signs reversed", 1),
     ("one force reversed", |t| t.map(&["fz_n"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with forces along u, v, −w", 1),
     ("two forces exchanged", |t| t.exchanged("fx_n", "fy_n"), "readings_taken_otherwise", 0, "", "with forces along v, u, w", 1),
