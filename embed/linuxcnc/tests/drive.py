@@ -48,6 +48,11 @@ def periods():
     return int(subprocess.check_output(["halcmd", "getp", "pkmrecord.rows"]), 0)
 
 
+def begun():
+    """Where a step's rows begin: with the last that is there. What the step does may be in the next, which a late thread has yet to run."""
+    return [periods() - 1]
+
+
 def run_for(seconds):
     """So long by the servo thread's periods of 1 ms: on a busy computer they come late, and what settles in 0.4 s has not yet."""
     end = periods() + round(1000 * seconds)
@@ -101,7 +106,7 @@ def settings(phase, pins):
 
 def lying(step, lie, pin="lie.in1"):
     """A sensor that says something else for a while."""
-    rows = [periods()]
+    rows = begun()
     halcmd("setp", pin, lie)
     run_for(0.4)
     rows.append(periods())
@@ -112,7 +117,7 @@ def lying(step, lie, pin="lie.in1"):
 
 def skipped():
     """The thread stands still while the force turns round: the next period comes much too late."""
-    rows = [periods()]
+    rows = begun()
     halcmd("stop")
     halcmd("setp", "lie.in1", -2 * wish["load"][2])
     stood = periods()
@@ -128,7 +133,7 @@ def skipped():
 
 def away(step, place):
     """To a place and back."""
-    rows = [periods()]
+    rows = begun()
     go(place)
     run_for(0.4)
     rows.append(periods())
@@ -139,7 +144,7 @@ def away(step, place):
 
 def loaded(step, seconds):
     """A load that comes, stays and goes."""
-    rows = [periods()]
+    rows = begun()
     load(True)
     run_for(seconds)
     rows.append(periods())
@@ -180,7 +185,7 @@ def abort_and_home_again():
     until("program begun", lambda s: s.interp_state != linuxcnc.INTERP_IDLE)
     until("compensated", lambda s: halcmd("getp", "pkmcompensator.active") == "TRUE")
     run_for(1)
-    rows = [periods()]
+    rows = begun()
     command.abort()
     until("aborted", idle)
     until("no load", lambda s: float(halcmd("getp", "motion.analog-out-02")) == 0)
@@ -189,7 +194,7 @@ def abort_and_home_again():
     load(True)
     go(wish["home"])
     joint_mode()
-    rows = [periods()]
+    rows = begun()
     command.home(-1)
     run_for(0.5)
     until("homed again", lambda s: all(s.homed[:5]) and s.inpos)
@@ -209,7 +214,7 @@ def park_and_drive_out():
     done("park")
     go(wish["inward"])
     done("inward")
-    rows = [periods()]
+    rows = begun()
     halcmd("setp", "sag.in1", -0.01)
     run_for(0.4)
     rows.append(periods())
