@@ -1,6 +1,6 @@
 //! Measured deflections as the diagnosis needs them: load history, repeats, channels that are missing.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -388,6 +388,12 @@ impl Readings {
             rest.readings[*reading].observed[*channel] = None;
         }
         rest
+    }
+
+    /// How many poses have any reading.
+    pub fn read_poses(&self) -> usize {
+        let read = self.readings.iter().filter(|r| r.observed.iter().any(Option::is_some));
+        read.map(|r| self.conditions[r.condition].pose).collect::<BTreeSet<usize>>().len()
     }
 
     /// Which channels have any reading.

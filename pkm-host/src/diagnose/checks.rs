@@ -25,19 +25,21 @@ const BADLY_SD: f64 = 10.0;
 /// A reason to look at the readings before the machine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Warning {
-    /// `readings_taken_otherwise`, `pose_taken_otherwise`, `reversed_sign`, `load_missing`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
+    /// `readings_taken_otherwise`, `pose_taken_otherwise`, `reversed_sign`, `rows_in_other_unit`, `load_missing`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
     /// `repeats_that_differ`, `equal_repeats`, `declared_noise_too_great`, `order_of_readings`, `many_great_changes` or `held_out_contradicts`.
     pub kind: &'static str,
     /// For people.
     pub message: String,
+    /// Lines of the file, where it is about some.
+    pub lines: Vec<u64>,
     /// Whether the readings that it is about were left out, so that what is found stands without them.
     pub left_out: bool,
 }
 
 impl Warning {
-    /// Of readings that are not left out.
+    /// Of the readings as a whole, which are not left out.
     pub fn new(kind: &'static str, message: String) -> Self {
-        Self { kind, message, left_out: false }
+        Self { kind, message, lines: Vec::new(), left_out: false }
     }
 
     /// With its full stop, where it is no question.

@@ -123,7 +123,7 @@ impl Judges<'_> {
     ) -> Option<HeldOut> {
         let (found, folds) = compare::cross_validate(readings, observations, start, progress)?;
         let all = self.errors(observations, &found, &|_| true);
-        let (poses, said) = (readings.poses.len(), found.of(Rival::AfterAndTable).to_vec());
+        let (poses, said) = (readings.read_poses(), found.of(Rival::AfterAndTable).to_vec());
         Some(HeldOut { given: false, poses, all, as_measured: None, zones: Vec::new(), folds, said })
     }
 

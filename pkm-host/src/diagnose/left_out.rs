@@ -7,6 +7,7 @@ use super::checks::{self, Warning};
 use super::model::Model;
 use super::odd_rows::{OddRows, odd_rows};
 use super::single_poses::{self, TakenOtherwise};
+use crate::error::Failure;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Readings};
 
@@ -23,7 +24,7 @@ pub struct LeftOut {
     pub poses: Vec<TakenOtherwise>,
     /// Whole rows, at other poses.
     pub rows: Vec<OddRows>,
-    /// Rows that are odd as well, so many that something else is wrong: they are not left out.
+    /// Rows that are odd as well, so many that something else is wrong: they are not left out, and some are refused.
     pub doubted: Vec<OddRows>,
     /// The numbers of poses and rows: reading and channel.
     whole: Vec<(usize, usize)>,
@@ -62,8 +63,9 @@ impl LeftOut {
     /// What a diagnosis says of poses and rows.
     pub fn warnings(&self, readings: &Readings) -> Vec<Warning> {
         let of_row = |odd: &OddRows| {
-            let line = odd.lines(readings).first().map_or(String::new(), |line| format!("line {line}: "));
-            Warning::new(odd.kind, format!("{line}{}", odd.text(readings)))
+            let lines = odd.lines(readings);
+            let line = lines.first().map_or(String::new(), |line| format!("line {line}: "));
+            Warning { lines, ..Warning::new(odd.kind, format!("{line}{}", odd.text(readings))) }
         };
         let of_poses = self.poses.iter().map(|pose| pose.warning(readings));
         let left_out = of_poses.chain(self.rows.iter().map(of_row)).map(|w| Warning {
@@ -72,6 +74,13 @@ impl LeftOut {
             ..w
         });
         left_out.chain(self.doubted.iter().map(of_row)).collect()
+    }
+
+    /// Why there is nothing to diagnose.
+    pub fn refusal(&self, readings: &Readings) -> Option<Failure> {
+        let odd = self.doubted.iter().find(|odd| odd.is_refused())?;
+        let failure = Failure::input(odd.text(readings)).in_file(&readings.source.name);
+        Some(Failure { line: odd.lines(readings).first().copied(), ..failure })
     }
 
     /// All numbers: reading and channel.

@@ -156,7 +156,7 @@ fn unknown_noise(readings: &Readings, unknown: UnknownNoise) -> Failure {
 /// Refuses what cannot be diagnosed, and says what is missing.
 fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>) -> Result<()> {
     let fail = |message: String| Err(Failure::input(message).in_file(&readings.source.name));
-    let (poses, least) = (problem.by_pose().len(), problem.rules.min_poses);
+    let (poses, least) = (readings.read_poses(), problem.rules.min_poses);
     if poses < least {
         let left = if poses < readings.poses.len() { "that are not left out " } else { "" };
         return fail(format!(
@@ -243,6 +243,9 @@ pub fn diagnose(
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
     checks_of_noise::constant_channels(readings)?;
     let left_out = LeftOut::new(file, readings, &model, rules);
+    if let Some(failure) = left_out.refusal(readings) {
+        return Err(failure);
+    }
     let numbers = left_out.numbers();
     let (given, readings) = (readings, &readings.without_numbers(&numbers));
     let read = observations(readings, &model);

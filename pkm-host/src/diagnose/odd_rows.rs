@@ -1,6 +1,7 @@
-//! Single rows that are not what the file says: read with the opposite sign, or without the load that it should have.
+//! Single rows that are not what the file says: read with the opposite sign, in another unit, or without the load that it should have.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 use pkm_core::Wrench;
 use pkm_diagnosis::Rules;
@@ -15,6 +16,8 @@ use crate::files::readings::{CHANNELS, Reading, Readings};
 pub const REVERSED_SIGN: &str = "reversed_sign";
 /// Kind of the warning of rows whose load was lost.
 pub const LOAD_MISSING: &str = "load_missing";
+/// Kind of the warning of rows in a unit a thousand times as large.
+const ROWS_IN_OTHER_UNIT: &str = "rows_in_other_unit";
 /// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
 const MAX_REVERSED_COSINE: f64 = -0.8;
 /// Least median cosine of all rows, whatever its sign, at which a single one with the wrong sign is to be seen.
@@ -29,6 +32,12 @@ const MIN_LOST_SIZE: f64 = 0.5;
 const MIN_LOST_SD: f64 = 8.0;
 /// Rows without a load that may be those, as a share of all: where more are, the zero is another than the others of its series say.
 const MAX_LOST_SHARE: f64 = 1.0 / 3.0;
+/// Largest deflection of a row in a unit a thousand times as large, as a share of what the machine gives and of the median of all rows.
+const MAX_OTHER_UNIT_RATIO: f64 = 0.02;
+/// Least deflection that the machine gives there, in standard deviations of the noise.
+const MIN_OTHER_UNIT_SD: f64 = 8.0;
+/// Least number of loads that were read so: a single number is a gross error, and an unknown zero hides one load.
+const MIN_OTHER_UNIT_LOADS: usize = 3;
 
 /// Rows with one thing wrong, in the file's order.
 pub struct OddRows {
@@ -36,14 +45,19 @@ pub struct OddRows {
     pub kind: &'static str,
     /// Which.
     pub rows: Vec<usize>,
-    what: &'static str,
-    ask: &'static str,
+    what: String,
+    ask: String,
 }
 
 impl OddRows {
     /// Their lines.
     pub fn lines(&self, readings: &Readings) -> Vec<u64> {
         self.rows.iter().map(|n| readings.readings[*n].line).collect()
+    }
+
+    /// Whether many of them leave nothing to diagnose, whatever the other rows say.
+    pub fn is_refused(&self) -> bool {
+        self.kind == ROWS_IN_OTHER_UNIT
     }
 
     /// For people.
@@ -60,7 +74,45 @@ impl OddRows {
 pub fn odd_rows(readings: &Readings, model: &Model) -> Vec<OddRows> {
     let experiment = Experiment::new(model, readings);
     let Some(declared) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return Vec::new() };
-    reversed(readings, &declared).into_iter().chain(without_load(readings, model, &experiment, &declared)).collect()
+    let read = observations(readings, model);
+    let of_noise = experiment.noise(&read, &Rules::DEFAULT).ok().map(|noise| {
+        let sd =
+            |n: usize, channels: Range<usize>| channels.map(|c| noise.variance_of(&read, n, c)).sum::<f64>().sqrt();
+        let small = [(0..3, "translations", "mm"), (3..6, "rotations", "mrad")]
+            .into_iter()
+            .filter_map(|group| in_other_unit(readings, &declared, &sd, group));
+        small.chain(without_load(readings, &declared, &sd)).collect::<Vec<OddRows>>()
+    });
+    reversed(readings, &declared).into_iter().chain(of_noise.into_iter().flatten()).collect()
+}
+
+/// Rows whose deflection is next to nothing. `kind` is which channels, their name, and the unit that is likely.
+fn in_other_unit(
+    readings: &Readings,
+    declared: &[[f64; CHANNELS]],
+    noise: &dyn Fn(usize, Range<usize>) -> f64,
+    (channels, name, unit): (Range<usize>, &str, &str),
+) -> Option<OddRows> {
+    let size = |values: &dyn Fn(usize) -> f64| channels.clone().map(|c| values(c).powi(2)).sum::<f64>().sqrt();
+    let sizes = |(n, r): (usize, &Reading)| {
+        let count = channels.clone().filter(|c| r.observed[*c].is_some()).count();
+        let said = size(&|c| r.observed[c].map_or(0.0, |_| declared[r.condition][c]));
+        (count > 1 && said > 0.0).then(|| (n, size(&|c| r.observed[c].unwrap_or(0.0)) / said, said))
+    };
+    let rows: Vec<(usize, f64, f64)> = readings.readings.iter().enumerate().filter_map(sizes).collect();
+    let usual = median(&mut rows.iter().map(|(.., ratio, _)| *ratio).collect::<Vec<f64>>())?;
+    let is_small = |(n, ratio, said): &&(usize, f64, f64)| {
+        *ratio < MAX_OTHER_UNIT_RATIO * usual && *said > MIN_OTHER_UNIT_SD * noise(*n, channels.clone())
+    };
+    let rows: Vec<usize> = rows.iter().filter(is_small).map(|(n, ..)| *n).collect();
+    let load = |n: &usize| (readings.readings[*n].series, readings.readings[*n].condition);
+    let loads: BTreeSet<(usize, usize)> = rows.iter().map(load).collect();
+    (loads.len() >= MIN_OTHER_UNIT_LOADS).then(|| OddRows {
+        kind: ROWS_IN_OTHER_UNIT,
+        rows,
+        what: format!("the {name} are next to nothing, unlike what the load gives in other rows"),
+        ask: format!("are they in {unit}, or was the load not there?"),
+    })
 }
 
 /// Cosine between the translations that were read and those that the machine gives, and the sizes of both.
@@ -87,8 +139,8 @@ fn reversed(readings: &Readings, declared: &[[f64; CHANNELS]]) -> Option<OddRows
     (is_clear && !rows.is_empty()).then_some(OddRows {
         kind: REVERSED_SIGN,
         rows,
-        what: "the deflection has the opposite sign of what the load gives, unlike in other rows",
-        ask: "is the sign of the load or of the readings reversed?",
+        what: "the deflection has the opposite sign of what the load gives, unlike in other rows".into(),
+        ask: "is the sign of the load or of the readings reversed?".into(),
     })
 }
 
@@ -107,9 +159,8 @@ fn beyond_zero(row: &Reading, loaded: &[&Reading], expected: &dyn Fn(&Reading, u
 /// Rows without a load whose tip has moved as under one: the load was lost.
 fn without_load(
     readings: &Readings,
-    model: &Model,
-    experiment: &Experiment<'_>,
     declared: &[[f64; CHANNELS]],
+    noise: &dyn Fn(usize, Range<usize>) -> f64,
 ) -> Option<OddRows> {
     let is_loaded = |r: &&Reading| readings.conditions[r.condition].wrench != Wrench::ZERO;
     // declared stiffnesses may all be off
@@ -119,9 +170,6 @@ fn without_load(
     let expected = |r: &Reading, c: usize| scale * declared[r.condition][c];
     let mut series: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     readings.readings.iter().enumerate().for_each(|(n, r)| series.entry(r.series).or_default().push(n));
-    let read = observations(readings, model);
-    let noise = experiment.noise(&read, &Rules::DEFAULT).ok()?;
-    let noise_m = |n: usize| (0..3).map(|c| noise.variance_of(&read, n, c)).sum::<f64>().sqrt();
     let (mut free_rows, mut rows) = (0, Vec::new());
     for of_series in series.into_values() {
         let is_loaded = |n: &usize| is_loaded(&&readings.readings[*n]);
@@ -130,7 +178,7 @@ fn without_load(
         free_rows += free.len();
         let is_lost = |n: &usize| {
             beyond_zero(&readings.readings[*n], &loaded, &expected)
-                .is_some_and(|(off, usual)| off > MIN_LOST_SIZE * usual && off > MIN_LOST_SD * noise_m(*n))
+                .is_some_and(|(off, usual)| off > MIN_LOST_SIZE * usual && off > MIN_LOST_SD * noise(*n, 0..3))
         };
         rows.extend(free.into_iter().filter(is_lost));
     }
@@ -139,7 +187,7 @@ fn without_load(
     (are_few && !rows.is_empty()).then_some(OddRows {
         kind: LOAD_MISSING,
         rows,
-        what: "there is no load, and the tip has moved as under one",
-        ask: "was the load lost?",
+        what: "there is no load, and the tip has moved as under one".into(),
+        ask: "was the load lost?".into(),
     })
 }

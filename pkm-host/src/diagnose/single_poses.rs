@@ -39,7 +39,8 @@ impl TakenOtherwise {
 
     /// As a diagnosis has it.
     pub fn warning(&self, readings: &Readings) -> Warning {
-        Warning::new(TAKEN_OTHERWISE, self.text(readings))
+        let lines = self.rows(readings).map(|(_, r)| r.line).collect();
+        Warning { lines, ..Warning::new(TAKEN_OTHERWISE, self.text(readings)) }
     }
 
     /// For people.

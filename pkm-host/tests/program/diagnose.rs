@@ -514,6 +514,8 @@ fn a_pose_taken_otherwise_costs_its_readings_and_no_more() {
     assert_eq!((doubts.len(), &doubts[0]["kind"]), (1, &"pose_taken_otherwise".into()));
     let message = doubts[0]["message"].as_str().unwrap();
     assert!(message.contains("pose p02") && message.contains("with all signs reversed"), "{message}");
+    assert_eq!(doubts[0]["lines"].as_array().unwrap().len(), own);
+    assert_eq!((&found["holdout"]["poses"], &without["holdout"]["poses"]), (&22.into(), &22.into()));
     assert_eq!(found["measurement"]["verdict"], "doubtful");
     assert!(
         page.contains("Check what was left out: the readings at pose p02")
@@ -553,6 +555,8 @@ fn rows_that_are_not_what_the_file_says_cost_themselves() {
         doubts.iter().map(|d| (d["kind"].as_str().unwrap(), d["message"].as_str().unwrap())).collect();
     let of = |kind: &str| doubts.iter().find(|d| d.0 == kind).unwrap_or_else(|| panic!("{doubts:?}")).1;
     assert!(of("load_missing").starts_with(&format!("line {}: ", LOST + 2)), "{doubts:?}");
+    let lines = found["doubts"].as_array().unwrap().iter().find(|d| d["kind"] == "load_missing").unwrap();
+    assert_eq!(lines["lines"], serde_json::json!([LOST + 2]));
     assert!(of("reversed_sign").starts_with(&format!("line {}: ", REVERSED + 2)), "{doubts:?}");
     assert_eq!((doubts.len(), &found["suspect_readings"]), (2, &serde_json::json!([])));
     for key in ["effects", "verdict", "estimates"] {

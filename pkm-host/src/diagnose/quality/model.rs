@@ -40,9 +40,10 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
     let left_out = LeftOut::new(file, readings, &model, rules);
     let of_all = of_all(file, &readings.without_numbers(&left_out.numbers()), &model);
     let mut all: Vec<DataWarning> = left_out.rows.iter().map(|odd| of_rows(odd, readings, LEFT_OUT)).collect();
-    if of_all.iter().all(|w| w.kind != checks::TAKEN_OTHERWISE) {
-        // one slip of many rows is no slip of each
-        all.extend(left_out.doubted.iter().map(|odd| of_rows(odd, readings, "")));
+    let taken_as_said = of_all.iter().all(|w| w.kind != checks::TAKEN_OTHERWISE);
+    // one slip of many rows is no slip of each
+    for odd in left_out.doubted.iter().filter(|odd| taken_as_said || odd.is_refused()) {
+        all.push(of_rows(odd, readings, if odd.is_refused() { " `diagnose` refuses so many of them" } else { "" }));
     }
     for pose in &left_out.poses {
         let lines = pose.rows(readings).map(|(_, r)| r.line).collect();
