@@ -10,6 +10,9 @@
 //! 5. [`report`]: from a finished result to pages and pictures
 //! 6. [`cli`]: the commands
 
+// fails where standard error cannot be written, and ends the work with it
+#![deny(clippy::print_stderr)]
+
 pub mod cli;
 pub mod diagnose;
 pub mod fem;

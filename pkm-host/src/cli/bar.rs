@@ -4,6 +4,8 @@ use std::io::IsTerminal as _;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::say;
+
 /// Characters of a full bar.
 const WIDTH: u64 = 30;
 
@@ -45,19 +47,19 @@ impl Bar {
         let empty = WIDTH as usize - full;
         let left_s = gone.as_secs_f64() * of.saturating_sub(self.done) as f64 / self.done as f64;
         let hint = if cfg!(debug_assertions) { " (much sooner in a build with --release)" } else { "" };
-        eprint!(
+        say(&format!(
             "\r\x1b[K{what} {}{} {}/{of}, {left_s:.0} s left{hint}",
             "█".repeat(full),
             "░".repeat(empty),
             self.done
-        );
+        ));
     }
 }
 
 impl Drop for Bar {
     fn drop(&mut self) {
         if self.drawn.is_some() {
-            eprint!("\r\x1b[K");
+            say("\r\x1b[K");
         }
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use pkm_fixtures as fixtures;
 use serde_json::json;
 
+use super::say;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::source::{self, Source};
@@ -122,7 +123,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     source::write_all(&args.out.join(DATA), &files, &[])?;
     let mut exhibits = Vec::new();
     for (n, call) in CALLS.iter().enumerate() {
-        eprintln!("{} of {}: {}", n + 1, CALLS.len(), call.title);
+        say(&format!("{} of {}: {}\n", n + 1, CALLS.len(), call.title));
         let Call { title, about, page, .. } = *call;
         let said = call.run(&args.out)?;
         let made = Source::read(&args.out.join(page))?;

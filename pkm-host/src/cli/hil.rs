@@ -6,6 +6,7 @@ use pkm_core::Machine;
 use pkm_core::tables::reference;
 
 use super::bar::bar;
+use super::say;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
 use crate::files::source::{self, Source};
@@ -89,7 +90,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let outcome = hil::run(&target, &campaign, &host, &bar())?;
     let (mut text, json) = (report::text(&outcome, &campaign), report::document(&outcome, &campaign));
     if let Some(failure) = outcome.failure() {
-        eprint!("{text}");
+        say(&text);
         return Err(failure);
     }
     text.push_str("every reply as on the host, to the last bit\n");

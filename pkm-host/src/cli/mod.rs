@@ -169,6 +169,11 @@ fn on_stdout(printed: std::io::Result<()>) -> Result<()> {
     }
 }
 
+/// Writes to standard error. Where nobody can read it the work goes on.
+pub(crate) fn say(text: &str) {
+    drop(std::io::stderr().lock().write_all(text.as_bytes()));
+}
+
 /// The program.
 pub fn main() -> ExitCode {
     let wants_json = std::env::args_os().any(|a| a == "--json");
@@ -190,9 +195,9 @@ pub fn main() -> ExitCode {
         Err(e) => (Err(unusable(&e)), Vec::new()),
     };
     let Err(failure) = printed else { return ExitCode::SUCCESS };
-    eprintln!("error: {failure}");
+    say(&format!("error: {failure}\n"));
     for other in failure.others.iter().flat_map(|others| &others.failures) {
-        eprintln!("error: {other}");
+        say(&format!("error: {other}\n"));
     }
     if wants_json {
         let mut document = failure.to_json();

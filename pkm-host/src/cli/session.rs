@@ -7,6 +7,7 @@ use pkm_fixtures::Fixture;
 use serde::Serialize;
 
 use super::arguments::TableArgs;
+use super::say;
 use crate::error::{Failure, Kind, Result, printable};
 use crate::files::machine::MachineFile;
 use crate::files::source::Source;
@@ -40,7 +41,7 @@ impl Session {
     pub(crate) fn warn(&mut self, warnings: impl IntoIterator<Item = String>) {
         for warning in warnings {
             if self.prints {
-                eprintln!("warning: {}", printable(&warning));
+                say(&format!("warning: {}\n", printable(&warning)));
             }
             self.warnings.push(warning);
         }
