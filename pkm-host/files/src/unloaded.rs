@@ -8,6 +8,7 @@ use pkm_core::{Configuration, ScrewLengths};
 use crate::csv::{LENGTH_COLUMNS, POSE_COLUMNS, decimals};
 use crate::dataset::{POINT_COLUMNS, Row, Sheet};
 use crate::error::{Failure, Result, lines_text, printable, tool_status};
+use crate::import::refuse_statistics;
 use crate::machine::MachineFile;
 use crate::pose::NamedPose;
 use crate::source::Source;
@@ -113,7 +114,7 @@ impl Unloaded {
     /// Reads a file of unloaded readings.
     ///
     /// # Errors
-    /// One message with file, line and column: missing columns, poses out of reach, a row without place and distance or with
+    /// One message with file, line and column: missing columns, rows of means and other statistics, poses out of reach, a row without place and distance or with
     /// both, a target with two places, a deviation that is not above 0.
     pub fn read(source: Source, machine: &MachineFile) -> Result<Self> {
         let known = [
@@ -126,7 +127,10 @@ impl Unloaded {
             &TOOL_COLUMNS,
         ]
         .concat();
-        let sheet = Sheet::parse(source, &known)?;
+        let mut sheet = Sheet::parse(source, &known)?;
+        if let Some(failure) = refuse_statistics(&mut sheet).into_iter().next() {
+            return Err(failure);
+        }
         let pose_columns = sheet.pose_columns()?;
         let has_wrist = BETA_COLUMNS.iter().any(|c| sheet.has(c));
         if has_wrist {

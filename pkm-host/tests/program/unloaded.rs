@@ -314,7 +314,20 @@ const UNLOADED: &[Kind] = &[
     ("an empty place", Make(|good| rows(good, |c| (5..8).for_each(|i| c[i].clear()))), ":2: x_mm: ", "expected a place or a distance"),
     ("text for a number", Put("-1431.61156", "far"), ":2: x_mm: ", "expected a finite number, found `far`"),
     ("out of travel", Put("472.758", "900"), ":2: pose: ", "leave its travel"),
+    ("a mean in the column of the poses", Put("\nP01,", "\nMittelwert,"), ":2: pose: ", "`Mittelwert` is no reading|leave out rows|name it otherwise"),
+    ("a mean without a pose", Make(|good| format!("{good}Average,,,,,,,,\n").into()), ":182: pose: ", "`Average` is no reading"),
+    ("a sum in the column of the poses", Put("\nP01,", "\nSumme:,"), ":2: pose: ", "`Summe:` is no reading|name it otherwise"),
+    ("a scatter in the column of the targets", Make(|good| rows(good, |c| c[4] = "Std.".into())), ":2: target: ", "`Std.` is no reading|name it otherwise"),
 ];
+
+/// An extreme may be a pose, as in readings under loads.
+#[test]
+fn an_unloaded_pose_may_be_called_max() {
+    let good = std::fs::read_to_string(fixture("unloaded/parallel-axes/unloaded.csv")).unwrap();
+    let text = good.replacen("\nP01,", "\nmax,", 1);
+    let data = Unloaded::read(Source::from_text("u.csv", text), &reference()).unwrap();
+    assert_eq!(data.poses[0].named.id, "max");
+}
 
 #[test]
 fn bad_unloaded_readings() {

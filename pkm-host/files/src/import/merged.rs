@@ -7,8 +7,8 @@ use crate::error::{Failure, lines_text, printable};
 /// What is carried down with a pose where it is empty too. Not the direction: without it, the load history tells.
 const WITH_POSE: [&str; 5] = ["series", "load", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
-/// What rows of means and scatters below a block of readings are called.
-const MEANS_AND_SCATTERS: [&str; 15] = [
+/// What rows of means, scatters and sums below a block of readings are called.
+const MEANS_AND_SUMS: [&str; 18] = [
     "mean",
     "avg",
     "average",
@@ -24,27 +24,31 @@ const MEANS_AND_SCATTERS: [&str; 15] = [
     "stdabw",
     "standardabweichung",
     "streuung",
+    "sum",
+    "total",
+    "summe",
 ];
-/// What rows of other statistics are called. A pose may well be called `max`.
-const EXTREMES_AND_SUMS: [&str; 9] =
-    ["sum", "total", "min", "max", "minimum", "maximum", "range", "summe", "spannweite"];
+/// What rows of extremes are called. A pose may well be called `max`.
+const EXTREMES: [&str; 6] = ["min", "max", "minimum", "maximum", "range", "spannweite"];
 /// Columns in which they say so. A load may well be called `max` or `mean`.
-const NAMED: [&str; 4] = ["pose", "series", "reading", "repeat"];
+const NAMED: [&str; 5] = [POSE_COLUMNS[0], "target", "series", "reading", "repeat"];
+/// Those of them whose names people choose.
+const CHOSEN: [&str; 2] = [POSE_COLUMNS[0], "target"];
 
 /// Refuses rows of statistics, such as means: they are no readings, and would stand for some.
-pub(super) fn refuse_statistics(sheet: &mut Sheet) -> Vec<Failure> {
+pub(crate) fn refuse_statistics(sheet: &mut Sheet) -> Vec<Failure> {
     let named: Vec<usize> = (0..sheet.header.len()).filter(|n| NAMED.contains(&sheet.header[*n].as_str())).collect();
     let mut failures = Vec::new();
     sheet.rows.retain(|row| {
+        let is_chosen = |n: usize| CHOSEN.contains(&sheet.header[n].as_str());
         let is_statistic = |n: &&usize| {
             let word = row.cells[**n].trim_matches(|c: char| !c.is_alphanumeric()).to_lowercase();
-            let is_pose = sheet.header[**n] == POSE_COLUMNS[0];
-            MEANS_AND_SCATTERS.contains(&word.as_str()) || (!is_pose && EXTREMES_AND_SUMS.contains(&word.as_str()))
+            MEANS_AND_SUMS.contains(&word.as_str()) || (!is_chosen(**n) && EXTREMES.contains(&word.as_str()))
         };
         let found = named.iter().find(is_statistic);
         failures.extend(found.map(|n| {
             let column = &sheet.header[*n];
-            let or = if column == POSE_COLUMNS[0] { "; if it is a pose, name it otherwise" } else { "" };
+            let or = if is_chosen(*n) { format!("; if it is a {column}, name it otherwise") } else { String::new() };
             let message =
                 format!("`{}` is no reading: leave out rows that are computed from others{or}", &row.cells[*n]);
             Failure::input(message).in_file(&sheet.source.name).at_line(row.line).at_column(column)

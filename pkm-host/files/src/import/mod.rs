@@ -12,6 +12,7 @@ mod merged;
 mod names;
 mod units;
 
+pub(crate) use self::merged::refuse_statistics;
 pub use self::names::{COLUMNS, Renames};
 use self::names::{Names, Use, is_blank_unit, uses};
 use crate::csv::{Header, Row, Sheet, fitted, records};
@@ -134,7 +135,7 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
         sheet.finish(&known)?;
     }
     conversions.extend(cells::tidy(&mut sheet, &columns.uses));
-    failures.extend(merged::refuse_statistics(&mut sheet));
+    failures.extend(refuse_statistics(&mut sheet));
     let warnings = carried(&mut sheet);
     sheet.warnings.extend(warnings);
     let at = format!("{}:{}", printable(&shared.name), found.header.line);

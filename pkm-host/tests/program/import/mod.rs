@@ -252,11 +252,26 @@ fn poses_may_be_extremes_and_no_means() {
     for extreme in ["max", "Minimum", "Range", "middle", "mean position"] {
         assert!(named(extreme).is_ok(), "{extreme}");
     }
-    for mean in
-        ["Mean", "average", "AVG", "Mittel", "Mittelwert:", "MW", "Median", "Std", "Std.", "StdAbw", "STABW", "SD"]
-    {
-        let said = named(mean).unwrap_err();
-        assert!(said.contains(&format!("theirs.txt:6: pose: `{mean}` is no reading")), "{said}");
+    let statistics = [
+        "Mean",
+        "average",
+        "AVG",
+        "Mittel",
+        "Mittelwert:",
+        "MW",
+        "Median",
+        "Std",
+        "Std.",
+        "StdAbw",
+        "STABW",
+        "SD",
+        "Sum",
+        "TOTAL",
+        "Summe:",
+    ];
+    for statistic in statistics {
+        let said = named(statistic).unwrap_err();
+        assert!(said.contains(&format!("theirs.txt:6: pose: `{statistic}` is no reading")), "{said}");
     }
 }
 
