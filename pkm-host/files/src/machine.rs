@@ -17,7 +17,7 @@ use super::source::Source;
 use super::toml_error::{line_at, parsed};
 use super::wrist::{wrist_left_out, wrist_parameters};
 use crate::error::{Failure, Result, printable};
-use crate::pose::{PoseBox, pose_of};
+use crate::pose::{PoseBox, pose_of, tidy};
 
 pub use super::machine_raw::Uncertainty;
 
@@ -115,6 +115,7 @@ impl MachineFile {
             .into_iter()
             .chain(box_out_of_reach(&source.name, &machine, &pose_box))
             .chain(box_in_radians(&source.name, &pose_box))
+            .chain(wrist_in_radians(&source.name, &wrist_parameters))
             .collect();
         let section = raw.solid.as_ref();
         let solid = match Solid::new(section.map_or(&RawSolid::default(), Spanned::get_ref), &parameters) {
@@ -247,6 +248,20 @@ fn box_out_of_reach(file: &str, machine: &Machine<f64>, pose_box: &PoseBox) -> O
 fn box_in_radians(file: &str, pose_box: &PoseBox) -> Option<String> {
     let message = || format!("{file}: box: its angles are below 0.6: are theta_deg and sigma_deg in degrees?");
     pose_box.may_be_in_radians().then(message)
+}
+
+/// Warnings about limits of the wrist that are too narrow for a machine and would be usual in radians.
+fn wrist_in_radians(file: &str, wrist: &WristParameters) -> Vec<String> {
+    let of_joint = |n: usize| {
+        let (key, [low, high]) =
+            (["first", "second"][n], [wrist.min_rad[n], wrist.max_rad[n]].map(|rad| tidy(rad.to_degrees())));
+        // half a turn; a joint that is clamped has next to no range, and none that works has so little in degrees
+        let may_be = low.abs().max(high.abs()) < 3.15 && high - low > 0.5;
+        may_be.then(|| {
+            format!("{file}: wrist.{key}: its limits are {low} to {high}: are min_deg and max_deg in degrees?")
+        })
+    };
+    (0..2).filter_map(of_joint).collect()
 }
 
 /// Warnings about values that are possible and yet look like another unit.

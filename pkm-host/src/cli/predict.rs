@@ -7,6 +7,7 @@ use serde_json::json;
 
 use super::arguments::{ColumnsArgs, TableArgs};
 use super::session::{Output, Session};
+use crate::diagnose::quality;
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, READ_COLUMNS, Row, U95_COLUMNS};
 use crate::files::readings::{CHANNELS, Condition, Readings};
@@ -39,6 +40,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let file = source.name.clone();
     let (sheet, readings) = Readings::read_conditions(source, &model.machine, &columns.renames())?;
     session.warn(sheet.warnings.clone());
+    session.warn(quality::check_columns(&sheet).iter().map(|w| w.text(&file)));
     let conditions: Vec<_> = readings.readings.iter().map(|r| readings.conditions[r.condition]).collect();
     let of_row = |(row, c): (&Row, &Condition)| NamedPose { line: row.line, ..readings.poses[c.pose].clone() };
     let poses: Vec<NamedPose> = sheet.rows.iter().zip(&conditions).map(of_row).collect();

@@ -732,6 +732,16 @@ fn likely_typing_errors_are_warned_of() {
         ("3.0e8", "3.0e5", "limb.1.base_joint.linear_n_per_m: 200000"),
         ("young_gpa = 206.0", "young_gpa = 206000.0", "limb.3.body.screw.young_gpa: 206000"),
         ("shear_gpa = 79.23", "shear_gpa = 230.0", "limb.2.body.rod.shear_gpa: 230"),
+        (
+            "min_deg = -90.0, max_deg = 90.0",
+            "min_deg = -1.57, max_deg = 1.57",
+            "wrist.first: its limits are -1.57 to 1.57: are min_deg and max_deg in degrees?",
+        ),
+        (
+            "min_deg = -90.0, max_deg = 90.0",
+            "min_deg = 0.0, max_deg = 3.1415927",
+            "wrist.second: its limits are 0 to 3.1415927",
+        ),
     ] {
         assert!(reference.contains(from));
         let machine = folder.write("m.toml", &reference.replace(from, to).replace("2.0e8", "2.0e5"));
@@ -739,6 +749,11 @@ fn likely_typing_errors_are_warned_of() {
         assert!(warning.contains(key), "{warning}");
     }
     assert_eq!(said(&ik), "");
+    // a small range, and a joint that is as good as clamped
+    for limits in ["min_deg = -5.0, max_deg = 5.0", "min_deg = 0.0, max_deg = 0.1"] {
+        let machine = folder.write("m.toml", &reference.replace("min_deg = -90.0, max_deg = 90.0", limits));
+        assert_eq!(said(&[&ik[..], &["--machine", &machine]].concat()), "");
+    }
 }
 
 #[test]

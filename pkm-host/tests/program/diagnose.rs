@@ -272,6 +272,30 @@ fn places_are_found_and_their_elements_go_into_the_machine_file() {
     assert!((own / rms(&found, "after") - 1.0).abs() < 1e-6, "{own} {}", rms(&found, "after"));
 }
 
+/// `predict` has no readings to hold against the machine, and yet columns that are of the size of another unit.
+#[test]
+fn predict_names_columns_that_look_like_another_unit() {
+    let folder = Folder::new();
+    let machine = measured("p05", "machine.toml");
+    let said = |text: &str| {
+        let data = folder.write("d.csv", text);
+        let found = json(&["predict", "--machine", &machine, "--data", &data, "--out", &folder.path("p.csv")]);
+        found["warnings"].to_string()
+    };
+    let radians = changed(|_, h, c| {
+        let is_angle = ["theta_deg", "sigma_deg"].contains(&h);
+        is_angle.then(|| c.parse::<f64>().unwrap().to_radians().to_string())
+    });
+    let warnings = said(&radians);
+    assert!(warnings.contains("d.csv: theta_deg: no angle is above") && warnings.contains("in radians?"), "{warnings}");
+    let good = changed(|_, _, _| None);
+    let (head, rows) = good.split_once('\n').unwrap();
+    let rows: String = rows.lines().map(|row| format!("{row},0.01,-0.02,0.3\n")).collect();
+    let warnings = said(&format!("{head},point_u_mm,point_v_mm,point_w_mm\n{rows}"));
+    assert!(warnings.contains("d.csv: point_u_mm: the point of the readings is at most 0.3 mm"), "{warnings}");
+    assert_eq!(said(&good), "[]");
+}
+
 #[test]
 fn two_runs_give_the_same_bytes_and_the_plan_stays_within_travel() {
     let (a, b) = (Folder::new(), Folder::new());

@@ -60,6 +60,11 @@ pub fn check_rows(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
     all
 }
 
+/// Columns whose numbers are of the size of another unit: for poses and loads, whatever was read there.
+pub fn check_columns(sheet: &Sheet) -> Vec<DataWarning> {
+    values::units(sheet)
+}
+
 /// Columns whose numbers are of the size of another unit, and readings that are of another size than the declared machine gives: for a
 /// log, whose single rows an estimator judges by itself.
 pub fn check_units(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
