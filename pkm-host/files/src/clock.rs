@@ -134,6 +134,9 @@ fn is_coarse(text: &str) -> bool {
     text.matches(':').count() == 1 && !text.contains(['+', '\u{2212}'])
 }
 
+/// Columns that say when a row was written.
+pub const TIME_COLUMNS: [&str; 3] = ["time_s", "time", "date"];
+
 /// The times of all rows.
 pub struct Times {
     /// What they count from.

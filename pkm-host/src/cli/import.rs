@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::session::{Output, Session, counted};
-use crate::error::{Failure, Result};
-use crate::files::clock::{self, Time};
+use crate::error::{Failure, Result, printable};
+use crate::files::clock::{self, TIME_COLUMNS, Time};
 use crate::files::csv::Sheet;
 use crate::files::import::{self, Renames};
 use crate::files::load_log::LoadLog;
+use crate::files::log::TIME_COLUMN;
 use crate::files::machine::MachineFile;
 use crate::files::measured::{self, LoadCase, Measured};
 use crate::files::points::PointList;
@@ -116,6 +117,22 @@ fn warn_of_no_deflections(readings: &Readings, sheet: &Sheet, session: &mut Sess
     }));
 }
 
+/// Says of a controller's log that what is written is none.
+fn warn_of_a_log(sheet: &Sheet, session: &mut Session) {
+    let (file, line) = (printable(&sheet.source.name), sheet.header_line());
+    session.warn(sheet.has(TIME_COLUMN).then(|| {
+        format!(
+            "{file}:{line}: {TIME_COLUMN}: not written, as measured data have no times: `replay`, which needs them, takes this file as it is"
+        )
+    }));
+}
+
+/// What is said of times that have found their loads.
+fn times_left_out(sheet: &Sheet) -> String {
+    let times: Vec<&str> = TIME_COLUMNS.into_iter().filter(|c| sheet.has(c)).collect();
+    format!("not written: {}, as measured data have no times", times.join(", "))
+}
+
 /// From points to deflections.
 fn of_points(
     [points, reflectors, readings]: [&Path; 3],
@@ -151,7 +168,8 @@ fn of_log(data: &Path, log: &Path, args: &Args, machine: &MachineFile, session: 
     let mut read = import::read_timed(Source::read(data)?, &of_readings)?;
     let options = loads::Options { window_s: args.load_window_s, clock_s: args.load_clock_s, zero_s: args.load_zero_s };
     let joined = loads::join(&mut read.sheet, &log, &options)?;
-    let conversions = [&log.conversions[..], &read.conversions].concat();
+    let mut conversions = [&log.conversions[..], &read.conversions].concat();
+    conversions.push(times_left_out(&read.sheet));
     let (sheet, cases) = complete(Measured::of(read, machine), session)?;
     session.warn(sheet.warnings.clone());
     session.warn(joined.warnings.clone());
@@ -262,6 +280,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             let conversions = read.conversions.clone();
             let (sheet, cases) = complete(read, session)?;
             session.warn(sheet.warnings.clone());
+            warn_of_a_log(&sheet, session);
             let readings = Readings::new(&sheet, &cases, machine.uncertainty.load_random)?;
             warn_of_no_deflections(&readings, &sheet, session);
             Imported { csv: measured::to_csv(&sheet), conversions, text: String::new(), readings, more: None }

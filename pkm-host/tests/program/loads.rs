@@ -239,6 +239,23 @@ fn logs_are_read_as_devices_write_them() {
     }
 }
 
+/// Measured data have no times: what is written after they served is without them, and says so.
+#[test]
+fn times_that_are_not_written_are_named() {
+    let loadings = campaign();
+    let log = three_components(&log(&loadings));
+    let own = readings(&loadings, on_the_day, "Zeitstempel", true);
+    let (written, said) = joined(own.as_bytes(), &log, &[]);
+    assert!(said.contains("- not written: time, as measured data have no times\n"), "{said}");
+    assert!(!written.contains("time"), "{written}");
+
+    let folder = Folder::new();
+    let log = std::fs::read_to_string(fixture("logs/worn-drive.csv")).unwrap();
+    let said = json(&["import", "--data", &folder.write("l.csv", &log), "--out", &folder.path("d.csv")]);
+    let words = "l.csv:1: time_s: not written, as measured data have no times: `replay`, which needs them, takes this file as it is";
+    assert!(said["warnings"].to_string().contains(words), "{said}");
+}
+
 #[test]
 fn a_log_of_components_needs_no_direction() {
     let loadings = campaign();
