@@ -7,6 +7,7 @@ use serde_json::json;
 use super::arguments::{ColumnsArgs, list, within};
 use super::bar::bar;
 use super::session::{Output, Session};
+use crate::diagnose::badges::{Badge, Grade};
 use crate::diagnose::campaign::{self, Means, Stated};
 use crate::diagnose::{self, Method, Rules, design::Proposal, quality};
 use crate::error::{Failure, Result};
@@ -119,11 +120,12 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         return run_campaign(args, &machine, session);
     }
     let mut header = POSE_COLUMNS.map(str::to_owned).to_vec();
-    let mut separates = Vec::new();
+    let (mut separates, mut measurement) = (Vec::new(), None);
     let rows: Vec<Vec<String>> = if kind == PlanKind::Discriminate {
         // with cells to write the readings in
         header.extend(WRENCH_COLUMNS.into_iter().chain(DEFLECTION_COLUMNS).map(str::to_owned));
-        let proposals = proposals(args, &machine, session)?;
+        let (badge, proposals) = proposals(args, &machine, session)?;
+        measurement = Some(badge);
         separates = proposals.iter().map(|p| p.separates.clone()).collect();
         let rows = proposals.iter().enumerate().map(proposal_row).collect();
         with_repeats(args, &mut header, rows)
@@ -133,11 +135,23 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     };
     let count = if separates.is_empty() { rows.len() } else { separates.len() };
     source::write(out, dataset::to_csv(b',', &header, rows), &[session.machine_path(), data.as_deref()])?;
-    let mut text = format!("wrote {count} poses to {}\n", out.display());
+    let mut text = measurement.as_ref().map_or(String::new(), check_first);
+    text.push_str(&format!("wrote {count} poses to {}\n", out.display()));
     for (n, [a, b]) in separates.iter().enumerate() {
         text.push_str(&format!("  N{:02} tells {a} from {b}\n", n + 1));
     }
-    session.output(text, &json!({ "poses": count, "separates": separates, "out": out.display().to_string() }))
+    let document =
+        json!({ "poses": count, "separates": separates, "measurement": measurement, "out": out.display().to_string() });
+    session.output(text, &document)
+}
+
+/// What is wrong with the readings that a plan stands on.
+fn check_first(measurement: &Badge) -> String {
+    if measurement.grade == Grade::Good {
+        return String::new();
+    }
+    let reasons: String = measurement.reasons.iter().map(|reason| format!("  - {reason}\n")).collect();
+    format!("The measurement is {}, and what follows stands on it. Check first:\n{reasons}", measurement.verdict)
 }
 
 /// Each row in all repeats of all series, where these were asked for.
@@ -194,8 +208,8 @@ fn run_campaign(args: &Args, machine: &MachineFile, session: &mut Session) -> Re
     session.output(text, &document)
 }
 
-/// What a diagnosis of the readings would measure next.
-fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Vec<Proposal>> {
+/// What a diagnosis of the readings would measure next, and what it says of them.
+fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<(Badge, Vec<Proposal>)> {
     let source = session.read_or_fixture(args.data.as_deref(), pkm_fixtures::MEASURED, "--data", machine)?;
     let (sheet, readings) = Readings::read_conditions(source, machine, &args.columns.renames())?;
     readings.require_deflections(&sheet)?;
@@ -204,11 +218,14 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
     session.warn(quality::check_rows(&sheet, &readings).iter().map(|w| w.text(name)));
     let diagnosis = diagnose::diagnose(machine, &readings, None, Method::Formulas, &Rules::DEFAULT, &bar())?;
     session.warn(diagnosis.warnings.iter().map(|w| format!("{name}: {}", w.message)));
+    let measurement = Badge::measurement(&diagnosis);
     if diagnosis.proposals.is_empty() {
-        let message = "these readings leave no two rivals to tell apart";
+        let why = measurement.reasons.first();
+        let why = why.map_or(String::new(), |why| format!("; the measurement is {}: {why}", measurement.verdict));
+        let message = format!("these readings leave no two rivals to tell apart{why}");
         return Err(Failure::other(message).in_file(readings.source.name));
     }
-    Ok(diagnosis.proposals)
+    Ok((measurement, diagnosis.proposals))
 }
 
 fn proposal_row((n, p): (usize, &Proposal)) -> Vec<String> {

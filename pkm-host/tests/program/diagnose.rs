@@ -7,7 +7,7 @@ use pkm_host::files::source::Source;
 use pkm_trials::set::{Kind, Set, Wish};
 use serde_json::Value;
 
-use crate::common::{Folder, fixture, json, reference_machine, refused};
+use crate::common::{Folder, fixture, json, reference_machine, refused, run};
 
 /// A file of a set of the fixtures.
 fn measured(set: &str, file: &str) -> String {
@@ -379,6 +379,42 @@ fn a_plan_says_what_is_doubtful_of_the_readings_that_it_stands_on() {
     for doubt in doubts {
         assert!(said.contains(&format!("rad.csv: {}", doubt["message"].as_str().unwrap())), "{doubt} {said}");
     }
+    assert_eq!(planned["measurement"], found["measurement"]);
+    assert_eq!(planned["measurement"]["verdict"], "unsound");
+}
+
+/// What is wrong with the readings comes before what is proposed, also where it is no warning.
+#[test]
+fn a_plan_begins_with_what_is_wrong_with_the_readings() {
+    let folder = Folder::new();
+    let plan = |set: &str, data: &str, more: &[&str]| {
+        let (machine, out) = (measured(set, "machine.toml"), folder.path("p.csv"));
+        let call = ["plan", "--kind", "discriminate", "--machine", &machine, "--data", data, "--out", &out];
+        run(&[&call[..], more].concat())
+    };
+    let text = |set: &str| String::from_utf8(plan(set, &measured(set, "measured.csv"), &[]).stdout).unwrap();
+    let doubtful = text("own-sensor-scale-easy");
+    let (first, proposed) = doubtful.split_once("wrote ").unwrap();
+    assert!(
+        first.starts_with("The measurement is doubtful, and what follows stands on it. Check first:\n"),
+        "{doubtful}"
+    );
+    assert!(first.contains("  - an error of the measurement was found: sensor-scale\n"), "{doubtful}");
+    assert!(proposed.contains("N01 tells"), "{doubtful}");
+    assert!(text("p05").starts_with("wrote "));
+
+    let data = folder.write(
+        "neg.csv",
+        &changed(|_, h, c| {
+            let is_read = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad"].contains(&h);
+            is_read.then(|| (-c.parse::<f64>().unwrap()).to_string())
+        }),
+    );
+    let output = plan("p05", &data, &["--json"]);
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let message = document["error"]["message"].as_str().unwrap();
+    let words = "no two rivals to tell apart; the measurement is unsound: the readings fit the declared machine much better with all signs";
+    assert!(message.contains(words), "{message}");
 }
 
 #[test]
