@@ -305,7 +305,12 @@ fn a_log_in_other_units_is_asked_about() {
         (
             &["fx_n", "fy_n", "fz_n"],
             1e-3,
-            "log.csv: the translations read are 1e3 times what the declared machine gives",
+            "log.csv: the translations read are 1e3 times what the declared machine gives: are they in µm, and loads in N and N·m?",
+        ),
+        (
+            &["dx_um", "dy_um", "dz_um"],
+            1e-3,
+            "log.csv: the translations read are 1e-3 times what the declared machine gives: are they in µm, and loads in N and N·m?",
         ),
         (
             &["point_u_mm", "point_v_mm", "point_w_mm"],
