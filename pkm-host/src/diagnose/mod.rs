@@ -153,18 +153,24 @@ fn unknown_noise(readings: &Readings, unknown: UnknownNoise) -> Failure {
     .at_column(column)
 }
 
+/// Refuses readings at too few poses.
+fn check_poses(readings: &Readings, rules: &Rules) -> Result<()> {
+    let (poses, least) = (readings.read_poses(), rules.min_poses);
+    if poses >= least {
+        return Ok(());
+    }
+    let left = if poses < readings.poses.len() { "that are not left out " } else { "" };
+    let message = format!(
+        "{poses} {} {left}cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
+         20 spread over the box are good (`pkm-host plan --kind levels 5`)",
+        if poses == 1 { "pose" } else { "poses" }
+    );
+    Err(Failure::input(message).in_file(&readings.source.name))
+}
+
 /// Refuses what cannot be diagnosed, and says what is missing.
 fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>) -> Result<()> {
     let fail = |message: String| Err(Failure::input(message).in_file(&readings.source.name));
-    let (poses, least) = (readings.read_poses(), problem.rules.min_poses);
-    if poses < least {
-        let left = if poses < readings.poses.len() { "that are not left out " } else { "" };
-        return fail(format!(
-            "{poses} {} {left}cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
-             20 spread over the box are good (`pkm-host plan --kind levels 5`)",
-            if poses == 1 { "pose" } else { "poses" }
-        ));
-    }
     let unknowns = problem.model.declared().len();
     if problem.numbers() < 2 * unknowns {
         return fail(format!(
@@ -248,6 +254,7 @@ pub fn diagnose(
     }
     let numbers = left_out.numbers();
     let (given, readings) = (readings, &readings.without_numbers(&numbers));
+    check_poses(readings, rules)?;
     let read = observations(readings, &model);
     let experiment = Experiment::new(&model, readings);
     let noise = experiment.noise(&read, rules).map_err(|unknown| unknown_noise(readings, unknown))?;

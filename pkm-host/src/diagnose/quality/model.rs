@@ -6,7 +6,7 @@ use super::super::experiment::{Experiment, observations};
 use super::super::left_out::{LEFT_OUT, LeftOut};
 use super::super::model::{Model, Recorded};
 use super::super::odd_rows::OddRows;
-use super::super::{Method, check as check_usable, check_units, checks, single_poses, unknown_noise};
+use super::super::{Method, check as check_usable, check_poses, check_units, checks, single_poses, unknown_noise};
 use super::DataWarning;
 use crate::error::Failure;
 use crate::files::dataset::READ_COLUMNS;
@@ -80,10 +80,10 @@ fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWar
     let rules = &Rules::DEFAULT;
     let read = observations(readings, model);
     let experiment = Experiment::new(model, readings);
-    let noise = match experiment.noise(&read, rules) {
-        Ok(noise) => noise,
-        Err(unknown) => return vec![refused(UNKNOWN_NOISE, &unknown_noise(readings, unknown))],
-    };
+    let noise = experiment.noise(&read, rules);
+    let few_poses = check_poses(readings, rules).err().map(|failure| refused("cannot_be_diagnosed", &failure));
+    let no_noise = noise.as_ref().err().map(|unknown| refused(UNKNOWN_NOISE, &unknown_noise(readings, *unknown)));
+    let (Ok(noise), None) = (noise, &few_poses) else { return few_poses.into_iter().chain(no_noise).collect() };
     let whitener = Whitener::new(&read, &noise);
     let problem = Problem::new(&read, &whitener, &experiment, rules);
     if let Err(failure) = check_usable(readings, &problem, &experiment) {

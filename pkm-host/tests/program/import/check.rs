@@ -120,6 +120,7 @@ const DOUBTFUL: &[Case] = &[
     ("half of a pose in mm", |t| (60..90).fold(t, |t, n| row(t, n, &TRANSLATIONS, |c| scaled(c, 1e-3))), "rows_in_other_unit", 62, "", "the translations are next to nothing|are they in mm, or was the load not there? A diagnosis leaves this out", 1),
     ("half of a pose in mrad", |t| (70..100).fold(t, |t, n| row(t, n, &ROTATIONS, |c| scaled(c, 1e-3))), "rows_in_other_unit", 73, "", "the rotations are next to nothing|are they in mrad", 1),
     ("a sixth of the rows in mm", |t| (0..600).filter(|n| n % 60 < 10).fold(t, |t, n| row(t, n, &TRANSLATIONS, |c| scaled(c, 1e-3))), "rows_in_other_unit", 2, "", "are they in mm|`diagnose` refuses so many of them", 1),
+    ("three poses, and no repeats", |mut t| { t.rows.truncate(180); without_repeats(t) }, "cannot_be_diagnosed", 0, "", "`diagnose` refuses these readings: 3 poses cannot tell", 2),
     ("four poses, one of them in mm", |mut t| { t.rows.truncate(240); pose(t, &TRANSLATIONS, |c| scaled(c, 1e-3)) }, "cannot_be_diagnosed", 0, "", "3 poses that are not left out cannot tell", 2),
     ("all signs reversed", |t| t.map(&DEFLECTIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with all signs reversed", 1),
     ("one force reversed", |t| t.map(&["fz_n"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with forces along u, v, −w", 1),
