@@ -171,7 +171,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             began_s: 0,
             readings: 0,
             refused: 0,
-            last: [T::ZERO; MAX_COMPONENTS],
+            // no reading is equal to it
+            last: [T::from_f64(f64::INFINITY); MAX_COMPONENTS],
             due: [T::ZERO; MAX_COMPONENTS],
             still: [0; MAX_COMPONENTS],
             equal: 0,

@@ -765,6 +765,23 @@ fn what_is_refused_moves_no_amplitude() {
     assert!(stuck.count() > 350);
 }
 
+/// A channel that was never connected reads 0, which is no more what it read before than another number.
+#[test]
+fn a_dead_channel_is_found_as_late_whatever_it_reads() {
+    let found_at = |dead: f64| {
+        let mut rng = seeded();
+        let truth = Truth::new(&mut rng);
+        let mut estimator = Estimator::<f64, 6>::new(&drives()).unwrap();
+        (0..20).position(|n| {
+            let (touch, mut readings) = truth.touch(&mut rng, 0, 600 * n);
+            readings[0].read = dead;
+            estimator.learn(&MACHINE_F64, None, &touch, &readings) == Err(Refusal::Stuck)
+        })
+    };
+    assert_eq!(found_at(0.0), found_at(1e-9));
+    assert!(found_at(0.0) >= Some(4), "{:?}", found_at(0.0));
+}
+
 #[test]
 fn a_reading_outside_the_box_is_taken_in_and_said_to_be_there() {
     let (_, touch, _) = at_work();
