@@ -127,16 +127,16 @@ fn what_cannot_be_written_is_said_and_changes_nothing() {
 fn standard_error_that_cannot_be_written_costs_nothing_else() {
     let folder = Folder::new();
     let program = env!("CARGO_BIN_EXE_pkm-host");
-    let run = |args: &[&str]| {
-        Command::new(program).args(args).stderr(File::create("/dev/full").unwrap()).output().unwrap()
-    };
+    let run =
+        |args: &[&str]| Command::new(program).args(args).stderr(File::create("/dev/full").unwrap()).output().unwrap();
     json(&["fit", "--out", &folder.path("fit")]);
     // beyond the table's box, which is worth a warning
     let (poses, table, out) = (fixture("poses/table5.csv"), folder.path("fit/coefficients.json"), folder.path("k.csv"));
     let output = run(&["stiffness", "--poses", &poses, "--table", &table, "--out", &out]);
     assert_eq!(output.status.code(), Some(0));
     assert!(folder.read("k.csv").contains("hole-1"));
-    let output = run(&["ik", "--json", "--machine", "none.toml", "--theta-deg", "0", "--sigma-deg", "0", "--z0-mm", "530"]);
+    let output =
+        run(&["ik", "--json", "--machine", "none.toml", "--theta-deg", "0", "--sigma-deg", "0", "--z0-mm", "530"]);
     let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!((output.status.code(), document["error"]["kind"].as_str()), (Some(2), Some("input")));
 }
