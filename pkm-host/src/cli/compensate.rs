@@ -213,6 +213,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     session.warn(report::too_fast(&track, request.file));
     session.warn(report::not_held(&track, request.file));
     session.warn(report::unsure(&track));
+    session.warn(report::far_apart(&track));
     let written = writer.finish(&notes(args, &model, &track, in_program, session));
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);
     let inputs = [&[session.machine_path(), args.table.as_deref(), Some(args.path.as_path())], &others[..]].concat();

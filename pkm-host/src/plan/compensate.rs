@@ -11,6 +11,7 @@ use pkm_core::{
     ToolDeflectionError, ToolSolution, Wrench,
 };
 
+use super::implausible_load;
 use crate::error::{Failure, Result};
 use crate::files::cutting::Cut;
 use crate::files::limits::JointLimits;
@@ -252,7 +253,14 @@ impl Walk<'_> {
         let uncompensated = self.uncompensated(asked, wrench, &tool, near);
         // as a controller does: of the deflection no more than is known
         let share = uncompensated.as_ref().ok().and_then(|(_, known)| *known).map_or(1.0, |known| known.share);
-        let command = self.command(&tool, (wrench, share), near)?;
+        let command = self.command(&tool, (wrench, share), near).map_err(|failure| {
+            let moved_m = uncompensated.as_ref().map_or(f64::NAN, |(before, _)| before.off()[0]);
+            let why = implausible_load("the load takes the tip off its path by", moved_m);
+            Failure {
+                message: [Some(failure.message), why].into_iter().flatten().collect::<Vec<_>>().join("; "),
+                ..failure
+            }
+        })?;
         let configuration = command.solution.configuration;
         let Tool { tip_m, axis } = tool_at(&configuration)?;
         let toward = match asked.toward {
@@ -396,9 +404,6 @@ impl Walk<'_> {
             if wrench != Wrench::ZERO && (fill || ends) {
                 let (loaded, point) = self.loaded(&asked, &solution.configuration, &wrench, u_rel)?;
                 (self.near, before_m) = (loaded.configuration, Some(point.error_m(Error::Before)));
-                if !fill {
-                    self.last = None;
-                }
             } else if ends || (fill && mv.is_loaded()) {
                 self.points.push(Point { place: rounded(&asked, in_program), wrench, is_begin: false });
             }

@@ -186,7 +186,11 @@ impl<'a> Reach<'a> {
             (
                 ToolError::WristLimit { .. } | ToolError::Kinematics(KinematicsError::OutOfTravel { .. }),
                 Some(solution),
-            ) => self.excess(&solution.joints).1,
+            ) => match self.excess(&solution.joints) {
+                // without limits the iteration may end elsewhere
+                (_, words) if words.is_empty() => error.to_string(),
+                (_, words) => words,
+            },
             (ToolError::Singular, there) => {
                 let share = there.map_or("it would change sides".to_owned(), |solution| {
                     format!("the normalised determinant would be {:.4}", solution.normalised_determinant)

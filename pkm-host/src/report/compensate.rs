@@ -7,11 +7,16 @@ use crate::error::Result;
 use crate::page::plot::{self, Mark, Panel, Series};
 use crate::page::{self, Finding, Page};
 use crate::plan::feed::{HeldFeeds, NotHeld, NotHeldCuts, TooFast};
+use crate::plan::implausible_load;
 use crate::plan::track::{Error, LineErrors, Nearest, Tally, Track};
 use crate::report::path3d;
 
 /// A determinant below this many times the limit is a warning.
 const NEAR: f64 = 1.5;
+/// What may be left between points, as a share of what the load does.
+const MAX_HALFWAY: f64 = 0.1;
+/// What may be left of the axis' error, as a share of what the load does.
+const MAX_AXIS_LEFT: f64 = 0.5;
 
 /// Of each stretch of the path the greatest value in µm over the way in mm.
 fn along(track: &Track, name: &str, error: Error) -> Series {
@@ -145,6 +150,25 @@ pub fn unsure(track: &Track) -> Option<String> {
     })
 }
 
+/// Points that are too far apart.
+pub fn far_apart(track: &Track) -> Option<String> {
+    let is_much = track.halfway.max > MAX_HALFWAY * track.before[0].max;
+    is_much.then(|| {
+        let most_um = track.halfway.max * 1e6;
+        format!("halfway between two points {most_um:.2} µm are left: points that are closer leave less (--step-mm)")
+    })
+}
+
+/// What becomes of the axis.
+fn of_axis(track: &Track) -> Option<Finding> {
+    let [before, after] = [&track.before[1], &track.after[1]].map(|t| t.max * 1e6);
+    let text = format!("The load turns the tool's axis by {before:.1} µrad at most; {after:.1} µrad are left");
+    (track.before[1].count > 0).then(|| match after > MAX_AXIS_LEFT * before {
+        true => Finding::warning(format!("{text}, which the axes of the path do not turn back.")),
+        false => Finding::good(format!("{text}.")),
+    })
+}
+
 /// What to think of it.
 fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     if track.stretches.is_empty() {
@@ -154,6 +178,15 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     let mut all = vec![Finding::good(format!(
         "The load takes the tip {before:.1} µm from its path at most; with the new commands {after:.4} µm are left."
     ))];
+    all.extend(match far_apart(track) {
+        Some(text) => Some(Finding::warning(format!("The new path is coarse: {text}."))),
+        None if track.halfway.count > 0 => {
+            let most_um = track.halfway.max * 1e6;
+            Some(Finding::good(format!("Halfway between two points {most_um:.4} µm are left at most.")))
+        }
+        None => None,
+    });
+    all.extend(of_axis(track));
     if track.extrapolated > 0 {
         let points = track.points;
         let text = format!(
@@ -203,7 +236,7 @@ fn advice(track: &Track) -> Vec<Finding> {
 
 /// Loads that are hardly in the units that they are taken for.
 pub fn implausible(track: &Track) -> Option<String> {
-    super::implausible("the load takes the tip off its path by", track.before[0].max)
+    implausible_load("the load takes the tip off its path by", track.before[0].max)
 }
 
 /// Lines that ask too much of a joint.

@@ -266,6 +266,42 @@ fn a_compensated_csv_leaves_a_thousandth_of_the_deflection() {
     assert!(filled["error_halfway_um"]["max"].as_f64().unwrap() < 0.1, "{filled}");
 }
 
+const LOADED_ROWS: &str = "x_mm,y_mm,z_mm,i,j,k,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n\
+    -205,0,1137,0,0,1,LOAD,50,-400,0,0,0\n150,0,1137,0,0,1,LOAD,50,-400,0,0,0\n";
+
+/// The control goes straight between two rows that are far apart, and the stiffness along the way is another.
+#[test]
+fn rows_that_are_far_apart_are_judged_between_them_too() {
+    let folder = Folder::new();
+    let (path, out) = (folder.write("far.csv", &LOADED_ROWS.replace("LOAD", "100")), folder.path("out.csv"));
+    let summary = json(&["compensate", "--path", &path, "--out", &out]);
+    let [start, end] = [0, 1].map(|row| rows(&folder.read("out.csv"), ',')[row][..3].to_vec());
+    json(&["compensate", "--path", &path, "--step-mm", "177.5", "--out", &out]);
+    let middle = &rows(&folder.read("out.csv"), ',')[1][..3];
+    let off_um = 1e3 * (0..3).map(|i| (middle[i] - 0.5 * (start[i] + end[i])).powi(2)).sum::<f64>().sqrt();
+    let said_um = summary["error_halfway_um"]["max"].as_f64().unwrap();
+    assert!(off_um > 3.0 && (said_um - off_um).abs() < 0.05 * off_um, "{said_um} {off_um}");
+    let warning = summary["warnings"].to_string();
+    assert!(
+        warning.contains("halfway between two points 4.08 µm are left") && warning.contains("--step-mm"),
+        "{warning}"
+    );
+    let report = folder.read("report.html");
+    assert!(report.contains("axis by "), "the axis");
+}
+
+#[test]
+fn a_load_in_other_units_is_asked_about_where_no_command_makes_up_for_it() {
+    let folder = Folder::new();
+    for load in ["4e5", "5e6", "1e8"] {
+        let path = folder.write("q.csv", &LOADED_ROWS.replacen("LOAD", load, 1).replace("LOAD", "100"));
+        let output = run(&["compensate", "--path", &path, "--out", &folder.path("out.csv")]);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(message.contains("mm, farther than a machine tool yields: are forces in N"), "{message}");
+        assert!(!message.contains(":  ("), "{message}");
+    }
+}
+
 #[test]
 fn a_path_says_how_well_the_table_knows_its_deflection() {
     let folder = Folder::new();

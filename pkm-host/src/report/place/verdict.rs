@@ -2,6 +2,7 @@
 
 use super::{digits, front, mm, name, robust, series_name, um, worst};
 use crate::page::Finding;
+use crate::plan::implausible_load;
 use crate::plan::place::search::{Placed, Placement};
 use crate::plan::place::{Objective, PlacementModel, Posture};
 
@@ -155,7 +156,7 @@ pub(super) fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Findi
             .push(Finding::warning("Uncorrected: no correction table was given, and no data back the basic model."));
     }
     let most_um = placed.placements.iter().filter_map(|p| worst(&p.holes)).fold(0.0, f64::max);
-    findings.extend(crate::report::implausible("A tip moves by", most_um / 1e6).map(Finding::warning));
+    findings.extend(implausible_load("A tip moves by", most_um / 1e6).map(Finding::warning));
     findings.extend(all.into_iter().map(|p| of_placement(model, p)));
     findings.extend(robust::findings(model, placed));
     findings.extend(front::findings(model, placed));
