@@ -6,6 +6,7 @@ mod estimator;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use pkm_core::checksum::{START, over_text};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Known, Offset, OutsideBox, Reading};
 use pkm_core::effects::EFFECTS;
 use pkm_core::estimation::Estimator;
@@ -67,7 +68,7 @@ fn cargo(command: &str) -> Command {
 }
 
 /// The header as cbindgen writes it now.
-fn header_now() -> Result<Vec<u8>, String> {
+fn header_now() -> Result<String, String> {
     // cbindgen sees no macros, and the pinned compiler expands them only with its unstable options on
     let mut expand = cargo("rustc");
     expand.args(["--profile", "check", "--", "-Zunpretty=expanded"]).env("RUSTC_BOOTSTRAP", "1");
@@ -83,19 +84,48 @@ fn header_now() -> Result<Vec<u8>, String> {
     let bindings = cbindgen::Builder::new().with_config(config).with_src(source.path()).generate();
     let mut header = Vec::new();
     bindings.map_err(|e| e.to_string())?.write(&mut header);
-    Ok(header)
+    String::from_utf8(header).map_err(|e| e.to_string())
 }
 
-/// Writes the header.
+/// Version and checksum of the declarations of the last header, in the C library's folder.
+const DECLARED: &str = "declared.txt";
+
+/// A header's version with the checksum of its declarations: of everything but comments and the way lines are broken.
+///
+/// # Errors
+/// `before` has the same version and other declarations: a program with the header of before would not be refused.
+fn declared(header: &str, before: &str) -> Result<String, String> {
+    let is_comment = |line: &&str| ["/*", "*", "//"].iter().any(|begin| line.trim_start().starts_with(begin));
+    let code = header.lines().filter(|line| !is_comment(line)).flat_map(|line| line.split("//").take(1));
+    let sum = code.flat_map(str::split_whitespace).fold(START, over_text);
+    let (_, rest) = header.split_once("#define PKM_VERSION \"").ok_or("the header has no version")?;
+    let version = rest.split('"').next().unwrap_or_default();
+    let now = format!("{version} {sum:016x}\n");
+    if now != before && before.split(' ').next() == Some(version) {
+        return Err(format!(
+            "pkm.h declares something else than before under the same PKM_VERSION, {version}: raise it in \
+             embed/c/cbindgen.toml and embed/c/Cargo.toml, then cargo xtask header"
+        ));
+    }
+    Ok(now)
+}
+
+/// Writes the header, unless it declares something else under the same version.
 pub fn header() -> Outcome {
-    let path = folder().join("include/pkm.h");
-    std::fs::write(&path, header_now()?).map_err(|e| format!("{}: {e}", path.display()))
+    let (path, record) = (folder().join("include/pkm.h"), folder().join(DECLARED));
+    let header = header_now()?;
+    let before = std::fs::read_to_string(&record).map_err(|e| format!("{}: {e}", record.display()))?;
+    let now = declared(&header, &before)?;
+    std::fs::write(&path, header).map_err(|e| format!("{}: {e}", path.display()))?;
+    std::fs::write(&record, now).map_err(|e| format!("{}: {e}", record.display()))
 }
 
 /// Everything that holds of the C library.
 pub fn run() -> Outcome {
     let path = folder().join("include/pkm.h");
-    if std::fs::read(&path).map_err(|e| e.to_string())? != header_now()? {
+    let read = |path: PathBuf| std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()));
+    let (header, before) = (header_now()?, read(folder().join(DECLARED))?);
+    if read(path.clone())? != header || declared(&header, &before)? != before {
         return Err("include/pkm.h is not what cbindgen writes: cargo xtask header".into());
     }
     let mut cpp = Command::new("c++");
@@ -366,4 +396,22 @@ fn first_periods<T: Scalar>(
     let nothing_learned = None::<&Estimator<T, 0>>;
     let of_screws = screws.update_known(known, five.machine, nothing_learned, (pose, tip), reading);
     (of_screws, axes.update_known(known, five, nothing_learned, stands, reading))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::declared;
+
+    #[test]
+    fn other_declarations_ask_for_another_version() {
+        let header = |version: &str, comment: &str, field: &str| {
+            format!(
+                "/* {comment}\n * more\n */\n#define PKM_VERSION \"{version}\"\n// {comment}\nstruct A {{ {field} }};\n"
+            )
+        };
+        let before = declared(&header("0.4.0", "one", "int a;"), "0.3.0 0\n").unwrap();
+        assert_eq!(declared(&header("0.4.0", "two", "int  a;"), &before), Ok(before.clone()));
+        assert!(declared(&header("0.4.0", "one", "int a; int b;"), &before).unwrap_err().contains("raise it"));
+        assert!(declared(&header("0.5.0", "one", "int a; int b;"), &before).unwrap().starts_with("0.5.0 "));
+    }
 }

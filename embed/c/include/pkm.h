@@ -26,7 +26,7 @@
 #include <stdint.h>
 
 /* Of this header; pkm_version() is that of the library. */
-#define PKM_VERSION "0.3.0"
+#define PKM_VERSION "0.4.0"
 
 #if defined(__GNUC__)
 #define PKM_MUST_USE __attribute__((warn_unused_result))
