@@ -885,7 +885,7 @@ typedef struct {
   uint64_t table;
   // Number of terms, 1 to `PKM_TABLE_TERMS`.
   uint32_t terms;
-  // Not 0: it has the factor form as well.
+  // Not 0: it has the factor form as well, which `pkm_table_receive` asks for.
   int32_t factor_form;
 } PkmTableHeader;
 
@@ -1899,7 +1899,7 @@ size_t pkm_table_buffer_align_f64(void);
 // to the new table at its rate limit; without one the command steps.
 //
 // Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
-// them), NOT_A_TABLE. What was in the buffer is gone then.
+// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). What was in the buffer is gone then.
 PKM_MUST_USE
 PkmError pkm_table_receive_f64(PkmTableBuffer_f64 *buffer,
                                size_t size,
@@ -1939,7 +1939,7 @@ size_t pkm_table_buffer_align_f32(void);
 // to the new table at its rate limit; without one the command steps.
 //
 // Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
-// them), NOT_A_TABLE. What was in the buffer is gone then.
+// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). What was in the buffer is gone then.
 PKM_MUST_USE
 PkmError pkm_table_receive_f32(PkmTableBuffer_f32 *buffer,
                                size_t size,

@@ -21,7 +21,7 @@ pub struct PkmTableHeader {
     pub table: u64,
     /// Number of terms, 1 to `PKM_TABLE_TERMS`.
     pub terms: u32,
-    /// Not 0: it has the factor form as well.
+    /// Not 0: it has the factor form as well, which `pkm_table_receive` asks for.
     pub factor_form: i32,
 }
 
@@ -96,7 +96,7 @@ macro_rules! table {
         /// to the new table at its rate limit; without one the command steps.
         ///
         /// Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
-        /// them), NOT_A_TABLE. What was in the buffer is gone then.
+        /// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). What was in the buffer is gone then.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $receive(
@@ -120,6 +120,10 @@ macro_rules! table {
                     let header = TableHeader { machine, table, terms, factor_form: header.factor_form != 0 };
                     if count != header.numbers() {
                         return Err(PkmError::NotATable);
+                    }
+                    // most functions could only fail with it, as with one that is compiled in
+                    if !header.factor_form {
+                        return Err(PkmError::NoFactorForm);
                     }
                     let room = &raw mut (*buffer).buffer;
                     room.write(const { TableBuffer::new() });

@@ -2,6 +2,8 @@
 
 use std::ffi::c_void;
 
+use pkm_core::checksum::{START, over_byte, over_numbers};
+
 use super::*;
 
 const PATTERN: u64 = 0xA5A5_A5A5_A5A5_A5A5;
@@ -357,6 +359,14 @@ macro_rules! tables {
                     assert_eq!(receive(header, &numbers), *error, "{header:?}");
                 }
                 assert_eq!(receive(&header, &numbers[1..]), PkmError::NotATable);
+                let exponents = 6..6 + 3 * terms as usize;
+                let diagonal = &numbers[..exponents.end + 6 * terms as usize];
+                let sum = diagonal.iter().enumerate().fold(START, |sum, (place, number)| {
+                    let is_exponent = exponents.contains(&place);
+                    if is_exponent { over_byte(sum, *number as u8) } else { over_numbers(sum, &[*number]) }
+                });
+                let of_diagonal = PkmTableHeader { table: sum, factor_form: 0, ..header };
+                assert_eq!(receive(&of_diagonal, diagonal), PkmError::NoFactorForm);
                 let many = vec![0.0; 6 + 30 * 36];
                 assert_eq!(receive(&PkmTableHeader { terms: 36, ..header }, &many), PkmError::NotATable);
                 let (h, n) = (&raw const header, numbers.as_ptr());
