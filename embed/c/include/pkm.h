@@ -57,7 +57,7 @@ enum PkmError
   PKM_ERROR_MISALIGNED = 2,
   // An input, or what would come of it, is NaN or infinite.
   PKM_ERROR_NOT_FINITE = 3,
-  // The room for a result has another size than the library's: the header is that of another version.
+  // Memory, a slot or a structure has a size that does not fit: too small, or the header is that of another version.
   PKM_ERROR_WRONG_SIZE = 4,
   // No assembly exists in the working mode: an angle beyond a right angle, Z0 not above 0, the far side of a
   // singularity, or lengths that don't close.
@@ -1382,8 +1382,10 @@ PkmError pkm_cycle_f32(const PkmMachine_f32 *machine,
 // Errors: WRONG_SIZE.
 PKM_MUST_USE PkmError pkm_compensator_defaults(PkmCompensatorSettings *settings, size_t size);
 
-// Name of the first setting that is out of its range; null when all are within, or when there are none.
-const char *pkm_compensator_setting_out_of_range(const PkmCompensatorSettings *settings, size_t settings_size);
+// Name of the first setting that is out of its range, or "settings_size" when that is not the library's; null when all are
+// within, or when there are none.
+const char *pkm_compensator_setting_out_of_range(const PkmCompensatorSettings *settings,
+                                                 size_t settings_size);
 
 // Bytes that a compensator takes.
 size_t pkm_compensator_size_f64(void);
@@ -1552,8 +1554,9 @@ PkmError pkm_tool_compensator_update_f32(PkmToolCompensator_f32 *compensator,
 // What a number of `PkmError` means, in English; never null, also for a number that is none.
 const char *pkm_error_text(int32_t error);
 
-// Name of the first setting of an estimator that is out of its range; null when all are within, or when there are none. The number
-// of its amplitude, from 1, goes to `amplitude` unless that is null: 0 of a setting that is none's.
+// Name of the first setting of an estimator that is out of its range, or "settings_size" when that is not the library's; null when
+// all are within, or when there are none. The number of its amplitude, from 1, goes to `amplitude` unless that is null: 0 of a setting
+// that is none's.
 const char *pkm_estimator_setting_out_of_range(const PkmEstimatorSettings *settings,
                                                size_t settings_size,
                                                uint32_t *amplitude);
@@ -1563,7 +1566,7 @@ size_t pkm_estimator_state_bytes(uint32_t count);
 
 // Which of two slots, of `size` bytes each, holds the newest whole state of so many amplitudes.
 //
-// Errors: WRONG_SIZE: they are shorter than `pkm_estimator_state_bytes`. STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
+// Errors: SETTING_OUT_OF_RANGE: not 1 to `PKM_AMPLITUDES` amplitudes. WRONG_SIZE: the slots are shorter than `pkm_estimator_state_bytes`. STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
 PKM_MUST_USE
 PkmError pkm_estimator_newest(uint32_t count,
                               const uint8_t *first,

@@ -250,14 +250,15 @@ pub unsafe extern "C" fn pkm_compensator_defaults(settings: *mut PkmCompensatorS
     unsafe { answer(settings, || Ok(CompensatorSettings::DEFAULT.into())) }
 }
 
-/// Name of the first setting that is out of its range; null when all are within, or when there are none.
+/// Name of the first setting that is out of its range, or "settings_size" when that is not the library's; null when all are
+/// within, or when there are none.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pkm_compensator_setting_out_of_range(
     settings: *const PkmCompensatorSettings,
     settings_size: usize,
 ) -> *const c_char {
     if settings_size != size_of::<PkmCompensatorSettings>() {
-        return ptr::null();
+        return c"settings_size".as_ptr();
     }
     // SAFETY: the caller's promise
     let Ok(settings) = (unsafe { given(settings) }) else { return ptr::null() };

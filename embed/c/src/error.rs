@@ -22,7 +22,7 @@ pub enum PkmError {
     Misaligned = 2,
     /// An input, or what would come of it, is NaN or infinite.
     NotFinite = 3,
-    /// The room for a result has another size than the library's: the header is that of another version.
+    /// Memory, a slot or a structure has a size that does not fit: too small, or the header is that of another version.
     WrongSize = 4,
     /// No assembly exists in the working mode: an angle beyond a right angle, Z0 not above 0, the far side of a
     /// singularity, or lengths that don't close.
@@ -133,7 +133,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         1 => c"a pointer is null",
         2 => c"a pointer is not aligned for its type",
         3 => c"an input, or what would come of it, is not finite",
-        4 => c"the room for a result has another size: the header is that of another version",
+        4 => c"memory, slot or structure has a size that does not fit",
         10 => c"no assembly exists in the working mode",
         11 => c"too near to a direct singularity",
         12 => c"the screw of limb 1 would leave its travel",

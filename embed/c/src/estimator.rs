@@ -73,21 +73,35 @@ impl<T: Scalar> PkmEstimator<T> {
     }
 }
 
-/// Name of the first setting of an estimator that is out of its range; null when all are within, or when there are none. The number
-/// of its amplitude, from 1, goes to `amplitude` unless that is null: 0 of a setting that is none's.
+/// Name of the first setting of an estimator that is out of its range, or "settings_size" when that is not the library's; null when
+/// all are within, or when there are none. The number of its amplitude, from 1, goes to `amplitude` unless that is null: 0 of a setting
+/// that is none's.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pkm_estimator_setting_out_of_range(
     settings: *const PkmEstimatorSettings,
     settings_size: usize,
     amplitude: *mut u32,
 ) -> *const c_char {
+    // SAFETY: the caller's promise
+    let Some((number, name)) = (unsafe { out_of_range(settings, settings_size) }) else { return ptr::null() };
+    // SAFETY: the caller's promise
+    if let Ok(to) = unsafe { taken(amplitude) } {
+        *to = number.into();
+    }
+    name.as_ptr()
+}
+
+/// Number of the amplitude, and name of the setting.
+///
+/// # Safety
+/// As of the function for C.
+unsafe fn out_of_range(settings: *const PkmEstimatorSettings, settings_size: usize) -> Option<(u8, &'static CStr)> {
     if settings_size != size_of::<PkmEstimatorSettings>() {
-        return ptr::null();
+        return Some((0, c"settings_size"));
     }
     // SAFETY: the caller's promise
-    let Ok(settings) = (unsafe { given(settings) }) else { return ptr::null() };
-    let Err(error) = Any::<f64>::new(settings) else { return ptr::null() };
-    let (number, name): (u8, &'static CStr) = match error {
+    let settings = unsafe { given(settings) }.ok()?;
+    Some(match Any::<f64>::new(settings).err()? {
         EstimatorSettingsError::Count => (0, c"count"),
         EstimatorSettingsError::ModelShare => (0, c"model_share"),
         EstimatorSettingsError::Twice { amplitude } => (amplitude, c"amplitude"),
@@ -105,12 +119,7 @@ pub unsafe extern "C" fn pkm_estimator_setting_out_of_range(
             (amplitude, name)
         }
         _ => (0, c"settings"),
-    };
-    // SAFETY: the caller's promise
-    if let Ok(to) = unsafe { taken(amplitude) } {
-        *to = number.into();
-    }
-    name.as_ptr()
+    })
 }
 
 /// Bytes of the saved state of so many amplitudes; the same of both number types.
@@ -121,7 +130,7 @@ pub extern "C" fn pkm_estimator_state_bytes(count: u32) -> usize {
 
 /// Which of two slots, of `size` bytes each, holds the newest whole state of so many amplitudes.
 ///
-/// Errors: WRONG_SIZE: they are shorter than `pkm_estimator_state_bytes`. STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
+/// Errors: SETTING_OUT_OF_RANGE: not 1 to `PKM_AMPLITUDES` amplitudes. WRONG_SIZE: the slots are shorter than `pkm_estimator_state_bytes`. STATE_NOT_WHOLE: in neither. Nothing was saved, or both are damaged: begin with the first and sequence number 1.
 #[must_use]
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn pkm_estimator_newest(
@@ -134,13 +143,16 @@ pub unsafe extern "C" fn pkm_estimator_newest(
     // SAFETY: the caller's promise
     unsafe {
         answer(found, || {
-            if size < pkm_estimator_state_bytes(count) {
+            let amplitudes = count as usize;
+            if !(1..=PKM_AMPLITUDES).contains(&amplitudes) {
+                return Err(PkmError::SettingOutOfRange);
+            }
+            if size < state_bytes(amplitudes) {
                 return Err(PkmError::WrongSize);
             }
             let (first, second) = (given(first)?, given(second)?);
             let [first, second] = [first, second].map(|slot| slice::from_raw_parts(slot, size));
-            let count = (count as usize).min(PKM_AMPLITUDES);
-            let (slot, sequence) = newest(count, first, second).ok_or(PkmError::StateNotWhole)?;
+            let (slot, sequence) = newest(amplitudes, first, second).ok_or(PkmError::StateNotWhole)?;
             Ok(PkmNewest { slot: u32::from(slot == Slot::B), sequence })
         })
     }

@@ -87,9 +87,11 @@ static int misuse(void) {
     CHECK(!strcmp(pkm_estimator_setting_out_of_range(&set, sizeof set, &amplitude), "amplitude") && amplitude == 6);
     set.amplitudes[5].amplitude = PKM_AMPLITUDE_LIMB1;
     CHECK(!strcmp(pkm_estimator_setting_out_of_range(&set, sizeof set, &amplitude), "amplitude") && amplitude == 6);
+    CHECK(!strcmp(pkm_estimator_setting_out_of_range(&set, sizeof set - 8, &amplitude), "settings_size") && amplitude == 0);
     for (uint32_t count = 0; count <= 9; count += 9) {
         set.count = count;
         CHECK(!strcmp(pkm_estimator_setting_out_of_range(&set, sizeof set, NULL), "count"));
+        CHECK(pkm_estimator_newest(count, slots[0], slots[1], sizeof slots[0], &newest) == PKM_ERROR_SETTING_OUT_OF_RANGE);
     }
     for (set = settings(), set.count = 1; set.count <= PKM_AMPLITUDES; set.count++) {
         set.amplitudes[6] = set.amplitudes[7] = set.amplitudes[0];

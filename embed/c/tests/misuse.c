@@ -112,6 +112,7 @@ static void compensators(void) {
     wrong.outside_box = 3;
     REFUSED(PKM_ERROR_SETTING_OUT_OF_RANGE, room, pkm_compensator_init_f64(c, size, &wrong, sizeof wrong, &ours));
     CHECK(strcmp(pkm_compensator_setting_out_of_range(&wrong, sizeof wrong), "outside_box") == 0);
+    CHECK(strcmp(pkm_compensator_setting_out_of_range(&set, sizeof set - 8), "settings_size") == 0);
 
     CHECK(pkm_compensator_init_f64(c, sizeof room, &set, sizeof set, &ours) == PKM_ERROR_OK);
     REFUSED(PKM_ERROR_NULL_POINTER, offset,
