@@ -4,8 +4,8 @@
  * Units: SI, in every name: m, rad, N, N m; temperatures in degrees Celsius.
  * Frames: B-xyz sits on the fixed platform, x from B to B3, y from B to B2. A-uvw sits on the moving platform, u from A
  * to A3, v from A to A2. Six-vectors: u, v, w, about u, v, w.
- * Errors: every function that computes returns a PkmError and writes its result (the last argument) only when that is
- * PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors. GCC and Clang warn when one is ignored.
+ * Errors: every function that computes returns a PkmError and writes its result (where the last pointer that is not to const leads) only
+ * when that is PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors. GCC and Clang warn when one is ignored.
  * Numbers: functions that end in _f64 compute in double, those in _f32 in float; the same bits on a PC as on a Cortex-M.
  * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
  * interrupts. Input and result may be the same memory. A compensator or an estimator is state, in memory that the caller gives:
@@ -1913,13 +1913,15 @@ PkmError pkm_table_receive_f64(PkmTableBuffer_f64 *buffer,
 
 // Begins to watch a table, as it is in memory now: after `pkm_verify`, or when it has come. Outside of the periods; it goes
 // through all of the table.
+//
+// Errors: NULL_POINTER, MISALIGNED, no others.
 PKM_MUST_USE
 PkmError pkm_table_watch_begin_f64(PkmTableWatch *watch,
                                    const PkmTable_f64 *table);
 
-// Looks at the next eight numbers of the table that the period uses. A bit that has flipped is found within twice as many
-// periods as the table has eights of numbers. Compensate no more then: a compensator whose reading is not `enabled` takes
-// its offset back at its rate.
+// Looks at the next eight numbers of the table that the period uses. A bit that flips in a table of n numbers, 6 + 30 for each
+// term, is found within 2 (n / 8 + 1) periods, n / 8 rounded down: at the end of the next round where this one has passed it.
+// Compensate no more then: a compensator whose reading is not `enabled` takes its offset back at its rate.
 //
 // Errors: DAMAGED_TABLE, from then on.
 PKM_MUST_USE
@@ -1953,13 +1955,15 @@ PkmError pkm_table_receive_f32(PkmTableBuffer_f32 *buffer,
 
 // Begins to watch a table, as it is in memory now: after `pkm_verify`, or when it has come. Outside of the periods; it goes
 // through all of the table.
+//
+// Errors: NULL_POINTER, MISALIGNED, no others.
 PKM_MUST_USE
 PkmError pkm_table_watch_begin_f32(PkmTableWatch *watch,
                                    const PkmTable_f32 *table);
 
-// Looks at the next eight numbers of the table that the period uses. A bit that has flipped is found within twice as many
-// periods as the table has eights of numbers. Compensate no more then: a compensator whose reading is not `enabled` takes
-// its offset back at its rate.
+// Looks at the next eight numbers of the table that the period uses. A bit that flips in a table of n numbers, 6 + 30 for each
+// term, is found within 2 (n / 8 + 1) periods, n / 8 rounded down: at the end of the next round where this one has passed it.
+// Compensate no more then: a compensator whose reading is not `enabled` takes its offset back at its rate.
 //
 // Errors: DAMAGED_TABLE, from then on.
 PKM_MUST_USE

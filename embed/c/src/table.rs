@@ -141,6 +141,8 @@ macro_rules! table {
 
         /// Begins to watch a table, as it is in memory now: after `pkm_verify`, or when it has come. Outside of the periods; it goes
         /// through all of the table.
+        ///
+        /// Errors: NULL_POINTER, MISALIGNED, no others.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $watch_begin(watch: *mut PkmTableWatch, table: *const PkmTable<$t>) -> PkmError {
@@ -148,9 +150,9 @@ macro_rules! table {
             unsafe { answer(watch, || Ok(TableWatch::new(given(table)?.0.checksum()).into())) }
         }
 
-        /// Looks at the next eight numbers of the table that the period uses. A bit that has flipped is found within twice as many
-        /// periods as the table has eights of numbers. Compensate no more then: a compensator whose reading is not `enabled` takes
-        /// its offset back at its rate.
+        /// Looks at the next eight numbers of the table that the period uses. A bit that flips in a table of n numbers, 6 + 30 for each
+        /// term, is found within 2 (n / 8 + 1) periods, n / 8 rounded down: at the end of the next round where this one has passed it.
+        /// Compensate no more then: a compensator whose reading is not `enabled` takes its offset back at its rate.
         ///
         /// Errors: DAMAGED_TABLE, from then on.
         #[must_use]

@@ -216,30 +216,55 @@ fn a_flipped_bit_on_the_way_is_found() {
 
 #[test]
 fn a_bit_that_flips_in_service_is_found_within_two_rounds() {
+    let degrees = || (0..5_u8).flat_map(|p| (0..5).flat_map(move |r| (0..5).map(move |s| [p, r, s])));
+    let fourth: Vec<[u8; 3]> = degrees().filter(|term| term.iter().sum::<u8>() <= 4).collect();
+    assert_eq!(fourth.len(), 35);
+    let of_terms = |terms: &[[u8; 3]]| -> Vec<f64> {
+        let exponents = terms.iter().flatten().map(|exponent| f64::from(*exponent));
+        let coefficients = std::iter::repeat_n(1.0, (6 + FACTOR_ENTRIES) * terms.len());
+        [0.1, 0.2, 0.5, 0.3, 0.3, 0.1].into_iter().chain(exponents).chain(coefficients).collect()
+    };
+    let reference: Vec<f64> = TABLE_F64.numbers().collect();
+    // the numbers of 3 and of 35 terms are multiples of those that a look takes in, where a round takes a look more
+    for sent in [reference, of_terms(&fourth[..3]), of_terms(&fourth)] {
+        every_flip_is_found(&sent);
+    }
+}
+
+fn every_flip_is_found(sent: &[f64]) {
+    let count = (sent.len() - 6) / (3 + 6 + FACTOR_ENTRIES);
+    let exponents = 6..6 + 3 * count;
+    let terms_of = |numbers: &[f64]| -> Vec<[u8; 3]> {
+        numbers[exponents.clone()].chunks(3).map(|t| [t[0], t[1], t[2]].map(|e| e as u8)).collect()
+    };
     let mut rng = seeded();
-    let sent: Vec<f64> = TABLE_F64.numbers().collect();
     let periods = 2 * (sent.len() / WATCHED_NUMBERS + 1);
-    let (exponents, coefficients) = (6..6 + 3 * EQ_11.len(), 6 + 3 * EQ_11.len());
+    let terms = terms_of(sent);
+    let whole = laid_out(sent, &terms);
     for place in (0..cases(4)).flat_map(|_| 0..sent.len()) {
-        let mut watch = TableWatch::new(TABLE_F64.checksum());
+        let mut watch = TableWatch::new(whole.checksum());
         for _ in 0..rng.usize(..periods) {
-            assert_eq!(watch.look(&TABLE_F64), Ok(()));
+            assert_eq!(watch.look(&whole), Ok(()));
         }
-        let mut numbers = sent.clone();
+        let mut numbers = sent.to_vec();
         numbers[place] = match exponents.contains(&place) {
             true => f64::from(numbers[place] as u8 ^ 1 << rng.u32(..2)),
             false => f64::from_bits(numbers[place].to_bits() ^ 1 << rng.u32(..52)),
         };
-        let terms: Vec<_> = numbers[exponents.clone()].chunks(3).map(|t| [t[0], t[1], t[2]].map(|e| e as u8)).collect();
-        let (centre, half_width) = (std::array::from_fn(|n| numbers[n]), std::array::from_fn(|n| numbers[3 + n]));
-        let (diagonal, factor) = numbers[coefficients..].split_at(6 * terms.len());
-        let basis = Basis::<f64>::new(centre, half_width, &terms).expect("a box and terms");
-        let flipped = CorrectionTable::<f64>::new(basis, diagonal, Some(factor)).expect("a table");
+        let terms = terms_of(&numbers);
+        let flipped = laid_out(&numbers, &terms);
         let found = (1..=periods).find(|_| watch.look(&flipped) == Err(Damaged::Table));
-        assert!(found.is_some(), "number {place}");
+        assert!(found.is_some(), "number {place} of {}", sent.len());
         // for good, also where the bit comes back
-        assert!((0..periods).all(|_| watch.look(&TABLE_F64) == Err(Damaged::Table)));
+        assert!((0..periods).all(|_| watch.look(&whole) == Err(Damaged::Table)));
     }
+}
+
+fn laid_out<'a>(numbers: &'a [f64], terms: &'a [[u8; 3]]) -> CorrectionTable<'a, f64> {
+    let (centre, half_width) = (std::array::from_fn(|n| numbers[n]), std::array::from_fn(|n| numbers[3 + n]));
+    let (diagonal, factor) = numbers[6 + 3 * terms.len()..].split_at(6 * terms.len());
+    let basis = Basis::<f64>::new(centre, half_width, terms).expect("a box and terms");
+    CorrectionTable::<f64>::new(basis, diagonal, Some(factor)).expect("a table")
 }
 
 #[test]
