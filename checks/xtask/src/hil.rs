@@ -108,12 +108,13 @@ fn faults(board: &str, elf: &Path) -> Outcome {
 
 /// Tables that must not be put into service, while the task runs on.
 fn bad_tables(line: &mut Line) -> Outcome {
-    let table = |machine: u64, terms: u8| {
+    let table_with = |machine: u64, terms: u8, factor_form: bool| {
         let sum = TABLE_F64.checksum();
         format!(
-            r#"{{"v":2,"id":4,"cmd":"table","machine":"{machine:016x}","table":"{sum:016x}","terms":{terms},"factor_form":true}}"#
+            r#"{{"v":2,"id":4,"cmd":"table","machine":"{machine:016x}","table":"{sum:016x}","terms":{terms},"factor_form":{factor_form}}}"#
         )
     };
+    let table = |machine, terms| table_with(machine, terms, true);
     let numbers = |numbers: &[f64], first: usize| {
         format!(r#"{{"v":2,"id":5,"cmd":"numbers","first":{first},"numbers":{numbers:?}}}"#)
     };
@@ -126,6 +127,7 @@ fn bad_tables(line: &mut Line) -> Outcome {
     asks("a swap without a table", swap(), r#"{"error":"order"}"#)?;
     asks("the table of another machine", table(machine + 1, 9), r#"{"error":"other_machine"}"#)?;
     asks("a table of too many terms", table(machine, 64), r#"{"error":"table"}"#)?;
+    asks("a table without the factor form", table_with(machine, 9, false), r#"{"error":"table"}"#)?;
     let all: Vec<f64> = TABLE_F64.numbers().collect();
     // one number is its neighbour, one piece is missing
     for (changed, missing, expected) in [(Some(100), None, "table"), (None, Some(48), "order"), (None, None, "swapped")]

@@ -8,8 +8,8 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use cortex_m::asm::wfi;
 use critical_section::Mutex;
-use pkm_core::CorrectionTable;
 use pkm_core::correction::{TableBuffer, TableHeader, TransferError};
+use pkm_core::{CorrectionTable, TableError};
 use pkm_protocol::{Answer, Carried, Checksum, Code, Fault, Piece, Received as Numbers};
 
 use crate::compensation::Weighed;
@@ -31,6 +31,10 @@ impl Tables {
     }
 
     pub fn begin(&mut self, header: &TableHeader) -> Result<(), TransferError> {
+        // every pose would be refused with it
+        if !header.factor_form {
+            return Err(TransferError::Table(TableError::CoefficientCount));
+        }
         self.f32.begin(header, coefficients::PARAMETERS.checksum())?;
         self.f64.begin(header, coefficients::PARAMETERS.checksum())
     }

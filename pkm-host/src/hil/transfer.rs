@@ -29,7 +29,9 @@ fn ask(link: &mut Link, command: Command) -> Result<()> {
         Answer::Error(Code::OtherMachine) => {
             refused("it was built for another machine than --machine; build it with the coefficients.rs of this one")
         }
-        Answer::Error(Code::Table) => refused("it has no room for so many terms, or numbers came to harm on their way"),
+        Answer::Error(Code::Table) => refused(
+            "the table has no factor form, the firmware no room for so many terms, or numbers came to harm on their way",
+        ),
         Answer::Error(Code::Order) => refused("a part of it is missing, or another program speaks to the firmware"),
         _ => Err(link.failed(format!("not what a table is answered with: {}", shown(&reply)))),
     }
