@@ -75,9 +75,9 @@ impl Refusal {
         Self { message, ..self }
     }
 
-    /// As the exception of its status, with the row's number, from 0.
-    pub fn at_row(self, row: usize) -> PyErr {
-        refused(self.status, (format!("row {row}: {}", self.message), Some(row), None, None, None))
+    /// As the exception of its status, with the row's number, from 0, behind what `argument` says.
+    pub fn at_row(self, argument: &str, row: usize) -> PyErr {
+        refused(self.status, (format!("{argument}row {row}: {}", self.message), Some(row), None, None, None))
     }
 }
 

@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::errors::{self, Refusal, usage};
-use crate::rows::{Given, array, each, matrices, rows, rows_for};
+use crate::rows::{Given, array, each, each_of, matrices, rows, rows_for};
 
 /// A machine, with a correction table or without.
 ///
@@ -220,7 +220,7 @@ impl Model {
             None => vec![reach.home(); tips.len()],
             Some(near) => {
                 let joints = rows_for("near", &near, tips.len())?;
-                each(py, &joints, |row| Ok(reach.five.forward(&joint_values(*row))?.0))?
+                each_of(py, "near: ", &joints, |row| Ok(reach.five.forward(&joint_values(*row))?.0))?
             }
         };
         let tools: Vec<_> = tips.into_iter().zip(axes).zip(near).collect();

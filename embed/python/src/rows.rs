@@ -2,16 +2,33 @@
 
 use numpy::ndarray::ArrayView;
 use numpy::{AllowTypeChange, IxDyn, PyArray1, PyArray2, PyArray3, PyArrayLikeDyn, PyArrayMethods};
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::errors::{Refusal, usage};
 
 /// What a user gives for an array of floats: anything that `numpy.asarray` takes.
-pub type Given<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+pub type Given<'py> = Bound<'py, PyAny>;
+
+/// Not by the signature, whose errors have no name of the argument and are Python's own.
+fn floats<'py>(name: &str, given: &Given<'py>) -> PyResult<PyArrayLikeDyn<'py, f64, AllowTypeChange>> {
+    let py = given.py();
+    // the conversion takes what is beneath a mask
+    if py.import("numpy.ma")?.call_method1("is_masked", (given,))?.is_truthy()? {
+        return Err(usage(format!("{name}: elements are masked; leave their rows out")));
+    }
+    given.extract().map_err(|error: PyErr| {
+        let is_of_the_argument = error.is_instance_of::<PyTypeError>(py)
+            || error.is_instance_of::<PyValueError>(py)
+            || error.is_instance_of::<PyOverflowError>(py);
+        if is_of_the_argument { usage(format!("{name}: {}", error.value(py))) } else { error }
+    })
+}
 
 /// A copy of an array of shape (n, N), which Python may change while the GIL is released.
 pub fn rows<const N: usize>(name: &str, given: &Given<'_>) -> PyResult<Vec<[f64; N]>> {
-    let array: ArrayView<'_, f64, IxDyn> = given.as_array();
+    let floats = floats(name, given)?;
+    let array = floats.as_array();
     match array.shape() {
         [_, columns] if *columns == N => Ok(chunks(array)),
         shape => Err(usage(format!("{name}: expected an array of shape (n, {N}), found {shape:?}"))),
@@ -20,7 +37,8 @@ pub fn rows<const N: usize>(name: &str, given: &Given<'_>) -> PyResult<Vec<[f64;
 
 /// The same with one row for all: of shape (N,) too.
 pub fn rows_for<const N: usize>(name: &str, given: &Given<'_>, count: usize) -> PyResult<Vec<[f64; N]>> {
-    let array = given.as_array();
+    let floats = floats(name, given)?;
+    let array = floats.as_array();
     match array.shape() {
         [columns] if *columns == N => Ok(chunks(array).repeat(count)),
         [rows, columns] if (*rows, *columns) == (count, N) => Ok(chunks(array)),
@@ -42,6 +60,16 @@ pub fn each<I: Sync, T: Send>(
     inputs: &[I],
     compute: impl Fn(&I) -> Result<T, Refusal> + Sync + Send,
 ) -> PyResult<Vec<T>> {
+    each_of(py, "", inputs, compute)
+}
+
+/// The same of an argument beside the one that the rows are of: errors begin with `argument`.
+pub fn each_of<I: Sync, T: Send>(
+    py: Python<'_>,
+    argument: &str,
+    inputs: &[I],
+    compute: impl Fn(&I) -> Result<T, Refusal> + Sync + Send,
+) -> PyResult<Vec<T>> {
     let computed = py.detach(|| {
         let mut results = Vec::with_capacity(inputs.len());
         for (row, input) in inputs.iter().enumerate() {
@@ -49,7 +77,7 @@ pub fn each<I: Sync, T: Send>(
         }
         Ok(results)
     });
-    computed.map_err(|(row, refusal): (usize, Refusal)| refusal.at_row(row))
+    computed.map_err(|(row, refusal): (usize, Refusal)| refusal.at_row(argument, row))
 }
 
 /// As an array of shape (n, N).

@@ -146,6 +146,40 @@ def test_shapes_of_what_goes_with_them(basic):
         basic.deflection(np.zeros((2, 3)), np.zeros((3, 6)))
 
 
+def test_masked_elements_are_refused(basic, corrected):
+    poses = np.ma.masked_invalid([[0.1, -0.05, 0.53], [np.nan, 0, 0.5]])
+    poses.data[1, 0] = 0  # as a mask of readings that are finite and wrong
+    with pytest.raises(errors.UsageError, match="^poses: .*masked"):
+        basic.reachable(poses)
+    load = np.ma.array([0, 0, -400.0, 0, 0, 0], mask=[0, 0, 1, 0, 0, 0])
+    with pytest.raises(errors.UsageError, match="^wrenches: .*masked"):
+        corrected.deflection([[0, 0, 0.53]], load)
+    whole = np.ma.array([[0.1, -0.05, 0.53]])
+    np.testing.assert_array_equal(basic.ik(whole), basic.ik(whole.data))
+    assert basic.ik(poses[:1]).shape == (1, 3)
+
+
+@pytest.mark.parametrize("bad", ["abc", [["a", 0, 0]], [[0, 0, 0.53], [0, 0]], object(), None, [[0, 0, 1j]]])
+def test_what_is_no_array_of_numbers(basic, bad):
+    with pytest.raises(errors.UsageError, match="^poses: "):
+        basic.ik(bad)
+    with pytest.raises(errors.UsageError, match="^axes: "):
+        basic.inverse_tool([[-0.2, 0, 1.1]], bad)
+
+
+def test_an_error_about_near_says_so(basic):
+    tool = ([[-0.2, 0, 1.1], [-0.2, 0, 1.1]], [0, 0, 1])
+    home = basic.inverse_tool(*tool)
+    for bad, error in ((np.nan, errors.NotFiniteError), (0.3, errors.OutOfTravelError)):
+        near = home.copy()
+        near[1, 0] = bad
+        with pytest.raises(error, match="^near: row 1: ") as caught:
+            basic.inverse_tool(*tool, near=near)
+        assert caught.value.row == 1
+    with pytest.raises(errors.UsageError, match="^near: "):
+        basic.inverse_tool(*tool, near=[[0, 0]])
+
+
 def test_extrapolation_is_warned_of(corrected):
     pose = [[0, 0, 0.64]]
     assert corrected.inside_box([[0, 0, 0.53], *pose]).tolist() == [True, False]
