@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DVector, Matrix3, Vector3};
 use pkm_diagnosis::residuals::{Outlier, Structure};
 use pkm_diagnosis::verdict::Judgement;
 use pkm_diagnosis::{Fit, Problem, Rules, Whitener};
@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
-use super::ways::other_ways;
+use super::ways::{self, other_ways};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
 
@@ -21,6 +21,9 @@ use crate::files::readings::{CHANNELS, Readings};
 pub const TAKEN_OTHERWISE: &str = "readings_taken_otherwise";
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
 const BADLY_SD: f64 = 10.0;
+/// Least and greatest lever that a load may have without a word of it, m.
+const MIN_LEVER_M: f64 = 0.02;
+const MAX_LEVER_M: f64 = 2.0;
 
 /// A reason to look at the readings before the machine.
 #[derive(Clone, Debug, Serialize)]
@@ -86,6 +89,32 @@ fn left(linear: &Fit, residuals: &DVector<f64>, uncertainty: f64) -> f64 {
     rest.max(0.0) / residuals.len() as f64
 }
 
+/// How far from where the file has them the loads act for the least residuals, in A-uvw, m: forces that were put on at a tool or a
+/// clamp, whose lever nobody noted. None below what a load may be off by anyway.
+fn lever(
+    as_said: &Fit,
+    residuals_of: &(dyn Fn(&Readings) -> Option<DVector<f64>> + Sync),
+    readings: &Readings,
+) -> Option<Vector3<f64>> {
+    const TRIED_M: f64 = 0.1;
+    let turned = |axis: usize| {
+        let moved = ways::with_lever(readings, Vector3::ith(axis, TRIED_M));
+        Some((residuals_of(&moved)? - &as_said.residuals) / TRIED_M)
+    };
+    let columns = [turned(0)?, turned(1)?, turned(2)?];
+    // of what no stiffness mends
+    let inner = |a: &DVector<f64>, b: &DVector<f64>| {
+        let mended = as_said.information.solve(&as_said.jacobian.tr_mul(b));
+        a.dot(b) - as_said.jacobian.tr_mul(a).dot(&mended)
+    };
+    // where nothing tells, it is as the file says
+    let weak = 1.0 / MAX_LEVER_M.powi(2);
+    let information = Matrix3::from_fn(|i, j| inner(&columns[i], &columns[j]) + if i == j { weak } else { 0.0 });
+    let along = Vector3::from_fn(|i, _| inner(&columns[i], &as_said.residuals));
+    let lever_m = -information.cholesky()?.solve(&along);
+    (MIN_LEVER_M..MAX_LEVER_M).contains(&lever_m.norm()).then_some(lever_m)
+}
+
 /// Whether the readings fit the declared machine much better when they are taken otherwise. Linearised, so that there is
 /// an answer even where no fit converges.
 pub fn taken_otherwise(
@@ -102,7 +131,13 @@ pub fn taken_otherwise(
     let uncertainty = model.uncertainty.joint.max(model.uncertainty.body);
     let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, uncertainty);
     let said = left(&as_said, &as_said.residuals);
-    let found: Vec<(String, f64)> = other_ways(readings, tip_m)
+    let residuals_of = |taken: &Readings| {
+        let (observations, experiment) = (experiment::observations(taken, model), Experiment::new(model, taken));
+        Problem::new(&observations, whitener, &experiment, problem.rules).residuals(&[], &[])
+    };
+    let mut ways = other_ways(readings, tip_m);
+    ways.extend(lever(&as_said, &residuals_of, readings).map(|lever_m| ways::levered(readings, lever_m)));
+    let found: Vec<(String, f64)> = ways
         .into_par_iter()
         .filter_map(|way| {
             let taken = (way.taken)()?;

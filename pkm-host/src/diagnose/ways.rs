@@ -173,6 +173,22 @@ fn at_point(readings: &Readings, point_m: Vector3<f64>, load_too: bool) -> Readi
     other
 }
 
+/// With loads that act so far from where the file has them, in A-uvw.
+pub fn with_lever(readings: &Readings, lever_m: Vector3<f64>) -> Readings {
+    let mut other = readings.without(|_| false);
+    for c in &mut other.conditions {
+        (c.wrench, c.turned_at) = (c.wrench.moved_to_a(lever_m), c.turned_at.moved_to_a(lever_m));
+    }
+    other
+}
+
+/// The same as a way to take the readings.
+pub fn levered(readings: &Readings, lever_m: Vector3<f64>) -> Way<'_> {
+    let mm = lever_m.map(|m| (m * 1e3).round() + 0.0);
+    let how = format!("with loads that act {}, {}, {} mm (u, v, w) from where the file has them", mm.x, mm.y, mm.z);
+    Way { how, taken: Box::new(move || Some(with_lever(readings, lever_m))), is_as_predicted: false }
+}
+
 /// Other units of forces and moments, and what they are in N and N·m.
 const UNITS_OF_LOADS: [(&str, f64, f64); 7] = [
     ("with forces in kgf or daN", GRAVITY, 1.0),

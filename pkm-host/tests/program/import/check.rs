@@ -66,6 +66,18 @@ fn one_sign(mut table: Table) -> Table {
     table
 }
 
+/// The loads of the set as they are at a point 450 mm below A, and given as loads at A.
+fn with_lever(mut table: Table) -> Table {
+    let [fx, fy, _, mx, my, _] = LOADS.map(|name| table.column(name));
+    let number = |row: &[String], n: usize| row[n].parse::<f64>().unwrap();
+    for row in &mut table.rows {
+        let (force, moment) = ([fx, fy].map(|n| number(row, n)), [mx, my].map(|n| number(row, n)));
+        row[mx] = (moment[0] + 0.45 * force[1]).to_string();
+        row[my] = (moment[1] - 0.45 * force[0]).to_string();
+    }
+    table
+}
+
 /// The first reading of each pose and load.
 fn without_repeats(mut table: Table) -> Table {
     let n = table.column("repeat");
@@ -122,6 +134,7 @@ const DOUBTFUL: &[Case] = &[
     ("a sixth of the rows in mm", |t| (0..600).filter(|n| n % 60 < 10).fold(t, |t, n| row(t, n, &TRANSLATIONS, |c| scaled(c, 1e-3))), "rows_in_other_unit", 2, "", "are they in mm|`diagnose` refuses so many of them", 1),
     ("three poses, and no repeats", |mut t| { t.rows.truncate(180); without_repeats(t) }, "cannot_be_diagnosed", 0, "", "`diagnose` refuses these readings: 3 poses cannot tell", 2),
     ("four poses, one of them in mm", |mut t| { t.rows.truncate(240); pose(t, &TRANSLATIONS, |c| scaled(c, 1e-3)) }, "cannot_be_diagnosed", 0, "", "3 poses that are not left out cannot tell", 2),
+    ("loads 450 mm above where the file has them", with_lever, "readings_taken_otherwise", 0, "", " with loads that act |(u, v, w) from where the file has them", 1),
     ("all signs reversed", |t| t.map(&DEFLECTIONS, |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with all signs reversed", 1),
     ("one force reversed", |t| t.map(&["fz_n"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with forces along u, v, −w", 1),
     ("two forces exchanged", |t| t.exchanged("fx_n", "fy_n"), "readings_taken_otherwise", 0, "", "with forces along v, u, w", 1),
