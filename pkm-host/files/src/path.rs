@@ -5,6 +5,9 @@ use pkm_core::Wrench;
 use crate::cutting::Cut;
 use crate::head::Head;
 
+/// A way of the tip shorter than this is none, m.
+pub(crate) const NO_WAY_M: f64 = 1e-9;
+
 /// A straight move.
 #[derive(Clone, Copy, Debug)]
 pub struct Move {
@@ -140,6 +143,12 @@ impl Place {
             }
             _ => self.apart(to)[1],
         }
+    }
+
+    /// The same in degrees, where the tool does no more than turn.
+    pub fn turned_alone_deg(&self, to: &Self) -> Option<f64> {
+        let turn_deg = self.turned_rad(to).to_degrees();
+        (self.apart(to)[0] < NO_WAY_M && turn_deg > 0.0).then_some(turn_deg)
     }
 }
 

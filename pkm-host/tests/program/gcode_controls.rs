@@ -70,6 +70,79 @@ fn parts_in_g93_take_the_time_of_the_whole() {
     assert!(x < -204.9 && minutes < 0.01 * 0.1, "{cuts:?}");
 }
 
+/// Minutes of the lines in G93, of the first the way to where the load begins.
+fn minutes_in_g93(lines: &[String]) -> Vec<f64> {
+    let begin = lines.iter().position(|l| l.contains("G93")).unwrap();
+    let is_cut = |l: &&String| l.contains('X') && l.contains('F');
+    lines[begin..]
+        .iter()
+        .take_while(|l| !l.contains("G94") && !l.contains("G95"))
+        .filter(is_cut)
+        .map(|l| 1.0 / word(l, 'F').unwrap())
+        .collect()
+}
+
+/// The tip of a cut that only turns goes half a micrometre a degree: as fast as that the way to where it begins took 95 s.
+#[test]
+fn the_way_to_a_turn_takes_no_longer_than_the_turn() {
+    let start = "G21 G90\nG0 X-205 Y100 Z1120 A0 B-20\n";
+    let side = "0,0,-400,0,0,0";
+    let found = |cuts: &str, minutes: f64, wrench: &str| {
+        let (_, lines) = compensated(&format!("{start}{cuts}M2\n"), &["--wrench", wrench]);
+        let times = minutes_in_g93(&lines);
+        let turn: f64 = times[1..].iter().sum();
+        assert!((turn - minutes).abs() < 1e-4 * minutes, "{cuts}: {times:?}");
+        assert!(times[0] > 0.001 * minutes && times[0] <= minutes * (1.0 + 1e-6), "{cuts}: {times:?}");
+    };
+    found("G1 A5 F100\n", 0.05, side);
+    found("G93 G1 A5 F20\n", 0.05, side);
+    found("S1000 M3\nG95 G1 A5 F0.1\n", 0.05, side);
+    // a turn that is small beside what a load does
+    found("G1 A0.2 F100\n", 0.002, "0,0,-4000,0,0,0");
+    found("G93 G1 A0.2 F500\n", 0.002, "0,0,-4000,0,0,0");
+    // the tip goes a little as the program says
+    found("G93 G1 X-205.001 A5 F20\n", 0.05, side);
+    // the load changes in mid-program
+    found("G1 X-203 F200\n(wrench 0,0,-900,0,0,0)\nG1 A5 F100\n", 0.05, side);
+    found("G1 X-203 F200\n(wrench 0,0,-900,0,0,0)\nG93 G1 A5 F20\n", 0.05, side);
+}
+
+/// A turn of 5° at 0.1° a turn of the spindle and 1000 of these a minute; the cut behind is in G95 again.
+pub(crate) fn is_in_g93_and_back(lines: &[String]) {
+    let times = minutes_in_g93(lines);
+    assert!(times.len() == 6 && (times[1..].iter().sum::<f64>() - 0.05).abs() < 1e-5, "{lines:#?}");
+    let [begin, back] = ["G93", "G95 F0.1"].map(|w| lines.iter().position(|l| l.contains(w)).unwrap());
+    assert!(lines[begin..back].iter().all(|l| !l.contains("G95")), "{lines:#?}");
+    assert!(lines[back + 1..].iter().all(|l| !l.contains("G93") && !l.contains('F')), "{lines:#?}");
+}
+
+/// F of G95 is degrees a turn of the spindle where only the tool turns: the same as in G94 with S.
+#[test]
+fn a_turn_in_g95_takes_the_time_that_s_says() {
+    let start = "G21 G90\nG0 X-205 Y100 Z1120 A0 B-20\n";
+    let (_, lines) = compensated(&format!("{start}G95 G1 A5 F0.1 S1000 M3\nX-200\nM2\n"), &["--wrench", WRENCH]);
+    is_in_g93_and_back(&lines);
+    // in inches F of a turn is the same
+    let inches = "G20 G90 G95\nG0 X-8 Y0 Z44.5 A0 B0\nG1 A5 F0.1 S1000 M3\n";
+    let (_, lines) = compensated(inches, &["--wrench", WRENCH]);
+    let times = minutes_in_g93(&lines);
+    assert!(
+        (times[1..].iter().sum::<f64>() - 0.05).abs() < 1e-5 && lines.iter().any(|l| l == "G95 F0.1"),
+        "{lines:#?}"
+    );
+    // without S the time is not known, nor with S0
+    for speed in ["", "S1000 M3\nS0\n"] {
+        let (message, line) = why(&format!("{start}{speed}G95 G1 A5 F0.1 M3\nM2\n"));
+        assert!(message.contains("G95") && message.contains("give S") && message.contains("G94"), "{message}");
+        assert_eq!(line, 3 + speed.lines().count() as u64);
+    }
+    // what has no load, or goes, needs none
+    for (cut, wrench) in [("A5", "0,0,0,0,0,0"), ("X-204 A5", WRENCH)] {
+        let (_, lines) = compensated(&format!("{start}G95 G1 {cut} F0.1 M3\nM2\n"), &["--wrench", wrench]);
+        assert!(lines.iter().all(|l| !l.contains("G93")) && lines.iter().any(|l| l.contains("G95")), "{lines:#?}");
+    }
+}
+
 #[test]
 fn a_tool_is_in_hand_from_m6_on() {
     let cut = "S3000 M3\nG0 X-205 Y0 Z1130 A0 B0\nG1 Z1132 F100\n";

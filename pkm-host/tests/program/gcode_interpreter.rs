@@ -10,6 +10,7 @@ use pkm_host::files::tools::Tools;
 
 use crate::common::{Folder, json, refused};
 use crate::gcode::{apart, mm, rewritten};
+use crate::gcode_controls::is_in_g93_and_back;
 use crate::gcode_programs::{CASES, Case, Direction, Says, cases};
 
 const JOB: &str = "format = 1\ntool_axis = [0, 0, 1]\n[offsets]\nG54 = [-205, 0, 1130]\nG28 = [-205, 0, 1110, 0, 0]\n";
@@ -237,6 +238,24 @@ fn a_program_of_linuxcnc_is_compensated() {
     assert!(!written.contains("X50"), "{written}");
     let plain = folder.write("again.ngc", &written.replace("pkm-host compensate", "made"));
     json(&["compensate", "--path", &plain, "--job", &job, "--wrench", WRENCH, "--out", &folder.path("again_out.ngc")]);
+}
+
+/// What LinuxCNC reads has the same times: turns in G95 need S there too.
+#[test]
+#[ignore = "needs LinuxCNC's interpreter, rs274 (Debian: linuxcnc-uspace)"]
+fn a_turn_in_g95_takes_the_same_time() {
+    let folder = Folder::new();
+    let start = "G21 G90\nG0 X-205 Y100 Z1120 A0 B-20\n";
+    let (out, reader) = (folder.path("out.ngc"), rs274());
+    let path = folder.write("p.ngc", &format!("{start}G95 G1 A5 F0.1 S1000 M3\nX-200\nM2\n"));
+    let args = ["compensate", "--path", &path, "--wrench", WRENCH, "--interpreter", &reader, "--out", &out];
+    json(&args);
+    let lines: Vec<String> =
+        folder.read("out.ngc").lines().filter(|l| !l.starts_with('(')).map(str::to_owned).collect();
+    is_in_g93_and_back(&lines);
+    folder.write("p.ngc", &format!("{start}G95 G1 A5 F0.1 M3\nM2\n"));
+    let error = refused(&args);
+    assert!(error["message"].as_str().unwrap().contains("give S") && error["line"] == 3, "{error}");
 }
 
 #[test]

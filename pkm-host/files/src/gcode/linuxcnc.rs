@@ -233,6 +233,7 @@ fn complaint(folder: &Path, status: ExitStatus) -> String {
     let hint = match message {
         m if m.contains("not found in the tool table") => ": give it with --tools",
         m if m.contains("not a number") => ": does a parameter have no value? Set it in the program before this line",
+        m if m.contains("zero spindle speed") => ": give S before it, or F in G94",
         m if m.contains("no percent sign or program end") => ": end it with M2 or M30",
         _ => "",
     };

@@ -238,7 +238,7 @@ impl Loads {
             }
             Spindle::Stopped => return Err(missing("the spindle stands (M5)")),
         }
-        let per_turn = modal.feed_per_turn_mm.or_else(|| {
+        let per_turn = modal.feed_per_turn.map(|[mm, _]| mm).or_else(|| {
             let [feed, _] = modal.feed_per_min?;
             Some(feed / modal.spindle_per_min?)
         });

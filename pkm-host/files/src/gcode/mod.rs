@@ -390,9 +390,14 @@ impl Reader<'_> {
                 printable(&self.program.source.name)
             ));
         }
+        let to = turned(&stop.place, |v| self.modal.setup.axes.to_base(v));
+        let before = self.program.moves.last().filter(|_| !is_fresh && load != Load::NONE);
+        if before.is_some_and(|before| before.to.turned_alone_deg(&to).is_some()) {
+            self.modal.check_turn()?;
+        }
         self.program.moves.push(Move {
             line,
-            to: turned(&stop.place, |v| self.modal.setup.axes.to_base(v)),
+            to,
             load,
             longer_m: self.modal.length_mm / 1e3,
             is_fresh,

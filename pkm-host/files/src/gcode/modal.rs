@@ -2,6 +2,7 @@
 
 use super::arcs::Plane;
 use super::cycles::{Drill, DrillWords};
+use super::motions::TurnFeed;
 use super::offsets::Offsets;
 use super::words::{Line, Numbers};
 use super::{Refusal, Setup, codes};
@@ -38,6 +39,8 @@ pub(super) struct Style {
     pub incremental: bool,
     /// `G93`: F is 1 over the minutes of a move.
     pub inverse_time: bool,
+    /// Of a cut that only turns the tool, in `G94` and `G95`.
+    pub turn_feed: Option<TurnFeed>,
     /// `G53`: on every line.
     pub in_machine: bool,
 }
@@ -85,8 +88,8 @@ pub(super) struct Modal<'a> {
     pub feed_mode: FeedMode,
     /// F of G94, see [`Move::feed_per_min`](crate::path::Move::feed_per_min).
     pub feed_per_min: Option<[f64; 2]>,
-    /// F of G95.
-    pub feed_per_turn_mm: Option<f64>,
+    /// F of G95, mm and as it stands.
+    pub feed_per_turn: Option<[f64; 2]>,
     /// S.
     pub spindle_per_min: Option<f64>,
     /// `G99` in place of `G98`.
@@ -129,7 +132,7 @@ impl<'a> Modal<'a> {
             center_is_absolute: false,
             feed_mode: FeedMode::OfAMinute,
             feed_per_min: None,
-            feed_per_turn_mm: None,
+            feed_per_turn: None,
             spindle_per_min: None,
             retracts_to_r: false,
             offsets: Offsets::new(setup),
@@ -157,7 +160,7 @@ impl<'a> Modal<'a> {
 
     /// G93, G94 or G95: an F of another mode is no feed of this one.
     pub fn set_feed_mode(&mut self, mode: FeedMode) {
-        (self.feed_mode, self.feed_per_min, self.feed_per_turn_mm) = (mode, None, None);
+        (self.feed_mode, self.feed_per_min, self.feed_per_turn) = (mode, None, None);
     }
 
     /// How points of this line are written.
@@ -168,6 +171,7 @@ impl<'a> Modal<'a> {
             unit_mm: self.unit_mm,
             incremental: self.incremental,
             inverse_time: self.feed_mode == FeedMode::InverseTime,
+            turn_feed: self.turn_feed(),
             in_machine,
         }
     }
@@ -197,7 +201,7 @@ impl<'a> Modal<'a> {
         if let Some(feed) = feed.filter(|feed| *feed > 0.0) {
             match self.feed_mode {
                 FeedMode::OfAMinute => self.feed_per_min = Some([feed * self.unit_mm, feed]),
-                FeedMode::OfATurn => self.feed_per_turn_mm = Some(feed * self.unit_mm),
+                FeedMode::OfATurn => self.feed_per_turn = Some([feed * self.unit_mm, feed]),
                 FeedMode::InverseTime => {}
             }
         }

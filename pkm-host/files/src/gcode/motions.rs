@@ -10,7 +10,39 @@ use crate::path::{FeedMode, Place, Toward};
 /// Most moves of a line with a cycle.
 const MAX_CYCLE_MOVES: f64 = 1e6;
 
+/// F of a cut that only turns the tool.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct TurnFeed {
+    pub deg_per_min: f64,
+    /// `G94` or `G95`, and F as it stands there.
+    pub mode: &'static str,
+    pub word: f64,
+}
+
 impl Modal<'_> {
+    /// F in force for a cut that only turns the tool: ° a minute, or in G95 ° a turn of the spindle.
+    pub fn turn_feed(&self) -> Option<TurnFeed> {
+        match self.feed_mode {
+            FeedMode::OfAMinute => self.feed_per_min.map(|[_, word]| TurnFeed { deg_per_min: word, mode: "G94", word }),
+            FeedMode::OfATurn => {
+                let ([_, word], speed) = self.feed_per_turn.zip(self.spindle_per_min)?;
+                Some(TurnFeed { deg_per_min: word * speed, mode: "G95", word })
+            }
+            FeedMode::InverseTime => None,
+        }
+    }
+
+    /// Refuses a loaded cut that only turns the tool in G95 without S: it is written with its time, which nobody knows then.
+    pub fn check_turn(&self) -> Result<(), Refusal> {
+        let lacks_speed = self.feed_per_turn.is_some() && self.spindle_per_min.is_none();
+        if self.feed_mode == FeedMode::OfATurn && lacks_speed && !self.setup.is_only_played {
+            return Err("a loaded cut that only turns the tool in G95 (° a turn of the spindle), whose time is not known without a \
+                        speed: give S before it, or F in G94 (°/min)"
+                .into());
+        }
+        Ok(())
+    }
+
     /// Words that move the tool as G0 to G3 or a cycle.
     pub fn take_motion(
         &mut self,

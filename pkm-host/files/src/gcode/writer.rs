@@ -1,14 +1,15 @@
 //! A program written with other places, line by line beside the original.
 
 use super::modal::{Form, Style};
+use super::motions::TurnFeed;
 use super::words::{Line, Word, apart, without_switch};
 use super::{Content, Program, TextAt, turned};
-use crate::path::{Place, Toward};
+use crate::path::{NO_WAY_M, Place, Toward};
 
 /// What stops program, spindle or coolant on the line of a move: it comes behind the move.
 const STOPS: [f64; 7] = [0.0, 1.0, 2.0, 5.0, 9.0, 30.0, 60.0];
-/// A way of the tip shorter than this is none, m.
-const NO_WAY_M: f64 = 1e-9;
+/// A turn of 1° counts as at least this way of the tip, m: the edge of a tool of 11 mm goes as far.
+const WAY_OF_TURN_M_PER_DEG: f64 = 1e-4;
 
 /// A move's new places.
 struct Written {
@@ -17,13 +18,13 @@ struct Written {
     begins: bool,
 }
 
-/// F of a line in G93, as it was given or as a feed of °/min asks for.
+/// F of a line in G93, as it was given or as the feed of a turn asks for.
 #[derive(Clone, Copy)]
 struct InverseTime {
     /// Of the whole line, 1/min.
     per_min: f64,
-    /// F of G94, which comes back into force after the line.
-    then: Option<f64>,
+    /// What comes back into force after the line.
+    then: Option<TurnFeed>,
 }
 
 /// A program that is written with other places, move by move, in the order in which they are made.
@@ -164,8 +165,8 @@ impl Writer<'_> {
         self.put(parts.join(" ").trim_start());
     }
 
-    /// F of a line whose parts need one each. Where the tip only turned, and F is °/min, the compensated tip also moves a little, so
-    /// that a control would take F as mm/min.
+    /// F of a line whose parts need one each. Where the tool only turned, and F is ° a minute or a turn, the compensated tip also moves a
+    /// little, so that a control would take F as mm.
     fn inverse_time(&self, line: &Line<'_>, style: &Style, first: usize) -> Option<InverseTime> {
         if style.inverse_time {
             let per_min = line.words.iter().find(|w| w.letter == 'F')?.value;
@@ -173,23 +174,26 @@ impl Writer<'_> {
         }
         let moves = self.program.moves.get(first.checked_sub(1)?..=first).filter(|_| style.form == Form::Straight)?;
         let [before, mv] = moves else { return None };
-        let [_, feed] = mv.feed_per_min.filter(|_| mv.is_loaded() && !mv.is_fresh)?;
-        let [way_m, _] = before.to.apart(&mv.to);
-        let turn_deg = before.to.turned_rad(&mv.to).to_degrees();
-        (way_m < NO_WAY_M && turn_deg > 0.0).then_some(InverseTime { per_min: feed / turn_deg, then: Some(feed) })
+        let feed = style.turn_feed.filter(|_| mv.is_loaded() && !mv.is_fresh)?;
+        let turn_deg = before.to.turned_alone_deg(&mv.to)?;
+        Some(InverseTime { per_min: feed.deg_per_min / turn_deg, then: Some(feed) })
     }
 
-    /// F of the next place in G93, where each of a line's parts has a share of its time. A move to where a cut begins goes as fast as the
-    /// part that follows.
-    fn part_per_min(&self, whole: f64, is_begin: bool, place: &Place, next: Option<&Place>) -> f64 {
-        let ways = self.last.zip(next).map(|(last, next)| {
-            let last = turned(&last, |v| self.program.axes.to_base(v));
-            [last.apart(place)[0], place.apart(next)[0]]
-        });
-        match ways {
-            Some([to, part]) if is_begin && to > NO_WAY_M && part > NO_WAY_M => whole * part / to,
-            _ => whole,
+    /// F of a place in G93, where each of a line's parts has a share of its time. `next`: the first part's end, where the place is where the
+    /// cut begins. The small move there goes as fast as that part. The tip hardly moves where this turns the tool, so that its edges' way
+    /// counts as well; and there the move takes no longer than the whole cut.
+    fn part_per_min(&self, whole: f64, parts: f64, place: &Place, next: Option<&Place>) -> f64 {
+        let part = whole * parts;
+        let Some((last, next)) = self.last.zip(next) else { return part };
+        let last = turned(&last, |v| self.program.axes.to_base(v));
+        let counted_m = |[way_m, turn_rad]: [f64; 2]| way_m.max(turn_rad.to_degrees() * WAY_OF_TURN_M_PER_DEG);
+        let ahead = place.apart(next);
+        let [to_m, ahead_m] = [last.apart(place), ahead].map(counted_m);
+        if to_m <= NO_WAY_M || ahead_m <= NO_WAY_M {
+            return part;
         }
+        let per_min = part * ahead_m / to_m;
+        if ahead_m > ahead[0] { per_min.max(whole) } else { per_min }
     }
 
     fn moves(&mut self, line: &Line<'_>, style: &Style, first: usize, moves: &[Written]) {
@@ -215,7 +219,7 @@ impl Writer<'_> {
                 || (form != Form::Straight && w.is('G', &[80.0]))
                 || calls(line, w)
                 || (inverse_time.is_some() && w.letter == 'F')
-                || (returns && w.is('G', &[94.0]))
+                || (returns && w.is('G', &[94.0, 95.0]))
         };
         let kept: Vec<&Word<'_>> = line.words.iter().filter(|w| !goes(w)).collect();
         let (stops, kept): (Vec<&Word<'_>>, Vec<&Word<'_>>) = kept.into_iter().partition(|w| w.is('M', &STOPS));
@@ -234,9 +238,10 @@ impl Writer<'_> {
             let rapid = self.program.moves[first + n].is_rapid;
             for (k, place) in places.iter().enumerate() {
                 let is_begin = *begins && k == 0;
+                let next = places.get(k + 1).filter(|_| is_begin);
                 let part_per_min = inverse_time
                     .filter(|_| !rapid)
-                    .map(|feed| self.part_per_min(feed.per_min * parts as f64, is_begin, place, places.get(k + 1)));
+                    .map(|feed| self.part_per_min(feed.per_min, parts as f64, place, next));
                 if style.in_machine && !is_first {
                     words.push("G53".to_owned());
                 }
@@ -262,8 +267,8 @@ impl Writer<'_> {
                 self.put(&format!("G4 P{}", number(dwell, 6)));
             }
         }
-        if let Some(feed) = inverse_time.and_then(|f| f.then) {
-            self.put(&format!("G94 F{}", number(feed, 6)));
+        if let Some(TurnFeed { mode, word, .. }) = inverse_time.and_then(|f| f.then) {
+            self.put(&format!("{mode} F{}", number(word, 6)));
         }
         // a cycle that is only named, L0
         if points == 0 && !(words.is_empty() && comments.is_empty()) {
