@@ -311,6 +311,24 @@ fn words_that_contradict_each_other_are_refused_with_their_line() {
     assert!(error["message"].as_str().unwrap().contains("the spindle stands (M5)") && error["line"] == 6, "{error}");
 }
 
+/// Which of the two is called would be anybody's guess.
+#[test]
+fn a_program_number_that_stands_twice_is_refused_with_both_lines() {
+    let main = format!("O1\n{START}M98 P100\nM30\n");
+    for (subprograms, at, other) in [
+        ("O100\nG1 X-204 F100\nM99\nO0100\nG1 X-201 F100\nM99\n", 9, 6),
+        ("o100 sub\nG1 X-204 F100\no100 endsub\no100 sub\nG1 X-201\no100 endsub\n", 9, 6),
+        ("O100\nM99\nO1\nM99\n", 8, 1),
+    ] {
+        let (message, line) = why(&format!("{main}{subprograms}"));
+        let said = format!("stands twice: it begins at line {other} already");
+        assert!(message.contains(&said) && line == at, "{subprograms}: {message}, line {line}");
+    }
+    // a name may be that of a subprogram and of a loop; two loops may share one
+    let whole = "O100\no1 repeat [2]\nG1 X-204 F100\no1 endrepeat\no1 repeat [2]\nG1 X-203\no1 endrepeat\nM99\n";
+    compensated(&format!("{START}M98 P100\nM30\n{whole}"), &["--wrench", WRENCH]);
+}
+
 /// What `compensate --wrench` writes says no load, and is to be seen all the same.
 #[test]
 fn a_compensated_program_is_played() {

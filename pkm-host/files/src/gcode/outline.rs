@@ -88,7 +88,14 @@ impl Outline {
             // what cannot be read is refused where it is carried out
             let Ok(Line { label: Some(label), .. }) = Line::parse(text) else { continue };
             if matches!(label.keyword.as_str(), "" | "sub") {
-                outline.starts.entry(label.name.clone()).or_insert(at + 1);
+                // which of the two a control calls depends on it
+                if let Some(line) = outline.starts.insert(label.name.clone(), at + 1) {
+                    let name = label.name;
+                    let why = format!(
+                        "O{name} stands twice: it begins at line {line} already: give one of them another number"
+                    );
+                    return Err((at, why));
+                }
             }
             outline.take(&mut open, at, &label.name, &label.keyword).map_err(|why| (at, why))?;
         }
