@@ -329,6 +329,32 @@ fn a_program_number_that_stands_twice_is_refused_with_both_lines() {
     compensated(&format!("{START}M98 P100\nM30\n{whole}"), &["--wrench", WRENCH]);
 }
 
+/// A `%` in the middle ends a program as it does at the end: that is said where something is behind it.
+#[test]
+fn lines_behind_a_percent_sign_are_counted() {
+    let program = format!("%\n{START}G1 X-200 F100\n");
+    let warnings = |tail: &str| {
+        let (summary, _) = compensated(&format!("{program}{tail}"), &["--wrench", WRENCH]);
+        summary["warnings"].as_array().unwrap().clone()
+    };
+    for (tail, said) in [
+        ("%\nG1 X-199\n\n(a comment)\nG1 X-198 #1=[\n%\n", "p.ngc:5: the 2 lines behind % are not read"),
+        ("%\nG1 X-199\nM30\n%\n", "p.ngc:5: the 2 lines behind % are not read"),
+        ("%\nG1 X-199\n", "p.ngc:5: the line behind % is not read"),
+    ] {
+        let found = warnings(tail);
+        assert!(found.len() == 1 && found[0].as_str().unwrap().ends_with(said), "{tail}: {found:?}");
+    }
+    for tail in ["%\n", "%\n\n(a comment)\n; another\n%\n", "M30\n%\n", "M30\nO100\nG1 X-199\nM99\n%\n", ""] {
+        assert_eq!(warnings(tail), [] as [Value; 0], "{tail}");
+    }
+    // where no move is before it, that is why there is none
+    let folder = Folder::new();
+    let path = folder.write("p.ngc", &format!("G21\n%\n{START}G1 X-200 F100\n"));
+    let error = refused(&["compensate", "--path", &path, "--out", &folder.path("o.ngc"), "--wrench", WRENCH]);
+    assert!(error["message"].as_str().unwrap().contains("the 3 lines behind the % of line 2 are not read"), "{error}");
+}
+
 /// What `compensate --wrench` writes says no load, and is to be seen all the same.
 #[test]
 fn a_compensated_program_is_played() {

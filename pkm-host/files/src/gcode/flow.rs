@@ -21,6 +21,8 @@ pub(super) struct Flow<'a> {
     taken: usize,
     /// M2, M30 or a second `%` was read: nothing moves any more.
     ended: bool,
+    /// The line, from 1, of the `%` that ended the program where no M2 or M30 did.
+    percent: Option<usize>,
     /// Some words were read already.
     begun: bool,
     /// No branch has held of the `if` that is gone through: the next one is tried.
@@ -67,7 +69,18 @@ impl<'a> Flow<'a> {
         let lines: Vec<&str> = text.lines().collect();
         let outline = Outline::of(&lines)?;
         let (stack, parameters) = (Vec::new(), Parameters::default());
-        Ok(Self { lines, outline, stack, parameters, next: 0, taken: 0, ended: false, begun: false, seeks: false })
+        Ok(Self {
+            lines,
+            outline,
+            stack,
+            parameters,
+            next: 0,
+            taken: 0,
+            ended: false,
+            percent: None,
+            begun: false,
+            seeks: false,
+        })
     }
 
     /// The next line's index and text.
@@ -83,6 +96,11 @@ impl<'a> Flow<'a> {
         self.ended
     }
 
+    /// The line, from 1, of a `%` that ended the program before M2 or M30 did.
+    pub fn percent(&self) -> Option<usize> {
+        self.percent
+    }
+
     /// Whether a line with words is left out.
     pub fn leaves_out(&self, deletable: bool, leave_out_deletable: bool) -> bool {
         deletable && leave_out_deletable
@@ -96,6 +114,7 @@ impl<'a> Flow<'a> {
             ));
         }
         if line.text.trim() == "%" && self.begun && self.stack.is_empty() {
+            self.percent = Some(self.next);
             self.end();
         }
         if self.leaves_out(line.deletable, leave_out_deletable) {

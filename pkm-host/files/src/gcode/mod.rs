@@ -160,6 +160,8 @@ struct Reader<'a> {
     lengths: Lengths,
     /// The first line that was passed on unchecked, why, and how many are.
     unchecked: Option<(u64, String, usize)>,
+    /// Lines behind a `%` in the middle.
+    unread: usize,
 }
 
 impl Program {
@@ -218,6 +220,7 @@ impl Program {
             loads: Loads::new(wrench),
             lengths: Lengths::default(),
             unchecked: None,
+            unread: 0,
         };
         let mut stops = Vec::new();
         while let Some((index, text)) = reader.flow.next() {
@@ -250,6 +253,8 @@ impl Reader<'_> {
             // whatever it is, the control does not read it
             if Line::parse(text).is_ok_and(|line| line.is_silent()) {
                 self.put(place, Content::Text);
+            } else {
+                self.unread += 1;
             }
             return Ok(());
         }
@@ -419,7 +424,15 @@ impl Reader<'_> {
         styles.len() as u32 - 1
     }
 
+    /// The line of a `%` in the middle, and what is said of the lines behind it. Behind M2 and M30 subprograms are as usual.
+    fn cut_off(&self) -> Option<(usize, &'static str, String)> {
+        let line = self.flow.percent().filter(|_| self.unread > 0)?;
+        let lines = if self.unread == 1 { "line".to_owned() } else { format!("{} lines", self.unread) };
+        Some((line, if self.unread == 1 { "is" } else { "are" }, lines))
+    }
+
     fn finish(mut self) -> Result<Program> {
+        let cut_off = self.cut_off();
         let name = &self.program.source.name;
         if let Some(message) = self.flow.unfinished() {
             return Err(Failure::input(message).in_file(name));
@@ -429,7 +442,11 @@ impl Reader<'_> {
                 return Err(Failure::input(why).in_file(name).at_line(line));
             }
             None if self.program.moves.is_empty() => {
-                return Err(Failure::input("expected moves (G0 or G1 with X Y Z), found none").in_file(name));
+                let why = cut_off.map_or(String::new(), |(line, are, lines)| {
+                    format!(": the {lines} behind the % of line {line} {are} not read")
+                });
+                let message = format!("expected moves (G0 or G1 with X Y Z), found none{why}");
+                return Err(Failure::input(message).in_file(name));
             }
             Some((line, why, count)) => {
                 let more = if count > 1 { format!(" (first of {count} such lines)") } else { String::new() };
@@ -437,6 +454,10 @@ impl Reader<'_> {
                 self.program.warnings.push(warning);
             }
             None => {}
+        }
+        if let Some((line, are, lines)) = cut_off {
+            let warning = format!("{}:{line}: the {lines} behind % {are} not read", printable(name));
+            self.program.warnings.push(warning);
         }
         // what is only played has a load that nobody gave
         let has_cuts = self.program.moves.iter().any(|m| !m.is_rapid) && !self.modal.setup.is_only_played;
