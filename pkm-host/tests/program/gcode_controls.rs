@@ -285,6 +285,12 @@ fn words_that_contradict_each_other_are_refused_with_their_line() {
         ("G17 G1 X-200 G18 F100", "`G17` and `G18` in one line"),
         ("G54 G55", "`G54` and `G55` in one line"),
         ("M3 M5 S100", "`M3` and `M5` in one line"),
+        ("G80 G81 X-205 Y0 R1131 Z1132 F100", "`G80` and `G81` in one line"),
+        ("G73 G80 X-205 Y0 R1131 Z1132 Q1 F100", "`G73` and `G80` in one line"),
+        ("M8 M9", "`M8` and `M9` in one line"),
+        ("M09 G1 X-200 F100 M07", "`M09` and `M07` in one line"),
+        ("M0 M1", "`M0` and `M1` in one line"),
+        ("M2 M30", "of M2, M30, M98 and M99 more than one"),
         ("S-5", "a speed is not below 0"),
         ("G4 P-1", "a dwell is not below 0"),
         ("G93 G1 X-200 F0", "F0 in G93"),
@@ -297,6 +303,8 @@ fn words_that_contradict_each_other_are_refused_with_their_line() {
         let lines = 2 + line.lines().count() as u64;
         assert!(message.contains(said) && at == lines, "{line}: {message}, line {at}");
     }
+    // mist and flood together, a stop with what it stops, and G80 before a motion contradict nothing
+    compensated(&format!("{START}G80 G1 X-200 F100 M7 M8\nX-201 M9 M5\nM0 M9\n"), &["--wrench", WRENCH]);
     let folder = Folder::new();
     // a cycle whose tool would go to R through the workpiece
     let upward = folder.write("u.ngc", "G21 G90 G54\nG0 X0 Y0 Z5\nG81 X1 R-5 Z-2 F100\n");

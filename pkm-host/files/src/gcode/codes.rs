@@ -24,17 +24,21 @@ pub(super) struct Codes {
 const PASSED: [u16; 12] = [51, 80, 150, 400, 500, 610, 611, 640, 670, 690, 970, 1870];
 
 /// Words of which a line has one: what the others say would depend on the control.
-const GROUPS: [&[u16]; 9] = [
+const GROUPS: [&[u16]; 10] = [
     &[170, 180, 190],
     &[200, 210],
     &[430, 434, 490, 2340],
     &[540, 550, 560, 570, 580, 590, 591, 592, 593],
     &[610, 611, 640],
+    &[730, 800, 810, 820, 830],
     &[900, 910],
     &[901, 911],
     &[930, 940, 950],
     &[980, 990],
 ];
+
+/// M words of which a line has those of one side: coolant on or off, a stop that is made or that a switch makes.
+const SIDES: [[&[f64]; 2]; 2] = [[&[7.0, 8.0], &[9.0]], [&[0.0], &[1.0]]];
 
 /// A second word of a group, and the first.
 fn contradiction<'a>(line: &'a Line<'_>) -> Option<[&'a Word<'a>; 2]> {
@@ -43,6 +47,12 @@ fn contradiction<'a>(line: &'a Line<'_>) -> Option<[&'a Word<'a>; 2]> {
     let mut spindle = line.words.iter().filter(is_spindle);
     if let (Some(first), Some(second)) = (spindle.next(), spindle.next()) {
         return Some([second, first]);
+    }
+    for sides in SIDES {
+        let [one, other] = sides.map(|numbers| line.words.iter().position(|w| w.is('M', numbers)));
+        if let (Some(one), Some(other)) = (one, other) {
+            return Some([&line.words[one.max(other)], &line.words[one.min(other)]]);
+        }
     }
     let mut seen: [Option<&Word<'_>>; GROUPS.len()] = [None; GROUPS.len()];
     for word in line.words.iter().filter(|w| w.letter == 'G') {
