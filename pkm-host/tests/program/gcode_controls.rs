@@ -363,6 +363,32 @@ fn lines_behind_a_percent_sign_are_counted() {
     assert!(error["message"].as_str().unwrap().contains("the 3 lines behind the % of line 2 are not read"), "{error}");
 }
 
+/// Whether the heights of a cycle stay where they are when G90 and G91 change depends on the control.
+#[test]
+fn heights_of_a_cycle_are_not_carried_between_g90_and_g91() {
+    let down = "G90 G99 G81 X-205 Y0 Z1133 R1131 F100\n";
+    let up = "G91 G99 G81 X1 Z2 R1 F100\n";
+    for (cycle, line, said) in [
+        (down, "G91 X1 L2", "R and Z were given in G90, and this line is in G91"),
+        (down, "G91 G82 X1 P1", "R and Z were given in G90, and this line is in G91"),
+        (down, "G91 X1 Z2", "R was given in G90, and this line is in G91"),
+        (down, "G91 X1 R1", "Z was given in G90, and this line is in G91"),
+        (up, "G90 X-203", "R and Z were given in G91, and this line is in G90"),
+    ] {
+        let (message, at) = why(&format!("{START}{cycle}{line}\n"));
+        let todo = message.contains("write R and Z again in this line, or end the cycle with G80 first");
+        assert!(message.contains(said) && todo && at == 4, "{cycle}{line}: {message}, line {at}");
+    }
+    for lines in [
+        format!("{down}G91 X1 Z2 R1 L2\nX1\nG90 X-200 Z1133 R1131\nX-199\n"),
+        format!("{down}G91\nG90 X-203\n"),
+        format!("{down}G80\nG91 G81 X1 Z2 R1\nX1\n"),
+        format!("{up}X1\nG90 G0 Z1130\n{down}X-203\n"),
+    ] {
+        compensated(&format!("{START}{lines}"), &["--wrench", WRENCH]);
+    }
+}
+
 /// What `compensate --wrench` writes says no load, and is to be seen all the same.
 #[test]
 fn a_compensated_program_is_played() {

@@ -39,10 +39,36 @@ impl Drill {
 /// What stays in force from hole to hole, as it was written, lengths in mm.
 #[derive(Clone, Copy, Default)]
 pub(super) struct DrillWords {
-    pub r_mm: Option<f64>,
-    pub z_mm: Option<f64>,
+    /// R and Z, or what else is along the drill, and whether they were given in G91.
+    levels: [Option<(f64, bool)>; 2],
     pub q_mm: Option<f64>,
     pub p: Option<f64>,
+}
+
+impl DrillWords {
+    /// R and Z, as a line gives them or as they stay in force. What stays from another mode, G90 or G91, is refused: controls differ.
+    pub fn levels_mm(
+        &mut self,
+        given_mm: [Option<f64>; 2],
+        incremental: bool,
+        axis: char,
+    ) -> Result<[f64; 2], Refusal> {
+        for (level, given) in self.levels.iter_mut().zip(given_mm) {
+            *level = given.map(|mm| (mm, incremental)).or(*level);
+        }
+        let [Some(r), Some(z)] = self.levels else { return Err(format!("expected R and {axis}, the depth")) };
+        let [is, was] = if incremental { ["G91", "G90"] } else { ["G90", "G91"] };
+        let carried = match [r, z].map(|(_, in_g91)| in_g91 != incremental) {
+            [true, true] => format!("R and {axis} were"),
+            [true, false] => "R was".to_owned(),
+            [false, true] => format!("{axis} was"),
+            [false, false] => return Ok([r.0, z.0]),
+        };
+        Err(format!(
+            "{carried} given in {was}, and this line is in {is}: which heights are in force would depend on the control (Fanuc and Haas keep \
+             them, LinuxCNC reads the numbers anew): write R and {axis} again in this line, or end the cycle with G80 first"
+        ))
+    }
 }
 
 /// A hole along the drilling axis, mm in B.

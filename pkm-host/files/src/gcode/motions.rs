@@ -175,14 +175,13 @@ impl Modal<'_> {
         let Plane([a, b, along]) = self.plane;
         let unit = self.unit_mm;
         let words = &mut self.drill;
-        words.r_mm = numbers.take('R').map(|v| v * unit).or(words.r_mm);
-        words.z_mm = numbers.take(['X', 'Y', 'Z'][along]).map(|v| v * unit).or(words.z_mm);
+        let axis = ['X', 'Y', 'Z'][along];
+        let levels = [numbers.take('R'), numbers.take(axis)].map(|v| v.map(|v| v * unit));
+        let levels = words.levels_mm(levels, self.incremental, axis);
+        let [r, z] = levels.map_err(|why| format!("{drill:?}: {why}"))?;
         words.q_mm = numbers.take('Q').map(|v| v * unit).or(words.q_mm);
         words.p = numbers.take('P').or(words.p);
         let words = *words;
-        let (Some(r), Some(z)) = (words.r_mm, words.z_mm) else {
-            return Err(format!("{drill:?}: expected R and {}, the depth", ["X", "Y", "Z"][along]));
-        };
         let repeats = numbers.take('L').or_else(|| numbers.take('K')).unwrap_or(1.0);
         if !(repeats.fract() == 0.0 && (0.0..=1e4).contains(&repeats)) {
             return Err(format!("{drill:?}: expected a whole number of repeats, found {repeats}"));
