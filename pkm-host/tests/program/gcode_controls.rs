@@ -389,6 +389,37 @@ fn heights_of_a_cycle_are_not_carried_between_g90_and_g91() {
     }
 }
 
+/// What a word means elsewhere is not what it was refused for.
+#[test]
+fn refusals_name_what_a_word_means() {
+    for (line, said) in [
+        ("G12.1", "polar interpolation is not supported"),
+        ("G13.1", "polar interpolation is not supported"),
+        ("G12 I5", "circular pockets are not supported"),
+        ("G76 X-205 Y0 Z1133 R1131 Q0.1 F100", "fine boring on mills of the Fanuc family, and threading elsewhere"),
+        ("G1 X-2e2 F100", "a number with an exponent has to be written out"),
+        ("G1 X-2E+2 Y1e0 F100", "a number with an exponent has to be written out"),
+        ("#1=2e2", "a number with an exponent has to be written out"),
+        ("G1 X[-2e2] F100", "a number with an exponent has to be written out"),
+        ("G1 X-200 RND=2", "`RND=` of Siemens' language is not supported"),
+        ("G1 X-200 F100 CHR=2", "`CHR=` of Siemens' language is not supported"),
+        ("G1 X-200 CHF = 2", "`CHF=` of Siemens' language is not supported"),
+    ] {
+        let (message, at) = why(&format!("{START}{line}\nG1 X-201 F100\n"));
+        assert!(message.contains(said) && at == 3, "{line}: {message}, line {at}");
+    }
+    for (first, said) in [
+        ("O0001 G21 G90 G54", "O1: words behind a program's number: put it on a line of its own"),
+        ("O1 N10 (PART)", "O1: words behind a program's number: put it on a line of its own"),
+        (":0001", "`:0001` is a program's number as ISO writes it: write O0001"),
+    ] {
+        let (message, at) = why(&format!("{first}\n{START}G1 X-201 F100\n"));
+        assert!(message.contains(said) && at == 1, "{first}: {message}, line {at}");
+    }
+    let (message, at) = why(&format!("{START}M98 P100\nM30\n:0100\nG1 X-201 F100\nM99\n"));
+    assert!(message.contains("line 5 has it as `:0100`: write O0100") && at == 3, "{message}, line {at}");
+}
+
 /// What `compensate --wrench` writes says no load, and is to be seen all the same.
 #[test]
 fn a_compensated_program_is_played() {

@@ -5,7 +5,7 @@ use super::arcs::Plane;
 use super::cycles::Drill;
 use super::modal::{Modal, Motion};
 use super::offsets::frame_of;
-use super::words::{Line, Word};
+use super::words::{EXPONENT, Line, Word};
 use crate::head::Head;
 use crate::path::FeedMode;
 
@@ -147,10 +147,15 @@ fn advice(g: f64) -> &'static str {
     match g {
         5.0..=6.9 => "splines are not supported: let the CAM system write short straight lines (G1)",
         7.0 => "diameters are not supported: write radii (G8)",
+        12.1 | 13.1 => "polar interpolation is not supported: let the CAM system write X Y Z and the rotary axes (G1)",
         12.0..=13.9 => "circular pockets are not supported: let the CAM system write the moves (G1, G2, G3)",
         16.0 => "polar coordinates are not supported: write X and Y",
         31.0 | 38.0..=38.9 => "where a probe stops is not known before: run this part of the program by itself",
-        33.0..=33.9 | 74.0 | 76.0 | 84.0 => {
+        76.0..=76.9 => {
+            "fine boring on mills of the Fanuc family, and threading elsewhere: neither is supported; bore with G81 or G82, or leave it to \
+             another program"
+        }
+        33.0..=33.9 | 74.0 | 84.0 => {
             "the feed is coupled to the spindle, and moves that are divided would lose that: leave it to another program"
         }
         41.0..=42.9 => {
@@ -197,6 +202,7 @@ impl Modal<'_> {
                 let todo = "for a head of A and C or B and C give a --job with `head = \"AC\"` or \"BC\"";
                 format!("the wrist has A and B: {}", self.setup.todo(todo))
             }
+            ('E', _) => format!("no axis is E, and {EXPONENT}"),
             ('H', _) => "H is for G43".to_owned(),
             ('U' | 'V' | 'W', _) => "the machine has no such axis".to_owned(),
             _ => "known are G M, X Y Z, I J K, A B, F S T, N first, H with G43, R P Q L where a cycle, an arc or a dwell \

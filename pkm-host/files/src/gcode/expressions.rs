@@ -3,7 +3,7 @@
 
 use super::Refusal;
 use super::parameters::{Parameter, Parameters};
-use super::words::{letter, not_a_number, statement};
+use super::words::{EXPONENT, letter, not_a_number, statement};
 
 /// Most values inside each other.
 const MAX_DEPTH: u32 = 50;
@@ -141,6 +141,7 @@ impl<'a, 'p> Values<'a, 'p> {
         }
         Err(match self.first() {
             None => "a bracket is not closed: `]` is missing".into(),
+            Some('e' | 'E') => format!("expected an operator or `]`, found `{}`: {EXPONENT}", self.rest.trim_end()),
             Some(_) => format!("expected an operator or `]`, found `{}`", self.rest.trim_end()),
         })
     }

@@ -4,7 +4,7 @@ use super::Refusal;
 use super::expressions::Values;
 use super::outline::{self, Outline, Part};
 use super::parameters::{ARGUMENTS, Parameters};
-use super::words::{Label, Line, same_number};
+use super::words::{Label, Line, iso_number, same_number};
 
 /// Most subprograms inside each other, as Fanuc and LinuxCNC have it.
 const MAX_DEPTH: usize = 10;
@@ -124,6 +124,10 @@ impl<'a> Flow<'a> {
             None => {
                 self.begun |= !line.words.is_empty();
                 Ok(Order::Do)
+            }
+            // no keyword is a single letter
+            Some(label) if label.keyword.len() == 1 => {
+                Err(format!("O{}: words behind a program's number: put it on a line of its own", label.name))
             }
             Some(label) if line.words.is_empty() => {
                 let order = self.label(label).map_err(|why| {
@@ -286,6 +290,11 @@ impl<'a> Flow<'a> {
 
     fn call(&mut self, name: &str, kind: Kind, times: u32) -> Result<(), Refusal> {
         let Some(start) = self.outline.starts.get(name).copied() else {
+            let iso = self.lines.iter().map(|line| iso_number(line));
+            if let Some((line, Some(digits))) = (1..).zip(iso).find(|(_, n)| n.is_some_and(|n| same_number(n) == name))
+            {
+                return Err(format!("O{name} is not in this file: line {line} has it as `:{digits}`: write O{digits}"));
+            }
             return Err(format!(
                 "O{name} is not in this file: put the subprogram's lines behind the main program, or have LinuxCNC's interpreter find \
                  its file (--interpreter rs274)"

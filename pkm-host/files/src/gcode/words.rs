@@ -7,6 +7,9 @@ const MAX_NUMBER: f64 = 1e9;
 /// For another control's own language.
 const ISO: &str = "is this G-code (DIN/ISO)?";
 
+/// What to do about `X1e1`, whose E would be a word.
+pub(super) const EXPONENT: &str = "a number with an exponent has to be written out (200, not 2e2)";
+
 /// A letter and its number, and how that was written.
 #[derive(Clone, Copy)]
 pub(super) struct Word<'a> {
@@ -141,7 +144,8 @@ impl Numbers {
         for word in line.words.iter().filter(|w| !"GM".contains(w.letter)) {
             let place = &mut numbers.0[(word.letter as u8 - b'A') as usize];
             if place.replace(word.value).is_some() {
-                return Err(format!("`{}`: duplicate {} in the line", word.shown(), word.letter));
+                let hint = if word.letter == 'E' { format!(": {EXPONENT}") } else { String::new() };
+                return Err(format!("`{}`: duplicate {} in the line{hint}", word.shown(), word.letter));
             }
             if word.value.abs() > MAX_NUMBER && !"NST".contains(word.letter) {
                 return Err(format!("`{}`: expected a number within ±{MAX_NUMBER:e}", word.shown()));
@@ -196,9 +200,18 @@ fn comment(text: &str) -> Result<(&str, &str), Refusal> {
 /// Statements of Fanuc's macros.
 const STATEMENTS: [&str; 7] = ["GOTO", "IF", "WHILE", "THEN", "ELSE", "END", "DO"];
 
-/// Why a word is refused that begins one of Fanuc's statements.
+/// Roundings and chamfers of Siemens' own language: a move's words with `=`.
+const ROUNDINGS: [&str; 4] = ["RND", "RNDM", "CHR", "CHF"];
+
+/// Why a word is refused that begins one of Fanuc's statements, or one of Siemens' language.
 pub(super) fn statement(word: &str) -> Option<Refusal> {
     let letters = word.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(word.len());
+    let rounding = ROUNDINGS.iter().find(|r| r.eq_ignore_ascii_case(&word[..letters]));
+    if let Some(found) = rounding.filter(|_| word[letters..].trim_start().starts_with('=')) {
+        return Some(format!(
+            "`{found}=` of Siemens' language is not supported, roundings and chamfers: let the CAM system write the moves (G1, G2, G3)"
+        ));
+    }
     let found = STATEMENTS.iter().find(|s| s.eq_ignore_ascii_case(&word[..letters]))?;
     Some(format!(
         "`{found}` of Fanuc's macros is not supported: write LinuxCNC's O words, such as `o1 while [#1 LT 5]` and `o1 endwhile`, or \
@@ -211,12 +224,23 @@ pub(super) fn letter(rest: &str) -> Result<char, Refusal> {
     match rest.chars().next() {
         Some('O' | 'o') => Err("an O word has to begin its line".into()),
         Some(c) if c.is_ascii_alphabetic() => Ok(c),
+        Some(':') if iso_number(rest).is_some() => {
+            let digits = iso_number(rest).unwrap_or_default();
+            Err(format!("`:{digits}` is a program's number as ISO writes it: write O{digits}"))
+        }
         Some(c @ ('+' | '-' | '*')) => Err(format!(
             "expected a letter with a number, found `{c}`: what is computed stands in brackets, such as #1=[#2+3]"
         )),
         Some(']') => Err("`]` closes no bracket".into()),
         c => Err(format!("expected a letter with a number, found `{}`: {ISO}", c.unwrap_or(' '))),
     }
+}
+
+/// The digits of `:0100`, a program's number as ISO writes it.
+pub(super) fn iso_number(text: &str) -> Option<&str> {
+    let rest = text.trim_start().strip_prefix(':')?.trim_start();
+    let digits = &rest[..rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len())];
+    (!digits.is_empty()).then_some(digits)
 }
 
 /// What stands where a number is expected.
