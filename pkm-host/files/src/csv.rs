@@ -96,9 +96,12 @@ pub(super) fn records<'a>(text: &'a str, delimiter: u8, file: &'a str) -> impl I
 }
 
 /// A header: its line, and the names of the columns.
+#[derive(Clone)]
 pub(super) struct Header {
     pub(super) line: u64,
     pub(super) names: Vec<String>,
+    /// Empty columns at its end, beside the names.
+    pub(super) empty: usize,
 }
 
 impl Header {
@@ -108,12 +111,13 @@ impl Header {
         while names.last().is_some_and(String::is_empty) {
             names.pop();
         }
-        Self { line: row.line, names }
+        Self { line: row.line, empty: row.cells.len() - names.len(), names }
     }
 }
 
 /// Brings a row to the width of the header: empty cells beyond it go.
-pub(super) fn fitted(mut row: Row, width: usize, delimiter: u8) -> std::result::Result<Row, String> {
+pub(super) fn fitted(mut row: Row, header: &Header, delimiter: u8) -> std::result::Result<Row, String> {
+    let (width, given) = (header.names.len(), row.cells.len());
     while row.cells.len() > width && row.cells[row.cells.len() - 1].is_empty() {
         row.cells.truncate(row.cells.len() - 1);
     }
@@ -125,7 +129,14 @@ pub(super) fn fitted(mut row: Row, width: usize, delimiter: u8) -> std::result::
     } else {
         ""
     };
-    if found == width {
+    // 28,1 in whole numbers between commas pushes blank cells over the header's end
+    if found == width && delimiter == b',' && given > width + header.empty && !row.cells.iter().any(|c| c.contains('.'))
+    {
+        Err(format!(
+            "expected {width} cells as in the header, found {given}, the last of them empty: for decimal commas write semicolons between \
+             cells, otherwise leave out the commas at the end"
+        ))
+    } else if found == width {
         Ok(row)
     } else {
         Err(format!("expected {width} cells as in the header, found {found}{advice}"))
@@ -146,12 +157,11 @@ impl Sheet {
         let mut records = records(text, delimiter, &shared.name);
         let Some(header) = records.next() else { return Err(fail(1, "expected a header line, found none".into())) };
         let header = Header::new(&header?);
-        let width = header.names.len();
-        let mut sheet = Self::new(source, text, delimiter, header, known)?;
+        let mut sheet = Self::new(source, text, delimiter, header.clone(), known)?;
         for row in records {
             let row = row?;
             let at = row.line;
-            sheet.rows.push(fitted(row, width, delimiter).map_err(|message| fail(at, message))?);
+            sheet.rows.push(fitted(row, &header, delimiter).map_err(|message| fail(at, message))?);
         }
         sheet.finish(known)?;
         Ok(sheet)
@@ -159,7 +169,7 @@ impl Sheet {
 
     /// A sheet without rows.
     pub(super) fn new(source: Source, text: &str, delimiter: u8, header: Header, known: &[&str]) -> Result<Self> {
-        let Header { line, names } = header;
+        let Header { line, names, .. } = header;
         let fail = |(column, message): Flaw| {
             let failure = Failure::input(message).in_file(&source.name).at_line(line);
             if let Some(column) = column { failure.at_column(column) } else { failure }

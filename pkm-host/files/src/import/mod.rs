@@ -128,9 +128,9 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
         .map_err(|failure| failure.in_file(&shared.name).at_line(found.header.line))?;
     conversions.extend(columns.conversions(&found.header));
     let known = names.own();
-    let header = Header { line: found.header.line, names: columns.names(&found.header) };
+    let header = Header { names: columns.names(&found.header), ..found.header.clone() };
     let mut sheet = Sheet::new(source, &text, found.delimiter, header, &known).map_err(with_advice)?;
-    let mut failures = columns.read(&mut sheet, rows, found.header.names.len())?;
+    let mut failures = columns.read(&mut sheet, rows, &found.header)?;
     if !sheet.rows.is_empty() || failures.is_empty() {
         sheet.finish(&known)?;
     }
@@ -189,12 +189,17 @@ impl Columns {
     }
 
     /// Puts the rows of a file into a sheet; gives those that are not as wide as the header.
-    fn read(&self, sheet: &mut Sheet, rows: impl Iterator<Item = Result<Row>>, width: usize) -> Result<Vec<Failure>> {
+    fn read(
+        &self,
+        sheet: &mut Sheet,
+        rows: impl Iterator<Item = Result<Row>>,
+        header: &Header,
+    ) -> Result<Vec<Failure>> {
         let (mut failures, mut has_unnamed) = (Vec::new(), false);
         for row in rows {
             let row = row?;
             let line = row.line;
-            match fitted(row, width, sheet.delimiter()) {
+            match fitted(row, header, sheet.delimiter()) {
                 Ok(row) => {
                     has_unnamed |= self.unnamed.iter().any(|n| !row.cells[*n].is_empty());
                     sheet.rows.push(Row { line, cells: self.kept.iter().map(|n| &row.cells[*n]).collect() });

@@ -68,6 +68,7 @@ const REFUSED: &[Case] = &[
     ("spaces between thousands", || good().put(1, "fx_n", "1 500").text(';').into(), &[], ":3: fx_n: ", "without separators between thousands"),
     ("apostrophes between thousands", || good().put(1, "fx_n", "1'500").text(';').into(), &[], ":3: fx_n: ", "without separators between thousands"),
     ("decimal commas between commas", || text(good().put(1, "dx_um", "471,44")), &[], ":3: dx_um: ", "expected a finite number|decimal point"),
+    ("decimal commas between commas, over blank cells", || b"pose,theta_deg,sigma_deg,z0_mm,fx_n,fy_n,fz_n,dx_um,dy_um,rx_urad,ry_urad\np1,0,0,530,200,0,0,28,1,2,8,,\n".to_vec(), &[], ":2: ", "expected 11 cells as in the header, found 13, the last of them empty: for decimal commas write semicolons"),
     ("a unit in a cell", || text(good().put(1, "dx_um", "471.44 µm")), &[], ":3: dx_um: ", "write it without unit"),
     ("a spreadsheet's error", || text(good().put(1, "dx_um", "#DIV/0!")), &[], ":3: dx_um: ", "expected a finite number|#DIV/0!"),
     ("a spreadsheet's column that is too narrow", || text(good().put(1, "dx_um", "#####")), &[], ":3: dx_um: ", "expected a finite number"),
