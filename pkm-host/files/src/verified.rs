@@ -48,6 +48,9 @@ pub struct Finding {
     /// Place.
     #[serde(rename = "where")]
     pub place: String,
+    /// Places that the readings cannot tell apart from it.
+    #[serde(rename = "where_class")]
+    pub place_class: Vec<String>,
     /// What it depends on.
     pub law: String,
     /// Of the place.
@@ -70,6 +73,12 @@ pub struct Value {
 pub struct Declared {
     /// Key of the machine file.
     pub parameter: String,
+    /// Keys of what the readings cannot tell from it.
+    pub class: Vec<String>,
+    /// As declared.
+    pub declared: f64,
+    /// As estimated, in the same unit.
+    pub estimated: f64,
     /// Where to look.
     pub inspect: String,
 }
@@ -114,7 +123,7 @@ pub struct Quantity {
     /// Of ln of the declared value, as far as it follows from what is declared of joints and bodies.
     pub declared_uncertainty: f64,
     /// How far it differs from the declared value: `as_declared` within its expanded uncertainty, `within_declared_uncertainty`, else
-    /// `softer` or `stiffer`.
+    /// `softer` or `stiffer`; `not_determined` where it is neither of these and the readings hardly tell more than what is declared.
     pub state: String,
     /// Covariance of ln of it with the declared values, by the order of `condition_shared` and in units of their priors: two
     /// diagnoses of one machine have these errors in common.
@@ -130,6 +139,11 @@ impl Quantity {
     /// Whether it is worth an inspection.
     pub fn is_notable(&self) -> bool {
         self.state == "softer" || self.state == "stiffer"
+    }
+
+    /// Whether the readings tell more of it than what is declared.
+    pub fn is_determined(&self) -> bool {
+        self.state != "not_determined"
     }
 
     /// As `limb 1, drive, joints and body along its axis: 8.1 % softer than declared (± 1.2 %)`.

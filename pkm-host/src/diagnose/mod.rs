@@ -18,6 +18,7 @@ mod effects;
 mod elements;
 pub mod estimates;
 mod experiment;
+mod fates;
 pub mod findings;
 mod held_out;
 mod inference;

@@ -4,11 +4,9 @@ use nalgebra::{DMatrix, DVector};
 use pkm_diagnosis::student;
 use serde::Serialize;
 
-use super::ELEMENT;
 use super::estimates::COVERAGE;
-use super::text::{self, probability};
-use crate::files::verified::{Condition, Diagnosed, Finding, Quantity};
-use crate::page::p_in_words;
+use super::fates::{Fate, fates};
+use crate::files::verified::{Condition, Diagnosed, Quantity};
 
 /// Verdict where the readings of one side are not what they are taken for: what makes up for them says nothing of the machine.
 pub const INCONCLUSIVE: &str = "inconclusive";
@@ -17,7 +15,7 @@ pub const INCONCLUSIVE: &str = "inconclusive";
 const UNSOUND: &str = "unsound";
 
 /// Largest probability that any of the changes that are named is nothing but noise.
-const MAX_FAMILY_P: f64 = 0.01;
+pub const MAX_FAMILY_P: f64 = 0.01;
 
 /// Change of one stiffness.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -48,19 +46,6 @@ pub struct Change {
     pub probability: f64,
     /// `softer`, `stiffer`, or `unchanged` where noise may have done it; `inconclusive` where all is.
     pub verdict: &'static str,
-}
-
-/// What became of a finding.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Fate {
-    /// Effect at its place, or key of a declared value.
-    pub finding: String,
-    /// `gone`, `new`, `stronger`, `weaker` or `unchanged`.
-    pub verdict: &'static str,
-    /// Of the place, when it was found last; none of a declared value.
-    pub probability: Option<f64>,
-    /// For people.
-    pub text: String,
 }
 
 /// The comparison.
@@ -232,68 +217,6 @@ fn change(compared: &Compared, of: &Quantity, dof: [Option<f64>; 2], count: usiz
     }
 }
 
-fn name(f: &Finding) -> String {
-    match f.place.as_str() {
-        "sensor" | "load" | "time" if f.id == ELEMENT => {
-            format!("an error of the {}", text::error_of(&f.place, &f.law))
-        }
-        _ => format!("{} at {} ({})", f.id, f.place, f.law),
-    }
-}
-
-/// What became of an effect that both diagnoses found: by the parameter that changed most.
-fn both(before: &Finding, after: &Finding, dof: [Option<f64>; 2]) -> Fate {
-    let parameters = before.parameters.iter().filter_map(|(name, a)| Some((name, a, after.parameters.get(name)?)));
-    let changes = parameters.map(|(name, a, b)| {
-        let variances = [a.stderr, b.stderr].map(|s| s * s);
-        let deviation = (variances[0] + variances[1]).sqrt();
-        let dof = student::effective_dof(&[(variances[0], dof[0]), (variances[1], dof[1])]);
-        let change = b.value - a.value;
-        let p = if change == 0.0 { 1.0 } else { student::two_sided_p(change / deviation, dof) };
-        (p, format!("{name} from {:.3e} to {:.3e}", a.value, b.value), b.value.abs() > a.value.abs())
-    });
-    let count = before.parameters.len().max(1) as f64;
-    let most = changes.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|c| c.0 * count <= MAX_FAMILY_P);
-    let finding = name(after);
-    let (verdict, text) = match most {
-        Some((p, what, grew)) => {
-            (if grew { "stronger" } else { "weaker" }, format!("{finding} has changed: {what}, {}", p_in_words(p)))
-        }
-        None => ("unchanged", format!("{finding} is in both, and no parameter of it changed beyond its uncertainty")),
-    };
-    Fate { finding, verdict, probability: Some(after.probability), text }
-}
-
-fn fates(before: &Diagnosed, after: &Diagnosed) -> Vec<Fate> {
-    let dof = [before, after].map(|d| d.uncertainty.degrees_of_freedom);
-    let is_same = |a: &Finding, b: &Finding| name(a) == name(b);
-    let mut fates = Vec::new();
-    for f in &before.effects {
-        fates.push(match after.effects.iter().find(|o| is_same(f, o)) {
-            Some(other) => both(f, other, dof),
-            None => {
-                let p = probability(f.probability, 2);
-                let text = format!("{} was found before, probability {p}, and is found no more", name(f));
-                Fate { finding: name(f), verdict: "gone", probability: Some(f.probability), text }
-            }
-        });
-    }
-    for f in after.effects.iter().filter(|f| before.effects.iter().all(|o| !is_same(f, o))) {
-        let text = format!("{} is new, probability {}", name(f), probability(f.probability, 2));
-        fates.push(Fate { finding: name(f), verdict: "new", probability: Some(f.probability), text });
-    }
-    let has = |d: &Diagnosed, key: &str| d.declared_value_findings.iter().any(|f| f.parameter == key);
-    let mut of_declared = |from: &Diagnosed, other: &Diagnosed, verdict: &'static str, how: &str| {
-        for f in from.declared_value_findings.iter().filter(|f| !has(other, &f.parameter)) {
-            let text = format!("{} {how} ({})", f.parameter, f.inspect);
-            fates.push(Fate { finding: f.parameter.clone(), verdict, probability: None, text });
-        }
-    };
-    of_declared(before, after, "gone", "differed from its declared value before, and does no more");
-    of_declared(after, before, "new", "differs from its declared value, and did not before");
-    fates
-}
-
 fn doubts(before: &Diagnosed, after: &Diagnosed) -> Vec<String> {
     let mut doubts = Vec::new();
     if before.data_sha256 == after.data_sha256 {
@@ -339,7 +262,7 @@ pub fn verify(before: &Diagnosed, after: &Diagnosed) -> Option<Verification> {
         changes.iter_mut().for_each(|c| c.verdict = INCONCLUSIVE);
         return Some(Verification { verdict: INCONCLUSIVE, changes, findings: Vec::new(), doubts });
     }
-    let findings = fates(before, after);
+    let findings = fates(before, after, &changes);
     let is_changed =
         changes.iter().map(|c| c.verdict).chain(findings.iter().map(|f| f.verdict)).any(|v| v != "unchanged");
     Some(Verification { verdict: if is_changed { "changed" } else { "unchanged" }, changes, findings, doubts })

@@ -71,6 +71,58 @@ fn concludes_nothing_beside_readings_that_are_unsound(folder: &Folder, before: &
     }
 }
 
+/// Where the readings cannot tell two joints apart noise decides which of them is named: that is no change.
+fn one_joint_by_two_names_is_no_change(folder: &Folder, before: &str, after: &str) {
+    const JOINTS: [&str; 2] = ["limb.2.platform_joint.linear_n_per_m", "limb.2.base_joint.linear_n_per_m"];
+    let with = |of: &str, [parameter, other]: [&str; 2]| {
+        let name = format!("{of}/diagnosis.json");
+        let text = std::fs::read_to_string(&name).unwrap();
+        let mut document: Value = serde_json::from_str(&text).unwrap();
+        document["declared_value_findings"] = serde_json::json!([{ "parameter": parameter, "axis": 2, "declared": 3e8,
+            "estimated": 1.6e8, "pull_sd": -6.0, "inspect": "limb 2: joint", "class": ["limb.1.body.young_gpa", other] }]);
+        document
+    };
+    let verified = |one: &Value, other: &Value| {
+        let [one, other] = [("one.json", one), ("other.json", other)].map(|(n, d)| folder.write(n, &d.to_string()));
+        json(&["verify", "--before", &one, "--after", &other])
+    };
+    let [one, mut other] = [with(before, JOINTS), with(after, [JOINTS[1], JOINTS[0]])];
+    let found = verified(&one, &other);
+    let fates = found["findings"].as_array().unwrap();
+    assert_eq!((fates.len(), &fates[0]["verdict"]), (1, &"unchanged".into()), "{fates:?}");
+    assert!(JOINTS.iter().all(|joint| fates[0]["text"].as_str().unwrap().contains(joint)), "{fates:?}");
+    assert_eq!(found["verdict"], "unchanged", "{found}");
+    // the readings of the second tell them apart
+    other["declared_value_findings"][0]["class"] = serde_json::json!([]);
+    let found = verified(&one, &other);
+    let verdicts: Vec<&Value> = found["findings"].as_array().unwrap().iter().map(|f| &f["verdict"]).collect();
+    assert_eq!(verdicts, ["gone", "new"]);
+    assert_eq!(found["verdict"], "changed");
+}
+
+/// The same of an effect at two places.
+fn one_effect_at_two_places_is_no_change(folder: &Folder, before: &str, after: &str) {
+    let verified = |second: f64| {
+        let at = |name: &str, of: &str, place: &str, class: &str, value: f64| {
+            let text = std::fs::read_to_string(format!("{of}/diagnosis.json")).unwrap();
+            let mut document: Value = serde_json::from_str(&text).unwrap();
+            document["effects"] = serde_json::json!([{ "id": "element", "where": place, "where_class": [class],
+                "law": "constant", "probability": 0.97,
+                "parameters": { "axial.m_per_n": { "value": value, "stderr": 2e-10 } } }]);
+            folder.write(name, &document.to_string())
+        };
+        let one = at("one.json", before, "limb.2.body", "limb.2.base_joint", 5e-9);
+        let other = at("other.json", after, "limb.2.base_joint", "limb.2.body", second);
+        json(&["verify", "--before", &one, "--after", &other])
+    };
+    for (second, verdict) in [(5.2e-9, "unchanged"), (9e-9, "stronger"), (2e-9, "weaker")] {
+        let found = verified(second);
+        let fates = found["findings"].as_array().unwrap();
+        assert_eq!((fates.len(), &fates[0]["verdict"]), (1, &verdict.into()), "{fates:?}");
+        assert_eq!(found["verdict"] == "unchanged", verdict == "unchanged", "{found}");
+    }
+}
+
 /// One diagnosis alone: measurement, model and machine are three things, each estimate with its uncertainty.
 fn says_apart(folder: &Folder, first: &Value) {
     assert_eq!(first["measurement"]["verdict"], "sound", "{}", first["measurement"]);
@@ -159,6 +211,8 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     // measured twice, and nothing was done in between
     let found = json(&["verify", "--before", &after, "--after", &again]);
     assert_eq!(found["verdict"], "unchanged", "{found}");
+    one_joint_by_two_names_is_no_change(&folder, &after, &again);
+    one_effect_at_two_places_is_no_change(&folder, &after, &again);
     // the same readings twice: that is said first, and nobody is told that all is well
     let same = json(&["verify", "--before", &after, "--after", &after, "--out", &folder.path("same")]);
     assert!(same["doubts"][0].as_str().unwrap().contains("of the same readings"), "{same}");
