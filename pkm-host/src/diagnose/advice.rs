@@ -73,9 +73,46 @@ fn of_what_was_found(d: &Diagnosis) -> String {
         (_, true, false) => format!(
             "look at {look}; the error of the measurement is not in machine.toml, whose stiffnesses are identified beside it."
         ),
-        (Verdict::Adequate | Verdict::Explained, true, true) => {
-            "nothing on the machine; machine.toml has the re-identified stiffnesses.".to_owned()
-        }
+        (Verdict::Adequate | Verdict::Explained, true, true) => of_limbs(
+            ["softer", "stiffer"]
+                .map(|state| if d.leaves_more_than_noise() { Vec::new() } else { d.estimates.limbs_that_are(state) }),
+        ),
         _ => "do not compensate with this model; look at the residuals below for what they go with.".to_owned(),
+    }
+}
+
+/// Where no effect and no declared value was found: what to do about limbs that are softer or stiffer than declared, which are numbered.
+fn of_limbs([softer, stiffer]: [Vec<usize>; 2]) -> String {
+    let named = |limbs: &[usize]| {
+        let numbers = limbs.iter().map(usize::to_string).collect::<Vec<_>>().join(" and ");
+        format!("limb{} {numbers}", if limbs.len() > 1 { "s" } else { "" })
+    };
+    let first = match softer.as_slice() {
+        [] => "nothing on the machine".to_owned(),
+        limbs => format!("look at nut, bearings, screw and joints of {}", named(limbs)),
+    };
+    let then = match stiffer.as_slice() {
+        [] => String::new(),
+        limbs => format!(
+            "; check the scale of the loads and of the sensor, and where these are right correct the declared stiffness of {}",
+            named(limbs)
+        ),
+    };
+    format!("{first}{then}; machine.toml has the re-identified stiffnesses.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_to_do_goes_with_what_is_said_of_the_limbs() {
+        let nothing = of_limbs([vec![], vec![]]);
+        assert_eq!(nothing, "nothing on the machine; machine.toml has the re-identified stiffnesses.");
+        let stiffer = of_limbs([vec![], vec![2]]);
+        assert!(stiffer.starts_with("nothing on the machine; check the scale of the loads"), "{stiffer}");
+        assert!(stiffer.contains("correct the declared stiffness of limb 2;"), "{stiffer}");
+        let softer = of_limbs([vec![1, 3], vec![]]);
+        assert!(softer.starts_with("look at nut, bearings, screw and joints of limbs 1 and 3;"), "{softer}");
     }
 }

@@ -56,8 +56,8 @@ pub fn condition(d: &Diagnosis) -> Markup {
                 p { "More than noise is left: values may make up for what the model lacks, and sound parts pass for worn." }
             }
             // the others are among the findings
-            @if estimates.notable().is_empty() {
-                p { "No limb differs along its axis from what is declared by more than the declared uncertainty allows." }
+            @if estimates.notable().is_empty() && let Some(sentence) = estimates.none_differs() {
+                p { (sentence) }
             }
             (table("Stiffness as declared and as identified, with its expanded uncertainty", &heads, &rows))
             p { "Expanded uncertainties cover 95 % (" (known) ")." }

@@ -20,6 +20,9 @@ const STEP: f64 = 1e-3;
 /// Standard deviations of its declared uncertainty by which a limb must differ from its declared value to be worth an inspection.
 const NOTABLE_SD: f64 = 2.0;
 
+/// Greatest standard uncertainty, in those that were declared, of a stiffness that counts as determined by the readings.
+const MAX_UNDETERMINED: f64 = 0.8;
+
 /// By what standard uncertainties are multiplied to be expanded ones.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Coverage {
@@ -150,8 +153,12 @@ fn values(model: &Model, fit: &Fit) -> Vec<(f64, f64)> {
     fit.unknowns.iter().zip(fit.x.iter()).map(value).collect()
 }
 
-fn state(change: f64, expanded: f64, declared: f64) -> &'static str {
+/// State of a stiffness by ln of its change, the standard and expanded uncertainty of that, and the declared uncertainty.
+fn state(change: f64, [standard, expanded]: [f64; 2], declared: f64) -> &'static str {
     match change {
+        _ if standard > MAX_UNDETERMINED * declared && change.abs() <= expanded.max(NOTABLE_SD * declared) => {
+            "not_determined"
+        }
         _ if change.abs() <= expanded => "as_declared",
         _ if change.abs() <= NOTABLE_SD * declared => "within_declared_uncertainty",
         _ if change < 0.0 => "softer",
@@ -202,7 +209,7 @@ impl Estimates {
                 standard_uncertainty,
                 expanded_uncertainty,
                 declared_uncertainty,
-                state: state(change, expanded_uncertainty, declared_uncertainty).to_owned(),
+                state: state(change, [standard_uncertainty, expanded_uncertainty], declared_uncertainty).to_owned(),
                 shared: is_declared.iter().map(|n| shared[*n]).collect(),
             })
         };
@@ -232,18 +239,63 @@ impl Estimates {
         crate::files::dataset::to_csv(b',', &header.collect::<Vec<_>>(), rows)
     }
 
-    /// The limbs that are worth an inspection, in a sentence each.
+    /// Stiffness of a limb along its axis; none where it has none.
+    fn of_limb(&self, limb: usize) -> Option<&Quantity> {
+        self.condition.iter().find(|q| q.quantity == axial(limb))
+    }
+
+    /// What to do about the limbs that differ, in a sentence each: softness is wear, and nothing gets stiffer by itself.
     pub fn notable(&self) -> Vec<String> {
-        let of = |limb: usize| match self.condition.iter().find(|q| q.quantity == axial(limb)) {
-            Some(q) if q.is_notable() => {
+        let of = |limb: usize| match self.of_limb(limb) {
+            Some(q) if q.state == "softer" => {
                 Some(format!("{}: inspect nut, bearings, screw and joints of limb {limb}", q.text()))
             }
+            Some(q) if q.state == "stiffer" => Some(format!(
+                "{}, which no wear does: check the scale of the loads and of the sensor, and where these are right correct the \
+                 declared stiffness of limb {limb}",
+                q.text()
+            )),
             Some(_) => None,
             None => Some(format!(
                 "limb {limb} has no stiffness of its own along its axis in what was identified: the form of the model is in doubt"
             )),
         };
         (1..=AXIAL.len()).filter_map(of).collect()
+    }
+
+    /// Limbs that are as soft or stiff beyond what was declared as this state says.
+    pub fn limbs_that_are(&self, state: &str) -> Vec<usize> {
+        (1..=AXIAL.len()).filter(|limb| self.of_limb(*limb).is_some_and(|q| q.state == state)).collect()
+    }
+
+    /// Limbs of which the readings hardly tell more than what is declared, in a sentence.
+    pub fn not_determined(&self) -> Option<String> {
+        let of = |limb: usize| self.of_limb(limb).filter(|q| !q.is_determined());
+        let shown = |limb: usize| {
+            let q = of(limb)?;
+            let alone = 100.0 * q.declared_uncertainty * self.coverage.k;
+            let [change, uncertainty] = [q.change().exp_m1(), q.expanded_uncertainty].map(|v| 100.0 * v);
+            Some(format!("limb {limb} ({change:+.1} ± {uncertainty:.1} %; as declared ± {alone:.1} %)"))
+        };
+        let all: Vec<String> = (1..=AXIAL.len()).filter_map(shown).collect();
+        (!all.is_empty())
+            .then(|| format!("Not determined by these readings, stiffness along the axis of {}.", all.join(", ")))
+    }
+
+    /// That no limb differs, of those that the readings tell; none where they tell of none.
+    pub fn none_differs(&self) -> Option<String> {
+        let told = |limb: &usize| self.of_limb(*limb).is_some_and(Quantity::is_determined);
+        let limbs: Vec<String> = (1..=AXIAL.len()).filter(told).map(|limb| limb.to_string()).collect();
+        let who = match limbs.as_slice() {
+            [] => return None,
+            all if all.len() == AXIAL.len() => "No limb differs along its axis".to_owned(),
+            [one] => format!("Limb {one}, of which alone the readings tell, does not differ along its axis"),
+            some => format!(
+                "Limbs {}, of which alone the readings tell, do not differ along their axes",
+                some.join(" and ")
+            ),
+        };
+        Some(format!("{who} from what is declared by more than the declared uncertainty allows."))
     }
 
     /// The condition as JSON.
@@ -266,6 +318,60 @@ mod tests {
     use pkm_core::tables::reference::PARAMETERS;
 
     use super::*;
+
+    /// Estimates of three limbs: ln of their changes, and their standard uncertainties. Each is declared to 0.06.
+    fn limbs(of: [[f64; 2]; 3]) -> Estimates {
+        let limb = |(n, [change, standard]): (usize, [f64; 2])| Quantity {
+            quantity: axial(n + 1),
+            what: quantity_names()[n].1.clone(),
+            unit: "N/m".into(),
+            declared: 1e8,
+            identified: 1e8 * change.exp(),
+            standard_uncertainty: standard,
+            expanded_uncertainty: 2.0 * standard,
+            declared_uncertainty: 0.06,
+            state: state(change, [standard, 2.0 * standard], 0.06).into(),
+            shared: Vec::new(),
+        };
+        Estimates {
+            coverage: Coverage { coverage: COVERAGE, k: 2.0, degrees_of_freedom: None },
+            all: Vec::new(),
+            covariance: DMatrix::zeros(0, 0),
+            pose: Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 },
+            declared: Vec::new(),
+            deviations: Vec::new(),
+            deviation_covariance: Vec::new(),
+            condition: of.into_iter().enumerate().map(limb).collect(),
+        }
+    }
+
+    /// A limb of which the readings say next to nothing is not "as declared": they do not tell.
+    #[test]
+    fn what_the_readings_do_not_tell_is_not_determined() {
+        let some = limbs([[0.0, 0.02], [-0.03, 0.057], [0.05, 0.03]]);
+        let states: Vec<&str> = some.condition.iter().map(|q| q.state.as_str()).collect();
+        assert_eq!(states, ["as_declared", "not_determined", "as_declared"]);
+        let said = some.not_determined().unwrap();
+        assert!(said.ends_with("axis of limb 2 (-3.0 ± 11.4 %; as declared ± 12.0 %)."), "{said}");
+        assert!(some.none_differs().unwrap().starts_with("Limbs 1 and 3, of which alone the readings tell, do not"));
+        let none = limbs([[0.0, 0.05]; 3]);
+        assert_eq!(none.none_differs(), None);
+        let all = limbs([[0.0, 0.02], [0.1, 0.02], [0.0, 0.02]]);
+        assert_eq!((all.not_determined(), all.condition[1].state.as_str()), (None, "within_declared_uncertainty"));
+        assert!(all.none_differs().unwrap().starts_with("No limb differs along its axis from"));
+        // far off in spite of what is declared: the readings do tell
+        assert_eq!(limbs([[-0.3, 0.05]; 3]).limbs_that_are("softer"), [1, 2, 3]);
+    }
+
+    /// Wear makes nothing stiffer.
+    #[test]
+    fn a_limb_that_is_stiffer_is_not_inspected_for_wear() {
+        let [worn, stiff] =
+            <[String; 2]>::try_from(limbs([[-0.3, 0.02], [0.16, 0.02], [0.0, 0.02]]).notable()).unwrap();
+        assert!(worn.ends_with("inspect nut, bearings, screw and joints of limb 1"), "{worn}");
+        assert!(stiff.contains("17.4 % stiffer") && !stiff.contains("inspect"), "{stiff}");
+        assert!(stiff.contains("scale of the loads") && stiff.ends_with("declared stiffness of limb 2"), "{stiff}");
+    }
 
     /// What holds a limb is no softness of its own: base and platform may yield as they like, and a joint of the limb may not.
     #[test]

@@ -190,6 +190,7 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
     all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
     all.extend(of_values(d));
+    all.extend(d.estimates.not_determined().map(Finding::good));
     let held = &d.held_out;
     let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
     let nearest = |rival| of(held.nearest(), rival).map(|e| e.linear_um_rms);
