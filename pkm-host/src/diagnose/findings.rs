@@ -104,7 +104,11 @@ impl Detectable {
             Some(size) => text::amplitude(name, *size, None),
             None => format!("{name}: none that is plausible"),
         };
-        self.smallest.iter().map(shown).collect::<Vec<_>>().join(", ")
+        let sizes = self.smallest.iter().map(shown).collect::<Vec<_>>().join(", ");
+        match text::ratio_alone(&self.id).filter(|_| !self.is_hidden()) {
+            Some(ratio) => format!("{sizes} ({ratio})"),
+            None => sizes,
+        }
     }
 }
 
@@ -161,4 +165,22 @@ pub fn residual_structure(readings: &Readings, observations: &Observations, resi
     // what was not recorded has nothing to say
     let is_recorded = |name: &str| name != "temperature" || readings.has_temperature;
     levels.into_iter().filter(|l| is_recorded(l.0)).map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A gain of forces and moments alike is a factor of all stiffnesses, which no size of it tells.
+    #[test]
+    fn a_gain_that_readings_tell_as_a_ratio_says_so() {
+        let of = |id: &str, sizes: [Option<f64>; 2]| {
+            let smallest = ["forces", "moments"].into_iter().zip(sizes).map(|(n, s)| (n.to_owned(), s)).collect();
+            Detectable { id: id.into(), smallest, why_not: None }.text()
+        };
+        let gain = of("load-gain", [Some(3.97e-3); 2]);
+        assert!(gain.starts_with("forces 0.397 %, moments 0.397 % (of the ratio of forces to moments"), "{gain}");
+        assert!(!of("load-gain", [None; 2]).contains("ratio"));
+        assert!(!of("load-point", [Some(1e-3); 2]).contains("ratio"));
+    }
 }

@@ -88,6 +88,19 @@ pub fn inspect_declared(declared: &Declared, ratio: f64) -> String {
     format!("limb {limb}: {what}")
 }
 
+/// Of what the readings tell no more than a ratio: a common error of both is one of all stiffnesses.
+pub fn ratio_alone(id: &str) -> Option<&'static str> {
+    match id {
+        "load-gain" => {
+            Some("of the ratio of forces to moments: an error of both alike is not told from all stiffnesses")
+        }
+        "sensor-scale" => {
+            Some("of the ratio of translations to rotations: an error of both alike is not told from all stiffnesses")
+        }
+        _ => None,
+    }
+}
+
 /// What is not looked for among many poses.
 pub const SINGLE_POSES: &str = "what one pose has of its own, such as a clamp that was loose there or a zero that was lost; there are too many poses";
 
