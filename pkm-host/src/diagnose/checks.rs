@@ -21,8 +21,10 @@ use crate::files::readings::{CHANNELS, Readings};
 pub const TAKEN_OTHERWISE: &str = "readings_taken_otherwise";
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
 const BADLY_SD: f64 = 10.0;
+/// What may be left with a lever, in noise variances a number: three free numbers mend some of what a machine's parts do as well.
+const MAX_LEFT_WITH_LEVER: f64 = 1.5;
 /// Least and greatest lever that a load may have without a word of it, m.
-const MIN_LEVER_M: f64 = 0.02;
+const MIN_LEVER_M: f64 = 0.05;
 const MAX_LEVER_M: f64 = 2.0;
 
 /// A reason to look at the readings before the machine.
@@ -135,11 +137,12 @@ pub fn taken_otherwise(
         let (observations, experiment) = (experiment::observations(taken, model), Experiment::new(model, taken));
         Problem::new(&observations, whitener, &experiment, problem.rules).residuals(&[], &[])
     };
-    let mut ways = other_ways(readings, tip_m);
-    ways.extend(lever(&as_said, &residuals_of, readings).map(|lever_m| ways::levered(readings, lever_m)));
+    let lever = lever(&as_said, &residuals_of, readings).map(|lever_m| ways::levered(readings, lever_m));
+    let ways = other_ways(readings, tip_m).into_iter().map(|way| (way, f64::INFINITY));
+    let ways: Vec<_> = ways.chain(lever.map(|way| (way, MAX_LEFT_WITH_LEVER))).collect();
     let found: Vec<(String, f64)> = ways
         .into_par_iter()
-        .filter_map(|way| {
+        .filter_map(|(way, most)| {
             let taken = (way.taken)()?;
             let (observations, experiment) = (experiment::observations(&taken, model), Experiment::new(model, &taken));
             let other = Problem::new(&observations, whitener, &experiment, problem.rules);
@@ -150,7 +153,7 @@ pub fn taken_otherwise(
             }
             let rest =
                 if way.is_as_predicted { left(&as_said, &residuals) } else { left(&at_declared(&other)?, &residuals) };
-            Some((way.how, rest))
+            (rest < most).then_some((way.how, rest))
         })
         .collect();
     // of what is alike the first two, which are the plainest
