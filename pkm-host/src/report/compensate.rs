@@ -178,14 +178,11 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     let mut all = vec![Finding::good(format!(
         "The load takes the tip {before:.1} µm from its path at most; with the new commands {after:.4} µm are left."
     ))];
-    all.extend(match far_apart(track) {
-        Some(text) => Some(Finding::warning(format!("The new path is coarse: {text}."))),
-        None if track.halfway.count > 0 => {
-            let most_um = track.halfway.max * 1e6;
-            Some(Finding::good(format!("Halfway between two points {most_um:.4} µm are left at most.")))
-        }
-        None => None,
-    });
+    // what is more is among the warnings
+    if track.halfway.count > 0 && far_apart(track).is_none() {
+        let most_um = track.halfway.max * 1e6;
+        all.push(Finding::good(format!("Halfway between two points {most_um:.4} µm are left at most.")));
+    }
     all.extend(of_axis(track));
     if track.extrapolated > 0 {
         let points = track.points;
@@ -226,6 +223,9 @@ fn advice(track: &Track) -> Vec<Finding> {
         }
         (_, false) => {
             "lower the feed on the lines that are named below, then run the new file in place of the old one."
+        }
+        (false, true) if far_apart(track).is_some() => {
+            "have points written between those of the path (--step-mm), then run the new file in place of the old one."
         }
         (false, true) => {
             "run the new file in place of the old one; measure the first part where the error was greatest."
