@@ -104,7 +104,6 @@ impl MachineFile {
         let name = raw.name.get_ref().clone();
         let own_wrist = raw.wrist.as_ref().map(Spanned::get_ref);
         let wrist_parameters = wrist_parameters(own_wrist, &pose_box);
-        let wrist_left_out = wrist_left_out(own_wrist);
         let wrist = Wrist::<f64>::new(&wrist_parameters);
         if let Err(error) = wrist
             && error != WristError::HomeIsSingular
@@ -137,7 +136,7 @@ impl MachineFile {
             uncertainty: raw.uncertainty.unwrap_or_default().values(),
             wrist_parameters,
             warnings,
-            wrist_left_out,
+            wrist_left_out: wrist_left_out(own_wrist),
             wrist,
             solid,
             source,

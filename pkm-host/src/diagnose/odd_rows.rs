@@ -86,7 +86,7 @@ pub fn odd_rows(readings: &Readings, model: &Model) -> Vec<OddRows> {
     reversed(readings, &declared).into_iter().chain(of_noise.into_iter().flatten()).collect()
 }
 
-/// Rows whose deflection is next to nothing. `kind` is which channels, their name, and the unit that is likely.
+/// Rows whose deflection is next to nothing: in some channels, which have a name and a unit that is likely.
 fn in_other_unit(
     readings: &Readings,
     declared: &[[f64; CHANNELS]],

@@ -11,7 +11,6 @@ use pkm_core::{
     ToolDeflectionError, ToolSolution, Wrench,
 };
 
-use super::implausible_load;
 use crate::error::{Failure, Result};
 use crate::files::cutting::Cut;
 use crate::files::limits::JointLimits;
@@ -20,6 +19,7 @@ use crate::files::path::{Load, Move, Place, Toward, part_of, rounded};
 use crate::files::tool_path::Point;
 use crate::plan::cutting::{self, MeanForce};
 use crate::plan::feed::{JointTrack, NotHeld};
+use crate::plan::implausible_load;
 use crate::plan::reach::Reach;
 use crate::plan::track::{Error, KnownDeflection, LoadedPoint, PathPlace, Track};
 use crate::pose::{PoseBox, file_units};
