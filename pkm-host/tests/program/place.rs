@@ -368,6 +368,27 @@ fn holes_that_are_held_worse_are_counted_once_for_each_alternative() {
     assert!(text.contains(&said) && !text.contains("of 14"), "{text}");
 }
 
+#[test]
+fn a_table_that_cannot_move_is_not_called_better() {
+    let folder = Folder::new();
+    let plate = std::fs::read_to_string(fixture("jobs/plate.toml")).unwrap();
+    let job = folder.write("job.toml", &plate.replace("[-400.0, 400.0]", "[0.0, 0.0]"));
+    let output = run(&["place", "--job", &job, "--out", &folder.path("out")]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("none was found that is better than the table in the middle"), "{text}");
+}
+
+#[test]
+fn a_hole_behind_the_machine_is_not_blamed_on_its_axis_alone() {
+    let folder = Folder::new();
+    let plate = std::fs::read_to_string(fixture("jobs/plate.toml")).unwrap();
+    let job = folder.write("job.toml", &plate.replace("[180.0, 260.0, 0.0]", "[180.0, 260.0, 700.0]"));
+    says(
+        &["place", "--job", &job, "--out", &folder.path("out")],
+        "hole 1 of series `B`|its tip beside or behind the base",
+    );
+}
+
 /// Refused with a message that has all of the words.
 fn says(args: &[&str], words: &str) {
     let error = refused(args);

@@ -84,7 +84,7 @@ impl Searcher<'_> {
             (true, None) => fail(
                 "unreachable",
                 format!(
-                    "{named} is out of reach from every position tried, whatever travel and limits are: is its axis towards the machine's back?"
+                    "{named} is out of reach from every position tried, whatever travel and limits are: is its axis towards the machine's back, or its tip beside or behind the base?"
                 ),
             ),
             (false, nearest) => {

@@ -59,8 +59,13 @@ pub(super) fn judged(placed: &Placed) -> Objective {
 }
 
 /// Whether a placement is no worse than the table in the middle.
-fn is_better(p: &Placement) -> bool {
+fn is_no_worse(p: &Placement) -> bool {
     p.before.as_ref().is_none_or(|(before, _)| p.value <= *before)
+}
+
+/// Whether it is better by more than what a search leaves of its steps.
+fn is_better(p: &Placement) -> bool {
+    p.before.as_ref().is_none_or(|(before, _)| p.value < *before * (1.0 - 1e-6))
 }
 
 /// What a placement does.
@@ -85,7 +90,7 @@ fn of_placement(model: &PlacementModel<'_>, p: &Placement) -> Finding {
         None => text.push_str("with the table in the middle not every hole is in reach"),
     }
     let before = p.before.as_ref().and_then(|(_, postures)| worst(postures));
-    let mut finding = if is_better(p) { Finding::good(text) } else { Finding::warning(text) };
+    let mut finding = if is_no_worse(p) { Finding::good(text) } else { Finding::warning(text) };
     if let Some(um) = worst(&p.holes).filter(|_| !p.objective.is_of_tips()) {
         finding.text.push_str(&format!("; worst tip deflection {um:.3} µm"));
         if let Some(before) = before.filter(|before| um > *before) {
@@ -139,13 +144,16 @@ pub(super) fn findings(model: &PlacementModel<'_>, placed: &Placed) -> Vec<Findi
     let uncertain = robust::of_the_verdict(model, placed);
     let verdict = if counted().any(|p| p.holes.iter().any(|h| h.outside_box)) {
         Finding::warning(format!("Places found, some of them by extrapolation: {what} {gains}.{uncertain}"))
-    } else if counted().all(is_better) && counted().any(|p| held_worse(p) > 0) {
+    } else if !counted().any(is_better) {
+        let no_other = "none was found that is better than the table in the middle";
+        Finding::warning(format!("Every hole is in reach, but {no_other}: {what} {gains}.{uncertain}"))
+    } else if counted().all(is_no_worse) && counted().any(|p| held_worse(p) > 0) {
         let worse = worse_holes(model, counted());
         Finding::good(format!("Every hole is in reach, and {what} {gains}. {worse}{uncertain}"))
     } else if counted().all(is_better) {
-        Finding::good(format!("Every hole is in reach and better held: {what} {gains}.{uncertain}"))
+        Finding::good(format!("Every hole is in reach, and {what} {gains}.{uncertain}"))
     } else {
-        Finding::warning(format!("Every hole is in reach, not all are better held: {what} {gains}.{uncertain}"))
+        Finding::warning(format!("Every hole is in reach, not every series is better off: {what} {gains}.{uncertain}"))
     };
     // those that the verdict is on come first
     let mut all: Vec<&Placement> = placed.placements.iter().collect();
