@@ -614,7 +614,7 @@ typedef struct {
   PkmLimit limit;
   // Where the pose stands to the table's box.
   PkmDomain domain;
-  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause, those of wrench and box a little later.
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model, the wrench and the box end 0.1 s after their cause, the others with it.
   PkmError fault;
 } PkmOffset_f64;
 
@@ -649,7 +649,7 @@ typedef struct {
   PkmLimit limit;
   // Where the pose stands to the table's box.
   PkmDomain domain;
-  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause, those of wrench and box a little later.
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model, the wrench and the box end 0.1 s after their cause, the others with it.
   PkmError fault;
 } PkmOffset_f32;
 
@@ -793,7 +793,7 @@ typedef struct {
   PkmOffset_f64 offset;
   // How well the deflection under the load that is compensated is known; zeros where `is_known` is 0.
   PkmKnown_f64 known;
-  // Not 0: there is a deflection in this period. 0 when not enabled, outside the box, and with a fault of the model.
+  // Not 0: there is a deflection in this period. 0 when not enabled, outside the box unless its setting is to extrapolate, and with a fault of the model.
   int32_t is_known;
 } PkmKnownOffset_f64;
 
@@ -857,7 +857,7 @@ typedef struct {
   PkmOffset_f32 offset;
   // How well the deflection under the load that is compensated is known; zeros where `is_known` is 0.
   PkmKnown_f32 known;
-  // Not 0: there is a deflection in this period. 0 when not enabled, outside the box, and with a fault of the model.
+  // Not 0: there is a deflection in this period. 0 when not enabled, outside the box unless its setting is to extrapolate, and with a fault of the model.
   int32_t is_known;
 } PkmKnownOffset_f32;
 
@@ -1619,7 +1619,7 @@ PkmError pkm_tool_touch_f64(const PkmMachine_f64 *machine,
 
 // A period of the compensation: what it uses goes to what is worth compensating, at most at the rates of the settings.
 //
-// Errors: NOT_INITIALISED, NOT_FINITE.
+// Errors: NOT_INITIALISED, NOT_FINITE, also where the period is below 0.
 PKM_MUST_USE PkmError pkm_estimator_follow_f64(PkmEstimator_f64 *estimator, double period_s);
 
 // What it knows, and alarms. `size` is the room for it: `sizeof *state`.
@@ -1724,7 +1724,7 @@ PkmError pkm_tool_touch_f32(const PkmMachine_f32 *machine,
 
 // A period of the compensation: what it uses goes to what is worth compensating, at most at the rates of the settings.
 //
-// Errors: NOT_INITIALISED, NOT_FINITE.
+// Errors: NOT_INITIALISED, NOT_FINITE, also where the period is below 0.
 PKM_MUST_USE PkmError pkm_estimator_follow_f32(PkmEstimator_f32 *estimator, float period_s);
 
 // What it knows, and alarms. `size` is the room for it: `sizeof *state`.

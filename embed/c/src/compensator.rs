@@ -116,7 +116,7 @@ pub struct PkmOffset<T> {
     pub limit: PkmLimit,
     /// Where the pose stands to the table's box.
     pub domain: PkmDomain,
-    /// The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. It ends with its cause, those of wrench and box a little later.
+    /// The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model, the wrench and the box end 0.1 s after their cause, the others with it.
     pub fault: PkmError,
 }
 

@@ -259,7 +259,7 @@ macro_rules! estimator {
 
         /// A period of the compensation: what it uses goes to what is worth compensating, at most at the rates of the settings.
         ///
-        /// Errors: NOT_INITIALISED, NOT_FINITE.
+        /// Errors: NOT_INITIALISED, NOT_FINITE, also where the period is below 0.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $follow(estimator: *mut PkmEstimator<$t>, period_s: $t) -> PkmError {

@@ -45,7 +45,7 @@ pub struct PkmKnownOffset<T> {
     pub offset: PkmOffset<T>,
     /// How well the deflection under the load that is compensated is known; zeros where `is_known` is 0.
     pub known: PkmKnown<T>,
-    /// Not 0: there is a deflection in this period. 0 when not enabled, outside the box, and with a fault of the model.
+    /// Not 0: there is a deflection in this period. 0 when not enabled, outside the box unless its setting is to extrapolate, and with a fault of the model.
     pub is_known: i32,
 }
 

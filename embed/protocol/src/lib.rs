@@ -104,10 +104,10 @@
 //!
 //! ```text
 //! cd embed/firmware && cargo build --release --bin cyclic
-//! qemu-system-arm -M mps2-an500 -nographic -monitor none -icount shift=7 -serial tcp:127.0.0.1:5599,server=on,wait=on -kernel target/thumbv7em-none-eabihf/release/cyclic
+//! qemu-system-arm -M mps2-an500 -nographic -monitor none -icount shift=4,sleep=off -serial tcp:127.0.0.1:5599,server=on,wait=on -kernel target/thumbv7em-none-eabihf/release/cyclic
 //! ```
 //!
-//! Without `-icount` the ticks are the PC's time; with it ticks × 40/128 are instructions.
+//! Without `-icount` the ticks are the PC's time; with it ticks × 40/16 are instructions. With a larger shift a cycle in f64 on the other boards takes longer than the watchdog waits.
 
 #![no_std]
 #![forbid(unsafe_code)]
