@@ -1,5 +1,5 @@
 //! G-code (RS-274) as controls of the Fanuc family and LinuxCNC read it: read into straight moves of the tool, and written again
-//! with other places. [docs/formats.md](https://docs.rs/pkm-host) has the table of words.
+//! with other places. `docs/formats.md`, G-code, has the table of words.
 //!
 //! A program is read in the order in which a control carries it out. Expressions become numbers, loops all of their passes, arcs, cycles and
 //! subprograms straight moves; all that
