@@ -1,7 +1,6 @@
 //! Two judgements kept apart, each with its reasons: is the measurement sound, is the model good enough. What the machine is like is a
 //! third thing ([`super::estimates`]).
 
-use pkm_diagnosis::Rules;
 use pkm_diagnosis::verdict::Verdict;
 use serde::Serialize;
 
@@ -53,7 +52,7 @@ impl Badge {
             let what = if e.id == ELEMENT { text::error_of(&e.place, e.law) } else { e.id.to_owned() };
             reasons.push((Grade::Doubtful, format!("an error of the measurement was found: {what}")));
         }
-        if d.load_error > Rules::DEFAULT.max_explaining_load_error {
+        if d.load_error > d.rules.max_explaining_load_error {
             let message = format!(
                 "the loads seem to be wrong by some {:.1} % and {:.1} mrad beyond what is declared",
                 100.0 * d.load_error,

@@ -52,7 +52,7 @@ impl LeftOut {
             rows.iter().flat_map(|n| (0..CHANNELS).filter(|c| is_read(n, c)).map(|c| (*n, c))).collect()
         };
         let mut whole_rows: Vec<usize> = poses.iter().flat_map(|pose| pose.rows(readings).map(|(n, _)| n)).collect();
-        let odd = odd_rows(&readings.without_numbers(&numbers(&whole_rows)), model);
+        let odd = odd_rows(&readings.without_numbers(&numbers(&whole_rows)), model, rules);
         let most = (MAX_SHARE_OF_ROWS * readings.readings.len() as f64).max(1.0);
         let (rows, doubted): (Vec<OddRows>, Vec<OddRows>) = odd.into_iter().partition(|o| o.rows.len() as f64 <= most);
         whole_rows.extend(rows.iter().flat_map(|odd| odd.rows.iter().copied()));

@@ -135,6 +135,8 @@ pub struct Diagnosis {
     pub left_out: Vec<(usize, usize)>,
     /// Names of candidates by round, for reports.
     pub names: Vec<Vec<String>>,
+    /// The thresholds that it was made with.
+    pub rules: Rules,
 }
 
 fn not_converged(readings: &Readings, warnings: &[Warning]) -> Failure {
@@ -297,7 +299,7 @@ impl Diagnosis {
 
     /// Whether the final model leaves more than noise: what its values have moved by may be of what it lacks.
     fn leaves_more_than_noise(&self) -> bool {
-        self.judgement.after.p < Rules::DEFAULT.max_misfit_p
+        self.judgement.after.p < self.rules.max_misfit_p
     }
 }
 
@@ -420,6 +422,7 @@ impl Searched<'_> {
             left_out: left_out.numbers(),
             names: search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect(),
             search,
+            rules: rules.clone(),
         })
     }
 }

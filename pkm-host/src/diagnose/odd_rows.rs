@@ -71,11 +71,11 @@ impl OddRows {
 }
 
 /// All of them.
-pub fn odd_rows(readings: &Readings, model: &Model) -> Vec<OddRows> {
+pub fn odd_rows(readings: &Readings, model: &Model, rules: &Rules) -> Vec<OddRows> {
     let experiment = Experiment::new(model, readings);
     let Some(declared) = model.predict(&experiment.poses, experiment.conditions, &[], &[]) else { return Vec::new() };
     let read = observations(readings, model);
-    let of_noise = experiment.noise(&read, &Rules::DEFAULT).ok().map(|noise| {
+    let of_noise = experiment.noise(&read, rules).ok().map(|noise| {
         let sd =
             |n: usize, channels: Range<usize>| channels.map(|c| noise.variance_of(&read, n, c)).sum::<f64>().sqrt();
         let small = [(0..3, "translations", "mm"), (3..6, "rotations", "mrad")]
@@ -190,4 +190,33 @@ fn without_load(
         what: "there is no load, and the tip has moved as under one".into(),
         ask: "was the load lost?".into(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Method;
+    use super::super::model::Recorded;
+    use super::super::tests::{condition, machine, reading, readings};
+    use super::*;
+
+    #[test]
+    fn the_noise_that_a_lost_load_is_held_against_is_that_of_the_given_rules() {
+        let model = Model::new(&machine(), Recorded::default(), Method::Formulas).unwrap();
+        let loads = [0.0, 200.0, 300.0, 400.0, 0.0];
+        let conditions: Vec<_> = loads.iter().map(|force| condition(0, [*force, 0.0, 0.0, 0.0, 0.0, 0.0])).collect();
+        let poses = [readings(conditions.clone(), Vec::new()).poses[0].pose];
+        let said = model.predict(&poses, &conditions, &[], &[]).unwrap();
+        // four repeats of each load, in two series
+        let rows = (0..17).map(|n| {
+            // the machine had a load in the last row, which the file does not have
+            let read = if n == 16 { said[3] } else { said[n / 4] };
+            let error = 1e-8 * ((7 * n % 5) as f64 - 2.0);
+            reading(n / 4, n % 2, read.map(|v| Some(v + error)))
+        });
+        let all = readings(conditions, rows.collect());
+        let kinds = |rules: &Rules| -> Vec<&str> { odd_rows(&all, &model, rules).iter().map(|odd| odd.kind).collect() };
+        assert_eq!(kinds(&Rules::DEFAULT), [LOAD_MISSING]);
+        // by these the repeats are too few to tell a noise
+        assert!(kinds(&Rules { min_dof_of_kind: 1e6, ..Rules::DEFAULT }).is_empty());
+    }
 }
