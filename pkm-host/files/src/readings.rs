@@ -98,6 +98,7 @@ pub struct Reading {
 }
 
 /// A measured file.
+#[derive(Clone)]
 pub struct Readings {
     /// File, as the user named it.
     pub source: Source,
@@ -349,17 +350,9 @@ impl Readings {
 
     /// The same poses and conditions without some of the readings.
     pub fn without(&self, left_out: impl Fn(&Reading) -> bool) -> Self {
-        Self {
-            source: self.source.clone(),
-            poses: self.poses.clone(),
-            conditions: self.conditions.clone(),
-            readings: self.readings.iter().filter(|r| !left_out(r)).cloned().collect(),
-            series_names: self.series_names.clone(),
-            resolution: self.resolution,
-            has_temperature: self.has_temperature,
-            has_unloading: self.has_unloading,
-            warnings: self.warnings.clone(),
-        }
+        let mut rest = self.clone();
+        rest.readings.retain(|r| !left_out(r));
+        rest
     }
 
     /// Those of one pose, with its conditions alone.
@@ -369,10 +362,11 @@ impl Readings {
         own.iter().enumerate().for_each(|(n, c)| number[*c] = Some(n));
         let of_pose = |r: &Reading| Some(Reading { condition: number[r.condition]?, ..r.clone() });
         Self {
-            source: self.source.clone(),
             poses: vec![self.poses[pose].clone()],
             conditions: own.iter().map(|c| Condition { pose: 0, ..self.conditions[*c] }).collect(),
             readings: self.readings.iter().filter_map(of_pose).collect(),
+            // field by field: a clone of all readings for each pose would take its time
+            source: self.source.clone(),
             series_names: self.series_names.clone(),
             resolution: self.resolution,
             has_temperature: self.has_temperature,
@@ -383,7 +377,7 @@ impl Readings {
 
     /// The same without single numbers: pairs of reading and channel.
     pub fn without_numbers(&self, left_out: &[(usize, usize)]) -> Self {
-        let mut rest = self.without(|_| false);
+        let mut rest = self.clone();
         for (reading, channel) in left_out {
             rest.readings[*reading].observed[*channel] = None;
         }

@@ -101,7 +101,7 @@ pub struct Way<'a> {
 
 /// With readings in turned axes, and loads with them if `axial`, the sign of a moment there, is given.
 fn in_turned_axes(readings: &Readings, turns: &Turns, axial: Option<f64>) -> Option<Readings> {
-    let mut other = readings.without(|_| false);
+    let mut other = readings.clone();
     for r in &mut other.readings {
         let [linear, angular] = turns(&readings.poses[readings.conditions[r.condition].pose].pose);
         turned(&mut r.observed, 0, &linear)?;
@@ -120,7 +120,7 @@ fn in_turned_axes(readings: &Readings, turns: &Turns, axial: Option<f64>) -> Opt
 
 /// With forces and moments so many times as large.
 fn under_loads(readings: &Readings, force: f64, moment: f64) -> Readings {
-    let mut other = readings.without(|_| false);
+    let mut other = readings.clone();
     let scaled = |w: &Wrench<f64>| Wrench { force_n: w.force_n * force, moment_nm: w.moment_nm * moment };
     for c in &mut other.conditions {
         (c.wrench, c.turned_at) = (scaled(&c.wrench), scaled(&c.turned_at));
@@ -130,7 +130,7 @@ fn under_loads(readings: &Readings, force: f64, moment: f64) -> Readings {
 
 /// With the components of forces, moments or both turned, which leaves displacements where they are.
 fn under_turned_loads(readings: &Readings, force: &Matrix3<f64>, moment: &Matrix3<f64>) -> Readings {
-    let mut other = readings.without(|_| false);
+    let mut other = readings.clone();
     let turned = |w: &Wrench<f64>| Wrench { force_n: force * w.force_n, moment_nm: moment * w.moment_nm };
     for c in &mut other.conditions {
         (c.wrench, c.turned_at) = (turned(&c.wrench), turned(&c.turned_at));
@@ -140,7 +140,7 @@ fn under_turned_loads(readings: &Readings, force: &Matrix3<f64>, moment: &Matrix
 
 /// With translations and rotations so many times as large.
 fn in_units(readings: &Readings, linear: f64, angular: f64) -> Readings {
-    let mut other = readings.without(|_| false);
+    let mut other = readings.clone();
     for r in &mut other.readings {
         for (c, value) in r.observed.iter_mut().enumerate() {
             let factor = if KINDS[c] == 0 { linear } else { angular };
@@ -152,7 +152,7 @@ fn in_units(readings: &Readings, linear: f64, angular: f64) -> Readings {
 
 /// At poses that the file means otherwise. `None` where one is no pose.
 fn at_poses(readings: &Readings, meant: impl Fn([f64; 2]) -> [f64; 2]) -> Option<Readings> {
-    let mut other = readings.without(|_| false);
+    let mut other = readings.clone();
     for p in &mut other.poses {
         [p.pose.theta_rad, p.pose.sigma_rad] = meant([p.pose.theta_rad, p.pose.sigma_rad]);
         (p.pose.theta_rad.abs().max(p.pose.sigma_rad.abs()) < FRAC_PI_2).then_some(())?;
@@ -162,7 +162,7 @@ fn at_poses(readings: &Readings, meant: impl Fn([f64; 2]) -> [f64; 2]) -> Option
 
 /// With displacements at a point of A-uvw, and loads that act there or at A.
 fn at_point(readings: &Readings, point_m: Vector3<f64>, load_too: bool) -> Readings {
-    let mut other = readings.without(|_| false);
+    let mut other = readings.clone();
     for c in &mut other.conditions {
         c.point_m = point_m.into();
         if !load_too {
@@ -175,7 +175,7 @@ fn at_point(readings: &Readings, point_m: Vector3<f64>, load_too: bool) -> Readi
 
 /// With loads that act so far from where the file has them, in A-uvw.
 pub fn with_lever(readings: &Readings, lever_m: Vector3<f64>) -> Readings {
-    let mut other = readings.without(|_| false);
+    let mut other = readings.clone();
     for c in &mut other.conditions {
         (c.wrench, c.turned_at) = (c.wrench.moved_to_a(lever_m), c.turned_at.moved_to_a(lever_m));
     }
@@ -334,7 +334,7 @@ pub fn of_pose<'a>(own: &'a Readings, others: &[&'a NamedPose], tip_m: Vector3<f
     }
     for other in others.iter().copied() {
         let at_other = move || {
-            let mut taken = own.without(|_| false);
+            let mut taken = own.clone();
             taken.poses[0].pose = other.pose;
             Some(taken)
         };
