@@ -136,11 +136,6 @@ impl Quantity {
         (self.identified / self.declared).ln()
     }
 
-    /// Whether it is worth an inspection.
-    pub fn is_notable(&self) -> bool {
-        self.state == "softer" || self.state == "stiffer"
-    }
-
     /// Whether the readings tell more of it than what is declared.
     pub fn is_determined(&self) -> bool {
         self.state != "not_determined"

@@ -149,7 +149,6 @@ fn another_machine_another_sum() {
     let soft = Effects::NONE.with("limb-2-axial", [1e-9]).expect("an effect");
     assert_ne!(sum(Effects::NONE), sum(soft));
     let elastic = Effects::NONE.with_element("limb.2.body", "axial", "constant", [1e-9]).expect("an element");
-    assert_eq!(sum(elastic), sum(elastic));
     assert_ne!(sum(Effects::NONE), sum(elastic));
 }
 
