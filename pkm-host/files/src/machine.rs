@@ -17,7 +17,7 @@ use super::source::Source;
 use super::toml_error::{line_at, parsed};
 use super::wrist::{wrist_left_out, wrist_parameters};
 use crate::error::{Failure, Result, printable};
-use crate::pose::{PoseBox, pose_of, tidy};
+use crate::pose::{MAX_RADIANS, PoseBox, pose_of, tidy};
 
 pub use super::machine_raw::Uncertainty;
 
@@ -245,7 +245,8 @@ fn box_out_of_reach(file: &str, machine: &Machine<f64>, pose_box: &PoseBox) -> O
 
 /// A warning where the angles of the box are too small to be in degrees.
 fn box_in_radians(file: &str, pose_box: &PoseBox) -> Option<String> {
-    let message = || format!("{file}: box: its angles are below 0.6: are theta_deg and sigma_deg in degrees?");
+    let message =
+        || format!("{file}: box: its angles are below {MAX_RADIANS}: are theta_deg and sigma_deg in degrees?");
     pose_box.may_be_in_radians().then(message)
 }
 

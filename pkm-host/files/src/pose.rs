@@ -81,12 +81,15 @@ impl From<[[f64; 2]; 3]> for PoseBox {
     }
 }
 
+/// Largest angle of a machine that is probably in radians where one in degrees is expected and none is larger: 34°, and as degrees next to nothing.
+pub const MAX_RADIANS: f64 = 0.6;
+
 impl PoseBox {
     /// Whether its angles are so small that they are likely to be in radians.
     pub fn may_be_in_radians(&self) -> bool {
         let angles = [self.theta_deg, self.sigma_deg];
         let greatest = angles.as_flattened().iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
-        greatest > 0.0 && greatest < 0.6
+        greatest > 0.0 && greatest < MAX_RADIANS
     }
 
     /// Extent of poses.

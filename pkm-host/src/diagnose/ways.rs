@@ -6,14 +6,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Matrix3, Vector3};
 use pkm_core::{Pose, Wrench};
 
+use crate::files::import::{FOOT_M, GRAVITY, POUND_N};
 use crate::files::pose::NamedPose;
 use crate::files::readings::{CHANNELS, KINDS, Readings};
 
-/// Standard acceleration of gravity, m/s².
-const GRAVITY: f64 = 9.806_65;
-/// Pound-force in N, foot in m.
-const POUND_N: f64 = 4.448_221_615_260_5;
-const FOOT_M: f64 = 0.304_8;
 /// Units that instruments show beside those of the file.
 const ARCSECOND_URAD: f64 = 1e6 * PI / (180.0 * 3600.0);
 const MILLIDEGREE_URAD: f64 = 1e3 * PI / 180.0;

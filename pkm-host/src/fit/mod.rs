@@ -19,7 +19,7 @@ use crate::files::machine::MachineFile;
 use crate::files::source::Source;
 use crate::files::table::{DiagonalForm, FactorForm, TableFile};
 use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers, refuse_not_positive};
-use crate::pose::{NamedPose, PoseBox, core_units, file_units};
+use crate::pose::{MAX_RADIANS, NamedPose, PoseBox, core_units, file_units};
 
 use self::doubts::suspicious_ratios;
 pub use self::doubts::{read_otherwise, stray_poses, too_sure};
@@ -147,7 +147,10 @@ impl Fit {
             }
         }
         if self.extent.may_be_in_radians() {
-            warnings.push(format!("{}: no angle is above 0.6°: are theta_deg and sigma_deg in degrees?", data.name));
+            warnings.push(format!(
+                "{}: no angle is above {MAX_RADIANS}°: are theta_deg and sigma_deg in degrees?",
+                data.name
+            ));
         }
         warnings
     }

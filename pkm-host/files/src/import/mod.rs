@@ -14,6 +14,7 @@ mod units;
 
 pub(crate) use self::merged::refuse_statistics;
 pub use self::names::{COLUMNS, Renames};
+pub use self::units::{FOOT_M, GRAVITY, POUND_N};
 use self::names::{Names, Use, is_blank_unit, uses};
 use crate::csv::{Header, Row, Sheet, fitted, records};
 use crate::dataset::WRENCH_COLUMNS;

@@ -38,11 +38,13 @@ pub enum Size {
 use Size::{Decimal, Degrees, Kelvin, Times};
 
 /// Standard gravity, m/s²: makes kilograms forces.
-const GRAVITY: f64 = 9.806_65;
+pub const GRAVITY: f64 = 9.806_65;
 /// Pound, kg.
 const POUND_KG: f64 = 0.453_592_37;
+/// Pound-force, N.
+pub const POUND_N: f64 = POUND_KG * GRAVITY;
 /// Foot, m.
-const FOOT_M: f64 = 0.3048;
+pub const FOOT_M: f64 = 0.3048;
 
 /// A unit with the ways to write it, the usual one first.
 pub struct Unit {
@@ -87,15 +89,15 @@ const UNITS: [Unit; 32] = [
     unit(Quantity::Force, Decimal(3), &["kN"]),
     unit(Quantity::Force, Decimal(6), &["MN"]),
     unit(Quantity::Force, Times(GRAVITY), &["kgf", "kp", "kg"]),
-    unit(Quantity::Force, Times(POUND_KG * GRAVITY), &["lbf", "lb", "lbs"]),
+    unit(Quantity::Force, Times(POUND_N), &["lbf", "lb", "lbs"]),
     unit(Quantity::Moment, Decimal(-3), &["N·mm", "Nmm"]),
     unit(Quantity::Moment, Decimal(-2), &["N·cm", "Ncm"]),
     unit(Quantity::Moment, Decimal(0), &["N·m", "Nm"]),
     unit(Quantity::Moment, Decimal(1), &["daN·m", "daNm"]),
     unit(Quantity::Moment, Decimal(3), &["kN·m", "kNm"]),
     unit(Quantity::Moment, Times(GRAVITY), &["kgf·m", "kgfm", "kpm"]),
-    unit(Quantity::Moment, Times(POUND_KG * GRAVITY * FOOT_M), &["lbf·ft", "lbfft", "ftlbf", "ftlb", "lbft"]),
-    unit(Quantity::Moment, Times(POUND_KG * GRAVITY * FOOT_M / 12.0), &["lbf·in", "lbfin", "inlbf", "inlb", "lbin"]),
+    unit(Quantity::Moment, Times(POUND_N * FOOT_M), &["lbf·ft", "lbfft", "ftlbf", "ftlb", "lbft"]),
+    unit(Quantity::Moment, Times(POUND_N * FOOT_M / 12.0), &["lbf·in", "lbfin", "inlbf", "inlb", "lbin"]),
     unit(Quantity::Temperature, Decimal(0), &["°C", "degC", "C", "Celsius"]),
     unit(Quantity::Temperature, Kelvin, &["K"]),
     unit(Quantity::Time, Decimal(0), &["s", "sec", "seconds", "Sekunden"]),

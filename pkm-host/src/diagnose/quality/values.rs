@@ -7,9 +7,8 @@ use pkm_core::thermal::DECLARED_TEMPERATURE_C;
 use super::DataWarning;
 use crate::error::lines_text;
 use crate::files::dataset::{POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
+use crate::pose::MAX_RADIANS;
 
-/// Largest angle that is probably in radians where a column in degrees has no larger one.
-const MAX_RADIANS: f64 = 0.6;
 /// Least temperature in °C that is probably in kelvins: no machine is measured at 150 °C.
 const MIN_KELVIN: f64 = 150.0;
 /// Numbers that instruments write for "no value", without their sign.
