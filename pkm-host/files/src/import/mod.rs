@@ -1,10 +1,11 @@
 //! Measured data and a tracker's points as laboratories and shops export them → a [`Sheet`] with the columns of `docs/formats.md`.
 //!
-//! `encoding`: bytes → text. `header`: its row, what stands between cells, a row of units. `names` and `units`: what the columns
+//! `encoding`: bytes → text. `header`: its row, what stands between cells, a row of units. `columns`, `names` and `units`: what the columns
 //! are. `merged` and `cells`: each cell as the contract has it. `kinds`: files that are no readings, such as a list of points.
 //! Nothing is guessed silently: what is ambiguous is refused or warned of, and every conversion is named.
 
 mod cells;
+mod columns;
 mod encoding;
 mod header;
 mod kinds;
@@ -12,10 +13,11 @@ mod merged;
 mod names;
 mod units;
 
+pub use self::columns::COLUMNS;
 pub(crate) use self::merged::refuse_statistics;
-pub use self::names::{COLUMNS, Renames};
-pub use self::units::{FOOT_M, GRAVITY, POUND_N};
+pub use self::names::Renames;
 use self::names::{Names, Use, is_blank_unit, uses};
+pub use self::units::{FOOT_M, GRAVITY, POUND_N};
 use crate::csv::{Header, Row, Sheet, fitted, records};
 use crate::dataset::WRENCH_COLUMNS;
 use crate::error::{Failure, Result, printable};
