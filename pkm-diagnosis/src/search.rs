@@ -10,7 +10,6 @@ use crate::levels::Levels;
 use crate::model::{Kind, Unknown};
 use crate::rules::SEED;
 use crate::screening::{self, Columns, Score, Screen};
-use crate::solve::Problem;
 
 /// One candidate in one round.
 #[derive(Clone, Debug)]
@@ -69,11 +68,6 @@ pub struct Search {
     pub rounds: Vec<Round>,
 }
 
-/// χ² per degree of freedom, at least 1: what the evidence is tempered by.
-fn temper(problem: &Problem<'_>, fit: &Fit) -> f64 {
-    (problem.chi2(fit) / (problem.numbers() as f64 - fit.effective_parameters()).max(1.0)).max(1.0)
-}
-
 /// Takes out again what the finds after it have made needless.
 fn drop_needless(levels: &Levels<'_>, found: &mut Vec<Found>, level: &mut usize, fit: &mut Fit) {
     let plain = levels.plain;
@@ -87,7 +81,7 @@ fn drop_needless(levels: &Levels<'_>, found: &mut Vec<Found>, level: &mut usize,
         match levels.fit(&unknowns, &x, *level) {
             Some((at, without))
                 if !has_amplitude
-                    || 2.0 * (fit.ln_evidence() - without.ln_evidence()) / temper(plain, fit)
+                    || 2.0 * (fit.ln_evidence() - without.ln_evidence()) / plain.temper(fit)
                         < plain.rules.min_gain[1] =>
             {
                 (*level, *fit) = (at, without);
@@ -169,7 +163,7 @@ impl Current<'_> {
         let raw = |r: &Tried| r.0.gain.unwrap_or(f64::NEG_INFINITY);
         ranking.sort_by(|a, b| raw(b).total_cmp(&raw(a)).then(a.0.score.p.total_cmp(&b.0.score.p)));
         let best = ranking.first().and_then(|r| r.1.as_ref());
-        let c = best.map_or(1.0, |(_, fit)| temper(self.levels.plain, fit));
+        let c = best.map_or(1.0, |(_, fit)| self.levels.plain.temper(fit));
         for (r, _) in &mut ranking {
             r.gain = r.gain.map(|g| g / c);
         }

@@ -89,6 +89,12 @@ impl<'a> Problem<'a> {
         fit.chi2 + self.whitener.averaged
     }
 
+    /// χ² of a fit per degree of freedom, at least 1: what evidence is divided by, so that a model that leaves more than noise is not surer
+    /// than it can be.
+    pub fn temper(&self, fit: &Fit) -> f64 {
+        (self.chi2(fit) / (self.numbers() as f64 - fit.effective_parameters()).max(1.0)).max(1.0)
+    }
+
     /// Squared whitened scatter of repeats about their means.
     pub fn pure_error(&self) -> f64 {
         let key = |e: &Entry| (self.observations.readings[e.readings[0]].repeat_of, e.channel);

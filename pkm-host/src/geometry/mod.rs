@@ -121,11 +121,6 @@ fn extended(problem: &Problem<'_>, base: &Fit, candidates: &[usize]) -> Option<F
     fit(problem, &unknowns, &start)
 }
 
-/// χ² by degree of freedom, at least 1.
-fn temper(problem: &Problem<'_>, fit: &Fit) -> f64 {
-    (problem.chi2(fit) / (problem.numbers() as f64 - fit.effective_parameters()).max(1.0)).max(1.0)
-}
-
 /// What is missing beside the geometry: while the residuals are more than noise, the likeliest candidate that predicts poses left out
 /// better.
 fn search(problem: &Problem<'_>, noise: &Noise, identified: &Fit) -> (Vec<usize>, Vec<Tried>) {
@@ -146,7 +141,7 @@ fn search(problem: &Problem<'_>, noise: &Noise, identified: &Fit) -> (Vec<usize>
             })
             .collect();
         round.sort_by(|a, b| b.2.total_cmp(&a.2));
-        let Some(temper) = round.first().map(|(_, best, ..)| temper(problem, best)) else { break };
+        let Some(temper) = round.first().map(|(_, best, ..)| problem.temper(best)) else { break };
         let least = rules.min_gain[usize::from(!found.is_empty())];
         let top = round[0].2 / temper;
         let passes = top > least && round[0].3 > 0.0;
