@@ -4,16 +4,9 @@
 use std::collections::BTreeMap;
 
 use crate::observations::Observations;
-use crate::residuals::{MEDIAN_OF_NORMAL, Outlier};
+use crate::residuals::Outlier;
+use crate::robust::{deviation_by_median, median};
 use crate::rules::Rules;
-
-/// The middle one of some values, or the mean of the two in the middle.
-pub fn median(values: &mut [f64]) -> Option<f64> {
-    let n = values.len();
-    values.sort_by(f64::total_cmp);
-    let last = *values.get(n / 2)?;
-    Some(if n.is_multiple_of(2) { 0.5 * (last + values[n / 2 - 1]) } else { last })
-}
 
 /// A number of one channel, less what the declared model gives.
 struct Number {
@@ -81,7 +74,7 @@ fn scatter(repeated: &[Vec<Number>]) -> f64 {
         all => all.windows(2).map(|d| 0.5 * (d[1] - d[0]).abs()).collect(),
     };
     let mut all: Vec<f64> = of_series.into_values().flat_map(sizes).collect();
-    median(&mut all).map_or(0.0, |m| m / MEDIAN_OF_NORMAL)
+    median(&mut all).map_or(0.0, deviation_by_median)
 }
 
 /// Of repeats, those that differ from the others by more than noise: reading and deviation.
@@ -118,7 +111,7 @@ fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> V
 /// Numbers without repeats that are far out of what the declared model leaves of all of these.
 fn far_out(single: Vec<Vec<Number>>, least: f64, rules: &Rules) -> Vec<(usize, f64)> {
     let mut sizes: Vec<f64> = single.iter().flatten().map(|n| n.beyond.abs()).collect();
-    let scale = median(&mut sizes).map_or(0.0, |m| m / MEDIAN_OF_NORMAL).max(least);
+    let scale = median(&mut sizes).map_or(0.0, deviation_by_median).max(least);
     let numbers = single.into_iter().flatten().map(|n| (n.reading, n.beyond.abs() / scale.hypot(n.drawn)));
     numbers.filter(|(_, size)| *size > rules.far_out_sd).collect()
 }

@@ -32,6 +32,7 @@ mod noise;
 mod observations;
 pub mod places;
 pub mod residuals;
+pub mod robust;
 mod rules;
 pub mod screening;
 pub mod search;

@@ -8,13 +8,11 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::levels;
 use crate::noise::Noise;
 use crate::observations::Observations;
+use crate::robust::{deviation_by_median, upper_median};
 use crate::rules::Rules;
 use crate::search::Search;
 use crate::solve::Problem;
 use crate::whitening::Whitener;
-
-/// Median of the absolute value of a normal error of standard deviation 1.
-pub const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
 /// What the end of a search leaves of every reading.
 pub struct Residuals {
@@ -105,10 +103,8 @@ pub fn outliers(observations: &Observations, residuals: &[Vec<f64>], rules: &Rul
             .filter_map(|(n, (r, left))| r.observed[channel].map(|_| (n, left[channel].abs())))
             .collect();
         let mut sizes: Vec<f64> = read.iter().map(|r| r.1).collect();
-        sizes.sort_by(f64::total_cmp);
-        let Some(scale) = sizes.get(sizes.len() / 2).map(|m| m / MEDIAN_OF_NORMAL).filter(|s| *s > 0.0) else {
-            continue;
-        };
+        let scale = upper_median(&mut sizes).map(deviation_by_median);
+        let Some(scale) = scale.filter(|s| *s > 0.0) else { continue };
         // where a repeat of it errs as well, it is the model or the load that errs
         let alone = |n: usize| {
             let repeat_of = readings[n].repeat_of;

@@ -1,8 +1,8 @@
 //! All runs: each is diagnosed alone and predicts the others, and the tension test judges the findings.
 
 use nalgebra::{DVector, Vector4};
-use pkm_diagnosis::gross::median;
 use pkm_diagnosis::places::Finding;
+use pkm_diagnosis::robust::median;
 use pkm_diagnosis::{Channel, Noise, NoiseSource, Observations, Reading, validation};
 
 use crate::diagnosis::{Diagnosis, DiagnosisError, Identified, RULES, diagnose};

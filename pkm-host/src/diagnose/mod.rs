@@ -43,6 +43,7 @@ mod ways;
 pub(crate) mod write;
 
 use pkm_diagnosis::residuals::{Residuals, Structure};
+use pkm_diagnosis::robust::upper_median;
 use pkm_diagnosis::verdict::{self, Judgement};
 use pkm_diagnosis::{Noise, Observations, Problem, Search, UnknownNoise, Whitener, search};
 pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
@@ -208,12 +209,11 @@ fn check_units(readings: &Readings, found: &[[f64; CHANNELS]], rules: &Rules) ->
         }
     }
     for (logs, (what, units)) in logs.iter_mut().zip([("translations", "µm"), ("rotations", "µrad")]) {
-        logs.sort_by(f64::total_cmp);
-        if let Some(middle) = logs.get(logs.len() / 2).filter(|m| m.abs() > rules.max_log10_scale) {
+        if let Some(middle) = upper_median(logs).filter(|m| m.abs() > rules.max_log10_scale) {
             let message = format!(
                 "the {what} read are {:.0e} times what the declared machine gives: are they in {units}, and loads in N and \
                  N·m?",
-                10_f64.powf(*middle)
+                10_f64.powf(middle)
             );
             return Err(Failure::input(message).in_file(&readings.source.name));
         }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use pkm_core::Wrench;
 use pkm_diagnosis::Rules;
-use pkm_diagnosis::gross::median;
+use pkm_diagnosis::robust::median;
 
 use super::experiment::{Experiment, observations};
 use super::model::Model;

@@ -1,7 +1,7 @@
 //! Poses whose readings were taken otherwise than those of all others: in other units, with another sign, at another pose.
 
 use nalgebra::{DMatrix, DVector, Vector3};
-use pkm_diagnosis::gross::median;
+use pkm_diagnosis::robust::median;
 use pkm_diagnosis::{Noise, Problem, Rules, Whitener};
 use rayon::prelude::*;
 

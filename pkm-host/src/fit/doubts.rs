@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Rotation3, SVector, Vector3, 
 use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Basis, Domain, Machine, Pose, Stiffness, Wrench};
-use pkm_diagnosis::residuals::MEDIAN_OF_NORMAL;
+use pkm_diagnosis::robust::{deviation_by_median, upper_median};
 
 use super::regression::Regression;
 use super::{Fit, Sample, some_of};
@@ -193,8 +193,7 @@ fn left_out(samples: &[&Sample]) -> Option<Vec<Off>> {
 /// Standard deviation of most of some numbers about 0, whatever the others are.
 fn robust_deviation(off: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = off.iter().map(|r| r.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes[sizes.len() / 2] / MEDIAN_OF_NORMAL
+    upper_median(&mut sizes).map_or(f64::NAN, deviation_by_median)
 }
 
 /// How far a pose is off in each stiffness, by what most poses are off in `all`.

@@ -15,7 +15,7 @@ mod start;
 pub mod write;
 
 use nalgebra::DMatrix;
-use pkm_diagnosis::residuals::MEDIAN_OF_NORMAL;
+use pkm_diagnosis::robust::{deviation_by_median, upper_median};
 use pkm_diagnosis::validation::{self, LeftOut};
 use pkm_diagnosis::verdict::{LackOfFit, lack_of_fit};
 use pkm_diagnosis::{
@@ -175,10 +175,8 @@ fn outliers(observations: &Observations, noise: &Noise, said: &[f64], rules: &Ru
         (0..CHANNELS).filter_map(of).fold(0.0, f64::max)
     };
     let all: Vec<f64> = observations.readings.iter().enumerate().map(largest).collect();
-    let mut sorted = all.clone();
-    sorted.sort_by(f64::total_cmp);
     // of the largest of three the median is above that of one, so that this is on the safe side
-    let scale = (sorted[sorted.len() / 2] / MEDIAN_OF_NORMAL).max(1.0);
+    let scale = upper_median(&mut all.clone()).map_or(1.0, deviation_by_median).max(1.0);
     let far = |(_, r): &(usize, f64)| *r > rules.outlier_sd * scale;
     all.into_iter().enumerate().filter(far).collect()
 }

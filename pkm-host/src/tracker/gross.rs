@@ -6,7 +6,7 @@
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
-use pkm_diagnosis::gross::median;
+use pkm_diagnosis::robust::median;
 
 use super::rigid::{Motion, Pair};
 use super::survey::{MIN_REFLECTORS, Survey};

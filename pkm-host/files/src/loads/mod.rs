@@ -15,6 +15,8 @@ mod window;
 
 use std::ops::Range;
 
+use pkm_diagnosis::robust::upper_median;
+
 use self::meant::Meant;
 use self::window::{Window, between, steps};
 use crate::clock::{self, Times};
@@ -69,10 +71,9 @@ fn by_lever(load: &[f64; 6]) -> [f64; 6] {
     std::array::from_fn(|c| if c < 3 { load[c] } else { load[c] / ROTATION_ARM_M })
 }
 
-/// The middle one of some values, 0 of none.
+/// See [`upper_median`]; 0 of no values.
 fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    upper_median(&mut values).unwrap_or(0.0)
 }
 
 /// Joins the loads of a log to readings and writes them into their sheet: the wrench and its scatter.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use pkm_diagnosis::residuals::MEDIAN_OF_NORMAL;
+use pkm_diagnosis::robust::MEDIAN_OF_NORMAL;
 
 use crate::load_log::Sample;
 

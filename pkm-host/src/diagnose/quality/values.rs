@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use pkm_core::thermal::DECLARED_TEMPERATURE_C;
+use pkm_diagnosis::robust::upper_median;
 
 use super::DataWarning;
 use crate::error::lines_text;
@@ -86,8 +87,7 @@ fn temperatures_left_out(sheet: &Sheet) -> Option<DataWarning> {
 /// Numbers such as 9999 that stand for no value.
 fn placeholders(numbers: &[(u64, f64)], column: &'static str) -> Vec<DataWarning> {
     let mut sizes: Vec<f64> = numbers.iter().map(|(_, v)| v.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    let median = upper_median(&mut sizes).unwrap_or(0.0);
     let is_placeholder =
         |v: f64| PLACEHOLDERS.contains(&v.abs()) && v.abs() > MIN_PLACEHOLDER_RATIO * median && sizes.len() > 2;
     let found = numbers.iter().filter(|(_, v)| is_placeholder(*v));

@@ -5,6 +5,7 @@ mod findings;
 use maud::html;
 use pkm_core::K95;
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Refusal};
+use pkm_diagnosis::robust::upper_median;
 use serde_json::{Value, json};
 
 use self::findings::{advice, findings, said};
@@ -62,8 +63,7 @@ fn curves(replay: &Replay) -> Vec<Panel> {
         let (_, unit, scale) = units(own.amplitude);
         let best = curve(n, 0.0, scale);
         let mut widths: Vec<f64> = replay.steps.iter().map(|step| scale * K95 * step.values[n].1).collect();
-        widths.sort_by(f64::total_cmp);
-        let room = WIDEST * widths.get(widths.len() / 2).copied().unwrap_or(0.0);
+        let room = WIDEST * upper_median(&mut widths).unwrap_or(0.0);
         let reach = |sign: f64| best.iter().map(|(_, value)| sign * value).fold(f64::NEG_INFINITY, f64::max) + room;
         let (low, high) = (-reach(-1.0), reach(1.0));
         let edge = |k: f64| curve(n, k, scale).into_iter().map(move |(day, value)| (day, value.clamp(low, high)));
