@@ -4,6 +4,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Matrix3, Vector3};
+use pkm_core::kinematics::platform_axes;
 use pkm_core::{Pose, Wrench};
 
 use crate::files::import::{FOOT_M, GRAVITY, POUND_N};
@@ -47,9 +48,7 @@ fn turned_load(w: &Wrench<f64>, turn: &Matrix3<f64>, axial: f64) -> Wrench<f64> 
 
 /// From B-xyz to A-uvw.
 fn into_a(pose: &Pose<f64>) -> Matrix3<f64> {
-    let ((st, ct), (ss, cs)) = (pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos());
-    // the transpose of R_y(θ) R_x(σ)
-    Matrix3::new(ct, 0.0, -st, ss * st, cs, ss * ct, cs * st, -ss, cs * ct)
+    platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()).transpose()
 }
 
 /// The 47 ways to exchange and reverse three axes, with their names, the plainest first.

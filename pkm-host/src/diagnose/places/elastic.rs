@@ -1,8 +1,8 @@
 //! The elastic model as a sum of compliances on the eight transmitted wrenches: δ = P D λ, λ = Pᵀ w, P = K⁻¹ H D⁻¹.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use pkm_core::machine::Machine;
-use pkm_core::{LimbFrame, MachineParameters, Pose, Transmission};
+use pkm_core::{LimbFrame, MachineParameters, Pose, Transmission, Wrench};
 
 use super::turned;
 use crate::diagnose::declared::Declared;
@@ -42,24 +42,13 @@ pub struct Frame {
     pub pose: [f64; 3],
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// Components at a point, along axes, of wrenches given at A.
-fn seen(h: &M68, columns: std::ops::Range<usize>, at: [f64; 3], axes: &[[f64; 3]; 3]) -> M68 {
+fn seen(h: &M68, columns: std::ops::Range<usize>, at: Vector3<f64>, axes: &Matrix3<f64>) -> M68 {
     let mut out = M68::zeros();
     for k in columns {
-        let (f, m) = ([h[(0, k)], h[(1, k)], h[(2, k)]], [h[(3, k)], h[(4, k)], h[(5, k)]]);
-        let m = [
-            m[0] - (at[1] * f[2] - at[2] * f[1]),
-            m[1] - (at[2] * f[0] - at[0] * f[2]),
-            m[2] - (at[0] * f[1] - at[1] * f[0]),
-        ];
-        for a in 0..3 {
-            out[(a, k)] = dot(axes[a], f);
-            out[(3 + a, k)] = dot(axes[a], m);
-        }
+        let there = Wrench::from_vector(h.column(k).into_owned()).moved_to_a(-at);
+        let along = Wrench { force_n: axes.tr_mul(&there.force_n), moment_nm: axes.tr_mul(&there.moment_nm) };
+        out.set_column(k, &along.to_vector());
     }
     out
 }
@@ -103,22 +92,19 @@ impl Frame {
         let parts = parts?;
         let rest = d - parts.iter().fold(M8::zeros(), |a, b| a + b);
         let own = [0..3, 3..6, 6..8];
-        let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let unit = Matrix3::identity();
         let of = |limb: usize, joint: usize| {
             let l = &t.limbs[limb];
-            seen(&h, own[limb].clone(), l.joints_m[joint].into(), &l.axes[joint].into())
+            seen(&h, own[limb].clone(), l.joints_m[joint], &l.axes[joint])
         };
-        let base_axes = t.base_axes.into();
         let joints: [[M68; 2]; 3] = std::array::from_fn(|limb| [of(limb, 0), of(limb, 1)]);
         let terminal = solve(&h, &d, &M6::zeros())?.compliance;
         Some(Self {
             motions: std::array::from_fn(|limb| turned::motions(declared, &t, &terminal, limb, &joints[limb])),
             joints,
-            bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1].into(), &unit)),
-            ground: seen(&h, 0..8, t.base_m.into(), &base_axes),
-            points: std::array::from_fn(|limb| {
-                seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0].into(), &base_axes)
-            }),
+            bores: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[1], &unit)),
+            ground: seen(&h, 0..8, t.base_m, &t.base_axes),
+            points: std::array::from_fn(|limb| seen(&h, own[limb].clone(), t.limbs[limb].joints_m[0], &t.base_axes)),
             limbs: t.limbs,
             q: std::array::from_fn(|i| t.limbs[i].length_m),
             pose: [pose.theta_rad, pose.sigma_rad, pose.z0_m],
