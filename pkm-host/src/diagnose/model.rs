@@ -4,18 +4,17 @@
 
 use std::collections::HashMap;
 
-use nalgebra::Vector6;
 use pkm_core::effects::{
     EFFECTS, EffectInfo, Expected, LIMB_3, LIMBS_1_2, MachineScales, ParameterInfo, Plausible, ToldBy,
 };
 use pkm_core::machine::Machine;
-use pkm_core::{MachineParameters, Pose, ScrewLengths, Wrench};
+use pkm_core::{MachineParameters, Pose, ScrewLengths};
 use pkm_diagnosis::{Candidate, Kind, Parameter, Prior, Role, Unknown};
 
 use super::declared::{Class, Declared};
 use super::elements::{ElementParameter, Family, Usual, families};
 use super::places::Whereabouts;
-use super::state::State;
+use super::state::{State, compliance};
 use super::{ELEMENT, Method};
 use crate::files::machine::{MachineFile, Uncertainty};
 use crate::files::readings::{CHANNELS, Condition};
@@ -147,12 +146,7 @@ pub struct Model {
 fn usual(file: &MachineFile) -> Option<Usual> {
     let [theta, sigma, z0] = file.pose_box.middle();
     let pose = crate::pose::pose_of(theta, sigma, z0);
-    let factor = file.machine.stiffness(&pose).ok()?.factor().ok()?;
-    let mut own = [0.0; 6];
-    for (i, own) in own.iter_mut().enumerate() {
-        let unit = Wrench::from_vector(Vector6::ith(i, 1.0));
-        *own = factor.deflection(&unit).ok()?.to_vector()[i];
-    }
+    let own: [f64; 6] = compliance(&file.machine, &pose)?.diagonal().into();
     let travel = &file.parameters.travel;
     let (short, long) = (travel.min_m[0], travel.max_m[0]);
     // three limbs share a load along w, and bend side by side along u

@@ -23,13 +23,18 @@ pub struct State {
 type Answer<'a> = (Matrix6<f64>, LoadResponse<'a, f64>);
 
 fn answer<'a>(machine: &'a Machine<f64>, pose: &Pose<f64>) -> Option<Answer<'a>> {
+    Some((compliance(machine, pose)?, machine.load_response(pose).ok()?))
+}
+
+/// Compliance of a machine at A, by the deflections under unit wrenches.
+pub fn compliance(machine: &Machine<f64>, pose: &Pose<f64>) -> Option<Matrix6<f64>> {
     let factor = machine.stiffness(pose).ok()?.factor().ok()?;
     let mut compliance = Matrix6::zeros();
     for (i, mut column) in compliance.column_iter_mut().enumerate() {
         let unit = Wrench::from_vector(Vector6::ith(i, 1.0));
         column.copy_from(&factor.deflection(&unit).ok()?.to_vector());
     }
-    Some((compliance, machine.load_response(pose).ok()?))
+    Some(compliance)
 }
 
 impl State {
