@@ -2,14 +2,14 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Rotation3, SVector, Vector3, Vector6};
+use nalgebra::{DVector, Matrix3, Matrix6, Rotation3, SVector, Vector3, Vector6};
 use pkm_core::correction::{EQ_11, FACTOR_ENTRIES};
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Basis, Domain, Machine, Pose, Stiffness, Wrench};
 use pkm_diagnosis::robust::{deviation_by_median, upper_median};
 
 use super::regression::Regression;
-use super::{Fit, Sample, some_of};
+use super::{Fit, Sample, design, some_of};
 use crate::error::printable;
 use crate::files::dataset::Target;
 use crate::pose::{PoseBox, core_units};
@@ -174,8 +174,7 @@ fn left_out(samples: &[&Sample]) -> Option<Vec<Off>> {
     }
     let extent = PoseBox::of(samples.iter().map(|s| &s.pose.pose));
     let basis = Basis::<f64>::new(core_units(extent.middle()), core_units(extent.half_widths()), &EQ_11).ok()?;
-    let monomials: Vec<_> = samples.iter().map(|s| basis.monomials(&s.pose.pose)).collect();
-    let design = DMatrix::from_fn(samples.len(), EQ_11.len(), |i, j| monomials[i][j]);
+    let design = design(&basis, EQ_11.len(), samples.iter().copied());
     let off = |name: String, values: Vec<f64>| {
         let fit = Regression::new(&design, &[true; EQ_11.len()], &DVector::from_vec(values)).ok()?;
         Some(Off { name, by_pose: fit.left_out })

@@ -107,8 +107,7 @@ impl Fit {
         let basic: Option<Vec<_>> = some.iter().map(|s| s.basic.factor().ok()).collect();
         let basis = Basis::<f64>::new(*centre, *half_width, terms).ok();
         let (Some(entries), Some(basic), Some(basis)) = (entries, basic, basis) else { return };
-        let monomials: Vec<_> = some.iter().map(|s| basis.monomials(&s.pose.pose)).collect();
-        let design = DMatrix::from_fn(monomials.len(), terms.len(), |i, j| monomials[i][j]);
+        let design = design(&basis, terms.len(), some.iter().copied());
         let variables: Vec<[f64; 3]> = some.iter().map(|s| file_units(&s.pose.pose)).collect();
         let used: Vec<Vec<bool>> = self.polynomials.iter().skip(6).map(|p| p.used.clone()).collect();
         let training = Training {
@@ -246,6 +245,12 @@ pub fn samples(machine: &Machine<f64>, data: StiffnessData) -> Result<Vec<Sample
         .collect()
 }
 
+/// Design matrix: the terms of a basis at each sample's pose.
+fn design<'a>(basis: &Basis<'_, f64>, terms: usize, samples: impl IntoIterator<Item = &'a Sample>) -> DMatrix<f64> {
+    let monomials: Vec<_> = samples.into_iter().map(|s| basis.monomials(&s.pose.pose)).collect();
+    DMatrix::from_fn(monomials.len(), terms, |i, j| monomials[i][j])
+}
+
 /// Fits both forms (the factor form when the data are whole matrices).
 ///
 /// # Errors
@@ -260,8 +265,7 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     let (responses, has_factor) = responses(&training);
     let design_of = |terms: &[[u8; 3]]| -> Result<DMatrix<f64>> {
         let basis = Basis::<f64>::new(centre, half_width, terms).map_err(|e| Failure::other(e.to_string()))?;
-        let monomials: Vec<_> = training.iter().map(|s| basis.monomials(&s.pose.pose)).collect();
-        Ok(DMatrix::from_fn(monomials.len(), terms.len(), |i, j| monomials[i][j]))
+        Ok(design(&basis, terms.len(), &training))
     };
     let paper_design = design_of(&EQ_11)?;
     // Eq. 12 is fitted for every choice, and Eq. 11's θσ where nine terms are asked for.
