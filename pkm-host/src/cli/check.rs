@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::arguments::ColumnsArgs;
 use super::session::{Output, Session, counted};
@@ -31,7 +31,7 @@ pub(crate) struct Args {
 #[derive(Serialize)]
 struct Problem {
     severity: &'static str,
-    kind: &'static str,
+    kind: Value,
     line: Option<u64>,
     /// All lines with the same problem.
     lines: Vec<u64>,
@@ -43,7 +43,7 @@ impl Problem {
     fn wrong(failure: &Failure, lines: Vec<u64>) -> Self {
         Self {
             severity: "wrong",
-            kind: failure.kind.name(),
+            kind: json!(failure.kind.name()),
             line: failure.line,
             lines,
             column: failure.column.clone(),
@@ -54,7 +54,7 @@ impl Problem {
     fn doubtful(warning: &DataWarning) -> Self {
         Self {
             severity: "doubtful",
-            kind: warning.kind,
+            kind: json!(warning.kind),
             line: warning.line,
             lines: warning.lines.clone(),
             column: warning.column.map(str::to_owned),

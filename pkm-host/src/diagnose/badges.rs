@@ -4,7 +4,7 @@
 use pkm_diagnosis::verdict::Verdict;
 use serde::Serialize;
 
-use super::{Diagnosis, ELEMENT, checks, checks_of_noise, text};
+use super::{Diagnosis, ELEMENT, Warning, text};
 use crate::page::p_in_words;
 
 /// How far a judgement goes.
@@ -39,11 +39,8 @@ impl Badge {
 
     /// Of the readings.
     pub fn measurement(d: &Diagnosis) -> Self {
-        let grade = |kind: &str| {
-            let is_fatal = matches!(kind, checks::TAKEN_OTHERWISE | checks_of_noise::TOO_GREAT | "many_great_changes");
-            if is_fatal { Grade::Bad } else { Grade::Doubtful }
-        };
-        let mut reasons: Vec<(Grade, String)> = d.warnings.iter().map(|w| (grade(w.kind), w.message.clone())).collect();
+        let grade = |w: &Warning| if w.kind.makes_unsound() { Grade::Bad } else { Grade::Doubtful };
+        let mut reasons: Vec<(Grade, String)> = d.warnings.iter().map(|w| (grade(w), w.message.clone())).collect();
         if let [first, rest @ ..] = d.suspects.as_slice() {
             let others = if rest.is_empty() { String::new() } else { format!(", and {} more", rest.len()) };
             reasons.push((Grade::Doubtful, format!("a reading stands out: {}{others}", first.text())));

@@ -13,12 +13,11 @@ use serde::Serialize;
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
+use super::warning::{Warning, WarningKind};
 use super::ways::{self, other_ways};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
 
-/// Kind of the warning that the readings are in another frame, point, unit or sign.
-pub const TAKEN_OTHERWISE: &str = "readings_taken_otherwise";
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
 const BADLY_SD: f64 = 10.0;
 /// What may be left with a lever, in noise variances a number: three free numbers mend some of what a machine's parts do as well.
@@ -26,32 +25,6 @@ const MAX_LEFT_WITH_LEVER: f64 = 1.5;
 /// Least and greatest lever that a load may have without a word of it, m.
 const MIN_LEVER_M: f64 = 0.05;
 const MAX_LEVER_M: f64 = 2.0;
-
-/// A reason to look at the readings before the machine.
-#[derive(Clone, Debug, Serialize)]
-pub struct Warning {
-    /// `readings_taken_otherwise`, `pose_taken_otherwise`, `reversed_sign`, `rows_in_other_unit`, `load_missing`, `series_at_several_poses`, `pose_name_at_several_positions`, `few_degrees_of_freedom`,
-    /// `repeats_that_differ`, `equal_repeats`, `declared_noise_too_great`, `order_of_readings`, `many_great_changes` or `held_out_contradicts`.
-    pub kind: &'static str,
-    /// For people.
-    pub message: String,
-    /// Lines of the file, where it is about some.
-    pub lines: Vec<u64>,
-    /// Whether the readings that it is about were left out, so that what is found stands without them.
-    pub left_out: bool,
-}
-
-impl Warning {
-    /// Of the readings as a whole, which are not left out.
-    pub fn new(kind: &'static str, message: String) -> Self {
-        Self { kind, message, lines: Vec::new(), left_out: false }
-    }
-
-    /// With its full stop, where it is no question.
-    pub fn sentence(&self) -> String {
-        format!("{}{}", self.message, if self.message.ends_with('?') { "" } else { "." })
-    }
-}
 
 /// A reading that stands out.
 #[derive(Clone, Debug, Serialize)]
@@ -164,7 +137,7 @@ pub fn taken_otherwise(
     let times = |left: f64| format!("{:.1}", left.sqrt());
     let other =
         if rest.sqrt() > BADLY_SD { ", which is not well either: more than one thing may be otherwise" } else { "" };
-    (*rest < said / problem.rules.min_rss_ratio).then(|| Warning::new(TAKEN_OTHERWISE, format!(
+    (*rest < said / problem.rules.min_rss_ratio).then(|| Warning::new(WarningKind::ReadingsTakenOtherwise, format!(
             "the readings fit the declared machine much better {how} (residuals of {} times their noise{other}) than as the file says, \
              displacements of A in A-uvw under loads at A ({} times): are they?",
             times(*rest),
@@ -186,7 +159,7 @@ pub fn of_file(readings: &Readings) -> Vec<Warning> {
     let wide: Vec<_> = poses_of.iter().filter(|(_, poses)| poses.len() > 1).collect();
     if let Some((series, poses)) = wide.first() {
         let others = if wide.len() > 1 { format!(", {} more at several", wide.len() - 1) } else { String::new() };
-        warnings.push(Warning::new("series_at_several_poses", format!(
+        warnings.push(Warning::new(WarningKind::SeriesAtSeveralPoses, format!(
                 "series {} stands at {} poses{others}: the readings of a series share the error of one zero reading; if the \
                  sensor was zeroed anew at each pose, number the series through",
                 readings.series_names[**series],
@@ -198,7 +171,7 @@ pub fn of_file(readings: &Readings) -> Vec<Warning> {
     let twice: Vec<_> = twice.collect();
     if let Some((first, other)) = twice.first() {
         let more = if twice.len() > 1 { format!(" (and {} more)", twice.len() - 1) } else { String::new() };
-        warnings.push(Warning::new("pose_name_at_several_positions", format!(
+        warnings.push(Warning::new(WarningKind::PoseNameAtSeveralPositions, format!(
                 "pose {} stands at other coordinates in line {} than in line {}{more}: they are taken as different poses: is \
                  one of them mistyped?",
                 other.id, other.line, first.line
@@ -219,7 +192,7 @@ pub fn of_result(
     let great = declared.iter().filter(|f| f.pull_sd.abs() > limit).count();
     if great > rules.max_implausible_pulls {
         warnings.push(Warning::new(
-            "many_great_changes",
+            WarningKind::ManyGreatChanges,
             format!(
                 "{great} declared values would have to change by more than {limit} standard deviations: a wrong frame, \
                  point, unit or sign of the readings is likelier than so many wrong stiffnesses"
@@ -231,7 +204,7 @@ pub fn of_result(
         && judgement.after.p < rules.max_misfit_p
     {
         warnings.push(Warning::new(
-            "order_of_readings",
+            WarningKind::OrderOfReadings,
             "the residuals go with the order of the readings: a drift, or a zero that was read anew; give readings \
                       that share a zero reading one number in the column `series`"
                 .into(),

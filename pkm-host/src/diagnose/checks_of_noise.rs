@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use pkm_diagnosis::verdict::LackOfFit;
 use pkm_diagnosis::{Noise, NoiseSource, Rules};
 
-use super::checks::Warning;
+use super::warning::{Warning, WarningKind};
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
@@ -16,8 +16,6 @@ const MIN_CONSTANT: usize = 10;
 /// By how much repeats differ from the median of all that they are named.
 const MAX_SPREAD_RATIO: f64 = 50.0;
 
-/// Kind of the warning that a declared noise is far more than the readings have.
-pub const TOO_GREAT: &str = "declared_noise_too_great";
 /// Mean square of what is left over the declared variance below which that is no noise of these readings, and from how many numbers on.
 const MAX_TOO_GREAT: f64 = 0.1;
 const MIN_NUMBERS: usize = 60;
@@ -36,7 +34,7 @@ pub fn is_little_known(noise: &Noise, rules: &Rules) -> bool {
 /// Of noise that is known from few repeats.
 pub fn of_noise(noise: &Noise, rules: &Rules) -> Option<Warning> {
     let least = rules.min_dof_of_verdict;
-    is_little_known(noise, rules).then(|| Warning::new("few_degrees_of_freedom", format!(
+    is_little_known(noise, rules).then(|| Warning::new(WarningKind::FewDegreesOfFreedom, format!(
             "the noise is known from {:.0} degrees of freedom only, so that nothing counts as explained: repeat at least {:.0} more \
              numbers (same pose, load and direction; twenty are good), or declare it in the columns sigma_linear_um and \
              sigma_angular_urad",
@@ -51,7 +49,7 @@ pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
     let mut used = (0..CHANNELS).filter(|c| is_used[*c]);
     let is_rounding = |c: usize| noise.within[c] <= READ_ROUNDING * readings.resolution[c];
     let all = noise.source == NoiseSource::Repeats && used.all(is_rounding);
-    all.then(|| Warning::new("equal_repeats", "repeats are equal to the last digit, so that the noise is taken for that of rounding: were rows copied? What is read again \
+    all.then(|| Warning::new(WarningKind::EqualRepeats, "repeats are equal to the last digit, so that the noise is taken for that of rounding: were rows copied? What is read again \
                   differs"
             .into()))
 }
@@ -60,7 +58,7 @@ pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
 pub fn of_declared(after: &LackOfFit, numbers: usize) -> Option<Warning> {
     let LackOfFit { noise_source, statistic, .. } = *after;
     let is_too_great = noise_source == NoiseSource::Declared && numbers >= MIN_NUMBERS && statistic < MAX_TOO_GREAT;
-    is_too_great.then(|| Warning::new(TOO_GREAT, format!(
+    is_too_great.then(|| Warning::new(WarningKind::DeclaredNoiseTooGreat, format!(
             "the model leaves {:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
              sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen",
             statistic.sqrt()
@@ -92,7 +90,7 @@ pub fn of_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Option<Wa
     let more = named.len().saturating_sub(MOST_NAMED);
     let others = if more > 0 { format!(" and {more} more") } else { String::new() };
     named.truncate(MOST_NAMED);
-    (!named.is_empty()).then(|| Warning::new("repeats_that_differ", format!(
+    (!named.is_empty()).then(|| Warning::new(WarningKind::RepeatsThatDiffer, format!(
             "repeats differ by more than {MAX_SPREAD_RATIO} times as much as the others of their column ({}{others}, µm or µrad): are \
              they of one load, and written right?",
             named.join("; ")

@@ -3,12 +3,12 @@
 use pkm_diagnosis::{Noise, Observations, Rules, Search};
 
 use super::Step;
-use super::checks::Warning;
 use super::compare::{self, Errors, Fitted, Predictions, RIVALS, Rival, Zone, of};
 use super::experiment::{self, observations};
 use super::inference::Start;
 use super::model::Model;
 use super::uncertainty::{self, Unseen};
+use super::warning::{Warning, WarningKind};
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Readings};
 use crate::files::table_numbers::UncertaintyNumbers;
@@ -63,7 +63,7 @@ impl HeldOut {
     pub(super) fn contradiction(&self, errors: &[(Rival, Errors)]) -> Option<Warning> {
         let percent = |errors: &[(Rival, Errors)]| of(errors, Rival::After).map(|e| e.linear_percent);
         let (own, other) = (percent(errors)?, percent(self.nearest()).filter(|_| self.given)?);
-        (own < MAX_HELD_OUT_PERCENT && other > MAX_HELD_OUT_PERCENT).then(|| Warning::new("held_out_contradicts", format!(
+        (own < MAX_HELD_OUT_PERCENT && other > MAX_HELD_OUT_PERCENT).then(|| Warning::new(WarningKind::HeldOutContradicts, format!(
                 "the identified model misses the held-out readings by {other:.0} % of their size, and the readings by {own:.1} %: are axes, \
                  signs, point and loads of the two files the same, and is it the same machine?"
             )))

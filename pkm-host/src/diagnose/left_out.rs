@@ -3,10 +3,11 @@
 use pkm_diagnosis::Rules;
 use pkm_diagnosis::residuals::Outlier;
 
-use super::checks::{self, Warning};
+use super::checks;
 use super::model::Model;
 use super::odd_rows::{OddRows, odd_rows};
 use super::single_poses::{self, TakenOtherwise};
+use super::warning::Warning;
 use crate::error::Failure;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Readings};

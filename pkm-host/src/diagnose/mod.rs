@@ -39,6 +39,7 @@ mod tests;
 pub(crate) mod text;
 mod uncertainty;
 pub mod verify;
+mod warning;
 mod ways;
 pub(crate) mod write;
 
@@ -48,7 +49,7 @@ use pkm_diagnosis::verdict::{self, Judgement};
 use pkm_diagnosis::{Noise, Observations, Problem, Search, UnknownNoise, Whitener, search};
 pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
 
-use self::checks::{Suspect, Warning};
+use self::checks::Suspect;
 use self::compare::{Errors, Fitted, Predictions, Rival};
 pub use self::effects::{ELEMENT, Effect};
 use self::effects::{alternatives, effects};
@@ -60,6 +61,7 @@ use self::held_out::Judges;
 use self::inference::{Found, Start};
 use self::left_out::LeftOut;
 use self::model::{Model, Recorded};
+pub use self::warning::{Warning, WarningKind};
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;

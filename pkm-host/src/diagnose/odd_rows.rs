@@ -9,15 +9,10 @@ use pkm_diagnosis::robust::median;
 
 use super::experiment::{Experiment, observations};
 use super::model::Model;
+use super::warning::WarningKind;
 use crate::error::lines_text;
 use crate::files::readings::{CHANNELS, Reading, Readings};
 
-/// Kind of the warning of rows with the wrong sign.
-pub const REVERSED_SIGN: &str = "reversed_sign";
-/// Kind of the warning of rows whose load was lost.
-pub const LOAD_MISSING: &str = "load_missing";
-/// Kind of the warning of rows in a unit a thousand times as large.
-const ROWS_IN_OTHER_UNIT: &str = "rows_in_other_unit";
 /// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
 const MAX_REVERSED_COSINE: f64 = -0.8;
 /// Least median cosine of all rows, whatever its sign, at which a single one with the wrong sign is to be seen.
@@ -42,7 +37,7 @@ const MIN_OTHER_UNIT_LOADS: usize = 3;
 /// Rows with one thing wrong, in the file's order.
 pub struct OddRows {
     /// For programs.
-    pub kind: &'static str,
+    pub kind: WarningKind,
     /// Which.
     pub rows: Vec<usize>,
     what: String,
@@ -57,7 +52,7 @@ impl OddRows {
 
     /// Whether many of them leave nothing to diagnose, whatever the other rows say.
     pub fn is_refused(&self) -> bool {
-        self.kind == ROWS_IN_OTHER_UNIT
+        self.kind == WarningKind::RowsInOtherUnit
     }
 
     /// For people.
@@ -108,7 +103,7 @@ fn in_other_unit(
     let load = |n: &usize| (readings.readings[*n].series, readings.readings[*n].condition);
     let loads: BTreeSet<(usize, usize)> = rows.iter().map(load).collect();
     (loads.len() >= MIN_OTHER_UNIT_LOADS).then(|| OddRows {
-        kind: ROWS_IN_OTHER_UNIT,
+        kind: WarningKind::RowsInOtherUnit,
         rows,
         what: format!("the {name} are next to nothing, unlike what the load gives in other rows"),
         ask: format!("are they in {unit}, or was the load not there?"),
@@ -137,7 +132,7 @@ fn reversed(readings: &Readings, declared: &[[f64; CHANNELS]]) -> Option<OddRows
     };
     let rows: Vec<usize> = rows.iter().filter(is_reversed).map(|(n, _)| *n).collect();
     (is_clear && !rows.is_empty()).then_some(OddRows {
-        kind: REVERSED_SIGN,
+        kind: WarningKind::ReversedSign,
         rows,
         what: "the deflection has the opposite sign of what the load gives, unlike in other rows".into(),
         ask: "is the sign of the load or of the readings reversed?".into(),
@@ -185,7 +180,7 @@ fn without_load(
     rows.sort_unstable();
     let are_few = rows.len() == 1 || rows.len() as f64 <= MAX_LOST_SHARE * free_rows as f64;
     (are_few && !rows.is_empty()).then_some(OddRows {
-        kind: LOAD_MISSING,
+        kind: WarningKind::LoadMissing,
         rows,
         what: "there is no load, and the tip has moved as under one".into(),
         ask: "was the load lost?".into(),
@@ -214,8 +209,8 @@ mod tests {
             reading(n / 4, n % 2, read.map(|v| Some(v + error)))
         });
         let all = readings(conditions, rows.collect());
-        let kinds = |rules: &Rules| -> Vec<&str> { odd_rows(&all, &model, rules).iter().map(|odd| odd.kind).collect() };
-        assert_eq!(kinds(&Rules::DEFAULT), [LOAD_MISSING]);
+        let kinds = |rules: &Rules| odd_rows(&all, &model, rules).iter().map(|odd| odd.kind).collect::<Vec<_>>();
+        assert_eq!(kinds(&Rules::DEFAULT), [WarningKind::LoadMissing]);
         // by these the repeats are too few to tell a noise
         assert!(kinds(&Rules { min_dof_of_kind: 1e6, ..Rules::DEFAULT }).is_empty());
     }

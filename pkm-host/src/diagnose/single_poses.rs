@@ -5,14 +5,11 @@ use pkm_diagnosis::robust::median;
 use pkm_diagnosis::{Noise, Problem, Rules, Whitener};
 use rayon::prelude::*;
 
-use super::checks::Warning;
 use super::experiment::{self, Experiment};
 use super::model::Model;
+use super::warning::{Warning, WarningKind};
 use super::ways;
 use crate::files::readings::{Reading, Readings};
-
-/// Kind of the warning of such a pose.
-pub const TAKEN_OTHERWISE: &str = "pose_taken_otherwise";
 
 /// Poses that fit the others when their readings are taken otherwise.
 pub struct TakenOtherwise {
@@ -40,7 +37,7 @@ impl TakenOtherwise {
     /// As a diagnosis has it.
     pub fn warning(&self, readings: &Readings) -> Warning {
         let lines = self.rows(readings).map(|(_, r)| r.line).collect();
-        Warning { lines, ..Warning::new(TAKEN_OTHERWISE, self.text(readings)) }
+        Warning { lines, ..Warning::new(WarningKind::PoseTakenOtherwise, self.text(readings)) }
     }
 
     /// For people.

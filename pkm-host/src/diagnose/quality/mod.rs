@@ -10,6 +10,7 @@ mod values;
 use serde::Serialize;
 
 use super::checks;
+use super::warning::WarningKind;
 use crate::files::dataset::Sheet;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
@@ -18,7 +19,7 @@ use crate::files::readings::Readings;
 #[derive(Clone, Debug, Serialize)]
 pub struct DataWarning {
     /// What it is about, for programs.
-    pub kind: &'static str,
+    pub kind: WarningKind,
     /// The first line of the file that it is about, if it is about some.
     pub line: Option<u64>,
     /// All of them.
@@ -30,7 +31,7 @@ pub struct DataWarning {
 }
 
 impl DataWarning {
-    fn new(kind: &'static str, message: impl Into<String>) -> Self {
+    fn new(kind: WarningKind, message: impl Into<String>) -> Self {
         Self { kind, line: None, lines: Vec::new(), column: None, message: message.into() }
     }
 
@@ -87,7 +88,7 @@ pub fn check(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<Data
     let numbers: Vec<(u64, &str)> =
         all.iter().flat_map(|w| w.lines.iter().filter_map(|line| Some((*line, w.column?)))).collect();
     let is_new = |w: &DataWarning| {
-        let is_said = w.kind == model::UNKNOWN_NOISE && all.iter().any(|w| w.kind == repeats::FEW);
+        let is_said = w.kind == WarningKind::UnknownNoise && all.iter().any(|w| w.kind == WarningKind::FewRepeats);
         !is_said && !w.line.zip(w.column).is_some_and(|place| numbers.contains(&place))
     };
     let of_model: Vec<DataWarning> = of_model.into_iter().filter(is_new).collect();

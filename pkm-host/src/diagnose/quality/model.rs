@@ -6,15 +6,13 @@ use super::super::experiment::{Experiment, observations};
 use super::super::left_out::{LEFT_OUT, LeftOut};
 use super::super::model::{Model, Recorded};
 use super::super::odd_rows::OddRows;
-use super::super::{Method, check as check_usable, check_poses, check_units, checks, single_poses, unknown_noise};
+use super::super::warning::WarningKind;
+use super::super::{Method, check as check_usable, check_poses, check_units, checks, unknown_noise};
 use super::DataWarning;
 use crate::error::Failure;
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
-
-/// Kind of the warning that there is nothing to take the noise from.
-pub(super) const UNKNOWN_NOISE: &str = "unknown_noise";
 
 fn model(file: &MachineFile, readings: &Readings) -> Option<Model> {
     let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
@@ -31,7 +29,7 @@ pub(super) fn size(file: &MachineFile, readings: &Readings) -> Option<DataWarnin
     let experiment = Experiment::new(&model, readings);
     let expected = model.predict(&experiment.poses, experiment.conditions, &[], &[])?;
     let failure = check_units(readings, &expected, &Rules::DEFAULT).err()?;
-    Some(DataWarning::new("other_units", failure.message))
+    Some(DataWarning::new(WarningKind::OtherUnits, failure.message))
 }
 
 pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
@@ -40,14 +38,14 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
     let left_out = LeftOut::new(file, readings, &model, rules);
     let of_all = of_all(file, &readings.without_numbers(&left_out.numbers()), &model);
     let mut all: Vec<DataWarning> = left_out.rows.iter().map(|odd| of_rows(odd, readings, LEFT_OUT)).collect();
-    let taken_as_said = of_all.iter().all(|w| w.kind != checks::TAKEN_OTHERWISE);
+    let taken_as_said = of_all.iter().all(|w| w.kind != WarningKind::ReadingsTakenOtherwise);
     // one slip of many rows is no slip of each
     for odd in left_out.doubted.iter().filter(|odd| taken_as_said || odd.is_refused()) {
         all.push(of_rows(odd, readings, if odd.is_refused() { " `diagnose` refuses so many of them" } else { "" }));
     }
     for pose in &left_out.poses {
         let lines = pose.rows(readings).map(|(_, r)| r.line).collect();
-        all.push(DataWarning::new(single_poses::TAKEN_OTHERWISE, pose.text(readings) + LEFT_OUT).at_lines(lines));
+        all.push(DataWarning::new(WarningKind::PoseTakenOtherwise, pose.text(readings) + LEFT_OUT).at_lines(lines));
     }
     let whole_rows: Vec<u64> = all.iter().flat_map(|w| w.lines.clone()).collect();
     for outlier in &left_out.gross {
@@ -60,7 +58,7 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
                 outlier.studentised
             );
             all.push(
-                DataWarning::new("gross_error", message)
+                DataWarning::new(WarningKind::GrossError, message)
                     .at_lines(vec![r.line])
                     .at_column(READ_COLUMNS[outlier.channel]),
             );
@@ -71,7 +69,7 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
 }
 
 /// What ends a diagnosis before it begins, and no command that only reads.
-fn refused(kind: &'static str, failure: &Failure) -> DataWarning {
+fn refused(kind: WarningKind, failure: &Failure) -> DataWarning {
     DataWarning::new(kind, format!("`diagnose` refuses these readings: {}", failure.message))
 }
 
@@ -81,13 +79,14 @@ fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWar
     let read = observations(readings, model);
     let experiment = Experiment::new(model, readings);
     let noise = experiment.noise(&read, rules);
-    let few_poses = check_poses(readings, rules).err().map(|failure| refused("cannot_be_diagnosed", &failure));
-    let no_noise = noise.as_ref().err().map(|unknown| refused(UNKNOWN_NOISE, &unknown_noise(readings, *unknown)));
+    let few_poses = check_poses(readings, rules).err().map(|failure| refused(WarningKind::CannotBeDiagnosed, &failure));
+    let no_noise =
+        noise.as_ref().err().map(|unknown| refused(WarningKind::UnknownNoise, &unknown_noise(readings, *unknown)));
     let (Ok(noise), None) = (noise, &few_poses) else { return few_poses.into_iter().chain(no_noise).collect() };
     let whitener = Whitener::new(&read, &noise);
     let problem = Problem::new(&read, &whitener, &experiment, rules);
     if let Err(failure) = check_usable(readings, &problem, &experiment) {
-        return vec![refused("cannot_be_diagnosed", &failure)];
+        return vec![refused(WarningKind::CannotBeDiagnosed, &failure)];
     }
     let tip_m = file.wrist_parameters.tip_at_zero_m();
     let otherwise = checks::taken_otherwise(&problem, &whitener, model, readings, tip_m);

@@ -3,12 +3,11 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::DataWarning;
+use crate::diagnose::WarningKind;
 use crate::error::lines_text;
 use crate::files::dataset::{READ_COLUMNS, Sheet};
 use crate::files::readings::{CHANNELS, KINDS, Reading, Readings};
 
-/// Kind of the warning that there are too few repeats.
-pub(super) const FEW: &str = "few_repeats";
 /// Least degrees of freedom from which a standard deviation is known to a quarter.
 const MIN_DOF: usize = 10;
 /// Ratio of a spread to the median spread above which repeats are not of one thing.
@@ -61,7 +60,7 @@ fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
          direction{which}, or add the columns sigma_linear_um and sigma_angular_urad",
         MIN_DOF - freedom
     );
-    Some(DataWarning::new(FEW, message))
+    Some(DataWarning::new(WarningKind::FewRepeats, message))
 }
 
 /// Repeats of which one differs from the others far more than repeats do elsewhere.
@@ -89,7 +88,7 @@ fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
                 size * 1e6,
                 size / median.max(readings.resolution[channel])
             );
-            all.push(DataWarning::new("repeats_differ", message).at_lines(lines).at_column(column));
+            all.push(DataWarning::new(WarningKind::RepeatsDiffer, message).at_lines(lines).at_column(column));
         }
     }
     all
@@ -126,5 +125,5 @@ fn duplicates(sheet: &Sheet) -> Option<DataWarning> {
     };
     let message =
         format!("the same reading as in line {first_line}{others}: delete one of two if it was not read twice");
-    Some(DataWarning::new("duplicate_row", message).at_lines(again))
+    Some(DataWarning::new(WarningKind::DuplicateRow, message).at_lines(again))
 }

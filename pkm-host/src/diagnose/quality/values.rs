@@ -6,6 +6,7 @@ use pkm_core::thermal::DECLARED_TEMPERATURE_C;
 use pkm_diagnosis::robust::upper_median;
 
 use super::DataWarning;
+use crate::diagnose::WarningKind;
 use crate::error::lines_text;
 use crate::files::dataset::{POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::pose::MAX_RADIANS;
@@ -50,7 +51,7 @@ pub(super) fn units(sheet: &Sheet) -> Vec<DataWarning> {
         let message = format!(
             "no angle is above {most}°: are theta and sigma in radians? Then call the columns `theta [rad]` and `sigma [rad]`"
         );
-        all.push(DataWarning::new("angles_in_radians", message).at_column("theta_deg"));
+        all.push(DataWarning::new(WarningKind::AnglesInRadians, message).at_column("theta_deg"));
     }
     let warm: Vec<u64> =
         numbers(sheet, "temperature_c").iter().filter(|(_, v)| *v > MIN_KELVIN).map(|(line, _)| *line).collect();
@@ -59,14 +60,14 @@ pub(super) fn units(sheet: &Sheet) -> Vec<DataWarning> {
             "temperatures above {MIN_KELVIN} °C in {}: are they in kelvins? Then call the column `temperature [K]`",
             lines_text(&warm)
         );
-        all.push(DataWarning::new("temperature_in_kelvin", message).at_lines(warm).at_column("temperature_c"));
+        all.push(DataWarning::new(WarningKind::TemperatureInKelvin, message).at_lines(warm).at_column("temperature_c"));
     }
     let point = POINT_COLUMNS.map(|column| largest(&numbers(sheet, column))).into_iter().fold(0.0, f64::max);
     if point > 0.0 && point < 1.0 {
         let message = format!(
             "the point of the readings is at most {point} mm from A: is it in metres? Then call the columns `point_u [m]`, …"
         );
-        all.push(DataWarning::new("point_in_metres", message).at_column("point_u_mm"));
+        all.push(DataWarning::new(WarningKind::PointInMetres, message).at_column("point_u_mm"));
     }
     all
 }
@@ -80,7 +81,7 @@ fn temperatures_left_out(sheet: &Sheet) -> Option<DataWarning> {
             "no temperature in {}, while other rows have one: {DECLARED_TEMPERATURE_C} °C is taken; fill in how warm it was",
             lines_text(&left_out)
         );
-        DataWarning::new("temperature_left_out", message).at_lines(left_out).at_column("temperature_c")
+        DataWarning::new(WarningKind::TemperatureLeftOut, message).at_lines(left_out).at_column("temperature_c")
     })
 }
 
@@ -94,7 +95,7 @@ fn placeholders(numbers: &[(u64, f64)], column: &'static str) -> Vec<DataWarning
     found
         .map(|(line, v)| {
             let message = format!("{v} is what instruments write for no value: empty the cell if nothing was measured");
-            DataWarning::new("placeholder", message).at_lines(vec![*line]).at_column(column)
+            DataWarning::new(WarningKind::Placeholder, message).at_lines(vec![*line]).at_column(column)
         })
         .collect()
 }
@@ -107,7 +108,7 @@ fn constant(numbers: &[(u64, f64)], column: &'static str) -> Option<DataWarning>
             "all {} readings are {first}: if the channel was not connected or not measured, empty its cells",
             numbers.len()
         );
-        DataWarning::new("constant_channel", message).at_column(column)
+        DataWarning::new(WarningKind::ConstantChannel, message).at_column(column)
     })
 }
 
@@ -119,5 +120,6 @@ fn one_sided(sheet: &Sheet) -> Option<DataWarning> {
     let turns = |c: &Vec<(u64, f64)>| c.iter().any(|(_, v)| *v > 0.0) && c.iter().any(|(_, v)| *v < 0.0);
     let message = "no force or moment changes its direction: clearance, preload and a shifted zero then look like compliance; \
                    repeat some readings with the load reversed";
-    ((has(true) || has(false)) && !columns.iter().any(turns)).then(|| DataWarning::new("loads_of_one_sign", message))
+    ((has(true) || has(false)) && !columns.iter().any(turns))
+        .then(|| DataWarning::new(WarningKind::LoadsOfOneSign, message))
 }
