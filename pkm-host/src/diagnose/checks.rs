@@ -55,12 +55,12 @@ impl Suspect {
 }
 
 /// What a linear form at the declared values leaves of some residuals when the stiffnesses move as their uncertainty lets
-/// them, in noise variances a number. No step is so long that a compliance would become negative.
-fn left(linear: &Fit, residuals: &DVector<f64>, uncertainty: f64) -> f64 {
+/// them, in noise variances a number: residuals and deviations from the declared values together.
+fn left(linear: &Fit, residuals: &DVector<f64>, model: &Model) -> f64 {
     let along = linear.jacobian.tr_mul(residuals);
     let step = linear.information.solve(&along);
-    let part = 1.0 / (uncertainty * step.amax()).max(1.0);
-    let rest = residuals.norm_squared() - (2.0 - part) * part * along.dot(&step);
+    let share = model.share_of_step(&step);
+    let rest = residuals.norm_squared() - (2.0 - share) * share * along.dot(&step);
     rest.max(0.0) / residuals.len() as f64
 }
 
@@ -103,8 +103,7 @@ pub fn taken_otherwise(
     let declared = vec![0.0; stiffnesses.len()];
     let at_declared = |problem: &Problem<'_>| problem.linear(&stiffnesses, declared.clone().into());
     let as_said = at_declared(problem)?;
-    let uncertainty = model.uncertainty.joint.max(model.uncertainty.body);
-    let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, uncertainty);
+    let left = |linear: &Fit, residuals: &DVector<f64>| left(linear, residuals, model);
     let said = left(&as_said, &as_said.residuals);
     let residuals_of = |taken: &Readings| {
         let (observations, experiment) = (experiment::observations(taken, model), Experiment::new(model, taken));

@@ -4,6 +4,7 @@
 
 use std::collections::HashMap;
 
+use nalgebra::DVector;
 use pkm_core::effects::{
     EFFECTS, EffectInfo, Expected, LIMB_3, LIMBS_1_2, MachineScales, ParameterInfo, Plausible, ToldBy,
 };
@@ -207,6 +208,12 @@ fn class(info: &EffectInfo, recorded: Recorded) -> &'static str {
 }
 
 impl Model {
+    /// How much of a step of the declared values, in units of their priors, makes no compliance negative.
+    pub fn share_of_step(&self, step: &DVector<f64>) -> f64 {
+        let uncertainty = self.uncertainty.joint.max(self.uncertainty.body);
+        1.0 / (uncertainty * step.amax()).max(1.0)
+    }
+
     /// Of a machine, for readings with some of the columns.
     pub fn new(file: &MachineFile, recorded: Recorded, method: Method) -> Option<Self> {
         let declared = file.parameters;

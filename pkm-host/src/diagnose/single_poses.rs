@@ -113,10 +113,8 @@ impl<'a> ByPose<'a> {
             along += &linear.along;
         }
         let step = information.cholesky()?.solve(&along);
-        // no compliance becomes negative
-        let uncertainty = self.model.uncertainty.joint.max(self.model.uncertainty.body);
-        let part = 1.0 / (uncertainty * step.amax()).max(1.0);
-        Some(step * part)
+        let share = self.model.share_of_step(&step);
+        Some(step * share)
     }
 
     /// Poses of which much more is left than is usual, with what is left, and what is usual: each by stiffnesses of the others, but
