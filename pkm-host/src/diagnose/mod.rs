@@ -1,9 +1,10 @@
 //! From measured deflections to what the model lacks; the method is in docs/theory.md, Diagnosis.
 //!
 //! The statistics are the crate `pkm-diagnosis`, which knows no machine. Here stands what they need of this one:
-//! [`crate::files::readings`] → `experiment` (readings and `model` as the engine takes them) → `checks` (are the readings what they
-//! are taken for?) → the engine's search → `findings`, [`compare`] (before and after, with the `residual_table`), `uncertainty` (how
-//! far its table may be off), `design` (what to measure) → `json`, `report`, `write`.
+//! [`crate::files::readings`] → `left_out` (what is wrong by itself) → `prepared` (readings and `model` as the engine takes them, by
+//! `experiment`, and the noise) → `checks` (are the readings what they are taken for?) → the engine's search → `findings`,
+//! [`compare`] (before and after, with the `residual_table`), `uncertainty` (how far its table may be off), `design` (what to
+//! measure) → `json`, `report`, `write`.
 
 mod advice;
 pub mod badges;
@@ -27,6 +28,7 @@ mod left_out;
 mod model;
 mod odd_rows;
 pub(crate) mod places;
+mod prepared;
 pub mod quality;
 mod readings_table;
 pub mod report;
@@ -44,9 +46,8 @@ mod ways;
 pub(crate) mod write;
 
 use pkm_diagnosis::residuals::{Residuals, Structure};
-use pkm_diagnosis::robust::upper_median;
 use pkm_diagnosis::verdict::{self, Judgement};
-use pkm_diagnosis::{Noise, Observations, Problem, Search, UnknownNoise, Whitener, search};
+use pkm_diagnosis::{Noise, Observations, Search, search};
 pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
 
 use self::checks::Suspect;
@@ -54,18 +55,18 @@ use self::compare::{Errors, Fitted, Predictions, Rival};
 pub use self::effects::{ELEMENT, Effect};
 use self::effects::{alternatives, effects};
 use self::estimates::Estimates;
-use self::experiment::{Experiment, observations};
+use self::experiment::observations;
 use self::findings::{DeclaredFinding, Detectable};
 pub use self::held_out::HeldOut;
 use self::held_out::Judges;
 use self::inference::{Found, Start};
 use self::left_out::LeftOut;
 use self::model::{Model, Recorded};
+use self::prepared::{Prepared, check_units};
 pub use self::warning::{Warning, WarningKind};
 use crate::error::{Failure, Result};
-use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, KINDS, Readings};
+use crate::files::readings::{CHANNELS, Readings};
 use crate::files::table_numbers::UncertaintyNumbers;
 use crate::pose::pose_of;
 use crate::progress::Progress;
@@ -148,81 +149,6 @@ fn not_converged(readings: &Readings, warnings: &[Warning]) -> Failure {
     Failure::input(format!("a fit did not converge: {why}")).in_file(&readings.source.name)
 }
 
-fn unknown_noise(readings: &Readings, unknown: UnknownNoise) -> Failure {
-    let column = ["sigma_linear_um", "sigma_angular_urad"][KINDS[unknown.channel]];
-    Failure::input(format!(
-        "no repeats to take the noise of {} from, and no declared one: repeat some readings (same pose, load and direction), \
-         or add the column {column} with one standard deviation of a reading",
-        READ_COLUMNS[unknown.channel]
-    ))
-    .in_file(&readings.source.name)
-    .at_column(column)
-}
-
-/// Refuses readings at too few poses.
-fn check_poses(readings: &Readings, rules: &Rules) -> Result<()> {
-    let (poses, least) = (readings.read_poses(), rules.min_poses);
-    if poses >= least {
-        return Ok(());
-    }
-    let left = if poses < readings.poses.len() { "that are not left out " } else { "" };
-    let message = format!(
-        "{poses} {} {left}cannot tell an effect from a wrong stiffness: at least {least} different ones are needed, \
-         20 spread over the box are good (`pkm-host plan --kind levels 5`)",
-        if poses == 1 { "pose" } else { "poses" }
-    );
-    Err(Failure::input(message).in_file(&readings.source.name))
-}
-
-/// Refuses what cannot be diagnosed, and says what is missing.
-fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>) -> Result<()> {
-    let fail = |message: String| Err(Failure::input(message).in_file(&readings.source.name));
-    let unknowns = problem.model.declared().len();
-    if problem.numbers() < 2 * unknowns {
-        return fail(format!(
-            "{} scalar observations are too few for {unknowns} unknown stiffnesses",
-            problem.numbers()
-        ));
-    }
-    let Some(found) = experiment.model.predict(&experiment.poses, experiment.conditions, &[], &[]) else {
-        return fail("the declared machine gives no deflection at some pose or load".into());
-    };
-    if found.iter().all(|d| d.iter().all(|v| *v == 0.0)) {
-        return fail("no reading is under load".into());
-    }
-    check_units(readings, &found, problem.rules)
-}
-
-/// Refuses readings of another unit: the model is never wrong by a factor of 100. `found` is what the declared machine gives, by condition.
-fn check_units(readings: &Readings, found: &[[f64; CHANNELS]], rules: &Rules) -> Result<()> {
-    let mut logs = [Vec::new(), Vec::new()];
-    for r in &readings.readings {
-        for (kind, logs) in logs.iter_mut().enumerate() {
-            let (mut read, mut said) = (0.0_f64, 0.0_f64);
-            for c in (0..CHANNELS).filter(|c| KINDS[*c] == kind) {
-                if let Some(v) = r.observed[c] {
-                    read += v * v;
-                    said += found[r.condition][c].powi(2);
-                }
-            }
-            if read > 0.0 && said > 0.0 {
-                logs.push(0.5 * (read / said).log10());
-            }
-        }
-    }
-    for (logs, (what, units)) in logs.iter_mut().zip([("translations", "µm"), ("rotations", "µrad")]) {
-        if let Some(middle) = upper_median(logs).filter(|m| m.abs() > rules.max_log10_scale) {
-            let message = format!(
-                "the {what} read are {:.0e} times what the declared machine gives: are they in {units}, and loads in N and \
-                 N·m?",
-                10_f64.powf(middle)
-            );
-            return Err(Failure::input(message).in_file(&readings.source.name));
-        }
-    }
-    Ok(())
-}
-
 /// How a diagnosis searches for what the model lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Method {
@@ -249,8 +175,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let step = |done: u64, what: &str| progress(what, done, STEPS);
     step(0, "noise");
-    let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
-    let model = Model::new(file, recorded, method)
+    let model = Model::new(file, Recorded::of(readings), method)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
     checks_of_noise::constant_channels(readings)?;
     let left_out = LeftOut::new(file, readings, &model, rules);
@@ -258,36 +183,31 @@ pub fn diagnose(
         return Err(failure);
     }
     let numbers = left_out.numbers();
-    let (given, readings) = (readings, &readings.without_numbers(&numbers));
-    check_poses(readings, rules)?;
-    let read = observations(readings, &model);
-    let experiment = Experiment::new(&model, readings);
-    let noise = experiment.noise(&read, rules).map_err(|unknown| unknown_noise(readings, unknown))?;
-    let whitener = Whitener::new(&read, &noise);
-    let plain = Problem::new(&read, &whitener, &experiment, rules);
-    check(readings, &plain, &experiment)?;
+    let prepared = Prepared::new(readings.without_numbers(&numbers), &model, rules)
+        .map_err(|mut refusals| refusals.swap_remove(0).failure)?;
+    let (given, readings) = (readings, &prepared.readings);
+    let Prepared { read, noise, .. } = &prepared;
+    let otherwise = prepared.taken_otherwise(file.wrist_parameters.tip_at_zero_m())?;
     if let Some(other) = held_out
         && let Some(found) = model.predict(&experiment::poses(other), &other.conditions, &[], &[])
     {
         check_units(other, &found, rules)?;
     }
-    let tip_m = file.wrist_parameters.tip_at_zero_m();
-    let otherwise = checks::taken_otherwise(&plain, &whitener, &model, readings, tip_m);
     let taken_as_said = otherwise.is_none();
     // places are searched for in readings that are what they are taken for
     let method = if taken_as_said { method } else { Method::Formulas };
     let of_noise =
-        checks_of_noise::of_noise(&noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &numbers));
-    let of_noise = of_noise.chain(checks_of_noise::of_copies(&noise, readings));
+        checks_of_noise::of_noise(noise, rules).into_iter().chain(checks_of_noise::of_repeats(given, &numbers));
+    let of_noise = of_noise.chain(checks_of_noise::of_copies(noise, readings));
     // one slip of many rows is no slip of each
     let of_left_out = left_out.warnings(given).into_iter().filter(|w| taken_as_said || w.left_out);
     let of_file = checks::of_file(readings);
     let warnings: Vec<Warning> = otherwise.into_iter().chain(of_file).chain(of_left_out).chain(of_noise).collect();
     step(1, "what the model lacks");
-    let start = Start { model: &model, noise: &noise, method, taken_as_said, rules };
+    let start = Start { model: &model, noise, method, taken_as_said, rules };
     let failure = not_converged(readings, &warnings);
-    let judged = start.search(readings, &read, |found| {
-        Searched { file, given, readings, held_out, read: &read, left_out: &left_out, start: &start, found, warnings }
+    let judged = start.search(readings, read, |found| {
+        Searched { file, given, readings, held_out, read, left_out: &left_out, start: &start, found, warnings }
             .judged(progress)
     });
     judged.ok_or(failure)?

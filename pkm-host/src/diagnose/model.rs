@@ -18,7 +18,7 @@ use super::places::Whereabouts;
 use super::state::{State, compliance};
 use super::{ELEMENT, Method};
 use crate::files::machine::{MachineFile, Uncertainty};
-use crate::files::readings::{CHANNELS, Condition};
+use crate::files::readings::{CHANNELS, Condition, Readings};
 
 /// Errors of the measurement: no part of the machine, and none of the model that the controller runs.
 pub const MEASUREMENT: [EffectInfo; 4] = [
@@ -120,6 +120,13 @@ pub struct Recorded {
     pub unloading: bool,
 }
 
+impl Recorded {
+    /// With some readings.
+    pub fn of(readings: &Readings) -> Self {
+        Self { temperatures: readings.has_temperature, unloading: readings.has_unloading }
+    }
+}
+
 /// A machine, with the priors of its unknowns.
 #[derive(Clone)]
 pub struct Model {
@@ -208,12 +215,6 @@ fn class(info: &EffectInfo, recorded: Recorded) -> &'static str {
 }
 
 impl Model {
-    /// How much of a step of the declared values, in units of their priors, makes no compliance negative.
-    pub fn share_of_step(&self, step: &DVector<f64>) -> f64 {
-        let uncertainty = self.uncertainty.joint.max(self.uncertainty.body);
-        1.0 / (uncertainty * step.amax()).max(1.0)
-    }
-
     /// Of a machine, for readings with some of the columns.
     pub fn new(file: &MachineFile, recorded: Recorded, method: Method) -> Option<Self> {
         let declared = file.parameters;
@@ -277,6 +278,12 @@ impl Model {
             }
         }
         Some(this)
+    }
+
+    /// How much of a step of the declared values, in units of their priors, makes no compliance negative.
+    pub fn share_of_step(&self, step: &DVector<f64>) -> f64 {
+        let uncertainty = self.uncertainty.joint.max(self.uncertainty.body);
+        1.0 / (uncertainty * step.amax()).max(1.0)
     }
 
     /// Adds elements as a candidate.

@@ -1,22 +1,21 @@
 //! Readings against the declared machine: the checks that a diagnosis begins with, without its fits.
 
-use pkm_diagnosis::{Problem, Rules, Whitener};
+use pkm_diagnosis::Rules;
 
-use super::super::experiment::{Experiment, observations};
+use super::super::Method;
+use super::super::experiment::Experiment;
 use super::super::left_out::{LEFT_OUT, LeftOut};
 use super::super::model::{Model, Recorded};
 use super::super::odd_rows::OddRows;
+use super::super::prepared::{Prepared, Refusal, check_units};
 use super::super::warning::WarningKind;
-use super::super::{Method, check as check_usable, check_poses, check_units, checks, unknown_noise};
 use super::DataWarning;
-use crate::error::Failure;
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
 
 fn model(file: &MachineFile, readings: &Readings) -> Option<Model> {
-    let recorded = Recorded { temperatures: readings.has_temperature, unloading: readings.has_unloading };
-    Model::new(file, recorded, Method::Formulas)
+    Model::new(file, Recorded::of(readings), Method::Formulas)
 }
 
 fn of_rows(odd: &OddRows, readings: &Readings, more: &str) -> DataWarning {
@@ -36,7 +35,7 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
     let rules = &Rules::DEFAULT;
     let Some(model) = model(file, readings) else { return Vec::new() };
     let left_out = LeftOut::new(file, readings, &model, rules);
-    let of_all = of_all(file, &readings.without_numbers(&left_out.numbers()), &model);
+    let of_all = of_all(file, readings.without_numbers(&left_out.numbers()), &model, rules);
     let mut all: Vec<DataWarning> = left_out.rows.iter().map(|odd| of_rows(odd, readings, LEFT_OUT)).collect();
     let taken_as_said = of_all.iter().all(|w| w.kind != WarningKind::ReadingsTakenOtherwise);
     // one slip of many rows is no slip of each
@@ -69,26 +68,18 @@ pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning>
 }
 
 /// What ends a diagnosis before it begins, and no command that only reads.
-fn refused(kind: WarningKind, failure: &Failure) -> DataWarning {
+fn refused(Refusal { kind, failure }: Refusal) -> DataWarning {
     DataWarning::new(kind, format!("`diagnose` refuses these readings: {}", failure.message))
 }
 
 /// What speaks against the readings as a whole: too few, other units, another frame or sign.
-fn of_all(file: &MachineFile, readings: &Readings, model: &Model) -> Vec<DataWarning> {
-    let rules = &Rules::DEFAULT;
-    let read = observations(readings, model);
-    let experiment = Experiment::new(model, readings);
-    let noise = experiment.noise(&read, rules);
-    let few_poses = check_poses(readings, rules).err().map(|failure| refused(WarningKind::CannotBeDiagnosed, &failure));
-    let no_noise =
-        noise.as_ref().err().map(|unknown| refused(WarningKind::UnknownNoise, &unknown_noise(readings, *unknown)));
-    let (Ok(noise), None) = (noise, &few_poses) else { return few_poses.into_iter().chain(no_noise).collect() };
-    let whitener = Whitener::new(&read, &noise);
-    let problem = Problem::new(&read, &whitener, &experiment, rules);
-    if let Err(failure) = check_usable(readings, &problem, &experiment) {
-        return vec![refused(WarningKind::CannotBeDiagnosed, &failure)];
+fn of_all(file: &MachineFile, readings: Readings, model: &Model, rules: &Rules) -> Vec<DataWarning> {
+    let prepared = match Prepared::new(readings, model, rules) {
+        Ok(prepared) => prepared,
+        Err(refusals) => return refusals.into_iter().map(refused).collect(),
+    };
+    match prepared.taken_otherwise(file.wrist_parameters.tip_at_zero_m()) {
+        Ok(otherwise) => otherwise.into_iter().map(|w| DataWarning::new(w.kind, w.message)).collect(),
+        Err(failure) => vec![refused(Refusal { kind: WarningKind::CannotBeDiagnosed, failure })],
     }
-    let tip_m = file.wrist_parameters.tip_at_zero_m();
-    let otherwise = checks::taken_otherwise(&problem, &whitener, model, readings, tip_m);
-    otherwise.into_iter().map(|w| DataWarning::new(w.kind, w.message)).collect()
 }
