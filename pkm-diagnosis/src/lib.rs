@@ -3,8 +3,8 @@
 //!
 //! [`Observations::check`] → [`gross`] errors out → [`Noise`] → [`Whitener`] → [`Problem`] (fits with priors) → [`Levels`] (errors that readings have in common) →
 //! [`search`](search::search) (screen, full fits, acceptance) → [`judge`](verdict::judge) →
-//! [`validation`] (errors on poses left out), [`residuals`], [`design`] (what to measure next). Before anything is read: [`campaign`]. [`Rules`] has every number
-//! that decides.
+//! [`validation`] (errors on poses left out), [`residuals`], [`design`] (what to measure next). Before anything is read: [`campaign`]. [`Rules`] has the thresholds,
+//! each with its reason.
 //!
 //! # A machine of one's own
 //!

@@ -1,4 +1,5 @@
-//! Every number that decides something in a diagnosis, with its reason.
+//! The thresholds of the statistics, with their reasons. Steps and tolerances of the numerics stand where they are used; priors, and
+//! numbers by which readings are doubted before, are the client's.
 
 /// Seed of everything that is drawn: the null distribution of the screen, and resampled poses.
 pub const SEED: u64 = 20_201;

@@ -13,6 +13,7 @@ use serde::Serialize;
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
+use super::reading_rules::{MAX_ALIKE_RATIO, MAX_LEFT_WITH_LEVER, MAX_LEVER_M, MIN_LEVER_M};
 use super::warning::{Warning, WarningKind};
 use super::ways::{self, other_ways};
 use crate::files::dataset::READ_COLUMNS;
@@ -20,11 +21,6 @@ use crate::files::readings::{CHANNELS, Readings};
 
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
 const BADLY_SD: f64 = 10.0;
-/// What may be left with a lever, in noise variances a number: three free numbers mend some of what a machine's parts do as well.
-const MAX_LEFT_WITH_LEVER: f64 = 1.5;
-/// Least and greatest lever that a load may have without a word of it, m.
-const MIN_LEVER_M: f64 = 0.05;
-const MAX_LEVER_M: f64 = 2.0;
 
 /// A reading that stands out.
 #[derive(Clone, Debug, Serialize)]
@@ -130,7 +126,7 @@ pub fn taken_otherwise(
         .collect();
     // of what is alike the first two, which are the plainest
     let least = found.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
-    let alike: Vec<&(String, f64)> = found.iter().filter(|f| f.1 <= 1.1 * least).take(2).collect();
+    let alike: Vec<&(String, f64)> = found.iter().filter(|f| f.1 <= MAX_ALIKE_RATIO * least).take(2).collect();
     let (_, rest) = alike.first()?;
     let how = alike.iter().map(|f| f.0.as_str()).collect::<Vec<_>>().join(", or ");
     let times = |left: f64| format!("{:.1}", left.sqrt());

@@ -5,20 +5,13 @@ use std::collections::BTreeMap;
 use pkm_diagnosis::verdict::LackOfFit;
 use pkm_diagnosis::{Noise, NoiseSource, Rules};
 
+use super::reading_rules::{
+    MAX_SPREAD_RATIO, MIN_CONSTANT_READINGS, MIN_NUMBERS_OF_DECLARED_NOISE, MIN_SHARE_OF_DECLARED_VARIANCE,
+};
 use super::warning::{Warning, WarningKind};
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
-
-/// Readings from which on a channel that always says the same is no coincidence.
-const MIN_CONSTANT: usize = 10;
-
-/// By how much repeats differ from the median of all that they are named.
-const MAX_SPREAD_RATIO: f64 = 50.0;
-
-/// Mean square of what is left over the declared variance below which that is no noise of these readings, and from how many numbers on.
-const MAX_TOO_GREAT: f64 = 0.1;
-const MIN_NUMBERS: usize = 60;
 
 /// Deviation of a number that is rounded to a resolution, as a share of it, with some room for the last bit.
 const READ_ROUNDING: f64 = 0.288_68;
@@ -57,7 +50,9 @@ pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
 /// Of a declared noise of which a fit leaves far less: it is not that of the readings.
 pub fn of_declared(after: &LackOfFit, numbers: usize) -> Option<Warning> {
     let LackOfFit { noise_source, statistic, .. } = *after;
-    let is_too_great = noise_source == NoiseSource::Declared && numbers >= MIN_NUMBERS && statistic < MAX_TOO_GREAT;
+    let is_too_great = noise_source == NoiseSource::Declared
+        && numbers >= MIN_NUMBERS_OF_DECLARED_NOISE
+        && statistic < MIN_SHARE_OF_DECLARED_VARIANCE;
     is_too_great.then(|| Warning::new(WarningKind::DeclaredNoiseTooGreat, format!(
             "the model leaves {:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
              sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen",
@@ -108,7 +103,7 @@ pub fn constant_channels(readings: &Readings) -> Result<()> {
         let Some((value, condition, line)) = all.next() else { continue };
         let rest: Vec<_> = all.collect();
         let is_loaded_otherwise = rest.iter().any(|r| r.1 != condition);
-        if rest.len() + 1 >= MIN_CONSTANT && is_loaded_otherwise && rest.iter().all(|r| r.0 == value) {
+        if rest.len() + 1 >= MIN_CONSTANT_READINGS && is_loaded_otherwise && rest.iter().all(|r| r.0 == value) {
             let message = format!(
                 "all {} numbers are {}: leave the cells blank if it was not measured",
                 rest.len() + 1,

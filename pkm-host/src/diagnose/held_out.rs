@@ -7,6 +7,7 @@ use super::compare::{self, Errors, Fitted, Predictions, RIVALS, Rival, Zone, of}
 use super::experiment::{self, observations};
 use super::inference::Start;
 use super::model::Model;
+use super::reading_rules::MAX_HELD_OUT_PERCENT;
 use super::uncertainty::{self, Unseen};
 use super::warning::{Warning, WarningKind};
 use crate::files::machine::MachineFile;
@@ -14,9 +15,6 @@ use crate::files::readings::{CHANNELS, Readings};
 use crate::files::table_numbers::UncertaintyNumbers;
 use crate::pose::PoseBox;
 use crate::progress::Progress;
-
-/// Error of an identified model on held-out readings, in percent of these, beyond which they are not what they are taken for.
-const MAX_HELD_OUT_PERCENT: f64 = 50.0;
 
 /// Held-out errors of all rivals, over all readings and by zone.
 pub struct HeldOut {

@@ -6,14 +6,13 @@ use pkm_diagnosis::residuals::Outlier;
 use super::checks;
 use super::model::Model;
 use super::odd_rows::{OddRows, odd_rows};
+use super::reading_rules::MAX_SHARE_OF_ROWS;
 use super::single_poses::{self, TakenOtherwise};
 use super::warning::Warning;
 use crate::error::Failure;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Readings};
 
-/// Largest share of all rows that is wrong by itself: where more are, it is one slip or the machine.
-const MAX_SHARE_OF_ROWS: f64 = 0.05;
 /// Of the end of a message.
 pub const LEFT_OUT: &str = " A diagnosis leaves this out";
 

@@ -30,6 +30,7 @@ mod odd_rows;
 pub(crate) mod places;
 mod prepared;
 pub mod quality;
+mod reading_rules;
 mod readings_table;
 pub mod report;
 mod residual_plots;

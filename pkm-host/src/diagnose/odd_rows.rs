@@ -9,30 +9,13 @@ use pkm_diagnosis::robust::median;
 
 use super::experiment::{Experiment, observations};
 use super::model::Model;
+use super::reading_rules::{
+    MAX_LOST_SHARE, MAX_OTHER_UNIT_RATIO, MAX_REVERSED_COSINE, MAX_REVERSED_RATIO, MIN_LOST_SD, MIN_LOST_SIZE,
+    MIN_MEDIAN_COSINE, MIN_OTHER_UNIT_LOADS, MIN_OTHER_UNIT_SD, MIN_REVERSED_SIZE,
+};
 use super::warning::WarningKind;
 use crate::error::lines_text;
 use crate::files::readings::{CHANNELS, Reading, Readings};
-
-/// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
-const MAX_REVERSED_COSINE: f64 = -0.8;
-/// Least median cosine of all rows, whatever its sign, at which a single one with the wrong sign is to be seen.
-const MIN_MEDIAN_COSINE: f64 = 0.8;
-/// Least deflection of such a row, as a share of the median of all.
-const MIN_REVERSED_SIZE: f64 = 0.5;
-/// Largest deflection of such a row over what the machine gives.
-const MAX_REVERSED_RATIO: f64 = 2.0;
-/// Least deflection of a row without a load, beyond its series' zero, that is that of a load, as a share of the median of its series.
-const MIN_LOST_SIZE: f64 = 0.5;
-/// The same in standard deviations of the noise.
-const MIN_LOST_SD: f64 = 8.0;
-/// Rows without a load that may be those, as a share of all: where more are, the zero is another than the others of its series say.
-const MAX_LOST_SHARE: f64 = 1.0 / 3.0;
-/// Largest deflection of a row in a unit a thousand times as large, as a share of what the machine gives and of the median of all rows.
-const MAX_OTHER_UNIT_RATIO: f64 = 0.02;
-/// Least deflection that the machine gives there, in standard deviations of the noise.
-const MIN_OTHER_UNIT_SD: f64 = 8.0;
-/// Least number of loads that were read so: a single number is a gross error, and an unknown zero hides one load.
-const MIN_OTHER_UNIT_LOADS: usize = 3;
 
 /// Rows with one thing wrong, in the file's order.
 pub struct OddRows {

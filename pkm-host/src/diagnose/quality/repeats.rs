@@ -4,14 +4,13 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use super::DataWarning;
 use crate::diagnose::WarningKind;
+use crate::diagnose::reading_rules::MAX_SPREAD_RATIO;
 use crate::error::lines_text;
 use crate::files::dataset::{READ_COLUMNS, Sheet};
 use crate::files::readings::{CHANNELS, KINDS, Reading, Readings};
 
 /// Least degrees of freedom from which a standard deviation is known to a quarter.
 const MIN_DOF: usize = 10;
-/// Ratio of a spread to the median spread above which repeats are not of one thing.
-const MAX_SPREAD_RATIO: f64 = 50.0;
 
 /// Indices of readings that repeat one another.
 fn groups(readings: &Readings) -> Vec<Vec<usize>> {

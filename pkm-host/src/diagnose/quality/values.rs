@@ -7,16 +7,10 @@ use pkm_diagnosis::robust::upper_median;
 
 use super::DataWarning;
 use crate::diagnose::WarningKind;
+use crate::diagnose::reading_rules::{MIN_KELVIN, MIN_PLACEHOLDER_RATIO, MIN_POINT_MM, PLACEHOLDERS};
 use crate::error::lines_text;
 use crate::files::dataset::{POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::pose::MAX_RADIANS;
-
-/// Least temperature in °C that is probably in kelvins: no machine is measured at 150 °C.
-const MIN_KELVIN: f64 = 150.0;
-/// Numbers that instruments write for "no value", without their sign.
-const PLACEHOLDERS: [f64; 8] = [999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 32767.0];
-/// Ratio to the median of its column above which such a number is no reading.
-const MIN_PLACEHOLDER_RATIO: f64 = 10.0;
 
 /// Lines and numbers of a column; empty where it is not there.
 fn numbers(sheet: &Sheet, column: &str) -> Vec<(u64, f64)> {
@@ -63,7 +57,7 @@ pub(super) fn units(sheet: &Sheet) -> Vec<DataWarning> {
         all.push(DataWarning::new(WarningKind::TemperatureInKelvin, message).at_lines(warm).at_column("temperature_c"));
     }
     let point = POINT_COLUMNS.map(|column| largest(&numbers(sheet, column))).into_iter().fold(0.0, f64::max);
-    if point > 0.0 && point < 1.0 {
+    if point > 0.0 && point < MIN_POINT_MM {
         let message = format!(
             "the point of the readings is at most {point} mm from A: is it in metres? Then call the columns `point_u [m]`, …"
         );

@@ -1,0 +1,63 @@
+//! Every number by which readings are doubted, left out or refused before the statistics take them, with its reason. The thresholds of
+//! the statistics, which some of these checks use as well, are [`Rules`](pkm_diagnosis::Rules).
+
+// single columns
+
+/// Least temperature in °C that is probably in kelvins: no machine is measured at 150 °C. Angles in radians:
+/// [`MAX_RADIANS`](crate::pose::MAX_RADIANS).
+pub const MIN_KELVIN: f64 = 150.0;
+/// Least distance in mm of a point of the readings that is not probably in metres.
+pub const MIN_POINT_MM: f64 = 1.0;
+/// Numbers that instruments write for "no value", without their sign.
+pub const PLACEHOLDERS: [f64; 8] = [999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 32767.0];
+/// Ratio to the median of its column above which such a number is no reading.
+pub const MIN_PLACEHOLDER_RATIO: f64 = 10.0;
+/// Readings from which on a channel that always says the same is refused: that is no coincidence.
+pub const MIN_CONSTANT_READINGS: usize = 10;
+
+// the noise
+
+/// Ratio of the spread of repeats to the median spread of all in a channel above which they are not of one thing.
+pub const MAX_SPREAD_RATIO: f64 = 50.0;
+/// Mean square of the residuals over the declared variance below which that is no noise of these readings.
+pub const MIN_SHARE_OF_DECLARED_VARIANCE: f64 = 0.1;
+/// From how many numbers on: of 60, so little is no chance.
+pub const MIN_NUMBERS_OF_DECLARED_NOISE: usize = 60;
+
+// single rows
+
+/// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
+pub const MAX_REVERSED_COSINE: f64 = -0.8;
+/// Least median cosine of all rows, whatever its sign, at which a single one with the wrong sign is to be seen.
+pub const MIN_MEDIAN_COSINE: f64 = 0.8;
+/// Least deflection of such a row, as a share of the median of all.
+pub const MIN_REVERSED_SIZE: f64 = 0.5;
+/// Largest deflection of such a row over what the machine gives.
+pub const MAX_REVERSED_RATIO: f64 = 2.0;
+/// Least deflection of a row without a load, beyond its series' zero, that is that of a load, as a share of the median of its series.
+pub const MIN_LOST_SIZE: f64 = 0.5;
+/// The same in standard deviations of the noise.
+pub const MIN_LOST_SD: f64 = 8.0;
+/// Rows without a load that may be those, as a share of all: where more are, the zero is another than the others of its series say.
+pub const MAX_LOST_SHARE: f64 = 1.0 / 3.0;
+/// Largest deflection of a row in a unit a thousand times as large, as a share of what the machine gives and of the median of all rows.
+pub const MAX_OTHER_UNIT_RATIO: f64 = 0.02;
+/// Least deflection that the machine gives there, in standard deviations of the noise.
+pub const MIN_OTHER_UNIT_SD: f64 = 8.0;
+/// Least number of loads that were read so: a single number is a gross error, and an unknown zero hides one load.
+pub const MIN_OTHER_UNIT_LOADS: usize = 3;
+/// Largest share of all rows that is wrong by itself: where more are, it is one slip or the machine.
+pub const MAX_SHARE_OF_ROWS: f64 = 0.05;
+
+// the readings as a whole; single poses: `Rules::min_pose_ratio`, `Rules::max_pose_share`
+
+/// Ratio of what two ways to take the readings leave up to which both are named.
+pub const MAX_ALIKE_RATIO: f64 = 1.1;
+/// What may be left with a lever, in noise variances a number: three free numbers mend some of what a machine's parts do as well.
+pub const MAX_LEFT_WITH_LEVER: f64 = 1.5;
+/// Least lever that a load may have without a word of it, m.
+pub const MIN_LEVER_M: f64 = 0.05;
+/// Greatest one, m: none is longer.
+pub const MAX_LEVER_M: f64 = 2.0;
+/// Error of an identified model on held-out readings, in percent of these, beyond which they are not what they are taken for.
+pub const MAX_HELD_OUT_PERCENT: f64 = 50.0;
