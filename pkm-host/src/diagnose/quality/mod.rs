@@ -7,6 +7,7 @@ mod model;
 mod repeats;
 mod values;
 
+use pkm_diagnosis::Rules;
 use serde::Serialize;
 
 use super::checks;
@@ -77,10 +78,11 @@ pub fn check_units(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Ve
 /// All that is doubtful, in the order of the checks. What stands out in several ways is said once: a row as a whole before its
 /// numbers, a number among its repeats before its distance from the declared machine.
 pub fn check(file: &MachineFile, sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
-    let of_model = model::check(file, readings);
+    let rules = &Rules::DEFAULT;
+    let of_model = model::check(file, readings, rules);
     let rows: Vec<u64> = of_model.iter().filter(|w| w.column.is_none()).flat_map(|w| w.lines.clone()).collect();
     let mut all = values::check(sheet);
-    let of_repeats = repeats::check(sheet, readings);
+    let of_repeats = repeats::check(sheet, readings, rules);
     all.extend(
         of_repeats.into_iter().filter(|w| w.column.is_none() || !w.lines.iter().any(|line| rows.contains(line))),
     );

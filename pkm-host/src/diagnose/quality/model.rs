@@ -31,8 +31,7 @@ pub(super) fn size(file: &MachineFile, readings: &Readings) -> Option<DataWarnin
     Some(DataWarning::new(WarningKind::OtherUnits, failure.message))
 }
 
-pub(super) fn check(file: &MachineFile, readings: &Readings) -> Vec<DataWarning> {
-    let rules = &Rules::DEFAULT;
+pub(super) fn check(file: &MachineFile, readings: &Readings, rules: &Rules) -> Vec<DataWarning> {
     let Some(model) = model(file, readings) else { return Vec::new() };
     let left_out = LeftOut::new(file, readings, &model, rules);
     let of_all = of_all(file, readings.without_numbers(&left_out.numbers()), &model, rules);

@@ -2,15 +2,14 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
+use pkm_diagnosis::Rules;
+
 use super::DataWarning;
 use crate::diagnose::WarningKind;
 use crate::diagnose::reading_rules::MAX_SPREAD_RATIO;
 use crate::error::lines_text;
 use crate::files::dataset::{READ_COLUMNS, Sheet};
 use crate::files::readings::{CHANNELS, KINDS, Reading, Readings};
-
-/// Least degrees of freedom from which a standard deviation is known to a quarter.
-const MIN_DOF: usize = 10;
 
 /// Indices of readings that repeat one another.
 fn groups(readings: &Readings) -> Vec<Vec<usize>> {
@@ -28,19 +27,21 @@ pub(super) fn check_rows(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning>
     all
 }
 
-pub(super) fn check(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+pub(super) fn check(sheet: &Sheet, readings: &Readings, rules: &Rules) -> Vec<DataWarning> {
     let groups = groups(readings);
-    let mut all: Vec<DataWarning> = few(readings, &groups).into_iter().collect();
+    let mut all: Vec<DataWarning> = few(readings, &groups, rules).into_iter().collect();
     all.extend(check_rows(sheet, readings));
     all
 }
 
-/// Too few repeats to take the noise from, where none is declared.
-fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
+/// Too few repeats to take the noise from, where none is declared: fewer than leave a diagnosis something that counts as explained, counted
+/// in rows, of which each channel has as many.
+fn few(readings: &Readings, groups: &[Vec<usize>], rules: &Rules) -> Option<DataWarning> {
+    let least = rules.min_dof_of_verdict as usize;
     let has_own = |r: &Reading, c: usize| r.sigma[KINDS[c]].is_some() || r.covariance.is_some();
     let is_declared = readings.readings.iter().all(|r| (0..CHANNELS).all(|c| r.observed[c].is_none() || has_own(r, c)));
     let freedom: usize = groups.iter().map(|g| g.len() - 1).sum();
-    if is_declared || freedom >= MIN_DOF {
+    if is_declared || freedom >= least {
         return None;
     }
     // large loads show the noise of an experiment best, and a pose of its own each its zero
@@ -52,12 +53,12 @@ fn few(readings: &Readings, groups: &[Vec<usize>]) -> Option<DataWarning> {
     single.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
     let mut poses = HashSet::new();
     single.retain(|n| poses.insert(readings.conditions[readings.readings[*n].condition].pose));
-    let lines: Vec<u64> = single.iter().take(MIN_DOF - freedom).map(|n| readings.readings[*n].line).collect();
+    let lines: Vec<u64> = single.iter().take(least - freedom).map(|n| readings.readings[*n].line).collect();
     let which = if lines.is_empty() { String::new() } else { format!(", such as those of {}", lines_text(&lines)) };
     let message = format!(
-        "{freedom} degrees of freedom to take the noise from, fewer than {MIN_DOF}: read {} more under the same pose, load and \
+        "{freedom} degrees of freedom to take the noise from, fewer than {least}: read {} more under the same pose, load and \
          direction{which}, or add the columns sigma_linear_um and sigma_angular_urad",
-        MIN_DOF - freedom
+        least - freedom
     );
     Some(DataWarning::new(WarningKind::FewRepeats, message))
 }
