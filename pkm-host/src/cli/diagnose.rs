@@ -92,7 +92,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let read_held_out = |path| Readings::read_renamed(Source::read(path)?, &file, &columns);
     let held_out = holdout.as_deref().map(read_held_out).transpose()?;
     session.warn(readings.warnings.iter().chain(held_out.iter().flat_map(|h| &h.warnings)).cloned());
-    session.warn(quality::check_rows(&sheet, &readings).iter().map(|w| w.text(&readings.source.name)));
+    session.warn(quality::check_rows(&sheet).iter().map(|w| w.text(&readings.source.name)));
     if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
         session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
     }

@@ -215,7 +215,7 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
     readings.require_deflections(&sheet)?;
     let name = &readings.source.name;
     session.warn(readings.warnings.clone());
-    session.warn(quality::check_rows(&sheet, &readings).iter().map(|w| w.text(name)));
+    session.warn(quality::check_rows(&sheet).iter().map(|w| w.text(name)));
     let diagnosis = diagnose::diagnose(machine, &readings, None, Method::Formulas, &Rules::DEFAULT, &bar())?;
     session.warn(diagnosis.warnings.iter().map(|w| format!("{name}: {}", w.message)));
     let measurement = Badge::measurement(&diagnosis);

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use pkm_diagnosis::robust::upper_median;
 use pkm_diagnosis::verdict::LackOfFit;
 use pkm_diagnosis::{Noise, NoiseSource, Rules};
 
@@ -60,32 +61,57 @@ pub fn of_declared(after: &LackOfFit, numbers: usize) -> Option<Warning> {
         )))
 }
 
-/// Greatest difference among the repeats of each load in a channel, with the line of the first of them.
-fn spreads(readings: &Readings, channel: usize, left_out: &[(usize, usize)]) -> Vec<(f64, u64)> {
-    let mut ranges: BTreeMap<usize, (f64, f64, u64, usize)> = BTreeMap::new();
-    for (n, r) in readings.readings.iter().enumerate() {
-        let Some(v) = r.observed[channel].filter(|_| !left_out.contains(&(n, channel))) else { continue };
-        let range = ranges.entry(r.repeat_of).or_insert((v, v, r.line, 0));
-        *range = (range.0.min(v), range.1.max(v), range.2, range.3 + 1);
-    }
-    ranges.into_values().filter(|r| r.3 > 1).map(|r| (r.1 - r.0, r.2)).collect()
+/// Repeats of one load that differ in one channel by far more than the others do: not the noise of the rest.
+pub struct WideRepeats {
+    /// Of the readings.
+    pub channel: usize,
+    /// Lines of the file.
+    pub lines: Vec<u64>,
+    /// Greatest difference, m or rad.
+    pub size: f64,
+    /// The same over the median of all repeats of the channel.
+    pub ratio: f64,
 }
 
-/// Of repeats that differ by far more than the others: not the noise of the rest.
-pub fn of_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Option<Warning> {
-    let mut named: Vec<String> = Vec::new();
-    for (channel, column) in READ_COLUMNS.iter().enumerate() {
-        let all = spreads(readings, channel, left_out);
-        let mut sizes: Vec<f64> = all.iter().map(|s| s.0).collect();
-        sizes.sort_by(f64::total_cmp);
-        let Some(middle) = sizes.get(sizes.len() / 2).map(|m| m.max(readings.resolution[channel])) else { continue };
-        let far = all.iter().filter(|(size, _)| *size > MAX_SPREAD_RATIO * middle);
-        named.extend(far.map(|(size, line)| format!("line {line}, {column}: by {:.1}", size * 1e6)));
+/// All of them, without some numbers: pairs of reading and channel.
+pub fn wide_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Vec<WideRepeats> {
+    let mut all = Vec::new();
+    for channel in 0..CHANNELS {
+        let mut repeats: BTreeMap<usize, Vec<(f64, u64)>> = BTreeMap::new();
+        for (n, r) in readings.readings.iter().enumerate() {
+            let value = r.observed[channel].filter(|_| !left_out.contains(&(n, channel)));
+            if let Some(value) = value {
+                repeats.entry(r.repeat_of).or_default().push((value, r.line));
+            }
+        }
+        let spread = |values: &[(f64, u64)]| {
+            let least = values.iter().map(|v| v.0).fold(f64::INFINITY, f64::min);
+            let most = values.iter().map(|v| v.0).fold(f64::NEG_INFINITY, f64::max);
+            most - least
+        };
+        let spreads: Vec<(f64, Vec<(f64, u64)>)> =
+            repeats.into_values().filter(|v| v.len() > 1).map(|v| (spread(&v), v)).collect();
+        let usual = upper_median(&mut spreads.iter().map(|s| s.0).collect::<Vec<f64>>());
+        let Some(usual) = usual.map(|usual| usual.max(readings.resolution[channel])) else { continue };
+        let wide = spreads.into_iter().filter(|(size, _)| *size > MAX_SPREAD_RATIO * usual);
+        all.extend(wide.map(|(size, values)| WideRepeats {
+            channel,
+            lines: values.into_iter().map(|v| v.1).collect(),
+            size,
+            ratio: size / usual,
+        }));
     }
-    let more = named.len().saturating_sub(MOST_NAMED);
+    all
+}
+
+/// What a diagnosis says of them.
+pub fn of_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Option<Warning> {
+    let wide = wide_repeats(readings, left_out);
+    let name = |w: &WideRepeats| format!("line {}, {}: by {:.1}", w.lines[0], READ_COLUMNS[w.channel], w.size * 1e6);
+    let named: Vec<String> = wide.iter().take(MOST_NAMED).map(name).collect();
+    let more = wide.len() - named.len();
     let others = if more > 0 { format!(" and {more} more") } else { String::new() };
-    named.truncate(MOST_NAMED);
-    (!named.is_empty()).then(|| Warning::new(WarningKind::RepeatsThatDiffer, format!(
+    (!named.is_empty()).then(|| Warning::new(WarningKind::RepeatsDiffer, format!(
             "repeats differ by more than {MAX_SPREAD_RATIO} times as much as the others of their column ({}{others}, µm or µrad): are \
              they of one load, and written right?",
             named.join("; ")
@@ -138,6 +164,7 @@ mod tests {
         let read = readings(conditions, all);
         let warning = of_repeats(&read, &[]).unwrap();
         assert!(warning.message.contains("line 70, dx_um: by 89.9"), "{}", warning.message);
+        assert_eq!(wide_repeats(&read, &[])[0].lines, [70, 71]);
         // left out as a gross error it is said there
         assert!(of_repeats(&read, &[(15, 0)]).is_none());
         assert!(constant_channels(&read).is_ok());

@@ -22,8 +22,6 @@ pub enum WarningKind {
     PoseNameAtSeveralPositions,
     /// The noise is known from so few repeats that nothing counts as explained.
     FewDegreesOfFreedom,
-    /// Repeats that differ by far more than the others, in a diagnosis.
-    RepeatsThatDiffer,
     /// Repeats that are equal to the last digit.
     EqualRepeats,
     /// A declared noise that is far more than the readings have.
@@ -50,7 +48,7 @@ pub enum WarningKind {
     LoadsOfOneSign,
     /// Too few repeats to take the noise from.
     FewRepeats,
-    /// Repeats that differ by far more than the others, in `check`.
+    /// Repeats that differ by far more than the others.
     RepeatsDiffer,
     /// Rows that stand in the file twice.
     DuplicateRow,

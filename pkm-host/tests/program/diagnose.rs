@@ -680,6 +680,41 @@ fn readings_that_cannot_be_noise_are_named() {
     assert!(found["uncertainty"]["k"].as_f64().unwrap() > 2.2, "{}", found["uncertainty"]);
 }
 
+/// `diagnose` says of repeats that are not of one thing what `check` says, under the same name, and once.
+#[test]
+fn repeats_that_differ_are_said_once() {
+    let folder = Folder::new();
+    let (machine, holdout, out) = (measured("p05", "machine.toml"), measured("p05", "heldout.csv"), folder.path("out"));
+    let text = changed(|_, _, _| None);
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let [repeat, read] = ["repeat", "dx_um"].map(|name| header.iter().position(|h| *h == name).unwrap());
+    let mut few = header.join(",") + "\n";
+    let mut kept = 0;
+    for line in text.lines().skip(1) {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        let is_first = cells[repeat] == "1";
+        // too few repeats to tell gross errors, which would be left out
+        if is_first || kept < 4 {
+            kept += usize::from(!is_first);
+            if !is_first && kept == 4 {
+                cells[read] = (cells[read].parse::<f64>().unwrap() + 900.0).to_string();
+            }
+            few += &(cells.join(",") + "\n");
+        }
+    }
+    let data = folder.write("d.csv", &few);
+    let files = ["--machine", &machine, "--data", &data, "--holdout", &holdout];
+    let found = json(&[&["diagnose", "--method", "formulas", "--out", &out][..], &files].concat());
+    let doubts = found["doubts"].as_array().unwrap();
+    let said: Vec<&Value> =
+        doubts.iter().filter(|d| d["message"].as_str().unwrap().contains("repeats differ")).collect();
+    assert!(said.len() == 1 && said[0]["kind"] == "repeats_differ", "{doubts:?}");
+    assert!(!found["warnings"].to_string().contains("repeats"), "{}", found["warnings"]);
+    let checked = json(&["check", &data, "--machine", &machine]);
+    let problems = checked["problems"].as_array().unwrap();
+    assert_eq!(problems.iter().filter(|p| p["kind"] == "repeats_differ").count(), 1, "{problems:?}");
+}
+
 /// Places and laws of the effects in the sound readings of p01 after their deflections, of which these are the translations and rotations, have been
 /// read otherwise under a force, N, and while the load goes down.
 fn places_in_p01(read: impl Fn(f64, f64, bool) -> f64) -> Vec<[String; 2]> {

@@ -55,10 +55,11 @@ impl DataWarning {
     }
 }
 
-/// What is doubtful about columns and repeats, for a diagnosis, which by itself holds the readings against the declared machine.
-pub fn check_rows(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
+/// What is doubtful about columns and rows, for a diagnosis, which by itself looks at the repeats and holds the readings against the
+/// declared machine.
+pub fn check_rows(sheet: &Sheet) -> Vec<DataWarning> {
     let mut all = values::check(sheet);
-    all.extend(repeats::check_rows(sheet, readings));
+    all.extend(repeats::duplicates(sheet));
     all
 }
 

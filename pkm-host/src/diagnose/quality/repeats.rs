@@ -6,7 +6,7 @@ use pkm_diagnosis::Rules;
 
 use super::DataWarning;
 use crate::diagnose::WarningKind;
-use crate::diagnose::reading_rules::MAX_SPREAD_RATIO;
+use crate::diagnose::checks_of_noise::{WideRepeats, wide_repeats};
 use crate::error::lines_text;
 use crate::files::dataset::{READ_COLUMNS, Sheet};
 use crate::files::readings::{CHANNELS, KINDS, Reading, Readings};
@@ -20,18 +20,8 @@ fn groups(readings: &Readings) -> Vec<Vec<usize>> {
     groups.into_values().collect()
 }
 
-/// What speaks against repeats where nothing has been said of too few: some that differ far more than the rest, rows that stand twice.
-pub(super) fn check_rows(sheet: &Sheet, readings: &Readings) -> Vec<DataWarning> {
-    let mut all = spreads(readings, &groups(readings));
-    all.extend(duplicates(sheet));
-    all
-}
-
 pub(super) fn check(sheet: &Sheet, readings: &Readings, rules: &Rules) -> Vec<DataWarning> {
-    let groups = groups(readings);
-    let mut all: Vec<DataWarning> = few(readings, &groups, rules).into_iter().collect();
-    all.extend(check_rows(sheet, readings));
-    all
+    few(readings, &groups(readings), rules).into_iter().chain(wide(readings)).chain(duplicates(sheet)).collect()
 }
 
 /// Too few repeats to take the noise from, where none is declared: fewer than leave a diagnosis something that counts as explained, counted
@@ -64,38 +54,21 @@ fn few(readings: &Readings, groups: &[Vec<usize>], rules: &Rules) -> Option<Data
 }
 
 /// Repeats of which one differs from the others far more than repeats do elsewhere.
-fn spreads(readings: &Readings, groups: &[Vec<usize>]) -> Vec<DataWarning> {
-    let mut all = Vec::new();
-    for (channel, column) in READ_COLUMNS.into_iter().enumerate() {
-        let value = |n: &usize| readings.readings[*n].observed[channel];
-        let spread = |group: &Vec<usize>| {
-            let values: Vec<f64> = group.iter().filter_map(value).collect();
-            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-            let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            (values.len() > 1).then_some(most - least)
-        };
-        let mut sizes: Vec<f64> = groups.iter().filter_map(spread).collect();
-        sizes.sort_by(f64::total_cmp);
-        let Some(median) = sizes.get(sizes.len() / 2).filter(|_| sizes.len() > 2) else { continue };
-        let limit = MAX_SPREAD_RATIO * median.max(readings.resolution[channel]);
-        for group in groups {
-            let Some(size) = spread(group).filter(|size| *size > limit) else { continue };
-            let lines: Vec<u64> = group.iter().map(|n| readings.readings[*n].line).collect();
-            let message = format!(
-                "repeats in {} differ by {:.1} µm or µrad, {:.0} times as much as repeats elsewhere: is one of them mistyped, \
-                 or of another load?",
-                lines_text(&lines),
-                size * 1e6,
-                size / median.max(readings.resolution[channel])
-            );
-            all.push(DataWarning::new(WarningKind::RepeatsDiffer, message).at_lines(lines).at_column(column));
-        }
-    }
-    all
+fn wide(readings: &Readings) -> Vec<DataWarning> {
+    let warning = |WideRepeats { channel, lines, size, ratio }: WideRepeats| {
+        let message = format!(
+            "repeats in {} differ by {:.1} µm or µrad, {ratio:.0} times as much as repeats elsewhere: is one of them mistyped, \
+             or of another load?",
+            lines_text(&lines),
+            size * 1e6
+        );
+        DataWarning::new(WarningKind::RepeatsDiffer, message).at_lines(lines).at_column(READ_COLUMNS[channel])
+    };
+    wide_repeats(readings, &[]).into_iter().map(warning).collect()
 }
 
 /// Rows that agree in every cell but the numbers of reading and repeat: no two readings do.
-fn duplicates(sheet: &Sheet) -> Option<DataWarning> {
+pub(super) fn duplicates(sheet: &Sheet) -> Option<DataWarning> {
     let counted: Vec<usize> =
         (0..sheet.header.len()).filter(|n| !["reading", "repeat"].contains(&sheet.header[*n].as_str())).collect();
     let measured: Vec<usize> =
