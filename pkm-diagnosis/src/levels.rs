@@ -62,6 +62,13 @@ impl<'a> Levels<'a> {
         Some((best, self.problems[best].relevel(&plain)?))
     }
 
+    /// By how much a level of load errors is likelier than all up to the relative size `most`, as ln evidence of a fit's unknowns.
+    pub fn gain_over(&self, fit: &Fit, level: usize, most: f64) -> Option<f64> {
+        let evidence = self.evidence(&self.problems[level].fit_plain(&fit.unknowns, fit.x.as_slice())?);
+        let small = (0..evidence.len()).filter(|n| self.load_error(*n) <= most).map(|n| evidence[n]);
+        Some(evidence[level] - small.fold(f64::NEG_INFINITY, f64::max))
+    }
+
     /// ln evidence at every level of a linear form without common errors.
     fn evidence(&self, plain: &Fit) -> Vec<f64> {
         let (rows, products) = rows_and_products(&plain.jacobian, &plain.residuals);

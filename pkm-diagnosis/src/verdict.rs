@@ -98,6 +98,9 @@ pub struct Judgement {
     pub after: LackOfFit,
     /// Share of the misfit that is gone.
     pub gone: f64,
+    /// Errors of the loads that nobody declared are clearly likelier than none, and larger than those that may stand beside an
+    /// explanation.
+    pub doubts_loads: bool,
 }
 
 /// Whether a search has found something that it cannot vouch for.
@@ -132,12 +135,14 @@ pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judg
     let measurement = search.found.iter().filter(|f| kind(f) == Kind::Measurement).count();
     let fits = after.p >= rules.max_misfit_p;
     // what only errors of the loads that nobody declared could account for is not explained
-    let loads_good = levels.load_error(search.levels[1]) <= rules.max_explaining_load_error;
+    let most = rules.max_explaining_load_error;
+    let doubts_loads = levels.load_error(search.levels[1]) > most
+        && levels.gain_over(end, search.levels[1], most)? >= rules.min_load_error_gain;
     let few = effects <= rules.max_explaining_effects && measurement <= rules.max_explaining_measurement_errors;
     let verdict = match (effects, fits) {
         (0, true) => Verdict::Adequate,
         (0, false) => Verdict::Unexplained,
-        (_, true) if few && gone >= rules.min_explained_share && loads_good => {
+        (_, true) if few && gone >= rules.min_explained_share && !doubts_loads => {
             if is_ambiguous(problem, search) {
                 Verdict::Ambiguous
             } else {
@@ -146,7 +151,7 @@ pub fn judge(levels: &Levels<'_>, noise: &Noise, search: &Search) -> Option<Judg
         }
         _ => Verdict::PartlyExplained,
     };
-    Some(Judgement { verdict, before, after, gone })
+    Some(Judgement { verdict, before, after, gone, doubts_loads })
 }
 
 /// Least amplitudes of a candidate that would be found, alone, each with its unknown: none where no plausible one can be told

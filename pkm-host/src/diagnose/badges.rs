@@ -49,7 +49,7 @@ impl Badge {
             let what = if e.id == ELEMENT { text::error_of(&e.place, e.law) } else { e.id.to_owned() };
             reasons.push((Grade::Doubtful, format!("an error of the measurement was found: {what}")));
         }
-        if d.load_error > d.rules.max_explaining_load_error {
+        if d.judgement.doubts_loads {
             let message = format!(
                 "the loads seem to be wrong by some {:.1} % and {:.1} mrad beyond what is declared",
                 100.0 * d.load_error,

@@ -343,10 +343,8 @@ fn nobody_is_sent_to_proposals_that_are_not_there() {
     };
     let says = |text: &str, words: &str| text.to_lowercase().contains(words);
     assert!(texts(&found).iter().all(|text| says(text, "measure what is proposed below")));
-    // a judgement goes by the rules that the diagnosis was made with
-    found.load_error = 1e-4;
     let reasons = Badge::measurement(&found).reasons.len();
-    found.rules.max_explaining_load_error = 5e-5;
+    found.judgement.doubts_loads = true;
     assert_eq!(Badge::measurement(&found).reasons.len(), reasons + 1);
     found.proposals.clear();
     for text in texts(&found) {
