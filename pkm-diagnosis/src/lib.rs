@@ -23,6 +23,7 @@
 pub mod campaign;
 mod class;
 pub mod design;
+pub mod drift;
 mod extend;
 mod fit;
 pub mod gross;

@@ -109,6 +109,8 @@ pub struct Rules {
     pub max_order_p: f64,
     /// See `max_order_p`.
     pub min_order_share: f64,
+    /// Least drift of the zero over a series that is told, in standard deviations of a reading.
+    pub min_drift_sd: f64,
     /// Least residual of an outlier, in robust standard deviations of its channel: one in 10¹⁵ by noise.
     pub outlier_sd: f64,
     /// Residual of a repeat, as a share of `outlier_sd`, from which on the model or the load is wrong and not one reading.
@@ -218,6 +220,7 @@ impl Rules {
         max_implausible_pulls: 5,
         max_order_p: 1e-4,
         min_order_share: 0.9,
+        min_drift_sd: 2.0,
         outlier_sd: 8.0,
         outlier_repeat_share: 0.5,
         max_outlier_share: 0.01,

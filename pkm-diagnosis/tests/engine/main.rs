@@ -2,6 +2,7 @@
 //! really fitted without a reading, simulation; and another machine than the one that the engine was written for.
 
 mod campaign;
+mod drift;
 mod fits;
 mod noise;
 mod places;

@@ -1,6 +1,6 @@
 //! Measured deflections as the diagnosis needs them: load history, repeats, channels that are missing.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -373,6 +373,27 @@ impl Readings {
             has_unloading: self.has_unloading,
             warnings: self.warnings.clone(),
         }
+    }
+
+    /// The same, in the same order, with each repeat of a pose as a pose of its own: the first readings of its conditions, the second
+    /// ones, and so on. `None` without repeats.
+    pub fn by_repeat(&self) -> Option<Self> {
+        let mut count = BTreeMap::new();
+        let mut poses: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        let mut split = Self { poses: Vec::new(), conditions: Vec::new(), ..self.clone() };
+        for r in &mut split.readings {
+            let repeat = count.entry(r.repeat_of).or_insert(0);
+            let condition = &self.conditions[r.condition];
+            let own = condition.pose;
+            let pose = *poses.entry((own, *repeat)).or_insert_with(|| {
+                split.poses.push(NamedPose { line: r.line, ..self.poses[own].clone() });
+                split.poses.len() - 1
+            });
+            r.condition = split.conditions.len();
+            split.conditions.push(Condition { pose, ..*condition });
+            *repeat += 1;
+        }
+        (poses.len() > self.poses.len()).then_some(split)
     }
 
     /// The same without single numbers: pairs of reading and channel.

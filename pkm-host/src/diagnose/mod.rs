@@ -44,6 +44,7 @@ mod uncertainty;
 pub mod verify;
 mod warning;
 mod ways;
+mod within_series;
 pub(crate) mod write;
 
 use pkm_diagnosis::residuals::{Residuals, Structure};
@@ -202,7 +203,7 @@ pub fn diagnose(
     let of_noise = of_noise.chain(checks_of_noise::of_copies(noise, readings));
     // one slip of many rows is no slip of each
     let of_left_out = left_out.warnings(given).into_iter().filter(|w| taken_as_said || w.left_out);
-    let of_file = checks::of_file(readings);
+    let of_file = checks::of_file(readings).into_iter().chain(prepared.within_series());
     let warnings: Vec<Warning> = otherwise.into_iter().chain(of_file).chain(of_left_out).chain(of_noise).collect();
     step(1, "what the model lacks");
     let start = Start { model: &model, noise, method, taken_as_said, rules };

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 use pkm_diagnosis::robust::upper_median;
 use pkm_diagnosis::{Noise, Observations, Problem, Rules, UnknownNoise, Whitener};
 
-use super::checks;
 use super::experiment::{Experiment, observations};
 use super::model::Model;
 use super::warning::{Warning, WarningKind};
+use super::{checks, within_series};
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, KINDS, Readings};
@@ -54,6 +54,13 @@ impl<'a> Prepared<'a> {
             }
             (noise, few_poses) => Err(few_poses.into_iter().chain(noise.err().map(of_noise)).collect()),
         }
+    }
+
+    /// What a sensor spoils while a series is read.
+    pub fn within_series(&self) -> impl Iterator<Item = Warning> {
+        let stuck = within_series::of_stuck(&self.readings, &Experiment::new(self.model, &self.readings));
+        // what sticks differs from its repeats as a drift does
+        stuck.or_else(|| within_series::of_drift(&self.readings, &self.read, self.rules)).into_iter()
     }
 
     /// What says that the readings are in another frame, point, unit or sign than the file says, if something does; see

@@ -24,6 +24,15 @@ pub const MIN_SHARE_OF_DECLARED_VARIANCE: f64 = 0.1;
 /// From how many numbers on: of 60, so little is no chance.
 pub const MIN_NUMBERS_OF_DECLARED_NOISE: usize = 60;
 
+// series
+
+/// Warmth of the machine within a series, K, from which on it grows by more than a sensor drifts.
+pub const MAX_WARMING_K: f64 = 0.5;
+/// Least number of equal readings in a row of one sensor that sticks.
+pub const MIN_STUCK_READINGS: usize = 5;
+/// By how many steps of the sensor the declared machine has to move meanwhile: so far off no machine is.
+pub const MIN_STUCK_STEPS: f64 = 20.0;
+
 // single rows
 
 /// Largest cosine between what was read and what the machine gives at which a row has the wrong sign.
@@ -49,8 +58,13 @@ pub const MIN_OTHER_UNIT_LOADS: usize = 3;
 /// Largest share of all rows that is wrong by itself: where more are, it is one slip or the machine.
 pub const MAX_SHARE_OF_ROWS: f64 = 0.05;
 
-// the readings as a whole; single poses: `Rules::min_pose_ratio`, `Rules::max_pose_share`
+// single poses, and the readings as a whole; poses: `Rules::min_pose_ratio`, `Rules::max_pose_share`
 
+/// Squares left of a repeat of a pose, over the usual ones, from which on the noise is taken from the others: a repeat that is wrong makes
+/// up some of it.
+pub const MIN_SUSPECT_RATIO: f64 = 5.0;
+/// Least number of readings of a repeat of a pose that may have been taken otherwise: fewer fit too much.
+pub const MIN_READINGS_OF_REPEAT: usize = 6;
 /// Ratio of what two ways to take the readings leave up to which both are named.
 pub const MAX_ALIKE_RATIO: f64 = 1.1;
 /// What may be left with a lever, in noise variances a number: three free numbers mend some of what a machine's parts do as well.

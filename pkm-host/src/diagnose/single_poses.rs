@@ -7,14 +7,17 @@ use rayon::prelude::*;
 
 use super::experiment::{self, Experiment};
 use super::model::Model;
+use super::reading_rules::{MIN_READINGS_OF_REPEAT, MIN_SUSPECT_RATIO};
 use super::warning::{Warning, WarningKind};
 use super::ways;
-use crate::files::readings::{Reading, Readings};
+use crate::files::readings::{CHANNELS, Reading, Readings};
 
-/// Poses that fit the others when their readings are taken otherwise.
+/// Poses, or one repeat of poses, that fit the others when their readings are taken otherwise.
 pub struct TakenOtherwise {
-    /// Which.
-    pub poses: Vec<usize>,
+    /// Their readings.
+    rows: Vec<usize>,
+    /// Which poses, for people.
+    names: Vec<String>,
     /// As `… fit the others …`.
     pub how: String,
     /// What the declared machine leaves of them, in variances of their noise: as the file says, taken otherwise, and at other poses.
@@ -24,30 +27,30 @@ pub struct TakenOtherwise {
 impl TakenOtherwise {
     /// Its readings.
     pub fn rows<'a>(&'a self, readings: &'a Readings) -> impl Iterator<Item = (usize, &'a Reading)> {
-        let is_own = |(_, r): &(usize, &Reading)| self.poses.contains(&readings.conditions[r.condition].pose);
-        readings.readings.iter().enumerate().filter(is_own)
+        self.rows.iter().map(|n| (*n, &readings.readings[*n]))
     }
 
     /// Adds a pose; what is left is the most.
-    fn add(&mut self, pose: usize, said: f64, rest: f64) {
-        self.poses.push(pose);
+    fn add(&mut self, readings: &Readings, pose: usize, said: f64, rest: f64) {
+        let is_own = |n: &usize| readings.conditions[readings.readings[*n].condition].pose == pose;
+        self.rows.extend((0..readings.readings.len()).filter(is_own));
+        self.names.push(readings.poses[pose].name());
         (self.left[0], self.left[1]) = (self.left[0].max(said), self.left[1].max(rest));
     }
 
     /// As a diagnosis has it.
     pub fn warning(&self, readings: &Readings) -> Warning {
         let lines = self.rows(readings).map(|(_, r)| r.line).collect();
-        Warning { lines, ..Warning::new(WarningKind::PoseTakenOtherwise, self.text(readings)) }
+        Warning { lines, ..Warning::new(WarningKind::PoseTakenOtherwise, self.text()) }
     }
 
     /// For people.
-    pub fn text(&self, readings: &Readings) -> String {
+    pub fn text(&self) -> String {
         let [said, rest, usual] = self.left.map(f64::sqrt);
-        let poses: Vec<String> = self.poses.iter().map(|pose| readings.poses[*pose].name()).collect();
         format!(
             "the readings at {} fit the declared machine much better {} (residuals of {rest:.1} times their noise) than as the file says \
              ({said:.1} times, at other poses {usual:.1} times): are they?",
-            poses.join(", "),
+            self.names.join(", "),
             self.how
         )
     }
@@ -96,10 +99,19 @@ struct ByPose<'a> {
 }
 
 impl<'a> ByPose<'a> {
-    fn new(readings: &'a Readings, model: &'a Model, rules: &'a Rules) -> Option<Self> {
-        let read = experiment::observations(readings, model);
-        let noise = Experiment::new(model, readings).noise(&read, rules).ok()?;
-        let linear = |pose| Some((pose, Linear::new(&readings.at_pose(pose), model, &noise, rules)?));
+    /// Of poses that have `least` readings, with the noise of the same readings or of some of them.
+    fn new(
+        readings: &'a Readings,
+        noise_of: &Readings,
+        model: &'a Model,
+        rules: &'a Rules,
+        least: usize,
+    ) -> Option<Self> {
+        let noise = Experiment::new(model, noise_of).noise(&experiment::observations(noise_of, model), rules).ok()?;
+        let linear = |pose| {
+            let own = readings.at_pose(pose);
+            (own.readings.len() >= least).then(|| Linear::new(&own, model, &noise, rules)).flatten().map(|l| (pose, l))
+        };
         let all = (0..readings.poses.len()).into_par_iter().filter_map(linear).collect();
         Some(Self { readings, model, noise, rules, all })
     }
@@ -117,33 +129,35 @@ impl<'a> ByPose<'a> {
         Some(step * share)
     }
 
-    /// Poses of which much more is left than is usual, with what is left, and what is usual: each by stiffnesses of the others, but
-    /// for those that are out.
-    fn beyond(&self, out: &[usize]) -> Option<(Vec<(usize, f64)>, f64)> {
+    /// Poses of which more is left than is usual by a factor, with what is left, and what is usual: each by stiffnesses of the others,
+    /// but for those that are out.
+    fn beyond(&self, ratio: f64, out: &[usize]) -> Option<(Vec<(usize, f64)>, f64)> {
         let left = |(pose, linear): &(usize, Linear)| {
             let of_others = self.step(|other| other != *pose && !out.contains(&other))?;
             Some((*pose, linear.left(&of_others)))
         };
         let mut left: Vec<(usize, f64)> = self.all.iter().filter_map(left).collect();
         let usual = median(&mut left.iter().map(|(_, left)| *left).collect::<Vec<f64>>())?;
-        left.retain(|(_, left)| *left > self.rules.min_pose_ratio * usual);
+        left.retain(|(_, left)| *left > ratio * usual);
         Some((left, usual))
     }
 
     /// Those that fit the others when they are taken otherwise.
     fn taken_otherwise(&self, tip_m: Vector3<f64>) -> Option<Vec<TakenOtherwise>> {
         // those that stand out have no part in what is usual
-        let out: Vec<usize> = self.beyond(&[])?.0.into_iter().map(|(pose, _)| pose).collect();
-        let (found, usual) = self.beyond(&out)?;
+        let ratio = self.rules.min_pose_ratio;
+        let out: Vec<usize> = self.beyond(ratio, &[])?.0.into_iter().map(|(pose, _)| pose).collect();
+        let (found, usual) = self.beyond(ratio, &out)?;
         let poses: Vec<usize> = found.iter().map(|(pose, _)| *pose).collect();
         let of_others = self.step(|pose| !poses.contains(&pose))?;
         let mut all: Vec<TakenOtherwise> = Vec::new();
         for (pose, said) in found {
             let Some((how, rest)) = self.as_others(pose, &poses, &of_others, [said, usual], tip_m) else { continue };
-            match all.iter_mut().find(|other| other.how == how) {
-                Some(other) => other.add(pose, said, rest),
-                None => all.push(TakenOtherwise { poses: vec![pose], how, left: [said, rest, usual] }),
-            }
+            let known = all.iter().position(|other| other.how == how).unwrap_or_else(|| {
+                all.push(TakenOtherwise { rows: Vec::new(), names: Vec::new(), how, left: [said, rest, usual] });
+                all.len() - 1
+            });
+            all[known].add(self.readings, pose, said, rest);
         }
         Some(all)
     }
@@ -170,8 +184,29 @@ impl<'a> ByPose<'a> {
     }
 }
 
-/// Single poses that the declared machine fits much worse than the others, and as well when they are taken otherwise.
+/// Single poses that the declared machine fits much worse than the others, and as well when they are taken otherwise; where there are
+/// none, single repeats of poses.
 pub fn taken_otherwise(readings: &Readings, model: &Model, rules: &Rules, tip_m: Vector3<f64>) -> Vec<TakenOtherwise> {
-    let by_pose = ByPose::new(readings, model, rules);
-    by_pose.and_then(|by_pose| by_pose.taken_otherwise(tip_m)).unwrap_or_default()
+    let by_pose = ByPose::new(readings, readings, model, rules, 1);
+    let whole = by_pose.and_then(|by_pose| by_pose.taken_otherwise(tip_m)).unwrap_or_default();
+    if whole.is_empty() { of_repeats(readings, model, rules, tip_m).unwrap_or_default() } else { whole }
+}
+
+/// The same of single repeats of poses. These make the noise that they are held against: those that may be wrong have no part in it.
+fn of_repeats(readings: &Readings, model: &Model, rules: &Rules, tip_m: Vector3<f64>) -> Option<Vec<TakenOtherwise>> {
+    let parts = readings.by_repeat()?;
+    let least = MIN_READINGS_OF_REPEAT;
+    let suspects = ByPose::new(&parts, &parts, model, rules, least)?.beyond(MIN_SUSPECT_RATIO, &[])?.0;
+    if suspects.is_empty() {
+        return None;
+    }
+    let is_suspect = |r: &Reading| suspects.iter().any(|(pose, _)| parts.conditions[r.condition].pose == *pose);
+    let numbers: Vec<(usize, usize)> = (parts.readings.iter().enumerate())
+        .filter(|(_, r)| is_suspect(r))
+        .flat_map(|(n, _)| (0..CHANNELS).map(move |c| (n, c)))
+        .collect();
+    let rest = parts.without_numbers(&numbers);
+    let mut found = ByPose::new(&parts, &rest, model, rules, least)?.taken_otherwise(tip_m)?;
+    found.iter_mut().flat_map(|part| &mut part.names).for_each(|name| name.push_str(", one repeat of it,"));
+    Some(found)
 }

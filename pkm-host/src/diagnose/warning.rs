@@ -50,6 +50,10 @@ pub enum WarningKind {
     FewRepeats,
     /// Repeats that differ by far more than the others.
     RepeatsDiffer,
+    /// Zeros that drift while a series is read.
+    DriftWithinSeries,
+    /// Values that stay the same while the load changes.
+    StuckReadings,
     /// Rows that stand in the file twice.
     DuplicateRow,
     /// A number that no noise explains.
@@ -65,7 +69,14 @@ pub enum WarningKind {
 impl WarningKind {
     /// Whether readings of which this is said are not to be relied on.
     pub fn makes_unsound(self) -> bool {
-        matches!(self, Self::ReadingsTakenOtherwise | Self::DeclaredNoiseTooGreat | Self::ManyGreatChanges)
+        matches!(
+            self,
+            Self::ReadingsTakenOtherwise
+                | Self::DeclaredNoiseTooGreat
+                | Self::ManyGreatChanges
+                | Self::DriftWithinSeries
+                | Self::StuckReadings
+        )
     }
 }
 

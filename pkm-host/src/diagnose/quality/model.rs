@@ -43,7 +43,7 @@ pub(super) fn check(file: &MachineFile, readings: &Readings, rules: &Rules) -> V
     }
     for pose in &left_out.poses {
         let lines = pose.rows(readings).map(|(_, r)| r.line).collect();
-        all.push(DataWarning::new(WarningKind::PoseTakenOtherwise, pose.text(readings) + LEFT_OUT).at_lines(lines));
+        all.push(DataWarning::new(WarningKind::PoseTakenOtherwise, pose.text() + LEFT_OUT).at_lines(lines));
     }
     let whole_rows: Vec<u64> = all.iter().flat_map(|w| w.lines.clone()).collect();
     for outlier in &left_out.gross {
@@ -77,8 +77,10 @@ fn of_all(file: &MachineFile, readings: Readings, model: &Model, rules: &Rules) 
         Ok(prepared) => prepared,
         Err(refusals) => return refusals.into_iter().map(refused).collect(),
     };
-    match prepared.taken_otherwise(file.wrist_parameters.tip_at_zero_m()) {
+    let mut all = match prepared.taken_otherwise(file.wrist_parameters.tip_at_zero_m()) {
         Ok(otherwise) => otherwise.into_iter().map(|w| DataWarning::new(w.kind, w.message)).collect(),
         Err(failure) => vec![refused(Refusal { kind: WarningKind::CannotBeDiagnosed, failure })],
-    }
+    };
+    all.extend(prepared.within_series().map(|w| DataWarning::new(w.kind, w.message).at_lines(w.lines)));
+    all
 }

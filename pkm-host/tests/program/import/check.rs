@@ -78,6 +78,35 @@ fn with_lever(mut table: Table) -> Table {
     table
 }
 
+/// A zero that moves by some µm with each reading of a series, from every second series on.
+fn with_drift(mut table: Table, um_per_reading: f64) -> Table {
+    let [series, z] = ["series", "dz_um"].map(|name| table.column(name));
+    let (mut last, mut place, mut count) = (String::new(), 0, 0);
+    for row in &mut table.rows {
+        if row[series] != last {
+            (last, place, count) = (row[series].clone(), 0, count + 1);
+        }
+        if count % 2 == 0 {
+            row[z] = (row[z].parse::<f64>().unwrap() + um_per_reading * f64::from(place)).to_string();
+        }
+        place += 1;
+    }
+    table
+}
+
+/// Exchanges the deflections of the first two poses, in the second repeat alone.
+fn repeat_exchanged(mut table: Table) -> Table {
+    let [n, repeat] = ["dx_um", "repeat"].map(|name| table.column(name));
+    for row in 0..60 {
+        if table.rows[row][repeat] != "2" {
+            continue;
+        }
+        let [a, b] = table.rows.get_disjoint_mut([row, row + 60]).unwrap();
+        a[n..n + 6].swap_with_slice(&mut b[n..n + 6]);
+    }
+    table
+}
+
 /// The first reading of each pose and load.
 fn without_repeats(mut table: Table) -> Table {
     let n = table.column("repeat");
@@ -111,6 +140,7 @@ const DOUBTFUL: &[Case] = &[
     ("a pose under forces in kgf", |t| pose(t, &LOADS[..3], |c| scaled(c, 1.0 / 9.806_65)), "pose_taken_otherwise", 62, "", "with forces in kgf or daN", 1),
     ("a pose without its loads", |t| pose(t, &DEFLECTIONS, |c| scaled(c, 1e-3)), "pose_taken_otherwise", 62, "", "as if no load had been put on", 1),
     ("two poses exchanged", |mut t| { let n = t.column("dx_um"); for row in 0..60 { let [a, b] = t.rows.get_disjoint_mut([row, row + 60]).unwrap(); a[n..n + 6].swap_with_slice(&mut b[n..n + 6]) } t }, "pose_taken_otherwise", 2, "", "pose p01 (line 2)|as those of pose p02 (line 62)", 2),
+    ("two poses exchanged in one of their repeats", repeat_exchanged, "pose_taken_otherwise", 7, "", "pose p01 (line 7), one repeat of it,|as those of pose p02 (line 67)", 2),
     ("a pose with two columns exchanged", |t| pose_exchanged(t, ["dx_um", "dy_um"]), "pose_taken_otherwise", 62, "", "with dx, dy, dz along v, u, w, rotations as they are", 1),
     ("a pose with all columns of x and y exchanged", |t| pose_exchanged(pose_exchanged(t, ["dx_um", "dy_um"]), ["rx_urad", "ry_urad"]), "pose_taken_otherwise", 62, "", "with dx, dy, dz along v, u, w, and ry, rx, rz in place of rx, ry, rz", 1),
     ("a pose in nm", |t| pose(t, &TRANSLATIONS, |c| scaled(c, 1e3)), "pose_taken_otherwise", 62, "", "with translations in nm", 1),
@@ -129,6 +159,9 @@ const DOUBTFUL: &[Case] = &[
     ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
     ("translations in mm", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1e-3)), "cannot_be_diagnosed", 0, "", "`diagnose` refuses these readings: the translations read are 1e-3 times what the declared machine gives: are they in µm", 1),
     ("one rotation reversed", |t| t.map(&["rx_urad"], |c| scaled(c, -1.0)), "readings_taken_otherwise", 0, "", "with −rx, ry, rz in place of rx, ry, rz", 1),
+    ("zeros that creep", |t| with_drift(t, 1.5), "drift_within_series", 0, "", "the zero drifts while a series is read|from the first reading to the last dz_um by", 1),
+    ("zeros that creep by less than the noise", |t| with_drift(t, 0.02), "", 0, "", "", 0),
+    ("a gauge that sticks", |t| (60..70).fold(t, |t, n| row(t, n, &["dx_um"], |_| "12.34".into())), "stuck_readings", 62, "", "dx_um reads 12.3 µm 5 times in a row while the load changes, and so does another run|a sensor that sticks", 1),
     ("half of a pose in mm", |t| (60..90).fold(t, |t, n| row(t, n, &TRANSLATIONS, |c| scaled(c, 1e-3))), "rows_in_other_unit", 62, "", "the translations are next to nothing|are they in mm, or was the load not there? A diagnosis leaves this out", 1),
     ("half of a pose in mrad", |t| (70..100).fold(t, |t, n| row(t, n, &ROTATIONS, |c| scaled(c, 1e-3))), "rows_in_other_unit", 73, "", "the rotations are next to nothing|are they in mrad", 1),
     ("a sixth of the rows in mm", |t| (0..600).filter(|n| n % 60 < 10).fold(t, |t, n| row(t, n, &TRANSLATIONS, |c| scaled(c, 1e-3))), "rows_in_other_unit", 2, "", "are they in mm|`diagnose` refuses so many of them", 1),
